@@ -4,7 +4,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from math import isfinite
 from types import MappingProxyType
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final, NamedTuple, TypeAlias, TypeGuard
 
 from protocol.wire.enums import AckResult, Command
 from protocol.wire.message import Message
@@ -169,7 +169,7 @@ def is_arm(request: Message | None) -> bool:
     )
 
 
-def is_clear(request: Message | None) -> bool:
+def is_clear(request: Message | None) -> TypeGuard[CommandRequest]:
     """Return whether a request releases the emergency stop."""
     return (
         isinstance(request, CommandRequest)

@@ -14,7 +14,7 @@ from protocol.wire.codec import Encoder
 from protocol.wire.enums import INPUT_BUDGET, INPUT_NAME_TAKEN, AckResult, Command, Severity
 from protocol.wire.messages import Teleop
 from robot import telemetry
-from robot.commands import ack, is_clear, is_stop
+from robot.commands import ack, is_stop
 from robot.core import reasons
 from robot.core.budget import READ
 from robot.core.values import Inputs, Outputs
@@ -76,8 +76,6 @@ class RobotProcess:
         self._requests: SimpleQueue[ServiceRequest] = SimpleQueue()
         self._unprivileged: SimpleQueue[ServiceRequest] = SimpleQueue()
         self._stop = StopLatch(vehicle.lease.is_holder)
-        self._stopped_ns: int | None = None
-        """Time of the newest stop taken from the latch, on the clock of the bus."""
         self._saved = SavedReplies(vehicle)
         self._stop_requests: deque[ServiceRequest] = deque()
         self._notes: deque[str] = deque(maxlen=MAX_ANSWERED)
@@ -292,7 +290,6 @@ class RobotProcess:
         while self._notes:
             vehicle.announce(Severity.WARNING, self._notes.popleft())
         if request is not None:
-            self._stopped_ns = self._bus.now_ns()
             again = vehicle.stopped and vehicle.commands.stop_id == request.request_id
             answer = vehicle.receive(request, self._clock.now_ns())
             if not again:
@@ -323,22 +320,15 @@ class RobotProcess:
     def _rejection(self, incoming: ServiceRequest) -> int:
         """Return why a request is refused: no operator, no deadline, or one that has passed.
 
-        An emergency stop overtakes queued requests. A request to release it that arrived before the
-        stop is therefore refused.
+        An emergency stop overtakes queued requests, and a request is repeated when its answer is
+        lost. One that releases a stop is therefore refused unless it names the one that is latched.
         """
         if not incoming.operator:
             return reasons.NO_IDENTITY
         until_ns = incoming.good_until_ns
         if until_ns is None or not 0 <= until_ns - self._bus.now_ns() <= MAX_VALIDITY_NS:
             return reasons.TOO_LATE
-        stopped_ns = self._stopped_ns
-        if (
-            is_clear(incoming.message)
-            and stopped_ns is not None
-            and incoming.arrived_ns < stopped_ns
-        ):
-            return reasons.EMERGENCY_STOPPED
-        return reasons.OK
+        return self.vehicle.clear_rejection(incoming.message)
 
 
 def summary_of(error: Exception) -> str:

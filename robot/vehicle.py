@@ -296,7 +296,7 @@ class Vehicle:
         machine, kept = self.state.machine, self._store.stop
         was_armed, was_stopped = machine.vehicle == states.ACTIVE, self.stopped
         if is_clear(request) and kept.was_cleared_by(request.request_id):
-            return acknowledge(request, reasons.OK)
+            return acknowledge(request, reasons.NEWER_STOP if was_stopped else reasons.OK)
         if is_arm(request) and self._store.damaged and not was_stopped:
             return acknowledge(request, reasons.PARAMETERS_DAMAGED)
         if is_stop(request):  # before the core, which may fail at it
@@ -318,6 +318,14 @@ class Vehicle:
                     Severity.NOTICE, f"armed with changed safety parameters: {', '.join(changes)}"
                 )
         return answer
+
+    def clear_rejection(self, request: Message | None) -> int:
+        """Return why a request must not release the emergency stop, or 0.
+
+        It names the stop that its operator has seen. Another one that is latched stays.
+        """
+        is_named = not is_clear(request) or request.stop_id == self.commands.stop_id
+        return reasons.OK if is_named or not self.stopped else reasons.NEWER_STOP
 
     def _lease(self, request: LeaseRequest, now_ns: int, operator: str) -> CommandAck:
         holder = self.lease.holder

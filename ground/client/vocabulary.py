@@ -40,6 +40,7 @@ HINTS: Final[Mapping[int, str]] = MappingProxyType(
     {
         Reason.NOT_ARMED: "sidestep arm",
         Reason.EMERGENCY_STOPPED: "sidestep clear-estop",
+        Reason.NEWER_STOP: "sidestep clear-estop",
         Reason.NO_OPERATOR: "keep `sidestep ground` running, or use --no-wait",
         Reason.NO_SENSES: "is the plant running? sidestep doctor",
         Reason.DRIVING: "sidestep abort",

@@ -297,11 +297,10 @@ class Bus:
         self, service: Service, robot: str | None, take: Callable[[ServiceRequest], None]
     ) -> None:
         key, encoder, queue = self.key(service.path, robot), self._encoder(robot), self._queue
-        now_ns = self._now_ns
         queue.start()
 
         def receive(query: zenoh.Query) -> None:
-            take(ServiceRequest(query, key, service, encoder, queue.send, now_ns()))
+            take(ServiceRequest(query, key, service, encoder, queue.send))
 
         for end in ends_of(service):
             callback = Callback(receive, indirect=False)

@@ -33,8 +33,7 @@ class ServiceRequest:
     """A request, to be answered once, from any thread, at any time; answering never blocks.
 
     `operator` is the requesting operator from the key; empty if the key names none. `good_until_ns`
-    is the request's deadline on the clock of this process's bus; None if it has none. `arrived_ns`
-    is its arrival time on the same clock.
+    is the request's deadline on the clock of this process's bus; None if it has none.
     """
 
     def __init__(
@@ -44,10 +43,8 @@ class ServiceRequest:
         service: Service,
         encoder: Encoder,
         send: "Callable[[Reply], None]",
-        arrived_ns: int,
     ) -> None:
         requested_key = str(query.key_expr)
-        self.arrived_ns = arrived_ns
         self.service = service
         self.operator = operator_in(requested_key.removeprefix(f"{key}/"))
         self.key = requested_key if self.operator else key

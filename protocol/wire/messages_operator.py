@@ -46,6 +46,8 @@ class CommandRequest(Message, frozen=True, kw_only=True):
         param2: Second parameter of the command.
         command: Command. [Command]
         param3: Third parameter of the command.
+        stop_id: To clear the emergency stop: the stop_id that the sender has seen in
+            NAVIGATOR_STATUS. Another one that is latched stays.
     """
 
     request_id: int
@@ -53,6 +55,7 @@ class CommandRequest(Message, frozen=True, kw_only=True):
     param2: float
     command: int
     param3: float = 0.0
+    stop_id: int = 0
 
 
 class LeaseRequest(Message, frozen=True, kw_only=True):

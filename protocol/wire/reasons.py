@@ -76,6 +76,7 @@ class Reason(IntEnum):
     PLACE_UNKNOWN = 104
     ARMED = 105
     PARAMETERS_DAMAGED = 106
+    NEWER_STOP = 107
 
 
 REASON_TEXTS: Final[dict[int, str]] = {
@@ -142,6 +143,7 @@ REASON_TEXTS: Final[dict[int, str]] = {
     104: "the robot does not know where it is: `pose set X Y DEG`, or `pose truth` in a simulation",
     105: "not possible while the robot is armed: disarm first",
     106: "saved parameters are damaged: see `param list`, then `param set` one of the safety group",
+    107: "a newer emergency stop was pressed: look, then clear again",
 }
 
 

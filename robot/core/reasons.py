@@ -71,3 +71,4 @@ PLACE_UNKNOWN: Final = 104
 ARMED: Final = 105  # not possible while the robot is armed: disarm first
 # saved parameters are damaged: see `param list`, then `param set` one of the safety group
 PARAMETERS_DAMAGED: Final = 106
+NEWER_STOP: Final = 107  # a newer emergency stop was pressed: look, then clear again

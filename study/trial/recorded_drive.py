@@ -46,6 +46,7 @@ IGNORED: Final = (
     Reason.FENCE_LEAVES_ROBOT_OUT,
     Reason.LESS_SAFE_THAN_CONFIGURED,
     Reason.PARAMETERS_DAMAGED,
+    Reason.NEWER_STOP,
 )
 """Refusals whose cause is not in the recorded inputs, or is recorded later."""
 

@@ -20,10 +20,12 @@ OPERATOR_BEAT: Final = Heartbeat(
 
 
 def command_request(
-    request_id: int, command: int, param1: float = 0.0, param2: float = 0.0
+    request_id: int, command: int, param1: float = 0.0, param2: float = 0.0, stop_id: int = 0
 ) -> CommandRequest:
-    """Return a COMMAND_REQUEST; parameters that a command does not use are 0."""
-    return CommandRequest(request_id=request_id, command=command, param1=param1, param2=param2)
+    """Return a COMMAND_REQUEST; what a command does not use is 0."""
+    return CommandRequest(
+        request_id=request_id, command=command, param1=param1, param2=param2, stop_id=stop_id
+    )
 
 
 def arm_request(request_id: int) -> CommandRequest:

@@ -137,7 +137,10 @@ class InProcess(Peers):
     def command(self, command: Command, param1: float = 0.0, param2: float = 0.0) -> Reason:
         """Send a command and return the reason in its answer; `Reason.NONE` if accepted."""
         self._commands += 1
-        return reason_in(self.ask(command_request(self._commands, command, param1, param2)))
+        newest = self._status.latest()
+        stop_id = 0 if newest is None else newest[0].stop_id
+        request = command_request(self._commands, command, param1, param2, stop_id)
+        return reason_in(self.ask(request))
 
     def arm(self) -> Reason:
         """Arm the robot."""

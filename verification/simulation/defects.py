@@ -271,7 +271,7 @@ def _overtaken_clear() -> Patches:
 
     def rejection(self: Any, incoming: Any) -> int:
         found = int(original(self, incoming))
-        return reasons.OK if found == reasons.EMERGENCY_STOPPED else found
+        return reasons.OK if found == reasons.NEWER_STOP else found
 
     return {"robot.process.RobotProcess._rejection": rejection}
 

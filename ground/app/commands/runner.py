@@ -8,7 +8,15 @@ from functools import partial
 from ground.app.commands.undo import Change, UndoList, inverse_of
 from ground.client.connection import Common
 from ground.client.link import Link
-from ground.client.operations import ChangeLease, Operation, Session, SetMode, StopAll, StopNow
+from ground.client.operations import (
+    ChangeLease,
+    ClearEmergencyStop,
+    Operation,
+    Session,
+    SetMode,
+    StopAll,
+    StopNow,
+)
 from ground.client.operations.floor import Floor, floor_in
 from ground.client.operations.teleop import TeleopSender
 from ground.client.results import Outcome, Refused
@@ -29,7 +37,9 @@ from ground.station.robot.mission_items import target_of
 from ground.station.station import REPLAYED, Station
 from protocol.bus.bus import Bus
 from protocol.options import DEFAULT_ENDPOINT
+from protocol.topics import STATUS
 from protocol.wire.enums import LeaseAction, Mode, Severity
+from protocol.wire.messages import NavigatorStatus
 from runtime.cli.verb_lookup import with_present_name
 from runtime.clock import Clock
 from runtime.errors import RemoteError, UserError
@@ -80,13 +90,18 @@ class CommandRunner:
     def perform(self, command: Operation[Outcome] | AppCommand, line: str = "") -> None:
         """Perform a command; `line` is the line as it was typed, if it was."""
         line = line or line_of(command)
-        self._history.add(line)
-        self.last = self._for_a_shell(line)
-        match command:
+        match command:  # a stop waits for no disk
             case StopNow():
                 self._station.estop()
             case StopAll():
                 self._station.estop_all()
+        self._history.add(line)
+        self.last = self._for_a_shell(line)
+        match command:
+            case StopNow() | StopAll():
+                pass
+            case ClearEmergencyStop():
+                self._submit(self._of_the_stop_shown(command), line)
             case ChangeLease(action=LeaseAction.RELEASE):
                 self._station.release_lease()
             case ChangeLease(action=action):
@@ -94,8 +109,18 @@ class CommandRunner:
             case _ if isinstance(command, AppCommand):
                 self._locally(command)
             case _:
-                job = partial(self._done, command, line, self._station.robot)
-                self._station.submit(line, job, moves=command.moves)
+                self._submit(command, line)
+
+    def _submit(self, command: Operation[Outcome], line: str) -> None:
+        job = partial(self._done, command, line, self._station.robot)
+        self._station.submit(line, job, moves=command.moves)
+
+    def _of_the_stop_shown(self, command: ClearEmergencyStop) -> ClearEmergencyStop:
+        """Return the release of the stop that is on the screen now: another may be pressed soon."""
+        status = self._station.seen(STATUS).message
+        if not isinstance(status, NavigatorStatus):
+            return command
+        return replace(command, stop_id=status.stop_id)
 
     def is_local(self, line: str) -> bool:
         """Return whether a line concerns only the screen."""

@@ -13,6 +13,7 @@ REMEDIES: Final[Mapping[int, str]] = MappingProxyType(
     {
         Reason.NOT_ARMED: "`{arm}` arm",
         Reason.EMERGENCY_STOPPED: "`{clear-estop}` clear it: press twice",
+        Reason.NEWER_STOP: "`{clear-estop}` clear it: press twice",
         Reason.NO_GOAL: "`{goal}` sets a goal",
         Reason.DRIVING: "`{abort}` abort",
         Reason.NO_SENSES: "`{screen-5}` Links shows what arrives",

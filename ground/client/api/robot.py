@@ -359,8 +359,10 @@ class Robot(Telemetry):
         return await asyncio.shield(stopping)
 
     async def clear_emergency_stop(self) -> Answer:
-        """Release the emergency stop; the robot stays disarmed."""
-        return await self.perform(ClearEmergencyStop())
+        """Release the emergency stop that the newest status shows; the robot stays disarmed."""
+        newest = self.streams.latest(STATUS)
+        stop_id = None if newest is None else newest[0].stop_id
+        return await self.perform(ClearEmergencyStop(stop_id=stop_id))
 
     async def arm(self) -> Answer:
         """Allow the wheels to turn."""

@@ -5,18 +5,20 @@ from contextlib import closing
 from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple
 
+from msgspec.structs import replace
+
 from ground.client import stop_ways
 from ground.client.connection import Common
 from ground.client.emergency_stop import EmergencyStop, StopOutcome, outcome_words
-from ground.client.link import UnansweredError
+from ground.client.link import Link, UnansweredError
 from ground.client.operations.resuming import go_on
-from ground.client.operations.session import Session, patience_ns
+from ground.client.operations.session import STATUS_NS, Session, patience_ns
 from ground.client.requests import GaveUp
 from ground.client.results import Answer, Refused, answer_row
 from protocol.bus.tls.certificate import holder
 from protocol.topics import MARK, STATUS, STOP, Role
 from protocol.wire.enums import Command, Mode, Navigator, Severity
-from protocol.wire.messages import NavigatorStatus
+from protocol.wire.messages import CommandRequest, NavigatorStatus
 from protocol.wire.reasons import Reason
 from protocol.wire.statustext import pieces_of
 from runtime.clock import WallClock
@@ -58,9 +60,14 @@ class PlainCommand:
 
     def perform(self, session: Session) -> Answer:
         """Send the command and return the robot's answer."""
-        link = session.link
         patience = patience_ns(self.timeout_s)
-        return session.with_holder(link.ask(link.command(*self.wire()), patience_ns=patience))
+        return session.with_holder(
+            session.link.ask(self.request(session.link), patience_ns=patience)
+        )
+
+    def request(self, link: Link) -> CommandRequest:
+        """Return the request, with an id of its own."""
+        return link.command(*self.wire())
 
     def wire(self) -> Parts:
         """Return the command and its parameters."""
@@ -133,11 +140,25 @@ class Disarm(PlainCommand):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClearEmergencyStop(PlainCommand):
-    """Release the emergency stop."""
+    """Release the emergency stop that was seen, and no newer one.
+
+    `stop_id` names it, as the status did when the release was asked for; None: the status of now.
+    """
 
     verb = "clear-estop"
     effect = "emergency stop cleared"
     parts = Parts(Command.SIDESTEP_CLEAR_EMERGENCY_STOP)
+    stop_id: int | None = None
+
+    def request(self, link: Link) -> CommandRequest:
+        """Return the request with the stop; UnansweredError if no status names one."""
+        stop_id = self.stop_id
+        if stop_id is None:
+            newest = link.newest(STATUS, STATUS_NS)
+            if newest is None:
+                raise link.unanswered(GaveUp("no status names the emergency stop to clear"))
+            stop_id = newest.stop_id
+        return replace(super(ClearEmergencyStop, self).request(link), stop_id=stop_id)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

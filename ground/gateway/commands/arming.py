@@ -69,9 +69,14 @@ class ArmingCommands:
         status = self._vehicle.snapshot.status
         is_stopped = status is not None and status.vehicle == VehicleState.EMERGENCY_STOP
         if is_forced and is_stopped:
-            self._vehicle.perform(call.sender, ClearEmergencyStop(), arm)
+            self._vehicle.perform(call.sender, self._clearing(), arm)
         else:
             self._vehicle.perform(call.sender, Arm(), ended)
+
+    def _clearing(self) -> ClearEmergencyStop:
+        """Return the release of the newest stop seen now: the request waits for those before."""
+        status = self._vehicle.snapshot.status
+        return ClearEmergencyStop(stop_id=None if status is None else status.stop_id)
 
     def _disarm(self, call: Call, reply: Reply, *, is_forced: bool) -> None:
         def ended(answered: Answered) -> None:
@@ -98,7 +103,7 @@ class ArmingCommands:
         if is_termination(call):
             self._vehicle.port.stop(reply.ended)
         elif call.param1 == 0.0:
-            self._vehicle.perform(call.sender, ClearEmergencyStop(), reply.ended)
+            self._vehicle.perform(call.sender, self._clearing(), reply.ended)
         else:
             reply.result(DENIED, "parameter 1 must be 1 to stop or 0 to clear the emergency stop")
 

@@ -87,6 +87,7 @@ RESULTS: Final = MappingProxyType(
         Reason.PLACE_UNKNOWN: FAILED,
         Reason.ARMED: DENIED,
         Reason.PARAMETERS_DAMAGED: FAILED,
+        Reason.NEWER_STOP: LATER,
     }
 )
 

@@ -72,8 +72,12 @@ def test_estop_of_all_has_a_line_and_a_row_for_each_robot(robot: PlayedRobot, sa
     code, out, err = say("estop", "--all")
     assert (code, err) == (0, "")
     assert out.startswith("r1: E-STOP acknowledged by r1 after ")
+    seen = robot.stop_id
     code, out, _ = say("clear-estop", "--all", "--json")
     found = json.loads(out)
+    release = robot.asked[-1]
+    assert isinstance(release, CommandRequest)
+    assert release.stop_id == seen != 0
     assert (code, found["verb"], found["ok"]) == (0, "clear-estop", True)
     assert [one["robot"] for one in found["robots"]] == ["r1"]
     robot.deaf = True

@@ -65,7 +65,8 @@ def stack(shared: Simulated) -> Iterator[Simulated]:
     """Provide the shared robot; release its emergency stop and disarm it after the test."""
     yield shared
     for command in (Command.SIDESTEP_CLEAR_EMERGENCY_STOP, Command.COMPONENT_ARM_DISARM):
-        request = partial(command_request, randbits(31), command)
+        stop_id = shared.witness.status.stop_id
+        request = partial(command_request, randbits(31), command, stop_id=stop_id)
         ask_until_accepted(shared.witness.bus, COMMAND, request, "r1", PATIENCE_S)
     shared.witness.ready()
 

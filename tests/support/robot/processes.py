@@ -53,10 +53,8 @@ class Request(Question):
         message: Message | None,
         operator: str = ADA,
         good_until_ns: int | None = None,
-        arrived_ns: int = 0,
     ) -> None:
         super().__init__(message, operator)
-        self.arrived_ns = arrived_ns
         self.good_until_ns = good_until_ns
         self.dropped = False
 
@@ -191,7 +189,7 @@ class Rig:
         """Let a request arrive that counts for so long."""
         now_ns = self.clock.now_ns()
         good_until_ns = None if good_for_ns is None else now_ns + good_for_ns
-        request = Request(message, operator, good_until_ns, now_ns)
+        request = Request(message, operator, good_until_ns)
         self.bus.services[service.path](request)
         return request
 
@@ -243,12 +241,14 @@ def driving() -> Rig:
     return rig
 
 
-def clear(request_id: int) -> CommandRequest:
+def clear(request_id: int, stop_id: int = 0) -> CommandRequest:
+    """Return the release of the stop that was seen."""
     return CommandRequest(
         request_id=request_id,
         command=Command.SIDESTEP_CLEAR_EMERGENCY_STOP,
         param1=0.0,
         param2=0.0,
+        stop_id=stop_id,
     )
 
 

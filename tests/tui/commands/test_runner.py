@@ -8,7 +8,7 @@ import pytest
 from ground.app.commands.runner import CommandRunner, refuse
 from ground.client.connection import Common
 from ground.client.goal import destination
-from ground.client.operations import Goto, StopNow
+from ground.client.operations import ClearEmergencyStop, Goto, StopNow
 from ground.console.app_commands import AppCommand, SetTheme, ShowHelp
 from ground.console.history import History
 from ground.console.parser import read
@@ -17,12 +17,15 @@ from ground.station.station import REPLAYED
 from ground.station.world import parse_world
 from protocol.bus.network import Network
 from protocol.options import DEFAULT_ENDPOINT
+from protocol.topics import STATUS
+from protocol.wire.enums import Vehicle
 from runtime.clock import ManualClock
 from runtime.errors import UserError
 from tests.support.each import each
-from tests.support.ground.client import ScriptedBus
+from tests.support.ground.client import ScriptedBus, status
 from tests.support.ground.station.play import WORLD_TEXT
 from tests.support.tui.fakes import FakeStation
+from tests.support.tui.stopped import STOP_ID, stopped
 from tests.support.tui.underway import driving
 
 ELSEWHERE = "tcp/10.0.0.7:7447"
@@ -68,6 +71,32 @@ def test_stop_bypasses_the_request_queue() -> None:
     for line in ("estop all", "estop --all", "stop all"):
         runner.run_line(line)
     assert (station.stops, station.stops_of_all, station.asked) == (2, 3, [])
+
+
+def test_a_stop_is_sent_before_its_line_is_saved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The disk of the history may be full or slow."""
+    runner, station = command_runner()
+    sent: list[tuple[int, int]] = []
+    note = lambda _self, _line: sent.append((station.stops, station.stops_of_all))  # noqa: E731
+    monkeypatch.setattr(History, "add", note)
+    runner.run_line("estop")
+    runner.run_line("estop --all")
+    assert sent == [(1, 0), (1, 1)]
+
+
+@each("typed", [False, True])
+def test_a_release_names_the_stop_that_is_shown(typed: bool) -> None:
+    """Another stop that is pressed before the release is sent must stay."""
+    bus = ScriptedBus(ManualClock(), ())
+    bus.set_newest(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=8))
+    station = stopped(Vehicle.EMERGENCY_STOP)
+    common = Common(network=Network(mode="client", connect=(ELSEWHERE,)), robot="r1")
+    runner = CommandRunner(lambda: station, bus, common, ManualClock(), History())
+    if typed:
+        runner.run_line("clear-estop")
+    else:
+        runner.perform(ClearEmergencyStop())
+    assert [request.stop_id for request in bus.requests] == [STOP_ID]
 
 
 def test_unknown_word_gets_a_hint() -> None:

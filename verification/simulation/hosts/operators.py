@@ -204,7 +204,7 @@ class SimulatedOperator:
 
     def order(self, link: Link, verb: str) -> bool:
         """Send the command of a verb."""
-        return self.command(link, verb, link.command(*ORDERS[verb].parts))
+        return self.command(link, verb, ORDERS[verb]().request(link))
 
     def mode(self, link: Link, name: str) -> bool:
         """Change the mode."""

@@ -135,7 +135,11 @@ def test_a_release_that_came_before_a_stop_does_not_undo_it() -> None:
     stop = ask_to_stop(rig)
     rig.cycle()
     assert stop.reasons == [Reason.NONE]
-    assert [one.reasons for one in earlier] == [[Reason.EMERGENCY_STOPPED]] * 3
+    assert [one.reasons for one in earlier] == [
+        [Reason.NEWER_STOP],
+        [Reason.EMERGENCY_STOPPED],
+        [Reason.EMERGENCY_STOPPED],
+    ]
     assert rig.vehicle.stopped
     assert speeds(rig.command) == BRAKE
 
@@ -148,15 +152,37 @@ def test_a_release_without_a_stop_is_granted() -> None:
 
 
 @each("same_id", [False, True])
-def test_a_release_that_came_after_a_stop_undoes_it(same_id: bool) -> None:
+def test_a_release_that_names_the_stop_undoes_it(same_id: bool) -> None:
     rig = driving()
     early = rig.ask(clear(21))
     rig.clock.advance(MS)
     press(rig)
     rig.cycle()
-    late = rig.ask(clear(21 if same_id else 22))
+    late = rig.ask(clear(21 if same_id else 22, rig.sent(STATUS)[-1].stop_id))
     rig.cycle()
-    assert (early.reasons, late.reasons) == ([Reason.EMERGENCY_STOPPED], [Reason.NONE])
+    assert (early.reasons, late.reasons) == ([Reason.NEWER_STOP], [Reason.NONE])
+    assert not rig.vehicle.stopped
+
+
+@each("was_answered", [False, True])
+def test_a_release_repeated_after_a_newer_stop_leaves_it(was_answered: bool) -> None:
+    """The first attempt is lost, or its answer; another operator stops; the client repeats it."""
+    rig = driving()
+    press(rig, 7)
+    rig.cycle()
+    if was_answered:
+        assert rig.ask(clear(21, 7)).reasons == []
+        rig.cycle()
+        assert not rig.vehicle.stopped
+    press(rig, 8, operator="b0b/2")
+    rig.cycle()
+    repeated = rig.ask(clear(21, 7))
+    rig.cycle()
+    assert repeated.reasons == [Reason.NEWER_STOP]
+    assert rig.vehicle.stopped
+    looked = rig.ask(clear(22, rig.sent(STATUS)[-1].stop_id))
+    rig.cycle()
+    assert looked.reasons == [Reason.NONE]
     assert not rig.vehicle.stopped
 
 
@@ -226,7 +252,7 @@ def test_a_press_has_not_stopped_what_was_released_since() -> None:
     rig = driving()
     number = rig.process.press("ada", 77)
     rig.cycle()
-    released = rig.ask(clear(5))
+    released = rig.ask(clear(5, 77))
     rig.cycle()
     assert released.reasons == [Reason.NONE]
     assert not rig.process.has_stopped(number)

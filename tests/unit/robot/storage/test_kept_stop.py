@@ -198,7 +198,7 @@ def test_late_repetition_of_a_release_spares_a_newer_stop(
     desk = started(Store(folder))
     if not before_the_restart:
         desk.vehicle.receive(emergency_stop(8), 0)
-    assert clear(desk, 21) == Reason.NONE, "a repetition gets its earlier answer"
+    assert clear(desk, 21) == Reason.NEWER_STOP, "not OK: the robot is stopped"
     assert desk.vehicle.stopped
     assert started(Store(folder)).vehicle.stopped
     assert clear(desk, 22) == Reason.NONE

@@ -36,6 +36,7 @@ class Fleet(Wireless):
         self.dead = frozenset(dead)
         self.order: list[str] = []
         self.reasons: dict[str, Reason] = {}
+        self.cleared: dict[str, int] = {}
 
     def present(self, timeout_s: float = 1.0) -> list[Presence]:
         return [Presence(name, "robot", "0a") for name in self.robots]
@@ -66,6 +67,9 @@ class Fleet(Wireless):
             assert isinstance(message, CommandRequest)
             shown = status(Vehicle.EMERGENCY_STOP, stop_id=message.request_id)
             self.mailbox(STATUS, name).newest = (shown, self.clock.now_ns())
+        elif service is COMMAND:
+            assert isinstance(message, CommandRequest)
+            self.cleared[name] = message.stop_id
         return ack(message, self.reasons.get(name, Reason.NONE))
 
     def lost(self) -> str:
@@ -122,6 +126,9 @@ def test_robot_that_does_not_acknowledge_fails_the_stop_of_all(clock: ManualCloc
 def test_all_robots_are_released_with_a_line_for_each(clock: ManualClock) -> None:
     fleet, session = fleet_of(clock, "r1", "r2", "r3", dead=["r3"])
     fleet.reasons["r2"] = Reason.LEASE_HELD
+    for robot, stop_id in (("r1", 71), ("r2", 72)):
+        shown = status(Vehicle.EMERGENCY_STOP, stop_id=stop_id)
+        fleet.mailbox(STATUS, robot).newest = (shown, clock.now_ns())
     outcome = ClearAll().perform(session)
     assert isinstance(outcome, AllAnswered)
     texts = dict(outcome.of)
@@ -129,7 +136,7 @@ def test_all_robots_are_released_with_a_line_for_each(clock: ManualClock) -> Non
     assert texts["r2"].text.startswith("refused: another operator commands the robot")
     assert texts["r3"].text.startswith("robot r3 runs, but")
     assert not outcome.ok
-    assert [order for order in fleet.order if order.startswith(COMMAND.path)]
+    assert fleet.cleared == {"r1": 71, "r2": 72}, "each by the stop that its status shows"
 
 
 @pytest.mark.parametrize("operation", [StopAll(), ClearAll()])

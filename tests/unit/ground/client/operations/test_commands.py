@@ -6,6 +6,7 @@ from ground.client.link import UnansweredError
 from ground.client.operations import (
     COMMANDS,
     Arm,
+    ClearEmergencyStop,
     Hold,
     Mark,
     Operation,
@@ -104,6 +105,35 @@ def test_values_become_the_parameters_of_the_command(
     operation.perform(stage.session)
     (request,) = stage.bus.requests
     assert (request.command, request.param1, request.param2) == wire
+
+
+def test_a_release_names_the_stop_of_the_newest_status() -> None:
+    stage = Stage(None, Reason.NONE)
+    stage.bus.set_newest(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=7))
+    stage.bus.on_ask = lambda _: stage.bus.set_newest(STATUS, status(stop_id=8))
+    assert ClearEmergencyStop().perform(stage.session).ok
+    assert [request.stop_id for request in stage.bus.requests] == [7, 7], "by each repetition"
+
+
+def test_a_release_names_the_stop_that_was_shown_when_it_was_asked_for() -> None:
+    stage = Stage()
+    stage.bus.set_newest(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=8))
+    ClearEmergencyStop(stop_id=7).perform(stage.session)
+    assert [request.stop_id for request in stage.bus.requests] == [7]
+
+
+def test_a_release_is_not_sent_without_a_status() -> None:
+    stage = Stage()
+    with pytest.raises(UnansweredError, match="no status names the emergency stop to clear"):
+        ClearEmergencyStop().perform(stage.session)
+    assert stage.bus.requests == []
+
+
+def test_a_refusal_for_a_newer_stop_says_what_to_do() -> None:
+    outcome = ClearEmergencyStop(stop_id=7).perform(Stage(Reason.NEWER_STOP).session)
+    assert outcome.text == (
+        "refused: a newer emergency stop was pressed: look, then clear again (sidestep clear-estop)"
+    )
 
 
 def test_what_stops_the_robot_needs_no_lease() -> None:

@@ -24,7 +24,7 @@ def bench() -> Bench:
 
 
 def show(bench: Bench, vehicle: Vehicle, reason: Reason = Reason.NONE) -> None:
-    shown = status(vehicle=vehicle, vehicle_reason=reason)
+    shown = status(vehicle=vehicle, vehicle_reason=reason, stop_id=7)
     bench.port.telemetry |= everything() | {"status": shown}
     bench.after(0.02)
 
@@ -50,7 +50,7 @@ def test_forced_arming_clears_the_emergency_stop(bench: Bench, force: int) -> No
     bench.send(command(ARM, 1, force))
     bench.port.answer()
     bench.port.answer()
-    assert bench.port.performed == [ClearEmergencyStop(), Arm()]
+    assert bench.port.performed == [ClearEmergencyStop(stop_id=7), Arm()]
     assert acks(bench.sent()) == [(ARM, ACCEPTED)]
 
 
@@ -103,9 +103,10 @@ def test_emergency_stop_needs_a_client_that_may_command(bench: Bench) -> None:
 
 
 def test_termination_with_zero_clears_the_stop(bench: Bench) -> None:
+    show(bench, Vehicle.EMERGENCY_STOP, Reason.BY_OPERATOR)
     bench.send(command(STOP, 0))
     bench.port.answer()
-    assert bench.port.performed == [ClearEmergencyStop()]
+    assert bench.port.performed == [ClearEmergencyStop(stop_id=7)]
     assert acks(bench.sent()) == [(STOP, ACCEPTED)]
 
 
