@@ -175,7 +175,8 @@ class DrivingOperator:
         while self._observer.status.vehicle == Vehicle.EMERGENCY_STOP:
             if monotonic() > deadline_s:
                 raise RuntimeError("the emergency stop cannot be cleared")
-            self._ask(command_request(self._ids.next(), Command.SIDESTEP_CLEAR_EMERGENCY_STOP))
+            clear, stop_id = Command.SIDESTEP_CLEAR_EMERGENCY_STOP, self._observer.status.stop_id
+            self._ask(command_request(self._ids.next(), clear, stop_id=stop_id))
             self._pause.wait(PERIOD_S)
 
     def send_heartbeat(self) -> bool:
