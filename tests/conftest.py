@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 from collections import Counter
 from collections.abc import Generator, Iterator, Sequence
 from pathlib import Path
@@ -27,8 +28,10 @@ def state_of_our_own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]
 def pytest_configure(config: pytest.Config) -> None:
     """Load a profile of Hypothesis by the name in `--examples`; watch the load.
 
-    An example has no deadline: its duration depends on the load of the machine.
+    An example has no deadline: its duration depends on the load of the machine. A shell lets what
+    it starts in the background ignore SIGINT, which processes under test would inherit.
     """
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     for name, examples in EXAMPLES.items():
         settings.register_profile(name, deadline=None, max_examples=examples)
     settings.load_profile(config.getoption("--examples"))

@@ -47,7 +47,8 @@ def main(arguments: Sequence[str]) -> int:
     """Run the drives; return 0 if all arrived with the digest of their trial, else 1."""
     options = parser().parse_args(arguments)
     use_normal_priority()
-    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
+    for number in (signal.SIGINT, signal.SIGTERM):  # a shell ignores SIGINT in the background
+        signal.signal(number, signal.default_int_handler)
     trials = {world: run_trial(Trial(world=load(world))).digest for world in options.worlds}
     jobs = jobs_of(options.drives, options.worlds, options.ways)
     stopping = Event()
