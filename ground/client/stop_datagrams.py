@@ -4,8 +4,9 @@ import socket
 import time
 from collections.abc import Callable
 from ipaddress import ip_address
-from threading import Thread
-from typing import Final, Self
+from itertools import chain
+from threading import Event, Thread
+from typing import Final, Self, TypeAlias
 
 from protocol.bus.network import Network, Tls
 from protocol.bus.tls.role_grants import operator_name
@@ -21,6 +22,12 @@ from protocol.stop_datagram import (
 )
 from runtime.errors import KeysError
 
+REFRESH_S: Final = 10.0
+"""Time between two look-ups of the names of a robot's addresses."""
+
+Address: TypeAlias = tuple[int, tuple[str, int]]
+"""Family, host and port."""
+
 MOST_READ: Final = 64
 """Packets read at one look for answers; a flood of false ones must not hold it up."""
 
@@ -28,8 +35,7 @@ MOST_READ: Final = 64
 class StopDatagrams:
     """Sends the stop to one robot by datagrams and hears its answers; never blocks or raises.
 
-    `holder` is the name in this process's certificate, None on an open bus. `why` is the reason why
-    no stop can be sent; empty if it can.
+    `holder` is the name in this process's certificate, None on an open bus.
     """
 
     def __init__(
@@ -39,35 +45,46 @@ class StopDatagrams:
         holder: str | None,
         time_ns: Callable[[], int] = time.time_ns,
     ) -> None:
-        self.why = ""
+        self._missing = self._unresolved = self._unsent = ""
         self._robot, self._time_ns = robot, time_ns
         self._operator, self._secret = operator_name(holder) or "", OPEN_SECRET
         self._sockets: dict[int, socket.socket] = {}
-        self._addresses: list[tuple[int, tuple[str, int]]] = []
+        self._literal: list[Address] = []
+        self._named: dict[tuple[str, int], list[Address]] = {}
+        """The addresses by host and port, as they have resolved last."""
+
+        self._closing = Event()
         self._stopped: set[int] = set()
         if network.tls is not None:
             self._take_secret(network.tls)
-        if self.why:
+        if self._missing:
             return
         wanted = places(network, robot, network.connect)
         if not wanted:
-            self.why = f"no address of {robot} for stop datagrams: name it in [network.stop_at]"
+            self._missing = (
+                f"no address of {robot} for stop datagrams: name it in [network.stop_at]"
+            )
         named = [place for place in wanted if not self._add_literal(place)]
-        if named:  # a name server may take seconds
-            Thread(target=self._resolve, args=(named,), daemon=True).start()
+        if named:  # a name server may take seconds, and the address of a robot may change
+            Thread(target=self._keep_resolving, args=(named,), daemon=True).start()
+
+    @property
+    def why(self) -> str:
+        """Why no stop can be sent, or not to each address; empty if it can."""
+        return self._missing or self._unresolved or self._unsent
 
     def _take_secret(self, tls: Tls) -> None:
         if not self._operator:
-            self.why = "this certificate is not that of an operator"
+            self._missing = "this certificate is not that of an operator"
             return
         try:
             found = load_secrets(tls)
         except KeysError as error:
-            self.why = str(error)
+            self._missing = str(error)
             return
         secret = found.by_name.get(self._robot)
         if secret is None:
-            self.why = found.missing or f"{secrets_path(tls)} has no secret for {self._robot}"
+            self._missing = found.missing or f"{secrets_path(tls)} has no secret for {self._robot}"
         else:
             self._secret = secret
 
@@ -78,28 +95,45 @@ class StopDatagrams:
             version = ip_address(host).version
         except ValueError:
             return False
-        self._add(socket.AF_INET if version == 4 else socket.AF_INET6, (host, place[1]))
+        family = socket.AF_INET if version == 4 else socket.AF_INET6
+        if self._can_send(family):
+            self._literal.append((family, (host, place[1])))
         return True
 
+    def _keep_resolving(self, named: list[tuple[str, int]]) -> None:
+        while not self._closing.is_set():
+            self._resolve(named)
+            self._closing.wait(REFRESH_S)
+
     def _resolve(self, named: list[tuple[str, int]]) -> None:
+        """Look up the names; one that does not resolve now keeps its addresses."""
+        why = ""
         for host, port in named:
             try:
                 found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
             except (OSError, UnicodeError) as error:
-                self.why = f"the name {host} does not resolve: {error}"
+                why = f"the name {host} does not resolve: {error}"
                 continue
-            for family, _, _, _, address in found:
-                self._add(family, (str(address[0]), port))
+            if self._closing.is_set():
+                return
+            self._named[host, port] = [
+                (family, (str(address[0]), port))
+                for family, _, _, _, address in found
+                if self._can_send(family)
+            ]
+        self._unresolved = why
 
-    def _add(self, family: int, address: tuple[str, int]) -> None:
+    def _can_send(self, family: int) -> bool:
+        """Open a socket for a family of addresses; return whether there is one."""
         try:
             if family not in self._sockets:
                 opened = socket.socket(family, socket.SOCK_DGRAM)
                 opened.setblocking(False)
                 self._sockets[family] = opened
-            self._addresses.append((family, address))
         except OSError as error:
-            self.why = f"no datagram can be sent: {error.strerror}"
+            self._unsent = f"no datagram can be sent: {error.strerror}"
+            return False
+        return True
 
     def __enter__(self) -> Self:
         return self
@@ -109,15 +143,17 @@ class StopDatagrams:
 
     def press(self, request_id: int) -> None:
         """Send the stop once to each address."""
-        if not self._addresses:
+        addresses = [*self._literal, *chain.from_iterable(tuple(self._named.values()))]
+        if not addresses:
             return
         press = Press(self._operator, self._time_ns(), request_id)
         packet = sealed_press(self._secret, self._robot, press)
-        for family, address in tuple(self._addresses):
+        self._unsent = ""
+        for family, address in addresses:
             try:
                 self._sockets[family].sendto(packet, address)
             except OSError as error:
-                self.why = f"no datagram could be sent to {address[0]}: {error.strerror}"
+                self._unsent = f"no datagram could be sent to {address[0]}: {error.strerror}"
 
     def has_stopped(self, request_id: int) -> bool:
         """Return whether the robot has answered that this press has stopped it."""
@@ -134,5 +170,6 @@ class StopDatagrams:
 
     def close(self) -> None:
         """Close the sockets."""
+        self._closing.set()
         for opened in tuple(self._sockets.values()):
             opened.close()

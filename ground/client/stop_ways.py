@@ -8,6 +8,7 @@ import json
 import os
 import socket
 import stat
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from hashlib import sha256
@@ -18,7 +19,7 @@ from typing import Final
 import msgspec
 
 from ground.client.connection import Common
-from ground.client.emergency_stop import NO_WAYS, EmergencyStop, StopOutcome, StopWays
+from ground.client.emergency_stop import NO_WAYS, REPEAT_NS, EmergencyStop, StopOutcome, StopWays
 from ground.client.link import Link, open_link
 from ground.client.requests import GaveUp
 from ground.client.stop_datagrams import StopDatagrams
@@ -41,6 +42,9 @@ MOST_BYTES: Final = 200
 REQUEST_S: Final = 1.0
 """A request on a local socket arrives at once; a peer that is silent for so long is no `estop`."""
 
+LONGEST_S: Final = 60.0
+"""Limit of the datagrams of one press, should whoever repeats it hang."""
+
 ANSWER_S: Final = 10.0
 MOST_REPEATED: Final = 16
 """Stops for others that are repeated at the same time; further ones are sent once."""
@@ -58,6 +62,9 @@ class SideWays:
         self._datagrams = StopDatagrams(common.network, common.robot, holder)
         self._others = OpenSessions(common)
         self._fresh: FreshSession | None = None
+        self._closing = Event()
+        self._repeated = 0
+        self._repeating: Thread | None = None
 
     @property
     def why(self) -> str:
@@ -65,8 +72,25 @@ class SideWays:
         return self._datagrams.why
 
     def press(self, request_id: int) -> None:
-        """Send a stop by datagrams, without blocking."""
+        """Send a stop by datagrams, without blocking, and repeat it until `end_session`.
+
+        The repetition has a thread of its own: the one that presses may be held up by the bus.
+        """
+        if request_id == self._repeated:
+            return
+        self._repeated = request_id
         self._datagrams.press(request_id)
+        if self._repeating is None or not self._repeating.is_alive():
+            self._repeating = Thread(target=self._repeat, name="stop datagrams", daemon=True)
+            self._repeating.start()
+
+    def _repeat(self) -> None:
+        until_s = time.monotonic() + LONGEST_S
+        while request_id := self._repeated:
+            if self._closing.wait(REPEAT_NS / NS_PER_S) or time.monotonic() > until_s:
+                self._repeated = 0
+            elif self._repeated == request_id:
+                self._datagrams.press(request_id)
 
     def ask_others(self, request_id: int) -> None:
         """Let the programs on this machine that have an open session send the stop."""
@@ -91,12 +115,14 @@ class SideWays:
         return self._others.stopped_by(request_id)
 
     def end_session(self) -> None:
-        """End the session that was opened for a stop, so that it stops nothing later."""
+        """End the repetition and the session opened for a stop, so that they stop nothing later."""
+        self._repeated = 0
         if self._fresh is not None:
             self._fresh.close()
 
     def close(self) -> None:
         """End what is still under way."""
+        self._closing.set()
         self.end_session()
         self._others.close()
         self._datagrams.close()

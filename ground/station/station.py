@@ -221,19 +221,23 @@ class Station(StationView):
     def estop_all(self) -> None:
         """Stop every robot that is present or was seen, each as with `estop`.
 
-        All stops are sent before any acknowledgement is awaited, robots already watched first.
+        All stops are sent before any acknowledgement is awaited, those of robots that are already
+        watched before the bus is asked who else is there.
         """
         if not self.live:
             self.note(REPLAYED, Severity.WARNING)
             return
         sessions = self._fleet.sessions
-        unknown = set(present_processes(self._bus.present()).robots()).difference(sessions)
-        for robot in [*sessions, *sorted(unknown)[:MAX_ROBOTS]]:
-            if robot not in sessions:
-                self._add(robot)
-            sessions[robot].stop.press()
-        for session in sessions.values():
+        watched = list(sessions.values())
+        for session in watched:
+            session.stop.press()
+        for session in watched:
             session.stop.repeat()
+        unknown = set(present_processes(self._bus.present()).robots()).difference(sessions)
+        for robot in sorted(unknown)[:MAX_ROBOTS]:
+            self._add(robot)
+            sessions[robot].stop.press()
+            sessions[robot].stop.repeat()
         self._commanding.cancel(STOPPED)
         self.note(f"E-STOP of all robots: {' '.join(sorted(sessions))}", Severity.WARNING)
 

@@ -76,9 +76,11 @@ class StopAll:
     timeout_s: float = STOP_S
 
     def perform(self, session: Session) -> AllAnswered:
-        """Stop the robots that are present; UnansweredError if none is."""
+        """Stop the robots that are known by name at once, then all that are present.
+
+        Raises UnansweredError if none is.
+        """
         link = session.link
-        robots = present_robots(link)
         newest = NewestStatuses(link)
         give_up_ns = round(self.timeout_s * NS_PER_S)
 
@@ -86,22 +88,31 @@ class StopAll:
             return Stopped(stop.run(give_up_ns=give_up_ns), stop.robot)
 
         with ExitStack() as opened:
-            stops = []
-            for robot in robots:
+            stops: dict[str, EmergencyStop] = {}
+
+            def press(robot: str) -> None:
                 ways = opened.enter_context(closing(stop_ways.ways_of(link.bus, robot)))
                 publisher = link.bus.publisher(STOP, robot)
                 stop = EmergencyStop(link.bus, publisher, robot, link.clock, newest.of(robot), ways)
                 stop.press()
-                stops.append(stop)
+                stops[robot] = stop
+
+            for robot in known_robots(link.common):
+                press(robot)
+            robots = present_robots(link)
+            for robot in robots:
+                if robot not in stops:
+                    press(robot)
             opened.enter_context(newest.subscribed(robots))
-            return AllAnswered(tuple(zip(robots, at_once(repeat, stops), strict=True)))
+            pressed = [stops[robot] for robot in robots]
+            return AllAnswered(tuple(zip(robots, at_once(repeat, pressed), strict=True)))
 
     def perform_alone(self, common: Common) -> AllAnswered:
         """Stop all robots that are known by name at once, then by a session all that are present.
 
         Raises UnansweredError if none is reached.
         """
-        names = list(dict.fromkeys((common.robot, *common.robots, *common.network.stop_at)))
+        names = known_robots(common)
         met: set[str] = set()
         """Robots for which no other way needs to be tried any more."""
 
@@ -185,6 +196,11 @@ class NewestStatuses:
                 subscription = self._link.to(robot).subscribed(STATUS)
                 self._telemetry[robot] = opened.enter_context(subscription)
             return opened.pop_all()
+
+
+def known_robots(common: Common) -> list[str]:
+    """Return the names of the robots that are known without asking anybody."""
+    return list(dict.fromkeys((common.robot, *common.robots, *common.network.stop_at)))
 
 
 def present_robots(link: Link) -> list[str]:

@@ -4,9 +4,11 @@ import json
 import socket
 import stat
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
+from threading import Event
 
 import pytest
 
@@ -26,8 +28,9 @@ from ground.client.stop_ways import (
 from protocol.wire.enums import Vehicle
 from protocol.wire.message import Message
 from runtime.clock import WallClock
+from runtime.errors import RemoteError
 from tests.support.bus.robots import PlayedRobot
-from tests.support.until import until
+from tests.support.until import PATIENCE_S, until
 
 CLOCK = WallClock()
 
@@ -154,6 +157,50 @@ def test_beside_a_bus_that_is_played_there_is_no_other_way() -> None:
     stop.press()
     assert stop.run(give_up_ns=0).acknowledged is False
     ways.close()
+
+
+class Blocked:
+    """A bus that blocks whoever asks."""
+
+    def __init__(self) -> None:
+        self.released = Event()
+
+    def ask(self, *_: object, **__: object) -> bytes:
+        self.released.wait()
+        raise RemoteError("it has hung")
+
+
+def test_a_bus_that_blocks_does_not_hold_up_the_datagrams() -> None:
+    bus = Blocked()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        robot.bind(("127.0.0.1", 0))
+        robot.settimeout(PATIENCE_S)
+        dialled = given(f"tcp/127.0.0.1:{robot.getsockname()[1]}", "r1", None)
+        with closing(SideWays(dialled, None)) as ways, ThreadPoolExecutor(1) as pool:
+            stop = EmergencyStop(bus, None, "r1", CLOCK, lambda: None, ways)
+            running = pool.submit(stop.run, bus.released.is_set)
+            try:
+                received = {robot.recv(200) for _ in range(5)}
+            finally:
+                bus.released.set()
+            assert not running.result().acknowledged
+        assert len(received) == 5, "each with a time of its own"
+
+
+def test_a_repetition_ends_with_its_stop() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        robot.bind(("127.0.0.1", 0))
+        robot.settimeout(PATIENCE_S)
+        dialled = given(f"tcp/127.0.0.1:{robot.getsockname()[1]}", "r1", None)
+        with closing(SideWays(dialled, None)) as ways:
+            ways.press(7)
+            robot.recv(200)
+            ways.end_session()
+            repeating = ways._repeating
+            assert repeating is not None
+            until(lambda: not repeating.is_alive())
+            ways.press(8)
+            until(lambda: robot.recv(200)[-40:-32] == (8).to_bytes(8, "little"))
 
 
 def test_a_stop_that_another_part_has_delivered_tries_no_further() -> None:

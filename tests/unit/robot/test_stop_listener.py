@@ -3,7 +3,7 @@
 import secrets
 import socket
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -209,6 +209,36 @@ def test_what_keeps_it_from_receiving_is_told(tmp_path: Path) -> None:
     tls = Tls(ca="ca.pem", certificate=f"{missing}.pem", key=f"{missing}.key")
     StopListener(Network(tls=tls), "r1", endpoints, stage.robot, lines.append).close()
     assert "keys stops DIR" in lines[1]
+
+
+def test_a_name_is_looked_up_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The name server may be down at the start, and a robot may get another address."""
+    asked: list[str] = []
+
+    def look_up(host: str, port: int, **_: object) -> list[tuple[object, ...]]:
+        asked.append(host)
+        if len(asked) == 1:
+            raise socket.gaierror("no name server")
+        where = "127.0.0.2" if len(asked) < 4 else LOCAL
+        return [(socket.AF_INET, socket.SOCK_DGRAM, 0, "", (where, port))]
+
+    monkeypatch.setattr("ground.client.stop_datagrams.socket.getaddrinfo", look_up)
+    monkeypatch.setattr("ground.client.stop_datagrams.REFRESH_S", 0.01)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        robot.bind((LOCAL, 0))
+        robot.settimeout(0.02)
+        dialled = Network(connect=(f"tcp/robot.example:{robot.getsockname()[1]}",))
+        with StopDatagrams(dialled, "r1", None) as sender:
+
+            def received() -> bool:
+                sender.press(3)
+                with suppress(TimeoutError):
+                    return bool(robot.recv(200))
+                return False
+
+            until(received)
+            assert sender.why == ""
+    assert len(asked) >= 4
 
 
 def test_what_keeps_a_client_from_sending_is_told(tmp_path: Path) -> None:

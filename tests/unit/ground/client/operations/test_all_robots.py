@@ -1,6 +1,7 @@
 """The stop of all robots: sent to each first, acknowledged by each, one line for each."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -39,6 +40,7 @@ class Fleet(Wireless):
         self.cleared: dict[str, int] = {}
 
     def present(self, timeout_s: float = 1.0) -> list[Presence]:
+        self.order.append("present")
         return [Presence(name, "robot", "0a") for name in self.robots]
 
     def mailbox(self, topic: Topic[Any], robot: str | None = None, *_: Any, **__: Any) -> Box:
@@ -104,10 +106,20 @@ def test_all_robots_are_sent_the_stop_before_any_is_awaited(clock: ManualClock) 
     fleet, session = fleet_of(clock, "r1", "r2", "r3")
     outcome = StopAll().perform(session)
     assert outcome.ok
-    assert fleet.order[:3] == ["sent r1", "sent r2", "sent r3"]
+    assert fleet.order[:4] == ["sent r1", "present", "sent r2", "sent r3"]
     assert [line.split(" after ")[0] for line in outcome.text.splitlines()] == [
         f"{name}: E-STOP acknowledged by {name}" for name in ("r1", "r2", "r3")
     ]
+
+
+def test_robots_that_are_known_are_sent_the_stop_before_anybody_is_asked(
+    clock: ManualClock,
+) -> None:
+    fleet, session = fleet_of(clock, "r1", "r2", "r3")
+    common = replace(session.link.common, robots=("r1", "r2", "r9"))
+    outcome = StopAll().perform(Session(Link(fleet, common, clock)))
+    assert fleet.order[:5] == ["sent r1", "sent r2", "sent r9", "present", "sent r3"]
+    assert [robot for robot, _ in outcome.of] == ["r1", "r2", "r3"], "r9 is not there"
 
 
 def test_robot_that_does_not_acknowledge_fails_the_stop_of_all(clock: ManualClock) -> None:

@@ -1,8 +1,12 @@
 """The station repeats an emergency stop until acknowledged, and reports its state."""
 
+from collections.abc import Iterable
 from functools import partial
 
+import pytest
+
 from ground.station.robot.background_requests import Job
+from protocol.bus.presence import Presence
 from protocol.topics import STOP, Role
 from protocol.wire.enums import Severity
 from protocol.wire.message import Message
@@ -91,6 +95,23 @@ def test_stop_of_all_is_sent_to_each_before_any_is_awaited() -> None:
     play.station.estop_all()
     assert order[:3] == ["r1 sent", "r2 sent", "r3 sent"]
     assert sorted(order[3:6]) == ["r1 e-stop", "r2 e-stop", "r3 e-stop"]
+
+
+def test_stop_of_all_is_sent_before_anybody_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The bus may take a second to tell who is there."""
+    play = Play().forward(1.0)
+    before = len(play.bus.publisher(STOP, "r1").said)
+    sent: list[int] = []
+    present = play.bus.present
+
+    def ask() -> Iterable[Presence]:
+        sent.append(len(play.bus.publisher(STOP, "r1").said) - before)
+        return present()
+
+    monkeypatch.setattr(play.bus, "present", ask)
+    play.station.estop_all()
+    assert len(sent) == 1
+    assert sent[0] > 0
 
 
 def test_hung_robot_does_not_delay_the_stop_of_another() -> None:
