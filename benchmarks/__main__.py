@@ -105,6 +105,10 @@ BENCHMARKS = {
         "verification.flood.main",
         "a robot under ten kinds of attack: key to wheels at zero, missed ticks, memory",
     ),
+    "stop_ways": BenchmarkEntry(
+        "verification.flood.stop_ways",
+        "stops under all attacks at once and without a link: app and fresh estop to wheels at zero",
+    ),
     "simulate": BenchmarkEntry(
         "verification.simulate",
         "the whole stack on simulated time, network and disk: faults by seed, invariants",

@@ -103,7 +103,7 @@ STACK: Final = ("runtime", "protocol", "robot", "plant", "ground")
 FIGURES: Final = ("trial", "core", "codec", "latency", "jitter", "map", "digest")
 LONG_FIGURES: Final = (
     *("robot", "mtls", "nees", "arrival", "soak", "ground", "stop_all", "restarts"),
-    *("fuzz", "flood", "simulate"),
+    *("fuzz", "flood", "stop_ways", "simulate"),
 )
 TICK: Final = ("lockstep", "breakdown")
 GATEWAY: Final = ("gateway",)
@@ -304,7 +304,7 @@ EVIDENCE: Final = (
         "growth, access control, crowds of log lines, floods, restarts, soak, odometry, arrival",
         "`python -m benchmarks.page`",
         (*STACK, "benchmarks", "verification/flood", "verification/soak", "verification/fuzz"),
-        140,
+        190,
         benched("long-figures", LONG_FIGURES),
     ),
     Evidence(

@@ -2,7 +2,7 @@
 
 import os
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
 from itertools import cycle
 from threading import Event
@@ -116,7 +116,7 @@ class DrivingOperator:
         until_s = monotonic() + seconds
         while monotonic() < until_s:
             self._pause.wait(BEAT_S)
-            self._note()
+            self.note()
             self.go_on()
 
     def wait(self, seconds: float) -> None:
@@ -128,7 +128,7 @@ class DrivingOperator:
 
     def press(self) -> StopTimes:
         """Press the stop as the app does, and wait until the robot is at rest."""
-        self._note()
+        self.note()
         robot, statuses = self._observer.robot, self._observer.statuses
         pressed_ns = monotonic_ns()
         with closing(stop_ways.ways_of(self._bus, robot)) as ways:
@@ -138,9 +138,24 @@ class DrivingOperator:
             outcome = stop.run(self.send_heartbeat, round(PRESS_S * NS_PER_S))
         return self._times(pressed_ns, outcome.took_ns, is_acknowledged=outcome.acknowledged)
 
+    def press_elsewhere(
+        self, key: Callable[[], int], acknowledged: Callable[[], bool]
+    ) -> StopTimes:
+        """Press a key of another program; wait until it shows the end and the robot is at rest.
+
+        `key` returns when it was pressed.
+        """
+        self.note()
+        pressed_ns = key()
+        until_ns = pressed_ns + round(PRESS_S * NS_PER_S)
+        while not (shown := acknowledged()) and monotonic_ns() < until_ns:
+            self.send_heartbeat()
+            self._pause.wait(PERIOD_S / 10)
+        return self._times(pressed_ns, monotonic_ns() - pressed_ns, is_acknowledged=shown)
+
     def press_freshly(self, words: Sequence[str]) -> StopTimes:
         """Stop by an `estop` that is started now, and wait until the robot is at rest."""
-        self._note()
+        self.note()
         started_ns = monotonic_ns()
         with subprocess.Popen(
             command(("estop", *words), os.getpid()),
@@ -186,7 +201,8 @@ class DrivingOperator:
             self._beat.put(OPERATOR_BEAT)
         return False
 
-    def _note(self) -> None:
+    def note(self) -> None:
+        """Note why the robot has stopped, if it has."""
         status = self._observer.status
         if status.vehicle != Vehicle.ACTIVE:
             why = reason_text(status.vehicle_reason)

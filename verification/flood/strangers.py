@@ -1,4 +1,4 @@
-"""Connections of strangers without a certificate, which fail before or in the TLS handshake."""
+"""Strangers without a certificate: connections that become no link, and forged stop datagrams."""
 
 import socket
 import ssl
@@ -10,10 +10,12 @@ from time import monotonic
 from types import MappingProxyType
 from typing import Final, Self
 
+from protocol.stop_datagram import Press, sealed_press
 from verification.harness.tcp_proxy import address_of
 
 TURN_S: Final = 0.005
 MAX_SILENT: Final = 500
+DATAGRAMS: Final = "datagrams"
 
 
 def tls_hello() -> bytes:
@@ -32,13 +34,14 @@ GREETINGS: Final[Mapping[str, bytes]] = MappingProxyType(
         "http": b"GET / HTTP/1.1\r\nHost: robot\r\n\r\n",
         "hello": tls_hello(),
         "silent": b"",
+        DATAGRAMS: sealed_press(b"guessed", "r1", Press("anna", 0, 1)),
     }
 )
 """What a stranger sends first. All close at once but the silent ones, which stay."""
 
 
 RATES_HZ: Final[Mapping[str, float]] = MappingProxyType(
-    {"garbage": 100.0, "http": 100.0, "silent": 100.0}
+    {"garbage": 100.0, "http": 100.0, "silent": 100.0, DATAGRAMS: 1000.0}
 )
 """The strangers of `bench flood`, with how often they call."""
 
@@ -52,6 +55,7 @@ class Strangers:
         self.called = 0
         self._place, self._source = address_of(endpoint), source
         self._greeting, self._rate_hz = GREETINGS[way], rate_hz
+        self._type = socket.SOCK_DGRAM if way == DATAGRAMS else socket.SOCK_STREAM
         self._kept: deque[socket.socket] = deque(maxlen=MAX_SILENT)
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -74,7 +78,7 @@ class Strangers:
                 self.called += 1
 
     def _call(self) -> None:
-        one = socket.socket()
+        one = socket.socket(type=self._type)
         one.setblocking(False)  # an unanswered connection must not delay the next
         with suppress(OSError):
             one.bind((self._source, 0))
