@@ -5,6 +5,7 @@ from random import Random
 from typing import Final
 
 from verification.simulation.events import Argument
+from verification.simulation.hosts.mavlink_clients import CLIENTS
 
 Arguments = tuple[Argument, ...]
 STATION: Final = "station"
@@ -32,6 +33,13 @@ def mission(random: Random) -> Arguments:
     near = [(random.uniform(-0.2, 1.2), random.uniform(-0.7, 0.7)) for _ in range(4)]
     stops = [round(30.0 + off_m, 2) for stop in near[random.randrange(3) :] for off_m in stop]
     return ("mission", random.choice((0.0, 0.5, 2.0)), *stops)
+
+
+def draw_client(random: Random) -> Arguments:
+    """Draw a client of the gateway, mostly the first, and an action."""
+    name = random.choice((*CLIENTS, next(iter(CLIENTS))))
+    weights = [weight for weight, _ in CLIENT_ACTIONS]
+    return (name, *random.choices(CLIENT_ACTIONS, weights)[0][1](random))
 
 
 SAFETY: Final = (
@@ -71,6 +79,38 @@ ACTIONS: Final[tuple[tuple[int, Callable[[Random], Arguments]], ...]] = (
     (2, lambda random: ("param", *random.choice(SAFETY))),
     (3, lambda random: ("fence", random.choice((0.0, 0.8, 1.5, 5.0)), random.randrange(2))),
 )
+CLIENT_ACTIONS: Final[tuple[tuple[int, Callable[[Random], Arguments]], ...]] = (
+    (6, lambda random: ("drive", *place(random))),
+    (4, lambda random: ("target", *place(random))),
+    (
+        6,
+        lambda random: (
+            "steer",
+            random.choice(("MANUAL", "GUIDED")),
+            random.choice((1.0, 0.5, -0.5)),
+            random.choice((0.5, 1.5, 4.0)),
+        ),
+    ),
+    (2, lambda _: ("stop",)),
+    (3, lambda random: ("clear", random.randrange(2))),
+    (2, lambda _: ("arm",)),
+    (2, lambda random: ("disarm", random.randrange(2))),
+    (3, lambda random: ("mode", random.choice(("GUIDED", "HOLD", "MANUAL", "SMART_RTL")))),
+    (3, lambda random: ("pause", random.randrange(2))),
+    (2, lambda random: ("control", random.randrange(2))),
+    (2, lambda random: ("flood", random.choice((6, 30)))),
+    (4, lambda random: ("silence", random.choice((1.0, 3.0, 6.0, 10.0)))),
+    (
+        4,
+        lambda random: (
+            "forge",
+            random.choice(("noise", "torn", "echo", "stranger")),
+            random.getrandbits(32),
+        ),
+    ),
+)
+"""The actions of the gateway's clients."""
+
 WEIGHTS: Final = [weight for weight, _ in ACTIONS]
 
 

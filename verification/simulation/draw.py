@@ -1,18 +1,24 @@
 """Draw a scenario from a seed."""
 
+from collections.abc import Callable
 from random import Random
 from typing import Final
 
 from runtime.units import NS_PER_MS, NS_PER_S
 from verification.simulation.actions import (
+    CLIENT_ACTIONS,
     OPERATORS,
     STATION,
+    Arguments,
+    draw_client,
     draw_driving,
     draw_operate,
     place,
 )
-from verification.simulation.events import Event, EventScenario
-from verification.simulation.faults import FAULTS
+from verification.simulation.events import Argument, Event, EventScenario
+from verification.simulation.faults import FAULTS, span_ms
+from verification.simulation.hosts.gateway_side import GATEWAY
+from verification.simulation.hosts.mavlink_clients import CLIENTS
 
 DURATION_NS: Final = 20 * NS_PER_S
 BOOT_NS: Final = 300 * NS_PER_MS
@@ -43,6 +49,25 @@ UNLINKED: Final = 0.1
 LOCKSTEP: Final = 0.08
 """Share of seeds in lockstep. In each the plant's clock stands still for a while, during which an
 emergency stop is pressed."""
+
+GATEWAY_EVERY: Final = 4
+"""One seed in so many has a gateway with two clients, unless it is in lockstep. What it draws is
+drawn apart, so that all else of the seed stays as it is."""
+
+LEFT_TO_CLIENTS: Final = 0.6
+"""Share of these seeds without other operators."""
+
+FOLLOWED: Final[dict[Argument, tuple[float, int, Arguments]]] = {
+    "drive": (0.4, 3000, ("silence", 8.0)),
+    "target": (0.4, 3000, ("flood", 8)),
+    "steer": (0.4, 1500, ("flood", 8)),
+    "flood": (0.4, 200, ("stop",)),
+    "forge": (0.2, 300, ("stop",)),
+    "clear": (0.3, 100, ("stop",)),
+    "stop": (0.7, 1500, ("clear", 1)),
+}
+"""Share of a client's actions that another one follows, and within how many milliseconds. Stops are
+pressed by either client."""
 
 IN_LOCKSTEP: Final = ("come", "operate", "leave", "kill", "attack", "crossing", "rot")
 """Faults in lockstep; those of links and clocks would hold the plant's clock up as well.
@@ -77,7 +102,51 @@ def draw_scenario(seed: int, duration_ns: int = DURATION_NS) -> EventScenario:
     events += [stop for event in events for stop in _stop_under(random, event, first)]
     events += [more for event in events for more in _seizure_under(random, event)]
     events += [more for event in events for more in _restart_under(random, event, first)]
+    if seed % GATEWAY_EVERY == GATEWAY_EVERY - 1 and not lockstep:
+        events = _with_gateway(Random(f"gateway {seed}"), events, duration_ns)
     return EventScenario(seed, duration_ns, tuple(sorted(events)), lockstep)
+
+
+def _with_gateway(random: Random, others: list[Event], duration_ns: int) -> list[Event]:
+    """Return the events with a gateway, its clients' actions and faults on their way."""
+    if random.random() < LEFT_TO_CLIENTS:
+        others = [one for one in others if one.kind not in ("come", "operate", "crossing")]
+    first = random.choice(tuple(CLIENTS))
+    drive = (first, *random.choice(CLIENT_ACTIONS[:3])[1](random))
+    events = [_event(random, "client", drive, 6 * NS_PER_S)]
+    events += [
+        _event(random, "client", draw_client(random), duration_ns)
+        for _ in range(random.randint(4, 12))
+    ]
+    for event in events:  # also those that follow
+        name, did = event.arguments[:2]
+        share, within_ms, action = FOLLOWED.get(did, (0.0, 1, ()))
+        if random.random() < share:
+            time_ns = event.time_ns + random.randrange(within_ms) * NS_PER_MS
+            who = random.choice(tuple(CLIENTS)) if action == ("stop",) else name
+            events.append(Event(time_ns, "client", (who, *action), 0))
+    for _ in range(random.choice((0, 0, 1, 2, 3))):
+        kind = random.choice(tuple(ON_THE_WAY))
+        events.append(_event(random, kind, ON_THE_WAY[kind](random), duration_ns))
+    return [Event(BOOT_NS, "gateway", (), 0), *events, *others]
+
+
+def _links_of_clients(random: Random) -> tuple[str, str]:
+    """Draw a direction of a link between a client and the robot."""
+    ends = random.choice((*((name, GATEWAY) for name in CLIENTS), (GATEWAY, "robot")))
+    return ends if random.randrange(2) else (ends[1], ends[0])
+
+
+ON_THE_WAY: Final[dict[str, Callable[[Random], Arguments]]] = {
+    "rough": lambda random: (*_links_of_clients(random), *FAULTS["rough"].draw(random)[2:]),
+    "queue": lambda random: (*_links_of_clients(random), *FAULTS["queue"].draw(random)[2:]),
+    "cut": lambda random: (*_links_of_clients(random), *FAULTS["cut"].draw(random)[2:]),
+    "kill": lambda random: (GATEWAY, random.choice((100, 300, 1000, 2500))),
+    "suspend": lambda random: (random.choice((GATEWAY, *CLIENTS)), span_ms(random)),
+    "clock": lambda random: (GATEWAY, *FAULTS["clock"].draw(random)[1:]),
+    "link": lambda random: (GATEWAY, *FAULTS["link"].draw(random)[1:]),
+}
+"""Faults of the gateway, its clients and their links."""
 
 
 def _link(random: Random, first: str, duration_ns: int) -> list[Event]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from runtime.timing import PERIOD_NS
 from runtime.units import NS_PER_MS
-from verification.simulation.actions import OPERATORS, draw_operate
+from verification.simulation.actions import OPERATORS, draw_client, draw_operate
 from verification.simulation.events import Argument, Event
 from verification.simulation.hosts.attacker import ATTACKS
 from verification.simulation.hosts.network import Impairment
@@ -384,6 +384,12 @@ def apply_operate(simulation: "Simulation", event: Event) -> None:
     simulation.operators[str(name)].do(str(action), tuple(arguments))
 
 
+def apply_client(simulation: "Simulation", event: Event) -> None:
+    """Let a client of the gateway act."""
+    name, action, *arguments = event.arguments
+    simulation.clients[str(name)].do(str(action), tuple(arguments))
+
+
 def draw_crossing(random: Random) -> Arguments:
     """Draw who clears a stop, who presses one meanwhile, and how many ms later."""
     return (*random.sample(OPERATORS[:3], 2), random.choice((1, 3, 10, 20, 40)))
@@ -448,5 +454,7 @@ FAULTS: Final[Mapping[str, EventKind]] = MappingProxyType(
         "link": EventKind(0, draw_link, apply_link),
         "stand": EventKind(0, lambda r: (r.choice((1500, 2500, 4000)),), apply_stand),
         "power cut": EventKind(2, lambda r: (r.choice((100, 500, 2000)),), apply_power_cut),
+        "gateway": EventKind(0, lambda _: (), lambda run, _: run.start_gateway()),
+        "client": EventKind(0, draw_client, apply_client),
     }
 )

@@ -16,12 +16,14 @@ from verification.simulation.defects import with_defect
 from verification.simulation.events import Event, EventScenario
 from verification.simulation.hosts import robot_side
 from verification.simulation.hosts.attacker import OWN_NAME, SimulatedAttacker
+from verification.simulation.hosts.gateway_side import GATEWAY, GatewaySide
 from verification.simulation.hosts.hub import (
     SimulatedHub,
     SimulatedQuery,
     SimulatedSample,
     path_of,
 )
+from verification.simulation.hosts.mavlink_clients import CLIENTS, SimulatedClient
 from verification.simulation.hosts.network import SimulatedNetwork
 from verification.simulation.hosts.operators import RequestHistory, SimulatedOperator
 from verification.simulation.hosts.plant_side import WORLDS, PlantSide
@@ -60,7 +62,7 @@ class Simulation:
         self.hub = SimulatedHub(self.network)
         self.history = RequestHistory()
         self.oracle = Oracle(scheduler, self.history)
-        self._zids = Random(f"zids {scenario.seed}")
+        self._zids = {one: Random(f"{one}zids {scenario.seed}") for one in ("", GATEWAY)}
         world = WORLDS[0] if random.random() < 0.8 else WORLDS[1]
         params = robot_side.robot_params(random.choice(NAVIGATORS))
         start = Pose(world.start.x_m, world.start.y_m, world.start.heading_rad)
@@ -85,6 +87,13 @@ class Simulation:
         }
         for operator in self.operators.values():
             operator.centre = (start.x_m, start.y_m)
+        gateway = GatewaySide(scheduler, GATEWAY, self.history)
+        self.gateway = self.operators[GATEWAY] = gateway
+        self.clients = {
+            name: SimulatedClient(scheduler, self.network, gateway, name, self.history)
+            for name in CLIENTS
+        }
+        gateway.answer, gateway.arrived = self._answer, self.oracle.clients.arrived
         facts = self.oracle.facts
         facts.robot = self.robot
         self.attacker = SimulatedAttacker(
@@ -105,8 +114,8 @@ class Simulation:
     def run(self) -> RunResult:
         """Run to the end of the scenario or to the first violation."""
         scenario, scheduler = self.scenario, self.scheduler
-        draw = Random(f"secrets {scenario.seed}").getrandbits
-        SeededSecrets.draw = lambda bits: draw(bits) or 1
+        draws = {one: Random(f"{one}secrets {scenario.seed}").getrandbits for one in ("", GATEWAY)}
+        SeededSecrets.draw = lambda bits: draws[stream()](bits) or 1
         SessionOpener.open = self._session
         SessionOpener.again, SessionOpener.accepts = self._fresh_session, self._accepts
         self.start_robot()
@@ -149,7 +158,15 @@ class Simulation:
             return self.robot.host
         if name == "plant":
             return self.plant.host
+        if name in self.clients:
+            return self.clients[name].host
         return self.operators[name].host if name in self.operators else self.attacker.host
+
+    def start_gateway(self) -> None:
+        """Start the gateway and its clients."""
+        self.gateway.start()
+        for client in self.clients.values():
+            client.start()
 
     def false_stamp(self) -> None:
         """Note that an operator's frame carries a false time stamp."""
@@ -158,10 +175,15 @@ class Simulation:
     # Observation of the bus.
 
     def _session(self, _network: object) -> SimulatedSession:
-        zid = f"{self._zids.getrandbits(124) + 1:032x}"
+        zid = self._zid()
         session = SimulatedSession(self.hub, zid)
         self._zid_of[session.host.name] = f"open/{zid}"
+        if session.host.name == GATEWAY:
+            self.oracle.clients.operator = f"open/{zid}"
         return session
+
+    def _zid(self) -> str:
+        return f"{self._zids[stream()].getrandbits(124) + 1:032x}"
 
     def _accepts(self) -> bool:
         """Return whether the robot accepts a connection of the running host."""
@@ -173,13 +195,19 @@ class Simulation:
         """Open a fresh session of an operator, which keeps its identity."""
         if self.handshakes_fail or not self._accepts():
             raise zenoh.ZError("Unable to connect")
-        return SimulatedSession(self.hub, f"{self._zids.getrandbits(124) + 1:032x}")
+        return SimulatedSession(self.hub, self._zid())
 
     def _tap(self, source: Host, key: str, frame: bytes, note: bytes | None, asked: bool) -> None:
         if source is not self.attacker.host:
             self.attacker.capture(key, frame, note, asked=asked)
         if not asked:
             self.oracle.put(source, path_of(key), frame)
+
+    def _answer(self, gateway: Host, peer: str, data: bytes) -> None:
+        """Carry a frame of the gateway to a client."""
+        if peer in self.clients:
+            client = self.clients[peer]
+            self.network.send(gateway, client.host, "mavlink", client.receive, data)
 
     def _arrived(self, sample: SimulatedSample) -> None:
         """Pass on a frame that an operator sent under its own name and that reached the robot."""
@@ -195,14 +223,22 @@ class Simulation:
 
     def _judge(self) -> None:
         hosts = [operator.host for operator in self.operators.values()]
+        hosts += [client.host for client in self.clients.values()]
         self.oracle.judge_ended([self.robot.host, self.plant.host, self.attacker.host, *hosts])
 
     def _close(self) -> None:
         """End all processes abruptly."""
         for operator in self.operators.values():
             operator.kill()
+        for client in self.clients.values():
+            client.host.kill()
         self.robot.kill()
         self.plant.kill()
+
+
+def stream() -> str:
+    """Return the stream of random numbers of the running host: the gateway has one of its own."""
+    return GATEWAY if current_host().name == GATEWAY else ""
 
 
 def run(scenario: EventScenario, defect: str = "") -> RunResult:

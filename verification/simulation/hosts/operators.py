@@ -203,8 +203,12 @@ class SimulatedOperator:
         return ok
 
     def order(self, link: Link, verb: str) -> bool:
-        """Send the command of a verb."""
-        return self.command(link, verb, ORDERS[verb]().request(link))
+        """Send the command of a verb; a clear is not sent if no status shows a stop."""
+        try:
+            request = ORDERS[verb]().request(link)
+        except RemoteError:
+            return False
+        return self.command(link, verb, request)
 
     def mode(self, link: Link, name: str) -> bool:
         """Change the mode."""

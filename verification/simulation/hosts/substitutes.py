@@ -20,7 +20,9 @@ from verification.simulation.hosts.disk import SimulatedOs
 from verification.simulation.hosts.scheduler import current_host
 from verification.simulation.hosts.threads import (
     SimulatedClock,
+    SimulatedPool,
     SimulatedQueue,
+    SimulatedSelectors,
     SimulatedThread,
     SimulatedThreading,
     SimulatedTime,
@@ -69,6 +71,14 @@ class SessionOpener:
     def probed(_endpoint: str) -> Hub:
         """Return whether the robot accepts a connection of this host."""
         return Hub.HANGS if SessionOpener.accepts() else Hub.UNREACHABLE
+
+
+def idle() -> float:
+    """Return that the machine is idle: its load is none of the simulation's."""
+    return 1.0
+
+
+PATIENCE: Final = partial(Patience, now_ns=TIME.monotonic_ns, slowdown=idle)
 
 
 def simulated_pulse() -> Pulse:
@@ -132,6 +142,8 @@ BLOCKS: Final = (
     "runtime.arrivals",
     "ground.client.emergency_stop",
     "ground.client.requests",
+    "ground.gateway.bus_port",
+    "ground.gateway.gateway",
     "ground.station.robot.background_requests",
     "ground.station.station",
     "ground.station.reader",
@@ -149,6 +161,7 @@ SPECIAL: Final[tuple[tuple[str, str, object], ...]] = (
     ("protocol.bus.bus", "redialled", SessionOpener.redialled),
     ("protocol.bus.bus", "fetching_subscriber", plain_subscriber),
     ("protocol.bus.publisher", "caching_publisher", PlainPublisher),
+    ("protocol.bus.lasting_session", "slowdown", idle),
     ("robot.run", "WallClock", SimulatedClock),
     ("robot.run", "Pulse", simulated_pulse),
     ("robot.run", "time", TIME.time),
@@ -156,12 +169,11 @@ SPECIAL: Final[tuple[tuple[str, str, object], ...]] = (
     ("robot.run", "Rehearsal", lambda _params: None),
     ("robot.run", "on_signal", no_signal),
     ("ground.client.link", "Pulse", simulated_pulse),
+    ("ground.gateway.bus_port", "ThreadPoolExecutor", SimulatedPool),
+    ("ground.gateway.gateway", "selectors", SimulatedSelectors),
     ("ground.client.stop_ways", "ways_of", lambda _bus, _robot: NO_WAYS),
-    (
-        "plant.process.loop",
-        "Patience",
-        partial(Patience, now_ns=TIME.monotonic_ns, slowdown=lambda: 1.0),
-    ),
+    ("plant.process.loop", "Patience", PATIENCE),
+    ("protocol.bus.publisher", "Patience", PATIENCE),
     ("runtime.atomic_file", "os", SimulatedOs),
     ("runtime.regular_file", "os", SimulatedOs),
     ("runtime.atomic_file", "Path", lambda path: path),

@@ -111,6 +111,25 @@ STANDSTILL_NS: Final = 12_000 * NS_PER_MS
 CALM_NS: Final = 3_000 * NS_PER_MS
 """After this time without a fault, all late and retained frames are gone."""
 
+CLIENT_REPEAT_NS: Final = 200 * NS_PER_MS
+"""A client of the gateway repeats its emergency stop at this interval."""
+
+CLIENT_SILENT_NS: Final = 3_500 * NS_PER_MS
+"""After this silence of the client in control, the gateway sends no operator's heartbeat."""
+
+CLIENT_STEERED_NS: Final = 1_000 * NS_PER_MS + 20 * NS_PER_MS
+"""Speeds of a client are valid for a second, and the gateway works in rounds of 20 ms."""
+
+CLIENT_ASKED_NS: Final = 15_000 * NS_PER_MS
+"""Time from a client's frame to the robot's answer: on a bad network up to three requests follow it
+(the lease, the clear and the arming), each of which waits 3 s and is sent for 1.5 s."""
+
+CLIENT_ACKNOWLEDGED_NS: Final = (
+    ACKNOWLEDGED_AMONG_OTHERS_NS + ACKNOWLEDGED_NS + CLIENT_REPEAT_NS + LINK_NS
+)
+"""Time from the press of a client's emergency stop until it sees the acknowledgement: each frame is
+a stop of its own, and the gateway waits for the acknowledgement of one after another."""
+
 OPERATOR_LOST_NS: Final = 1_500 * NS_PER_MS
 """Longest silence of an operator; an operator may only shorten it."""
 
@@ -118,6 +137,16 @@ OPERATOR_LOST_NS: Final = 1_500 * NS_PER_MS
 def operator_lost_ns(op_lost_ms: float) -> float:
     """Return the time after which an operator is lost, by the parameter in force."""
     return min(OPERATOR_LOST_NS, op_lost_ms * NS_PER_MS)
+
+
+def stop_ns(operator: str, *, is_heard: bool) -> int:
+    """Return the limit of a stop; a client's passes one more link, and perhaps with a later copy.
+
+    `is_heard`: nothing was in the way when it was pressed.
+    """
+    if not operator.startswith("client"):
+        return STOP_NS
+    return STOP_NS + LINK_NS + (0 if is_heard else CLIENT_REPEAT_NS)
 
 
 def is_free(request: Message) -> bool:

@@ -17,9 +17,11 @@ from robot.core import states
 from robot.core.machine import Machine
 from robot.vehicle import Answer, Vehicle
 from runtime.clock import Tick
+from verification.simulation.hosts.gateway_side import GATEWAY
 from verification.simulation.hosts.operators import RequestHistory
 from verification.simulation.hosts.robot_side import RobotSide
 from verification.simulation.hosts.scheduler import Host, Scheduler
+from verification.simulation.invariants.clients import ClientInvariants
 from verification.simulation.invariants.commanding import CommandingInvariants
 from verification.simulation.invariants.persistence import PersistenceInvariants
 from verification.simulation.invariants.requests import RequestInvariants
@@ -47,6 +49,7 @@ class Oracle:
         self.keeping = PersistenceInvariants(self.facts)
         self.onboard = LoopInvariants(self.facts, self.requests)
         self.stops = StopInvariants(self.facts)
+        self.clients = ClientInvariants(self.facts)
         self.digest = blake2b(digest_size=16)
         self._reached: set[str] = set()
 
@@ -54,6 +57,8 @@ class Oracle:
 
     def put(self, source: Host, path: str, frame: bytes) -> None:
         """Record a frame that leaves a host."""
+        if source.name == GATEWAY:
+            self.clients.put(path, frame)
         if path == "drive/wheels":
             if source.name == "robot":
                 self.motion.command(frame)
@@ -108,6 +113,7 @@ class Oracle:
         self.requests.received(vehicle, request, answer, operator)
         self.keeping.received(vehicle, request)
         self.stops.received(vehicle, request, answer, operator)
+        self.clients.received(request, answer, operator)
 
     def cycled(self, side: RobotSide, tick: Tick) -> None:
         """Check after each tick of the robot."""
@@ -120,6 +126,7 @@ class Oracle:
         self.presence.cycled(vehicle)
         self.keeping.cycled(vehicle)
         self.stops.cycled(vehicle)
+        self.clients.cycled(vehicle)
 
     def _reach(self, machine: Machine) -> None:
         """Count each vehicle state and each failsafe once per run."""

@@ -125,6 +125,8 @@ class StopInvariants:
 
     def _limit_ns(self, asked: OperatorRequest) -> int:
         """Return the limit; an operator among others that stop sees a lasting stop instead."""
+        if asked.operator.startswith("client"):
+            return limits.CLIENT_ACKNOWLEDGED_NS
         others = [ns for name, ns in self._stop_ns.items() if name != asked.operator]
         is_alone = max(others, default=NEVER) < asked.asked_ns - limits.PERIOD_NS
         return limits.ACKNOWLEDGED_NS if is_alone else limits.ACKNOWLEDGED_AMONG_OTHERS_NS

@@ -171,7 +171,8 @@ class WheelInvariants:
         since_ns = max(facts.sound_since_ns, facts.armed_ns)
         for asked in facts.history.pressed:
             took_ns = now_ns - max(asked.asked_ns, since_ns)
-            if asked.ended_ns is None and took_ns > limits.STOP_NS:
+            limit_ns = limits.stop_ns(asked.operator, is_heard=since_ns < asked.asked_ns)
+            if asked.ended_ns is None and took_ns > limit_ns:
                 facts.fail(
                     "stop takes effect in time",
                     f"wheels turn {took_ns // NS_PER_MS} ms after a stop was pressed",
