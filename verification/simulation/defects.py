@@ -306,6 +306,32 @@ def _unwritten_stop() -> Patches:
     return {"robot.storage.kept_stop.KeptStop.keep": lambda self, *, stopped: None}
 
 
+def _shared_control() -> Patches:
+    """Let every client command under the lease of the one in control."""
+    return {
+        "ground.gateway.control.OperatorControl.holds": lambda self, _sender: self.owner is not None
+    }
+
+
+def _stop_in_the_queue() -> Patches:
+    """Let an emergency stop wait behind the other requests to the robot."""
+    port = import_module("ground.gateway.bus_port")
+
+    def stop(self: Any, done: Any) -> None:
+        def job() -> Any:
+            return port.Stopped(self._new_stop().run(), self.name)
+
+        self._request(job, done, is_tried=True, expires=False)
+
+    return {"ground.gateway.bus_port.BusPort.stop": stop}
+
+
+def _strangers_command() -> Patches:
+    """Take unsigned frames from other machines as well."""
+    rights = import_module("ground.gateway.signing.policy").Rights.COMMAND
+    return {"ground.gateway.signing.guard.rights_of": lambda *_, is_loopback: rights}
+
+
 DEFECTS: Final[dict[str, Defect]] = {
     "A1": Defect("an answer is found by its id alone, for stops too", _swallowed_stop),
     "A2": Defect("emergency stops wait in a queue", _queue_of_stops),
@@ -330,6 +356,13 @@ DEFECTS: Final[dict[str, Defect]] = {
     "d6": Defect("a circle fence is 1 m too wide", _wide_circle),
     "ids": Defect("a session whose id is taken is never replaced", _no_fresh_session),
     "kept": Defect("the kept stop is not looked for at the start", _forgotten_stop),
+    "g1": Defect("the gateway obeys every client once one is in control", _shared_control),
+    "g2": Defect("a stop waits in the gateway behind other requests", _stop_in_the_queue),
+    "g3": Defect(
+        "a client in control is never too silent",
+        lambda: {"ground.gateway.control.SILENCE_NS": 1 << 62},
+    ),
+    "g4": Defect("the gateway obeys unsigned frames of other machines", _strangers_command),
     "unkept": Defect("the stop is not written to the disk", _unwritten_stop),
 }
 
