@@ -6,6 +6,7 @@ is answered with what the loop has made of it, at its next repetition.
 
 import selectors
 import socket
+import sys
 import time
 from collections import OrderedDict
 from collections.abc import Callable
@@ -13,8 +14,20 @@ from contextlib import suppress
 from threading import Event, Thread
 from typing import Any, Final, Protocol, Self
 
+from protocol.bus.door import (
+    DROP,
+    IF_EQUAL,
+    LOAD_SIZE,
+    LOAD_WORD,
+    PASS,
+    RETURN,
+    SO_ATTACH_FILTER,
+    Step,
+    attach,
+)
 from protocol.bus.network import Network
 from protocol.stop_datagram import (
+    PRESS,
     PRESS_BYTES,
     Press,
     StopJudge,
@@ -29,6 +42,10 @@ BURST: Final = 64
 PAUSE_S: Final = 0.005
 """After a burst the thread pauses, so that a flood costs the loop little of the interpreter."""
 
+RECEIVE_BYTES: Final = 1 << 20
+"""Room for a burst, of which the system permits a part: the thread reads on only after a pause."""
+
+UDP_HEADER_BYTES: Final = 8
 MOST_PRESSES: Final = 1024
 NOT_BEFORE: Final = (0, -1e9)
 OLD_S: Final = 1.0
@@ -37,6 +54,21 @@ OLD_S: Final = 1.0
 WAIT_S: Final = 0.2
 QUIET_S: Final = 10.0
 """Least time between two reports about copies of old stops."""
+
+
+def press_steps() -> list[Step]:
+    """Return the filter by which the kernel passes only what looks like a press.
+
+    Other datagrams take neither room in the receive buffer nor time of the interpreter.
+    """
+    return [
+        Step(LOAD_SIZE, 0),
+        Step(IF_EQUAL, UDP_HEADER_BYTES + PRESS_BYTES, 0, 3),
+        Step(LOAD_WORD, UDP_HEADER_BYTES),
+        Step(IF_EQUAL, int.from_bytes(PRESS, "big"), 0, 1),
+        Step(RETURN, PASS),
+        Step(RETURN, DROP),
+    ]
 
 
 class Stoppable(Protocol):
@@ -118,6 +150,9 @@ class StopListener:
             return False
         try:
             opened.setblocking(False)
+            with suppress(OSError):
+                opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BYTES)
+            self._filter(opened, f"{host}:{port}")
             opened.bind(address)
         except OSError as error:
             opened.close()
@@ -125,6 +160,18 @@ class StopListener:
             return False
         self._selector.register(opened, selectors.EVENT_READ)
         return True
+
+    def _filter(self, opened: socket.socket, place: str) -> None:
+        try:
+            if sys.platform != "linux":
+                raise OSError("this system has no packet filter for sockets")
+            attach(opened, press_steps(), SO_ATTACH_FILTER)
+        except OSError as error:
+            why = error.strerror or error
+            self._log(
+                f"stop datagrams are received at {place} without a filter ({why}): a flood of "
+                "other datagrams can keep them out"
+            )
 
     def _run(self) -> None:
         while not self._closing.is_set():

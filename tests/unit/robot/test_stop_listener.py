@@ -5,14 +5,22 @@ import socket
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from threading import Event
 
 import pytest
 
 from ground.client.stop_datagrams import StopDatagrams
 from protocol.bus.network import Network, Tls
-from protocol.stop_datagram import OPEN_SECRET, Press, sealed_press, stopped_by
+from protocol.stop_datagram import (
+    OPEN_SECRET,
+    PRESS,
+    PRESS_BYTES,
+    Press,
+    sealed_press,
+    stopped_by,
+)
 from robot.stop_listener import OLD_S, StopListener
-from tests.support.until import until
+from tests.support.until import PATIENCE_S, until
 
 LOCAL = "127.0.0.1"
 
@@ -193,6 +201,50 @@ def test_a_press_is_received_behind_a_flood_of_noise() -> None:
             return bool(stage.robot.pressed)
 
         until(pressed)
+
+
+def test_other_datagrams_take_no_room_from_a_press() -> None:
+    """A flood is faster than the thread reads: what it sends must not fill the receive buffer."""
+    with listening() as stage, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        if stage.lines:
+            pytest.skip(stage.lines[0])  # this system permits no filter
+        held, entered = Event(), Event()
+        noted = stage.robot.press
+
+        def press(operator: str, request_id: int) -> int:
+            entered.set()
+            held.wait()
+            return noted(operator, request_id)
+
+        stage.robot.press = press  # type: ignore[method-assign]
+        try:
+            place = LOCAL, stage.port
+            sender.sendto(sealed_press(OPEN_SECRET, "r1", Press("open", 1, 1)), place)
+            assert entered.wait(PATIENCE_S)
+            for noise in (b"x" * PRESS_BYTES, PRESS, PRESS.ljust(PRESS_BYTES + 1), b""):
+                for _ in range(5000):
+                    sender.sendto(noise, place)
+            sender.sendto(sealed_press(OPEN_SECRET, "r1", Press("open", 2, 2)), place)
+        finally:
+            held.set()
+        until(lambda: ("open", 2) in stage.robot.pressed)
+
+
+def test_a_system_without_filters_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    for stand_in in (refused, None):
+        if stand_in is None:
+            monkeypatch.setattr("robot.stop_listener.sys.platform", "other")
+        else:
+            monkeypatch.setattr("robot.stop_listener.attach", stand_in)
+        with listening() as stage, StopDatagrams(stage.network, "r1", None) as sender:
+            (line,) = stage.lines
+            assert "without a filter" in line
+            sender.press(17)
+            until(lambda: stage.robot.pressed)
+
+
+def refused(*_: object) -> None:
+    raise PermissionError(1, "Operation not permitted")
 
 
 def test_what_keeps_it_from_receiving_is_told(tmp_path: Path) -> None:
