@@ -4,6 +4,7 @@ It needs neither the bus nor the loop: a stop sets the latch, which the loop rea
 is answered with what the loop has made of it, at its next repetition.
 """
 
+import errno
 import selectors
 import socket
 import sys
@@ -46,6 +47,7 @@ RECEIVE_BYTES: Final = 1 << 20
 """Room for a burst, of which the system permits a part: the thread reads on only after a pause."""
 
 UDP_HEADER_BYTES: Final = 8
+LACKING: Final = (errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT)
 MOST_PRESSES: Final = 1024
 NOT_BEFORE: Final = (0, -1e9)
 OLD_S: Final = 1.0
@@ -142,24 +144,36 @@ class StopListener:
         self._selector.close()
 
     def _bind(self, host: str, port: int) -> bool:
+        """Receive at all addresses of a place; return whether there is one."""
         try:
-            family, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
-            opened = socket.socket(family, socket.SOCK_DGRAM)
+            found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
         except (OSError, UnicodeError) as error:
             self._log(f"stop datagrams are not received at {host}:{port}: {error}")
             return False
+        failures = [self._bind_one(family, address, port) for family, *_, address in found]
+        is_bound = None in failures
+        for failure in failures:  # a name may have an address of a kind that this system lacks
+            if failure is not None and not (is_bound and failure.errno in LACKING):
+                self._log(f"stop datagrams are not received at {host}:{port}: {failure.strerror}")
+        return is_bound
+
+    def _bind_one(self, family: int, address: Any, port: int) -> OSError | None:
+        """Receive at one address; return why not, or None."""
+        try:
+            opened = socket.socket(family, socket.SOCK_DGRAM)
+        except OSError as error:
+            return error
         try:
             opened.setblocking(False)
             with suppress(OSError):
                 opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BYTES)
-            self._filter(opened, f"{host}:{port}")
             opened.bind(address)
+            self._filter(opened, f"{address[0]}:{port}")
         except OSError as error:
             opened.close()
-            self._log(f"stop datagrams are not received at {host}:{port}: {error.strerror}")
-            return False
+            return error
         self._selector.register(opened, selectors.EVENT_READ)
-        return True
+        return None
 
     def _filter(self, opened: socket.socket, place: str) -> None:
         try:

@@ -244,15 +244,21 @@ class EmergencyStop:
 
     def _outcome(self, *, acknowledged: bool) -> StopOutcome:
         took_ns = self._clock.now_ns() - self._pressed_ns
-        why = "" if acknowledged else self.why or "no answer"
+        why = "" if acknowledged else self._cause() or "no answer"
         return StopOutcome(acknowledged, took_ns, self.tries, why, self._way)
+
+    def _cause(self) -> str:
+        """Return what is known of why there is no acknowledgement yet."""
+        datagrams = f"no stop datagram: {self._ways.why}" if self._ways.why else ""
+        return "; ".join(words for words in (self.why, datagrams) if words)
 
     # Texts for people.
 
     def words(self, now_ns: int) -> str:
         """Describe the state while there is no acknowledgement."""
         seconds = (now_ns - self._pressed_ns) / NS_PER_S
-        cause = f": {self.why}" if self.why else ""
+        why = self._cause()
+        cause = f": {why}" if why else ""
         return f"E-STOP of {self.robot} not acknowledged for {seconds:.1f} s, repeating{cause}"
 
     def due(self, now_ns: int) -> str:

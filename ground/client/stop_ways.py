@@ -31,6 +31,7 @@ from runtime.atomic_file import make_folder
 from runtime.errors import RemoteError, UserError
 from runtime.units import NS_PER_S
 
+NEW_SESSION: Final = "by a new session"
 FRESH: Final = "stop of its own"
 """Name of the threads that the interpreter waits for at its end."""
 
@@ -92,6 +93,11 @@ class SideWays:
             elif self._repeated == request_id:
                 self._datagrams.press(request_id)
 
+    @property
+    def others_why(self) -> str:
+        """Why no other program on this computer is asked; empty if each is."""
+        return self._others.why
+
     def ask_others(self, request_id: int) -> None:
         """Let the programs on this machine that have an open session send the stop."""
         self._others.press(request_id)
@@ -111,7 +117,7 @@ class SideWays:
         if self._datagrams.has_stopped(request_id):
             return "by datagram"
         if self._fresh is not None and self._fresh.has_stopped(request_id):
-            return "by a new session"
+            return NEW_SESSION
         return self._others.stopped_by(request_id)
 
     def end_session(self) -> None:
@@ -219,6 +225,19 @@ def stem_of(common: Common) -> str:
     return sha256(words.encode()).hexdigest()[:16]
 
 
+def distrust(folder: Path) -> str:
+    """Return why the sockets in a folder may be those of another user; empty if they are not.
+
+    What answers there is believed when it says that a robot has stopped.
+    """
+    found = folder.lstat()
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid():
+        return f"{folder} is not a folder of this user: remove it"
+    if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        return f"others may write to {folder}: `chmod 700` it, after removing what is in it"
+    return ""
+
+
 @contextmanager
 def near(folder: Path) -> Iterator[str]:
     """Yield a short path to a folder: that of a local socket has at most 107 bytes."""
@@ -234,6 +253,7 @@ class OpenSessions:
     """Asks every program on this machine that is linked to the same bus to stop a robot."""
 
     def __init__(self, common: Common) -> None:
+        self.why = ""
         self._stem, self._robot = stem_of(common), common.robot
         self._stopped: dict[int, str] = {}
         self._lock = Lock()
@@ -242,7 +262,13 @@ class OpenSessions:
     def press(self, request_id: int) -> None:
         """Ask each, in a thread of its own; a socket whose program has ended is removed."""
         folder = socket_folder()
-        for path in sorted(folder.glob(f"{self._stem}.*{ENDING}")) if folder.is_dir() else ():
+        try:
+            self.why = distrust(folder)
+        except FileNotFoundError:
+            return  # no program has made it
+        except OSError as error:
+            self.why = str(error)
+        for path in () if self.why else sorted(folder.glob(f"{self._stem}.*{ENDING}")):
             Thread(target=self._ask, args=(path, request_id), daemon=True).start()
 
     def stopped_by(self, request_id: int) -> str:
@@ -303,8 +329,11 @@ class StopServer:
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             folder = socket_folder()
-            make_folder(folder)
-            folder.chmod(stat.S_IRWXU)
+            make_folder(folder.parent)
+            with suppress(FileExistsError):
+                folder.mkdir(stat.S_IRWXU)
+            if why := distrust(folder):
+                raise UserError(why)
             path = folder / f"{stem_of(link.common)}.{os.getpid()}{ENDING}"
             draft = path.with_suffix(".part")
             draft.unlink(missing_ok=True)

@@ -295,12 +295,15 @@ class StopNow:
                 return is_met() or (has_tried and (session is None or session.is_over))
 
             outcome = stop.run(is_over, LONGEST_NS)
+            if outcome.way == stop_ways.NEW_SESSION:
+                outcome = outcome._replace(way="")  # the one that any other verb opens, too
             if outcome.acknowledged or session is None:
                 return Stopped(outcome, common.robot)
             if session.error is None:
                 return Stopped(session.outcome or outcome, common.robot)
+            others = f"; {ways.others_why}" if ways.others_why else ""
             datagrams = f"a stop datagram was sent too: {ways.why or 'no answer'}"
-            raise UnansweredError(f"{session.error}; {datagrams}") from session.error
+            raise UnansweredError(f"{session.error}; {datagrams}{others}") from session.error
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,7 @@
 """Each further way of a stop is sufficient alone, beside a session that reaches nobody."""
 
 import json
+import os
 import socket
 import stat
 from collections.abc import Iterator
@@ -98,6 +99,42 @@ def test_the_socket_of_a_killed_program_is_removed(common: Common) -> None:
         ways.ask_others(5)
         until(lambda: not path.exists())
         assert ways.stopped_by(5) == ""
+
+
+@pytest.mark.parametrize("how", ["others may write", "another user", "no folder"])
+def test_a_folder_that_others_can_write_to_is_not_believed(
+    how: str, common: Common, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A false program there could say that the robot has stopped."""
+    folder = socket_folder()
+    folder.mkdir(parents=True, mode=0o700)
+    if how == "others may write":
+        folder.chmod(0o770)
+    elif how == "another user":
+        monkeypatch.setattr("ground.client.stop_ways.os.geteuid", lambda: os.getuid() + 1)
+    else:
+        folder.rename(folder.with_name("elsewhere"))
+        folder.symlink_to("elsewhere")
+    fake = folder / f"{stem_of(common)}.1.sock"
+    with socket.socket(socket.AF_UNIX) as listener, near(folder) as short:
+        listener.bind(f"{short}/{fake.name}")
+        listener.listen()
+        listener.settimeout(0.2)
+        with closing(SideWays(common, None)) as ways:
+            ways.ask_others(5)
+            assert str(folder) in ways.others_why
+            with pytest.raises(TimeoutError):
+                listener.accept()
+    with open_link(common) as link, StopServer(link) as server:
+        assert str(folder) in server.why
+
+
+def test_a_stop_by_its_own_session_is_not_called_by_a_new_one(
+    robot: PlayedRobot, common: Common
+) -> None:
+    stopped = StopNow(timeout_s=50.0).perform_alone(common)
+    assert stopped.ok
+    assert "by a new session" not in stopped.text
 
 
 @pytest.mark.parametrize(

@@ -247,6 +247,27 @@ def refused(*_: object) -> None:
     raise PermissionError(1, "Operation not permitted")
 
 
+def test_all_addresses_of_a_name_are_received_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    port, lines, robot = free_port(), list[str](), Stopping()
+    lacking = "192.0.2.1"  # no interface has it
+
+    def look_up(host: str, port: int, **_: object) -> list[tuple[object, ...]]:
+        datagrams = socket.AF_INET, socket.SOCK_DGRAM, 17, ""
+        return [(*datagrams, (one, port)) for one in (LOCAL, "127.0.0.2", lacking)]
+
+    monkeypatch.setattr("robot.stop_listener.socket.getaddrinfo", look_up)
+    endpoints = (f"tcp/robot.example:{port}",)
+    with StopListener(Network(), "r1", endpoints, robot, lines.append) as listener:
+        assert listener.places == [("robot.example", port)]
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            for number, where in enumerate((LOCAL, "127.0.0.2"), 1):
+                packet = sealed_press(OPEN_SECRET, "r1", Press("open", number, number))
+                sender.sendto(packet, (where, port))
+                until(lambda: ("open", len(robot.pressed)) in robot.pressed)
+                assert len(robot.pressed) == number
+    assert lines == [], "a kind of address that this system lacks is no fault"
+
+
 def test_what_keeps_it_from_receiving_is_told(tmp_path: Path) -> None:
     with listening() as stage:
         lines: list[str] = []

@@ -6,6 +6,7 @@ from ground.client.emergency_stop import (
     HELD_NS,
     Acknowledgement,
     EmergencyStop,
+    NoWays,
     StopOutcome,
     outcome_words,
 )
@@ -51,6 +52,21 @@ class Pressing:
     @property
     def ids(self) -> set[int]:
         return {one.request_id for one in self.publisher.said if isinstance(one, CommandRequest)}
+
+
+class Unable(NoWays):
+    """Ways that cannot send a datagram."""
+
+    why = "the name robot.example does not resolve"
+
+
+def test_the_end_and_the_warnings_tell_why_no_datagram_was_sent() -> None:
+    clock = ManualClock()
+    stop = EmergencyStop(None, None, "r1", clock, lambda: None, Unable())
+    words = "no stop datagram: the name robot.example does not resolve"
+    assert words in stop.words(clock.now_ns())
+    outcome = stop.run(give_up_ns=0)
+    assert words in outcome_words(outcome, "r1")
 
 
 def test_stop_latency_counts_from_the_key_to_the_status() -> None:
