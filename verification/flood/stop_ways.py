@@ -38,6 +38,7 @@ from protocol.bus.session import configured
 from protocol.topics import CYCLE, STATUS, Role
 from protocol.wire.codec import decode
 from protocol.wire.messages import CycleReport
+from runtime.errors import LocalError
 from verification.flood.attack import Access, Attack
 from verification.flood.main import (
     FRESH_AT_MOST_MS,
@@ -72,6 +73,7 @@ SIZE: Final = (100, 30)
 READY: Final = "read: ready"
 ACKNOWLEDGED: Final = ("acknowledged by", "acknowledged in")
 PATIENCE_S: Final = 30.0
+FAILURES: Final = (RuntimeError, LocalError)
 WAITS_S: Final = 1.0
 """Longest wait between the loss of the session and the key; then its owner opens a fresh one."""
 
@@ -100,7 +102,10 @@ def measure(options: argparse.Namespace) -> Report:
             print(f"{name} ...", file=sys.stderr, flush=True)
             with TemporaryDirectory(dir=folder) as place:
                 row = run(options, Path(place), keys if door == LOCKED else None, link, way)
-            figures += figures_of(name, way, options.presses, row)
+            found = list(figures_of(name, way, options.presses, row))
+            met = "met" if all(one.met is not False for one in found) else "MISSED"
+            print(f"  {len(row.presses)} presses: {met}", file=sys.stderr, flush=True)
+            figures += found
             notes += notes_of(name, row)
     return Report(benchmark="stop_ways", figures=tuple(figures), notes=tuple(notes))
 
@@ -226,48 +231,76 @@ class Scene:
 
 
 def run(options: argparse.Namespace, folder: Path, keys: Path | None, link: str, way: str) -> Row:
-    """Press the stop repeatedly by one way; return what was seen."""
+    """Press the stop repeatedly by one way; return what was seen, also of a row that failed."""
     row = Row()
-    with ExitStack() as scope:
-        router = scope.enter_context(Router(keys))
-        dials = ("--connect", router.endpoint)
-        observer = scope.enter_context(
-            observed(options.world, *dials, keys=keys, operator=OPERATOR)
-        )
+    try:
+        with (
+            driving(options, folder, keys) as scene,
+            pressing(scene, row, link, way) as press,
+            under_attack(scene, row, patterns=keys is not None and link == ATTACKED),
+        ):
+            scene.operator.set_off()
+            scene.observer.bus.stream(CYCLE, row.note, scene.observer.robot)
+            until(lambda: row.reports, "cycle reports")
+            press_all(scene, row, press, options.presses)
+            row.killed, row.stopped = scene.router.killed, scene.operator.stopped
+    except FAILURES as error:
+        row.repeat(str(error))
+    return row
+
+
+@contextmanager
+def driving(options: argparse.Namespace, folder: Path, keys: Path | None) -> Iterator[Scene]:
+    """Run a robot behind a router, and an operator that has its lease."""
+    with (
+        Router(keys) as router,
+        observed(
+            options.world, "--connect", router.endpoint, keys=keys, operator=OPERATOR
+        ) as observer,
+    ):
         operator = DrivingOperator(observer)
-        random = Random(options.seed)
-        scene = Scene(
-            observer=observer, operator=operator, router=router, folder=folder, random=random
-        )
-        Path(scene.file).write_text(
-            configuration(keys, observer.robot, observer.endpoint), encoding="utf-8"
-        )
         operator.take_lease()
-        press = scope.enter_context(pressing(scene, row, link, way))
+        scene = Scene(
+            observer=observer,
+            operator=operator,
+            router=router,
+            folder=folder,
+            random=Random(options.seed),
+        )
+        text = configuration(keys, observer.robot, observer.endpoint)
+        Path(scene.file).write_text(text, encoding="utf-8")
+        yield scene
+
+
+@contextmanager
+def under_attack(scene: Scene, row: Row, *, patterns: bool) -> Iterator[None]:
+    """Let strangers call at robot and router, and viewers declare hostile patterns there."""
+    endpoints = (scene.router.endpoint, scene.observer.endpoint)
+    with ExitStack() as scope:
         strangers = [
             scope.enter_context(Strangers(endpoint, kind, RATES_HZ[kind], SOURCE))
-            for endpoint in (router.endpoint, observer.endpoint)
+            for endpoint in endpoints
             for kind in STRANGERS
         ]
-        for endpoint in (router.endpoint, observer.endpoint) if keys and link == ATTACKED else ():
-            scope.enter_context(Attack(PATTERNS, Access(endpoint, keys, VIEWER))).go()
-        operator.set_off()
-        observer.bus.stream(CYCLE, row.note, observer.robot)
-        until(lambda: row.reports, "cycle reports")
-        while len(row.presses) < options.presses and len(row.repeated) <= options.presses:
-            try:
-                operator.set_off()
-                times = press((BEFORE, DURING, NEVER)[len(row.presses) % 3])
-            except RuntimeError as error:  # no press yet, such as at a robot stuck at a tree
-                row.repeat(str(error))
-                continue
-            if times.stood_ms == 0.0:
-                row.repeat("the robot stood before the press")
-            else:
-                row.presses.append(times)
+        for endpoint in endpoints if patterns else ():
+            scope.enter_context(Attack(PATTERNS, Access(endpoint, scene.keys, VIEWER))).go()
+        yield
         row.called = sum(one.called for one in strangers)
-        row.killed, row.stopped = router.killed, operator.stopped
-    return row
+
+
+def press_all(scene: Scene, row: Row, press: "Press", presses: int) -> None:
+    """Press the stop so often at a robot that drives."""
+    while len(row.presses) < presses and len(row.repeated) <= presses:
+        try:
+            scene.operator.set_off()
+            times = press((BEFORE, DURING, NEVER)[len(row.presses) % 3])
+        except FAILURES as error:  # no press yet, such as at a robot stuck at a tree
+            row.repeat(str(error))
+            continue
+        if times.stood_ms == 0.0:
+            row.repeat("the robot stood before the press")
+        else:
+            row.presses.append(times)
 
 
 def configuration(keys: Path | None, robot: str, endpoint: str) -> str:
