@@ -97,11 +97,11 @@ class CommandRunner:
                 self._station.estop_all()
         self._history.add(line)
         self.last = self._for_a_shell(line)
+        if isinstance(command, ClearEmergencyStop):
+            command = self._of_the_stop_shown(command)
         match command:
             case StopNow() | StopAll():
                 pass
-            case ClearEmergencyStop():
-                self._submit(self._of_the_stop_shown(command), line)
             case ChangeLease(action=LeaseAction.RELEASE):
                 self._station.release_lease()
             case ChangeLease(action=action):
@@ -109,11 +109,8 @@ class CommandRunner:
             case _ if isinstance(command, AppCommand):
                 self._locally(command)
             case _:
-                self._submit(command, line)
-
-    def _submit(self, command: Operation[Outcome], line: str) -> None:
-        job = partial(self._done, command, line, self._station.robot)
-        self._station.submit(line, job, moves=command.moves)
+                job = partial(self._done, command, line, self._station.robot)
+                self._station.submit(line, job, moves=command.moves)
 
     def _of_the_stop_shown(self, command: ClearEmergencyStop) -> ClearEmergencyStop:
         """Return the release of the stop that is on the screen now: another may be pressed soon."""
