@@ -124,6 +124,9 @@ class Robot(Telemetry):
         self._pool = ThreadPoolExecutor(REQUESTS, thread_name_prefix="sidestep")
         self._heartbeat = link.bus.publisher(OPERATOR, link.robot)
         self._stops = link.bus.publisher(STOP, link.robot)
+        self._own_stop: tuple[int | None, int] = None, 0
+        """The newest stop of this program that the robot has acknowledged, and when."""
+
         self._ways = stop_ways.ways_of(link.bus, link.robot)
         self._stopping: set[asyncio.Future[Any]] = set()
         self._lease_lock = asyncio.Lock()
@@ -343,7 +346,10 @@ class Robot(Telemetry):
         repeating = threads.in_own_thread(lambda: stop.run(give_up_ns=give_up_ns), "emergency stop")
         self._stopping.add(repeating)
         repeating.add_done_callback(self._stopping.discard)
-        return Stopped(await asyncio.shield(repeating), self.name)
+        outcome = await asyncio.shield(repeating)
+        if outcome.acknowledged:
+            self._own_stop = stop.request_id, self.clock.now_ns()
+        return Stopped(outcome, self.name)
 
     async def emergency_stop_all(self, *, timeout_s: float = STOP_S) -> AllAnswered:
         """Stop every robot that is present: all are sent the stop before any is awaited.
@@ -359,9 +365,12 @@ class Robot(Telemetry):
         return await asyncio.shield(stopping)
 
     async def clear_emergency_stop(self) -> Answer:
-        """Release the emergency stop that the newest status shows; the robot stays disarmed."""
-        newest = self.streams.latest(STATUS)
-        stop_id = None if newest is None else newest[0].stop_id
+        """Release the emergency stop that was seen last; the robot stays disarmed.
+
+        That is the one in the newest status, or a later one of this program.
+        """
+        newest, (own_id, seen_ns) = self.streams.latest(STATUS), self._own_stop
+        stop_id = own_id if newest is None or newest[1] < seen_ns else newest[0].stop_id
         return await self.perform(ClearEmergencyStop(stop_id=stop_id))
 
     async def arm(self) -> Answer:

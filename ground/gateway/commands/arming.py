@@ -21,10 +21,13 @@ from ground.gateway.vehicle import Vehicle
 from protocol.wire.enums import Severity
 from protocol.wire.enums import Vehicle as VehicleState
 from protocol.wire.reasons import Reason
+from runtime.units import NS_PER_S
 
 PREARM: Final = "PreArm: "
 """The prefix by which clients recognise why a robot cannot be armed."""
 REFUSED: Final = "refused: "
+OWN_NS: Final = NS_PER_S
+"""For so long after a stop of a client, the status may not show it yet."""
 
 
 class ArmingCommands:
@@ -32,6 +35,7 @@ class ArmingCommands:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
+        self._pressed_ns = -OWN_NS
 
     @property
     def table(self) -> CommandTable:
@@ -69,14 +73,19 @@ class ArmingCommands:
         status = self._vehicle.snapshot.status
         is_stopped = status is not None and status.vehicle == VehicleState.EMERGENCY_STOP
         if is_forced and is_stopped:
-            self._vehicle.perform(call.sender, self._clearing(), arm)
+            self._vehicle.perform(call.sender, self._clearing(call), arm)
         else:
             self._vehicle.perform(call.sender, Arm(), ended)
 
-    def _clearing(self) -> ClearEmergencyStop:
-        """Return the release of the newest stop seen now: the request waits for those before."""
+    def _clearing(self, call: Call) -> ClearEmergencyStop:
+        """Return the release of the newest stop seen now: the request waits for those before.
+
+        A stop that a client has just pressed may be acknowledged before the status shows it.
+        """
         status = self._vehicle.snapshot.status
-        return ClearEmergencyStop(stop_id=None if status is None else status.stop_id)
+        if status is None or call.now_ns - self._pressed_ns < OWN_NS:
+            return ClearEmergencyStop()
+        return ClearEmergencyStop(stop_id=status.stop_id)
 
     def _disarm(self, call: Call, reply: Reply, *, is_forced: bool) -> None:
         def ended(answered: Answered) -> None:
@@ -101,9 +110,10 @@ class ArmingCommands:
 
     def _terminate(self, call: Call, reply: Reply) -> None:
         if is_termination(call):
+            self._pressed_ns = call.now_ns
             self._vehicle.port.stop(reply.ended)
         elif call.param1 == 0.0:
-            self._vehicle.perform(call.sender, self._clearing(), reply.ended)
+            self._vehicle.perform(call.sender, self._clearing(call), reply.ended)
         else:
             reply.result(DENIED, "parameter 1 must be 1 to stop or 0 to clear the emergency stop")
 

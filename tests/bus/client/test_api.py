@@ -145,6 +145,28 @@ def test_stop_waits_for_no_request(stage: Stage) -> None:
     assert played.vehicle is Vehicle.EMERGENCY_STOP
 
 
+def test_a_release_names_the_stop_that_this_program_has_seen_last(stage: Stage) -> None:
+    """The robot may acknowledge a stop by datagram before its status arrives."""
+    played, _ = stage
+
+    async def story(robot: sidestep.Robot) -> tuple[int, int]:
+        await robot.emergency_stop()
+        await robot.clear_emergency_stop()
+        robot._own_stop = 77, robot.clock.now_ns() + 60 * 1_000_000_000
+        await robot.clear_emergency_stop()
+        released = {
+            one.request_id: one.stop_id
+            for one in played.asked
+            if isinstance(one, CommandRequest)
+            and one.command == Command.SIDESTEP_CLEAR_EMERGENCY_STOP
+        }
+        first, second = released.values()
+        return first, second
+
+    assert driven(stage, story) == (played.stop_id, 77)
+    assert played.stop_id != 0
+
+
 async def with_robot(stage: Stage, story: Callable[[sidestep.Robot], Awaitable[Any]]) -> Any:
     """Run a story with a robot, without a time limit."""
     async with sidestep.connect(stage[1]) as robot:

@@ -110,6 +110,15 @@ def test_termination_with_zero_clears_the_stop(bench: Bench) -> None:
     assert acks(bench.sent()) == [(STOP, ACCEPTED)]
 
 
+def test_a_client_clears_its_own_stop_before_the_status_shows_it(bench: Bench) -> None:
+    """The robot may acknowledge a stop by datagram before its status arrives."""
+    show(bench, Vehicle.ACTIVE)
+    bench.send(command(STOP, 1))
+    bench.send(command(STOP, 0))
+    bench.port.answer()
+    assert bench.port.performed == [ClearEmergencyStop()], "that of the next status"
+
+
 @pytest.mark.parametrize("value", [nan, -1.0, 0.25])
 def test_termination_with_other_values_is_denied(bench: Bench, value: float) -> None:
     assert acks(bench.send(command(STOP, value))) == [(STOP, DENIED)]
