@@ -70,7 +70,10 @@ BEFORE, DURING, NEVER = "before the key", "about the key", "not"
 
 KEY: Final = " "
 SIZE: Final = (100, 30)
-READY: Final = "read: ready"
+HEARS: Final = "vgm_"
+"""The app shows the navigator as soon as it receives the robot's status. A locked router passes on
+nothing from the plant, so the app never finds all that it looks for."""
+
 ACKNOWLEDGED: Final = ("acknowledged by", "acknowledged in")
 PATIENCE_S: Final = 30.0
 FAILURES: Final = (RuntimeError, LocalError)
@@ -181,7 +184,6 @@ class TakenId:
 
     def __enter__(self) -> "TakenId":
         self._thread.start()
-        until(lambda: self.calls, "a try to take the id")
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -292,7 +294,6 @@ def press_all(scene: Scene, row: Row, press: "Press", presses: int) -> None:
     """Press the stop so often at a robot that drives."""
     while len(row.presses) < presses and len(row.repeated) <= presses:
         try:
-            scene.operator.set_off()
             times = press((BEFORE, DURING, NEVER)[len(row.presses) % 3])
         except FAILURES as error:  # no press yet, such as at a robot stuck at a tree
             row.repeat(str(error))
@@ -340,9 +341,11 @@ def pressing(scene: Scene, row: Row, link: str, way: str) -> Iterator[Press]:
                 zid = operator_beside(scene.observer)
             else:
                 zid = scope.enter_context(idle_session(scene, relay.endpoint))
+            operator.set_off()
             relay.cut()
             relay.redirect(router.endpoint)  # ends the connection, and none is accepted
             taken = scope.enter_context(TakenId(scene.access(), zid))
+            beating(scene, lambda: taken.calls, "a try to take the id")
             relay.restore()
             operator.drive(scene.random.uniform(0.0, WAITS_S))
             if killed == BEFORE:
@@ -358,6 +361,7 @@ def pressing(scene: Scene, row: Row, link: str, way: str) -> Iterator[Press]:
         return times
 
     def unlinked(_killed: str) -> StopTimes:
+        operator.set_off()
         return by_app(app) if way == APP else by_estop()
 
     if link == ATTACKED:
@@ -372,11 +376,11 @@ def pressing(scene: Scene, row: Row, link: str, way: str) -> Iterator[Press]:
 
 @contextmanager
 def app_at(scene: Scene, endpoint: str) -> Iterator[Terminal]:
-    """Run the app until the block ends; it has read all that it needs."""
+    """Run the app until the block ends; it hears the robot."""
     words = ("ground", "--id", scene.observer.robot, "--connect", endpoint, "--config", scene.file)
     environment = {"XDG_STATE_HOME": str(scene.folder)}
     with Terminal((*words, "--no-record", "--quiet-bell"), SIZE, environment) as app:
-        beating(scene, lambda: READY in app.text(), "the app is ready")
+        beating(scene, lambda: HEARS in app.text(), "the app hears the robot")
         yield app
 
 
