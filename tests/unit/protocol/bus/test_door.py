@@ -4,6 +4,7 @@ import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from ipaddress import ip_address
+from types import SimpleNamespace
 
 import pytest
 
@@ -50,6 +51,12 @@ def dial(listener: socket.socket, first: bytes, source: str = "") -> socket.sock
     return one
 
 
+@pytest.fixture
+def stopped_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let no time pass for the door: a share grows with it, and a busy machine is slow."""
+    monkeypatch.setattr(door, "time", SimpleNamespace(monotonic=lambda: 0.0))
+
+
 @each("host", [HERE, "::1"])
 @each("bytes_sent", [b"", b"this is no TLS 123", b"GET / HTTP/1.1\r\n\r\n", b"\x00", b"\x16"])
 def test_only_a_tls_record_completes_a_connection(host: str, bytes_sent: bytes) -> None:
@@ -90,6 +97,7 @@ def test_address_without_a_share_is_not_answered() -> None:
         assert shut.connect_ex(listener.getsockname()) != 0, "it is still connecting"
 
 
+@pytest.mark.usefixtures("stopped_clock")
 def test_too_many_connections_without_a_link_are_reported() -> None:
     with guarded() as (listener, one, said):
         callers = [dial(listener, HELLO, THERE) for _ in range(BURST + 1)]
@@ -124,6 +132,7 @@ def refuse(patch: pytest.MonkeyPatch, *options: int) -> None:
     patch.setattr(door, "attach", attach_or_refuse)
 
 
+@pytest.mark.usefixtures("stopped_clock")
 def test_silence_stays_out_and_shares_are_kept_without_the_privilege(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
