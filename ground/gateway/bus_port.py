@@ -72,8 +72,8 @@ class StopLine:
         self._asking: list[Done] = []
         self._is_repeating = False
 
-    def press(self, done: Done) -> None:
-        """Send a stop at once, whatever else waits, and repeat it."""
+    def press(self, done: Done) -> int:
+        """Send a stop at once, whatever else waits, and repeat it; return its id."""
         stop = self._new()
         stop.press()
         self._newest = stop
@@ -81,6 +81,7 @@ class StopLine:
             self._asking.append(done)
         if not self._is_repeating:
             self._go_on()
+        return stop.request_id
 
     def _go_on(self) -> None:
         """Repeat the newest stop for all that have pressed since the last repetition began."""
@@ -194,9 +195,9 @@ class BusPort:
         takes = action is not LeaseAction.RELEASE
         self._request(ask, done, is_tried=not takes, expires=takes)
 
-    def stop(self, done: Done) -> None:
-        """Send the emergency stop at once, and repeat it in a separate thread."""
-        self._stop_line.press(done)
+    def stop(self, done: Done) -> int:
+        """Send the emergency stop at once, and repeat it in a separate thread; return its id."""
+        return self._stop_line.press(done)
 
     def heartbeat(self) -> None:
         """Send one operator's heartbeat."""

@@ -97,8 +97,11 @@ class RobotPort(Protocol):
     def change_lease(self, action: LeaseAction, name: str, done: Done) -> None:
         """Take, seize or release the lease."""
 
-    def stop(self, done: Done) -> None:
-        """Send the emergency stop before all requests; repeat it until telemetry shows it."""
+    def stop(self, done: Done) -> int:
+        """Send the emergency stop before all requests; repeat it until telemetry shows it.
+
+        Return its id, which a clear names.
+        """
 
     def heartbeat(self) -> None:
         """Send one operator's heartbeat."""

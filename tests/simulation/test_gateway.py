@@ -67,6 +67,19 @@ def test_stop_passes_the_commands_that_wait() -> None:
     assert found.invariant == "stop takes effect in time"
 
 
+def test_clear_that_waits_for_control_releases_no_stop_pressed_meanwhile() -> None:
+    """The client's own stop is so new that the status may not show it yet."""
+    result = run_with(
+        (3000, "client", FIRST, "stop"),
+        (3502, "client", SECOND, "clear", 0),
+        (3510, "client", FIRST, "stop"),
+        seconds=5,
+    )
+    assert result.violation is None
+    assert result.coverage.reached["control by a client"] == 1
+    assert not result.coverage.reached["cleared by a client"]
+
+
 @each("how", ["noise", "torn", "echo", "stranger"])
 def test_forged_frames_do_nothing(how: str) -> None:
     forged = [(2000 + 300 * at, "client", SECOND, "forge", how, at) for at in range(12)]

@@ -317,11 +317,14 @@ def _stop_in_the_queue() -> Patches:
     """Let an emergency stop wait behind the other requests to the robot."""
     port = import_module("ground.gateway.bus_port")
 
-    def stop(self: Any, done: Any) -> None:
+    def stop(self: Any, done: Any) -> int:
+        waiting = self._new_stop()
+
         def job() -> Any:
-            return port.Stopped(self._new_stop().run(), self.name)
+            return port.Stopped(waiting.run(), self.name)
 
         self._request(job, done, is_tried=True, expires=False)
+        return int(waiting.request_id)
 
     return {"ground.gateway.bus_port.BusPort.stop": stop}
 

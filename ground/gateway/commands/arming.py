@@ -35,7 +35,7 @@ class ArmingCommands:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
-        self._pressed_ns = -OWN_NS
+        self._pressed_ns, self._pressed_id = -OWN_NS, 0
 
     @property
     def table(self) -> CommandTable:
@@ -83,9 +83,9 @@ class ArmingCommands:
         A stop that a client has just pressed may be acknowledged before the status shows it.
         """
         status = self._vehicle.snapshot.status
-        if status is None or call.now_ns - self._pressed_ns < OWN_NS:
-            return ClearEmergencyStop()
-        return ClearEmergencyStop(stop_id=status.stop_id)
+        if call.now_ns - self._pressed_ns < OWN_NS:
+            return ClearEmergencyStop(stop_id=self._pressed_id)
+        return ClearEmergencyStop(stop_id=None if status is None else status.stop_id)
 
     def _disarm(self, call: Call, reply: Reply, *, is_forced: bool) -> None:
         def ended(answered: Answered) -> None:
@@ -111,7 +111,7 @@ class ArmingCommands:
     def _terminate(self, call: Call, reply: Reply) -> None:
         if is_termination(call):
             self._pressed_ns = call.now_ns
-            self._vehicle.port.stop(reply.ended)
+            self._pressed_id = self._vehicle.port.stop(reply.ended)
         elif call.param1 == 0.0:
             self._vehicle.perform(call.sender, self._clearing(call), reply.ended)
         else:

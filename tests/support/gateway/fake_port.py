@@ -68,9 +68,10 @@ class FakePort:
         is_refused = bool(self.holder) and action is LeaseAction.TAKE
         done(Answered(Refused(Reason.LEASE_HELD, 1, self.holder) if is_refused else Accepted(1)))
 
-    def stop(self, done: Done) -> None:
-        """Keep the stop."""
+    def stop(self, done: Done) -> int:
+        """Keep the stop; its id is 101, that of the next one 102."""
         self.stops.append(done)
+        return 100 + len(self.stops)
 
     def heartbeat(self) -> None:
         """Count the heartbeat."""

@@ -103,9 +103,10 @@ class SimulatedRobot:
         """Keep the request."""
         self._waiting.append((done, None))
 
-    def stop(self, done: Done) -> None:
+    def stop(self, done: Done) -> int:
         """Keep the request."""
         self._waiting.append((done, None))
+        return len(self._waiting)
 
     def heartbeat(self) -> None:
         """Ignore the heartbeat."""

@@ -116,7 +116,7 @@ def test_a_client_clears_its_own_stop_before_the_status_shows_it(bench: Bench) -
     bench.send(command(STOP, 1))
     bench.send(command(STOP, 0))
     bench.port.answer()
-    assert bench.port.performed == [ClearEmergencyStop()], "that of the next status"
+    assert bench.port.performed == [ClearEmergencyStop(stop_id=101)], "and no newer one"
 
 
 @pytest.mark.parametrize("value", [nan, -1.0, 0.25])
