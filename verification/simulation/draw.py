@@ -15,7 +15,7 @@ from verification.simulation.actions import (
     draw_operate,
     place,
 )
-from verification.simulation.events import Argument, Event, EventScenario
+from verification.simulation.events import Event, EventScenario
 from verification.simulation.faults import FAULTS, span_ms
 from verification.simulation.hosts.gateway_side import GATEWAY
 from verification.simulation.hosts.mavlink_clients import CLIENTS
@@ -57,17 +57,18 @@ drawn apart, so that all else of the seed stays as it is."""
 LEFT_TO_CLIENTS: Final = 0.6
 """Share of these seeds without other operators."""
 
-FOLLOWED: Final[dict[Argument, tuple[float, int, Arguments]]] = {
-    "drive": (0.4, 3000, ("silence", 8.0)),
-    "target": (0.4, 3000, ("flood", 8)),
-    "steer": (0.4, 1500, ("flood", 8)),
-    "flood": (0.4, 200, ("stop",)),
-    "forge": (0.2, 300, ("stop",)),
-    "clear": (0.3, 100, ("stop",)),
-    "stop": (0.7, 1500, ("clear", 1)),
-}
-"""Share of a client's actions that another one follows, and within how many milliseconds. Stops are
-pressed by either client."""
+FOLLOWED: Final[tuple[tuple[str, float, int, Arguments], ...]] = (
+    ("drive", 0.3, 4000, ("silence", 8.0)),
+    ("target", 0.3, 3000, ("flood", 8)),
+    ("steer", 0.3, 1500, ("flood", 8)),
+    ("flood", 0.4, 200, ("stop",)),
+    ("forge", 0.1, 300, ("stop",)),
+    ("clear", 0.3, 100, ("stop",)),
+    ("stop", 0.8, 1500, ("clear", 1)),
+    ("clear", 0.6, 1000, ("drive", 32.0, 30.0)),
+)
+"""An action of a client, the share in which another one follows, within how many milliseconds, and
+that one. Stops are pressed by either client."""
 
 IN_LOCKSTEP: Final = ("come", "operate", "leave", "kill", "attack", "crossing", "rot")
 """Faults in lockstep; those of links and clocks would hold the plant's clock up as well.
@@ -120,11 +121,11 @@ def _with_gateway(random: Random, others: list[Event], duration_ns: int) -> list
     ]
     for event in events:  # also those that follow
         name, did = event.arguments[:2]
-        share, within_ms, action = FOLLOWED.get(did, (0.0, 1, ()))
-        if random.random() < share:
-            time_ns = event.time_ns + random.randrange(within_ms) * NS_PER_MS
-            who = random.choice(tuple(CLIENTS)) if action == ("stop",) else name
-            events.append(Event(time_ns, "client", (who, *action), 0))
+        for begun, share, within_ms, action in FOLLOWED:
+            if did == begun and random.random() < share:
+                time_ns = event.time_ns + random.randrange(within_ms) * NS_PER_MS
+                who = random.choice(tuple(CLIENTS)) if action == ("stop",) else name
+                events.append(Event(time_ns, "client", (who, *action), 0))
     for _ in range(random.choice((0, 0, 1, 2, 3))):
         kind = random.choice(tuple(ON_THE_WAY))
         events.append(_event(random, kind, ON_THE_WAY[kind](random), duration_ns))
