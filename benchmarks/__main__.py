@@ -103,7 +103,7 @@ BENCHMARKS = {
     ),
     "flood": BenchmarkEntry(
         "verification.flood.main",
-        "a robot under ten kinds of attack: key to wheels at zero, missed ticks, memory",
+        "a robot under each kind of attack: key to wheels at zero, missed ticks, memory",
     ),
     "stop_ways": BenchmarkEntry(
         "verification.flood.stop_ways",
