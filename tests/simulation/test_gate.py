@@ -23,7 +23,7 @@ def test_seeds_reach_all_modes_and_violate_no_invariant(first: int) -> None:
         for one in found.failed
     )
     coverage = found.coverage
-    assert coverage.moving_percent > 10.0
+    assert coverage.moving_percent > 8.0
     assert coverage.accepted > 100
     for name in ("MANUAL", "AUTO", "GUIDED", "HOLD"):
         assert coverage.reached[f"ACTIVE {name}"] > 0, name
