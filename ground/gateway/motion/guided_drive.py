@@ -81,8 +81,11 @@ class GuidedDrive:
         elif now_ns >= self._leave_ns:
             self._stage = Stage.LEAVING
             self._pilot.await_goal(sender, self._left)
-        elif now_ns - self._sent_ns >= REPEAT_NS and now_ns <= self._until_ns - LIFE_NS:
+        elif now_ns - self._sent_ns >= REPEAT_NS and self._is_valid():
             self._drive()
+
+    def _is_valid(self) -> bool:
+        return self._now_ns <= self._until_ns - LIFE_NS
 
     def _enter(self) -> None:
         if self._sender is not None:
@@ -92,7 +95,8 @@ class GuidedDrive:
     def _entered(self, answered: Answered) -> None:
         if answered.ok:
             self._stage = Stage.DRIVING
-            self._drive()
+            if self._is_valid():  # the answer may have been late
+                self._drive()
         else:
             self._refused(answered)
 

@@ -27,6 +27,7 @@ CAUSES: Final = {
     Command.COMPONENT_ARM_DISARM: ("arm", "clear"),
     Command.DO_SET_MODE: ("mode", "goto", "steer"),
     Command.DO_PAUSE_CONTINUE: ("continue",),
+    Command.MISSION_START: ("mode", "continue"),
     Command.NAV_RETURN_TO_LAUNCH: ("mode",),
     Command.SIDESTEP_CLEAR_EMERGENCY_STOP: ("clear",),
 }

@@ -66,6 +66,17 @@ def test_speeds_end_a_second_after_the_last(bench: Bench) -> None:
     assert bench.vehicle.modes.number == Mode.GUIDED
 
 
+def test_speed_that_has_timed_out_before_the_robot_follows_is_not_sent(bench: Bench) -> None:
+    """The simulation found it (seed 763): a link that kept the change of mode for 3 s."""
+    bench.send(local_target(frame=8, vx=0.5))
+    bench.after(0.8)
+    bench.port.answer()
+    show(bench, Mode.MANUAL)
+    bench.after(1.0)
+    assert bench.port.driven == []
+    assert performed(bench) == [TO_MANUAL, TO_GUIDED]
+
+
 def test_stream_of_speeds_goes_on(bench: Bench) -> None:
     start_speeds(bench)
     for _ in range(30):
