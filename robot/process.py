@@ -30,8 +30,12 @@ from robot.vehicle import Vehicle
 from runtime.clock import Clock, Tick
 from runtime.errors import LocalError
 from runtime.lockstep import LockstepLoop
+from runtime.units import NS_PER_S
 
 SERVICES: Final = (COMMAND, PARAMETER, PARAMETERS, LEASE_SERVICE, MISSION_SERVICE)
+SHOWN_NS: Final = NS_PER_S
+"""Between two states of a stopped robot while its time stands."""
+
 MAX_WAITING: Final = 64
 MAX_ANSWERED: Final = 6
 """Requests of one queue per control period: 120 a second, more than any person sends."""
@@ -79,6 +83,7 @@ class RobotProcess:
         self._saved = SavedReplies(vehicle)
         self._stop_requests: deque[ServiceRequest] = deque()
         self._notes: deque[str] = deque(maxlen=MAX_ANSWERED)
+        self._shown_ns = 0
         self._nudge: Callable[[], None] = lambda: None
         self._encoder = Encoder(0, 0)
 
@@ -218,13 +223,16 @@ class RobotProcess:
     def idle(self) -> None:
         """Take stops, answer requests and publish events between two ticks.
 
-        A stop is acknowledged by the state, which must not wait for simulated time.
+        A stop is acknowledged, and named to whoever clears it, by the state, which must not wait
+        for simulated time.
         """
-        now_ns, stamp_ns = self._clock.now_ns(), self._senses.stamp_ns
-        if self._take_stop():
+        now_ns, stamp_ns, wall_ns = self._clock.now_ns(), self._senses.stamp_ns, self._bus.now_ns()
+        is_due = self.vehicle.stopped and wall_ns - self._shown_ns >= SHOWN_NS
+        if self._take_stop() or is_due:
+            self._shown_ns = wall_ns
             self.reports.state(self.vehicle, stamp_ns, now_ns)
         self._saved.settle(now_ns)
-        self.vehicle.retry_stop(self._bus.now_ns())
+        self.vehicle.retry_stop(wall_ns)
         self._answer()
         self.reports.events(self.vehicle, stamp_ns, now_ns)
 

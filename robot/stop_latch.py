@@ -13,6 +13,10 @@ from protocol.wire.enums import Command
 from protocol.wire.messages import CommandRequest
 from runtime.errors import RemoteError
 
+RESTORED_ID, UNREADABLE_ID = 1, 2
+"""Ids of stops whose request is unknown. 0 is shown before the first stop, and a clear that names
+none has it."""
+
 KEPT: Final = 8
 """Frames kept until the loop reads them, of the lease holder and of all others.
 
@@ -66,13 +70,13 @@ def drained(pressed: "deque[StopRequest]") -> StopRequest | None:
 
 
 def stop_in(frame: bytes) -> CommandRequest:
-    """Return the request in a frame; bytes that are no request stop too, with id 0."""
+    """Return the request in a frame; bytes that are no request stop too."""
     try:
         message = decode(frame).message
     except RemoteError:
         message = None
     request_id = message.request_id if isinstance(message, CommandRequest) else 0
-    return emergency_stop(request_id)
+    return emergency_stop(request_id or UNREADABLE_ID)
 
 
 def emergency_stop(request_id: int) -> CommandRequest:

@@ -190,11 +190,14 @@ class EmergencyStop:
     def press(self) -> None:
         """Send the stop once, without blocking."""
         self.tries += 1
-        self._ways.press(self.request_id)
+        try:
+            self._ways.press(self.request_id)
+        except Exception as error:  # whatever fails here, the other ways go on
+            self.why = str(error)
         if self._publisher is not None:
             try:
                 self._publisher.put(self._request)
-            except Exception as error:  # whatever fails here, the other ways go on
+            except Exception as error:
                 self.why = str(error)
 
     def run(

@@ -70,8 +70,11 @@ class StopDatagrams:
 
     @property
     def why(self) -> str:
-        """Why no stop can be sent, or not to each address; empty if it can."""
-        return self._missing or self._unresolved or self._unsent
+        """Why no stop can be sent; empty if one can, at least to one address."""
+        return self._missing or self._unsent or ("" if self._addresses() else self._unresolved)
+
+    def _addresses(self) -> list[Address]:
+        return [*self._literal, *chain.from_iterable(tuple(self._named.values()))]
 
     def _take_secret(self, tls: Tls) -> None:
         if not self._operator:
@@ -143,17 +146,18 @@ class StopDatagrams:
 
     def press(self, request_id: int) -> None:
         """Send the stop once to each address."""
-        addresses = [*self._literal, *chain.from_iterable(tuple(self._named.values()))]
+        addresses = self._addresses()
         if not addresses:
             return
         press = Press(self._operator, self._time_ns(), request_id)
         packet = sealed_press(self._secret, self._robot, press)
-        self._unsent = ""
+        sent, why = 0, ""
         for family, address in addresses:
             try:
-                self._sockets[family].sendto(packet, address)
+                sent += self._sockets[family].sendto(packet, address) > 0
             except OSError as error:
-                self._unsent = f"no datagram could be sent to {address[0]}: {error.strerror}"
+                why = f"no datagram could be sent to {address[0]}: {error.strerror}"
+        self._unsent = "" if sent else why
 
     def has_stopped(self, request_id: int) -> bool:
         """Return whether the robot has answered that this press has stopped it."""

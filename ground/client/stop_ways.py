@@ -64,6 +64,7 @@ class SideWays:
         self._others = OpenSessions(common)
         self._fresh: FreshSession | None = None
         self._closing = Event()
+        self._lock = Lock()
         self._repeated = 0
         self._repeating: Thread | None = None
 
@@ -73,25 +74,37 @@ class SideWays:
         return self._datagrams.why
 
     def press(self, request_id: int) -> None:
-        """Send a stop by datagrams, without blocking, and repeat it until `end_session`.
+        """Send a stop by datagrams, without blocking, and repeat it until it is answered or ended.
 
-        The repetition has a thread of its own: the one that presses may be held up by the bus.
+        The repetition has a thread of its own: the one that presses may be held up by the bus. If
+        this system can make no thread now, the next `press` sends the next datagram.
         """
-        if request_id == self._repeated:
+        if request_id == self._repeated or self._datagrams.has_stopped(request_id):
             return
-        self._repeated = request_id
         self._datagrams.press(request_id)
-        if self._repeating is None or not self._repeating.is_alive():
-            self._repeating = Thread(target=self._repeat, name="stop datagrams", daemon=True)
-            self._repeating.start()
+        with self._lock:
+            if self._repeating is None:
+                self._repeating = Thread(target=self._repeat, name="stop datagrams", daemon=True)
+                try:
+                    self._repeating.start()
+                except RuntimeError:
+                    self._repeating = None
+                    return
+            self._repeated = request_id
 
     def _repeat(self) -> None:
-        until_s = time.monotonic() + LONGEST_S
-        while request_id := self._repeated:
-            if self._closing.wait(REPEAT_NS / NS_PER_S) or time.monotonic() > until_s:
-                self._repeated = 0
-            elif self._repeated == request_id:
-                self._datagrams.press(request_id)
+        """Repeat the newest press; one that is answered must not outlive a later clear."""
+        request_id, until_s = 0, 0.0
+        while not self._closing.wait(REPEAT_NS / NS_PER_S):
+            with self._lock:
+                if self._repeated != request_id:
+                    request_id, until_s = self._repeated, time.monotonic() + LONGEST_S
+                elif self._datagrams.has_stopped(request_id) or time.monotonic() > until_s:
+                    request_id = self._repeated = 0
+                if not request_id:
+                    self._repeating = None
+                    return
+            self._datagrams.press(request_id)
 
     @property
     def others_why(self) -> str:
@@ -122,7 +135,8 @@ class SideWays:
 
     def end_session(self) -> None:
         """End the repetition and the session opened for a stop, so that they stop nothing later."""
-        self._repeated = 0
+        with self._lock:
+            self._repeated = 0
         if self._fresh is not None:
             self._fresh.close()
 

@@ -34,8 +34,9 @@ class Vehicle:
     `lossy` are the clients whose line loses frames. `parameters` are the robot's values by their
     names, as far as they are known. `unix_offset_ns` is the time of day minus the time of this
     process; None without a clock. `commit` is that of this program. `is_armed` is what was seen
-    last: a silent robot that was armed may still drive. `has_fence` is False once the robot is seen
-    to have none. `shortest_ns` is the shortest time between two messages of a stream.
+    last: a silent robot that was armed may still drive. `stop_id` names the newest emergency stop
+    that was seen, None before the first status. `has_fence` is False once the robot is seen to have
+    none. `shortest_ns` is the shortest time between two messages of a stream.
     """
 
     def __init__(self, system: int, port: RobotPort, origin: Home, now_ns: int) -> None:
@@ -52,6 +53,7 @@ class Vehicle:
         self.commit = ""
         self.has_fence = True
         self.is_armed = False
+        self.stop_id: int | None = None
         self.shortest_ns = NS_PER_S
         self.catalogue = Catalogue()
         self.outbox = Outbox()
@@ -143,6 +145,7 @@ class Face:
         status = self.vehicle.snapshot.status
         if status is not None:
             self.vehicle.is_armed = status.vehicle == State.ACTIVE
+            self.vehicle.stop_id = status.stop_id
         self.vehicle.modes.due(self.vehicle.snapshot)
         self.vehicle.control.due(self.vehicle.snapshot, now_ns)
         for service in self._services:

@@ -231,6 +231,7 @@ class Station(StationView):
         watched = list(sessions.values())
         for session in watched:
             session.stop.press()
+        self._commanding.cancel(STOPPED)
         for session in watched:
             session.stop.repeat()
         unknown = set(present_processes(self._bus.present()).robots()).difference(sessions)
@@ -238,7 +239,6 @@ class Station(StationView):
             self._add(robot)
             sessions[robot].stop.press()
             sessions[robot].stop.repeat()
-        self._commanding.cancel(STOPPED)
         self.note(f"E-STOP of all robots: {' '.join(sorted(sessions))}", Severity.WARNING)
 
     def take_lease(self, *, seize: bool = False) -> None:

@@ -85,6 +85,15 @@ class StationView:
         """Return the newest message with its age, by which it is shown, dimmed or hidden."""
         return self.telemetry.seen(topic, self._now_ns)
 
+    def stops_seen(self) -> tuple[tuple[str, int], ...]:
+        """Return the newest emergency stop that each robot's status has named."""
+        found = ((robot, self.status_of(robot).message) for robot in self._fleet.models)
+        return tuple(
+            (robot, status.stop_id)
+            for robot, status in found
+            if isinstance(status, NavigatorStatus)
+        )
+
     def status_of(self, robot: str) -> AgedMessage:
         """Return the newest status of any robot with its age."""
         model = self._fleet.models.get(robot)

@@ -4,9 +4,9 @@ Zenoh 1.10 sleeps 100 ms after each failed handshake, one after the other, and a
 meanwhile. Ten connections a second that send no TLS would keep everybody out. The door has two
 programs (classic BPF) that the kernel runs before there is a connection; no frame is copied.
 
-- A second socket listens on the same port, and accepts nothing. A program chooses between it and
-  Zenoh's: only a share of the connections from an address reaches Zenoh if too many of that address
-  have become no link.
+- A second socket listens on the same port, and accepts nothing: whoever gets there dials again. A
+  program chooses between it and Zenoh's: only a share of the connections from an address reaches
+  Zenoh if too many of that address have become no link.
 - A filter on Zenoh's socket completes a connection only by a segment that begins like a TLS record.
   A silent connection, a port scan or an HTTP request ends in the kernel. Since 2026, Linux permits
   this filter only to processes with CAP_NET_ADMIN. Without it, silent connections end in the kernel

@@ -10,6 +10,7 @@ from ground.client.connection import Common
 from ground.client.link import Link
 from ground.client.operations import (
     ChangeLease,
+    ClearAll,
     ClearEmergencyStop,
     Operation,
     Session,
@@ -99,6 +100,8 @@ class CommandRunner:
         self.last = self._for_a_shell(line)
         if isinstance(command, ClearEmergencyStop):
             command = self._of_the_stop_shown(command)
+        elif isinstance(command, ClearAll):
+            command = replace(command, stop_ids=self._station.stops_seen())
         match command:
             case StopNow() | StopAll():
                 pass

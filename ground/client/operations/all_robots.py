@@ -8,7 +8,7 @@ from typing import ClassVar, Final, TypeVar
 
 from ground.client import stop_ways
 from ground.client.connection import Common
-from ground.client.emergency_stop import EmergencyStop
+from ground.client.emergency_stop import EmergencyStop, MessagePublisher
 from ground.client.link import Link, UnansweredError, open_link
 from ground.client.operations.commands import STOP_S, ClearEmergencyStop, StopNow, Stopped
 from ground.client.operations.session import Session
@@ -16,7 +16,7 @@ from ground.client.presence import present_processes
 from ground.client.results import Answer
 from ground.client.telemetry import Telemetry
 from protocol.topics import STATUS, STOP
-from protocol.wire.messages import NavigatorStatus
+from protocol.wire.messages import CommandRequest, NavigatorStatus
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_S
 
@@ -78,7 +78,7 @@ class StopAll:
     def perform(self, session: Session) -> AllAnswered:
         """Stop the robots that are known by name at once, then all that are present.
 
-        Raises UnansweredError if none is.
+        Raises UnansweredError if none is present, and none that is known has acknowledged it.
         """
         link = session.link
         newest = NewestStatuses(link)
@@ -92,20 +92,30 @@ class StopAll:
 
             def press(robot: str) -> None:
                 ways = opened.enter_context(closing(stop_ways.ways_of(link.bus, robot)))
-                publisher = link.bus.publisher(STOP, robot)
+                publisher = LatePublisher(link, robot)
                 stop = EmergencyStop(link.bus, publisher, robot, link.clock, newest.of(robot), ways)
                 stop.press()
                 stops[robot] = stop
 
-            for robot in known_robots(link.common):
+            known = known_robots(link.common)
+            for robot in known:
                 press(robot)
-            robots = present_robots(link)
-            for robot in robots:
+            nobody: Exception | None = None
+            try:
+                present = present_robots(link)
+            except Exception as error:  # without the bus, too, the other ways must be repeated
+                present, nobody = [], error
+            for robot in present:
                 if robot not in stops:
                     press(robot)
-            opened.enter_context(newest.subscribed(robots))
-            pressed = [stops[robot] for robot in robots]
-            return AllAnswered(tuple(zip(robots, at_once(repeat, pressed), strict=True)))
+            if nobody is None:
+                opened.enter_context(newest.subscribed(present))
+                known.remove(link.common.robot)  # unless it is present: a name that nobody gave
+            robots = list(dict.fromkeys((*present, *known)))
+            outcomes = at_once(repeat, [stops[robot] for robot in robots])
+        if nobody is not None and not any(outcome.ok for outcome in outcomes):
+            raise nobody
+        return AllAnswered(tuple(zip(robots, outcomes, strict=True)))
 
     def perform_alone(self, common: Common) -> AllAnswered:
         """Stop all robots that are known by name at once, then by a session all that are present.
@@ -152,11 +162,15 @@ class StopAll:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClearAll:
-    """Release the emergency stop of all robots; each is then disarmed."""
+    """Release the emergency stop of all robots; each is then disarmed.
+
+    `stop_ids` are the stops that were seen, by robot; of others it is that of the status of now.
+    """
 
     verb: ClassVar[str] = "clear-estop"
     moves: ClassVar[bool] = True
     timeout_s: float | None = None
+    stop_ids: tuple[tuple[str, int], ...] = ()
 
     def perform(self, session: Session) -> AllAnswered:
         """Ask every robot that is present; UnansweredError if none is."""
@@ -164,13 +178,28 @@ class ClearAll:
 
         def clear(link: Link) -> Answer | Unanswered:
             try:
-                operation = ClearEmergencyStop(timeout_s=self.timeout_s)
+                stop_id = dict(self.stop_ids).get(link.robot)
+                operation = ClearEmergencyStop(timeout_s=self.timeout_s, stop_id=stop_id)
                 return operation.perform(Session(link, attended=session.attended))
             except RemoteError as error:
                 return Unanswered(str(error))
 
         robots = [link.robot for link in links]
         return AllAnswered(tuple(zip(robots, at_once(clear, links), strict=True)))
+
+
+class LatePublisher:
+    """The publisher of a stop; to declare it may block, and other ways come first."""
+
+    def __init__(self, link: Link, robot: str) -> None:
+        self._link, self._robot = link, robot
+        self._publisher: MessagePublisher[CommandRequest] | None = None
+
+    def put(self, message: CommandRequest) -> object:
+        """Publish a stop; raises what the bus raises."""
+        if self._publisher is None:
+            self._publisher = self._link.bus.publisher(STOP, self._robot)
+        return self._publisher.put(message)
 
 
 class NewestStatuses:

@@ -15,7 +15,7 @@ from ground.gateway.commands.call import Call
 from ground.gateway.commands.results import ACCEPTED, DENIED, LATER, result_of
 from ground.gateway.commands.service import CommandTable, Reply, Row
 from ground.gateway.dialect import mavlink
-from ground.gateway.port import Answered
+from ground.gateway.port import Answered, Done
 from ground.gateway.prearm import faults
 from ground.gateway.vehicle import Vehicle
 from protocol.wire.enums import Severity
@@ -73,26 +73,32 @@ class ArmingCommands:
         status = self._vehicle.snapshot.status
         is_stopped = status is not None and status.vehicle == VehicleState.EMERGENCY_STOP
         if is_forced and is_stopped:
-            self._vehicle.perform(call.sender, self._clearing(call), arm)
+            self._clear(call, reply, arm)
         else:
             self._vehicle.perform(call.sender, Arm(), ended)
 
-    def _clearing(self, call: Call) -> ClearEmergencyStop:
-        """Return the release of the newest stop seen now: the request waits for those before.
+    def _clear(self, call: Call, reply: Reply, done: Done) -> None:
+        """Release the newest stop seen now: the request waits for those before.
 
         A stop that a client has just pressed may be acknowledged before the status shows it.
         """
-        status = self._vehicle.snapshot.status
-        if call.now_ns - self._pressed_ns < OWN_NS:
-            return ClearEmergencyStop(stop_id=self._pressed_id)
-        return ClearEmergencyStop(stop_id=None if status is None else status.stop_id)
+        is_own = call.now_ns - self._pressed_ns < OWN_NS
+        stop_id = self._pressed_id if is_own else self._vehicle.stop_id
+        if stop_id is None:
+            reply.result(LATER, "no status of the robot has named an emergency stop yet")
+        else:
+            self._vehicle.perform(call.sender, ClearEmergencyStop(stop_id=stop_id), done)
+
+    def _stop(self, call: Call, reply: Reply) -> None:
+        self._pressed_ns = call.now_ns
+        self._pressed_id = self._vehicle.port.stop(reply.ended)
 
     def _disarm(self, call: Call, reply: Reply, *, is_forced: bool) -> None:
         def ended(answered: Answered) -> None:
             outcome = answered.outcome
             is_held = isinstance(outcome, Refused) and outcome.reason == Reason.LEASE_HELD
             if is_forced and is_held:
-                self._vehicle.port.stop(reply.ended)
+                self._stop(call, reply)
             else:
                 reply.ended(answered)
 
@@ -110,10 +116,9 @@ class ArmingCommands:
 
     def _terminate(self, call: Call, reply: Reply) -> None:
         if is_termination(call):
-            self._pressed_ns = call.now_ns
-            self._pressed_id = self._vehicle.port.stop(reply.ended)
+            self._stop(call, reply)
         elif call.param1 == 0.0:
-            self._vehicle.perform(call.sender, self._clearing(call), reply.ended)
+            self._clear(call, reply, reply.ended)
         else:
             reply.result(DENIED, "parameter 1 must be 1 to stop or 0 to clear the emergency stop")
 

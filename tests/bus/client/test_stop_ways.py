@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-from threading import Event
+from threading import Event, Thread
 
 import pytest
 
@@ -17,6 +17,7 @@ from ground.client.connection import Common, given
 from ground.client.emergency_stop import FRESH_NS, EmergencyStop, StopWays
 from ground.client.link import Link, open_link
 from ground.client.operations import StopAll, StopNow
+from ground.client.stop_datagrams import StopDatagrams
 from ground.client.stop_ways import (
     MOST_BYTES,
     SideWays,
@@ -26,6 +27,7 @@ from ground.client.stop_ways import (
     stem_of,
     ways_of,
 )
+from protocol.stop_datagram import OPEN_SECRET, press_in, sealed_answer
 from protocol.wire.enums import Vehicle
 from protocol.wire.message import Message
 from runtime.clock import WallClock
@@ -196,6 +198,15 @@ def test_beside_a_bus_that_is_played_there_is_no_other_way() -> None:
     ways.close()
 
 
+@contextmanager
+def played_robot() -> Iterator[tuple[socket.socket, Common]]:
+    """Yield a socket for stop datagrams, and how to dial it."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        robot.bind(("127.0.0.1", 0))
+        robot.settimeout(PATIENCE_S)
+        yield robot, given(f"tcp/127.0.0.1:{robot.getsockname()[1]}", "r1", None)
+
+
 class Blocked:
     """A bus that blocks whoever asks."""
 
@@ -209,10 +220,7 @@ class Blocked:
 
 def test_a_bus_that_blocks_does_not_hold_up_the_datagrams() -> None:
     bus = Blocked()
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
-        robot.bind(("127.0.0.1", 0))
-        robot.settimeout(PATIENCE_S)
-        dialled = given(f"tcp/127.0.0.1:{robot.getsockname()[1]}", "r1", None)
+    with played_robot() as (robot, dialled):
         with closing(SideWays(dialled, None)) as ways, ThreadPoolExecutor(1) as pool:
             stop = EmergencyStop(bus, None, "r1", CLOCK, lambda: None, ways)
             running = pool.submit(stop.run, bus.released.is_set)
@@ -225,19 +233,49 @@ def test_a_bus_that_blocks_does_not_hold_up_the_datagrams() -> None:
 
 
 def test_a_repetition_ends_with_its_stop() -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
-        robot.bind(("127.0.0.1", 0))
-        robot.settimeout(PATIENCE_S)
-        dialled = given(f"tcp/127.0.0.1:{robot.getsockname()[1]}", "r1", None)
-        with closing(SideWays(dialled, None)) as ways:
+    with played_robot() as (robot, dialled), closing(SideWays(dialled, None)) as ways:
+        ways.press(7)
+        robot.recv(200)
+        ways.end_session()
+        until(lambda: ways._repeating is None)
+        ways.press(8)
+        until(lambda: robot.recv(200)[-40:-32] == (8).to_bytes(8, "little"))
+
+
+def test_a_repetition_ends_with_the_answer_of_the_robot() -> None:
+    """A later clear of another operator must not be undone while the own bus hangs."""
+    with played_robot() as (robot, dialled), closing(SideWays(dialled, None)) as ways:
+        ways.press(7)
+        packet, sender = robot.recvfrom(200)
+        press = press_in(packet, "r1", lambda _: OPEN_SECRET)
+        assert press is not None
+        robot.sendto(sealed_answer(OPEN_SECRET, "r1", press, stopped=True), sender)
+        until(lambda: ways._repeating is None, what="the end")
+        assert ways.stopped_by(7) == "by datagram"
+        ways.press(7)
+        assert ways._repeating is None
+
+
+def test_a_system_without_another_thread_sends_each_press(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_: Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    with played_robot() as (robot, dialled), closing(SideWays(dialled, None)) as ways:
+        with monkeypatch.context() as patch:
+            patch.setattr(Thread, "start", refuse)
             ways.press(7)
-            robot.recv(200)
-            ways.end_session()
-            repeating = ways._repeating
-            assert repeating is not None
-            until(lambda: not repeating.is_alive())
-            ways.press(8)
-            until(lambda: robot.recv(200)[-40:-32] == (8).to_bytes(8, "little"))
+            ways.press(7)
+        assert robot.recv(200) != robot.recv(200), "each with a time of its own"
+
+
+def test_one_of_several_addresses_is_enough(common: Common) -> None:
+    with closing(StopDatagrams(common.network, "r1", None)) as datagrams:
+        datagrams._literal.insert(0, (socket.AF_INET, ("255.255.255.255", 9)))  # not permitted
+        datagrams.press(7)
+        assert datagrams.why == ""
+        del datagrams._literal[1:]
+        datagrams.press(8)
+        assert "no datagram could be sent to 255.255.255.255" in datagrams.why
 
 
 def test_a_stop_that_another_part_has_delivered_tries_no_further() -> None:

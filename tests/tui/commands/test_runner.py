@@ -2,6 +2,7 @@
 
 from math import pi
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -82,6 +83,16 @@ def test_a_stop_is_sent_before_its_line_is_saved(monkeypatch: pytest.MonkeyPatch
     runner.run_line("estop")
     runner.run_line("estop --all")
     assert sent == [(1, 0), (1, 1)]
+
+
+def test_a_release_of_all_names_the_stops_that_are_shown() -> None:
+    runner, station = command_runner()
+    given: list[Any] = []
+    station.stops_seen = lambda: (("r1", 8), ("r2", 9))  # type: ignore[method-assign]
+    station.submit = lambda _, job, **__: bool(given.append(job))  # type: ignore
+    runner.run_line("clear-estop --all")
+    (job,) = given
+    assert job.args[0].stop_ids == (("r1", 8), ("r2", 9))
 
 
 @each("typed", [False, True])

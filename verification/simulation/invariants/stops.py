@@ -4,6 +4,7 @@ What arrives at the robot is noted here, at its door, so that nothing depends on
 makes of it.
 """
 
+from contextlib import suppress
 from typing import Final
 
 from protocol.topics import COMMAND, STOP, STOP_SERVICE, operator_in
@@ -21,6 +22,10 @@ from verification.simulation.invariants.requests import accepted
 from verification.simulation.invariants.shared import NEVER, RunState
 
 RELEASED: Final = "only a later clear releases a stop"
+RESTORED_ID, UNREADABLE_ID = 1, 2
+TOGETHER_NS: Final = 200 * NS_PER_MS
+"""Stops that arrive within this time count as one: their repetitions take turns in the status."""
+
 KEPT: Final = "stop survives a restart"
 
 
@@ -31,6 +36,8 @@ class StopInvariants:
         self._facts = facts
         self._stop_ns: dict[str, int] = {}
         """Newest arrival of a stop, by the process that sent it."""
+        self._named_ns: dict[int, int] = {}
+        """Newest arrival of each stop, by its id."""
         self._clear_ns: dict[tuple[str, int], int] = {}
         """Newest arrival of each request to clear, by operator and id."""
         self._latched = False
@@ -44,9 +51,15 @@ class StopInvariants:
     def arrived(self, source: str, path: str, frame: bytes) -> None:
         """Note a frame or a request of an operator that has arrived."""
         if path.startswith((f"{STOP.path}/", STOP_SERVICE.path)):
-            self._stop_ns[source] = self._facts.now_ns
+            self._stop_arrived(source, frame)
         elif path.startswith(f"{COMMAND.path}/"):
             self._asked(source, operator_in(path.removeprefix(f"{COMMAND.path}/")), frame)
+
+    def _stop_arrived(self, source: str, frame: bytes) -> None:
+        number = 0
+        with suppress(RemoteError):
+            number = getattr(decode(frame).message, "request_id", 0)
+        self._stop_ns[source] = self._named_ns[number or UNREADABLE_ID] = self._facts.now_ns
 
     def _asked(self, source: str, operator: str, frame: bytes) -> None:
         try:
@@ -56,7 +69,7 @@ class StopInvariants:
         if not isinstance(request, CommandRequest):
             return
         if request.command == Command.DO_FLIGHTTERMINATION:
-            self._stop_ns[source] = self._facts.now_ns
+            self._stop_arrived(source, frame)
         elif request.command == Command.SIDESTEP_CLEAR_EMERGENCY_STOP:
             self._clear_ns[operator, request.request_id] = self._facts.now_ns
 
@@ -71,12 +84,15 @@ class StopInvariants:
             self._latched = stopped
         elif request.command == Command.SIDESTEP_CLEAR_EMERGENCY_STOP and not stopped:
             if self._latched:
-                self._released(operator, request.request_id)
+                self._released(operator, request)
             self._latched = self._promised = False
             self._seen_ns = None
 
-    def _released(self, operator: str, request_id: int) -> None:
-        asked_ns = self._clear_ns.get((operator, request_id), NEVER)
+    def _released(self, operator: str, request: CommandRequest) -> None:
+        named_ns = self._named_ns.get(request.stop_id, NEVER)
+        if named_ns < max(self._named_ns.values(), default=NEVER) - TOGETHER_NS:
+            self._facts.fail(RELEASED, "released by a clear that names an earlier one")
+        asked_ns = self._clear_ns.get((operator, request.request_id), NEVER)
         stopped_ns = max(self._stop_ns.values(), default=NEVER)
         if asked_ns < stopped_ns:
             words = f"released by a clear that arrived {(stopped_ns - asked_ns) // NS_PER_MS} ms"
@@ -90,6 +106,7 @@ class StopInvariants:
     def restored(self, vehicle: Vehicle) -> None:
         """Check the state in which a robot starts."""
         self._latched = vehicle.state.machine.vehicle == states.EMERGENCY_STOP
+        self._named_ns = {RESTORED_ID: self._facts.now_ns}
         if self._promised:
             self._facts.coverage.reached["stop kept over a restart"] += 1
         self.cycled(vehicle)

@@ -69,6 +69,19 @@ def test_the_end_and_the_warnings_tell_why_no_datagram_was_sent() -> None:
     assert words in outcome_words(outcome, "r1")
 
 
+class Broken(NoWays):
+    """Ways that raise what nobody has expected."""
+
+    def press(self, request_id: int) -> None:
+        raise RuntimeError("can't start new thread")
+
+
+def test_ways_that_fail_keep_no_stop_from_the_bus() -> None:
+    pressing = Pressing()
+    pressing.stop._ways = Broken()
+    assert pressing.stop.run().acknowledged
+
+
 def test_stop_latency_counts_from_the_key_to_the_status() -> None:
     pressing = Pressing()
     outcome = pressing.stop.run()

@@ -15,6 +15,7 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from robot.core import states
+from robot.process import SHOWN_NS
 from robot.stop_latch import emergency_stop
 from robot.storage.files import Store
 from tests.support.each import each
@@ -95,6 +96,20 @@ def test_stop_between_two_ticks_is_in_the_state_at_once() -> None:
     rig.process.idle()
     (status,) = rig.sent(STATUS)[before:]
     assert status.vehicle == Vehicle.EMERGENCY_STOP
+
+
+def test_stopped_robot_shows_its_stop_while_simulated_time_stands() -> None:
+    """A clear names the stop, and a program that has just been started knows no status."""
+    rig = driving()
+    press(rig)
+    rig.process.idle()
+    before = len(rig.sent(STATUS))
+    for _ in range(5):
+        rig.clock.advance(SHOWN_NS // 2)
+        rig.process.idle()
+    shown = rig.sent(STATUS)[before:]
+    assert {status.vehicle for status in shown} == {Vehicle.EMERGENCY_STOP}
+    assert len(shown) == 2
 
 
 def test_stop_request_is_answered_if_the_loop_was_faster() -> None:

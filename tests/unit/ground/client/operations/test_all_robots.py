@@ -21,6 +21,7 @@ from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
 from runtime.errors import NoAnswerError
 from tests.support.boxes import Box, Wireless
+from tests.support.each import each
 from tests.support.ground.client import Pulse, ack, status
 
 
@@ -119,7 +120,27 @@ def test_robots_that_are_known_are_sent_the_stop_before_anybody_is_asked(
     common = replace(session.link.common, robots=("r1", "r2", "r9"))
     outcome = StopAll().perform(Session(Link(fleet, common, clock)))
     assert fleet.order[:5] == ["sent r1", "sent r2", "sent r9", "present", "sent r3"]
-    assert [robot for robot, _ in outcome.of] == ["r1", "r2", "r3"], "r9 is not there"
+    stopped = {robot: found.ok for robot, found in outcome.of}
+    assert stopped == {"r1": True, "r2": True, "r3": True, "r9": False}, "r9 is not there"
+
+
+@each("raises", ["publisher", "present"])
+def test_a_bus_that_fails_skips_no_robot(raises: str, clock: ManualClock) -> None:
+    fleet, session = fleet_of(clock, "r1", "r2")
+
+    def fail(*_: object, **__: object) -> Any:
+        raise RuntimeError("closed")
+
+    setattr(fleet, raises, fail)
+    common = replace(session.link.common, robots=("r1", "r2"))
+    stop = StopAll(timeout_s=0.3)
+    if raises == "publisher":  # the services are left
+        assert stop.perform(Session(Link(fleet, common, clock))).ok
+        return
+    with pytest.raises(RuntimeError):
+        stop.perform(Session(Link(fleet, common, clock)))
+    asked = {line for line in fleet.order if line.startswith(STOP_SERVICE.path)}
+    assert asked == {f"{STOP_SERVICE.path} r1", f"{STOP_SERVICE.path} r2"}
 
 
 def test_robot_that_does_not_acknowledge_fails_the_stop_of_all(clock: ManualClock) -> None:

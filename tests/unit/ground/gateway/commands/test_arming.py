@@ -119,6 +119,23 @@ def test_a_client_clears_its_own_stop_before_the_status_shows_it(bench: Bench) -
     assert bench.port.performed == [ClearEmergencyStop(stop_id=101)], "and no newer one"
 
 
+def test_a_clear_names_the_stop_seen_last_while_no_status_arrives(bench: Bench) -> None:
+    """Another stop may be pressed before the clear is sent."""
+    show(bench, Vehicle.EMERGENCY_STOP, Reason.BY_OPERATOR)
+    del bench.port.telemetry["status"]
+    bench.after(0.3)
+    bench.send(command(STOP, 0))
+    bench.port.answer()
+    assert bench.port.performed == [ClearEmergencyStop(stop_id=7)]
+
+
+def test_a_clear_before_the_first_status_waits_for_one() -> None:
+    bench = Bench()
+    bench.face = face_of(bench.vehicle)
+    assert acks(bench.send(command(STOP, 0))) == [(STOP, LATER)]
+    assert bench.port.performed == []
+
+
 @pytest.mark.parametrize("value", [nan, -1.0, 0.25])
 def test_termination_with_other_values_is_denied(bench: Bench, value: float) -> None:
     assert acks(bench.send(command(STOP, value))) == [(STOP, DENIED)]
