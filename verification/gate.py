@@ -57,6 +57,8 @@ INTERRUPTED_S: Final = 30.0
 PERIOD_S: Final = 10.0
 """Between two lines of progress where no terminal shows one that changes."""
 TICK_S: Final = 0.5
+KEEPS_BYTECODE: Final = {"PYTHONDONTWRITEBYTECODE": ""}
+"""Some images for containers set it. A thousand processes would then compile everything again."""
 LAST_LINES: Final = 300
 """Of a failed step, printed; pytest ends with a line for each failure."""
 CLOSING: Final = re.compile(
@@ -299,7 +301,7 @@ class Gate:
             process = subprocess.Popen(
                 step.words,
                 cwd=self._folder,
-                env={**os.environ, "SIDESTEP_TEST_COUNT": str(report)},
+                env={**os.environ, **KEEPS_BYTECODE, "SIDESTEP_TEST_COUNT": str(report)},
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
