@@ -13,9 +13,8 @@ from protocol.wire.enums import Command
 from protocol.wire.messages import CommandRequest
 from runtime.errors import RemoteError
 
-RESTORED_ID, UNREADABLE_ID = 1, 2
-"""Ids of stops whose request is unknown. 0 is shown before the first stop, and a clear that names
-none has it."""
+UNREADABLE_ID: Final = 1
+"""Id of a stop without one. 0 is shown before the first stop, and named by a clear without one."""
 
 KEPT: Final = 8
 """Frames kept until the loop reads them, of the lease holder and of all others.
@@ -75,7 +74,7 @@ def stop_in(frame: bytes) -> CommandRequest:
         message = decode(frame).message
     except RemoteError:
         message = None
-    request_id = message.request_id if isinstance(message, CommandRequest) else 0
+    request_id = message.request_id if isinstance(message, CommandRequest) else UNREADABLE_ID
     return emergency_stop(request_id or UNREADABLE_ID)
 
 

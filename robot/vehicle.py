@@ -45,7 +45,7 @@ from robot.mission.persistence import MissionStore
 from robot.mission.restore import restored
 from robot.mission.transfer import Reply, Transfers
 from robot.parameters.service import NO_COMMAND, ParameterService
-from robot.stop_latch import RESTORED_ID, emergency_stop
+from robot.stop_latch import emergency_stop
 from robot.storage.files import Store
 from robot.storage.kept_stop import RESTORED
 from robot.storage.writer import Ticket
@@ -219,7 +219,7 @@ class Vehicle:
         found: list[tuple[Message, Message]] = list(done.exchange)
         words = list(done.words)
         if self._store.stop.found():
-            request = emergency_stop(RESTORED_ID)
+            request = emergency_stop(0)
             found.insert(0, (request, self._command(request, 0, "")))
             words.insert(0, (Severity.CRITICAL, RESTORED))
         for severity, text in words:

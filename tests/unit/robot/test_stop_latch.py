@@ -10,7 +10,7 @@ from protocol.wire.codec import Encoder
 from protocol.wire.enums import Command
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandRequest, MissionRequestList
-from robot.stop_latch import UNREADABLE_ID, StopLatch, emergency_stop
+from robot.stop_latch import StopLatch, emergency_stop
 from tests.support.each import each
 from tests.support.robot.vehicles import goal
 
@@ -98,10 +98,11 @@ def test_the_newest_eight_frames_are_kept(holder: bool) -> None:
 @each(
     ("content", "request_id"),
     [
-        (b"", UNREADABLE_ID),
-        (b"garbage", UNREADABLE_ID),
-        (frame(MissionRequestList()), UNREADABLE_ID),
-        (frame(goal(5, 1.0, 0.0)), UNREADABLE_ID),
+        (b"", 1),
+        (b"garbage", 1),
+        (frame(MissionRequestList()), 1),
+        (frame(CommandRequest(request_id=0, command=185, param1=1.0, param2=0.0)), 1),
+        (frame(goal(5, 1.0, 0.0)), 1),
         (frame(CommandRequest(request_id=6, command=400, param1=1.0, param2=0.0)), 6),
     ],
 )

@@ -22,7 +22,7 @@ from verification.simulation.invariants.requests import accepted
 from verification.simulation.invariants.shared import NEVER, RunState
 
 RELEASED: Final = "only a later clear releases a stop"
-RESTORED_ID, UNREADABLE_ID = 1, 2
+RESTORED_ID, UNREADABLE_ID = 0, 1
 TOGETHER_NS: Final = 200 * NS_PER_MS
 """Stops that arrive within this time count as one: their repetitions take turns in the status."""
 
