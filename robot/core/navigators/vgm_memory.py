@@ -15,7 +15,7 @@ from math import sqrt
 from typing import Final
 
 from robot.core import states
-from robot.core.geometry import whole_cos_sin, wrap
+from robot.core.geometry import TWO_PI, whole_cos_sin, wrap
 from robot.core.motion import pace
 from robot.core.navigators import open_headings, vgm_following
 from robot.core.navigators import sweep as sweeps
@@ -45,7 +45,7 @@ MAX_STILL: Final = 20  # choices, three seconds, within STILL_MM of one place
 STILL_MM: Final = 20
 BLOCK_MM: Final = 20  # distance of the stored point from the rim
 BLOCK_WEIGHT: Final = 20  # looks through the point until it is dropped, six seconds
-FARTHEST: Final = 1e5  # metres or radians: larger values overflow millimetres or brads
+FARTHEST: Final = 1e5  # metres: larger values overflow millimetres
 
 
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
@@ -112,7 +112,7 @@ def is_somewhere(pose: Pose, distance_m: float) -> bool:
         distance_m < FARTHEST
         and -FARTHEST < pose.x_m < FARTHEST
         and -FARTHEST < pose.y_m < FARTHEST
-        and -FARTHEST < pose.heading_rad < FARTHEST
+        and -TWO_PI < pose.heading_rad < TWO_PI
     )
 
 

@@ -1,7 +1,8 @@
 from math import atan2, hypot, inf, nan, pi
+from typing import Final
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from robot.core import states
@@ -264,8 +265,13 @@ scans = st.builds(Scan, st.tuples(*[some_range] * SONARS), st.just((0,) * SONARS
 wild = st.one_of(poses, st.builds(Pose, st.floats(), st.floats(), st.floats()))
 
 
+TURNED: Final = Pose(0.0, 0.0, 1001.0)
+"""A heading for which there is no sine."""
+
+
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.tuples(scans, wild, st.integers(1, 9)), max_size=30), places, places)
+@example([(Scan((20,) * SONARS, (0,) * SONARS, 1, 1), TURNED, 1)], 0.0, 0.0)
 def test_any_inputs_give_a_decision_and_constant_memory(
     story: list[tuple[Scan, Pose, int]], x_m: float, y_m: float
 ) -> None:
