@@ -216,7 +216,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     with tempfile.TemporaryDirectory() as place:
         code, folder = 0, options.records or Path(place)
         if options.records is None:
-            words = (*PYTEST, *cores(), *EXAMPLES, "-p", "verification.brief", "-p", "no:cov")
+            words = (*PYTEST, *cores(0), *EXAMPLES, "-p", "verification.brief", "-p", "no:cov")
             code = subprocess.run(
                 (*words, "-m", ELSEWHERE), cwd=ROOT, env={**os.environ, RECORDS: place}
             ).returncode

@@ -39,16 +39,6 @@ EXAMPLES: Final = ("--examples", "brief")
 """Branch coverage and mutation, which depend on what examples reach, have the usual number."""
 ELSEWHERE: Final = "not stack and not compose and not interop and not mcu"
 """Tests that own their time: they need nothing but processor time."""
-COMPUTING: Final = (
-    ("tests of the bus", ("tests/bus",), 170),
-    ("tests of app and drives", ("tests/tui", "tests/closed_loop", "tests/faults"), 170),
-    ("tests of ground and robot", ("tests/unit/ground", "tests/unit/robot"), 170),
-)
-"""Name, folders and expected seconds of the lanes beside that of all other computing tests.
-
-Each has one process: every worker of pytest-xdist would collect, and so compile, all of them. Some
-tests of the bus wait for threads and sockets, so there are more lanes than cores.
-"""
 PROCESSES: Final = "stack and not realtime"
 FOLDERS: Final = ("tests/stack", "tests/bus")
 """tests/conftest.py rejects the marker `stack` elsewhere."""
@@ -104,7 +94,7 @@ def brief_files() -> list[str]:
 def brief_phases(extra: Sequence[str]) -> list[Phase]:
     """Return the phases of `make test`; `extra` are options for each call of pytest."""
     lint_imports = str(Path(sys.executable).with_name("lint-imports"))
-    checked = (*cores(), *EXAMPLES, "-p", "verification.brief", *extra, *brief_files())
+    checked = (*cores(0), *EXAMPLES, "-p", "verification.brief", *extra, *brief_files())
     return [
         [
             [Step("types", (*PYTHON, "mypy", "--strict"), 30)],
@@ -127,18 +117,14 @@ def rest_phases(extra: Sequence[str]) -> list[Phase]:
     containers and MAVLink clients, which wait for each other most of the time. The tests whose
     verdict depends on real time run last, with nothing beside them.
     """
-    apart = (*EXAMPLES, *extra, *(f"--ignore={file}" for file in brief_files()))
-    others = [f"--ignore={folder}" for _, folders, _ in COMPUTING for folder in folders]
+    # One worker more than there are cores: some tests wait for threads and sockets.
+    computing = (*cores(1), *EXAMPLES, *extra, *(f"--ignore={file}" for file in brief_files()))
     # Neighbours, which share processes, mostly stay on one worker; no long file is left to the end.
     four = ("-n", "4", "--dist", "worksteal")
     mutation = (*PYTHON, "verification.mutation", "--module", "stop_latch")
     return [
         [
-            *(
-                [tests(name, ELSEWHERE, (*apart, *folders), expected_s)]
-                for name, folders, expected_s in COMPUTING
-            ),
-            [tests("other tests", ELSEWHERE, (*apart, *others), 170)],
+            [tests("tests", ELSEWHERE, computing, 210)],
             [
                 Step("images", (*PYTHON, "tests.support.compose.images"), 20),
                 Step("MAVLink clients", (*PYTHON, "tests.interop.environments", *extra), 8),
@@ -160,9 +146,9 @@ def rest_phases(extra: Sequence[str]) -> list[Phase]:
     ]
 
 
-def cores() -> tuple[str, ...]:
-    """Return the options of pytest for as many workers as there are cores."""
-    return "-n", str(os.cpu_count() or 1), "--dist", "worksteal"
+def cores(more: int) -> tuple[str, ...]:
+    """Return the options of pytest for as many workers as there are cores, and some more."""
+    return "-n", str((os.cpu_count() or 1) + more), "--dist", "worksteal"
 
 
 NAMES: Final = {"test": "test", "gate": "gate", "rest": "gate ARGS=rest"}
@@ -409,7 +395,7 @@ def run_room(paths: Sequence[str], extra: Sequence[str]) -> int:
             return code
     # Two workers take seconds to start: they are worth it for a large room only.
     count = sum(len(list((ROOT / test.partition("::")[0]).rglob("test_*.py"))) for test in tests)
-    workers = cores() if count > 20 else ("-n", "0")
+    workers = cores(0) if count > 20 else ("-n", "0")
     # In the place of this process: ctrl+c reaches pytest alone, and it ends what it has started.
     os.chdir(ROOT)
     return os.execv(sys.executable, (*PYTEST, *workers, *EXAMPLES, *extra, *tests))

@@ -13,7 +13,6 @@ from tests.support.until import until
 from verification.gate import (
     BRIEF,
     BRIEF_PROCESSES,
-    COMPUTING,
     EXIT_INTERRUPTED,
     EXIT_REFUSED,
     ROOT,
@@ -153,7 +152,7 @@ def test_every_test_is_in_one_of_the_steps() -> None:
         "compose",
         "interop and brief",
         "mcu",
-        *["not stack and not compose and not interop and not mcu"] * (len(COMPUTING) + 1),
+        "not stack and not compose and not interop and not mcu",
         "realtime",
         "stack and not realtime",
     ]
@@ -171,20 +170,13 @@ def test_brief_tests_are_run_once_by_make_gate() -> None:
         for step in lane
         if step.name == "brief tests"
     )
-    steps = [step for lanes in rest_phases([]) for lane in lanes for step in lane]
-    (others,) = (step for step in steps if step.name == "other tests")
-    folders = [folder for _, folders, _ in COMPUTING for folder in folders]
-    assert [folder for folder in folders if not (ROOT / folder).is_dir()] == []
+    (rest,) = (
+        step for lanes in rest_phases([]) for lane in lanes for step in lane if step.name == "tests"
+    )
     assert [word for word in brief.words if word.startswith("tests/")] == names
-    ignored = [f"--ignore={name}" for name in names]
-    assert [word for word in others.words if word.startswith("--ignore=")] == [
-        *ignored,
-        *(f"--ignore={folder}" for folder in folders),
+    assert [f"--ignore={name}" for name in names] == [
+        word for word in rest.words if word.startswith("--ignore=")
     ]
-    for name, own, _ in COMPUTING:
-        (step,) = (step for step in steps if step.name == name)
-        assert list(step.words[-len(own) :]) == list(own)
-        assert set(ignored) < set(step.words)
 
 
 @each(
