@@ -94,7 +94,8 @@ def brief_files() -> list[str]:
 def brief_phases(extra: Sequence[str]) -> list[Phase]:
     """Return the phases of `make test`; `extra` are options for each call of pytest."""
     lint_imports = str(Path(sys.executable).with_name("lint-imports"))
-    checked = (*cores(0), *EXAMPLES, "-p", "verification.brief", *extra, *brief_files())
+    # One worker more than there are cores: some tests wait for threads and sockets.
+    checked = (*cores(1), *EXAMPLES, "-p", "verification.brief", *extra, *brief_files())
     return [
         [
             [Step("types", (*PYTHON, "mypy", "--strict"), 30)],
@@ -117,10 +118,9 @@ def rest_phases(extra: Sequence[str]) -> list[Phase]:
     containers and MAVLink clients, which wait for each other most of the time. The tests whose
     verdict depends on real time run last, with nothing beside them.
     """
-    # One worker more than there are cores: some tests wait for threads and sockets.
     computing = (*cores(1), *EXAMPLES, *extra, *(f"--ignore={file}" for file in brief_files()))
     # Neighbours, which share processes, mostly stay on one worker; no long file is left to the end.
-    four = ("-n", "4", "--dist", "worksteal")
+    five = ("-n", "5", "--dist", "worksteal")
     mutation = (*PYTHON, "verification.mutation", "--module", "stop_latch")
     return [
         [
@@ -134,7 +134,7 @@ def rest_phases(extra: Sequence[str]) -> list[Phase]:
             ],
         ],
         [
-            [tests("tests with processes", PROCESSES, (*four, *extra, *FOLDERS), 230)],
+            [tests("tests with processes", PROCESSES, (*five, *extra, *FOLDERS), 230)],
             [
                 tests(
                     "tests with MAVLink clients", CLIENTS, ("-n", "4", *extra, "tests/interop"), 30
