@@ -39,7 +39,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 TESTS = Path(__file__).parent
-EXAMPLES = {"brief": 40, "usual": 100, "long": 2000}
+EXAMPLES = {"brief": 30, "usual": 100, "long": 2000}
 """The examples of a property that sets no number of its own, by the value of `--examples`."""
 FOLDERS_OF = {
     "stack": ("stack", "bus"),

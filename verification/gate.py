@@ -120,7 +120,7 @@ def rest_phases(extra: Sequence[str]) -> list[Phase]:
     """
     computing = (*cores(1), *EXAMPLES, *extra, *(f"--ignore={file}" for file in brief_files()))
     # Neighbours, which share processes, mostly stay on one worker; no long file is left to the end.
-    five = ("-n", "5", "--dist", "worksteal")
+    four = ("-n", "4", "--dist", "worksteal")
     mutation = (*PYTHON, "verification.mutation", "--module", "stop_latch")
     return [
         [
@@ -134,7 +134,7 @@ def rest_phases(extra: Sequence[str]) -> list[Phase]:
             ],
         ],
         [
-            [tests("tests with processes", PROCESSES, (*five, *extra, *FOLDERS), 230)],
+            [tests("tests with processes", PROCESSES, (*four, *extra, *FOLDERS), 230)],
             [
                 tests(
                     "tests with MAVLink clients", CLIENTS, ("-n", "4", *extra, "tests/interop"), 30
