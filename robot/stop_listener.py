@@ -15,18 +15,8 @@ from contextlib import suppress
 from threading import Event, Thread
 from typing import Any, Final, Protocol, Self
 
-from protocol.bus.door import (
-    DROP,
-    IF_EQUAL,
-    LOAD_SIZE,
-    LOAD_WORD,
-    PASS,
-    RETURN,
-    SO_ATTACH_FILTER,
-    Step,
-    attach,
-)
 from protocol.bus.network import Network
+from protocol.bus.packet_filter import SO_ATTACH_FILTER, attach, datagram_steps
 from protocol.stop_datagram import (
     PRESS,
     PRESS_BYTES,
@@ -46,7 +36,6 @@ PAUSE_S: Final = 0.005
 RECEIVE_BYTES: Final = 1 << 20
 """Room for a burst, of which the system permits a part: the thread reads on only after a pause."""
 
-UDP_HEADER_BYTES: Final = 8
 LACKING: Final = (errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT)
 MOST_PRESSES: Final = 1024
 NOT_BEFORE: Final = (0, -1e9)
@@ -56,21 +45,6 @@ OLD_S: Final = 1.0
 WAIT_S: Final = 0.2
 QUIET_S: Final = 10.0
 """Least time between two reports about copies of old stops."""
-
-
-def press_steps() -> list[Step]:
-    """Return the filter by which the kernel passes only what looks like a press.
-
-    Other datagrams take neither room in the receive buffer nor time of the interpreter.
-    """
-    return [
-        Step(LOAD_SIZE, 0),
-        Step(IF_EQUAL, UDP_HEADER_BYTES + PRESS_BYTES, 0, 3),
-        Step(LOAD_WORD, UDP_HEADER_BYTES),
-        Step(IF_EQUAL, int.from_bytes(PRESS, "big"), 0, 1),
-        Step(RETURN, PASS),
-        Step(RETURN, DROP),
-    ]
 
 
 class Stoppable(Protocol):
@@ -176,10 +150,14 @@ class StopListener:
         return None
 
     def _filter(self, opened: socket.socket, place: str) -> None:
+        """Let the kernel pass only what looks like a press.
+
+        Other datagrams take neither room in the receive buffer nor time of the interpreter.
+        """
         try:
             if sys.platform != "linux":
                 raise OSError("this system has no packet filter for sockets")
-            attach(opened, press_steps(), SO_ATTACH_FILTER)
+            attach(opened, datagram_steps(PRESS_BYTES, PRESS), SO_ATTACH_FILTER)
         except OSError as error:
             why = error.strerror or error
             self._log(

@@ -16,24 +16,29 @@ Accepted sockets inherit the filter. A thread removes it from them within millis
 it may drop a segment of theirs, which TCP sends again. Works on Linux.
 """
 
-import ctypes
 import os
 import select
 import socket
-import struct
 import sys
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
-from ipaddress import IPv4Address, IPv6Address, ip_address
+from ipaddress import ip_address
 from threading import Lock, Thread
-from typing import Final, NamedTuple
+from typing import Final
 
 from protocol.bus.bus import Bus
 from protocol.bus.linger import STREAMS, socket_of, sockets
+from protocol.bus.packet_filter import (
+    SO_ATTACH_FILTER,
+    SO_ATTACH_REUSEPORT_CBPF,
+    SO_DETACH_FILTER,
+    Address,
+    attach,
+    choice_steps,
+    tls_steps,
+)
 from protocol.bus.tls.peer_address import end_in
-
-Address = IPv4Address | IPv6Address
 
 FAILURES_PER_S: Final = 4.0
 """Of all limited addresses together: the acceptor then sleeps 40 % of the time."""
@@ -54,9 +59,6 @@ BACKLOG: Final = 4096
 SILENT_S: Final = 30_000
 """A silent connection is kept from Zenoh as long as the system permits, about this long."""
 
-SO_ATTACH_REUSEPORT_CBPF: Final = 51
-SO_ATTACH_FILTER: Final = 26
-SO_DETACH_FILTER: Final = 27
 TCP_SAVE_SYN: Final = 27
 TCP_SAVED_SYN: Final = 28
 HEADER_BYTES: Final = 256
@@ -68,20 +70,6 @@ UNPRIVILEGED: Final = (
     "connections without TLS, such as those of a port scan, can keep new links out as long as they "
     "come: this system lets only a process with CAP_NET_ADMIN filter them"
 )
-
-LOAD_WORD, LOAD_BYTE, LOAD_HALF_AT_X, LOAD_SIZE = 0x20, 0x30, 0x48, 0x80
-AND, SHIFT_RIGHT, MOVE_TO_X, SUBTRACT_X = 0x54, 0x74, 0x07, 0x1C
-JUMP, IF_EQUAL, IF_AT_LEAST, IF_ANY_BIT = 0x05, 0x15, 0x35, 0x45
-RETURN, PASS, DROP = 0x06, 0xFFFF_FFFF, 0
-ZENOH, ASIDE = 0, 1
-"""The sockets of a port, in the order in which they began to listen."""
-
-IP_HEADER: Final = 0xFFF0_0000
-RANDOM: Final = 0xFFFF_F038
-FLAGS_AT, LENGTH_AT, SOURCE_V4_AT, SOURCE_V6_AT = 13, 12, IP_HEADER + 12, IP_HEADER + 8
-FIN, SYN, RST = 0x01, 0x02, 0x04
-RECORD, RECORD_MASK = 0x1403, 0xFCFF
-"""A TLS record begins with a type from 0x14 to 0x17 and the version 3."""
 
 
 @contextmanager
@@ -97,77 +85,6 @@ def guarded_door(bus: Bus, report: Callable[[str], None]) -> Iterator[None]:
         yield
     finally:
         door.close()
-
-
-class Step(NamedTuple):
-    """An instruction of the kernel's packet filter; `yes` and `no` count the steps to skip."""
-
-    code: int
-    value: int
-    yes: int = 0
-    no: int = 0
-
-
-def filter_steps() -> list[Step]:
-    """Return the filter for segments that begin like TLS.
-
-    An empty segment passes, unless it ends the connection: Zenoh's sockets may close before the
-    filter is removed, and wait for acknowledgements. The system keeps those that complete a silent
-    connection (TCP_DEFER_ACCEPT). A load outside of a segment drops it.
-    """
-    return [
-        Step(LOAD_BYTE, FLAGS_AT),
-        Step(IF_ANY_BIT, RST | SYN, 0, 1),
-        Step(RETURN, PASS),
-        Step(LOAD_BYTE, LENGTH_AT),
-        Step(AND, 0xF0),
-        Step(SHIFT_RIGHT, 2),
-        Step(MOVE_TO_X, 0),
-        Step(LOAD_SIZE, 0),
-        Step(SUBTRACT_X, 0),
-        Step(IF_EQUAL, 0, 0, 4),
-        Step(LOAD_BYTE, FLAGS_AT),
-        Step(IF_ANY_BIT, FIN, 1, 0),
-        Step(RETURN, PASS),
-        Step(RETURN, DROP),
-        Step(LOAD_HALF_AT_X, 0),
-        Step(AND, RECORD_MASK),
-        Step(IF_EQUAL, RECORD, 0, 1),
-        Step(RETURN, PASS),
-        Step(RETURN, DROP),
-    ]
-
-
-def choice_steps(shares: Mapping[Address, float]) -> list[Step]:
-    """Return the choice of the socket for a new connection.
-
-    `shares` is the part of the connections of an address to let in.
-    """
-    v4 = [step for one, share in shares.items() if one.version == 4 for step in let(one, share)]
-    v6 = [step for one, share in shares.items() if one.version == 6 for step in let(one, share)]
-    return [
-        Step(LOAD_BYTE, IP_HEADER),
-        Step(SHIFT_RIGHT, 4),
-        Step(IF_EQUAL, 4, 1, 0),
-        Step(JUMP, len(v4) + 1),
-        *v4,
-        Step(RETURN, ZENOH),
-        *v6,
-        Step(RETURN, ZENOH),
-    ]
-
-
-def let(address: Address, share: float) -> Iterator[Step]:
-    """Yield the steps that let in a share of the connections of an address."""
-    first = SOURCE_V4_AT if address.version == 4 else SOURCE_V6_AT
-    words = struct.unpack(f"!{len(address.packed) // 4}I", address.packed)
-    for number, word in enumerate(words):
-        yield Step(LOAD_WORD, first + 4 * number)
-        yield Step(IF_EQUAL, word, 0, 2 * (len(words) - number - 1) + 4)
-    yield Step(LOAD_WORD, RANDOM)
-    yield Step(IF_AT_LEAST, min(2**32 - 1, round(share * 2**32)), 1, 0)
-    yield Step(RETURN, ZENOH)
-    yield Step(RETURN, ASIDE)
 
 
 class Account:
@@ -250,7 +167,7 @@ class Door:
             return
         try:
             for one in self._listeners:
-                attach(one, filter_steps(), SO_ATTACH_FILTER)
+                attach(one, tls_steps(), SO_ATTACH_FILTER)
         except OSError:
             report(UNPRIVILEGED)
         self._thread = Thread(target=self._run, name="door", daemon=True)
@@ -362,14 +279,6 @@ def socket_beside(listener: socket.socket) -> socket.socket:
         one.close()
         raise
     return one
-
-
-def attach(listener: socket.socket, steps: Sequence[Step], option: int) -> None:
-    """Give a socket a program in place of the one before. Raises OSError."""
-    packed = b"".join(struct.pack("HBBI", one.code, one.yes, one.no, one.value) for one in steps)
-    code = ctypes.create_string_buffer(packed, len(packed))
-    program = struct.pack("HP", len(steps), ctypes.addressof(code))
-    listener.setsockopt(socket.SOL_SOCKET, option, program)
 
 
 def listeners(ports: frozenset[int]) -> list[socket.socket]:

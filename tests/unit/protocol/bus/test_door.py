@@ -12,12 +12,15 @@ from protocol.bus import door
 from protocol.bus.door import (
     BURST,
     LEAST_SHARE,
-    SO_ATTACH_FILTER,
-    SO_ATTACH_REUSEPORT_CBPF,
     UNAVAILABLE,
     UNPRIVILEGED,
     Door,
     Limits,
+)
+from protocol.bus.packet_filter import (
+    SO_ATTACH_FILTER,
+    SO_ATTACH_REUSEPORT_CBPF,
+    Step,
     attach,
     choice_steps,
 )
@@ -124,7 +127,7 @@ def test_closed_door_leaves_the_port_as_it_was() -> None:
 def refuse(patch: pytest.MonkeyPatch, *options: int) -> None:
     """Let the system refuse some programs."""
 
-    def attach_or_refuse(listener: socket.socket, steps: list[door.Step], option: int) -> None:
+    def attach_or_refuse(listener: socket.socket, steps: list[Step], option: int) -> None:
         if option in options:
             raise PermissionError(option)
         attach(listener, steps, option)
