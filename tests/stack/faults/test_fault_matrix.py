@@ -39,7 +39,7 @@ def test_each_row_is_as_it_must_be(tmp_path: Path) -> None:
 @pytest.mark.realtime
 def test_real_processes_react_as_they_must() -> None:
     code, said, told = bench(
-        "--short", "--lockstep", "0", "--json", "--jobs", "2", "--only", *QUICK
+        "--short", "--lockstep", "0", "--json", "--jobs", "4", "--only", *QUICK
     )
     notes = json.loads(said)["notes"]
     assert told.count("wall ") == len(QUICK), told
