@@ -142,6 +142,11 @@ class Acknowledgement:
         self.given = self.given or held or status.stop_id == self._request_id
 
 
+def new_press() -> int:
+    """Return an id for a press of the emergency stop."""
+    return secrets.randbits(64) or 1
+
+
 class EmergencyStop:
     """One press of the emergency stop.
 
@@ -170,7 +175,7 @@ class EmergencyStop:
         self._publisher = publisher
         self._ways, self._way = ways, ""
         self._request = CommandRequest(
-            request_id=request_id or secrets.randbits(64) or 1,
+            request_id=request_id or new_press(),
             param1=1.0,
             param2=0.0,
             command=Command.DO_FLIGHTTERMINATION,

@@ -85,14 +85,18 @@ class StationView:
         """Return the newest message with its age, by which it is shown, dimmed or hidden."""
         return self.telemetry.seen(topic, self._now_ns)
 
-    def stops_seen(self) -> tuple[tuple[str, int], ...]:
-        """Return the newest emergency stop that each robot's status has named."""
-        found = ((robot, self.status_of(robot).message) for robot in self._fleet.models)
-        return tuple(
-            (robot, status.stop_id)
-            for robot, status in found
-            if isinstance(status, NavigatorStatus)
-        )
+    def stops_known(self, robot: str) -> tuple[int, ...]:
+        """Return the emergency stop that a robot's status has named, and the last of this station.
+
+        Another one may be pressed before they are released.
+        """
+        status, own = self.status_of(robot).message, self.last_stop(robot)
+        seen = (status.stop_id,) if isinstance(status, NavigatorStatus) else ()
+        return seen if own is None else (*seen, own.request_id)
+
+    def all_stops_known(self) -> tuple[tuple[str, tuple[int, ...]], ...]:
+        """Return the stops that are known of each robot."""
+        return tuple((robot, self.stops_known(robot)) for robot in self._fleet.models)
 
     def status_of(self, robot: str) -> AgedMessage:
         """Return the newest status of any robot with its age."""

@@ -38,9 +38,7 @@ from ground.station.robot.mission_items import target_of
 from ground.station.station import REPLAYED, Station
 from protocol.bus.bus import Bus
 from protocol.options import DEFAULT_ENDPOINT
-from protocol.topics import STATUS
 from protocol.wire.enums import LeaseAction, Mode, Severity
-from protocol.wire.messages import NavigatorStatus
 from runtime.cli.verb_lookup import with_present_name
 from runtime.clock import Clock
 from runtime.errors import RemoteError, UserError
@@ -99,9 +97,9 @@ class CommandRunner:
         self._history.add(line)
         self.last = self._for_a_shell(line)
         if isinstance(command, ClearEmergencyStop):
-            command = self._of_the_stop_shown(command)
+            command = replace(command, stop_ids=self._station.stops_known(self._station.robot))
         elif isinstance(command, ClearAll):
-            command = replace(command, stop_ids=self._station.stops_seen())
+            command = replace(command, stop_ids=self._station.all_stops_known())
         match command:
             case StopNow() | StopAll():
                 pass
@@ -114,13 +112,6 @@ class CommandRunner:
             case _:
                 job = partial(self._done, command, line, self._station.robot)
                 self._station.submit(line, job, moves=command.moves)
-
-    def _of_the_stop_shown(self, command: ClearEmergencyStop) -> ClearEmergencyStop:
-        """Return the release of the stop that is on the screen now: another may be pressed soon."""
-        status = self._station.seen(STATUS).message
-        if not isinstance(status, NavigatorStatus):
-            return command
-        return replace(command, stop_id=status.stop_id)
 
     def is_local(self, line: str) -> bool:
         """Return whether a line concerns only the screen."""

@@ -12,6 +12,7 @@ the robot stops by itself after 1.5 s.
 """
 
 import asyncio
+from collections import deque
 from collections.abc import AsyncIterator, Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AsyncExitStack, asynccontextmanager
@@ -26,7 +27,7 @@ from ground.client.api.events import Telemetry
 from ground.client.api.services import Fences, Leases, Missions, Parameters
 from ground.client.api.streams import TopicStreams
 from ground.client.connection import Common, common
-from ground.client.emergency_stop import EmergencyStop
+from ground.client.emergency_stop import EmergencyStop, new_press
 from ground.client.goal import HEADING_TOLERANCE_DEG, POSITION_TOLERANCE_M, destination
 from ground.client.link import ALIVE, Link, open_link
 from ground.client.operations import (
@@ -72,6 +73,8 @@ CROSSING_NS: Final = 300_000_000
 READY_S: Final = 0.5
 REQUESTS: Final = 4
 """Number of concurrent requests; further ones wait. Emergency stops have their own threads."""
+OWN_STOPS: Final = 4
+"""So many of its newest stops a program may release: several may be repeated at the same time."""
 
 
 @asynccontextmanager
@@ -124,8 +127,8 @@ class Robot(Telemetry):
         self._pool = ThreadPoolExecutor(REQUESTS, thread_name_prefix="sidestep")
         self._heartbeat = link.bus.publisher(OPERATOR, link.robot)
         self._stops = link.bus.publisher(STOP, link.robot)
-        self._own_stop: tuple[int | None, int] = None, 0
-        """The newest stop of this program that the robot has acknowledged, and when."""
+        self._own_stops: deque[int] = deque(maxlen=OWN_STOPS)
+        """The stops of this program, the newest first."""
 
         self._ways = stop_ways.ways_of(link.bus, link.robot)
         self._stopping: set[asyncio.Future[Any]] = set()
@@ -342,14 +345,9 @@ class Robot(Telemetry):
             self._ways,
         )
         stop.press()
+        self._own_stops.appendleft(stop.request_id)
         give_up_ns = round(timeout_s * NS_PER_S)
-        repeating = threads.in_own_thread(lambda: stop.run(give_up_ns=give_up_ns), "emergency stop")
-        self._stopping.add(repeating)
-        repeating.add_done_callback(self._stopping.discard)
-        outcome = await asyncio.shield(repeating)
-        if outcome.acknowledged:
-            self._own_stop = stop.request_id, self.clock.now_ns()
-        return Stopped(outcome, self.name)
+        return Stopped(await self._repeat(lambda: stop.run(give_up_ns=give_up_ns)), self.name)
 
     async def emergency_stop_all(self, *, timeout_s: float = STOP_S) -> AllAnswered:
         """Stop every robot that is present: all are sent the stop before any is awaited.
@@ -358,20 +356,29 @@ class Robot(Telemetry):
 
         Raises UnansweredError if no robot is present.
         """
-        session = self.session()
-        stopping = threads.in_own_thread(
-            lambda: StopAll(timeout_s=timeout_s).perform(session), "emergency stop of all"
-        )
-        return await asyncio.shield(stopping)
+        session, request_id = self.session(), new_press()
+        self._own_stops.appendleft(request_id)
+        stop_all = StopAll(timeout_s=timeout_s)
+        return await self._repeat(lambda: stop_all.perform(session, request_id))
+
+    async def _repeat(self, stop: Callable[[], T]) -> T:
+        """Repeat a stop in a thread of its own, which a cancellation does not end."""
+        repeating = threads.in_own_thread(stop, "emergency stop")
+        self._stopping.add(repeating)
+        repeating.add_done_callback(self._stopping.discard)
+        return await asyncio.shield(repeating)
 
     async def clear_emergency_stop(self) -> Answer:
-        """Release the emergency stop that was seen last; the robot stays disarmed.
+        """Release the emergency stop in the newest status, or one of this program.
 
-        That is the one in the newest status, or a later one of this program.
+        A later one of somebody else stays. Waits until no stop of this program is repeated any
+        more. The robot stays disarmed.
         """
-        newest, (own_id, seen_ns) = self.streams.latest(STATUS), self._own_stop
-        stop_id = own_id if newest is None or newest[1] < seen_ns else newest[0].stop_id
-        return await self.perform(ClearEmergencyStop(stop_id=stop_id))
+        newest, own = self.streams.latest(STATUS), tuple(self._own_stops)
+        seen = () if newest is None else (newest[0].stop_id,)
+        if self._stopping:
+            await asyncio.wait(tuple(self._stopping))
+        return await self.perform(ClearEmergencyStop(stop_ids=(*seen, *own)))
 
     async def arm(self) -> Answer:
         """Allow the wheels to turn."""

@@ -75,10 +75,11 @@ class StopAll:
     moves: ClassVar[bool] = False
     timeout_s: float = STOP_S
 
-    def perform(self, session: Session) -> AllAnswered:
+    def perform(self, session: Session, request_id: int = 0) -> AllAnswered:
         """Stop the robots that are known by name at once, then all that are present.
 
-        Raises UnansweredError if none is present, and none that is known has acknowledged it.
+        `request_id` is that of each of these stops; 0: each has one of its own. Raises
+        UnansweredError if none is present, and none that is known has acknowledged it.
         """
         link = session.link
         newest = NewestStatuses(link)
@@ -93,7 +94,9 @@ class StopAll:
             def press(robot: str) -> None:
                 ways = opened.enter_context(closing(stop_ways.ways_of(link.bus, robot)))
                 publisher = LatePublisher(link, robot)
-                stop = EmergencyStop(link.bus, publisher, robot, link.clock, newest.of(robot), ways)
+                stop = EmergencyStop(
+                    link.bus, publisher, robot, link.clock, newest.of(robot), ways, request_id
+                )
                 stop.press()
                 stops[robot] = stop
 
@@ -164,13 +167,13 @@ class StopAll:
 class ClearAll:
     """Release the emergency stop of all robots; each is then disarmed.
 
-    `stop_ids` are the stops that were seen, by robot; of others it is that of the status of now.
+    `stop_ids` are the stops that are known, by robot; of others it is that of the status of now.
     """
 
     verb: ClassVar[str] = "clear-estop"
     moves: ClassVar[bool] = True
     timeout_s: float | None = None
-    stop_ids: tuple[tuple[str, int], ...] = ()
+    stop_ids: tuple[tuple[str, tuple[int, ...]], ...] = ()
 
     def perform(self, session: Session) -> AllAnswered:
         """Ask every robot that is present; UnansweredError if none is."""
@@ -178,8 +181,8 @@ class ClearAll:
 
         def clear(link: Link) -> Answer | Unanswered:
             try:
-                stop_id = dict(self.stop_ids).get(link.robot)
-                operation = ClearEmergencyStop(timeout_s=self.timeout_s, stop_id=stop_id)
+                stop_ids = dict(self.stop_ids).get(link.robot, ())
+                operation = ClearEmergencyStop(timeout_s=self.timeout_s, stop_ids=stop_ids)
                 return operation.perform(Session(link, attended=session.attended))
             except RemoteError as error:
                 return Unanswered(str(error))

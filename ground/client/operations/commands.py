@@ -140,25 +140,41 @@ class Disarm(PlainCommand):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClearEmergencyStop(PlainCommand):
-    """Release the emergency stop that was seen, and no newer one.
+    """Release an emergency stop that is known, and no newer one of somebody else.
 
-    `stop_id` names it, as the status did when the release was asked for; None: the status of now.
+    `stop_ids` are those known when the release was asked for: the one that the status named, then
+    own ones, which the status may not show yet. Without any it is that of the status of now.
     """
 
     verb = "clear-estop"
     effect = "emergency stop cleared"
     parts = Parts(Command.SIDESTEP_CLEAR_EMERGENCY_STOP)
-    stop_id: int | None = None
+    stop_ids: tuple[int, ...] = ()
 
-    def request(self, link: Link) -> CommandRequest:
-        """Return the request with the stop; UnansweredError if no status names one."""
-        stop_id = self.stop_id
-        if stop_id is None:
-            newest = link.newest(STATUS, STATUS_NS)
-            if newest is None:
-                raise link.unanswered(GaveUp("no status names the emergency stop to clear"))
-            stop_id = newest.stop_id
-        return replace(super(ClearEmergencyStop, self).request(link), stop_id=stop_id)
+    def perform(self, session: Session) -> Answer:
+        """Name one stop after the other until the robot finds its newest among them.
+
+        Raises UnansweredError if none is known.
+        """
+        first, *others = dict.fromkeys(self.stop_ids or (stop_shown(session.link),))
+        answer = self._release(session, first)
+        for stop_id in others:
+            if isinstance(answer, Refused) and answer.reason == Reason.NEWER_STOP:
+                answer = self._release(session, stop_id)
+        return answer
+
+    def _release(self, session: Session, stop_id: int) -> Answer:
+        request = replace(self.request(session.link), stop_id=stop_id)
+        patience = patience_ns(self.timeout_s)
+        return session.with_holder(session.link.ask(request, patience_ns=patience))
+
+
+def stop_shown(link: Link) -> int:
+    """Return the stop that the status of now names; UnansweredError without a status."""
+    newest = link.newest(STATUS, STATUS_NS)
+    if newest is None:
+        raise link.unanswered(GaveUp("no status names the emergency stop to clear"))
+    return newest.stop_id
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

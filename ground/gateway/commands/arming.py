@@ -21,13 +21,10 @@ from ground.gateway.vehicle import Vehicle
 from protocol.wire.enums import Severity
 from protocol.wire.enums import Vehicle as VehicleState
 from protocol.wire.reasons import Reason
-from runtime.units import NS_PER_S
 
 PREARM: Final = "PreArm: "
 """The prefix by which clients recognise why a robot cannot be armed."""
 REFUSED: Final = "refused: "
-OWN_NS: Final = NS_PER_S
-"""For so long after a stop of a client, the status may not show it yet."""
 
 
 class ArmingCommands:
@@ -35,7 +32,7 @@ class ArmingCommands:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
-        self._pressed_ns, self._pressed_id = -OWN_NS, 0
+        self._pressed_id: int | None = None
 
     @property
     def table(self) -> CommandTable:
@@ -82,15 +79,14 @@ class ArmingCommands:
 
         A stop that a client has just pressed may be acknowledged before the status shows it.
         """
-        is_own = call.now_ns - self._pressed_ns < OWN_NS
-        stop_id = self._pressed_id if is_own else self._vehicle.stop_id
-        if stop_id is None:
+        known = (self._vehicle.stop_id, self._pressed_id)
+        stop_ids = tuple(one for one in known if one is not None)
+        if not stop_ids:
             reply.result(LATER, "no status of the robot has named an emergency stop yet")
         else:
-            self._vehicle.perform(call.sender, ClearEmergencyStop(stop_id=stop_id), done)
+            self._vehicle.perform(call.sender, ClearEmergencyStop(stop_ids=stop_ids), done)
 
-    def _stop(self, call: Call, reply: Reply) -> None:
-        self._pressed_ns = call.now_ns
+    def _stop(self, reply: Reply) -> None:
         self._pressed_id = self._vehicle.port.stop(reply.ended)
 
     def _disarm(self, call: Call, reply: Reply, *, is_forced: bool) -> None:
@@ -98,7 +94,7 @@ class ArmingCommands:
             outcome = answered.outcome
             is_held = isinstance(outcome, Refused) and outcome.reason == Reason.LEASE_HELD
             if is_forced and is_held:
-                self._stop(call, reply)
+                self._stop(reply)
             else:
                 reply.ended(answered)
 
@@ -116,7 +112,7 @@ class ArmingCommands:
 
     def _terminate(self, call: Call, reply: Reply) -> None:
         if is_termination(call):
-            self._stop(call, reply)
+            self._stop(reply)
         elif call.param1 == 0.0:
             self._clear(call, reply, reply.ended)
         else:

@@ -2,11 +2,14 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable, Coroutine
+from threading import enumerate as enumerate_threads
 from typing import Any
 
 import pytest
 
 import sidestep
+from ground.client.results import Answer
+from protocol.topics import STATUS
 from protocol.wire.enums import Command, LeaseAction, MissionState
 from protocol.wire.messages import CommandRequest, GoalRequest
 from sidestep import GoalState, Mode, Reason, Vehicle
@@ -14,6 +17,9 @@ from tests.support.bus.robots import PlayedRobot
 from tests.support.until import PATIENCE_S
 
 Stage = tuple[PlayedRobot, str]
+
+UNSEEN_S = 0.5
+"""Time after which a stop is given up that no status shows."""
 
 
 def driven(stage: Stage, story: Callable[[sidestep.Robot], Coroutine[Any, Any, Any]]) -> Any:
@@ -145,26 +151,73 @@ def test_stop_waits_for_no_request(stage: Stage) -> None:
     assert played.vehicle is Vehicle.EMERGENCY_STOP
 
 
-def test_a_release_names_the_stop_that_this_program_has_seen_last(stage: Stage) -> None:
-    """The robot may acknowledge a stop by datagram before its status arrives."""
+async def stop_and_wait(robot: sidestep.Robot) -> None:
+    await robot.emergency_stop(timeout_s=UNSEEN_S)
+
+
+async def stop_and_cancel(robot: sidestep.Robot) -> None:
+    stopping = asyncio.ensure_future(robot.emergency_stop(timeout_s=UNSEEN_S))
+    await asyncio.sleep(0)
+    stopping.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await stopping
+
+
+async def stop_all(robot: sidestep.Robot) -> None:
+    await robot.emergency_stop_all(timeout_s=UNSEEN_S)
+
+
+async def stop_all_and_cancel(robot: sidestep.Robot) -> None:
+    stopping = asyncio.ensure_future(robot.emergency_stop_all(timeout_s=UNSEEN_S))
+    await asyncio.sleep(0)
+    stopping.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await stopping
+
+
+STOPS = [stop_and_wait, stop_and_cancel, stop_all, stop_all_and_cancel]
+
+
+@pytest.mark.parametrize("stop", STOPS)
+@pytest.mark.parametrize("is_shown", [False, True])
+def test_program_may_release_each_stop_of_its_own(
+    stage: Stage, stop: Callable[[sidestep.Robot], Awaitable[None]], is_shown: bool
+) -> None:
+    """The newest status may still be one from before the stop."""
     played, _ = stage
+    played.stale = None if is_shown else played.status()
 
-    async def story(robot: sidestep.Robot) -> tuple[int, int]:
-        await robot.emergency_stop()
-        await robot.clear_emergency_stop()
-        robot._own_stop = 77, robot.clock.now_ns() + 60 * 1_000_000_000
-        await robot.clear_emergency_stop()
-        released = {
-            one.request_id: one.stop_id
-            for one in played.asked
-            if isinstance(one, CommandRequest)
-            and one.command == Command.SIDESTEP_CLEAR_EMERGENCY_STOP
-        }
-        first, second = released.values()
-        return first, second
+    async def story(robot: sidestep.Robot) -> Answer:
+        await until(lambda: robot.streams.latest(STATUS) is not None)
+        await stop(robot)
+        return await robot.clear_emergency_stop()
 
-    assert driven(stage, story) == (played.stop_id, 77)
+    answer = driven(stage, story)
+    assert answer.ok, answer.text
     assert played.stop_id != 0
+    assert played.vehicle is Vehicle.STANDBY, "nor does a repetition stop it again"
+
+
+@pytest.mark.parametrize("stop", STOPS)
+def test_program_does_not_release_a_later_stop_of_another(
+    stage: Stage, stop: Callable[[sidestep.Robot], Awaitable[None]]
+) -> None:
+    played, _ = stage
+    played.stale = played.status()
+
+    async def story(robot: sidestep.Robot) -> Answer:
+        await until(lambda: robot.streams.latest(STATUS) is not None)
+        await stop(robot)
+        await until(lambda: played.vehicle is Vehicle.EMERGENCY_STOP)
+        played.deaf = True
+        await until(lambda: all("emergency stop" not in one.name for one in enumerate_threads()))
+        played.stop_id = 99
+        return await robot.clear_emergency_stop()
+
+    answer = driven(stage, story)
+    assert isinstance(answer, sidestep.Refused)
+    assert answer.reason == Reason.NEWER_STOP
+    assert played.vehicle is Vehicle.EMERGENCY_STOP
 
 
 async def with_robot(stage: Stage, story: Callable[[sidestep.Robot], Awaitable[Any]]) -> Any:

@@ -155,6 +155,8 @@ class PlayedRobot:
         if reason is None:
             asked.drop()
             return
+        if reason is Reason.NONE and self._is_newer_stop(message):
+            reason = Reason.NEWER_STOP
         if reason is Reason.NONE:
             self._act(message)
         reply = acknowledge(message, reason)
@@ -166,9 +168,18 @@ class PlayedRobot:
         """Store the first emergency stop that arrives by either of its two paths."""
         message = decode(frame).message
         assert isinstance(message, CommandRequest)
-        if self.stop_id != message.request_id and not self.deaf:
+        if self.deaf:
+            return
+        if self.stop_id != message.request_id:
             self.asked.append(message)
-            self.vehicle, self.stop_id = Vehicle.EMERGENCY_STOP, message.request_id
+        self.vehicle, self.stop_id = Vehicle.EMERGENCY_STOP, message.request_id
+
+    def _is_newer_stop(self, message: CommandRequest | GoalRequest) -> bool:
+        """Return whether a release names another stop than the one that is latched."""
+        if isinstance(message, GoalRequest) or self.vehicle is not Vehicle.EMERGENCY_STOP:
+            return False
+        is_clear = message.command == Command.SIDESTEP_CLEAR_EMERGENCY_STOP
+        return is_clear and message.stop_id != self.stop_id
 
     def _act(self, message: CommandRequest | GoalRequest) -> None:
         if isinstance(message, GoalRequest):
@@ -176,6 +187,8 @@ class PlayedRobot:
             self.after_goal()
         elif message.command == Command.COMPONENT_ARM_DISARM:
             self.vehicle = Vehicle.ACTIVE if message.param1 else Vehicle.STANDBY
+        elif message.command == Command.SIDESTEP_CLEAR_EMERGENCY_STOP:
+            self.vehicle = Vehicle.STANDBY
         elif message.command == Command.DO_SET_MODE:
             self.mode = Mode(int(message.param2))
         elif message.command == Command.SIDESTEP_ABORT_GOAL:

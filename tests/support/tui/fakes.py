@@ -133,6 +133,9 @@ class FakeStation(Station):
     def seen(self, topic: Topic[Any]) -> AgedMessage:
         return self._telemetry.seen(topic, self.now_ns)
 
+    def status_of(self, robot: str) -> AgedMessage:
+        return self.seen(STATUS)
+
     @property
     def present(self) -> PresentProcesses:
         return PresentProcesses(frozenset({("r1", "robot"), ("r1", "plant"), ("r1", "ground")}))

@@ -14,12 +14,14 @@ from ground.console.app_commands import AppCommand, SetTheme, ShowHelp
 from ground.console.history import History
 from ground.console.parser import read
 from ground.map.scene import MapTarget
+from ground.station.robot.robot_stop import StopRecord
 from ground.station.station import REPLAYED
 from ground.station.world import parse_world
 from protocol.bus.network import Network
 from protocol.options import DEFAULT_ENDPOINT
 from protocol.topics import STATUS
 from protocol.wire.enums import Vehicle
+from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
 from runtime.errors import UserError
 from tests.support.each import each
@@ -88,11 +90,11 @@ def test_a_stop_is_sent_before_its_line_is_saved(monkeypatch: pytest.MonkeyPatch
 def test_a_release_of_all_names_the_stops_that_are_shown() -> None:
     runner, station = command_runner()
     given: list[Any] = []
-    station.stops_seen = lambda: (("r1", 8), ("r2", 9))  # type: ignore[method-assign]
+    station.all_stops_known = lambda: (("r1", (8,)), ("r2", (9, 10)))  # type: ignore[method-assign]
     station.submit = lambda _, job, **__: bool(given.append(job))  # type: ignore
     runner.run_line("clear-estop --all")
     (job,) = given
-    assert job.args[0].stop_ids == (("r1", 8), ("r2", 9))
+    assert job.args[0].stop_ids == (("r1", (8,)), ("r2", (9, 10)))
 
 
 @each("typed", [False, True])
@@ -108,6 +110,17 @@ def test_a_release_names_the_stop_that_is_shown(typed: bool) -> None:
     else:
         runner.perform(ClearEmergencyStop())
     assert [request.stop_id for request in bus.requests] == [STOP_ID]
+
+
+def test_a_release_may_name_the_last_stop_of_this_station() -> None:
+    """The robot may acknowledge it by datagram before its status arrives."""
+    bus = ScriptedBus(ManualClock(), (Reason.NEWER_STOP,))
+    station = stopped(Vehicle.EMERGENCY_STOP)
+    station.last_stop_now = StopRecord(21, station.clock.now_ns(), None)
+    common = Common(network=Network(mode="client", connect=(ELSEWHERE,)), robot="r1")
+    runner = CommandRunner(lambda: station, bus, common, ManualClock(), History())
+    runner.run_line("clear-estop")
+    assert [request.stop_id for request in bus.requests] == [STOP_ID, 21]
 
 
 def test_unknown_word_gets_a_hint() -> None:

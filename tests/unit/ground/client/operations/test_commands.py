@@ -118,8 +118,21 @@ def test_a_release_names_the_stop_of_the_newest_status() -> None:
 def test_a_release_names_the_stop_that_was_shown_when_it_was_asked_for() -> None:
     stage = Stage()
     stage.bus.set_newest(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=8))
-    ClearEmergencyStop(stop_id=7).perform(stage.session)
+    ClearEmergencyStop(stop_ids=(7,)).perform(stage.session)
     assert [request.stop_id for request in stage.bus.requests] == [7]
+
+
+def test_a_release_names_own_stops_after_the_one_that_was_shown() -> None:
+    stage = Stage(Reason.NEWER_STOP, Reason.NEWER_STOP, Reason.NONE)
+    assert ClearEmergencyStop(stop_ids=(7, 7, 21, 22, 23)).perform(stage.session).ok
+    assert [request.stop_id for request in stage.bus.requests] == [7, 21, 22]
+    assert len({request.request_id for request in stage.bus.requests}) == 3
+
+
+def test_a_release_that_is_refused_for_another_reason_names_no_other_stop() -> None:
+    stage = Stage(Reason.LEASE_HELD)
+    assert not ClearEmergencyStop(stop_ids=(7, 21)).perform(stage.session).ok
+    assert [request.stop_id for request in stage.bus.requests if request] == [7]
 
 
 def test_a_release_is_not_sent_without_a_status() -> None:
@@ -130,7 +143,7 @@ def test_a_release_is_not_sent_without_a_status() -> None:
 
 
 def test_a_refusal_for_a_newer_stop_says_what_to_do() -> None:
-    outcome = ClearEmergencyStop(stop_id=7).perform(Stage(Reason.NEWER_STOP).session)
+    outcome = ClearEmergencyStop(stop_ids=(7,)).perform(Stage(Reason.NEWER_STOP).session)
     assert outcome.text == (
         "refused: a newer emergency stop was pressed: look, then clear again (sidestep clear-estop)"
     )

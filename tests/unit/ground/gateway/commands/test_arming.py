@@ -50,7 +50,7 @@ def test_forced_arming_clears_the_emergency_stop(bench: Bench, force: int) -> No
     bench.send(command(ARM, 1, force))
     bench.port.answer()
     bench.port.answer()
-    assert bench.port.performed == [ClearEmergencyStop(stop_id=7), Arm()]
+    assert bench.port.performed == [ClearEmergencyStop(stop_ids=(7,)), Arm()]
     assert acks(bench.sent()) == [(ARM, ACCEPTED)]
 
 
@@ -106,7 +106,7 @@ def test_termination_with_zero_clears_the_stop(bench: Bench) -> None:
     show(bench, Vehicle.EMERGENCY_STOP, Reason.BY_OPERATOR)
     bench.send(command(STOP, 0))
     bench.port.answer()
-    assert bench.port.performed == [ClearEmergencyStop(stop_id=7)]
+    assert bench.port.performed == [ClearEmergencyStop(stop_ids=(7,))]
     assert acks(bench.sent()) == [(STOP, ACCEPTED)]
 
 
@@ -116,7 +116,7 @@ def test_a_client_clears_its_own_stop_before_the_status_shows_it(bench: Bench) -
     bench.send(command(STOP, 1))
     bench.send(command(STOP, 0))
     bench.port.answer()
-    assert bench.port.performed == [ClearEmergencyStop(stop_id=101)], "and no newer one"
+    assert bench.port.performed == [ClearEmergencyStop(stop_ids=(7, 101))], "and no newer one"
 
 
 def test_a_clear_names_the_stop_seen_last_while_no_status_arrives(bench: Bench) -> None:
@@ -126,7 +126,7 @@ def test_a_clear_names_the_stop_seen_last_while_no_status_arrives(bench: Bench) 
     bench.after(0.3)
     bench.send(command(STOP, 0))
     bench.port.answer()
-    assert bench.port.performed == [ClearEmergencyStop(stop_id=7)]
+    assert bench.port.performed == [ClearEmergencyStop(stop_ids=(7,))]
 
 
 def test_a_clear_before_the_first_status_waits_for_one() -> None:

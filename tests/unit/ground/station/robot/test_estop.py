@@ -144,6 +144,21 @@ def test_last_stop_has_the_time_of_its_acknowledgement() -> None:
     assert play.station.last_stop("r9") is None
 
 
+def test_stops_to_release_are_the_one_shown_and_the_last_of_this_station() -> None:
+    play = Play()
+    assert play.station.stops_known("r9") == ()
+    play.robot.stop_id = 7
+    play.forward(1.0)
+    assert play.station.stops_known("r1") == (7,)
+    play.die()
+    play.forward(0.1)
+    play.workers["r1 e-stop"].waits = True
+    play.station.estop()
+    own = play.station.last_stop("r1")
+    assert own is not None
+    assert dict(play.station.all_stops_known())["r1"] == (7, own.request_id)
+
+
 def noted(order: list[str], what: str, _: Message) -> None:
     order.append(what)
 
