@@ -1,6 +1,6 @@
 """Handle the requests of operators; a repeated request is acted on only once."""
 
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from collections.abc import Callable, Mapping
 from math import isfinite
 from types import MappingProxyType
@@ -19,6 +19,9 @@ MAX_OPERATORS: Final = 64
 MAX_ANSWERS: Final = 32
 """Answers kept for each operator; the operators with the newest requests are kept."""
 
+MAX_STOPS: Final = 256
+"""Ids of stops of which a late copy is known not to be new."""
+
 RESTART: Final = 1.0
 """Parameter 1 of PREFLIGHT_REBOOT_SHUTDOWN that restarts the robot process."""
 
@@ -29,8 +32,7 @@ class Commands:
     """Applies requests to the core and to the mission.
 
     `goal_id` is the id of the request that set the current goal; goals of a mission have the id of
-    the request that started it. `stop_id` is the id of the newest emergency stop, 0 before the
-    first. `restarts`: an operator has asked for a restart of the process.
+    the request that started it. `restarts`: an operator has asked for a restart of the process.
     """
 
     def __init__(self, core: Core, mission: Mission) -> None:
@@ -38,8 +40,19 @@ class Commands:
         self._machine = core.state.machine
         self._mission = mission
         self._answers = AnswerCache()
-        self.goal_id = self.stop_id = 0
+        self.goal_id = 0
+        self._stop_ids: deque[int] = deque([0], MAX_STOPS)
         self.restarts = False
+
+    @property
+    def stop_id(self) -> int:
+        """The id of the newest emergency stop, 0 before the first; a later copy is none."""
+        return self._stop_ids[-1]
+
+    def is_stopped_by(self, request_id: int) -> bool:
+        """Return whether the emergency stop with this id is latched."""
+        stopped = self._machine.vehicle == states.EMERGENCY_STOP
+        return stopped and request_id in self._stop_ids
 
     def receive(self, request: CommandOrGoal, now_ms: int, operator: str = "") -> CommandAck:
         """Act on a request and return the answer, which contains a reason.
@@ -48,7 +61,7 @@ class Commands:
         An emergency stop is acted on every time.
         """
         if is_stop(request):
-            self.stop_id = request.request_id
+            self._note_stop(request.request_id)
             return acknowledge(request, self._handle(request, now_ms))
         known = self._answers.find(operator, request)
         if known is not None:
@@ -56,6 +69,16 @@ class Commands:
         answer = acknowledge(request, self._act(request, now_ms))
         self._answers.keep(operator, request, answer)
         return answer
+
+    def _note_stop(self, request_id: int) -> None:
+        """Take a stop for the newest one, unless it is a copy of one that is latched.
+
+        A clear that names that one may have been sent before later ones.
+        """
+        if self._machine.vehicle != states.EMERGENCY_STOP:
+            self._stop_ids.clear()
+        if request_id not in self._stop_ids:
+            self._stop_ids.append(request_id)
 
     def _act(self, request: CommandOrGoal, now_ms: int) -> int:
         serial = self._machine.serial

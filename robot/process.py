@@ -14,7 +14,7 @@ from protocol.wire.codec import Encoder
 from protocol.wire.enums import INPUT_BUDGET, INPUT_NAME_TAKEN, AckResult, Command, Severity
 from protocol.wire.messages import Teleop
 from robot import telemetry
-from robot.commands import ack, is_stop
+from robot.commands import ack, is_clear, is_stop
 from robot.core import reasons
 from robot.core.budget import READ
 from robot.core.values import Inputs, Outputs
@@ -79,7 +79,9 @@ class RobotProcess:
         self._duplicates = DuplicateWatch(bus)
         self._requests: SimpleQueue[ServiceRequest] = SimpleQueue()
         self._unprivileged: SimpleQueue[ServiceRequest] = SimpleQueue()
-        self._stop = StopLatch(vehicle.lease.is_holder)
+        self._stop = StopLatch(vehicle.lease.is_holder, vehicle.commands.is_stopped_by)
+        self._is_unseen = False
+        """True in a control period that shows a new stop, which nobody can have seen yet."""
         self._saved = SavedReplies(vehicle)
         self._stop_requests: deque[ServiceRequest] = deque()
         self._notes: deque[str] = deque(maxlen=MAX_ANSWERED)
@@ -297,10 +299,12 @@ class RobotProcess:
         request, vehicle = self._stop.take(), self.vehicle
         while self._notes:
             vehicle.announce(Severity.WARNING, self._notes.popleft())
+        self._is_unseen = request is not None and not vehicle.commands.is_stopped_by(
+            request.request_id
+        )
         if request is not None:
-            again = vehicle.stopped and vehicle.commands.stop_id == request.request_id
             answer = vehicle.receive(request, self._clock.now_ns())
-            if not again:
+            if self._is_unseen:
                 self.reports.record(request, answer)
         for _ in range(waiting):
             incoming = self._stop_requests.popleft()
@@ -329,13 +333,16 @@ class RobotProcess:
         """Return why a request is refused: no operator, no deadline, or one that has passed.
 
         An emergency stop overtakes queued requests, and a request is repeated when its answer is
-        lost. One that releases a stop is therefore refused unless it names the one that is latched.
+        lost. One that releases a stop is therefore refused unless it names the newest one, and in
+        the period that shows a new stop: more may wait in the latch.
         """
         if not incoming.operator:
             return reasons.NO_IDENTITY
         until_ns = incoming.good_until_ns
         if until_ns is None or not 0 <= until_ns - self._bus.now_ns() <= MAX_VALIDITY_NS:
             return reasons.TOO_LATE
+        if self._is_unseen and is_clear(incoming.message):
+            return reasons.NEWER_STOP
         return self.vehicle.clear_rejection(incoming.message)
 
 

@@ -1,7 +1,7 @@
 """A latch for the emergency stop, between the bus and the loop, that cannot fill or block.
 
-A thread of the bus sets it with any bytes received; the loop reads it before anything else. Several
-stops between two reads count as one.
+A thread of the bus sets it with any bytes received; the loop reads it before anything else, and
+shows one stop after another to those who may clear them.
 """
 
 from collections import deque
@@ -35,10 +35,12 @@ class StopLatch:
 
     `is_holder` returns whether an operator holds the lease. The holder's frames are kept apart, so
     that a flood of others cannot displace them and the holder's own stop is acknowledged.
+    `is_shown` returns whether the stop with an id is latched and was shown: a copy is not new.
     """
 
-    def __init__(self, is_holder: Callable[[str], bool]) -> None:
+    def __init__(self, is_holder: Callable[[str], bool], is_shown: Callable[[int], bool]) -> None:
         self._is_holder = is_holder
+        self._is_shown = is_shown
         self._holders: deque[StopRequest] = deque(maxlen=KEPT)
         self._others: deque[StopRequest] = deque(maxlen=KEPT)
         self.takes = 0
@@ -50,22 +52,19 @@ class StopLatch:
         pressed.append(StopRequest(operator, frame))
 
     def take(self) -> CommandRequest | None:
-        """Return the stop to act on and reset the latch; None if it is not set.
+        """Return the stop to act on; None if the latch is not set.
 
-        The newest stop of the lease holder comes first, then the newest of the others.
+        It is the newest one that was not shown, of the lease holder if there is one; those that it
+        leaves are returned by the next calls. Without such a stop it is a copy of one shown.
         """
         self.takes += 1
-        newest = drained(self._others)
-        newest = drained(self._holders) or newest
-        return None if newest is None else stop_in(newest.frame)
-
-
-def drained(pressed: "deque[StopRequest]") -> StopRequest | None:
-    """Remove the present entries and return the newest; later arrivals stay."""
-    newest = None
-    for _ in range(len(pressed)):
-        newest = pressed.popleft()
-    return newest
+        stop = None
+        for pressed in (self._holders, self._others):
+            for _ in range(len(pressed)):
+                stop = stop_in(pressed.pop().frame)
+                if not self._is_shown(stop.request_id):
+                    return stop
+        return stop
 
 
 def stop_in(frame: bytes) -> CommandRequest:

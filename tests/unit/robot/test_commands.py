@@ -151,6 +151,40 @@ def test_a_repeated_stop_stops_again_and_is_named() -> None:
         assert robot.commands.stop_id == request_id
 
 
+def stopped_by(*request_ids: int) -> Robot:
+    """Return a robot that is stopped by one stop after the other."""
+    robot = Robot()
+    for request_id in request_ids:
+        robot.ask(command(Command.DO_FLIGHTTERMINATION, 1.0, request_id=request_id))
+    return robot
+
+
+@each(
+    ("pressed", "newest"),
+    [((7, 8), 8), ((7, 8, 7), 8), ((7, 8, 7, 9, 8), 9), ((*range(257), 1), 256)],
+)
+def test_a_late_copy_of_a_latched_stop_is_not_the_newest(
+    pressed: tuple[int, ...], newest: int
+) -> None:
+    robot = stopped_by(*pressed)
+    assert robot.commands.stop_id == newest
+    assert all(robot.commands.is_stopped_by(request_id) for request_id in pressed[1:])
+    assert not robot.commands.is_stopped_by(1000)
+
+
+def test_the_oldest_of_many_stops_is_forgotten() -> None:
+    assert not stopped_by(*range(257)).commands.is_stopped_by(0)
+
+
+def test_a_late_copy_of_a_released_stop_is_the_newest() -> None:
+    robot = stopped_by(7, 8)
+    robot.machine.vehicle = states.STANDBY
+    assert not robot.commands.is_stopped_by(8)
+    robot.ask(STOP)
+    assert robot.commands.stop_id == STOP.request_id
+    assert not robot.commands.is_stopped_by(8), "it has been released"
+
+
 def test_stop_is_not_stored_with_the_answers() -> None:
     robot = Robot()
     robot.ask(STOP)

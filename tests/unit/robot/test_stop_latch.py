@@ -25,9 +25,14 @@ def stop(request_id: int) -> bytes:
     return frame(emergency_stop(request_id))
 
 
-def latch(holder: str = ADA) -> StopLatch:
-    """Return the latch of a robot whose lease an operator holds."""
-    return StopLatch(lambda operator: operator == holder)
+def latch(*shown: int, holder: str = ADA) -> StopLatch:
+    """Return the latch of a robot whose lease an operator holds, and which has shown stops."""
+    return StopLatch(lambda operator: operator == holder, lambda request_id: request_id in shown)
+
+
+def taken(pressed: StopLatch) -> list[int]:
+    """Return the ids of all stops that readings return."""
+    return [request.request_id for request in iter(pressed.take, None)]
 
 
 def test_unset_latch_returns_nothing() -> None:
@@ -38,22 +43,18 @@ def test_unset_latch_returns_nothing() -> None:
 def test_any_sender_stops_and_reading_resets_the_latch(operator: str) -> None:
     pressed = latch()
     pressed.press(operator, stop(17))
-    taken = pressed.take()
-    assert taken == CommandRequest(
+    assert pressed.take() == CommandRequest(
         request_id=17, param1=1.0, param2=0.0, command=Command.DO_FLIGHTTERMINATION
     )
     assert pressed.take() is None
 
 
 @each("operator", [ADA, BOB])
-def test_the_newest_of_several_stops_is_named(operator: str) -> None:
+def test_each_of_several_stops_is_named_the_newest_first(operator: str) -> None:
     pressed = latch()
     for request_id in (1, 2, 3):
         pressed.press(operator, stop(request_id))
-    taken = pressed.take()
-    assert taken is not None
-    assert taken.request_id == 3
-    assert pressed.take() is None, "one stop is enough"
+    assert taken(pressed) == [3, 2, 1]
 
 
 @each("other", [BOB, STRANGER])
@@ -62,19 +63,33 @@ def test_a_flood_of_others_does_not_hide_the_holders_stop(other: str) -> None:
     pressed.press(ADA, stop(7))
     for request_id in range(100, 1100):
         pressed.press(other, stop(request_id))
-    taken = pressed.take()
-    assert taken is not None
-    assert taken.request_id == 7
-    assert pressed.take() is None, "those of the others are done with it"
+    assert taken(pressed) == [7, *range(1099, 1091, -1)]
+
+
+@each(("copies", "new"), [(ADA, BOB), (BOB, ADA), (ADA, ADA), (BOB, BOB)])
+@each("first", [True, False])
+def test_copies_of_a_stop_that_was_shown_hide_no_new_one(
+    copies: str, new: str, first: bool
+) -> None:
+    pressed = latch(7)
+    for operator, request_id in [(copies, 7), (new, 8), (copies, 7)][first:]:
+        pressed.press(operator, stop(request_id))
+    assert pressed.take() == emergency_stop(8)
+
+
+@each("operator", [ADA, BOB])
+def test_copies_of_a_stop_that_was_shown_are_one_stop(operator: str) -> None:
+    pressed = latch(7)
+    for _ in range(3):
+        pressed.press(operator, stop(7))
+    assert taken(pressed) == [7]
 
 
 def test_sender_without_identity_is_not_the_holder() -> None:
-    pressed = StopLatch(lambda _: True)
+    pressed = StopLatch(lambda _: True, lambda _: False)
     pressed.press(ADA, stop(1))
     pressed.press(STRANGER, stop(2))
-    taken = pressed.take()
-    assert taken is not None
-    assert taken.request_id == 1
+    assert taken(pressed) == [1, 2]
 
 
 class Name(str):
@@ -83,7 +98,7 @@ class Name(str):
 
 @each("holder", [True, False])
 def test_the_newest_eight_frames_are_kept(holder: bool) -> None:
-    pressed = StopLatch(lambda _: holder)
+    pressed = StopLatch(lambda _: holder, lambda _: False)
     name = Name("ada/1")
     kept = weakref.ref(name)
     pressed.press(name, stop(0))
@@ -115,22 +130,24 @@ def test_any_bytes_received_as_a_stop_are_a_stop(content: bytes, request_id: int
 presses = st.tuples(st.sampled_from([ADA, BOB, STRANGER]), st.binary(max_size=40))
 
 
-@given(st.lists(st.one_of(st.none(), presses), max_size=60))
+@given(st.lists(st.one_of(st.none(), presses), max_size=60), st.booleans())
 def test_stop_is_returned_if_one_arrived_since_the_last_read(
-    events: list[tuple[str, bytes] | None],
+    events: list[tuple[str, bytes] | None], shown: bool
 ) -> None:
     """Elements that are None read the latch; all others set it."""
-    pressed, waiting = latch(), False
+    pressed, waiting = StopLatch(lambda operator: operator == ADA, lambda _: shown), False
     for event in [*events, None]:
         if event is None:
-            assert (pressed.take() is not None) == waiting
+            assert (pressed.take() is not None) or not waiting
             waiting = False
         else:
             pressed.press(*event)
             waiting = True
+    assert len(taken(pressed)) <= 16 * (not shown)
 
 
 def test_no_stop_is_lost_between_threads() -> None:
+    """Of a flood the newest ones are kept, so the last is among them."""
     pressed = latch()
     last = stop(10**6)
 
@@ -141,16 +158,16 @@ def test_no_stop_is_lost_between_threads() -> None:
 
     thread = threading.Thread(target=press)
     thread.start()
-    newest = 0
-    while newest != 10**6:
+    found: list[int] = []
+    while 10**6 not in found:
         alive = thread.is_alive()
-        taken = pressed.take()
-        assert taken is not None or alive
-        if taken is not None:
-            assert taken.request_id > newest
-            newest = taken.request_id
+        request = pressed.take()
+        assert request is not None or alive
+        if request is not None:
+            found.append(request.request_id)
     thread.join()
-    assert pressed.take() is None
+    assert len(taken(pressed)) < 8
+    assert len(set(found)) == len(found)
 
 
 def test_each_reading_counts_whether_it_finds_a_stop_or_not() -> None:

@@ -7,7 +7,7 @@ from protocol.topics import (
     STATUS,
     TEXT,
 )
-from protocol.wire.enums import AckResult, Command, Severity, Vehicle
+from protocol.wire.enums import AckResult, Command, LeaseAction, Severity, Vehicle
 from protocol.wire.messages import (
     CommandAck,
     CommandRequest,
@@ -21,6 +21,8 @@ from robot.storage.files import Store
 from tests.support.each import each
 from tests.support.robot.held_writer import HeldWriter
 from tests.support.robot.processes import (
+    ADA,
+    BOB,
     BRAKE,
     Request,
     Rig,
@@ -29,6 +31,7 @@ from tests.support.robot.processes import (
     clear,
     driving,
     hold,
+    lease,
     press,
     speeds,
 )
@@ -198,6 +201,77 @@ def test_a_release_repeated_after_a_newer_stop_leaves_it(was_answered: bool) -> 
     looked = rig.ask(clear(22, rig.sent(STATUS)[-1].stop_id))
     rig.cycle()
     assert looked.reasons == [Reason.NONE]
+    assert not rig.vehicle.stopped
+
+
+def held() -> Rig:
+    """Return a driving robot whose lease Ada holds."""
+    rig = driving()
+    rig.vehicle.receive(lease(LeaseAction.TAKE), rig.clock.now_ns(), ADA)
+    return rig
+
+
+@each("holders_first", [True, False])
+def test_a_release_of_one_stop_leaves_another_of_the_same_period(holders_first: bool) -> None:
+    """The holder repeats a stop that all have seen, and another operator presses one."""
+    rig = held()
+    press(rig, 7)
+    rig.cycle()
+    presses = [(7, ADA), (8, BOB)]
+    for request_id, operator in presses if holders_first else reversed(presses):
+        press(rig, request_id, operator=operator)
+    release = rig.ask(clear(21, 7))
+    rig.cycle()
+    assert release.reasons == [Reason.NEWER_STOP]
+    assert rig.sent(STATUS)[-1].stop_id == 8
+
+
+def test_two_new_stops_of_one_period_are_shown_in_turn() -> None:
+    rig = held()
+    press(rig, 8, operator=BOB)
+    press(rig, 7)
+    rig.cycle()
+    assert rig.sent(STATUS)[-1].stop_id == 7, "the holder's first"
+    release = rig.ask(clear(21, 7))
+    rig.cycle()
+    assert release.reasons == [Reason.NEWER_STOP]
+    assert rig.sent(STATUS)[-1].stop_id == 8
+    looked = rig.ask(clear(22, 8))
+    rig.cycle()
+    assert looked.reasons == [Reason.NONE]
+
+
+def test_a_release_in_the_period_of_its_stop_is_refused() -> None:
+    """Nobody has seen the stop yet, and another one may wait behind it."""
+    rig = held()
+    press(rig, 8, operator=BOB)
+    press(rig, 7)
+    early = rig.ask(clear(21, 7))
+    rig.cycle()
+    assert early.reasons == [Reason.NEWER_STOP]
+
+
+def test_a_late_copy_of_a_stop_is_not_the_newest() -> None:
+    rig = driving()
+    for request_id in (7, 8, 7):
+        press(rig, request_id)
+        rig.cycle()
+    crossing = rig.ask(clear(21, 7))
+    rig.cycle()
+    assert crossing.reasons == [Reason.NEWER_STOP]
+    assert rig.sent(STATUS)[-1].stop_id == 8
+
+
+@each("copies", [1, 5])
+def test_ones_own_stop_that_is_repeated_is_released(copies: int) -> None:
+    rig = driving()
+    press(rig)
+    rig.cycle()
+    for _ in range(copies):
+        press(rig)
+    release = rig.ask(clear(21, 7))
+    rig.cycle()
+    assert release.reasons == [Reason.NONE]
     assert not rig.vehicle.stopped
 
 
