@@ -69,7 +69,7 @@ def _queue_of_stops() -> Patches:
         return act(self, request, now_ms, operator)
 
     class Line:
-        def __init__(self, _is_holder: object) -> None:
+        def __init__(self, *_: object) -> None:
             self._waiting: deque[bytes] = deque()
 
         def press(self, _operator: str, frame: bytes) -> None:

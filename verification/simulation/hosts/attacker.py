@@ -98,8 +98,8 @@ class SimulatedAttacker:
         self._captured: deque[CapturedFrame] = deque(maxlen=KEPT)
 
     def capture(self, key: str, frame: bytes, note: bytes | None, *, asked: bool) -> None:
-        """Keep what operators and the robot send."""
-        if asked or not path_of(key).startswith("sense/"):
+        """Keep what operators and the robot send, but no telemetry."""
+        if asked or not path_of(key).startswith(("sense/", "tlm/")):
             self._captured.append(CapturedFrame(key, frame, note, asked=asked))
 
     def attack(

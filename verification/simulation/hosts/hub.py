@@ -11,7 +11,7 @@ from verification.simulation.hosts.scheduler import Host, Task
 if TYPE_CHECKING:
     from verification.simulation.hosts.session import SimulatedSession
 
-WATCHED: Final = ("drive/", "sense/", "op/", "srv/")
+WATCHED: Final = ("drive/", "sense/", "op/", "srv/", "tlm/status")
 """Prefixes of the topics and services that invariants or the attacker observe."""
 
 MANY: Final = 10_000

@@ -11,7 +11,7 @@ from protocol.topics import COMMAND, STOP, STOP_SERVICE, operator_in
 from protocol.wire.codec import decode
 from protocol.wire.enums import Command
 from protocol.wire.message import Message
-from protocol.wire.messages import CommandRequest
+from protocol.wire.messages import CommandRequest, NavigatorStatus
 from robot.core import states
 from robot.vehicle import Answer, Vehicle
 from runtime.errors import RemoteError
@@ -22,9 +22,8 @@ from verification.simulation.invariants.requests import accepted
 from verification.simulation.invariants.shared import NEVER, RunState
 
 RELEASED: Final = "only a later clear releases a stop"
-RESTORED_ID, UNREADABLE_ID = 0, 1
-TOGETHER_NS: Final = 200 * NS_PER_MS
-"""Stops that arrive within this time count as one: their repetitions take turns in the status."""
+UNREADABLE_ID: Final = 1
+"""Stops that are no readable request count as one."""
 
 KEPT: Final = "stop survives a restart"
 
@@ -36,8 +35,10 @@ class StopInvariants:
         self._facts = facts
         self._stop_ns: dict[str, int] = {}
         """Newest arrival of a stop, by the process that sent it."""
-        self._named_ns: dict[int, int] = {}
-        """Newest arrival of each stop, by its id."""
+        self._first_ns: dict[int, int] = {}
+        """First arrival of each stop since the last release, by its id."""
+        self._shown_ns: dict[int, int] = {}
+        """When the status first showed each of them."""
         self._clear_ns: dict[tuple[str, int], int] = {}
         """Newest arrival of each request to clear, by operator and id."""
         self._latched = False
@@ -56,10 +57,12 @@ class StopInvariants:
             self._asked(source, operator_in(path.removeprefix(f"{COMMAND.path}/")), frame)
 
     def _stop_arrived(self, source: str, frame: bytes) -> None:
-        number = 0
+        message, now_ns = None, self._facts.now_ns
         with suppress(RemoteError):
-            number = getattr(decode(frame).message, "request_id", 0)
-        self._stop_ns[source] = self._named_ns[number or UNREADABLE_ID] = self._facts.now_ns
+            message = decode(frame).message
+        number = message.request_id if isinstance(message, CommandRequest) else 0
+        self._stop_ns[source] = now_ns
+        self._first_ns.setdefault(number or UNREADABLE_ID, now_ns)
 
     def _asked(self, source: str, operator: str, frame: bytes) -> None:
         try:
@@ -75,6 +78,12 @@ class StopInvariants:
 
     # The robot.
 
+    def shown(self, frame: bytes) -> None:
+        """Note a status that the robot publishes."""
+        status = decode(frame).message
+        if isinstance(status, NavigatorStatus) and status.vehicle == states.EMERGENCY_STOP:
+            self._shown_ns.setdefault(status.stop_id, self._facts.now_ns)
+
     def received(self, vehicle: Vehicle, request: Message, answer: Answer, operator: str) -> None:
         """Check an answered request."""
         stopped = vehicle.state.machine.vehicle == states.EMERGENCY_STOP
@@ -89,14 +98,20 @@ class StopInvariants:
             self._seen_ns = None
 
     def _released(self, operator: str, request: CommandRequest) -> None:
-        named_ns = self._named_ns.get(request.stop_id, NEVER)
-        if named_ns < max(self._named_ns.values(), default=NEVER) - TOGETHER_NS:
-            self._facts.fail(RELEASED, "released by a clear that names an earlier one")
+        """Check that all other stops had arrived when the named one was shown and the clear came.
+
+        A clear may name a stop of its own sender that no status has shown to it.
+        """
+        shown_ns = self._shown_ns.get(request.stop_id, NEVER)
         asked_ns = self._clear_ns.get((operator, request.request_id), NEVER)
-        stopped_ns = max(self._stop_ns.values(), default=NEVER)
-        if asked_ns < stopped_ns:
-            words = f"released by a clear that arrived {(stopped_ns - asked_ns) // NS_PER_MS} ms"
-            self._facts.fail(RELEASED, f"{words} before the newest stop")
+        first_ns = (ns for number, ns in self._first_ns.items() if number != request.stop_id)
+        newest_ns = max(first_ns, default=NEVER)
+        if shown_ns < newest_ns:
+            self._facts.fail(RELEASED, "released by a clear that names an earlier one")
+        if asked_ns < newest_ns:
+            self._facts.fail(RELEASED, "released by a clear that arrived before the newest stop")
+        self._first_ns.clear()
+        self._shown_ns.clear()
 
     def robot_started(self) -> None:
         """Forget a stop that need not be kept: the robot ended too soon after it."""
@@ -106,7 +121,8 @@ class StopInvariants:
     def restored(self, vehicle: Vehicle) -> None:
         """Check the state in which a robot starts."""
         self._latched = vehicle.state.machine.vehicle == states.EMERGENCY_STOP
-        self._named_ns = {RESTORED_ID: self._facts.now_ns}
+        self._first_ns.clear()
+        self._shown_ns.clear()
         if self._promised:
             self._facts.coverage.reached["stop kept over a restart"] += 1
         self.cycled(vehicle)
