@@ -202,6 +202,8 @@ class Simulation:
             self.attacker.capture(key, frame, note, asked=asked)
         if not asked:
             self.oracle.put(source, path_of(key), frame)
+        elif source.name == GATEWAY and frame:
+            self.oracle.clients.asked(frame)
 
     def _answer(self, gateway: Host, peer: str, data: bytes) -> None:
         """Carry a frame of the gateway to a client."""

@@ -52,6 +52,12 @@ class ClientInvariants:
         self._lost_ns: dict[int, int] = {}
         """When each client lost control to another one."""
         self._reached: set[str] = set()
+        self._asked: set[Message] = set()
+        """What the gateway has sent: on an open bus another process may use its identity."""
+
+    def asked(self, frame: bytes) -> None:
+        """Note a request that leaves the gateway."""
+        self._asked.add(decode(frame).message)
 
     def arrived(self, client: int, kind: str) -> None:
         """Note a frame that has arrived at the gateway."""
@@ -74,7 +80,7 @@ class ClientInvariants:
 
     def received(self, request: Message, answer: Answer, operator: str) -> None:
         """Check a request of the gateway that the robot has answered."""
-        if operator != self.operator or not accepted(answer):
+        if operator != self.operator or request not in self._asked or not accepted(answer):
             return
         if isinstance(request, LeaseRequest):
             if request.action != LeaseAction.RELEASE:

@@ -9,6 +9,7 @@ from struct import pack
 from typing import Any
 
 from plant.sim.simulation import Plant
+from protocol.topics import STATUS
 from protocol.wire.enums import Mode
 from protocol.wire.enums import Vehicle as VehicleState
 from protocol.wire.message import Message
@@ -59,6 +60,8 @@ class Oracle:
         """Record a frame that leaves a host."""
         if source.name == GATEWAY:
             self.clients.put(path, frame)
+        if source.name == "robot" and path == STATUS.path:
+            self.stops.shown(frame)
         if path == "drive/wheels":
             if source.name == "robot":
                 self.motion.command(frame)
@@ -98,6 +101,7 @@ class Oracle:
     def robot_started(self) -> None:
         """Record the start of a robot process, whose only memory is its disk."""
         self.facts.armed_ns = self.facts.started_ns = self.facts.now_ns
+        self.facts.is_placed = False
         self.motion.robot_started()
         self.onboard.robot_started()
         self.presence.robot_started()

@@ -59,6 +59,8 @@ class RequestInvariants:
                         "acknowledged stop is effective",
                         f"a stop was accepted in vehicle state {machine.vehicle}",
                     )
+            elif request.command == Command.SIDESTEP_SET_POSE:
+                facts.is_placed = True
             elif request.command == Command.COMPONENT_ARM_DISARM and request.param1:
                 facts.armed_ns = now_ns
         if isinstance(request, LeaseRequest) and ok:

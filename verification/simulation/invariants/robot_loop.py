@@ -13,6 +13,7 @@ from runtime.units import NS_PER_MS
 from verification.simulation.invariants import limits
 from verification.simulation.invariants.requests import RequestInvariants
 from verification.simulation.invariants.shared import RunState
+from verification.simulation.invariants.wheels import believed
 
 CALM = (Reason.BUDGET, Reason.TICKS_LOST, Reason.SCAN_LOST, Reason.NAME_TAKEN)
 """Failsafes that cannot occur without a fault."""
@@ -61,7 +62,7 @@ class LoopInvariants:
         machine = vehicle.state.machine
         self._ticks()
         self._goals(vehicle, machine)
-        self._causes(machine)
+        self._causes(vehicle)
         self._safety(vehicle)
         self._progress(machine)
         self._modes(machine)
@@ -93,16 +94,18 @@ class LoopInvariants:
                 "every goal ends", f"a mission runs in vehicle state {machine.vehicle}"
             )
 
-    def _causes(self, machine: Machine) -> None:
+    def _causes(self, vehicle: Vehicle) -> None:
         """Check that no failsafe trips without a fault or a forged frame for a while."""
-        facts, failsafe = self._facts, machine.vehicle == states.FAILSAFE
+        facts, machine = self._facts, vehicle.state.machine
+        failsafe = machine.vehicle == states.FAILSAFE
         tripped, self._failsafe = failsafe and not self._failsafe, failsafe
         if not tripped or facts.now_ns - facts.sound_since_ns < limits.CALM_NS:
             return
         if facts.now_ns - max(facts.forged_ns, facts.started_ns) < limits.CALM_NS:
             return
         reason = Reason(machine.vehicle_reason)
-        fence, (x_m, y_m, _) = machine.fence, self._place
+        fence = machine.fence
+        x_m, y_m = believed(vehicle) if facts.is_placed else self._place[:2]
         inner_m = (
             0.0
             if fence is None or not fence.radius_m

@@ -44,6 +44,8 @@ class RunState:
         """Until then an operator does not know the robot's clock."""
         self.forged_ns = NEVER
         """Time of the plant's tick that the newest forged wheel command answers."""
+        self.is_placed = False
+        """True once an operator has set the pose, by which the robot keeps within its fence."""
         self.armed_ns = NEVER
         """Last time the robot was armed or started."""
         self.awake_ns = NEVER

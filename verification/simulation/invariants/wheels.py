@@ -108,7 +108,8 @@ class WheelInvariants:
             self._stops()
             if vehicle is not None and self.place_known:
                 place = (truth.x_m, truth.y_m)
-                self._fence(vehicle, believed(vehicle) if self._restarted else place)
+                is_told = self._restarted or facts.is_placed
+                self._fence(vehicle, believed(vehicle) if is_told else place)
         return fastest_m_s
 
     def _measure(self, vehicle: Vehicle | None) -> None:
