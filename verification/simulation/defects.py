@@ -44,7 +44,7 @@ def _swallowed_stop() -> Patches:
             if commands is self and number == request.request_id:
                 return answer
         if is_stop(request):
-            self.stop_id = request.request_id
+            self._note_stop(request.request_id)
         answer = acknowledge(request, self._act(request, now_ms))
         answers.append((self, request.request_id, answer))
         return answer
