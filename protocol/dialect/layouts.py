@@ -51,12 +51,12 @@ GROUND_TRUTH 54107 178 time_ns:Q seq:I x_m:f y_m:f heading_rad:f speed_m_s:f yaw
   clearance_m:f contact:B
 GOAL_REQUEST 54108 64 request_id:Q x_mm:i y_mm:i heading_urad:i heading_tolerance_urad:I
   position_tolerance_mm:H heading_free:B mode:B from_robot:B
-COMMAND_REQUEST 54109 126 request_id:Q param1:f param2:f command:H param3:f stop_id:Q
+COMMAND_REQUEST 54109 126 request_id:Q param1:f param2:f command:H param3:f stop_id:Q ends_id:Q
 RUN_REQUEST 54110 38 until_ns:Q action:B
 RUN_SCORE 54111 83 time_ns:Q x_m:d y_m:d heading_rad:d path_m:d min_clearance_m:d ticks:I
   contacts:I own_contacts:I digest:32B
 LEASE_REQUEST 54112 226 request_id:Q action:B name:16s
-LEASE_STATUS 54113 140 time_ns:Q lapses_ms:I held:B holder:56s name:16s
+LEASE_STATUS 54113 140 time_ns:Q lapses_ms:I held:B holder:56s name:16s drive_id:Q driver:16s
 TELEOP 54114 95 time_ns:Q seq:I speed_mm_s:h yaw_rate_mrad_s:h ttl_ms:H
 MISSION_STATUS 54115 240 time_ns:Q mission_id:I hold_left_ms:I count:H current:H state:B
   reason:B

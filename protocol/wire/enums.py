@@ -80,6 +80,8 @@ class LeaseAction(IntEnum):
     TAKE = 0  # Take the lease; refused while another operator holds it.
     RELEASE = 1  # Release the lease.
     SEIZE = 2  # Take the lease from its holder.
+    # The sender ends: release the lease, unless other programs of its operator are there.
+    LEAVE = 3
 
 
 class MissionState(IntEnum):

@@ -48,6 +48,9 @@ class CommandRequest(Message, frozen=True, kw_only=True):
         param3: Third parameter of the command.
         stop_id: To clear the emergency stop: the stop_id that the sender has seen in
             NAVIGATOR_STATUS. Another one that is latched stays.
+        ends_id: To hold or abort as the clean-up of a program: request_id of the goal or drive that
+            it ends; if that is over, the answer is ALREADY_OVER and nothing changes. 0: whatever
+            there is.
     """
 
     request_id: int
@@ -56,6 +59,7 @@ class CommandRequest(Message, frozen=True, kw_only=True):
     command: int
     param3: float = 0.0
     stop_id: int = 0
+    ends_id: int = 0
 
 
 class LeaseRequest(Message, frozen=True, kw_only=True):
@@ -86,11 +90,14 @@ class LeaseStatus(Message, frozen=True, kw_only=True):
 
     Attributes:
         time_ns: Stamp, clock of the robot. [ns]
-        lapses_ms: Time until the lease expires without a heartbeat of its holder; 0 while the lease
-            is free. [ms, at most 3000]
+        lapses_ms: Time until the lease expires without a heartbeat of its holder, or because
+            nothing drives; 0 while the lease is free. [ms, at most 30000]
         held: 1 while an operator holds the lease.
-        holder: Identity of the holder on the bus: operator/session. [at most 56 bytes]
+        holder: Identity on the bus of the program that took it: operator/session. The lease belongs
+            to the operator. [at most 56 bytes]
         name: Display name of the holder. [at most 16 bytes]
+        drive_id: request_id that began the newest goal or drive; 0 before the first.
+        driver: Display name of the program that began it; empty if unknown. [at most 16 bytes]
     """
 
     time_ns: int
@@ -98,9 +105,11 @@ class LeaseStatus(Message, frozen=True, kw_only=True):
     held: int
     holder: str
     name: str
+    drive_id: int = 0
+    driver: str = ""
 
     def __post_init__(self) -> None:
-        if too_long(self.holder, 56) or too_long(self.name, 16):
+        if too_long(self.holder, 56) or too_long(self.name, 16) or too_long(self.driver, 16):
             raise unfit(self)
 
 

@@ -77,6 +77,7 @@ class Reason(IntEnum):
     ARMED = 105
     PARAMETERS_DAMAGED = 106
     NEWER_STOP = 107
+    ALREADY_OVER = 108
 
 
 REASON_TEXTS: Final[dict[int, str]] = {
@@ -118,7 +119,7 @@ REASON_TEXTS: Final[dict[int, str]] = {
     35: "wheel commanded but not turning",
     36: "a value is not a number",
     37: "bumper contact",
-    38: "no operator heartbeat for 1.5 s",
+    38: "no operator heartbeat",
     39: "control loop too slow (computer busy)",
     40: "the control core failed",
     41: "the robot is outside of its fence: lift the fence to drive it back",
@@ -144,6 +145,7 @@ REASON_TEXTS: Final[dict[int, str]] = {
     105: "not possible while the robot is armed: disarm first",
     106: "saved parameters are damaged: see `param list`, then `param set` one of the safety group",
     107: "a newer emergency stop was pressed: look, then clear again",
+    108: "that goal or drive is already over",
 }
 
 

@@ -43,7 +43,7 @@ ENCODER_IMPOSSIBLE: Final = 34  # encoder jumped farther than a wheel can turn
 WHEEL_STUCK: Final = 35  # wheel commanded but not turning
 NOT_FINITE: Final = 36  # a value is not a number
 BUMPER: Final = 37  # bumper contact
-OPERATOR_LOST: Final = 38  # no operator heartbeat for 1.5 s
+OPERATOR_LOST: Final = 38  # no operator heartbeat
 BUDGET: Final = 39  # control loop too slow (computer busy)
 CORE_EXCEPTION: Final = 40  # the control core failed
 FENCE_BREACHED: Final = 41  # the robot is outside of its fence: lift the fence to drive it back
@@ -72,3 +72,4 @@ ARMED: Final = 105  # not possible while the robot is armed: disarm first
 # saved parameters are damaged: see `param list`, then `param set` one of the safety group
 PARAMETERS_DAMAGED: Final = 106
 NEWER_STOP: Final = 107  # a newer emergency stop was pressed: look, then clear again
+ALREADY_OVER: Final = 108  # that goal or drive is already over

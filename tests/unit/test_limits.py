@@ -53,7 +53,6 @@ def page(name: str) -> str:
     [
         (Reason.TICKS_LOST, f"for {TICKS_LOST_MS} ms"),
         (Reason.SCAN_LOST, f"for {SCAN_LOST_MS} ms"),
-        (Reason.OPERATOR_LOST, f"for {OPERATOR_LOST_MS / S:g} s"),
     ],
 )
 def test_the_text_of_a_failsafe_shows_its_limit(reason: Reason, words: str) -> None:

@@ -31,6 +31,7 @@ CODES: Final = {
 """Struct code of each type."""
 SIZES: Final = {"s": 1, "B": 1, "b": 1, "H": 2, "h": 2, "I": 4, "i": 4, "f": 4}
 """Size of one element in bytes; 8 for other codes."""
+TIMEOUT: Final = "param[@label='Timeout'][@units='ms']"
 VERSION_TYPE: Final = "uint8_t_mavlink_version"
 MAVLINK_VERSION: Final = "3"
 
@@ -91,11 +92,24 @@ class MessageType(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """One member of an enumeration; its name is without the prefix of the enumeration."""
+    """One member of an enumeration; its name is without the prefix of the enumeration.
+
+    `timeout_ms` is 0 without a timeout. `is_fixed`: no parameter of the robot replaces it.
+    """
 
     name: str
     value: int
     text: str
+    timeout_ms: int = 0
+    is_fixed: bool = False
+
+    @property
+    def words(self) -> str:
+        """The description, with the timeout if it is the same for all robots."""
+        if not self.is_fixed:
+            return self.text
+        ms = self.timeout_ms
+        return f"{self.text} for {ms} ms" if ms < 1000 else f"{self.text} for {ms / 1000:g} s"
 
 
 class EnumType(NamedTuple):
@@ -200,15 +214,19 @@ def _field(element: ET.Element, is_extension: bool) -> Field:
 
 def _enum(element: ET.Element) -> EnumType:
     name = element.attrib["name"]
-    entries = tuple(
-        Entry(
-            entry.attrib["name"].removeprefix(f"{name}_"),
-            int(entry.attrib["value"], 0),
-            _text(entry),
-        )
-        for entry in element.iter("entry")
-    )
+    entries = tuple(_entry(entry, f"{name}_") for entry in element.iter("entry"))
     return EnumType(name, _text(element), entries)
+
+
+def _entry(element: ET.Element, prefix: str) -> Entry:
+    """Return a member; its timeout is the maxValue, or the default, of its first parameter."""
+    name, value = element.attrib["name"].removeprefix(prefix), int(element.attrib["value"], 0)
+    timeout = element.find(TIMEOUT)
+    if timeout is None:
+        return Entry(name, value, _text(element))
+    fixed_ms = timeout.get("maxValue")
+    ms = int(fixed_ms or timeout.attrib["default"])
+    return Entry(name, value, _text(element), ms, fixed_ms is not None)
 
 
 def _text(element: ET.Element) -> str:

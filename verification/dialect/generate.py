@@ -5,7 +5,6 @@ core, are generated from sidestep.xml and the part of common.xml that common_sub
 output is deterministic; a test compares it with the committed modules.
 """
 
-import re
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Final
@@ -102,12 +101,8 @@ MAX_NAMES: Final = {
     ("PARAM_SET", "param_id"): "MAX_PARAMETER_NAME_BYTES",
 }
 """Names of the constants for maximum values of fields and for sizes of texts."""
-TIME: Final = re.compile(r" for ([0-9.]+) (ms|s)$")
-"""Time at the end of a reason's text."""
-MS_PER: Final = {"ms": 1, "s": 1000}
 SOURCE: Final = (
-    "A timeout is the time at the end of a text of SIDESTEP_REASON, a time-to-live the maxValue of "
-    "its field."
+    "A timeout is that of its SIDESTEP_REASON, a time-to-live the maxValue of its field."
 )
 """Origin of the limits, for the modules that contain them."""
 SIDES: Final = (
@@ -209,7 +204,7 @@ def reasons(dialect: Dialect) -> str:
     """Return the module of reasons: numbers and texts."""
     enum = dialect.enums[REASON]
     plain = enum._replace(entries=tuple(entry._replace(text="") for entry in enum.entries))
-    rows = (f"{entry.value}: {quoted(entry.text)}" for entry in enum.entries)
+    rows = (f"{entry.value}: {quoted(entry.words)}" for entry in enum.entries)
     return module(
         "Numbers and texts of the reasons of every refusal, stop and outcome.",
         ["", "from enum import IntEnum", "from typing import Final"],
@@ -256,7 +251,7 @@ def core_module(docstring: str, groups: Iterable[Iterable[Entry]]) -> str:
 def core_entries(enum: EnumType) -> list[Entry]:
     """Return the members of an enumeration by their names in the core."""
     return [
-        entry._replace(name=CORE_NAMES.get((enum.name, entry.name), entry.name))
+        entry._replace(name=CORE_NAMES.get((enum.name, entry.name), entry.name), text=entry.words)
         for entry in enum.entries
     ]
 
@@ -282,12 +277,11 @@ def core_limits(dialect: Dialect) -> str:
 
 
 def lost_after(dialect: Dialect) -> list[Entry]:
-    """Return the timeouts contained in the texts of reasons, in milliseconds."""
-    found = [(entry, TIME.search(entry.text)) for entry in dialect.enums[REASON].entries]
+    """Return the timeouts of reasons, in milliseconds; of a parameter the default."""
     return [
-        Entry(f"{entry.name}_MS", round(float(time[1]) * MS_PER[time[2]]), entry.text)
-        for entry, time in found
-        if time is not None
+        Entry(f"{entry.name}_MS", entry.timeout_ms, entry.text)
+        for entry in dialect.enums[REASON].entries
+        if entry.timeout_ms
     ]
 
 

@@ -95,6 +95,8 @@ def declaration(field: Field) -> str:
     kind = TYPES.get(field.code, "int")
     if field.length and field.code != "s":
         kind = f"tuple[{kind}, ...]"
+    if field.code == "s" and field.is_extension:  # the schema allows a text no default value
+        return f'{field.name}: str = ""'
     if field.default is None:
         return f"{field.name}: {kind}"
     return f"{field.name}: {kind} = {float(field.default) if kind == 'float' else field.default}"

@@ -47,7 +47,7 @@ def constants(module: ModuleType) -> dict[str, int]:
 
 
 def test_every_reason_has_words() -> None:
-    words = {entry.value: entry.text for entry in DIALECT.enums["SIDESTEP_REASON"].entries}
+    words = {entry.value: entry.words for entry in DIALECT.enums["SIDESTEP_REASON"].entries}
     assert words == {reason.value: reason_text(reason) for reason in Reason}
     assert all(words.values())
 

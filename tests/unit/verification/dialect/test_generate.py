@@ -67,6 +67,12 @@ def test_requested_upstream_definitions_exist() -> None:
         assert set(fields) <= {field.name for field in message.fields}
 
 
+def test_no_sentence_has_a_number_that_the_code_uses() -> None:
+    for entry in DIALECT.enums["SIDESTEP_REASON"].entries:
+        assert not any(map(str.isdigit, entry.text)), entry.text
+        assert entry.is_fixed <= (entry.timeout_ms > 0)
+
+
 def test_no_upstream_text_is_copied() -> None:
     assert [path.name for path in SIDESTEP_XML.parent.glob("*.xml")] == ["sidestep.xml"]
 
@@ -79,10 +85,11 @@ def test_changed_description_changes_the_generated_code() -> None:
     }
 
 
-def test_limit_equals_the_number_in_the_xml() -> None:
-    """Find the same number in the text of the reason."""
+def test_limit_and_sentence_follow_the_attribute_in_the_xml() -> None:
     lost = DIALECT.enums["SIDESTEP_REASON"]
-    entries = (entry._replace(text=entry.text.replace("150 ms", "1.7 s")) for entry in lost.entries)
+    entries = (
+        entry._replace(timeout_ms=1700) if entry.timeout_ms else entry for entry in lost.entries
+    )
     enums = DIALECT.enums | {lost.name: lost._replace(entries=tuple(entries))}
     messages = (
         message._replace(
@@ -92,9 +99,12 @@ def test_limit_equals_the_number_in_the_xml() -> None:
     )
     changed = Dialect(tuple(messages), enums)
     for path in (f"{WIRE}/limits.py", f"{CORE}/limits.py"):
-        assert "\nTICKS_LOST_MS: Final = 1700  # no fresh wheel ticks for 1.7 s\n" in OUTPUTS[path](
-            changed
-        )
+        limits = OUTPUTS[path](changed)
+        assert "\nTICKS_LOST_MS: Final = 1700  # no fresh wheel ticks\n" in limits
+        assert "\nOPERATOR_LOST_MS: Final = 1700  # no operator heartbeat\n" in limits
+    reasons = OUTPUTS[f"{WIRE}/reasons.py"](changed)
+    assert '30: "no fresh wheel ticks for 1.7 s",' in reasons
+    assert '38: "no operator heartbeat",' in reasons, "its time is a parameter of the robot"
     assert "\nMAX_TELEOP_TTL_MS: Final = 900\n" in OUTPUTS[f"{WIRE}/limits.py"](changed)
     assert "[ms, at most 900]" in OUTPUTS[f"{WIRE}/messages_operator.py"](changed)
 
