@@ -19,6 +19,9 @@ ENDS: Final = {
 }
 UNREACHABLE: Final = "unreachable"
 LOST: Final = "lost"
+REPLACED: Final = "replaced"
+"""Outcome of a goal of which another one has taken the place. No trial ends so."""
+
 CLAIMS: Final = {Reason.UNREACHABLE: UNREACHABLE, Reason.LOST: LOST}
 """Reasons for which a robot gave a goal up although it could move, and their outcomes."""
 
@@ -139,6 +142,8 @@ class Outcome:
         if self.reached:
             return f"reached the goal of {self.world} with {self.navigator} in {self.time_s:.1f} s"
         place = f"{self.world} with {self.navigator} after {self.time_s:.1f} s"
+        if self.outcome == REPLACED:
+            return f"{self.outcome} {self.reason} in {place}"
         return f"{self.outcome} in {place}: {detail_of(self.outcome, self.reason)}"
 
 

@@ -125,3 +125,8 @@ class Service:
     def key(self, robot: str, prefix: str = PREFIX) -> str:
         """Return the key of this service for a robot."""
         return f"{prefix}/{robot_name(robot)}/{self.path}"
+
+
+def person_of(operator: str) -> str:
+    """Return PERSON of an operator's identity PERSON/SESSION."""
+    return operator.partition("/")[0]

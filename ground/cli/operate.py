@@ -9,12 +9,14 @@ from ground.client.operations import Operation, Session
 from ground.client.operations.all_robots import StopAll
 from ground.client.operations.commands import PlainCommand, StopNow
 from ground.client.operations.floor import floor_of
+from ground.client.operations.leases import take
 from ground.client.results import Accepted, Outcome
 from ground.grammar.looking import WatchWords
 from ground.grammar.words import FromFile, Offline, Words
 from ground.reports.doctor import Diagnose
 from ground.reports.export import Exported
 from ground.text.output import Output
+from protocol.wire.enums import LeaseAction
 
 
 def run(words: Words, output: Output) -> int:
@@ -34,7 +36,10 @@ def run(words: Words, output: Output) -> int:
         return print_outcome(output, words, common.robot, operation.perform_alone(common))
     try:
         with open_link(common) as link:
-            outcome = operation.perform(Session(link, output, floor=partial(floor_of, link)))
+            session = Session(link, output, floor=partial(floor_of, link))
+            if words.seize:
+                take(session, LeaseAction.SEIZE)
+            outcome = operation.perform(session)
             return print_outcome(output, words, link.robot, outcome, effect_of(operation, outcome))
     except UnansweredError as error:
         if (instead := words.without_robot()) is not None:

@@ -1,9 +1,11 @@
 """The robot and the endpoint to connect to, from the command line, a file or a runtime file."""
 
 from dataclasses import dataclass, replace
+from numbers import Real
 from pathlib import Path
 from typing import Final
 
+from ground.client.vocabulary import SHELL, Remedies
 from ground.user.runs import FoundRun, read_runs
 from ground.user.settings import context_named
 from protocol.bus.network import Network
@@ -13,9 +15,11 @@ from runtime.config import load_shared
 from runtime.errors import UserError
 
 CONNECT_TIMEOUT_S: Final = 1.5
+LONGEST_S: Final = 7 * 24 * 3600.0
 OPERATOR_FILE: Final = "ground.toml"
 """Configuration of an operator in a folder of certificates."""
-START_HINT: Final = "`sidestep ps` lists what runs here, `sidestep up` starts it"
+UP_HINT: Final = "`sidestep up` starts a robot and its world here"
+START_HINT: Final = f"`sidestep ps` lists what runs here, {UP_HINT}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,15 +36,16 @@ class Common:
 
     `config` is the file with the certificates. `source` is how the endpoint was found, empty if it
     was given. `hint` is added to the error when the endpoint does not answer. `robots` are those of
-    the run at the endpoint, if it is one.
+    the run at the endpoint, if it is one. `remedies` are in the words of those who read them.
     """
 
     network: Network
     robot: str
     config: str | None = None
     source: str = ""
-    hint: str = ""
+    hint: str = UP_HINT
     robots: tuple[str, ...] = ()
+    remedies: Remedies = SHELL
 
     @property
     def endpoint(self) -> str:
@@ -54,6 +59,8 @@ def common(
     config: str | Path | None,
     run: str | None = None,
     context: str | None = None,
+    *,
+    remedies: Remedies = SHELL,
 ) -> Common:
     """Merge defaults, the configuration file and explicit values, in this order.
 
@@ -66,14 +73,15 @@ def common(
     if sum(way is not None for way in ways) > 1:
         raise UserError("use only one of --connect (or --config), --run and --context")
     if endpoint is not None or config is not None:
-        return given(endpoint, robot, config)
+        return replace(given(endpoint, robot, config), remedies=remedies)
     if run is None and (chosen := context_named(context)) is not None:
         name, place = chosen
         found_by_name = given(place.connect, robot or place.id, place.config)
-        return replace(found_by_name, source=f"context {name} at {found_by_name.endpoint}")
-    found = chosen_run(run)
+        source = f"context {name} at {found_by_name.endpoint}"
+        return replace(found_by_name, source=source, remedies=remedies)
+    found = chosen_run(run, remedies)
     if found is None:
-        return replace(given(None, robot, None), hint=START_HINT)
+        return replace(given(None, robot, None), hint=START_HINT, remedies=remedies)
     name, facts = found
     locks = None if facts.locks is None else Path(facts.locks) / OPERATOR_FILE
     linked = given(facts.endpoint, robot or facts.robots[0], locks)
@@ -83,6 +91,7 @@ def common(
         robots=tuple(facts.robots),
         source=f"run {name} at {facts.endpoint}",
         hint=f"it is the endpoint of `up` {name}, see `sidestep ps`",
+        remedies=remedies,
     )
 
 
@@ -101,7 +110,7 @@ def given(endpoint: str | None, robot: str | None, config: str | Path | None) ->
     )
 
 
-def chosen_run(name: str | None) -> FoundRun | None:
+def chosen_run(name: str | None, remedies: Remedies = SHELL) -> FoundRun | None:
     """Return the run of this name, or without a name the only one; None if nothing runs.
 
     Raises UserError for an unknown name, and for several runs without a name.
@@ -115,15 +124,15 @@ def chosen_run(name: str | None) -> FoundRun | None:
         here = f"here run: {listed}" if found else f"nothing runs here: {START_HINT}"
         raise UserError(f"--run {name}: there is no such run; {here}")
     if len(found) > 1:
-        raise UserError(
-            f"{len(found)} runs are here: {listed}; choose one with --run NAME or "
-            "--connect ENDPOINT, as in: --run " + found[0].name
-        )
+        choose = remedies.run.format(found[0].name, found[0].run.endpoint)
+        raise UserError(f"{len(found)} runs are here: {listed}; {choose}")
     return found[0] if found else None
 
 
 def within(value: float, low: float, high: float, what: str, unit: str) -> float:
-    """Return the value; raise UserError if it is outside `low` to `high` (in `unit`)."""
+    """Return the value; UserError unless it is a number from `low` to `high` (in `unit`)."""
+    if not isinstance(value, Real):
+        raise UserError(f"{what} {value!r} is not a number: give it in {unit}")
     if not low <= value <= high:
         raise UserError(f"{what} {value:g} {unit} is out of range: {low:g} to {high:g} {unit}")
     return value

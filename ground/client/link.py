@@ -5,6 +5,8 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, Final, TypeVar
 
+import msgspec
+
 from ground.client.connection import Common
 from ground.client.emergency_stop import ServiceCaller
 from ground.client.presence import PresentProcesses, explain_silence, present_processes
@@ -17,7 +19,7 @@ from ground.client.requests import (
     Request,
     RequestIds,
 )
-from ground.client.results import Answer
+from ground.client.results import Answer, Refused
 from ground.client.telemetry import Telemetry
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.publisher import Publisher
@@ -26,6 +28,7 @@ from protocol.topics import COMMAND, HEARTBEAT, OPERATOR, Role, Service, Topic
 from protocol.wire.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, SystemState
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandRequest, Heartbeat
+from protocol.wire.reasons import Reason
 from runtime.arrivals import Pulse
 from runtime.clock import Clock, WallClock
 from runtime.errors import AccessDeniedError, NoPeerError, PeerHangsError, RemoteError
@@ -34,6 +37,7 @@ from runtime.units import NS_PER_S
 
 M = TypeVar("M", bound=Message)
 LISTEN_NS: Final = 700_000_000
+END_NS: Final = 300_000_000
 ALIVE: Final = Heartbeat(
     type=TYPE_GCS,
     autopilot=AUTOPILOT_INVALID,
@@ -74,7 +78,6 @@ class Link:
         self.bus = bus
         self.common = common
         self.robot = common.robot
-        self._common = common
         self.clock = clock
         self.ids = RequestIds()
         self.pulse = Pulse()
@@ -84,7 +87,7 @@ class Link:
 
     def to(self, robot: str) -> "Link":
         """Return a link to another robot on the same bus."""
-        return Link(self.bus, replace(self._common, robot=robot), self.clock)
+        return Link(self.bus, replace(self.common, robot=robot), self.clock)
 
     def command(
         self, command: Command, param1: float = 0.0, param2: float = 0.0, param3: float = 0.0
@@ -120,7 +123,30 @@ class Link:
         run_exchange(self.bus, self.clock, self.robot, asking, service)
         if asking.outcome is None or isinstance(asking.outcome, GaveUp):
             raise self.unanswered(asking.outcome)
+        if isinstance(asking.outcome, Refused):
+            return replace(asking.outcome, remedies=self.common.remedies)
         return asking.outcome
+
+    def end(
+        self, request: CommandRequest, ends_id: int, attempts: int = 1
+    ) -> Answer | GaveUp | None:
+        """End a drive by a hold or an abort, and no other; None if it is over, or never began.
+
+        `ends_id` is the request_id that began it. Waits a short time, because a robot without its
+        operator's heartbeat stops by itself.
+        """
+        if not ends_id:
+            return None
+        ending = CommandExchange(
+            msgspec.structs.replace(request, ends_id=ends_id),
+            self.clock.now_ns(),
+            attempts=attempts,
+            patience_ns=END_NS,
+        )
+        run_exchange(self.bus, self.clock, self.robot, ending, COMMAND)
+        outcome = ending.outcome
+        is_over = isinstance(outcome, Refused) and outcome.reason == Reason.ALREADY_OVER
+        return None if is_over else outcome
 
     def exchange(self, exchange: Exchange[Any], service: Service) -> None:
         """Send the requests of an exchange to a service until it is over."""
@@ -129,7 +155,7 @@ class Link:
     def unanswered(self, outcome: GaveUp | None) -> UnansweredError:
         """Return the error for an exchange without an outcome."""
         if why_not := denial(self.bus.holder, self.robot, COMMAND):
-            return UnansweredError(f"{why_not}: use --config DIR/ground.toml")
+            return UnansweredError(f"{why_not}: {self.common.remedies.keys}")
         why = "no answer" if outcome is None else outcome.why
         return UnansweredError(f"{self.diagnosis()} ({why})")
 
@@ -157,7 +183,11 @@ class Link:
                 return f"robot {self.robot} runs, but its heartbeat {box.last_rejection}"
         present = self.processes()
         why = self.bus.lost() or explain_silence(
-            present, self.robot, self.endpoint, is_beating=is_beating
+            present,
+            self.robot,
+            self.endpoint,
+            is_beating=is_beating,
+            other=self.common.remedies.robot,
         )
         return why + load_words(self._slowdown())
 
@@ -200,7 +230,6 @@ def open_link(common: Common) -> Iterator[Link]:
     except (PeerHangsError, AccessDeniedError) as error:
         raise UnansweredError(str(error)) from error
     except NoPeerError as error:
-        hint = f"; {common.hint}" if common.hint else ""
-        raise UnansweredError(f"no robot and no router: {error}{hint}") from error
+        raise UnansweredError(f"no robot and no router: {error}; {common.hint}") from error
     with bus:
         yield Link(bus, common, WallClock())

@@ -1,9 +1,12 @@
 """The processes that run, and explanations for a robot that does not answer."""
 
 from collections.abc import Iterable
-from typing import NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
+from ground.client.vocabulary import SHELL
 from protocol.topics import Role
+
+UP: Final = "start a robot and its world with `sidestep up`"
 
 
 class LivelinessToken(Protocol):
@@ -38,11 +41,19 @@ def present_processes(present: Iterable[LivelinessToken]) -> PresentProcesses:
 
 
 def explain_silence(
-    processes: PresentProcesses, robot: str, endpoint: str, *, is_beating: bool
+    processes: PresentProcesses,
+    robot: str,
+    endpoint: str,
+    *,
+    is_beating: bool,
+    other: str = SHELL.robot,
 ) -> str:
-    """Return why a robot does not answer and what to do, in the form "fault: remedy"."""
+    """Return why a robot does not answer and what to do, in the form "fault: remedy".
+
+    `other` says how to name another robot.
+    """
     if not processes.has(robot, Role.ROBOT):
-        return _no_robot(processes, robot, endpoint)
+        return _no_robot(processes, robot, endpoint, other)
     if is_beating:
         return f"robot {robot} sends its heartbeat, but does not answer requests"
     if not processes.has(robot, Role.PLANT):
@@ -56,11 +67,14 @@ def explain_silence(
     )
 
 
-def _no_robot(processes: PresentProcesses, robot: str, endpoint: str) -> str:
+def _no_robot(processes: PresentProcesses, robot: str, endpoint: str, other: str) -> str:
     others = processes.robots()
     if others:
-        return f"robot {robot} is not at {endpoint}, only {', '.join(others)}: use --id"
+        return f"robot {robot} is not at {endpoint}, only {', '.join(others)}: {other}"
     start = f"start it with `sidestep run robot --id {robot}`"
     if processes.has(robot, Role.PLANT):
         return f"robot {robot} is not at {endpoint}, only its plant is: {start}"
-    return f"no robot at {endpoint}, though a process listens there: {start}"
+    return (
+        f"no robot at {endpoint}, though a process listens there: {UP}, or the robot alone with"
+        f" `sidestep run robot --id {robot}`"
+    )

@@ -5,10 +5,12 @@ All repetitions of a request have one id, so a retry never acts twice.
 
 import secrets
 from dataclasses import dataclass
-from typing import Final, Generic, TypeAlias, TypeVar
+from math import isfinite
+from typing import Final, Generic, Protocol, TypeAlias, TypeVar
 
 from ground.client.results import Accepted, Answer, Refused
-from protocol.outcome import goal_end
+from protocol.outcome import REPLACED, goal_end
+from protocol.topics import LEASE, STATUS, Topic
 from protocol.wire.enums import AckResult, Command
 from protocol.wire.message import Message
 from protocol.wire.messages import (
@@ -16,9 +18,11 @@ from protocol.wire.messages import (
     CommandRequest,
     GoalRequest,
     LeaseRequest,
+    LeaseStatus,
     NavigatorStatus,
 )
 from protocol.wire.reasons import Reason, reason_text
+from runtime.cli.terminal import printable
 from runtime.sequence import MAX_LATE_NS, Order, order_of
 from runtime.units import NS_PER_MS, NS_PER_S
 
@@ -27,6 +31,8 @@ PATIENCE_NS: Final = 500 * NS_PER_MS
 BEAT_NS: Final = 200 * NS_PER_MS
 SILENCE_NS: Final = 3_000 * NS_PER_MS
 UNSEEN_NS: Final = 3_000 * NS_PER_MS
+NAMED_NS: Final = 1_000 * NS_PER_MS
+"""Longest wait for the name of the operator whose goal has replaced another one."""
 ID_BITS: Final = 64
 
 NO_COMMAND: Final = 0
@@ -34,7 +40,15 @@ ASK_AGAIN: Final = (Reason.TOO_MANY_REQUESTS, Reason.TOO_LATE)
 """Reasons why the robot has not processed a request, so that it is sent again."""
 
 Out = TypeVar("Out")
+M = TypeVar("M", bound=Message)
 Request: TypeAlias = CommandRequest | GoalRequest | LeaseRequest
+
+
+class Latest(Protocol):
+    """Returns the newest message of a topic and its time of arrival."""
+
+    def __call__(self, topic: Topic[M], /) -> tuple[M, int] | None:
+        """Return both, None if none has arrived."""
 
 
 class RequestIds:
@@ -172,7 +186,7 @@ def command_of(request: Request) -> int:
 
 @dataclass(frozen=True, slots=True)
 class GoalEnd:
-    """The end of a goal: reached, unreachable, lost, stuck, aborted or timeout.
+    """The end of a goal: reached, unreachable, lost, stuck, replaced, aborted or timeout.
 
     `abort`: the robot may still be driving, so send it an abort.
     """
@@ -204,27 +218,54 @@ class HeartbeatTimer:
 class GoalWatch:
     """Follows one goal to its end and decides when to send the operator's heartbeat.
 
+    A goal that another one replaces ends once the lease status names the operator of the other one,
+    or shortly after.
     Simulated time may run faster than this machine's: the heartbeat and the time limit follow the
     clock that is ahead, ours or that of the robot's time stamps. With `stamps_only` the limit
-    depends on the time stamps alone, which a repeatable run needs.
+    depends on the time stamps alone, which a repeatable run needs. The time limit counts from
+    `asked_ns`, if it was asked for before `now_ns`.
     """
 
     def __init__(
-        self, goal_id: int, now_ns: int, timeout_ns: int | None, *, stamps_only: bool = False
+        self,
+        goal_id: int,
+        now_ns: int,
+        timeout_ns: int | None,
+        *,
+        asked_ns: int | None = None,
+        stamps_only: bool = False,
     ) -> None:
         self._goal_id = goal_id
         self._timeout_ns = timeout_ns
         self._stamps_only = stamps_only
-        self._asked_ns = self._received_ns = now_ns
+        self._asked_ns = now_ns if asked_ns is None else asked_ns
+        self._accepted_ns = self._received_ns = now_ns
         self._heartbeat = HeartbeatTimer()
         self._started_stamp_ns: int | None = None
         self._stamp_ns = 0
         self._seen = False
+        self._replacement: NavigatorStatus | None = None
+        self._replaced_ns = 0
+        self._driver: tuple[int, str] = (0, "")
         self.end: GoalEnd | None = None
+
+    def look(self, latest: Latest) -> None:
+        """Process the newest status and lease status, with their times of arrival."""
+        if (lease := latest(LEASE)) is not None:
+            self.receive_driver(lease[0])
+        if (status := latest(STATUS)) is not None:
+            self.receive(*status)
+
+    def receive_driver(self, lease: LeaseStatus) -> None:
+        """Note which program began the newest drive."""
+        self._driver = lease.drive_id, printable(lease.driver)
 
     def receive(self, status: NavigatorStatus, now_ns: int) -> None:
         """Process a status of the robot; set `end` if the goal has ended."""
         if self.end is not None:
+            return
+        if self._replacement is not None:
+            self._end_replaced(self._replacement, now_ns)
             return
         self._received_ns = now_ns
         order = order_of(status.time_ns, self._stamp_ns, MAX_LATE_NS)
@@ -237,14 +278,37 @@ class GoalWatch:
             self._seen = True
             self._started_stamp_ns = status.goal_started_ns
             self.end = _end_in(status)
-        elif self._seen or now_ns - self._asked_ns > UNSEEN_NS:
-            self.end = _replaced(status)
+        elif not (self._seen or now_ns - self._accepted_ns > UNSEEN_NS):
+            return
+        elif not status.goal_id:
+            self.end = GoalEnd("aborted", "the robot has restarted and lost the goal")
+        else:
+            self._replacement, self._replaced_ns = status, now_ns
+            self._end_replaced(status, now_ns)
+
+    @property
+    def is_shown(self) -> bool:
+        """False until the robot's status shows the goal, and when another one replaces it."""
+        return self._seen and self._replacement is None
+
+    def _end_replaced(self, by: NavigatorStatus, now_ns: int) -> None:
+        """End a goal that another one replaces, when that one's operator is known."""
+        drive_id, driver = self._driver
+        is_named = bool(driver) and drive_id == by.goal_id
+        if is_named or now_ns - self._replaced_ns >= NAMED_NS:
+            of = f" of {driver}" if is_named else ""
+            has_place = isfinite(by.goal_x_m) and isfinite(by.goal_y_m)
+            where = f"the goal {by.goal_x_m:z.1f} {by.goal_y_m:z.1f}" if has_place else "another"
+            self.end = GoalEnd(REPLACED, f"by {where}{of}")
 
     def due(self, now_ns: int) -> bool:
         """Return whether to send the heartbeat now; set `end` at a time-out or after silence."""
         if self.end is not None:
             return False
-        self._check_time(now_ns)
+        if self._replacement is None:
+            self._check_time(now_ns)
+        else:
+            self._end_replaced(self._replacement, now_ns)
         return self.end is None and self._heartbeat.due(now_ns, self._stamp_ns)
 
     def silent_ns(self, now_ns: int) -> int:
@@ -269,9 +333,3 @@ def _end_in(status: NavigatorStatus) -> GoalEnd | None:
         return None
     reason = status.goal_reason
     return GoalEnd(outcome, outcome if reason == Reason.NONE else reason_text(reason))
-
-
-def _replaced(status: NavigatorStatus) -> GoalEnd:
-    if status.goal_id:
-        return GoalEnd("aborted", reason_text(Reason.REPLACED))
-    return GoalEnd("aborted", "the robot has restarted and lost the goal")

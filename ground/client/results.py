@@ -1,10 +1,10 @@
 """Outcomes that several operations share: the robot accepted a request, or refused it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol, TypeAlias
 
-from ground.client.vocabulary import HINTS
+from ground.client.vocabulary import SHELL, Remedies
 from protocol.wire.reasons import Reason, reason_text
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS
@@ -62,12 +62,14 @@ class Accepted(Success):
 class Refused:
     """The robot refused for a `Reason`.
 
-    `holder` is the operator that holds the lease, if that is why.
+    `holder` is the operator that holds the lease, if that is why. `remedies` are in the
+    words of the command line or of Python.
     """
 
     reason: int
     took_ns: int
     holder: str = ""
+    remedies: Remedies = field(default=SHELL, compare=False, repr=False)
 
     @property
     def ok(self) -> bool:
@@ -77,15 +79,17 @@ class Refused:
     @property
     def words(self) -> str:
         """The reason, with the lease holder and the remedy where there is one."""
-        return refusal_words(reason_text(self.reason), self.reason, self.holder)
+        return refusal_words(
+            reason_text(self.reason), self.reason, self.holder, self.remedies.refusals
+        )
 
     @property
     def text(self) -> str:
         """The reason, as in `refused: not armed: arm first`."""
-        return self.in_words()
+        return self.in_words(self.remedies.refusals)
 
-    def in_words(self, hints: Mapping[int, str] = HINTS) -> str:
-        """Return the reason with a remedy of `hints`: commands, or the keys of the app."""
+    def in_words(self, hints: Mapping[int, str]) -> str:
+        """Return the reason with a remedy of `hints`, such as the keys of the app."""
         words = refusal_words(reason_text(self.reason), self.reason, self.holder, hints)
         return f"refused: {words}"
 
@@ -103,7 +107,7 @@ def agreed(outcome: Outcome) -> None:
         raise RefusedError(outcome.text)
 
 
-def refusal_words(text: str, reason: int, holder: str, hints: Mapping[int, str] = HINTS) -> str:
+def refusal_words(text: str, reason: int, holder: str, hints: Mapping[int, str]) -> str:
     """Return why a request was refused, with the lease holder and the remedy."""
     words = f"{text}: {holder}" if holder else text
     hint = hints.get(reason)

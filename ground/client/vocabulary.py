@@ -1,9 +1,9 @@
-"""Names of sides and navigators, and remedies for refusals."""
+"""Names of sides, modes and navigators, and remedies for refusals."""
 
 from collections.abc import Mapping
 from math import isfinite, nan
 from types import MappingProxyType
-from typing import Final
+from typing import Final, NamedTuple
 
 from protocol.wire.enums import Navigator
 from protocol.wire.reasons import Reason
@@ -52,6 +52,53 @@ HINTS: Final[Mapping[int, str]] = MappingProxyType(
     }
 )
 GOAL_HINT: Final = "`goto X Y` sets a goal"
+
+
+class Remedies(NamedTuple):
+    """What to do about a refusal or a silence, in the words of those who read it.
+
+    `refusals` by reason; `robot` names another robot, `keys` the certificates, `run` one of several
+    runs, `parameters` lists the parameters.
+    """
+
+    refusals: Mapping[int, str]
+    robot: str
+    keys: str
+    run: str
+    parameters: str
+
+
+SHELL: Final = Remedies(
+    refusals=MappingProxyType(
+        {**HINTS, Reason.LEASE_HELD: "--seize takes it over, as does sidestep lease seize"}
+    ),
+    robot="use --id",
+    keys="use --config DIR/ground.toml",
+    run="choose one with --run NAME or --connect ENDPOINT, as in: --run {0}",
+    parameters="sidestep param list",
+)
+PYTHON: Final = Remedies(
+    refusals=MappingProxyType(
+        {
+            Reason.NOT_ARMED: "await robot.arm()",
+            Reason.EMERGENCY_STOPPED: "await robot.clear_emergency_stop()",
+            Reason.NEWER_STOP: "await robot.clear_emergency_stop()",
+            Reason.NO_OPERATOR: "the event loop sends the heartbeat: do not block it",
+            Reason.NO_SENSES: "is the plant running? `sidestep doctor` in a terminal tells",
+            Reason.NO_GOAL: "await robot.goto(x_m, y_m) sets a goal",
+            Reason.DRIVING: "await robot.abort()",
+            Reason.LEASE_HELD: "await robot.lease.seize()",
+            Reason.OUTSIDE_FENCE: "await robot.fence.get()",
+            Reason.FENCE_BREACHED: "await robot.fence.clear()",
+            Reason.FENCE_UNCHECKED: "await robot.set_pose(x_m, y_m, heading_deg)",
+            Reason.NO_MISSION: "await robot.mission.upload(mission)",
+        }
+    ),
+    robot="use sidestep.connect(robot=NAME)",
+    keys='use sidestep.connect(config="DIR/ground.toml")',
+    run="choose one with sidestep.connect({1!r})",
+    parameters="await robot.parameters.list()",
+)
 
 
 def value_words(parameter: str, value: float) -> str:

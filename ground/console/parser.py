@@ -121,9 +121,9 @@ def all_parsers(parser: argparse.ArgumentParser) -> list[argparse.ArgumentParser
 
 
 def hide_fixed_options(parser: argparse.ArgumentParser) -> None:
-    """Hide the options that are fixed in the app."""
+    """Hide the options that are fixed in the app, or for a shell."""
     for action in parser._actions:
-        if action.dest in FIXED_OPTIONS and action.option_strings:
+        if action.dest in (*FIXED_OPTIONS, "seize") and action.option_strings:
             action.help = argparse.SUPPRESS
 
 
@@ -144,6 +144,8 @@ def read(text: str, draft: Callable[[], str] | None = None) -> Operation[Outcome
     for name in FIXED_OPTIONS:
         if getattr(found, name, None):
             raise UserError(f"--{name} cannot be used here: it was fixed when the app started")
+    if found.seize:
+        raise UserError("--seize is for a shell: give `lease seize` first")
     if isinstance(found, MissionWords):
         found.typed = draft
     operation = found.operation()

@@ -8,9 +8,10 @@ from typing import Final
 from ground.client import operations
 from ground.client.operations import Operation
 from ground.client.operations.commands import STOP_S, PlainCommand
+from ground.client.operations.leases import IDLE_S
 from ground.client.results import Outcome
 from ground.client.vocabulary import NAVIGATORS, SIDES
-from ground.grammar.words import Words, add_common, seconds
+from ground.grammar.words import Words, add_common, add_seize, seconds
 from protocol.wire.enums import LeaseAction, Mode
 from runtime.errors import UserError
 
@@ -42,7 +43,17 @@ class CommandWords(Words):
         return PLAIN[self.verb](timeout_s=self.timeout)
 
 
-class ModeWords(CommandWords):
+class LeasedCommandWords(CommandWords):
+    """The arguments of a command that only the operator of the robot may give."""
+
+    @classmethod
+    def declare(cls, parser: argparse.ArgumentParser) -> None:
+        """Declare the arguments."""
+        super().declare(parser)
+        add_seize(parser)
+
+
+class ModeWords(LeasedCommandWords):
     """The arguments of `mode`."""
 
     mode: str
@@ -59,7 +70,7 @@ class ModeWords(CommandWords):
         return operations.SetMode(mode=Mode[self.mode.upper()], timeout_s=self.timeout)
 
 
-class NavigatorWords(CommandWords):
+class NavigatorWords(LeasedCommandWords):
     """The arguments of `navigator`."""
 
     navigator: str
@@ -107,7 +118,7 @@ def add_all(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--all", action="store_true", help=help)
 
 
-class ClearWords(CommandWords, AllWords):
+class ClearWords(LeasedCommandWords, AllWords):
     """The arguments of `clear-estop`."""
 
     @classmethod
@@ -153,13 +164,14 @@ class LeaseWords(Words):
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
         """Declare the arguments."""
-        help = "take is refused while another operator holds it"
+        help = "take is refused while another person holds it; the robot takes it back when nothing"
+        help += f" has been driven for {IDLE_S} s"
         parser.add_argument("action", choices=LEASE_ACTIONS, help=help)
         parser.add_argument(
             "--name", metavar="N", help="name shown to other operators (default user@host:terminal)"
         )
         parser.add_argument(
-            "--for", dest="hold", type=seconds, metavar="S", help="give it back after this time"
+            "--for", dest="hold", type=seconds, metavar="S", help="keep it for this time"
         )
         add_common(parser)
 

@@ -11,7 +11,7 @@ from ground.client.goal import (
 )
 from ground.client.operations import DriveByHand, Goto
 from ground.client.operations.floor import EXAMPLE
-from ground.grammar.words import Words, add_anyway, add_common, positive, seconds
+from ground.grammar.words import Words, add_anyway, add_common, add_seize, positive, seconds
 from protocol.options import finite
 from runtime.errors import UserError
 
@@ -45,6 +45,7 @@ class GotoWords(Words):
             help="body: X ahead of the robot, Y to its left, DEG from its heading (default world)",
         )
         add_common(parser)
+        add_seize(parser)
         parser.add_argument(
             "--no-wait",
             action="store_true",
@@ -116,6 +117,7 @@ class TeleopWords(Words):
             "--for", dest="last", type=seconds, metavar="S", help="stop after this time"
         )
         add_common(parser)
+        add_seize(parser)
 
     def operation(self) -> DriveByHand:
         """Return the operation for the parsed arguments."""

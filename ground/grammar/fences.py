@@ -9,7 +9,7 @@ from ground.client.connection import within
 from ground.client.operations import ClearFence, Operation, SetFence, ShowFence, TransferOutcome
 from ground.client.operations.session import Session
 from ground.client.results import Outcome
-from ground.grammar.words import Words, add_common, positive
+from ground.grammar.words import Words, add_common, add_seize, positive
 from ground.missions.files import ENDINGS, read_fence
 from ground.missions.mission import FARTHEST_M, Circle, Polygon
 from ground.missions.outline import fault_of
@@ -55,6 +55,8 @@ class FenceWords(Words):
         actions["polygon"].add_argument("corners", nargs="+", metavar="FILE", help=help)
         for action in actions.values():
             add_common(action)
+        for name in ("circle", "polygon", "off"):
+            add_seize(actions[name])
 
     def operation(self) -> Operation[Outcome]:
         """Return the operation for the parsed arguments."""

@@ -3,7 +3,8 @@
 import argparse
 from typing import Final
 
-from ground.grammar.words import LONGEST_S, Words, add_common, seconds
+from ground.client.connection import LONGEST_S
+from ground.grammar.words import Words, add_common, seconds
 from ground.reports.doctor import LISTEN_S, Diagnose
 from ground.reports.snapshot import LookOnce
 from protocol.options import up_to

@@ -11,7 +11,7 @@ from ground.client import operations
 from ground.client.operations import Operation, Progress, TransferOutcome
 from ground.client.operations.session import Session
 from ground.client.results import Outcome, Success
-from ground.grammar.words import Words, add_anyway, add_common, add_json
+from ground.grammar.words import Words, add_anyway, add_common, add_json, add_seize
 from ground.missions import files
 from ground.missions.items import home_at
 from ground.missions.mission import Home
@@ -154,6 +154,8 @@ class MissionWords(Words):
                 add_json(action)
             else:
                 add_common(action)
+        for name in ("upload", "start", "resume", "jump", "clear"):
+            add_seize(actions[name])
 
     def operation(self) -> Operation[Outcome]:
         """Return the operation for the parsed arguments."""

@@ -14,7 +14,7 @@ from ground.client.operations import (
 )
 from ground.client.results import Outcome
 from ground.client.vocabulary import value_in_words
-from ground.grammar.words import Words, add_common
+from ground.grammar.words import Words, add_common, add_seize
 from runtime.cli.parsers import add_subcommands
 
 
@@ -42,6 +42,8 @@ class ParameterWords(Words):
         actions["load"].add_argument("file", type=Path, metavar="FILE", help=help)
         for action in actions.values():
             add_common(action)
+        for name in ("set", "reset", "load"):
+            add_seize(actions[name])
 
     def operation(self) -> Operation[Outcome]:
         """Return the operation for the parsed arguments."""

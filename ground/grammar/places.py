@@ -4,7 +4,7 @@ import argparse
 
 from ground.client.operations import Operation, SetPose, SetTruePose
 from ground.client.results import Outcome
-from ground.grammar.words import Words, add_anyway, add_common, seconds
+from ground.grammar.words import Words, add_anyway, add_common, add_seize, seconds
 from protocol.options import finite
 from runtime.cli.parsers import add_subcommands
 
@@ -30,6 +30,7 @@ class PoseWords(Words):
         add_anyway(setting, "a pose")
         for action in actions.values():
             add_common(action)
+            add_seize(action)
             help = "give up after this time, in three attempts (default 1.5)"
             action.add_argument("--timeout", type=seconds, metavar="S", help=help)
 

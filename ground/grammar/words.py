@@ -4,12 +4,12 @@ import argparse
 from importlib import import_module
 from typing import Final, Protocol, runtime_checkable
 
+from ground.client.connection import LONGEST_S
 from ground.client.operations import Operation, Progress
 from ground.client.results import Outcome
 from protocol.options import CONFIG_HELP, DEFAULT_ENDPOINT, above_zero
 from runtime.cli.verb_table import VERBS, Verb
 
-LONGEST_S: Final = 7 * 24 * 3600.0
 positive: Final = above_zero()
 seconds: Final = above_zero(LONGEST_S)
 
@@ -30,6 +30,8 @@ class Words:
     run: str | None
     context: str | None
     json: bool
+    seize: bool = False
+    """Whether to take the lease from another operator first."""
 
     def __init__(self, verb: str) -> None:
         self.verb = verb
@@ -94,6 +96,12 @@ def add_common(parser: argparse.ArgumentParser, *, listens: bool = False) -> Non
         parser.add_argument("--id", metavar="NAME", help="name of the robot (default r1)")
     parser.add_argument("--config", metavar="FILE", help=CONFIG_HELP)
     add_json(parser)
+
+
+def add_seize(parser: argparse.ArgumentParser) -> None:
+    """Declare `--seize`, for what only the operator of the robot may do."""
+    help = "take the lease from another operator first"
+    parser.add_argument("--seize", action="store_true", help=help)
 
 
 def add_anyway(parser: argparse.ArgumentParser, what: str) -> None:

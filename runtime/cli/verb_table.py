@@ -100,14 +100,20 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             words="GotoWords",
         ),
         "hold": Verb(DRIVE, "stop and keep the goal", "hold", COMMANDS, words="CommandWords"),
-        "resume": Verb(DRIVE, "continue to the goal", "resume", COMMANDS, words="CommandWords"),
+        "resume": Verb(
+            DRIVE, "continue to the goal", "resume", COMMANDS, words="LeasedCommandWords"
+        ),
         "abort": Verb(
             DRIVE, "stop and drop the goal", "abort --id r2", COMMANDS, words="CommandWords"
         ),
         "rtl": Verb(
-            DRIVE, "drive back along the robot's own trail", "rtl", COMMANDS, words="CommandWords"
+            DRIVE,
+            "drive back along the robot's own trail",
+            "rtl",
+            COMMANDS,
+            words="LeasedCommandWords",
         ),
-        "arm": Verb(DRIVE, "arm the motors", "arm", COMMANDS, words="CommandWords"),
+        "arm": Verb(DRIVE, "arm the motors", "arm", COMMANDS, words="LeasedCommandWords"),
         "disarm": Verb(DRIVE, "disarm the motors", "disarm", COMMANDS, words="CommandWords"),
         "estop": Verb(DRIVE, "emergency stop, latched", "estop --all", COMMANDS, words="StopWords"),
         "clear-estop": Verb(

@@ -12,7 +12,7 @@ from ground.client.api.events import (
     VehicleChanged,
 )
 from ground.client.api.robot import Robot, connect
-from ground.client.api.streams import Stream
+from ground.client.api.streams import ClosedError, Stream
 from ground.client.link import UnansweredError
 from ground.client.operations import (
     AllAnswered,
@@ -34,6 +34,7 @@ __all__ = [
     "Accepted",
     "AllAnswered",
     "Circle",
+    "ClosedError",
     "ConfigError",
     "DriveEnded",
     "Event",

@@ -6,6 +6,7 @@ from enum import IntEnum
 from typing import Any, Final, Self, TypeAlias, TypeVar
 
 from ground.client.api.streams import QUEUE, Stream, TopicStreams
+from ground.client.operations.leases import is_ours
 from ground.text.statustext import StatustextAssembler
 from protocol.topics import DECISION, LEASE, MISSION, ODOMETRY, SONAR, STATUS, TEXT, Topic
 from protocol.wire.enums import GoalState, MissionState, Mode, Severity, Vehicle
@@ -58,7 +59,7 @@ class GoalChanged:
 
 @dataclass(frozen=True, slots=True)
 class LeaseChanged:
-    """The lease has a new holder, or none (`holder` empty); `ours`: this connection holds it."""
+    """The lease has a new holder, or none (`holder` empty); `ours`: our person holds it."""
 
     holder: str
     name: str
@@ -101,7 +102,7 @@ class EventDetector:
         if isinstance(message, NavigatorStatus):
             return self._changes(self._of_status(message))
         if isinstance(message, LeaseStatus):
-            ours = bool(message.held) and message.holder == self._operator
+            ours = is_ours(message, self._operator)
             name = printable(message.name)
             holder = printable(message.holder) if message.held else ""
             return self._changes([LeaseChanged(holder, name if message.held else "", ours)])

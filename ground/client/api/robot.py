@@ -13,9 +13,10 @@ the robot stops by itself after 1.5 s.
 
 import asyncio
 from collections import deque
-from collections.abc import AsyncIterator, Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import AsyncIterator, Awaitable, Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AsyncExitStack, asynccontextmanager
+from enum import IntEnum
 from functools import partial
 from math import radians
 from pathlib import Path
@@ -25,11 +26,11 @@ from ground.client import stop_ways
 from ground.client.api import threads
 from ground.client.api.events import Telemetry
 from ground.client.api.services import Fences, Leases, Missions, Parameters
-from ground.client.api.streams import TopicStreams
-from ground.client.connection import Common, common
+from ground.client.api.streams import CLOSED, ClosedError, TopicStreams
+from ground.client.connection import LONGEST_S, Common, common, within
 from ground.client.emergency_stop import EmergencyStop, new_press
 from ground.client.goal import HEADING_TOLERANCE_DEG, POSITION_TOLERANCE_M, destination
-from ground.client.link import ALIVE, Link, open_link
+from ground.client.link import ALIVE, Link, UnansweredError, open_link
 from ground.client.operations import (
     Abort,
     AllAnswered,
@@ -54,19 +55,24 @@ from ground.client.operations import (
     Stopped,
 )
 from ground.client.operations.commands import STOP_S
-from ground.client.operations.goals import abort, send_goal
-from ground.client.operations.leases import ask_lease, give_back, operator_name
-from ground.client.operations.teleop import TeleopSender, hold, lost_control, take_manual
-from ground.client.requests import GoalEnd, GoalWatch, HeartbeatTimer
+from ground.client.operations.goals import send_goal
+from ground.client.operations.leases import ask_lease, give_back, is_ours, operator_name
+from ground.client.operations.teleop import TeleopSender, lost_control, set_mode, take_manual
+from ground.client.requests import ATTEMPTS, GaveUp, GoalEnd, GoalWatch, HeartbeatTimer
 from ground.client.results import Answer, Outcome, Refused
+from ground.client.status_line import reason_of, state_of
+from ground.client.vocabulary import PYTHON, SIDES
 from protocol.bus.publisher import Publisher
 from protocol.topics import LEASE, MISSION, OPERATOR, STATUS, STOP
-from protocol.wire.enums import LeaseAction, Mode, Navigator
+from protocol.wire.enums import Command, LeaseAction, Mode, Navigator
+from protocol.wire.messages import CommandRequest
 from runtime.clock import WallClock
+from runtime.errors import UserError
 from runtime.units import NS_PER_S
 
 T = TypeVar("T")
 Out = TypeVar("Out", bound=Outcome)
+E = TypeVar("E", bound=IntEnum)
 TICK_S: Final = 0.05
 CROSSING_NS: Final = 300_000_000
 """Time during which a lease status sent before a change of the lease may still arrive."""
@@ -93,10 +99,13 @@ async def connect(
 
     Raises UserError for an invalid value, UnansweredError if no process listens at the endpoint.
     """
-    where, operator = common(endpoint, robot, config), operator_name(name)
+    where, operator = common(endpoint, robot, config, remedies=PYTHON), operator_name(name)
     async with AsyncExitStack() as stack:
         link_opened = open_link(where)
-        link = await asyncio.to_thread(link_opened.__enter__)
+        try:
+            link = await asyncio.to_thread(link_opened.__enter__)
+        except UnansweredError as error:  # its text says all: no traceback of threads and the bus
+            raise error.with_traceback(None) from None
         stack.push_async_callback(asyncio.to_thread, link_opened.__exit__, None, None, None)
         client = Robot(link, where, operator)
         try:
@@ -109,8 +118,13 @@ async def connect(
 class Robot(Telemetry):
     """One robot, with this program as its operator; created by `connect`.
 
-    Operations that can move the robot take its lease first, which is kept until the context ends.
-    If another operator holds it they return `Refused` with that operator's name.
+    Operations that can move the robot take its lease first. If another person holds it they return
+    `Refused` with that operator's name. All programs of one user on one computer share the lease;
+    each sends its own heartbeat. The robot takes it back when nothing has been driven for 30 s, and
+    the next operation takes it again.
+
+    At the end of the context the drives of this program end: the robot stops. Then every method
+    raises ClosedError.
     """
 
     def __init__(self, link: Link, common: Common, operator: str) -> None:
@@ -125,6 +139,9 @@ class Robot(Telemetry):
         self._common = common
         self._operator = operator
         self._pool = ThreadPoolExecutor(REQUESTS, thread_name_prefix="sidestep")
+        self._beginning = ThreadPoolExecutor(1, thread_name_prefix="sidestep drive")
+        """Sends what begins a drive, in turn: an old one must not overtake a new one."""
+
         self._heartbeat = link.bus.publisher(OPERATOR, link.robot)
         self._stops = link.bus.publisher(STOP, link.robot)
         self._own_stops: deque[int] = deque(maxlen=OWN_STOPS)
@@ -132,11 +149,25 @@ class Robot(Telemetry):
 
         self._ways = stop_ways.ways_of(link.bus, link.robot)
         self._stopping: set[asyncio.Future[Any]] = set()
+        self._drives: set[asyncio.Future[None]] = set()
+        """The drives of this program that have not ended, clean-up included."""
+
+        self._stick: TeleopSender | None = None
+        self._is_closed = False
         self._lease_lock = asyncio.Lock()
-        self._holds_lease = False
+        self._holds_lease = self._has_asked = False
         self._taken_ns = 0
         self._heartbeat_timer = HeartbeatTimer()
         self._heartbeat_task: asyncio.Task[None] | None = None
+
+    def __repr__(self) -> str:
+        """Return the robot, where it is, and what its newest status shows."""
+        where = f"robot {self.name} at {self._common.endpoint}"
+        newest = self.streams.latest(STATUS)
+        if self._is_closed or newest is None:
+            return f"<{where}: {'closed' if self._is_closed else 'no status yet'}>"
+        state = f"{state_of(newest[0])} {reason_of(newest[0])}".rstrip()
+        return f"<{where}: {state}, {'with' if self._holds_lease else 'without'} its lease>"
 
     async def open(self) -> None:
         """Start the subscriptions and the heartbeat; operator by `connect`."""
@@ -148,26 +179,40 @@ class Robot(Telemetry):
         self._heartbeat_task = asyncio.create_task(self._beat())
 
     async def close(self) -> None:
-        """Give the lease back and end all streams; operator by `connect`."""
+        """End the drives of this program, leave the lease, end all streams; by `connect`."""
+        self._is_closed = True
+        while self._drives:
+            await asyncio.wait(tuple(self._drives))
         if self._heartbeat_task is not None:
             self._heartbeat_task.cancel()
         self.streams.close()
         for stop in tuple(self._stopping):
             await threads.settled(stop)
         self._ways.close()
-        if self._holds_lease:
-            self._holds_lease = False
-            await self.run(lambda: give_back(self._link))
+        async with self._lease_lock:
+            if self._has_asked:
+                self._holds_lease = False
+                await self._in_thread(lambda: give_back(self._link))
+        await asyncio.to_thread(self._beginning.shutdown)
         await asyncio.to_thread(self._pool.shutdown)
 
     # Requests.
+
+    def check_open(self) -> None:
+        """Raise ClosedError after the end of `connect`."""
+        if self._is_closed:
+            raise ClosedError(CLOSED)
 
     def session(self) -> Session:
         """Return a session over a link of its own, so that no two requests share a wait."""
         return Session(Link(self._link.bus, self._common, self.clock), attended=True)
 
     def run(self, job: Callable[[], T]) -> "asyncio.Future[T]":
-        """Run blocking work in one of the threads for requests."""
+        """Run blocking work in one of the threads for requests; ClosedError after `connect`."""
+        self.check_open()
+        return self._in_thread(job)
+
+    def _in_thread(self, job: Callable[[], T]) -> "asyncio.Future[T]":
         return asyncio.get_running_loop().run_in_executor(self._pool, job)
 
     async def perform(self, operation: Operation[Out]) -> Out | Refused:
@@ -178,6 +223,54 @@ class Robot(Telemetry):
         if operation.moves and (refused := await self.ensure_lease()) is not None:
             return refused
         return await self.run(lambda: operation.perform(self.session()))
+
+    async def drive_until(
+        self,
+        begin: Callable[[Session], Answer],
+        follow: Callable[[int], Awaitable[T]],
+        ending: Callable[[Link], CommandRequest],
+    ) -> T | Refused:
+        """Begin a drive and follow it; end it, and no other, if this is cancelled or raises.
+
+        `begin` runs in a thread. `follow` gets the id of the request that began the drive. `ending`
+        returns the hold or the abort that ends it.
+        """
+        if (refused := await self.ensure_lease()) is not None:
+            return refused
+        self.check_open()
+        session, ended = self.session(), asyncio.get_running_loop().create_future()
+        self._drives.add(ended)
+        sending = self._beginning.submit(begin, session)
+        try:
+            answer = await asyncio.wrap_future(sending)
+            return answer if isinstance(answer, Refused) else await follow(session.begun_id)
+        except BaseException:
+            if not sending.cancelled():
+                await threads.finish(self._end_after(sending, ending, session))
+            raise
+        finally:
+            self._drives.discard(ended)
+            ended.set_result(None)
+
+    async def _end_after(
+        self,
+        sending: Future[Answer],
+        ending: Callable[[Link], CommandRequest],
+        session: Session,
+    ) -> None:
+        """End a drive after what begins it was sent; the other order would let the robot drive."""
+        await threads.settled(asyncio.wrap_future(sending))
+        await self._end(ending, session.begun_id)
+
+    async def _end(self, ending: Callable[[Link], CommandRequest], drive_id: int) -> None:
+        """End this drive, and no other; without an answer the heartbeat ends, unless others drive.
+
+        Then the robot stops by itself.
+        """
+        link = self.session().link
+        outcome = await self._in_thread(lambda: link.end(ending(link), drive_id, ATTEMPTS))
+        if isinstance(outcome, GaveUp) and len(self._drives) == 1:
+            self._holds_lease = False
 
     # The lease and the heartbeat.
 
@@ -190,20 +283,27 @@ class Robot(Telemetry):
         """Take the lease unless it is held already; return the refusal, if any."""
         async with self._lease_lock:
             if self._holds_lease:
+                self.check_open()
                 return None
             answer = await self.change_lease(LeaseAction.TAKE)
         return answer if isinstance(answer, Refused) else None
 
     async def change_lease(self, action: LeaseAction) -> Answer:
-        """Take, seize or release the lease; the heartbeat follows it."""
+        """Take, seize or release the lease; the heartbeat follows it, also if this is cancelled."""
         session, name = self.session(), self._operator
         if action is LeaseAction.RELEASE:
             self._holds_lease = False
-        answer = await self.run(lambda: session.with_holder(ask_lease(session.link, action, name)))
-        if answer.ok and action is not LeaseAction.RELEASE:
+        asking = self.run(lambda: session.with_holder(ask_lease(session.link, action, name)))
+        asking.add_done_callback(partial(self._lease_changed, action))
+        return await asyncio.shield(asking)
+
+    def _lease_changed(self, action: LeaseAction, asking: "asyncio.Future[Answer]") -> None:
+        if asking.cancelled() or asking.exception() is not None or not asking.result().ok:
+            return
+        self._has_asked = True
+        if action is not LeaseAction.RELEASE:
             self._taken_ns, self._holds_lease = self.clock.now_ns(), True
             self._heartbeat.put(ALIVE)
-        return answer
 
     async def _beat(self) -> None:
         """Send the heartbeat from the event loop only, so that a blocked loop sends none."""
@@ -216,11 +316,11 @@ class Robot(Telemetry):
             await asyncio.sleep(TICK_S)
 
     def _check_lease(self) -> None:
-        """Stop the heartbeat once the robot reports another operator, or none."""
+        """Stop the heartbeat once the robot reports another person as operator, or nobody."""
         newest = self.streams.latest(LEASE)
         if newest is None or newest[1] < self._taken_ns + CROSSING_NS:
             return
-        if not newest[0].held or newest[0].holder != self._link.bus.operator:
+        if not is_ours(newest[0], self._link.bus.operator):
             self._holds_lease = False
 
     # Commands to the robot.
@@ -240,28 +340,31 @@ class Robot(Telemetry):
         The goal is not compared with the world of a simulation: a goal in an obstacle ends STUCK.
         Without `heading_deg` (counter-clockwise from x) any heading is accepted. Arms a robot in
         standby. Returns the end, which is `ok` if the goal was reached, or the refusal. Cancelling
-        this, for example by a time limit, aborts the goal: the robot stops.
+        this, for example by a time limit, aborts the goal: the robot stops. It aborts no other
+        goal: the next one may be sent at once.
         """
         numbers = [x_m, y_m] if heading_deg is None else [x_m, y_m, heading_deg]
         goal = destination(
             numbers, position_tolerance_m=tolerance_m, heading_tolerance_deg=heading_tolerance_deg
         )
-        timeout_ns = None if timeout_s is None else round(timeout_s * NS_PER_S)
-        if (refused := await self.ensure_lease()) is not None:
-            return refused
-        session, started_ns = self.session(), self.clock.now_ns()
-        sending = self.run(lambda: send_goal(session, goal, Mode.GUIDED))
-        try:
-            answer, request = await asyncio.shield(sending)
-            if isinstance(answer, Refused):
-                return answer
-            end = await self._follow(GoalWatch(request.request_id, started_ns, timeout_ns))
-        except BaseException:
-            await threads.finish(self._abort(sending))
-            raise
-        if end.abort:
-            await threads.finish(self._abort(sending))
-        return self._ended(end, started_ns)
+        timeout_ns = None
+        if timeout_s is not None:
+            timeout_ns = round(within(timeout_s, 0.0, LONGEST_S, "timeout", "s") * NS_PER_S)
+        asked_ns = self.clock.now_ns()
+
+        async def follow(goal_id: int) -> GoalEnded:
+            watch = GoalWatch(goal_id, self.clock.now_ns(), timeout_ns, asked_ns=asked_ns)
+            end = await self._follow(watch)
+            if end.abort:
+                await threads.finish(self._end(abort_of, goal_id))
+            return self._ended(end, asked_ns)
+
+        def abort_of(link: Link) -> CommandRequest:
+            return link.command(Command.SIDESTEP_ABORT_GOAL)
+
+        return await self.drive_until(
+            lambda session: send_goal(session, goal, Mode.GUIDED)[0], follow, abort_of
+        )
 
     def _ended(self, end: GoalEnd, started_ns: int) -> GoalEnded:
         newest = self.streams.latest(STATUS)
@@ -271,49 +374,44 @@ class Robot(Telemetry):
 
     async def _follow(self, watch: GoalWatch) -> GoalEnd:
         while True:
-            newest = self.streams.latest(STATUS)
-            if newest is not None:
-                watch.receive(*newest)
+            self.check_open()
+            watch.look(self.streams.latest)
             watch.due(self.clock.now_ns())
             if watch.end is not None:
                 return watch.end
             await asyncio.sleep(TICK_S)
-
-    async def _abort(self, sending: "asyncio.Future[Any]") -> None:
-        """Abort after the goal was sent; the other order would let the robot drive."""
-        await threads.settled(sending)
-        await self.run(partial(abort, self.session().link))
 
     async def drive(
         self, speed_m_s: float, turn_deg_s: float, *, for_s: float | None = None
     ) -> DriveEnded | Refused:
         """Drive by hand in MANUAL at a speed (negative: backwards) and a turn (positive: left).
 
-        Ends after `for_s` or when cancelled; then the robot stops and holds. Each speed expires
-        after 250 ms, so the robot also stops if the program hangs or exits.
+        Ends after `for_s` or when cancelled; then the robot stops and holds, unless it drives for
+        another request already. Each speed expires after 250 ms, so the robot also stops if the
+        program hangs or exits.
         """
         asked = DriveByHand(speed_m_s=speed_m_s, turn_deg_s=turn_deg_s, for_s=for_s)
-        if (refused := await self.ensure_lease()) is not None:
-            return refused
-        session = self.session()
-        stick = TeleopSender(session.link)
-        taking = self.run(partial(take_manual, session))
-        try:
-            answer = await asyncio.shield(taking)
-            if isinstance(answer, Refused):
-                return answer
-            await asyncio.shield(self.run(stick.stop))
+        stick = TeleopSender(self.session().link)
+
+        async def follow(drive_id: int) -> DriveEnded:
+            self._stick = stick
+            await self._in_thread(stick.stop)
             why = await self._steer(asked, stick)
-        except BaseException:
-            await threads.finish(self._stop_and_hold(taking, stick))
-            raise
-        await threads.finish(self._stop_and_hold(taking, stick))
-        return DriveEnded(why)
+            await threads.finish(self._end(hold_of, drive_id))
+            return DriveEnded(why)
+
+        def hold_of(link: Link) -> CommandRequest:
+            if self._stick is stick:  # those of a later drive go on
+                stick.stop()
+            return set_mode(link, Mode.HOLD)
+
+        return await self.drive_until(take_manual, follow, hold_of)
 
     async def _steer(self, asked: DriveByHand, stick: TeleopSender) -> str:
         """Return why it ended early; empty if the time was up."""
         began_ns, turn_rad_s = self.clock.now_ns(), radians(asked.turn_deg_s)
         while True:
+            self.check_open()
             driven_ns = self.clock.now_ns() - began_ns
             if asked.for_s is not None and driven_ns >= asked.for_s * NS_PER_S:
                 return ""
@@ -323,12 +421,6 @@ class Robot(Telemetry):
             stick.drive(asked.speed_m_s, turn_rad_s)
             await asyncio.sleep(TICK_S)
 
-    async def _stop_and_hold(self, taking: "asyncio.Future[Any]", stick: TeleopSender) -> None:
-        """Stop after MANUAL was requested; the other order would leave the robot in MANUAL."""
-        await threads.settled(taking)
-        await self.run(stick.stop)
-        await self.run(partial(hold, self.session().link))
-
     async def emergency_stop(self, *, timeout_s: float = STOP_S) -> Stopped:
         """Stop the robot at once: repeat every 50 ms until its status shows the stop.
 
@@ -336,6 +428,7 @@ class Robot(Telemetry):
         own, which a cancellation does not end. Needs no lease. `ok` only if the robot shows the
         stop within `timeout_s`.
         """
+        self.check_open()
         stop = EmergencyStop(
             self._link.bus,
             self._stops,
@@ -356,6 +449,7 @@ class Robot(Telemetry):
 
         Raises UnansweredError if no robot is present.
         """
+        self.check_open()
         session, request_id = self.session(), new_press()
         self._own_stops.appendleft(request_id)
         stop_all = StopAll(timeout_s=timeout_s)
@@ -404,13 +498,20 @@ class Robot(Telemetry):
         """Drive back along the robot's own trail; return once the robot has accepted."""
         return await self.perform(ReturnHome())
 
-    async def set_mode(self, mode: Mode) -> Answer:
-        """Choose the mode."""
-        return await self.perform(SetMode(mode=mode))
+    async def set_mode(self, mode: Mode | str) -> Answer:
+        """Choose the mode, also by its name, such as "hold"."""
+        return await self.perform(SetMode(mode=member_of(Mode, mode, "mode")))
 
-    async def set_navigator(self, navigator: Navigator, side: int = 0) -> Answer:
-        """Choose the navigator; it passes obstacles left (1), right (-1) or as before (0)."""
-        return await self.perform(SetNavigator(navigator=navigator, side=side))
+    async def set_navigator(self, navigator: Navigator | str, side: int | str = 0) -> Answer:
+        """Choose the navigator, also by its name, such as "bug".
+
+        It passes obstacles "left" (1), "right" (-1) or as before (0).
+        """
+        chosen = member_of(Navigator, navigator, "navigator")
+        sign = SIDES.get(side.lower()) if isinstance(side, str) else side
+        if sign not in (-1, 0, 1):
+            raise UserError(f"there is no side {side!r}: use left, right, or 0 for as before")
+        return await self.perform(SetNavigator(navigator=chosen, side=sign))
 
     async def set_pose(self, x_m: float, y_m: float, heading_deg: float | None = None) -> Answer:
         """Set the pose of the robot; without a heading it keeps its own, if it knows its place."""
@@ -423,3 +524,13 @@ class Robot(Telemetry):
     async def mark(self, remark: str) -> Marked | Refused:
         """Add a remark to what is being recorded; `ok` if a recorder received it."""
         return await self.perform(Mark(remark=remark))
+
+
+def member_of(kind: type[E], given: E | str, what: str) -> E:
+    """Return the member of an enumeration, also by its name or number; UserError if unknown."""
+    name = given.upper() if isinstance(given, str) else ""
+    for member in kind:
+        if member.name == name or member == given:
+            return member
+    names = ", ".join(member.name.lower() for member in kind)
+    raise UserError(f"there is no {what} {given!r}: use one of {names}")

@@ -1,12 +1,14 @@
 """Parts of the asyncio client: parameters, missions, the fence and the lease of one robot."""
 
 import asyncio
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Final, Protocol, TypeVar
 
 from ground.client import operations
-from ground.client.api import threads
 from ground.client.api.streams import TopicStreams
+from ground.client.connection import within
+from ground.client.link import Link
 from ground.client.operations import (
     FenceShown,
     LeaseShown,
@@ -17,6 +19,7 @@ from ground.client.operations import (
     ParameterChanged,
     ParametersLoaded,
     ParametersSaved,
+    Session,
     ShowParameters,
     TransferOutcome,
 )
@@ -27,12 +30,15 @@ from ground.missions import files
 from ground.missions.mission import Fence, Mission
 from protocol.topics import MISSION
 from protocol.wire.enums import LeaseAction, MissionState
-from protocol.wire.messages import MissionStatus
+from protocol.wire.messages import CommandRequest, MissionStatus
+from protocol.wire.reasons import Reason
 from runtime.clock import Clock
-from runtime.errors import RemoteError
+from runtime.errors import RemoteError, UserError
 from runtime.units import NS_PER_S
 
 Out = TypeVar("Out", bound=Outcome)
+T = TypeVar("T")
+FLT_MAX: Final = 3.4e38
 TICK_S: Final = 0.05
 BEGUN_NS: Final = 1_000_000_000
 """Time after which a mission that is still not running counts as ended."""
@@ -52,6 +58,17 @@ class OperationRunner(Protocol):
 
     async def perform(self, operation: Operation[Out]) -> Out | Refused:
         """Carry out an operation; take the lease first if it moves."""
+
+    def check_open(self) -> None:
+        """Raise ClosedError after the end of `connect`."""
+
+    async def drive_until(
+        self,
+        begin: Callable[[Session], Answer],
+        follow: Callable[[int], Awaitable[T]],
+        ending: Callable[[Link], CommandRequest],
+    ) -> T | Refused:
+        """Begin a drive and follow it; end it, and no other, if this is cancelled or raises."""
 
     async def change_lease(self, action: LeaseAction) -> Answer:
         """Take, seize or release the lease."""
@@ -77,8 +94,15 @@ class Parameters:
         return accepted(await self._robot.perform(ShowParameters(only_changed=True))).parameters
 
     async def set(self, name: str, value: float) -> ParameterChanged | Refused:
-        """Set one parameter; `ok` if the value is in force, `saved` if it survives a restart."""
-        return await self._robot.perform(operations.SetParameter(name=name, value=value))
+        """Set one parameter; `ok` if the value is in force, `saved` if it survives a restart.
+
+        UserError if the robot has no such parameter.
+        """
+        within(value, -FLT_MAX, FLT_MAX, name, "the parameter's own unit")
+        changed = await self._robot.perform(operations.SetParameter(name=name, value=value))
+        if isinstance(changed, ParameterChanged) and changed.reason == Reason.UNKNOWN_PARAMETER:
+            raise UserError(changed.refusal)
+        return changed
 
     async def reset(self, name: str) -> ParameterChanged | Refused:
         """Set one parameter to its default value."""
@@ -127,18 +151,18 @@ class Missions:
     async def run(self, item: int | None = None) -> MissionEnded | Refused:
         """Start the mission and wait for its end, which is `ok` if all items were reached.
 
-        Cancelling this pauses the mission: the robot stops.
+        Cancelling this pauses the mission: the robot stops, unless another request drives it.
         """
-        starting = asyncio.ensure_future(self.start(item))
         began_ns = self._robot.clock.now_ns()
-        try:
-            answer = await asyncio.shield(starting)
-            if isinstance(answer, Refused):
-                return answer
+
+        async def follow(_: int) -> MissionEnded:
             return MissionEnded(await self._ended(began_ns))
-        except BaseException:
-            await threads.finish(self._pause_after(starting))
-            raise
+
+        return await self._robot.drive_until(
+            operations.StartMission(item=item).perform,
+            follow,
+            lambda link: link.command(operations.Hold.parts.command, 0.0),
+        )
 
     async def pause(self) -> Answer:
         """Stop; `resume` continues."""
@@ -164,6 +188,7 @@ class Missions:
         """Wait until a mission that was running has ended."""
         seen = False
         while True:
+            self._robot.check_open()
             newest, now_ns = self._robot.streams.latest(MISSION), self._robot.clock.now_ns()
             late = now_ns - began_ns > BEGUN_NS
             silent_ns = now_ns - max(began_ns, 0 if newest is None else newest[1])
@@ -177,10 +202,6 @@ class Missions:
                 elif seen or late:
                     return newest[0]
             await asyncio.sleep(TICK_S)
-
-    async def _pause_after(self, starting: "asyncio.Future[Answer]") -> None:
-        await threads.settled(starting)
-        await self.pause()
 
 
 class Fences:
@@ -206,13 +227,13 @@ class Fences:
 
 
 class Leases:
-    """The right of one operator to command the robot."""
+    """The right of one person to command the robot."""
 
     def __init__(self, robot: OperationRunner) -> None:
         self._robot = robot
 
     async def take(self) -> Answer:
-        """Become the robot's operator; refused while another operator holds the lease."""
+        """Become the robot's operator; refused while another person holds the lease."""
         return await self._robot.change_lease(LeaseAction.TAKE)
 
     async def seize(self) -> Answer:
@@ -220,7 +241,10 @@ class Leases:
         return await self._robot.change_lease(LeaseAction.SEIZE)
 
     async def give_back(self) -> Answer:
-        """Release the lease; a robot in GUIDED then stops by itself."""
+        """Release the lease, for all programs of this person.
+
+        A robot that one of them drives in GUIDED or MANUAL then stops by itself.
+        """
         return await self._robot.change_lease(LeaseAction.RELEASE)
 
     async def show(self) -> LeaseShown:

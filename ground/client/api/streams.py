@@ -10,11 +10,19 @@ from ground.client.telemetry import MailboxSource
 from protocol.bus.mailbox import Mailbox
 from protocol.topics import Topic
 from protocol.wire.message import Message
+from runtime.errors import LocalError
 
+CLOSED: Final = (
+    "this client is closed: use the robot inside of `async with sidestep.connect() as robot:`"
+)
 T = TypeVar("T")
 M = TypeVar("M", bound=Message)
 QUEUE: Final = 256
 """Default length of a queue: 12 s of a stream at 20 Hz."""
+
+
+class ClosedError(LocalError, RuntimeError):
+    """The context of the robot has ended."""
 
 
 class Stream(Generic[T]):
@@ -85,6 +93,7 @@ class TopicStreams:
         self._boxes: dict[str, Mailbox[Any]] = {}
         self._streams: dict[str, frozenset[Stream[Any]]] = {}
         self._kept: set[str] = set()
+        self._is_closed = False
 
     def keep(self, *topics: Topic[Any]) -> None:
         """Subscribe to topics until `close`, even without streams."""
@@ -105,7 +114,9 @@ class TopicStreams:
         return stream
 
     def add(self, topic: Topic[M], stream: Stream[M]) -> None:
-        """Offer every message of a topic to a stream."""
+        """Offer every message of a topic to a stream; ClosedError after `close`."""
+        if self._is_closed:
+            raise ClosedError(CLOSED)
         path = topic.path
         self._streams[path] = self._streams.get(path, frozenset()) | {stream}
         self._subscribe(topic)
@@ -126,6 +137,7 @@ class TopicStreams:
 
     def close(self) -> None:
         """End all streams."""
+        self._is_closed = True
         for streams in list(self._streams.values()):
             for stream in streams:
                 stream.close()

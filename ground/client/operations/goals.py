@@ -8,13 +8,13 @@ from ground.client.link import Link
 from ground.client.operations.floor import world_goal
 from ground.client.operations.leases import leased
 from ground.client.operations.session import Session
-from ground.client.requests import BEAT_NS, CommandExchange, GoalEnd, GoalWatch
+from ground.client.requests import BEAT_NS, GoalEnd, GoalWatch
 from ground.client.results import Accepted, Refused
 from ground.client.status_line import goal_line, knows_place
 from ground.client.telemetry import Telemetry
 from protocol.doubt import doubt_of, doubt_words
-from protocol.outcome import LOST, detail_of
-from protocol.topics import COMMAND, DECISION, ODOMETRY, STATUS
+from protocol.outcome import LOST, REPLACED, detail_of
+from protocol.topics import DECISION, LEASE, ODOMETRY, STATUS
 from protocol.wire.enums import Command, Mode
 from protocol.wire.messages import GoalRequest
 from runtime.errors import RemoteError, UserError
@@ -22,13 +22,17 @@ from runtime.units import NS_PER_S
 
 SHOW_NS: Final = 200_000_000
 SHOW_PLAIN_NS: Final = 2_000_000_000
-ABORT_NS: Final = 300_000_000
 POSE_NS: Final = 1_000_000_000
+NO_ANSWER: Final = (
+    "no answer to the abort; without an operator's heartbeat the robot stops by itself"
+)
 
 
 @dataclass(frozen=True, slots=True)
 class GoalEnded:
-    """The end of a goal: `outcome` is reached, unreachable, lost, stuck, aborted or timeout.
+    """The end of a goal.
+
+    `outcome` is reached, unreachable, lost, stuck, replaced, aborted or timeout.
 
     `distance_m` is the remaining distance to the goal, None without a status from the robot.
     `doubt_m` is the longer half axis of the confidence ellipse of the position, None if unknown.
@@ -50,6 +54,8 @@ class GoalEnded:
     def text(self) -> str:
         """Outcome, reason and duration."""
         detail = "" if self.reason == self.outcome else f": {detail_of(self.outcome, self.reason)}"
+        if self.outcome == REPLACED:
+            detail = f" {self.reason}"
         if self.outcome == LOST:
             detail += f"; {doubt_words(self.doubt_m)}"
         return f"{self.outcome}{detail} after {self.wall_s:.1f} s"
@@ -96,7 +102,7 @@ class Goto:
         goal = world_goal(session.link) if self.goal is None else self.goal
         if not self.seen_by_robot:
             self._refuse_outside(session, goal)
-        with session.link.subscribed(STATUS, ODOMETRY, DECISION) as telemetry:
+        with session.link.subscribed(STATUS, ODOMETRY, DECISION, LEASE) as telemetry:
             drive = _Drive(session, telemetry)
             if self.seen_by_robot:
                 goal = drive.placed(goal)
@@ -154,8 +160,10 @@ class _Drive:
             if not answer.ok:
                 return answer
             self._progress.note(f"goal {goal} accepted")
-            watch = GoalWatch(request.request_id, started_ns, timeout_ns)
-            end = self._follow(watch, request.request_id)
+            accepted_ns = self._link.clock.now_ns()
+            end = self._follow(
+                GoalWatch(request.request_id, accepted_ns, timeout_ns, asked_ns=started_ns)
+            )
         except BaseException:
             self._abort("interrupted")
             raise
@@ -163,28 +171,25 @@ class _Drive:
             self._abort(end.reason)
         return self._ended(end, started_ns)
 
-    def _follow(self, watch: GoalWatch, goal_id: int) -> GoalEnd:
+    def _follow(self, watch: GoalWatch) -> GoalEnd:
         clock, last_shown_ns = self._link.clock, 0
         every_ns = SHOW_NS if self._progress.live else SHOW_PLAIN_NS
         while True:
-            newest = self._telemetry.latest(STATUS)
-            if newest is not None:
-                watch.receive(*newest)
+            watch.look(self._telemetry.latest)
             now_ns = clock.now_ns()
             if watch.due(now_ns):
                 self._link.beat()
-            has_ended = watch.end is not None
-            if now_ns - last_shown_ns >= every_ns or (has_ended and self._progress.live):
+            is_due = now_ns - last_shown_ns >= every_ns or (watch.end and self._progress.live)
+            if watch.is_shown and is_due:
                 last_shown_ns = now_ns
-                self._progress.line(
-                    goal_line(self._telemetry, now_ns, watch.silent_ns(now_ns), goal_id)
-                )
+                self._progress.line(goal_line(self._telemetry, now_ns, watch.silent_ns(now_ns)))
             if watch.end is not None:
                 return watch.end
             self._link.pulse.wait_until(now_ns + BEAT_NS // 2)
 
     def _abort(self, why: str) -> None:
-        self._progress.note(f"{why}: {abort(self._link)}")
+        if done := abort(self._link, self._session.begun_id):
+            self._progress.note(f"{why}: {done}")
 
     def _ended(self, end: GoalEnd, started_ns: int) -> GoalEnded:
         wall_s = (self._link.clock.now_ns() - started_ns) / NS_PER_S
@@ -212,16 +217,14 @@ def send_goal(
     return session.ask_until_accepted(request, beats=mode == Mode.GUIDED, arms=arms)
 
 
-def abort(link: Link) -> str:
-    """Send one abort with a short time limit and describe the result.
+def abort(link: Link, goal_id: int, attempts: int = 1) -> str:
+    """Abort this goal, and no other, and describe the result; empty if it is over already.
 
     Without an answer the robot stops by itself, because the heartbeat ends.
     """
-    request, now_ns = link.command(Command.SIDESTEP_ABORT_GOAL), link.clock.now_ns()
-    asking = CommandExchange(request, now_ns, attempts=1, patience_ns=ABORT_NS)
-    link.exchange(asking, COMMAND)
-    if isinstance(asking.outcome, Accepted):
+    outcome = link.end(link.command(Command.SIDESTEP_ABORT_GOAL), goal_id, attempts)
+    if isinstance(outcome, Accepted):
         return "goal aborted, the robot stops"
-    if isinstance(asking.outcome, Refused):
-        return f"abort refused: {asking.outcome.words}"
-    return "no answer to the abort; without an operator's heartbeat the robot stops by itself"
+    if isinstance(outcome, Refused):
+        return f"abort refused: {outcome.words}"
+    return "" if outcome is None else NO_ANSWER

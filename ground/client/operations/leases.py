@@ -1,6 +1,7 @@
 """The lease: one operator at a time commands the robot; any operator may stop it.
 
-A lease belongs to a connection and expires without that operator's heartbeat.
+A lease belongs to a person: the programs of one user on one computer, or of one certificate, share
+it. It ends when they are silent, or when nothing has been driven for a while.
 """
 
 import os
@@ -16,14 +17,16 @@ from ground.client.operations.lease_holder import holder_name, lease_status
 from ground.client.operations.session import Session
 from ground.client.requests import BEAT_NS, CommandExchange
 from ground.client.results import Answer, RefusedError, Success
+from protocol.topic import person_of
 from protocol.topics import LEASE_SERVICE
 from protocol.wire.enums import LeaseAction
-from protocol.wire.limits import MAX_OPERATOR_NAME_BYTES
+from protocol.wire.limits import MAX_LEASE_MS, MAX_OPERATOR_NAME_BYTES
 from protocol.wire.messages import LeaseRequest, LeaseStatus
 from runtime.errors import RemoteError, UserError
 from runtime.units import NS_PER_S
 
 RELEASE_NS: Final = 200_000_000
+IDLE_S: Final = MAX_LEASE_MS // 1000
 
 
 def operator_name(name: str | None) -> str:
@@ -72,8 +75,8 @@ def ask_lease(link: Link, action: LeaseAction, name: str) -> Answer:
 class ChangeLease:
     """Take the lease, seize it from another operator, or release it.
 
-    A session that is not attended keeps the lease with its heartbeat, for `for_s` or until it is
-    interrupted, and then gives it back.
+    The robot takes it back when nothing has been driven for IDLE_S. With `for_s` a session that is
+    not attended keeps it with its heartbeat for this time, or until it is interrupted.
     """
 
     moves: ClassVar[bool] = True
@@ -92,6 +95,10 @@ class ChangeLease:
         answer = session.with_holder(ask_lease(link, self.action, name))
         if not answer.ok or self.action is LeaseAction.RELEASE or session.attended:
             return answer
+        if self.for_s is None:
+            note = f"begin to drive within {IDLE_S} s, or the robot takes the lease back"
+            session.progress.note(f"{name} commands {link.robot}; {note}")
+            return answer
         session.progress.note(f"{name} commands {link.robot}; Ctrl-C gives the lease back")
         try:
             keep(link, self.for_s)
@@ -102,7 +109,7 @@ class ChangeLease:
 
 @dataclass(frozen=True, slots=True)
 class LeaseShown(Success):
-    """The robot's lease status; `ours`: this connection holds the lease."""
+    """The robot's lease status; `ours`: the person of this program holds the lease."""
 
     status: LeaseStatus
     robot: str
@@ -115,7 +122,7 @@ class LeaseShown(Success):
             return "no operator holds the lease"
         holder = f"{holder_name(self.status)}{' (this is you)' if self.ours else ''}"
         left_s = self.status.lapses_ms / 1000
-        expiry = f"without a heartbeat the lease expires in {left_s:.1f} s"
+        expiry = f"without a heartbeat or a drive the lease expires in {left_s:.1f} s"
         return f"{holder} commands {self.robot}; {expiry}"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
@@ -144,33 +151,45 @@ class ShowLease:
         found = lease_status(link)
         if found is None:
             raise RemoteError(f"the robot publishes no lease status: {link.diagnosis()}")
-        return LeaseShown(found, link.robot, found.holder == link.bus.operator)
+        return LeaseShown(found, link.robot, is_ours(found, link.bus.operator))
 
 
 @contextmanager
 def leased(session: Session, name: str | None = None) -> Iterator[None]:
     """Hold the lease during the context; RefusedError if another operator holds it."""
-    answer = session.with_holder(ask_lease(session.link, LeaseAction.TAKE, operator_name(name)))
-    if not answer.ok:
-        raise RefusedError(answer.text)
+    take(session, LeaseAction.TAKE, name)
     try:
         yield
     finally:
         give_back(session.link)
 
 
-def keep(link: Link, for_s: float | None) -> None:
+def take(session: Session, action: LeaseAction, name: str | None = None) -> None:
+    """Take or seize the lease; RefusedError if that is refused."""
+    answer = session.with_holder(ask_lease(session.link, action, operator_name(name)))
+    if not answer.ok:
+        raise RefusedError(answer.text)
+
+
+def is_ours(lease: LeaseStatus, operator: str | None) -> bool:
+    """Return whether a lease is held by the person of this operator's identity."""
+    return bool(lease.held and operator) and person_of(lease.holder) == person_of(operator or "")
+
+
+def keep(link: Link, for_s: float) -> None:
     """Send the operator's heartbeat for `for_s`, or until an exception ends it."""
-    began_ns = link.clock.now_ns()
-    until_ns = None if for_s is None else began_ns + round(for_s * NS_PER_S)
-    while until_ns is None or link.clock.now_ns() < until_ns:
+    until_ns = link.clock.now_ns() + round(for_s * NS_PER_S)
+    while link.clock.now_ns() < until_ns:
         link.beat()
         link.clock.sleep_until(link.clock.now_ns() + BEAT_NS)
 
 
 def give_back(link: Link) -> None:
-    """Release the lease once and ignore a lost answer: the lease expires by itself."""
-    request = LeaseRequest(request_id=link.ids.next(), action=LeaseAction.RELEASE, name="")
+    """Leave the lease to other programs of this person, else release it.
+
+    A lost answer is ignored: the lease expires by itself.
+    """
+    request = LeaseRequest(request_id=link.ids.next(), action=LeaseAction.LEAVE, name="")
     now_ns = link.clock.now_ns()
     link.exchange(
         CommandExchange(request, now_ns, attempts=1, patience_ns=RELEASE_NS), LEASE_SERVICE

@@ -1,6 +1,6 @@
 """Missions: upload one to the robot, download, start, stop and delete it, and read its progress."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import ClassVar, Final
 
@@ -9,6 +9,7 @@ from ground.client.operations.lease_holder import refusing_holder
 from ground.client.operations.session import Session
 from ground.client.requests import GaveUp
 from ground.client.results import Answer, Success, refusal_words
+from ground.client.vocabulary import SHELL, Remedies
 from ground.missions import files
 from ground.missions.mission import Fence, Home, Mission
 from ground.missions.transfer import (
@@ -21,6 +22,7 @@ from ground.missions.transfer import (
     Verdict,
 )
 from ground.missions.wire import fence_items_of, fence_of, items_of, waypoints_of
+from ground.text.state_roles import mission_state
 from protocol.topics import MISSION, MISSION_SERVICE
 from protocol.wire.enums import Command, MissionState, MissionType
 from protocol.wire.messages import CommandRequest, MissionStatus
@@ -77,6 +79,7 @@ class TransferOutcome:
     done: str
     what: str = ""
     holder: str = ""
+    remedies: Remedies = field(default=SHELL, compare=False, repr=False)
 
     @property
     def ok(self) -> bool:
@@ -105,7 +108,8 @@ class TransferOutcome:
             return self.done
         reason = f"{self.what}{self.verdict.text}"
         no = "not saved" if self.verdict.in_force else "refused"
-        return f"{no}: {refusal_words(reason, self.verdict.reason, self.holder)}"
+        hints = self.remedies.refusals
+        return f"{no}: {refusal_words(reason, self.verdict.reason, self.holder, hints)}"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
         """Return the verdict as a row."""
@@ -121,8 +125,13 @@ class TransferOutcome:
 
 def with_holder(link: Link, verdict: Verdict, done: str, what: str = "") -> TransferOutcome:
     """Return the verdict, with the lease holder's name if the lease is the reason."""
-    holder = refusing_holder(link, verdict.reason)
-    return TransferOutcome(verdict=verdict, done=done, what=what, holder=holder)
+    return TransferOutcome(
+        verdict=verdict,
+        done=done,
+        what=what,
+        holder=refusing_holder(link, verdict.reason),
+        remedies=link.common.remedies,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -329,7 +338,7 @@ class MissionProgress(Success):
         left = f", {status.hold_left_ms / 1000:.1f} s left" if status.hold_left_ms else ""
         reason = f": {reason_text(status.reason)}" if status.reason else ""
         where = f"item {status.current + 1} of {status.count}"
-        return f"{state_name(status.state)}, {where}{left}{reason}"
+        return f"{mission_state(status).lower()}, {where}{left}{reason}"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
         """Return the status as a row; items count from 1."""
@@ -337,7 +346,7 @@ class MissionProgress(Success):
         return {
             "robot": robot,
             "ok": True,
-            "state": state_name(status.state),
+            "state": mission_state(status).lower(),
             "items": status.count,
             "current": status.current + 1 if status.count else None,
             "hold_left_s": status.hold_left_ms / 1000,
@@ -368,9 +377,3 @@ class ShowMissionStatus:
         if status is None:
             raise RemoteError(f"the robot publishes no mission status: {session.link.diagnosis()}")
         return MissionProgress(status)
-
-
-def state_name(state: int) -> str:
-    """Return the name of a state; an unknown number stays a number."""
-    known = state in MissionState.__members__.values()
-    return MissionState(state).name.lower() if known else f"state {state}"

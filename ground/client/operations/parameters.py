@@ -11,6 +11,7 @@ from typing import ClassVar, Final
 
 from ground.client import parameter_file
 from ground.client.link import Link, UnansweredError
+from ground.client.operations.lease_holder import refusing_holder
 from ground.client.operations.session import Session
 from ground.client.parameter import Parameter, line, parameters_in, same
 from ground.client.parameter_rows import NAME_RULE
@@ -22,7 +23,7 @@ from protocol.wire.enums import PARAM_TYPE_REAL32
 from protocol.wire.limits import MAX_PARAMETER_NAME_BYTES
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, ParamSet, ParamValue
-from protocol.wire.reasons import Reason, reason_text
+from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError, UserError
 
 SAVING_NS: Final = 15_000_000_000
@@ -128,7 +129,8 @@ class ShowParameters:
             return ParameterTable(tuple(one for one in chosen if not one.is_default))
         if not chosen:
             near = nearest([one.name for one in found], self.pattern)
-            remedy = f"did you mean {near!r}?" if near else "sidestep param list"
+            parameters = session.link.common.remedies.parameters
+            remedy = f"did you mean {near!r}?" if near else parameters
             raise UserError(f"no parameter matches {self.pattern!r}: {remedy}")
         return ParameterTable(chosen, self.wide)
 
@@ -143,7 +145,8 @@ def nearest(names: Sequence[str], pattern: str) -> str:
 class ParameterChanged:
     """The result of setting a parameter; `now` is the value in force, None after a refusal.
 
-    `saved`: it survives a restart; None if the robot does not report that.
+    `saved`: it survives a restart; None if the robot does not report that. `reason` is that of the
+    refusal.
     """
 
     name: str
@@ -151,6 +154,7 @@ class ParameterChanged:
     now: float | None
     saved: bool | None = None
     refusal: str = ""
+    reason: int = Reason.NONE
 
     @property
     def ok(self) -> bool:
@@ -197,8 +201,14 @@ class SetParameter:
         link = session.link
         found = set_value(link, self.name, self.value)
         if isinstance(found, Refused):
-            refusal = reason_text(found.reason) + hint(link, self.name, found.reason)
-            return ParameterChanged(name=self.name, asked=self.value, now=None, refusal=refusal)
+            refused = replace(found, holder=refusing_holder(link, found.reason))
+            return ParameterChanged(
+                name=self.name,
+                asked=self.value,
+                now=None,
+                refusal=refused.words + hint(link, self.name, found.reason),
+                reason=found.reason,
+            )
         changed = ParameterChanged(name=self.name, asked=self.value, now=found)
         return replace(changed, saved=is_saved(link, self.name))
 
@@ -213,7 +223,8 @@ class ResetParameter:
 
     def perform(self, session: Session) -> ParameterChanged:
         """Read the default and set it; UserError for an unknown parameter."""
-        value = default_of(fetch(session.link), self.name)
+        parameters = session.link.common.remedies.parameters
+        value = default_of(fetch(session.link), self.name, parameters)
         return SetParameter(name=self.name, value=value).perform(session)
 
 
@@ -317,7 +328,8 @@ def set_values(
             continue
         answer = set_value(link, name, value)
         if isinstance(answer, Refused):
-            refusal = f"refused: {name} = {number(value)}: {reason_text(answer.reason)}"
+            refused = replace(answer, holder=refusing_holder(link, answer.reason))
+            refusal = f"refused: {name} = {number(value)}: {refused.words}"
             return ParametersLoaded(tuple(done), refusal)
         done.append((name, before))
     return ParametersLoaded(tuple(done))
@@ -331,7 +343,7 @@ def set_value(link: Link, name: str, value: float) -> float | Refused:
         return float(answer.param_value)
     took_ns = link.clock.now_ns() - asked_ns
     reason = answer.result_param2 if isinstance(answer, CommandAck) else Reason.MALFORMED
-    return Refused(reason, took_ns)
+    return Refused(reason, took_ns, remedies=link.common.remedies)
 
 
 def is_saved(link: Link, name: str) -> bool | None:
@@ -343,13 +355,16 @@ def is_saved(link: Link, name: str) -> bool | None:
     return next((one.saved for one in found if one.name == name), None)
 
 
-def default_of(parameters: Sequence[Parameter], name: str) -> float:
-    """Return a default; UserError if the robot has no such parameter or no default for it."""
+def default_of(parameters: Sequence[Parameter], name: str, remedy: str) -> float:
+    """Return a default; UserError if the robot has no such parameter or no default for it.
+
+    `remedy` says how to list the parameters.
+    """
     defaults = {one.name: one.default for one in parameters}
     value = defaults.get(name)
     if value is None:
         near = get_close_matches(name, defaults, n=1)
-        fix = f"did you mean {near[0]}?" if near else "sidestep param list"
+        fix = f"did you mean {near[0]}?" if near else remedy
         raise UserError(f"no parameter {name!r} with a default: {fix}")
     return value
 
@@ -362,7 +377,7 @@ def hint(link: Link, name: str, reason: int) -> str:
         return ""
     if reason == Reason.UNKNOWN_PARAMETER:
         near = get_close_matches(name, found, n=1)
-        return f"; did you mean {near[0]}?" if near else "; see sidestep param list"
+        return f"; did you mean {near[0]}?" if near else f"; see {link.common.remedies.parameters}"
     one = found.get(name)
     if one is None:
         return ""

@@ -1,7 +1,7 @@
 """Continue a drive that the robot has ended: after a failsafe, an emergency stop or an abort."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from ground.client.goal import goal_request
@@ -17,7 +17,7 @@ from ground.client.operations.session import Session
 from ground.client.requests import Request
 from ground.client.results import Accepted, Answer, Refused
 from ground.client.telemetry import Telemetry
-from ground.client.vocabulary import GOAL_HINT, HINTS
+from ground.client.vocabulary import GOAL_HINT
 from ground.missions.transfer import Downloaded
 from ground.missions.wire import waypoints_of
 from protocol.topics import MISSION, STATUS
@@ -52,7 +52,7 @@ class Resumed(Accepted):
 class NothingToResume(Refused):
     """No drive was lost, so that there is nothing to continue."""
 
-    def in_words(self, hints: Mapping[int, str] = HINTS) -> str:
+    def in_words(self, hints: Mapping[int, str]) -> str:
         """Return that there is nothing, and how to set a goal."""
         return f"{NOTHING}. {hints.get(Reason.NO_GOAL, GOAL_HINT)}"
 
@@ -70,11 +70,11 @@ def go_on(session: Session, refusal: Refused) -> Answer:
             return refusal
         drive = find_drive(session, telemetry, newest[0])
     if drive is None:
-        return NothingToResume(refusal.reason, refusal.took_ns)
+        return NothingToResume(refusal.reason, refusal.took_ns, remedies=refusal.remedies)
     if newest[0].vehicle != Vehicle.ACTIVE:
         stopped = newest[0].vehicle == Vehicle.EMERGENCY_STOP
         reason = Reason.EMERGENCY_STOPPED if stopped else Reason.NOT_ARMED
-        return Refused(reason, refusal.took_ns)
+        return replace(refusal, reason=reason)
     mode = mode_for(session, drive)
     answer, _ = session.ask_until_accepted(
         lambda: request_for(session, drive, mode), beats=mode == Mode.GUIDED, arms=False

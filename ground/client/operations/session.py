@@ -51,7 +51,9 @@ class Session:
 
     `attended`: another part of this process holds the lease, sends the operator's heartbeat and
     watches the goal. An operation then ends with the robot's answer. Otherwise it does all of this
-    itself, until it ends. `floor` returns the floor of the world, if it is known.
+    itself, until it ends. `floor` returns the floor of the world, if it is known. `begun_id` is the
+    request_id of the newest drive that was asked for, which a clean-up ends and no other one; 0
+    before the first.
     """
 
     def __init__(
@@ -65,6 +67,7 @@ class Session:
         self.link = link
         self.progress: Progress = progress or NoProgress()
         self.attended = attended
+        self.begun_id = 0
         self._floor = floor
 
     def refuse_outside(self, *places: tuple[str, float, float]) -> None:
@@ -85,38 +88,47 @@ class Session:
     ) -> tuple[Answer, R]:
         """Repeat a request after each remedy; return the last answer and its request.
 
-        With `arms`, arms a robot in standby, but never one in a failsafe or an emergency stop. With
-        `beats`, sends the operator's heartbeat if the robot misses it.
+        With `arms`, arms a robot in standby, but never one in a failsafe or an emergency stop; if
+        it cannot be armed, that is the answer. With `beats`, sends the operator's heartbeat if the
+        robot misses it.
         """
         deadline_ns = self.link.clock.now_ns() + RETRY_NS
         while True:
             sent = request()
+            self.begun_id = sent.request_id
             answer = self.link.ask(sent)
             if isinstance(answer, Accepted):
                 return answer, sent
-            is_late = self.link.clock.now_ns() > deadline_ns
-            if is_late or not self._remedied(answer.reason, beats=beats, arms=arms):
-                return self.with_holder(answer), sent
+            remedy: Answer | None = None
+            if self.link.clock.now_ns() <= deadline_ns:
+                remedy = self._remedy(answer.reason, beats=beats, arms=arms)
+            if not isinstance(remedy, Accepted):
+                return remedy or self.with_holder(answer), sent
 
-    def arm_if_standing_by(self) -> bool:
-        """Arm a robot in STANDBY; return whether it was armed now."""
+    def arm_if_standing_by(self) -> Answer | None:
+        """Arm a robot in STANDBY; return its answer, None if it was not asked.
+
+        One without a status may lack the sensors that it needs for its control loop, too; its
+        answer tells.
+        """
         newest = self.link.newest(STATUS, STATUS_NS)
-        if newest is None or newest.vehicle != Vehicle.STANDBY:
-            return False
+        if newest is not None and newest.vehicle != Vehicle.STANDBY:
+            return None
         request = self.link.command(Command.COMPONENT_ARM_DISARM, 1.0)
         answer = self.with_holder(self.link.ask(request))
-        self.progress.note("armed" if answer.ok else f"arming was {answer.text}")
-        return answer.ok
+        if answer.ok:
+            self.progress.note("armed")
+        return answer
 
-    def _remedied(self, reason: int, *, beats: bool, arms: bool) -> bool:
-        """Remove the cause of a refusal if possible; return whether to send the request again."""
+    def _remedy(self, reason: int, *, beats: bool, arms: bool) -> Answer | None:
+        """Remove the cause of a refusal; return whether that was accepted, None if it cannot be."""
         if reason == Reason.NOT_ARMED and arms:
             return self.arm_if_standing_by()
         if reason == Reason.NO_OPERATOR and beats:
             self.link.beat()
             self.link.clock.sleep_until(self.link.clock.now_ns() + BEAT_NS // 4)
-            return True
-        return False
+            return Accepted(0)
+        return None
 
 
 def patience_ns(timeout_s: float | None) -> int | None:

@@ -1,30 +1,28 @@
 """Driving by hand in MANUAL. Each speed expires after a moment, so the robot stops on silence."""
 
-from contextlib import suppress
 from dataclasses import dataclass
 from math import radians
 from typing import ClassVar, Final
 
-from ground.client.connection import within
+from ground.client.connection import LONGEST_S, within
 from ground.client.link import Link
 from ground.client.operations.leases import leased
 from ground.client.operations.session import Session
 from ground.client.requests import HeartbeatTimer
-from ground.client.results import Answer
+from ground.client.results import Answer, Refused
 from protocol.bus.publisher import Publisher
 from protocol.topics import STATUS, TELEOP
 from protocol.wire.enums import Command, Mode, Vehicle
 from protocol.wire.messages import CommandRequest, NavigatorStatus, Teleop
 from protocol.wire.reasons import reason_text
 from runtime.clock import ticks
-from runtime.errors import RemoteError, UserError
+from runtime.errors import UserError
 from runtime.units import NS_PER_S
 
 RATE_HZ: Final = 20.0
 TTL_MS: Final = 250
 FASTEST_M_S: Final = 5.0
 FASTEST_DEG_S: Final = 720.0
-HOLD_NS: Final = 300_000_000
 SETTLE_NS: Final = 500_000_000
 
 
@@ -94,6 +92,8 @@ class DriveByHand:
     def __post_init__(self) -> None:
         within(self.speed_m_s, -FASTEST_M_S, FASTEST_M_S, "speed", "m/s")
         within(self.turn_deg_s, -FASTEST_DEG_S, FASTEST_DEG_S, "turn", "deg/s")
+        if self.for_s is not None:
+            within(self.for_s, 0.0, LONGEST_S, "time", "s")
 
     def perform(self, session: Session) -> Answer | DriveEnded:
         """Drive; UserError without `for_s` in an attended session."""
@@ -109,15 +109,17 @@ class DriveByHand:
     def _drive(self, session: Session) -> Answer | DriveEnded:
         link = session.link
         link.beat()
-        answer = take_manual(session)
-        if not answer.ok:
-            return answer
-        stick = TeleopSender(link)
         try:
-            return DriveEnded(self._keep_driving(link, stick))
+            answer = take_manual(session)
+            if not answer.ok:
+                return answer
+            stick = TeleopSender(link)
+            try:
+                return DriveEnded(self._keep_driving(link, stick))
+            finally:
+                stick.stop()
         finally:
-            stick.stop()
-            hold(link)
+            hold(link, session.begun_id)
 
     def _keep_driving(self, link: Link, stick: TeleopSender) -> str:
         """Return why it ended early; empty if its time was up."""
@@ -141,9 +143,8 @@ def take_manual(session: Session) -> Answer:
     """Choose MANUAL, and arm a robot in standby."""
     link = session.link
     answer, _ = session.ask_until_accepted(lambda: set_mode(link, Mode.MANUAL), beats=True)
-    if answer.ok:
-        session.arm_if_standing_by()
-    return answer
+    armed = session.arm_if_standing_by() if answer.ok else None
+    return armed if isinstance(armed, Refused) else answer
 
 
 def lost_control(status: NavigatorStatus, driven_ns: int) -> str:
@@ -160,7 +161,6 @@ def set_mode(link: Link, mode: Mode) -> CommandRequest:
     return link.command(Command.DO_SET_MODE, 1.0, float(mode))
 
 
-def hold(link: Link) -> None:
-    """Send HOLD once with a short time limit; without it the robot stops by itself."""
-    with suppress(RemoteError):
-        link.ask(set_mode(link, Mode.HOLD), attempts=1, patience_ns=HOLD_NS)
+def hold(link: Link, drive_id: int, attempts: int = 1) -> None:
+    """End this drive in HOLD, and no other; unanswered, the robot stops as the speeds expire."""
+    link.end(set_mode(link, Mode.HOLD), drive_id, attempts)

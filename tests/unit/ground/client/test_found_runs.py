@@ -6,7 +6,7 @@ import pytest
 
 from ground.cli.main import parse
 from ground.cli.options import common_of
-from ground.client.connection import START_HINT
+from ground.client.connection import START_HINT, UP_HINT
 from ground.text.output import Output
 from runtime.errors import UserError
 from tests.support.ground.runs import ENDPOINT, written
@@ -91,4 +91,4 @@ def test_a_run_with_certificates_needs_no_file(tmp_path: Path) -> None:
 
 def test_without_a_run_the_error_names_the_next_command() -> None:
     assert common_of(parse(["hold"])).hint == START_HINT
-    assert common_of(parse(["hold", "--connect", OTHER])).hint == ""
+    assert common_of(parse(["hold", "--connect", OTHER])).hint == UP_HINT

@@ -8,6 +8,7 @@ from math import nan
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from ground.client.requests import (
     BEAT_NS,
@@ -20,7 +21,7 @@ from ground.client.requests import (
 )
 from ground.client.results import Accepted, Refused
 from protocol.wire.enums import AckResult, GoalState, Mode, Navigator, Vehicle
-from protocol.wire.messages import CommandAck, CommandRequest, NavigatorStatus
+from protocol.wire.messages import CommandAck, CommandRequest, LeaseStatus, NavigatorStatus
 from protocol.wire.reasons import Reason, reason_text
 from runtime.clock import ManualClock
 from tests.support.each import each
@@ -205,11 +206,54 @@ def test_the_end_of_an_earlier_goal_is_not_taken_for_ours() -> None:
     assert drive.watch.end == GoalEnd("reached", "reached")
 
 
-def test_a_newer_goal_ends_ours() -> None:
+def lease_of(driver: str, drive_id: int) -> LeaseStatus:
+    return LeaseStatus(
+        time_ns=1,
+        lapses_ms=1,
+        held=1,
+        holder="ben/1",
+        name=driver,
+        drive_id=drive_id,
+        driver=driver,
+    )
+
+
+def test_a_newer_goal_replaces_ours_and_names_its_operator() -> None:
     drive = Drive()
     drive.receive(status(0))
+    drive.watch.receive_driver(lease_of("anna@desk:pts/1", MINE))
     drive.receive(status(1, goal_id=MINE + 1))
-    assert drive.watch.end == GoalEnd("aborted", "replaced by a new goal")
+    assert drive.watch.end is None, "the lease status comes later"
+    assert not drive.watch.is_shown
+    drive.watch.receive_driver(lease_of("ben@desk:pts/2", MINE + 1))
+    drive.pass_(50 * MS)
+    place = f"{status(0).goal_x_m:.1f} {status(0).goal_y_m:.1f}"
+    assert drive.watch.end == GoalEnd("replaced", f"by the goal {place} of ben@desk:pts/2")
+
+
+@each(
+    ("x_m", "words"),
+    [(1.26, "by the goal 1.3 2.0"), (-0.01, "by the goal 0.0 2.0"), (nan, "by another")],
+)
+def test_goal_of_an_unknown_operator_replaces_ours(x_m: float, words: str) -> None:
+    drive = Drive()
+    drive.receive(status(0))
+    other = replace(status(1, goal_id=MINE + 1), goal_x_m=x_m, goal_y_m=2.0)
+    for n in range(11):
+        assert drive.watch.end is None
+        drive.pass_(100 * MS)
+        drive.receive(replace(other, time_ns=n * 100 * MS))
+    assert drive.watch.end == GoalEnd("replaced", words)
+
+
+def test_old_status_that_arrives_before_ours_is_accepted_ends_nothing() -> None:
+    """Sending may take seconds on a busy machine; the newest status is then of another goal."""
+    drive = Drive()
+    watch = GoalWatch(MINE, drive.clock.now_ns(), None, asked_ns=drive.clock.now_ns() - 9_000 * MS)
+    watch.receive(status(0, goal_id=MINE - 1), drive.clock.now_ns())
+    assert not watch.due(drive.clock.now_ns()) or watch.end is None
+    watch.receive(status(1), drive.clock.now_ns())
+    assert watch.end is None
 
 
 @each("restarted", [status(0, GoalState.NONE, goal_id=0), status(5_400 * MS, goal_id=0)])

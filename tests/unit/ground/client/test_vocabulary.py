@@ -6,6 +6,8 @@ from ground.client.vocabulary import (
     HINTS,
     MODE_SUMMARIES,
     NAVIGATOR_SUMMARIES,
+    PYTHON,
+    SHELL,
     value_in_words,
     value_words,
 )
@@ -55,7 +57,7 @@ PLAIN = {
     *(Reason.MISSION_EMPTY, Reason.MISSION_ITEM_BAD, Reason.MISSION_TOO_LONG),
     *(Reason.HOLD_OUT_OF_RANGE, Reason.UNKNOWN_FRAME, Reason.FENCE_NOT_SIMPLE),
     *(Reason.FENCE_LEAVES_ROBOT_OUT, Reason.TOO_LATE, Reason.NOT_WHILE_ARMED),
-    *(Reason.LESS_SAFE_THAN_CONFIGURED, Reason.NO_IDENTITY),
+    *(Reason.LESS_SAFE_THAN_CONFIGURED, Reason.NO_IDENTITY, Reason.ALREADY_OVER),
 }
 """Refusals whose text names the wrong input or the state, which is the remedy."""
 
@@ -63,6 +65,13 @@ PLAIN = {
 @each("reason", [one for one in Reason if 0 < one < 30 or one >= 100])
 def test_every_refusal_names_its_remedy(reason: Reason) -> None:
     assert (reason in HINTS or ": " in reason_text(reason)) != (reason in PLAIN)
+
+
+def test_python_has_a_remedy_for_each_refusal_of_the_shell() -> None:
+    assert SHELL.refusals.keys() <= PYTHON.refusals.keys()
+    words = " ".join([*PYTHON.refusals.values(), *PYTHON[1:]])
+    assert "--" not in words
+    assert words.count("sidestep ") == words.count("`sidestep doctor` in a terminal") == 1
 
 
 def test_every_cause_that_arming_does_not_lift_has_a_hint() -> None:

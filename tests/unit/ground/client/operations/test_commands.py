@@ -60,7 +60,7 @@ def test_refusal_for_the_lease_names_its_holder() -> None:
     stage.bus.set_newest(*HELD)
     outcome = Arm().perform(stage.session)
     assert isinstance(outcome, Refused)
-    assert (outcome.holder, "anna (sidestep lease seize)" in outcome.text) == ("anna", True)
+    assert (outcome.holder, "anna (--seize takes it over" in outcome.text) == ("anna", True)
 
 
 def test_lost_answers_are_asked_for_again_under_one_id() -> None:

@@ -3,21 +3,24 @@
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from ground.client.goal import destination
 from ground.client.operations import GoalEnded, Goto
 from ground.client.results import Refused, RefusedError
-from protocol.topics import STATUS
+from protocol.topics import LEASE, STATUS
 from protocol.wire.enums import Command, GoalState, LeaseAction, Mode, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandRequest, GoalRequest, LeaseRequest
 from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError, UserError
 from tests.support.each import each
-from tests.support.ground.client import HELD, STANDBY, Stage, status
+from tests.support.ground.client import HELD, STANDBY, Stage, lease_of, status
 
 GOAL = destination([1.0, 2.0, 90.0])
 FRESH_NS = 2_000_000_000
+ABORT = Command.SIDESTEP_ABORT_GOAL
+REACHED_LATER = {"goal": GoalState.REACHED, "time_ns": 3}
 
 
 def kinds(stage: Stage) -> list[str]:
@@ -61,7 +64,7 @@ def test_goal_is_followed_to_its_end_under_the_lease() -> None:
     outcome = Goto(goal=GOAL).perform(stage.session)
     assert isinstance(outcome, GoalEnded)
     assert (outcome.ok, outcome.outcome, outcome.distance_m) == (True, "reached", 1.5)
-    assert kinds(stage) == ["TAKE", "GUIDED", "RELEASE"]
+    assert kinds(stage) == ["TAKE", "GUIDED", "LEAVE"]
     assert any("goal (1.000, 2.000) at 90.0 deg accepted" in note for note in stage.notes.notes)
 
 
@@ -70,7 +73,7 @@ def test_standing_robot_is_armed_first() -> None:
     stage.bus.set_newest(*STANDBY)
     following(stage, {"goal": GoalState.REACHED, "time_ns": 3})
     assert Goto(goal=GOAL).perform(stage.session).ok
-    assert kinds(stage) == ["TAKE", "GUIDED", "COMPONENT_ARM_DISARM", "GUIDED", "RELEASE"]
+    assert kinds(stage) == ["TAKE", "GUIDED", "COMPONENT_ARM_DISARM", "GUIDED", "LEAVE"]
     assert stage.notes.notes[0] == "armed"
 
 
@@ -90,7 +93,7 @@ def test_refused_goal_is_the_outcome_and_the_lease_goes_back() -> None:
     outcome = Goto(goal=GOAL).perform(stage.session)
     assert isinstance(outcome, Refused)
     assert outcome.reason == Reason.OUTSIDE_FENCE
-    assert kinds(stage) == ["TAKE", "GUIDED", "RELEASE"]
+    assert kinds(stage) == ["TAKE", "GUIDED", "LEAVE"]
 
 
 def test_lease_of_another_operator_ends_it_before_the_goal() -> None:
@@ -107,14 +110,78 @@ def test_whatever_interrupts_it_aborts_the_goal(error: BaseException) -> None:
     following(stage, {"goal": GoalState.DRIVING, "time_ns": 2}, error)
     with pytest.raises(type(error)):
         Goto(goal=GOAL).perform(stage.session)
-    assert kinds(stage) == ["TAKE", "GUIDED", "SIDESTEP_ABORT_GOAL", "RELEASE"]
+    assert kinds(stage) == ["TAKE", "GUIDED", "SIDESTEP_ABORT_GOAL", "LEAVE"]
+
+
+def ended_id(stage: Stage) -> int:
+    """Return the goal that the last abort ends; every abort must name one."""
+    aborts = [one for one in stage.bus.requests if getattr(one, "command", 0) == ABORT]
+    assert all(one.ends_id for one in aborts)
+    return int(aborts[-1].ends_id)
+
+
+def goal_id(stage: Stage) -> int:
+    return [one.request_id for one in stage.bus.requests if isinstance(one, GoalRequest)][-1]
+
+
+def test_interrupted_goal_aborts_itself_and_no_other() -> None:
+    """The goal that was accepted at last is named, not one that was refused before."""
+    stage = Stage(Reason.NONE, Reason.NOT_ARMED)
+    stage.bus.set_newest(*STANDBY)
+    following(stage, {"goal": GoalState.DRIVING, "time_ns": 2}, KeyboardInterrupt())
+    with pytest.raises(KeyboardInterrupt):
+        Goto(goal=GOAL).perform(stage.session)
+    assert ended_id(stage) == goal_id(stage)
+    assert stage.notes.notes[-1] == "interrupted: goal aborted, the robot stops"
+
+
+def test_abort_of_a_goal_that_is_over_says_nothing() -> None:
+    stage = Stage(Reason.NONE, Reason.NONE, Reason.ALREADY_OVER)
+    following(stage, {"goal": GoalState.DRIVING, "time_ns": 2}, KeyboardInterrupt())
+    with pytest.raises(KeyboardInterrupt):
+        Goto(goal=GOAL).perform(stage.session)
+    assert kinds(stage)[-2:] == ["SIDESTEP_ABORT_GOAL", "LEAVE"]
+    assert "abort" not in stage.notes.notes[-1]
+
+
+def test_goal_that_another_one_replaces_is_replaced_and_aborts_nothing() -> None:
+    stage = Stage()
+    driving = {"goal": GoalState.DRIVING, "time_ns": 2}
+    following(stage, driving, {"goal": GoalState.DRIVING, "time_ns": 3})
+    wait = stage.link.pulse.wait_until
+
+    def wait_until(deadline_ns: int) -> None:
+        wait(deadline_ns)
+        if stage.clock.now_ns() > 2_000_000_000:
+            other = status(goal_id=4, goal=GoalState.DRIVING, time_ns=9, goal_x_m=1.3, goal_y_m=2.0)
+            stage.bus.set_newest(STATUS, other)
+            stage.bus.set_newest(LEASE, replace(lease_of("ben"), drive_id=4, driver="ben@desk:p/2"))
+
+    stage.link.pulse.wait_until = wait_until  # type: ignore[method-assign]
+    outcome = Goto(goal=GOAL).perform(stage.session)
+    assert isinstance(outcome, GoalEnded)
+    assert not outcome.ok
+    assert outcome.text.startswith("replaced by the goal 1.3 2.0 of ben@desk:p/2 after ")
+    assert outcome.as_json("goto", "r1")["outcome"] == "replaced"
+    assert kinds(stage) == ["TAKE", "GUIDED", "LEAVE"]
+
+
+def test_nothing_is_shown_until_the_robot_has_the_goal() -> None:
+    stage = Stage()
+    stage.bus.set_newest(STATUS, status(goal_id=4, goal=GoalState.REACHED))
+    following(stage, {"goal": GoalState.DRIVING, "time_ns": 2}, REACHED_LATER)
+    stage.notes.live = True
+    assert Goto(goal=GOAL).perform(stage.session).ok
+    assert stage.notes.lines
+    assert not [line for line in stage.notes.lines if "waiting" in line]
 
 
 def test_goal_whose_answers_were_lost_is_aborted() -> None:
     stage = Stage(Reason.NONE, None, None, None)
     with pytest.raises(RemoteError):
         Goto(goal=GOAL).perform(stage.session)
-    assert kinds(stage)[-2:] == ["SIDESTEP_ABORT_GOAL", "RELEASE"]
+    assert ended_id(stage) == goal_id(stage)
+    assert kinds(stage)[-2:] == ["SIDESTEP_ABORT_GOAL", "LEAVE"]
 
 
 def test_goal_that_takes_too_long_is_aborted() -> None:
@@ -128,7 +195,7 @@ def test_goal_that_takes_too_long_is_aborted() -> None:
         "timeout",
         "goal not reached within 1 s",
     )
-    assert kinds(stage)[-2:] == ["SIDESTEP_ABORT_GOAL", "RELEASE"]
+    assert kinds(stage)[-2:] == ["SIDESTEP_ABORT_GOAL", "LEAVE"]
 
 
 def test_silent_robot_ends_the_goal() -> None:

@@ -4,6 +4,7 @@ import os
 from math import nan
 
 import pytest
+from msgspec.structs import replace
 
 from ground.client.operations import ChangeLease, DriveByHand, DriveEnded, ShowLease
 from ground.client.operations.leases import (
@@ -34,8 +35,16 @@ def test_lease_is_kept_with_a_heartbeat_and_given_back() -> None:
     stage = Stage()
     outcome = ChangeLease(action=LeaseAction.TAKE, name="anna", for_s=1.0).perform(stage.session)
     assert outcome.ok
-    assert actions(stage) == [LeaseAction.TAKE, LeaseAction.RELEASE]
+    assert actions(stage) == [LeaseAction.TAKE, LeaseAction.LEAVE]
     assert [key for key, _ in stage.bus.sent] == [OPERATOR.path] * 5
+
+
+@each("action", [LeaseAction.TAKE, LeaseAction.SEIZE])
+def test_lease_without_a_time_returns_at_once(action: LeaseAction) -> None:
+    stage = Stage()
+    assert ChangeLease(action=action, name="anna").perform(stage.session).ok
+    assert (actions(stage), stage.bus.sent) == ([action], [])
+    assert "anna commands r1; begin to drive within 30 s" in stage.notes.notes[0]
 
 
 def test_lease_of_an_attended_robot_is_only_asked_for() -> None:
@@ -57,7 +66,7 @@ def test_lease_goes_back_when_the_work_under_it_fails() -> None:
     stage = Stage(Reason.NONE, None)
     with pytest.raises(ZeroDivisionError), leased(stage.session):
         raise ZeroDivisionError
-    assert actions(stage) == [LeaseAction.TAKE, LeaseAction.RELEASE]
+    assert actions(stage) == [LeaseAction.TAKE, LeaseAction.LEAVE]
     with pytest.raises(RefusedError), leased(Stage(Reason.LEASE_HELD).session):
         raise AssertionError("the lease is another operator's")
 
@@ -66,8 +75,21 @@ def test_lease_status_is_shown() -> None:
     stage = Stage()
     stage.bus.set_newest(LEASE, lease_of("anna"))
     shown = ShowLease().perform(stage.session)
-    assert shown.text == "anna commands r1; without a heartbeat the lease expires in 2.0 s"
-    assert shown.as_json("", "r1")["holder"] == "open/beef"
+    assert shown.text == (
+        "anna commands r1; without a heartbeat or a drive the lease expires in 2.0 s"
+    )
+    assert shown.as_json("", "r1")["holder"] == "beef/1"
+    assert not shown.ours
+
+
+def test_lease_of_another_program_of_this_person_is_ours() -> None:
+    stage = Stage()
+    stage.bus.set_newest(LEASE, replace(lease_of("app"), holder="open/beef"))
+    assert stage.bus.operator == "open/0a"
+    assert ShowLease().perform(stage.session).text.startswith("app (this is you) commands r1")
+
+
+def test_lease_status_that_does_not_come_is_an_error() -> None:
     with pytest.raises(RemoteError, match="publishes no lease status"):
         ShowLease().perform(Stage().session)
 
@@ -120,7 +142,16 @@ def test_drive_by_hand_ends_in_hold() -> None:
     assert (speeds[0], speeds[-1]) == (200, 0)
     modes = [one.param2 for one in stage.bus.requests if getattr(one, "command", 0) == MODE]
     assert modes == [float(Mode.MANUAL), float(Mode.HOLD)]
-    assert actions(stage) == [LeaseAction.TAKE, LeaseAction.RELEASE]
+    assert actions(stage) == [LeaseAction.TAKE, LeaseAction.LEAVE]
+
+
+def test_drive_that_ends_holds_itself_and_no_other() -> None:
+    stage = Stage(Reason.NONE, Reason.NONE, Reason.NONE, Reason.ALREADY_OVER)
+    stage.bus.set_newest(STATUS, status(mode=Mode.MANUAL))
+    outcome = DriveByHand(speed_m_s=0.2, turn_deg_s=0.0, for_s=0.5).perform(stage.session)
+    assert outcome.text == "done, the robot holds"
+    manual, hold = (one for one in stage.bus.requests if getattr(one, "command", 0) == MODE)
+    assert (manual.ends_id, hold.ends_id) == (0, manual.request_id)
 
 
 MODE = Command.DO_SET_MODE

@@ -22,7 +22,6 @@ from ground.client.operations import (
     TransferOutcome,
     UploadMission,
 )
-from ground.client.operations.missions import state_name
 from ground.missions.mission import Circle, Mission, Polygon, Waypoint
 from ground.missions.wire import fence_items_of, items_of
 from protocol.topics import MISSION
@@ -79,7 +78,7 @@ def test_refused_mission_names_the_item_and_the_lease_holder() -> None:
     stage = Stage(verdict(Reason.LEASE_HELD))
     stage.bus.set_newest(*HELD)
     refused = UploadMission(mission=Mission(waypoints=WAYPOINTS)).perform(stage.session)
-    assert "anna (sidestep lease seize)" in refused.text
+    assert "anna (--seize takes it over" in refused.text
 
 
 def test_refused_fence_ends_the_upload() -> None:
@@ -201,4 +200,12 @@ def test_failed_mission_and_unknown_state_are_shown() -> None:
     words = "failed, item 3 of 5: has come no closer for too long"
     assert MissionProgress(failed).text == words
     assert MissionProgress(progress(MissionState.NONE)).text == "no mission"
-    assert state_name(77) == "state 77"
+    unknown = msgspec.structs.replace(progress(MissionState.RUNNING), state=77)
+    assert MissionProgress(unknown).text.startswith("state 77, item 3 of 5")
+
+
+@each("reason", [Reason.BY_OPERATOR, Reason.REPLACED])
+def test_mission_of_a_robot_that_an_operator_takes_has_not_failed(reason: Reason) -> None:
+    taken = msgspec.structs.replace(progress(MissionState.FAILED), hold_left_ms=0, reason=reason)
+    assert MissionProgress(taken).text.startswith("taken over, item 3 of 5: ")
+    assert MissionProgress(taken).as_json("", "r1")["state"] == "taken over"

@@ -50,19 +50,18 @@ def test_a_robot_that_was_stopped_for_a_reason_is_never_armed(vehicle: Vehicle) 
     assert ARM not in link.commands
 
 
-def test_silent_robot_is_not_armed() -> None:
-    link = AnsweringLink(Reason.NOT_ARMED)
-    assert asked_until_accepted(link)[0] == Reason.NOT_ARMED
-    assert ARM not in link.commands
+def test_robot_without_a_status_tells_why_it_cannot_be_armed() -> None:
+    """Without a plant its control loop does not run; `arm` tells the cause."""
+    link = AnsweringLink(Reason.NOT_ARMED, Reason.NO_SENSES)
+    assert asked_until_accepted(link) == (Reason.NO_SENSES, "")
+    assert link.commands == [START, ARM]
 
 
-def test_refused_arming_is_reported_and_final() -> None:
+def test_refused_arming_is_the_answer() -> None:
     link = AnsweringLink(Reason.NOT_ARMED, Reason.NO_SENSES)
     link.newest_messages[STATUS.path] = status(Vehicle.STANDBY)
-    reason, notes = asked_until_accepted(link)
-    assert reason == Reason.NOT_ARMED
-    assert notes.startswith("arming was refused: ")
-    assert "sidestep doctor" in notes
+    assert asked_until_accepted(link) == (Reason.NO_SENSES, "")
+    assert link.commands == [START, ARM]
 
 
 def test_missing_operator_is_remedied_by_a_heartbeat() -> None:
