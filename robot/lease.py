@@ -7,7 +7,6 @@ read one reference.
 from typing import Final, NamedTuple
 
 from protocol.wire.enums import Command, LeaseAction, Severity
-from protocol.wire.limits import MAX_LEASE_MS
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandRequest,
@@ -19,10 +18,10 @@ from protocol.wire.messages import (
 )
 from robot.core import reasons
 from runtime.cli.terminal import printable
-from runtime.units import NS_PER_MS
+from runtime.units import NS_PER_MS, NS_PER_S
 
-LAPSE_NS: Final = MAX_LEASE_MS * NS_PER_MS
-LAPSE_S: Final = MAX_LEASE_MS / 1000
+LAPSE_NS: Final = 3_000 * NS_PER_MS
+LAPSE_S: Final = LAPSE_NS / NS_PER_S
 READ_ONLY: Final = (ParamRequestRead, MissionRequestList, MissionRequestInt)
 
 
