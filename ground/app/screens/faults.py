@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any, Final, NamedTuple
 
+from ground.app.commands.second_press import SecondPress
 from ground.app.input.default_keys import Layer
 from ground.app.lists.table import Column, Table
 from ground.app.playback.app_interface import AppInterface
@@ -18,7 +19,7 @@ from ground.launch.scenario import Scenario
 from runtime.errors import UserError
 
 DEFAULT_START_S: Final = 3.0
-
+INJECT_WITHIN_S: Final = 3.0
 
 HOW: Final = "TARGET [VALUE] [FROM_S]"
 NOT_OURS: Final = (
@@ -65,7 +66,7 @@ def about_rows(one: InjectableFault | None) -> list[Row]:
         return [row(faint(" reading ..."))]
     first = row(Span(f" {one.name}", "accent"), f"  {one.description}")
     if one.role:
-        return [first, row(faint(" s injects it now"))]
+        return [first, row(faint(" s, pressed twice, injects it now"))]
     targets = ", ".join(one.targets) or "no target"
     value = (head("   value in "), Span(one.unit)) if one.unit else ()
     return [
@@ -83,6 +84,7 @@ class FaultsScreen(ListScreen[InjectableFault]):
     def __init__(self, interface: AppInterface) -> None:
         super().__init__(interface, Table(COLUMNS, key=lambda one: one.name))
         self._kinds: list[InjectableFault] = []
+        self._injecting = SecondPress(lambda: interface.station.time_s, INJECT_WITHIN_S)
 
     def on_mount(self) -> None:
         """Query the faults of the plant."""
@@ -122,12 +124,15 @@ class FaultsScreen(ListScreen[InjectableFault]):
         return {**super().actions(), "fault-begin": self.inject}
 
     def inject(self) -> None:
-        """Inject the chosen fault, or let the operator type its details."""
+        """Inject the chosen fault at the second press, or let the operator type its details."""
         one = self.chosen
         if one is None:
             return
         if self.interface.stack is None:
             self.interface.note(NOT_OURS)
+        elif one.role and not self._injecting.is_second(one.name):
+            key = self.interface.key_shown("fault-begin")
+            self.interface.note(f"press {key} again within {INJECT_WITHIN_S:g} s to {one.name}")
         elif one.role:
             self.interface.note(self.interface.stack.inject_fault(one.role, one.name.split()[0]))
         else:

@@ -189,10 +189,13 @@ def test_key_suspends_an_own_process() -> None:
 
     async def story(stage: Stage) -> None:
         assert isinstance(stage.app.screen, FaultsScreen)
-        await stage.press("enter")
+        await stage.press("enter", "s")
         assert stack.done == []
+        assert "press s again within 3 s to hang robot r1" in stage.log()
         await stage.press("s")
         assert stack.done == [("robot r1", "hang")]
+        await stage.press("s", "down", "s")
+        assert stack.done == [("robot r1", "hang")], "each fault needs two presses of its own"
 
     play(lambda: on("7", stack, story))
 
