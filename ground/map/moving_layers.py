@@ -44,8 +44,9 @@ def draw_ellipse(pen: Pen, scene: MapScene) -> None:
 def draw_zone(pen: Pen, scene: MapScene) -> None:
     """Draw the ring within which the robot avoids obstacles."""
     robot, zone_m = scene.robot, scene.zone_m
-    if robot is not None and zone_m is not None and zone_m > 0.0:
-        pen.circle((robot.x_m, robot.y_m), robot.radius_m + zone_m, "zone")
+    if robot is None or robot.radius_m is None or zone_m is None or zone_m <= 0.0:
+        return
+    pen.circle((robot.x_m, robot.y_m), robot.radius_m + zone_m, "zone")
 
 
 def draw_sonars(pen: Pen, scene: MapScene) -> None:
@@ -54,7 +55,7 @@ def draw_sonars(pen: Pen, scene: MapScene) -> None:
     A sonar without a reading has a mark instead.
     """
     robot = scene.robot
-    if robot is None or not scene.shows_sonars:
+    if robot is None or robot.radius_m is None or not scene.shows_sonars:
         return
     at, rim_m = (robot.x_m, robot.y_m), robot.radius_m
     echoes_m = [_echo_m(range_m) for range_m in scene.ranges_m]
@@ -119,7 +120,7 @@ def draw_robot(pen: Pen, scene: MapScene) -> None:
     if robot is None:
         return
     at, label = (robot.x_m, robot.y_m), robot.name if scene.others else ""
-    if robot.radius_m <= FILLED_DOTS * pen.view.m_per_dot:
+    if robot.radius_m is not None and robot.radius_m <= FILLED_DOTS * pen.view.m_per_dot:
         pen.disc(at, robot.radius_m, "robot")
         pen.uncover(at, robot.radius_m, "robot")
     _body(pen, robot, "robot")
@@ -144,14 +145,18 @@ def point_at(at: Point, bearing_rad: float, length_m: float) -> Point:
 
 
 def _body(pen: Pen, robot: RobotMark, role: str) -> None:
-    """Draw a robot's outline and nose; fill it when small, to differ from an obstacle."""
-    at = robot.x_m, robot.y_m
+    """Draw a robot's outline and nose; fill it when small, to differ from an obstacle.
+
+    Without a known radius there is only the nose.
+    """
+    at, radius_m = (robot.x_m, robot.y_m), robot.radius_m
     dot_m = pen.view.m_per_dot
-    if robot.radius_m < SOLID_DOTS * dot_m:
-        pen.disc(at, robot.radius_m, role)
-    pen.circle(at, robot.radius_m, role)
+    if radius_m is not None:
+        if radius_m < SOLID_DOTS * dot_m:
+            pen.disc(at, radius_m, role)
+        pen.circle(at, radius_m, role)
     if isfinite(robot.heading_rad):
-        nose_m = robot.radius_m + NOSE_DOTS * dot_m
+        nose_m = (radius_m or 0.0) + NOSE_DOTS * dot_m
         pen.path((at, point_at(at, robot.heading_rad % (2.0 * pi), nose_m)), role)
 
 

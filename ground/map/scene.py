@@ -30,7 +30,8 @@ LAYERS: Final = (
 """Layers that can be hidden by name; `marks` are hit and leave points, `others` all that moves,
 `truth` the robot in the simulation."""
 
-RADIUS_M: Final = 0.12
+MARGIN_M: Final = 0.12
+"""Least space around a robot or a goal at the edge of the map."""
 BEAM_RAD: Final = 0.39269908169872414  # 22.5 degrees
 
 
@@ -58,13 +59,14 @@ Shape: TypeAlias = Outline | Disc
 class RobotMark:
     """The pose of a robot; the name is shown when there are several.
 
-    `trail` and `live` describe robots other than the selected one.
+    `radius_m` is None while it is unknown: then there is no outline, and no zone or sonar, which
+    begin at it. `trail` and `live` describe robots other than the selected one.
     """
 
     x_m: float
     y_m: float
     heading_rad: float
-    radius_m: float = RADIUS_M
+    radius_m: float | None = None
     name: str = ""
     live: bool = True
     trail: Sequence[Point] = ()
@@ -136,7 +138,8 @@ class MapScene:
     def shows_sonars(self) -> bool:
         """True while the sonars are drawn; echoes of a robot with late telemetry may be wrong."""
         robot = self.robot
-        return robot is not None and self.live and isfinite(robot.heading_rad)
+        known = robot is not None and robot.radius_m is not None and isfinite(robot.heading_rad)
+        return known and self.live
 
     @property
     def has_dead_sonar(self) -> bool:
@@ -162,7 +165,8 @@ class MapScene:
             yield from (*self.seen, *self.seen_late, *self.seen_old, *self.trail)
         targets = (self.robot, self.goal, *self.others, *self.mission, *self.draft)
         for place in (place for place in targets if place is not None):
-            yield from _corners(Disc(place.x_m, place.y_m, RADIUS_M))
+            radius_m = place.radius_m if isinstance(place, RobotMark) else None
+            yield from _corners(Disc(place.x_m, place.y_m, max(MARGIN_M, radius_m or 0.0)))
 
 
 def floor(size_m: Point) -> tuple[Point, ...]:

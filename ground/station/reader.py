@@ -20,8 +20,8 @@ from runtime.units import NS_PER_S
 
 PROBE_NS: Final = NS_PER_S
 PROBE_OFTEN_NS: Final = NS_PER_S // 4
-PROBE_RARELY_NS: Final = 5 * NS_PER_S
-"""Interval of the round trips to a robot that is only watched."""
+RARELY_NS: Final = 5 * NS_PER_S
+"""Interval of the requests to a robot that is only watched."""
 RETRY_NS: Final = NS_PER_S
 TIMEOUT_S: Final = 0.5
 PROBE_REQUEST: Final = ParamRequestRead(param_id="radius_m", param_index=-1)
@@ -60,7 +60,8 @@ ReadResult = Probe | ReadParameters | DownloadedItems | WorldFacts | ReadFailure
 class Reader:
     """Sends one request at a time and repeats it later; results wait for `poll`.
 
-    Of a robot that is only watched it measures the round trip, and that rarely: `watches_only`.
+    Of a robot that is only watched it reads the parameters, and measures the round trip, rarely:
+    `watches_only`.
     """
 
     def __init__(self, bus: LiveBus, clock: Clock, robot: str) -> None:
@@ -85,7 +86,7 @@ class Reader:
         self._probe_ns = PROBE_NS
         self._probed_ns = 0
         self._was_hanging = False
-        self._asked_once = False
+        self._rarely_ns = {"probe": 0, "parameters": 0}
 
     def want(self, what: str) -> None:
         """Read an item, now and until it is available."""
@@ -118,27 +119,34 @@ class Reader:
     def ask(self, worker: RequestWorker, now_ns: int) -> bool:
         """Send the next request if one is due; return False if none is."""
         if self.watches_only:
-            return self._ask_round_trip(worker, now_ns)
+            return self._ask_rarely(worker, now_ns)
         for what, job in self._jobs.items():
             if what in self._wanted and now_ns >= self._next_ns[what]:
                 if what == "probe":
                     self._probed_ns = now_ns
                 self._next_ns[what] = now_ns + (self._probe_ns if what == "probe" else RETRY_NS)
-                self.asked += what == "parameters"
                 self._start(worker, now_ns, what, job)
                 return True
         return False
 
-    def _ask_round_trip(self, worker: RequestWorker, now_ns: int) -> bool:
-        if self._asked_once and now_ns < self.asked_ns + PROBE_RARELY_NS:
-            return False
-        self._start(worker, now_ns, "probe", lambda: Probe(None, self._round_trip_ns()))
-        return True
+    def _ask_rarely(self, worker: RequestWorker, now_ns: int) -> bool:
+        """Send what is due of a robot that is only watched: its limits say what it does alone."""
+        jobs: dict[str, Callable[[], ReadResult]] = {
+            "probe": lambda: Probe(None, self._round_trip_ns()),
+            "parameters": self._parameters,
+        }
+        for what, job in jobs.items():
+            if what in self._wanted and now_ns >= self._rarely_ns[what]:
+                self._rarely_ns[what] = now_ns + RARELY_NS
+                self._start(worker, now_ns, what, job)
+                return True
+        return False
 
     def _start(
         self, worker: RequestWorker, now_ns: int, what: str, job: Callable[[], ReadResult]
     ) -> None:
-        self.asked_ns, self._asked_once = now_ns, True
+        self.asked_ns = now_ns
+        self.asked += what == "parameters"
         worker.start(partial(self._done, what, job))
 
     def _done(self, what: str, job: Callable[[], ReadResult]) -> JobResult:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from math import isfinite, sqrt
+from math import inf, isfinite, sqrt
 from typing import Final
 
 from ground.client.status_line import knows_place
@@ -10,17 +10,18 @@ from ground.client.telemetry import Age, age_of
 from ground.map.ellipse import CHI2_2
 from ground.map.scene import MapScene, MapTarget, RobotMark
 from ground.station.history.trail import Point, ranges_m
+from ground.station.link.loss_texts import driving
 from ground.station.robot.robot_model import RobotModel
 from ground.station.world import WorldFacts
 from protocol.topics import DECISION, MISSION, ODOMETRY, SONAR, STATUS, TRUTH
-from protocol.wire.enums import Mode
-from protocol.wire.limits import OPERATOR_LOST_MS
+from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.messages import AvoidanceDecision, NavigatorStatus, PlanarOdometry
 from runtime.units import NS_PER_S
 
-STOPPED_S: Final = OPERATOR_LOST_MS / 1000 + 0.5
-"""Time after which a robot without operator has stopped; braking takes up to half a second."""
+REACTION_S: Final = 0.3
+"""Time from the loss of its operator until a robot brakes, with the lag of its motors."""
 FARTHEST_S: Final = 30.0
+"""The place of a robot that may drive for longer than this is unknown, however far it is."""
 TRAIL_POINTS: Final = 128
 
 
@@ -45,10 +46,10 @@ def scene_of(model: RobotModel, world: WorldFacts | None, now_ns: int, *, lost: 
         seen_late=seen.late,
         seen_old=seen.old,
         trail=figures.trail.points(),
-        robot=None if pose is None else robot_of(pose, figures.radius_m, model.robot),
+        robot=None if pose is None else robot_of(pose, model.radius_m, model.robot),
         true_robot=true_robot_of(model, now_ns),
         live=not lost and telemetry.seen(ODOMETRY, now_ns).age is not Age.GONE,
-        covariance=None if odometry is None else enlarged(odometry, now_ns, status_of(model)),
+        covariance=None if odometry is None else enlarged(odometry, model, now_ns),
         ranges_m=() if scan is None else tuple(ranges_m(scan, figures.sonar_gaps.silent)),
         zone_m=None if decision is None or not isfinite(decision.zone_m) else decision.zone_m,
         goal=None if status is None else goal_of(status),
@@ -85,20 +86,42 @@ def preview_of(world: WorldFacts) -> MapScene:
 
 
 def enlarged(
-    odometry: tuple[PlanarOdometry, int], now_ns: int, status: NavigatorStatus | None
+    odometry: tuple[PlanarOdometry, int], model: RobotModel, now_ns: int
 ) -> tuple[float, float, float]:
-    """Return the covariance, enlarged by the distance that a silent robot may have driven.
-
-    A robot that needs its operator stops soon after the operator's heartbeat ends.
-    """
+    """Return the covariance, enlarged by the distance that a silent robot may have driven."""
     pose, arrived_ns = odometry
     age_ns = now_ns - arrived_ns
     gone_m = 0.0
     if age_of(ODOMETRY, age_ns) is Age.GONE:
-        alone = status is not None and status.mode in (Mode.AUTO, Mode.SMART_RTL)
-        gone_s = min(age_ns / NS_PER_S, FARTHEST_S if alone else STOPPED_S)
-        gone_m = pose.speed_m_s * gone_s / sqrt(CHI2_2)
+        status = status_of(model)
+        speed_m_s = fastest_m_s(pose, model, status)
+        gone_s = min(age_ns / NS_PER_S, longest_s(speed_m_s, model, status), FARTHEST_S)
+        gone_m = speed_m_s * gone_s / sqrt(CHI2_2)
     return pose.cov_xx_m2 + gone_m**2, pose.cov_xy_m2, pose.cov_yy_m2 + gone_m**2
+
+
+def fastest_m_s(pose: PlanarOdometry, model: RobotModel, status: NavigatorStatus | None) -> float:
+    """Return the greatest speed that a silent robot may have: that of its limit if it drives."""
+    may_speed_up = (
+        status is not None
+        and status.vehicle == Vehicle.ACTIVE
+        and (status.mode == Mode.MANUAL or (status.mode != Mode.HOLD and driving(status)))
+    )
+    limit_m_s = model.parameters.value("v_max_m_s") if may_speed_up else None
+    return max(abs(pose.speed_m_s), limit_m_s or 0.0)
+
+
+def longest_s(speed_m_s: float, model: RobotModel, status: NavigatorStatus | None) -> float:
+    """Return how long a silent robot may go on by its own parameters; inf while they are unknown.
+
+    A robot that needs its operator stops soon after the operator's heartbeat ends.
+    """
+    lost_ms = model.parameters.value("op_lost_ms")
+    braking_m_s2 = model.parameters.value("accel_m_s2")
+    alone = status is not None and status.mode in (Mode.AUTO, Mode.SMART_RTL)
+    if alone or lost_ms is None or not braking_m_s2:
+        return inf
+    return lost_ms / 1000 + REACTION_S + speed_m_s / braking_m_s2
 
 
 def status_of(model: RobotModel) -> NavigatorStatus | None:
@@ -107,8 +130,8 @@ def status_of(model: RobotModel) -> NavigatorStatus | None:
     return None if newest is None else newest[0]
 
 
-def robot_of(pose: PlanarOdometry, radius_m: float, name: str = "") -> RobotMark:
-    """Return a pose as a robot on the map."""
+def robot_of(pose: PlanarOdometry, radius_m: float | None, name: str = "") -> RobotMark:
+    """Return a pose as a robot on the map; one of unknown radius has no outline."""
     return RobotMark(pose.x_m, pose.y_m, pose.heading_rad, radius_m, name)
 
 
@@ -117,7 +140,7 @@ def true_robot_of(model: RobotModel, now_ns: int) -> RobotMark | None:
     truth = model.telemetry.live(TRUTH, now_ns)
     if truth is None:
         return None
-    return RobotMark(truth.x_m, truth.y_m, truth.heading_rad, model.figures.radius_m)
+    return RobotMark(truth.x_m, truth.y_m, truth.heading_rad, model.plant_radius_m)
 
 
 def other_of(model: RobotModel, now_ns: int) -> RobotMark | None:
@@ -125,7 +148,7 @@ def other_of(model: RobotModel, now_ns: int) -> RobotMark | None:
     newest = model.telemetry.latest(ODOMETRY)
     if newest is None or not knows_place(newest[0]):
         return None
-    mark = robot_of(newest[0], model.figures.radius_m, model.robot)
+    mark = robot_of(newest[0], model.radius_m, model.robot)
     is_live = model.telemetry.age_of(ODOMETRY, now_ns - newest[1]) is not Age.GONE
     return replace(mark, live=is_live, trail=thinned(model.figures.trail.points()))
 

@@ -80,12 +80,12 @@ class Station(StationView):
             session.beat(now_ns)
 
     def close(self) -> None:
-        """Release the lease and end the threads, within 2 s; call it in a thread."""
+        """Give the lease back and end the threads, within 2 s; call it in a thread."""
         deadline_s = monotonic() + CLOSING_S
         self._worker.close(deadline_s - CLOSING_S / 2)
         for robot, session in self._fleet.sessions.items():
-            if session.holding.ours:
-                self._commanding.last_release(robot, session.holding)
+            if session.holding.is_used:
+                self._commanding.leave(robot, session.holding)
         self._fleet.close(deadline_s)
 
     @property
@@ -153,15 +153,19 @@ class Station(StationView):
         """Read parameters and world of a recording at once: it answers from memory."""
         if self.live:
             return
-        for service in (PARAMETERS, WORLD):
-            with suppress(RemoteError):
-                answer = self._bus.ask(service, robot=model.robot)
-                if not isinstance(answer, bytes):
-                    continue
-                if service is PARAMETERS:
-                    model.parameters.read(tuple(parameters_in(answer)))
-                elif self._given_world is None:
-                    self._given_world = parse_world(answer)
+        with suppress(RemoteError):
+            answer = self._bus.ask(WORLD, robot=model.robot)
+            if isinstance(answer, bytes):
+                world = parse_world(answer)
+                model.plant_radius_m = world.radius_m
+                self._given_world = self._given_world or world
+        try:
+            answer = self._bus.ask(PARAMETERS, robot=model.robot)
+            if isinstance(answer, bytes):
+                model.parameters.read(tuple(parameters_in(answer)))
+        except RemoteError as error:
+            words = f"{model.robot}: its limits and measures are unknown: {error}"
+            self._add_line("ground", words, Severity.INFO)
 
     def note(self, text: str, severity: int = Severity.INFO) -> None:
         """Add a line of the ground station to the log."""

@@ -211,6 +211,10 @@ class StationView:
             return rows
         return tuple(one.with_value(now.get(one.name, one.value)) for one in rows)
 
+    def limit(self, name: str) -> float | None:
+        """Return the robot's own value of a parameter, also during a loss; None while unknown."""
+        return self._model.parameters.value(name)
+
     @property
     def parameters_words(self) -> str:
         """Number of parameters; or how often they were requested and why they are missing."""

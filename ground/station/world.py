@@ -11,7 +11,8 @@ from runtime.errors import RemoteError
 from runtime.json_reader import value_in
 
 Point = tuple[float, float]
-RADIUS_M = 0.12
+RADIUS_M: Final = 0.12
+"""Radius of the simulated robot in a world that names no other."""
 MAX_NUMBER: Final = 1e6
 """Limit for metres, degrees and m/s; larger values cannot be drawn."""
 

@@ -51,7 +51,7 @@ NOTHING_TO_SAY: Final = ("bar", "bar right")
 PANELS: Final = (
     ("L79 ... R79", "the eight sonars by their direction: 79° left to 79° right"),
     ("! and !!", "nearer than the avoidance zone; nearer than the guard stops"),
-    (">3", "no echo up to 3 m"),
+    (">3", "no echo within 3 m, the range of the sonars"),
     ("--", "no value, or one that is too old"),
     ("dead", "no reading in one of the last scans"),
     ("~23 s left", "by the robot's clock: simulated seconds in a simulation, as `driven`"),

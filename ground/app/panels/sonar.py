@@ -3,7 +3,7 @@
 from math import inf
 from typing import Final
 
-from ground.app.panels.aged import MISSING, live, role_of
+from ground.app.panels.aged import MISSING, live, number, role_of
 from ground.app.widgets.bars import HEIGHTS
 from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.client.telemetry import AgedMessage
@@ -17,17 +17,20 @@ MOST_CELL: Final = 8
 LABEL: Final = 6
 BESIDE: Final = "│"
 DEAD: Final = "dead"
+NO_ECHO: Final = "none"
 LEFT_TO_RIGHT: Final = tuple(reversed(range(len(SONARS))))
 
 
 class Limits:
-    """The distances in metres that a range is compared with."""
+    """The distances in metres that a range is compared with, as the robot itself has them."""
 
     def __init__(self, station: Station) -> None:
         decision: AvoidanceDecision | None = live(station.seen(DECISION))
         self.zone_m = decision.zone_m if decision is not None else -inf
-        self.stop_m = parameter(station, "guard_stop_m", -inf)
-        self.longest_m = parameter(station, "sonar_max_m", 3.0)
+        stop_m = station.limit("guard_stop_m")
+        self.stop_m = -inf if stop_m is None else stop_m
+        self.longest_m = station.limit("sonar_max_m")
+        """The farthest range; None while it is unknown: then there are no bars."""
 
     def role(self, range_m: float) -> str:
         """Return the role of a range."""
@@ -55,7 +58,7 @@ def sonar_rows(station: Station, width: int, bars: int) -> list[Row]:
     ranges = [None if scan is None else range_of(scan, sonar, silent) for sonar in LEFT_TO_RIGHT]
     titles = ["sonar", *("" for _ in range(bars)), "m"]
     if bars > 1:
-        titles[1] = f"{limits.longest_m:g} m"
+        titles[1] = f"{number(limits.longest_m, 'g')} m"
     rows = [
         [head(f"{SONARS[sonar]:^{cell}}") for sonar in LEFT_TO_RIGHT],
         *(
@@ -76,7 +79,7 @@ def bar_span(
     """Return the part of a bar in one row; the lowest row, level 0, has the marks."""
     if range_m is None:
         return faint(f"{'·' if level == 0 else '':^{cell}}")
-    if range_m == inf:
+    if range_m == inf or limits.longest_m is None:
         return faint(f"{'·':^{cell}}")
     eighths = max(1, round(min(1.0, range_m / limits.longest_m) * bars * len(HEIGHTS)))
     here = min(len(HEIGHTS), eighths - level * len(HEIGHTS))
@@ -90,13 +93,14 @@ def bar_span(
 def value_span(
     range_m: float | None, cell: int, limits: Limits, seen: AgedMessage, *, marked: bool
 ) -> Span:
-    """Return a range in metres; `>3` without an echo, `dead` without a reading."""
+    """Return a range in metres; `>3` without an echo within 3 m, `dead` without a reading."""
     if live(seen) is None:
         return faint(f"{MISSING:^{cell}}")
     if range_m is None:
         return Span(f"{DEAD:^{cell}}", "dead")
     if range_m == inf:
-        return faint(f"{f'>{limits.longest_m:g}':^{cell}}")
+        none = NO_ECHO if limits.longest_m is None else f">{limits.longest_m:g}"
+        return faint(f"{none:^{cell}}")
     text = f"{range_m:.2f}"
     if cell == LEAST_CELL:
         text = text[1:] if range_m < 1.0 and text[0] == "0" else f"{range_m:.1f}"
@@ -119,11 +123,3 @@ def dead_sonars(station: Station) -> list[str]:
     if live(station.seen(SONAR)) is None:
         return []
     return [SONARS[sonar] for sonar in LEFT_TO_RIGHT if station.silent_sonars >> sonar & 1]
-
-
-def parameter(station: Station, name: str, otherwise: float) -> float:
-    """Return the value of a parameter, or `otherwise` when it is unknown."""
-    for one in station.parameters or ():
-        if one.name == name:
-            return float(one.value)
-    return otherwise

@@ -85,7 +85,8 @@ def link_lines(station: Station) -> list[Row]:
     """Return loss, delivered frames, round trip, lease and the last command."""
     loss, lease = station.loss(), station.lease
     lost = Span(loss.banner(station.now_ns), "danger") if loss else Span("none", "ok")
-    left = f", expires after {lease.lapses_s:.1f} s without a heartbeat" if lease.held else ""
+    left = f", ends in {lease.lapses_s:.0f} s without a heartbeat or a drive" if lease.held else ""
+    drove = f", last driven by {lease.driver}" if lease.driver else ""
     return [
         row(head(" loss    "), lost),
         row(
@@ -93,7 +94,8 @@ def link_lines(station: Station) -> list[Row]:
             head("   round trip "), f"{number(station.round_trip_ms, '.0f')} ms",
         ),
         row(
-            head(" lease   "), Span(lease.words, "caution" if lease.others else "text"), faint(left)
+            head(" lease   "), Span(lease.words, "caution" if lease.others else "text"),
+            faint(left + drove),
         ),
         row(head(" last    "), station.last_command or faint(MISSING)),
         *gateway_rows(station),

@@ -11,7 +11,7 @@ from ground.station.history.last_drive import LastDrive
 from ground.station.history.message_series import MessageSeries
 from ground.station.history.sonar_gaps import SonarGaps
 from ground.station.history.time_series import SeriesTable
-from ground.station.history.trail import RADIUS_M, AgedEchoes, BoundaryMarks, DrivenPath, EchoGrid
+from ground.station.history.trail import AgedEchoes, BoundaryMarks, DrivenPath, EchoGrid
 from protocol.topics import CYCLE, DECISION, ODOMETRY, SONAR, STATUS, Topic
 from protocol.wire.messages import (
     AvoidanceDecision,
@@ -38,7 +38,7 @@ class TelemetryHistory:
 
     def __init__(self, telemetry: Telemetry, began_ns: int) -> None:
         self.history = SeriesTable()
-        self.radius_m = RADIUS_M
+        self._radius_m: float | None = None
         self.last_drive = LastDrive()
         self.sonar_gaps = SonarGaps()
         self.restart()
@@ -57,8 +57,9 @@ class TelemetryHistory:
         self.progress = GoalProgress()
         self.last_drive.lose_place()
 
-    def poll(self, now_ns: int) -> None:
-        """Add the newest message of each topic."""
+    def poll(self, now_ns: int, radius_m: float | None) -> None:
+        """Add the newest message of each topic; echoes have a place once the radius is known."""
+        self._radius_m = radius_m
         self.fields.poll(now_ns)
         takes: tuple[tuple[Topic[Any], Callable[[Any, float], None]], ...] = (
             (ODOMETRY, self._odometry),
@@ -115,11 +116,11 @@ class TelemetryHistory:
     def _sonar(self, scan: SonarScan, time_s: float) -> None:
         self.sonar_gaps.add(scan)
         pose = self._telemetry.latest(ODOMETRY)
-        if pose is None or not self._placed:
+        if pose is None or not self._placed or self._radius_m is None:
             return
         apart_s = abs((pose[1] - self._began_ns) / NS_PER_S - time_s)
         if apart_s <= MAX_APART_S:
-            self.echoes.scan(scan, pose[0], self.radius_m, time_s)
+            self.echoes.scan(scan, pose[0], self._radius_m, time_s)
 
 
 def uncertainty_m(odometry: PlanarOdometry) -> float:

@@ -16,7 +16,6 @@ NEWEST_S: Final = 5.0
 LATE_S: Final = 20.0
 MARKS: Final = 200
 BEARINGS: Final = tuple((sonar - 3.5) * pi / 8.0 for sonar in range(8))
-RADIUS_M: Final = 0.12
 
 Point = tuple[float, float]
 

@@ -152,7 +152,7 @@ class LinkMonitor:
                 self._reader.drop(found.kind.name.lower())
             case WorldFacts():
                 self.world = found
-                self._model.figures.radius_m = found.radius_m
+                self._model.plant_radius_m = found.radius_m
                 self._reader.drop("world")
             case ReadFailure("parameters", why):
                 self._model.parameters.failed(why)
@@ -170,6 +170,8 @@ class LinkMonitor:
             newest = self._model.telemetry.latest(topic)
             if newest is not None:
                 self.contact.read(need, newest[1])
+        if self._reader.watches_only:
+            return
         if self.contact.ready and not self._was_ready:
             words = self._model.parameters.words(0)
             robot = self._model.robot
@@ -203,6 +205,7 @@ class LinkMonitor:
             plant_there=bool(self._model.tokens.get(Role.PLANT)),
             status=None if newest is None else newest[0],
             lease=self._lease,
+            op_lost_ms=self._model.parameters.value("op_lost_ms"),
         )
 
     def _inputs(self, now_ns: int) -> LossInputs:

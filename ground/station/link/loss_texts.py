@@ -8,7 +8,6 @@ from protocol.bus.network import Hub
 from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.limits import (
     MAX_WHEEL_TTL_MS,
-    OPERATOR_LOST_MS,
     SCAN_LOST_MS,
     TICKS_LOST_MS,
 )
@@ -27,6 +26,8 @@ class RobotKnowledge(NamedTuple):
     plant_there: bool
     status: NavigatorStatus | None
     lease: LeaseView
+    op_lost_ms: float | None
+    """The robot's parameter of this name; None while it is unknown."""
 
 
 def cause_of(kind: LossKind, known: RobotKnowledge) -> str:
@@ -60,7 +61,7 @@ def response_of(kind: LossKind, known: RobotKnowledge) -> str:
     """Describe what the robot does now without this station, and after which time."""
     match kind:
         case LossKind.ROUTER_GONE | LossKind.TRANSPORT:
-            return _without_operator(known.status)
+            return _without_operator(known.status, known.op_lost_ms)
         case LossKind.PROCESS_DEAD if known.status is None:
             return "the state of the robot is unknown"
         case LossKind.PROCESS_DEAD | LossKind.HUNG:
@@ -69,7 +70,7 @@ def response_of(kind: LossKind, known: RobotKnowledge) -> str:
         case LossKind.SENSES_STALE:
             return _without_senses(known.status)
         case LossKind.OTHER_OPERATOR:
-            return "E-STOP works. Take over: `lease seize`"
+            return "hold, abort, disarm and E-STOP work. Take over: `lease seize`"
 
 
 def end_of(robot: str, kind: LossKind, gap_ns: int, *, ours: bool = False) -> str:
@@ -80,7 +81,7 @@ def end_of(robot: str, kind: LossKind, gap_ns: int, *, ours: bool = False) -> st
     return f"{robot} is back {after} ({kind.value})"
 
 
-def _without_operator(status: NavigatorStatus | None) -> str:
+def _without_operator(status: NavigatorStatus | None, op_lost_ms: float | None) -> str:
     """Describe a robot that no longer receives its operator's heartbeat."""
     if status is None:
         return "the state of the robot is unknown"
@@ -92,9 +93,11 @@ def _without_operator(status: NavigatorStatus | None) -> str:
         return "it holds"
     if status.mode == Mode.GUIDED and not driving(status):
         return "it has no goal and does not move"
-    return (
-        f"failsafe: it stops {OPERATOR_LOST_MS / 1000:g} s after the last heartbeat of its operator"
-    )
+    if op_lost_ms is None:
+        return (
+            "failsafe: it stops without its operator, after an unknown time (op_lost_ms not read)"
+        )
+    return f"failsafe: it stops {op_lost_ms / 1000:g} s after the last heartbeat of its operator"
 
 
 def driving(status: NavigatorStatus) -> bool:

@@ -30,6 +30,7 @@ DONE: Final = {
     LeaseAction.TAKE: "taken",
     LeaseAction.RELEASE: "released",
     LeaseAction.SEIZE: "SEIZED",
+    LeaseAction.LEAVE: "given back",
 }
 
 
@@ -51,6 +52,8 @@ class Pending(NamedTuple):
     job: Job | None
     stage: CommandStage
     action: LeaseAction | None = None
+    had_lease: bool = False
+    """True if the lease is only prolonged."""
 
 
 class Waiting(NamedTuple):
@@ -98,13 +101,14 @@ class CommandQueue:
             return self._let_wait(Waiting(words, again), self._pending)
         if refusal is not None and (why := refusal()):
             self._note(f"refused: {words}: {why}", Severity.WARNING)
-        elif refusal is not None and not holding.ours:
-            self._ask_lease(
-                Pending(words, robot, holding, job, CommandStage.TAKING), LeaseAction.TAKE
-            )
+        elif refusal is not None and not holding.is_sure(self._clock.now_ns()):
+            taking = Pending(words, robot, holding, job, CommandStage.TAKING)
+            self._ask_lease(taking._replace(had_lease=holding.is_used), LeaseAction.TAKE)
         elif refusal is not None and not holding.settled(self._clock.now_ns()):
             self._pending = Pending(words, robot, holding, job, CommandStage.SETTLING)
         else:
+            if refusal is not None:
+                holding.use(self._clock.now_ns())
             self._run(Pending(words, robot, holding, job, CommandStage.RUNNING), job)
         return True
 
@@ -138,10 +142,13 @@ class CommandQueue:
         """Return a request for the lease."""
         return LeaseRequest(request_id=self._ids.next(), action=action, name=self._name)
 
-    def last_release(self, robot: str, holding: LeaseHolding) -> JobResult:
-        """Release the lease at the end, with one attempt; blocks, so call it in a thread."""
+    def leave(self, robot: str, holding: LeaseHolding) -> JobResult:
+        """Give the lease back at the end, unless another program of the same person uses it.
+
+        There is one attempt. It blocks, so call it in a thread.
+        """
         holding.release(self._clock.now_ns())
-        request = self.request(LeaseAction.RELEASE)
+        request = self.request(LeaseAction.LEAVE)
         return outcome_of(lambda: ask_lease(self._bus, self._clock, robot, request, attempts=1))
 
     def poll(self, now_ns: int) -> None:
@@ -184,7 +191,7 @@ class CommandQueue:
         if not pending.holding.ours:
             self._pending = None
             self._note(
-                f"not sent: {pending.words}: this station no longer holds the lease",
+                f"not sent: {pending.words}: the lease of {pending.robot} was lost meanwhile",
                 Severity.WARNING,
             )
         elif pending.holding.settled(now_ns) and pending.job is not None:
@@ -201,7 +208,8 @@ class CommandQueue:
         if pending.stage is CommandStage.LEASE:
             self._report(outcome, loud=pending.action is LeaseAction.SEIZE)
         elif outcome.ok:
-            self._report(outcome)
+            if not pending.had_lease:
+                self._report(outcome)
             self._pending = pending._replace(stage=CommandStage.SETTLING)
         else:
             self._report(JobResult(False, f"not sent: {pending.words}: {outcome.text}"))

@@ -1,4 +1,4 @@
-"""Hold the lease of one robot and send the operator's heartbeat."""
+"""Hold the lease of one robot and send the heartbeat of this program."""
 
 from typing import Final
 
@@ -7,7 +7,7 @@ from ground.client.requests import HeartbeatTimer
 from ground.station.bus_protocols import MessagePublisher
 from ground.station.robot.lease_state import UNKNOWN, lease_from
 from protocol.wire.messages import Heartbeat, LeaseStatus
-from runtime.units import NS_PER_MS
+from runtime.units import NS_PER_MS, NS_PER_S
 
 SETTLED_NS: Final = 110 * NS_PER_MS
 """Time after the first heartbeat until the robot has processed it."""
@@ -15,24 +15,43 @@ CROSSING_NS: Final = 300 * NS_PER_MS
 """A lease status sent before a change may arrive up to this time after it."""
 
 
-class LeaseHolding:
-    """State of the lease; `ours` from the grant until release, lapse, or another holder.
+SURE_NS: Final = 20 * NS_PER_S
+"""A request later than this takes the lease again: the robot gives it back after 30 s of rest."""
 
-    A lease taken under this station's identity by a typed `lease take` is `ours`, too.
+
+class LeaseHolding:
+    """State of the lease; `ours` while the person at this station has it, with any program.
+
+    This program sends its heartbeat from the time that it took or used the lease.
     """
 
-    def __init__(self, zid: str) -> None:
+    def __init__(self, own: str) -> None:
         self.lease = UNKNOWN
         self.ours = False
-        self._zid = zid
+        self._own = own
+        self._used_ns: int | None = None
         self._pace = HeartbeatTimer()
         self._changed_ns = 0
         self._first_heartbeat_ns: int | None = None
+
+    @property
+    def is_used(self) -> bool:
+        """True while this program takes part in commanding the robot."""
+        return self.ours and self._used_ns is not None
+
+    def is_sure(self, now_ns: int) -> bool:
+        """Return whether the lease is there when a request arrives; else take it before."""
+        return self.ours and self._used_ns is not None and now_ns - self._used_ns < SURE_NS
+
+    def use(self, now_ns: int) -> None:
+        """Note that this program commands the robot."""
+        self._used_ns = now_ns
 
     def granted(self, now_ns: int) -> None:
         """Note that the robot granted the lease."""
         if not self.ours:  # its status may have come before its answer
             self._change(True, now_ns)
+        self._used_ns = now_ns
 
     def release(self, now_ns: int) -> None:
         """Note that the lease was released."""
@@ -41,18 +60,24 @@ class LeaseHolding:
     def _change(self, ours: bool, now_ns: int) -> None:
         self.ours = ours
         self._changed_ns = now_ns
-        self._first_heartbeat_ns = None
+        self._used_ns = self._first_heartbeat_ns = None
 
     def receive(self, status: LeaseStatus, arrived_ns: int, now_ns: int) -> str:
-        """Note a lease status; return a sentence when the holder has changed."""
-        self.lease = lease_from(status, now_ns - arrived_ns, self._zid)
+        """Note a lease status; return a sentence when another person has the lease, or this one.
+
+        The robot itself says how a lease has ended.
+        """
+        self.lease = lease_from(status, now_ns - arrived_ns, self._own)
         ours = self.lease.ours
         if ours == self.ours or arrived_ns < self._changed_ns + CROSSING_NS:
             return ""
         self._change(ours, now_ns)
+        if self.lease.own:
+            self._used_ns = now_ns
         if ours:
-            return "you are in command"
-        return f"{self.lease.words} is in command now" if status.held else "the lease has lapsed"
+            by = "" if self.lease.own else f" (by {self.lease.name})"
+            return f"you are in command{by}"
+        return f"{self.lease.words} is in command now" if status.held else ""
 
     def settled(self, now_ns: int) -> bool:
         """Return whether the robot has had time to process a heartbeat."""
@@ -61,8 +86,8 @@ class LeaseHolding:
         )
 
     def beat(self, heartbeats: MessagePublisher[Heartbeat], now_ns: int, stamp_ns: int) -> None:
-        """Send a heartbeat if it is due and the lease is held."""
-        if not self.ours or not self._pace.due(now_ns, stamp_ns):
+        """Send a heartbeat if it is due and this program uses the lease."""
+        if not self.is_used or not self._pace.due(now_ns, stamp_ns):
             return
         heartbeats.put(ALIVE)
         if self._first_heartbeat_ns is None:

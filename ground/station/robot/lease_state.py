@@ -2,21 +2,25 @@
 
 from typing import NamedTuple
 
+from protocol.topic import person_of
 from protocol.wire.messages import LeaseStatus
 from runtime.cli.terminal import printable
 from runtime.units import NS_PER_S
 
 
 class LeaseView(NamedTuple):
-    """A lease; `ours`: this station holds it; `lapses_s`: time left without a heartbeat.
+    """A lease; `ours`: the person at this station holds it, `own`: took it with this program.
 
-    `known` is False without a recent status.
+    `lapses_s` is the time left without a heartbeat or a drive. `driver` names the program that
+    began the newest goal or drive. `known` is False without a recent status.
     """
 
     held: bool = False
     ours: bool = False
+    own: bool = False
     holder: str = ""
     name: str = ""
+    driver: str = ""
     lapses_s: float = 0.0
     known: bool = True
 
@@ -27,20 +31,29 @@ class LeaseView(NamedTuple):
 
     @property
     def words(self) -> str:
-        """Name of the lease holder, or `--` when unknown."""
+        """Name of the lease holder, or `--` when unknown; `ours`, if the same person holds it."""
         if not self.known:
             return "--"
         if not self.held:
             return "free"
-        return "ours" if self.ours else (self.name or self.holder[:8])
+        name = self.name or self.holder[:8]
+        if not self.ours:
+            return name
+        return "ours" if self.own else f"ours, by {name}"
 
 
 UNKNOWN = LeaseView(known=False)
 
 
 def lease_from(status: LeaseStatus, age_ns: int, own: str) -> LeaseView:
-    """Return the lease as seen by the client with identity `own`; the status is `age_ns` old."""
+    """Return the lease as seen by the program with identity `own`; the status is `age_ns` old."""
     held = bool(status.held)
-    left_s = max(0.0, status.lapses_ms / 1000 - age_ns / NS_PER_S)
-    ours = held and status.holder == own
-    return LeaseView(held, ours, printable(status.holder), printable(status.name), left_s)
+    return LeaseView(
+        held=held,
+        ours=held and own != "" and person_of(status.holder) == person_of(own),
+        own=held and status.holder == own,
+        holder=printable(status.holder),
+        name=printable(status.name),
+        driver=printable(status.driver),
+        lapses_s=max(0.0, status.lapses_ms / 1000 - age_ns / NS_PER_S),
+    )

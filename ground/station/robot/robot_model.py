@@ -60,6 +60,8 @@ class RobotModel:
         }
         self.tokens: dict[Role, str] = {}
         self.mission_items = MissionItems()
+        self.plant_radius_m: float | None = None
+        """Radius of the simulated robot, if its plant has told it."""
         self._restart_lines = LineBudget()
         self._presence_log = PresenceLog(robot, own)
         self._present: Collection[Token] | None = None
@@ -84,8 +86,14 @@ class RobotModel:
             self.streams.skip()
         for arrival in arrivals:
             self._take(arrival, now_ns)
-        self.figures.poll(now_ns)
+        self.figures.poll(now_ns, self.radius_m)
         return restarted_roles
+
+    @property
+    def radius_m(self) -> float | None:
+        """Radius of the robot by its own parameter, else by its plant; None while unknown."""
+        own_m = self.parameters.value("radius_m")
+        return self.plant_radius_m if own_m is None else own_m
 
     def _take(self, arrival: ReceivedFrame, now_ns: int) -> None:
         self.streams.take(arrival)
@@ -134,24 +142,38 @@ class RobotModel:
             self._add_line("ground", words, Severity.WARNING)
         if role is Role.ROBOT:
             self.figures.restart()
+            self.parameters.forget()
 
 
 class ParameterList:
-    """The robot's parameters; after a loss, None until all of them were read again."""
+    """The robot's parameters; after a loss, `rows` is None until all of them were read again."""
 
     def __init__(self) -> None:
         self.rows: tuple[Parameter, ...] | None = None
+        self._values: dict[str, float] = {}
         self._known = 0
         self._why = ""
 
+    def value(self, name: str) -> float | None:
+        """Return the value that the robot reported last, also during a loss; None while unknown.
+
+        A robot that is lost keeps to the limits that it had.
+        """
+        return self._values.get(name)
+
     def lose(self) -> None:
-        """Forget the parameters after a loss."""
+        """Require that all are read again, after a loss."""
         self.rows = None
         self._why = ""
+
+    def forget(self) -> None:
+        """Forget all values: a restarted robot may have others."""
+        self._values = {}
 
     def read(self, rows: tuple[Parameter, ...]) -> None:
         """Store the complete list."""
         self.rows = rows
+        self._values = {row.name: row.value for row in rows}
         self._known = len(rows)
         self._why = ""
 
@@ -161,6 +183,7 @@ class ParameterList:
 
     def changed(self, value: ParamValue) -> None:
         """Note a new value that the robot reported."""
+        self._values[value.param_id] = value.param_value
         if self.rows is None:
             return
         self.rows = tuple(

@@ -58,12 +58,12 @@ class RobotSession:
     @property
     def can_end(self) -> bool:
         """True if ending the session gives up neither a lease nor a pending stop."""
-        return not self.holding.ours and not self.stop.is_pending and self._heartbeats is None
+        return not self.holding.is_used and not self.stop.is_pending and self._heartbeats is None
 
     @property
     def is_busy(self) -> bool:
         """True if the session must be polled at the full rate."""
-        return not self.reader.watches_only or self.holding.ours or self.stop.is_pending
+        return not self.reader.watches_only or self.holding.is_used or self.stop.is_pending
 
     def poll(self, now_ns: int, restarted_roles: set[Role]) -> None:
         """Process lease, link and e-stop, and send a heartbeat."""
@@ -75,7 +75,7 @@ class RobotSession:
 
     def beat(self, now_ns: int) -> None:
         """Send a heartbeat if it is due."""
-        if not self.holding.ours:
+        if not self.holding.is_used:
             return
         newest = self._model.telemetry.latest(STATUS)
         self.holding.beat(self._operate(), now_ns, 0 if newest is None else newest[0].time_ns)
@@ -99,10 +99,10 @@ class RobotSession:
         newest = self._model.telemetry.latest(LEASE)
         if newest is None:
             return
-        lost = self.holding.receive(newest[0], newest[1], now_ns)
-        if lost:
+        changed = self.holding.receive(newest[0], newest[1], now_ns)
+        if changed:
             severity = Severity.INFO if self.holding.ours else Severity.WARNING
-            self._add_line("ground", f"{self._model.robot}: {lost}", severity)
+            self._add_line("ground", f"{self._model.robot}: {changed}", severity)
 
     def close(self, deadline_s: float) -> None:
         """End the e-stop's thread before the deadline."""

@@ -186,6 +186,10 @@ class FakeStation(Station):
     def parameters(self) -> tuple[Parameter, ...] | None:
         return self.parameters_now
 
+    def limit(self, name: str) -> float | None:
+        values = {one.name: one.value for one in self.parameters_now or ()}
+        return values.get(name)
+
     @property
     def parameters_words(self) -> str:
         return (

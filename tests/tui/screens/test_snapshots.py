@@ -147,7 +147,7 @@ def test_worlds_and_faults(name: str, key: str, update_screens: bool) -> None:
 
 def test_replay(tmp_path: Path, update_screens: bool) -> None:
     async def story() -> None:
-        player = Player(recorded(tmp_path), ManualClock())
+        player = Player(recorded(tmp_path, suffix=".mcap"), ManualClock())
         player.seek(2.0)
         commands = FakeCommandSink()
         app = GroundApp(None, commands, appearance=Appearance(hz=0.0), player=player)

@@ -1,5 +1,6 @@
 """A robot, a plant and a station on a played bus; the test owns time."""
 
+import json
 from collections.abc import Callable
 from functools import partial
 from typing import Self
@@ -8,6 +9,7 @@ from ground.station.robot.background_requests import Job, JobResult, outcome_of
 from ground.station.station import Station
 from ground.station.world import WorldFacts
 from protocol.bus.network import Hub
+from protocol.topic import person_of
 from protocol.topics import (
     COMMAND,
     LEASE_SERVICE,
@@ -40,8 +42,7 @@ from tests.support.ground.station.said import Robot
 from tests.support.played_bus import PlayedBus
 
 S = 1_000_000_000
-LIST = b"""[{"name": "d_obs_m", "value": 0.3, "default": 0.3, "unit": "m"},
- {"name": "side", "value": 1, "default": 1, "unit": ""}]"""
+PARAMS = {"d_obs_m": 0.3, "side": 1, "op_lost_ms": 1500, "accel_m_s2": 1.25, "v_max_m_s": 0.25}
 WORLD_TEXT = b"""{"name": "box", "size_m": [6.0, 4.0], "walls": true,
  "start": {"x_m": 0.6, "y_m": 2.0, "heading_deg": 90.0},
  "goal": {"x_m": 5.4, "y_m": 2.0, "heading_deg": null, "position_tolerance_m": 0.05},
@@ -96,6 +97,7 @@ class Play:
         self.workers: dict[str, Inline] = {}
         self.commands: list[CommandRequest] = []
         self.refuses = Reason.NONE
+        self.params: dict[str, float] = dict(PARAMS)
         self.bus.come(Role.ROBOT)
         self.bus.come(Role.PLANT)
         for name in ("r1", "r2"):
@@ -179,7 +181,7 @@ class Play:
 
     def _serve(self) -> None:
         self.bus.answers |= {
-            PARAMETERS.path: lambda _: LIST,
+            PARAMETERS.path: lambda _: listed(self.params),
             PARAMETER.path: lambda _: ParamValue(
                 param_id="radius_m", param_value=0.12, param_type=9, param_count=2, param_index=0
             ),
@@ -191,9 +193,10 @@ class Play:
     def _lease(self, request: Message | None) -> Message:
         assert isinstance(request, LeaseRequest)
         lease = self.robot.lease
-        if request.action == LeaseAction.RELEASE:
+        is_theirs = lease.holder and person_of(lease.holder) != person_of(self.bus.operator)
+        if request.action in (LeaseAction.RELEASE, LeaseAction.LEAVE):
             lease.holder = lease.name = ""
-        elif request.action == LeaseAction.TAKE and lease.holder not in ("", self.bus.operator):
+        elif request.action == LeaseAction.TAKE and is_theirs:
             return refused(Reason.LEASE_HELD)
         else:
             lease.holder, lease.name = self.bus.operator, request.name
@@ -205,6 +208,12 @@ class Play:
         if self.refuses:
             return refused(self.refuses)
         return acknowledge(request, Reason.NONE)
+
+
+def listed(params: dict[str, float]) -> bytes:
+    """Return a robot's answer to the request for its parameters."""
+    rows = [{"name": name, "value": value, "default": value} for name, value in params.items()]
+    return json.dumps(rows).encode()
 
 
 def refused(reason: Reason) -> CommandAck:

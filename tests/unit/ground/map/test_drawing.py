@@ -19,7 +19,7 @@ from tests.support.ground.map.scenes import ANY, SCENES
 
 
 @given(SCENES, st.integers(0, 60), st.integers(0, 20), st.booleans())
-@example(MapScene(robot=RobotMark(0.0, 0.0, 1.5e308)), 9, 9, False)
+@example(MapScene(robot=RobotMark(0.0, 0.0, 1.5e308, 0.12)), 9, 9, False)
 @settings(max_examples=120, deadline=None)
 def test_any_scene_can_be_drawn(scene: MapScene, columns: int, rows: int, plain: bool) -> None:
     canvas = Canvas(columns, rows, ascii_only=plain)
@@ -92,7 +92,7 @@ def test_other_robots_have_dim_trails_and_a_mark_when_lost() -> None:
 
 
 def test_map_without_a_world_shows_all_robots() -> None:
-    scene = MapScene(robot=RobotMark(0.0, 0.0, 0.0), others=(RobotMark(9.0, 0.0, 0.0),))
+    scene = MapScene(robot=RobotMark(0.0, 0.0, 0.0, 0.12), others=(RobotMark(9.0, 0.0, 0.0, 0.12),))
     box = scene.box()
     assert box is not None
     assert box[2] > 9.0
@@ -136,7 +136,7 @@ def test_static_and_moving_layers_make_the_whole_scene() -> None:
 
 def test_robot_without_a_position_is_not_drawn() -> None:
     unknown = replace(ROOM, size_m=None, obstacles=(), trail=(), goal=None)
-    for robot in (None, RobotMark(nan, 1.0, 0.0), RobotMark(1.0, inf, 0.0)):
+    for robot in (None, RobotMark(nan, 1.0, 0.0, 0.12), RobotMark(1.0, inf, 0.0, 0.12)):
         canvas = Canvas(40, 5)
         draw(replace(unknown, robot=robot), View(40, 5), canvas)
         assert "".join(canvas.to_rows()).strip() == ""

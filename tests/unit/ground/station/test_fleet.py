@@ -6,7 +6,7 @@ from ground.app.widgets.sparklines import FRESH_S
 from ground.station.fleet import KEPT_NS
 from ground.station.link.loss import LossKind
 from ground.station.roster import Attention
-from protocol.bus.network import MAX_ROBOTS
+from protocol.bus.network import MAX_ROBOTS, Hub
 from protocol.topics import PARAMETER, PARAMETERS, STATUS, STOP, TEXT, Role
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.messages import Statustext
@@ -63,16 +63,32 @@ def test_history_counts_from_the_start_of_the_station() -> None:
     assert play.station.time_s - last[0] <= FRESH_S
 
 
-def test_watched_robot_is_not_read() -> None:
+def test_only_the_parameters_of_a_watched_robot_are_read_and_once() -> None:
     play = fleet(Robot("r2"))
     play.forward(10.0)
     asked = [path for robot, path, _ in play.bus.asked if robot == "r2"]
     assert 2 <= asked.count(PARAMETER.path) <= 3
-    assert set(asked) == {PARAMETER.path}
+    assert asked.count(PARAMETERS.path) == 1
+    assert set(asked) == {PARAMETER.path, PARAMETERS.path}
+    assert not play.texts("r2: state")
     play.station.select("r2")
     play.forward(1.0)
-    assert PARAMETERS.path in [path for robot, path, _ in play.bus.asked if robot == "r2"]
     assert play.station.ready
+    assert len(play.texts("r2: state, lease and 5 parameters read: ready")) == 1
+
+
+def test_loss_of_a_watched_robot_names_its_own_limit() -> None:
+    play = Play()
+    play.params["op_lost_ms"] = 3000
+    play.robots.append(Robot("r2", goal=GoalState.DRIVING, goal_id=1))
+    play.bus.come(Role.ROBOT, "r2")
+    play.forward(1.0)
+    play.cut(Hub.UNREACHABLE)
+    play.bus.go(Role.ROBOT, "r2")
+    play.forward(2.0)
+    (entry,) = [entry for entry in play.station.roster() if entry.robot == "r2"]
+    assert entry.loss is not None
+    assert "stops 3 s after the last heartbeat" in entry.loss.response
 
 
 def test_station_announces_itself_only_for_selected_robots() -> None:

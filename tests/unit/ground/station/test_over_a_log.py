@@ -64,5 +64,5 @@ def test_recording_provides_world_and_parameters() -> None:
     station = Station(ReceivingBus(play.bus), "r1", play.clock)
     assert station.world is not None
     assert station.world.name == "box"
-    assert station.parameters_words == "2"
+    assert station.parameters_words == "5"
     assert station.scene().size_m == (6.0, 4.0)

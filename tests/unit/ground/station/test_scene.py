@@ -2,8 +2,9 @@
 
 import pytest
 
+from ground.map.ellipse import CHI2_2
 from ground.station.scene import TRAIL_POINTS, thinned
-from protocol.topics import Role
+from protocol.topics import WORLD, Role
 from protocol.wire.enums import GoalState, Mode
 from tests.support.each import each
 from tests.support.ground.station.play import Play
@@ -47,6 +48,64 @@ def test_ellipse_of_a_silent_robot_grows() -> None:
     assert 0.04 + 0.2**2 / 6 < later[0] < 0.04 + 0.26**2 / 6
     assert last[0] == pytest.approx(0.04 + 0.5**2 / 6, rel=1e-2)
     assert last[2] == pytest.approx(0.01 + 0.5**2 / 6, rel=1e-2)
+
+
+@each(
+    ("limits", "gone_m"),
+    [
+        ({"op_lost_ms": 3000}, 0.25 * 3.5),
+        ({"accel_m_s2": 0.125}, 0.25 * 3.8),
+        ({}, 0.25 * 2.0),
+    ],
+)
+def test_ellipse_follows_the_limits_of_the_robot(limits: dict[str, float], gone_m: float) -> None:
+    play = Play()
+    play.params.update(limits)
+    play.forward(1.0)
+    play.hang()
+    covariance = play.forward(12.0).station.scene().covariance
+    assert covariance is not None
+    assert covariance[0] == pytest.approx(0.04 + gone_m**2 / CHI2_2, rel=1e-3)
+
+
+def test_ellipse_of_a_robot_on_its_way_grows_with_its_fastest_speed() -> None:
+    play = Play()
+    play.params["v_max_m_s"] = 1.0
+    play.robot.goal, play.robot.goal_id = GoalState.DRIVING, 4
+    play.forward(1.0)
+    play.hang()
+    covariance = play.forward(12.0).station.scene().covariance
+    assert covariance is not None
+    assert covariance[0] == pytest.approx(0.04 + (1.8 + 1.0 / 1.25) ** 2 / CHI2_2, rel=1e-3)
+
+
+def test_ellipse_without_known_limits_does_not_promise_a_stop() -> None:
+    play = Play()
+    del play.bus.answers["srv/parameters"]
+    play.forward(1.0)
+    play.hang()
+    covariance = play.forward(12.0).station.scene().covariance
+    assert covariance is not None
+    assert covariance[0] > 0.04 + (0.25 * 11.0) ** 2 / CHI2_2
+
+
+def test_robot_has_its_own_radius_and_the_true_one_that_of_the_plant() -> None:
+    play = Play()
+    play.params["radius_m"] = 0.3
+    scene = play.forward(1.0).station.scene()
+    assert scene.robot is not None
+    assert scene.true_robot is not None
+    assert (scene.robot.radius_m, scene.true_robot.radius_m) == (0.3, 0.15)
+
+
+def test_robot_of_unknown_radius_has_no_outline_and_no_echoes() -> None:
+    play = Play()
+    del play.bus.answers[WORLD.path]
+    scene = play.forward(1.0).station.scene()
+    assert scene.robot is not None
+    assert scene.robot.radius_m is None
+    assert not scene.shows_sonars
+    assert not scene.seen
 
 
 def test_ellipse_grows_longer_during_a_mission() -> None:

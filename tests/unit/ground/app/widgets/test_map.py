@@ -15,7 +15,7 @@ from ground.app.widgets.map import MapWidget, bands
 from ground.map.scene import MapScene, MapTarget, RobotMark
 
 STYLES = {"robot": Style(color="yellow", bold=True), "truth": Style(color="white")}
-ROOM = MapScene(size_m=(6.0, 4.0), robot=RobotMark(2.02, 2.02, 0.0), goal=MapTarget(5.0, 3.0))
+ROOM = MapScene(size_m=(6.0, 4.0), robot=RobotMark(2.02, 2.02, 0.0, 0.12), goal=MapTarget(5.0, 3.0))
 
 
 class CountingMap(MapWidget):
@@ -81,7 +81,9 @@ def screen(app: MapApp) -> list[str]:
 def test_equal_picture_paints_nothing() -> None:
     async def story(app: MapApp, pilot: Pilot[None]) -> None:
         app.map.show(
-            MapScene(size_m=(6.0, 4.0), robot=RobotMark(2.02, 2.02, 1e-9), goal=MapTarget(5.0, 3.0))
+            MapScene(
+                size_m=(6.0, 4.0), robot=RobotMark(2.02, 2.02, 1e-9, 0.12), goal=MapTarget(5.0, 3.0)
+            )
         )
         assert (app.map.regions, app.map.whole) == ([], 0)
 
@@ -91,7 +93,9 @@ def test_equal_picture_paints_nothing() -> None:
 def test_only_changed_rows_are_painted_again() -> None:
     async def story(app: MapApp, pilot: Pilot[None]) -> None:
         app.map.show(
-            MapScene(size_m=(6.0, 4.0), robot=RobotMark(2.5, 2.0, 0.0), goal=MapTarget(5.0, 3.0))
+            MapScene(
+                size_m=(6.0, 4.0), robot=RobotMark(2.5, 2.0, 0.0, 0.12), goal=MapTarget(5.0, 3.0)
+            )
         )
         assert app.map.whole == 0
         assert 0 < sum(region.height for region in app.map.regions) <= 4
@@ -103,7 +107,7 @@ def test_only_changed_rows_are_painted_again() -> None:
 def test_partial_painting_equals_full_painting() -> None:
     async def story(app: MapApp, pilot: Pilot[None]) -> None:
         for x_m in (2.5, 3.0, 3.5):
-            app.map.show(MapScene(size_m=(6.0, 4.0), robot=RobotMark(x_m, 2.0, 0.0)))
+            app.map.show(MapScene(size_m=(6.0, 4.0), robot=RobotMark(x_m, 2.0, 0.0, 0.12)))
             await pilot.pause()
         painted = screen(app)
         app.map.colour(STYLES)
@@ -121,7 +125,7 @@ def test_map_is_dim_when_the_robot_is_not_live() -> None:
             return [s.style for row in rows for s in row if s.style is not None]
 
         assert STYLES["robot"] in styles()
-        app.map.show(MapScene(size_m=(6.0, 4.0), robot=RobotMark(2.0, 2.0, 0.0), live=False))
+        app.map.show(MapScene(size_m=(6.0, 4.0), robot=RobotMark(2.0, 2.0, 0.0, 0.12), live=False))
         assert all(style.dim for style in styles())
         assert any("?" in app.map.render_line(row).text for row in range(16))
 
@@ -157,7 +161,7 @@ def test_following_keeps_the_robot_on_the_map() -> None:
         app.map.zoom(8.0)
         app.map.following = True
         for step in range(20):
-            app.map.show(MapScene(size_m=(6.0, 4.0), robot=RobotMark(0.3 * step, 2.0, 0.0)))
+            app.map.show(MapScene(size_m=(6.0, 4.0), robot=RobotMark(0.3 * step, 2.0, 0.0, 0.12)))
             column, row = app.map.view.cell_of(0.3 * step, 2.0) or (-1, -1)
             assert 0 <= column < 50
             assert 0 <= row < 16
@@ -207,7 +211,7 @@ def test_unbounded_map_is_not_fitted_at_every_step() -> None:
         views = []
         for step in range(200):
             trail = tuple((0.03 * i, 0.01 * i) for i in range(step + 1))
-            app.map.show(MapScene(trail=trail, robot=RobotMark(*trail[-1], 0.3)))
+            app.map.show(MapScene(trail=trail, robot=RobotMark(*trail[-1], 0.3, 0.12)))
             views.append(app.map.view)
         assert 1 < len(set(views)) < 15
 
@@ -228,7 +232,7 @@ def test_map_is_painted_with_no_color(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NO_COLOR", "1")
 
     async def story(app: MapApp, pilot: Pilot[None]) -> None:
-        app.map.show(MapScene(size_m=(6.0, 4.0), robot=RobotMark(3.0, 2.0, 0.0)))
+        app.map.show(MapScene(size_m=(6.0, 4.0), robot=RobotMark(3.0, 2.0, 0.0, 0.12)))
         await pilot.pause()
         assert any("▶" in row for row in screen(app))
         assert app.no_color

@@ -130,10 +130,10 @@ def test_loss_hides_parameters_of_a_silent_robot(lost: Lost) -> None:
     play, row = lost
     assert not play.station.ready
     if row.state is LIVE:
-        assert play.station.parameters_words == "2"
+        assert play.station.parameters_words == "5"
     else:
         assert play.station.parameters is None
-        assert "all 2 missing" in play.station.parameters_words
+        assert "all 5 missing" in play.station.parameters_words
 
 
 def test_only_received_data_are_live(lost: Lost) -> None:
@@ -213,6 +213,6 @@ def test_second_station_shows_but_does_not_command() -> None:
     play = Play()
     other(play)
     play.forward(1.5)
-    assert play.station.parameters_words == "2"
+    assert play.station.parameters_words == "5"
     assert not play.station.ready
     assert "ben is in command" in play.station.refusal()

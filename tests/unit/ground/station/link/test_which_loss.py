@@ -2,7 +2,9 @@
 
 from ground.station.link.loss import LossKind
 from protocol.bus.network import Hub
+from protocol.topics import ANSWERED, Role
 from protocol.wire.enums import GoalState, Mode, Vehicle
+from protocol.wire.messages import ParamValue
 from protocol.wire.reasons import Reason
 from tests.support.each import each
 from tests.support.ground.station.play import Play
@@ -182,6 +184,65 @@ def test_response_depends_on_the_last_state(
     loss = play.station.loss()
     assert loss is not None
     assert response in loss.response
+
+
+@each(("lost_ms", "response"), [(3000, "stops 3 s after"), (600, "stops 0.6 s after")])
+def test_response_has_the_limit_of_the_robot_itself(lost_ms: int, response: str) -> None:
+    play = Play()
+    play.params["op_lost_ms"] = lost_ms
+    play.robot.goal = GoalState.DRIVING
+    play.forward(1.0)
+    play.cut(Hub.UNREACHABLE)
+    play.forward(4.0)
+    loss = play.station.loss()
+    assert loss is not None
+    assert response in loss.response
+
+
+def test_limit_that_was_set_meanwhile_is_in_the_response() -> None:
+    play = Play()
+    play.robot.goal = GoalState.DRIVING
+    play.forward(1.0)
+    play.bus.say(
+        ANSWERED,
+        ParamValue(
+            param_id="op_lost_ms", param_value=900.0, param_type=9, param_count=5, param_index=2
+        ),
+    )
+    play.forward(0.1)
+    play.cut(Hub.UNREACHABLE)
+    play.forward(2.0)
+    loss = play.station.loss()
+    assert loss is not None
+    assert "stops 0.9 s after" in loss.response
+
+
+def test_limit_that_was_not_read_is_unknown() -> None:
+    play = Play()
+    del play.bus.answers["srv/parameters"]
+    play.robot.goal = GoalState.DRIVING
+    play.forward(1.0)
+    play.cut(Hub.UNREACHABLE)
+    play.forward(2.0)
+    loss = play.station.loss()
+    assert loss is not None
+    assert loss.response.endswith("after an unknown time (op_lost_ms not read)")
+
+
+def test_limit_of_a_restarted_robot_is_unknown_until_it_is_read() -> None:
+    play = Play()
+    play.robot.goal = GoalState.DRIVING
+    play.forward(1.0)
+    del play.bus.answers["srv/parameters"]
+    play.bus.go(Role.ROBOT)
+    play.forward(0.1)
+    play.bus.come(Role.ROBOT, zid="another")
+    play.forward(0.5)
+    play.cut(Hub.UNREACHABLE)
+    play.forward(2.0)
+    loss = play.station.loss()
+    assert loss is not None
+    assert "unknown time" in loss.response
 
 
 def test_unknown_robot_has_an_unknown_response() -> None:

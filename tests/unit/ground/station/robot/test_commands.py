@@ -150,13 +150,19 @@ def test_seized_station_stops_heartbeats() -> None:
     assert play.texts("ben is in command now")
 
 
-def test_lapsed_lease_is_taken_again_by_a_command() -> None:
+def test_lease_that_ended_is_taken_again_by_a_command() -> None:
     play, done = ready(), no_texts()
     play.station.take_lease()
     play.forward(1.0)
     play.robot.lease.holder = ""
+    play.say("lease of anna given back: nothing driven for 30 s")
     play.forward(1.0)
-    assert play.texts("the lease has lapsed")
+    assert play.station.lease.words == "free"
+    assert len(play.texts("lease of anna")) == 1
+    assert not [line for line in play.station.log if line.severity < Severity.INFO]
+    beats = play.beats
+    play.forward(1.0)
+    assert play.beats == beats
     play.station.submit("goal 9 7", job(done))
     play.forward(0.5)
     assert done == ["ok 14 ms"]
@@ -329,15 +335,62 @@ def test_lease_lost_before_sending_cancels_the_command() -> None:
     own.holding.release(play.clock.now_ns())
     play.forward(0.2)
     assert done == []
-    assert play.texts("not sent: goal 9 7: this station no longer holds the lease")
+    assert play.texts("not sent: goal 9 7: the lease of r1 was lost meanwhile")
 
 
-def test_close_releases_the_lease_and_stops_heartbeats() -> None:
+SHELL = "open/shell"
+"""Another program of the person at this station."""
+
+
+def test_lease_of_another_program_of_the_same_person_is_ours() -> None:
+    play, done = ready(), no_texts()
+    play.robot.lease.holder, play.robot.lease.name = SHELL, "anna@desk:pts/1"
+    play.forward(2.0)
+    assert play.station.lease.ours
+    assert play.station.lease.words == "ours, by anna@desk:pts/1"
+    assert play.station.loss() is None
+    assert play.beats == 0, "nothing was commanded here"
+    assert play.texts("you are in command (by anna@desk:pts/1)")
+    assert play.station.submit("goal 9 7", job(done))
+    play.forward(0.05)
+    assert (play.beats, done) == (1, [])
+    play.forward(0.3)
+    assert done == ["ok 14 ms"]
+    play.forward(1.0)
+    assert play.beats > 3
+    assert play.texts("refused") == []
+
+
+def test_program_that_commanded_nothing_leaves_the_lease_of_another_one() -> None:
+    play = ready()
+    play.robot.lease.holder = SHELL
+    play.forward(1.0)
+    play.station.close()
+    assert lease_asked(play) == []
+
+
+def test_lease_is_prolonged_before_a_command_after_a_pause() -> None:
+    """The robot may give it back while the command is on its way; then nobody would beat."""
+    play, done = ready(), no_texts()
+    play.station.submit("arm", job(done))
+    play.forward(19.0)
+    play.station.submit("arm", job(done))
+    play.forward(19.0)
+    assert lease_asked(play) == [LeaseAction.TAKE]
+    play.forward(2.0)
+    play.station.submit("goal 9 7", job(done))
+    play.forward(0.2)
+    assert lease_asked(play) == [LeaseAction.TAKE, LeaseAction.TAKE]
+    assert len(done) == 3
+    assert len(play.texts("lease of r1 taken")) == 1
+
+
+def test_close_leaves_the_lease_and_stops_heartbeats() -> None:
     play = ready()
     play.station.take_lease()
     play.forward(1.0)
     play.station.close()
-    assert lease_asked(play)[-1] == LeaseAction.RELEASE
+    assert lease_asked(play)[-1] == LeaseAction.LEAVE
     beats = play.beats
     play.forward(1.0)
     assert play.beats == beats
