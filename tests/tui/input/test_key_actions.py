@@ -175,7 +175,7 @@ def test_help_lists_only_active_keys() -> None:
             await stage.press("?")
             await stage.press("tab", "tab", "tab")
             everywhere = stage.words("help")
-            assert "h  stop, keep the goal" in everywhere
+            assert "h  stop, keep the goal; needs no lease" in everywhere
             assert "cursor left" not in everywhere
             await stage.press("escape", "G", "?")
             assert "cursor left" in stage.words("help")
