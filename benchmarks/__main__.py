@@ -113,6 +113,10 @@ BENCHMARKS = {
         "verification.simulate",
         "the whole stack on simulated time, network and disk: faults by seed, invariants",
     ),
+    "contradictions": BenchmarkEntry(
+        "benchmarks.contradictions",
+        "the words of two persons' programs, compared with what was: outcomes, leases, texts",
+    ),
     "digest": BenchmarkEntry(
         "benchmarks.digest",
         "equal trajectories in every mode of running, another one for another seed",

@@ -15,24 +15,24 @@ from runtime.units import NS_PER_S
 from verification.harness.figures import Figure, Report
 from verification.simulation.campaign import (
     MOST_HUNTED,
+    SIMULATE,
     BatchResult,
+    Campaign,
     run_in_processes,
     search_defect,
 )
 from verification.simulation.coverage import Coverage
-from verification.simulation.defects import DEFECTS
-from verification.simulation.draw import draw_scenario
 from verification.simulation.events import from_json, to_json
 from verification.simulation.shrink import shrink
-from verification.simulation.simulation import RunResult, run
+from verification.simulation.simulation import RunResult
 
 MAX_SHOWN: Final = 5
 AGAIN: Final = ""
 """`--replay` without a file."""
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `bench simulate`."""
+def add_options(parser: argparse.ArgumentParser, campaign: Campaign = SIMULATE) -> None:
+    """Add the options of `bench simulate`, or of another campaign."""
     parser.add_argument("--seeds", type=int, default=500, metavar="N", help="number of seeds (500)")
     parser.add_argument(
         "--from", dest="first", type=int, default=0, metavar="S", help="first seed (0)"
@@ -50,26 +50,27 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--defects",
         nargs="*",
-        choices=DEFECTS,
+        choices=campaign.defects,
         metavar="NAME",
         help="put fixed defects back, these or all, and count the seeds that find each",
     )
     parser.add_argument("--no-shrink", action="store_true", help="keep the events as drawn")
 
 
-def measure(options: argparse.Namespace) -> Report:
+def measure(options: argparse.Namespace, campaign: Campaign = SIMULATE) -> Report:
     """Run one scenario, many seeds, or the search for defects."""
     if options.defects is not None:
-        return _report_of_defects(options)
+        return _report_of_defects(options, campaign)
     if options.replay not in (None, AGAIN):
-        return _report_of_one(options, run(from_json(Path(options.replay).read_text("utf-8"))))
+        scenario = from_json(Path(options.replay).read_text("utf-8"))
+        return _report_of_one(options, campaign, campaign.run(scenario, ""))
     if options.seed is not None:
-        return _report_of_one(options, run(draw_scenario(options.seed)))
+        return _report_of_one(options, campaign, campaign.result_of(options.seed))
     done: list[BatchResult] = []
-    for part in run_in_processes(options.first, options.seeds, options.jobs):
+    for part in run_in_processes(campaign, options.first, options.seeds, options.jobs):
         done.append(part)
         _show_progress(done, options.seeds)
-    return _report_of_many(options, done)
+    return _report_of_many(options, campaign, done)
 
 
 def _show_progress(done: list[BatchResult], wanted: int) -> None:
@@ -78,7 +79,9 @@ def _show_progress(done: list[BatchResult], wanted: int) -> None:
     print(f"{seeds} of {wanted} seeds, {failed} violate", file=sys.stderr, flush=True)
 
 
-def _report_of_many(options: argparse.Namespace, done: list[BatchResult]) -> Report:
+def _report_of_many(
+    options: argparse.Namespace, campaign: Campaign, done: list[BatchResult]
+) -> Report:
     failed = [result for part in done for result in part.failed]
     cpu_s, simulated_ns = sum(p.cpu_s for p in done), sum(p.simulated_ns for p in done)
     coverage = Coverage()
@@ -86,12 +89,12 @@ def _report_of_many(options: argparse.Namespace, done: list[BatchResult]) -> Rep
         coverage.add(part.coverage)
     notes = coverage.lines()
     for result in failed[:MAX_SHOWN]:
-        notes += explain(result, options)
+        notes += explain(result, options, campaign)
     if len(failed) > MAX_SHOWN:
         others = ", ".join(str(result.scenario.seed) for result in failed[MAX_SHOWN:][:50])
         notes.append(f"other seeds that violate: {others}")
     return Report(
-        benchmark="simulate",
+        benchmark=campaign.name,
         figures=(
             Figure(name="seeds", unit="", values=(sum(part.seeds for part in done),)),
             Figure(
@@ -108,32 +111,32 @@ def _report_of_many(options: argparse.Namespace, done: list[BatchResult]) -> Rep
     )
 
 
-def _report_of_one(options: argparse.Namespace, result: RunResult) -> Report:
+def _report_of_one(options: argparse.Namespace, campaign: Campaign, result: RunResult) -> Report:
     failed = result.violation is not None
     figures = [Figure(name="violations", unit="", values=(int(failed),), at_most=0)]
     if options.replay == AGAIN:
-        same = run(result.scenario).digest == result.digest
+        same = campaign.run(result.scenario, "").digest == result.digest
         figures.append(Figure(name="runs that differ", unit="", values=(int(not same),), at_most=0))
     return Report(
-        benchmark="simulate",
+        benchmark=campaign.name,
         figures=tuple(figures),
         notes=(
             f"digest {result.digest} after {result.simulated_ns / NS_PER_S:.2f} s",
-            *(explain(result, options) if failed else ()),
+            *(explain(result, options, campaign) if failed else ()),
         ),
     )
 
 
-def _report_of_defects(options: argparse.Namespace) -> Report:
+def _report_of_defects(options: argparse.Namespace, campaign: Campaign) -> Report:
     """Report how many seeds find each defect, and by which invariant."""
-    names = options.defects or tuple(DEFECTS)
+    names = options.defects or tuple(campaign.defects)
     figures, notes = [], []
     for name in names:
-        hunt = search_defect(name, options.first)
+        hunt = search_defect(name, options.first, campaign=campaign)
         words = "not found"
         if hunt.found is not None and hunt.found.violation is not None:
             words = f"seed {hunt.found.scenario.seed}: «{hunt.found.violation.invariant}»"
-        notes.append(f"{name}, {DEFECTS[name].description}: {words}")
+        notes.append(f"{name}, {campaign.defects[name].description}: {words}")
         print(f"{hunt.seeds:5} seeds  {notes[-1]}", file=sys.stderr, flush=True)
         seeds = hunt.seeds if hunt.found is not None else MOST_HUNTED + 1
         figures.append(
@@ -141,12 +144,12 @@ def _report_of_defects(options: argparse.Namespace) -> Report:
                 name=f"seeds until {name} is found", unit="", values=(seeds,), at_most=MOST_HUNTED
             )
         )
-    return Report(benchmark="simulate", figures=tuple(figures), notes=tuple(notes))
+    return Report(benchmark=campaign.name, figures=tuple(figures), notes=tuple(notes))
 
 
-def explain(result: RunResult, options: argparse.Namespace) -> list[str]:
+def explain(result: RunResult, options: argparse.Namespace, campaign: Campaign) -> list[str]:
     """Return seed, invariant, time, the fewest events, and the command that repeats the run."""
-    small = result if options.no_shrink else shrink(result)
+    small = result if options.no_shrink else shrink(result, lambda one: campaign.run(one, ""))
     violation, scenario = small.violation, small.scenario
     assert violation is not None
     if options.events is not None:
@@ -155,5 +158,5 @@ def explain(result: RunResult, options: argparse.Namespace) -> list[str]:
         f"seed {scenario.seed} violates «{violation.invariant}» at "
         f"{violation.time_ns / NS_PER_S:.3f} s: {violation.words}",
         *(f"    {event}" for event in scenario.events),
-        f"    again: sidestep bench simulate --seed {scenario.seed} --replay",
+        f"    again: sidestep bench {campaign.name} --seed {scenario.seed} --replay",
     ]

@@ -174,6 +174,12 @@ class Task(greenlet):  # type: ignore[misc]  # it carries no types
         scheduler = self.host.scheduler
         scheduler.at(scheduler.now_ns, self._continue, self._token)
 
+    def interrupt(self, error: BaseException) -> None:
+        """Raise an error in the task, where it waits."""
+        if not self.dead:
+            self._token += 1
+            self.host.call(self.throw, error)
+
     def _continue(self, token: int) -> None:
         if token == self._token and not self.dead:
             self.host.call(self._resume, token)
