@@ -155,7 +155,8 @@ class Robot(Telemetry):
         self._stick: TeleopSender | None = None
         self._is_closed = False
         self._lease_lock = asyncio.Lock()
-        self._holds_lease = self._has_asked = False
+        self._lease_requests: set[asyncio.Future[Answer]] = set()
+        self._holds_lease = False
         self._taken_ns = 0
         self._heartbeat_timer = HeartbeatTimer()
         self._heartbeat_task: asyncio.Task[None] | None = None
@@ -189,10 +190,11 @@ class Robot(Telemetry):
         for stop in tuple(self._stopping):
             await threads.settled(stop)
         self._ways.close()
-        async with self._lease_lock:
-            if self._has_asked:
-                self._holds_lease = False
-                await self._in_thread(lambda: give_back(self._link))
+        for request in tuple(self._lease_requests):
+            await threads.settled(request)
+        if self._holds_lease:
+            self._holds_lease = False
+            await self._in_thread(lambda: give_back(self._link))
         await asyncio.to_thread(self._beginning.shutdown)
         await asyncio.to_thread(self._pool.shutdown)
 
@@ -294,13 +296,14 @@ class Robot(Telemetry):
         if action is LeaseAction.RELEASE:
             self._holds_lease = False
         asking = self.run(lambda: session.with_holder(ask_lease(session.link, action, name)))
+        self._lease_requests.add(asking)
         asking.add_done_callback(partial(self._lease_changed, action))
         return await asyncio.shield(asking)
 
     def _lease_changed(self, action: LeaseAction, asking: "asyncio.Future[Answer]") -> None:
+        self._lease_requests.discard(asking)
         if asking.cancelled() or asking.exception() is not None or not asking.result().ok:
             return
-        self._has_asked = True
         if action is not LeaseAction.RELEASE:
             self._taken_ns, self._holds_lease = self.clock.now_ns(), True
             self._heartbeat.put(ALIVE)

@@ -56,7 +56,7 @@ def test_goal_is_reached_and_the_lease_given_back(stage: Stage) -> None:
     assert (outcome.ok, outcome.outcome, outcome.distance_m) == (True, "reached", 1.0)
     (goal,) = [asked for asked in played.asked if isinstance(asked, GoalRequest)]
     assert (goal.x_mm, goal.y_mm, goal.mode) == (1000, 2000, Mode.GUIDED)
-    assert leases(played) == [LeaseAction.TAKE, LeaseAction.RELEASE]
+    assert leases(played) == [LeaseAction.TAKE, LeaseAction.LEAVE]
     assert played.beats > 0
 
 
@@ -71,18 +71,76 @@ def test_refusal_is_a_value_that_can_be_raised(stage: Stage) -> None:
     outcome = driven(stage, lambda robot: robot.goto(1.0, 2.0))
     assert isinstance(outcome, sidestep.Refused)
     assert outcome.reason == Reason.OUTSIDE_FENCE
-    with pytest.raises(sidestep.RefusedError, match="sidestep fence show"):
+    with pytest.raises(sidestep.RefusedError, match=r"\(await robot.fence.get\(\)\)$"):
         sidestep.agreed(outcome)
 
 
 def test_other_operator_is_named_and_nothing_is_sent(stage: Stage) -> None:
     played, _ = stage
-    played.desk.held = ("open/beef", "ben")
+    played.desk.held = ("ben/beef", "ben")
     outcome = driven(stage, lambda robot: robot.goto(1.0, 2.0))
     assert isinstance(outcome, sidestep.Refused)
     assert outcome.holder == "ben"
+    assert outcome.text.endswith("commands the robot: ben (await robot.lease.seize())")
     assert played.asked == []
-    assert driven(stage, lambda robot: robot.hold()).ok, "what stops needs no lease"
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda robot: robot.goto("a", 2), "x 'a' is not a number: give it in m"),
+        (lambda robot: robot.goto(1, None), "y None is not a number"),
+        (
+            lambda robot: robot.goto(1, 2, "north"),
+            "heading 'north' is not a number: give it in deg",
+        ),
+        (lambda robot: robot.goto(1, 2, timeout_s="9"), "timeout '9' is not a number"),
+        (lambda robot: robot.drive("fast", 0), "speed 'fast' is not a number: give it in m/s"),
+        (lambda robot: robot.drive(0, 0, for_s=-1.0), "time -1 s is out of range"),
+        (lambda robot: robot.parameters.set("d_obs_m", "2"), "d_obs_m '2' is not a number"),
+        (lambda robot: robot.set_navigator("bugs"), "there is no navigator 'bugs': use one of bug"),
+        (lambda robot: robot.set_navigator("bug", "up"), "there is no side 'up': use left, right"),
+        (lambda robot: robot.set_mode("fast"), "there is no mode 'fast': use one of"),
+    ],
+)
+def test_value_that_cannot_be_is_one_named_error(
+    stage: Stage, call: Callable[[sidestep.Robot], Any], words: str
+) -> None:
+    with pytest.raises(sidestep.UserError, match=words):
+        driven(stage, call)
+    assert (stage[0].asked, leases(stage[0])) == ([], [])
+
+
+def test_navigator_and_mode_have_names(stage: Stage) -> None:
+    async def story(robot: sidestep.Robot) -> None:
+        assert (await robot.set_navigator("bug", "right")).ok
+        assert (await robot.set_navigator(sidestep.Navigator.BUG, -1)).ok
+        assert (await robot.set_mode("hold")).ok
+
+    driven(stage, story)
+    first, second, mode = (one for one in stage[0].asked if isinstance(one, CommandRequest))
+    assert (first.param1, first.param2) == (second.param1, second.param2) == (1.0, -1.0)
+    assert mode.param2 == Mode.HOLD
+
+
+def test_robot_shows_itself_in_one_line(stage: Stage) -> None:
+    async def story(robot: sidestep.Robot) -> str:
+        await until(lambda: robot.streams.latest(STATUS) is not None)
+        return repr(robot)
+
+    shown = driven(stage, story)
+    assert shown == f"<robot r1 at {stage[1]}: STANDBY GUIDED NONE, without its lease>"
+
+
+def test_other_robot_is_named_in_the_words_of_python(stage: Stage) -> None:
+    async def program() -> None:
+        async with sidestep.connect(stage[1], robot="r2") as robot:
+            await robot.hold()
+
+    with pytest.raises(sidestep.UnansweredError) as caught:
+        asyncio.run(program())
+    assert "only r1: use sidestep.connect(robot=NAME)" in str(caught.value)
+    assert "--id" not in str(caught.value)
 
 
 def test_cancelled_goal_is_aborted_before_the_error_goes_on(stage: Stage) -> None:
@@ -95,7 +153,7 @@ def test_cancelled_goal_is_aborted_before_the_error_goes_on(stage: Stage) -> Non
         assert played.commands[-1] == Command.SIDESTEP_ABORT_GOAL
 
     driven(stage, story)
-    assert leases(played) == [LeaseAction.TAKE, LeaseAction.RELEASE]
+    assert leases(played) == [LeaseAction.TAKE, LeaseAction.LEAVE]
 
 
 def test_goal_cancelled_while_it_is_sent_is_aborted_after_it(stage: Stage) -> None:
@@ -265,7 +323,7 @@ def test_lease_that_was_seized_ends_the_heartbeat(stage: Stage) -> None:
     async def story(robot: sidestep.Robot) -> None:
         assert (await robot.lease.take()).ok
         assert (await robot.lease.show()).ours
-        played.desk.held = ("open/beef", "ben")
+        played.desk.held = ("ben/beef", "ben")
         await until(lambda: not robot.holds_lease)
 
     driven(stage, story)
@@ -317,10 +375,12 @@ def test_parameters_are_typed_and_checked(stage: Stage) -> None:
         assert [one.name for one in await robot.parameters.changed()] == ["d_obs_m"]
         changed = await robot.parameters.set("d_obs_m", 0.5)
         assert changed.ok
-        refused = await robot.parameters.set("zzz", 1.0)
-        assert "no such parameter" in refused.text
-        with pytest.raises(sidestep.UserError, match="no parameter matches"):
+        with pytest.raises(sidestep.UserError, match=r"no such parameter.*parameters.list\(\)"):
+            await robot.parameters.set("zzz", 1.0)
+        with pytest.raises(sidestep.UserError, match=r"no parameter.*robot.parameters.list\(\)"):
             await robot.parameters.get("zzz")
+        with pytest.raises(sidestep.UserError, match=r"no parameter 'zzz'.*parameters.list\(\)"):
+            await robot.parameters.reset("zzz")
 
     driven(stage, story)
 
@@ -382,5 +442,14 @@ def test_endpoint_without_a_robot_is_unanswered() -> None:
         async with sidestep.connect("tcp/127.0.0.1:9"):
             raise AssertionError("nothing listens there")
 
-    with pytest.raises(sidestep.UnansweredError, match="no robot and no router"):
+    with pytest.raises(
+        sidestep.UnansweredError, match=r"no robot and no router.*`sidestep up`"
+    ) as it:
         asyncio.run(program())
+    assert it.value.__suppress_context__, "nor is what the bus said shown again"
+    frames = [
+        entry
+        for entry in it.traceback
+        if "sidestep" in str(entry.path) or "ground" in str(entry.path)
+    ]
+    assert len(frames) <= 2

@@ -2,6 +2,7 @@
 
 from protocol.bus.bus import Bus
 from protocol.bus.service import ServiceRequest
+from protocol.topic import person_of
 from protocol.topics import LEASE, LEASE_SERVICE, MISSION, MISSION_SERVICE
 from protocol.wire.enums import AckResult, LeaseAction, MissionState, MissionType
 from protocol.wire.message import Message
@@ -23,13 +24,17 @@ NO_ITEM = 65_535
 
 
 class PlayedDesk:
-    """Grants the lease to the first operator and accepts missions that `verdict` does not refuse.
+    """Grants the lease to the first person and accepts missions that `verdict` does not refuse.
 
+    `held` is the identity and the name of the program that took the lease; `programs` are those of
+    its person that have it. `drive` is the request_id of the newest drive, and who began it.
     `lost`: how many of the coming mission frames stay unanswered.
     """
 
     def __init__(self, bus: Bus) -> None:
         self.held: tuple[str, str] | None = None
+        self.programs: set[str] = set()
+        self.drive: tuple[int, str] = (0, "")
         self.actions: list[LeaseRequest] = []
         self.frames: list[Message] = []
         self.kept: dict[int, list[MissionItemInt]] = {kind: [] for kind in MissionType}
@@ -52,6 +57,8 @@ class PlayedDesk:
                 held=int(self.held is not None),
                 holder=holder,
                 name=name,
+                drive_id=self.drive[0],
+                driver=self.drive[1],
             )
         )
         count = len(self.kept[MissionType.MISSION])
@@ -72,14 +79,24 @@ class PlayedDesk:
         assert isinstance(request, LeaseRequest)
         if request not in self.actions:  # it is repeated when the reply is late
             self.actions.append(request)
-        others = self.held is not None and self.held[0] != asked.operator
+        person = person_of(asked.operator)
+        others = self.held is not None and person_of(self.held[0]) != person
         refused = others and request.action != LeaseAction.SEIZE
         if not refused:
-            freed = request.action == LeaseAction.RELEASE
-            self.held = None if freed else (asked.operator, request.name)
+            self._change(request, asked.operator)
         result = AckResult.DENIED if refused else AckResult.ACCEPTED
         reason = Reason.LEASE_HELD if refused else Reason.NONE
         asked.reply(CommandAck(command=0, result=result, result_param2=reason))
+
+    def _change(self, request: LeaseRequest, operator: str) -> None:
+        if request.action in (LeaseAction.TAKE, LeaseAction.SEIZE):
+            others = self.held is not None and person_of(self.held[0]) != person_of(operator)
+            self.programs = {operator} if others else self.programs | {operator}
+            self.held = (operator, request.name)
+            return
+        self.programs.discard(operator)
+        if request.action == LeaseAction.RELEASE or not self.programs:
+            self.held, self.programs = None, set()
 
     def _transfer(self, asked: ServiceRequest) -> None:
         assert asked.message is not None

@@ -157,8 +157,12 @@ class PlayedRobot:
             return
         if reason is Reason.NONE and self._is_newer_stop(message):
             reason = Reason.NEWER_STOP
+        if reason is Reason.NONE and self._is_over(message):
+            reason = Reason.ALREADY_OVER
         if reason is Reason.NONE:
             self._act(message)
+            if begins_drive(message):
+                self.desk.drive = message.request_id, "anna"
         reply = acknowledge(message, reason)
         if reason is Reason.NONE:
             self._replies[message.request_id] = reply
@@ -181,9 +185,15 @@ class PlayedRobot:
         is_clear = message.command == Command.SIDESTEP_CLEAR_EMERGENCY_STOP
         return is_clear and message.stop_id != self.stop_id
 
+    def _is_over(self, message: CommandRequest | GoalRequest) -> bool:
+        """Return whether a clean-up names neither the present goal nor the newest drive."""
+        ends_id = 0 if isinstance(message, GoalRequest) else message.ends_id
+        return ends_id not in (0, self.goal_id, self.desk.drive[0])
+
     def _act(self, message: CommandRequest | GoalRequest) -> None:
         if isinstance(message, GoalRequest):
             self.goal_id, self.goal = message.request_id, GoalState.DRIVING
+            self.mode = Mode(message.mode)
             self.after_goal()
         elif message.command == Command.COMPONENT_ARM_DISARM:
             self.vehicle = Vehicle.ACTIVE if message.param1 else Vehicle.STANDBY
@@ -191,6 +201,8 @@ class PlayedRobot:
             self.vehicle = Vehicle.STANDBY
         elif message.command == Command.DO_SET_MODE:
             self.mode = Mode(int(message.param2))
+            if self.mode is Mode.MANUAL and self.goal == GoalState.DRIVING:
+                self.goal, self.goal_reason = GoalState.ABORTED, Reason.BY_OPERATOR
         elif message.command == Command.SIDESTEP_ABORT_GOAL:
             self.goal, self.goal_reason = GoalState.ABORTED, Reason.BY_OPERATOR
 
@@ -222,6 +234,13 @@ class PlayedRobot:
             message.command if isinstance(message, CommandRequest) else Command.DO_REPOSITION
             for message in self.asked
         ]
+
+
+def begins_drive(message: CommandRequest | GoalRequest) -> bool:
+    """Return whether a request begins a goal, a drive by hand or a mission."""
+    if isinstance(message, GoalRequest) or message.command == Command.MISSION_START:
+        return True
+    return message.command == Command.DO_SET_MODE and message.param2 == Mode.MANUAL
 
 
 def pose_of(pose: tuple[float, float, float], time_ns: int) -> PlanarOdometry:
