@@ -1,5 +1,7 @@
 """The world and the parameters are requested until they are answered."""
 
+from functools import partial
+
 from ground.recording.metadata import MetadataReader
 from protocol.topics import PARAMETERS, WORLD, Service
 from protocol.wire.message import Message
@@ -15,6 +17,7 @@ class Stage:
     def __init__(self) -> None:
         self.answers: dict[str, Message | bytes] = {}
         self.requested: list[str] = []
+        self.needs_s = 0.0
 
     def ask(
         self,
@@ -27,6 +30,8 @@ class Stage:
         self.requested.append(service.path)
         if service.path not in self.answers:
             raise NoAnswerError("no process answers")
+        if self.needs_s > timeout_s:
+            raise NoAnswerError("no answer in time")
         return self.answers[service.path]
 
 
@@ -51,6 +56,16 @@ def test_missing_facts_are_requested_at_the_end() -> None:
     assert facts.poll(S // 10) == {}  # not due
     assert facts.request_missing() == {"parameters": "[]", "world": "{}"}
     assert facts.request_missing() == {}
+
+
+def test_a_busy_machine_and_the_end_of_a_recording_get_more_time() -> None:
+    for busy, needs_s in ((4.0, 0.7), (1.0, 0.9)):
+        stage = Stage()
+        stage.answers, stage.needs_s = {PARAMETERS.path: b"[]", WORLD.path: b"{}"}, needs_s
+        facts = MetadataReader(stage, "r1", partial(float, busy))
+        found = facts.poll(0)
+        assert len(found) == (2 if busy > 1.0 else 0)
+        assert len(found | facts.request_missing()) == 2
 
 
 def test_requests_are_rate_limited() -> None:
