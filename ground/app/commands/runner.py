@@ -4,6 +4,7 @@ import shlex
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import Final
 
 from ground.app.commands.undo import Change, UndoList, inverse_of
 from ground.client.connection import Common
@@ -20,7 +21,8 @@ from ground.client.operations import (
 )
 from ground.client.operations.floor import Floor, floor_in
 from ground.client.operations.teleop import TeleopSender
-from ground.client.results import Outcome, Refused
+from ground.client.requests import ATTEMPTS, GaveUp
+from ground.client.results import Answer, Outcome, Refused
 from ground.client.vocabulary import HINTS
 from ground.console.aliases import expanded
 from ground.console.app_commands import AppCommand, Undo
@@ -43,6 +45,10 @@ from runtime.cli.verb_lookup import with_present_name
 from runtime.clock import Clock
 from runtime.errors import RemoteError, UserError
 
+MANUAL: Final = SetMode(mode=Mode.MANUAL)
+HOLD: Final = SetMode(mode=Mode.HOLD)
+OVER: Final = "the drive by hand was already over"
+
 
 class CommandRunner:
     """Runs commands of keys and typed lines.
@@ -63,7 +69,7 @@ class CommandRunner:
         self._station_now = station
         self._bus, self._common, self._clock = bus, common, clock
         self._history = history
-        self._stick: TeleopSender | None = None
+        self._drive: DriveByKeys | None = None
         self.local: Callable[[AppCommand], str] = refuse
         self.hints = HINTS
         self.draft = Draft()
@@ -151,29 +157,32 @@ class CommandRunner:
         if self._bus is None:
             self._station.note(REPLAYED, Severity.WARNING)
             return False
-        manual, robot = SetMode(mode=Mode.MANUAL), self._station.robot
-        stick = TeleopSender(self._link(robot))
+        drive = DriveByKeys(self._link(self._station.robot))
 
         def begin() -> JobResult:
-            outcome = self._done(manual, robot=robot)
-            if outcome.ok:
-                stick.stop()
-            return outcome
+            return self._result(drive.begin())
 
-        begun = self._station.submit(line_of(manual), begin)
-        self._stick = stick if begun else None
+        begun = self._station.submit(line_of(MANUAL), begin)
+        self._drive = drive if begun else None
         return begun
 
     def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
         """Send a teleop command."""
-        if self._stick is not None:
-            self._stick.drive(speed_m_s, yaw_rate_rad_s)
+        if self._drive is not None:
+            self._drive.stick.drive(speed_m_s, yaw_rate_rad_s)
 
     def end_teleop(self) -> None:
-        """Stop the robot and switch to HOLD."""
-        self.steer(0.0, 0.0)
-        self._stick = None
-        self.perform(SetMode(mode=Mode.HOLD))
+        """Stop the robot and switch to HOLD, unless something else drives it meanwhile."""
+        drive, self._drive = self._drive, None
+        if drive is None:
+            return
+
+        def end() -> JobResult:
+            outcome = drive.end()
+            return JobResult(True, OVER) if outcome is None else self._result(outcome)
+
+        drive.stick.stop()
+        self._station.submit(line_of(HOLD), end, moves=False)
 
     def _done(self, operation: Operation[Outcome], line: str = "", robot: str = "") -> JobResult:
         """Perform an operation in another thread, for the robot that was shown when it was given.
@@ -189,6 +198,10 @@ class CommandRunner:
         outcome = operation.perform(session)
         if line:
             undo_list.note(robot, line, operation, outcome, back)
+        return self._result(outcome)
+
+    def _result(self, outcome: Outcome) -> JobResult:
+        """Return an outcome in words; a refusal names the keys of the app that remedy it."""
         text = outcome.in_words(self.hints) if isinstance(outcome, Refused) else outcome.text
         return JobResult(outcome.ok, text)
 
@@ -281,6 +294,31 @@ class CommandRunner:
         if self._common.endpoint != DEFAULT_ENDPOINT:
             words += ["--connect", self._common.endpoint]
         return shlex.join(words)
+
+
+class DriveByKeys:
+    """One drive by hand: the command that begins it, its speeds, and the one that ends it."""
+
+    def __init__(self, link: Link) -> None:
+        self.stick = TeleopSender(link)
+        self._link = link
+        self._id = 0
+
+    def begin(self) -> Answer:
+        """Choose MANUAL; then send zero speed once."""
+        request = MANUAL.request(self._link)
+        self._id = request.request_id
+        answer = Session(self._link, attended=True).with_holder(self._link.ask(request))
+        if answer.ok:
+            self.stick.stop()
+        return answer
+
+    def end(self) -> Answer | None:
+        """Choose HOLD for this drive, and for no other; None if it is over."""
+        outcome = self._link.end(HOLD.request(self._link), self._id, attempts=ATTEMPTS)
+        if isinstance(outcome, GaveUp):
+            raise self._link.unanswered(outcome)
+        return outcome
 
 
 def refuse(command: AppCommand) -> str:
