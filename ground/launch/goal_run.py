@@ -3,12 +3,13 @@
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from math import nan
 from typing import Final
 
 from ground.client.goal import goal_request
 from ground.client.link import Link, UnansweredError
-from ground.client.requests import GoalWatch
+from ground.client.requests import GoalEnd, GoalWatch
 from ground.client.results import Accepted, Refused
 from ground.client.status_line import goal_line, short_line
 from ground.client.telemetry import Telemetry
@@ -18,10 +19,10 @@ from ground.launch.scenario import Scenario, ScenarioRobot
 from ground.launch.supervisor import VoidRun
 from ground.text.status_parts import Part
 from protocol.doubt import doubt_of
-from protocol.outcome import Outcome, RunEnd, evaluated
-from protocol.topics import CYCLE, DECISION, ODOMETRY, RUN, STATUS, TRUTH
+from protocol.outcome import REPLACED, Outcome, RunEnd, evaluated
+from protocol.topics import CYCLE, DECISION, LEASE, MISSION, ODOMETRY, RUN, STATUS, TRUTH
 from protocol.wire.codec import decode
-from protocol.wire.enums import Command, GoalState, Mode, RunAction, Vehicle
+from protocol.wire.enums import Command, GoalState, MissionState, Mode, RunAction, Vehicle
 from protocol.wire.messages import CommandAck, NavigatorStatus, PlanarOdometry, RunRequest, RunScore
 from protocol.wire.reasons import Reason
 from runtime.errors import NoAnswerError, RemoteError
@@ -48,7 +49,8 @@ class GoalRun:
     """One robot's part in a run; `outcome` is set when it has ended.
 
     `check` raises when a process has exited. `void` returns the reason when a process was
-    restarted: then `void_reason` is set instead of `outcome`.
+    restarted: then `void_reason` is set instead of `outcome`. A goal that an operator has ended or
+    replaced is judged at once, but the run goes on while an operator commands the robot.
     """
 
     def __init__(
@@ -64,7 +66,7 @@ class GoalRun:
         self.telemetry = Telemetry(
             link.bus,
             link.robot,
-            (STATUS, ODOMETRY, DECISION, CYCLE, TRUTH),
+            (STATUS, ODOMETRY, DECISION, CYCLE, TRUTH, LEASE, MISSION),
             taker=lambda path: self._keep_pose if path == ODOMETRY.path else None,
         )
         self.outcome: Outcome | None = None
@@ -77,6 +79,9 @@ class GoalRun:
         self._void = void
         self._goal_id = 0
         self._begun_ns = self._lost_ns = 0
+        self._of_goal: NavigatorStatus | None = None
+        """The newest status of the goal of this run."""
+
         self._refusal: Refused | None = None
         self._watch: GoalWatch | None = None
 
@@ -169,12 +174,15 @@ class GoalRun:
 
     @property
     def is_over(self) -> bool:
-        """True when the run has an outcome or is void."""
-        return self.outcome is not None or bool(self.void_reason)
+        """True when the run has an outcome and nobody else drives on, or when it is void."""
+        return bool(self.void_reason) or (self.outcome is not None and not self._is_commanded)
 
     def look(self) -> None:
         """Check whether the goal has ended; NoOutcomeError when the robot is lost."""
         if self.is_over or self._watch is None:
+            return
+        if self.outcome is not None:
+            self._check()
             return
         truth = self.telemetry.latest(TRUTH)
         if truth is not None:
@@ -185,17 +193,19 @@ class GoalRun:
             self.void_reason = void.why if void.is_final else ""
             return
         newest = self.telemetry.latest(STATUS)
-        if newest is not None:
-            self._watch.receive(*newest)
+        if newest is not None and newest[0].goal_id == self._goal_id:
+            self._of_goal = newest[0]
+        self._watch.look(self.telemetry.latest)
         self._watch.due(self.link.clock.now_ns())
-        end = self._watch.end
+        end, of_goal = self._watch.end, self._of_goal
         if end is None:
             return
-        if newest is None or not (end.outcome == "timeout" or newest[0].goal_ended_ns):
+        is_judged = end.outcome in ("timeout", REPLACED) or (of_goal and of_goal.goal_ended_ns)
+        if of_goal is None or not is_judged:
             self._lost(lambda: f"{end.reason}: {self.link.diagnosis()}")
             return
         try:
-            self._end(newest[0])
+            self._end(of_goal, end)
         except NoAnswerError as error:
             why = str(error)
             self._lost(lambda: why)
@@ -208,13 +218,32 @@ class GoalRun:
         if now_ns - self._lost_ns > RESTART_WAIT_NS:
             raise NoOutcomeError(why())
 
+    @property
+    def _is_commanded(self) -> bool:
+        """True while an operator commands the robot whose goal he has ended: he may go on."""
+        if self.outcome is None or self.outcome.outcome not in ("aborted", REPLACED):
+            return False
+        lease, newest = self.telemetry.latest(LEASE), self.telemetry.latest(STATUS)
+        if lease is not None and lease[0].held:
+            return True
+        if newest is None or newest[0].vehicle != Vehicle.ACTIVE or newest[0].mode == Mode.HOLD:
+            return False
+        mission = self.telemetry.latest(MISSION)
+        on_mission = mission is not None and mission[0].state == MissionState.HOLDING
+        drives_to_goal = GoalState.NONE < newest[0].goal < GoalState.REACHED
+        return on_mission or drives_to_goal or newest[0].mode == Mode.MANUAL
+
     def line(self) -> list[Part]:
         """Return the status line of this run."""
         if self._waiting:
             return [Part(self._waiting)]
         now_ns = self.link.clock.now_ns()
+        if self.outcome is not None and not self.is_over:
+            parts = goal_line(self.telemetry, now_ns, 0)
+            return [Part(f"goal {self.outcome.outcome}, an operator drives"), *parts]
         silent_ns = 0 if self._watch is None else self._watch.silent_ns(now_ns)
-        return goal_line(self.telemetry, now_ns, silent_ns, self._goal_id)
+        unseen = self._goal_id if self._of_goal is None else None
+        return goal_line(self.telemetry, now_ns, silent_ns, unseen)
 
     def short_line(self) -> Part:
         """Return a short status, for a line that covers several robots."""
@@ -245,9 +274,12 @@ class GoalRun:
         """Why the robot refused the goal; empty if it did not."""
         return "" if self._refusal is None else self._refusal.words
 
-    def _end(self, status: NavigatorStatus) -> None:
+    def _end(self, status: NavigatorStatus, end: GoalEnd | None = None) -> None:
         wall_s = (self.link.clock.now_ns() - self._begun_ns) / NS_PER_S
-        self.outcome = self._judge(status, wall_s)
+        replaced = end is not None and end.outcome == REPLACED
+        self.outcome = self._judge(status, wall_s, status.time_ns if replaced else None)
+        if end is not None and replaced and self.outcome.outcome == "timeout":
+            self.outcome = replace(self.outcome, outcome=REPLACED, reason=end.reason)
 
     def _ask_plant(self, request: RunRequest) -> object:
         timeout_s = REQUEST_TIMEOUT_S * slowdown_in(self.link.clock)()
@@ -260,10 +292,14 @@ class GoalRun:
             raise NoOutcomeError(f"the goal was refused: {refusal.words}")
         return newest[0]
 
-    def _judge(self, status: NavigatorStatus, wall_s: float) -> Outcome:
+    def _judge(
+        self, status: NavigatorStatus, wall_s: float, until_ns: int | None = None
+    ) -> Outcome:
+        """Have the plant score the run until this stamp, else until its goal or its time ended."""
         timeout_ns = round(self._scenario.timeout_s * NS_PER_S)
         ended = status.goal in tuple(GoalState) and status.goal >= GoalState.REACHED
-        until_ns = status.goal_ended_ns if ended else status.goal_started_ns + timeout_ns
+        if until_ns is None:
+            until_ns = status.goal_ended_ns if ended else status.goal_started_ns + timeout_ns
         score = self._ask_plant(RunRequest(until_ns=until_ns, action=RunAction.SCORE))
         if not isinstance(score, RunScore):
             raise NoOutcomeError("the plant did not return a score")

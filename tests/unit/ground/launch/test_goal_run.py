@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any, Self
 
 import pytest
+from msgspec import structs
 
 from ground.client.connection import Common
 from ground.client.goal import destination
@@ -15,10 +16,18 @@ from ground.launch.scenario import WALL, Scenario, ScenarioRobot
 from ground.launch.supervisor import VoidRun
 from protocol.bus.network import Network
 from protocol.topic import Service
-from protocol.topics import STATUS, TRUTH
-from protocol.wire.enums import AckResult, Command, GoalState, Vehicle
+from protocol.topics import LEASE, STATUS, TRUTH
+from protocol.wire.enums import AckResult, Command, GoalState, Mode, Vehicle
 from protocol.wire.message import Message
-from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest, NavigatorStatus
+from protocol.wire.messages import (
+    CommandAck,
+    CommandRequest,
+    GoalRequest,
+    LeaseStatus,
+    NavigatorStatus,
+    RunRequest,
+    RunScore,
+)
 from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
 from runtime.errors import NoAnswerError
@@ -28,9 +37,21 @@ from tests.support.ground.recording.made import truth
 
 SECOND = 1_000_000_000
 SILENT = "no process answers"
+FACTS = {
+    "goal": {
+        "x_m": 9.0, "y_m": 9.0, "heading_deg": None, "position_tolerance_m": 0.05,
+        "heading_tolerance_deg": 3.0,
+    },
+    "shortest_path_m": 1.0,
+}  # fmt: skip
 SCENARIO = Scenario(
-    world="open", name="open", facts={}, scenario_robots=(), navigator="vgm", side="left",
-    seed=0, noise=None, speed="1", router=False, record=None, timeout_s=100.0,
+    world="open", name="open", facts=FACTS, scenario_robots=(), navigator="vgm", side="left",
+    seed=0, noise="none", speed="1", router=False, record=None, timeout_s=100.0,
+)  # fmt: skip
+OTHER = 9
+SCORE = RunScore(
+    time_ns=1, x_m=1.0, y_m=1.0, heading_rad=0.0, path_m=1.0, min_clearance_m=1.0, ticks=20,
+    contacts=0, own_contacts=0, digest=(0,) * 32,
 )  # fmt: skip
 WHY = "the plant process was killed (signal SIGKILL)"
 
@@ -45,6 +66,8 @@ class Wired(Wireless):
     holder = None
     serves_after = 1000
     requests = 0
+    score_until_ns: list[int] | None = None
+    """The stamps for which a score was asked; None: the plant does not answer."""
     refusals: tuple[int, ...] = ()
     """Reasons for which the next goals are refused."""
     on_refusal: Callable[[], None] = staticmethod(lambda: None)
@@ -60,6 +83,9 @@ class Wired(Wireless):
         robot: str | None = None,
     ) -> Message | bytes:
         self.requests += 1
+        if isinstance(message, RunRequest) and self.score_until_ns is not None:
+            self.score_until_ns.append(message.until_ns)
+            return SCORE
         if self.requests <= self.serves_after:
             raise NoAnswerError(SILENT)
         if isinstance(message, GoalRequest):
@@ -105,6 +131,7 @@ class Stage:
         ended_ns: int = 0,
         vehicle: Vehicle = Vehicle.ACTIVE,
         reason: Reason = Reason.NONE,
+        **changes: Any,
     ) -> None:
         status = NavigatorStatus(
             time_ns=self.clock.now_ns(), goal_started_ns=SECOND, goal_ended_ns=ended_ns, goal_id=0,
@@ -113,7 +140,13 @@ class Stage:
             goal_reason=Reason.TICKS_LOST, navigator=1,
             side=1,
         )  # fmt: skip
+        status = structs.replace(status, **changes)
         self.bus.boxes[STATUS.path].newest = (status, self.clock.now_ns())
+
+    def lease(self, held: bool, **changes: Any) -> None:
+        lease = LeaseStatus(time_ns=1, lapses_ms=0, held=int(held), holder="ben/1", name="ben")
+        lease = structs.replace(lease, **changes)
+        self.bus.boxes[LEASE.path].newest = (lease, self.clock.now_ns())
 
     def wait(self, seconds: float) -> None:
         for _ in range(round(seconds * 10)):
@@ -196,6 +229,93 @@ def test_run_waits_for_a_restart_of_a_silent_robot() -> None:
     stage.wait(3.0 + RESTART_WAIT_NS / SECOND)
     with pytest.raises(NoOutcomeError, match="no message from the robot for 3"):
         stage.wait(0.2)
+
+
+def replaced_run(*, held: bool = True) -> Stage:
+    """Return a stage whose goal somebody else's goal has replaced."""
+    stage = Stage.begun()
+    stage.bus.score_until_ns = []
+    stage.receive(GoalState.DRIVING)
+    stage.wait(0.2)
+    driving_ns = stage.clock.now_ns()
+    stage.receive(GoalState.DRIVING)
+    stage.wait(0.1)
+    stage.lease(held, drive_id=OTHER, driver="ben@desk:pts/2")
+    stage.receive(GoalState.DRIVING, goal_id=OTHER, goal_x_m=1.26, goal_y_m=2.0)
+    stage.wait(0.1)
+    assert stage.goal_run.outcome is not None
+    assert stage.bus.score_until_ns == [driving_ns], "judged until its own goal was replaced"
+    return stage
+
+
+def test_goal_of_somebody_else_is_not_taken_for_ours() -> None:
+    stage = replaced_run()
+    outcome = stage.goal_run.outcome
+    assert outcome is not None
+    assert (outcome.outcome, outcome.reason) == (
+        "replaced",
+        "by the goal 1.3 2.0 of ben@desk:pts/2",
+    )
+    assert not outcome.reached
+    assert outcome.text().startswith("replaced by the goal 1.3 2.0 of ben@desk:pts/2 in open with ")
+
+
+def test_run_goes_on_while_an_operator_drives_or_holds_the_lease() -> None:
+    stage = replaced_run()
+    for goal in (GoalState.DRIVING, GoalState.REACHED):
+        stage.receive(goal, goal_id=OTHER)
+        stage.wait(30.0)
+        assert not stage.goal_run.is_over
+        assert stage.goal_run.line()[0].text == "goal replaced, an operator drives"
+    stage.lease(False)
+    assert stage.goal_run.is_over
+    assert stage.bus.score_until_ns is not None
+    assert len(stage.bus.score_until_ns) == 1
+
+
+@each(
+    ("goal", "mode", "vehicle", "is_over"),
+    [
+        (GoalState.DRIVING, Mode.GUIDED, Vehicle.ACTIVE, False),
+        (GoalState.ABORTED, Mode.MANUAL, Vehicle.ACTIVE, False),
+        (GoalState.DRIVING, Mode.HOLD, Vehicle.ACTIVE, True),
+        (GoalState.DRIVING, Mode.GUIDED, Vehicle.FAILSAFE, True),
+        (GoalState.REACHED, Mode.GUIDED, Vehicle.ACTIVE, True),
+    ],
+)
+def test_run_without_a_lease_goes_on_while_the_robot_is_driven(
+    goal: GoalState, mode: Mode, vehicle: Vehicle, is_over: bool
+) -> None:
+    stage = replaced_run(held=False)
+    stage.receive(goal, goal_id=OTHER, mode=mode, vehicle=vehicle)
+    assert stage.goal_run.is_over == is_over
+
+
+def test_run_goes_on_after_an_operator_has_taken_the_robot_by_hand() -> None:
+    stage = Stage.begun()
+    stage.bus.score_until_ns = []
+    stage.lease(True)
+    ended_ns = stage.clock.now_ns()
+    stage.receive(
+        GoalState.ABORTED, ended_ns=ended_ns, mode=Mode.MANUAL, goal_reason=Reason.BY_OPERATOR
+    )
+    stage.wait(1.0)
+    outcome = stage.goal_run.outcome
+    assert outcome is not None
+    assert (outcome.outcome, outcome.reason) == ("aborted", "by the operator")
+    assert not stage.goal_run.is_over
+    stage.receive(GoalState.ABORTED, ended_ns=ended_ns, mode=Mode.HOLD)
+    stage.lease(False)
+    assert stage.goal_run.is_over
+
+
+def test_reached_goal_ends_the_run_whoever_holds_the_lease() -> None:
+    stage = Stage.begun()
+    stage.bus.score_until_ns = []
+    stage.lease(True)
+    stage.receive(GoalState.REACHED, ended_ns=2 * SECOND, goal_reason=Reason.NONE)
+    stage.wait(0.1)
+    assert stage.goal_run.is_over
 
 
 def test_progress_says_that_the_computer_is_busy() -> None:
