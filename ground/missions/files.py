@@ -112,6 +112,7 @@ def _text(path: Path) -> str:
         return text_in(path, LARGEST_BYTES)
     except OSError as error:
         why = (error.strerror or "cannot be read").lower()
-        raise UserError(f"{path}: {why}: name a mission file") from error
+        fix = "name a mission file, such as one that `sidestep mission download FILE` has written"
+        raise UserError(f"{path}: {why}: {fix}") from error
     except UnicodeDecodeError as error:
         raise UserError(f"{path}: is not UTF-8 text; save it as UTF-8") from error

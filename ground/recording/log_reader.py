@@ -198,7 +198,9 @@ def open_part(path: Path, robot: str | None = None) -> Log:
         with opened(path) as source:
             begin = source.read(len(MCAP_BEGINS))
     except OSError as error:
-        raise UserError(f"{path}: {error.strerror}: name a recording") from error
+        raise UserError(
+            f"{path}: {error.strerror}: name a recording, as listed by `sidestep rec list`"
+        ) from error
     if path.suffix not in SUFFIXES and begin != MCAP_BEGINS and not begins_with_record(path):
         raise UserError(f"{path}: is not a recording, which is a .mcap or a .tlog")
     if begin == MCAP_BEGINS or (path.suffix == ".mcap" and MCAP_BEGINS.startswith(begin)):

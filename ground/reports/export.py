@@ -32,7 +32,7 @@ class Tally(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """A table that was written; `ok` unless part of the recording is damaged."""
+    """A table that was written; `ok` unless the recording is empty or part of it is damaged."""
 
     file: str
     out: str | None
@@ -40,14 +40,16 @@ class Exported:
 
     @property
     def ok(self) -> bool:
-        """True unless part of the recording is damaged."""
-        return not self.tally.damage
+        """True unless the recording is empty or part of it is damaged."""
+        return bool(self.tally.frames) and not self.tally.damage
 
     @property
     def text(self) -> str:
         """The counts, and the damage if there is any."""
         tally = self.tally
         text = f"{self.file}: {tally.frames} frames, {tally.rows} rows"
+        if not tally.frames and not tally.damage:
+            text += ": the recording is empty; `sidestep rec list` shows the others"
         if tally.unreadable:
             text += f"; {tally.unreadable} frames are not of this dialect"
         return f"{text}; DAMAGED: {tally.damage}" if tally.damage else text

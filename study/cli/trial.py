@@ -156,7 +156,8 @@ def turn(option: str, heading_deg: float) -> float:
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the verb."""
     made = new_parser("trial", allow_abbrev=True)
-    made.add_argument("--world", required=True, help="name of a shipped world, or a .toml file")
+    help = "name of a shipped world, or a .toml file (default box)"
+    made.add_argument("--world", default="box", help=help)
     made.add_argument(
         "--navigator",
         choices=ALL_NAVIGATORS,

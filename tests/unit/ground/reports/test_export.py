@@ -141,3 +141,12 @@ def test_missing_pyarrow_names_the_package(
 def test_a_file_that_is_not_there_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["export", "nowhere.tlog"]) == 2
     assert "nowhere.tlog: No such file" in capsys.readouterr().err
+
+
+def test_empty_recording_is_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    empty = tmp_path / "empty.tlog"
+    empty.touch()
+    assert main(["export", str(empty)]) == 1
+    assert (
+        "0 frames, 0 rows: the recording is empty; `sidestep rec list`" in capsys.readouterr().err
+    )
