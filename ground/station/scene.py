@@ -10,9 +10,9 @@ from ground.client.telemetry import Age, age_of
 from ground.map.ellipse import CHI2_2
 from ground.map.scene import MapScene, MapTarget, RobotMark
 from ground.station.history.trail import Point, ranges_m
-from ground.station.link.loss_texts import driving
 from ground.station.robot.robot_model import RobotModel
 from ground.station.world import WorldFacts
+from ground.text.state_roles import driving
 from protocol.topics import DECISION, MISSION, ODOMETRY, SONAR, STATUS, TRUTH
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.messages import AvoidanceDecision, NavigatorStatus, PlanarOdometry

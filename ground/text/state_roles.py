@@ -49,6 +49,11 @@ def vehicle_role(vehicle: int) -> str:
     return next((role for known, role in VEHICLE_ROLES.items() if known == vehicle), DANGER)
 
 
+def driving(status: NavigatorStatus) -> bool:
+    """Return whether a goal is being pursued."""
+    return GoalState.ACCEPTED <= status.goal <= GoalState.ALIGNING
+
+
 def state_role(status: NavigatorStatus) -> str:
     """Return the role of the colour of a robot's state.
 

@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 from ground.station.link.loss import LossKind
 from ground.station.robot.lease_state import LeaseView
+from ground.text.state_roles import driving
 from protocol.bus.network import Hub
-from protocol.wire.enums import GoalState, Mode, Vehicle
+from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.limits import (
     MAX_WHEEL_TTL_MS,
     SCAN_LOST_MS,
@@ -98,11 +99,6 @@ def _without_operator(status: NavigatorStatus | None, op_lost_ms: float | None) 
             "failsafe: it stops without its operator, after an unknown time (op_lost_ms not read)"
         )
     return f"failsafe: it stops {op_lost_ms / 1000:g} s after the last heartbeat of its operator"
-
-
-def driving(status: NavigatorStatus) -> bool:
-    """Return whether a goal is being pursued."""
-    return GoalState.ACCEPTED <= status.goal <= GoalState.ALIGNING
 
 
 def _without_senses(status: NavigatorStatus | None) -> str:

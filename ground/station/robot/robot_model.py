@@ -5,6 +5,7 @@ from contextlib import suppress
 from typing import Final
 
 from ground.client.parameter import Parameter
+from ground.client.requests import NAMED_NS
 from ground.client.telemetry import Telemetry
 from ground.station.bus_protocols import ReadableBus, Token
 from ground.station.history.decision_history import DecisionHistory
@@ -14,14 +15,27 @@ from ground.station.link.presence_log import LineBudget, PresenceLog
 from ground.station.link.restarts import RestartNotice, Restarts
 from ground.station.link.streams import Streams
 from ground.station.robot.mission_items import MissionItems
+from ground.text.state_roles import driving
 from ground.text.statustext import StatustextAssembler, aged
-from protocol.topics import ANSWERED, COMMANDED, CYCLE, SONAR, TEXT, TOPICS, Role
+from protocol.topics import (
+    ANSWERED,
+    COMMANDED,
+    CYCLE,
+    LEASE,
+    SONAR,
+    STATUS,
+    TEXT,
+    TOPICS,
+    Role,
+)
 from protocol.wire.codec import decode
 from protocol.wire.enums import Severity
 from protocol.wire.message import Message
-from protocol.wire.messages import ParamValue, Statustext
+from protocol.wire.messages import LeaseStatus, NavigatorStatus, ParamValue, Statustext
+from runtime.cli.terminal import printable
 from runtime.errors import RemoteError
 from runtime.sequence import MAX_LATE_NS, MAX_LATE_TICKS
+from runtime.timing import PERIOD_NS
 
 EVENTS: Final = frozenset((TEXT.path, COMMANDED.path, ANSWERED.path))
 
@@ -60,6 +74,9 @@ class RobotModel:
         }
         self.tokens: dict[Role, str] = {}
         self.mission_items = MissionItems()
+        self.is_selected = False
+        """True while the end of each of its goals is told."""
+        self._goals = GoalChanges()
         self.plant_radius_m: float | None = None
         """Radius of the simulated robot, if its plant has told it."""
         self._restart_lines = LineBudget()
@@ -86,6 +103,9 @@ class RobotModel:
             self.streams.skip()
         for arrival in arrivals:
             self._take(arrival, now_ns)
+        lease = self.telemetry.latest(LEASE)
+        if words := self._goals.words(None if lease is None else lease[0], now_ns):
+            self._add_line("ground", f"{self.robot}: {words}", Severity.INFO)
         self.figures.poll(now_ns, self.radius_m)
         return restarted_roles
 
@@ -98,6 +118,9 @@ class RobotModel:
     def _take(self, arrival: ReceivedFrame, now_ns: int) -> None:
         self.streams.take(arrival)
         self.decision_history.take(arrival)
+        if arrival.path == STATUS.path and self.is_selected:
+            with suppress(RemoteError):
+                self._goals.receive(decode(arrival.frame).message, arrival.arrived_ns)
         if arrival.path in EVENTS:
             with suppress(RemoteError):  # the mailbox has counted it
                 self._event(decode(arrival.frame).message, arrival.arrived_ns, now_ns)
@@ -143,6 +166,44 @@ class RobotModel:
         if role is Role.ROBOT:
             self.figures.restart()
             self.parameters.forget()
+
+
+class GoalChanges:
+    """Tells when a goal that is under way is replaced by another one, and whose that is.
+
+    Each status counts: the one that is missing may have shown that the goal was reached.
+    """
+
+    def __init__(self) -> None:
+        self._last: NavigatorStatus | None = None
+        self._old: NavigatorStatus | None = None
+        self._changed_ns = 0
+
+    def receive(self, status: Message, now_ns: int) -> None:
+        """Process the next status."""
+        assert isinstance(status, NavigatorStatus)
+        last, self._last = self._last, status
+        if last is None or not driving(last) or status.goal_id in (0, last.goal_id):
+            return
+        if 0 < status.time_ns - last.time_ns < 2 * PERIOD_NS:
+            self._old, self._changed_ns = last, now_ns
+
+    def words(self, lease: LeaseStatus | None, now_ns: int) -> str:
+        """Return the change once, when the operator of the new goal is known, or soon after."""
+        old, new = self._old, self._last
+        if old is None or new is None:
+            return ""
+        is_named = lease is not None and lease.driver and lease.drive_id == new.goal_id
+        if not is_named and now_ns - self._changed_ns < NAMED_NS:
+            return ""
+        self._old = None
+        of = f" of {printable(lease.driver)}" if lease is not None and is_named else ""
+        return f"goal {place_of(old)} replaced by the goal {place_of(new)}{of}"
+
+
+def place_of(status: NavigatorStatus) -> str:
+    """Return the place of the goal in words."""
+    return f"{status.goal_x_m:z.1f} {status.goal_y_m:z.1f}"
 
 
 class ParameterList:

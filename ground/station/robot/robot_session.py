@@ -42,6 +42,7 @@ class RobotSession:
     def select(self) -> None:
         """Read everything of this robot, and announce this station as its operator's."""
         self.reader.watches_only = False
+        self._model.is_selected = True
         self._operate()
 
     def _operate(self) -> MessagePublisher[Heartbeat]:
@@ -54,6 +55,7 @@ class RobotSession:
     def deselect(self) -> None:
         """Only watch this robot from now on; a held lease is kept."""
         self.reader.watches_only = True
+        self._model.is_selected = False
 
     @property
     def can_end(self) -> bool:

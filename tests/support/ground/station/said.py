@@ -49,6 +49,8 @@ class Lease:
 
     holder: str = ""
     name: str = ""
+    drive_id: int = 0
+    driver: str = ""
 
 
 @dataclass
@@ -68,6 +70,7 @@ class Robot:
     mode: Mode = Mode.GUIDED
     goal: GoalState = GoalState.NONE
     goal_id: int = 0
+    goal_x_m: float = 5.0
     stop_id: int = 0
     rotation_rad: float = 0.0
     lease: Lease = field(default_factory=Lease)
@@ -129,7 +132,7 @@ class Robot:
         return NavigatorStatus(
             time_ns=self.time_ns, goal_started_ns=0, goal_ended_ns=0,
             goal_id=self.goal_id, stop_id=self.stop_id,
-            goal_x_m=5.0, goal_y_m=1.0, goal_heading_rad=nan, goal_distance_m=4.0,
+            goal_x_m=self.goal_x_m, goal_y_m=1.0, goal_heading_rad=nan, goal_distance_m=4.0,
             vehicle=self.vehicle, mode=self.mode, goal=self.goal,
             vehicle_reason=self.vehicle_reason, goal_reason=Reason.NONE,
             navigator=Navigator.VGM, side=1,
@@ -158,7 +161,7 @@ class Robot:
         held = bool(self.lease.holder)
         return LeaseStatus(
             time_ns=self.time_ns, lapses_ms=3000 * held, held=held, holder=self.lease.holder,
-            name=self.lease.name,
+            name=self.lease.name, drive_id=self.lease.drive_id, driver=self.lease.driver,
         )  # fmt: skip
 
     def mission(self) -> MissionStatus:

@@ -22,7 +22,7 @@ from protocol.topics import (
     Role,
     Topic,
 )
-from protocol.wire.enums import Severity
+from protocol.wire.enums import GoalState, Severity
 from protocol.wire.message import Message
 from protocol.wire.messages import MissionStatus, ParamValue, Statustext
 from runtime.clock import ManualClock
@@ -258,3 +258,51 @@ def test_ages_are_judged_in_simulated_time() -> None:
     play.delivered = False
     play.forward(1.3)
     assert play.station.seen(HEARTBEAT).age is Age.GONE
+
+
+def to_the_next_goal(play: Play) -> None:
+    """Let another goal begin while the first one is under way."""
+    play.robot.goal, play.robot.goal_id = GoalState.DRIVING, 4
+    play.forward(0.5)
+    play.robot.goal_id, play.robot.goal_x_m = 9, 1.3
+
+
+def test_replaced_goal_names_the_other_one_and_whose_it_is() -> None:
+    play = Play()
+    to_the_next_goal(play)
+    play.robot.lease.drive_id, play.robot.lease.driver = 9, "ben@desk:pts/1"
+    play.forward(2.0)
+    words = "r1: goal 5.0 1.0 replaced by the goal 1.3 1.0 of ben@desk:pts/1"
+    assert play.texts("replaced") == [words]
+
+
+def test_replaced_goal_waits_for_a_name_but_not_for_long() -> None:
+    play = Play()
+    to_the_next_goal(play)
+    play.robot.lease.drive_id, play.robot.lease.driver = 4, "anna"
+    play.forward(0.5)
+    assert play.texts("replaced") == []
+    play.forward(1.0)
+    assert play.texts("replaced") == ["r1: goal 5.0 1.0 replaced by the goal 1.3 1.0"]
+
+
+def test_goal_that_ended_before_the_next_one_is_not_replaced() -> None:
+    play = Play()
+    play.robot.goal, play.robot.goal_id = GoalState.DRIVING, 4
+    play.forward(0.5)
+    play.robot.goal = GoalState.REACHED
+    play.forward(0.05)
+    play.robot.goal, play.robot.goal_id = GoalState.ACCEPTED, 9
+    play.forward(2.0)
+    assert play.texts("replaced") == []
+
+
+def test_goal_whose_end_may_have_been_missed_is_not_replaced() -> None:
+    play = Play()
+    play.robot.goal, play.robot.goal_id = GoalState.DRIVING, 4
+    play.forward(0.5)
+    play.delivered = False
+    play.forward(0.1)
+    play.delivered, play.robot.goal_id = True, 9
+    play.forward(2.0)
+    assert play.texts("replaced") == []
