@@ -11,21 +11,28 @@ from ground.console.history import History
 from protocol.bus.bus import Bus
 from protocol.bus.network import Network
 from protocol.wire.enums import Command, Mode, Severity
+from protocol.wire.messages import LeaseRequest
 from protocol.wire.reasons import Reason
+from tests.support.each import each
 from tests.support.ground.station.play import Play
 
 
-@pytest.fixture
-def typing(tmp_path: Path) -> tuple[Play, CommandRunner]:
-    play = Play().forward(1.0)
+def commands_of(play: Play, folder: Path) -> CommandRunner:
+    """Return what runs the commands of an app; they reach the played robot."""
     network = Network(mode="client", connect=("tcp/127.0.0.1:7447",))
-    history = History(tmp_path / "history")
     common = Common(network=network, robot="r1")
-    return play, CommandRunner(lambda: play.station, None, common, play.clock, history)
+    history, bus = History(folder / "history"), cast(Bus, play.bus)
+    return CommandRunner(lambda: play.station, bus, common, play.clock, history)
 
 
-def test_typed_lease_uses_the_station(typing: tuple[Play, CommandRunner]) -> None:
-    play, commands = typing
+@pytest.fixture
+def commanding(tmp_path: Path) -> tuple[Play, CommandRunner]:
+    play = Play().forward(1.0)
+    return play, commands_of(play, tmp_path)
+
+
+def test_typed_lease_uses_the_station(commanding: tuple[Play, CommandRunner]) -> None:
+    play, commands = commanding
     commands.run_line("lease take")
     play.forward(1.0)
     assert play.station.lease.ours
@@ -35,8 +42,8 @@ def test_typed_lease_uses_the_station(typing: tuple[Play, CommandRunner]) -> Non
     assert not play.station.lease.held
 
 
-def test_typed_seize_takes_a_foreign_lease(typing: tuple[Play, CommandRunner]) -> None:
-    play, commands = typing
+def test_typed_seize_takes_a_foreign_lease(commanding: tuple[Play, CommandRunner]) -> None:
+    play, commands = commanding
     play.robot.lease.holder, play.robot.lease.name = "theirs", "ben"
     play.forward(1.0)
     commands.run_line("lease take")
@@ -47,14 +54,25 @@ def test_typed_seize_takes_a_foreign_lease(typing: tuple[Play, CommandRunner]) -
     assert play.station.lease.ours
 
 
+@each("line", ["hold", "abort", "disarm", "mode hold"])
+def test_what_stops_is_sent_while_another_person_has_the_lease(line: str, tmp_path: Path) -> None:
+    play = Play()
+    play.robot.lease.holder, play.robot.lease.name = "theirs", "ben"
+    play.forward(1.0)
+    loss = play.station.loss()
+    assert loss is not None
+    assert loss.response == "hold, abort, disarm and E-STOP work. Take over: `lease seize`"
+    commands_of(play, tmp_path).run_line(line)
+    play.forward(0.2)
+    assert len(play.commands) == 1
+    assert not [one for _, _, one in play.bus.asked if isinstance(one, LeaseRequest)]
+    assert play.texts(f"{line}: ok")
+
+
 @pytest.fixture
-def driving(tmp_path: Path) -> tuple[Play, CommandRunner]:
+def driving(commanding: tuple[Play, CommandRunner]) -> tuple[Play, CommandRunner]:
     """Return an app that drives r1 by keys."""
-    play = Play().forward(1.0)
-    common = Common(network=Network(mode="client", connect=("tcp/127.0.0.1:7447",)), robot="r1")
-    history = History(tmp_path / "history")
-    bus = cast(Bus, play.bus)
-    commands = CommandRunner(lambda: play.station, bus, common, play.clock, history)
+    play, commands = commanding
     assert commands.begin_teleop()
     play.forward(0.5)
     (manual,) = play.commands
@@ -90,12 +108,10 @@ def test_end_of_teleop_that_another_drive_ended_is_no_fault(
     assert line.severity == Severity.INFO
 
 
-def test_end_of_teleop_that_was_never_sent_ends_nothing(tmp_path: Path) -> None:
-    play = Play().forward(1.0)
-    common = Common(network=Network(mode="client", connect=("tcp/127.0.0.1:7447",)), robot="r1")
-    history = History(tmp_path / "history")
-    bus = cast(Bus, play.bus)
-    commands = CommandRunner(lambda: play.station, bus, common, play.clock, history)
+def test_end_of_teleop_that_was_never_sent_ends_nothing(
+    commanding: tuple[Play, CommandRunner],
+) -> None:
+    play, commands = commanding
     assert commands.begin_teleop()
     play.station.estop()
     commands.end_teleop()
