@@ -12,13 +12,13 @@ from msgspec.structs import replace
 from ground.client import stop_ways
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.link import ALIVE, Link
-from ground.client.operations import Abort, Disarm, Hold, Operation, Session, Stopped
+from ground.client.operations import Operation, Session, Stopped
 from ground.client.operations.commands import STOP_S
 from ground.client.operations.leases import ask_lease
 from ground.client.operations.teleop import TeleopSender
 from ground.client.results import Outcome
 from ground.client.telemetry import Telemetry
-from ground.gateway.port import NO_TELEMETRY, Answered, Done, Snapshot
+from ground.gateway.port import NO_TELEMETRY, OVERTAKEN, STOPS, Answered, Done, Snapshot
 from protocol.bus.mailbox import Mailbox
 from protocol.bus.publisher import Publisher
 from protocol.topics import (
@@ -44,9 +44,10 @@ from runtime.units import NS_PER_MS, NS_PER_S
 READY_S: Final = 0.5
 SILENT_NS: Final = 1500 * NS_PER_MS
 """A robot that has been silent for so long is asked nothing, but to stop."""
-STOPS: Final = (Abort, Disarm, Hold)
 MAX_WAITING: Final = 64
 """Requests that wait for the robot; more are refused."""
+MAX_HALTS: Final = 64
+"""Requests to stop that wait beside them."""
 LATE_NS: Final = 3 * NS_PER_S
 """A request that moves the robot is refused after this wait: its client has given it up."""
 BUSY: Final = "too many requests wait for the robot"
@@ -144,7 +145,11 @@ class BusPort:
         self._ended: SimpleQueue[Ended] = SimpleQueue()
         self._texts: SimpleQueue[tuple[bytes, int]] = SimpleQueue()
         self._requests = ThreadPoolExecutor(1, thread_name_prefix=f"requests {link.robot}")
+        self._halting = ThreadPoolExecutor(1, thread_name_prefix=f"halt {link.robot}")
         self._stopping = ThreadPoolExecutor(1, thread_name_prefix=f"stop {link.robot}")
+        self._halt: Callable[[], Outcome] | None = None
+        self._halts = self._halting_now = 0
+        self._after_halts: list[tuple[Callable[[], Outcome], Done]] = []
         self._waiting = 0
         self._unanswered = 0
         self._stop_line = StopLine(self._new_stop, self._repeat_stop)
@@ -180,10 +185,22 @@ class BusPort:
         return found
 
     def perform(self, operation: Operation[Any], done: Done) -> None:
-        """Start an operation; operations of one robot run one after another."""
-        stops, moves = isinstance(operation, STOPS), operation.moves
+        """Start an operation; operations of one robot run one after another.
+
+        One that only stops the robot runs at once. What was asked before it and has not begun does
+        not move the robot any more; if something has, the stop is repeated after it. What is asked
+        after it waits for its answer.
+        """
         job = partial(operation.perform, self._session())
-        self._request(job, done, is_tried=stops, expires=moves)
+        if not isinstance(operation, STOPS):
+            self._request(job, done, expires=operation.moves, moves=operation.moves)
+        elif self._waiting >= MAX_WAITING + MAX_HALTS:
+            self._end(done, Answered(None, BUSY))
+        else:
+            self._halt = job
+            self._halts += 1
+            self._halting_now += 1
+            self._wait(self._halting, job, lambda answered: self._halted(answered, done))
 
     def change_lease(self, action: LeaseAction, name: str, done: Done) -> None:
         """Take, seize or release the lease."""
@@ -216,7 +233,7 @@ class BusPort:
     @property
     def is_busy(self) -> bool:
         """Whether the answer to a request or to a stop is still to be delivered."""
-        return self._unanswered > 0
+        return self._unanswered > 0 or bool(self._after_halts)
 
     def deliver(self) -> None:
         """Call `done` for every request that has ended since the last call."""
@@ -226,6 +243,7 @@ class BusPort:
 
     def close(self) -> None:
         """Wait for the requests that run."""
+        self._halting.shutdown()
         self._stopping.shutdown()
         self._ways.close()
         self._requests.shutdown(cancel_futures=True)
@@ -251,29 +269,62 @@ class BusPort:
         return bool(arrived_ns) and now_ns - max(arrived_ns) >= SILENT_NS
 
     def _request(
-        self, job: Callable[[], Outcome], done: Done, *, is_tried: bool, expires: bool
+        self,
+        job: Callable[[], Outcome],
+        done: Done,
+        *,
+        is_tried: bool = False,
+        expires: bool,
+        moves: bool = False,
     ) -> None:
-        """Queue a request. `is_tried`: also to a silent robot; `expires`: only for a short time."""
-        asked_ns = self._link.bus.now_ns()
+        """Queue a request.
+
+        `is_tried`: also to a silent robot; `expires`: only for a short time; `moves`: only if no
+        stop overtakes it.
+        """
+        asked_ns, halts = self._link.bus.now_ns(), self._halts
 
         def checked() -> Outcome:
             if self._is_silent() and not is_tried:
                 raise RemoteError(NO_TELEMETRY)
             if expires and self._link.bus.now_ns() - asked_ns >= LATE_NS:
                 raise RemoteError(BUSY)
-            return job()
+            if not moves:
+                return job()
+            if self._halts != halts:
+                raise RemoteError(OVERTAKEN)
+            try:
+                return job()
+            finally:
+                if self._halts != halts and self._halt is not None:
+                    with suppress(RemoteError):
+                        self._halt()
 
+        if self._is_silent() and not is_tried:
+            self._end(done, Answered(None, NO_TELEMETRY))
+        elif self._waiting + len(self._after_halts) >= MAX_WAITING:
+            self._end(done, Answered(None, BUSY))
+        elif moves and self._halting_now:
+            self._after_halts.append((checked, done))
+        else:
+            self._wait(self._requests, checked, done)
+
+    def _halted(self, answered: Answered, done: Done) -> None:
+        """Go on after the answer to a request to stop."""
+        self._halting_now -= 1
+        done(answered)
+        if not self._halting_now:
+            waiting, self._after_halts = self._after_halts, []
+            for checked, then in waiting:
+                self._wait(self._requests, checked, then)
+
+    def _wait(self, pool: ThreadPoolExecutor, job: Callable[[], Outcome], done: Done) -> None:
         def ended(answered: Answered) -> None:
             self._waiting -= 1
             done(answered)
 
-        if self._is_silent() and not is_tried:
-            self._end(done, Answered(None, NO_TELEMETRY))
-        elif self._waiting >= MAX_WAITING:
-            self._end(done, Answered(None, BUSY))
-        else:
-            self._waiting += 1
-            self._submit(self._requests, checked, ended)
+        self._waiting += 1
+        self._submit(pool, job, ended)
 
     def _submit(self, pool: ThreadPoolExecutor, job: Callable[[], Outcome], done: Done) -> None:
         def delivered(answer: Answered) -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple, Protocol
 
-from ground.client.operations import Operation
+from ground.client.operations import Abort, Disarm, Hold, Operation
 from ground.client.results import Outcome, Refused
 from protocol.wire.enums import LeaseAction
 from protocol.wire.messages import (
@@ -20,8 +20,12 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 
+STOPS: Final = (Abort, Disarm, Hold)
+"""What only stops the robot. It needs neither control nor the lease, and overtakes what waits."""
 NO_TELEMETRY: Final = "no telemetry arrives from the robot"
 """Why a request is refused at once while the robot is silent."""
+OVERTAKEN: Final = "the robot was stopped before this could begin: send it again"
+"""Why a request that was asked before a stop, and waited, is refused."""
 KEEPS_FENCE: Final = "the fence is removed only while the robot is disarmed"
 HINTS: Final[Mapping[int, str]] = MappingProxyType(
     {
@@ -52,7 +56,10 @@ class Snapshot(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Answered:
-    """The end of a request: its outcome, or None with the error if the robot did not answer."""
+    """The end of a request: its outcome, or None with the error if the robot did not answer.
+
+    An `error` beside an outcome says it in other words.
+    """
 
     outcome: Outcome | None
     error: str = ""
@@ -65,9 +72,11 @@ class Answered:
     @property
     def text(self) -> str:
         """The outcome or the error, as a text for the user of a MAVLink ground station."""
+        if self.error or self.outcome is None:
+            return self.error
         if isinstance(self.outcome, Refused):
             return self.outcome.in_words(HINTS)
-        return self.error if self.outcome is None else self.outcome.text
+        return self.outcome.text
 
 
 Done = Callable[[Answered], None]

@@ -117,12 +117,14 @@ class Face:
         A sender with the ids of this vehicle is an echo of it, or a forger.
         """
         is_own = (sender.system, sender.component) == (self.vehicle.system, COMPONENT)
-        if is_own or not self._is_target(message):
+        if is_own:
+            return
+        if sender.may_command and not sender.doubt:
+            self.vehicle.control.heard(sender, now_ns)
+        if not self._is_target(message):
             return
         if sender.doubt:
             self._report(sender.doubt, now_ns)
-        elif sender.may_command:
-            self.vehicle.control.heard(sender, now_ns)
         number = message.get_msgId()
         services = self._by_id.get(number, ())
         if services and not sender.may_command and number not in WATCHING:
@@ -147,7 +149,7 @@ class Face:
             self.vehicle.is_armed = status.vehicle == State.ACTIVE
             self.vehicle.stop_id = status.stop_id
         self.vehicle.modes.due(self.vehicle.snapshot)
-        self.vehicle.control.due(self.vehicle.snapshot, now_ns)
+        self.vehicle.control.due(self.vehicle.snapshot, now_ns, self.vehicle.lossy)
         for service in self._services:
             service.due(now_ns)
 

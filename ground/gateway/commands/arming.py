@@ -1,15 +1,13 @@
 """Arming, its checks, and the emergency stop.
 
-The emergency stop needs no control. DO_FLIGHTTERMINATION with parameter 1 = 0 clears it, and so
-does forced arming; both need control. Forced disarming while another operator holds the lease is an
-emergency stop.
+Disarming and the emergency stop need no control. DO_FLIGHTTERMINATION with parameter 1 = 0 clears
+the stop, and so does forced arming; both need control.
 """
 
 from types import MappingProxyType
 from typing import Final
 
 from ground.client.operations import Arm, ClearEmergencyStop, Disarm
-from ground.client.results import Refused
 from ground.gateway.ardupilot import FORCE
 from ground.gateway.commands.call import Call
 from ground.gateway.commands.results import ACCEPTED, DENIED, LATER, result_of
@@ -20,7 +18,6 @@ from ground.gateway.prearm import faults
 from ground.gateway.vehicle import Vehicle
 from protocol.wire.enums import Severity
 from protocol.wire.enums import Vehicle as VehicleState
-from protocol.wire.reasons import Reason
 
 PREARM: Final = "PreArm: "
 """The prefix by which clients recognise why a robot cannot be armed."""
@@ -52,7 +49,7 @@ class ArmingCommands:
         if call.param1 == 1.0:
             self._arm(call, reply, is_forced=is_forced)
         elif call.param1 == 0.0:
-            self._disarm(call, reply, is_forced=is_forced)
+            self._vehicle.perform(call.sender, Disarm(), reply.ended)
         else:
             reply.result(DENIED, "parameter 1 must be 1 to arm or 0 to disarm")
 
@@ -88,17 +85,6 @@ class ArmingCommands:
 
     def _stop(self, reply: Reply) -> None:
         self._pressed_id = self._vehicle.port.stop(reply.ended)
-
-    def _disarm(self, call: Call, reply: Reply, *, is_forced: bool) -> None:
-        def ended(answered: Answered) -> None:
-            outcome = answered.outcome
-            is_held = isinstance(outcome, Refused) and outcome.reason == Reason.LEASE_HELD
-            if is_forced and is_held:
-                self._stop(reply)
-            else:
-                reply.ended(answered)
-
-        self._vehicle.perform(call.sender, Disarm(), ended)
 
     def _check(self, call: Call, reply: Reply) -> None:
         status = self._vehicle.snapshot.status

@@ -36,8 +36,8 @@ class DrivingCommands:
                 mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: Row(self._return_home),
                 mavlink.MAV_CMD_MISSION_START: Row(self._start_mission),
                 mavlink.MAV_CMD_DO_PAUSE_CONTINUE: Row(self._pause_continue, stops=is_pause),
-                mavlink.MAV_CMD_DO_CHANGE_SPEED: Row(self._change_speed),
-                mavlink.MAV_CMD_DO_SET_REVERSE: Row(self._set_reverse),
+                mavlink.MAV_CMD_DO_CHANGE_SPEED: Row(self._change_speed, outlasts=True),
+                mavlink.MAV_CMD_DO_SET_REVERSE: Row(self._set_reverse, outlasts=True),
             }
         )
 

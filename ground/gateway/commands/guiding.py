@@ -21,7 +21,7 @@ from ground.gateway.motion.setpoints import (
     world_heading,
 )
 from ground.gateway.motion.velocity import SPEED, Velocity
-from ground.gateway.port import Answered
+from ground.gateway.port import OVERTAKEN, Answered
 from ground.gateway.vehicle import Vehicle
 from protocol.wire.enums import Mode
 
@@ -75,8 +75,13 @@ class GuidingCommands:
         return place_goal(origin, call.latitude_deg, call.longitude_deg, heading_rad)
 
     def _drive_at(self, speed_m_s: float, goal: Destination, call: Call, reply: Reply) -> None:
+        control = self._vehicle.control
+        stops = control.stops
+
         def limited(answered: Answered) -> None:
-            if answered.ok:
+            if answered.ok and control.stops != stops:
+                reply.ended(Answered(None, OVERTAKEN))
+            elif answered.ok:
                 self._pilot.goto(goal, call.sender, reply.ended)
             else:
                 reply.ended(answered)

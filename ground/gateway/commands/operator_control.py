@@ -60,7 +60,7 @@ class OperatorCommands:
     @property
     def table(self) -> CommandTable:
         """The command by its number; each repetition is a separate request."""
-        row = Row(self._change, stops=lambda _: True)
+        row = Row(self._change, repeats=True)
         return MappingProxyType({REQUEST_OPERATOR_CONTROL: row})
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
@@ -110,9 +110,8 @@ class OperatorCommands:
 
         def ended(answered: Answered) -> None:
             if answered.ok:
-                self._tell(owner, call.sender)
                 reply.result(ACCEPTED)
-            elif owner is None or control.owner != owner:
+            elif owner is None or control.owner != owner or owner.system == call.sender.system:
                 reply.result(FAILED, answered.text)
             else:
                 self._ask(owner, call)
@@ -120,12 +119,6 @@ class OperatorCommands:
                 reply.result(FAILED, words, Severity.INFO)
 
         control.request(call.sender, allow_takeover=call.param2 == 1.0, done=ended)
-
-    def _tell(self, before: Owner | None, now: Sender) -> None:
-        """Tell the client that was in control that another one has taken over."""
-        if before is not None and before.client != now.client:
-            words = f"MAVLink {now.system} has taken control"
-            self._vehicle.outbox.text(Severity.WARNING, words, before.client)
 
     def _ask(self, owner: Owner, call: Call) -> None:
         """Send the request on to the owner, once within the time for the answer."""

@@ -10,7 +10,7 @@ from typing import Final
 from ground.client.operations import ParameterChanged
 from ground.client.results import Outcome
 from ground.gateway.dialect import RESULT_NOT_IN_CONTROL, mavlink
-from ground.gateway.port import KEEPS_FENCE, NO_TELEMETRY, Answered
+from ground.gateway.port import KEEPS_FENCE, NO_TELEMETRY, OVERTAKEN, Answered
 from ground.gateway.traffic import NEWCOMER, WATCHER
 from protocol.wire.reasons import Reason
 
@@ -88,6 +88,7 @@ RESULTS: Final = MappingProxyType(
         Reason.ARMED: DENIED,
         Reason.PARAMETERS_DAMAGED: FAILED,
         Reason.NEWER_STOP: LATER,
+        Reason.ALREADY_OVER: FAILED,
     }
 )
 
@@ -96,7 +97,7 @@ def result_of(answered: Answered) -> int:
     """Return the MAV_RESULT for the end of a request; FAILED if the robot did not answer."""
     if answered.ok:
         return int(ACCEPTED)
-    if answered.error in (NO_TELEMETRY, KEEPS_FENCE):
+    if answered.error in (NO_TELEMETRY, KEEPS_FENCE, OVERTAKEN):
         return int(LATER)
     if answered.error in (WATCHER, NEWCOMER) or isinstance(answered.outcome, ParameterChanged):
         return int(DENIED)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
 from ground.gateway.commands.call import Call, call_of
-from ground.gateway.commands.repeats import Repeats
+from ground.gateway.commands.repeats import Action, Endings, Repeats
 from ground.gateway.commands.results import ACCEPTED, DENIED, LATER, UNSUPPORTED, result_of
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.port import Answered
@@ -18,6 +18,7 @@ MAX_WAITING: Final = 8
 MAX_STOPS: Final = 16
 """The same for one more command that only stops the robot."""
 BUSY: Final = "too many commands wait for the robot: send it again"
+UNDONE: Final = "the robot was stopped since: to go on, send it as a new command"
 
 
 class Reply:
@@ -45,13 +46,16 @@ class Row(NamedTuple):
     """How to execute one command.
 
     `reads`: it changes nothing, so each repetition is answered again, for all clients. `stops`
-    returns whether a call only stops the robot: then each repetition is executed.
+    returns whether a call only stops the robot: then each repetition is executed. `repeats`: so is
+    each repetition of another call. `outlasts`: what it makes is not ended by a stop.
     `is_unlimited`: any number of such calls may wait, because they pass all others.
     """
 
     handler: Handler
     reads: bool = False
     stops: Callable[[Call], bool] = lambda _: False
+    repeats: bool = False
+    outlasts: bool = False
     is_unlimited: bool = False
 
 
@@ -70,7 +74,8 @@ class CommandService:
     def __init__(self, vehicle: Vehicle, *tables: CommandTable) -> None:
         self._vehicle = vehicle
         self._rows = {number: row for table in tables for number, row in table.items()}
-        self._repeats = Repeats()
+        self._endings = Endings(vehicle)
+        self._repeats = Repeats(self._endings)
         self._waiting = Counter[int]()
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
@@ -89,7 +94,8 @@ class CommandService:
             self._act(row, call, acknowledged, message)
 
     def due(self, now_ns: int) -> None:
-        """Do nothing: no state of this service depends on time."""
+        """Follow what ends the effect of commands."""
+        self._endings.due()
 
     def forget(self, client: int) -> None:
         """Drop the commands kept for a client."""
@@ -97,21 +103,25 @@ class CommandService:
 
     def _act(self, row: Row, call: Call, acknowledged: int, message: MavMessage) -> None:
         confirmation, sequence = getattr(message, "confirmation", 0), message.get_seq()
-        known = None if row.stops(call) else self._repeats.find(call, confirmation, sequence)
-        if known is not None:
-            if known.result is not None:
-                self._answer(call, acknowledged, known.result)
-            return
         client, stops = call.sender.client, row.stops(call)
+        if not (stops or row.repeats):
+            action, result = self._repeats.judge(call, confirmation, sequence)
+            if action is Action.ANSWER:
+                self._answer(call, acknowledged, result)
+            elif action is Action.REFUSE:
+                self._answer(call, acknowledged, LATER, UNDONE)
+            if action is not Action.EXECUTE:
+                return
         is_limited = not (stops and row.is_unlimited)
         if is_limited and self._waiting[client] >= (MAX_STOPS if stops else MAX_WAITING):
             self._answer(call, acknowledged, LATER, BUSY)
             return
-        kept = self._repeats.keep(call, sequence)
+        self._endings.pressed += stops
+        kept = self._repeats.keep(call, sequence, outlasts=row.outlasts)
         self._waiting[client] += is_limited
 
         def send(result: int, words: str, severity: Severity) -> None:
-            kept.result = result
+            self._repeats.answered(kept, result)
             self._waiting[client] -= is_limited
             if not self._waiting[client]:
                 del self._waiting[client]

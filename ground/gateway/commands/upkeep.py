@@ -38,8 +38,8 @@ class UpkeepCommands:
             {
                 mavlink.MAV_CMD_DO_SEND_BANNER: Row(self._send_banner, reads=True),
                 mavlink.MAV_CMD_GET_HOME_POSITION: Row(self._get_home, reads=True),
-                mavlink.MAV_CMD_DO_SET_HOME: Row(self._set_home),
-                mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: Row(self._restart),
+                mavlink.MAV_CMD_DO_SET_HOME: Row(self._set_home, outlasts=True),
+                mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: Row(self._restart, outlasts=True),
             }
         )
 

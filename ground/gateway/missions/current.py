@@ -68,7 +68,9 @@ class CurrentItem:
     @property
     def table(self) -> CommandTable:
         """The commands by their numbers."""
-        return MappingProxyType({mavlink.MAV_CMD_DO_SET_MISSION_CURRENT: Row(self._command)})
+        return MappingProxyType(
+            {mavlink.MAV_CMD_DO_SET_MISSION_CURRENT: Row(self._command, outlasts=True)}
+        )
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
         """Choose an item; a refusal is a STATUSTEXT, as there is no acknowledgement."""

@@ -39,7 +39,9 @@ class FenceService:
     @property
     def table(self) -> CommandTable:
         """The commands by their numbers."""
-        return MappingProxyType({mavlink.MAV_CMD_DO_FENCE_ENABLE: Row(self._command)})
+        return MappingProxyType(
+            {mavlink.MAV_CMD_DO_FENCE_ENABLE: Row(self._command, outlasts=True)}
+        )
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
         """Take no message."""

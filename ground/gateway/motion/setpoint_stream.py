@@ -3,7 +3,6 @@
 from typing import Final
 
 from ground.client.goal import Destination
-from ground.gateway.control import held_by
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.motion.guided_drive import GuidedDrive
 from ground.gateway.motion.pilot import Pilot
@@ -44,14 +43,14 @@ class SetpointStream:
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
         """Execute a setpoint in GUIDED."""
-        if self._vehicle.modes.number != Mode.GUIDED:
-            self._target = ()
+        if self._vehicle.modes.number != Mode.GUIDED or self._vehicle.control.is_stopping:
+            self._target, self._next = (), None
             return
-        owner = self._vehicle.control.owner
+        refusal = self._vehicle.control.refusal(sender)
         if not sender.may_command:
             self._refuse(message, sender.barred, sender, now_ns)
-        elif owner is not None and not self._vehicle.control.holds(sender):
-            self._refuse(message, held_by(owner.system).text, sender, now_ns)
+        elif refusal is not None:
+            self._refuse(message, refusal.text, sender, now_ns)
         else:
             try:
                 self._follow(message, sender, now_ns)
@@ -102,7 +101,8 @@ class SetpointStream:
             now_ns = self._vehicle.snapshot.now_ns
             self._vehicle.refusals.say(words, sender.client, now_ns)
         following, self._next = self._next, None
-        if following is not None and self._vehicle.modes.number == Mode.GUIDED:
+        is_guided = self._vehicle.modes.number == Mode.GUIDED
+        if following is not None and is_guided and not self._vehicle.control.is_stopping:
             self._go(*following)
 
     def _refuse(self, message: MavMessage, why: str, sender: Sender, now_ns: int) -> None:

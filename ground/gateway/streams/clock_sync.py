@@ -18,7 +18,7 @@ class ClockSync:
         self._vehicle = vehicle
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
-        """Answer a request; ignore answers to others."""
+        """Answer a request; note an answer to one of this vehicle."""
         answer = None
         if message.get_msgId() == mavlink.MAVLINK_MSG_ID_TIMESYNC:
             if message.tc1 == 0:
@@ -27,6 +27,8 @@ class ClockSync:
         elif message.target_system == EVERYONE == message.target_component:
             fields = (message.time_usec, message.seq, sender.system, sender.component)
             answer = mavlink.MAVLink_ping_message(*fields)
+        elif message.target_system == self._vehicle.system:
+            self._vehicle.control.answered(sender)
         if answer is not None:
             self._vehicle.outbox.send(answer, sender.client)
 

@@ -11,7 +11,6 @@ from typing import Final
 from ground.gateway.commands.call import Call
 from ground.gateway.commands.results import ACCEPTED, DENIED, LATER
 from ground.gateway.commands.service import CommandTable, Reply, Row
-from ground.gateway.control import held_by
 from ground.gateway.dialect import RESULT_NOT_IN_CONTROL, MavMessage, mavlink
 from ground.gateway.frames.globe import Place, home_at, place_of
 from ground.gateway.frames.ned import MM_PER_M
@@ -41,7 +40,7 @@ class OriginService:
     @property
     def table(self) -> CommandTable:
         """The commands by their numbers."""
-        return MappingProxyType({SET_GLOBAL_ORIGIN: Row(self._command)})
+        return MappingProxyType({SET_GLOBAL_ORIGIN: Row(self._command, outlasts=True)})
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
         """Move the origin, and send it also if it was not moved."""
@@ -69,11 +68,11 @@ class OriginService:
     def _move(self, place: Place, height_mm: int, sender: Sender) -> Refusal:
         """Return the result and, for a refusal, the reason."""
         vehicle = self._vehicle
-        home, owner = home_at(place), vehicle.control.owner
+        home, refusal = home_at(place), vehicle.control.refusal(sender)
         if not sender.may_command:
             return DENIED, sender.barred
-        if owner is not None and not vehicle.control.holds(sender):
-            return RESULT_NOT_IN_CONTROL, held_by(owner.system).text
+        if refusal is not None:
+            return RESULT_NOT_IN_CONTROL, refusal.text
         if home is None or abs(height_mm) > MAX_ALTITUDE_MM:
             return DENIED, NO_PLACE
         here = place_of(vehicle.origin.latitude_deg, vehicle.origin.longitude_deg)

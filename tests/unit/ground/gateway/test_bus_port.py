@@ -8,17 +8,18 @@ import pytest
 
 from ground.client.connection import Common
 from ground.client.link import Link
-from ground.client.operations import Arm, Disarm, Hold, ShowParameters
+from ground.client.operations import Arm, Disarm, Hold, Resume, ShowParameters
 from ground.gateway.bus_port import (
     BUSY,
     LATE_NS,
     LOAD_NS,
     MAX_ASKING,
+    MAX_HALTS,
     MAX_WAITING,
     SILENT_NS,
     BusPort,
 )
-from ground.gateway.port import NO_TELEMETRY, Answered
+from ground.gateway.port import NO_TELEMETRY, OVERTAKEN, Answered
 from protocol.bus.network import Network
 from protocol.topics import COMMAND, CYCLE, LEASE_SERVICE, STATUS, STOP
 from protocol.wire.enums import AckResult, Command, LeaseAction, Vehicle
@@ -102,23 +103,60 @@ def test_silent_robot_refuses_at_once_but_is_asked_to_stop(room: Room) -> None:
 def test_requests_that_wait_are_limited(room: Room) -> None:
     room.gate.clear()
     for _ in range(MAX_WAITING + 10):
-        room.perform(Disarm())
+        room.perform(Arm())
     room.port.deliver()
     assert [one.error for one in room.answers] == [BUSY] * 10
+    for _ in range(MAX_HALTS + 10):
+        room.perform(Disarm())
+    room.port.deliver()
+    assert [one.error for one in room.answers] == [BUSY] * 20
     room.gate.set()
-    room.wait(MAX_WAITING + 10)
-    assert len(room.asked) == MAX_WAITING
+    room.wait(MAX_WAITING + MAX_HALTS + 20)
+    assert len(room.asked) <= 2 + MAX_HALTS, "the first, its stop again, and all stops"
 
 
 def test_request_that_its_client_gave_up_does_not_act(room: Room) -> None:
     room.gate.clear()
-    room.perform(Disarm())
+    room.perform(Resume())
     room.perform(Arm())
-    room.perform(Hold())
     room.clock.advance(LATE_NS)
     room.gate.set()
-    assert room.wait(3) == ["", BUSY, ""]
-    assert room.asked == [Command.COMPONENT_ARM_DISARM, Command.DO_PAUSE_CONTINUE]
+    assert room.wait(2) == ["", BUSY]
+    assert room.asked == [Command.DO_PAUSE_CONTINUE]
+
+
+def params(room: Room) -> list[float]:
+    """Return parameter 1 of each command that was sent to the robot."""
+    return [one.param1 for _, _, one in room.bus.asked if isinstance(one, CommandRequest)]
+
+
+def waits(room: Room, count: int) -> bool:
+    """Return whether so many requests have reached the robot, which answers none yet."""
+    return len(room.bus.asked) >= count
+
+
+def test_stop_overtakes_all_and_is_repeated_after_what_had_begun(room: Room) -> None:
+    """The other one may reach the robot after the stop: its first frame may have been lost."""
+    room.gate.clear()
+    room.perform(Resume())
+    until(lambda: waits(room, 1))
+    room.perform(Arm())
+    room.perform(Hold())
+    until(lambda: waits(room, 2))
+    room.gate.set()
+    assert sorted(room.wait(3)) == ["", "", OVERTAKEN]
+    assert params(room) == [1.0, 0.0, 0.0]
+
+
+def test_what_is_asked_after_a_stop_begins_after_its_answer(room: Room) -> None:
+    room.gate.clear()
+    room.perform(Disarm())
+    room.perform(Arm())
+    room.perform(Resume())
+    until(lambda: waits(room, 1))
+    room.gate.set()
+    assert room.wait(3) == ["", "", ""]
+    assert params(room) == [0.0, 1.0, 1.0]
 
 
 def test_defect_of_the_bus_is_an_answer(room: Room) -> None:

@@ -1,15 +1,19 @@
 from math import nan
 
-from ground.client.operations import Arm, Hold
+from ground.client.operations import Arm, Hold, Resume
 from ground.client.results import Accepted, Refused
-from ground.gateway.control import BUSY, MAX_TAKING, SILENCE_NS
+from ground.gateway.control import BUSY, MAX_TAKING
 from ground.gateway.dialect import mavlink
-from ground.gateway.port import Answered, Done
-from ground.gateway.traffic import WATCHER
+from ground.gateway.port import OVERTAKEN, Answered, Done
+from ground.gateway.presence import SILENCE_NS
+from ground.gateway.streams.clock_sync import ClockSync
+from ground.gateway.traffic import WATCHER, Sender
 from protocol.wire.enums import LeaseAction
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason
+from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, IDENTITY, OTHER, Bench
+from tests.support.gateway.messages import words
 
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
 
@@ -36,11 +40,76 @@ def test_command_of_another_client_is_refused() -> None:
     assert "MAVLink 255" in answers[0].text
 
 
-def test_same_system_id_at_another_peer_is_refused() -> None:
+SAME = OTHER._replace(system=CLIENT.system)
+
+
+@each("remote", [CLIENT, SAME, None])
+def test_stranger_with_the_same_ids_gets_no_control(remote: Sender | None) -> None:
+    """Only a signature, or the same computer, tells that it is the same station."""
+    bench, answers = Bench(), list[Answered]()
+    owner = CLIENT._replace(is_loopback=remote is SAME)
+    stranger = SAME._replace(is_loopback=remote is CLIENT)
+    bench.vehicle.perform(owner, Arm(), answers.append)
+    bench.vehicle.perform(stranger, Arm(), answers.append)
+    assert reason_of(answers[0]) == Reason.LEASE_HELD
+    assert answers[0].text.startswith("the same ids 255/190 are in control from another address")
+    bench.after(SILENCE_NS / 1e9 - 0.1)
+    bench.vehicle.perform(stranger, Arm(), answers.append)
+    assert not answers[1].ok
+    assert bench.vehicle.control.holds(owner)
+
+
+@each("back", [SAME, SAME._replace(is_loopback=False, is_signed=True)])
+@each("quiet_s", [0.0, 0.5, 1.0, 3.0])
+def test_client_that_is_back_at_another_address_gets_control(back: Sender, quiet_s: float) -> None:
+    bench, answers = Bench(), list[Answered]()
+    bench.vehicle.perform(CLIENT, Arm(), lambda _: None)
+    bench.port.answer()
+    bench.after(quiet_s)
+    bench.send(HEARTBEAT, back)
+    bench.vehicle.perform(back, Hold(), answers.append)
+    bench.vehicle.perform(back, Resume(), answers.append)
+    told = bench.after(0.95)
+    assert bench.vehicle.control.holds(back)
+    assert bench.port.performed == [Arm(), Hold(), Resume()]
+    assert len(bench.port.leases) == 1, "the robot's lease stays with the gateway"
+    assert "the same ids from another address have taken control" in words(told)
+
+
+@each("sign_of_life", ["heartbeat", "answer"])
+def test_station_that_lives_keeps_control_from_its_twin(sign_of_life: str) -> None:
+    bench, answers = Bench(ClockSync), list[Answered]()
+    bench.vehicle.perform(CLIENT, Arm(), lambda _: None)
+    bench.after(0.7)
+    bench.vehicle.perform(SAME, Arm(), answers.append)
+    assert answers == []
+    asked = bench.after(0.1)
+    assert [one.get_type() for one in asked].count("PING") == 1
+    answer = mavlink.MAVLink_ping_message(0, 1, 1, 1)
+    bench.send(HEARTBEAT if sign_of_life == "heartbeat" else answer)
+    bench.after(0.02)
+    assert reason_of(answers[0]) == Reason.LEASE_HELD
+    assert "give each ground station ids of its own" in answers[0].text
+    assert bench.vehicle.control.holds(CLIENT)
+
+
+@each("component", [0, 191])
+def test_text_names_the_component_of_a_station_with_the_same_system(component: int) -> None:
     bench, answers = Bench(), list[Answered]()
     bench.vehicle.perform(CLIENT, Arm(), answers.append)
-    bench.vehicle.perform(OTHER._replace(system=CLIENT.system), Arm(), answers.append)
-    assert reason_of(answers[0]) == Reason.LEASE_HELD
+    bench.vehicle.perform(SAME._replace(component=component), Arm(), answers.append)
+    assert answers[0].text == "refused: another operator commands the robot: MAVLink 255/190"
+
+
+def test_request_that_waited_for_control_does_not_move_after_a_stop() -> None:
+    bench, answers = Bench(), list[Answered]()
+    granted: list[Done] = []
+    bench.port.change_lease = lambda *given: granted.append(given[2])  # type: ignore[method-assign]
+    bench.vehicle.perform(CLIENT, Resume(), answers.append)
+    bench.vehicle.perform(OTHER, Hold(), answers.append)
+    granted[0](Answered(Accepted(1)))
+    assert bench.port.performed == [Hold()]
+    assert [one.error for one in answers] == [OVERTAKEN]
 
 
 def test_command_that_only_stops_needs_no_control() -> None:
@@ -87,9 +156,46 @@ def test_heartbeat_to_the_robot_ends_with_the_client() -> None:
     bench.after(SILENCE_NS / 1e9)
     sent = bench.port.heartbeats
     assert sent >= 15
-    bench.after(1.0)
+    told = bench.after(1.0)
     assert bench.port.heartbeats == sent
     assert bench.vehicle.control.owner is None
+    told += bench.after(0.6)
+    assert "MAVLink 255 was silent for 5.0 s: it has lost control" in words(told)
+
+
+@each(("back_s", "is_kept"), [(1.4, True), (1.6, False)])
+def test_client_that_the_robot_has_not_missed_is_in_control_again(
+    back_s: float, is_kept: bool
+) -> None:
+    bench = Bench()
+    bench.vehicle.perform(CLIENT, Arm(), lambda _: None)
+    bench.after(SILENCE_NS / 1e9 + back_s)
+    sent = bench.port.heartbeats
+    bench.send(HEARTBEAT)
+    assert bench.vehicle.control.holds(CLIENT) == is_kept
+    bench.after(1.0)
+    assert (bench.port.heartbeats > sent) == is_kept
+
+
+def test_another_client_gets_control_after_the_silence() -> None:
+    bench, answers = Bench(), list[Answered]()
+    bench.vehicle.perform(CLIENT, Arm(), lambda _: None)
+    bench.after(SILENCE_NS / 1e9)
+    bench.vehicle.perform(OTHER, Arm(), answers.append)
+    told = bench.after(0.02)
+    assert bench.vehicle.control.holds(OTHER)
+    assert "MAVLink 254 has taken control" in words(told)
+    bench.send(HEARTBEAT)
+    assert bench.vehicle.control.holds(OTHER)
+
+
+def test_frames_for_other_robots_are_signs_of_life() -> None:
+    bench = Bench()
+    bench.vehicle.perform(CLIENT, Arm(), lambda _: None)
+    for _ in range(8):
+        bench.after(1.0)
+        bench.send(mavlink.MAVLink_param_request_list_message(7, 1))
+    assert bench.vehicle.control.holds(CLIENT)
 
 
 def test_control_is_lost_with_the_lease() -> None:

@@ -9,11 +9,11 @@ import pytest
 
 from ground.client.operations import AnnounceItems, Arm, Hold, UploadMission
 from ground.gateway.clients.client_link import NoFile
-from ground.gateway.control import SILENCE_NS
 from ground.gateway.dialect import MavMessage, MissionCount, mavlink
 from ground.gateway.endpoints.endpoint import MAX_PEERS
 from ground.gateway.endpoints.spec import opened
 from ground.gateway.gateway import STALL_NS
+from ground.gateway.presence import SILENCE_NS
 from ground.gateway.signing.guard import SigningGuard
 from ground.gateway.signing.key_file import KeyRing, SigningKey
 from ground.gateway.signing.policy import Policy
@@ -101,7 +101,11 @@ def test_sender_with_the_ids_of_the_vehicle_is_ignored(whole: WholeGateway) -> N
     assert whole.port.leases == []
 
 
-def test_same_system_id_at_another_address_is_another_client(whole: WholeGateway) -> None:
+def test_same_ids_at_an_address_of_another_computer_are_another_client(
+    whole: WholeGateway,
+) -> None:
+    whole.gateway._guard._policies = {"test": Policy.ANYONE}
+    whole.endpoint.is_loopback = False
     sent(whole, ARM, "a")
     whole.port.answer()
     sent(whole, ARM, "b")
@@ -115,6 +119,23 @@ def test_same_system_id_at_another_address_is_another_client(whole: WholeGateway
     sent(whole, HEARTBEAT, "b")  # keeps only itself alive
     whole.run(1.5)
     assert whole.face.vehicle.control.owner is None
+
+
+def test_station_that_starts_again_on_this_computer_is_obeyed_within_a_second(
+    whole: WholeGateway,
+) -> None:
+    sent(whole, HEARTBEAT, "a")
+    sent(whole, ARM, "a")
+    whole.port.answer()
+    sent(whole, HEARTBEAT, "b")
+    sent(whole, ARM, "b")
+    assert whole.port.performed == [Arm()]
+    whole.run(0.9)
+    assert whole.port.performed == [Arm(), Arm()]
+    whole.port.answer()
+    whole.run(0.04)
+    assert results(whole, "b") == [(400, ACCEPTED)]
+    assert "another operator" not in words(whole.sent_to("b", "STATUSTEXT"))
 
 
 def test_every_client_may_stop_but_only_the_owner_clears(whole: WholeGateway) -> None:

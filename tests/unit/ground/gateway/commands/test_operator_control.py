@@ -8,8 +8,8 @@ from ground.client.operations import Arm
 from ground.gateway.commands.arming import ArmingCommands
 from ground.gateway.commands.operator_control import OperatorCommands
 from ground.gateway.commands.service import CommandService
-from ground.gateway.control import SILENCE_NS
 from ground.gateway.dialect import RESULT_NOT_IN_CONTROL, MavMessage, mavlink
+from ground.gateway.presence import SILENCE_NS
 from ground.gateway.streams.scheduler import StreamScheduler
 from ground.gateway.traffic import WATCHER, Sender
 from ground.gateway.vehicle import Face

@@ -82,10 +82,19 @@ def test_copy_of_a_frame_acts_once(bench: Bench) -> None:
     message = command(ARM, 1)
     bench.send(message)
     bench.port.answer()
+    bench.sent()
+    assert acks(bench.send(message)) == [(ARM, ACCEPTED)]
+    assert bench.port.performed == [Arm()]
+
+
+def test_copy_of_a_frame_whose_effect_is_over_has_no_answer(bench: Bench) -> None:
+    message = command(ARM, 1)
+    bench.send(message)
+    bench.port.answer()
     bench.send(command(ARM, 0))
     bench.port.answer()
     bench.sent()
-    assert acks(bench.send(message)) == [(ARM, ACCEPTED)]
+    assert acks(bench.send(message)) == []
     assert bench.port.performed == [Arm(), Disarm()]
 
 
