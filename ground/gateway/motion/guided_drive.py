@@ -7,8 +7,7 @@ time-out the robot stops and is in GUIDED, like ArduPilot's Rover.
 from enum import Enum, auto
 from typing import Final
 
-from ground.client.operations import Hold
-from ground.gateway.motion.pilot import Pilot
+from ground.gateway.motion.pilot import DriveBegun, Pilot
 from ground.gateway.motion.velocity import LIFE_NS, REPEAT_NS, Velocity
 from ground.gateway.port import Answered
 from ground.gateway.traffic import Sender
@@ -41,6 +40,7 @@ class GuidedDrive:
         self._velocity = Velocity()
         self._sender: Sender | None = None
         self._until_ns = self._leave_ns = self._sent_ns = self._now_ns = 0
+        self._drive_id = 0
 
     def follow(self, velocity: Velocity, sender: Sender, now_ns: int) -> None:
         """Drive with these speeds until newer ones arrive or they time out."""
@@ -76,11 +76,10 @@ class GuidedDrive:
         elif not self._vehicle.control.holds(sender):
             self._stop()
             self._stage = Stage.IDLE
-            modes.show_own()
-            self._vehicle.port.perform(Hold(), lambda _: None)
+            self._pilot.hold_drive(self._drive_id)
         elif now_ns >= self._leave_ns:
             self._stage = Stage.LEAVING
-            self._pilot.await_goal(sender, self._left)
+            self._pilot.await_goal(self._drive_id, sender, self._left)
         elif now_ns - self._sent_ns >= REPEAT_NS and self._is_valid():
             self._drive()
 
@@ -94,6 +93,8 @@ class GuidedDrive:
 
     def _entered(self, answered: Answered) -> None:
         if answered.ok:
+            begun = answered.outcome
+            self._drive_id = begun.drive_id if isinstance(begun, DriveBegun) else 0
             self._stage = Stage.DRIVING
             if self._is_valid():  # the answer may have been late
                 self._drive()
@@ -103,8 +104,7 @@ class GuidedDrive:
     def _left(self, answered: Answered) -> None:
         self._stage = Stage.IDLE
         if not answered.ok:
-            self._vehicle.modes.show_own()
-            self._vehicle.port.perform(Hold(), lambda _: None)
+            self._pilot.hold_drive(self._drive_id)
         elif self._now_ns < self._until_ns:
             self._enter()
 

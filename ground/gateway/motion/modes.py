@@ -59,6 +59,10 @@ class Modes:
         if self._status != mode or self._commanded is not None:
             self._commanded, self._until_ns = mode, self._now_ns + CROSSING_NS
 
+    def show(self, mode: Mode, number: int) -> None:
+        """Send clients this number if the robot passes through a mode before the next one."""
+        self._next = Shown(mode, number)
+
     def show_own(self) -> None:
         """Send clients the robot's own mode again."""
         self._shown = self._next = None

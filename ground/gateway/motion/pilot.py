@@ -14,10 +14,11 @@ from ground.client.operations import (
     SetMode,
     StartMission,
 )
-from ground.client.results import Answer, Refused
+from ground.client.requests import ATTEMPTS, GaveUp
+from ground.client.results import Accepted, Answer, Outcome, Refused
 from ground.gateway.ardupilot import RTL
 from ground.gateway.dialect import MavMessage
-from ground.gateway.port import Answered, Done
+from ground.gateway.port import OVERTAKEN, Answered, Done
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Vehicle
 from protocol.wire.enums import MissionState, Mode
@@ -30,6 +31,63 @@ FROM_CURRENT: Final = 0
 PATIENCE_NS: Final = NS_PER_S
 """Time for the operator's first heartbeat to reach the robot."""
 MISSION_UNDER_WAY: Final = (MissionState.RUNNING, MissionState.HOLDING, MissionState.PAUSED)
+
+
+@dataclass(frozen=True, slots=True)
+class DriveBegun(Accepted):
+    """The robot follows speeds; `drive_id` names the drive."""
+
+    drive_id: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class DriveOver:
+    """The drive was over before: by an operator, or by the robot itself."""
+
+    ok: ClassVar[bool] = False
+    text: ClassVar[str] = "the drive is over"
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return the outcome as a row."""
+        return {"verb": verb, "robot": robot, "ok": False, "reason": self.text}
+
+
+@dataclass(frozen=True, slots=True)
+class BeginDrive:
+    """Choose MANUAL for speeds."""
+
+    verb: ClassVar[str] = "mode"
+    moves: ClassVar[bool] = True
+
+    def perform(self, session: Session) -> Answer:
+        """Set the mode; the request names the drive."""
+        request = SetMode(mode=Mode.MANUAL).request(session.link)
+        answer = session.with_holder(session.link.ask(request))
+        if isinstance(answer, Accepted):
+            return DriveBegun(answer.took_ns, request.request_id)
+        return answer
+
+
+@dataclass(frozen=True, slots=True)
+class EndDrive:
+    """End a drive in HOLD or GUIDED. One that is over stays so, whatever has followed it."""
+
+    verb: ClassVar[str] = "mode"
+    moves: ClassVar[bool] = True
+    drive_id: int
+    mode: Mode
+
+    def perform(self, session: Session) -> Outcome:
+        """Hold, if the drive is the present one; then set the mode."""
+        link = session.link
+        answer = link.end(Hold().request(link), self.drive_id, ATTEMPTS)
+        if answer is None:
+            return DriveOver()
+        if isinstance(answer, GaveUp):
+            raise link.unanswered(answer)
+        if self.mode is Mode.HOLD or not answer.ok:
+            return answer
+        return SetMode(mode=self.mode).perform(session)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +112,7 @@ class Attempt(NamedTuple):
     number: int | None
     done: Done
     until_ns: int
+    stops: int
 
 
 class Pilot:
@@ -116,11 +175,17 @@ class Pilot:
 
     def velocity(self, sender: Sender, done: Done) -> None:
         """Choose MANUAL for the speeds of a client in GUIDED; clients receive GUIDED."""
-        self._try(sender, SetMode(mode=Mode.MANUAL), Mode.MANUAL, int(Mode.GUIDED), done)
+        self._try(sender, BeginDrive(), Mode.MANUAL, int(Mode.GUIDED), done)
 
-    def await_goal(self, sender: Sender, done: Done) -> None:
-        """Choose GUIDED without a goal, after the speeds of a client."""
-        self._try(sender, SetMode(mode=Mode.GUIDED), Mode.GUIDED, None, done)
+    def await_goal(self, drive_id: int, sender: Sender, done: Done) -> None:
+        """Choose GUIDED without a goal, after the speeds of a client; clients still receive it."""
+        self._vehicle.modes.show(Mode.HOLD, Mode.GUIDED)
+        self._try(sender, EndDrive(drive_id, Mode.GUIDED), Mode.GUIDED, None, done)
+
+    def hold_drive(self, drive_id: int) -> None:
+        """End speeds in HOLD, without control."""
+        self._vehicle.modes.show_own()
+        self._vehicle.port.perform(EndDrive(drive_id, Mode.HOLD), lambda _: None)
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
         """Take no message."""
@@ -133,7 +198,10 @@ class Pilot:
         self._now_ns = now_ns
         again, self._again = self._again, []
         for attempt in again:
-            self._perform(attempt)
+            if attempt.stops == self._vehicle.control.stops:
+                self._perform(attempt)
+            else:
+                attempt.done(Answered(None, OVERTAKEN))
         waiting, status = self._mission_waits, self._vehicle.snapshot.status
         if waiting is None or status is None:
             return
@@ -175,7 +243,8 @@ class Pilot:
     ) -> None:
         self._mission_waits = None
         until_ns = self._now_ns + PATIENCE_NS
-        self._perform(Attempt(sender, operation, mode, number, done, until_ns))
+        stops = self._vehicle.control.stops
+        self._perform(Attempt(sender, operation, mode, number, done, until_ns, stops))
 
     def _perform(self, attempt: Attempt) -> None:
         def ended(answered: Answered) -> None:

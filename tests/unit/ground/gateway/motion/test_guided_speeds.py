@@ -2,8 +2,9 @@ from math import inf, nan
 
 import pytest
 
-from ground.client.operations import Goto, Hold, SetMode
+from ground.client.operations import Goto
 from ground.gateway.dialect import MavMessage
+from ground.gateway.motion.pilot import BeginDrive, DriveBegun, DriveOver, EndDrive
 from protocol.wire.enums import Mode
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason
@@ -12,7 +13,8 @@ from tests.support.gateway.messages import PLACE, acks, attitude, command, local
 from tests.support.gateway.piloting import driving_bench, performed, show
 
 ACCEPTED, DENIED, FAILED = 0, 2, 4
-TO_MANUAL, TO_GUIDED = SetMode(mode=Mode.MANUAL), SetMode(mode=Mode.GUIDED)
+BEGUN = DriveBegun(1, 7)
+TO_MANUAL, TO_GUIDED, TO_HOLD = BeginDrive(), EndDrive(7, Mode.GUIDED), EndDrive(7, Mode.HOLD)
 
 
 @pytest.fixture
@@ -24,7 +26,7 @@ def start_speeds(bench: Bench) -> None:
     """Send a speed; the robot changes to MANUAL."""
     bench.send(local_target(frame=8, vx=0.5))
     assert performed(bench) == [TO_MANUAL]
-    bench.port.answer()
+    bench.port.answer(BEGUN)
     show(bench, Mode.MANUAL)
 
 
@@ -70,7 +72,7 @@ def test_speed_that_has_timed_out_before_the_robot_follows_is_not_sent(bench: Be
     """The simulation found it (seed 763): a link that kept the change of mode for 3 s."""
     bench.send(local_target(frame=8, vx=0.5))
     bench.after(0.8)
-    bench.port.answer()
+    bench.port.answer(BEGUN)
     show(bench, Mode.MANUAL)
     bench.after(1.0)
     assert bench.port.driven == []
@@ -158,7 +160,7 @@ def test_speeds_end_with_the_loss_of_control(bench: Bench) -> None:
     )
     bench.after(0.5)
     assert bench.port.driven[-1] == (0.0, 0.0)
-    assert performed(bench) == [Hold()]
+    assert performed(bench) == [TO_HOLD]
     assert bench.vehicle.modes.number == Mode.MANUAL
 
 
@@ -172,7 +174,30 @@ def test_robot_that_cannot_return_to_guided_holds(bench: Bench) -> None:
     start_speeds(bench)
     bench.after(1.3)
     bench.port.refuse(Reason.EMERGENCY_STOPPED)
-    assert performed(bench) == [TO_GUIDED, Hold()]
+    assert performed(bench) == [TO_GUIDED, TO_HOLD]
+
+
+def test_drive_that_another_operator_has_ended_stays_ended(bench: Bench) -> None:
+    """The hold of another operator may cross the time-out."""
+    start_speeds(bench)
+    bench.after(1.3)
+    show(bench, Mode.HOLD)
+    assert performed(bench) == [TO_GUIDED]
+    bench.port.answer(DriveOver())
+    bench.after(0.5)
+    assert bench.vehicle.modes.number == Mode.HOLD
+    assert set(performed(bench)) <= {TO_HOLD}
+
+
+def test_clients_see_guided_while_the_drive_ends(bench: Bench) -> None:
+    start_speeds(bench)
+    sent = bench.after(1.3)
+    show(bench, Mode.HOLD)
+    sent += bench.after(0.1)
+    bench.port.answer()
+    show(bench, Mode.GUIDED)
+    sent += bench.after(1.0)
+    assert shown(sent) == {Mode.GUIDED}
 
 
 def test_attitude_drives(bench: Bench) -> None:
