@@ -15,12 +15,18 @@ MAX_NAME: Final = 16
 NAME: Final = f"[a-z0-9_-]{{1,{MAX_NAME}}}"
 NAME_RULE: Final = f"use 1 to {MAX_NAME} of the characters a-z, 0-9, '_' and '-'"
 ROBOT_NAME: Final = re.compile(rf"{NAME}\Z")
-OPERATOR: Final = re.compile(rf"{NAME}/[0-9a-f]{{1,32}}\Z")
-"""Identity of an operator on the bus: the name in its certificate, and the id of its process."""
+MAX_PERSON: Final = 23
+"""With it an identity, of at most 32 more digits, fits into LEASE_STATUS."""
+
+PERSON: Final = f"[A-Za-z0-9_-]{{1,{MAX_PERSON}}}"
+PERSON_RULE: Final = f"use 1 to {MAX_PERSON} of the characters a-z, A-Z, 0-9, '_' and '-'"
+OPERATOR: Final = re.compile(rf"{PERSON}/[0-9a-f]{{1,32}}\Z")
+"""Identity of an operator on the bus: PERSON, which is the name in the certificate, and the id of
+the process."""
 
 RESERVED: Final = MappingProxyType(
     {
-        "open": "it is the name of every operator on an open bus",
+        "open": "it stands for every operator on an open bus",
         "ground": "it is the name of the holder of the certificate `ground`",
     }
     | dict.fromkeys(("router", "plant", "robot", "viewer"), "it is the name of a role")
@@ -128,5 +134,5 @@ class Service:
 
 
 def person_of(operator: str) -> str:
-    """Return PERSON of an operator's identity PERSON/SESSION."""
+    """Return the person to whom the program with this identity belongs; empty for none."""
     return operator.partition("/")[0]

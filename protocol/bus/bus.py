@@ -25,6 +25,7 @@ from protocol.bus.late_join import fetching_subscriber, published_ns, was_fetche
 from protocol.bus.linger import LinkCloser
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.bus.network import Hub, Network
+from protocol.bus.person import person_here
 from protocol.bus.presence import MAX_TOKENS, Presence, TokenSet, presence_in
 from protocol.bus.publisher import Publisher, await_ready
 from protocol.bus.requester import Requester
@@ -34,7 +35,7 @@ from protocol.bus.tls.certificate import holder
 from protocol.bus.tls.certificate_advice import peer_refusal
 from protocol.bus.tls.identities import AcceptedPeers, RefusedLink
 from protocol.bus.tls.peers import DialledPeers, callers
-from protocol.bus.tls.role_grants import ends_of, may_fetch, operator_name
+from protocol.bus.tls.role_grants import OPEN, ends_of, may_fetch, operator_name
 from protocol.sender import sender_of
 from protocol.topics import (
     CLOCK_SERVICE,
@@ -82,6 +83,9 @@ class Bus:
         self._queue = ServiceQueue()
         self.faults = FaultInjector(network.trouble, now_ns)
         self.holder = holder(network.tls, role, robot)
+        self._person = operator_name(self.holder) if role is Role.GROUND else None
+        if self._person == OPEN:
+            self._person = network.person or person_here()
         session = open_session(network)
         self.zid = str(session.zid())
         """The id of this process, that of its first session."""
@@ -156,11 +160,10 @@ class Bus:
     def operator(self) -> str | None:
         """This operator's identity, the end of the keys on which it publishes and queries.
 
-        It remains when a fresh session is opened, and with it the lease. None for a process that is
-        no operator, such as a viewer.
+        It is PERSON/SESSION: the programs of one person share what that person may do. It remains
+        when a fresh session is opened. None for a process that is no operator, such as a viewer.
         """
-        name = operator_name(self.holder) if self.role is Role.GROUND else None
-        return None if name is None else f"{name}/{self.zid}"
+        return None if self._person is None else f"{self._person}/{self.zid}"
 
     @property
     def now_ns(self) -> Callable[[], int]:

@@ -6,6 +6,7 @@ from enum import Enum
 from typing import Literal
 
 from protocol.bus.faults.link_faults import LinkFaults
+from protocol.bus.person import checked_person
 from protocol.topic import operator_called, robot_name
 from runtime.errors import EndpointError, UserError
 
@@ -64,7 +65,8 @@ class Network:
     however long they are valid. A `patient` process, in simulated time, waits for a slow reader
     instead of dropping what it sends. A link ends if nothing arrives on it for `lease_ms`.
     `stop_at` has the HOST:PORT at which each robot receives stop datagrams, by default that of its
-    own listening endpoint.
+    own listening endpoint. `person` is who commands from here on an open bus; by default the user
+    on this computer.
     """
 
     mode: Mode = "peer"
@@ -80,6 +82,7 @@ class Network:
     patient: bool = False
     lease_ms: int = LEASE_MS
     stop_at: dict[str, str] = field(default_factory=dict)
+    person: str = ""
 
     def __post_init__(self) -> None:
         for endpoint in (*self.listen, *self.connect):
@@ -88,6 +91,11 @@ class Network:
         for robot in self.robots:
             robot_name(robot)
         check_operators(self.operators)
+        if self.person and checked_person(self.person) and self.tls is not None:
+            raise UserError(
+                f"person {self.person!r}: remove it, because with [network.tls] the certificate"
+                " names the operator"
+            )
         for robot, address in self.stop_at.items():
             robot_name(robot)
             if not has_port(address):

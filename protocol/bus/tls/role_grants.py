@@ -174,7 +174,7 @@ def grant_of(name: str, robot: str = "") -> Grant | None:
 def operator_name(name: str | None) -> str | None:
     """Return the operator's name in a certificate's common name; None if it contains none.
 
-    On an open bus (`name` None) every operator has the name OPEN.
+    On an open bus (`name` None) no certificate names the operator: OPEN stands for any.
     """
     if name is None or name == ROUTER:
         return OPEN

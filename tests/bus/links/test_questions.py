@@ -9,6 +9,7 @@ from zenoh import ZBytes
 
 from protocol.bus.bus import Bus
 from protocol.bus.service import MAX_WAITING, ServiceQueue, ServiceRequest, payload_bytes
+from protocol.bus.person import person_here
 from protocol.topics import COMMAND, PARAMETERS, RUN, Role, Service, operator_in
 from protocol.wire.codec import LARGEST_FRAME
 from protocol.wire.enums import AckResult, Command
@@ -71,7 +72,7 @@ def test_service_receives_the_name_of_an_operator(topology: Topology) -> None:
         for asker in (bus.ground, bus.plant, bus.join(Role.GROUND)):
             answer(asker, COMMAND, ARM)
         first, missing, second = operators
-        assert first == f"open/{bus.ground.zid}"
+        assert first == f"{person_here()}/{bus.ground.zid}"
         assert missing == ""
         assert second not in ("", first)
 
@@ -79,7 +80,8 @@ def test_service_receives_the_name_of_an_operator(topology: Topology) -> None:
 @pytest.mark.parametrize(
     ("suffix", "operator"),
     [
-        ("open/0123456789abcdef", "open/0123456789abcdef"),
+        ("ada/0123456789abcdef", "ada/0123456789abcdef"),
+        ("Ada_L-0a1b2c3d/01", "Ada_L-0a1b2c3d/01"),
         ("", ""),
         ("open", ""),
         ("open/ABC", ""),
@@ -87,7 +89,7 @@ def test_service_receives_the_name_of_an_operator(topology: Topology) -> None:
         ("*/0123", ""),
         ("open/01/23", ""),
         (f"open/{'a' * 33}", ""),
-        (f"{'n' * 17}/a", ""),
+        (f"{'n' * 24}/a", ""),
         ("open/a\n", ""),
     ],
 )

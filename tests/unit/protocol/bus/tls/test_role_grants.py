@@ -317,7 +317,7 @@ def test_the_name_of_an_operator_comes_from_its_certificate() -> None:
 @each(
     ("name", "why"),
     [
-        ("open", "it is the name of every operator on an open bus"),
+        ("open", "it stands for every operator on an open bus"),
         ("ground", "the holder of the certificate `ground`"),
         *(
             (role, "it is the name of a role")
