@@ -15,9 +15,16 @@ from ground.vehicle_check.session import Client, result_name
 from ground.vehicle_check.verdict import Findings, Judge, Verdict, failed, not_applicable, row
 
 ACCEPTED: Final = mavlink.MAV_RESULT_ACCEPTED
+HOLD: Final = mavlink.ROVER_MODE_HOLD
 RELEASE: Final = 0
 REQUEST: Final = 1
 TIMEOUT_S: Final = 10
+STOPS: Final = (
+    ("mode HOLD", mavlink.MAV_CMD_DO_SET_MODE, 1, HOLD),
+    ("193", mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0),
+    ("disarming", mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0),
+)
+"""Commands that only stop the vehicle: all but the emergency stop, which ends the row."""
 ABSENT: Final = "no CONTROL_STATUS, and 32100 is UNSUPPORTED"
 
 
@@ -124,6 +131,9 @@ def not_in_control(check: Check) -> Verdict:
     reads = other.result_of(mavlink.MAV_CMD_REQUEST_MESSAGE, 148)
     found.expect(reads == ACCEPTED, f"512 of another: {result_name(reads)}")
     if check.options.allow_motion:
+        for what, number, *params in STOPS:
+            stop = other.result_of(number, *params, within_s=2.0)
+            found.expect(stop == ACCEPTED, f"{what} of another: {result_name(stop)}")
         stop = other.result_of(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 1, within_s=2.0)
         found.expect(stop == ACCEPTED, f"185 of another: {result_name(stop)}")
         main.result_of(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 0, within_s=2.0)

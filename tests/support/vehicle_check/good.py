@@ -77,7 +77,7 @@ class GoodVehicle(Plans):
         self, number: int, params: list[float], place: tuple[int, int], again: int, peer: Peer
     ) -> None:
         """Carry out a command and acknowledge it."""
-        is_stop = number == 185 and params[0] > 0.5
+        is_stop = self.only_stops(number, params)
         is_open = number in OPEN_COMMANDS or number == REQUEST_OPERATOR_CONTROL or is_stop
         if self.owner not in (0, peer.system) and not is_open:
             result = NOT_IN_CONTROL
@@ -87,6 +87,12 @@ class GoodVehicle(Plans):
             handler = getattr(self, f"command_{number}", None)
             result = UNSUPPORTED if handler is None else handler(params, peer)
         self.acknowledge(number, result, peer)
+
+    def only_stops(self, number: int, params: list[float]) -> bool:
+        """Return whether a command is open to all because it only stops the vehicle."""
+        if number in (176, 185):
+            return params[1] == HOLD if number == 176 else params[0] > 0.5
+        return number in (193, 400) and params[0] == 0.0
 
     def acknowledge(self, number: int, result: int, peer: Peer) -> None:
         """Send COMMAND_ACK to the sender."""

@@ -297,6 +297,19 @@ def test_plan_that_cannot_be_downloaded_is_not_replaced() -> None:
     assert outcome.restored == ["mode 4"]
 
 
+@each("closed", [176, 193, 400, 185])
+def test_vehicle_that_only_its_owner_may_stop_fails(closed: int) -> None:
+    class Closed(GoodVehicle):
+        def only_stops(self, number: int, params: list[float]) -> bool:
+            """Do not let others use one of the commands."""
+            return number != closed and super().only_stops(number, params)
+
+    outcome = judge(MemoryNetwork(Closed()), Options(allow_motion=True), [rows()[57]])
+    (found,) = outcome.rows
+    assert found.verdict.status is Status.FAIL
+    assert "of another: NOT_IN_CONTROL" in found.verdict.evidence
+
+
 def test_interrupted_row_leaves_the_vehicle_disarmed_and_not_stopped() -> None:
     class Interrupting(GoodVehicle):
         def command_185(self, params: list[float], peer: Peer) -> int:
