@@ -85,8 +85,8 @@ def link_lines(station: Station) -> list[Row]:
     """Return loss, delivered frames, round trip, lease and the last command."""
     loss, lease = station.loss(), station.lease
     lost = Span(loss.banner(station.now_ns), "danger") if loss else Span("none", "ok")
-    left = f", ends in {lease.lapses_s:.0f} s without a heartbeat or a drive" if lease.held else ""
-    drove = f", last driven by {lease.driver}" if lease.driver else ""
+    left = f", {lease.lapses_s:.0f} s left" if lease.held else ""
+    drove = f", last driver {lease.driver}" if lease.driver else ""
     return [
         row(head(" loss    "), lost),
         row(

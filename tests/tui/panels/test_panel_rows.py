@@ -23,7 +23,7 @@ from protocol.wire.messages import MissionStatus, PlanarOdometry
 from protocol.wire.reasons import Reason
 from tests.support.each import each
 from tests.support.tui.fakes import MS, FakeStation
-from tests.support.tui.underway import drive_messages, driving, mcu_status, status
+from tests.support.tui.underway import drive_messages, driving, mcu_status, parameter, status
 
 
 def side_rows(station: FakeStation, height: int = 16, width: int = 33) -> list[Row]:
@@ -67,6 +67,25 @@ def test_dead_sonar_has_its_own_colour_and_differs_from_no_echo() -> None:
     assert [span.role for span in ranges if "dead" in span.text] == ["dead"]
     assert dead_sonars(station) == ["R56"]
     assert "▲ senses" in side(station)
+
+
+def test_ranges_are_shown_against_those_of_the_robot_itself() -> None:
+    station = driving(FakeStation())
+    station.parameters_now = (parameter("sonar_max_m", 3.0, 5.0, ""),)
+    _, title, *_, ranges = map(words_of, sonar_rows(station, 60, 2))
+    assert "5 m" in title
+    assert ">5" in ranges
+    assert "!!" not in ranges
+
+
+def test_unknown_range_of_the_robot_is_not_that_of_another_one() -> None:
+    station = driving(FakeStation())
+    station.parameters_now = None
+    rows = [words_of(one) for one in sonar_rows(station, 60, 2)]
+    assert "--" in rows[1]
+    assert ">" not in rows[-1]
+    assert "none" in rows[-1]
+    assert not set("▁▂▃▄▅▆▇█") & set("".join(rows))
 
 
 def test_sonars_in_the_zone_and_at_the_guard_are_marked() -> None:
@@ -250,6 +269,24 @@ def test_mission_is_listed_around_the_current_item() -> None:
     assert words[1].split()[0] == "7"
     assert words[2].startswith("▶  8")
     assert len(words) == 7
+
+
+@each(
+    ("reason", "words"),
+    [
+        (Reason.BY_OPERATOR, "taken over 1/2: by the operator"),
+        (Reason.REPLACED, "taken over 1/2: replaced by a new goal"),
+        (Reason.BUMPER, "FAILED 1/2: bumper contact"),
+    ],
+)
+def test_mission_that_an_operator_ended_has_not_failed(reason: Reason, words: str) -> None:
+    station = driving(FakeStation())
+    ended = MissionStatus(
+        time_ns=station.now_ns, mission_id=1, hold_left_ms=0, count=2, current=0,
+        state=MissionState.FAILED, reason=reason,
+    )  # fmt: skip
+    station.air.put(MISSION, ended, station.now_ns)
+    assert words in words_of(mission_rows(station)[0])
 
 
 def test_rounded_zero_has_no_minus() -> None:

@@ -1,5 +1,6 @@
 """The screen of the links: processes, streams, every robot."""
 
+from ground.station.robot.lease_state import LeaseView
 from ground.station.roster import Attention, RosterEntry
 from protocol.topics import GATEWAY, MCU, STATUS, Role
 from protocol.wire.enums import Vehicle
@@ -20,6 +21,22 @@ def test_links_show_processes_and_streams() -> None:
             assert "100.0 % delivered   round trip 12 ms" in stage.words("about")
             assert "tlm/status" in stage.words("rows")
             assert "1 robot, 5 streams" in stage.words("heading")
+
+    play(story)
+
+
+def test_links_show_which_program_has_the_lease_and_which_one_drove() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("5")
+            stage.station.lease_now = LeaseView(
+                held=True, ours=True, name="ada@laptop:pts/1", driver="ada@laptop:pts/0",
+                lapses_s=27.8,
+            )  # fmt: skip
+            await stage.redraw()
+            words = stage.words("about")
+            assert "ours, by ada@laptop:pts/1, 28 s left, last driver ada@laptop:pts/0" in words
+            assert max(map(len, words.splitlines())) <= 80
 
     play(story)
 
