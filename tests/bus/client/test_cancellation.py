@@ -11,28 +11,29 @@ import sidestep
 from protocol.wire.enums import Command
 from protocol.wire.messages import CommandRequest, GoalRequest
 from sidestep import GoalState, Mode, Reason, Robot, Vehicle
+from tests.support.bus.lively import Lively, dials
 from tests.support.bus.robots import PlayedRobot
 from tests.support.until import PATIENCE_S
 
 Stage = tuple[PlayedRobot, str]
 Case = Callable[[Robot, Robot], Awaitable[sidestep.GoalEnded | sidestep.DriveEnded]]
 
-FAR = (3.0, 1.0)
-NEAR = (1.0, 1.0)
+HERE = (1.0, 1.0, 0.0)
+FAR_M = 2.0
 NEAR_S = 0.08
 ROUNDS = {"brief": 3, "usual": 10, "long": 100}
-MISSION = sidestep.Mission(waypoints=(sidestep.Waypoint(x_m=3.0, y_m=1.0),))
 
 
 @pytest.fixture
 def stage(stage: Stage) -> Iterator[Stage]:
-    """A robot that is soon at a near goal, and never at a far one."""
+    """A robot that is soon at a goal where it stands, and never at another one."""
     played, _ = stage
+    played.pose = HERE
     timers: list[Timer] = []
 
     def near() -> None:
         goal = played.asked[-1]
-        if isinstance(goal, GoalRequest) and goal.x_mm == 1000 * NEAR[0]:
+        if isinstance(goal, GoalRequest) and goal.x_mm == 1000 * HERE[0]:
             timers.append(Timer(NEAR_S, arrive, [goal.request_id]))
             timers[-1].start()
 
@@ -53,15 +54,25 @@ async def two_clients(endpoint: str) -> AsyncIterator[tuple[Robot, Robot]]:
         yield one, other
 
 
-async def shown(robot: Robot, state: GoalState = GoalState.DRIVING) -> None:
-    """Wait until the robot's status shows a goal in this state."""
+async def shown(robot: Robot) -> None:
+    """Wait until the robot's status shows that it drives to a goal."""
     async for status in robot.status():
-        if status.goal == state and status.mode == Mode.GUIDED:
+        if status.goal == GoalState.DRIVING and status.mode == Mode.GUIDED:
             return
 
 
+async def here(robot: Robot) -> tuple[float, float]:
+    pose = await anext(robot.odometry())
+    return pose.x_m, pose.y_m
+
+
+async def far(robot: Robot) -> tuple[float, float]:
+    x_m, y_m = await here(robot)
+    return x_m + FAR_M, y_m
+
+
 async def far_goal(robot: Robot) -> "asyncio.Task[sidestep.GoalEnded | sidestep.Refused]":
-    going = asyncio.create_task(robot.goto(*FAR))
+    going = asyncio.create_task(robot.goto(*await far(robot)))
     await shown(robot)
     return going
 
@@ -93,12 +104,14 @@ async def goal_after_the_end_of_a_goal(robot: Robot, _: Robot) -> sidestep.GoalE
 
 
 async def goal_while_a_time_limit_ends(robot: Robot, _: Robot) -> sidestep.GoalEnded:
+    place = await far(robot)
+
     async def limited() -> None:
-        async with asyncio.timeout(0.1):
-            await robot.goto(*FAR)
+        async with asyncio.timeout(0.3):
+            await robot.goto(*place)
 
     old = asyncio.create_task(limited())
-    await shown(robot)
+    await asyncio.sleep(0.28)
     new = asyncio.create_task(new_goal(robot))
     with pytest.raises(TimeoutError):
         await old
@@ -129,15 +142,17 @@ async def goal_of_another_client(robot: Robot, other: Robot) -> sidestep.GoalEnd
 
 
 async def goal_after_a_mission(robot: Robot, _: Robot) -> sidestep.GoalEnded:
-    sidestep.agreed(await robot.mission.upload(MISSION))
+    x_m, y_m = await far(robot)
+    mission = sidestep.Mission(waypoints=(sidestep.Waypoint(x_m=x_m, y_m=y_m),))
+    sidestep.agreed(await robot.mission.upload(mission))
     old = asyncio.create_task(robot.mission.run())
-    await asyncio.sleep(0.1)
+    await asyncio.sleep(0.3)
     old.cancel()
     return await new_goal(robot, old)
 
 
 async def new_goal(robot: Robot, old: "asyncio.Task[object] | None" = None) -> sidestep.GoalEnded:
-    new = await robot.goto(*NEAR)
+    new = await robot.goto(*await here(robot))
     if old is not None:
         await ended(old)
     assert isinstance(new, sidestep.GoalEnded), new
@@ -155,25 +170,37 @@ CASES: list[Case] = [
 ]
 
 
+async def lost_in(endpoint: str, case: Case, rounds: int) -> list[str]:
+    """Return how the new goals and drives ended that did not come to their own end."""
+    lost: list[str] = []
+    async with asyncio.timeout(rounds * PATIENCE_S), two_clients(endpoint) as (one, other):
+        for _ in range(rounds):
+            new = await case(one, other)
+            if not new.ok:
+                lost.append(new.text)
+    return lost
+
+
 @pytest.mark.parametrize("case", CASES)
 def test_cancellation_ends_nothing_else(
     stage: Stage, case: Case, pytestconfig: pytest.Config
 ) -> None:
     rounds = ROUNDS[pytestconfig.getoption("--examples")]
-    lost: list[str] = []
-
-    async def program() -> None:
-        async with asyncio.timeout(rounds * PATIENCE_S), two_clients(stage[1]) as (one, other):
-            for _ in range(rounds):
-                new = await case(one, other)
-                if not new.ok:
-                    lost.append(new.text)
-
-    asyncio.run(program())
-    assert lost == []
+    assert asyncio.run(lost_in(stage[1], case, rounds)) == []
     cleaned = [one for one in stage[0].asked if isinstance(one, CommandRequest) and ends(one)]
     assert cleaned
     assert all(one.ends_id for one in cleaned), "each names what it ends"
+
+
+@pytest.mark.stack
+@pytest.mark.parametrize("case", CASES)
+def test_cancellation_ends_nothing_else_on_the_real_robot(
+    case: Case, monkeypatch: pytest.MonkeyPatch, pytestconfig: pytest.Config
+) -> None:
+    rounds = ROUNDS[pytestconfig.getoption("--examples")]
+    with Lively() as stack, stack.going():
+        dials(stack, monkeypatch)
+        assert asyncio.run(lost_in(stack._hub, case, rounds)) == []
 
 
 def ends(request: CommandRequest) -> bool:
@@ -186,7 +213,7 @@ def test_goal_that_another_client_sets_replaces_the_old_one(stage: Stage) -> Non
     async def program() -> sidestep.GoalEnded | sidestep.Refused:
         async with two_clients(stage[1]) as (one, other):
             old = await far_goal(one)
-            assert (await other.goto(*NEAR)).ok
+            assert (await new_goal(other)).ok
             return await old
 
     outcome = asyncio.run(program())
@@ -230,7 +257,7 @@ def test_end_of_the_context_ends_its_goal_and_waits_for_that(stage: Stage) -> No
 @pytest.mark.parametrize(
     "call",
     [
-        lambda robot: robot.goto(*NEAR),
+        lambda robot: robot.goto(1.0, 1.0),
         lambda robot: robot.drive(0.1, 0.0, for_s=1.0),
         lambda robot: robot.hold(),
         lambda robot: robot.arm(),
@@ -278,7 +305,7 @@ def test_goal_that_waits_in_turn_is_not_sent_when_it_is_cancelled(stage: Stage) 
         async with sidestep.connect(endpoint) as robot:
             assert (await robot.lease.take()).ok
             played.answers = [None, Reason.NONE]
-            first = asyncio.create_task(robot.goto(*FAR))
+            first = asyncio.create_task(robot.goto(3.0, 1.0))
             while not played.asked:
                 await asyncio.sleep(0.01)
             second = asyncio.create_task(robot.goto(2.0, 2.0))
@@ -291,4 +318,4 @@ def test_goal_that_waits_in_turn_is_not_sent_when_it_is_cancelled(stage: Stage) 
 
     asyncio.run(program())
     goals = {one.x_mm for one in played.asked if isinstance(one, GoalRequest)}
-    assert goals == {1000 * FAR[0]}
+    assert goals == {3000}

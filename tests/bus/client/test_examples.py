@@ -10,13 +10,10 @@ import pytest
 
 import sidestep
 from examples import custom_navigator, drive_to_goal, log_to_parquet, patrol, sonar_terminal
-from ground.client.api import robot
-from ground.client.connection import Common
-from protocol.bus.network import Network
 from protocol.wire.enums import GoalState, MissionState
 from protocol.wire.messages import SonarScan
 from robot.core.navigators.registry import NAVIGATORS
-from tests.support.bus.lively import PERIOD_S, Lively
+from tests.support.bus.lively import PERIOD_S, Lively, dials
 
 pytestmark = pytest.mark.stack
 
@@ -43,18 +40,6 @@ def stack() -> Iterator[Lively]:
 def hurried() -> Iterator[Lively]:
     with Hurried() as found, found.going():
         yield found
-
-
-def dials(stack: Lively, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Options by which a program finds the stack."""
-
-    def common(endpoint: str | None, *_: object) -> Common:
-        assert endpoint is not None
-        network = Network(mode="client", connect=(endpoint,), prefix=stack._prefix)
-        return Common(network=network, robot="r1")
-
-    monkeypatch.setattr(robot, "common", common)
-    return ["--connect", stack._hub]
 
 
 def test_goal_is_driven_to(

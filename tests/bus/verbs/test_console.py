@@ -22,7 +22,7 @@ from protocol.bus.mailbox import Mailbox
 from protocol.topics import Role
 from protocol.wire.enums import GoalState, LeaseAction, Mode, Vehicle
 from protocol.wire.message import Message
-from protocol.wire.messages import GoalRequest
+from protocol.wire.messages import CommandRequest, GoalRequest
 from protocol.wire.reasons import Reason
 from runtime.clock import WallClock
 from runtime.errors import RemoteError, UserError
@@ -80,10 +80,15 @@ def wanted(robot: PlayedRobot, *, lease: bool) -> list[Message]:
     asked = [*robot.asked, *leases, *robot.desk.frames]
     plain = [message for message in asked if "request_id" not in message.__struct_fields__]
     return [
-        msgspec.structs.replace(message, request_id=0)
+        msgspec.structs.replace(message, request_id=0, **ended(message))
         for message in asked
         if "request_id" in message.__struct_fields__
     ] + plain
+
+
+def ended(message: Message) -> dict[str, int]:
+    """Return whether a clean-up names what it ends, whose id is another one each time."""
+    return {"ends_id": int(bool(message.ends_id))} if isinstance(message, CommandRequest) else {}
 
 
 def arrives(robot: PlayedRobot) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import re
+import threading
 from math import pi
 from typing import Any
 
@@ -16,6 +17,7 @@ from protocol.wire.messages import GoalRequest
 from protocol.wire.reasons import Reason
 from tests.support.bus.robots import PlayedRobot, Say
 from tests.support.interrupt import interrupt_when
+from tests.support.until import until
 
 
 def test_goto_arms_a_standby_robot_and_waits_for_the_end(robot: PlayedRobot, say: Say) -> None:
@@ -57,8 +59,6 @@ def test_goto_ignores_the_result_of_the_previous_goal(
     def line(*arguments: Any) -> list[Part]:
         parts = goal_line(*arguments)
         shown.append(in_words(parts))
-        if "waiting for the robot to start" in shown[-1]:
-            robot.stale = None
         if "driving" in shown[-1]:
             robot.goal = GoalState.REACHED
         return parts
@@ -67,10 +67,17 @@ def test_goto_ignores_the_result_of_the_previous_goal(
     monkeypatch.setattr(goals, "SHOW_PLAIN_NS", 1_000_000)
     robot.vehicle, robot.goal_id, robot.goal = Vehicle.ACTIVE, 7, GoalState.REACHED
     robot.stale = robot.status()
-    assert say("goto", "1", "2", "--timeout", "20")[0] == 0
-    first = next(text for text in shown if "robot's status" not in text)
-    assert first == "waiting for the robot to start"
-    assert any("driving" in text for text in shown)
+
+    def show() -> None:
+        until(lambda: robot.beats > 3)
+        assert shown == []
+        robot.stale = None
+
+    threading.Thread(target=show, daemon=True).start()
+    code, _, err = say("goto", "1", "2", "--timeout", "20")
+    assert code == 0
+    assert "driving" in shown[0], "nothing of the goal before"
+    assert "waiting" not in err
 
 
 def test_goto_never_arms_out_of_a_failsafe(robot: PlayedRobot, say: Say) -> None:
@@ -146,7 +153,7 @@ def test_body_frame_goal_needs_a_known_pose(robot: PlayedRobot, say: Say) -> Non
 def test_goto_holds_the_lease_while_it_runs(robot: PlayedRobot, say: Say) -> None:
     say("goto", "1", "2", "--timeout", "0.2")
     kinds = [request.action for request in robot.desk.actions]
-    assert kinds == [LeaseAction.TAKE, LeaseAction.RELEASE]
+    assert kinds == [LeaseAction.TAKE, LeaseAction.LEAVE]
     assert robot.desk.held is None
 
 
@@ -155,5 +162,13 @@ def test_goto_names_the_lease_holder_when_refused(robot: PlayedRobot, say: Say) 
     code, out, err = say("goto", "1", "2", "--json")
     assert code == 1
     assert ": anna" in json.loads(out)["reason"]
-    assert "commands the robot: anna (sidestep lease seize)" in err
+    assert "commands the robot: anna (--seize takes it over" in err
     assert robot.asked == []
+
+
+def test_goto_may_seize_the_lease(robot: PlayedRobot, say: Say) -> None:
+    robot.desk.held = ("beef/1", "anna")
+    say("goto", "1", "2", "--seize", "--timeout", "0.2")
+    kinds = [request.action for request in robot.desk.actions]
+    assert kinds == [LeaseAction.SEIZE, LeaseAction.TAKE, LeaseAction.LEAVE]
+    assert isinstance(robot.asked[0], GoalRequest)

@@ -21,14 +21,14 @@ def test_the_lease_is_taken_kept_and_given_back(robot: PlayedRobot, say: Say) ->
     assert "anna commands r1" in err
     assert robot.beats >= 1
     kinds = [request.action for request in robot.desk.actions]
-    assert kinds == [LeaseAction.TAKE, LeaseAction.RELEASE]
+    assert kinds == [LeaseAction.TAKE, LeaseAction.LEAVE]
 
 
 def test_a_lease_that_another_holds_can_be_seen_and_seized(robot: PlayedRobot, say: Say) -> None:
-    robot.desk.held = ("beef", "anna")
+    robot.desk.held = ("beef/1", "anna")
     assert (
         say("lease", "show")[1]
-        == "anna commands r1; without a heartbeat the lease expires in 2.5 s\n"
+        == "anna commands r1; without a heartbeat or a drive the lease expires in 2.5 s\n"
     )
     assert "anna" in say("lease", "take")[1]
     assert say("lease", "release")[0] == 1
@@ -38,8 +38,54 @@ def test_a_lease_that_another_holds_can_be_seen_and_seized(robot: PlayedRobot, s
 
 def test_ctrl_c_gives_the_lease_back(robot: PlayedRobot, say: Say) -> None:
     interrupt_when(lambda: robot.desk.held is not None and robot.beats >= 3)
-    assert say("lease", "take")[0] == 130
-    assert robot.desk.actions[-1].action == LeaseAction.RELEASE
+    assert say("lease", "take", "--for", "60")[0] == 130
+    assert robot.desk.actions[-1].action == LeaseAction.LEAVE
+
+
+@pytest.mark.parametrize("action", ["take", "seize"])
+def test_lease_returns_and_every_verb_of_this_person_may_command(
+    robot: PlayedRobot, say: Say, action: str
+) -> None:
+    robot.desk.held = ("beef/1", "anna") if action == "seize" else None
+    code, _, err = say("lease", action, "--name", "ben")
+    assert code == 0
+    assert "ben commands r1; begin to drive within 30 s" in err
+    assert robot.beats == 0
+    assert say("goto", "1", "2", "--timeout", "0.2")[2].count("refused") == 0
+    assert say("lease", "release")[0] == 0
+    assert robot.desk.held is None
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("arm",),
+        ("resume",),
+        ("rtl",),
+        ("mode", "hold"),
+        ("navigator", "bug"),
+        ("clear-estop",),
+        ("teleop", "0.1", "0", "--for", "0.1"),
+        ("param", "set", "d_obs_m", "0.5"),
+        ("fence", "off"),
+        ("mission", "clear"),
+        ("pose", "set", "1", "2"),
+    ],
+)
+def test_verb_that_needs_the_lease_may_seize_it(
+    robot: PlayedRobot, say: Say, words: tuple[str, ...]
+) -> None:
+    robot.desk.held = ("beef/1", "anna")
+    say(*words, "--seize")
+    assert robot.desk.actions[0].action == LeaseAction.SEIZE
+
+
+@pytest.mark.parametrize("verb", ["hold", "abort", "disarm", "estop"])
+def test_verb_that_needs_no_lease_seizes_none(
+    capsys: pytest.CaptureFixture[str], verb: str
+) -> None:
+    assert main([verb, "--seize", "--connect", "tcp/127.0.0.1:1"]) == 2
+    assert "unrecognized arguments: --seize" in capsys.readouterr().err
 
 
 def test_driving_by_hand_sends_speeds_at_20_hz_and_ends_standing(

@@ -5,6 +5,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Final
 
+import pytest
+
+from ground.client.api import robot
+from ground.client.connection import Common
 from ground.station.link.loss import LossKind
 from ground.station.station import Station
 from protocol.bus.bus import open_bus
@@ -108,10 +112,23 @@ class Watching:
 
 @contextmanager
 def watching(stack: Stack, endpoint: str | None = None, name: str = "anna") -> Iterator[Watching]:
-    network = Network(mode="client", connect=(endpoint or stack._hub,), prefix=stack._prefix)
+    hub, prefix = endpoint or stack._hub, stack._prefix
+    network = Network(mode="client", connect=(hub,), prefix=prefix, person=name)
     with open_bus(network, Role.GROUND, "r1") as bus:
         station = Station(bus, "r1", WallClock(), name=name)
         try:
             yield Watching(station)
         finally:
             station.close()
+
+
+def dials(stack: Lively, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Options by which a program finds the stack."""
+
+    def common(endpoint: str | None, *_: object, **__: object) -> Common:
+        assert endpoint is not None
+        network = Network(mode="client", connect=(endpoint,), prefix=stack._prefix)
+        return Common(network=network, robot="r1")
+
+    monkeypatch.setattr(robot, "common", common)
+    return ["--connect", stack._hub]
