@@ -363,7 +363,7 @@ DEFECTS: Final[dict[str, Defect]] = {
     "g2": Defect("a stop waits in the gateway behind other requests", _stop_in_the_queue),
     "g3": Defect(
         "a client in control is never too silent",
-        lambda: {"ground.gateway.control.SILENCE_NS": 1 << 62},
+        lambda: {"ground.gateway.presence.SILENCE_NS": 1 << 62},
     ),
     "g4": Defect("the gateway obeys unsigned frames of other machines", _strangers_command),
     "unkept": Defect("the stop is not written to the disk", _unwritten_stop),
