@@ -10,6 +10,7 @@ from collections.abc import Collection
 from typing import Any, Final, NamedTuple
 
 from ground.client.operations import Operation
+from ground.client.operations.leases import is_ours
 from ground.client.requests import HeartbeatTimer
 from ground.client.results import Accepted, Refused
 from ground.gateway.dialect import mavlink
@@ -17,7 +18,6 @@ from ground.gateway.port import OVERTAKEN, STOPS, Answered, Done, RobotPort, Sna
 from ground.gateway.presence import LOST_NS, SILENCE_NS, Presence
 from ground.gateway.traffic import Outbox, Sender
 from protocol.wire.enums import LeaseAction, Severity
-from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason
 from runtime.units import NS_PER_MS, NS_PER_S, NS_PER_US
 
@@ -76,7 +76,7 @@ class OperatorControl:
     def is_foreign(self) -> bool:
         """True if an operator on the bus, such as one in the app, holds the lease."""
         lease = None if self._snapshot is None else self._snapshot.lease
-        return lease is not None and bool(lease.held) and not self._is_ours(lease)
+        return lease is not None and bool(lease.held) and not is_ours(lease, self._port.identity)
 
     @property
     def takeover_allowed(self) -> bool:
@@ -251,8 +251,8 @@ class OperatorControl:
             self._lose()
             return
         lease = snapshot.lease
-        is_ours = lease is None or (bool(lease.held) and self._is_ours(lease))
-        if not is_ours and now_ns > self._changed_ns + CROSSING_NS:
+        is_lost = lease is not None and not is_ours(lease, self._port.identity)
+        if is_lost and now_ns > self._changed_ns + CROSSING_NS:
             self._lose()
             return
         if presence.must_ask(now_ns, is_doubted=bool(self._returning)):
@@ -295,9 +295,6 @@ class OperatorControl:
         self._presence = None
         self._is_there, self._takeover_allowed = False, True
         self.serial += 1
-
-    def _is_ours(self, lease: LeaseStatus) -> bool:
-        return lease.holder == self._port.identity
 
 
 def is_same_client(one: Sender, other: Sender) -> bool:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from ground.cli.options import common_of
+from ground.client.connection import Common
 from ground.client.link import Link, open_link
 from ground.client.stop_ways import StopServer
 from ground.gateway.bus_port import BusPort
@@ -36,6 +37,7 @@ from ground.grammar.words import add_common
 from ground.recording.build_info import build
 from ground.text.output import Output
 from ground.user.folders import recordings_folder, state_folder
+from protocol.bus.person import gateway_here
 from protocol.options import finite
 from runtime.clock import Clock
 from runtime.errors import UserError
@@ -106,6 +108,16 @@ def guard_of(settings: GatewaySettings, endpoints: Sequence[EndpointText]) -> Si
     )
 
 
+def as_gateway(common: Common) -> Common:
+    """Return a connection as a person of its own: the clients are not the gateway's user.
+
+    On a locked bus the certificate names it.
+    """
+    if common.network.tls is not None:
+        return common
+    return replace(common, network=replace(common.network, person=gateway_here()))
+
+
 def vehicle_of(port: BusPort, link: Link, settings: GatewaySettings) -> Vehicle:
     """Return the robot of a port."""
     now_ns = link.clock.now_ns()
@@ -118,7 +130,7 @@ def vehicle_of(port: BusPort, link: Link, settings: GatewaySettings) -> Vehicle:
 
 def run(options: argparse.Namespace, output: Output) -> int:
     """Serve until Ctrl-C. Wrong words are errors before the connection to the robot."""
-    common = common_of(options, output)
+    common = as_gateway(common_of(options, output))
     settings = settings_of(options, common.robot, common.config)
     texts = [with_policy(text) for text in settings.endpoints]
     guard = guard_of(settings, texts)

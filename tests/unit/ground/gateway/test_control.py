@@ -212,6 +212,18 @@ def test_control_is_lost_with_the_lease() -> None:
     assert not bench.vehicle.control.holds(CLIENT)
 
 
+def test_lease_that_another_program_of_the_gateway_took_is_its_own() -> None:
+    """Such as the gateway before its restart: the lease belongs to a person."""
+    bench = Bench()
+    bench.port.telemetry["lease"] = LeaseStatus(
+        time_ns=0, lapses_ms=1000, held=1, holder="gateway/6", name="MAVLink 255"
+    )
+    bench.vehicle.perform(CLIENT, Arm(), lambda _: None)
+    bench.after(1.0)
+    assert not bench.vehicle.control.is_foreign
+    assert bench.vehicle.control.holds(CLIENT)
+
+
 def test_messages_for_others_are_ignored() -> None:
     bench = Bench()
     for system, component, heard in ((0, 0, 1), (1, 1, 1), (2, 1, 0), (1, 2, 0), (0, 1, 1)):

@@ -5,11 +5,14 @@ from pathlib import Path
 import pytest
 
 from ground.cli.main import main
-from ground.cli.run.gateway import arguments, guard_of, settings_of
+from ground.cli.run.gateway import arguments, as_gateway, guard_of, settings_of
+from ground.client.connection import Common
 from ground.gateway.endpoints.spec import EXAMPLE
 from ground.gateway.settings import GatewaySettings, systems_of, with_policy
 from ground.gateway.signing.key_file import KeyRing, new_key, write_keys
 from ground.gateway.signing.policy import Policy
+from protocol.bus.network import Network, Tls
+from protocol.bus.person import gateway_here
 from runtime.errors import ConfigError, UserError
 from tests.support.each import each
 
@@ -139,6 +142,15 @@ def test_compose_publishes_no_tcp_port_that_takes_unsigned_commands() -> None:
     assert found
     by_tcp = [one for one in found if one.text.startswith("tcpin")]
     assert all(one.policy is Policy.REQUIRE for one in by_tcp)
+
+
+@each("person", ["", "ada"])
+def test_gateway_is_another_person_than_its_user(person: str) -> None:
+    """Its clients may be anybody, so they share no lease with the user's app."""
+    common = Common(network=Network(person=person), robot="r1")
+    assert as_gateway(common).network.person == gateway_here()
+    locked = Common(network=Network(tls=Tls(ca="a", certificate="b", key="c")), robot="r1")
+    assert as_gateway(locked) == locked
 
 
 def test_required_signing_needs_a_key(tmp_path: Path) -> None:
