@@ -19,9 +19,8 @@ from protocol.wire.enums import Vehicle as VehicleState
 from protocol.wire.messages import CommandRequest, GoalRequest
 from protocol.wire.reasons import Reason
 from runtime.units import NS_PER_MS, NS_PER_S
-from verification.simulation.contradictions.journal import Deed, Journal, Said
+from verification.simulation.contradictions.journal import Deed, Ended, Journal, Said, Shown
 from verification.simulation.contradictions.mavlink_station import Ack
-from verification.simulation.contradictions.programs import Ended
 from verification.simulation.contradictions.truth import (
     AnsweredRequest,
     GoalTruth,
@@ -241,14 +240,26 @@ class Observer:
         if ack.result == mavlink.MAV_RESULT_ACCEPTED:
             condition = ACKNOWLEDGED.get((ack.number, ack.params[0] if ack.params else 0.0))
             if ack.number == mavlink.MAV_CMD_DO_SET_MODE:
-                mode = ack.params[1]
-                condition = lambda row: row.mode == mode  # noqa: E731
+                condition = self.has_mode(ack.params[1])
             if condition is None or self.truth.ever(ack.since_ns, said.ns, condition):
                 return ""
             return f"never so since it was sent: {state_words(self.truth.at(said.ns))}"
         if ack.result == NOT_IN_CONTROL and ack.number in STOPS_OF_MAVLINK and not ack.params[0]:
             return "what stops needs no control"
         return ""
+
+    def has_mode(self, mode: float) -> Condition:
+        """Return whether a MAVLink station sees the robot in a mode.
+
+        The gateway drives by speeds in MANUAL, which is GUIDED for its stations.
+        """
+
+        def is_so(row: RobotRow) -> bool:
+            begun = self.truth.drive_at(row.ns)
+            by_gateway = row.mode == Mode.MANUAL and begun is not None and begun.program == GATEWAY
+            return row.mode == mode or (mode == Mode.GUIDED and by_gateway)
+
+        return is_so
 
     def stopped(self, said: Said, stopped: Stopped) -> str:
         """Judge an acknowledged emergency stop."""
@@ -292,14 +303,15 @@ class Observer:
         person, truth = person_of(said.program), self.truth
         if not lease.known:
             return ""
-        condition: Condition = lambda row: not row.holder  # noqa: E731
-        if lease.ours:
-            condition = lambda row: truth.has_lease(row, person)  # noqa: E731
-        elif lease.held:
-            condition = lambda row: (  # noqa: E731
-                truth.others_lease(row, person) and row.holder_name == lease.name
-            )
-        if truth.ever(said.ns - LEASE_NS, said.ns, condition):
+
+        def is_so(row: RobotRow) -> bool:
+            if not row.holder or not lease.held:
+                return not row.holder and not lease.held
+            is_own = truth.program_of(row.holder) == said.program
+            is_ours = truth.person_of(row.holder) == person
+            return (is_ours, is_own, row.holder_name) == (lease.ours, lease.own, lease.name)
+
+        if truth.ever(said.ns - LEASE_NS, said.ns, is_so):
             return ""
         row = truth.at(said.ns)
         return f"the lease is held by {row.holder_name or 'nobody'} ({truth.person_of(row.holder)})"
@@ -343,7 +355,7 @@ class Observer:
                 continue
             goal = self.goal_of(deed, now_ns)
             is_app = deed.program.endswith("-app")
-            if goal is None or goal.end is None or is_app or deed.killed:
+            if goal is None or goal.end is None or is_app or self._is_told(deed):
                 continue
             if (
                 now_ns - goal.end.ns > SAID_NS
@@ -351,6 +363,11 @@ class Observer:
             ):
                 words = f"{deed.program} still waits for the end of «{deed}»"
                 yield Violation("an end is said", goal.end.ns + SAID_NS, words)
+
+    def _is_told(self, deed: Deed) -> bool:
+        """Return whether the status line of `up` shows the end of its goal, while others drive."""
+        lines = (said.value for said in reversed(self.journal.words) if said.deed is deed)
+        return any(isinstance(line, Shown) and TOLD.search(line.text) for line in lines)
 
     def _uncaused(self) -> Iterator[Violation]:
         """Yield accepted stops of a goal or drive that no person has asked for.
@@ -490,6 +507,7 @@ LATE_NS: Final = 100 * NS_PER_MS
 """The newest status that was sent may be of a tick before."""
 
 REPLACED: Final = re.compile(r"by the goal (-?[\d.]+) (-?[\d.]+)(?: of (.+))?")
+TOLD: Final = re.compile(r"goal (\w+), an operator drives")
 NO_ANSWER: Final = re.compile(r"does not answer|no message from the robot|no heartbeat")
 NOT_IN_CONTROL: Final = 10
 CAUSES: Final = {
@@ -603,11 +621,26 @@ def standing(observer: Observer, said: Said, _found: re.Match[str]) -> str:
     return "" if slowest < 0.03 else f"the robot moves at {slowest:.2f} m/s"
 
 
+def told(observer: Observer, said: Said, found: re.Match[str]) -> str:
+    """Judge that the goal of `up` has ended, and that an operator drives."""
+    deed, truth = said.deed, observer.truth
+    goal = None if deed is None else observer.goal_of(deed, said.ns)
+    if goal is None or goal.end is None:
+        return "its goal has not ended"
+    if (found[1] == "replaced") != (goal.by is not None):
+        return f"it was {'replaced' if goal.by else 'not replaced'}"
+    since_ns = said.ns - LEASE_NS
+    if truth.ever(since_ns, said.ns, lambda row: bool(row.holder) or row.drives or row.is_by_hand):
+        return ""
+    return "nobody commands the robot"
+
+
 OWN_SYSTEM: Final = {"client-255": "MAVLink 255", "client-254": "MAVLink 254"}
 Claim = Callable[[Observer, Said, "re.Match[str]"], str]
 CLAIMS: Final[tuple[tuple[re.Pattern[str], Claim], ...]] = (
     (re.compile(r"no message from the robot for ([\d.]+) s"), silent),
     (re.compile(r"waiting for the robot to start"), not_begun),
+    (TOLD, told),
     (re.compile(r"another operator commands the robot(?:: ([^()]+))?"), commands),
     (re.compile(r"(MAVLink \d+|\S+) is in command"), in_command),
     (re.compile(r"you are in command|you command r1"), you_command),

@@ -30,6 +30,23 @@ class Deed:
         return now_ns if self.ended_ns is None else self.ended_ns
 
 
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """The end of a command or of `up`: exit code, the outcome or None, and the error in words."""
+
+    code: int
+    outcome: Any = None
+    error: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A text that a program shows; `where` names the part of it."""
+
+    where: str
+    text: str
+
+
 class Said(NamedTuple):
     """A word of a program: a value of the product, or text in which a value is rendered."""
 

@@ -4,8 +4,8 @@ from struct import unpack_from
 from typing import Any, Final, NamedTuple
 
 from ground.gateway.dialect import mavlink
-from verification.simulation.contradictions.journal import Deed, Journal
-from verification.simulation.contradictions.programs import Arguments, Program, Shown
+from verification.simulation.contradictions.journal import Deed, Journal, Shown
+from verification.simulation.contradictions.programs import Arguments, Program
 from verification.simulation.events import Argument
 from verification.simulation.hosts.gateway_side import GatewaySide
 from verification.simulation.hosts.mavlink_clients import ACTIONS, SimulatedClient

@@ -7,8 +7,7 @@ the goal of its run. Each program has a host whose name begins with its person.
 
 import asyncio
 from collections.abc import Callable, Coroutine, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from math import degrees, inf
 from typing import Any, Final
@@ -46,12 +45,13 @@ from ground.launch.scenario import Scenario, ScenarioRobot
 from ground.station.robot.background_requests import JobResult
 from ground.station.station import Station
 from ground.text.status_parts import Part, in_words
-from protocol.bus.bus import open_bus
+from protocol.bus.bus import Bus, open_bus
+from protocol.bus.network import Network
 from protocol.topics import Role
 from protocol.wire.enums import LeaseAction, Mode
 from runtime.errors import LocalError, RemoteError
 from runtime.units import NS_PER_MS, NS_PER_S
-from verification.simulation.contradictions.journal import Deed, Journal
+from verification.simulation.contradictions.journal import Deed, Ended, Journal, Shown
 from verification.simulation.contradictions.truth import person_of
 from verification.simulation.events import Argument
 from verification.simulation.hosts.event_loop import SimulatedLoop
@@ -67,36 +67,17 @@ WIDTH, HEIGHT = 200, 50
 Arguments = tuple[Argument, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Ended:
-    """The end of a command or of `up`: exit code, the outcome or None, and the error in words."""
-
-    code: int
-    outcome: Any = None
-    error: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Shown:
-    """A text that a program shows; `where` names the part of it."""
-
-    where: str
-    text: str
-
-
 def common_here(*_: object, **more: Any) -> Common:
     """Return how the program of the running host reaches the robot."""
     return Common(network=network_of(person_of(current_host().name)), robot="r1", **more)
 
 
-def network_of(person: str) -> Any:
+def network_of(person: str) -> Network:
     """Return the network of a person's programs."""
-    with suppress(TypeError):
-        return replace(DIALS, person=person)  # type: ignore[call-arg]
-    return DIALS
+    return replace(DIALS, person=person)
 
 
-def open_bus_here(network: Any, role: Role, robot: str) -> Any:
+def open_bus_here(network: Network, role: Role, robot: str) -> Bus:
     """Open a bus with the clock of the running host."""
     return open_bus(network, role, robot, current_host().now_ns)
 

@@ -17,14 +17,13 @@ from robot.core.values import Pose
 from runtime.units import NS_PER_MS
 from verification.simulation.contradictions.claims import Recorded, contradictions
 from verification.simulation.contradictions.defects import DEFECTS
-from verification.simulation.contradictions.journal import Journal
+from verification.simulation.contradictions.journal import Journal, Shown
 from verification.simulation.contradictions.mavlink_station import MavlinkStation
 from verification.simulation.contradictions.programs import (
     App,
     Notebook,
     Program,
     Shell,
-    Shown,
     Up,
     common_here,
     network_of,

@@ -78,6 +78,11 @@ class RobotRow(NamedTuple):
         """Whether the robot drives to a goal."""
         return self.is_armed and self.mode in DRIVES and self.has_goal
 
+    @property
+    def is_by_hand(self) -> bool:
+        """Whether an operator steers the robot."""
+        return self.is_armed and self.mode == Mode.MANUAL
+
 
 class AnsweredRequest(NamedTuple):
     """A request that the robot has answered, and its state before and after."""
@@ -181,7 +186,7 @@ class Truth:
         """Note a request that the robot has answered."""
         before = self.rows[-1] if self.rows else self._row(vehicle)
         after = self._row(vehicle)
-        program = self.programs.get(operator.rpartition("/")[2], "")
+        program = self.program_of(operator)
         ok, reason = verdict_of(answer)
         at = len(self.rows)
         self.rows.append(after)
@@ -241,7 +246,11 @@ class Truth:
 
     def person_of(self, operator: str) -> str:
         """Return the person of an operator on the bus, by the host that has the session."""
-        return person_of(self.programs.get(operator.rpartition("/")[2], ""))
+        return person_of(self.program_of(operator))
+
+    def program_of(self, operator: str) -> str:
+        """Return the host that has the session of an operator on the bus."""
+        return self.programs.get(operator.rpartition("/")[2], "")
 
     def has_lease(self, row: RobotRow, person: str) -> bool:
         """Return whether a person holds the lease."""
