@@ -214,12 +214,12 @@ def _field(element: ET.Element, is_extension: bool) -> Field:
 
 def _enum(element: ET.Element) -> EnumType:
     name = element.attrib["name"]
-    entries = tuple(_entry(entry, f"{name}_") for entry in element.iter("entry"))
+    entries = tuple(entry_in(entry, f"{name}_") for entry in element.iter("entry"))
     return EnumType(name, _text(element), entries)
 
 
-def _entry(element: ET.Element, prefix: str) -> Entry:
-    """Return a member; its timeout is the maxValue, or the default, of its first parameter."""
+def entry_in(element: ET.Element, prefix: str = "") -> Entry:
+    """Return a member; its timeout is the maxValue, or the default, of its parameter."""
     name, value = element.attrib["name"].removeprefix(prefix), int(element.attrib["value"], 0)
     timeout = element.find(TIMEOUT)
     if timeout is None:

@@ -11,7 +11,7 @@ from protocol.topics import Service, Topic
 from protocol.wire.layout import LAYOUT, class_name
 from protocol.wire.message import Message
 from runtime.units import NS_PER_MS
-from verification.dialect.definitions import SIDESTEP_XML
+from verification.dialect.definitions import SIDESTEP_XML, entry_in
 from verification.site import permissions_page
 
 HEAD: Final = f"""\
@@ -165,10 +165,8 @@ def enum_lines(enum: ET.Element) -> Iterator[str]:
     """Yield the section of an enumeration."""
     yield from (f"### {enum.attrib['name']}", "", words(enum), "")
     prefix = enum.attrib["name"] + "_"
-    rows = (
-        (entry.attrib["value"], f"`{entry.attrib['name'].removeprefix(prefix)}`", words(entry))
-        for entry in enum.iterfind("entry")
-    )
+    entries = (entry_in(element, prefix) for element in enum.iterfind("entry"))
+    rows = ((str(entry.value), f"`{entry.name}`", entry.words) for entry in entries)
     yield from table(("value", "name", "meaning"), rows)
     yield ""
 
