@@ -21,6 +21,7 @@ from verification.simulation.hosts.gateway_side import ORIGIN, SYSTEM, GatewaySi
 from verification.simulation.hosts.network import SimulatedNetwork
 from verification.simulation.hosts.operators import OperatorRequest, RequestHistory
 from verification.simulation.hosts.scheduler import Host, Scheduler, current_task
+from verification.simulation.invariants.clients import ANSWER
 from verification.simulation.invariants.limits import CLIENT_REPEAT_NS
 
 CLIENTS: Final = {"client-255": 255, "client-254": 254}
@@ -42,6 +43,7 @@ FORCED_DISARM: Final = 21196.0
 ONLY_SPEED: Final = 0xDC7
 ONLY_PLACE: Final = 0xDF8
 ACK_START: Final = bytes((mavlink.MAVLINK_MSG_ID_COMMAND_ACK, 0, 0))
+PING_START: Final = bytes((mavlink.MAVLINK_MSG_ID_PING, 0, 0))
 
 
 class SimulatedClient:
@@ -73,10 +75,14 @@ class SimulatedClient:
         self.host.spawn(lambda: ACTIONS[action](self, *arguments))
 
     def receive(self, data: bytes) -> None:
-        """Receive a frame of the gateway: keep the result of a command."""
+        """Receive a frame of the gateway: keep the result of a command, and answer PING."""
         if data[7:10] == ACK_START:
             number, result = unpack_from("<HB", data[10:-2].ljust(3, b"\0"))
             self._acks[number] = result
+        elif data[7:10] == PING_START:
+            time_us, sequence, target = unpack_from("<QIB", data[10:-2].ljust(13, b"\0"))
+            if target == 0:
+                self._send(ANSWER, mavlink.MAVLink_ping_message(time_us, sequence, SYSTEM, 1))
 
     def _beat(self) -> None:
         while True:

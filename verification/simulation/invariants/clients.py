@@ -23,6 +23,10 @@ COMMANDS: Final = "only the client in control commands"
 PRESENT: Final = "client in control is present"
 RELEASED: Final = "only a later clear releases a stop"
 NAME: Final = "MAVLink "
+ANSWER: Final = "answer"
+"""The kind of an answer to PING."""
+PATIENCE_NS: Final = 7_000 * NS_PER_MS
+"""The silence after which a client that has answered no PING is gone, if frames were lost."""
 CAUSES: Final = {
     Command.COMPONENT_ARM_DISARM: ("arm", "clear"),
     Command.DO_SET_MODE: ("mode", "goto", "steer"),
@@ -47,7 +51,7 @@ class ClientInvariants:
         self._sent_ns: dict[tuple[int, str], int] = {}
         """Newest arrival at the gateway, by client and kind of frame."""
         self._heard_ns: dict[int, int] = {}
-        self._named = 0
+        self._named, self._named_ns = 0, NEVER
         """The client that the newest lease granted to the gateway names."""
         self._lost_ns: dict[int, int] = {}
         """When each client lost control to another one."""
@@ -101,7 +105,7 @@ class ClientInvariants:
         if self._named != client:
             self._lost_ns[self._named] = now_ns
             self._lost_ns.pop(client, None)
-        self._named, self._heard_ns[client] = client, now_ns
+        self._named, self._named_ns, self._heard_ns[client] = client, now_ns, now_ns
         self._reach("control by a client")
 
     def _caused(self, kinds: tuple[str, ...], within_ns: int, what: str) -> None:
@@ -137,7 +141,9 @@ class ClientInvariants:
         if not needs or facts.now_ns <= facts.unsure_until_ns:
             return
         silent_ns = facts.now_ns - self._heard_ns.get(self._named, NEVER)
-        lost_ns = limits.CLIENT_SILENT_NS + limits.operator_lost_ns(vehicle.params.op_lost_ms)
+        has_answered = self._sent_ns.get((self._named, ANSWER), NEVER) >= self._named_ns
+        gone_ns = limits.CLIENT_SILENT_NS if has_answered else PATIENCE_NS
+        lost_ns = gone_ns + limits.operator_lost_ns(vehicle.params.op_lost_ms)
         if silent_ns > lost_ns + limits.LINK_NS + limits.TICK_NS + limits.ROUNDING_NS:
             words = f"the robot is armed {silent_ns // NS_PER_MS} ms after client {self._named}"
             facts.fail(PRESENT, f"{words} was last heard")
