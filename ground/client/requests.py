@@ -264,10 +264,10 @@ class GoalWatch:
         """Process a status of the robot; set `end` if the goal has ended."""
         if self.end is not None:
             return
+        self._received_ns = now_ns
         if self._replacement is not None:
             self._end_replaced(self._replacement, now_ns)
             return
-        self._received_ns = now_ns
         order = order_of(status.time_ns, self._stamp_ns, MAX_LATE_NS)
         if self._seen and order is Order.RESTARTED:
             self.end = GoalEnd("aborted", "the robot has restarted")

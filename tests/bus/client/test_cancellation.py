@@ -87,7 +87,7 @@ async def driving(robot: Robot) -> "asyncio.Task[sidestep.DriveEnded | sidestep.
 
 async def ended(old: "asyncio.Task[object]") -> None:
     await asyncio.gather(old, return_exceptions=True)
-    assert old.cancelled()
+    assert old.cancelled(), old
 
 
 async def goal_after_goal(robot: Robot, _: Robot) -> sidestep.GoalEnded:

@@ -9,6 +9,7 @@ import pytest
 
 from ground.client.api import robot
 from ground.client.connection import Common
+from ground.client.vocabulary import Remedies
 from ground.station.link.loss import LossKind
 from ground.station.station import Station
 from protocol.bus.bus import open_bus
@@ -123,12 +124,16 @@ def watching(stack: Stack, endpoint: str | None = None, name: str = "anna") -> I
 
 
 def dials(stack: Lively, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Options by which a program finds the stack."""
+    """Options by which a program finds the stack; `config` is the person who uses it."""
 
-    def common(endpoint: str | None, *_: object, **__: object) -> Common:
+    def common(
+        endpoint: str | None, _: str | None, config: str | None, *, remedies: Remedies
+    ) -> Common:
         assert endpoint is not None
-        network = Network(mode="client", connect=(endpoint,), prefix=stack._prefix)
-        return Common(network=network, robot="r1")
+        network = Network(
+            mode="client", connect=(endpoint,), prefix=stack._prefix, person=config or ""
+        )
+        return Common(network=network, robot="r1", remedies=remedies)
 
     monkeypatch.setattr(robot, "common", common)
     return ["--connect", stack._hub]
