@@ -6,11 +6,13 @@ from math import isfinite
 from types import MappingProxyType
 from typing import Final, NamedTuple, TypeAlias, TypeGuard
 
-from protocol.wire.enums import AckResult, Command
+from protocol.wire.enums import AckResult, Command, Mode
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest
 from protocol.wire.packing import wire_of
+from robot.core import machine as machines
 from robot.core import reasons, states
+from robot.core.machine import Machine
 from robot.core.perception.from_messages import goal_of
 from robot.hosting.core import Core
 from robot.mission.mission import Mission
@@ -25,6 +27,9 @@ MAX_STOPS: Final = 256
 RESTART: Final = 1.0
 """Parameter 1 of PREFLIGHT_REBOOT_SHUTDOWN that restarts the robot process."""
 
+CONTINUING: Final = (Command.DO_SET_MISSION_CURRENT,)
+"""Commands that lead a mission on, which stays that of its driver."""
+
 CommandOrGoal: TypeAlias = CommandRequest | GoalRequest
 
 
@@ -32,15 +37,26 @@ class Commands:
     """Applies requests to the core and to the mission.
 
     `goal_id` is the id of the request that set the current goal; goals of a mission have the id of
-    the request that started it. `restarts`: an operator has asked for a restart of the process.
+    the request that started it. `drive_id` and `begun_by` are the request that began the newest
+    goal or manual drive, and the program that sent it. `driver` is the program that has the robot
+    move: in GUIDED and MANUAL the robot stops when this one is lost; empty if any may.
+    `is_there(operator, now_ms)` returns whether a program sends heartbeats. `restarts`: an operator
+    has asked for a restart of the process.
     """
 
-    def __init__(self, core: Core, mission: Mission) -> None:
+    def __init__(
+        self,
+        core: Core,
+        mission: Mission,
+        is_there: Callable[[str, int], bool] = lambda _operator, _now_ms: True,
+    ) -> None:
         self._core = core
         self._machine = core.state.machine
         self._mission = mission
+        self._is_there = is_there
         self._answers = AnswerCache()
-        self.goal_id = 0
+        self.goal_id = self.drive_id = 0
+        self.begun_by = self.driver = ""
         self._stop_ids: deque[int] = deque([0], MAX_STOPS)
         self.restarts = False
 
@@ -66,7 +82,7 @@ class Commands:
         known = self._answers.find(operator, request)
         if known is not None:
             return known
-        answer = acknowledge(request, self._act(request, now_ms))
+        answer = acknowledge(request, self._act(request, now_ms, operator))
         self._answers.keep(operator, request, answer)
         return answer
 
@@ -80,16 +96,38 @@ class Commands:
         if request_id not in self._stop_ids:
             self._stop_ids.append(request_id)
 
-    def _act(self, request: CommandOrGoal, now_ms: int) -> int:
-        serial = self._machine.serial
+    def _act(self, request: CommandOrGoal, now_ms: int, operator: str) -> int:
+        machine = self._machine
+        serial, mode = machine.serial, machine.mode
+        # Without any operator the core itself refuses, and shows it in the state of the goal.
+        is_absent = machine.operator and not self._is_there(operator, now_ms)
+        if is_absent and needs_operator(request, machine):
+            return reasons.NO_OPERATOR
         reason = self._handle(request, now_ms)
-        if self._machine.serial != serial:
+        is_new = machine.serial != serial
+        if is_new:
             self.goal_id = request.request_id
+        if is_new or (reason == reasons.OK and is_manual(request)):
+            self.drive_id, self.begun_by = request.request_id, operator
+        elif machine.mode == mode or machine.mode == states.HOLD:
+            return reason
+        if not (isinstance(request, CommandRequest) and request.command in CONTINUING):
+            self.driver = operator
         return reason
+
+    def _is_over(self, request: CommandRequest) -> bool:
+        """Return whether the goal or drive that a clean-up names is no longer there."""
+        machine = self._machine
+        if machine.mode == states.MANUAL:
+            return request.ends_id != self.drive_id
+        is_live = machines.goal_is_active(machine) or self._mission.active
+        return request.ends_id != self.goal_id or not is_live
 
     def _handle(self, request: CommandOrGoal, now_ms: int) -> int:
         if isinstance(request, GoalRequest):
             return self._goto(request, now_ms)
+        if request.ends_id and self._is_over(request):
+            return reasons.ALREADY_OVER
         row = HANDLERS.get(request.command)
         if row is None:
             return reasons.UNKNOWN_COMMAND
@@ -198,6 +236,25 @@ def is_clear(request: Message | None) -> TypeGuard[CommandRequest]:
         isinstance(request, CommandRequest)
         and request.command == Command.SIDESTEP_CLEAR_EMERGENCY_STOP
     )
+
+
+def is_manual(request: CommandOrGoal) -> bool:
+    """Return whether a request begins a drive by hand."""
+    return (
+        isinstance(request, CommandRequest)
+        and request.command == Command.DO_SET_MODE
+        and request.param2 == Mode.MANUAL
+    )
+
+
+def needs_operator(request: CommandOrGoal, machine: Machine) -> bool:
+    """Return whether the robot moves on this request only while its sender is there."""
+    if isinstance(request, GoalRequest):
+        return request.mode == Mode.GUIDED
+    if request.command == Command.DO_SET_MODE:
+        return request.param2 in (Mode.GUIDED, Mode.MANUAL)
+    resumes = request.command == Command.DO_PAUSE_CONTINUE and request.param1 != 0.0
+    return resumes and machine.mode == states.HOLD and machine.resume_mode == states.GUIDED
 
 
 def acknowledge(request: CommandOrGoal, reason: int) -> CommandAck:

@@ -1,12 +1,15 @@
-"""The lease: which operator may command the robot.
+"""The lease: which person may command the robot, and which of that person's programs are there.
 
-Without a lease every operator may. Sans-I/O. `allows` and `is_holder` are thread-safe, because they
-read one reference.
+Without a lease everybody may. Sans-I/O. `allows` and `is_holder` are thread-safe, because they read
+one reference.
 """
 
-from typing import Final, NamedTuple
+from collections import OrderedDict
+from typing import Final, NamedTuple, TypeVar
 
-from protocol.wire.enums import Command, LeaseAction, Severity
+from protocol.topic import person_of
+from protocol.wire.enums import Command, LeaseAction, Mode, Severity
+from protocol.wire.limits import MAX_LEASE_MS
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandRequest,
@@ -22,110 +25,194 @@ from runtime.units import NS_PER_MS, NS_PER_S
 
 LAPSE_NS: Final = 3_000 * NS_PER_MS
 LAPSE_S: Final = LAPSE_NS / NS_PER_S
+IDLE_NS: Final = MAX_LEASE_MS * NS_PER_MS
+IDLE_S: Final = IDLE_NS / NS_PER_S
+MAX_PROGRAMS: Final = 64
+"""Programs whose heartbeats and names are kept: those with the newest ones."""
+
 READ_ONLY: Final = (ParamRequestRead, MissionRequestList, MissionRequestInt)
+T = TypeVar("T")
 
 
 class Holder(NamedTuple):
-    """The operator with the lease: identity on the bus and display name."""
+    """The program that has taken the lease for its person: identity on the bus and display name."""
 
     operator: str
     name: str
 
     @property
+    def person(self) -> str:
+        """The person that has the lease."""
+        return person_of(self.operator)
+
+    @property
     def label(self) -> str:
-        """The display name, or the start of the identity if there is no name."""
-        return self.name or self.operator[:8]
+        """The display name, or the person if there is no name."""
+        return self.name or self.person
 
 
 class Lease:
-    """The lease, which an operator takes, releases or seizes.
+    """The lease, which a person takes, releases or seizes by any program.
 
-    It lapses LAPSE_NS after the holder's last heartbeat.
+    It ends LAPSE_NS after the last heartbeat of the person's programs, once one has sent one since
+    the grant, and IDLE_NS after its last use.
     """
 
     def __init__(self) -> None:
         self._holder: Holder | None = None
-        self._heartbeat_ns = 0
+        self._granted_ns = self._used_ns = 0
+        self._beats_ns: OrderedDict[str, int] = OrderedDict()
+        self._names: OrderedDict[str, str] = OrderedDict()
         self._texts: list[tuple[Severity, str]] = []
 
     def allows(self, operator: str) -> bool:
-        """Return whether this operator may command the robot."""
+        """Return whether this program may command the robot; thread-safe."""
         holder = self._holder
-        return holder is None or holder.operator == operator
+        return holder is None or holder.person == person_of(operator)
 
     def receive(self, request: LeaseRequest, operator: str, now_ns: int) -> int:
         """Act on a request and return a reason, 0 if granted; a repetition changes nothing."""
         if not operator:
             return reasons.NO_OPERATOR
-        if request.action == LeaseAction.RELEASE:
-            return self._release(operator)
-        if request.action == LeaseAction.TAKE and not self.allows(operator):
+        if request.action != LeaseAction.SEIZE and not self.allows(operator):
             return reasons.LEASE_HELD
-        if request.action not in (LeaseAction.TAKE, LeaseAction.SEIZE):
+        if request.action == LeaseAction.RELEASE:
+            self._release()
+        elif request.action == LeaseAction.LEAVE:
+            self._leave(operator, now_ns)
+        elif request.action in (LeaseAction.TAKE, LeaseAction.SEIZE):
+            self._grant(Holder(operator, printable(request.name)), now_ns)
+        else:
             return reasons.UNKNOWN_COMMAND
-        self._grant(Holder(operator, printable(request.name)), now_ns)
         return reasons.OK
 
-    def refresh(self, now_ns: int) -> None:
-        """Extend the lease by a heartbeat of the holder, sent at `now_ns`."""
-        self._heartbeat_ns = max(self._heartbeat_ns, now_ns)
+    def beat(self, operator: str, sent_ns: int) -> None:
+        """Note a heartbeat of a program that may command, sent at `sent_ns`."""
+        keep(self._beats_ns, operator, max(self._beats_ns.get(operator, sent_ns), sent_ns))
+
+    def beaten_ns(self, operator: str) -> int | None:
+        """Return when this program sent its newest heartbeat, None before the first.
+
+        Of an unnamed program: when any that may command did.
+        """
+        if operator:
+            return self._beats_ns.get(operator)
+        return max((ns for one, ns in self._beats_ns.items() if self.allows(one)), default=None)
+
+    def inherit(self, operator: str, before: str) -> None:
+        """Let the heartbeat of a program count for the one that takes over from it."""
+        beat_ns = self._beats_ns.get(before)
+        if beat_ns is not None:
+            self.beat(operator, beat_ns)
+
+    def use(self, now_ns: int) -> None:
+        """Note that the person has the robot drive, or asks for what needs the lease."""
+        self._used_ns = max(self._used_ns, now_ns)
 
     def due(self, now_ns: int) -> list[tuple[Severity, str]]:
         """End an expired lease; return the texts for operators, each with its severity."""
         holder = self._holder
-        if holder is not None and now_ns - self._heartbeat_ns > LAPSE_NS:
-            self._holder = None
-            self._announce(
-                Severity.WARNING, f"lease of {holder.label} lapsed: no heartbeat for {LAPSE_S:g} s"
-            )
+        if holder is not None and now_ns > self._idle_ns:
+            words = f"lease of {holder.label} given back: nothing driven for {IDLE_S:g} s"
+            self._end(Severity.INFO, words)
+        elif holder is not None and now_ns > self._ends_ns:
+            words = f"lease of {holder.label} lapsed: no heartbeat for {LAPSE_S:g} s"
+            self._end(Severity.WARNING, words)
         texts, self._texts = self._texts, []
         return texts
 
     def is_holder(self, operator: str) -> bool:
-        """Return whether this operator holds the lease; thread-safe."""
+        """Return whether this program's person holds the lease; thread-safe."""
         holder = self._holder
-        return holder is not None and holder.operator == operator
+        return holder is not None and holder.person == person_of(operator)
 
     @property
     def holder(self) -> Holder | None:
-        """The operator with the lease, or None."""
+        """The program that has taken the lease, or None."""
         return self._holder
 
-    def status(self, time_ns: int, now_ns: int) -> LeaseStatus:
-        """Return the lease as a message, stamped `time_ns`."""
+    def name_of(self, operator: str) -> str:
+        """Return the display name that a program has given; empty if unknown."""
+        return self._names.get(operator, "")
+
+    def status(self, time_ns: int, now_ns: int, drive_id: int = 0, driver: str = "") -> LeaseStatus:
+        """Return the lease as a message, stamped `time_ns`, with the newest drive."""
         holder = self._holder
-        left_ns = 0 if holder is None else max(0, self._heartbeat_ns + LAPSE_NS - now_ns)
         return LeaseStatus(
             time_ns=time_ns,
-            lapses_ms=left_ns // NS_PER_MS,
+            lapses_ms=0 if holder is None else max(0, self._ends_ns - now_ns) // NS_PER_MS,
             held=int(holder is not None),
             holder="" if holder is None else holder.operator,
             name="" if holder is None else holder.name,
+            drive_id=drive_id,
+            driver=self.name_of(driver),
         )
+
+    @property
+    def _idle_ns(self) -> int:
+        """When the lease ends unless it is used."""
+        return self._used_ns + IDLE_NS
+
+    @property
+    def _ends_ns(self) -> int:
+        """When the lease ends unless it is used, or kept by heartbeats once there were some."""
+        beaten_ns = self.beaten_ns("")
+        if beaten_ns is None or beaten_ns <= self._granted_ns:
+            return self._idle_ns
+        return min(beaten_ns + LAPSE_NS, self._idle_ns)
 
     def _grant(self, new: Holder, now_ns: int) -> None:
         old = self._holder
         if old is None:
             self._announce(Severity.INFO, f"{new.label} has taken the lease")
-        elif old.operator != new.operator:
+        elif old.person != new.person:
             self._announce(Severity.CRITICAL, f"LEASE SEIZED by {new.label} from {old.label}")
+        keep(self._names, new.operator, new.name)
         self._holder = new
-        self._heartbeat_ns = now_ns
+        self._granted_ns = now_ns
+        self.use(now_ns)
 
-    def _release(self, operator: str) -> int:
-        if not self.allows(operator):
-            return reasons.LEASE_HELD
+    def _leave(self, operator: str, now_ns: int) -> None:
+        """Release the lease, unless another program of the person is there."""
+        self._beats_ns.pop(operator, None)
+        beaten_ns = self.beaten_ns("")
+        if beaten_ns is None or now_ns - beaten_ns > LAPSE_NS:
+            self._release()
+
+    def _release(self) -> None:
         if self._holder is not None:
-            self._announce(Severity.INFO, f"{self._holder.label} has released the lease")
-            self._holder = None
-        return reasons.OK
+            self._end(Severity.INFO, f"{self._holder.label} has released the lease")
+
+    def _end(self, severity: Severity, words: str) -> None:
+        self._holder = None
+        self._announce(severity, words)
 
     def _announce(self, severity: Severity, words: str) -> None:
         self._texts.append((severity, words))
 
 
+def keep(newest: OrderedDict[str, T], operator: str, value: T) -> None:
+    """Store a value of a program, and drop those of the longest unheard ones beyond the limit."""
+    newest[operator] = value
+    newest.move_to_end(operator)
+    if len(newest) > MAX_PROGRAMS:
+        newest.popitem(last=False)
+
+
 def needs_no_lease(request: Message) -> bool:
-    """Return whether a request is allowed without the lease: an emergency stop, or a pure read."""
-    if isinstance(request, CommandRequest):
-        return request.command == Command.DO_FLIGHTTERMINATION
-    return isinstance(request, READ_ONLY)
+    """Return whether a request is allowed without the lease: one that only stops, or only reads.
+
+    A robot that stands is never the wrong answer.
+    """
+    return isinstance(request, READ_ONLY) or stops(request)
+
+
+def stops(request: Message | None) -> bool:
+    """Return whether a request can only stop the robot."""
+    if not isinstance(request, CommandRequest):
+        return False
+    if request.command == Command.DO_SET_MODE:
+        return request.param2 == Mode.HOLD
+    if request.command in (Command.DO_PAUSE_CONTINUE, Command.COMPONENT_ARM_DISARM):
+        return request.param1 == 0.0
+    return request.command in (Command.DO_FLIGHTTERMINATION, Command.SIDESTEP_ABORT_GOAL)

@@ -9,6 +9,7 @@ from typing import Final
 from protocol.bus.bus import Bus
 from protocol.bus.claim import DuplicateWatch
 from protocol.bus.service import ServiceRequest, refusal
+from protocol.topic import person_of
 from protocol.topics import COMMAND, LEASE_SERVICE, MISSION_SERVICE, PARAMETER, PARAMETERS
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import INPUT_BUDGET, INPUT_NAME_TAKEN, AckResult, Command, Severity
@@ -18,7 +19,7 @@ from robot.commands import ack, is_clear, is_stop
 from robot.core import reasons
 from robot.core.budget import READ
 from robot.core.values import Inputs, Outputs
-from robot.lease import needs_no_lease
+from robot.lease import READ_ONLY, stops
 from robot.reports import Reports
 from robot.saved_replies import SavedReplies
 from robot.scheduling.cycle_meter import CycleMeter
@@ -39,6 +40,11 @@ SHOWN_NS: Final = NS_PER_S
 MAX_WAITING: Final = 64
 MAX_ANSWERED: Final = 6
 """Requests of one queue per control period: 120 a second, more than any person sends."""
+
+MAX_HALTED: Final = 2
+"""Requests to stop per control period and person without the lease; each waits only for its own."""
+
+MAX_PERSONS: Final = 64
 
 MAX_VALIDITY_NS: Final = 60_000_000_000
 """Longest time to a deadline; a later one belongs to another clock, which must be synchronised."""
@@ -79,6 +85,7 @@ class RobotProcess:
         self._duplicates = DuplicateWatch(bus)
         self._requests: SimpleQueue[ServiceRequest] = SimpleQueue()
         self._unprivileged: SimpleQueue[ServiceRequest] = SimpleQueue()
+        self._halting: dict[str, SimpleQueue[ServiceRequest]] = {"": SimpleQueue()}
         self._stop = StopLatch(vehicle.lease.is_holder, vehicle.commands.is_stopped_by)
         self._is_unseen = False
         """True in a control period that shows a new stop, which nobody can have seen yet."""
@@ -111,7 +118,8 @@ class RobotProcess:
         """Restore saved state, record it as if requested, and start to accept requests.
 
         `nudge` is called from the bus for each request. Requests beyond a limit are refused.
-        Operators without the lease have a separate queue; an emergency stop is never queued.
+        Operators without the lease have a separate queue, and each of them one for what only stops
+        the robot: no flood of others delays it. An emergency stop is never queued.
         """
         self._nudge = nudge
 
@@ -149,9 +157,14 @@ class RobotProcess:
             self._bus.serve(service, take)
 
     def _queue_for(self, incoming: ServiceRequest) -> SimpleQueue[ServiceRequest]:
-        return (
-            self._requests if self.vehicle.lease.allows(incoming.operator) else self._unprivileged
-        )
+        if self.vehicle.lease.allows(incoming.operator):
+            return self._requests  # also what only stops: it must not overtake what came before
+        if not stops(incoming.message):
+            return self._unprivileged
+        person, queues = person_of(incoming.operator), self._halting
+        if person not in queues and len(queues) >= MAX_PERSONS:
+            person = ""
+        return queues.setdefault(person, SimpleQueue())
 
     def stop(self) -> None:
         """End after the tick under way; may be called from a signal handler."""
@@ -284,8 +297,13 @@ class RobotProcess:
 
     def _answer(self) -> None:
         """Act on at most as many requests as fit into a control period."""
-        for queue in (self._requests, self._unprivileged):
-            for _ in range(min(queue.qsize(), MAX_ANSWERED)):
+        limits = [(queue, MAX_HALTED) for queue in tuple(self._halting.values())]
+        for queue, most in (
+            *limits,
+            (self._requests, MAX_ANSWERED),
+            (self._unprivileged, MAX_ANSWERED),
+        ):
+            for _ in range(min(queue.qsize(), most)):
                 self._serve_one(queue.get_nowait())
 
     def _take_stop(self) -> bool:
@@ -318,7 +336,8 @@ class RobotProcess:
         if incoming.message is None:
             incoming.reply(self.vehicle.parameters.described())
             return
-        refusal = reasons.OK if needs_no_lease(incoming.message) else self._rejection(incoming)
+        is_read = isinstance(incoming.message, READ_ONLY)
+        refusal = reasons.OK if is_read else self._rejection(incoming)
         if refusal != reasons.OK:
             incoming.reply(self.vehicle.refused(incoming.message, refusal))
             return

@@ -54,8 +54,6 @@ class Senses:
         self._last_wheels: tuple[WheelTicks, int] | None = None
         self._last_scan: tuple[SonarScan, int] | None = None
         self._delays = DelayFilter()
-        self._last_heartbeat: Origin | None = None
-        self._last_teleop: Origin | None = None
         self.stamp_ns = self.sequence = self.ping_age_us = 0
         self.wheels_seq = self.scan_seq = self.scan_age_ms = 0
 
@@ -122,18 +120,14 @@ class Senses:
             self.sequence = scan.seq
 
     def _receive_operator(self, vehicle: Vehicle, now_ns: int) -> None:
-        """Pass on the newest heartbeat and teleop frame of operators that may command."""
-        beat = self._operator.received()
-        if beat is not None and beat[1] is not self._last_heartbeat:
-            self._last_heartbeat = beat[1]
-            if self._is_accepted(beat[1], vehicle):
-                vehicle.receive_heartbeat(self._sent_ns(beat[1], now_ns))
-        steered = self._teleop.received()
-        if steered is not None and steered[1] is not self._last_teleop:
-            self._last_teleop = steered[1]
-            if self._is_accepted(steered[1], vehicle):
-                sent_ns = self._sent_ns(steered[1], now_ns)
-                vehicle.receive_teleop(steered[0], sent_ns)
+        """Pass on the newest heartbeat and teleop frame of each program that may command."""
+        for _, origin in self._operator.received():
+            if self._is_accepted(origin, vehicle):
+                vehicle.receive_heartbeat(self._sent_ns(origin, now_ns), origin.sender)
+        for teleop, origin in self._teleop.received():
+            if self._is_accepted(origin, vehicle):
+                sent_ns = self._sent_ns(origin, now_ns)
+                vehicle.receive_teleop(teleop, sent_ns, origin.sender)
 
     def _is_accepted(self, origin: Origin, vehicle: Vehicle) -> bool:
         """Return whether a frame is in time and from an operator that may command now."""

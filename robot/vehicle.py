@@ -30,6 +30,7 @@ from protocol.wire.messages import (
 from robot import telemetry
 from robot.change_log import ChangeLog
 from robot.commands import Commands, ack, acknowledge, is_arm, is_clear, is_stop
+from robot.core import machine as machines
 from robot.core import reasons, states
 from robot.core.brain import StageHook
 from robot.core.parameters import Params
@@ -88,7 +89,7 @@ class Vehicle:
         self.lease = Lease()
         self.teleop = TeleopInput()
         self.mission = Mission(self.core)
-        self.commands = Commands(self.core, self.mission)
+        self.commands = Commands(self.core, self.mission, self._is_there)
         self.parameters = ParameterService(self.core, store, configured or params)
         self._store = store
         self._mission_store = MissionStore(store.directory)
@@ -96,7 +97,7 @@ class Vehicle:
         self._transfers = Transfers(self.mission, fence, self._mission_store)
         self._change_log = ChangeLog(self.state.machine, self.mission)
         self._texts = self._change_log.text(Severity.INFO, "started: disarmed, standing still")
-        self._operator_ns: int | None = None
+        self._was_active = False
         self._heartbeats = ReportTimer(HEARTBEAT_NS)
         self._leases = ReportTimer(SLOW_NS)
         self._missions = ReportTimer(SLOW_NS)
@@ -115,22 +116,50 @@ class Vehicle:
         zones_m = {states.BUG: self.params.d_th_m, states.VGM: self.params.d_obs_m}
         return zones_m.get(self.state.machine.navigator, nan)
 
-    def receive_heartbeat(self, sent_ns: int) -> None:
-        """Take a heartbeat, sent at `sent_ns`, of an operator that may command."""
-        newest_ns = self._operator_ns
-        self._operator_ns = sent_ns if newest_ns is None else max(newest_ns, sent_ns)
-        self.lease.refresh(sent_ns)
+    def receive_heartbeat(self, sent_ns: int, operator: str = "") -> None:
+        """Take a heartbeat, sent at `sent_ns`, of a program that may command."""
+        self.lease.beat(operator, sent_ns)
 
     def operator_age_ms(self, now_ns: int) -> int | None:
-        """Return the age of the newest operator heartbeat, or None before the first."""
-        newest_ns = self._operator_ns
-        return None if newest_ns is None else max(0, now_ns - newest_ns) // NS_PER_MS
+        """Return the age of the newest heartbeat of the operator; None before the first.
 
-    def receive_teleop(self, teleop: Teleop, sent_ns: int) -> None:
-        """Take a teleop frame, sent at `sent_ns`, of an operator that may command."""
+        In a drive that needs its operator this is the program that has the robot move, whoever else
+        is there; else any that may command.
+        """
+        machine = self.state.machine
+        driver = ""
+        if machine.mode == states.MANUAL or (machine.mode == states.GUIDED and self._drives):
+            driver = self.commands.driver if machine.vehicle == states.ACTIVE else ""
+        return self._age_ms(driver, now_ns)
+
+    def _age_ms(self, operator: str, now_ns: int) -> int | None:
+        beaten_ns = self.lease.beaten_ns(operator)
+        return None if beaten_ns is None else max(0, now_ns - beaten_ns) // NS_PER_MS
+
+    def _is_there(self, operator: str, now_ms: int) -> bool:
+        """Return whether a program sends heartbeats; without a name it is any."""
+        age_ms = self._age_ms(operator, now_ms * NS_PER_MS)
+        return not operator or (age_ms is not None and age_ms <= self.params.op_lost_ms)
+
+    @property
+    def _drives(self) -> bool:
+        """True while the robot drives to a goal, or waits at a stop of its mission."""
+        machine = self.state.machine
+        is_on_the_way = machines.goal_is_active(machine) or self.mission.active
+        return is_on_the_way and machine.mode != states.HOLD
+
+    def receive_teleop(self, teleop: Teleop, sent_ns: int, operator: str = "") -> None:
+        """Take a teleop frame, sent at `sent_ns`, of a program that may command.
+
+        That of another program than the one that began to drive by hand is ignored.
+        """
+        if self.commands.driver not in ("", operator):
+            return
         ignored = self.teleop.receive(teleop, sent_ns)
         if ignored:
             self.announce(Severity.WARNING, ignored)
+        if teleop.speed_mm_s or teleop.yaw_rate_mrad_s:
+            self.lease.use(sent_ns)
 
     def receive(self, request: Message, now_ns: int, operator: str = "") -> Answer:
         """Act on a request and return the answer; a refusal contains its reason.
@@ -144,8 +173,10 @@ class Vehicle:
     def _act(self, request: Message, now_ns: int, operator: str) -> Answer:
         if isinstance(request, LeaseRequest):
             return self._lease(request, now_ns, operator)
-        if not needs_no_lease(request) and not self.lease.allows(operator):
-            return self.refused(request, reasons.LEASE_HELD)
+        if not needs_no_lease(request):
+            if not self.lease.allows(operator):
+                return self.refused(request, reasons.LEASE_HELD)
+            self.lease.use(now_ns)
         if isinstance(request, ParamSet):
             return self.parameters.set(request)
         if isinstance(request, ParamRequestRead):
@@ -238,11 +269,19 @@ class Vehicle:
         except Exception:
             failsafe.trip(self.state.machine, reasons.CORE_EXCEPTION, inputs.now_ms)
             raise
+        self._forget_driver()
         slipping = self.state.slip.share > 0.0
         if slipping and not self._slipping:
             self.announce(Severity.WARNING, "wheel slip suspected: position less certain")
         self._slipping = slipping
         return outputs
+
+    def _forget_driver(self) -> None:
+        """Forget who had the robot move once it is no longer armed: the next drive is another."""
+        is_active = self.state.machine.vehicle == states.ACTIVE
+        if self._was_active and not is_active:
+            self.commands.driver = ""
+        self._was_active = is_active
 
     def report(self, reason: int) -> None:
         """Report a failsafe reason that only the host can detect; the next step acts on it."""
@@ -276,11 +315,14 @@ class Vehicle:
         return telemetry.heartbeat(self.state) if self._heartbeats.due(beat, now_ns) else None
 
     def lease_status(self, stamp_ns: int, now_ns: int) -> LeaseStatus | None:
-        """Return the lease twice a second, and at once when its holder has changed."""
+        """Return the lease twice a second, and at once when its holder or the drive has changed."""
+        if self._drives:
+            self.lease.use(now_ns)
         for severity, words in self.lease.due(now_ns):
             self.announce(severity, words)
-        due = self._leases.due(self.lease.holder, now_ns)
-        return self.lease.status(stamp_ns, now_ns) if due else None
+        drive = self.commands.drive_id, self.commands.begun_by
+        due = self._leases.due((self.lease.holder, drive), now_ns)
+        return self.lease.status(stamp_ns, now_ns, *drive) if due else None
 
     def mission_status(self, stamp_ns: int, now_ns: int) -> MissionStatus | None:
         """Return the mission's status twice a second, and at once when it has changed."""
@@ -301,7 +343,10 @@ class Vehicle:
             return acknowledge(request, reasons.PARAMETERS_DAMAGED)
         if is_stop(request):  # before the core, which may fail at it
             kept.keep(stopped=True)
+        driver = self.commands.driver
         answer = self.commands.receive(request, now_ns // NS_PER_MS, operator)
+        if self.commands.driver != driver:
+            self.teleop.clear()
         if is_clear(request) and was_stopped and not self.stopped:
             kept.clear(request.request_id)
         self.parameters.adopt_navigator()
@@ -328,10 +373,14 @@ class Vehicle:
         return reasons.OK if is_named or not self.stopped else reasons.NEWER_STOP
 
     def _lease(self, request: LeaseRequest, now_ns: int, operator: str) -> CommandAck:
-        holder = self.lease.holder
+        before = self.lease.holder
         reason = self.lease.receive(request, operator, now_ns)
-        if self.lease.holder != holder:
+        holder, driver = self.lease.holder, self.commands.driver
+        if (before and before.person) != (holder and holder.person):
             self.teleop.clear()
+        if driver and not self.lease.allows(driver):  # who seizes the lease takes over the drive
+            self.lease.inherit(operator, driver)
+            self.commands.driver = operator
         return ack(NO_COMMAND, reason)
 
     def refused(self, request: Message, reason: int) -> Answer:

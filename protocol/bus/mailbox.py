@@ -17,6 +17,9 @@ MAX_STAMP_NS: Final = 1 << 62
 MAX_AHEAD_NS: Final = 10_000_000_000
 """Largest plausible step between the stamps of two successive messages of one sender."""
 
+MAX_SENDERS: Final = 16
+"""Operators whose newest message is kept; those with the newest messages are kept."""
+
 MAX_ENCODING: Final = 60
 """Characters shown of an unexpected encoding."""
 
@@ -69,9 +72,9 @@ class Mailbox(Generic[M]):
     its error kept in `last_rejection`; it neither replaces a message nor notifies.
 
     `accept`: ignore senders for which it returns False, and samples that their sender sent before
-    its newest one. `forward`: while the newest message is fresh, reject messages stamped before it
-    or far ahead of it, as caused by the network or an attacker. `check`: reject messages for which
-    it returns an error text.
+    its newest one; keep the newest message of each sender, for `received`. `forward`: while the
+    newest message is fresh, reject messages stamped before it or far ahead of it, as caused by the
+    network or an attacker. `check`: reject messages for which it returns an error text.
     """
 
     def __init__(
@@ -90,7 +93,11 @@ class Mailbox(Generic[M]):
         self._accept = accept
         self._forward = forward
         self._check = check
-        self._slot: tuple[tuple[M, int], Origin] | None = None
+        self._slot: tuple[M, int] | None = None
+        self._of: dict[
+            str, tuple[M, Origin]
+        ] = {}  # replaced as a whole, so that reads need no lock
+        self._read: dict[str, tuple[M, Origin]] = {}
         self._storing = threading.Lock()
 
     def store(self, sample: Sample, arrived_ns: int) -> None:
@@ -111,20 +118,20 @@ class Mailbox(Generic[M]):
             if self._check is not None and (why := self._check(message)):
                 self._count(f"{type(message).__name__} {why}")
                 return
-            origin = Origin(sample.sender, sample.sent_ns, arrived_ns)
-            self._slot = ((message, arrived_ns), origin)
+            self._slot = message, arrived_ns
+            if self._accept is not None:
+                self._keep(message, Origin(sample.sender, sample.sent_ns, arrived_ns))
         if self._notify is not None:
             self._notify(arrived_ns)
 
     def latest(self) -> tuple[M, int] | None:
         """Return the newest message and its arrival time."""
-        slot = self._slot
-        return None if slot is None else slot[0]
+        return self._slot
 
-    def received(self) -> tuple[M, Origin] | None:
-        """Return the newest message and its origin."""
-        slot = self._slot
-        return None if slot is None else (slot[0][0], slot[1])
+    def received(self) -> list[tuple[M, Origin]]:
+        """Return the newest message of each operator that sent one since the last call."""
+        before, self._read = self._read, self._of
+        return [one for sender, one in self._read.items() if before.get(sender) is not one]
 
     def fresh(self, now_ns: int) -> M | None:
         """Return the newest message; None if it is older than the topic's stale-after."""
@@ -141,7 +148,7 @@ class Mailbox(Generic[M]):
             return "has an invalid time stamp"
         if not self._forward or self._slot is None:
             return ""
-        newest, newest_arrived_ns = self._slot[0]
+        newest, newest_arrived_ns = self._slot
         if arrived_ns - newest_arrived_ns > self.topic.stale_after_ns:
             return ""
         if stamp_ns < stamp_of(newest):
@@ -151,12 +158,14 @@ class Mailbox(Generic[M]):
 
     def _overtaken(self, sample: Sample) -> bool:
         """Return whether the newest message was sent after this one by the same sender."""
-        if self._slot is None or sample.sent_ns is None:
+        newest = self._of.get(sample.sender)
+        if newest is None or newest[1].sent_ns is None or sample.sent_ns is None:
             return False
-        newest = self._slot[1]
-        if newest.sent_ns is None or newest.sender != sample.sender:
-            return False
-        return sample.sent_ns < newest.sent_ns
+        return sample.sent_ns < newest[1].sent_ns
+
+    def _keep(self, message: M, origin: Origin) -> None:
+        others = [one for one in self._of.items() if one[0] != origin.sender]
+        self._of = dict([*others[1 - MAX_SENDERS :], (origin.sender, (message, origin))])
 
     def _reject(self, why: str) -> None:
         with self._storing:

@@ -18,11 +18,11 @@ class Box(Mailbox[Any]):
     def latest(self) -> tuple[Any, int] | None:
         return self.newest
 
-    def received(self) -> tuple[Any, Origin] | None:
+    def received(self) -> list[tuple[Any, Origin]]:
         if self.newest is None:
-            return None
+            return []
         message, arrived_ns = self.newest
-        return message, Origin(self.sender, arrived_ns - self.delay_ns, arrived_ns)
+        return [(message, Origin(self.sender, arrived_ns - self.delay_ns, arrived_ns))]
 
 
 class Wireless(Bus):

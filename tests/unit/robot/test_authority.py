@@ -1,12 +1,13 @@
 """Who may have what: every command and every message of every service, without the lease."""
 
 from collections.abc import Iterator
+from math import nan
 from typing import Any, get_type_hints
 
 import pytest
 
 from protocol.topics import SERVICES, Role
-from protocol.wire.enums import Command, LeaseAction
+from protocol.wire.enums import Command, LeaseAction, Mode
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandAck,
@@ -23,7 +24,15 @@ from tests.support.robot.vehicles import Desk
 from verification.simulation.invariants.limits import is_free
 
 ADA, BOB = "ada/1", "bob/2"
-FREE_COMMANDS = {Command.DO_FLIGHTTERMINATION}
+FREE_COMMANDS = {
+    (Command.DO_FLIGHTTERMINATION, 0.0),
+    (Command.DO_FLIGHTTERMINATION, 1.0),
+    (Command.DO_PAUSE_CONTINUE, 0.0),
+    (Command.SIDESTEP_ABORT_GOAL, 0.0),
+    (Command.SIDESTEP_ABORT_GOAL, 1.0),
+    (Command.COMPONENT_ARM_DISARM, 0.0),
+}
+FREE_MODES = {Mode.HOLD}
 FREE_MESSAGES = (ParamRequestRead, MissionRequestList, MissionRequestInt)
 """What an operator without the lease may have: all else is refused."""
 
@@ -44,6 +53,9 @@ def every_request() -> Iterator[Message]:
                 for command in Command:
                     for param1 in (0.0, 1.0):
                         yield empty(kind, command=command, param1=param1, request_id=1)
+                for mode in (*Mode, nan):
+                    values = {"command": Command.DO_SET_MODE, "param2": float(mode)}
+                    yield empty(kind, **values, request_id=1)
             elif kind is LeaseRequest:
                 for action in LeaseAction:
                     yield empty(kind, action=action, name="Bob")
@@ -60,6 +72,13 @@ def lent() -> Vehicle:
     return vehicle
 
 
+def test_every_program_of_the_holder_may_have_all() -> None:
+    for request in every_request():
+        answer = lent().receive(request, 0, "ada/2")
+        if isinstance(answer, CommandAck | MissionVerdict):
+            assert reason_of(answer) != Reason.LEASE_HELD, request
+
+
 @pytest.mark.parametrize("operator", [BOB, ""])
 def test_without_the_lease_all_is_refused_but_the_table(operator: str) -> None:
     requests = list(every_request())
@@ -68,7 +87,9 @@ def test_without_the_lease_all_is_refused_but_the_table(operator: str) -> None:
     for request in requests:
         free = isinstance(request, FREE_MESSAGES)
         if isinstance(request, CommandRequest):
-            free = request.command in FREE_COMMANDS
+            free = (request.command, request.param1) in FREE_COMMANDS
+            if request.command == Command.DO_SET_MODE:
+                free = request.param2 in FREE_MODES
         if isinstance(request, LeaseRequest):
             free = request.action == LeaseAction.SEIZE and operator != ""
         answer = lent().receive(request, 0, operator)

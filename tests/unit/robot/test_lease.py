@@ -1,5 +1,6 @@
 """The lease: at most one holder, shown to all operators, and released when its holder is lost."""
 
+import msgspec
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -8,6 +9,7 @@ from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandAck,
     CommandRequest,
+    GoalRequest,
     LeaseRequest,
     MissionCount,
     MissionRequestList,
@@ -18,21 +20,32 @@ from protocol.wire.messages import (
     Teleop,
 )
 from protocol.wire.reasons import Reason
-from robot.lease import LAPSE_NS, Lease
+from robot.core import states
+from robot.lease import IDLE_NS, LAPSE_NS, MAX_PROGRAMS, Lease
 from tests.support.each import each
 from tests.support.robot.vehicles import MS, Desk, goal
 
-ADA, BOB = "ada0", "bob0"
+ADA, ADAS_OTHER, BOB = "ada/1", "ada/2", "bob/0"
 S = 1_000 * MS
+CRASHED = (Severity.WARNING, "lease of Ada lapsed: no heartbeat for 3 s")
+IDLE = (Severity.INFO, "lease of Ada given back: nothing driven for 30 s")
+RELEASED = (Severity.INFO, "Ada has released the lease")
 
 
 def ask(action: int, name: str = "") -> LeaseRequest:
     return LeaseRequest(request_id=1, action=action, name=name)
 
 
-def taken() -> Lease:
+def taken(now_ns: int = 0) -> Lease:
     lease = Lease()
-    assert lease.receive(ask(LeaseAction.TAKE, "Ada"), ADA, 0) == Reason.NONE
+    assert lease.receive(ask(LeaseAction.TAKE, "Ada"), ADA, now_ns) == Reason.NONE
+    return lease
+
+
+def kept() -> Lease:
+    """Return a lease whose taking has been told."""
+    lease = taken()
+    lease.due(0)
     return lease
 
 
@@ -50,66 +63,223 @@ def test_holder_commands_alone_and_is_named() -> None:
     assert not lease.allows(BOB)
     assert not lease.allows("")
     status = lease.status(7, 1 * S)
-    assert (status.held, status.holder, status.name, status.lapses_ms) == (1, ADA, "Ada", 2000)
+    assert (status.held, status.holder, status.name, status.lapses_ms) == (1, ADA, "Ada", 29_000)
     assert lease.due(0) == [(Severity.INFO, "Ada has taken the lease")]
+
+
+def test_every_program_of_the_person_may_command() -> None:
+    lease = taken()
+    assert lease.allows(ADAS_OTHER)
+    assert lease.is_holder(ADAS_OTHER)
+    for other in (BOB, "adam/1", "ad/1", "/1", ""):
+        assert not lease.allows(other)
+        assert not lease.is_holder(other)
 
 
 def test_other_operator_is_refused_until_the_release() -> None:
     lease = taken()
-    assert lease.receive(ask(LeaseAction.TAKE), BOB, 0) == Reason.LEASE_HELD
-    assert lease.receive(ask(LeaseAction.RELEASE), BOB, 0) == Reason.LEASE_HELD
+    for action in (LeaseAction.TAKE, LeaseAction.RELEASE, LeaseAction.LEAVE):
+        assert lease.receive(ask(action), BOB, 0) == Reason.LEASE_HELD
     assert lease.receive(ask(LeaseAction.RELEASE), ADA, 0) == Reason.NONE
     assert lease.receive(ask(LeaseAction.TAKE), BOB, 0) == Reason.NONE
     assert lease.allows(BOB)
 
 
-def test_release_without_a_holder_is_no_error() -> None:
-    assert Lease().receive(ask(LeaseAction.RELEASE), BOB, 0) == Reason.NONE
+@each("action", [LeaseAction.RELEASE, LeaseAction.LEAVE])
+def test_release_without_a_holder_is_no_error(action: LeaseAction) -> None:
+    lease = Lease()
+    assert lease.receive(ask(action), BOB, 0) == Reason.NONE
+    assert lease.due(0) == []
 
 
 def test_seizure_is_granted_with_a_critical_text() -> None:
-    lease = taken()
-    lease.due(0)
+    lease = kept()
     assert lease.receive(ask(LeaseAction.SEIZE, "Bob"), BOB, 0) == Reason.NONE
     assert lease.due(0) == [(Severity.CRITICAL, "LEASE SEIZED by Bob from Ada")]
     assert not lease.allows(ADA)
 
 
 def test_taking_it_twice_only_changes_the_name() -> None:
-    lease = taken()
-    lease.due(0)
-    assert lease.receive(ask(LeaseAction.TAKE, "Ada L."), ADA, 0) == Reason.NONE
-    assert lease.due(0) == []
-    assert lease.status(0, 0).name == "Ada L."
+    lease = kept()
+    for action in (LeaseAction.TAKE, LeaseAction.SEIZE):
+        assert lease.receive(ask(action, "Ada L."), ADAS_OTHER, 0) == Reason.NONE
+        assert lease.due(0) == []
+    status = lease.status(0, 0)
+    assert (status.name, status.holder) == ("Ada L.", ADAS_OTHER)
 
 
-def test_it_lapses_after_three_seconds_without_heartbeat() -> None:
-    lease = taken()
-    lease.refresh(1 * S)
-    lease.due(1 * S)
-    assert lease.due(1 * S + LAPSE_NS) == []
-    assert not lease.allows(BOB)
-    words = "lease of Ada lapsed: no heartbeat for 3 s"
-    assert lease.due(1 * S + LAPSE_NS + 1) == [(Severity.WARNING, words)]
+def test_any_program_of_the_person_releases_it() -> None:
+    lease = kept()
+    lease.beat(ADA, 1 * S)
+    assert lease.receive(ask(LeaseAction.RELEASE), ADAS_OTHER, 1 * S) == Reason.NONE
+    assert lease.due(1 * S) == [RELEASED]
     assert lease.allows(BOB)
 
 
-def test_the_three_seconds_count_from_when_it_was_taken() -> None:
+# Its end without a release.
+
+
+def test_it_lapses_three_seconds_after_the_last_heartbeat() -> None:
+    lease = kept()
+    lease.beat(ADA, 1 * S)
+    assert lease.due(1 * S + LAPSE_NS) == []
+    assert not lease.allows(BOB)
+    assert lease.due(1 * S + LAPSE_NS + 1) == [CRASHED]
+    assert lease.allows(BOB)
+    assert lease.due(60 * S) == []
+
+
+def test_the_newest_heartbeat_of_all_its_programs_counts() -> None:
+    lease = kept()
+    lease.beat(ADA, 2 * S)
+    lease.beat(ADAS_OTHER, 1 * S)
+    assert lease.status(0, 2 * S).lapses_ms == 3_000
+    lease.beat(ADAS_OTHER, 4 * S)
+    assert lease.status(0, 4 * S).lapses_ms == 3_000
+    assert lease.due(2 * S + LAPSE_NS + 1) == []
+    assert lease.due(4 * S + LAPSE_NS + 1) == [CRASHED]
+
+
+def test_heartbeats_of_others_keep_no_lease() -> None:
+    lease = kept()
+    lease.beat(ADA, 1 * S)
+    lease.beat(BOB, 3 * S)
+    assert lease.due(1 * S + LAPSE_NS + 1) == [CRASHED]
+
+
+def test_without_any_heartbeat_there_are_thirty_seconds_to_begin() -> None:
+    lease = taken(10 * S)
+    lease.due(10 * S)
+    assert lease.status(0, 10 * S).lapses_ms == 30_000
+    assert lease.due(10 * S + IDLE_NS) == []
+    assert lease.is_holder(ADA)
+    assert lease.due(10 * S + IDLE_NS + 1) == [IDLE]
+    assert not lease.is_holder(ADA)
+
+
+def test_heartbeats_from_before_the_grant_are_no_sign_of_a_crash() -> None:
     lease = Lease()
+    lease.beat(ADA, 9 * S)
+    lease.beat(ADAS_OTHER, 10 * S)
     lease.receive(ask(LeaseAction.TAKE, "Ada"), ADA, 10 * S)
     lease.due(10 * S)
-    assert lease.status(0, 10 * S).lapses_ms == 3_000
-    assert lease.due(13 * S) == []
-    assert lease.is_holder(ADA)
-    assert len(lease.due(13 * S + 1)) == 1
-    assert not lease.is_holder(ADA)
+    assert lease.status(0, 10 * S).lapses_ms == 30_000
+    assert lease.due(10 * S + IDLE_NS) == []
+    assert lease.due(10 * S + IDLE_NS + 1) == [IDLE]
+
+
+def test_an_idle_holder_gives_it_back_though_its_programs_are_there() -> None:
+    lease = kept()
+    lease.beat(ADA, IDLE_NS)
+    assert lease.status(0, IDLE_NS - 1 * S).lapses_ms == 1_000
+    assert lease.due(IDLE_NS) == []
+    assert lease.due(IDLE_NS + 1) == [IDLE]
+
+
+def test_what_is_driven_keeps_it() -> None:
+    lease = kept()
+    lease.use(20 * S)
+    lease.use(19 * S)
+    assert lease.status(0, 20 * S).lapses_ms == 30_000
+    assert lease.due(20 * S + IDLE_NS) == []
+    assert lease.due(20 * S + IDLE_NS + 1) == [IDLE]
+
+
+def test_asking_for_it_again_keeps_it() -> None:
+    lease = kept()
+    lease.receive(ask(LeaseAction.TAKE, "Ada"), ADAS_OTHER, 20 * S)
+    assert lease.due(20 * S + IDLE_NS) == []
+    assert lease.due(20 * S + IDLE_NS + 1) == [IDLE]
 
 
 def test_reordered_heartbeat_does_not_shorten_it() -> None:
     lease = taken()
-    lease.refresh(2 * S)
-    lease.refresh(1 * S)
+    lease.beat(ADA, 2 * S)
+    lease.beat(ADA, 1 * S)
     assert lease.status(0, 2 * S).lapses_ms == 3_000
+    assert lease.beaten_ns(ADA) == 2 * S
+
+
+def test_an_ended_lease_shows_no_negative_time() -> None:
+    assert taken().status(0, 31 * S).lapses_ms == 0
+
+
+# A program that ends.
+
+
+def test_the_last_program_that_leaves_releases_it() -> None:
+    lease = kept()
+    lease.beat(ADA, 1 * S)
+    assert lease.receive(ask(LeaseAction.LEAVE), ADA, 1 * S) == Reason.NONE
+    assert lease.due(1 * S) == [RELEASED]
+    assert lease.beaten_ns(ADA) is None
+
+
+@each(("since_ns", "stays"), [(0, True), (LAPSE_NS, True), (LAPSE_NS + 1, False)])
+def test_a_program_leaves_it_to_others_that_are_there(since_ns: int, stays: bool) -> None:
+    lease = kept()
+    lease.beat(ADAS_OTHER, 1 * S)
+    lease.beat(BOB, 1 * S + since_ns)
+    lease.beat(ADA, 1 * S + since_ns)
+    assert lease.receive(ask(LeaseAction.LEAVE), ADA, 1 * S + since_ns) == Reason.NONE
+    assert lease.due(1 * S + since_ns) == ([] if stays else [RELEASED])
+    assert lease.is_holder(ADA) == stays
+
+
+def test_a_program_that_never_sent_a_heartbeat_may_leave() -> None:
+    lease = kept()
+    assert lease.receive(ask(LeaseAction.LEAVE), ADAS_OTHER, 1 * S) == Reason.NONE
+    assert lease.due(1 * S) == [RELEASED]
+
+
+# Programs.
+
+
+def test_heartbeats_are_kept_by_program() -> None:
+    lease = Lease()
+    assert lease.beaten_ns(ADA) is None
+    assert lease.beaten_ns("") is None
+    lease.beat(ADA, 1 * S)
+    lease.beat(BOB, 2 * S)
+    assert (lease.beaten_ns(ADA), lease.beaten_ns(BOB)) == (1 * S, 2 * S)
+    assert lease.beaten_ns("") == 2 * S
+    lease.receive(ask(LeaseAction.TAKE, "Ada"), ADA, 2 * S)
+    assert lease.beaten_ns("") == 1 * S, "of those that may command"
+
+
+def test_who_takes_over_inherits_a_heartbeat_but_no_younger_one() -> None:
+    lease = Lease()
+    lease.inherit(BOB, ADA)
+    assert lease.beaten_ns(BOB) is None
+    lease.beat(ADA, 2 * S)
+    lease.inherit(BOB, ADA)
+    assert lease.beaten_ns(BOB) == 2 * S
+    lease.beat(BOB, 3 * S)
+    lease.inherit(BOB, ADA)
+    assert lease.beaten_ns(BOB) == 3 * S
+
+
+def test_the_programs_heard_last_are_kept() -> None:
+    lease = Lease()
+    for number in range(MAX_PROGRAMS):
+        lease.beat(f"p/{number}", number)
+    lease.beat("p/0", 0)
+    assert lease.beaten_ns("p/1") == 1
+    lease.beat(ADA, 0)
+    assert lease.beaten_ns("p/1") is None
+    assert lease.beaten_ns("p/0") == 0
+    assert lease.beaten_ns("p/2") == 2
+
+
+def test_the_drive_is_shown_with_the_name_of_its_program() -> None:
+    lease = taken()
+    status = lease.status(0, 0)
+    assert (status.drive_id, status.driver) == (0, "")
+    status = lease.status(0, 0, 7, ADA)
+    assert (status.drive_id, status.driver) == (7, "Ada")
+    assert lease.status(0, 0, 7, ADAS_OTHER).driver == ""
+    lease.receive(ask(LeaseAction.RELEASE), ADA, 0)
+    assert lease.status(0, 0, 7, ADA).driver == "Ada"
 
 
 def test_free_lease_has_no_time_and_no_name() -> None:
@@ -124,10 +294,9 @@ def test_free_lease_has_no_time_and_no_name() -> None:
 
 
 def test_release_is_announced() -> None:
-    lease = taken()
-    lease.due(0)
+    lease = kept()
     lease.receive(ask(LeaseAction.RELEASE), ADA, 0)
-    assert lease.due(0) == [(Severity.INFO, "Ada has released the lease")]
+    assert lease.due(0) == [RELEASED]
     lease.receive(ask(LeaseAction.RELEASE), ADA, 0)
     assert lease.due(0) == []
 
@@ -146,53 +315,64 @@ def test_control_characters_of_a_name_are_replaced() -> None:
 
 def test_an_unknown_action_is_refused() -> None:
     assert Lease().receive(ask(9), ADA, 0) == Reason.UNKNOWN_COMMAND
+    assert taken().receive(ask(9), ADA, 0) == Reason.UNKNOWN_COMMAND
 
 
-def test_unnamed_operator_is_shown_by_its_identity() -> None:
+def test_unnamed_operator_is_shown_by_its_person() -> None:
     lease = Lease()
-    lease.receive(ask(LeaseAction.TAKE), "0123456789abcdef", 0)
-    assert lease.due(0)[0][1] == "01234567 has taken the lease"
+    lease.receive(ask(LeaseAction.TAKE), "ada-0123abcd/0123456789abcdef", 0)
+    assert lease.due(0)[0][1] == "ada-0123abcd has taken the lease"
 
 
 steps = st.lists(
     st.tuples(
         st.sampled_from([*LeaseAction, None, 9]),
-        st.sampled_from([ADA, BOB, ""]),
-        st.integers(0, 4 * S),
+        st.sampled_from([ADA, ADAS_OTHER, BOB, ""]),
+        st.sampled_from([0, 1, 1 * S, 2 * S, LAPSE_NS, LAPSE_NS + 1, 31 * S]),
     ),
     max_size=40,
 )
 
 
 @given(steps)
-def test_any_order_of_requests_leaves_one_holder_at_most(
+def test_any_order_of_requests_leaves_one_person_at_most(
     asked: list[tuple[int | None, str, int]],
 ) -> None:
-    """Compare with the rules, written independently; None is a heartbeat of the holder."""
-    lease, holder, heard_ns, now_ns = Lease(), "", 0, 0
+    """Compare with the rules, written independently; None is a heartbeat of a program."""
+    lease, person, granted_ns, now_ns = Lease(), "", 0, 0
+    beats_ns: dict[str, int] = {}
+
+    def newest_ns() -> int:
+        return max((ns for one, ns in beats_ns.items() if one[:3] == person), default=-S * S)
+
     for action, operator, later_ns in asked:
         now_ns += later_ns
         lease.due(now_ns)
-        if holder and now_ns - heard_ns > LAPSE_NS:
-            holder = ""
+        if person and (
+            now_ns - granted_ns > IDLE_NS or (granted_ns < newest_ns() < now_ns - LAPSE_NS)
+        ):
+            person = ""
+        mine = bool(operator) and person in ("", operator[:3])
         if action is None:
-            if lease.allows(operator):
-                lease.refresh(now_ns)
-            heard_ns = now_ns if operator == holder else heard_ns
+            if mine:
+                lease.beat(operator, now_ns)
+                beats_ns[operator] = now_ns
             continue
         granted = lease.receive(ask(action), operator, now_ns) == Reason.NONE
-        if action == LeaseAction.RELEASE:
-            assert granted == (bool(operator) and holder in ("", operator))
-            holder = "" if granted else holder
+        if action == LeaseAction.SEIZE:
+            assert granted == bool(operator)
         else:
-            wants = action in (LeaseAction.TAKE, LeaseAction.SEIZE) and operator
-            free = holder in ("", operator) or action == LeaseAction.SEIZE
-            assert granted == bool(wants and free)
-            holder, heard_ns = (operator, now_ns) if granted else (holder, heard_ns)
-        assert [who for who in (ADA, BOB) if lease.allows(who)] == (
-            [holder] if holder else [ADA, BOB]
-        )
-        assert lease.status(0, now_ns).held == bool(holder)
+            assert granted == (mine and action != 9)
+        if granted and action in (LeaseAction.TAKE, LeaseAction.SEIZE):
+            person, granted_ns = operator[:3], now_ns
+        elif granted:
+            if action == LeaseAction.LEAVE:
+                beats_ns.pop(operator, None)
+            if action == LeaseAction.RELEASE or newest_ns() < now_ns - LAPSE_NS:
+                person = ""
+        allowed = [who for who in (ADA, ADAS_OTHER, BOB) if lease.allows(who)]
+        assert allowed == [one for one in (ADA, ADAS_OTHER, BOB) if person in ("", one[:3])]
+        assert lease.status(0, now_ns).held == bool(person)
 
 
 # The lease at the vehicle.
@@ -220,11 +400,16 @@ def command(number: int, param1: float = 0.0) -> CommandRequest:
     return CommandRequest(request_id=number_of_request, command=number, param1=param1, param2=0.0)
 
 
+def manual() -> CommandRequest:
+    mode = float(Mode.MANUAL)
+    return CommandRequest(request_id=99, command=Command.DO_SET_MODE, param1=1.0, param2=mode)
+
+
 @each(
     "request_of_other",
     [
-        command(Command.COMPONENT_ARM_DISARM),
-        command(Command.DO_PAUSE_CONTINUE),
+        command(Command.COMPONENT_ARM_DISARM, 1.0),
+        command(Command.SIDESTEP_SET_NAVIGATOR, 1.0),
         command(Command.SIDESTEP_CLEAR_EMERGENCY_STOP),
         goal(4, 1.0, 0.0),
         ParamSet(param_id="d_obs_m", param_value=0.4, param_type=9),
@@ -250,6 +435,28 @@ def test_emergency_stop_needs_no_lease() -> None:
         )
 
 
+@each(
+    "request_of_other",
+    [
+        command(Command.DO_PAUSE_CONTINUE),
+        command(Command.SIDESTEP_ABORT_GOAL),
+        command(Command.COMPONENT_ARM_DISARM),
+        CommandRequest(
+            request_id=3, command=Command.DO_SET_MODE, param1=1.0, param2=float(Mode.HOLD)
+        ),
+    ],
+)
+def test_what_stops_the_robot_needs_no_lease(request_of_other: CommandRequest) -> None:
+    for operator in (BOB, ""):
+        desk = leased()
+        assert reason(desk, goal(4, 3.0, 0.0), ADA) == Reason.NONE
+        assert desk.step().left_mrad_s > 0
+        assert reason(desk, request_of_other, operator) == Reason.NONE
+        for _ in range(40):
+            outputs = desk.step()
+        assert (outputs.left_mrad_s, outputs.right_mrad_s) == (0, 0)
+
+
 def test_reading_needs_no_lease() -> None:
     desk = leased()
     read = desk.vehicle.receive(ParamRequestRead(param_id="d_obs_m", param_index=-1), 0, BOB)
@@ -259,27 +466,47 @@ def test_reading_needs_no_lease() -> None:
 
 def test_refused_request_is_checked_again_when_repeated() -> None:
     desk = leased()
-    hold = command(Command.DO_PAUSE_CONTINUE)
-    assert reason(desk, hold, BOB) == Reason.LEASE_HELD
+    arm = command(Command.COMPONENT_ARM_DISARM, 1.0)
+    assert reason(desk, arm, BOB) == Reason.LEASE_HELD
     reason(desk, ask(LeaseAction.RELEASE), ADA)
-    assert reason(desk, hold, BOB) == Reason.NONE
+    assert reason(desk, arm, BOB) == Reason.NONE
+
+
+def steer(desk: Desk, operator: str, speed_mm_s: int = 200) -> bool:
+    """Send a teleop frame and return whether it counts."""
+    frame = Teleop(time_ns=desk.now_ns, seq=0, speed_mm_s=speed_mm_s, yaw_rate_mrad_s=0, ttl_ms=500)
+    desk.vehicle.receive_teleop(frame, desk.now_ns, operator)
+    return desk.vehicle.teleop.newest(desk.now_ns) == frame
+
+
+def beaten(desk: Desk, *operators: str) -> None:
+    """Let these programs send a heartbeat, and a period pass."""
+    for operator in operators:
+        desk.vehicle.receive_heartbeat(desk.now_ns, operator)
+    desk.step()
+
+
+def by_hand() -> Desk:
+    """Return an armed robot that Ada drives by hand, with the lease."""
+    desk = leased()
+    beaten(desk, ADA)
+    assert reason(desk, manual(), ADA) == Reason.NONE
+    assert steer(desk, ADA)
+    return desk
 
 
 def test_losing_the_lease_ends_teleop() -> None:
-    desk = leased()
-    desk.operator = True
-    desk.step()
-    assert reason(desk, manual(), ADA) == Reason.NONE
-    frame = Teleop(time_ns=0, seq=0, speed_mm_s=200, yaw_rate_mrad_s=0, ttl_ms=500)
-    desk.vehicle.receive_teleop(frame, desk.now_ns)
-    assert desk.vehicle.teleop.newest(desk.now_ns) == frame
+    desk = by_hand()
     reason(desk, ask(LeaseAction.SEIZE, "Bob"), BOB)
+    assert desk.vehicle.teleop.newest(desk.now_ns) is None
+    reason(desk, ask(LeaseAction.RELEASE), BOB)
     assert desk.vehicle.teleop.newest(desk.now_ns) is None
 
 
-def manual() -> CommandRequest:
-    mode = float(Mode.MANUAL)
-    return CommandRequest(request_id=99, command=Command.DO_SET_MODE, param1=1.0, param2=mode)
+def test_another_program_of_the_person_does_not_end_teleop() -> None:
+    desk = by_hand()
+    reason(desk, ask(LeaseAction.TAKE, "Ada"), ADAS_OTHER)
+    assert desk.vehicle.teleop.newest(desk.now_ns) is not None
 
 
 def test_lease_status_is_published_twice_a_second_and_on_change() -> None:
@@ -298,9 +525,285 @@ def test_lease_status_is_published_twice_a_second_and_on_change() -> None:
 
 def test_lapsed_lease_is_announced() -> None:
     desk = leased()
-    for _ in range(70):
-        desk.step()
-        desk.vehicle.lease_status(desk.now_ns, desk.now_ns)
-    published = "".join(text.text for text in desk.vehicle.texts())
-    assert "lease of Ada lapsed: no heartbeat for 3 s" in published
+    pass_s(desk, 0.1, ADA)
+    pass_s(desk, 3.2)
+    assert CRASHED[1] in published(desk)
     assert desk.vehicle.lease.allows(BOB)
+
+
+# The driver: the program that has the robot move.
+
+
+def pass_s(desk: Desk, duration_s: float, *present: str) -> None:
+    """Let time pass with the heartbeats of these programs."""
+    for _ in range(round(duration_s * 20)):
+        beaten(desk, *present)
+        desk.vehicle.lease_status(desk.now_ns, desk.now_ns)
+
+
+def published(desk: Desk) -> str:
+    return "".join(text.text for text in desk.vehicle.texts())
+
+
+def guided(operator: str, number: int = 4) -> tuple[GoalRequest, str]:
+    return goal(number, 20.0, 0.0, Mode.GUIDED), operator
+
+
+def lost(desk: Desk) -> bool:
+    machine = desk.vehicle.state.machine
+    return machine.vehicle == states.FAILSAFE and machine.vehicle_reason == Reason.OPERATOR_LOST
+
+
+@each("begins", [goal(4, 20.0, 0.0, Mode.GUIDED), manual()])
+def test_a_drive_ends_without_its_program_whoever_else_is_there(begins: Message) -> None:
+    desk = leased()
+    beaten(desk, ADA, ADAS_OTHER)
+    assert reason(desk, begins, ADA) == Reason.NONE
+    pass_s(desk, 2.0, ADA)
+    assert not lost(desk)
+    pass_s(desk, 1.4, ADAS_OTHER)
+    assert not lost(desk)
+    pass_s(desk, 0.3, ADAS_OTHER)
+    assert lost(desk)
+
+
+def test_what_nobody_needs_to_watch_goes_on_without_its_program() -> None:
+    desk = leased()
+    beaten(desk, ADA)
+    assert reason(desk, goal(4, 20.0, 0.0), ADA) == Reason.NONE
+    pass_s(desk, 4.0, ADAS_OTHER)
+    assert desk.vehicle.state.machine.vehicle == states.ACTIVE
+    assert desk.vehicle.state.machine.operator
+
+
+@each("begins", [goal(4, 20.0, 0.0, Mode.GUIDED), manual(), "resume"])
+def test_who_sends_no_heartbeat_begins_no_drive_that_needs_one(begins: Message | str) -> None:
+    desk = leased()
+    beaten(desk, ADA)
+    if isinstance(begins, str):
+        assert reason(desk, *guided(ADA)) == Reason.NONE
+        assert reason(desk, command(Command.DO_PAUSE_CONTINUE), ADA) == Reason.NONE
+        begins = command(Command.DO_PAUSE_CONTINUE, 1.0)
+    before = desk.vehicle.state.machine.mode
+    assert reason(desk, begins, ADAS_OTHER) == Reason.NO_OPERATOR
+    assert desk.vehicle.state.machine.mode == before
+    desk.vehicle.receive_heartbeat(desk.now_ns, ADAS_OTHER)
+    desk.step()
+    again = msgspec.structs.replace(begins, request_id=77)
+    assert reason(desk, again, ADAS_OTHER) == Reason.NONE
+    assert desk.vehicle.commands.driver == ADAS_OTHER
+
+
+def test_the_program_that_resumes_is_the_driver() -> None:
+    desk = leased()
+    beaten(desk, ADA, ADAS_OTHER)
+    assert reason(desk, *guided(ADA)) == Reason.NONE
+    assert reason(desk, command(Command.DO_PAUSE_CONTINUE), BOB) == Reason.NONE
+    assert reason(desk, command(Command.DO_PAUSE_CONTINUE, 1.0), ADAS_OTHER) == Reason.NONE
+    assert desk.vehicle.commands.drive_id == 4, "it is still the same goal"
+    pass_s(desk, 2.0, ADAS_OTHER)
+    assert not lost(desk)
+    pass_s(desk, 2.0, ADA)
+    assert lost(desk)
+
+
+def test_asking_to_continue_what_goes_on_changes_no_driver() -> None:
+    desk = leased()
+    beaten(desk, ADA, ADAS_OTHER)
+    assert reason(desk, *guided(ADA)) == Reason.NONE
+    assert reason(desk, command(Command.DO_PAUSE_CONTINUE, 1.0), ADAS_OTHER) == Reason.NONE
+    assert desk.vehicle.commands.driver == ADA
+
+
+def test_a_refused_or_repeated_request_changes_no_driver() -> None:
+    desk = leased()
+    beaten(desk, ADA, ADAS_OTHER)
+    assert reason(desk, *guided(ADA, 4)) == Reason.NONE
+    assert reason(desk, goal(5, 1e4, 0.0, Mode.GUIDED), ADAS_OTHER) != Reason.NONE
+    assert desk.vehicle.commands.driver == ADA
+    assert reason(desk, *guided(ADAS_OTHER, 6)) == Reason.NONE
+    assert reason(desk, *guided(ADA, 4)) == Reason.NONE
+    assert (desk.vehicle.commands.driver, desk.vehicle.commands.drive_id) == (ADAS_OTHER, 6)
+
+
+def test_after_a_drive_in_guided_any_program_is_an_operator() -> None:
+    desk = leased()
+    beaten(desk, ADA)
+    assert reason(desk, *guided(ADA)) == Reason.NONE
+    assert reason(desk, command(Command.SIDESTEP_ABORT_GOAL), ADA) == Reason.NONE
+    pass_s(desk, 4.0, ADAS_OTHER)
+    assert desk.vehicle.state.machine.operator
+    assert reason(desk, *guided(ADAS_OTHER, 5)) == Reason.NONE
+
+
+def test_after_the_loss_of_its_driver_another_program_takes_over() -> None:
+    desk = by_hand()
+    pass_s(desk, 2.0, ADAS_OTHER)
+    assert lost(desk)
+    pass_s(desk, 0.1, ADAS_OTHER)
+    assert reason(desk, command(Command.COMPONENT_ARM_DISARM, 1.0), ADAS_OTHER) == Reason.NONE
+    pass_s(desk, 1.0, ADAS_OTHER)
+    assert desk.vehicle.state.machine.vehicle == states.ACTIVE
+    assert steer(desk, ADAS_OTHER)
+
+
+def test_only_the_driver_steers() -> None:
+    desk = by_hand()
+    assert not steer(desk, ADAS_OTHER, 300)
+    beaten(desk, ADA, ADAS_OTHER)
+    again = CommandRequest(
+        request_id=100, command=Command.DO_SET_MODE, param1=1.0, param2=float(Mode.MANUAL)
+    )
+    assert reason(desk, again, ADAS_OTHER) == Reason.NONE
+    assert desk.vehicle.teleop.newest(desk.now_ns) is None, "frames of the former driver end"
+    assert steer(desk, ADAS_OTHER, 300)
+    assert not steer(desk, ADA)
+
+
+def test_who_seizes_the_lease_takes_over_the_drive() -> None:
+    desk = by_hand()
+    reason(desk, ask(LeaseAction.SEIZE, "Bob"), BOB)
+    assert desk.vehicle.commands.driver == BOB
+    pass_s(desk, 1.3)
+    assert not lost(desk), "the last heartbeat of the former driver counts"
+    pass_s(desk, 1.0, BOB)
+    assert not lost(desk)
+    assert steer(desk, BOB)
+    pass_s(desk, 1.7)
+    assert lost(desk)
+
+
+def test_a_seizure_without_a_heartbeat_ends_the_drive() -> None:
+    desk = by_hand()
+    reason(desk, ask(LeaseAction.SEIZE, "Bob"), BOB)
+    pass_s(desk, 1.7)
+    assert lost(desk)
+
+
+def test_a_free_lease_that_is_taken_takes_over_the_drive() -> None:
+    desk = by_hand()
+    reason(desk, ask(LeaseAction.RELEASE), ADA)
+    assert desk.vehicle.commands.driver == ADA
+    assert not steer(desk, BOB, 300)
+    reason(desk, ask(LeaseAction.TAKE, "Bob"), BOB)
+    assert desk.vehicle.commands.driver == BOB
+
+
+def test_a_lease_that_is_taken_makes_no_driver_of_its_holder() -> None:
+    desk = Desk()
+    desk.arm()
+    reason(desk, ask(LeaseAction.TAKE, "Ada"), ADA)
+    assert desk.vehicle.commands.driver == ""
+
+
+# What keeps the lease of an idle person.
+
+
+def test_a_goal_keeps_the_lease_until_it_ends() -> None:
+    desk = leased()
+    assert reason(desk, goal(4, 20.0, 0.0), ADA) == Reason.NONE
+    pass_s(desk, 40.0, ADA)
+    assert desk.vehicle.lease.is_holder(ADA)
+    assert reason(desk, command(Command.DO_PAUSE_CONTINUE), BOB) == Reason.NONE
+    pass_s(desk, 29.9, ADA)
+    assert desk.vehicle.lease.is_holder(ADA)
+    pass_s(desk, 0.3, ADA)
+    assert not desk.vehicle.lease.is_holder(ADA)
+    assert IDLE[1] in published(desk)
+
+
+@each(("speed_mm_s", "keeps"), [(200, True), (0, False)])
+def test_sticks_keep_the_lease_unless_they_rest(speed_mm_s: int, keeps: bool) -> None:
+    desk = by_hand()
+    for _ in range(31):
+        steer(desk, ADA, speed_mm_s)
+        pass_s(desk, 1.0, ADA)
+    assert desk.vehicle.lease.is_holder(ADA) == keeps
+
+
+@each(
+    ("asked", "keeps"),
+    [
+        (command(Command.COMPONENT_ARM_DISARM, 1.0), True),
+        (command(Command.DO_PAUSE_CONTINUE), False),
+        (ParamRequestRead(param_id="d_obs_m", param_index=-1), False),
+    ],
+)
+def test_what_needs_the_lease_keeps_it(asked: Message, keeps: bool) -> None:
+    desk = leased()
+    pass_s(desk, 20.0, ADA)
+    desk.vehicle.receive(asked, desk.now_ns, ADA)
+    pass_s(desk, 11.0, ADA)
+    assert desk.vehicle.lease.is_holder(ADA) == keeps
+
+
+# The drive that is shown.
+
+
+def test_the_newest_drive_is_shown_at_once() -> None:
+    desk = leased()
+    beaten(desk, ADA)
+    assert desk.vehicle.lease_status(0, desk.now_ns) is not None
+    shown = []
+    for request in (goal(4, 20.0, 0.0), manual()):
+        assert reason(desk, request, ADA) == Reason.NONE
+        status = desk.vehicle.lease_status(0, desk.now_ns)
+        assert status is not None
+        shown.append((status.drive_id, status.driver))
+    assert shown == [(4, "Ada"), (99, "Ada")]
+
+
+# Clean-ups name what they end.
+
+
+def clean_up(number: int, ends_id: int, request_id: int = 500) -> CommandRequest:
+    return CommandRequest(
+        request_id=request_id, command=number, param1=0.0, param2=0.0, ends_id=ends_id
+    )
+
+
+@each("number", [Command.DO_PAUSE_CONTINUE, Command.SIDESTEP_ABORT_GOAL])
+def test_a_clean_up_ends_only_what_it_names(number: int) -> None:
+    desk = leased()
+    assert reason(desk, clean_up(number, 4), ADA) == Reason.ALREADY_OVER, "there was none"
+    assert reason(desk, goal(4, 20.0, 0.0), ADA) == Reason.NONE
+    assert reason(desk, goal(5, 30.0, 0.0), ADA) == Reason.NONE
+    assert reason(desk, clean_up(number, 4, 501), ADA) == Reason.ALREADY_OVER
+    assert desk.step().left_mrad_s > 0
+    assert reason(desk, clean_up(number, 5, 502), ADA) == Reason.NONE
+    for _ in range(40):
+        assert desk.step().left_mrad_s >= 0
+    assert desk.step().left_mrad_s == 0
+
+
+def test_a_clean_up_of_a_goal_does_not_end_a_drive_by_hand() -> None:
+    desk = leased()
+    beaten(desk, ADA)
+    assert reason(desk, goal(4, 20.0, 0.0), ADA) == Reason.NONE
+    assert reason(desk, manual(), ADA) == Reason.NONE
+    assert reason(desk, clean_up(Command.DO_PAUSE_CONTINUE, 4), ADA) == Reason.ALREADY_OVER
+    assert desk.vehicle.state.machine.mode == states.MANUAL
+    assert reason(desk, clean_up(Command.DO_PAUSE_CONTINUE, 99, 501), ADA) == Reason.NONE
+    assert desk.vehicle.state.machine.mode == states.HOLD
+
+
+def test_a_clean_up_of_a_drive_does_not_end_a_goal() -> None:
+    desk = leased()
+    beaten(desk, ADA)
+    assert reason(desk, manual(), ADA) == Reason.NONE
+    assert reason(desk, goal(4, 20.0, 0.0), ADA) == Reason.NONE
+    for number in (Command.DO_PAUSE_CONTINUE, Command.SIDESTEP_ABORT_GOAL):
+        over = clean_up(number, 99, 500 + number)
+        assert reason(desk, over, ADA) == Reason.ALREADY_OVER
+    assert desk.step().left_mrad_s > 0
+
+
+def test_a_clean_up_of_a_goal_that_has_ended_changes_nothing() -> None:
+    desk = leased()
+    assert reason(desk, goal(4, 20.0, 0.0), ADA) == Reason.NONE
+    assert reason(desk, command(Command.SIDESTEP_ABORT_GOAL), ADA) == Reason.NONE
+    before = desk.vehicle.state.machine.mode
+    for number in (Command.DO_PAUSE_CONTINUE, Command.SIDESTEP_ABORT_GOAL):
+        over = clean_up(number, 4, 500 + number)
+        assert reason(desk, over, ADA) == Reason.ALREADY_OVER
+    assert desk.vehicle.state.machine.mode == before

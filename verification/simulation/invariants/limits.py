@@ -8,7 +8,7 @@ would be right by definition.
 from math import atan2, hypot, pi
 from typing import Final
 
-from protocol.wire.enums import Command, LeaseAction
+from protocol.wire.enums import Command, LeaseAction, Mode
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandRequest,
@@ -149,13 +149,24 @@ def stop_ns(operator: str, *, is_heard: bool) -> int:
     return STOP_NS + LINK_NS + (0 if is_heard else CLIENT_REPEAT_NS)
 
 
+RESTS: Final[dict[int, dict[str, float]]] = {
+    Command.DO_FLIGHTTERMINATION: {},
+    Command.SIDESTEP_ABORT_GOAL: {},
+    Command.DO_PAUSE_CONTINUE: {"param1": 0},
+    Command.COMPONENT_ARM_DISARM: {"param1": 0},
+    Command.DO_SET_MODE: {"param2": Mode.HOLD},
+}
+"""Commands after which the robot rests, with the parameters that make them so."""
+
+
 def is_free(request: Message) -> bool:
     """Return whether an operator without the lease may have this request accepted.
 
-    These are the emergency stop, what only reads, and the seizure of the lease.
+    These are what leaves a robot at rest, what only reads, and the seizure of the lease.
     """
     if isinstance(request, CommandRequest):
-        return request.command == Command.DO_FLIGHTTERMINATION
+        wants = RESTS.get(request.command)
+        return wants is not None and all(getattr(request, name) == wants[name] for name in wants)
     if isinstance(request, LeaseRequest):
         return request.action == LeaseAction.SEIZE
     return isinstance(request, ParamRequestRead | MissionRequestList | MissionRequestInt)

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.bus.mailbox import Mailbox, Origin, Sample, opened, stamp_of
+from protocol.bus.mailbox import MAX_SENDERS, Mailbox, Origin, Sample, opened, stamp_of
 from protocol.topics import DIALECT, ENCODING, ENCODING_FAMILY, TEXT, WHEELS
 from protocol.wire.codec import Encoder
 from protocol.wire.message import Message
@@ -25,7 +25,7 @@ def test_an_empty_mailbox_has_nothing() -> None:
     box = Mailbox(WHEELS)
     assert box.latest() is None
     assert box.fresh(0) is None
-    assert box.received() is None
+    assert box.received() == []
     assert (box.rejected, box.last_rejection) == (0, "")
 
 
@@ -239,12 +239,11 @@ def test_older_sample_of_the_same_sender_is_ignored(newer: Sample, taken: bool) 
     box = Mailbox(WHEELS, heard.append, accept=lambda _: True)
     box.store(sent(100), 10)
     box.store(newer, 20)
-    received = box.received()
-    assert received is not None
+    message, origin = box.received()[-1]
     if taken:
-        assert (received[0].seq, received[1]) == (2, Origin(newer.sender, newer.sent_ns, 20))
+        assert (message.seq, origin) == (2, Origin(newer.sender, newer.sent_ns, 20))
     else:
-        assert (received[0].seq, received[1]) == (1, Origin("ada", 100, 10))
+        assert (message.seq, origin) == (1, Origin("ada", 100, 10))
     assert heard == ([10, 20] if taken else [10])
     assert box.rejected == 0, "late is not wrong"
 
@@ -253,7 +252,34 @@ def test_any_time_is_accepted_after_a_sample_without_time() -> None:
     box = Mailbox(WHEELS, accept=lambda _: True)
     box.store(sent(None), 10)
     box.store(sent(5, seq=2), 20)
-    assert box.received() == (opened(sent(5, seq=2), (WheelTicks,)), Origin("ada", 5, 20))
+    assert box.received() == [(opened(sent(5, seq=2), (WheelTicks,)), Origin("ada", 5, 20))]
+
+
+def test_senders_do_not_displace_each_other() -> None:
+    box = Mailbox(WHEELS, accept=lambda _: True)
+    for number in range(MAX_SENDERS):
+        box.store(sent(100, sender=f"ada/{number}", seq=number), 10)
+    box.store(sent(101, sender="ada/0", seq=99), 11)
+    received = box.received()
+    assert [message.seq for message, _ in received] == [*range(1, MAX_SENDERS), 99]
+    assert box.received() == [], "each message is returned once"
+    box.store(sent(101, sender="ada/3", seq=7), 12)
+    assert [(message.seq, one.sender) for message, one in box.received()] == [(7, "ada/3")]
+    box.store(sent(100, sender="ada/3", seq=8), 13)
+    assert box.received() == [], "sent before the newest of its sender, whatever came between"
+
+
+def test_only_the_newest_senders_are_kept() -> None:
+    box = Mailbox(WHEELS, accept=lambda _: True)
+    for number in range(MAX_SENDERS + 2):
+        box.store(sent(100, sender=f"ada/{number}", seq=number), 10)
+    assert [message.seq for message, _ in box.received()] == [*range(2, MAX_SENDERS + 2)]
+
+
+def test_without_operators_no_sender_is_kept() -> None:
+    box = Mailbox(WHEELS)
+    box.store(sent(100), 10)
+    assert box.received() == []
 
 
 def test_sending_time_is_ignored_without_sender_ids() -> None:

@@ -10,7 +10,7 @@ from protocol.topics import (
     PARAMETERS,
     TEXT,
 )
-from protocol.wire.enums import AckResult, Command, LeaseAction
+from protocol.wire.enums import AckResult, Command, LeaseAction, Mode
 from protocol.wire.messages import (
     CommandAck,
     CommandRequest,
@@ -19,6 +19,7 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from robot.core import states
+from robot.process import MAX_PERSONS
 from runtime.clock import Tick
 from tests.support.each import each
 from tests.support.robot.processes import (
@@ -26,6 +27,7 @@ from tests.support.robot.processes import (
     BOB,
     Rig,
     S,
+    driving,
     hold,
     lease,
     press,
@@ -53,7 +55,7 @@ def test_six_requests_per_queue_and_period_oldest_first() -> None:
     rig = Rig().ready()
     rig.vehicle.receive(lease(LeaseAction.TAKE), rig.clock.now_ns(), ADA)
     mine = [rig.ask(hold(number), ADA) for number in range(10)]
-    others = [rig.ask(hold(number), BOB) for number in range(10)]
+    others = [rig.ask(goal(number, 1.0, 0.0), BOB) for number in range(10)]
     rig.cycle()
     for asked in (mine, others):
         assert [len(one.answers) for one in asked] == [1] * 6 + [0] * 4
@@ -77,10 +79,84 @@ def test_other_operators_do_not_fill_the_holders_queue() -> None:
     rig = Rig().ready()
     rig.vehicle.receive(lease(LeaseAction.TAKE), rig.clock.now_ns(), ADA)
     for number in range(70):
+        rig.ask(goal(number, 1.0, 0.0), BOB)
         rig.ask(hold(number), BOB)
     mine = rig.ask(hold(1), ADA)
     rig.cycle()
     assert mine.reasons == [Reason.NONE]
+
+
+STOPS = (
+    hold(901),
+    CommandRequest(request_id=902, command=Command.DO_SET_MODE, param1=1.0, param2=Mode.HOLD),
+    CommandRequest(request_id=903, command=Command.SIDESTEP_ABORT_GOAL, param1=0.0, param2=0.0),
+    CommandRequest(request_id=904, command=Command.COMPONENT_ARM_DISARM, param1=0.0, param2=0.0),
+)
+CAROL = "carol/3"
+
+
+@each("request_of_other", STOPS)
+def test_what_stops_is_accepted_in_two_periods_behind_a_flood(
+    request_of_other: CommandRequest,
+) -> None:
+    """Let another person flood the robot with all that he may ask, before and after."""
+    rig = driving()
+    rig.vehicle.receive(lease(LeaseAction.TAKE), rig.clock.now_ns(), ADA)
+
+    def flood(first: int) -> None:
+        for number in range(first, first + 300):
+            rig.ask(hold(number), BOB)
+            rig.ask(goal(number, 1.0, 0.0), BOB)
+            rig.ask(lease(LeaseAction.TAKE), BOB, service=LEASE_SERVICE)
+
+    flood(1_000)
+    asked = rig.ask(request_of_other, CAROL)
+    rig.cycle()
+    flood(2_000)
+    rig.cycle()
+    assert asked.reasons == [Reason.NONE]
+
+
+def test_two_requests_to_stop_of_each_other_person_fit_into_a_period() -> None:
+    rig = Rig().ready()
+    rig.vehicle.receive(lease(LeaseAction.TAKE), rig.clock.now_ns(), ADA)
+    asked = [[rig.ask(hold(number), one) for number in range(5)] for one in (BOB, CAROL)]
+    for done in (2, 4, 5):
+        rig.cycle()
+        for of_one in asked:
+            assert [len(one.answers) for one in of_one] == [1] * done + [0] * (5 - done)
+
+
+def test_persons_beyond_a_limit_share_what_is_left() -> None:
+    rig = Rig().ready()
+    rig.vehicle.receive(lease(LeaseAction.TAKE), rig.clock.now_ns(), ADA)
+    asked = [rig.ask(hold(1), f"p{number}/1") for number in range(MAX_PERSONS + 2)]
+    rig.cycle()
+    assert [len(one.answers) for one in asked] == [1] * (MAX_PERSONS + 1) + [0]
+    rig.cycle()
+    assert asked[-1].reasons == [Reason.NONE]
+
+
+def test_what_stops_does_not_overtake_what_its_person_asked_before() -> None:
+    """Else the goal would begin after the hold that was to end it."""
+    rig = Rig().ready()
+    for _ in range(2):  # without a lease, and with it
+        asked = rig.ask(goal(rig.ticks, 1.0, 0.0)), rig.ask(hold(rig.ticks + 100))
+        rig.cycle()
+        assert [one.reasons for one in asked] == [[Reason.NONE]] * 2
+        assert rig.vehicle.state.machine.mode == states.HOLD
+        rig.vehicle.receive(lease(LeaseAction.TAKE), rig.clock.now_ns(), ADA)
+
+
+@each("request_of_other", STOPS)
+def test_what_stops_needs_an_operator_and_a_deadline(request_of_other: CommandRequest) -> None:
+    rig = Rig().ready()
+    rig.vehicle.receive(lease(LeaseAction.TAKE), rig.clock.now_ns(), ADA)
+    nobodys = rig.ask(request_of_other, operator="")
+    late = rig.ask(request_of_other, BOB, good_for_ns=None)
+    rig.cycle()
+    assert nobodys.reasons == [Reason.NO_IDENTITY]
+    assert late.reasons == [Reason.TOO_LATE]
 
 
 def test_a_request_without_an_operator_is_refused() -> None:
