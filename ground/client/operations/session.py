@@ -108,11 +108,10 @@ class Session:
     def arm_if_standing_by(self) -> Answer | None:
         """Arm a robot in STANDBY; return its answer, None if it was not asked.
 
-        One without a status may lack the sensors that it needs for its control loop, too; its
-        answer tells.
+        One that starts up or has no status may lack its sensors: its answer tells.
         """
         newest = self.link.newest(STATUS, STATUS_NS)
-        if newest is not None and newest.vehicle != Vehicle.STANDBY:
+        if newest is not None and newest.vehicle not in (Vehicle.STANDBY, Vehicle.BOOT):
             return None
         request = self.link.command(Command.COMPONENT_ARM_DISARM, 1.0)
         answer = self.with_holder(self.link.ask(request))

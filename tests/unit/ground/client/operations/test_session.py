@@ -42,7 +42,7 @@ def test_standby_robot_is_armed_and_request_repeated() -> None:
     assert len(set(ids)) == 3
 
 
-@each("vehicle", [Vehicle.FAILSAFE, Vehicle.EMERGENCY_STOP, Vehicle.BOOT])
+@each("vehicle", [Vehicle.FAILSAFE, Vehicle.EMERGENCY_STOP])
 def test_a_robot_that_was_stopped_for_a_reason_is_never_armed(vehicle: Vehicle) -> None:
     link = AnsweringLink(Reason.NOT_ARMED)
     link.newest_messages[STATUS.path] = status(vehicle)
@@ -57,9 +57,10 @@ def test_robot_without_a_status_tells_why_it_cannot_be_armed() -> None:
     assert link.commands == [START, ARM]
 
 
-def test_refused_arming_is_the_answer() -> None:
+@each("vehicle", [Vehicle.STANDBY, Vehicle.BOOT])
+def test_refused_arming_is_the_answer(vehicle: Vehicle) -> None:
     link = AnsweringLink(Reason.NOT_ARMED, Reason.NO_SENSES)
-    link.newest_messages[STATUS.path] = status(Vehicle.STANDBY)
+    link.newest_messages[STATUS.path] = status(vehicle)
     assert asked_until_accepted(link) == (Reason.NO_SENSES, "")
     assert link.commands == [START, ARM]
 
