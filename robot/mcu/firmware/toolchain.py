@@ -22,7 +22,6 @@ TOOLS: Final = {
     "gcc": "gcc",
     "make": "make",
     "python3": "python3",
-    "xz": "xz-utils",
 }
 """Packages of Debian by the command that they contain."""
 HEADERS: Final = {
