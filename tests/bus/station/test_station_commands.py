@@ -90,10 +90,37 @@ def test_two_stations_one_commands_and_the_other_may_still_stop_it() -> None:
 
         ben.until(bens)
         assert ben.station.lease.name == "anna"
-        assert not ben.station.submit("hold", typed(ben, "hold"))
+        assert not ben.station.submit("arm", typed(ben, "arm"))
+        assert done(ben, "hold", moves=False).startswith("hold: ok ")
         ben.station.estop()
         ben.until(lambda: ben.station.log.find("E-STOP acknowledged by r1 after"))
         assert machine(stack)() is Vehicle.EMERGENCY_STOP
+
+
+def test_two_programs_of_one_person_share_the_lease() -> None:
+    with (
+        Lively() as stack,
+        stack.going(),
+        watching(stack) as first,
+        watching(stack) as second,
+    ):
+        first.until_ready()
+        done(first, "arm")
+        done(first, "goal 5 2")
+        first.until(lambda: stack.vehicle.state.machine.mode == Mode.GUIDED)
+
+        def settled() -> bool:
+            first.station.poll()
+            return second.station.ready and not second.station.busy
+
+        second.until(settled)
+        assert second.station.lease.ours
+        assert second.station.loss() is None
+        assert second.station.submit("goal 3 2", typed(second, "goal 3 2"))
+        second.until(settled)
+        assert second.station.last_command.startswith("goal 3 2: ok ")
+        first.until(lambda: first.station.log.find("r1: goal 5.0 2.0 replaced by the goal 3.0 2.0"))
+        assert not second.station.log.find("refused")
 
 
 def test_e_stop_repeats_until_a_lost_robot_returns() -> None:
