@@ -13,7 +13,7 @@ from examples import custom_navigator, drive_to_goal, log_to_parquet, patrol, so
 from protocol.wire.enums import GoalState, MissionState
 from protocol.wire.messages import SonarScan
 from robot.core.navigators.registry import NAVIGATORS
-from tests.support.bus.lively import PERIOD_S, Lively, dials
+from tests.support.bus.lively import PERIOD_S, Lively, Paced, dials
 
 pytestmark = pytest.mark.stack
 
@@ -32,7 +32,7 @@ class Hurried(Lively):
 
 @pytest.fixture
 def stack() -> Iterator[Lively]:
-    with Lively() as found, found.going():
+    with Paced() as found, found.going():
         yield found
 
 

@@ -7,7 +7,7 @@ import pytest
 
 import sidestep
 from sidestep import GoalState, Mode, Reason, Robot
-from tests.support.bus.lively import Lively, dials
+from tests.support.bus.lively import Paced, dials
 from tests.support.until import PATIENCE_S
 
 pytestmark = pytest.mark.stack
@@ -18,7 +18,7 @@ ROUNDS = {"brief": 3, "usual": 5, "long": 100}
 @pytest.fixture
 def hub(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """Where a real robot listens; `config` is the person who connects."""
-    with Lively() as stack, stack.going():
+    with Paced() as stack, stack.going():
         dials(stack, monkeypatch)
         yield stack._hub
 

@@ -30,8 +30,8 @@ class Lively(Stack):
     period_s = PERIOD_S
     """Between two ticks, which are always 50 ms of simulated time apart."""
 
-    def __init__(self, *, router: bool = False) -> None:
-        super().__init__("open", router=router)
+    def __init__(self, *, router: bool = False, parameters: dict[str, float] | None = None) -> None:
+        super().__init__("open", router=router, parameters=parameters)
         self.hung = self.mute = False
         self._turning = threading.Lock()
         self._over = threading.Event()
@@ -72,6 +72,19 @@ class Lively(Stack):
             self.plant.advance()
         self._ticks += 1
         self.clock.advance(PERIOD_NS)
+
+
+class Paced(Lively):
+    """A stack in which each process waits for the other, and misses its operator after a minute.
+
+    So no failsafe of a busy machine ends what a program drives.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(parameters={"op_lost_ms": 60_000})
+
+    def _turn(self) -> None:
+        self.cycle()
 
 
 class Watching:
