@@ -40,8 +40,10 @@ def changes(statuses: Iterable[tuple[int, Message]]) -> list[Mark]:
         if not isinstance(status, NavigatorStatus):
             continue
         at_s = time_ns / NS_PER_S
-        if status.goal_id != goal_id and GoalState.ACCEPTED <= status.goal <= GoalState.ALIGNING:
+        if status.goal_id != goal_id and is_driven(status.goal):
             place = f"goal {status.goal_x_m:z.2f} {status.goal_y_m:z.2f}"
+            if is_driven(goal):
+                found.append(Mark(at_s, "outcome", f"REPLACED: by the {place}"))
             found.append(Mark(at_s, "goal", place))
             goal_id = status.goal_id
         if status.goal != goal and status.goal >= GoalState.REACHED:
@@ -51,6 +53,11 @@ def changes(statuses: Iterable[tuple[int, Message]]) -> list[Mark]:
             found.append(Mark(at_s, "failsafe", f"{Vehicle(status.vehicle).name}: {why}"))
         goal, vehicle = status.goal, status.vehicle
     return found
+
+
+def is_driven(goal: int) -> bool:
+    """Return whether a goal has begun and not ended."""
+    return GoalState.ACCEPTED <= goal <= GoalState.ALIGNING
 
 
 def outcome(status: NavigatorStatus) -> str:

@@ -1,6 +1,8 @@
 """Recordings name how a goal was given up: unreachable, lost or stuck."""
 
-from ground.recording.bookmarks import outcome
+from msgspec.structs import replace
+
+from ground.recording.bookmarks import Mark, changes, outcome
 from ground.recording.summary import outcome_of
 from protocol.wire.enums import GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import NavigatorStatus
@@ -34,3 +36,22 @@ def test_other_goal_states_keep_their_names() -> None:
     assert outcome(status(GoalState.REACHED)) == "REACHED"
     assert outcome(status(99, Reason.BUMPER)) == "goal state 99: bumper contact"
     assert outcome_of(status(GoalState.DRIVING)) == "driving"
+
+
+def test_goal_that_another_one_replaces_has_an_end() -> None:
+    first, over = status(GoalState.DRIVING), status(GoalState.REACHED)
+    other = replace(first, goal_id=8, goal_x_m=4.0)
+    third = replace(first, goal_id=9, goal_x_m=5.0)
+    statuses = [
+        (0, first),
+        (10**9, other),
+        (2 * 10**9, replace(over, goal_id=8)),
+        (3 * 10**9, third),
+    ]
+    assert changes(statuses) == [
+        Mark(0.0, "goal", "goal 1.00 2.00"),
+        Mark(1.0, "outcome", "REPLACED: by the goal 4.00 2.00"),
+        Mark(1.0, "goal", "goal 4.00 2.00"),
+        Mark(2.0, "outcome", "REACHED"),
+        Mark(3.0, "goal", "goal 5.00 2.00"),
+    ]
