@@ -5,7 +5,7 @@ from math import degrees, pi, remainder
 from typing import Final
 
 from protocol.doubt import doubt_words
-from protocol.wire.enums import GoalState
+from protocol.wire.enums import GoalState, MissionState
 from protocol.wire.goal import WireGoal
 from protocol.wire.messages import RunScore
 from protocol.wire.reasons import Reason, reason_text
@@ -24,6 +24,10 @@ REPLACED: Final = "replaced"
 
 CLAIMS: Final = {Reason.UNREACHABLE: UNREACHABLE, Reason.LOST: LOST}
 """Reasons for which a robot gave a goal up although it could move, and their outcomes."""
+
+TAKEN_OVER: Final = "taken over"
+TAKES_OVER: Final = (Reason.BY_OPERATOR, Reason.REPLACED)
+"""Reasons of a mission's end that an operator wanted: ended by hand, or by another goal."""
 
 OUTCOMES: Final = (
     *("reached", "collided", UNREACHABLE, LOST),
@@ -204,6 +208,13 @@ def goal_end(goal_state: int, goal_reason: int) -> str | None:
         claim = next((claim for reason, claim in CLAIMS.items() if reason == goal_reason), None)
         return claim or ENDS[GoalState.STUCK]
     return next((end for state, end in ENDS.items() if state == goal_state), None)
+
+
+def mission_state(state: int, reason: int) -> str:
+    """Return the state of a mission in words; one that an operator ended has not failed."""
+    if state == MissionState.FAILED and reason in TAKES_OVER:
+        return TAKEN_OVER
+    return MissionState(state).name if state in list(MissionState) else f"state {state}"
 
 
 def reason_of(ended: RunEnd) -> str:

@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from protocol.outcome import mission_state
 from protocol.wire.enums import GoalState, MissionState, Mode, Severity, Vehicle
 from protocol.wire.messages import Statustext
 from protocol.wire.reasons import reason_text
@@ -62,10 +63,11 @@ class ChangeLog:
         if progress == self._progress:
             return []
         self._progress = progress
-        failed = mission.state == MissionState.FAILED
-        words = change_text("mission", mission.state.name, mission.reason)
+        state = mission_state(mission.state, mission.reason)
+        words = change_text("mission", state, mission.reason)
         if mission.items:
             words += f" (item {mission.current + 1} of {len(mission.items)})"
+        failed = state == MissionState.FAILED.name
         return self.text(Severity.ERROR if failed else Severity.INFO, words)
 
     def text(self, severity: int, words: str) -> list[Statustext]:

@@ -196,6 +196,14 @@ class GoalEnd:
     abort: bool = False
 
 
+def replaced_by(by: NavigatorStatus, driver: str) -> str:
+    """Return which goal has replaced another one, and whose it is unless that is unknown."""
+    of = f" of {driver}" if driver else ""
+    has_place = isfinite(by.goal_x_m) and isfinite(by.goal_y_m)
+    where = f"the goal {by.goal_x_m:z.1f} {by.goal_y_m:z.1f}" if has_place else "another"
+    return f"by {where}{of}"
+
+
 class HeartbeatTimer:
     """Decides when to send the heartbeat, by this machine's clock or the robot's time stamps.
 
@@ -296,10 +304,7 @@ class GoalWatch:
         drive_id, driver = self._driver
         is_named = bool(driver) and drive_id == by.goal_id
         if is_named or now_ns - self._replaced_ns >= NAMED_NS:
-            of = f" of {driver}" if is_named else ""
-            has_place = isfinite(by.goal_x_m) and isfinite(by.goal_y_m)
-            where = f"the goal {by.goal_x_m:z.1f} {by.goal_y_m:z.1f}" if has_place else "another"
-            self.end = GoalEnd(REPLACED, f"by {where}{of}")
+            self.end = GoalEnd(REPLACED, replaced_by(by, driver if is_named else ""))
 
     def due(self, now_ns: int) -> bool:
         """Return whether to send the heartbeat now; set `end` at a time-out or after silence."""

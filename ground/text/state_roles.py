@@ -5,8 +5,8 @@ The side panel, the status line, the roster and the stop band all use these func
 
 from typing import Final
 
-from protocol.wire.enums import GoalState, MissionState, Mode, Vehicle
-from protocol.wire.messages import MissionStatus, NavigatorStatus
+from protocol.wire.enums import GoalState, Mode, Vehicle
+from protocol.wire.messages import NavigatorStatus
 from protocol.wire.reasons import Reason
 
 OK: Final = "ok"
@@ -31,17 +31,6 @@ STOPS: Final = frozenset(
     }
 )
 """Reasons of a goal's end that were the vehicle's: the emergency stop, disarming, a failsafe."""
-
-TAKEN_OVER: Final = (Reason.BY_OPERATOR, Reason.REPLACED)
-"""Reasons of a mission's end that an operator wanted: he ended it, or drives to a goal of his."""
-
-
-def mission_state(status: MissionStatus) -> str:
-    """Return the state of a mission in words; one that an operator ended has not failed."""
-    if status.state == MissionState.FAILED and status.reason in TAKEN_OVER:
-        return "taken over"
-    known = status.state in list(MissionState)
-    return MissionState(status.state).name if known else f"state {status.state}"
 
 
 def vehicle_role(vehicle: int) -> str:

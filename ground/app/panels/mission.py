@@ -7,7 +7,7 @@ from ground.app.panels.aged import aged
 from ground.app.widgets.rows import Row, Span, head, row
 from ground.map.scene import MapTarget
 from ground.station.station import Station
-from ground.text.state_roles import mission_state
+from protocol.outcome import mission_state
 from protocol.topics import MISSION
 from protocol.wire.enums import MissionState
 from protocol.wire.messages import MissionStatus
@@ -50,7 +50,7 @@ def item_row(number: int, item: MapTarget, current: int) -> Row:
 
 def mission_words(status: MissionStatus) -> str:
     """Return state, current item, hold time and reason as text."""
-    state = mission_state(status)
+    state = mission_state(status.state, status.reason)
     hold = f", holds {status.hold_left_ms / 1000:.0f} s" if status.hold_left_ms else ""
     why = f": {reason_text(status.reason)}" if status.reason else ""
     return f"{state} {status.current + 1}/{status.count}{hold}{why}"

@@ -22,7 +22,7 @@ from ground.missions.transfer import (
     Verdict,
 )
 from ground.missions.wire import fence_items_of, fence_of, items_of, waypoints_of
-from ground.text.state_roles import mission_state
+from protocol.outcome import mission_state
 from protocol.topics import MISSION, MISSION_SERVICE
 from protocol.wire.enums import Command, MissionState, MissionType
 from protocol.wire.messages import CommandRequest, MissionStatus
@@ -338,7 +338,7 @@ class MissionProgress(Success):
         left = f", {status.hold_left_ms / 1000:.1f} s left" if status.hold_left_ms else ""
         reason = f": {reason_text(status.reason)}" if status.reason else ""
         where = f"item {status.current + 1} of {status.count}"
-        return f"{mission_state(status).lower()}, {where}{left}{reason}"
+        return f"{mission_state(status.state, status.reason).lower()}, {where}{left}{reason}"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
         """Return the status as a row; items count from 1."""
@@ -346,7 +346,7 @@ class MissionProgress(Success):
         return {
             "robot": robot,
             "ok": True,
-            "state": mission_state(status).lower(),
+            "state": mission_state(status.state, status.reason).lower(),
             "items": status.count,
             "current": status.current + 1 if status.count else None,
             "hold_left_s": status.hold_left_ms / 1000,

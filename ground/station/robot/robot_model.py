@@ -5,7 +5,7 @@ from contextlib import suppress
 from typing import Final
 
 from ground.client.parameter import Parameter
-from ground.client.requests import NAMED_NS
+from ground.client.requests import NAMED_NS, replaced_by
 from ground.client.telemetry import Telemetry
 from ground.station.bus_protocols import ReadableBus, Token
 from ground.station.history.decision_history import DecisionHistory
@@ -17,6 +17,7 @@ from ground.station.link.streams import Streams
 from ground.station.robot.mission_items import MissionItems
 from ground.text.state_roles import driving
 from ground.text.statustext import StatustextAssembler, aged
+from protocol.outcome import REPLACED
 from protocol.topics import (
     ANSWERED,
     COMMANDED,
@@ -193,17 +194,13 @@ class GoalChanges:
         old, new = self._old, self._last
         if old is None or new is None:
             return ""
-        is_named = lease is not None and lease.driver and lease.drive_id == new.goal_id
-        if not is_named and now_ns - self._changed_ns < NAMED_NS:
+        is_named = lease is not None and lease.drive_id == new.goal_id
+        driver = printable(lease.driver) if lease is not None and is_named else ""
+        if not driver and now_ns - self._changed_ns < NAMED_NS:
             return ""
         self._old = None
-        of = f" of {printable(lease.driver)}" if lease is not None and is_named else ""
-        return f"goal {place_of(old)} replaced by the goal {place_of(new)}{of}"
-
-
-def place_of(status: NavigatorStatus) -> str:
-    """Return the place of the goal in words."""
-    return f"{status.goal_x_m:z.1f} {status.goal_y_m:z.1f}"
+        place = f"{old.goal_x_m:z.1f} {old.goal_y_m:z.1f}"
+        return f"goal {place} {REPLACED} {replaced_by(new, driver)}"
 
 
 class ParameterList:

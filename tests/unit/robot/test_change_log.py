@@ -1,7 +1,8 @@
 """Texts of any length are split into MAVLink pieces and reassembled."""
 
 from ground.text.statustext import StatustextAssembler
-from protocol.wire.enums import Severity
+from protocol.wire.enums import MissionState, Severity
+from protocol.wire.reasons import Reason
 from protocol.wire.statustext import PIECE_BYTES
 from robot.change_log import ChangeLog
 from robot.core.parameters import DEFAULTS
@@ -27,3 +28,22 @@ def test_text_is_complete_only_with_its_last_piece(length: int) -> None:
 
 def test_empty_text_has_no_pieces() -> None:
     assert news().text(Severity.INFO, "") == []
+
+
+@each(
+    ("reason", "words", "severity"),
+    [
+        (Reason.BY_OPERATOR, "mission taken over: by the operator", Severity.INFO),
+        (Reason.REPLACED, "mission taken over: replaced by a new goal", Severity.INFO),
+        (Reason.BUMPER, "mission FAILED: bumper contact", Severity.ERROR),
+    ],
+)
+def test_mission_that_an_operator_ended_has_not_failed(
+    reason: Reason, words: str, severity: Severity
+) -> None:
+    core = InProcessCore(DEFAULTS)
+    mission = Mission(core)
+    log = ChangeLog(core.state.machine, mission)
+    mission.state, mission.reason = MissionState.FAILED, reason
+    (text,) = log.since_last_time()
+    assert (text.text, text.severity) == (words, severity)
