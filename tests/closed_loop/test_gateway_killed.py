@@ -64,7 +64,11 @@ class Gateway:
         return of_type(self.sent, answer)[0]
 
     def command(self, number: int, *params: float) -> int:
-        return acks([self.ask(command(number, *params))])[0][1]
+        """Send a command; return its result a tick later, as the robot then knows its operator."""
+        result = acks([self.ask(command(number, *params))])[0][1]
+        self._stack.cycle()
+        self.round()
+        return result
 
     def lives(self, seconds: float) -> None:
         """Let time pass."""
