@@ -40,7 +40,9 @@ from ground.client.operations import (
     DriveByHand,
     DriveEnded,
     GoalEnded,
+    Goto,
     Hold,
+    JumpTo,
     Mark,
     Marked,
     Operation,
@@ -51,6 +53,7 @@ from ground.client.operations import (
     SetNavigator,
     SetPose,
     SetTruePose,
+    StartMission,
     StopAll,
     Stopped,
 )
@@ -79,6 +82,9 @@ CROSSING_NS: Final = 300_000_000
 READY_S: Final = 0.5
 REQUESTS: Final = 4
 """Number of concurrent requests; further ones wait. Emergency stops have their own threads."""
+BEGINNINGS: Final = (Goto, JumpTo, Resume, ReturnHome, SetMode, StartMission)
+"""Operations that begin a drive."""
+
 OWN_STOPS: Final = 4
 """So many of its newest stops a program may release: several may be repeated at the same time."""
 
@@ -224,7 +230,11 @@ class Robot(Telemetry):
         """
         if operation.moves and (refused := await self.ensure_lease()) is not None:
             return refused
-        return await self.run(lambda: operation.perform(self.session()))
+        self.check_open()
+        job = partial(operation.perform, self.session())
+        if isinstance(operation, BEGINNINGS):
+            return await asyncio.wrap_future(self._beginning.submit(job))
+        return await self.run(job)
 
     async def drive_until(
         self,

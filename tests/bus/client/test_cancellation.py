@@ -297,6 +297,26 @@ def test_lease_that_was_taken_in_vain_is_left(stage: Stage) -> None:
     assert played.desk.held is None
 
 
+def test_old_goal_that_is_still_being_sent_does_not_overtake_the_next_drive(stage: Stage) -> None:
+    played, endpoint = stage
+
+    async def program() -> None:
+        async with sidestep.connect(endpoint) as robot:
+            assert (await robot.lease.take()).ok
+            played.answers = [None, Reason.NONE]
+            first = asyncio.create_task(robot.goto(3.0, 1.0))
+            while not played.asked:
+                await asyncio.sleep(0.01)
+            first.cancel()
+            assert (await robot.return_home()).ok
+            await ended(first)
+
+    asyncio.run(program())
+    goal, home = Command.DO_REPOSITION, Command.NAV_RETURN_TO_LAUNCH
+    begun = [command for command in played.commands if command in (goal, home)]
+    assert begun == [goal, goal, home]
+
+
 def test_goal_that_waits_in_turn_is_not_sent_when_it_is_cancelled(stage: Stage) -> None:
     played, endpoint = stage
 

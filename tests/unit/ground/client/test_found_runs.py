@@ -6,7 +6,8 @@ import pytest
 
 from ground.cli.main import parse
 from ground.cli.options import common_of
-from ground.client.connection import START_HINT, UP_HINT
+from ground.client.connection import START_HINT, UP_HINT, common
+from ground.client.vocabulary import PYTHON
 from ground.text.output import Output
 from runtime.errors import UserError
 from tests.support.ground.runs import ENDPOINT, written
@@ -61,6 +62,15 @@ def test_several_runs_are_listed_and_one_is_chosen_by_name() -> None:
         assert word in str(caught.value)
     assert common_of(parse(["hold", "--run", "u_trap"])).endpoint == OTHER
     assert common_of(parse(["hold", "--connect", "tcp/h:1"])).endpoint == "tcp/h:1"
+
+
+def test_one_of_several_runs_is_chosen_in_the_words_of_python() -> None:
+    written()
+    written(OTHER, "u_trap")
+    with pytest.raises(UserError) as caught:
+        common(None, None, None, remedies=PYTHON)
+    assert f"choose one with sidestep.connect({ENDPOINT!r})" in str(caught.value)
+    assert "--" not in str(caught.value)
 
 
 def test_an_unknown_run_is_refused_with_those_that_are_there() -> None:
