@@ -53,8 +53,12 @@ def test_all_verbs_default_to_the_robots_navigator() -> None:
     usual = "vgm_memory"
     assert NAVIGATORS[usual] == DEFAULTS.navigator
     assert ground_cli.parse(["up"]).navigator == usual
-    assert parser().parse_args(["--world", "box"]).navigator == usual
+    assert parser().parse_args([]).navigator == usual
     assert Trial(world=load("box")).navigator == usual
+
+
+def test_all_verbs_default_to_the_same_world() -> None:
+    assert parser().parse_args([]).world == ground_cli.parse(["up"]).world == "box"
 
 
 def test_goal_not_reached_is_exit_code_1(near: str, capsys: pytest.CaptureFixture[str]) -> None:
