@@ -177,7 +177,7 @@ class Robot(Telemetry):
         return f"<{where}: {state}, {'with' if self._holds_lease else 'without'} its lease>"
 
     async def open(self) -> None:
-        """Start the subscriptions and the heartbeat; operator by `connect`."""
+        """Start the subscriptions and the heartbeat, for `connect`."""
         self.streams.keep(STATUS, LEASE, MISSION)
         bus = self._link.bus
         bus.announce(self.name)
@@ -186,7 +186,7 @@ class Robot(Telemetry):
         self._heartbeat_task = asyncio.create_task(self._beat())
 
     async def close(self) -> None:
-        """End the drives of this program, leave the lease, end all streams; by `connect`."""
+        """End the drives of this program, leave the lease and end all streams, for `connect`."""
         self._is_closed = True
         while self._drives:
             await asyncio.wait(tuple(self._drives))
