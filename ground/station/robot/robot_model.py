@@ -181,8 +181,9 @@ class GoalChanges:
         self._changed_ns = 0
 
     def receive(self, status: Message, now_ns: int) -> None:
-        """Process the next status."""
-        assert isinstance(status, NavigatorStatus)
+        """Process the next status; ignore any other message."""
+        if not isinstance(status, NavigatorStatus):
+            return
         last, self._last = self._last, status
         if last is None or not driving(last) or status.goal_id in (0, last.goal_id):
             return

@@ -22,6 +22,7 @@ from protocol.topics import (
     Role,
     Topic,
 )
+from protocol.wire.codec import Encoder
 from protocol.wire.enums import GoalState, Severity
 from protocol.wire.message import Message
 from protocol.wire.messages import MissionStatus, ParamValue, Statustext
@@ -295,6 +296,14 @@ def test_goal_that_ended_before_the_next_one_is_not_replaced() -> None:
     play.robot.goal, play.robot.goal_id = GoalState.ACCEPTED, 9
     play.forward(2.0)
     assert play.texts("replaced") == []
+
+
+def test_other_message_in_place_of_a_status_is_ignored() -> None:
+    play = Play().forward(0.5)
+    frame = Encoder(1, 1).encode(Statustext(severity=6, text="x", id=0, chunk_seq=0))
+    play.bus.say_frame(STATUS, frame)
+    play.forward(0.5)
+    assert play.station.ready
 
 
 def test_goal_whose_end_may_have_been_missed_is_not_replaced() -> None:
