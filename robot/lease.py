@@ -135,7 +135,7 @@ class Lease:
         """Return the display name that a program has given; empty if unknown."""
         return self._names.get(operator, "")
 
-    def status(self, time_ns: int, now_ns: int, drive_id: int = 0, driver: str = "") -> LeaseStatus:
+    def status(self, time_ns: int, now_ns: int, drive_id: int, driver: str) -> LeaseStatus:
         """Return the lease as a message, stamped `time_ns`, with the newest drive."""
         holder = self._holder
         return LeaseStatus(

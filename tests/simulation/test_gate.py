@@ -42,6 +42,8 @@ def test_seeds_reach_all_modes_and_violate_no_invariant(first: int) -> None:
         ("d4", "only a later clear releases a stop"),
         ("d5", "only the lease holder commands"),
         ("d6", "inside the fence"),
+        ("d8", "only the driver steers"),
+        ("d9", "who may command is not refused"),
         ("kept", "stop survives a restart"),
         ("unkept", "stop survives a restart"),
     ],

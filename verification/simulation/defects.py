@@ -259,10 +259,7 @@ def _missions_for_all() -> Patches:
         starts = getattr(request, "command", None) == Command.MISSION_START
         return starts or bool(original(request))
 
-    return {
-        "robot.vehicle.needs_no_lease": needs_no_lease,
-        "robot.process.needs_no_lease": needs_no_lease,
-    }
+    return {"robot.vehicle.needs_no_lease": needs_no_lease}
 
 
 def _overtaken_clear() -> Patches:
@@ -278,6 +275,33 @@ def _overtaken_clear() -> Patches:
 
 def _teleop_of_the_last_holder() -> Patches:
     return {"robot.teleop.TeleopInput.clear": lambda self: None}
+
+
+def _any_program_drives() -> Patches:
+    """Let a drive go on while any program of the person is there."""
+    age_ms = import_module("robot.vehicle").Vehicle._age_ms
+    return {"robot.vehicle.Vehicle.operator_age_ms": lambda self, now_ns: age_ms(self, "", now_ns)}
+
+
+def _any_program_steers() -> Patches:
+    """Take teleop frames of every program of the person."""
+    original = import_module("robot.vehicle").Vehicle.receive_teleop
+
+    def receive_teleop(self: Any, teleop: Any, sent_ns: int, _operator: str) -> None:
+        original(self, teleop, sent_ns, self.commands.driver)
+
+    return {"robot.vehicle.Vehicle.receive_teleop": receive_teleop}
+
+
+def _stops_need_the_lease() -> Patches:
+    """Refuse hold, abort and disarm without the lease."""
+    read_only = import_module("robot.lease").READ_ONLY
+    is_stop = import_module("robot.commands").is_stop
+
+    def needs_no_lease(request: Any) -> bool:
+        return isinstance(request, read_only) or bool(is_stop(request))
+
+    return {"robot.vehicle.needs_no_lease": needs_no_lease}
 
 
 def _wide_circle() -> Patches:
@@ -357,6 +381,9 @@ DEFECTS: Final[dict[str, Defect]] = {
     "d4": Defect("a clear that came before the stop is obeyed", _overtaken_clear),
     "d5": Defect("teleop is not dropped when the lease is seized", _teleop_of_the_last_holder),
     "d6": Defect("a circle fence is 1 m too wide", _wide_circle),
+    "d7": Defect("any program of the person keeps a drive going", _any_program_drives),
+    "d8": Defect("any program of the person steers", _any_program_steers),
+    "d9": Defect("what stops the robot needs the lease", _stops_need_the_lease),
     "ids": Defect("a session whose id is taken is never replaced", _no_fresh_session),
     "kept": Defect("the kept stop is not looked for at the start", _forgotten_stop),
     "g1": Defect("the gateway obeys every client once one is in control", _shared_control),

@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 
 import zenoh
 
+from protocol.bus.network import Network
 from robot.core import states
 from robot.core.values import Pose
 from runtime.units import NS_PER_MS
@@ -37,6 +38,9 @@ from verification.simulation.invariants.shared import Violation
 
 FALSE_STAMPS_NS: Final = 15_000 * NS_PER_MS
 """After a false time stamp the robot may misjudge its sender for this long."""
+
+OF_ONE_PERSON: Final = 0.4
+"""Share of seeds in which two operators are programs of one person."""
 
 NAVIGATORS: Final = (states.BUG, states.VGM, states.BUG2)
 
@@ -87,6 +91,10 @@ class Simulation:
         }
         for operator in self.operators.values():
             operator.centre = (start.x_m, start.y_m)
+        draw = Random(f"persons {scenario.seed}")
+        if draw.random() < OF_ONE_PERSON:
+            one, other = draw.sample(OPERATORS, 2)
+            self.operators[one].person = self.operators[other].person
         gateway = GatewaySide(scheduler, GATEWAY, self.history)
         self.gateway = self.operators[GATEWAY] = gateway
         self.clients = {
@@ -106,7 +114,7 @@ class Simulation:
         self.hub.taps.append(self._tap)
         self.hub.arrivals.append(self._arrived)
         self.hub.asked.append(self._asked)
-        self._zid_of: dict[str, str] = {}
+        self._operator_of: dict[str, str] = {}
         self.lines_down: set[str] = set()
         """Hosts whose line to the robot is down."""
         self.handshakes_fail = False
@@ -174,12 +182,12 @@ class Simulation:
 
     # Observation of the bus.
 
-    def _session(self, _network: object) -> SimulatedSession:
+    def _session(self, network: Network) -> SimulatedSession:
         zid = self._zid()
         session = SimulatedSession(self.hub, zid)
-        self._zid_of[session.host.name] = f"open/{zid}"
+        operator = self._operator_of[session.host.name] = f"{network.person}/{zid}"
         if session.host.name == GATEWAY:
-            self.oracle.clients.operator = f"open/{zid}"
+            self.oracle.clients.operator = operator
         return session
 
     def _zid(self) -> str:
@@ -215,7 +223,7 @@ class Simulation:
         """Pass on a frame that an operator sent under its own name and that reached the robot."""
         source, path = sample.source, path_of(sample.key_expr)
         self.oracle.stops.arrived(source.name, path, sample.payload)
-        mine = OWN_NAME if source is self.attacker.host else self._zid_of.get(source.name, "")
+        mine = OWN_NAME if source is self.attacker.host else self._operator_of.get(source.name, "")
         if path.endswith(f"/{mine}"):
             self.oracle.presence.arrived(path, sample.payload, sample.sent_ns)
 

@@ -11,6 +11,7 @@ from protocol.wire.messages import (
     CommandRequest,
     GoalRequest,
     LeaseRequest,
+    LeaseStatus,
     MissionCount,
     MissionRequestList,
     MissionVerdict,
@@ -21,7 +22,7 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from robot.core import states
-from robot.lease import IDLE_NS, LAPSE_NS, MAX_PROGRAMS, Lease
+from robot.lease import IDLE_NS, LAPSE_NS, Lease
 from tests.support.each import each
 from tests.support.robot.vehicles import MS, Desk, goal
 
@@ -49,12 +50,16 @@ def kept() -> Lease:
     return lease
 
 
+def shown(lease: Lease, now_ns: int, time_ns: int = 0) -> LeaseStatus:
+    return lease.status(time_ns, now_ns, 0, "")
+
+
 def test_without_a_holder_every_operator_may_command() -> None:
     lease = Lease()
     assert lease.allows(ADA)
     assert lease.allows("")
-    assert lease.status(7, 0).held == 0
-    assert lease.status(7, 0).holder == ""
+    assert shown(lease, 0, 7).held == 0
+    assert shown(lease, 0, 7).holder == ""
 
 
 def test_holder_commands_alone_and_is_named() -> None:
@@ -62,7 +67,7 @@ def test_holder_commands_alone_and_is_named() -> None:
     assert lease.allows(ADA)
     assert not lease.allows(BOB)
     assert not lease.allows("")
-    status = lease.status(7, 1 * S)
+    status = shown(lease, 1 * S, 7)
     assert (status.held, status.holder, status.name, status.lapses_ms) == (1, ADA, "Ada", 29_000)
     assert lease.due(0) == [(Severity.INFO, "Ada has taken the lease")]
 
@@ -104,7 +109,7 @@ def test_taking_it_twice_only_changes_the_name() -> None:
     for action in (LeaseAction.TAKE, LeaseAction.SEIZE):
         assert lease.receive(ask(action, "Ada L."), ADAS_OTHER, 0) == Reason.NONE
         assert lease.due(0) == []
-    status = lease.status(0, 0)
+    status = shown(lease, 0)
     assert (status.name, status.holder) == ("Ada L.", ADAS_OTHER)
 
 
@@ -133,9 +138,9 @@ def test_the_newest_heartbeat_of_all_its_programs_counts() -> None:
     lease = kept()
     lease.beat(ADA, 2 * S)
     lease.beat(ADAS_OTHER, 1 * S)
-    assert lease.status(0, 2 * S).lapses_ms == 3_000
+    assert shown(lease, 2 * S).lapses_ms == 3_000
     lease.beat(ADAS_OTHER, 4 * S)
-    assert lease.status(0, 4 * S).lapses_ms == 3_000
+    assert shown(lease, 4 * S).lapses_ms == 3_000
     assert lease.due(2 * S + LAPSE_NS + 1) == []
     assert lease.due(4 * S + LAPSE_NS + 1) == [CRASHED]
 
@@ -150,7 +155,7 @@ def test_heartbeats_of_others_keep_no_lease() -> None:
 def test_without_any_heartbeat_there_are_thirty_seconds_to_begin() -> None:
     lease = taken(10 * S)
     lease.due(10 * S)
-    assert lease.status(0, 10 * S).lapses_ms == 30_000
+    assert shown(lease, 10 * S).lapses_ms == 30_000
     assert lease.due(10 * S + IDLE_NS) == []
     assert lease.is_holder(ADA)
     assert lease.due(10 * S + IDLE_NS + 1) == [IDLE]
@@ -163,7 +168,7 @@ def test_heartbeats_from_before_the_grant_are_no_sign_of_a_crash() -> None:
     lease.beat(ADAS_OTHER, 10 * S)
     lease.receive(ask(LeaseAction.TAKE, "Ada"), ADA, 10 * S)
     lease.due(10 * S)
-    assert lease.status(0, 10 * S).lapses_ms == 30_000
+    assert shown(lease, 10 * S).lapses_ms == 30_000
     assert lease.due(10 * S + IDLE_NS) == []
     assert lease.due(10 * S + IDLE_NS + 1) == [IDLE]
 
@@ -171,7 +176,7 @@ def test_heartbeats_from_before_the_grant_are_no_sign_of_a_crash() -> None:
 def test_an_idle_holder_gives_it_back_though_its_programs_are_there() -> None:
     lease = kept()
     lease.beat(ADA, IDLE_NS)
-    assert lease.status(0, IDLE_NS - 1 * S).lapses_ms == 1_000
+    assert shown(lease, IDLE_NS - 1 * S).lapses_ms == 1_000
     assert lease.due(IDLE_NS) == []
     assert lease.due(IDLE_NS + 1) == [IDLE]
 
@@ -180,7 +185,7 @@ def test_what_is_driven_keeps_it() -> None:
     lease = kept()
     lease.use(20 * S)
     lease.use(19 * S)
-    assert lease.status(0, 20 * S).lapses_ms == 30_000
+    assert shown(lease, 20 * S).lapses_ms == 30_000
     assert lease.due(20 * S + IDLE_NS) == []
     assert lease.due(20 * S + IDLE_NS + 1) == [IDLE]
 
@@ -196,12 +201,12 @@ def test_reordered_heartbeat_does_not_shorten_it() -> None:
     lease = taken()
     lease.beat(ADA, 2 * S)
     lease.beat(ADA, 1 * S)
-    assert lease.status(0, 2 * S).lapses_ms == 3_000
+    assert shown(lease, 2 * S).lapses_ms == 3_000
     assert lease.beaten_ns(ADA) == 2 * S
 
 
 def test_an_ended_lease_shows_no_negative_time() -> None:
-    assert taken().status(0, 31 * S).lapses_ms == 0
+    assert shown(taken(), 31 * S).lapses_ms == 0
 
 
 # A program that ends.
@@ -261,7 +266,7 @@ def test_who_takes_over_inherits_a_heartbeat_but_no_younger_one() -> None:
 
 def test_the_programs_heard_last_are_kept() -> None:
     lease = Lease()
-    for number in range(MAX_PROGRAMS):
+    for number in range(64):
         lease.beat(f"p/{number}", number)
     lease.beat("p/0", 0)
     assert lease.beaten_ns("p/1") == 1
@@ -273,7 +278,7 @@ def test_the_programs_heard_last_are_kept() -> None:
 
 def test_the_drive_is_shown_with_the_name_of_its_program() -> None:
     lease = taken()
-    status = lease.status(0, 0)
+    status = shown(lease, 0)
     assert (status.drive_id, status.driver) == (0, "")
     status = lease.status(0, 0, 7, ADA)
     assert (status.drive_id, status.driver) == (7, "Ada")
@@ -285,7 +290,7 @@ def test_the_drive_is_shown_with_the_name_of_its_program() -> None:
 def test_free_lease_has_no_time_and_no_name() -> None:
     for lease in (Lease(), taken()):
         lease.receive(ask(LeaseAction.RELEASE), ADA, 1 * S)
-        status = lease.status(7, 1 * S)
+        status = shown(lease, 1 * S, 7)
         assert (status.time_ns, status.held, status.lapses_ms) == (7, 0, 0)
         assert (status.holder, status.name) == ("", "")
         assert lease.holder is None
@@ -309,7 +314,7 @@ def test_sender_without_identity_cannot_hold_it() -> None:
 def test_control_characters_of_a_name_are_replaced() -> None:
     lease = Lease()
     lease.receive(ask(LeaseAction.TAKE, "A\x1b[2J\r\u202eb"), ADA, 0)
-    assert lease.status(0, 0).name == "A?[2J??b"
+    assert shown(lease, 0).name == "A?[2J??b"
     assert lease.due(0)[0][1] == "A?[2J??b has taken the lease"
 
 
@@ -372,7 +377,7 @@ def test_any_order_of_requests_leaves_one_person_at_most(
                 person = ""
         allowed = [who for who in (ADA, ADAS_OTHER, BOB) if lease.allows(who)]
         assert allowed == [one for one in (ADA, ADAS_OTHER, BOB) if person in ("", one[:3])]
-        assert lease.status(0, now_ns).held == bool(person)
+        assert shown(lease, now_ns).held == bool(person)
 
 
 # The lease at the vehicle.

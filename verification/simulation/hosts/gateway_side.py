@@ -13,7 +13,7 @@ from ground.gateway.settings import GatewaySettings
 from ground.gateway.vehicle import Vehicle
 from protocol.bus.bus import open_bus
 from protocol.topics import Role
-from verification.simulation.hosts.operators import DIALS, SimulatedOperator
+from verification.simulation.hosts.operators import SimulatedOperator
 from verification.simulation.hosts.scheduler import Host
 from verification.simulation.hosts.threads import SimulatedClock, SimulatedPipe, SimulatedTime
 
@@ -82,9 +82,9 @@ class GatewaySide(SimulatedOperator):
     arrived: Callable[[int, str], None]
 
     def _main(self) -> None:
-        bus = open_bus(DIALS, Role.GROUND, "r1", self.host.now_ns)
+        bus = open_bus(self.dials, Role.GROUND, "r1", self.host.now_ns)
         clock, wake_up = SimulatedClock(), SimulatedPipe()
-        link = self.link = Link(bus, Common(network=DIALS, robot="r1"), clock)
+        link = self.link = Link(bus, Common(network=self.dials, robot="r1"), clock)
         host = self.host
         endpoint = DatagramEndpoint(lambda peer, data: self.answer(host, peer, data))
         port = BusPort(link, wake_up.wake)

@@ -6,7 +6,7 @@ emergency stops, which do not wait. Its heartbeat has a thread of its own, as in
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from ground.client.connection import Common
@@ -81,10 +81,13 @@ class RequestHistory:
 
 
 class SimulatedOperator:
-    """An operator; `start` after `kill` opens another session of the same operator."""
+    """An operator; `start` after `kill` opens another session of the same operator.
+
+    Several may be programs of one `person`.
+    """
 
     def __init__(self, scheduler: Scheduler, name: str, history: RequestHistory) -> None:
-        self.name = name
+        self.name = self.person = name
         self.host = Host(scheduler, name)
         self.host.alive = False
         self.starts = 0
@@ -95,6 +98,11 @@ class SimulatedOperator:
         self._history = history
         self._actions: SimulatedQueue[tuple[str, tuple[Argument, ...]]] | None = None
         self._early: deque[tuple[str, tuple[Argument, ...]]] = deque()
+
+    @property
+    def dials(self) -> Network:
+        """The network of the process, with its person."""
+        return replace(DIALS, person=self.person)
 
     def start(self) -> None:
         """Start the process."""
@@ -131,8 +139,8 @@ class SimulatedOperator:
             self._actions.put((action, arguments))
 
     def _main(self) -> None:
-        bus = open_bus(DIALS, Role.GROUND, "r1", self.host.now_ns)
-        link = Link(bus, Common(network=DIALS, robot="r1"), SimulatedClock())
+        bus = open_bus(self.dials, Role.GROUND, "r1", self.host.now_ns)
+        link = Link(bus, Common(network=self.dials, robot="r1"), SimulatedClock())
         actions = self._actions = SimulatedQueue()
         bus.announce("r1")
         self.link = link
@@ -199,7 +207,7 @@ class SimulatedOperator:
 
         ok = self._ask(f"lease {how}", None, ask)
         if ok:
-            self.beating = action is not LeaseAction.RELEASE
+            self.beating = action in (LeaseAction.TAKE, LeaseAction.SEIZE)
         return ok
 
     def order(self, link: Link, verb: str) -> bool:

@@ -15,7 +15,6 @@ from protocol.topics import Role
 from verification.simulation.events import Argument
 from verification.simulation.hosts.operators import (
     ACTIONS,
-    DIALS,
     OperatorRequest,
     SimulatedOperator,
 )
@@ -35,9 +34,9 @@ class StationOperator(SimulatedOperator):
     _lines_before = 0
 
     def _main(self) -> None:
-        bus = open_bus(DIALS, Role.GROUND, "r1", self.host.now_ns)
+        bus = open_bus(self.dials, Role.GROUND, "r1", self.host.now_ns)
         clock = SimulatedClock()
-        link = Link(bus, Common(network=DIALS, robot="r1"), clock)
+        link = Link(bus, Common(network=self.dials, robot="r1"), clock)
         actions = self._actions = SimulatedQueue()
         live: Any = bus
         station = self._station = Station(live, "r1", clock, name=self.name)

@@ -87,7 +87,7 @@ class ClientInvariants:
         if operator != self.operator or request not in self._asked or not accepted(answer):
             return
         if isinstance(request, LeaseRequest):
-            if request.action != LeaseAction.RELEASE:
+            if request.action in (LeaseAction.TAKE, LeaseAction.SEIZE):
                 self._grant(int(request.name.removeprefix(NAME)))
         elif isinstance(request, GoalRequest):
             self._caused(GOALS, limits.CLIENT_ASKED_NS, "a goal")

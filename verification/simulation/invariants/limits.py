@@ -12,6 +12,7 @@ from protocol.wire.enums import Command, LeaseAction, Mode
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandRequest,
+    GoalRequest,
     LeaseRequest,
     MissionRequestInt,
     MissionRequestList,
@@ -86,7 +87,11 @@ STEERED_NS: Final = RAMP_NS
 """After a teleop frame has expired, the robot brakes at its own limit of acceleration."""
 
 LAPSE_NS: Final = 3_000 * NS_PER_MS + TICK_NS
-"""The lease expires after this time without a heartbeat of its holder: 3 s and one tick."""
+"""The lease expires after this time without a heartbeat of its person, once one of its programs
+has sent some: 3 s and one tick."""
+
+IDLE_NS: Final = 30_000 * NS_PER_MS + TICK_NS
+"""The lease expires after this time in which its person has neither asked nor driven."""
 
 GIVEN_UP_NS: Final = 500 * NS_PER_MS
 """A request stays valid for the rest of its attempt after its operator's process has ended."""
@@ -170,6 +175,22 @@ def is_free(request: Message) -> bool:
     if isinstance(request, LeaseRequest):
         return request.action == LeaseAction.SEIZE
     return isinstance(request, ParamRequestRead | MissionRequestList | MissionRequestInt)
+
+
+def begins(request: Message) -> bool:
+    """Return whether an accepted request begins a goal, a mission, a way back or a manual drive."""
+    if isinstance(request, CommandRequest) and request.command == Command.DO_SET_MODE:
+        return request.param2 in (Mode.MANUAL, Mode.SMART_RTL)
+    begun = (Command.MISSION_START, Command.NAV_RETURN_TO_LAUNCH)
+    is_begun = isinstance(request, CommandRequest) and request.command in begun
+    return is_begun or isinstance(request, GoalRequest)
+
+
+def leads_on(request: Message) -> bool:
+    """Return whether an accepted request may let the robot go on, in the name of its sender."""
+    onward = (Command.DO_SET_MODE, Command.DO_PAUSE_CONTINUE)
+    is_onward = isinstance(request, CommandRequest) and request.command in onward
+    return is_onward and not is_free(request)
 
 
 def is_around(xs_m: tuple[float, ...], ys_m: tuple[float, ...], x_m: float, y_m: float) -> bool:

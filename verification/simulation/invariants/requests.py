@@ -19,7 +19,7 @@ from robot.vehicle import Answer, Vehicle
 from runtime.units import NS_PER_MS
 from verification.simulation.hosts.operators import OperatorRequest
 from verification.simulation.invariants import limits
-from verification.simulation.invariants.commanding import CommandingInvariants
+from verification.simulation.invariants.commanding import CommandingInvariants, person_in
 from verification.simulation.invariants.shared import RunState
 
 
@@ -63,12 +63,17 @@ class RequestInvariants:
                 facts.is_placed = True
             elif request.command == Command.COMPONENT_ARM_DISARM and request.param1:
                 facts.armed_ns = now_ns
-        if isinstance(request, LeaseRequest) and ok:
-            self._presence.leased(operator)
+        if ok:
+            self._presence.accepted(request, operator)
         holder = vehicle.lease.holder
-        alien = holder is not None and holder.operator != operator
+        alien = holder is not None and person_in(holder.operator) != person_in(operator)
         if alien and not limits.is_free(request):
             self._check_refused(request, answer, operator)
+        elif reason_of(answer) == reasons.LEASE_HELD and not isinstance(request, LeaseRequest):
+            facts.fail(
+                "who may command is not refused",
+                f"{type(request).__name__} of {operator or 'an unnamed operator'}",
+            )
         if isinstance(request, GoalRequest) and ok and not request.from_robot:
             self._check_goal(machine, request)
         number = number_of(request)

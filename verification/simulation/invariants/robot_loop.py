@@ -66,10 +66,9 @@ class LoopInvariants:
         self._safety(vehicle)
         self._progress(machine)
         self._modes(machine)
-        for name in ("_requests", "_unprivileged"):
-            waiting = getattr(process, name).qsize()
-            if waiting > limits.BACKLOG:
-                self._facts.fail("queues are bounded", f"{waiting} requests wait in {name}")
+        for queue in (process._requests, process._unprivileged, *process._halting.values()):
+            if queue.qsize() > limits.BACKLOG:
+                self._facts.fail("queues are bounded", f"{queue.qsize()} requests wait in one")
 
     def _ticks(self) -> None:
         facts, now_ns = self._facts, self._facts.now_ns
