@@ -62,7 +62,6 @@ def _stop_with_lease_only() -> Patches:
 
     return {
         "robot.vehicle.needs_no_lease": needs_no_lease,
-        "robot.process.needs_no_lease": needs_no_lease,
     }
 
 
@@ -123,7 +122,9 @@ def _stranger_to_itself() -> Patches:
 def _failed_for_taken_over() -> Patches:
     """Call every mission failed that has not been completed."""
     return {
-        "ground.client.operations.missions.mission_state": lambda one: MissionState(one.state).name
+        "ground.client.operations.missions.mission_state": lambda state, *_: (
+            MissionState(state).name
+        )
     }
 
 

@@ -133,9 +133,9 @@ SENT: Final[Table] = (
             random.choice((1.0, 3.0)),
         ),
     ),
-    (5, lambda _: ("arm",)),
+    (8, lambda _: ("arm",)),
     (2, lambda _: ("disarm", 0)),
-    (6, lambda random: ("mode", random.choice(("GUIDED", "HOLD", "MANUAL")))),
+    (8, lambda random: ("mode", random.choice(("GUIDED", "GUIDED", "HOLD", "MANUAL")))),
     (2, lambda random: ("pause", random.randrange(2))),
     (2, lambda _: ("stop",)),
     (2, lambda _: ("clear", 0)),
@@ -146,8 +146,14 @@ FOLLOWED: Final = 0.35
 """Share of deeds that drive after which another one follows soon, mostly one that stops or drives.
 """
 
-REPEATED: Final = 0.4
-"""Share of commands of a MAVLink station that are sent again soon."""
+UNDONE: Final = {"arm": ("disarm", "estop"), "mode": ("hold",)}
+"""Commands of a MAVLink station, and what undoes them."""
+
+REPEATED: Final = 0.6
+"""Share of them that are sent again soon, after somebody has undone them."""
+
+TAKEN_OVER: Final = 0.5
+"""Share of missions that are taken over by hand."""
 
 CUT: Final = 0.2
 """Share of drives of a program during which it loses its link for some seconds."""
@@ -194,12 +200,17 @@ def _with_followers(
     if name in (APP, NOTEBOOK) and drives and random.random() < CUT:
         gap_ms, for_ms = random.randrange(500, 3000), random.choice((1000, 3000, 6000))
         events.append(_later(first, gap_ms, name, ("cut", for_ms)))
-    if name in CLIENTS and random.random() < REPEATED:
+    if deed[0] == "restart":
+        events.append(_later(first, -random.randrange(500, 2500), name, ("arm",)))
+        events.append(_later(first, random.randrange(900, 2500), name, draw(random, SENT[:4])))
+    elif deed[0] in UNDONE and random.random() < REPEATED:
         gap_ms = random.randrange(300, 1400)
-        events.append(_later(first, gap_ms, name, deed))
         other = random.choice(chosen)
-        stop = ("stop",) if other in CLIENTS else draw(random, STOPS)
-        events.append(_later(first, gap_ms // 2, other, stop))
+        undone = ("stop",) if other in CLIENTS else (random.choice(UNDONE[str(deed[0])]),)
+        events.append(_later(first, gap_ms // 2, other, undone))
+        events.append(_later(first, gap_ms, name, deed))
+    elif deed[0] == "mission" and random.random() < TAKEN_OVER:
+        events.append(_later(first, random.randrange(1000, 4000), name, ("drive", *speeds(random))))
     elif random.random() < FOLLOWED:
         other = random.choice((name, random.choice(chosen)))
         events.append(_later(first, random.randrange(100, 4000), other, programs[other](random)))

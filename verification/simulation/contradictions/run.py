@@ -26,7 +26,6 @@ from verification.simulation.contradictions.programs import (
     Shell,
     Up,
     common_here,
-    network_of,
     open_bus_here,
 )
 from verification.simulation.contradictions.truth import ListeningNetwork, Truth, person_of
@@ -254,7 +253,6 @@ def replacements() -> dict[str, object]:
         "ground.client.operations.leases.terminal_name": terminal,
         "ground.client.operations.leases.pwd": SimpleNamespace(getpwuid=of_here),
         "ground.launch.fleet_run.POLL_NS": BUSY_NS,
-        "verification.simulation.hosts.gateway_side.DIALS": network_of("gateway"),
     }
 
 
