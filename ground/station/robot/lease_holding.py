@@ -15,8 +15,13 @@ CROSSING_NS: Final = 300 * NS_PER_MS
 """A lease status sent before a change may arrive up to this time after it."""
 
 
-SURE_NS: Final = 20 * NS_PER_S
-"""A request later than this takes the lease again: the robot gives it back after 30 s of rest."""
+NEW_NS: Final = NS_PER_S
+"""Time after a use within which the status may show the time that was left before."""
+LEAST_S: Final = 2.0
+"""With less time left, the robot may give the lease back while a request is on its way.
+
+Heartbeats keep it above, until the lease ends because nothing is driven.
+"""
 
 
 class LeaseHolding:
@@ -41,7 +46,9 @@ class LeaseHolding:
 
     def is_sure(self, now_ns: int) -> bool:
         """Return whether the lease is there when a request arrives; else take it before."""
-        return self.ours and self._used_ns is not None and now_ns - self._used_ns < SURE_NS
+        if not self.ours or self._used_ns is None:
+            return False
+        return now_ns - self._used_ns < NEW_NS or self.lease.lapses_s >= LEAST_S
 
     def use(self, now_ns: int) -> None:
         """Note that this program commands the robot."""

@@ -49,6 +49,7 @@ class Lease:
 
     holder: str = ""
     name: str = ""
+    lapses_ms: int = 3000
     drive_id: int = 0
     driver: str = ""
 
@@ -159,9 +160,10 @@ class Robot:
 
     def lease_status(self) -> LeaseStatus:
         held = bool(self.lease.holder)
+        lease = self.lease
         return LeaseStatus(
-            time_ns=self.time_ns, lapses_ms=3000 * held, held=held, holder=self.lease.holder,
-            name=self.lease.name, drive_id=self.lease.drive_id, driver=self.lease.driver,
+            time_ns=self.time_ns, lapses_ms=lease.lapses_ms * held, held=held, holder=lease.holder,
+            name=lease.name, drive_id=lease.drive_id, driver=lease.driver,
         )  # fmt: skip
 
     def mission(self) -> MissionStatus:

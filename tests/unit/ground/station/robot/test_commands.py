@@ -373,11 +373,12 @@ def test_lease_is_prolonged_before_a_command_after_a_pause() -> None:
     """The robot may give it back while the command is on its way; then nobody would beat."""
     play, done = ready(), no_texts()
     play.station.submit("arm", job(done))
-    play.forward(19.0)
+    play.forward(9.0)
     play.station.submit("arm", job(done))
-    play.forward(19.0)
+    play.forward(9.0)
     assert lease_asked(play) == [LeaseAction.TAKE]
-    play.forward(2.0)
+    play.robot.lease.lapses_ms = 1500
+    play.forward(0.6)
     play.station.submit("goal 9 7", job(done))
     play.forward(0.2)
     assert lease_asked(play) == [LeaseAction.TAKE, LeaseAction.TAKE]
