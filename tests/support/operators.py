@@ -1,4 +1,4 @@
-"""Operators of a stack: each has its own session, so the robot can distinguish them."""
+"""Operators of a stack: each is a person, with a session of its own."""
 
 from math import nan
 from typing import Any
@@ -37,7 +37,7 @@ class Operator:
     def __init__(self, stack: Stack, name: str) -> None:
         self.name = name
         self._stack = stack
-        self._bus = stack.join(Role.GROUND)
+        self._bus = stack.join(Role.GROUND, name)
         self._beats = self._bus.publisher(OPERATOR)
         self._handle = self._bus.publisher(TELEOP)
         self._frames = 0
@@ -122,7 +122,7 @@ def drive_about(stack: Stack) -> None:
     stack.goto_goal()
     stack.forward(2.0)
     assert ada.lease(LeaseAction.TAKE) == Reason.NONE
-    assert bob.command(Command.SIDESTEP_ABORT_GOAL) == Reason.LEASE_HELD
+    assert bob.command(Command.COMPONENT_ARM_DISARM, 1) == Reason.LEASE_HELD
     assert bob.upload(stops((9.0, 9.0))).reason == Reason.LEASE_HELD
     assert ada.command(Command.MISSION_START) == Reason.NONE
     assert ada.lease(LeaseAction.RELEASE) == Reason.NONE
@@ -131,8 +131,11 @@ def drive_about(stack: Stack) -> None:
     stack.forward(0.5)
     ada.command(Command.DO_PAUSE_CONTINUE, 1)
     stack.forward(5.0)
+    ada.beat()
+    stack.forward(0.1)
     assert ada.manual() == Reason.NONE
     for _ in range(8):
+        ada.beat()
         ada.steer(-0.2, 0.7, ttl_ms=120)
         stack.forward(0.2)
     stack.inject("scan_stopped", for_s=0.5)

@@ -187,11 +187,11 @@ class Peers:
         """The network settings of a client of this stack."""
         return Network(mode="client", connect=(self._hub,), prefix=self._prefix)
 
-    def join(self, role: Role) -> Bus:
-        """Open one more bus in this role."""
-        return self._open("ground", role)
+    def join(self, role: Role, person: str = "") -> Bus:
+        """Open one more bus in this role, for a person of this name."""
+        return self._open("ground", role, person)
 
-    def _open(self, name: str, role: Role | None) -> Bus:
+    def _open(self, name: str, role: Role | None, person: str = "") -> Bus:
         """Open a bus: the hub (the router, or the robot without one) listens, others connect."""
         hub = "router" if self._router else "robot"
         if name == hub:
@@ -199,7 +199,7 @@ class Peers:
             network = Network(mode=mode, listen=(self._hub,), prefix=self._prefix)
         else:
             network = self.client_network
-        network = replace(network, lease_ms=LEASE_MS)
+        network = replace(network, lease_ms=LEASE_MS, person=person)
         bus = self._scopes[name].enter_context(open_bus(network, role, "r1", self.clock.now_ns))
         bus.faults.by_hand = True
         self.buses[name] = bus

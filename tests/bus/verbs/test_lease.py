@@ -20,20 +20,24 @@ GOAL = GoalRequest(
 ZONE = ParamSet(param_id="d_obs_m", param_value=0.4, param_type=9)
 
 
-def test_operator_without_the_lease_may_only_e_stop() -> None:
+def test_operator_without_the_lease_may_only_stop() -> None:
     with Stack("open") as stack:
         stack.operator = False
         ada, bob = Operator(stack, "ada"), Operator(stack, "bob")
         assert ada.lease(LeaseAction.TAKE) == Reason.NONE
         assert ada.command(Command.COMPONENT_ARM_DISARM, 1) == Reason.NONE
         assert bob.lease(LeaseAction.TAKE) == Reason.LEASE_HELD
-        assert bob.command(Command.COMPONENT_ARM_DISARM) == Reason.LEASE_HELD
-        assert bob.command(Command.DO_PAUSE_CONTINUE) == Reason.LEASE_HELD
+        assert bob.command(Command.COMPONENT_ARM_DISARM, 1) == Reason.LEASE_HELD
+        assert bob.command(Command.DO_PAUSE_CONTINUE, 1) == Reason.LEASE_HELD
         assert reason_in(bob.ask(GOAL)) == Reason.LEASE_HELD
         assert reason_in(bob.ask(ZONE, PARAMETER)) == Reason.LEASE_HELD
         assert bob.upload(stops((1.0, 1.0))).reason == Reason.LEASE_HELD
         assert stack.arm() == Reason.LEASE_HELD, "nor the operator who was there before"
         assert reason_in(ada.ask(GOAL)) == Reason.NONE
+        stack.until(stack.driving, within_s=3.0)
+        assert bob.command(Command.DO_PAUSE_CONTINUE) == Reason.NONE
+        stack.until(stack.standing, within_s=1.0)
+        assert ada.command(Command.DO_PAUSE_CONTINUE, 1) == Reason.NONE
         stack.until(stack.driving, within_s=3.0)
         assert bob.command(Command.DO_FLIGHTTERMINATION) == Reason.NONE
         assert stack.state == Vehicle.EMERGENCY_STOP
@@ -49,14 +53,14 @@ def test_it_lapses_three_seconds_after_its_holder_has_fallen_silent() -> None:
             ada.beat()
             bob.beat()
             stack.forward(0.5)
-        assert bob.command(Command.DO_PAUSE_CONTINUE) == Reason.LEASE_HELD
+        assert bob.command(Command.COMPONENT_ARM_DISARM, 1) == Reason.LEASE_HELD
         ada.beat()
         for _ in range(5):
             bob.beat()
             stack.forward(0.5)
-        assert bob.command(Command.DO_PAUSE_CONTINUE) == Reason.LEASE_HELD
+        assert bob.command(Command.COMPONENT_ARM_DISARM, 1) == Reason.LEASE_HELD
         stack.forward(0.6)
-        assert bob.command(Command.DO_PAUSE_CONTINUE) == Reason.NONE
+        assert bob.command(Command.COMPONENT_ARM_DISARM, 1) == Reason.NONE
         assert any("lapsed" in text for text in stack.texts)
 
 
@@ -66,13 +70,13 @@ def test_seized_lease_is_published_and_allows_commands() -> None:
         box = stack.ground.mailbox(LEASE)
         ada.lease(LeaseAction.TAKE)
         assert bob.lease(LeaseAction.SEIZE) == Reason.NONE
-        assert ada.command(Command.DO_PAUSE_CONTINUE) == Reason.LEASE_HELD
-        assert bob.command(Command.DO_PAUSE_CONTINUE) == Reason.NONE
+        assert ada.command(Command.COMPONENT_ARM_DISARM, 1) == Reason.LEASE_HELD
+        assert bob.command(Command.COMPONENT_ARM_DISARM, 1) == Reason.NONE
         stack.until(lambda: named(box.latest()) == "bob", within_s=2.0)
         assert any("LEASE SEIZED by bob from ada" in text for text in stack.texts)
         assert bob.lease(LeaseAction.RELEASE) == Reason.NONE
         stack.until(lambda: named(box.latest()) == "", within_s=2.0)
-        assert ada.command(Command.DO_PAUSE_CONTINUE) == Reason.NONE
+        assert ada.command(Command.COMPONENT_ARM_DISARM, 1) == Reason.NONE
 
 
 def named(newest: tuple[LeaseStatus, int] | None) -> str | None:

@@ -102,10 +102,11 @@ def test_a_robot_that_leaves_its_fence_stops_there() -> None:
         run.ada.upload(
             fence((x_m - 1, y_m - 1), (edge_m, y_m - 1), (edge_m, y_m + 1), (x_m - 1, y_m + 1))
         )
-        stack.operator = True
+        run.ada.beat()
         stack.forward(0.3)
-        run.ada.manual()
+        assert run.ada.manual() == Reason.NONE
         for _ in range(200):
+            run.ada.beat()
             run.ada.steer(0.3)
             stack.forward(0.05)
             if stack.state == Vehicle.FAILSAFE:
