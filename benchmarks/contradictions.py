@@ -17,7 +17,9 @@ from verification.simulation.contradictions.defects import DEFECTS
 from verification.simulation.contradictions.draw import draw_persons
 from verification.simulation.contradictions.run import observe
 
-CONTRADICTIONS: Final = Campaign("contradictions", draw_persons, observe, DEFECTS)
+CONTRADICTIONS: Final = Campaign(
+    "contradictions", draw_persons, observe, DEFECTS, failure="seeds with a contradiction"
+)
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -103,7 +103,7 @@ STACK: Final = ("runtime", "protocol", "robot", "plant", "ground")
 FIGURES: Final = ("trial", "core", "codec", "latency", "jitter", "map", "digest")
 LONG_FIGURES: Final = (
     *("robot", "mtls", "nees", "arrival", "soak", "ground", "stop_all", "restarts"),
-    *("fuzz", "flood", "stop_ways", "simulate"),
+    *("fuzz", "flood", "stop_ways", "simulate", "contradictions"),
 )
 TICK: Final = ("lockstep", "breakdown")
 GATEWAY: Final = ("gateway",)

@@ -97,14 +97,12 @@ def _report_of_many(
         benchmark=campaign.name,
         figures=(
             Figure(name="seeds", unit="", values=(sum(part.seeds for part in done),)),
-            Figure(
-                name="seeds that violate an invariant", unit="", values=(len(failed),), at_most=0
-            ),
+            Figure(name=campaign.failure, unit="", values=(len(failed),), at_most=0),
             Figure(
                 name="simulated time per CPU time of one core",
                 unit="x",
                 values=(simulated_ns / NS_PER_S / cpu_s,),
-                at_least=100,
+                at_least=campaign.pace,
             ),
         ),
         notes=tuple(notes),

@@ -33,20 +33,23 @@ class BatchResult(NamedTuple):
 class Campaign(NamedTuple):
     """What seeds stand for: how a scenario is drawn and run, and the defects that can be put back.
 
-    `name` is that of the benchmark.
+    `name` is that of the benchmark, `failure` names its figure of seeds that fail, and `pace` is
+    the least simulated time per CPU time.
     """
 
     name: str
     draw: Callable[[int], EventScenario]
     run: Callable[[EventScenario, str], RunResult]
     defects: Mapping[str, Defect]
+    failure: str = "seeds that violate an invariant"
+    pace: float | None = None
 
     def result_of(self, seed: int, defect: str = "") -> RunResult:
         """Run a seed."""
         return self.run(self.draw(seed), defect)
 
 
-SIMULATE: Final = Campaign("simulate", draw_scenario, run, DEFECTS)
+SIMULATE: Final = Campaign("simulate", draw_scenario, run, DEFECTS, pace=100)
 
 
 def run_seeds(

@@ -11,6 +11,7 @@ from unittest.mock import patch
 
 import zenoh
 
+from ground.client.operations import Stopped
 from ground.recording.summary import outcome_of
 from robot.core import states
 from robot.core.values import Pose
@@ -217,6 +218,7 @@ class PersonsRun:
             robot_ticks=len(self.truth.rows),
             requests=len(self.truth.answered),
             accepted=sum(one.ok for one in self.truth.answered),
+            stops=sum(isinstance(said.value, Stopped) for said in self.journal.words),
         )
         coverage.reached.update({"words": len(self.journal.words)})
         coverage.reached.update(type(said.value).__name__ for said in self.journal.words)

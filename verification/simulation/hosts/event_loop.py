@@ -71,6 +71,7 @@ class SimulatedLoop(asyncio.BaseEventLoop):
             raise
         finally:
             asyncio._set_running_loop(None)
+            self.close()
         program.result()
 
     def _abandon(self) -> None:

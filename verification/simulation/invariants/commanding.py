@@ -129,6 +129,7 @@ class CommandingInvariants:
         """Reset at the start of a robot process."""
         self._holder, self._held_since_ns = None, self._facts.now_ns
         self._drive()
+        self._seen.clear()
         self._certain = 0
 
     def judge(self, vehicle: "Vehicle") -> None:
