@@ -27,7 +27,7 @@ from protocol.wire.message import Message
 from protocol.wire.reasons import Reason, reason_text
 from robot.core.parameters import DEFAULTS
 from robot.core.safety.failsafe import ROWS
-from robot.lease import LAPSE_NS, LAPSE_S
+from robot.lease import IDLE_NS, IDLE_S, LAPSE_NS, LAPSE_S
 from robot.operator_delays import MAX_EXTRA_NS
 from robot.scheduling.cycle_meter import OVERRUNS_IN_A_ROW
 from runtime.timing import CONTROL_HZ, PERIOD_MS
@@ -85,7 +85,7 @@ def test_the_sizes_of_names_are_those_of_the_wire() -> None:
 
 def test_the_core_and_the_lease_use_the_limits_of_the_wire() -> None:
     assert DEFAULTS.op_lost_ms == OPERATOR_LOST_MS
-    assert LAPSE_NS < MAX_LEASE_MS * NS_PER_MS
+    assert LAPSE_NS < IDLE_NS == MAX_LEASE_MS * NS_PER_MS
     assert DEFAULTS.period_s * S == PERIOD_MS
 
 
@@ -108,10 +108,11 @@ def test_the_core_and_the_lease_use_the_limits_of_the_wire() -> None:
         ("concepts/safety", f"without this id for {IN_WORDS[HELD_NS // NS_PER_S]} second"),
         ("concepts/safety", f"more than {MAX_EXTRA_NS // NS_PER_MS} ms later than usual"),
         ("concepts/safety", f"a time-to-live of at most {MAX_TELEOP_TTL_MS / S:g} s"),
-        ("concepts/safety", f"its holder was silent for {LAPSE_S:g} s"),
+        ("concepts/safety", f"all its programs were silent for {LAPSE_S:g} s"),
+        ("concepts/safety", f"after {IDLE_S:g} s in which the person has neither driven"),
         ("concepts/safety", f"one of the last {IN_WORDS[MAX_AGE_TICKS + 1]} ticks"),
         ("concepts/safety", f"ends it {MAX_WHEEL_TTL_MS} ms after that tick"),
-        ("how-to/missions", f"its holder was silent for {LAPSE_S:g} s"),
+        ("how-to/missions", f"{LAPSE_S:g} s after the last sign of life"),
         ("how-to/real-robot", f"time-to-live, {MAX_WHEEL_TTL_MS} ms at most"),
         ("how-to/real-robot", f"one of the last {IN_WORDS[MAX_AGE_TICKS + 1]} ticks"),
     ],

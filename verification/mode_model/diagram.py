@@ -4,15 +4,16 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable
 from typing import Final, NamedTuple
 
+from protocol.topic import person_of
 from protocol.wire.enums import MissionState, Mode, Vehicle
 from verification.mode_model.explorer import Edge, Exploration
 from verification.mode_model.facts import Abstract
 from verification.mode_model.invariants import INVARIANTS, rule_of
 from verification.mode_model.parts import ModelPart
 from verification.mode_model.requests import STOPS
-from verification.mode_model.world import ADA, BOB, STRANGER
+from verification.mode_model.world import STRANGER
 
-HOLDERS: Final = {STRANGER: "FREE", ADA: "HELD_BY_ADA", BOB: "HELD_BY_BOB"}
+HOLDERS: Final = {STRANGER: "FREE", "ada": "HELD_BY_ADA", "bob": "HELD_BY_BOB"}
 
 
 class StateDiagram(NamedTuple):
@@ -45,7 +46,7 @@ def mission(state: Abstract) -> str:
 
 def holder(state: Abstract) -> str:
     """Return the holder of the lease."""
-    return HOLDERS[state.holder]
+    return HOLDERS[person_of(state.holder)]
 
 
 VEHICLES: Final = tuple(vehicle.name for vehicle in Vehicle)
@@ -117,6 +118,6 @@ def label(edge: Edge, drawing: StateDiagram) -> str:
     if event.is_request:
         return event.name
     if drawing.node is holder:
-        return "3 s without a heartbeat"
+        return "3 s without a heartbeat or 30 s at rest"
     tripped = edge.after.vehicle == "FAILSAFE" and edge.before.vehicle == "ACTIVE"
     return "failsafe" if tripped and drawing.node is vehicle else "control period"

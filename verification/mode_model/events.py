@@ -35,6 +35,7 @@ from verification.mode_model.world import (
 )
 
 LAPSE_NS: Final = 3_100_000_000
+IDLE_NS: Final = 30_100_000_000
 PASS_NS: Final = 600_000_000
 
 
@@ -174,10 +175,11 @@ def steering(operator: str, *, at_once: bool = True) -> Iterator[ModelEvent]:
 
 
 def ticks() -> Iterator[ModelEvent]:
-    """Yield ticks after a period, after teleop and holds expired, and after the lease expired."""
+    """Yield ticks after a period, and after what expires: teleop and holds, the lease, its rest."""
     yield ModelEvent("tick", ticking(0), group="tick")
     yield ModelEvent("0.6 s later: tick", ticking(PASS_NS), group="tick")
     yield ModelEvent("3.1 s later: tick", ticking(LAPSE_NS), group="tick")
+    yield ModelEvent("30.1 s later: tick", ticking(IDLE_NS), group="tick")
 
 
 def ticking(after_ns: int) -> Callable[[ModelWorld], EventOutcome]:

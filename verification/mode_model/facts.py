@@ -7,12 +7,23 @@ from robot.core import machine as machines
 from robot.core import reasons, states
 from robot.core.machine import Machine
 from robot.mission.mission import Mission
-from verification.mode_model.world import ADA, BOB, FAR, SPEED_MM_S, STRANGER, ModelWorld
+from runtime.units import NS_PER_MS
+from verification.mode_model.world import (
+    ADA,
+    ADAS_OTHER,
+    BOB,
+    FAR,
+    PARAMS,
+    SPEED_MM_S,
+    STRANGER,
+    ModelWorld,
+)
 
 SENDERS: Final = {speed_mm_s: operator for operator, speed_mm_s in SPEED_MM_S.items()}
 OF_GOAL: Final = ("goal_state", "goal_reason")
 COMPARED: Final = tuple(name for name in Machine.__slots__ if name not in OF_GOAL)
 LIVE: Final = "LIVE"
+EVERYBODY: Final = (ADA, ADAS_OTHER, BOB, STRANGER)
 ENDED: Final = "ENDED"
 """Goal states in which the robot drives are not distinguished."""
 
@@ -32,6 +43,8 @@ class Abstract(NamedTuple):
     placed: bool
     is_far: bool
     holder: str
+    is_kept: bool
+    driver: str
     present: frozenset[str]
     operator: bool
     senses: bool
@@ -51,6 +64,7 @@ class StateFacts(NamedTuple):
     mission_reason: int
     guard_stop_m: float
     allowed: tuple[str, ...]
+    driver_is_there: bool
 
 
 def abstract(world: ModelWorld) -> Abstract:
@@ -72,6 +86,8 @@ def abstract(world: ModelWorld) -> Abstract:
         placed=machine.placed,
         is_far=world.here == FAR,
         holder=STRANGER if holder is None else holder.operator,
+        is_kept=holder is not None and vehicle.lease._ends_ns != vehicle.lease._idle_ns,
+        driver=vehicle.commands.driver,
         present=world.present,
         operator=machine.operator,
         senses=machine.senses,
@@ -121,8 +137,17 @@ def facts(world: ModelWorld) -> StateFacts:
         vehicle_reason=machine.vehicle_reason,
         mission_reason=mission.reason,
         guard_stop_m=vehicle.params.guard_stop_m,
-        allowed=tuple(one for one in (ADA, BOB, STRANGER) if vehicle.lease.allows(one)),
+        allowed=tuple(one for one in EVERYBODY if vehicle.lease.allows(one)),
+        driver_is_there=driver_is_there(world),
     )
+
+
+def driver_is_there(world: ModelWorld) -> bool:
+    """Return whether the program that has the robot move sends heartbeats, if one is known."""
+    driver = world.vehicle.commands.driver
+    beaten_ns = world.vehicle.lease._beats_ns.get(driver)
+    since_ns = None if beaten_ns is None else world.now_ns - beaten_ns
+    return not driver or (since_ns is not None and since_ns <= PARAMS.op_lost_ms * NS_PER_MS)
 
 
 def steering(world: ModelWorld) -> str:

@@ -7,8 +7,8 @@ from protocol.wire.enums import GoalState
 from robot.core import reasons
 from robot.core.safety.failsafe import ROWS
 from verification.mode_model.events import EventOutcome, ModelEvent
-from verification.mode_model.facts import LIVE, StateFacts
-from verification.mode_model.requests import ARM, CLEAR, LOOKS, SEIZE, STOPS, WORLD
+from verification.mode_model.facts import EVERYBODY, LIVE, StateFacts
+from verification.mode_model.requests import ARM, CLEAR, LOOKS, RESTS, SEIZE, STOPS, WORLD
 from verification.mode_model.world import PARAMS, STRANGER
 
 DRIVING_MODES: Final = ("AUTO", "GUIDED", "SMART_RTL")
@@ -46,7 +46,7 @@ class Transition(NamedTuple):
 
 
 def wheels_turn_only_on_command(step: Transition) -> bool:
-    """Check that wheels turn only while armed, driving to a goal or steered by the lease holder."""
+    """Check that wheels turn only while armed, driving to a goal or steered by the driver."""
     now = step.after.abstract
     if not step.turns:
         return True
@@ -54,13 +54,21 @@ def wheels_turn_only_on_command(step: Transition) -> bool:
         return False
     if now.mode in DRIVING_MODES:
         return now.goal == LIVE
-    return now.mode == "MANUAL" and now.steering in step.after.allowed and now.steering != STRANGER
+    if now.steering not in step.after.allowed or now.driver not in ("", now.steering):
+        return False
+    return now.mode == "MANUAL" and now.steering != STRANGER
 
 
 def operator_modes_need_an_operator(step: Transition) -> bool:
     """Check that GUIDED and MANUAL turn no wheel without a fresh heartbeat."""
     now = step.after.abstract
     return not step.turns or now.operator or now.mode not in NEEDS_OPERATOR
+
+
+def a_drive_needs_its_program(step: Transition) -> bool:
+    """Check that GUIDED and MANUAL turn no wheel without the program that began the drive."""
+    needs = step.after.abstract.mode in NEEDS_OPERATOR
+    return not step.turns or not needs or step.after.driver_is_there
 
 
 def only_requests_change_the_mode(step: Transition) -> bool:
@@ -114,17 +122,18 @@ def failsafe_stops_at_once(step: Transition) -> bool:
 
 
 def only_the_holder_commands(step: Transition) -> bool:
-    """Check that while the lease is held exactly its holder may command."""
-    holder = step.after.abstract.holder
-    return holder == STRANGER or step.after.allowed == (holder,)
+    """Check that while the lease is held exactly the programs of its person may command."""
+    person = step.after.abstract.holder.partition("/")[0]
+    own = tuple(one for one in EVERYBODY if one.partition("/")[0] == person)
+    return not person or step.after.allowed == own
 
 
 def other_operators_change_nothing(step: Transition) -> bool:
-    """Check that other operators may only stop, read and seize the lease."""
+    """Check that other operators may only stop the robot, read, and seize the lease."""
     event = step.event
     if not event.is_request or event.operator in step.before.allowed:
         return True
-    if step.is_stop or event.name in LOOKS or event.name == SEIZE:
+    if step.is_stop or event.name in RESTS | LOOKS or event.name == SEIZE:
         return True
     return step.refused and step.before.details == step.after.details
 
@@ -180,6 +189,7 @@ FAILSAFES: Final = frozenset(row.reason for row in ROWS)
 INVARIANTS: Final[tuple[Callable[[Transition], bool], ...]] = (
     wheels_turn_only_on_command,
     operator_modes_need_an_operator,
+    a_drive_needs_its_program,
     only_requests_change_the_mode,
     only_arming_arms,
     lost_fence_prevents_arming,

@@ -27,13 +27,14 @@ from verification.mode_model.requests import (
     CLEAR,
     FROM_ROBOT,
     REQUESTS,
+    SEIZE,
     SET_POSE,
     STOPS,
     TRANSFERS,
     VARIANTS,
     WORLD,
 )
-from verification.mode_model.world import ADA, BOB, STRANGER
+from verification.mode_model.world import ADA, ADAS_OTHER, BOB, STRANGER
 
 
 class ModelPart(NamedTuple):
@@ -54,6 +55,16 @@ MODES: Final = (
     "goto in GUIDED",
 )
 BASE: Final = (ARM, "disarm", "mode HOLD", "stop", "abort", CLEAR, "goto in AUTO")
+SHARED: Final = (
+    "take",
+    "leave",
+    ARM,
+    "mode MANUAL",
+    "goto in GUIDED",
+    "pause",
+    "continue",
+    "abort",
+)
 LEASE: Final = (*REQUESTS[LeaseRequest], ARM, "mode MANUAL", "mode HOLD", "stop", CLEAR)
 
 
@@ -123,6 +134,15 @@ def parts_of_the_lease() -> tuple[ModelPart, ...]:
             *(presence(one) for one in (ADA, BOB)),
             *(steering(one, at_once=False) for one in (ADA, BOB)),
             ticks(),
+        ),
+        part(
+            "two programs of a person",
+            *(requests(one, SHARED) for one in (ADA, ADAS_OTHER)),
+            requests(BOB, {SEIZE}),
+            *(presence(one) for one in (ADA, ADAS_OTHER)),
+            *(steering(one) for one in (ADA, ADAS_OTHER)),
+            ticks(),
+            ends_of_goals(),
         ),
         part(
             "requests without the lease",

@@ -64,6 +64,9 @@ VARIANTS: Final[Mapping[int, tuple[tuple[str, float, float], ...]]] = MappingPro
 )
 """Name and parameters of each command, by its number."""
 STOPS: Final = frozenset(name for name, *_ in VARIANTS[Command.DO_FLIGHTTERMINATION])
+RESTS: Final = frozenset({"pause", "mode HOLD", "abort", "disarm"})
+"""After these the robot rests. No operator needs the lease for them."""
+
 ARM: Final = "arm"
 CLEAR: Final = "clear"
 SEIZE: Final = "seize"
@@ -135,6 +138,7 @@ REQUESTS: Final[Mapping[type[Message], Mapping[str, Callable[[int], Message]]]] 
         LeaseRequest: {
             "take": lease(LeaseAction.TAKE),
             "release": lease(LeaseAction.RELEASE),
+            "leave": lease(LeaseAction.LEAVE),
             SEIZE: lease(LeaseAction.SEIZE),
             "lease action unknown": lease(UNKNOWN),
         },

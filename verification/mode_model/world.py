@@ -1,4 +1,4 @@
-"""A robot without bus and threads: its vehicle, its senses and two operators, stepped by calls."""
+"""A robot without bus and threads: vehicle, senses and programs of operators, stepped by calls."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -34,9 +34,12 @@ from runtime.units import NS_PER_MS
 M = TypeVar("M", bound=Message)
 
 ADA: Final = "ada/1"
+ADAS_OTHER: Final = "ada/2"
+"""Another program of the same person."""
+
 BOB: Final = "bob/2"
 STRANGER: Final = ""
-SPEED_MM_S: Final = {ADA: 100, BOB: 200}
+SPEED_MM_S: Final = {ADA: 100, ADAS_OTHER: 150, BOB: 200}
 """The teleop speed of each operator, which identifies the sender of a frame."""
 
 HERE: Final = Pose(0.0, 0.0, 0.0)

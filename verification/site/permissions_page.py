@@ -92,8 +92,9 @@ ABILITIES: Final = (
     Permission("stop the robot", PUT, f"{STOP.path}/{OWN}"),
     Permission("stop the robot and receive its answer", ASK, f"{STOP_SERVICE.path}/{OWN}"),
     Permission("take or seize the lease", ASK, f"{LEASE_SERVICE.path}/{OWN}"),
+    Permission("hold, abort, disarm", ASK, f"{COMMAND.path}/{OWN}"),
     Permission(
-        "arm, send to a goal, hold (unless another operator has the lease)",
+        "arm, send to a goal, resume (unless another operator has the lease)",
         ASK,
         f"{COMMAND.path}/{OWN}",
     ),

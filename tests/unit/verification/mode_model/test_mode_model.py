@@ -112,6 +112,13 @@ def operator_never_lost(patch: Patch) -> None:
     patch.setattr(failsafe, "ROWS", rows)
 
 
+def any_program_will_do(patch: Patch) -> None:
+    def age_ms(robot: vehicle.Vehicle, now_ns: int) -> int | None:
+        return robot._age_ms("", now_ns)
+
+    patch.setattr(vehicle.Vehicle, "operator_age_ms", age_ms)
+
+
 def mission_takes_the_mode(patch: Patch) -> None:
     set_off = Mission._set_off
 
@@ -221,6 +228,7 @@ def safety_group_is_empty(patch: Patch) -> None:
 DEFECTS: tuple[tuple[Callable[[Patch], None], str, str], ...] = (
     (trip_that_turns_wheels, "modes", "wheels_turn_only_on_command"),
     (operator_never_lost, "modes", "operator_modes_need_an_operator"),
+    (any_program_will_do, "two programs of a person", "a_drive_needs_its_program"),
     (mission_takes_the_mode, "missions", "only_requests_change_the_mode"),
     (clear_arms, "modes", "only_arming_arms"),
     (arm_without_fence, "fence and settings", "lost_fence_prevents_arming"),
