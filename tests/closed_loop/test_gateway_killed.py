@@ -15,8 +15,8 @@ from ground.gateway.vehicle import Vehicle
 from protocol.topics import Role
 from protocol.wire.enums import GoalState, MissionState
 from protocol.wire.enums import Vehicle as VehicleState
-from protocol.wire.limits import MAX_LEASE_MS
 from protocol.wire.reasons import Reason
+from robot.lease import LAPSE_S
 from tests.closed_loop.test_gateway_mission import PLAN, link_of
 from tests.support.gateway.fake_port import CLIENT, ORIGIN
 from tests.support.gateway.messages import acks, command, words
@@ -112,7 +112,7 @@ def test_guided_goal_ends_and_clients_of_a_new_gateway_go_on() -> None:
         stack.until(stack.standing)
 
         newer = Gateway(stack)
-        stack.forward(MAX_LEASE_MS / 1000 + 0.5)
+        stack.forward(LAPSE_S + 0.5)
         newer.round()
         (heartbeat, *_) = of_type(newer.sent, "HEARTBEAT")
         assert heartbeat.system_status == mavlink.MAV_STATE_CRITICAL
