@@ -29,6 +29,7 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from robot.commands import is_stop
+from robot.core.machine import Machine
 from runtime.errors import RemoteError
 from runtime.sequence import MAX_LATE_TICKS, Order, order_of
 
@@ -57,10 +58,19 @@ Key = tuple[int, int]
 
 
 class RecordedRequest(NamedTuple):
-    """A recorded request, and whether the robot acted on it."""
+    """A recorded request, and the reason in its answer."""
 
     message: Message
-    acted_on: bool
+    reason: int
+
+    def was_acted_on(self, machine: Machine) -> bool:
+        """Return whether the robot has acted on it, in this state.
+
+        Without any operator the core refuses; with another one it never saw the request, because
+        the program that sent it sent no heartbeats.
+        """
+        is_absent = self.reason == Reason.NO_OPERATOR and machine.operator
+        return self.reason not in IGNORED and not is_absent
 
 
 class RecordedDrive:
@@ -120,7 +130,7 @@ class RecordedDrive:
         """Return the requests by number from 1, which the sequence of their frames counts."""
         answers = dict(_unwrapped(self._answers))
         return {
-            place + 1: RecordedRequest(message, reason_in(answers.get(place)) not in IGNORED)
+            place + 1: RecordedRequest(message, reason_in(answers.get(place)))
             for place, message in _unwrapped(self._commands)
         }
 

@@ -137,10 +137,11 @@ class Reexecution:
         )
 
     def _receive(self, number: int, now_ns: int) -> None:
-        message, acted_on = self._recorded.requests[number]
-        skipped = self._other and chooses_navigator(message)
-        if acted_on and not isinstance(message, LeaseRequest) and not skipped:
-            self._vehicle.receive(message, now_ns)
+        recorded, vehicle = self._recorded.requests[number], self._vehicle
+        skipped = self._other and chooses_navigator(recorded.message)
+        skipped = skipped or isinstance(recorded.message, LeaseRequest)
+        if recorded.was_acted_on(vehicle.state.machine) and not skipped:
+            vehicle.receive(recorded.message, now_ns)
 
 
 def chooses_navigator(request: Message) -> bool:

@@ -14,9 +14,7 @@ from protocol.wire.enums import INPUT_SCAN, INPUT_TELEOP, INPUT_WHEELS
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     AvoidanceDecision,
-    CommandAck,
     LeaseRequest,
-    MissionVerdict,
     NavigatorStatus,
     PlanarOdometry,
     SonarScan,
@@ -24,13 +22,13 @@ from protocol.wire.messages import (
     WheelCommand,
     WheelTicks,
 )
-from protocol.wire.reasons import Reason
 from robot import telemetry
 from robot.core.parameters import Params
 from robot.core.perception.from_messages import scan_of, twist_of, wheels_of
 from robot.core.values import Inputs, Outputs, Pose
 from robot.storage.files import Store
 from robot.vehicle import Vehicle
+from study.trial.recorded_drive import RecordedRequest, reason_in
 from tests.support.harness import Stack
 from tests.support.operators import drive_about
 
@@ -54,24 +52,15 @@ class Tape:
     def on(self, topic: Topic[Message]) -> list[Message]:
         return [message for key, message in self.frames if key.endswith(topic.path)]
 
-    def requests(self) -> list[Message | None]:
-        """Return each recorded request; None if the lease refused it or it was a lease request."""
-        return [
-            None if isinstance(asked, LeaseRequest) or refused(answer) else asked
-            for asked, answer in zip(self.on(COMMANDED), self.on(ANSWERED), strict=True)
-        ]
+    def requests(self) -> list[tuple[Message, Message]]:
+        """Return each recorded request with its answer."""
+        return list(zip(self.on(COMMANDED), self.on(ANSWERED), strict=True))
 
     def of(self, kind: type[M]) -> list[M]:
         return [message for _, message in self.frames if isinstance(message, kind)]
 
     def by_time(self, kind: type[M]) -> dict[int, M]:
         return {getattr(message, "time_ns", 0): message for message in self.of(kind)}
-
-
-def refused(answer: Message) -> bool:
-    if isinstance(answer, CommandAck):
-        return answer.result_param2 == Reason.LEASE_HELD
-    return isinstance(answer, MissionVerdict) and answer.reason == Reason.LEASE_HELD
 
 
 def again(
@@ -83,8 +72,11 @@ def again(
     scans = {one.seq: one for one in tape.of(SonarScan)}
     requests, done = tape.requests(), 0
     for given in dropwhile(partial(unheard, wheels, scans, heard), tape.of(TickInputs)):
-        for request in filter(None, requests[done : given.requests]):
-            vehicle.receive(request, given.now_ms * 1_000_000)
+        for request, answer in requests[done : given.requests]:
+            recorded = RecordedRequest(request, reason_in(answer))
+            is_of_lease = isinstance(request, LeaseRequest)
+            if recorded.was_acted_on(vehicle.state.machine) and not is_of_lease:
+                vehicle.receive(request, given.now_ms * 1_000_000)
         done, flags = given.requests, given.flags
         ticks = wheels_of(wheels[given.wheels_seq]) if flags & INPUT_WHEELS else None
         seen = scans[given.scan_seq] if flags & INPUT_SCAN else None

@@ -21,12 +21,13 @@ from protocol.wire.messages import (
     WheelCommand,
 )
 from protocol.wire.reasons import Reason
+from robot.core.machine import Machine
 from robot.core.parameters import DEFAULTS
 from robot.core.safety import guard
 from robot.parameters.table import described
 from runtime.errors import UserError
 from study.cli.reexecute import main
-from study.trial.recorded_drive import reason_in
+from study.trial.recorded_drive import RecordedRequest, reason_in
 from study.trial.reexecute import chooses_navigator
 from tests.support.study.recorded_drive import ARM, ScriptedDrive
 
@@ -274,6 +275,18 @@ def test_request_refused_for_the_lease_is_not_executed(
         changed(drive, INPUTS, number, requests=3)
     code, values = reexecute(drive)
     assert (code, values["differing"], values["compared"]) == (0, 0, 160)
+
+
+@pytest.mark.parametrize("reason", [Reason.NONE, Reason.NO_GOAL, Reason.NO_OPERATOR])
+@pytest.mark.parametrize("operator", [True, False])
+def test_request_refused_for_its_absent_program_is_not_executed(
+    reason: Reason, *, operator: bool
+) -> None:
+    """The core refuses without any operator; with another one it never saw the request."""
+    machine = Machine(DEFAULTS)
+    machine.operator = operator
+    acted_on = RecordedRequest(ARM, reason).was_acted_on(machine)
+    assert acted_on == (reason != Reason.NO_OPERATOR or not operator)
 
 
 def test_only_navigator_requests_are_skipped() -> None:
