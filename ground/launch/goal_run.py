@@ -168,6 +168,9 @@ class GoalRun:
         self._begun_ns = self.link.clock.now_ns()
         if self._refusal is not None:
             self._end(self._refused(self._refusal))
+            if self.outcome is not None and self.outcome.outcome == "timeout":  # the goal before
+                reason = self._refusal.words
+                self.outcome = replace(self.outcome, outcome="aborted", reason=reason)
             return
         timeout_ns = round(self._scenario.timeout_s * NS_PER_S)
         self._watch = GoalWatch(self._goal_id, self._begun_ns, timeout_ns, stamps_only=True)
@@ -241,7 +244,8 @@ class GoalRun:
         if self.outcome is not None and not self.is_over:
             parts = goal_line(self.telemetry, now_ns, 0)
             return [Part(f"goal {self.outcome.outcome}, an operator drives"), *parts]
-        silent_ns = 0 if self._watch is None else self._watch.silent_ns(now_ns)
+        watch = self._watch if self.outcome is None else None  # at the end it is not fed any more
+        silent_ns = 0 if watch is None else watch.silent_ns(now_ns)
         unseen = self._goal_id if self._of_goal is None else None
         return goal_line(self.telemetry, now_ns, silent_ns, unseen)
 
