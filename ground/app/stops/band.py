@@ -107,6 +107,8 @@ def heads_of(station: Station, status: NavigatorStatus, since_ns: int | None) ->
         by, since_ns = "by you", stop.pressed_ns
         if stop.took_ns is not None:
             acknowledged = f", acknowledged in {stop.took_ns / NS_PER_MS:.0f} ms"
+    elif stop is not None and status.stop_id in stop.earlier:
+        by = "by you"
     ago = ago_words(station.now_ns, since_ns)
     return [
         f"EMERGENCY STOP {robot}  {by} {ago}{acknowledged}{wheels}",

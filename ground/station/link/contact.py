@@ -97,7 +97,8 @@ class Contact:
             return None
         if self._well_ns is None:
             self._well_ns = now_ns
-        if now_ns - self._well_ns < SETTLED_NS:
+        is_told = self.kind is LossKind.OTHER_OPERATOR  # the lease does not flicker like a link
+        if now_ns - self._well_ns < SETTLED_NS and not is_told:
             return None
         before, self.kind = self.kind, None
         gap_ns = self._well_ns - self.since_ns

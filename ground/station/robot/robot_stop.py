@@ -1,6 +1,7 @@
 """Send the e-stop of one robot, repeat it until acknowledged, and remember the last one."""
 
-from typing import NamedTuple
+from collections import deque
+from typing import Final, NamedTuple
 
 from ground.client import stop_ways
 from ground.client.emergency_stop import EmergencyStop, StopOutcome, outcome_words
@@ -12,6 +13,8 @@ from protocol.wire.enums import Severity
 from protocol.wire.messages import CommandRequest
 from runtime.clock import Clock
 
+MAX_EARLIER: Final = 16
+
 
 class StopRecord(NamedTuple):
     """The last e-stop that this station sent to a robot; `took_ns` None: not acknowledged."""
@@ -19,6 +22,8 @@ class StopRecord(NamedTuple):
     request_id: int
     pressed_ns: int
     took_ns: int | None
+    earlier: tuple[int, ...] = ()
+    """The ids of earlier stops of this station, of which one may still be shown."""
 
 
 class RobotStop:
@@ -42,6 +47,7 @@ class RobotStop:
         self._pending: EmergencyStop | None = None
         self._is_repeated = False
         self._last: EmergencyStop | None = None
+        self._earlier: deque[int] = deque(maxlen=MAX_EARLIER)
         self._outcome: StopOutcome | None = None
         self._over = False
 
@@ -61,6 +67,8 @@ class RobotStop:
             self._ways,
         )
         stop.press()
+        if self._last is not None:
+            self._earlier.append(self._last.request_id)
         self._pending = self._last = stop
         self._is_repeated, self._outcome = False, None
 
@@ -91,7 +99,7 @@ class RobotStop:
         if stop is None:
             return None
         took_ns = outcome.took_ns if outcome is not None and outcome.acknowledged else None
-        return StopRecord(stop.request_id, stop.pressed_ns, took_ns)
+        return StopRecord(stop.request_id, stop.pressed_ns, took_ns, tuple(self._earlier))
 
     def report(self, now_ns: int, response: str) -> None:
         """Log the end of the e-stop, or each second that there is none.
