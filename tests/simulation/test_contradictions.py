@@ -1,15 +1,115 @@
-"""The observer of contradictions: it believes what is so, and nothing else."""
+"""The observer of contradictions: it believes what is so, and finds each defect of words."""
+
+from typing import Final, NamedTuple
 
 from tests.support.each import each
+from verification.simulation.contradictions.defects import DEFECTS
 from verification.simulation.contradictions.draw import draw_persons
-from verification.simulation.contradictions.run import APP, NOTEBOOK, observe
+from verification.simulation.contradictions.run import (
+    APP,
+    NOTEBOOK,
+    UP,
+    contradictions_of,
+    observe,
+)
 from verification.simulation.events import Argument, Event, EventScenario
+from verification.simulation.hosts.gateway_side import GATEWAY
+
+SAME_PERSON, OTHER = "ada-t1", "bea-t2"
+FIRST, SECOND = "client-255", "client-254"
+OUTCOME: Final = "an outcome is of the goal that was asked for"
+CODE: Final = "an exit code is of the goal that was asked for"
+Deed = tuple[float, str, *tuple[Argument, ...]]
 
 
-def scenario(*events: tuple[float, str, *tuple[Argument, ...]], seconds: int = 12) -> EventScenario:
+def scenario(*deeds: Deed, seed: int = 1, seconds: int = 14) -> EventScenario:
     """Return a scenario of deeds, each given by its time in s, its verb, program and arguments."""
-    given = [Event(round(s * 1e9), verb, tuple(rest), 0) for s, verb, *rest in events]
-    return EventScenario(1, seconds * 1_000_000_000, tuple(given))
+    given = [Event(round(s * 1e9), verb, tuple(rest), 0) for s, verb, *rest in deeds]
+    return EventScenario(seed, seconds * 1_000_000_000, tuple(given))
+
+
+class Case(NamedTuple):
+    """The deeds that show a defect, and the rule that they break."""
+
+    deeds: tuple[Deed, ...]
+    rule: str
+    seed: int = 1
+
+
+REPLACED: Final[tuple[Deed, ...]] = (
+    (0.5, "up", UP, 33.0, 30.0),
+    (4.0, "goto", OTHER, 30.6, 30.3),
+)
+STATIONS: Final[tuple[Deed, ...]] = (
+    (0.2, "gateway", GATEWAY),
+    (0.4, "start", FIRST),
+    (0.4, "start", SECOND),
+    (2.0, "arm", FIRST),
+)
+IN_APP: Final[tuple[Deed, ...]] = ((0.5, "start", APP), (2.0, "goto", APP, 36.0, 30.0))
+IN_NOTEBOOK: Final[tuple[Deed, ...]] = ((0.5, "start", NOTEBOOK),)
+CASES: Final[dict[str, Case]] = {
+    "c1": Case(REPLACED, OUTCOME),
+    "c2": Case(
+        (
+            *IN_NOTEBOOK,
+            (2.0, "goto", NOTEBOOK, 36.0, 30.0),
+            (5.0, "then", NOTEBOOK, "goto", 30.4, 30.2),
+        ),
+        "what stops has a cause",
+    ),
+    "c3": Case((*IN_APP, (6.0, "hold", OTHER)), "a refusal has a reason"),
+    "c4": Case(REPLACED, CODE),
+    "c5": Case((*IN_APP, (6.0, "goto", SAME_PERSON, 30.4, 30.2)), "a text is true"),
+    "c6": Case((*IN_APP, (6.0, "cut", APP, 5000)), "a text is true", seed=9),
+    "c7": Case(
+        (*STATIONS, (2.5, "stop", SECOND), (3.0, "arm", FIRST)), "what is acknowledged is so"
+    ),
+    "c8": Case((*STATIONS, (3.0, "restart", FIRST), (4.2, "arm", FIRST)), "a text is true"),
+    "c9": Case(
+        (
+            *IN_NOTEBOOK,
+            (1.5, "mission", NOTEBOOK, 36.0, 30.0),
+            (5.0, "drive", SAME_PERSON, 0.2, 0.0, 1.0),
+        ),
+        "a mission ends as it ended",
+    ),
+}
+
+
+@each("defect", DEFECTS)
+def test_defect_of_words_that_is_put_back_is_found(defect: str) -> None:
+    case = CASES[defect]
+    drawn = scenario(*case.deeds, seed=case.seed)
+    assert not contradictions_of(drawn)
+    found = {one.invariant for one in contradictions_of(drawn, defect)}
+    assert case.rule in found
+
+
+FALSE_ONCE: Final[dict[str, tuple[Deed, ...]]] = {
+    "nobody is in command any more": (
+        (0.3, "start", APP),
+        (3.0, "goto", OTHER, 31.4, 29.8),
+        (6.0, "cancel", OTHER),
+    ),
+    "an own stop is shown while another one is pressed": (
+        (0.3, "start", APP),
+        (3.0, "estop", APP),
+        (4.01, "estop", APP),
+    ),
+    "the goal of up is refused": (
+        (0.2, "gateway", GATEWAY),
+        (0.4, "start", FIRST),
+        (0.9, "up", UP, 29.7, 30.3),
+        (1.02, "arm", FIRST),
+    ),
+}
+"""Words that the observer has found to be false, each by its fewest deeds."""
+
+
+@each("what", FALSE_ONCE)
+def test_words_that_were_false_are_true(what: str) -> None:
+    assert not contradictions_of(scenario(*FALSE_ONCE[what]))
 
 
 def test_truth_of_one_person_holds_no_contradiction() -> None:
@@ -18,11 +118,12 @@ def test_truth_of_one_person_holds_no_contradiction() -> None:
             (0.5, "start", NOTEBOOK),
             (0.5, "start", APP),
             (1.5, "goto", NOTEBOOK, 30.4, 30.0),
+            (8.0, "hold", OTHER),
         )
     )
     assert result.violation is None
     said = result.coverage.reached
-    assert said["GoalEnded"] == said["Recorded"] == 1
+    assert said["GoalEnded"] == said["Recorded"] == said["Accepted"] == 1
     assert said["LeaseView"] > 1
 
 

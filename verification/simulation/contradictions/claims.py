@@ -445,7 +445,7 @@ class Observer:
         limit_s = float((*deed.arguments, 0.0, 0.0, 0.0)[2]) if deed.verb in LIMITED else 0.0
         if limit_s and now_ns >= deed.began_ns + limit_s * NS_PER_S:
             return True
-        return self.truth.silent_ns(deed.program, now_ns) >= SILENT_NS
+        return self.truth.gap_ns(deed.program, now_ns - CAUSED_NS, now_ns) >= SILENT_NS
 
 
 def ends_of(row: RobotRow) -> tuple[str, ...]:
@@ -486,7 +486,9 @@ GOAL_VERBS: Final = ("goto", "limited", "up")
 LIMITED: Final = ("goto", "limited", "drive")
 """Verbs whose third argument is a time limit in seconds, 0 for none."""
 
-SILENT_NS: Final = 2_900 * NS_PER_MS
+SILENT_NS: Final = 1_900 * NS_PER_MS
+"""A program gives up after 3 s without a status that is sent once a second."""
+
 UP_S: Final = 100.0
 ROUNDED_M: Final = 0.051
 STOPPING: Final = ("hold", "abort", "disarm", "estop")
@@ -625,6 +627,8 @@ def told(observer: Observer, said: Said, found: re.Match[str]) -> str:
     """Judge that the goal of `up` has ended, and that an operator drives."""
     deed, truth = said.deed, observer.truth
     goal = None if deed is None else observer.goal_of(deed, said.ns)
+    if goal is None and deed is not None and truth.refused_goal(deed.program, deed.began_ns):
+        return "" if found[1] == "aborted" else "its goal was refused"
     if goal is None or goal.end is None:
         return "its goal has not ended"
     if (found[1] == "replaced") != (goal.by is not None):

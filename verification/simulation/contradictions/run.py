@@ -280,11 +280,26 @@ def put_back(defect: str) -> dict[str, object]:
 
 def observe(scenario: EventScenario, defect: str = "") -> RunResult:
     """Run a scenario; `defect` names a fixed defect that is put back."""
+    with simulated(defect):
+        return PersonsRun(scenario).run()
+
+
+def contradictions_of(scenario: EventScenario, defect: str = "") -> tuple[Violation, ...]:
+    """Run a scenario and return all contradictions, in the order of their times."""
+    with simulated(defect):
+        run = PersonsRun(scenario)
+        run.run()
+        return run.found
+
+
+@contextmanager
+def simulated(defect: str) -> Iterator[None]:
+    """Simulate everything that would block, and put a defect back."""
     collects = gc.isenabled()
     gc.disable()
     try:
         with substituted(), patched(replacements()), patched(put_back(defect)):
-            return PersonsRun(scenario).run()
+            yield
     finally:
         if collects:
             gc.enable()

@@ -7,6 +7,7 @@ from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from itertools import pairwise
 from math import hypot
 from typing import Any, Final, NamedTuple
 
@@ -244,6 +245,13 @@ class Truth:
         at = bisect_right(heard_ns, now_ns)
         return now_ns - heard_ns[at - 1] if at else now_ns
 
+    def gap_ns(self, host: str, since_ns: int, until_ns: int) -> int:
+        """Return the longest time without a status at a host."""
+        heard_ns = self.heard_ns[host]
+        first, last = bisect_right(heard_ns, since_ns), bisect_right(heard_ns, until_ns)
+        times_ns = [*heard_ns[max(0, first - 1) : last], until_ns]
+        return max(after - before for before, after in pairwise((times_ns[0], *times_ns)))
+
     def person_of(self, operator: str) -> str:
         """Return the person of an operator on the bus, by the host that has the session."""
         return person_of(self.program_of(operator))
@@ -270,6 +278,11 @@ class Truth:
             is_goal = isinstance(asked.request, GoalRequest) and asked.ok
             if is_goal and asked.program == program and since_ns <= asked.ns <= until_ns:
                 yield self._goal(asked)
+
+    def refused_goal(self, program: str, since_ns: int) -> bool:
+        """Return whether the robot has refused a goal of a program."""
+        goals = (one for one in self.answered if isinstance(one.request, GoalRequest))
+        return any(one.program == program and one.ns >= since_ns and not one.ok for one in goals)
 
     def _goal(self, asked: AnsweredRequest) -> GoalTruth:
         for row in self.rows[asked.at :]:

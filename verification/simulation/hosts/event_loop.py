@@ -76,14 +76,18 @@ class SimulatedLoop(asyncio.BaseEventLoop):
 
     def _abandon(self) -> None:
         """End all coroutines of a killed program; their clean-up has no effect any more."""
-        for task in asyncio.all_tasks(self):
-            task._log_destroy_pending = False  # type: ignore[attr-defined]
-            coroutine: Any = task.get_coro()
-            for _ in range(MOST_WAITS):
-                try:
-                    coroutine.throw(GreenletExit())
-                except BaseException:
-                    break
+        asyncio._set_running_loop(self)
+        known: set[asyncio.Task[Any]] = set()
+        while tasks := asyncio.all_tasks(self) - known:  # clean-up may begin others
+            known |= tasks
+            for task in tasks:
+                task._log_destroy_pending = False  # type: ignore[attr-defined]
+                coroutine: Any = task.get_coro()
+                for _ in range(MOST_WAITS):
+                    try:
+                        coroutine.throw(GreenletExit())
+                    except BaseException:
+                        break
 
 
 class SimulatedExecutor:
