@@ -41,7 +41,7 @@ HINTS: Final[Mapping[int, str]] = MappingProxyType(
         Reason.NOT_ARMED: "sidestep arm",
         Reason.EMERGENCY_STOPPED: "sidestep clear-estop",
         Reason.NEWER_STOP: "sidestep clear-estop",
-        Reason.NO_OPERATOR: "keep `sidestep ground` running, or use --no-wait",
+        Reason.NO_OPERATOR: "`sidestep goto` attends its goal; `sidestep mode auto` needs none",
         Reason.NO_SENSES: "is the plant running? sidestep doctor",
         Reason.DRIVING: "sidestep abort",
         Reason.LEASE_HELD: "sidestep lease seize",

@@ -292,9 +292,12 @@ class Robot(Telemetry):
         return self._holds_lease
 
     async def ensure_lease(self) -> Refused | None:
-        """Take the lease unless it is held already; return the refusal, if any."""
+        """Take the lease unless this program drives under it; return the refusal, if any.
+
+        Between two drives the robot may take it back at any moment.
+        """
         async with self._lease_lock:
-            if self._holds_lease:
+            if self._holds_lease and self._drives:
                 self.check_open()
                 return None
             answer = await self.change_lease(LeaseAction.TAKE)

@@ -330,6 +330,21 @@ def test_lease_that_was_seized_ends_the_heartbeat(stage: Stage) -> None:
     assert leases(played) == [LeaseAction.TAKE], "what is another operator's is not given back"
 
 
+def test_lease_that_the_robot_took_back_is_taken_for_the_next_goal(stage: Stage) -> None:
+    """Its status may still be on the way when the next operation begins."""
+    played, _ = stage
+    arrives(played)
+
+    async def story(robot: sidestep.Robot) -> None:
+        assert (await robot.goto(1.0, 2.0)).ok
+        played.desk.held = None
+        assert robot.holds_lease
+        assert (await robot.goto(1.0, 2.0)).ok
+        assert played.desk.held is not None
+
+    driven(stage, story)
+
+
 def test_telemetry_is_iterated_and_what_is_not_read_gives_way(stage: Stage) -> None:
     async def story(robot: sidestep.Robot) -> None:
         short = robot.status(size=3)
