@@ -243,7 +243,7 @@ class GoalRun:
         now_ns = self.link.clock.now_ns()
         if self.outcome is not None and not self.is_over:
             parts = goal_line(self.telemetry, now_ns, 0)
-            return [Part(f"goal {self.outcome.outcome}, an operator drives"), *parts]
+            return [Part(f"goal {self.outcome.outcome}, an operator commands"), *parts]
         watch = self._watch if self.outcome is None else None  # at the end it is not fed any more
         silent_ns = 0 if watch is None else watch.silent_ns(now_ns)
         unseen = self._goal_id if self._of_goal is None else None

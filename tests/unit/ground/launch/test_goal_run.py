@@ -266,7 +266,7 @@ def test_run_goes_on_while_an_operator_drives_or_holds_the_lease() -> None:
         stage.receive(goal, goal_id=OTHER)
         stage.wait(30.0)
         assert not stage.goal_run.is_over
-        assert stage.goal_run.line()[0].text == "goal replaced, an operator drives"
+        assert stage.goal_run.line()[0].text == "goal replaced, an operator commands"
     stage.lease(False)
     assert stage.goal_run.is_over
     assert stage.bus.score_until_ns is not None
