@@ -94,14 +94,14 @@ def test_station_that_lives_keeps_control_from_its_twin(sign_of_life: str) -> No
 
 
 @each("component", [0, 191])
-def test_text_names_the_component_of_a_station_with_the_same_system(component: int) -> None:
+def test_text_names_the_component_if_the_system_is_the_same(component: int) -> None:
     bench, answers = Bench(), list[Answered]()
     bench.vehicle.perform(CLIENT, Arm(), answers.append)
     bench.vehicle.perform(SAME._replace(component=component), Arm(), answers.append)
     assert answers[0].text == "refused: another operator commands the robot: MAVLink 255/190"
 
 
-def test_request_that_waited_for_control_does_not_move_after_a_stop() -> None:
+def test_what_waited_for_control_moves_nothing_after_a_stop() -> None:
     bench, answers = Bench(), list[Answered]()
     granted: list[Done] = []
     bench.port.change_lease = lambda *given: granted.append(given[2])  # type: ignore[method-assign]

@@ -101,7 +101,7 @@ def test_sender_with_the_ids_of_the_vehicle_is_ignored(whole: WholeGateway) -> N
     assert whole.port.leases == []
 
 
-def test_same_ids_at_an_address_of_another_computer_are_another_client(
+def test_same_ids_from_another_computer_are_another_client(
     whole: WholeGateway,
 ) -> None:
     whole.gateway._guard._policies = {"test": Policy.ANYONE}
@@ -121,7 +121,7 @@ def test_same_ids_at_an_address_of_another_computer_are_another_client(
     assert whole.face.vehicle.control.owner is None
 
 
-def test_station_that_starts_again_on_this_computer_is_obeyed_within_a_second(
+def test_restarted_station_is_obeyed_within_a_second(
     whole: WholeGateway,
 ) -> None:
     sent(whole, HEARTBEAT, "a")
