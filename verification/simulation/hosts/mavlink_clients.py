@@ -123,7 +123,7 @@ class SimulatedClient:
         self._command("arm", mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
 
     def disarm(self, is_forced: int) -> None:
-        """Disarm; a forced one stops the robot of another operator."""
+        """Disarm, perhaps by force; needs no control."""
         force = FORCED_DISARM if is_forced else 0.0
         self._command("disarm", mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0, force)
 
