@@ -44,6 +44,7 @@ def test_seeds_reach_all_modes_and_violate_no_invariant(first: int) -> None:
         ("d6", "inside the fence"),
         ("d8", "only the driver steers"),
         ("d9", "who may command is not refused"),
+        ("d10", "lease expires"),
         ("kept", "stop survives a restart"),
         ("unkept", "stop survives a restart"),
     ],

@@ -384,6 +384,9 @@ DEFECTS: Final[dict[str, Defect]] = {
     "d7": Defect("any program of the person keeps a drive going", _any_program_drives),
     "d8": Defect("any program of the person steers", _any_program_steers),
     "d9": Defect("what stops the robot needs the lease", _stops_need_the_lease),
+    "d10": Defect(
+        "a lease does not end with its person", lambda: {"robot.lease.LAPSE_NS": 1 << 62}
+    ),
     "ids": Defect("a session whose id is taken is never replaced", _no_fresh_session),
     "kept": Defect("the kept stop is not looked for at the start", _forgotten_stop),
     "g1": Defect("the gateway obeys every client once one is in control", _shared_control),
