@@ -164,7 +164,7 @@ class Observer:
         if max(abs(said_m[0] - x_m), abs(said_m[1] - y_m)) > ROUNDED_M:
             return f"it was replaced by the goal {x_m} {y_m}"
         name = found[3]
-        if name and name not in names_of(by.program):
+        if name and not self.truth.is_name(by.program, name):
             return f"that goal was of {by.program}"
         return ""
 
@@ -476,12 +476,6 @@ def reason_name(row: RobotRow) -> str:
     return Reason(row.goal_reason).name
 
 
-def names_of(program: str) -> tuple[str, ...]:
-    """Return the names under which a program is shown to others."""
-    person, _, rest = program.partition("-")
-    return f"{person}@sim:{rest.partition('.')[0]}"[:16], "MAVLink 255", "MAVLink 254"
-
-
 GOAL_VERBS: Final = ("goto", "limited", "up")
 LIMITED: Final = ("goto", "limited", "drive")
 """Verbs whose third argument is a time limit in seconds, 0 for none."""
@@ -509,7 +503,7 @@ LATE_NS: Final = 100 * NS_PER_MS
 """The newest status that was sent may be of a tick before."""
 
 REPLACED: Final = re.compile(r"by the goal (-?[\d.]+) (-?[\d.]+)(?: of (.+))?")
-TOLD: Final = re.compile(r"goal (\w+), an operator drives")
+TOLD: Final = re.compile(r"goal (\w+), an operator commands")
 NO_ANSWER: Final = re.compile(r"does not answer|no message from the robot|no heartbeat")
 NOT_IN_CONTROL: Final = 10
 CAUSES: Final = {

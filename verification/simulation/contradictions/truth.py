@@ -150,6 +150,9 @@ class Truth:
         self.pressed: dict[int, str] = {}
         """The host that pressed each emergency stop, by its id."""
         self.last_status: NavigatorStatus | None = None
+        self.lag_ns = 0
+        """How much later than it is so a state may be known here."""
+
         self._scheduler = scheduler
 
     @property
@@ -228,7 +231,7 @@ class Truth:
     def between(self, since_ns: int, until_ns: int) -> list[RobotRow]:
         """Return the rows of a time, with the one that was in force at its beginning."""
         first = bisect_right(self.rows, since_ns, key=lambda row: row.ns)
-        last = bisect_right(self.rows, until_ns, key=lambda row: row.ns)
+        last = bisect_right(self.rows, until_ns + self.lag_ns, key=lambda row: row.ns)
         return self.rows[max(0, first - 1) : last]
 
     def ever(self, since_ns: int, until_ns: int, condition: Callable[[RobotRow], bool]) -> bool:
@@ -259,6 +262,12 @@ class Truth:
     def program_of(self, operator: str) -> str:
         """Return the host that has the session of an operator on the bus."""
         return self.programs.get(operator.rpartition("/")[2], "")
+
+    def is_name(self, program: str, name: str) -> bool:
+        """Return whether a program is shown to others by this name."""
+        person, _, rest = program.partition("-")
+        stations = (f"MAVLink {number}" for number in (255, 254))
+        return name in (f"{person}@sim:{rest.partition('.')[0]}"[:16], *stations)
 
     def has_lease(self, row: RobotRow, person: str) -> bool:
         """Return whether a person holds the lease."""
