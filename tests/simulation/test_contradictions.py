@@ -86,6 +86,11 @@ def test_defect_of_words_that_is_put_back_is_found(defect: str) -> None:
     assert case.rule in found
 
 
+@each("seed", range(8))
+def test_first_seeds_hold_no_contradiction(seed: int) -> None:
+    assert not contradictions_of(draw_persons(seed))
+
+
 FALSE_ONCE: Final[dict[str, tuple[Deed, ...]]] = {
     "nobody is in command any more": (
         (0.3, "start", APP),
