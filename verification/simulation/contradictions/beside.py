@@ -360,7 +360,8 @@ class RealStation:
             x_m, y_m = (float(one) for one in arguments[:2])
             self._send(reposition(x_m, y_m))
         else:
-            self._ask(*SENT[verb](*arguments))
+            number, *params = SENT[verb](*arguments)
+            self._ask(int(number), *params)
 
     def _ask(self, number: int, *params: float) -> None:
         self._sent[number] = params, self._journal.scheduler.now_ns

@@ -205,7 +205,7 @@ class Shell(Program):
         except KeyboardInterrupt:
             ended = Ended(INTERRUPTED)
         except (RemoteError, LocalError) as error:
-            ended = Ended(error.exit_code, None, str(error))
+            ended = Ended(getattr(error, "exit_code", 1), None, str(error))
         self.journal.end(deed, ended)
         self._running.pop(current_host(), None)
 
@@ -472,7 +472,7 @@ class Up(Program):
             (outcome,) = run.run(lockstep=False)
             ended = Ended(0 if outcome.reached else 1, outcome)
         except (RemoteError, LocalError) as error:
-            ended = Ended(error.exit_code, None, str(error))
+            ended = Ended(getattr(error, "exit_code", 1), None, str(error))
         self.journal.end(deed, ended)
         bus.close()
         self.host.alive = False

@@ -72,7 +72,7 @@ class PersonsRun:
         world = WORLDS[0]
         start = Pose(world.start.x_m, world.start.y_m, world.start.heading_rad)
         params = robot_side.robot_params(random.choice(NAVIGATORS))
-        params = params._replace(op_lost_ms=random.choice((1500.0, 1500.0, 1000.0, 3000.0)))
+        params = params._replace(op_lost_ms=random.choice((1500, 1500, 1000, 3000)))
         self.robot = RobotSide(scheduler, "robot", params, start, self.truth, lockstep=False)
         self.plant = PlantSide(
             scheduler, "plant", world, lambda _: None, lambda: None, lockstep=False
