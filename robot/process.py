@@ -322,8 +322,8 @@ class RobotProcess:
         )
         if request is not None:
             answer = vehicle.receive(request, self._clock.now_ns())
-            if self._is_unseen:
-                self.reports.record(request, answer)
+            if self._is_unseen or request.request_id != vehicle.commands.stop_id:
+                self.reports.record(request, answer)  # the next status shows it
         for _ in range(waiting):
             incoming = self._stop_requests.popleft()
             if vehicle.stopped:

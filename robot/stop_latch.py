@@ -16,6 +16,7 @@ from runtime.errors import RemoteError
 UNREADABLE_ID: Final = 1
 """Id of a stop without one. 0 is shown before the first stop, and named by a clear without one."""
 
+IDS: Final = 2**64
 KEPT: Final = 8
 """Frames kept until the loop reads them, of the lease holder and of all others.
 
@@ -43,6 +44,8 @@ class StopLatch:
         self._is_shown = is_shown
         self._holders: deque[StopRequest] = deque(maxlen=KEPT)
         self._others: deque[StopRequest] = deque(maxlen=KEPT)
+        self._copy_id = 0
+        """The copy that was returned last."""
         self.takes = 0
         """How often the loop has begun to read the latch."""
 
@@ -55,16 +58,21 @@ class StopLatch:
         """Return the stop to act on; None if the latch is not set.
 
         It is the newest one that was not shown, of the lease holder if there is one; those that it
-        leaves are returned by the next calls. Without such a stop it is a copy of one shown.
+        leaves are returned by the next calls. Without such a stop it is a copy of one shown: each
+        in its turn, so that every sender sees its own acknowledged.
         """
         self.takes += 1
-        stop = None
+        copies: dict[int, CommandRequest] = {}
         for pressed in (self._holders, self._others):
             for _ in range(len(pressed)):
                 stop = stop_in(pressed.pop().frame)
                 if not self._is_shown(stop.request_id):
                     return stop
-        return stop
+                copies[stop.request_id] = stop
+        if not copies:
+            return None
+        self._copy_id = min(copies, key=lambda number: (number - self._copy_id - 1) % IDS)
+        return copies[self._copy_id]
 
 
 def stop_in(frame: bytes) -> CommandRequest:

@@ -118,7 +118,7 @@ class Reexecution:
             right_mrad_s=outputs.right_mrad_s,
             ttl_ms=0,
         )
-        goal_id, stop_id = vehicle.commands.goal_id, vehicle.commands.stop_id
+        goal_id, stop_id = vehicle.commands.goal_id, vehicle.commands.take_shown_stop()
         return (
             command,
             telemetry.decision(outputs, vehicle.zone_m, time_ns),
