@@ -82,6 +82,7 @@ def test_late_teleop_frames_stop_the_robot(late_s: float) -> None:
         stack.operator = False
         ada = Operator(stack, "ada")
         assert ada.command(Command.COMPONENT_ARM_DISARM, 1) == Reason.NONE
+        by_hand(stack, ada, 0.1)
         assert ada.manual() == Reason.NONE
         by_hand(stack, ada)
         assert stack.driving()
@@ -116,6 +117,7 @@ def test_frames_from_before_losing_the_lease_are_ignored() -> None:
         ada, bob = Operator(stack, "ada"), Operator(stack, "bob")
         assert ada.lease(LeaseAction.TAKE) == Reason.NONE
         ada.beat()
+        stack.forward(0.1)
         assert ada.command(Command.COMPONENT_ARM_DISARM, 1) == Reason.NONE
         assert ada.manual() == Reason.NONE
         stack.forward(0.2)

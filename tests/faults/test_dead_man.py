@@ -13,8 +13,11 @@ def by_hand(stack: Stack) -> Operator:
     """Return an armed robot in MANUAL, driven straight ahead at full speed."""
     operator = Operator(stack, "ada")
     stack.arm()
+    operator.beat()
+    stack.forward(PERIOD_S)
     assert operator.manual() == Reason.NONE
     for _ in range(10):
+        operator.beat()
         operator.steer(0.3)
         stack.forward(0.1)
     assert stack.driving()
@@ -35,6 +38,7 @@ def test_robot_stops_soon_after_the_last_frame(ttl_ms: int) -> None:
         assert told_s >= ttl_ms / 1000, "not before its time"
         assert stack.until(stack.standing, within_s=2.0) <= STOPPING_S
         assert stack.state == Vehicle.ACTIVE, "the next frame may drive on"
+        operator.beat()
         operator.steer(0.0, 0.5)
         stack.forward(0.2)
         assert stack.truth.yaw_rate_rad_s > 0.1

@@ -179,7 +179,9 @@ def test_other_operators_do_not_delay_the_lease_holder(served: dict[str, Take]) 
     with Stack("open") as stack:
         take = LeaseRequest(request_id=1, action=LeaseAction.TAKE, name="ada")
         stack.vehicle.receive(take, stack.clock.now_ns(), "ada")
-        strangers = [question(n, Command.DO_PAUSE_CONTINUE, "eve") for n in range(MAX_WAITING + 9)]
+        strangers = [
+            question(n, Command.NAV_RETURN_TO_LAUNCH, "eve") for n in range(MAX_WAITING + 9)
+        ]
         for one in strangers:
             served[COMMAND.path](one)
         own = question(5000, Command.DO_PAUSE_CONTINUE, "ada")
