@@ -112,8 +112,10 @@ class Commands:
     def _act(self, request: CommandOrGoal, now_ms: int, operator: str) -> int:
         machine = self._machine
         serial, mode = machine.serial, machine.mode
+        # Whoever resumes, the program that began the drive goes on to watch it while it is there.
+        is_led = resumes(request) and bool(self.driver) and self._is_there(self.driver, now_ms)
         # Without any operator the core itself refuses, and shows it in the state of the goal.
-        is_absent = machine.operator and not self._is_there(operator, now_ms)
+        is_absent = machine.operator and not is_led and not self._is_there(operator, now_ms)
         if is_absent and needs_operator(request, machine):
             return reasons.NO_OPERATOR
         reason = self._handle(request, now_ms)
@@ -124,7 +126,8 @@ class Commands:
             self.drive_id, self.begun_by = request.request_id, operator
         elif machine.mode == mode or machine.mode == states.HOLD:
             return reason
-        if not (isinstance(request, CommandRequest) and request.command in CONTINUING):
+        leads_on = isinstance(request, CommandRequest) and request.command in CONTINUING
+        if not (is_led or leads_on):
             self.driver = operator
         return reason
 
@@ -266,8 +269,17 @@ def needs_operator(request: CommandOrGoal, machine: Machine) -> bool:
         return request.mode == Mode.GUIDED
     if request.command == Command.DO_SET_MODE:
         return request.param2 in (Mode.GUIDED, Mode.MANUAL)
-    resumes = request.command == Command.DO_PAUSE_CONTINUE and request.param1 != 0.0
-    return resumes and machine.mode == states.HOLD and machine.resume_mode == states.GUIDED
+    is_held = machine.mode == states.HOLD and machine.resume_mode == states.GUIDED
+    return is_held and resumes(request)
+
+
+def resumes(request: CommandOrGoal) -> bool:
+    """Return whether a request continues what was held."""
+    return (
+        isinstance(request, CommandRequest)
+        and request.command == Command.DO_PAUSE_CONTINUE
+        and request.param1 != 0.0
+    )
 
 
 def acknowledge(request: CommandOrGoal, reason: int) -> CommandAck:

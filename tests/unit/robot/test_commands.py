@@ -308,6 +308,25 @@ def test_continue_resumes_the_goal_that_pause_has_held() -> None:
     assert robot.machine.mode == states.AUTO
 
 
+def test_continue_keeps_the_program_that_drives_while_it_is_there() -> None:
+    robot = Robot()
+    present = {ADA}
+    robot.machine.operator = True
+    robot.commands = Commands(robot.core, robot.mission, lambda who, _now_ms: who in present)
+    assert robot.ask(goal(1, 1.0, 0.0, Mode.GUIDED)) == Reason.NONE
+    assert robot.ask(hold(2), BOB) == Reason.NONE
+    assert robot.ask(command(Command.DO_PAUSE_CONTINUE, 1.0, request_id=3), BOB) == Reason.NONE
+    assert (robot.machine.mode, robot.commands.driver) == (states.GUIDED, ADA)
+    assert robot.ask(hold(4), BOB) == Reason.NONE
+    present.clear()
+    resume = command(Command.DO_PAUSE_CONTINUE, 1.0, request_id=5)
+    assert robot.ask(resume, BOB) == Reason.NO_OPERATOR
+    present.add(BOB)
+    resume = command(Command.DO_PAUSE_CONTINUE, 1.0, request_id=6)
+    assert robot.ask(resume, BOB) == Reason.NONE
+    assert robot.commands.driver == BOB
+
+
 def test_continue_without_goal_and_mission_is_refused() -> None:
     assert Robot().ask(command(Command.DO_PAUSE_CONTINUE, 1.0)) == Reason.NO_GOAL
 

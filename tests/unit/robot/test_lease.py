@@ -26,7 +26,7 @@ from robot.lease import IDLE_NS, LAPSE_NS, Lease
 from tests.support.each import each
 from tests.support.robot.vehicles import MS, Desk, goal
 
-ADA, ADAS_OTHER, BOB = "ada/1", "ada/2", "bob/0"
+ADA, ADAS_OTHER, ADAS_THIRD, BOB = "ada/1", "ada/2", "ada/3", "bob/0"
 S = 1_000 * MS
 CRASHED = (Severity.WARNING, "lease of Ada lapsed: no heartbeat for 3 s")
 IDLE = (Severity.INFO, "lease of Ada given back: nothing driven for 30 s")
@@ -588,6 +588,8 @@ def test_who_sends_no_heartbeat_begins_no_drive_that_needs_one(begins: Message |
     if isinstance(begins, str):
         assert reason(desk, *guided(ADA)) == Reason.NONE
         assert reason(desk, command(Command.DO_PAUSE_CONTINUE), ADA) == Reason.NONE
+        pass_s(desk, 2.0)  # who began the drive is gone
+        pass_s(desk, 0.1, ADAS_THIRD)
         begins = command(Command.DO_PAUSE_CONTINUE, 1.0)
     before = desk.vehicle.state.machine.mode
     assert reason(desk, begins, ADAS_OTHER) == Reason.NO_OPERATOR
@@ -599,11 +601,26 @@ def test_who_sends_no_heartbeat_begins_no_drive_that_needs_one(begins: Message |
     assert desk.vehicle.commands.driver == ADAS_OTHER
 
 
-def test_the_program_that_resumes_is_the_driver() -> None:
+def test_a_resumed_drive_keeps_the_program_that_began_it() -> None:
     desk = leased()
-    beaten(desk, ADA, ADAS_OTHER)
+    beaten(desk, ADA)
     assert reason(desk, *guided(ADA)) == Reason.NONE
     assert reason(desk, command(Command.DO_PAUSE_CONTINUE), BOB) == Reason.NONE
+    resume = command(Command.DO_PAUSE_CONTINUE, 1.0)
+    assert reason(desk, resume, ADAS_OTHER) == Reason.NONE, "it sends no heartbeat and needs none"
+    assert (desk.vehicle.commands.driver, desk.vehicle.commands.drive_id) == (ADA, 4)
+    pass_s(desk, 2.0, ADA)
+    assert not lost(desk)
+    pass_s(desk, 2.0, ADAS_OTHER)
+    assert lost(desk)
+
+
+def test_who_resumes_after_the_program_that_began_it_is_the_driver() -> None:
+    desk = leased()
+    beaten(desk, ADA)
+    assert reason(desk, *guided(ADA)) == Reason.NONE
+    assert reason(desk, command(Command.DO_PAUSE_CONTINUE), ADA) == Reason.NONE
+    pass_s(desk, 2.0, ADAS_OTHER)
     assert reason(desk, command(Command.DO_PAUSE_CONTINUE, 1.0), ADAS_OTHER) == Reason.NONE
     assert desk.vehicle.commands.drive_id == 4, "it is still the same goal"
     pass_s(desk, 2.0, ADAS_OTHER)
