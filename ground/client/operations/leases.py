@@ -27,6 +27,8 @@ from runtime.units import NS_PER_S
 
 RELEASE_NS: Final = 200_000_000
 IDLE_S: Final = MAX_LEASE_MS // 1000
+AGAIN_NS: Final = 20 * NS_PER_S
+"""After this time a kept lease is asked for again: heartbeats alone do not keep an idle one."""
 
 
 def operator_name(name: str | None) -> str:
@@ -76,7 +78,7 @@ class ChangeLease:
     """Take the lease, seize it from another operator, or release it.
 
     The robot takes it back when nothing has been driven for IDLE_S. With `for_s` a session that is
-    not attended keeps it with its heartbeat for this time, or until it is interrupted.
+    not attended keeps it for this time, or until it is interrupted.
     """
 
     moves: ClassVar[bool] = True
@@ -101,10 +103,10 @@ class ChangeLease:
             return answer
         session.progress.note(f"{name} commands {link.robot}; Ctrl-C gives the lease back")
         try:
-            keep(link, self.for_s)
+            refused = keep(link, name, self.for_s)
         finally:
             give_back(link)
-        return answer
+        return answer if refused is None else session.with_holder(refused)
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,12 +178,22 @@ def is_ours(lease: LeaseStatus, operator: str | None) -> bool:
     return bool(lease.held and operator) and person_of(lease.holder) == person_of(operator or "")
 
 
-def keep(link: Link, for_s: float) -> None:
-    """Send the operator's heartbeat for `for_s`, or until an exception ends it."""
-    until_ns = link.clock.now_ns() + round(for_s * NS_PER_S)
-    while link.clock.now_ns() < until_ns:
+def keep(link: Link, name: str, for_s: float) -> Answer | None:
+    """Keep the lease for `for_s`, or until an exception ends it; return why it was lost, if it was.
+
+    Send the operator's heartbeat, and ask for the lease again before it is idle for too long.
+    """
+    asked_ns = link.clock.now_ns()
+    until_ns = asked_ns + round(for_s * NS_PER_S)
+    while (now_ns := link.clock.now_ns()) < until_ns:
         link.beat()
+        if now_ns - asked_ns >= AGAIN_NS:
+            asked_ns = now_ns
+            answer = ask_lease(link, LeaseAction.TAKE, name)
+            if not answer.ok:
+                return answer
         link.clock.sleep_until(link.clock.now_ns() + BEAT_NS)
+    return None
 
 
 def give_back(link: Link) -> None:

@@ -20,9 +20,11 @@ from protocol.wire.enums import Command, LeaseAction, Mode, Vehicle
 from protocol.wire.limits import MAX_OPERATOR_NAME_BYTES
 from protocol.wire.messages import LeaseRequest, Teleop
 from protocol.wire.reasons import Reason
+from robot.lease import Lease
 from runtime.errors import RemoteError, UserError
+from runtime.units import NS_PER_S
 from tests.support.each import each
-from tests.support.ground.client import HELD, STANDBY, Stage, lease_of, status
+from tests.support.ground.client import HELD, STANDBY, ScriptedBus, Stage, lease_of, status
 
 LATER_NS = SETTLE_NS + 1
 
@@ -37,6 +39,38 @@ def test_lease_is_kept_with_a_heartbeat_and_given_back() -> None:
     assert outcome.ok
     assert actions(stage) == [LeaseAction.TAKE, LeaseAction.LEAVE]
     assert [key for key, _ in stage.bus.sent] == [OPERATOR.path] * 5
+
+
+def test_a_kept_lease_outlasts_the_time_after_which_an_idle_one_ends(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stage, lease, program = Stage(), Lease(), ScriptedBus.operator
+    held = []
+
+    def beat() -> None:
+        lease.beat(program, stage.clock.now_ns())
+        lease.due(stage.clock.now_ns())
+        held.append(lease.is_holder(program))
+
+    def answer(_: int) -> None:
+        lease.receive(stage.bus.requests[-1], program, stage.clock.now_ns())
+
+    monkeypatch.setattr(stage.link, "beat", beat)
+    stage.bus.on_ask = answer
+    ChangeLease(action=LeaseAction.SEIZE, name="anna", for_s=95.0).perform(stage.session)
+    assert all(held)
+    assert stage.clock.now_ns() >= 95 * NS_PER_S
+    assert actions(stage) == [LeaseAction.SEIZE, *[LeaseAction.TAKE] * 4, LeaseAction.LEAVE]
+    assert lease.holder is None
+
+
+def test_a_kept_lease_that_another_operator_has_seized_is_refused_with_its_name() -> None:
+    stage = Stage(Reason.NONE, Reason.LEASE_HELD)
+    stage.bus.set_newest(*HELD)
+    outcome = ChangeLease(action=LeaseAction.TAKE, name="ben", for_s=60.0).perform(stage.session)
+    assert isinstance(outcome, Refused)
+    assert outcome.holder == "anna"
+    assert stage.clock.now_ns() < 30 * NS_PER_S
 
 
 @each("action", [LeaseAction.TAKE, LeaseAction.SEIZE])
