@@ -17,7 +17,7 @@ from plant.corpus.generate import EVERY_FAMILY
 from plant.model.body import Body
 from plant.model.faults import Fault
 from plant.model.noise import LEVELS, Noise
-from protocol.outcome import OUTCOMES, Outcome
+from protocol.outcome import OUTCOMES, REPLACED, Outcome
 from protocol.wire.reasons import REASON_TEXTS, Reason
 from robot.parameters.table import SPECS
 from runtime.cli.parsers import parser_of, program_parsers
@@ -168,7 +168,7 @@ def outcome_keys() -> str:
         (f"`{one.name}`", f"`{getattr(one.type, '__name__', one.type)}`") for one in fields(Outcome)
     ]
     words = ", ".join(f"`{one}`" for one in OUTCOMES)
-    return f"{table(('key', 'type'), rows)}\n\n`outcome` is one of {words}."
+    return f"{table(('key', 'type'), rows)}\n\n`outcome` is one of {words}; with `up` also `{REPLACED}`."
 
 
 def answer_keys() -> str:

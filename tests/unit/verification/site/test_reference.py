@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from ground.app.input.default_keys import KEYS
+from protocol.outcome import OUTCOMES, REPLACED
 from protocol.wire.reasons import REASON_TEXTS
 from robot.parameters.table import SPECS
 from runtime.cli.verb_lookup import command_of
@@ -43,6 +44,11 @@ def test_every_parameter_reason_and_key_is_listed() -> None:
     assert [name for name in SPECS if f"| `{name}` |" not in parameters] == []
     assert [text for text in REASON_TEXTS.values() if text not in reasons and text != "ok"] == []
     assert [key.id for key in KEYS if f"| `{key.id}` |" not in keys] == []
+
+
+def test_every_outcome_is_listed() -> None:
+    words = GENERATORS["outcome-keys"]().splitlines()[-1]
+    assert all(f"`{outcome}`" in words for outcome in (*OUTCOMES, REPLACED))
 
 
 def test_every_reason_belongs_to_one_group() -> None:
