@@ -168,7 +168,8 @@ def outcome_keys() -> str:
         (f"`{one.name}`", f"`{getattr(one.type, '__name__', one.type)}`") for one in fields(Outcome)
     ]
     words = ", ".join(f"`{one}`" for one in OUTCOMES)
-    return f"{table(('key', 'type'), rows)}\n\n`outcome` is one of {words}; with `up` also `{REPLACED}`."
+    keys = table(("key", "type"), rows)
+    return f"{keys}\n\n`outcome` is one of {words}; with `up` also `{REPLACED}`."
 
 
 def answer_keys() -> str:
