@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Final
 
-from runtime.cli.parsers import options_below
+from runtime.cli.parsers import advice_on, options_below
 from runtime.cli.verb_lookup import find, nearest
 from runtime.cli.verb_table import VERBS
 
@@ -56,7 +56,9 @@ def too_much(parser: argparse.ArgumentParser, words: str) -> str:
     if not words.startswith("-"):
         return f"too many words: {shown(words)}"
     option = words.split()[0].partition("=")[0]
-    return f"there is no option {shown(option)}{nearest(option, options_below(parser))}"
+    is_known = option in options_below(parser)
+    what = "wrong place for the option" if is_known else "there is no option"
+    return f"{what} {shown(option)}{advice_on(option, parser)}"
 
 
 def wrong_value(parser: argparse.ArgumentParser, name: str, why: str) -> str:

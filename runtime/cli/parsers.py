@@ -12,6 +12,8 @@ PROGRAM: Final = "sidestep"
 UNKNOWN_OPTION: Final = re.compile(r"unrecognized arguments: (-[^ =]+)")
 INVALID_CHOICE: Final = re.compile(r"invalid choice: '(.+)' \(choose from (.+)\)")
 
+PLACE: Final = "an option stands after its verb, and before -- if there is one"
+
 
 class VerbParser(argparse.ArgumentParser):
     """A parser whose errors suggest a word for a misspelt one."""
@@ -19,10 +21,16 @@ class VerbParser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Print the usage and the message, with a suggestion; exit with 2."""
         if found := UNKNOWN_OPTION.match(message):
-            message += nearest(found[1], options_below(self))
+            message += advice_on(found[1], self)
         elif found := INVALID_CHOICE.search(message):
             message += nearest(found[1], found[2].replace("'", "").split(", "))
         super().error(message)
+
+
+def advice_on(option: str, parser: argparse.ArgumentParser) -> str:
+    """Return what to write for an option that was not taken: the nearest, or itself elsewhere."""
+    names = options_below(parser)
+    return f"; {PLACE}" if option in names else nearest(option, names)
 
 
 def options_below(parser: argparse.ArgumentParser) -> set[str]:

@@ -103,6 +103,7 @@ def test_every_command_word_is_parsed_or_reports_its_usage() -> None:
         ("rec sing", "'rec' needs a second word: start, list, mark, export, plot, stop"),
         ("run", "'run' needs a second word: none of them is available here"),
         ("rec plot --owt x", "there is no option --owt; did you mean '--out'?; example: rec plot"),
+        ("goal 1 -- 2 3 --timeout", "wrong place for the option --timeout; an option stands after"),
         ("goal 1", "Y is missing; example: goto 2 1.5"),
         ("goal one two", "X must be a number in metres, not one; example: goto 5.4 2 90"),
         ("goal nan 2", "X must be a finite number in metres, not nan"),

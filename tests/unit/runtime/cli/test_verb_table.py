@@ -3,8 +3,10 @@
 import argparse
 import shlex
 
+import pytest
+
 from protocol.options import numbers_kept
-from runtime.cli.parsers import parser_of, program_parsers, subcommands_of
+from runtime.cli.parsers import PLACE, parser_of, program_parsers, subcommands_of
 from runtime.cli.verb_lookup import Call, command_of, find, with_present_name
 from runtime.cli.verb_table import GROUPS, VERBS
 from tests.support.each import each
@@ -28,6 +30,23 @@ def test_example_of_a_subcommand_is_accepted(word: str, name: str) -> None:
     program = program_parsers(word).get(name)
     parser, rest = (parser_of(word), words[1:]) if program is None else (program, words[2:])
     assert parser.parse_args(numbers_kept(rest)) is not None
+
+
+@each(
+    ("line", "advice"),
+    [
+        ("teleop --for 1 -- 0.2 0 --json", f"unrecognized arguments: --json; {PLACE}"),
+        ("teleop --jsn 0.2 0", "unrecognized arguments: --jsn; did you mean '--json'?"),
+        ("teleop 0.2 0 --zzz", "unrecognized arguments: --zzz"),
+    ],
+)
+def test_an_option_that_is_not_taken_is_never_proposed_again(
+    line: str, advice: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    word, *arguments = line.split()
+    with pytest.raises(SystemExit):
+        parser_of(word).parse_args(arguments)
+    assert capsys.readouterr().err.endswith(f"{advice}\n")
 
 
 @each("word", VERBS)
