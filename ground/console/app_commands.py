@@ -221,7 +221,10 @@ LOCAL: Final[Mapping[str, LocalVerb]] = MappingProxyType(
             lambda arguments: ShowHelp(arguments.word),
             lambda parser: parser.add_argument("word", nargs="?", default="", metavar="VERB"),
         ),
-        "quit": LocalVerb("leave the app; gives the lease back", lambda _: RunKey("quit")),
+        "quit": LocalVerb(
+            "leave the app; gives the lease back, unless another program of yours is there",
+            lambda _: RunKey("quit"),
+        ),
         "keys": LocalVerb("show the keys of this screen", lambda _: RunKey("help")),
         "theme": LocalVerb(
             "choose the colours", lambda arguments: SetTheme(arguments.name), _declare_theme

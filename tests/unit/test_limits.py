@@ -124,7 +124,7 @@ def test_pages_show_the_limits(name: str, words: str) -> None:
 @each(
     ("documented", "words"),
     [
-        (client, f"the robot stops by itself after {OPERATOR_LOST_MS / S:g} s"),
+        (client, f"by itself after its `op_lost_ms`, by default {OPERATOR_LOST_MS / S:g} s"),
         (Robot.drive, f"Each speed expires after {TTL_MS} ms"),
         (Robot.emergency_stop, f"repeat every {REPEAT_NS // NS_PER_MS} ms until"),
         (StopNow, f"repeat every {REPEAT_NS // NS_PER_MS} ms until"),

@@ -8,7 +8,7 @@ is a value (`Refused`), not an exception; `sidestep.agreed(outcome)` raises it a
 UnansweredError, a RemoteError, names the process that is missing.
 
 The event loop sends the operator's heartbeat. A program that blocks its event loop sends none, so
-the robot stops by itself after 1.5 s.
+the robot stops by itself after its `op_lost_ms`, by default 1.5 s.
 """
 
 import asyncio
