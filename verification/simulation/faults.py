@@ -23,6 +23,9 @@ MEASURED_NS: Final = 2_700 * NS_PER_MS
 REPLACED_NS: Final = 1_500 * NS_PER_MS
 """A session whose id is taken is replaced after 1 s without a link; attempts are 0.1 s apart."""
 
+LOOKS_MS: Final = 50
+"""Time between two looks whether a session that was kept out has been replaced."""
+
 REFUSED_MS: Final = 1500
 """Handshakes fail for so long; the next attempt is 2 s after the first."""
 
@@ -158,14 +161,33 @@ def apply_link(simulation: "Simulation", event: Event) -> None:
     if how == "broken":
         simulation.lines_down.add(name)
         after(simulation, for_ms, simulation.lines_down.discard, name)
-    else:
-        until_ns = simulation.scheduler.now_ns + REPLACED_NS
+        facts.impaired(until_ns)
+        facts.unsure(until_ns)
+        return
+    within_ns = REPLACED_NS
     if how == "refused":
         simulation.handshakes_fail = True
         after(simulation, REFUSED_MS, setattr, simulation, "handshakes_fail", False)
-        until_ns += 2 * REPLACED_NS
-    facts.impaired(until_ns)
-    facts.unsure(until_ns)
+        within_ns += 2 * REPLACED_NS
+    await_replaced(simulation, name, session, within_ns)
+
+
+def await_replaced(
+    simulation: "Simulation", name: str, session: Any, within_ns: int, *, again: bool = False
+) -> None:
+    """Note that an operator is not heard until its session is replaced.
+
+    That takes `within_ns` while its process runs and can reach the robot, and begins anew later.
+    """
+    operator, facts = simulation.operators[name], simulation.oracle.facts
+    link, host = operator.link, operator.host
+    if session.linked or link is None or link.bus._session is not session:
+        return
+    if not again or host.suspended or not simulation.accepts(host):
+        facts.impaired(simulation.scheduler.now_ns + within_ns)
+        facts.unsure(simulation.scheduler.now_ns + within_ns)
+    look = partial(await_replaced, simulation, name, session, within_ns, again=True)
+    after(simulation, LOOKS_MS, look)
 
 
 # Processes.

@@ -193,11 +193,13 @@ class Simulation:
     def _zid(self) -> str:
         return f"{self._zids[stream()].getrandbits(124) + 1:032x}"
 
-    def _accepts(self) -> bool:
-        """Return whether the robot accepts a connection of the running host."""
-        host = current_host()
+    def accepts(self, host: Host) -> bool:
+        """Return whether the robot accepts a connection of a host."""
         is_down = host.name in self.lines_down
         return not is_down and self.network.connected(host, self.robot.host)
+
+    def _accepts(self) -> bool:
+        return self.accepts(current_host())
 
     def _fresh_session(self) -> SimulatedSession:
         """Open a fresh session of an operator, which keeps its identity."""
