@@ -194,7 +194,7 @@ class SimulatedOperator:
             stop = EmergencyStop(
                 link.bus, publisher, link.robot, link.clock, lambda: telemetry.latest(STATUS)
             )
-            asked = self._begin("stop", None)
+            asked = self._begin("stop", None, stop.request_id)
             outcome = stop.run()
         self._end(asked, True if outcome.acknowledged else None)
 

@@ -33,8 +33,8 @@ class StopInvariants:
 
     def __init__(self, facts: RunState) -> None:
         self._facts = facts
-        self._stop_ns: dict[str, int] = {}
-        """Newest arrival of a stop, by the process that sent it."""
+        self._stop_ns: dict[tuple[str, int], int] = {}
+        """Newest arrival of each stop, by the process that sent it and its id."""
         self._first_ns: dict[int, int] = {}
         """First arrival of each stop since the last release, by its id."""
         self._shown_ns: dict[int, int] = {}
@@ -61,7 +61,7 @@ class StopInvariants:
         with suppress(RemoteError):
             message = decode(frame).message
         number = message.request_id if isinstance(message, CommandRequest) else 0
-        self._stop_ns[source] = now_ns
+        self._stop_ns[source, number] = now_ns
         self._first_ns.setdefault(number or UNREADABLE_ID, now_ns)
 
     def _asked(self, source: str, operator: str, frame: bytes) -> None:
@@ -157,9 +157,17 @@ class StopInvariants:
                 )
 
     def _limit_ns(self, asked: OperatorRequest) -> int:
-        """Return the limit; an operator among others that stop sees a lasting stop instead."""
+        """Return the limit; a stop among others may be acknowledged by a lasting one instead.
+
+        Others are also those of the same operator, where a press tells its id.
+        """
         if asked.operator.startswith("client"):
             return limits.CLIENT_ACKNOWLEDGED_NS
-        others = [ns for name, ns in self._stop_ns.items() if name != asked.operator]
+        known = asked.content
+        others = (
+            ns
+            for (name, number), ns in self._stop_ns.items()
+            if name != asked.operator or (known and number not in known)
+        )
         is_alone = max(others, default=NEVER) < asked.asked_ns - limits.PERIOD_NS
         return limits.ACKNOWLEDGED_NS if is_alone else limits.ACKNOWLEDGED_AMONG_OTHERS_NS
