@@ -117,7 +117,7 @@ class CommandRunner:
                 self._locally(command)
             case _:
                 job = partial(self._done, command, line, self._station.robot)
-                self._station.submit(line, job, moves=command.moves and command != HOLD)
+                self._station.submit(line, job, moves=command.moves)
 
     def is_local(self, line: str) -> bool:
         """Return whether a line concerns only the screen."""

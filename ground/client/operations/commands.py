@@ -45,6 +45,15 @@ class Parts(NamedTuple):
     param3: float = 0.0
 
 
+ONLY_STOPS: Final = (
+    Parts(Command.DO_PAUSE_CONTINUE, 0.0),
+    Parts(Command.SIDESTEP_ABORT_GOAL),
+    Parts(Command.COMPONENT_ARM_DISARM, 0.0),
+    Parts(Command.DO_SET_MODE, 1.0, float(Mode.HOLD)),
+)
+"""Commands that need no lease: a robot that stands is never the wrong answer."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlainCommand:
     """One command; gives up after `timeout_s`; None: after the usual attempts.
@@ -53,10 +62,14 @@ class PlainCommand:
     """
 
     verb: ClassVar[str]
-    moves: ClassVar[bool] = True
     parts: ClassVar[Parts]
     effect: ClassVar[str] = ""
     timeout_s: float | None = None
+
+    @property
+    def moves(self) -> bool:
+        """False for a command that can only stop the robot."""
+        return self.wire() not in ONLY_STOPS
 
     def perform(self, session: Session) -> Answer:
         """Send the command and return the robot's answer."""
@@ -80,7 +93,6 @@ class Hold(PlainCommand):
 
     verb = "hold"
     effect = "holding, the goal is kept"
-    moves = False
     parts = Parts(Command.DO_PAUSE_CONTINUE, 0.0)
 
 
@@ -106,7 +118,6 @@ class Abort(PlainCommand):
 
     verb = "abort"
     effect = "stopped, the goal is dropped"
-    moves = False
     parts = Parts(Command.SIDESTEP_ABORT_GOAL)
 
 
@@ -134,7 +145,6 @@ class Disarm(PlainCommand):
 
     verb = "disarm"
     effect = "motors disarmed"
-    moves = False
     parts = Parts(Command.COMPONENT_ARM_DISARM, 0.0)
 
 

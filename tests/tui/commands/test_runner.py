@@ -52,6 +52,8 @@ def log(station: FakeStation) -> str:
         ("arm", True),
         ("set d_obs_m 0.4", True),
         ("mission start", True),
+        ("mode guided", True),
+        ("mode hold", False),
         ("hold", False),
         ("abort", False),
         ("disarm", False),

@@ -150,9 +150,10 @@ def test_a_refusal_for_a_newer_stop_says_what_to_do() -> None:
 
 
 def test_what_stops_the_robot_needs_no_lease() -> None:
-    still = {operation.verb for operation in COMMANDS if not operation.moves}
+    still = {operation.verb for operation in COMMANDS if not operation().moves}
     assert still == {"hold", "abort", "disarm"}
     assert not StopNow.moves
+    assert [mode for mode in Mode if not SetMode(mode=mode).moves] == [Mode.HOLD]
 
 
 def test_stop_is_repeated_until_the_status_shows_it() -> None:
