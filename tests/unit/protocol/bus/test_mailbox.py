@@ -4,7 +4,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.bus.mailbox import MAX_SENDERS, Mailbox, Origin, Sample, opened, stamp_of
+from protocol.bus.mailbox import (
+    MAX_EARLY_NS,
+    MAX_SENDERS,
+    Mailbox,
+    Origin,
+    Sample,
+    opened,
+    stamp_of,
+)
 from protocol.topics import DIALECT, ENCODING, ENCODING_FAMILY, TEXT, WHEELS
 from protocol.wire.codec import Encoder
 from protocol.wire.message import Message
@@ -248,6 +256,24 @@ def test_older_sample_of_the_same_sender_is_ignored(newer: Sample, taken: bool) 
     assert box.rejected == 0, "late is not wrong"
 
 
+def test_sample_from_the_future_is_counted_and_ignored() -> None:
+    heard: list[int] = []
+    box = Mailbox(WHEELS, heard.append, accept=lambda _: True)
+    box.store(sent(MAX_EARLY_NS + 11), 10)
+    assert box.received() == []
+    assert (box.rejected, heard) == (1, [])
+    assert "its sender's clock has jumped" in box.last_rejection
+    box.store(sent(MAX_EARLY_NS + 10), 10)
+    assert len(box.received()) == 1, "a clock drifts between two measurements"
+
+
+def test_sender_whose_clock_has_jumped_is_heard_once_it_is_right_again() -> None:
+    box = Mailbox(WHEELS, accept=lambda _: True)
+    for sent_ns in (100, 3_600 * 10**9, 200):
+        box.store(sent(sent_ns), 300)
+    assert [origin.sent_ns for _, origin in box.received()] == [200]
+
+
 def test_any_time_is_accepted_after_a_sample_without_time() -> None:
     box = Mailbox(WHEELS, accept=lambda _: True)
     box.store(sent(None), 10)
@@ -286,9 +312,10 @@ def test_sending_time_is_ignored_without_sender_ids() -> None:
     box = Mailbox(WHEELS)
     box.store(sent(100), 10)
     box.store(sent(99, seq=2), 20)
+    box.store(sent(10**12, seq=3), 30)
     newest = box.latest()
     assert newest is not None
-    assert newest[0].seq == 2
+    assert newest[0].seq == 3
 
 
 def test_sample_has_no_sender_and_no_time_by_default() -> None:
