@@ -121,8 +121,8 @@ class ScriptedDrive:
         )
         self.add(DRIVE, command)
         self.add(ODOMETRY, telemetry.odometry(vehicle.state, now_ns))
-        goal_id = vehicle.commands.goal_id
-        self.add(STATUS, telemetry.status(vehicle.state, goal_id, now_ns, inputs.now_ms))
+        goal_id, stop_id = vehicle.commands.goal_id, vehicle.commands.take_shown_stop()
+        self.add(STATUS, telemetry.status(vehicle.state, goal_id, now_ns, inputs.now_ms, stop_id))
         self.add(DECISION, telemetry.decision(outputs, vehicle.zone_m, now_ns))
         given = CoreInputs(wheels.seq, scan.seq, 0, self._requests, 0)
         self.add(INPUTS, telemetry.tick_inputs(inputs, given, None, tick, now_ns))

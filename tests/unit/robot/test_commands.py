@@ -172,6 +172,36 @@ def test_a_late_copy_of_a_latched_stop_is_not_the_newest(
     assert not robot.commands.is_stopped_by(1000)
 
 
+@each(
+    ("pressed", "shown"),
+    [
+        ((), [0, 0]),
+        ((7,), [7, 7]),
+        ((7, 7), [7, 7]),
+        ((7, 8, 7), [7, 8, 8]),
+        ((7, 8, 9, 7, 8), [8, 9, 9]),
+        ((7, 8, 7, 8), [8, 8]),
+        ((7, 8, 7, 9), [9, 9]),
+        ((0, 8, 0), [0, 8, 8]),
+    ],
+)
+def test_a_copy_of_an_earlier_stop_is_shown_once(
+    pressed: tuple[int, ...], shown: list[int]
+) -> None:
+    """Its sender sees it acknowledged; a clear must name the newest."""
+    robot = stopped_by(*pressed)
+    newest = robot.commands.stop_id
+    assert [robot.commands.take_shown_stop() for _ in shown] == shown
+    assert robot.commands.stop_id == newest
+
+
+def test_a_copy_of_a_released_stop_is_new_and_stays_shown() -> None:
+    robot = stopped_by(7, 8)
+    robot.machine.vehicle = states.STANDBY
+    robot.ask(STOP)
+    assert [robot.commands.take_shown_stop() for _ in range(2)] == [STOP.request_id] * 2
+
+
 def test_the_oldest_of_many_stops_is_forgotten() -> None:
     assert not stopped_by(*range(257)).commands.is_stopped_by(0)
 

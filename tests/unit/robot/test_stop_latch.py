@@ -85,6 +85,34 @@ def test_copies_of_a_stop_that_was_shown_are_one_stop(operator: str) -> None:
     assert taken(pressed) == [7]
 
 
+@each(
+    ("ids", "in_turn"),
+    [((1, 2, 3), [1, 2, 3, 1]), ((3, 2**64 - 1, 5), [3, 5, 2**64 - 1, 3]), ((7,), [7, 7])],
+)
+def test_copies_of_several_stops_are_returned_in_turn(
+    ids: tuple[int, ...], in_turn: list[int]
+) -> None:
+    """Each sender repeats its own until it sees it acknowledged."""
+    pressed, found = latch(*ids), []
+    for _ in in_turn:
+        for request_id in ids:
+            pressed.press(ADA if request_id == 3 else BOB, stop(request_id))
+        copy = pressed.take()
+        assert copy is not None
+        found.append(copy.request_id)
+        assert pressed.take() is None, "one copy stands for all of its reading"
+    assert found == in_turn
+
+
+def test_a_new_stop_between_does_not_change_whose_turn_it_is() -> None:
+    pressed, found = latch(1, 2, 3), []
+    for ids in ((1, 2, 3), (1, 2, 3, 9), (1, 2, 3)):
+        for request_id in ids:
+            pressed.press(ADA, stop(request_id))
+        found += taken(pressed)
+    assert found == [1, 9, 2, 3]
+
+
 def test_sender_without_identity_is_not_the_holder() -> None:
     pressed = StopLatch(lambda _: True, lambda _: False)
     pressed.press(ADA, stop(1))

@@ -262,6 +262,56 @@ def test_a_late_copy_of_a_stop_is_not_the_newest() -> None:
     assert rig.sent(STATUS)[-1].stop_id == 8
 
 
+@each("idle", [False, True])
+def test_a_copy_of_an_earlier_stop_is_shown_once_but_cannot_be_named(idle: bool) -> None:
+    """Whoever repeats it sees it acknowledged, though another one was pressed after it."""
+    rig = driving()
+    for request_id in (7, 8):
+        press(rig, request_id)
+        rig.cycle()
+    before = len(rig.sent(STATUS))
+    press(rig, 7)
+    if idle:
+        rig.process.idle()
+    else:
+        rig.cycle()
+    rig.cycle()
+    assert [status.stop_id for status in rig.sent(STATUS)[before:]] == [7, 8]
+    refused = rig.ask(clear(21, 7))
+    rig.cycle()
+    assert refused.reasons == [Reason.NEWER_STOP]
+    assert rig.vehicle.stopped
+    press(rig, 7)
+    crossing = rig.ask(clear(22, 7))
+    rig.cycle()
+    assert crossing.reasons == [Reason.NEWER_STOP], "also in the period that shows it"
+    granted = rig.ask(clear(23, 8))
+    rig.cycle()
+    assert granted.reasons == [Reason.NONE]
+    assert not rig.vehicle.stopped
+
+
+def test_stops_of_several_senders_are_shown_in_turn() -> None:
+    rig = held()
+    senders = {7: ADA, 8: BOB, 9: "eve/3"}
+    for _ in range(9):
+        for request_id, operator in senders.items():
+            press(rig, request_id, operator=operator)
+        rig.cycle()
+    shown = [status.stop_id for status in rig.sent(STATUS)[-6:]]
+    assert shown in ([7, 8, 9] * 2, [8, 9, 7] * 2, [9, 7, 8] * 2)
+
+
+def test_a_copy_of_an_earlier_stop_is_recorded_as_often_as_it_is_shown() -> None:
+    rig = driving()
+    before = len(rig.sent(COMMANDED))
+    for request_id in (7, 8, 7, 7, 8):
+        press(rig, request_id)
+        rig.cycle()
+    recorded = rig.sent(COMMANDED)[before:]
+    assert [one.request_id for one in recorded if isinstance(one, CommandRequest)] == [7, 8, 7, 7]
+
+
 @each("copies", [1, 5])
 def test_ones_own_stop_that_is_repeated_is_released(copies: int) -> None:
     rig = driving()

@@ -9,7 +9,17 @@ import pytest
 from msgspec.structs import replace
 
 from ground.recording.tlog import record_bytes
-from protocol.topics import ANSWERED, COMMANDED, DECISION, DRIVE, INPUTS, SONAR, WHEELS, Topic
+from protocol.topics import (
+    ANSWERED,
+    COMMANDED,
+    DECISION,
+    DRIVE,
+    INPUTS,
+    SONAR,
+    STATUS,
+    WHEELS,
+    Topic,
+)
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.message import Message
 from protocol.wire.messages import (
@@ -17,6 +27,7 @@ from protocol.wire.messages import (
     CommandRequest,
     LeaseRequest,
     MissionVerdict,
+    NavigatorStatus,
     ParamSet,
     WheelCommand,
 )
@@ -25,6 +36,7 @@ from robot.core.machine import Machine
 from robot.core.parameters import DEFAULTS
 from robot.core.safety import guard
 from robot.parameters.table import described
+from robot.stop_latch import emergency_stop
 from runtime.errors import UserError
 from study.cli.reexecute import main
 from study.trial.recorded_drive import RecordedRequest, reason_in
@@ -72,6 +84,15 @@ def test_same_build_reproduces_the_recording(drive: ScriptedDrive, reexecute: Re
     code, values = reexecute(drive)
     assert (code, values["compared"], values["differing"], values["first"]) == (0, 160, 0, None)
     assert values["unheard"] == 0
+
+
+def test_a_copy_of_an_earlier_stop_is_shown_in_the_same_tick(reexecute: Reexecute) -> None:
+    drive = ScriptedDrive().run(ticks=8, asked=[emergency_stop(number) for number in (7, 8, 7)])
+    frames = [decode(drive.frames[place][1]).message for place in drive.places_of(STATUS)]
+    shown = [one.stop_id for one in frames if isinstance(one, NavigatorStatus)]
+    assert shown == [0, 7, 8, 8, 8, 8, 8, 8]
+    code, values = reexecute(drive)
+    assert (code, values["compared"], values["first"]) == (0, 8, None)
 
 
 def test_difference_is_reported_with_tick_and_values(
