@@ -11,6 +11,7 @@ options are those of `bench simulate`. With `--beside` the programs are processe
 import argparse
 from typing import Final
 
+from runtime.units import NS_PER_S
 from verification import simulate
 from verification.harness.figures import Figure, Report
 from verification.simulation.campaign import Campaign
@@ -50,5 +51,7 @@ def measure(options: argparse.Namespace) -> Report:
             Figure(name="words that were judged", unit="", values=(len(journal.words),)),
             Figure(name="contradictions", unit="", values=(len(found),), at_most=0),
         ),
-        notes=tuple(f"{one.time_ns / 1e9:.1f} s «{one.invariant}»: {one.words}" for one in found),
+        notes=tuple(
+            f"{one.time_ns / NS_PER_S:.1f} s «{one.invariant}»: {one.words}" for one in found
+        ),
     )

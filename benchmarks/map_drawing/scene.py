@@ -12,6 +12,7 @@ from ground.map.view import Point, View
 TRAIL_POINTS: Final = 360
 SIZE_M: Final = (10.0, 8.0)
 BOX_M: Final = 0.6
+RADIUS_M: Final = 0.12
 DISCS: Final = (Disc(7.6, 2.0, 0.35), Disc(8.2, 5.0, 0.5))
 RANGES_M: Final = (0.4, 0.7, 1.1, 1.6, 2.2, 1.3, 0.9, 0.5)
 
@@ -65,7 +66,7 @@ def _scene(trail: tuple[Point, ...], obstacles: tuple[Shape, ...]) -> MapScene:
         size_m=SIZE_M,
         obstacles=obstacles,
         trail=trail,
-        robot=RobotMark(x_m, y_m, heading_rad),
+        robot=RobotMark(x_m, y_m, heading_rad, RADIUS_M),
         covariance=(0.02, 0.008, 0.01),
         ranges_m=RANGES_M,
         zone_m=0.3,
