@@ -4,20 +4,20 @@ Position messages need a fresh pose; global positions also need a known position
 """
 
 from collections.abc import Sequence
-from math import cos, hypot, nan, sin
+from math import cos, hypot, inf, nan, sin
 from typing import Final
 
 from ground.gateway import ardupilot
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.frames import ned
 from ground.gateway.frames.globe import place_at, place_of
+from ground.gateway.motion.velocity import SPEED
 from ground.gateway.vehicle import Vehicle
 from protocol.wire.messages import PlanarOdometry
 
 UNKNOWN_16: Final = 0xFFFF
 LEVEL: Final = (1.0, 0.0, 0.0, 0.0)
 ESTIMATOR: Final = mavlink.MAV_ESTIMATOR_TYPE_AUTOPILOT
-TOP_SPEED_M_S: Final = 0.30
 
 
 def pose_of(vehicle: Vehicle) -> tuple[PlanarOdometry, ned.NedPose] | None:
@@ -68,13 +68,17 @@ def attitude(vehicle: Vehicle, now_ns: int) -> Sequence[MavMessage]:
 
 
 def hud(vehicle: Vehicle, now_ns: int) -> Sequence[MavMessage]:
-    """Return VFR_HUD; the air speed is the ground speed, as ArduPilot's Rover has it."""
+    """Return VFR_HUD; the air speed is the ground speed, as ArduPilot's Rover has it.
+
+    The throttle is the share of the robot's own fastest speed, 0 before that parameter is read:
+    MAVLink has no word for unknown here.
+    """
     found = pose_of(vehicle)
     if found is None:
         return ()
     odometry, pose = found
     speed_m_s = abs(odometry.speed_m_s)
-    top_m_s = vehicle.parameters.get("v_max_m_s", TOP_SPEED_M_S)
+    top_m_s = vehicle.parameters.get(SPEED, inf)
     throttle = min(100, round(100 * speed_m_s / top_m_s)) if top_m_s > 0 else 0
     heading_deg = pose.yaw_cdeg // 100
     fields = (speed_m_s, speed_m_s, heading_deg, throttle, vehicle.origin_altitude_m, 0.0)

@@ -1,6 +1,8 @@
 """Messages about the sonars and the wheels.
 
 Sonar 0 looks right and 7 left, 22.5 degrees apart; MAVLink counts clockwise, from left to right.
+Nothing is sent before the robot's own parameters are read: without its farthest range nobody knows
+what no echo means.
 """
 
 from collections.abc import Sequence
@@ -17,7 +19,6 @@ LEFTMOST_DEG: Final = -BETWEEN_DEG * (SONARS - 1) / 2
 UNUSED: Final = 0xFFFF
 DISTANCES: Final = 72
 MIN_CM: Final = 0
-MAX_RANGE_M: Final = 3.0
 SECTOR_RAD: Final = radians(45.0)
 VERTICAL_RAD: Final = radians(BETWEEN_DEG)
 NOT_MEASURED: Final = 0xFF
@@ -29,13 +30,13 @@ SECTORS: Final = (
     (mavlink.MAV_SENSOR_ROTATION_YAW_90, (0,)),
 )
 """The sonars of each sector of 45 degrees, clockwise from the left."""
-M_PER_TICK: Final = 0.0002
 WHEELS: Final = 16
 
 
-def max_cm(vehicle: Vehicle) -> int:
-    """Return the farthest range of a sonar."""
-    return round(vehicle.parameters.get("sonar_max_m", MAX_RANGE_M) * 100)
+def max_cm(vehicle: Vehicle) -> int | None:
+    """Return the farthest range of a sonar, None while it is unknown."""
+    longest_m = vehicle.parameters.get("sonar_max_m")
+    return None if longest_m is None else round(longest_m * 100)
 
 
 def ranges_m(scan: SonarScan) -> list[float | None]:
@@ -53,7 +54,7 @@ def ranges_m(scan: SonarScan) -> list[float | None]:
 def obstacle_distance(vehicle: Vehicle, now_ns: int) -> Sequence[MavMessage]:
     """Return OBSTACLE_DISTANCE: max + 1 without an echo, 65535 for a failed sonar."""
     scan, longest_cm = vehicle.snapshot.scan, max_cm(vehicle)
-    if scan is None:
+    if scan is None or longest_cm is None:
         return ()
     distances = [UNUSED] * DISTANCES
     for place, range_m in enumerate(reversed(ranges_m(scan))):
@@ -79,10 +80,10 @@ def distance_sensors(vehicle: Vehicle, now_ns: int) -> Sequence[MavMessage]:
     Without an echo it is the farthest range. A sector whose sonars have all failed is not sent. A
     touching obstacle is shown at 1 cm, because Mission Planner ignores ranges of 0.
     """
-    scan = vehicle.snapshot.scan
-    if scan is None:
+    scan, longest_cm = vehicle.snapshot.scan, max_cm(vehicle)
+    if scan is None or longest_cm is None:
         return ()
-    measured, longest_cm, time_ms = ranges_m(scan), max_cm(vehicle), vehicle.boot_ms(now_ns)
+    measured, time_ms = ranges_m(scan), vehicle.boot_ms(now_ns)
     found = []
     for number, (rotation, sonars) in enumerate(SECTORS):
         inside = [range_m for sonar in sonars if (range_m := measured[sonar]) is not None]
@@ -100,19 +101,18 @@ def distance_sensors(vehicle: Vehicle, now_ns: int) -> Sequence[MavMessage]:
 
 def rangefinder(vehicle: Vehicle, now_ns: int) -> Sequence[MavMessage]:
     """Return RANGEFINDER: the nearest echo; the farthest range if there is none."""
-    scan = vehicle.snapshot.scan
+    scan, longest_cm = vehicle.snapshot.scan, max_cm(vehicle)
     measured = [] if scan is None else [one for one in ranges_m(scan) if one is not None]
-    if not measured:
+    if not measured or longest_cm is None:
         return ()
-    return (mavlink.MAVLink_rangefinder_message(min(*measured, max_cm(vehicle) / 100), 0.0),)
+    return (mavlink.MAVLink_rangefinder_message(min(*measured, longest_cm / 100), 0.0),)
 
 
 def wheel_distance(vehicle: Vehicle, now_ns: int) -> Sequence[MavMessage]:
     """Return WHEEL_DISTANCE: the distances of the left and the right wheel."""
-    wheels = vehicle.snapshot.wheels
-    if wheels is None:
+    wheels, m_per_tick = vehicle.snapshot.wheels, vehicle.parameters.get("m_per_tick")
+    if wheels is None or m_per_tick is None:
         return ()
-    m_per_tick = vehicle.parameters.get("m_per_tick", M_PER_TICK)
     distances_m = [0.0] * WHEELS
     distances_m[:2] = wheels.left * m_per_tick, wheels.right * m_per_tick
     return (mavlink.MAVLink_wheel_distance_message(vehicle.boot_us(now_ns), 2, distances_m),)

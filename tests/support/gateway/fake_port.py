@@ -14,6 +14,7 @@ from ground.missions.mission import Home
 from protocol.wire.enums import LeaseAction
 from protocol.wire.messages import Statustext
 from protocol.wire.reasons import Reason
+from tests.support.gateway.telemetry import READ
 
 IDENTITY = "gateway/5"
 ORIGIN = Home(latitude_deg=47.3769, longitude_deg=8.5417)
@@ -89,6 +90,7 @@ class Bench:
         self.port = FakePort()
         self.now_ns = 0
         self.vehicle = Vehicle(system, self.port, ORIGIN, self.now_ns)
+        self.vehicle.parameters |= READ
         self.face = Face(self.vehicle, [service(self.vehicle) for service in services])
 
     def send(self, message: MavMessage, sender: Sender = CLIENT) -> list[MavMessage]:

@@ -14,6 +14,9 @@ from protocol.wire.messages import (
 
 HEADING_RAD = radians(135.0)
 
+READ = {"sonar_max_m": 3.0, "m_per_tick": 0.0002}
+"""Parameters without which no ranges and distances are sent, as the gateway has read them."""
+
 
 def odometry(**changes: float) -> PlanarOdometry:
     values: dict[str, Any] = {

@@ -52,7 +52,16 @@ def test_attitude_turns_clockwise() -> None:
 def test_hud_shows_speed_and_compass() -> None:
     message = built(position.hud)
     assert (message.groundspeed, message.airspeed) == (0.2, 0.2)
-    assert (message.heading, message.throttle) == (315, 67)
+    assert message.heading == 315
+
+
+@each(("limits", "throttle"), [({"v_max_m_s": 0.3}, 67), ({"v_max_m_s": 0.8}, 25), ({}, 0)])
+def test_hud_shows_the_share_of_the_robot_s_own_speed(
+    limits: dict[str, float], throttle: int
+) -> None:
+    bench = bench_with()
+    bench.vehicle.parameters |= limits
+    assert built(position.hud, bench).throttle == throttle
 
 
 def test_covariance_is_given_north_first() -> None:

@@ -65,9 +65,27 @@ def test_wheels_are_shown_in_metres() -> None:
     assert message.distance[:3] == pytest.approx([1.0, -2.0, 0.0])
 
 
-def test_range_is_that_of_the_robot() -> None:
-    bench = bench_with(scan=scan())
-    bench.vehicle.parameters["sonar_max_m"] = 5.0
+def test_range_and_wheel_are_those_of_the_robot() -> None:
+    bench = bench_with(scan=scan(), wheels=wheels(5000, -10_000))
+    bench.vehicle.parameters |= {"sonar_max_m": 5.0, "m_per_tick": 0.001}
     (message,) = proximity.obstacle_distance(bench.vehicle, bench.now_ns)
     assert (message.max_distance, message.distances[0]) == (500, 501)
     assert message.sensor_type == mavlink.MAV_DISTANCE_SENSOR_ULTRASOUND
+    (message,) = proximity.wheel_distance(bench.vehicle, bench.now_ns)
+    assert message.distance[:2] == pytest.approx([5.0, -10.0])
+
+
+@each(
+    "build",
+    [
+        proximity.obstacle_distance,
+        proximity.distance_sensors,
+        proximity.rangefinder,
+        proximity.wheel_distance,
+    ],
+)
+def test_nothing_is_claimed_before_the_parameters_are_read(build: object) -> None:
+    bench = bench_with()
+    assert build(bench.vehicle, bench.now_ns) != ()  # type: ignore[operator]
+    bench.vehicle.parameters.clear()
+    assert build(bench.vehicle, bench.now_ns) == ()  # type: ignore[operator]
