@@ -139,10 +139,8 @@ class Senses:
         return arrived_ns - sent_ns <= OPERATOR.stale_after_ns
 
     def _sent_ns(self, origin: Origin, now_ns: int) -> int:
-        """Return when a frame was sent, on the clock of this loop, at most its arrival time."""
-        if self.lockstep or origin.sent_ns is None:
-            return now_ns
-        return min(origin.sent_ns, origin.arrived_ns)
+        """Return when a frame was sent, on the clock of this loop."""
+        return now_ns if self.lockstep or origin.sent_ns is None else origin.sent_ns
 
 
 def newer(

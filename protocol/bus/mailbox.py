@@ -17,9 +17,6 @@ MAX_STAMP_NS: Final = 1 << 62
 MAX_AHEAD_NS: Final = 10_000_000_000
 """Largest plausible step between the stamps of two successive messages of one sender."""
 
-MAX_EARLY_NS: Final = 100_000_000
-"""Largest lead of a sender's time over the robot's clock; a true one only leads by its drift."""
-
 MAX_SENDERS: Final = 16
 """Operators whose newest message is kept; those with the newest messages are kept."""
 
@@ -41,7 +38,11 @@ class Sample(NamedTuple):
 
 
 class Origin(NamedTuple):
-    """Sending operator, sending time (robot's clock) and arrival time of a message."""
+    """Sending operator, sending time (robot's clock) and arrival time of a message.
+
+    `sent_ns` is at most `arrived_ns`: a later one is wrong, as after a jump of the sender's clock,
+    and would make the sender's next messages look late.
+    """
 
     sender: str
     sent_ns: int | None
@@ -75,10 +76,9 @@ class Mailbox(Generic[M]):
     its error kept in `last_rejection`; it neither replaces a message nor notifies.
 
     `accept`: ignore senders for which it returns False, and samples that their sender sent before
-    its newest one; reject those from the future; keep the newest message of each sender, for
-    `received`. `forward`: while the newest message is fresh, reject messages stamped before it or
-    far ahead of it, as caused by the network or an attacker. `check`: reject messages for which it
-    returns an error text.
+    its newest one; keep the newest message of each sender, for `received`. `forward`: while the
+    newest message is fresh, reject messages stamped before it or far ahead of it, as caused by the
+    network or an attacker. `check`: reject messages for which it returns an error text.
     """
 
     def __init__(
@@ -114,8 +114,7 @@ class Mailbox(Generic[M]):
         if self._accept is not None and not self._accept(sample.sender):
             return
         with self._storing:
-            why = self._implausible(message, arrived_ns) or self._early(sample, arrived_ns)
-            if why:
+            if why := self._implausible(message, arrived_ns):
                 self._count(f"{type(message).__name__} {why}")
                 return
             if self._accept is not None and self._overtaken(sample):
@@ -125,7 +124,8 @@ class Mailbox(Generic[M]):
                 return
             self._slot = message, arrived_ns
             if self._accept is not None:
-                self._keep(message, Origin(sample.sender, sample.sent_ns, arrived_ns))
+                sent_ns = None if sample.sent_ns is None else min(sample.sent_ns, arrived_ns)
+                self._keep(message, Origin(sample.sender, sent_ns, arrived_ns))
         if self._notify is not None:
             self._notify(arrived_ns)
 
@@ -160,16 +160,6 @@ class Mailbox(Generic[M]):
             return "is older than the one before it"
         ahead = stamp_ns - stamp_of(newest) > MAX_AHEAD_NS
         return "is far ahead of the one before it" if ahead else ""
-
-    def _early(self, sample: Sample, arrived_ns: int) -> str:
-        """Return what is wrong with a sending time in the future; empty if nothing is.
-
-        A sender's clock that has jumped would let late samples look new, and later true ones old.
-        """
-        if self._accept is None or sample.sent_ns is None:
-            return ""
-        is_early = sample.sent_ns - arrived_ns > MAX_EARLY_NS
-        return "is from the future: its sender's clock has jumped" if is_early else ""
 
     def _overtaken(self, sample: Sample) -> bool:
         """Return whether the newest message was sent after this one by the same sender."""

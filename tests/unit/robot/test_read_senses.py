@@ -81,6 +81,15 @@ def test_heartbeat_from_the_future_counts_from_its_arrival() -> None:
     assert rig.read(1 * S).operator_age_ms == 1_100
 
 
+def test_heartbeats_count_again_when_the_clock_of_their_sender_is_right_again() -> None:
+    rig = SensesRig()
+    rig.beat(late_ns=-3_600 * S)
+    rig.read()
+    rig.clock.advance(1 * S)
+    rig.beat(late_ns=50 * MS)
+    assert rig.read().operator_age_ms == 50
+
+
 @each(("late_ms", "age_ms"), [(200.0, 200), (200.000_001, 1_000)])
 def test_heartbeat_200_ms_later_than_usual_is_ignored(late_ms: float, age_ms: int) -> None:
     rig = SensesRig()

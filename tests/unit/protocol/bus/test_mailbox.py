@@ -4,15 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.bus.mailbox import (
-    MAX_EARLY_NS,
-    MAX_SENDERS,
-    Mailbox,
-    Origin,
-    Sample,
-    opened,
-    stamp_of,
-)
+from protocol.bus.mailbox import MAX_SENDERS, Mailbox, Origin, Sample, opened, stamp_of
 from protocol.topics import DIALECT, ENCODING, ENCODING_FAMILY, TEXT, WHEELS
 from protocol.wire.codec import Encoder
 from protocol.wire.message import Message
@@ -245,33 +237,26 @@ def sent(sent_ns: int | None, sender: str = "ada", seq: int = 1) -> Sample:
 def test_older_sample_of_the_same_sender_is_ignored(newer: Sample, taken: bool) -> None:
     heard: list[int] = []
     box = Mailbox(WHEELS, heard.append, accept=lambda _: True)
-    box.store(sent(100), 10)
-    box.store(newer, 20)
+    box.store(sent(100), 110)
+    box.store(newer, 120)
     message, origin = box.received()[-1]
     if taken:
-        assert (message.seq, origin) == (2, Origin(newer.sender, newer.sent_ns, 20))
+        assert (message.seq, origin) == (2, Origin(newer.sender, newer.sent_ns, 120))
     else:
-        assert (message.seq, origin) == (1, Origin("ada", 100, 10))
-    assert heard == ([10, 20] if taken else [10])
+        assert (message.seq, origin) == (1, Origin("ada", 100, 110))
+    assert heard == ([110, 120] if taken else [110])
     assert box.rejected == 0, "late is not wrong"
 
 
-def test_sample_from_the_future_is_counted_and_ignored() -> None:
-    heard: list[int] = []
-    box = Mailbox(WHEELS, heard.append, accept=lambda _: True)
-    box.store(sent(MAX_EARLY_NS + 11), 10)
-    assert box.received() == []
-    assert (box.rejected, heard) == (1, [])
-    assert "its sender's clock has jumped" in box.last_rejection
-    box.store(sent(MAX_EARLY_NS + 10), 10)
-    assert len(box.received()) == 1, "a clock drifts between two measurements"
-
-
-def test_sender_whose_clock_has_jumped_is_heard_once_it_is_right_again() -> None:
+@each("ahead_ns", [1, 3_600 * 10**9])
+def test_sending_time_is_at_most_the_arrival(ahead_ns: int) -> None:
+    """A sender whose clock has jumped ahead is heard on when its time is right again."""
     box = Mailbox(WHEELS, accept=lambda _: True)
-    for sent_ns in (100, 3_600 * 10**9, 200):
-        box.store(sent(sent_ns), 300)
-    assert [origin.sent_ns for _, origin in box.received()] == [200]
+    found = []
+    for sent_ns, arrived_ns in ((100 + ahead_ns, 100), (100, 300), (99, 400)):
+        box.store(sent(sent_ns), arrived_ns)
+        found.append([origin[1:] for _, origin in box.received()])
+    assert found == [[(100, 100)], [(100, 300)], []]
 
 
 def test_any_time_is_accepted_after_a_sample_without_time() -> None:
@@ -284,21 +269,21 @@ def test_any_time_is_accepted_after_a_sample_without_time() -> None:
 def test_senders_do_not_displace_each_other() -> None:
     box = Mailbox(WHEELS, accept=lambda _: True)
     for number in range(MAX_SENDERS):
-        box.store(sent(100, sender=f"ada/{number}", seq=number), 10)
-    box.store(sent(101, sender="ada/0", seq=99), 11)
+        box.store(sent(100, sender=f"ada/{number}", seq=number), 110)
+    box.store(sent(101, sender="ada/0", seq=99), 111)
     received = box.received()
     assert [message.seq for message, _ in received] == [*range(1, MAX_SENDERS), 99]
     assert box.received() == [], "each message is returned once"
-    box.store(sent(101, sender="ada/3", seq=7), 12)
+    box.store(sent(101, sender="ada/3", seq=7), 112)
     assert [(message.seq, one.sender) for message, one in box.received()] == [(7, "ada/3")]
-    box.store(sent(100, sender="ada/3", seq=8), 13)
+    box.store(sent(100, sender="ada/3", seq=8), 113)
     assert box.received() == [], "sent before the newest of its sender, whatever came between"
 
 
 def test_only_the_newest_senders_are_kept() -> None:
     box = Mailbox(WHEELS, accept=lambda _: True)
     for number in range(MAX_SENDERS + 2):
-        box.store(sent(100, sender=f"ada/{number}", seq=number), 10)
+        box.store(sent(100, sender=f"ada/{number}", seq=number), 110)
     assert [message.seq for message, _ in box.received()] == [*range(2, MAX_SENDERS + 2)]
 
 
@@ -312,10 +297,9 @@ def test_sending_time_is_ignored_without_sender_ids() -> None:
     box = Mailbox(WHEELS)
     box.store(sent(100), 10)
     box.store(sent(99, seq=2), 20)
-    box.store(sent(10**12, seq=3), 30)
     newest = box.latest()
     assert newest is not None
-    assert newest[0].seq == 3
+    assert newest[0].seq == 2
 
 
 def test_sample_has_no_sender_and_no_time_by_default() -> None:
