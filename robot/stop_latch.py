@@ -16,7 +16,6 @@ from runtime.errors import RemoteError
 UNREADABLE_ID: Final = 1
 """Id of a stop without one. 0 is shown before the first stop, and named by a clear without one."""
 
-IDS: Final = 2**64
 KEPT: Final = 8
 """Frames kept until the loop reads them, of the lease holder and of all others.
 
@@ -71,7 +70,7 @@ class StopLatch:
                 copies[stop.request_id] = stop
         if not copies:
             return None
-        self._copy_id = min(copies, key=lambda number: (number - self._copy_id - 1) % IDS)
+        self._copy_id = min(copies, key=lambda number: (number <= self._copy_id, number))
         return copies[self._copy_id]
 
 
