@@ -58,7 +58,7 @@ class Commands:
         self.goal_id = self.drive_id = 0
         self.begun_by = self.driver = ""
         self._stop_ids: deque[int] = deque([0], MAX_STOPS)
-        self._copied_id: int | None = None
+        self._shown_id = 0
         self.restarts = False
 
     @property
@@ -72,8 +72,8 @@ class Commands:
         So whoever repeats a stop sees it acknowledged, also behind a later one. A clear must name
         the newest nevertheless.
         """
-        copied, self._copied_id = self._copied_id, None
-        return self.stop_id if copied is None else copied
+        shown, self._shown_id = self._shown_id, self.stop_id
+        return shown
 
     def is_stopped_by(self, request_id: int) -> bool:
         """Return whether the emergency stop with this id is latched."""
@@ -103,11 +103,9 @@ class Commands:
         """
         if self._machine.vehicle != states.EMERGENCY_STOP:
             self._stop_ids.clear()
-        self._copied_id = None
         if request_id not in self._stop_ids:
             self._stop_ids.append(request_id)
-        elif request_id != self.stop_id:
-            self._copied_id = request_id
+        self._shown_id = request_id
 
     def _act(self, request: CommandOrGoal, now_ms: int, operator: str) -> int:
         machine = self._machine
