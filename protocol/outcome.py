@@ -1,7 +1,9 @@
 """Outcome of a run: the keys and texts that every way of running prints."""
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from math import degrees, pi, remainder
+from types import MappingProxyType
 from typing import Final
 
 from protocol.doubt import doubt_words
@@ -25,9 +27,14 @@ REPLACED: Final = "replaced"
 CLAIMS: Final = {Reason.UNREACHABLE: UNREACHABLE, Reason.LOST: LOST}
 """Reasons for which a robot gave a goal up although it could move, and their outcomes."""
 
-TAKEN_OVER: Final = "taken over"
-TAKES_OVER: Final = (Reason.BY_OPERATOR, Reason.REPLACED)
-"""Reasons of a mission's end that an operator wanted: ended by hand, or by another goal."""
+WANTED_ENDS: Final[Mapping[int, str]] = MappingProxyType(
+    {
+        Reason.BY_OPERATOR: "aborted",
+        Reason.BY_HAND: "taken over",
+        Reason.REPLACED: "taken over",
+    }
+)
+"""States of a mission by the reason of its end, if an operator wanted that: it has not failed."""
 
 OUTCOMES: Final = (
     *("reached", "collided", UNREACHABLE, LOST),
@@ -212,8 +219,8 @@ def goal_end(goal_state: int, goal_reason: int) -> str | None:
 
 def mission_state(state: int, reason: int) -> str:
     """Return the state of a mission in words; one that an operator ended has not failed."""
-    if state == MissionState.FAILED and reason in TAKES_OVER:
-        return TAKEN_OVER
+    if state == MissionState.FAILED and reason in WANTED_ENDS:
+        return WANTED_ENDS[reason]
     return MissionState(state).name if state in list(MissionState) else f"state {state}"
 
 

@@ -66,6 +66,7 @@ class Reason(IntEnum):
     SHUT_DOWN = 66
     BY_EMERGENCY_STOP = 67
     LOST = 68
+    BY_HAND = 69
     OBSTACLE_AHEAD = 80
     SLOWED = 81
     WHEEL_LIMIT = 82
@@ -134,6 +135,7 @@ REASON_TEXTS: Final[dict[int, str]] = {
     66: "the robot process is shutting down",
     67: "by the emergency stop",
     68: "lost: found no way to the goal and no proof that there is none",
+    69: "driven by hand",
     80: "guard: obstacle ahead",
     81: "guard: slowed for an obstacle",
     82: "guard: wheel speed limit",

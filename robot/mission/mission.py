@@ -186,11 +186,13 @@ class Mission:
             return reasons.BY_EMERGENCY_STOP
         if machine.vehicle != states.ACTIVE:
             return machine.vehicle_reason or reasons.DISARMED
+        if machine.mode == states.MANUAL:
+            return reasons.BY_HAND
         if self._under_way and machine.goal_state in (states.STUCK, states.ABORTED):
             return machine.goal_reason
         if machine.mode == states.GUIDED and not machine.operator:
             return reasons.OPERATOR_LOST
-        return reasons.BY_OPERATOR if machine.mode == states.MANUAL else reasons.OK
+        return reasons.OK
 
     def _fail(self, reason: int) -> None:
         self.state, self.reason = MissionState.FAILED, reason

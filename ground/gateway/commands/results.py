@@ -77,6 +77,7 @@ RESULTS: Final = MappingProxyType(
         Reason.SHUT_DOWN: FAILED,
         Reason.BY_EMERGENCY_STOP: FAILED,
         Reason.LOST: FAILED,
+        Reason.BY_HAND: FAILED,
         Reason.OBSTACLE_AHEAD: FAILED,
         Reason.SLOWED: FAILED,
         Reason.WHEEL_LIMIT: FAILED,

@@ -129,7 +129,7 @@ def test_mission_that_is_driven_by_hand_is_taken_over(hub: str) -> None:
             assert (await robot.drive(0.1, 0.0, for_s=0.5)).ok
             ended = await running
         assert isinstance(ended, sidestep.MissionEnded)
-        assert (ended.ok, ended.text) == (False, "taken over, item 1 of 1: by the operator")
+        assert (ended.ok, ended.text) == (False, "taken over, item 1 of 1: driven by hand")
 
     run(program)
 

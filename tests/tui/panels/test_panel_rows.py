@@ -274,7 +274,8 @@ def test_mission_is_listed_around_the_current_item() -> None:
 @each(
     ("reason", "words"),
     [
-        (Reason.BY_OPERATOR, "taken over 1/2: by the operator"),
+        (Reason.BY_OPERATOR, "aborted 1/2: by the operator"),
+        (Reason.BY_HAND, "taken over 1/2: driven by hand"),
         (Reason.REPLACED, "taken over 1/2: replaced by a new goal"),
         (Reason.BUMPER, "FAILED 1/2: bumper contact"),
     ],

@@ -33,7 +33,8 @@ def test_empty_text_has_no_pieces() -> None:
 @each(
     ("reason", "words", "severity"),
     [
-        (Reason.BY_OPERATOR, "mission taken over: by the operator", Severity.INFO),
+        (Reason.BY_OPERATOR, "mission aborted: by the operator", Severity.INFO),
+        (Reason.BY_HAND, "mission taken over: driven by hand", Severity.INFO),
         (Reason.REPLACED, "mission taken over: replaced by a new goal", Severity.INFO),
         (Reason.BUMPER, "mission FAILED: bumper contact", Severity.ERROR),
     ],

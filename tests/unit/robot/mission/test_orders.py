@@ -50,7 +50,7 @@ ENDS = [
     (disarm, Reason.DISARMED),
     (another_goal, Reason.REPLACED),
     (home, Reason.REPLACED),
-    (by_hand, Reason.BY_OPERATOR),
+    (by_hand, Reason.BY_HAND),
     (blind, Reason.SCAN_LOST),
 ]
 

@@ -204,8 +204,15 @@ def test_failed_mission_and_unknown_state_are_shown() -> None:
     assert MissionProgress(unknown).text.startswith("state 77, item 3 of 5")
 
 
-@each("reason", [Reason.BY_OPERATOR, Reason.REPLACED])
-def test_mission_of_a_robot_that_an_operator_takes_has_not_failed(reason: Reason) -> None:
+@each(
+    ("reason", "words"),
+    [
+        (Reason.BY_OPERATOR, "aborted"),
+        (Reason.BY_HAND, "taken over"),
+        (Reason.REPLACED, "taken over"),
+    ],
+)
+def test_mission_that_an_operator_ends_has_not_failed(reason: Reason, words: str) -> None:
     taken = msgspec.structs.replace(progress(MissionState.FAILED), hold_left_ms=0, reason=reason)
-    assert MissionProgress(taken).text.startswith("taken over, item 3 of 5: ")
-    assert MissionProgress(taken).as_json("", "r1")["state"] == "taken over"
+    assert MissionProgress(taken).text.startswith(f"{words}, item 3 of 5: ")
+    assert MissionProgress(taken).as_json("", "r1")["state"] == words
