@@ -29,6 +29,7 @@ TARGETS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "robot/commands.py": (
             "tests/unit/robot/test_commands.py",
             "tests/unit/robot/test_vehicle.py",
+            "tests/unit/robot/test_lease.py",
         ),
         "robot/process.py": (
             "tests/unit/robot/process/test_process.py",
