@@ -14,6 +14,7 @@ from robot.commands import (
     is_arm,
     is_clear,
     is_stop,
+    needs_operator,
     result_of,
 )
 from robot.core import states
@@ -128,6 +129,39 @@ def test_unnamed_operators_count_as_one() -> None:
     robot.ask(hold(5), "")
     answer = robot.commands.receive(goal(5, 1.0, 0.0), 0)
     assert answer.result_param2 == Reason.ID_REUSED
+
+
+# Whose heartbeat a request needs.
+
+
+@each("mode", list(Mode))
+def test_a_mode_that_an_operator_watches_needs_one(mode: Mode) -> None:
+    request = command(Command.DO_SET_MODE, 1.0, float(mode))
+    assert needs_operator(request, Robot().machine) == (mode in {Mode.GUIDED, Mode.MANUAL})
+
+
+@each(
+    ("mode", "resume_mode", "param1", "needed"),
+    [
+        (states.HOLD, states.GUIDED, 1.0, True),
+        (states.HOLD, states.GUIDED, 0.0, False),
+        (states.HOLD, states.AUTO, 1.0, False),
+        (states.AUTO, states.GUIDED, 1.0, False),
+    ],
+)
+def test_only_to_resume_a_held_guided_drive_needs_an_operator(
+    mode: int, resume_mode: int, param1: float, needed: bool
+) -> None:
+    machine = Robot().machine
+    machine.mode, machine.resume_mode = mode, resume_mode
+    request = command(Command.DO_PAUSE_CONTINUE, param1)
+    assert needs_operator(request, machine) == needed
+
+
+def test_without_heartbeats_to_judge_by_every_operator_is_there() -> None:
+    robot = Robot()
+    robot.machine.operator = True
+    assert robot.ask(command(Command.DO_SET_MODE, 1.0, float(Mode.GUIDED))) == Reason.NONE
 
 
 # The emergency stop.
