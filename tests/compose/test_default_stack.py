@@ -181,7 +181,8 @@ def test_each_part_receives_only_what_it_needs(stack: Compose, part: str) -> Non
     own = {"PATH", "LANG", "PYTHONDONTWRITEBYTECODE", "PYTHONUNBUFFERED", "XDG_STATE_HOME"}
     of_the_base = {"PIP_CERT", "SSL_CERT_FILE", "GPG_KEY", "PYTHON_VERSION", "PYTHON_SHA256"}
     assert own <= names
-    assert names <= own | of_the_base
+    operators = {"SIDESTEP_PERSON"} if part == "web" else set()
+    assert names <= own | of_the_base | operators
 
 
 @pytest.fixture

@@ -52,14 +52,13 @@ SAMPLES: Final[tuple[tuple[Topic[Any], Message], ...]] = (
     (TELEOP, STEER),
     (OPERATOR, OPERATOR_BEAT),
 )
-COMMANDS: Final = (
+COMMANDS: Final = (  # that need the lease; whoever may command may also abort
     Command.COMPONENT_ARM_DISARM,
     Command.DO_SET_MODE,
     Command.DO_PAUSE_CONTINUE,
     Command.NAV_RETURN_TO_LAUNCH,
     Command.MISSION_START,
     Command.SIDESTEP_SET_NAVIGATOR,
-    Command.SIDESTEP_ABORT_GOAL,
     Command.SIDESTEP_CLEAR_EMERGENCY_STOP,
 )
 

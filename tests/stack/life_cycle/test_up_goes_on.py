@@ -156,7 +156,7 @@ def test_app_shows_which_process_was_restarted_and_why(clock: str, tmp_path: Pat
         tmux.shows("read: ready")
         tmux.press("7")
         tmux.shows("end robot r1", "hang plant")
-        tmux.press("j", "j", "s", "4")
+        tmux.press("j", "j", "s", "s", "4")
         tmux.shows(
             "the robot r1 process was killed (signal SIGKILL); restarting",
             "restarted: the previous run was killed (signal SIGKILL)",
@@ -164,7 +164,7 @@ def test_app_shows_which_process_was_restarted_and_why(clock: str, tmp_path: Pat
         )
         tmux.press("1")
         tmux.shows("DISARMED")
-        tmux.press("7", "j", "s", "4")
+        tmux.press("7", "j", "s", "s", "4")
         tmux.shows(
             f"the plant process hung (silent for {SILENT_S[clock]} s); restarting",
             "position lost: sensor stream restarted",

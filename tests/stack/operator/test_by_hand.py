@@ -77,11 +77,15 @@ def test_a_mission_is_driven_from_a_file_and_comes_back_as_one(
 
 
 def test_second_operator_sees_the_first_and_may_stop_the_robot(
-    scene: tuple[Crew, Witness],
+    scene: tuple[Crew, Witness], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     crew, witness = scene
     goto = departs(crew, witness, "goto", "5.4", "2")
-    assert "another operator commands the robot: " in done(crew, "hold", code=1)
+    monkeypatch.setenv("SIDESTEP_PERSON", "ben")
+    assert "another operator commands the robot: " in done(crew, "goto", "1", "1", code=1)
+    done(crew, "hold")
+    monkeypatch.delenv("SIDESTEP_PERSON")
+    until(witness.standing)
     assert "commands r1" in done(crew, "lease", "show")
     done(crew, "estop")
     until(witness.standing)
