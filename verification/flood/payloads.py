@@ -20,7 +20,7 @@ from protocol.topics import (
     Topic,
 )
 from protocol.wire.codec import Encoder
-from protocol.wire.enums import Command, LeaseAction
+from protocol.wire.enums import Command, LeaseAction, Mode
 from protocol.wire.goal import wire_goal
 from protocol.wire.message import Message
 from protocol.wire.messages import (
@@ -133,7 +133,7 @@ def forbidden() -> list[tuple[Service, Message]]:
 
 def forged_command(request_id: int, command: int, param1: float = 1.0) -> CommandRequest:
     """Return a command of an attacker."""
-    return CommandRequest(request_id=request_id, param1=param1, param2=4.0, command=command)
+    return CommandRequest(request_id=request_id, param1=param1, param2=Mode.GUIDED, command=command)
 
 
 def forged_goal(request_id: int) -> GoalRequest:
