@@ -98,9 +98,8 @@ class Mailbox(Generic[M]):
         self._forward = forward
         self._check = check
         self._slot: tuple[M, int] | None = None
-        self._of: dict[
-            str, tuple[M, Origin]
-        ] = {}  # replaced as a whole, so that reads need no lock
+        # By sender; replaced as a whole, so that reads need no lock.
+        self._of: dict[str, tuple[M, Origin]] = {}
         self._read: dict[str, tuple[M, Origin]] = {}
         self._storing = threading.Lock()
 
