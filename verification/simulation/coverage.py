@@ -48,4 +48,4 @@ class Coverage:
         )
         found = ", ".join(f"{name} {count}" for name, count in sorted(self.reached.items()))
         worst = ", ".join(f"{what} {ms} ms" for what, ms in sorted(self.worst_ms.items()))
-        return [head, f"runs that reached: {found}", f"worst: {worst}"]
+        return [head, f"runs that reached: {found}", *([f"worst: {worst}"] if worst else [])]
