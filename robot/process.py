@@ -41,10 +41,11 @@ MAX_WAITING: Final = 64
 MAX_ANSWERED: Final = 6
 """Requests of one queue per control period: 120 a second, more than any person sends."""
 
-MAX_HALTED: Final = 2
-"""Requests to stop per control period and person without the lease; each waits only for its own."""
+MAX_HALTED: Final = 12
+"""The same for requests to stop of all persons without the lease, who are answered in turn."""
 
 MAX_PERSONS: Final = 64
+"""Persons who have a queue of their own; more who wait at the same time share one."""
 
 MAX_VALIDITY_NS: Final = 60_000_000_000
 """Longest time to a deadline; a later one belongs to another clock, which must be synchronised."""
@@ -53,6 +54,50 @@ SAVING_S: Final = 3.0
 """Longest wait for the disk at the end, shorter than the time a container has to stop."""
 
 STOPPED: Final = ack(Command.DO_FLIGHTTERMINATION, reasons.OK)
+
+
+class PersonQueue(SimpleQueue[ServiceRequest]):
+    """The requests of one person; `turn` counts the answers to all until the last to this one."""
+
+    def __init__(self, turn: int) -> None:
+        self.turn = turn
+
+
+class HaltingQueues:
+    """Requests that only stop the robot, by persons, who are answered in turn.
+
+    A thread of the bus adds persons and forgets those who wait for nothing; the loop only takes.
+    """
+
+    def __init__(self) -> None:
+        self._turn = 0
+        self._shared = PersonQueue(0)
+        # By person; replaced as a whole, so that the loop needs no lock.
+        self._of: dict[str, PersonQueue] = {}
+
+    def of(self, person: str) -> PersonQueue:
+        """Return the queue of a person; a new one comes after all others."""
+        known = self._of
+        if person not in known:
+            if len(known) >= MAX_PERSONS:  # forget those who wait for nothing
+                known = {one: queue for one, queue in known.items() if not queue.empty()}
+            if len(known) >= MAX_PERSONS:
+                return self._shared
+            self._of = known = known | {person: PersonQueue(self._turn)}
+        return known[person]
+
+    def next(self) -> ServiceRequest | None:
+        """Take the next request of whoever has had no answer for longest; None if nobody waits."""
+        waiting = [queue for queue in self if not queue.empty()]
+        if not waiting:
+            return None
+        queue = min(waiting, key=lambda one: one.turn)
+        self._turn += 1
+        queue.turn = self._turn
+        return queue.get_nowait()
+
+    def __iter__(self) -> Iterator[PersonQueue]:
+        return iter((*self._of.values(), self._shared))
 
 
 class RobotProcess:
@@ -85,7 +130,7 @@ class RobotProcess:
         self._duplicates = DuplicateWatch(bus)
         self._requests: SimpleQueue[ServiceRequest] = SimpleQueue()
         self._unprivileged: SimpleQueue[ServiceRequest] = SimpleQueue()
-        self._halting: dict[str, SimpleQueue[ServiceRequest]] = {"": SimpleQueue()}
+        self._halting = HaltingQueues()
         self._stop = StopLatch(vehicle.lease.is_holder, vehicle.commands.is_stopped_by)
         self._is_unseen = False
         """True in a control period that shows a new stop, which nobody can have seen yet."""
@@ -119,7 +164,8 @@ class RobotProcess:
 
         `nudge` is called from the bus for each request. Requests beyond a limit are refused.
         Operators without the lease have a separate queue, and each of them one for what only stops
-        the robot: no flood of others delays it. An emergency stop is never queued.
+        the robot, which waits at most for one request of each other person. An emergency stop is
+        never queued.
         """
         self._nudge = nudge
 
@@ -161,10 +207,7 @@ class RobotProcess:
             return self._requests  # also what only stops: it must not overtake what came before
         if not stops(incoming.message):
             return self._unprivileged
-        person, queues = person_of(incoming.operator), self._halting
-        if person not in queues and len(queues) >= MAX_PERSONS:
-            person = ""
-        return queues.setdefault(person, SimpleQueue())
+        return self._halting.of(person_of(incoming.operator))
 
     def stop(self) -> None:
         """End after the tick under way; may be called from a signal handler."""
@@ -297,13 +340,13 @@ class RobotProcess:
 
     def _answer(self) -> None:
         """Act on at most as many requests as fit into a control period."""
-        limits = [(queue, MAX_HALTED) for queue in tuple(self._halting.values())]
-        for queue, most in (
-            *limits,
-            (self._requests, MAX_ANSWERED),
-            (self._unprivileged, MAX_ANSWERED),
-        ):
-            for _ in range(min(queue.qsize(), most)):
+        for _ in range(MAX_HALTED):
+            halting = self._halting.next()
+            if halting is None:
+                break
+            self._serve_one(halting)
+        for queue in (self._requests, self._unprivileged):
+            for _ in range(min(queue.qsize(), MAX_ANSWERED)):
                 self._serve_one(queue.get_nowait())
 
     def _take_stop(self) -> bool:

@@ -66,7 +66,7 @@ class LoopInvariants:
         self._safety(vehicle)
         self._progress(machine)
         self._modes(machine)
-        for queue in (process._requests, process._unprivileged, *process._halting.values()):
+        for queue in (process._requests, process._unprivileged, *process._halting):
             if queue.qsize() > limits.BACKLOG:
                 self._facts.fail("queues are bounded", f"{queue.qsize()} requests wait in one")
 

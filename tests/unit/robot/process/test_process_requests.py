@@ -19,12 +19,13 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from robot.core import states
-from robot.process import MAX_PERSONS
+from robot.process import MAX_HALTED, MAX_PERSONS, MAX_WAITING
 from runtime.clock import Tick
 from tests.support.each import each
 from tests.support.robot.processes import (
     ADA,
     BOB,
+    Request,
     Rig,
     S,
     driving,
@@ -117,24 +118,92 @@ def test_what_stops_is_accepted_in_two_periods_behind_a_flood(
     assert asked.reasons == [Reason.NONE]
 
 
-def test_two_requests_to_stop_of_each_other_person_fit_into_a_period() -> None:
+def leased() -> Rig:
+    """Return a rig whose lease is Ada's, so that each other person may only stop."""
     rig = Rig().ready()
     rig.vehicle.receive(lease(LeaseAction.TAKE), rig.clock.now_ns(), ADA)
-    asked = [[rig.ask(hold(number), one) for number in range(5)] for one in (BOB, CAROL)]
-    for done in (2, 4, 5):
+    return rig
+
+
+def persons(count: int, first: int = 0) -> list[str]:
+    return [f"p{number}/1" for number in range(first, first + count)]
+
+
+def answered(asked: list[Request]) -> int:
+    return sum(bool(one.answers) for one in asked)
+
+
+def test_a_period_answers_a_fixed_number_of_requests_to_stop() -> None:
+    """Whatever names a stranger invents, the period costs the same."""
+    rig = leased()
+    asked = [rig.ask(hold(number), one) for one in persons(63) for number in range(64)]
+    for done in range(1, 10):
+        rig.cycle()
+        assert answered(asked) == done * MAX_HALTED
+
+
+def test_persons_stop_the_robot_in_turn_each_in_its_own_order() -> None:
+    rig = leased()
+    most = MAX_HALTED // 2
+    asked = [[rig.ask(hold(number), one) for number in range(most + 1)] for one in (BOB, CAROL)]
+    for done in (most, most + 1):
         rig.cycle()
         for of_one in asked:
-            assert [len(one.answers) for one in of_one] == [1] * done + [0] * (5 - done)
+            assert [len(one.answers) for one in of_one] == [1] * done + [0] * (most + 1 - done)
+
+
+def test_a_new_person_waits_for_each_invented_name_once() -> None:
+    rig = leased()
+    rounds = -(-MAX_PERSONS // MAX_HALTED)
+    for number in range(3 * rounds):  # the flood has gone on for some time
+        for one in persons(MAX_PERSONS - 2):
+            rig.ask(hold(number), one)
+        rig.cycle()
+    mine = rig.ask(hold(1), CAROL)
+    for _ in range(rounds):
+        assert not mine.answers
+        for one in persons(MAX_PERSONS - 2):
+            rig.ask(hold(rig.ticks), one)
+        rig.cycle()
+    assert mine.reasons == [Reason.NONE]
+
+
+def test_who_has_not_been_answered_for_long_comes_first() -> None:
+    rig = leased()
+    rig.ask(hold(1), CAROL)
+    for number in range(10):
+        for one in persons(MAX_PERSONS - 2):
+            rig.ask(hold(number), one)
+        rig.cycle()
+    mine = rig.ask(hold(2), CAROL)
+    rig.cycle()
+    assert mine.reasons == [Reason.NONE]
+
+
+def test_names_that_wait_for_nothing_are_forgotten() -> None:
+    """Names that a stranger has invented leave room for the next person."""
+    rig = leased()
+    for first in range(0, 5 * MAX_PERSONS, MAX_HALTED):
+        for one in persons(MAX_HALTED, first):
+            rig.ask(hold(1), one)
+        rig.cycle()
+    flood = [rig.ask(hold(number), BOB) for number in range(MAX_WAITING)]
+    assert not answered(flood)
+    mine = rig.ask(hold(1), CAROL)
+    rig.cycle()
+    assert mine.reasons == [Reason.NONE]
 
 
 def test_persons_beyond_a_limit_share_what_is_left() -> None:
-    rig = Rig().ready()
-    rig.vehicle.receive(lease(LeaseAction.TAKE), rig.clock.now_ns(), ADA)
-    asked = [rig.ask(hold(1), f"p{number}/1") for number in range(MAX_PERSONS + 2)]
-    rig.cycle()
-    assert [len(one.answers) for one in asked] == [1] * (MAX_PERSONS + 1) + [0]
-    rig.cycle()
-    assert asked[-1].reasons == [Reason.NONE]
+    rig = leased()
+    for one in persons(MAX_PERSONS):
+        rig.ask(hold(1), one)
+    shared = [rig.ask(hold(number), f"q{number}/1") for number in range(MAX_WAITING + 1)]
+    assert [len(one.answers) for one in shared] == [0] * MAX_WAITING + [1]
+    assert shared[-1].reasons == [Reason.TOO_MANY_REQUESTS]
+    for _ in range(-(-(MAX_PERSONS + 1) // MAX_HALTED)):
+        rig.cycle()
+    assert shared[0].reasons == [Reason.NONE]
 
 
 def test_what_stops_does_not_overtake_what_its_person_asked_before() -> None:
