@@ -30,6 +30,8 @@ CLAIMS: Final = {Reason.UNREACHABLE: UNREACHABLE, Reason.LOST: LOST}
 WANTED_ENDS: Final[Mapping[int, str]] = MappingProxyType(
     {
         Reason.BY_OPERATOR: "aborted",
+        Reason.DISARMED: "aborted",
+        Reason.BY_EMERGENCY_STOP: "aborted",
         Reason.BY_HAND: "taken over",
         Reason.REPLACED: "taken over",
     }

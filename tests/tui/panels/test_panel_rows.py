@@ -277,6 +277,8 @@ def test_mission_is_listed_around_the_current_item() -> None:
         (Reason.BY_OPERATOR, "aborted 1/2: by the operator"),
         (Reason.BY_HAND, "taken over 1/2: driven by hand"),
         (Reason.REPLACED, "taken over 1/2: replaced by a new goal"),
+        (Reason.DISARMED, "aborted 1/2: disarmed by the operator"),
+        (Reason.BY_EMERGENCY_STOP, "aborted 1/2: by the emergency stop"),
         (Reason.BUMPER, "FAILED 1/2: bumper contact"),
     ],
 )

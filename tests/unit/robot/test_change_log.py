@@ -36,6 +36,8 @@ def test_empty_text_has_no_pieces() -> None:
         (Reason.BY_OPERATOR, "mission aborted: by the operator", Severity.INFO),
         (Reason.BY_HAND, "mission taken over: driven by hand", Severity.INFO),
         (Reason.REPLACED, "mission taken over: replaced by a new goal", Severity.INFO),
+        (Reason.DISARMED, "mission aborted: disarmed by the operator", Severity.INFO),
+        (Reason.BY_EMERGENCY_STOP, "mission aborted by the emergency stop", Severity.INFO),
         (Reason.BUMPER, "mission FAILED: bumper contact", Severity.ERROR),
     ],
 )

@@ -210,6 +210,8 @@ def test_failed_mission_and_unknown_state_are_shown() -> None:
         (Reason.BY_OPERATOR, "aborted"),
         (Reason.BY_HAND, "taken over"),
         (Reason.REPLACED, "taken over"),
+        (Reason.DISARMED, "aborted"),
+        (Reason.BY_EMERGENCY_STOP, "aborted"),
     ],
 )
 def test_mission_that_an_operator_ends_has_not_failed(reason: Reason, words: str) -> None:
