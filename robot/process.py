@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from itertools import count
 from queue import SimpleQueue
 from typing import Final
 
@@ -57,7 +58,7 @@ STOPPED: Final = ack(Command.DO_FLIGHTTERMINATION, reasons.OK)
 
 
 class PersonQueue(SimpleQueue[ServiceRequest]):
-    """The requests of one person; `turn` counts the answers to all until the last to this one."""
+    """The requests of one person; `turn` is the number of the last answer, or of its begin."""
 
     def __init__(self, turn: int) -> None:
         self.turn = turn
@@ -70,8 +71,8 @@ class HaltingQueues:
     """
 
     def __init__(self) -> None:
-        self._turn = 0
-        self._shared = PersonQueue(0)
+        self._turns = count()
+        self._shared = PersonQueue(next(self._turns))
         # By person; replaced as a whole, so that the loop needs no lock.
         self._of: dict[str, PersonQueue] = {}
 
@@ -79,22 +80,21 @@ class HaltingQueues:
         """Return the queue of a person; a new one comes after all others."""
         known = self._of
         if person not in known:
-            if len(known) >= MAX_PERSONS:  # forget those who wait for nothing
-                known = {one: queue for one, queue in known.items() if not queue.empty()}
+            known = {one: queue for one, queue in known.items() if not queue.empty()}
             if len(known) >= MAX_PERSONS:
                 return self._shared
-            self._of = known = known | {person: PersonQueue(self._turn)}
+            self._of = known = known | {person: PersonQueue(next(self._turns))}
         return known[person]
 
-    def next(self) -> ServiceRequest | None:
-        """Take the next request of whoever has had no answer for longest; None if nobody waits."""
-        waiting = [queue for queue in self if not queue.empty()]
-        if not waiting:
-            return None
-        queue = min(waiting, key=lambda one: one.turn)
-        self._turn += 1
-        queue.turn = self._turn
-        return queue.get_nowait()
+    def take(self, most: int) -> Iterator[ServiceRequest]:
+        """Yield at most so many requests, the next one of whoever has waited for longest."""
+        for _ in range(most):
+            waiting = [queue for queue in self if not queue.empty()]
+            if not waiting:
+                return
+            queue = min(waiting, key=lambda one: one.turn)
+            queue.turn = next(self._turns)
+            yield queue.get_nowait()
 
     def __iter__(self) -> Iterator[PersonQueue]:
         return iter((*self._of.values(), self._shared))
@@ -340,10 +340,7 @@ class RobotProcess:
 
     def _answer(self) -> None:
         """Act on at most as many requests as fit into a control period."""
-        for _ in range(MAX_HALTED):
-            halting = self._halting.next()
-            if halting is None:
-                break
+        for halting in self._halting.take(MAX_HALTED):
             self._serve_one(halting)
         for queue in (self._requests, self._unprivileged):
             for _ in range(min(queue.qsize(), MAX_ANSWERED)):

@@ -196,12 +196,12 @@ def test_names_that_wait_for_nothing_are_forgotten() -> None:
 
 def test_persons_beyond_a_limit_share_what_is_left() -> None:
     rig = leased()
-    for one in persons(MAX_PERSONS):
+    for one in persons(64):
         rig.ask(hold(1), one)
     shared = [rig.ask(hold(number), f"q{number}/1") for number in range(MAX_WAITING + 1)]
     assert [len(one.answers) for one in shared] == [0] * MAX_WAITING + [1]
     assert shared[-1].reasons == [Reason.TOO_MANY_REQUESTS]
-    for _ in range(-(-(MAX_PERSONS + 1) // MAX_HALTED)):
+    for _ in range(-(-65 // MAX_HALTED)):
         rig.cycle()
     assert shared[0].reasons == [Reason.NONE]
 
