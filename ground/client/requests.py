@@ -33,6 +33,7 @@ SILENCE_NS: Final = 3_000 * NS_PER_MS
 UNSEEN_NS: Final = 3_000 * NS_PER_MS
 NAMED_NS: Final = 1_000 * NS_PER_MS
 """Longest wait for the name of the operator whose goal has replaced another one."""
+BY_ANOTHER: Final = "by another"
 ID_BITS: Final = 64
 
 NO_COMMAND: Final = 0
@@ -200,8 +201,8 @@ def replaced_by(by: NavigatorStatus, driver: str) -> str:
     """Return which goal has replaced another one, and whose it is unless that is unknown."""
     of = f" of {driver}" if driver else ""
     has_place = isfinite(by.goal_x_m) and isfinite(by.goal_y_m)
-    where = f"the goal {by.goal_x_m:z.1f} {by.goal_y_m:z.1f}" if has_place else "another"
-    return f"by {where}{of}"
+    where = f"by the goal {by.goal_x_m:z.1f} {by.goal_y_m:z.1f}" if has_place else BY_ANOTHER
+    return f"{where}{of}"
 
 
 class HeartbeatTimer:
@@ -300,7 +301,14 @@ class GoalWatch:
         return self._seen and self._replacement is None
 
     def _end_replaced(self, by: NavigatorStatus, now_ns: int) -> None:
-        """End a goal that another one replaces, when that one's operator is known."""
+        """End a goal that another one replaces, when that one's operator is known.
+
+        Several goals may be accepted in one tick. If ours was never shown, the one that is shown
+        need not be the one that replaced it, and is not named.
+        """
+        if not self._seen:
+            self.end = GoalEnd(REPLACED, BY_ANOTHER)
+            return
         drive_id, driver = self._driver
         is_named = bool(driver) and drive_id == by.goal_id
         if is_named or now_ns - self._replaced_ns >= NAMED_NS:

@@ -35,7 +35,7 @@ def goal_line(
     if status is None:
         return [Part("waiting for the robot's status")]
     if goal_id is not None and status.goal_id != goal_id:
-        return [Part("waiting for the robot to start")]
+        return [Part("waiting for the robot to show this goal")]
     odometry = telemetry.live(ODOMETRY, now_ns)
     decision = telemetry.live(DECISION, now_ns)
     to_go = metres(status.goal_distance_m)

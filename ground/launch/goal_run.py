@@ -7,6 +7,8 @@ from dataclasses import replace
 from math import nan
 from typing import Final
 
+from msgspec import structs
+
 from ground.client.goal import goal_request
 from ground.client.link import Link, UnansweredError
 from ground.client.requests import GoalEnd, GoalWatch
@@ -203,6 +205,8 @@ class GoalRun:
         end, of_goal = self._watch.end, self._of_goal
         if end is None:
             return
+        if of_goal is None and newest is not None and end.outcome == REPLACED:
+            of_goal = never_shown(newest[0])
         is_judged = end.outcome in ("timeout", REPLACED) or (of_goal and of_goal.goal_ended_ns)
         if of_goal is None or not is_judged:
             self._lost(lambda: f"{end.reason}: {self.link.diagnosis()}")
@@ -331,3 +335,10 @@ class GoalRun:
                 if message.time_ns <= at_ns:
                     break
         return nearest
+
+
+def never_shown(now: NavigatorStatus) -> NavigatorStatus:
+    """Return the status of a goal that was replaced before a status showed it, to be judged now."""
+    return structs.replace(
+        now, goal_started_ns=now.time_ns, goal=GoalState.ACCEPTED, goal_reason=Reason.NONE
+    )

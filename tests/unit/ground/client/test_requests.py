@@ -246,6 +246,17 @@ def test_goal_of_an_unknown_operator_replaces_ours(x_m: float, words: str) -> No
     assert drive.watch.end == GoalEnd("replaced", words)
 
 
+def test_goal_that_was_never_shown_is_replaced_by_one_that_nobody_can_name() -> None:
+    """Goals may be accepted in one tick: then the one that is shown need not be the next one."""
+    drive = Drive()
+    drive.watch.receive_driver(lease_of("ben@desk:pts/2", MINE + 1))
+    for n in range(31):
+        assert drive.watch.end is None
+        drive.pass_(100 * MS)
+        drive.receive(status(n * 100 * MS, goal_id=MINE + 1))
+    assert drive.watch.end == GoalEnd("replaced", "by another")
+
+
 def test_old_status_that_arrives_before_ours_is_accepted_ends_nothing() -> None:
     """Sending may take seconds on a busy machine; the newest status is then of another goal."""
     drive = Drive()

@@ -109,7 +109,9 @@ def test_forty_columns_are_enough_for_all_but_the_reason(air: Air, telemetry: Te
 def test_a_status_of_the_goal_before_is_not_shown(air: Air, telemetry: Telemetry) -> None:
     air.put(STATUS, status(GoalState.REACHED), 0)
     assert "reached" in in_words(goal_line(telemetry, 0, 0, goal_id=1))
-    assert in_words(goal_line(telemetry, 0, 0, goal_id=2)) == "waiting for the robot to start"
+    assert in_words(goal_line(telemetry, 0, 0, goal_id=2)) == (
+        "waiting for the robot to show this goal"
+    )
 
 
 def test_an_old_number_is_not_shown(air: Air, telemetry: Telemetry) -> None:

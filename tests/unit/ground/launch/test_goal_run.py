@@ -248,6 +248,17 @@ def replaced_run(*, held: bool = True) -> Stage:
     return stage
 
 
+def test_goal_that_was_replaced_before_it_was_shown_is_no_lost_robot() -> None:
+    stage = Stage.begun()
+    stage.bus.score_until_ns = []
+    for _ in range(32):
+        stage.receive(GoalState.REACHED, goal_id=OTHER)
+        stage.wait(0.1)
+    outcome = stage.goal_run.outcome
+    assert outcome is not None
+    assert (outcome.outcome, outcome.reason, outcome.time_s) == ("replaced", "by another", 0.0)
+
+
 def test_goal_of_somebody_else_is_not_taken_for_ours() -> None:
     stage = replaced_run()
     outcome = stage.goal_run.outcome
