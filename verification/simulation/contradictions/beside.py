@@ -132,7 +132,7 @@ class TruthOfBus(Truth):
             lease.name if lease is not None and lease.held else "",
             self._op_lost_ms,
         )
-        self.last_status = status
+        self.shown(status)
         self.rows.append(row)
         if before:
             self._infer(before[0], row, status)

@@ -47,6 +47,9 @@ ARRIVED_M: Final = 0.35
 SAID_NS: Final = 3 * NS_PER_S
 """An end of a goal is said within this time by a program that hears the robot."""
 
+CLEANED_NS: Final = 500 * NS_PER_MS
+"""What a goal has left behind is ended within this time, before its end is said."""
+
 CAUSED_NS: Final = 15 * NS_PER_S
 """A stop follows within this time from what a person has asked for."""
 
@@ -321,7 +324,7 @@ class Observer:
         deed = said.deed
         if deed is None or "fail" not in mission.text.lower():
             return ""
-        return self.taken_over(deed.began_ns, said.ns)
+        return self.wanted_end(deed.began_ns, said.ns)
 
     def recorded(self, said: Said, recorded: Recorded) -> str:
         """Judge the summary of a recording, which ends with the robot's newest status."""
@@ -330,16 +333,16 @@ class Observer:
         expected = {ends_of(row), ends_of(goal)}
         return "" if recorded.outcome in set().union(*expected) else state_words(goal)
 
-    def taken_over(self, since_ns: int, until_ns: int) -> str:
-        """Return who has taken the mission over, which is no failure."""
+    def wanted_end(self, since_ns: int, until_ns: int) -> str:
+        """Return which operator has ended the mission, which is no failure.
+
+        A robot that is not armed any more has ended it before.
+        """
         for one in self.truth.answered:
-            is_taken = one.begins_drive or (one.ok and isinstance(one.request, GoalRequest))
-            if (
-                is_taken
-                and since_ns <= one.ns <= until_ns
-                and one.before.mission_state in UNDER_WAY
-            ):
-                return f"{one.program} has taken it over: {asked_words(one)}"
+            before = one.before
+            is_end = one.ok and before.is_armed and before.mission_state in UNDER_WAY
+            if is_end and since_ns <= one.ns <= until_ns and ends_mission(one):
+                return f"{one.program} has ended it: {asked_words(one)}"
         return ""
 
     # What is missing or has no cause.
@@ -389,6 +392,8 @@ class Observer:
             return ""
         if before.has_goal and not after.has_goal and after.goal_id == before.goal_id:
             return f"the goal {self._goal_words(before.goal_id)}"
+        if before.mission_state in UNDER_WAY and after.mission_state not in UNDER_WAY:
+            return "the mission"
         if before.mode != Mode.HOLD and after.mode == Mode.HOLD:
             if before.drives:
                 return f"the drive to {self._goal_words(before.goal_id)}"
@@ -428,12 +433,13 @@ class Observer:
                 goal = self.goal_of(deed, one.ns) if deed.verb in GOAL_VERBS else None
                 if goal is not None and goal.asked.number == before.goal_id:
                     return True
-                if deed.verb == "mission" and before.mission_state in UNDER_WAY:
-                    return True
+            begun = None
+            if before.mission_state in UNDER_WAY and deed.verb == "mission":
+                begun = self.truth.mission_at(one.ns)
             elif before.mode == Mode.MANUAL and deed.verb == "drive":
                 begun = self.truth.drive_at(one.ns)
-                if begun is not None and begun.program == deed.program:
-                    return True
+            if begun is not None and begun.program == deed.program:
+                return True
         return False
 
     def _is_over(self, deed: Deed, now_ns: int) -> bool:
@@ -453,6 +459,12 @@ def ends_of(row: RobotRow) -> tuple[str, ...]:
     if row.has_goal:
         return ("driving",)
     return SUMMARIES[row.goal_state]
+
+
+def ends_mission(one: AnsweredRequest) -> bool:
+    """Return whether an accepted request ends a mission: by another drive, or by a stop."""
+    is_stop = any(one.is_command(*words) for words in ENDS_MISSION)
+    return is_stop or one.begins_drive or isinstance(one.request, GoalRequest)
 
 
 def asked_words(one: AnsweredRequest) -> str:
@@ -502,6 +514,12 @@ SUMMARIES: Final[dict[int, tuple[str, ...]]] = {
 LATE_NS: Final = 100 * NS_PER_MS
 """The newest status that was sent may be of a tick before."""
 
+ENDS_MISSION: Final[tuple[tuple[Any, ...], ...]] = (
+    (Command.SIDESTEP_ABORT_GOAL,),
+    (Command.DO_FLIGHTTERMINATION,),
+    (Command.NAV_RETURN_TO_LAUNCH,),
+    (Command.COMPONENT_ARM_DISARM, 0.0),
+)
 REPLACED: Final = re.compile(r"by the goal (-?[\d.]+) (-?[\d.]+)(?: of (.+))?")
 TOLD: Final = re.compile(r"goal (\w+), an operator commands")
 NO_ANSWER: Final = re.compile(r"does not answer|no message from the robot|no heartbeat")
@@ -538,20 +556,27 @@ STOPS_OF_MAVLINK: Final = (
 
 
 def silent(observer: Observer, said: Said, found: re.Match[str]) -> str:
-    """Judge that nothing of the robot has arrived for some time."""
-    silent_ns = observer.truth.silent_ns(said.program, said.ns)
-    if silent_ns >= float(found[1]) * NS_PER_S - SEEN_NS / 2:
+    """Judge that nothing of the robot has arrived for some time.
+
+    The end of a goal is said after its clean-up, during which the robot may be heard again.
+    """
+    truth, ns, claimed_ns = observer.truth, said.ns, round(float(found[1]) * NS_PER_S)
+    silent_ns = truth.silent_ns(said.program, ns)
+    if isinstance(said.value, GoalEnded | Ended):
+        silent_ns = truth.gap_ns(said.program, ns - CLEANED_NS, ns)
+    if silent_ns >= claimed_ns - SEEN_NS / 2:
         return ""
-    return f"a message of the robot arrived {silent_ns // NS_PER_MS} ms ago"
+    return f"a message of the robot arrived {truth.silent_ns(said.program, ns) // NS_PER_MS} ms ago"
 
 
-def not_begun(observer: Observer, said: Said, _found: re.Match[str]) -> str:
-    """Judge that a program waits for the robot to begin."""
+def not_shown(observer: Observer, said: Said, _found: re.Match[str]) -> str:
+    """Judge that no status has shown the goal."""
     deed = said.deed
     goal = None if deed is None else observer.goal_of(deed, said.ns)
-    if goal is None or said.ns - goal.asked.ns < SEEN_NS:
+    shown_ns = None if goal is None else observer.truth.shown_ns.get(goal.asked.number)
+    if shown_ns is None or said.ns - shown_ns < SEEN_NS:
         return ""
-    return "the robot has begun, and its goal is another one now" if goal.by else "it has begun"
+    return f"it was shown {(said.ns - shown_ns) // NS_PER_MS} ms before"
 
 
 def commands(observer: Observer, said: Said, found: re.Match[str]) -> str:
@@ -592,7 +617,7 @@ def operator_limit(observer: Observer, said: Said, found: re.Match[str]) -> str:
 
 def failed_mission(observer: Observer, said: Said, _found: re.Match[str]) -> str:
     """Judge that a mission has failed."""
-    return observer.taken_over(said.ns - SEEN_NS, said.ns)
+    return observer.wanted_end(said.ns - SEEN_NS, said.ns)
 
 
 def who_stopped(observer: Observer, said: Said, found: re.Match[str]) -> str:
@@ -637,7 +662,7 @@ OWN_SYSTEM: Final = {"client-255": "MAVLink 255", "client-254": "MAVLink 254"}
 Claim = Callable[[Observer, Said, "re.Match[str]"], str]
 CLAIMS: Final[tuple[tuple[re.Pattern[str], Claim], ...]] = (
     (re.compile(r"no message from the robot for ([\d.]+) s"), silent),
-    (re.compile(r"waiting for the robot to start"), not_begun),
+    (re.compile(r"waiting for the robot to show this goal"), not_shown),
     (TOLD, told),
     (re.compile(r"another operator commands the robot(?:: ([^()]+))?"), commands),
     (re.compile(r"(MAVLink \d+|\S+) is in command"), in_command),

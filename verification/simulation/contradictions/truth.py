@@ -149,6 +149,8 @@ class Truth:
         """When a status of the robot arrived at each host."""
         self.pressed: dict[int, str] = {}
         """The host that pressed each emergency stop, by its id."""
+        self.shown_ns: dict[int, int] = {}
+        """When a status of the robot first showed each goal, by its id."""
         self.last_status: NavigatorStatus | None = None
         self.lag_ns = 0
         """How much later than it is so a state may be known here."""
@@ -171,8 +173,12 @@ class Truth:
                     getattr(decode(frame).message, "request_id", 0), source.name
                 )
         elif path == STATUS.path and source.name == "robot":
-            status: Any = decode(frame).message
-            self.last_status = status
+            self.shown(decode(frame).message)
+
+    def shown(self, status: Any) -> None:
+        """Note a status of the robot."""
+        self.last_status = status
+        self.shown_ns.setdefault(status.goal_id, self.now_ns)
 
     # Events of the robot; see RobotObserver.
 
@@ -304,8 +310,14 @@ class Truth:
 
     def drive_at(self, ns: int) -> AnsweredRequest | None:
         """Return the request that began the newest drive by hand."""
-        begun = (one for one in reversed(self.answered) if one.begins_drive and one.ns <= ns)
-        return next(begun, None)
+        return self._newest(ns, lambda one: one.begins_drive)
+
+    def mission_at(self, ns: int) -> AnsweredRequest | None:
+        """Return the request that began the newest mission."""
+        return self._newest(ns, lambda one: one.ok and one.is_command(Command.MISSION_START))
+
+    def _newest(self, ns: int, wanted: Callable[[AnsweredRequest], bool]) -> AnsweredRequest | None:
+        return next((one for one in reversed(self.answered) if one.ns <= ns and wanted(one)), None)
 
 
 class ListeningNetwork(SimulatedNetwork):
