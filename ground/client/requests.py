@@ -324,6 +324,12 @@ class GoalWatch:
             self._end_replaced(self._replacement, now_ns)
         return self.end is None and self._heartbeat.due(now_ns, self._stamp_ns)
 
+    def outrun(self, latest: Latest) -> GoalEnd | None:
+        """Return how the goal had ended by itself before its clean-up, if that is known by now."""
+        newest = latest(STATUS)
+        end = _end_in(newest[0]) if newest and newest[0].goal_id == self._goal_id else None
+        return None if end is None or end.outcome == "aborted" else end
+
     def silent_ns(self, now_ns: int) -> int:
         """Return the time since the last status of the robot."""
         return now_ns - self._received_ns

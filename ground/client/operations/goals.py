@@ -161,14 +161,14 @@ class _Drive:
                 return answer
             self._progress.note(f"goal {goal} accepted")
             accepted_ns = self._link.clock.now_ns()
-            end = self._follow(
-                GoalWatch(request.request_id, accepted_ns, timeout_ns, asked_ns=started_ns)
-            )
+            watch = GoalWatch(request.request_id, accepted_ns, timeout_ns, asked_ns=started_ns)
+            end = self._follow(watch)
         except BaseException:
             self._abort("interrupted")
             raise
         if end.abort:
             self._abort(end.reason)
+            end = watch.outrun(self._telemetry.latest) or end
         return self._ended(end, started_ns)
 
     def _follow(self, watch: GoalWatch) -> GoalEnd:

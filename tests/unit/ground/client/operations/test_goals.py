@@ -166,6 +166,32 @@ def test_goal_that_another_one_replaces_is_replaced_and_aborts_nothing() -> None
     assert kinds(stage) == ["TAKE", "GUIDED", "LEAVE"]
 
 
+@each(
+    ("goal", "reason", "outcome"),
+    [
+        (GoalState.REACHED, Reason.NONE, "reached"),
+        (GoalState.STUCK, Reason.NO_PROGRESS, "stuck"),
+        (GoalState.ABORTED, Reason.BY_OPERATOR, "aborted: no message from the robot for 3.0 s"),
+    ],
+)
+def test_goal_that_had_ended_unheard_ends_as_it_did(
+    goal: GoalState, reason: Reason, outcome: str
+) -> None:
+    """The robot is heard again while its goal is aborted."""
+    stage = Stage()
+    following(stage, {"goal": GoalState.DRIVING, "time_ns": 2})
+
+    def heard_again(_number: int) -> None:
+        if kinds(stage)[-1] == "SIDESTEP_ABORT_GOAL":
+            found = {"goal": goal, "goal_reason": reason, "goal_id": goal_id(stage)}
+            stage.bus.set_newest(STATUS, status(time_ns=9, **found))
+
+    stage.bus.on_ask = heard_again
+    ended = Goto(goal=GOAL).perform(stage.session)
+    assert isinstance(ended, GoalEnded)
+    assert ended.text.startswith(outcome)
+
+
 def test_nothing_is_shown_until_the_robot_has_the_goal() -> None:
     stage = Stage()
     stage.bus.set_newest(STATUS, status(goal_id=4, goal=GoalState.REACHED))
