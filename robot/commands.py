@@ -6,6 +6,7 @@ from math import isfinite
 from types import MappingProxyType
 from typing import Final, NamedTuple, TypeAlias, TypeGuard
 
+from protocol.topic import person_of
 from protocol.wire.enums import AckResult, Command, Mode
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest
@@ -110,8 +111,9 @@ class Commands:
     def _act(self, request: CommandOrGoal, now_ms: int, operator: str) -> int:
         machine = self._machine
         serial, mode = machine.serial, machine.mode
-        # Whoever resumes, the program that began the drive goes on to watch it while it is there.
-        is_led = resumes(request) and bool(self.driver) and self._is_there(self.driver, now_ms)
+        # Who resumes the drive of an own program leaves it to that one while it is there.
+        is_own = bool(self.driver) and person_of(self.driver) == person_of(operator)
+        is_led = resumes(request) and is_own and self._is_there(self.driver, now_ms)
         # Without any operator the core itself refuses, and shows it in the state of the goal.
         is_absent = machine.operator and not is_led and not self._is_there(operator, now_ms)
         if is_absent and needs_operator(request, machine):

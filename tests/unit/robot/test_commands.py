@@ -25,7 +25,7 @@ from tests.support.each import each
 from tests.support.robot.mission.items import line
 from tests.support.robot.vehicles import goal
 
-ADA, BOB = "ada/1", "bob/2"
+ADA, ADAS_OTHER, BOB = "ada/1", "ada/3", "bob/2"
 
 
 class Robot:
@@ -378,17 +378,33 @@ def test_continue_keeps_the_program_that_drives_while_it_is_there() -> None:
     robot.machine.operator = True
     robot.commands = Commands(robot.core, robot.mission, lambda who, _now_ms: who in present)
     assert robot.ask(goal(1, 1.0, 0.0, Mode.GUIDED)) == Reason.NONE
-    assert robot.ask(hold(2), BOB) == Reason.NONE
-    assert robot.ask(command(Command.DO_PAUSE_CONTINUE, 1.0, request_id=3), BOB) == Reason.NONE
+    assert robot.ask(hold(2), ADAS_OTHER) == Reason.NONE
+    resume = command(Command.DO_PAUSE_CONTINUE, 1.0, request_id=3)
+    assert robot.ask(resume, ADAS_OTHER) == Reason.NONE
     assert (robot.machine.mode, robot.commands.driver) == (states.GUIDED, ADA)
-    assert robot.ask(hold(4), BOB) == Reason.NONE
+    assert robot.ask(hold(4), ADAS_OTHER) == Reason.NONE
     present.clear()
     resume = command(Command.DO_PAUSE_CONTINUE, 1.0, request_id=5)
+    assert robot.ask(resume, ADAS_OTHER) == Reason.NO_OPERATOR
+    present.add(ADAS_OTHER)
+    resume = command(Command.DO_PAUSE_CONTINUE, 1.0, request_id=6)
+    assert robot.ask(resume, ADAS_OTHER) == Reason.NONE
+    assert robot.commands.driver == ADAS_OTHER
+
+
+def test_continue_by_another_person_makes_his_program_the_driver() -> None:
+    robot = Robot()
+    present = {ADA}
+    robot.machine.operator = True
+    robot.commands = Commands(robot.core, robot.mission, lambda who, _now_ms: who in present)
+    assert robot.ask(goal(1, 1.0, 0.0, Mode.GUIDED)) == Reason.NONE
+    assert robot.ask(hold(2), BOB) == Reason.NONE
+    resume = command(Command.DO_PAUSE_CONTINUE, 1.0, request_id=3)
     assert robot.ask(resume, BOB) == Reason.NO_OPERATOR
     present.add(BOB)
-    resume = command(Command.DO_PAUSE_CONTINUE, 1.0, request_id=6)
+    resume = command(Command.DO_PAUSE_CONTINUE, 1.0, request_id=4)
     assert robot.ask(resume, BOB) == Reason.NONE
-    assert robot.commands.driver == BOB
+    assert (robot.machine.mode, robot.commands.driver) == (states.GUIDED, BOB)
 
 
 def test_continue_without_goal_and_mission_is_refused() -> None:

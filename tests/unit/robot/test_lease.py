@@ -24,6 +24,7 @@ from protocol.wire.reasons import Reason
 from robot.core import states
 from robot.lease import IDLE_NS, LAPSE_NS, Lease
 from tests.support.each import each
+from tests.support.robot.mission.items import item, upload
 from tests.support.robot.vehicles import MS, Desk, goal
 
 ADA, ADAS_OTHER, ADAS_THIRD, BOB = "ada/1", "ada/2", "ada/3", "bob/0"
@@ -627,6 +628,46 @@ def test_who_resumes_after_the_program_that_began_it_is_the_driver() -> None:
     assert not lost(desk)
     pass_s(desk, 2.0, ADA)
     assert lost(desk)
+
+
+def held_by_ada() -> Desk:
+    """Return a robot without a lease whose goal Ada has begun and held; Bob is there, too."""
+    desk = Desk()
+    desk.arm()
+    beaten(desk, ADA, BOB)
+    assert reason(desk, *guided(ADA)) == Reason.NONE
+    assert reason(desk, command(Command.DO_PAUSE_CONTINUE), ADA) == Reason.NONE
+    return desk
+
+
+def test_another_person_who_resumes_is_the_driver() -> None:
+    desk = held_by_ada()
+    assert reason(desk, command(Command.DO_PAUSE_CONTINUE, 1.0), BOB) == Reason.NONE
+    assert (desk.vehicle.commands.driver, desk.vehicle.commands.drive_id) == (BOB, 4)
+    pass_s(desk, 2.0, BOB)
+    assert not lost(desk)
+    pass_s(desk, 2.0, ADA)
+    assert lost(desk)
+
+
+def test_another_person_without_a_heartbeat_resumes_nothing() -> None:
+    desk = held_by_ada()
+    pass_s(desk, 2.0, ADA)
+    assert reason(desk, command(Command.DO_PAUSE_CONTINUE, 1.0), BOB) == Reason.NO_OPERATOR
+    assert desk.vehicle.commands.driver == ADA
+    assert desk.vehicle.state.machine.mode == states.HOLD
+
+
+@each("resumer", [ADA, BOB])
+def test_jump_to_another_item_keeps_the_driver(resumer: str) -> None:
+    """A jump leads the mission on, of which the program that began it goes on to be asked."""
+    desk = Desk()
+    desk.arm()
+    upload(desk, [item(0, 3.0, 0.0), item(1, 6.0, 0.0)])
+    assert reason(desk, command(Command.MISSION_START), ADA) == Reason.NONE
+    jump = command(Command.DO_SET_MISSION_CURRENT, 1.0)
+    assert reason(desk, jump, resumer) == Reason.NONE
+    assert desk.vehicle.commands.driver == ADA
 
 
 def test_asking_to_continue_what_goes_on_changes_no_driver() -> None:
