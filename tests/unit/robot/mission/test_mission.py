@@ -9,7 +9,6 @@ from runtime.timing import UINT32
 from tests.support.each import each
 from tests.support.robot.mission.items import (
     circle,
-    estop,
     line,
     pause,
     ready,
@@ -213,12 +212,31 @@ def test_status_shows_the_progress() -> None:
     assert (Severity.INFO, "mission DONE (item 2 of 2)") in published
     start(desk)
     desk.step()
-    estop(desk)
+    desk.step(scan=None)
     desk.step()
     published = [
         (text.severity, text.text) for text in desk.vehicle.texts() if "FAILED" in text.text
     ]
     assert published[0][0] == Severity.ERROR
+
+
+@each(
+    ("command", "words"),
+    [
+        (Command.DO_FLIGHTTERMINATION, " by the emergency stop"),
+        (Command.COMPONENT_ARM_DISARM, ": disarmed by the operator"),
+        (Command.SIDESTEP_ABORT_GOAL, ": by the operator"),
+    ],
+)
+def test_mission_that_an_operator_stops_is_aborted(command: Command, words: str) -> None:
+    desk = ready(2)
+    start(desk)
+    desk.step()
+    desk.command(command)
+    desk.step()
+    assert f"mission aborted{words} (item 1 of 2)" in "".join(
+        text.text for text in desk.vehicle.texts()
+    )
 
 
 def test_mission_status_is_sent_twice_a_second_and_on_change() -> None:
