@@ -10,7 +10,7 @@ from collections.abc import Collection
 from typing import Any, Final, NamedTuple
 
 from ground.client.operations import Operation
-from ground.client.operations.leases import is_ours
+from ground.client.operations.lease_holder import is_ours
 from ground.client.requests import HeartbeatTimer
 from ground.client.results import Accepted, Refused
 from ground.gateway.dialect import mavlink

@@ -59,7 +59,8 @@ from ground.client.operations import (
 )
 from ground.client.operations.commands import STOP_S
 from ground.client.operations.goals import send_goal
-from ground.client.operations.leases import ask_lease, give_back, is_ours, operator_name
+from ground.client.operations.lease_holder import is_ours
+from ground.client.operations.leases import ask_lease, give_back, operator_name
 from ground.client.operations.teleop import TeleopSender, lost_control, set_mode, take_manual
 from ground.client.requests import ATTEMPTS, GaveUp, GoalEnd, GoalWatch, HeartbeatTimer
 from ground.client.results import Answer, Outcome, Refused

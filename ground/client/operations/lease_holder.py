@@ -3,6 +3,7 @@
 from typing import Final
 
 from ground.client.link import Link
+from protocol.topic import person_of
 from protocol.topics import LEASE
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason
@@ -16,12 +17,22 @@ def lease_status(link: Link) -> LeaseStatus | None:
     return link.newest(LEASE, PATIENCE_NS)
 
 
-def refusing_holder(link: Link, reason: int) -> str:
-    """Return the name of the lease holder if `reason` is that another one holds it, else ""."""
+def refusing_holder(link: Link, reason: int, known: LeaseStatus | None = None) -> str:
+    """Return the name of the lease holder if `reason` is that another one holds it, else "".
+
+    The lease may have passed to this person since, who then is not the other one.
+    """
     if reason != Reason.LEASE_HELD:
         return ""
-    found = lease_status(link)
-    return holder_name(found) if found is not None and found.held else ""
+    found = known if known is not None and known.held else lease_status(link)
+    if found is None or not found.held or is_ours(found, link.bus.operator):
+        return ""
+    return holder_name(found)
+
+
+def is_ours(lease: LeaseStatus, operator: str | None) -> bool:
+    """Return whether a lease is held by the person of this operator's identity."""
+    return bool(lease.held and operator) and person_of(lease.holder) == person_of(operator or "")
 
 
 def holder_name(lease: LeaseStatus) -> str:

@@ -13,11 +13,10 @@ from socket import gethostname
 from typing import ClassVar, Final
 
 from ground.client.link import Link
-from ground.client.operations.lease_holder import holder_name, lease_status
+from ground.client.operations.lease_holder import holder_name, is_ours, lease_status
 from ground.client.operations.session import Session
 from ground.client.requests import BEAT_NS, CommandExchange
 from ground.client.results import Answer, RefusedError, Success
-from protocol.topic import person_of
 from protocol.topics import LEASE_SERVICE
 from protocol.wire.enums import LeaseAction
 from protocol.wire.limits import MAX_LEASE_MS, MAX_OPERATOR_NAME_BYTES
@@ -171,11 +170,6 @@ def take(session: Session, action: LeaseAction, name: str | None = None) -> None
     answer = session.with_holder(ask_lease(session.link, action, operator_name(name)))
     if not answer.ok:
         raise RefusedError(answer.text)
-
-
-def is_ours(lease: LeaseStatus, operator: str | None) -> bool:
-    """Return whether a lease is held by the person of this operator's identity."""
-    return bool(lease.held and operator) and person_of(lease.holder) == person_of(operator or "")
 
 
 def keep(link: Link, name: str, for_s: float) -> Answer | None:

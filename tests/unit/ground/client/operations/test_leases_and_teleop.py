@@ -96,6 +96,16 @@ def test_refused_lease_names_its_holder() -> None:
     assert actions(stage) == [LeaseAction.TAKE]
 
 
+def test_person_who_has_the_lease_by_now_is_not_the_other_operator() -> None:
+    """Another program of the same person has seized it since the refusal."""
+    stage = Stage(Reason.LEASE_HELD)
+    holder = ScriptedBus.operator.replace("0a", "0b")
+    stage.bus.set_newest(LEASE, replace(lease_of("anna"), holder=holder))
+    outcome = ChangeLease(action=LeaseAction.RELEASE, name="anna").perform(stage.session)
+    assert isinstance(outcome, Refused)
+    assert (outcome.reason, outcome.holder) == (Reason.LEASE_HELD, "")
+
+
 def test_lease_goes_back_when_the_work_under_it_fails() -> None:
     stage = Stage(Reason.NONE, None)
     with pytest.raises(ZeroDivisionError), leased(stage.session):
