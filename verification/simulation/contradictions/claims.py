@@ -135,14 +135,29 @@ class Observer:
         if goal is None:
             return ""
         end = goal.end
-        is_known = end is not None and end.ns <= said.ns - SEEN_NS and goal.by is None
+        is_known = end is not None and goal.by is None and self._knows(said, end.ns)
         if is_known and end is not None and end.goal_state == GoalState.REACHED:
             return "the robot had reached it"
         if outcome == "replaced":
             return self._replaced(goal, reason)
         if goal.by is not None and end is not None and end.ns <= said.ns:
-            return f"it was replaced by «{asked_words(goal.by)}» of {goal.by.program}"
+            is_unheard = NO_ANSWER.search(reason) and self._could_not_hear(said, end.ns)
+            words = f"it was replaced by «{asked_words(goal.by)}» of {goal.by.program}"
+            return "" if is_unheard else words
         return self._cause(goal, outcome, reason)
+
+    def _knows(self, said: Said, since_ns: int) -> bool:
+        """Return whether its program had heard the robot since a time when it said this."""
+        heard_ns = said.ns - LATE_NS - self.truth.silent_ns(said.program, said.ns - LATE_NS)
+        return heard_ns > since_ns
+
+    def _could_not_hear(self, said: Said, of_ns: int) -> bool:
+        """Return whether its program had given a silent robot up, and what was so was in the gap.
+
+        What has ended a goal in a gap cannot be told from what is seen after it.
+        """
+        since_ns, until_ns = self.truth.gap_at(said.program, of_ns, said.ns)
+        return until_ns - since_ns >= SILENT_NS and said.ns - until_ns <= CLEANED_NS
 
     def _reached(self, goal: GoalTruth | None) -> str:
         if goal is None:

@@ -261,6 +261,13 @@ class Truth:
         times_ns = [*heard_ns[max(0, first - 1) : last], until_ns]
         return max(after - before for before, after in pairwise((times_ns[0], *times_ns)))
 
+    def gap_at(self, host: str, ns: int, now_ns: int) -> tuple[int, int]:
+        """Return when a host heard the last status before a time and the first one after it."""
+        heard_ns = self.heard_ns[host]
+        at = bisect_right(heard_ns, ns)
+        since_ns = heard_ns[at - 1] if at else 0
+        return since_ns, min(now_ns, heard_ns[at] if at < len(heard_ns) else now_ns)
+
     def person_of(self, operator: str) -> str:
         """Return the person of an operator on the bus, by the host that has the session."""
         return person_of(self.program_of(operator))
