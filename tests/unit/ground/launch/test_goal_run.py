@@ -320,6 +320,29 @@ def test_run_goes_on_after_an_operator_has_taken_the_robot_by_hand() -> None:
     assert stage.goal_run.is_over
 
 
+@each(
+    ("reason", "words", "vehicle"),
+    [
+        (Reason.BY_OPERATOR, "by the operator", Vehicle.ACTIVE),
+        (Reason.DISARMED, "disarmed by the operator", Vehicle.STANDBY),
+        (Reason.BY_EMERGENCY_STOP, "by the emergency stop", Vehicle.EMERGENCY_STOP),
+    ],
+)
+def test_goal_that_another_person_ends_ends_the_run(
+    reason: Reason, words: str, vehicle: Vehicle
+) -> None:
+    """None of these needs the lease, so nobody may have it."""
+    stage = Stage.begun()
+    stage.bus.score_until_ns = []
+    ended_ns = stage.clock.now_ns()
+    stage.receive(GoalState.ABORTED, ended_ns=ended_ns, goal_reason=reason, vehicle=vehicle)
+    stage.wait(0.1)
+    outcome = stage.goal_run.outcome
+    assert outcome is not None
+    assert (outcome.outcome, outcome.reason, outcome.reached) == ("aborted", words, False)
+    assert stage.goal_run.is_over
+
+
 def test_reached_goal_ends_the_run_whoever_holds_the_lease() -> None:
     stage = Stage.begun()
     stage.bus.score_until_ns = []
