@@ -108,13 +108,40 @@ FALSE_ONCE: Final[dict[str, tuple[Deed, ...]]] = {
         (0.9, "up", UP, 29.7, 30.3),
         (1.02, "arm", FIRST),
     ),
+    "a goal is replaced in the tick of its acceptance": (
+        (0.3, "start", NOTEBOOK),
+        (1.341, "limited", NOTEBOOK, 36.0, 30.89, 3.0),
+        (1.388, "goto", SAME_PERSON, 31.41, 29.98),
+        (1.668, "goto", NOTEBOOK, 30.32, 30.77),
+    ),
+    "the goal of up is replaced in the tick of its acceptance": (
+        (0.3, "start", NOTEBOOK),
+        (0.875, "goto", NOTEBOOK, 29.74, 29.56),
+        (0.897, "up", UP, 30.31, 29.96),
+    ),
+    "the person has seized the lease since": (
+        (0.3, "start", NOTEBOOK),
+        (3.952, "take", NOTEBOOK),
+        (4.953, "release", OTHER),
+        (5.46, "seize", OTHER),
+    ),
+    "the robot is heard again while its goal is aborted": (
+        (0.3, "start", NOTEBOOK),
+        (2.97, "goto", NOTEBOOK, 31.01, 29.36),
+        (5.331, "cut", NOTEBOOK, 3000),
+    ),
+    "the goal is reached while nothing is heard": (
+        (0.3, "start", NOTEBOOK),
+        (8.318, "goto", NOTEBOOK, 30.08, 29.75),
+        (11.23, "cut", NOTEBOOK, 3000),
+    ),
 }
 """Words that the observer has found to be false, each by its fewest deeds."""
 
 
 @each("what", FALSE_ONCE)
 def test_words_that_were_false_are_true(what: str) -> None:
-    assert not contradictions_of(scenario(*FALSE_ONCE[what]))
+    assert not contradictions_of(scenario(*FALSE_ONCE[what], seconds=18))
 
 
 def test_truth_of_one_person_holds_no_contradiction() -> None:

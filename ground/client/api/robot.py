@@ -374,6 +374,7 @@ class Robot(Telemetry):
             end = await self._follow(watch)
             if end.abort:
                 await threads.finish(self._end(abort_of, goal_id))
+                end = watch.outrun(self.streams.latest) or end
             return self._ended(end, asked_ns)
 
         def abort_of(link: Link) -> CommandRequest:

@@ -170,9 +170,9 @@ class Observer:
         return "" if off_m <= ARRIVED_M else f"the robot stood {off_m:.2f} m from it"
 
     def _replaced(self, goal: GoalTruth, reason: str) -> str:
-        by = goal.by
-        if by is None:
+        if goal.by is None:
             return "no other goal had replaced it"
+        by = self.truth.driven_after(goal.by)
         if not isinstance(by.request, GoalRequest):
             return ""
         x_m, y_m = place_of(by.request)

@@ -315,6 +315,15 @@ class Truth:
                 return GoalTruth(asked, row, by)
         return GoalTruth(asked, None, None)
 
+    def driven_after(self, by: AnsweredRequest) -> AnsweredRequest:
+        """Return the first goal since this one that lasted to the end of a tick, if any did.
+
+        The robot has not driven to one that was replaced in its own tick.
+        """
+        while by.number not in self.shown_ns and (following := self._goal(by).by) is not None:
+            by = following
+        return by
+
     def drive_at(self, ns: int) -> AnsweredRequest | None:
         """Return the request that began the newest drive by hand."""
         return self._newest(ns, lambda one: one.begins_drive)
