@@ -134,8 +134,8 @@ class TruthOfBus(Truth):
         )
         self.shown(status)
         self.rows.append(row)
-        if before:
-            self._infer(before[0], row, status)
+        # The robot may have its first goal before the first status arrives here.
+        self._infer(before[0] if before else row._replace(goal_id=0), row, status)
         for deed in self._journal.deeds:
             self.heard_ns[deed.program].append(row.ns)
 
@@ -422,7 +422,7 @@ def beside_up(seed: int, seconds: float) -> tuple[tuple[Violation, ...], Journal
     with TemporaryDirectory(prefix="sidestep-") as folder, ExitStack() as ends:
         world = Path(folder) / "plain.toml"
         world.write_text(WORLD, encoding="utf-8")
-        os.environ["XDG_RUNTIME_DIR"] = folder
+        os.environ["XDG_STATE_HOME"] = folder  # no other run is here
         os.environ["SIDESTEP_PERSON"] = "ada"
         journal = Journal(WallTime())  # type: ignore[arg-type]  # only its time is asked
         port = free_port()
