@@ -207,7 +207,10 @@ class BusPort:
 
         def ask() -> Outcome:
             session = self._session()
-            return session.with_holder(ask_lease(session.link, action, name))
+            answer = ask_lease(session.link, action, name)
+            # To wait for the next lease status would hold up the requests behind this one.
+            known = self._telemetry.fresh(LEASE, self._link.bus.now_ns())
+            return session.with_holder(answer, known)
 
         takes = action is not LeaseAction.RELEASE
         self._request(ask, done, is_tried=not takes, expires=takes)

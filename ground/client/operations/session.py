@@ -12,6 +12,7 @@ from ground.client.results import Accepted, Answer
 from ground.text.status_parts import Part
 from protocol.topics import STATUS
 from protocol.wire.enums import Command, Vehicle
+from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason
 from runtime.units import NS_PER_S
 
@@ -77,11 +78,14 @@ class Session:
             for place in places:
                 floor.refuse_outside(*place, "; --anyway sends it nevertheless")
 
-    def with_holder(self, answer: Answer) -> Answer:
-        """Return an answer; a refusal for the lease gets the lease holder's name."""
+    def with_holder(self, answer: Answer, known: LeaseStatus | None = None) -> Answer:
+        """Return an answer; a refusal for the lease gets the lease holder's name.
+
+        `known` is a lease status that has just arrived; without one the next is waited for.
+        """
         if isinstance(answer, Accepted):
             return answer
-        return replace(answer, holder=refusing_holder(self.link, answer.reason))
+        return replace(answer, holder=refusing_holder(self.link, answer.reason, known))
 
     def ask_until_accepted(
         self, request: Callable[[], R], *, beats: bool, arms: bool = True

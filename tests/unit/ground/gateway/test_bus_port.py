@@ -21,12 +21,14 @@ from ground.gateway.bus_port import (
 )
 from ground.gateway.port import NO_TELEMETRY, OVERTAKEN, Answered
 from protocol.bus.network import Network
-from protocol.topics import COMMAND, CYCLE, LEASE_SERVICE, STATUS, STOP
+from protocol.topics import COMMAND, CYCLE, LEASE, LEASE_SERVICE, STATUS, STOP
 from protocol.wire.enums import AckResult, Command, LeaseAction, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest
+from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
 from tests.support.gateway.telemetry import cycle, status
+from tests.support.ground.client import ack, lease_of
 from tests.support.played_bus import PlayedBus
 from tests.support.until import PATIENCE_S, until
 
@@ -98,6 +100,16 @@ def test_silent_robot_refuses_at_once_but_is_asked_to_stop(room: Room) -> None:
     room.bus.say(STATUS, status())
     room.perform(Arm())
     assert room.wait(7)[6] == ""
+
+
+def test_refused_lease_names_the_holder_at_once(room: Room) -> None:
+    """The telemetry of the port has it: no request waits for the next lease status."""
+    room.bus.answers[LEASE_SERVICE.path] = lambda request: ack(request, Reason.LEASE_HELD)
+    room.bus.say(STATUS, status())
+    room.bus.say(LEASE, lease_of("ada"))
+    room.port.change_lease(LeaseAction.TAKE, "MAVLink 255", room.answers.append)
+    room.wait(1)
+    assert room.answers[0].text == "refused: another operator commands the robot: ada"
 
 
 def test_requests_that_wait_are_limited(room: Room) -> None:
