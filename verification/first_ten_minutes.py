@@ -1,8 +1,9 @@
 """Drive the real app in tmux by keys alone, as a new user does, and check each screen.
 
-`python -m verification.first_ten_minutes [--screens DIR]` goes from `sidestep tutorial` to a goal
-of its own, a mission, a stop and its clearing. Every key that it presses stands on the screen
-before. With `--screens`, it keeps each screen as a text file.
+`python -m verification.first_ten_minutes [--screens DIR] [--speed F]` goes from `sidestep tutorial`
+to a goal of its own, a mission, a stop and its clearing. Every key that it presses stands on the
+screen before. With `--screens`, it keeps each screen as a text file; with `--speed`, the robot
+drives faster than in real time.
 """
 
 import argparse
@@ -96,12 +97,15 @@ def main(arguments: Sequence[str]) -> int:
     """Run the walk; return 0 when every screen has shown what it must."""
     parser = argparse.ArgumentParser(prog="first_ten_minutes")
     parser.add_argument("--screens", type=Path, metavar="DIR", help="keep the screens here")
-    screens: Path | None = parser.parse_args(arguments).screens
+    parser.add_argument("--speed", type=float, default=1.0, metavar="F", help="of the drives (1)")
+    options = parser.parse_args(arguments)
+    screens: Path | None = options.screens
     if screens is not None:
         screens.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         state = f"XDG_STATE_HOME={folder} XDG_CONFIG_HOME={folder} PYTHONPATH={ROOT}"
-        command = f"env -u COLUMNS -u LINES {state} {sys.executable} -m sidestep tutorial"
+        words = f"-m sidestep tutorial --speed {options.speed:g}"
+        command = f"env -u COLUMNS -u LINES {state} {sys.executable} {words}"
         window = Window(Path(folder), command)
         try:
             walk(window, screens)

@@ -21,7 +21,7 @@ Case = Callable[[Robot, Robot], Awaitable[sidestep.GoalEnded | sidestep.DriveEnd
 HERE = (1.0, 1.0, 0.0)
 FAR_M = 2.0
 NEAR_S = 0.08
-ROUNDS = {"brief": 3, "usual": 10, "long": 100}
+ROUNDS = {"brief": 3, "usual": 5, "long": 100}
 
 
 @pytest.fixture
@@ -126,7 +126,7 @@ async def goal_after_a_drive(robot: Robot, _: Robot) -> sidestep.GoalEnded:
 async def drive_after_a_drive(robot: Robot, _: Robot) -> sidestep.DriveEnded:
     old = await driving(robot)
     old.cancel()
-    new = await robot.drive(0.1, 0.0, for_s=1.0)
+    new = await robot.drive(0.1, 0.0, for_s=0.5)
     await ended(old)
     assert isinstance(new, sidestep.DriveEnded), new
     return new

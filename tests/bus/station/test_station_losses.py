@@ -79,15 +79,20 @@ def test_a_plant_that_stops_leaves_the_robot_without_senses() -> None:
 def test_another_operators_lease_is_a_loss_until_it_is_given_back() -> None:
     with Lively() as stack, stack.going(), watching(stack) as seen:
         seen.until_ready()
-        take = LeaseRequest(request_id=1, action=LeaseAction.TAKE, name="ben")
-        answer = stack.ground.ask(LEASE_SERVICE, take, PATIENCE_S)
-        assert isinstance(answer, CommandAck)
-        assert answer.result == AckResult.ACCEPTED
+        asked(stack, LeaseAction.TAKE)
         seen.until_lost(LossKind.OTHER_OPERATOR)
         assert seen.station.lease.name == "ben"
-        seen.until(lambda: not seen.station.lease.held)  # without heartbeats the lease lapses
+        asked(stack, LeaseAction.RELEASE)
         seen.until_ready()
         assert seen.kinds() == ["OTHER OPERATOR"]
+
+
+def asked(stack: Lively, action: LeaseAction) -> None:
+    """Let another operator take the lease or give it back."""
+    request = LeaseRequest(request_id=action + 1, action=action, name="ben")
+    answer = stack.ground.ask(LEASE_SERVICE, request, PATIENCE_S)
+    assert isinstance(answer, CommandAck)
+    assert answer.result == AckResult.ACCEPTED
 
 
 def test_lost_router_is_reported_and_reconnected() -> None:

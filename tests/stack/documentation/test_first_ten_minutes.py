@@ -14,7 +14,7 @@ pytestmark = [
 
 
 def test_every_step_shows_what_it_must(tmp_path: Path) -> None:
-    assert main(["--screens", str(tmp_path)]) == 0
+    assert main(["--screens", str(tmp_path), "--speed", "3"]) == 0
     screens = sorted(tmp_path.iterdir())
     assert len(screens) == len(STEPS)
     assert "E-STOP" in screens[0].read_text()
