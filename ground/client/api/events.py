@@ -8,6 +8,7 @@ from typing import Any, Final, Self, TypeAlias, TypeVar
 from ground.client.api.streams import QUEUE, Stream, TopicStreams
 from ground.client.operations.lease_holder import is_ours
 from ground.text.statustext import StatustextAssembler
+from protocol.outcome import mission_state
 from protocol.topics import DECISION, LEASE, MISSION, ODOMETRY, SONAR, STATUS, TEXT, Topic
 from protocol.wire.enums import GoalState, MissionState, Mode, Severity, Vehicle
 from protocol.wire.message import Message
@@ -68,11 +69,16 @@ class LeaseChanged:
 
 @dataclass(frozen=True, slots=True)
 class MissionChanged:
-    """The mission changed its state or its `item` (from 1; None without a mission)."""
+    """The mission changed its state or its `item` (from 1; None without a mission).
+
+    `words` tells the state with its reason, as in `taken over: driven by hand`. FAILED is every
+    early end, also one that an operator wanted; its words are `failed` only if nobody did.
+    """
 
     state: MissionState | int
     item: int | None
     count: int
+    words: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,8 +114,11 @@ class EventDetector:
             return self._changes([LeaseChanged(holder, name if message.held else "", ours)])
         if isinstance(message, MissionStatus):
             item = message.current + 1 if message.count else None
+            words = mission_state(message.state, message.reason).lower()
+            if message.reason:
+                words += f": {reason_text(message.reason)}"
             state = known(MissionState, message.state)
-            return self._changes([MissionChanged(state, item, message.count)])
+            return self._changes([MissionChanged(state, item, message.count, words)])
         text = self._texts.receive(message)
         if text and isinstance(message, Statustext):
             return [TextReceived(known(Severity, message.severity), text)]

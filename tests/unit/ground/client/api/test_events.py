@@ -18,6 +18,7 @@ from protocol.wire.enums import GoalState, MissionState, Mode, Severity, Vehicle
 from protocol.wire.messages import LeaseStatus, MissionStatus, Statustext
 from protocol.wire.reasons import Reason, reason_text
 from runtime.clock import ManualClock
+from tests.support.each import each
 from tests.support.ground.client import ScriptedBus, lease_of, status
 
 S = 1_000_000_000
@@ -68,9 +69,28 @@ def test_lease_mission_and_texts_are_events() -> None:
         time_ns=1, mission_id=1, hold_left_ms=0, count=3, current=1,
         state=MissionState.RUNNING, reason=Reason.NONE,
     )  # fmt: skip
-    assert detector.receive(running) == [MissionChanged(MissionState.RUNNING, 2, 3)]
+    assert detector.receive(running) == [MissionChanged(MissionState.RUNNING, 2, 3, "running")]
     text = Statustext(severity=Severity.WARNING, text="low", id=0, chunk_seq=0)
     assert detector.receive(text) == [TextReceived(Severity.WARNING, "low")]
+
+
+@each(
+    ("reason", "words"),
+    [
+        (Reason.BY_HAND, "taken over: driven by hand"),
+        (Reason.DISARMED, "aborted: disarmed by the operator"),
+        (Reason.BUMPER, "failed: bumper contact"),
+    ],
+)
+def test_end_of_a_mission_is_told_in_the_words_of_the_command_line(
+    reason: Reason, words: str
+) -> None:
+    ended = MissionStatus(
+        time_ns=1, mission_id=1, hold_left_ms=0, count=3, current=1,
+        state=MissionState.FAILED, reason=reason,
+    )  # fmt: skip
+    (event,) = EventDetector("").receive(ended)
+    assert event == MissionChanged(MissionState.FAILED, 2, 3, words)
 
 
 def test_stream_keeps_the_newest_and_counts_the_rest() -> None:
