@@ -9,6 +9,10 @@ PATIENCE_S: Final = 60.0
 """How long a condition may take on a busy machine. A test that passes does not wait for it."""
 
 POLL_S: Final = 0.003
+RARELY_S: Final = 0.02
+SHARE: Final = 0.05
+"""The pause grows with the wait, from POLL_S to RARELY_S: four tests that wait for processes would
+else use a tenth of a core."""
 
 
 def until(
@@ -24,7 +28,8 @@ def until(
     """
     started_s, pause = time.monotonic(), Event()
     while not condition():
-        if time.monotonic() - started_s > within_s:
+        waited_s = time.monotonic() - started_s
+        if waited_s > within_s:
             raise AssertionError(f"not within {within_s} s: {what() if callable(what) else what}")
-        pause.wait(poll_s)
+        pause.wait(max(poll_s, min(SHARE * waited_s, RARELY_S)))
     return time.monotonic() - started_s

@@ -4,6 +4,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from random import Random
 
+import pytest
+
 from ground.gateway.clients.client_link import NoFile
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.presence import LOST_NS, PATIENCE_NS, SILENCE_NS
@@ -87,10 +89,16 @@ def still_heard_s(station: Station) -> float:
 
 
 @each("answers", [True, False])
-def test_no_station_is_lost_in_an_hour_without_every_fifth_frame(answers: bool) -> None:
-    """Of one like QGroundControl, and of a script that sends only a heartbeat a second."""
+def test_no_station_is_lost_in_an_hour_without_every_fifth_frame(
+    answers: bool, pytestconfig: pytest.Config
+) -> None:
+    """Of one like QGroundControl, and of a script that sends only a heartbeat a second.
+
+    The brief form has a quarter of an hour.
+    """
+    seconds = 900 if pytestconfig.getoption("--examples") == "brief" else 3_600
     with station_in_control(answers=answers, loss=LOSS, seed=1) as station:
-        for _ in range(3_600):
+        for _ in range(seconds):
             station.run(1.0)
             assert station.control._presence is not None, "it has lost control"
         longest_s = (SILENCE_NS if answers else PATIENCE_NS) / 1e9
