@@ -68,7 +68,7 @@ ENDS_S: Final = 20.0
 JSON: Final = "--json"
 LAG_NS: Final = 1_200 * NS_PER_MS
 BEGIN_S, LAST_S = 2.0, 12.0
-"""The first deed is so long after the start, the last one so long before the end."""
+"""The first deed is so long after the lease is taken, the last one so long before the end."""
 
 STATION: Final = next(iter(CLIENTS))
 
@@ -441,6 +441,8 @@ def beside_up(seed: int, seconds: float) -> tuple[tuple[Violation, ...], Journal
         programs[STATION] = RealStation(STATION, journal, port)
         for program in programs.values():
             ends.callback(program.close)
+        programs[TERMINALS[0]].do("take", ())  # `up` goes on while an operator has the lease
+        until(lambda: bool(truth.rows[-1].holder) or up.poll() is not None, "the lease is taken")
         began_s = time.monotonic()
         for at_s, name, verb, arguments in deeds_of(seed, seconds):
             wait_until(began_s + at_s)
@@ -466,8 +468,7 @@ def deeds_of(seed: int, seconds: float) -> Iterator[tuple[float, str, str, Argum
         NOTEBOOK: CELLS,
         STATION: tuple(row for row in SENT_BY_STATIONS if row[1](Random(0))[0] in SENT),
     }
-    yield BEGIN_S, TERMINALS[0], "take", ()  # `up` goes on while an operator has the lease
-    at_s = 2.0 * BEGIN_S
+    at_s = BEGIN_S
     while at_s < seconds - LAST_S:
         name = random.choice(tuple(tables))
         verb, *arguments = draw(random, tables[name])
