@@ -94,7 +94,10 @@ def brief_files() -> list[str]:
 
 
 def brief_phases(extra: Sequence[str]) -> list[Phase]:
-    """Return the phases of `make test`; `extra` are options for each call of pytest."""
+    """Return the phases of `make test`; `extra` are options for each call of pytest.
+
+    It is one phase: mypy, which uses one core, runs beside tests, which use any.
+    """
     lint_imports = str(Path(sys.executable).with_name("lint-imports"))
     # Its cache is checked by content, so that a new clone of known sources is checked in a second.
     types = (*PYTHON, "mypy", "--strict", "--cache-dir", str(built.cache() / "mypy"))
@@ -102,16 +105,18 @@ def brief_phases(extra: Sequence[str]) -> list[Phase]:
     checked = (*cores(1), *EXAMPLES, "-p", "verification.brief", *extra, *brief_files())
     return [
         [
-            [Step("types", types, 15)],
+            [
+                Step("types", types, 30),
+                tests("processes", "stack and brief", ("-n", "2", *extra, *BRIEF_PROCESSES), 12),
+            ],
             [
                 Step("format", (*PYTHON, "ruff", "format", "--check", "."), 1),
                 Step("lint", (*PYTHON, "ruff", "check", "."), 1),
                 Step("import contracts", (lint_imports,), 3),
                 Step("branch coverage", (*PYTHON, "verification.branch_coverage"), 8),
-                tests("processes", "stack and brief", ("-n", "2", *extra, *BRIEF_PROCESSES), 10),
+                tests("brief tests", ELSEWHERE, checked, 70),
             ],
         ],
-        [[tests("brief tests", ELSEWHERE, checked, 60)]],
     ]
 
 
