@@ -183,8 +183,8 @@ def test_goal_that_had_ended_unheard_ends_as_it_did(
 
     def heard_again(_number: int) -> None:
         if kinds(stage)[-1] == "SIDESTEP_ABORT_GOAL":
-            found = {"goal": goal, "goal_reason": reason, "goal_id": goal_id(stage)}
-            stage.bus.set_newest(STATUS, status(time_ns=9, **found))
+            shown = status(time_ns=9, goal=goal, goal_reason=reason, goal_id=goal_id(stage))
+            stage.bus.set_newest(STATUS, shown)
 
     stage.bus.on_ask = heard_again
     ended = Goto(goal=GOAL).perform(stage.session)
