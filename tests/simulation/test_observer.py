@@ -121,3 +121,16 @@ def test_own_mission_that_is_over_is_no_cause_to_end_anothers(waits: bool) -> No
     (found,) = story.uncaused()
     assert found.startswith(ADA)
     assert "nobody has asked for that" in found
+
+
+def test_drive_that_begins_in_the_same_tick_was_not_ended() -> None:
+    story = Story()
+    first = story.journal.begin(ADA, "drive", (0.2, 0.0))
+    story.accepts(ADA, *BY_HAND, mode=Mode.MANUAL)
+    story.journal.cancel(first)
+    story.accepts(ADA, Command.DO_SET_MODE, 1.0, Mode.HOLD, mode=Mode.HOLD)
+    ns = story.scheduler.now_ns
+    story.accepts(BEA, *BY_HAND, mode=Mode.MANUAL)
+    newest = story.truth.answered.pop()
+    story.truth.answered.append(newest._replace(ns=ns))
+    assert story.uncaused() == []

@@ -450,9 +450,9 @@ class Observer:
                     return True
             begun = None
             if before.mission_state in UNDER_WAY and deed.verb == "mission":
-                begun = self.truth.mission_at(one.ns)
+                begun = self.truth.mission_before(one)
             elif before.mode == Mode.MANUAL and deed.verb == "drive":
-                begun = self.truth.drive_at(one.ns)
+                begun = self.truth.drive_before(one)
             if begun is not None and begun.program == deed.program:
                 return True
         return False

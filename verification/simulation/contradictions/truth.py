@@ -326,14 +326,19 @@ class Truth:
 
     def drive_at(self, ns: int) -> AnsweredRequest | None:
         """Return the request that began the newest drive by hand."""
-        return self._newest(ns, lambda one: one.begins_drive)
+        return self._newest(lambda one: one.begins_drive and one.ns <= ns)
 
-    def mission_at(self, ns: int) -> AnsweredRequest | None:
-        """Return the request that began the newest mission."""
-        return self._newest(ns, lambda one: one.ok and one.is_command(Command.MISSION_START))
+    def drive_before(self, ended: AnsweredRequest) -> AnsweredRequest | None:
+        """Return the request that began the drive by hand which another request has ended."""
+        return self._newest(lambda one: one.begins_drive and one.at < ended.at)
 
-    def _newest(self, ns: int, wanted: Callable[[AnsweredRequest], bool]) -> AnsweredRequest | None:
-        return next((one for one in reversed(self.answered) if one.ns <= ns and wanted(one)), None)
+    def mission_before(self, ended: AnsweredRequest) -> AnsweredRequest | None:
+        """Return the request that began the mission which another request has ended."""
+        start = Command.MISSION_START
+        return self._newest(lambda one: one.ok and one.is_command(start) and one.at < ended.at)
+
+    def _newest(self, wanted: Callable[[AnsweredRequest], bool]) -> AnsweredRequest | None:
+        return next(filter(wanted, reversed(self.answered)), None)
 
 
 class ListeningNetwork(SimulatedNetwork):
