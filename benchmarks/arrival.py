@@ -11,7 +11,7 @@ from math import cos, degrees, hypot, pi, remainder, sin
 from random import Random
 from typing import Final
 
-from plant.model.noise import LEVELS
+from plant.model.configuration import LEVELS
 from plant.model.types import GoalPose, Start, World
 from plant.sim.simulation import Plant
 from robot.core import states

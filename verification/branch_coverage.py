@@ -22,7 +22,7 @@ KERNEL: Final = (
     "robot/core/modes.py",
     "robot/core/machine.py",
     "robot/lease.py",
-    "plant/process/command_gate.py",
+    "plant/process/robot_link.py",
     "plant/process/robot_link.py",
     "protocol/bus/mailbox.py",
     "protocol/wire/codec.py",

@@ -18,9 +18,9 @@ from xml.etree import ElementTree
 
 import msgspec
 
-from plant.imports.anyone import CELL_M, ImportOptions, import_worlds
+from plant.imports.importer import CELL_M, ImportOptions, import_worlds
+from plant.model.configuration import LEVELS
 from plant.model.errors import Problem, WorldError
-from plant.model.noise import LEVELS
 from plant.model.types import World
 from protocol.outcome import LOST, UNREACHABLE
 from robot.core.parameters import DEFAULTS

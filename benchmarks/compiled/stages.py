@@ -13,15 +13,13 @@ from time import thread_time_ns
 from typing import Any, NamedTuple
 
 from plant.model.configuration import body_of, noise_of
-from plant.model.scene import Pose, still
+from plant.model.geometry import Pose, still
 from plant.model.types import World
 from plant.sim.active_faults import NO_TROUBLE
 from plant.sim.drive import Drive
 from plant.sim.physics import Arena
-from plant.sim.score import Score
-from plant.sim.sensing.raycast import Caster
-from plant.sim.sensing.sonar import Ring
-from plant.sim.simulation import SUBSTEP_S, Plant
+from plant.sim.simulation import SUBSTEP_S, Plant, Score
+from plant.sim.sonar import Caster, Ring
 from plant.world.file import load
 from robot.core import brain
 from robot.core.values import Outputs

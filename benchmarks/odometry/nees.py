@@ -12,7 +12,7 @@ from functools import partial
 from os import cpu_count
 
 from benchmarks.odometry.consistency import KINDS, Array, Consistency, consistency_of, drive
-from plant.model.noise import LEVELS
+from plant.model.configuration import LEVELS
 from verification.harness.figures import Figure, Report
 
 DRIVES = 400

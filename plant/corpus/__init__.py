@@ -1,6 +1,6 @@
 """Generated worlds: family, index and seed determine a world."""
 
-from plant.corpus.adversarial.families import ADVERSARIAL_FAMILIES
+from plant.corpus.generate import ADVERSARIAL_FAMILIES
 from plant.corpus.generate import (
     CROWD_FAMILIES,
     EVERY_FAMILY,

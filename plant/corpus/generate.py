@@ -2,6 +2,11 @@
 
 If the goal is reachable, a robot with a radius larger by MARGIN_M can reach it, too, so no passage
 is extremely tight. If the goal is unreachable, it is so for the normal robot.
+
+The adversarial families by name, and the world of one vector of parameters.
+
+A robot MARGIN_M larger reaches a reachable goal, too, and one MARGIN_M smaller does not reach an
+unreachable goal. No failure can then be an artefact of the computed shortest path.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -9,18 +14,121 @@ from dataclasses import replace
 from math import radians
 from typing import Final, TypeAlias
 
-from plant.corpus import buildings, crowds, forests, shapes, shut, thin, traps
-from plant.corpus.adversarial.families import ADVERSARIAL_FAMILIES, adversarial_world
-from plant.corpus.draft import Draft, Family, standing_room
-from plant.corpus.grids import CELL_M, MAPS
-from plant.imports.grid_world import grid_world
-from plant.imports.made import ImportedWorld, with_way
+from plant.corpus import adversarial, buildings, shapes, traps
+from plant.corpus import shapes as crowds
+from plant.corpus import shapes as forests
+from plant.corpus import traps as shut
+from plant.corpus import traps as thin
+from plant.corpus.buildings import CELL_M, MAPS
+from plant.corpus.draft import Adversary, Axis, Draft, Family, Values, standing_room
+from plant.imports.importer import ImportedWorld, grid_world, with_way
 from plant.imports.moving_ai import parse_map
-from plant.model.body import Body
+from plant.model.configuration import Body, body_of
 from plant.model.draws import Draws
-from plant.model.errors import WorldError
-from plant.model.types import GoalPose, Start, World
-from plant.placement.shortest_path import shortest_path_m
+from plant.model.errors import Report, WorldError
+from plant.model.geometry import distance_m
+from plant.model.types import GoalPose, Settings, Start, World
+from plant.placement import Floor, check_places
+from plant.shortest_path import shortest_path_m
+
+ADVERSARIAL_MARGIN_M: Final = 0.005
+
+ADVERSARIES: Final[Mapping[str, Adversary]] = {
+    "three_walls": adversarial.THREE_WALLS,
+    "wedge": adversarial.WEDGE,
+    "symmetric_trap": adversarial.SYMMETRIC_TRAP,
+    "tight_door": adversarial.TIGHT_DOOR,
+    "nested_rings": adversarial.NESTED_RINGS,
+    "nested_boxes": adversarial.NESTED_BOXES,
+    "double_spiral": adversarial.DOUBLE_SPIRAL,
+    "interlocking_spirals": adversarial.INTERLOCKING_SPIRALS,
+    "island_room": adversarial.ISLAND_ROOM,
+    "comb": adversarial.COMB,
+    "hairpin": adversarial.HAIRPIN,
+    "long_detour": adversarial.LONG_DETOUR,
+    "post_lattice": adversarial.POST_LATTICE,
+    "long_maze": adversarial.LONG_MAZE,
+}
+ADVERSARIAL_FAMILIES: Final = tuple(ADVERSARIES)
+"""Families made to fool a navigator; not part of the corpus itself."""
+
+
+def drawn(random: Draws, axes: tuple[Axis, ...]) -> dict[str, float]:
+    """Draw a value for each axis."""
+    return {axis.name: drawn_value(random, axis) for axis in axes}
+
+
+def drawn_value(random: Draws, axis: Axis) -> float:
+    """Draw a value of an axis, with four decimals."""
+    if axis.whole:
+        return float(random.randint(int(axis.low), int(axis.high)))
+    return round(random.uniform(axis.low, axis.high), 4)
+
+
+def world_of(
+    family: str, values: Values, name: str, seed: int, robot: Settings | None = None
+) -> World | None:
+    """Return the world of a vector of parameters; None if the values make no valid world.
+
+    None, too, if the shortest path is less of a detour than the family demands.
+    """
+    settings = dict(robot or {})
+    radius_m = float(settings.get("radius_m", Body().radius_m))
+    adversary = ADVERSARIES[family]
+    draft = adversary.make(values, radius_m)
+    if draft is None:
+        return None
+    start_rad = radians(round(values.get("heading_deg", 0.0), 1))
+    world = World(
+        name=name,
+        size_m=draft.size_m,
+        start=Start(x_m=draft.start[0], y_m=draft.start[1], heading_rad=start_rad),
+        goal=GoalPose(x_m=draft.goal[0], y_m=draft.goal[1], heading_tolerance_rad=radians(3.0)),
+        obstacles=draft.obstacles,
+        robot=settings,
+        family=family,
+        family_seed=seed,
+    )
+    found = measured(world)
+    if found is None or found.shortest_path_m is None:
+        return found
+    return (
+        found
+        if found.shortest_path_m >= adversary.detour * distance_m(draft.start, draft.goal)
+        else None
+    )
+
+
+def measured(world: World) -> World | None:
+    """Return the world with its shortest path; None if larger or smaller robots fare otherwise.
+
+    None, too, if a robot MARGIN_M larger has no room at start or goal.
+    """
+    radius_m = body_of(world).radius_m
+    if not _has_room(world, radius_m + ADVERSARIAL_MARGIN_M):
+        return None
+    length_m = shortest_path_m(world)
+    reachable = length_m is not None
+    other_m = radius_m + (ADVERSARIAL_MARGIN_M if reachable else -ADVERSARIAL_MARGIN_M)
+    other = replace(world, robot={**world.robot, "radius_m": other_m})
+    if (shortest_path_m(other) is not None) != reachable:
+        return None
+    rounded_m = None if length_m is None else round(length_m, 3)
+    return replace(world, shortest_path_m=rounded_m, reachable=reachable)
+
+
+def _has_room(world: World, radius_m: float) -> bool:
+    """Return whether a robot of this radius has room at start and goal."""
+    report = Report("", {})
+    floor = Floor(world.size_m, world.walls, radius_m, dict(enumerate(world.obstacles)))
+    check_places(report, floor, world.start, world.goal)
+    return not report.problems
+
+
+def adversarial_world(random: Draws, family: str, name: str, seed: int) -> World | None:
+    """Draw a world of an adversarial family; None if the values make no valid world."""
+    return world_of(family, drawn(random, ADVERSARIES[family].axes), name, seed)
+
 
 Maker: TypeAlias = Callable[[Draws, str, str, int], World | None]
 """Draws the world of a family with a name and a seed; None if the attempt failed."""

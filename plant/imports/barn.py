@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.imports.refusal import read_bytes, read_text, refuse
+from plant.model.errors import read_bytes, read_text, refuse
 from plant.model.types import Circle, Point
 
 NPY_MAGIC: Final = b"\x93NUMPY"

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from plant.imports.cells import Cells
-from plant.imports.refusal import read_text, refuse
+from plant.model.errors import read_text, refuse
 
 MAX_BYTES: Final = 32_000_000
 MAX_CELLS: Final = 4096

@@ -1,23 +1,33 @@
-"""Connect a plant to the bus and run it until it is stopped."""
+"""Connect a plant to the bus and run it until it is stopped.
 
+Command line of `sidestep run plant`.
+"""
+
+import argparse
 import signal
 import sys
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from math import inf, isfinite
 
-from plant.placement.shortest_path import known_length_m
-from plant.process.loop import Process, Wake, nothing
-from plant.process.requests import RequestQueue
+from plant.model.configuration import LEVELS, noise_of
+from plant.process.loop import Process, RequestQueue, Wake, nothing
 from plant.process.robot_link import RobotLink
+from plant.shortest_path import known_length_m
 from plant.sim.simulation import Plant
-from plant.world.to_json import as_json, run_json
+from plant.world.file import load
+from plant.world.writer import as_json, run_json
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.claim import claim
 from protocol.bus.network import Network
 from protocol.bus.presence import Presence
-from protocol.topics import RUN, WORLD, Role
+from protocol.options import add_network_options, network_of, whole
+from protocol.topics import RUN, WORLD, Role, robot_name
+from runtime import config
+from runtime.cli.parsers import new_parser
 from runtime.clock import WallClock
+from runtime.errors import UserError
 from runtime.watchdog import Watchdog
 
 
@@ -113,3 +123,75 @@ class RejectLog:
                 self._reported[path] = count
                 what = f"{count} rejected on {path}"
                 self._report(f"plant: {what}: find out which other process publishes there")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """Settings of `--config FILE`: robot and network."""
+
+    robot: str = "r1"
+    network: Network | None = None
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run the plant until it is stopped; return 0, or 2 for a bad world or wrong settings."""
+    arguments = parser().parse_args(list(argv))
+    settings = config.load_shared(arguments.config, Settings) if arguments.config else Settings()
+    network = network_of(arguments, settings.network, listens=False)
+    names = settings.robot if arguments.robots is None else arguments.robots
+    robots = [robot_name(name) for name in names.split(",")]
+    if len(set(robots)) < len(robots):
+        raise UserError(f"--robots {names}: each robot needs a name of its own")
+    return run(
+        plant_of(arguments, len(robots)),
+        network,
+        robots,
+        lockstep=arguments.lockstep,
+        speed=arguments.speed,
+        paused=arguments.paused,
+    )
+
+
+def plant_of(arguments: argparse.Namespace, robots: int) -> Plant:
+    """Return the plant of the command line; raise UserError for an unusable world."""
+    world = load(arguments.world)
+    try:
+        return Plant(world, arguments.seed, noise_of(world, arguments.noise), robots=robots)
+    except ValueError as error:
+        raise UserError(f"world {arguments.world}: {error}") from error
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of `sidestep run plant`."""
+    parser = new_parser("plant")
+    add_network_options(parser)
+    parser.add_argument(
+        "--world", metavar="W", default="box", help="a world's name or file (default box)"
+    )
+    parser.add_argument(
+        "--seed",
+        metavar="S",
+        type=whole(0),
+        default=0,
+        help="seed of all random numbers (default 0)",
+    )
+    parser.add_argument("--noise", metavar="LEVEL", choices=sorted(LEVELS), help=", ".join(LEVELS))
+    parser.add_argument("--robots", metavar="NAMES", help="as in r1,r2 (default r1)")
+    parser.add_argument("--lockstep", action="store_true", help="advance when all robots answered")
+    parser.add_argument(
+        "--speed",
+        metavar="F",
+        type=speed,
+        default=inf,
+        help="in lockstep, times real time (default max)",
+    )
+    parser.add_argument("--paused", action="store_true", help="wait for a START")
+    return parser
+
+
+def speed(text: str) -> float:
+    """Parse a factor above zero, or `max`."""
+    value = inf if text == "max" else float(text)
+    if not value > 0 or (not isfinite(value) and text != "max"):
+        raise argparse.ArgumentTypeError(f"{text!r}: a number above 0, or max")
+    return value

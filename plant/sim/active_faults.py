@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from math import isfinite
 from typing import Final, NamedTuple, TypeAlias
 
-from plant.model.faults import Fault
+from plant.model.configuration import Fault
 from runtime.units import NS_PER_S
 
 SONARS: Final = 8

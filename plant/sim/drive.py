@@ -6,8 +6,7 @@ with the true wheel diameters. This module has no access to sensors or the pose.
 
 from math import copysign, floor, sqrt
 
-from plant.model.body import INT32, Body
-from plant.model.noise import Noise
+from plant.model.configuration import INT32, Body, Noise
 from plant.sim.active_faults import NO_TROUBLE, ActiveFaults
 from plant.sim.seeds import gaussian_rows
 from runtime.elementary import exp

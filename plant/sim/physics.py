@@ -6,21 +6,168 @@ penetrates by less than a millimetre and never passes through.
 
 pymunk only answers one question: which surfaces are near a place? No number that it computes enters
 a trajectory, so the bits of a trajectory do not depend on its version. No other module uses pymunk.
+
+Contacts of robots with what they touch: sequential impulses, without bounce and friction.
+
+The method is that of Chipmunk and Box2D. It is written out here, in operations that are rounded in
+the same way on every machine, because a trajectory depends on it to the last bit; a compiled
+library depends on its compiler and on the processor.
+
+Distance to the static surfaces near a robot, computed in every tick.
+
+Between nearby positions most surfaces can neither become the nearest one nor be touched. The
+candidates are therefore cached while the robot stays near the position of the last search.
+
+Moving obstacles: back and forth along their waypoints, at constant speed, unstoppable.
 """
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from math import ceil, inf, sqrt
-from typing import Final, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 import pymunk
 
-from plant.model.geometry import edges
-from plant.model.scene import movers, moves
-from plant.model.types import Point, Polygon, Polyline, World
-from plant.sim.clearance import FURTHER_M, NEAR_M, Nearby, Surface, line
-from plant.sim.contacts import SLOP_M, Contact, Disc, solve
+from plant.model.geometry import distance_m, edges, movers, moves
+from plant.model.types import Circle, Point, Polygon, Polyline, World
 from runtime.elementary import hypot
+
+ITERATIONS: Final = 10
+SLOP_M: Final = 1e-4
+"""A contact keeps this overlap, so that it lasts."""
+
+
+class Disc:
+    """A robot or a moving obstacle: position, velocity, and the velocity that undoes an overlap.
+
+    Only a `free` one is moved by contacts.
+    """
+
+    __slots__ = ("free", "push_x_m_s", "push_y_m_s", "radius_m", "x_m", "x_m_s", "y_m", "y_m_s")
+
+    def __init__(self, x_m: float, y_m: float, radius_m: float, *, free: bool) -> None:
+        self.x_m, self.y_m, self.radius_m, self.free = x_m, y_m, radius_m, free
+        self.x_m_s = self.y_m_s = self.push_x_m_s = self.push_y_m_s = 0.0
+
+    def move(self, span_s: float) -> None:
+        """Move for a time; an overlap is undone once."""
+        self.x_m += (self.x_m_s + self.push_x_m_s) * span_s
+        self.y_m += (self.y_m_s + self.push_y_m_s) * span_s
+        self.push_x_m_s = self.push_y_m_s = 0.0
+
+
+class Contact:
+    """An overlap of a robot and another disc; x, y is the unit vector from the robot to it."""
+
+    __slots__ = ("_apart_m_s", "_impulse", "_push", "_share", "other", "robot", "x", "y")
+
+    def __init__(
+        self, robot: Disc, other: Disc, direction: tuple[float, float], apart_m_s: float
+    ) -> None:
+        """Create a contact; `apart_m_s` is the speed that undoes the overlap in one step."""
+        self.robot, self.other = robot, other
+        self.x, self.y = direction
+        self._apart_m_s = apart_m_s
+        self._share = 0.5 if other.free else 1.0
+        self._impulse = self._push = 0.0
+
+    def solve(self) -> None:
+        """Change both velocities so that the discs come no nearer and lose their overlap."""
+        robot, other, x, y = self.robot, self.other, self.x, self.y
+        closing_m_s = (robot.push_x_m_s - other.push_x_m_s) * x
+        closing_m_s += (robot.push_y_m_s - other.push_y_m_s) * y
+        push = max(0.0, self._push + (self._apart_m_s + closing_m_s) * self._share)
+        change, self._push = push - self._push, push
+        robot.push_x_m_s -= change * x
+        robot.push_y_m_s -= change * y
+        if other.free:
+            other.push_x_m_s += change * x
+            other.push_y_m_s += change * y
+        closing_m_s = (robot.x_m_s - other.x_m_s) * x + (robot.y_m_s - other.y_m_s) * y
+        impulse = max(0.0, self._impulse + closing_m_s * self._share)
+        change, self._impulse = impulse - self._impulse, impulse
+        robot.x_m_s -= change * x
+        robot.y_m_s -= change * y
+        if other.free:
+            other.x_m_s += change * x
+            other.y_m_s += change * y
+
+
+def solve(contacts: Sequence[Contact]) -> None:
+    """Solve all contacts of a step together."""
+    for _ in range(ITERATIONS):
+        for contact in contacts:
+            contact.solve()
+
+
+NEAR_M: Final = 0.15
+"""Radius around the position of a search in which its result is valid."""
+
+FURTHER_M: Final = 2.0 * NEAR_M
+"""Surfaces farther than the nearest one by more than this stay farther within NEAR_M."""
+
+
+class Surface(NamedTuple):
+    """The points at a distance from a line, which starts at x_m, y_m; a disc has no line.
+
+    `per_m2` is the inverse of the line's squared length, 0 without a line.
+    """
+
+    x_m: float
+    y_m: float
+    along_x_m: float
+    along_y_m: float
+    per_m2: float
+    radius_m: float
+
+    def offset_m(self, x_m: float, y_m: float) -> Point:
+        """Return the vector from a point to the nearest point of the line."""
+        start_x_m, start_y_m, along_x_m, along_y_m, per_m2, _ = self
+        off_x_m, off_y_m = start_x_m - x_m, start_y_m - y_m
+        share = -(off_x_m * along_x_m + off_y_m * along_y_m) * per_m2
+        if share > 1.0:
+            share = 1.0
+        elif not share > 0.0:
+            share = 0.0
+        return off_x_m + share * along_x_m, off_y_m + share * along_y_m
+
+
+def line(a: Point, b: Point, radius_m: float) -> Surface:
+    """Return the surface around the line from a to b, which may be equal."""
+    along_x_m, along_y_m = b[0] - a[0], b[1] - a[1]
+    square_m2 = along_x_m * along_x_m + along_y_m * along_y_m
+    return Surface(*a, along_x_m, along_y_m, 1.0 / square_m2 if square_m2 else 0.0, radius_m)
+
+
+class Nearby:
+    """The candidates for the nearest surface near a position, and the distance to them."""
+
+    __slots__ = ("_at", "surfaces")
+
+    def __init__(self) -> None:
+        self._at = (inf, inf)
+        self.surfaces: Sequence[Surface] = ()
+
+    def holds(self, at: Point) -> bool:
+        """Return whether the cache is valid for a position."""
+        off_x_m, off_y_m = at[0] - self._at[0], at[1] - self._at[1]
+        return off_x_m * off_x_m + off_y_m * off_y_m <= NEAR_M * NEAR_M
+
+    def remember(self, at: Point, surfaces: Sequence[Surface]) -> None:
+        """Store the surfaces that are at most FURTHER_M farther away than the nearest one."""
+        self._at, self.surfaces = at, surfaces
+
+    def distance_m(self, at: Point) -> float:
+        """Return the distance from a nearby point, below 0 inside; inf without a surface."""
+        x_m, y_m = at
+        nearest_m = inf
+        for surface in self.surfaces:
+            off_x_m, off_y_m = surface.offset_m(x_m, y_m)
+            away_m = sqrt(off_x_m * off_x_m + off_y_m * off_y_m) - surface.radius_m
+            if away_m < nearest_m:
+                nearest_m = away_m
+        return nearest_m
+
 
 CLEARANCE_LIMIT_M: Final = 3.0
 """Largest clearance that is measured."""
@@ -187,3 +334,26 @@ def _outer_walls(world: World) -> list[Surface]:
     right, top = world.size_m[0] + out, world.size_m[1] + out
     corners: tuple[Point, ...] = ((-out, -out), (right, -out), (right, top), (-out, top))
     return [line(a, b, out) for a, b in edges(corners, closed=True)]
+
+
+class Mover:
+    """One moving disc; its position is a closed function of time."""
+
+    def __init__(self, circle: Circle) -> None:
+        self.radius_m = circle.radius_m
+        self.speed_m_s = circle.speed_m_s
+        self._legs = list(pairwise(circle.path_m))
+        self._lengths_m = [distance_m(a, b) for a, b in self._legs]
+        self._ends_m = list(accumulate(self._lengths_m))
+
+    def position_m(self, time_s: float) -> Point:
+        """Return the position at a time."""
+        whole_m = self._ends_m[-1]
+        gone_m = (time_s * self.speed_m_s) % (2.0 * whole_m)
+        along_m = gone_m if gone_m <= whole_m else 2.0 * whole_m - gone_m
+        leg = next((i for i, end_m in enumerate(self._ends_m) if along_m <= end_m), -1)
+        (ax, ay), (bx, by) = self._legs[leg]
+        if self._lengths_m[leg] == 0.0:
+            return bx, by
+        share = 1.0 - (self._ends_m[leg] - along_m) / self._lengths_m[leg]
+        return ax + share * (bx - ax), ay + share * (by - ay)

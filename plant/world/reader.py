@@ -1,17 +1,306 @@
-"""Convert the tables of a world file to a `World`; checks of geometry are in other modules."""
+"""Convert the tables of a world file to a `World`; checks of geometry are in other modules.
 
-from math import isfinite, radians
-from typing import Final
+Read one [[obstacle]]: a polygon, a circle that may move, or a wall.
 
-from plant.model.body import Body
+Check the overrides of robot, noise and faults in a world file against their classes.
+
+Read the [corpus] table of a world file: facts known to its generator or importer.
+"""
+
+from collections.abc import Callable, Mapping, Set
+from dataclasses import MISSING, Field, fields, replace
+from math import degrees, inf, isfinite, radians
+from typing import Any, Final, NamedTuple
+
+from plant.model.configuration import LEVELS, USUAL_LEVEL, Body, Fault, Noise, _fields
 from plant.model.errors import Report
-from plant.model.types import GoalPose, Settings, Start, World, bad_name
-from plant.placement.clear_places import Floor, check_places
-from plant.world.corpus_table import check_length, read_corpus
-from plant.world.overrides import read_fault, read_noise, read_robot
-from plant.world.shapes import read_obstacle
-from plant.world.table import COORDINATE, Limits, Table, type_name
+from plant.model.geometry import TOUCHING_M, area_m2, crossing_edges, distance_m, folded_corner
+from plant.model.types import (
+    WALL_THICKNESS_M,
+    Circle,
+    GoalPose,
+    Obstacle,
+    Point,
+    Polygon,
+    Polyline,
+    Setting,
+    Settings,
+    Start,
+    World,
+    bad_name,
+)
+from plant.placement import Floor, check_places
+from plant.world.table import COORDINATE, HUGE, Limits, Table, type_name
 from runtime.toml_reader import Key
+
+SHAPES: Final = {
+    "polygon_m": "[[2.0, 1.0], [3.0, 1.0], [3.0, 2.0]]",
+    "circle_m": "{ x = 4.0, y = 3.0, radius = 0.25 }",
+    "wall_m": "[[0.0, 3.0], [2.0, 3.0]]",
+}
+MOTION: Final = {"path_m": "[[3.0, 0.5], [3.0, 3.5]]", "speed_m_s": "0.1"}
+OBSTACLE_EXAMPLES: Final = {**SHAPES, "thickness_m": "0.02", **MOTION}
+CIRCLE: Final = {"x": "4.0", "y": "3.0", "radius": "0.25"}
+RADIUS: Final = Limits(0.0, 50.0, "m", above_low=True)
+THICKNESS: Final = Limits(0.001, 5.0, "m")
+SPEED: Final = Limits(0.0, 2.0, "m/s", above_low=True)
+
+
+def read_obstacle(raw: object, at: Key, report: Report) -> Obstacle | None:
+    """Return the obstacle, or None after reporting its problems."""
+    table = Table(raw, at, OBSTACLE_EXAMPLES, report)
+    shapes = [shape for shape in SHAPES if table.asks_for(shape)]
+    if len(shapes) != 1:
+        found = " and ".join(shapes) if shapes else "none"
+        reason = f"expected one of {', '.join(SHAPES)}, found {found}"
+        if isinstance(raw, dict):
+            report.add(
+                at, reason, f"give each [[obstacle]] one shape, as circle_m = {SHAPES['circle_m']}"
+            )
+        return None
+    obstacle: Obstacle | None
+    if shapes == ["circle_m"]:
+        obstacle = _circle(table, at, report)
+    elif shapes == ["polygon_m"]:
+        obstacle = _polygon(table)
+    else:
+        obstacle = _wall(table)
+    _refuse_out_of_place(table, shapes[0])
+    return obstacle if table.sound else None
+
+
+def _refuse_out_of_place(table: Table, shape: str) -> None:
+    if shape != "wall_m" and "thickness_m" in table:
+        table.refuse("thickness_m", f"not a key of {shape}", "remove it, or make it a wall_m")
+    for key in MOTION:
+        if shape != "circle_m" and key in table:
+            table.refuse(key, f"{shape} cannot move", "remove it, or make it a circle_m")
+
+
+def _polygon(table: Table) -> Polygon:
+    points = table.points("polygon_m", fewest=3)
+    if points:
+        _check_simple(table, points)
+    return Polygon(points)
+
+
+def _check_simple(table: Table, points: tuple[Point, ...]) -> None:
+    if _repeats(table, "polygon_m", points, closed=True):
+        return
+    crossing = crossing_edges(points)
+    if crossing is not None:
+        first, second = (_edge_text(index, points) for index in crossing)
+        reason = f"the polygon crosses itself: edge {first} meets edge {second}"
+        table.refuse("polygon_m", reason, "order the points along the outline")
+    elif area_m2(points) <= TOUCHING_M:
+        table.refuse("polygon_m", "zero area", "move a point off the line, or make it a wall_m")
+    elif (corner := folded_corner(points)) is not None:
+        reason = f"the outline runs back on itself at point {corner + 1}"
+        table.refuse("polygon_m", reason, "remove that point")
+
+
+def _edge_text(index: int, points: tuple[Point, ...]) -> str:
+    end = (index + 1) % len(points)
+    (x1, y1), (x2, y2) = points[index], points[end]
+    return f"{index + 1}-{end + 1} ({x1:g}, {y1:g})-({x2:g}, {y2:g})"
+
+
+def _repeats(table: Table, key: str, points: tuple[Point, ...], closed: bool) -> bool:
+    """Report the first point that equals the one before it; return whether there is one."""
+    for index in range(0 if closed else 1, len(points)):
+        if distance_m(points[index], points[index - 1]) <= TOUCHING_M:
+            number, before = (index + 1, index) if index else (len(points), 1)
+            reason = f"point {number} is the same as point {before}"
+            table.refuse(key, reason, f"remove point {number}")
+            return True
+    return False
+
+
+def _wall(table: Table) -> Polyline:
+    points = table.points("wall_m", fewest=2)
+    _repeats(table, "wall_m", points, closed=False)
+    thickness_m = table.number("thickness_m", THICKNESS, default=WALL_THICKNESS_M)
+    return Polyline(points, thickness_m)
+
+
+def _circle(table: Table, at: Key, report: Report) -> Circle | None:
+    raw = table.required("circle_m")
+    if raw is None:
+        return None
+    disc = Table(raw, (*at, "circle_m"), CIRCLE, report)
+    x_m, y_m = disc.number("x", COORDINATE), disc.number("y", COORDINATE)
+    radius_m = disc.number("radius", RADIUS)
+    if not any(table.asks_for(key) for key in MOTION):
+        return Circle(x_m=x_m, y_m=y_m, radius_m=radius_m)
+    path_m = table.points("path_m", fewest=2)
+    speed_m_s = table.number("speed_m_s", SPEED)
+    if path_m and disc.sound:
+        _check_path(table, path_m, (x_m, y_m))
+    return Circle(x_m=x_m, y_m=y_m, radius_m=radius_m, path_m=path_m, speed_m_s=speed_m_s)
+
+
+def _check_path(table: Table, path_m: tuple[Point, ...], centre: Point) -> None:
+    _repeats(table, "path_m", path_m, closed=False)
+    if distance_m(path_m[0], centre) > TOUCHING_M:
+        x, y = centre
+        reason = f"the path does not start at the circle's centre ({x:g}, {y:g})"
+        table.refuse("path_m", reason, f"make [{x:g}, {y:g}] its first point")
+
+
+ANY_NUMBER: Final = Limits(-HUGE, HUGE)
+
+
+def read_robot(raw: object, at: Key, report: Report) -> Settings:
+    """Return the overrides of the robot, and report their problems."""
+    return _read(raw, at, report, Body, lambda settings: Body(**_fields(settings)))
+
+
+def read_noise(raw: object, at: Key, report: Report) -> Settings:
+    """Return the overrides of the noise, and report their problems."""
+
+    def build(settings: Settings) -> Noise:
+        """Build the noise to check its values."""
+        values = _fields(settings)
+        level = values.pop("level", USUAL_LEVEL)
+        if level not in LEVELS:
+            raise ValueError(f"level: no noise level {level!r}; there are {', '.join(LEVELS)}")
+        return replace(LEVELS[level], **values)
+
+    return _read(raw, at, report, Noise, build, {"level": '"default"'})
+
+
+def read_fault(raw: object, at: Key, report: Report) -> Settings:
+    """Return the fields of a fault, and report their problems."""
+    return _read(raw, at, report, Fault, lambda settings: Fault(**_fields(settings)))
+
+
+def _read(
+    raw: object,
+    at: Key,
+    report: Report,
+    kind: type,
+    build: Callable[[Settings], object],
+    more: Mapping[str, str] | None = None,
+) -> Settings:
+    """Return the table's settings by field name and in the field's unit; report problems."""
+    known = {_file_key(field.name): field for field in fields(kind)}
+    examples = {**(more or {}), **{key: _example(field) for key, field in known.items()}}
+    table = Table(raw, at, examples, report)
+    needed = {name for name, field in known.items() if field.default is MISSING}
+    settings: dict[str, Setting] = {}
+    for key in examples:
+        field = known.get(key)
+        if key in table or key in needed:
+            settings[field.name if field else key] = _value(table, key, field)
+    if table.sound:
+        _try(table, settings, needed, build)
+    return settings
+
+
+def _file_key(name: str) -> str:
+    """Return the key in the file, where angles are in degrees."""
+    return name.removesuffix("_rad") + "_deg" if name.endswith("_rad") else name
+
+
+def _example(field: "Field[Any]") -> str:
+    if field.default is MISSING:
+        return '"sonar_dead"'
+    if isinstance(field.default, str):
+        return '"3"'
+    if field.default == inf:
+        return "10.0"
+    return f"{degrees(field.default) if field.name.endswith('_rad') else field.default:g}"
+
+
+def _value(table: Table, key: str, field: "Field[Any] | None") -> Setting:
+    if field is None or field.type is str:
+        return table.text(key)
+    if field.type is int:
+        return table.whole_number(key, ANY_NUMBER)
+    value = table.number(key, ANY_NUMBER)
+    return radians(value) if field.name.endswith("_rad") else value
+
+
+def _try(
+    table: Table, settings: Settings, needed: Set[str], build: Callable[[Settings], object]
+) -> None:
+    """Build the object; report and drop refused settings until it succeeds."""
+    left = dict(settings)
+    while True:
+        try:
+            build(left)
+            return
+        except ValueError as refusal:
+            name, _, reason = str(refusal).partition(": ")
+            key = _file_key(name)
+            unit = " (in radians)" if key != name else ""
+            given = left.pop(name, None) is not None
+            if given:
+                table.refuse(key, reason + unit, f"write a value such as {table.example(key)}")
+            elif table.sound:
+                table.refuse(key, reason + unit, f"set {key} too, to fit {', '.join(left)}")
+            if not given or name in needed:
+                return
+
+
+CORPUS_EXAMPLES: Final = {
+    "family": '"u_trap"',
+    "seed": "1",
+    "shortest_path_m": "5.2",
+    "reachable": "true",
+}
+SEED: Final = Limits(0, 2**53)
+LENGTH: Final = Limits(0.0, 100_000.0, "m")
+MAX_FAMILY_LENGTH: Final = 64
+ROUNDED_M: Final = 0.001
+
+
+class Corpus(NamedTuple):
+    """Facts about a world; None if unknown. An unreachable goal has no shortest path."""
+
+    family: str | None = None
+    seed: int | None = None
+    shortest_path_m: float | None = None
+    reachable: bool | None = None
+
+
+UNKNOWN: Final = Corpus()
+
+
+def read_corpus(raw: object, at: Key, report: Report) -> Corpus:
+    """Return the contents of the table, and report its problems."""
+    table = Table(raw, at, CORPUS_EXAMPLES, report)
+    family = _family(table) if "family" in table else None
+    seed = table.whole_number("seed", SEED) if "seed" in table else None
+    length_m = table.number("shortest_path_m", LENGTH) if "shortest_path_m" in table else None
+    reachable = table.flag("reachable", default=True) if "reachable" in table else None
+    if length_m is not None and reachable is False:
+        fix = "remove it, or write reachable = true"
+        table.refuse("shortest_path_m", "an unreachable goal has no shortest path", fix)
+    return Corpus(family, seed, length_m, True if length_m is not None else reachable)
+
+
+def check_length(corpus: Corpus, start: Start, goal: GoalPose, report: Report) -> None:
+    """Report a shortest path that is shorter than the straight line."""
+    length_m = corpus.shortest_path_m
+    straight_m = distance_m((start.x_m, start.y_m), (goal.x_m, goal.y_m))
+    if length_m is not None and isfinite(length_m) and length_m < straight_m - ROUNDED_M:
+        reason = f"{length_m:g} m is shorter than the straight line of {straight_m:.3f} m"
+        fix = "remove it; it is then computed when needed"
+        report.add(("corpus", "shortest_path_m"), reason, fix)
+
+
+def _family(table: Table) -> str | None:
+    family = table.text("family")
+    if isinstance(table.raw["family"], str) and not _is_name(family):
+        reason = f"empty, unprintable or longer than {MAX_FAMILY_LENGTH} characters"
+        table.refuse("family", reason, f"write family = {CORPUS_EXAMPLES['family']}")
+    return family
+
+
+def _is_name(text: str) -> bool:
+    return bool(text.strip()) and text.isprintable() and len(text) <= MAX_FAMILY_LENGTH
+
 
 EXAMPLES: Final = {
     "name": '"my_world"',

@@ -215,7 +215,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             RUN,
             "the world: pymunk, sonars, wheels, noise",
             "run plant --world box --lockstep --speed 3",
-            "plant.cli.plant",
+            "plant.process.run",
         ),
         "robot": Verb(
             RUN,
@@ -366,7 +366,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             MORE,
             "list, check, show, generate and import world files",
             "worlds show u_trap",
-            "plant.cli.worlds",
+            "plant.cli",
             subcommands=subcommand_table.WORLDS,
         ),
         "config": Verb(

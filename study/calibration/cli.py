@@ -10,7 +10,7 @@ from pathlib import Path
 
 from numpy.linalg import LinAlgError
 
-from plant.model.noise import LEVELS
+from plant.model.configuration import LEVELS
 from protocol.options import add_param_option, whole
 from robot.core.parameters import DEFAULTS, Params
 from robot.parameters.table import OutOfRangeError, adjusted, with_values

@@ -5,7 +5,7 @@ from dataclasses import replace
 from math import cos, radians, sin
 from typing import Final
 
-from plant.model.noise import Noise
+from plant.model.configuration import Noise
 from plant.model.types import GoalPose, Start, World
 from plant.sim.simulation import Plant
 from protocol.wire.goal import wire_goal

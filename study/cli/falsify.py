@@ -12,8 +12,8 @@ from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Final
 
-from plant.corpus.adversarial.families import ADVERSARIAL_FAMILIES
-from plant.model.noise import LEVELS
+from plant.corpus.generate import ADVERSARIAL_FAMILIES
+from plant.model.configuration import LEVELS
 from protocol.options import above_zero, whole
 from runtime.cli.parsers import new_parser
 from runtime.errors import UserError

@@ -5,8 +5,8 @@ from os import cpu_count
 from pathlib import Path
 from typing import Final
 
-from plant.cli.make_worlds import PER_FAMILY
-from plant.model.noise import LEVELS
+from plant.cli import PER_FAMILY
+from plant.model.configuration import LEVELS
 from protocol.options import add_param_option, whole
 from runtime.cli.parsers import new_parser
 from study.cli.trial import seconds

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Final
 
-from plant.corpus.adversarial.families import ADVERSARIAL_FAMILIES
+from plant.corpus.generate import ADVERSARIAL_FAMILIES
 from plant.model.draws import Draws
 from study.falsify import space
 from study.falsify.evaluate import Subject, evaluate

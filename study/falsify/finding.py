@@ -11,7 +11,7 @@ from typing import Final
 
 from plant.model.types import World
 from plant.world.file import loads
-from plant.world.to_toml import dumps
+from plant.world.writer import dumps
 from runtime.errors import UserError
 from runtime.regular_file import text_in
 from runtime.toml_reader import MAX_BYTES

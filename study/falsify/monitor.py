@@ -4,11 +4,9 @@ from collections.abc import Iterator
 from math import inf, pi
 from typing import Any, Final
 
-from plant.model.geometry import edges
-from plant.model.movers import Mover
-from plant.model.scene import moves
+from plant.model.geometry import edges, moves
 from plant.model.types import Circle, Obstacle, Polygon, Polyline, World
-from plant.sim.clearance import Surface, line
+from plant.sim.physics import Mover, Surface, line
 from plant.sim.simulation import Plant
 from protocol.wire.messages import GroundTruth
 from robot.core import states

@@ -9,7 +9,7 @@ from dataclasses import replace
 from math import pi
 from typing import Final
 
-from plant.corpus.adversarial.families import measured
+from plant.corpus.generate import measured
 from plant.model.draws import Draws
 from plant.model.types import World
 from runtime.errors import UserError

@@ -11,12 +11,12 @@ from functools import partial
 from math import radians
 from typing import Final, TypeVar
 
-from plant.corpus.adversarial.axes import Axis
-from plant.corpus.adversarial.families import measured
+from plant.corpus.draft import Axis
+from plant.corpus.generate import measured
 from plant.model.errors import WorldError
 from plant.model.types import Circle, Obstacle, Point, Polyline, World
 from plant.world.file import loads
-from plant.world.to_toml import dumps
+from plant.world.writer import dumps
 from study.falsify import space
 from study.falsify.climb import SearchSettings, Violation
 from study.falsify.evaluate import evaluate

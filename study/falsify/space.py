@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 from math import pi
 from typing import Final
 
-from plant.corpus.adversarial.axes import Axis
-from plant.corpus.adversarial.families import ADVERSARIES, drawn, drawn_value, measured, world_of
+from plant.corpus.draft import Axis
+from plant.corpus.generate import ADVERSARIES, drawn, drawn_value, measured, world_of
+from plant.model.configuration import SONAR_TARGETS, WHEEL_TARGETS
 from plant.model.draws import Draws
-from plant.model.faults import SONAR_TARGETS, WHEEL_TARGETS
 from plant.model.geometry import clearance_m
 from plant.model.types import Circle, Settings, World
 from robot.core.values import SONARS

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from plant.corpus import CROWD_FAMILIES
-from plant.model.noise import LEVELS
+from plant.model.configuration import LEVELS
 from runtime.errors import UserError
 from study.people.comparison import Comparison
 from study.people.crowd_tables import contact_table, navigator_table

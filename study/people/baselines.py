@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plant.model.configuration import body_of
-from plant.model.geometry import clearance_m, distance_m
-from plant.model.scene import moves
+from plant.model.geometry import clearance_m, distance_m, moves
 from plant.model.types import Circle, Obstacle, Point, Polyline, World
-from plant.placement.shortest_path import path_length_m, shortest_path
+from plant.shortest_path import path_length_m, shortest_path
 from study.people.encounters import Exposure, gap_of
 from study.people.walkers import STEP_S, Walkers
 

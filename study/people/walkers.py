@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plant.model.configuration import body_of
-from plant.model.movers import Mover
-from plant.model.scene import movers
+from plant.model.geometry import movers
 from plant.model.types import Point, World
+from plant.sim.physics import Mover
 from runtime.timing import PERIOD_NS
 from runtime.units import NS_PER_S
 

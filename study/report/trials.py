@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from plant.model.noise import LEVELS
+from plant.model.configuration import LEVELS
 from protocol.outcome import UNREACHABLE
 from protocol.wire.reasons import Reason
 from runtime.errors import UserError

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from plant.model.configuration import body_of
 from plant.model.types import World
-from plant.placement.shortest_path import Array, blocked_by
+from plant.shortest_path import Array, blocked_by
 
 FINEST_M: Final = 0.02
 MAX_NODES: Final = 400_000

@@ -7,8 +7,7 @@ from hashlib import sha256
 from math import ceil
 from typing import Any, Final
 
-from plant.model.configuration import body_of
-from plant.model.noise import LEVELS
+from plant.model.configuration import LEVELS, body_of
 from plant.model.types import World
 from runtime.errors import UserError
 from study.runner.sources import ListedWorld, unknown

@@ -11,9 +11,9 @@ import plant.corpus
 from plant.corpus import EVERY_FAMILY, FAMILIES, generate
 from plant.model.errors import Problem, WorldError
 from plant.model.types import World
-from plant.placement.shortest_path import known_length_m
+from plant.shortest_path import known_length_m
 from plant.world.file import load, shipped
-from plant.world.to_toml import dumps
+from plant.world.writer import dumps
 from runtime.errors import UserError
 
 CORPUS: Final = "corpus"

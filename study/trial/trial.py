@@ -7,7 +7,7 @@ from time import perf_counter
 
 from plant.model.configuration import noise_of
 from plant.model.types import World
-from plant.placement.shortest_path import known_length_m
+from plant.shortest_path import known_length_m
 from plant.sim.simulation import Plant
 from protocol.doubt import doubt_m
 from protocol.outcome import Outcome, RunEnd, RunSettings, evaluated

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.odometry.consistency import KINDS, consistency_of, drive, error_of
-from plant.model.noise import LEVELS
+from plant.model.configuration import LEVELS
 from plant.model.types import Circle, GoalPose, Polygon, Setting, Start, World
 from plant.sim.simulation import Plant
 from robot.core.parameters import DEFAULTS

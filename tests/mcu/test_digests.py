@@ -16,13 +16,13 @@ from benchmarks.board.counted import counted
 from benchmarks.board.measure import build, report_of, summary
 from benchmarks.board.results import Build, excesses
 from plant.model.types import Start
-from plant.placement.relocate import elsewhere
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.wire.messages import BoardReport
 from robot.core.values import Outputs
 from robot.hosting.on_board import BoardCore
 from robot.mcu.board import Board
+from study.cli.trial import elsewhere
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import NAVIGATORS, USUAL_NAVIGATOR, Trial, run_trial
 

@@ -66,7 +66,7 @@ def test_the_modules_named_in_the_project_are_found() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     hooks = project["tool"]["hatch"]["build"]["targets"]["wheel"]["hooks"]
     sources = hatch_build.sources_in(ROOT, hooks["custom"]["modules"])
-    assert {"robot/core/brain.py", "plant/sim/sensing/raycast.py"} <= set(sources)
+    assert {"robot/core/brain.py", "plant/sim/sonar.py"} <= set(sources)
     assert not [name for name in sources if name.endswith("__init__.py")]
 
 

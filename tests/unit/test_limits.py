@@ -10,7 +10,7 @@ from ground.client.operations.commands import StopNow
 from ground.client.operations.teleop import TTL_MS
 from ground.client.parameter_rows import NAME, NAME_RULE
 from ground.map import ellipse
-from plant.process.command_gate import MAX_AGE_TICKS
+from plant.process.robot_link import MAX_AGE_TICKS
 from protocol.topics import DRIVE, OPERATOR, SONAR, STOP, TELEOP, WHEELS, Topic
 from protocol.wire.layout import LAYOUT
 from protocol.wire.limits import (

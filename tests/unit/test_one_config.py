@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-import plant.cli.plant
+import plant.process.run
 import robot.cli
 from ground.cli.main import parse
 from ground.cli.options import common_of
@@ -53,7 +53,7 @@ def plant_runs(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Network, list[str]
         runs.append((network, robots))
         return 0
 
-    monkeypatch.setattr(plant.cli.plant, "run", run)
+    monkeypatch.setattr(plant.process.run, "run", run)
     return runs
 
 
@@ -63,7 +63,7 @@ def test_each_program_reads_its_own_tables(
     plant_runs: list[tuple[Network, list[str]]],
 ) -> None:
     assert robot.cli.main(["--config", str(file)]) == 0
-    assert plant.cli.plant.main(["--config", str(file)]) == 0
+    assert plant.process.run.main(["--config", str(file)]) == 0
     ((vehicle, waiting, name),) = robot_runs
     ((dialling, robots),) = plant_runs
     common = common_of(parse(["hold", "--config", str(file)]))
@@ -81,7 +81,7 @@ def test_command_line_overrides_robot_names(
     plant_runs: list[tuple[Network, list[str]]],
 ) -> None:
     robot.cli.main(["--config", str(file), "--id", "r2"])
-    plant.cli.plant.main(["--config", str(file), "--robots", "r1,r2"])
+    plant.process.run.main(["--config", str(file), "--robots", "r1,r2"])
     assert robot_runs[0][2] == "r2"
     assert plant_runs[0][1] == ["r1", "r2"]
 
@@ -90,7 +90,7 @@ def test_command_line_overrides_robot_names(
 def test_each_refuses_a_misspelt_name(tmp_path: Path, text: str) -> None:
     path = tmp_path / "bad.toml"
     path.write_text(text)
-    for read in (robot.cli.main, plant.cli.plant.main):
+    for read in (robot.cli.main, plant.process.run.main):
         with pytest.raises(ConfigError, match="unknown key"):
             read(["--config", str(path)])
     with pytest.raises(ConfigError, match="unknown key"):

@@ -5,7 +5,7 @@ from math import atan2, cos, degrees, dist, hypot, inf, pi, radians, remainder, 
 import numpy as np
 import pytest
 
-from plant.placement.shortest_path import path_length_m, shortest_path
+from plant.shortest_path import path_length_m, shortest_path
 from plant.world.file import load
 from robot.core.geometry import BEARINGS
 from robot.core.navigators import vgm

@@ -45,11 +45,11 @@ NUMPY = {
 ALLOWED = {
     "plant/model/draws.py": {"import random"},  # only what Python promises; see the next test
     # sums of whole numbers
-    "plant/cli/worlds.py": {"sum()"},
+    "plant/cli.py": {"sum()"},
     "plant/imports/barn.py": {"sum()"},
-    "plant/imports/outlines.py": {"sum()"},
+    "plant/imports/cells.py": {"sum()"},
     "plant/sim/active_faults.py": {"sum()"},
-    "plant/world/text.py": {"sum()"},
+    "plant/world/writer.py": {"sum()"},
     "robot/core/budget.py": {"sum()"},
     "robot/process.py": {"sum()"},
     "study/oracle/grid_map.py": {".sum()"},
@@ -146,7 +146,7 @@ def test_only_the_promised_numbers_of_random_are_used() -> None:
 def test_files_of_the_closed_loop_are_found() -> None:
     names = {file.relative_to(ROOT).as_posix() for file in files()}
     assert {"robot/core/brain.py", "plant/sim/drive.py", "study/trial/trial.py"} <= names
-    assert {"plant/corpus/forests.py", "protocol/outcome.py", "runtime/elementary.py"} <= names
+    assert {"plant/corpus/shapes.py", "protocol/outcome.py", "runtime/elementary.py"} <= names
 
 
 @each(

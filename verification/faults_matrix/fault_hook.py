@@ -20,7 +20,7 @@ from typing import Any, Final
 import plant.process.run
 import robot.run
 from ground.launch.child_command import die_with_parent
-from plant.model.faults import Fault
+from plant.model.configuration import Fault
 from plant.process.loop import Process
 from protocol.bus.bus import Bus
 from protocol.bus.faults.link_faults import LinkFaults

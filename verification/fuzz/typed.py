@@ -15,7 +15,7 @@ from ground.console.parser import read
 from ground.grammar.fences import outlined
 from ground.web.access import WebAccess
 from ground.web.address import address_of, token_of
-from plant.cli.plant import parser as plant_parser
+from plant.process.run import parser as plant_parser
 from protocol.bus.network import Network
 from protocol.options import numbers_kept
 from protocol.topics import robot_name

@@ -11,7 +11,7 @@ from ground.client.parameter import parameters_in
 from ground.missions.wire import fence_of, waypoints_of
 from ground.station.world import parse_world
 from plant.world.file import load
-from plant.world.to_json import as_json
+from plant.world.writer import as_json
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.topics import ENCODING, TOPICS, operator_in
 from protocol.wire.codec import Encoder, decode

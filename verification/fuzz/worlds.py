@@ -8,10 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from plant.imports.anyone import ImportOptions, import_worlds
+from plant.imports.importer import ImportOptions, import_worlds
 from plant.world.file import SHIPPED_DIR, load, loads
-from plant.world.to_json import as_json
-from plant.world.to_toml import dumps
+from plant.world.writer import as_json, dumps
 from verification.fuzz.target import FuzzTarget
 from verification.fuzz.words import JSON_WORDS, TOML_WORDS, from_file, json_bombs, toml_bombs
 

@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from math import degrees, inf, radians
 from typing import Final, Self
 
-from plant.model.faults import Fault
+from plant.model.configuration import Fault
 from protocol.bus.bus import Bus
 from protocol.topics import COMMAND, CYCLE, DRIVE, Service
 from protocol.wire.enums import Command, GoalState, Mode

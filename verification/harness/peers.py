@@ -10,8 +10,7 @@ from uuid import uuid4
 from plant.model.configuration import noise_of
 from plant.model.types import World
 from plant.process.loop import Process as PlantProcess
-from plant.process.loop import Wake
-from plant.process.requests import RequestQueue
+from plant.process.loop import RequestQueue, Wake
 from plant.process.robot_link import RobotLink
 from plant.sim.simulation import Plant
 from plant.world.file import load

@@ -9,8 +9,8 @@ from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
 from plant.corpus import FAMILIES, GRID_FAMILIES, generate
+from plant.model.configuration import LEVELS
 from plant.model.draws import Draws
-from plant.model.noise import LEVELS
 from study.trial.trial import NAVIGATORS, SIDES, Trial, run_trial
 
 TIMEOUT_S: Final = 20.0

@@ -233,7 +233,7 @@ def _stop_waits_for_a_tick() -> Patches:
 
 def _old_ticks() -> Patches:
     """Take commands that answer a tick 3 x as old, and let them last as long as new ones."""
-    gate = import_module("plant.process.command_gate")
+    gate = import_module("plant.process.robot_link")
     move = gate.CommandGate._move
 
     def moved(self: Any, command: Any, tick: int) -> str:
@@ -246,8 +246,8 @@ def _old_ticks() -> Patches:
         return why
 
     return {
-        "plant.process.command_gate.WINDOW": 3 * gate.MAX_AGE_TICKS + 1,
-        "plant.process.command_gate.CommandGate._move": moved,
+        "plant.process.robot_link.WINDOW": 3 * gate.MAX_AGE_TICKS + 1,
+        "plant.process.robot_link.CommandGate._move": moved,
     }
 
 

@@ -14,9 +14,7 @@ from ground.app.input.default_keys import KEYS, Layer
 from ground.client.results import answer_row
 from ground.missions.mission import Circle, Home, Waypoint
 from plant.corpus.generate import EVERY_FAMILY
-from plant.model.body import Body
-from plant.model.faults import Fault
-from plant.model.noise import LEVELS, Noise
+from plant.model.configuration import LEVELS, Body, Fault, Noise
 from protocol.outcome import OUTCOMES, REPLACED, Outcome
 from protocol.wire.reasons import REASON_TEXTS, Reason
 from robot.parameters.table import SPECS

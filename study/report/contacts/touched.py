@@ -7,8 +7,8 @@ from math import hypot
 from typing import Final, NamedTuple
 
 from plant.model.geometry import clearance_m, distance_m, nearest_share
-from plant.model.movers import Mover
 from plant.model.types import Circle, Obstacle, Point, Polygon, Polyline, World
+from plant.sim.physics import Mover
 from study.report.contacts.recorder import MM_PER_M
 
 EDGE_M: Final = 0.03

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import degrees
 from typing import Final
 
-from plant.model.noise import LEVELS
+from plant.model.configuration import LEVELS
 from plant.world.file import load
 from study.report.charts.drives import DrivenTrial, drive_all
 from study.trial.trial import Trial

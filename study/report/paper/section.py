@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from plant.model.noise import LEVELS
+from plant.model.configuration import LEVELS
 from plant.world.file import load
 from study.report.charts.drives import DrivenTrial
 from study.report.charts.world_map import WorldMap

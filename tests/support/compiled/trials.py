@@ -12,7 +12,7 @@ from dataclasses import replace
 from itertools import cycle
 from pathlib import Path
 
-from plant.model.noise import LEVELS
+from plant.model.configuration import LEVELS
 from plant.world.file import load, loads
 from robot.core import brain
 from study.trial.behaviour import Behaviour

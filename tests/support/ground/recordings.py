@@ -10,7 +10,7 @@ from ground.recording.log_reader import LoggedFrame
 from ground.recording.tlog import record_bytes
 from plant.sim.simulation import Plant
 from plant.world.file import load
-from plant.world.to_json import as_json
+from plant.world.writer import as_json
 from protocol.outcome import Outcome
 from protocol.sender import COMPONENT
 from protocol.topics import COMMANDED, CYCLE, DECISION, ODOMETRY, STATUS, TRUTH, Topic

@@ -1,6 +1,6 @@
 """Wheel commands, and a gate that has been sent ticks, as the tests of both use them."""
 
-from plant.process.command_gate import CommandGate, WheelOutput
+from plant.process.robot_link import CommandGate, WheelOutput
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.messages import WheelCommand
 from runtime.timing import UINT32

@@ -1,6 +1,6 @@
 """Rooms to drive in, and the few moves that the tests of the plant share."""
 
-from plant.model.noise import LEVELS
+from plant.model.configuration import LEVELS
 from plant.model.types import GoalPose, Obstacle, Settings, Start, World
 from plant.sim.simulation import Plant
 

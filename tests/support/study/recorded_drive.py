@@ -7,7 +7,7 @@ from math import pi
 from pathlib import Path
 
 from ground.recording.mcap.writer import McapFormat
-from plant.model.noise import LEVELS
+from plant.model.configuration import LEVELS
 from plant.model.types import World
 from plant.sim.simulation import Plant
 from protocol.sender import sender_of

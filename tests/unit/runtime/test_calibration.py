@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from plant.model.noise import LEVELS
+from plant.model.configuration import LEVELS
 from robot.core.parameters import DEFAULTS
 from robot.parameters.table import SPECS, with_value
 from runtime import calibration

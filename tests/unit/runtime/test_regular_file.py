@@ -19,7 +19,7 @@ from ground.user.edit_settings import set_setting
 from ground.user.settings import load_settings
 from ground.vehicle_check.signing import read_key
 from ground.web.address import token_of
-from plant.imports.map_yaml import load_map_yaml
+from plant.imports.ros_map import load_map_yaml
 from plant.model.errors import WorldError
 from plant.world.file import load as load_world
 from protocol.bus.network import Tls

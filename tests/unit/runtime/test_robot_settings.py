@@ -2,7 +2,7 @@
 
 from dataclasses import fields
 
-from plant.model.body import Body
+from plant.model.configuration import Body
 from robot.core.parameters import DEFAULTS, Params
 from runtime.calibration import RENAMED, SAME, parameters_of
 

@@ -3,10 +3,9 @@
 from collections.abc import Callable
 from typing import Any, Final
 
-from plant.model.noise import Noise
+from plant.model.configuration import Noise
 from plant.model.types import GoalPose, Polygon, Start, World
-from plant.process.loop import Process, Wake
-from plant.process.requests import RequestQueue
+from plant.process.loop import Process, RequestQueue, Wake
 from plant.process.robot_link import RobotLink
 from plant.process.run import watch_robots
 from plant.sim.simulation import Plant

@@ -149,7 +149,7 @@ BLOCKS: Final = (
     "ground.station.reader",
     "robot.process",
     "robot.storage.writer",
-    "plant.process.requests",
+    "plant.process.loop",
     "plant.process.loop",
     "runtime.lockstep",
 )

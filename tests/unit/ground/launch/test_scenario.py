@@ -21,9 +21,9 @@ from ground.launch.scenario import (
     world_facts,
     world_query,
 )
-from plant.cli.worlds import main as worlds
+from plant.cli import main as worlds
 from plant.model.configuration import body_of
-from plant.placement.start_positions import starts
+from plant.placement import starts
 from plant.world.file import load
 from protocol.outcome import RunSettings
 from protocol.wire.goal import wire_goal

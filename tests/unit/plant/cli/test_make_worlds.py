@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from plant.cli.make_worlds import write
-from plant.cli.worlds import main
+from plant.cli import main, write
 from plant.corpus import FAMILIES, generate
 from plant.model.geometry import clearance_m
-from plant.placement.shortest_path import shortest_path_m
+from plant.shortest_path import shortest_path_m
 from plant.world.file import load
 from tests.support.plant.imports.files import MAP, P5, SCEN, YAML
 

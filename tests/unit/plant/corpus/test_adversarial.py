@@ -13,16 +13,15 @@ from plant.corpus import (
     GRID_FAMILIES,
     generate,
 )
-from plant.corpus.adversarial.axes import shifted
-from plant.corpus.adversarial.enclosures import cut_outline
-from plant.corpus.adversarial.families import ADVERSARIES, MARGIN_M, drawn, world_of
-from plant.corpus.adversarial.passages import nearest_first
-from plant.model.body import Body
+from plant.corpus.adversarial import cut_outline, nearest_first
+from plant.corpus.draft import shifted
+from plant.corpus.generate import ADVERSARIAL_MARGIN_M, ADVERSARIES, drawn, world_of
+from plant.model.configuration import Body
 from plant.model.draws import Draws
 from plant.model.types import Polyline, World
-from plant.placement.shortest_path import shortest_path_m
+from plant.shortest_path import shortest_path_m
 from plant.world.file import loads
-from plant.world.to_toml import dumps
+from plant.world.writer import dumps
 from tests.support.each import each
 
 SOME = 3
@@ -70,7 +69,7 @@ def test_generated_adversary_is_the_same_world_from_its_file(family: str) -> Non
 def test_reachability_holds_for_slightly_other_robots(family: str) -> None:
     radius_m = Body().radius_m
     for world in some(family):
-        other_m = radius_m + (MARGIN_M if world.reachable else -MARGIN_M)
+        other_m = radius_m + (ADVERSARIAL_MARGIN_M if world.reachable else -ADVERSARIAL_MARGIN_M)
         assert (length_for(world, other_m) is not None) == world.reachable
 
 
@@ -92,9 +91,13 @@ def test_passages_grow_with_the_robot(family: str) -> None:
 
 def test_mouth_within_the_margin_makes_no_world() -> None:
     values = {**MIDDLE["hairpin"], "outside": 1.0}
-    assert world_of("hairpin", {**values, "mouth_m": 2.4 * MARGIN_M}, "w", 1) is not None
-    assert world_of("hairpin", {**values, "mouth_m": 1.6 * MARGIN_M}, "w", 1) is None
-    assert world_of("hairpin", {**values, "mouth_m": -2.4 * MARGIN_M}, "w", 1) is not None
+    assert (
+        world_of("hairpin", {**values, "mouth_m": 2.4 * ADVERSARIAL_MARGIN_M}, "w", 1) is not None
+    )
+    assert world_of("hairpin", {**values, "mouth_m": 1.6 * ADVERSARIAL_MARGIN_M}, "w", 1) is None
+    assert (
+        world_of("hairpin", {**values, "mouth_m": -2.4 * ADVERSARIAL_MARGIN_M}, "w", 1) is not None
+    )
 
 
 @each("family", ADVERSARIAL_FAMILIES)

@@ -14,13 +14,12 @@ from plant import corpus as made
 from plant.corpus import CROWD_FAMILIES, FAMILIES, GRID_FAMILIES, generate
 from plant.corpus.draft import STANDING_M
 from plant.corpus.generate import MARGIN_M
-from plant.model.body import Body
-from plant.model.geometry import clearance_m
-from plant.model.scene import movers
+from plant.model.configuration import Body
+from plant.model.geometry import clearance_m, movers
 from plant.model.types import Circle, Point, Polyline, World
-from plant.placement.shortest_path import shortest_path_m
+from plant.shortest_path import shortest_path_m
 from plant.world.file import load, loads
-from plant.world.to_toml import dumps
+from plant.world.writer import dumps
 from tests.support.each import each
 
 FIXED_DIR = Path(made.__file__).parent / "fixed"

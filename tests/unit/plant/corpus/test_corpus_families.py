@@ -7,15 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plant.corpus import CROWD_FAMILIES, GRID_FAMILIES, buildings, generate
-from plant.corpus.buildings import Plan, carved, neighbours, wall_lines
-from plant.corpus.crowds import CROWD_M_S, HASTY_M_S, PERSON_M, START_ROOM_M
+from plant.corpus.buildings import MAPS, Plan, carved, neighbours, wall_lines
 from plant.corpus.draft import Frame
-from plant.corpus.forests import MIN_PASSAGE_M
-from plant.corpus.grids import MAPS
-from plant.corpus.thin import THICKNESSES_M, with_walls
+from plant.corpus.shapes import CROWD_M_S, HASTY_M_S, MIN_PASSAGE_M, PERSON_M, START_ROOM_M
+from plant.corpus.traps import THICKNESSES_M, with_walls
 from plant.imports.cells import labelled
 from plant.imports.moving_ai import parse_map
-from plant.model.body import Body
+from plant.model.configuration import Body
 from plant.model.draws import Draws
 from plant.model.types import Circle, Polyline, World
 from tests.support.each import each

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plant.imports.netpbm import parse_pgm
+from plant.imports.ros_map import parse_pgm
 from plant.model.errors import WorldError
 from tests.support.each import each
 from tests.support.plant.imports.files import P2, P5, ROWS, refused

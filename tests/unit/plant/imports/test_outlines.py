@@ -4,8 +4,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from plant.imports.cells import Cells, Mask
-from plant.imports.outlines import MAX_POINTS, outlines
+from plant.imports.cells import MAX_POINTS, Cells, Mask, outlines
 from plant.model.geometry import area_m2, crossing_edges, folded_corner, inside
 
 masks = hnp.arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 9)))

@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plant.imports.map_yaml import parse_map_yaml
-from plant.imports.ros_map import load_ros_map
+from plant.imports.ros_map import load_ros_map, parse_map_yaml
 from plant.model.errors import WorldError
 from tests.support.plant.imports.files import P2, P5, YAML, refused
 

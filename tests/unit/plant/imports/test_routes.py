@@ -13,16 +13,12 @@ import pytest
 
 from plant.corpus import FAMILIES, GRID_FAMILIES, generate
 from plant.imports.cells import Cells, Mask
-from plant.imports.grid_world import grid_world
-from plant.imports.made import ImportedWorld
-from plant.imports.routes import Places
-from plant.model.body import Body
+from plant.imports.importer import ImportedWorld, Places, grid_world
+from plant.model.configuration import Body
 from plant.model.draws import Draws
-from plant.model.geometry import clearance_m
-from plant.model.scene import moves
+from plant.model.geometry import clearance_m, moves
 from plant.model.types import Point, World
-from plant.placement.near_path import near_path
-from plant.placement.shortest_path import shortest_path_m
+from plant.shortest_path import near_path, shortest_path_m
 from tests.support.each import each
 
 RADIUS_M = Body().radius_m

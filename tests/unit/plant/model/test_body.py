@@ -3,7 +3,7 @@ from math import inf, nan
 
 import pytest
 
-from plant.model.body import Body
+from plant.model.configuration import Body
 from tests.support.each import each
 
 

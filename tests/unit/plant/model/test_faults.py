@@ -2,7 +2,7 @@ from math import inf, nan
 
 import pytest
 
-from plant.model.faults import Fault
+from plant.model.configuration import Fault
 from tests.support.each import each
 
 

@@ -3,7 +3,7 @@ from math import inf, nan, pi, radians
 
 import pytest
 
-from plant.model.noise import LEVELS, Noise
+from plant.model.configuration import LEVELS, Noise
 from tests.support.each import each
 
 

@@ -1,4 +1,4 @@
-from plant.model.scene import movers, still
+from plant.model.geometry import movers, still
 from plant.model.types import Circle, Polygon, Polyline
 from tests.support.plant.rooms import room
 

@@ -7,11 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plant.model.body import Body
-from plant.model.configuration import body_of
+from plant.model.configuration import Body, body_of
 from plant.model.types import Circle, Obstacle, Point, Polygon
-from plant.placement.fleet_goals import RobotGoal, goals
-from plant.placement.start_positions import starts
+from plant.placement import RobotGoal, goals, starts
 from plant.world.file import load, shipped
 from tests.support.each import each
 from tests.support.plant.rooms import room

@@ -4,11 +4,11 @@ from math import inf, nan
 
 import pytest
 
-from plant.model.noise import LEVELS
+from plant.model.configuration import LEVELS
 from plant.model.types import Circle, GoalPose, Polygon, Polyline, Start, World
-from plant.placement.relocate import elsewhere
 from plant.sim.simulation import Plant
 from runtime.errors import UserError
+from study.cli.trial import elsewhere
 from tests.support.each import each
 from tests.support.plant.rooms import room
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from plant.model.geometry import clearance_m
 from plant.model.types import Circle, GoalPose, Obstacle, Polygon, Polyline, Start, World
-from plant.placement.shortest_path import shortest_path, shortest_path_m
+from plant.shortest_path import shortest_path, shortest_path_m
 from plant.world.file import load, shipped
 from tests.support.each import each
 

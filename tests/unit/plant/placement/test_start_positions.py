@@ -3,9 +3,9 @@ from math import dist, pi
 
 import pytest
 
-from plant.model.body import Body
+from plant.model.configuration import Body
 from plant.model.types import Circle, Polygon
-from plant.placement.start_positions import starts
+from plant.placement import starts
 from tests.support.plant.rooms import room
 
 

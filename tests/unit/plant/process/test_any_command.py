@@ -3,9 +3,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.model.body import Body
-from plant.model.noise import LEVELS
-from plant.process.command_gate import CommandGate, WheelOutput
+from plant.model.configuration import LEVELS, Body
+from plant.process.robot_link import CommandGate, WheelOutput
 from plant.sim.active_faults import NO_TROUBLE
 from plant.sim.drive import Drive
 from protocol.wire.limits import MAX_WHEEL_TTL_MS

@@ -1,6 +1,6 @@
 """Command gate of the motor driver: the wheel commands it admits, and their duration."""
 
-from plant.process.command_gate import HELD_TICKS, SILENT_TICKS, CommandGate, WheelOutput
+from plant.process.robot_link import HELD_TICKS, SILENT_TICKS, CommandGate, WheelOutput
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.messages import WheelCommand
 from runtime.timing import PERIOD_MS, UINT32

@@ -4,8 +4,8 @@ from typing import cast
 
 import pytest
 
-from plant.model.noise import LEVELS
-from plant.process.requests import MAX_ANSWERED, MAX_WAITING, RequestQueue
+from plant.model.configuration import LEVELS
+from plant.process.loop import MAX_ANSWERED, MAX_WAITING, RequestQueue
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.bus.service import ServiceRequest

@@ -2,8 +2,7 @@
 
 from typing import cast
 
-from plant.model.faults import Fault
-from plant.model.noise import LEVELS
+from plant.model.configuration import LEVELS, Fault
 from plant.process.robot_link import RobotLink
 from plant.sim.simulation import Plant
 from plant.world.file import load

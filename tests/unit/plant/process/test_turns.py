@@ -4,9 +4,8 @@ import threading
 from collections.abc import Callable
 from math import inf
 
-from plant.model.noise import LEVELS
-from plant.process.loop import Process, Wake
-from plant.process.requests import RequestQueue
+from plant.model.configuration import LEVELS
+from plant.process.loop import Process, RequestQueue, Wake
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from runtime.clock import WallClock

@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.model.faults import Fault
+from plant.model.configuration import Fault
 from plant.sim.active_faults import NO_TROUBLE, FaultSchedule
 
 S = 10**9

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plant.corpus import generate
-from plant.model.noise import LEVELS
+from plant.model.configuration import LEVELS
 from plant.sim.simulation import Plant
 from protocol.wire.messages import RunScore
 from tests.support.each import each

@@ -5,9 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.model.body import Body
-from plant.model.faults import Fault
-from plant.model.noise import LEVELS, Noise
+from plant.model.configuration import LEVELS, Body, Fault, Noise
 from plant.sim.active_faults import NO_TROUBLE, ActiveFaults, FaultSchedule
 from plant.sim.drive import Drive, Motor
 from tests.support.each import each

@@ -2,8 +2,7 @@ from math import inf
 
 import pytest
 
-from plant.model.faults import KINDS, Fault
-from plant.model.noise import LEVELS
+from plant.model.configuration import KINDS, LEVELS, Fault
 from plant.sim.simulation import Plant
 from tests.support.each import each
 from tests.support.plant.rooms import NONE, bumper, counters, drive, ranges_m, room

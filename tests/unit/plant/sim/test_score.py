@@ -3,8 +3,8 @@ from struct import pack
 
 import pytest
 
-from plant.sim import score as score_module
-from plant.sim.score import Score
+from plant.sim import simulation as score_module
+from plant.sim.simulation import Score
 
 TICK_NS = 50_000_000
 START_NS = 3 * TICK_NS

@@ -3,7 +3,7 @@ from math import cos, pi, radians, sin
 
 import pytest
 
-from plant.model.noise import LEVELS, Noise
+from plant.model.configuration import LEVELS, Noise
 from plant.model.types import Circle, World
 from plant.sim.simulation import Plant
 from protocol.wire.codec import Encoder, decode

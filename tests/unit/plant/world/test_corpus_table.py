@@ -1,6 +1,6 @@
 """The [corpus] table of a world file."""
 
-from plant.placement.shortest_path import known_length_m, shortest_path_m
+from plant.shortest_path import known_length_m, shortest_path_m
 from plant.world.file import loads
 from study.trial.trial import Trial, run_trial, shortest_once
 from tests.support.each import each

@@ -4,10 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from plant.model.body import Body
-from plant.model.configuration import body_of, faults_of, noise_of
+from plant.model.configuration import LEVELS, Body, body_of, faults_of, noise_of
 from plant.model.errors import WorldError
-from plant.model.noise import LEVELS
 from plant.model.types import Circle, Polygon, Polyline
 from plant.world.file import load, loads, shipped
 from tests.support.each import each

@@ -9,10 +9,8 @@ import pytest
 
 from plant.model.errors import WorldError
 from plant.model.types import World
-from plant.world.file import load, loads, shipped
-from plant.world.from_json import from_json
-from plant.world.to_json import as_json
-from plant.world.to_toml import dumps
+from plant.world.file import from_json, load, loads, shipped
+from plant.world.writer import as_json, dumps
 from tests.support.each import each
 
 GIVEN = ("name", "size_m", "start", "goal", "walls", "obstacles", "robot", "noise", "faults")

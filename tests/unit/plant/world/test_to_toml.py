@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from plant.model.types import Circle, GoalPose, Obstacle, Polygon, Polyline, Start, World
 from plant.world.file import load, loads, shipped
-from plant.world.to_toml import dumps, in_degrees
+from plant.world.writer import dumps, in_degrees
 from tests.support.each import each
 from tests.support.plant.world_texts import GOOD, more
 

@@ -3,9 +3,9 @@ from pathlib import Path
 
 import pytest
 
-from plant.cli.worlds import main
+from plant.cli import main
 from plant.world.file import load, shipped
-from plant.world.text import draw
+from plant.world.writer import draw
 from tests.support.each import each
 from tests.support.plant.world_texts import GOOD, goal, more, with_line
 

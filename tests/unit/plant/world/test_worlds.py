@@ -6,9 +6,9 @@ from math import dist
 import pytest
 
 from benchmarks.odometry.tree_placement import PASSAGE_M, grow
-from plant.model.body import Body
+from plant.model.configuration import Body
 from plant.model.types import Circle
-from plant.placement.shortest_path import shortest_path_m
+from plant.shortest_path import shortest_path_m
 from plant.world.file import SHIPPED_DIR, load, shipped
 from tests.support.each import each
 

@@ -6,8 +6,8 @@ from typing import Any, cast
 
 import pytest
 
+from plant.model.configuration import KINDS, Fault
 from plant.model.draws import Draws
-from plant.model.faults import KINDS, Fault
 from study.falsify import space
 from study.falsify.climb import STEPS, Violation, class_of, climb
 from study.falsify.evaluate import evaluate

@@ -7,7 +7,7 @@ import pytest
 from _pytest.mark.structures import ParameterSet
 
 import study.falsify
-from plant.placement.shortest_path import shortest_path_m
+from plant.shortest_path import shortest_path_m
 from study.falsify.finding import read
 from study.falsify.properties import LETTERS
 from study.falsify.shrink import walls_in

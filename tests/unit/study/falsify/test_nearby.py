@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from plant.corpus.adversarial.families import MARGIN_M
+from plant.corpus.generate import ADVERSARIAL_MARGIN_M
 from plant.model.configuration import body_of
 from plant.model.types import Polyline
 from runtime.errors import UserError
@@ -37,7 +37,7 @@ def test_starts_differ_a_little_and_are_drawn_again_alike() -> None:
 def test_a_start_without_room_is_drawn_again() -> None:
     one = finding()
     start, radius_m = one.world.start, body_of(one.world).radius_m
-    wall_x = start.x_m + radius_m + MARGIN_M + 0.005  # half of the starts are too near
+    wall_x = start.x_m + radius_m + ADVERSARIAL_MARGIN_M + 0.005  # half of the starts are too near
     wall = Polyline(((wall_x, start.y_m - 0.1), (wall_x, start.y_m + 0.1)), 0.01)
     beside = replace(one, world=replace(one.world, obstacles=(*one.world.obstacles, wall)))
     moved = list(near(beside, 20))

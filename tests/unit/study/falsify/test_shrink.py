@@ -4,9 +4,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plant.corpus import generate
-from plant.corpus.adversarial.axes import Axis
+from plant.corpus.draft import Axis
 from plant.model.types import Circle, Polyline
-from plant.world.to_toml import dumps
+from plant.world.writer import dumps
 from study.falsify.rounding import roundings
 from study.falsify.shrink import checked, parts_of, reduce_list, replaced, simple_values, walls_in
 from tests.support.each import each

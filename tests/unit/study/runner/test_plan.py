@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.model.noise import LEVELS
+from plant.model.configuration import LEVELS
 from runtime.errors import UserError
 from study.runner.plan import (
     EVERY_NAVIGATOR,

@@ -6,7 +6,7 @@ from math import pi
 import pytest
 
 from plant.corpus import generate
-from plant.model.body import Body
+from plant.model.configuration import Body
 from plant.model.types import GoalPose, Polygon, Polyline, Start, World
 from study.runner.lap import lap_m
 from study.runner.scores import FULL_SCORE, published_score, spl

@@ -8,7 +8,7 @@ import pytest
 from plant.corpus import FAMILIES
 from plant.model.errors import WorldError
 from plant.world.file import load, shipped
-from plant.world.to_toml import dumps
+from plant.world.writer import dumps
 from runtime.errors import UserError
 from study.runner import sources
 from study.runner.sources import ListedWorld, WorldSelection, digest_of, listed, world_of

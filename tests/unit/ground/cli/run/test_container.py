@@ -14,7 +14,7 @@ from ground.cli.main import main, parse
 from ground.cli.observe import health
 from ground.cli.run.container import addresses, place_of, words_of
 from plant.model.configuration import body_of
-from plant.placement.start_positions import starts
+from plant.placement import starts
 from plant.world.file import load
 from runtime.errors import UserError
 from tests.support.each import each

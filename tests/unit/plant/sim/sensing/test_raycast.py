@@ -5,11 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plant.model.geometry import clearance_m
-from plant.model.scene import Pose, Scene, still
+from plant.model.geometry import Pose, Scene, clearance_m, still
 from plant.model.types import Circle, Obstacle, Polygon, Polyline
-from plant.sim.sensing.raycast import ORDER, RAYS_PER_SONAR, Caster, ray_bearings_rad
-from plant.sim.sensing.surfaces import SONARS
+from plant.sim.sonar import ORDER, RAYS_PER_SONAR, SONARS, Caster, ray_bearings_rad
 from tests.support.plant.rooms import room
 
 NOTHING = Scene((), ())

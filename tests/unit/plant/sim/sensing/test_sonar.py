@@ -5,12 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.model.body import Body
-from plant.model.faults import Fault
-from plant.model.noise import LEVELS, Noise
+from plant.model.configuration import LEVELS, Body, Fault, Noise
 from plant.sim.active_faults import FaultSchedule, SonarFaults
-from plant.sim.sensing.raycast import ORDER
-from plant.sim.sensing.sonar import PING_AGE_US, Reading, Ring
+from plant.sim.sonar import ORDER, PING_AGE_US, Reading, Ring
 from tests.support.each import each
 
 RIM_M = 0.12

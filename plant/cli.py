@@ -1,0 +1,286 @@
+"""The verbs of `sidestep worlds` that write world files: generate and import.
+
+`sidestep worlds`: list shipped worlds, check a world file, show a world as map or JSON.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from math import isfinite
+from pathlib import Path
+from typing import Final
+
+from plant.corpus import EVERY_FAMILY, FAMILIES, generate
+from plant.imports.barn import PITCH_M
+from plant.imports.importer import CELL_M, TAKES, ImportOptions, import_worlds
+from plant.model.configuration import KINDS, body_of
+from plant.model.errors import Problem, WorldError
+from plant.model.types import Circle, Point, World, bad_name
+from plant.placement import goals, starts
+from plant.shortest_path import known_length_m, shortest_path
+from plant.world.file import SHIPPED_DIR, load, shipped
+from plant.world.writer import Json, as_json, draw, dumps, places_json
+from protocol.options import numbers_kept, whole
+from runtime.cli.parsers import add_subcommands, new_parser
+
+MADE_OK: Final = 0
+MADE_USAGE: Final = 2
+PER_FAMILY: Final = 27
+MAX_PER_FAMILY: Final = 10_000
+MIN_CELL_M: Final = 0.01
+MAX_CELL_M: Final = 10.0
+MAX_COORDINATE_M: Final = 1e6
+
+
+def add_generate(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `sidestep worlds generate`."""
+    helps = f"of {', '.join(EVERY_FAMILY)}; the first {len(FAMILIES)} by default"
+    parser.add_argument("--family", nargs="+", choices=EVERY_FAMILY, metavar="F", help=helps)
+    parser.add_argument(
+        "--per-family",
+        type=whole(1, MAX_PER_FAMILY),
+        default=PER_FAMILY,
+        metavar="N",
+        help=f"worlds of each, {PER_FAMILY} by default",
+    )
+    _add_common(parser)
+
+
+def add_import(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `sidestep worlds import`."""
+    text = f"{', '.join(TAKES)}; a ROS map is given by its .yaml file"
+    parser.add_argument("file", metavar="FILE", help=text)
+    parser.add_argument(
+        "--cell",
+        type=_cell,
+        metavar="M",
+        help=f"the size of a cell: of a Moving AI map {CELL_M} m, of a BARN grid {PITCH_M} m by"
+        " default",
+    )
+    for end in ("start", "goal"):
+        parser.add_argument(
+            f"--{end}",
+            type=_place,
+            nargs=2,
+            metavar=("X", "Y"),
+            help="in metres in the map's own frame; chosen far apart by default",
+        )
+    parser.add_argument(
+        "--count",
+        type=whole(1, MAX_PER_FAMILY),
+        default=1,
+        metavar="N",
+        help="number of worlds, 1 by default",
+    )
+    parser.add_argument(
+        "--window",
+        type=whole(1, MAX_PER_FAMILY),
+        metavar="N",
+        help="use a part of N x N cells of the map",
+    )
+    _add_common(parser)
+
+
+def _add_common(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--seed", type=whole(0, 2**53), default=1, metavar="S", help="1 by default")
+    parser.add_argument("--out", required=True, metavar="DIR", help="directory of the files")
+
+
+def make(arguments: argparse.Namespace) -> int:
+    """Write the files and print their number; return 2 if one cannot be made or written."""
+    worlds = _generated(arguments) if arguments.verb == "generate" else _imported(arguments)
+    return write(worlds, Path(arguments.out))
+
+
+def _imported(arguments: argparse.Namespace) -> Iterator[tuple[World, str]]:
+    wishes = ImportOptions(
+        cell_m=arguments.cell,
+        start=tuple(arguments.start) if arguments.start else None,
+        goal=tuple(arguments.goal) if arguments.goal else None,
+        seed=arguments.seed,
+        count=arguments.count,
+        window=arguments.window,
+    )
+    path = Path(arguments.file)
+    for world in import_worlds(path, wishes):
+        yield world, f"Made of {path.name} with seed {arguments.seed}."
+
+
+def write(worlds: Iterable[tuple[World, str]], directory: Path) -> int:
+    """Write each world, with its comment, to a file of its name; return their number."""
+    count = 0
+    try:
+        for world, comment in worlds:
+            if why := bad_name(world.name):
+                raise WorldError([Problem(str(directory), None, "name", why, "rename the file")])
+            directory.mkdir(parents=True, exist_ok=True)
+            path = directory / f"{world.name}.toml"
+            path.write_text(dumps(world, comment), encoding="utf-8")
+            count += 1
+    except WorldError as error:
+        print(error, file=sys.stderr)
+        return MADE_USAGE
+    except OSError as error:
+        reason = error.strerror or str(error)
+        fix = "give a directory that can be written to"
+        print(f"{error.filename or directory}: --out: {reason}; fix: {fix}", file=sys.stderr)
+        return MADE_USAGE
+    print(f"{count} worlds in {directory}")
+    return MADE_OK
+
+
+def _generated(arguments: argparse.Namespace) -> Iterator[tuple[World, str]]:
+    for family in dict.fromkeys(arguments.family or FAMILIES):
+        for index in range(arguments.per_family):
+            comment = f"Number {index} of the family {family} from seed {arguments.seed}."
+            yield generate(family, index, arguments.seed), comment
+
+
+def _cell(text: str) -> float:
+    value = float(text)
+    if not MIN_CELL_M <= value <= MAX_CELL_M:
+        limits = f"{MIN_CELL_M:g} to {MAX_CELL_M:g} m"
+        raise argparse.ArgumentTypeError(f"{text.strip()} is not within {limits}")
+    return value
+
+
+def _place(text: str) -> float:
+    value = float(text)
+    if not abs(value) <= MAX_COORDINATE_M:
+        raise argparse.ArgumentTypeError(f"{text.strip()} is not within {MAX_COORDINATE_M:g} m")
+    return value
+
+
+MANY_CORNERS: Final = 120
+EXIT_OK = 0
+EXIT_USAGE = 2
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run one of the verbs; return 0, or 2 for a bad file or wrong usage."""
+    try:
+        arguments = parser().parse_args(numbers_kept(argv))
+    except SystemExit as done:
+        return EXIT_OK if done.code in (0, None) else EXIT_USAGE
+    if arguments.verb == "list":
+        return _list(arguments.json)
+    if arguments.verb == "faults":
+        return _faults(arguments.json)
+    if arguments.verb in ("generate", "import"):
+        return make(arguments)
+    try:
+        world = load(arguments.world)
+    except WorldError as error:
+        return _refuse(arguments, error)
+    if arguments.verb == "check":
+        return _check(arguments.world, world, arguments.json)
+    return _show(world, arguments)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the verb."""
+    parser = new_parser("worlds")
+    verbs = add_subcommands(parser, "worlds", dest="verb", allow_abbrev=False)
+    for verb in ("check", "show"):
+        verbs[verb].add_argument("world", metavar="FILE", help="a .toml file or a shipped name")
+    for verb in ("list", "faults", "check", "show"):
+        verbs[verb].add_argument("--json", action="store_true", help="print one JSON object")
+    verbs["show"].add_argument(
+        "--robots", type=int, metavar="K", help="with --json: their starts and goals, too"
+    )
+    verbs["show"].add_argument(
+        "--goal", type=_finite, nargs=2, metavar=("X", "Y"), help="instead of the world's"
+    )
+    add_generate(verbs["generate"])
+    add_import(verbs["import"])
+    return parser
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text.strip()} is not a finite number")
+    return value
+
+
+def _print_json(found: dict[str, Json]) -> None:
+    print(json.dumps(found, allow_nan=False))
+
+
+def _first_comment(name: str) -> str:
+    """Return the comment in the first line of a shipped file."""
+    with (SHIPPED_DIR / f"{name}.toml").open(encoding="utf-8") as file:
+        return file.readline().removeprefix("#").strip()
+
+
+def _list(as_object: bool) -> int:
+    names = shipped()
+    if as_object:
+        _print_json({"worlds": [{"name": name, "says": _first_comment(name)} for name in names]})
+    else:
+        width = max(len(name) for name in names)
+        for name in names:
+            print(f"{name:<{width}}  {_first_comment(name)}")
+    return EXIT_OK
+
+
+def _faults(as_object: bool) -> int:
+    if as_object:
+        faults: list[Json] = [
+            {"kind": kind, "targets": list(about.targets), "unit": about.unit, "says": about.doc}
+            for kind, about in KINDS.items()
+        ]
+        _print_json({"faults": faults})
+    else:
+        for kind, about in KINDS.items():
+            print(f"{kind:<14}  {about.doc}")
+    return EXIT_OK
+
+
+def _refuse(arguments: argparse.Namespace, error: WorldError) -> int:
+    print(error, file=sys.stderr)
+    if arguments.json and arguments.verb == "check":
+        problems: list[Json] = [dict(problem._asdict()) for problem in error.problems]
+        _print_json({"ok": False, "file": arguments.world, "problems": problems})
+    return EXIT_USAGE
+
+
+def _check(file: str, world: World, as_object: bool) -> int:
+    length_m = known_length_m(world)
+    if as_object:
+        _print_json({"ok": True, "file": file, "name": world.name, "problems": []})
+        return EXIT_OK
+    way = "the goal cannot be reached" if length_m is None else f"shortest way {length_m:.2f} m"
+    print(f"{file}: ok: {world.name}, {len(world.obstacles)} obstacles, {way}")
+    return EXIT_OK
+
+
+def _show(world: World, arguments: argparse.Namespace) -> int:
+    try:
+        places = _places(world, arguments)
+    except ValueError as error:
+        print(error, file=sys.stderr)
+        return EXIT_USAGE
+    if arguments.json:
+        _print_json(as_json(world, known_length_m(world)) | places)
+    else:
+        print(draw(world, _path_to_draw(world)))
+    return EXIT_OK
+
+
+def _path_to_draw(world: World) -> list[Point] | None:
+    """Return the shortest path; None if it is slow to compute and its length is known."""
+    corners = sum(1 if isinstance(one, Circle) else len(one.points_m) for one in world.obstacles)
+    is_length_known = world.reachable is False or world.shortest_path_m is not None
+    return None if is_length_known and corners > MANY_CORNERS else shortest_path(world)
+
+
+def _places(world: World, arguments: argparse.Namespace) -> dict[str, Json]:
+    """Return start and goal of each robot. Raises ValueError without enough room."""
+    if arguments.robots is None:
+        return {}
+    body = body_of(world)
+    found = starts(world, body, arguments.robots)
+    goal = tuple(arguments.goal) if arguments.goal else (world.goal.x_m, world.goal.y_m)
+    return places_json(found, goals(world, body, found, goal))

@@ -1,1 +1,0 @@
-"""Command line of the verbs `plant` and `worlds`."""

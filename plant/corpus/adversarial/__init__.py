@@ -1,1 +1,0 @@
-"""Families of worlds made to fool a navigator, each a function of a few parameters."""

@@ -1,1 +1,0 @@
-"""Positions in a world: starts, goals, free places and shortest paths."""

@@ -1,1 +1,0 @@
-"""Sonar simulation: rays, surfaces and echoes."""
