@@ -24,8 +24,6 @@ from plant.world.writer import Json, as_json, draw, dumps, places_json
 from protocol.options import numbers_kept, whole
 from runtime.cli.parsers import add_subcommands, new_parser
 
-MADE_OK: Final = 0
-MADE_USAGE: Final = 2
 PER_FAMILY: Final = 27
 MAX_PER_FAMILY: Final = 10_000
 MIN_CELL_M: Final = 0.01
@@ -120,14 +118,14 @@ def write(worlds: Iterable[tuple[World, str]], directory: Path) -> int:
             count += 1
     except WorldError as error:
         print(error, file=sys.stderr)
-        return MADE_USAGE
+        return EXIT_USAGE
     except OSError as error:
         reason = error.strerror or str(error)
         fix = "give a directory that can be written to"
         print(f"{error.filename or directory}: --out: {reason}; fix: {fix}", file=sys.stderr)
-        return MADE_USAGE
+        return EXIT_USAGE
     print(f"{count} worlds in {directory}")
-    return MADE_OK
+    return EXIT_OK
 
 
 def _generated(arguments: argparse.Namespace) -> Iterator[tuple[World, str]]:
@@ -153,8 +151,8 @@ def _place(text: str) -> float:
 
 
 MANY_CORNERS: Final = 120
-EXIT_OK = 0
-EXIT_USAGE = 2
+EXIT_OK: Final = 0
+EXIT_USAGE: Final = 2
 
 
 def main(argv: Sequence[str]) -> int:

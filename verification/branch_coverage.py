@@ -23,7 +23,6 @@ KERNEL: Final = (
     "robot/core/machine.py",
     "robot/lease.py",
     "plant/process/robot_link.py",
-    "plant/process/robot_link.py",
     "protocol/bus/mailbox.py",
     "protocol/wire/codec.py",
     "protocol/stop_datagram.py",

@@ -1,7 +1,7 @@
 """Generated worlds: family, index and seed determine a world."""
 
-from plant.corpus.generate import ADVERSARIAL_FAMILIES
 from plant.corpus.generate import (
+    ADVERSARIAL_FAMILIES,
     CROWD_FAMILIES,
     EVERY_FAMILY,
     FAMILIES,

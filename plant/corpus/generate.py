@@ -15,10 +15,6 @@ from math import radians
 from typing import Final, TypeAlias
 
 from plant.corpus import adversarial, buildings, shapes, traps
-from plant.corpus import shapes as crowds
-from plant.corpus import shapes as forests
-from plant.corpus import traps as shut
-from plant.corpus import traps as thin
 from plant.corpus.buildings import CELL_M, MAPS
 from plant.corpus.draft import Adversary, Axis, Draft, Family, Values, standing_room
 from plant.imports.importer import ImportedWorld, grid_world, with_way
@@ -151,19 +147,19 @@ _DRAWN: Final[Mapping[str, Family]] = {
     "door": traps.door,
     "office": buildings.office,
     "maze": buildings.maze,
-    "thin": thin.thin,
-    "forest_sparse": forests.sparse,
-    "forest_medium": forests.medium,
-    "forest_dense": forests.dense,
-    "moving": crowds.moving,
-    "unreachable": shut.unreachable,
+    "thin": traps.thin,
+    "forest_sparse": shapes.sparse,
+    "forest_medium": shapes.medium,
+    "forest_dense": shapes.dense,
+    "moving": shapes.moving,
+    "unreachable": traps.unreachable,
 }
 FAMILIES: Final = tuple(_DRAWN)
 GRID_FAMILIES: Final = tuple(MAPS)
 """Maps in Moving AI's style, made by its importer; not part of the corpus itself."""
 _CROWDS: Final[Mapping[str, Family]] = {
-    "crowd": crowds.crowd,
-    "crowd_hasty": crowds.hasty_crowd,
+    "crowd": shapes.crowd,
+    "crowd_hasty": shapes.hasty_crowd,
 }
 CROWD_FAMILIES: Final = tuple(_CROWDS)
 """Crowds in which not every contact can be avoided; the corpus has only avoidable ones."""

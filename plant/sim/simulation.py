@@ -219,10 +219,10 @@ class SimulatedRobot:
         """
         x_m_s, y_m_s = self._velocity_m_s
         began, drives = self._touched == 0, hypot(x_m_s, y_m_s) > CLOSING_M_S
-        for direction, still in contacts:
+        for direction, is_still in contacts:
             self._touched |= _sectors(direction, self.pose[2])
             closing_m_s = x_m_s * direction[0] + y_m_s * direction[1]
-            least_m_s = 0.0 if still and drives else CLOSING_M_S
+            least_m_s = 0.0 if is_still and drives else CLOSING_M_S
             self._closing |= began and closing_m_s > least_m_s
 
     def halfway(self) -> None:

@@ -51,8 +51,10 @@ TARGETS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "robot/operator_delays.py": ("tests/unit/robot/test_operator_delays.py",),
         "protocol/bus/mailbox.py": ("tests/unit/protocol/bus/test_mailbox.py",),
         "protocol/bus/robot_clock.py": ("tests/unit/protocol/bus/test_robot_clock.py",),
-        "plant/process/robot_link.py": ("tests/unit/plant/process/test_command_gate.py",),
-        "plant/process/robot_link.py": ("tests/unit/plant/process/test_robot_link.py",),
+        "plant/process/robot_link.py": (
+            "tests/unit/plant/process/test_command_gate.py",
+            "tests/unit/plant/process/test_robot_link.py",
+        ),
         "protocol/wire/codec.py": ("tests/unit/protocol/wire/test_codec_by_example.py",),
     }
 )
