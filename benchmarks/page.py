@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from benchmarks.__main__ import BENCHMARKS
-from study.report.output.marks import with_text
+from study.report.page import with_text
 from verification.evidence import FIGURES
 from verification.harness.figures import digits
 

@@ -24,7 +24,7 @@ from typing import Final, NamedTuple
 
 import msgspec
 
-from study.report.output.marks import with_text
+from study.report.page import with_text
 from verification.harness import machine
 
 ROOT: Final = Path(__file__).resolve().parents[1]

@@ -14,8 +14,7 @@ from typing import Final
 
 from runtime.errors import UserError
 from study.falsify.climb import class_of
-from study.falsify.directory import save_finding
-from study.falsify.finding import Finding, finding_of, picture, read
+from study.falsify.findings import Finding, finding_of, picture, read, save_finding
 
 WORLDS: Final = Path(__file__).resolve().parents[1] / "study" / "falsify" / "worlds"
 FAILING: Final = ("open", "paper")

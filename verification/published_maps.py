@@ -25,23 +25,18 @@ from plant.model.types import World
 from protocol.outcome import LOST, UNREACHABLE
 from robot.core.parameters import DEFAULTS
 from runtime.errors import UserError
-from study.report.output.markdown import table_lines
-from study.report.output.marks import with_text
-from study.report.page import PageTable
-from study.report.paper.evidence import (
+from study.intervals import mean, mean_interval
+from study.report.evidence import (
     CYLINDERS,
     GRID_MAPS,
     MapResult,
     PublishedMaps,
     read_maps,
 )
-from study.report.paper.evidence_targets import MAP_RATES, SCORE
-from study.report.paper.target import least, verdict_of
-from study.report.words import DASH, interval, number, percent
-from study.runner.plan import seed_of, time_for
-from study.runner.scores import FULL_SCORE, published_score
-from study.runner.sources import digest_of
-from study.statistics.intervals import mean, mean_interval
+from study.report.page import DASH, PageTable, interval, number, percent, table_lines, with_text
+from study.report.targets import MAP_RATES, SCORE, least, verdict_of
+from study.runner.plan import digest_of, seed_of, time_for
+from study.runner.run_task import FULL_SCORE, published_score
 from study.trial.trial import Trial, run_trial
 
 SCALES: Final = (1.0, 0.75, 0.55)

@@ -27,8 +27,8 @@ from robot.core.values import Outputs, Pose
 from robot.parameters.table import with_values
 from runtime.calibration import settings_of
 from runtime.timing import CONTROL_HZ
-from study.calibration.runs import covariance_of
-from study.statistics.intervals import CHI2_2, Z_TWO_SIDED
+from study.calibration import covariance_of
+from study.intervals import CHI2_2, Z_TWO_SIDED
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial
 

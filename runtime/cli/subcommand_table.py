@@ -126,7 +126,7 @@ WORLDS: Final[Mapping[str, Subcommand]] = MappingProxyType(
 STUDY: Final[Mapping[str, Subcommand]] = MappingProxyType(
     {
         "report": Subcommand(
-            "write the report of a study again", "study report results", "study.report.cli"
+            "write the report of a study again", "study report results", "study.cli.report"
         ),
     }
 )

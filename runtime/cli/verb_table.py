@@ -203,7 +203,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             TEST,
             "find wheels, track and slip by squares",
             "calibrate --noise harsh --output robot.toml",
-            "study.calibration.cli",
+            "study.cli.calibrate",
         ),
         "bench": Verb(
             TEST,

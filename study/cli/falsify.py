@@ -18,14 +18,14 @@ from protocol.options import above_zero, whole
 from runtime.cli.parsers import new_parser
 from runtime.errors import UserError
 from study.cli.study import INSTALL, NEEDED
+from study.falsify.climb import VARIED
 from study.falsify.properties import DETOUR, LETTERS, PROPERTIES
-from study.falsify.space import VARIED
 from study.trial.trial import NAVIGATORS, SIDES
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from study.falsify.finding import Finding
+    from study.falsify.findings import Finding
     from study.falsify.search import Search
 
 EXIT_OK: Final = 0
@@ -152,11 +152,10 @@ def search(options: argparse.Namespace) -> int:
     # Slow imports: pyarrow, and drawing.
     from study.cli.study_run import interrupted_by_signals
     from study.falsify.climb import SearchSettings
-    from study.falsify.directory import opened, settings_json
-    from study.falsify.search import Budget, Search
-    from study.falsify.search_line import SearchLine
-    from study.falsify.workers import workers
-    from study.runner.provenance import code
+    from study.falsify.findings import opened, settings_json
+    from study.falsify.search import Budget, Search, SearchLine
+    from study.runner.rows import code
+    from study.runner.workers import workers
 
     settings = SearchSettings(
         subject=_subject(options),
@@ -242,8 +241,8 @@ def _summary(running: "Search", directory: Path, *, as_json: bool) -> int:
 
 def replay(options: argparse.Namespace) -> int:
     """Run the trials of stored findings with a navigator; return 1 if one still violates."""
-    from study.falsify.finding import read
-    from study.falsify.workers import workers
+    from study.falsify.findings import read
+    from study.runner.workers import workers
 
     subject = _subject(options)
     still = 0
@@ -269,7 +268,7 @@ def _once(finding: "Finding") -> tuple[bool, str]:
 
 def _from_near_starts(finding: "Finding", count: int, executor: "Executor") -> tuple[bool, str]:
     """Return whether a drive from a start near it violates the property, and how many do."""
-    from study.falsify.nearby import near, violates
+    from study.falsify.findings import near, violates
 
     failed = sum(executor.map(violates, near(finding, count)))
     return failed > 0, f"violated in {failed} of {count} drives"

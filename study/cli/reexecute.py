@@ -21,8 +21,13 @@ from runtime.calibration import start_totals
 from runtime.cli.parsers import new_parser
 from runtime.errors import UserError
 from runtime.json_reader import value_in
-from study.trial.recorded_drive import RecordedDrive
-from study.trial.reexecute import REFUSED, ReexecutionResult, reexecute, refuse_unless_whole
+from study.trial.reexecution import (
+    REFUSED,
+    RecordedDrive,
+    ReexecutionResult,
+    reexecute,
+    refuse_unless_whole,
+)
 from study.trial.trial import NAVIGATORS
 
 

@@ -20,7 +20,7 @@ def main(argv: Sequence[str]) -> int:
     if importlib.util.find_spec(NEEDED) is None:
         raise UserError(f"{NEEDED} missing; {INSTALL}")
     if argv[:1] == ["report"]:
-        code: int = importlib.import_module("study.report.cli").main(argv[1:])
+        code: int = importlib.import_module("study.cli.report").main(argv[1:])
         return code
     from study.cli.study_run import run  # imports NEEDED
 
@@ -29,6 +29,6 @@ def main(argv: Sequence[str]) -> int:
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the verb."""
-    from study.cli.study_options import parser as made  # imports NEEDED
+    from study.cli.study_run import parser as made  # imports NEEDED
 
     return made()

@@ -1,19 +1,193 @@
 """One climb: random candidates, then steps from the best that come nearer to a violation.
 
 A climb is determined by its number alone, so that any number of processes finds the same.
+
+The space that is searched: worlds of a family, robots, people, faults and noise seeds.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from math import inf
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import inf, pi
 from typing import Final
 
-from plant.corpus.generate import ADVERSARIAL_FAMILIES
+from plant.corpus.draft import Axis
+from plant.corpus.generate import (
+    ADVERSARIAL_FAMILIES,
+    ADVERSARIES,
+    drawn,
+    drawn_value,
+    measured,
+    world_of,
+)
+from plant.model.configuration import SONAR_TARGETS, WHEEL_TARGETS
 from plant.model.draws import Draws
-from study.falsify import space
+from plant.model.geometry import clearance_m
+from plant.model.types import Circle, Settings, World
+from robot.core.values import SONARS
+from runtime.elementary import cos_sin
 from study.falsify.evaluate import Subject, evaluate
 from study.falsify.properties import Evaluation
-from study.falsify.space import Candidate
+
+VARIED: Final = ("robots", "people", "faults")
+"""Parts of a trial that vary besides the world, on request."""
+
+SEED: Final = Axis("seed", 0, 9999, whole=True)
+USUAL_ROBOT: Final = Axis("usual_robot", 0, 1, whole=True)
+ROBOT: Final = (
+    Axis("radius_m", 0.06, 0.25),
+    Axis("max_speed_m_s", 0.1, 0.5),
+    Axis("sonar_max_m", 0.6, 3.0),
+)
+TRACK: Final = 1.6
+"""Distance of the wheels as a multiple of the radius."""
+
+MAX_PEOPLE: Final = 3
+PERSON_M: Final = 0.2
+PEOPLE: Final = (
+    Axis("people", 0, MAX_PEOPLE, whole=True),
+    *(
+        axis
+        for k in range(MAX_PEOPLE)
+        for axis in (
+            Axis(f"person_{k}_x", 0.0, 1.0),
+            Axis(f"person_{k}_y", 0.0, 1.0),
+            Axis(f"person_{k}_course", 0.0, 1.0),
+            Axis(f"person_{k}_far_m", 0.5, 4.0),
+            Axis(f"person_{k}_speed_m_s", 0.05, 0.2),
+        )
+    ),
+)
+SONAR_FAULTS: Final = ("sonar_dead", "sonar_frozen", "sonar_dropout", "sonar_offset")
+WHEEL_FAULTS: Final = ("encoder_stuck", "encoder_jump", "wheel_slip", "wheel_stuck")
+FAULTS: Final = (*SONAR_FAULTS, *WHEEL_FAULTS)
+"""Faults of one sonar, or of one or both wheels.
+
+`sonar_fixed` is left out, since a frozen sonar repeats one range, too. Stopped messages and a
+stuck bumper are left out, since the robot stops at once.
+"""
+MAX_OFFSET_M: Final = 0.05
+MAX_JUMP_TICKS: Final = 200
+"""4 cm: the robot detects longer jumps as impossible."""
+
+FAULT: Final = (
+    Axis("fault", 0, len(FAULTS), whole=True),
+    Axis("fault_target", 0, SONARS - 1, whole=True),
+    Axis("fault_start_s", 0.0, 60.0),
+    Axis("fault_value", 0.0, 1.0),
+)
+AXES: Final[Mapping[str, Sequence[Axis]]] = {
+    "robots": (USUAL_ROBOT, *ROBOT),
+    "people": PEOPLE,
+    "faults": FAULT,
+}
+STEP: Final = 0.15
+"""Standard size of a step in local search, as a share of an axis."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A point of the space: a family and a value for each axis."""
+
+    family: str
+    values: Mapping[str, float]
+
+
+def axes_of(family: str, varied: Sequence[str]) -> tuple[Axis, ...]:
+    """Return all axes of the space in a family."""
+    return (*ADVERSARIES[family].axes, SEED, *(axis for one in varied for axis in AXES[one]))
+
+
+def draw(random: Draws, family: str, varied: Sequence[str]) -> Candidate:
+    """Draw a candidate."""
+    return Candidate(family, drawn(random, axes_of(family, varied)))
+
+
+def neighbour(random: Draws, of: Candidate, varied: Sequence[str]) -> Candidate:
+    """Return a candidate near another one: a few values are changed, seldom far."""
+    axes = axes_of(of.family, varied)
+    values = dict(of.values)
+    for axis in random.sample(axes, random.randint(1, 3)):
+        if random.random() < 0.15:
+            values[axis.name] = drawn_value(random, axis)
+        elif axis.whole:
+            stepped = values[axis.name] + random.choice((-1, 1))
+            values[axis.name] = min(axis.high, max(axis.low, stepped))
+        else:
+            # The sum of three uniform numbers is close to a normal one.
+            away = random.uniform(-1, 1) + random.uniform(-1, 1) + random.uniform(-1, 1)
+            stepped = values[axis.name] + away * STEP * (axis.high - axis.low)
+            values[axis.name] = round(min(axis.high, max(axis.low, stepped)), 4)
+    return Candidate(of.family, values)
+
+
+def built(candidate: Candidate, name: str, number: int) -> World | None:
+    """Return the world of a candidate, with its shortest path; None if there is no valid one."""
+    values = candidate.values
+    world = world_of(candidate.family, values, name, number, robot_of(values))
+    if world is None:
+        return None
+    people = people_of(values, world)
+    faults = faults_of(values)
+    if not people and not faults:
+        return world
+    return measured(replace(world, obstacles=(*world.obstacles, *people), faults=faults))
+
+
+def robot_of(values: Mapping[str, float]) -> Settings:
+    """Return the overrides of the robot; none for the usual one."""
+    if values.get("usual_robot", 1.0) >= 1.0:
+        return {}
+    robot: dict[str, float] = {axis.name: round(values[axis.name], 2) for axis in ROBOT}
+    return {**robot, "track_m": round(TRACK * robot["radius_m"], 3)}
+
+
+def people_of(values: Mapping[str, float], world: World) -> tuple[Circle, ...]:
+    """Return the people, who walk to and fro and start clear of the robot."""
+    found = []
+    for k in range(round(values.get("people", 0.0))):
+        x_m = round(values[f"person_{k}_x"] * world.size_m[0], 2)
+        y_m = round(values[f"person_{k}_y"] * world.size_m[1], 2)
+        c, s = cos_sin(2.0 * pi * values[f"person_{k}_course"])
+        far_m = values[f"person_{k}_far_m"]
+        end = round(x_m + far_m * c, 2), round(y_m + far_m * s, 2)
+        person = Circle(
+            x_m=x_m,
+            y_m=y_m,
+            radius_m=PERSON_M,
+            path_m=((x_m, y_m), end),
+            speed_m_s=round(values[f"person_{k}_speed_m_s"], 2),
+        )
+        if clearance_m((world.start.x_m, world.start.y_m), person) > 1.0:
+            found.append(person)
+    return tuple(found)
+
+
+def faults_of(values: Mapping[str, float]) -> tuple[Settings, ...]:
+    """Return the fault of one sonar or of the wheels, if any."""
+    number = round(values.get("fault", 0.0))
+    if number == 0:
+        return ()
+    kind, target = FAULTS[number - 1], round(values["fault_target"])
+    targets = WHEEL_TARGETS if kind in WHEEL_FAULTS else SONAR_TARGETS
+    fault: dict[str, float | str] = {
+        "kind": kind,
+        "target": targets[target % len(targets)],
+        "start_s": round(values["fault_start_s"], 1),
+    }
+    value = fault_value(kind, values["fault_value"])
+    return ({**fault, "value": value} if value is not None else fault,)
+
+
+def fault_value(kind: str, share: float) -> float | None:
+    """Return the value of a fault from a share of its range; None for a fault without a value."""
+    if kind in ("sonar_dropout", "wheel_slip"):
+        return round(share, 2)
+    if kind == "sonar_offset":
+        return round(MAX_OFFSET_M * (2.0 * share - 1.0), 3)
+    if kind == "encoder_jump":
+        return float(round(MAX_JUMP_TICKS * (2.0 * share - 1.0)))
+    return None
+
 
 STARTS: Final = 8
 """Random candidates of a climb; the best of them is where the steps begin.
@@ -81,7 +255,7 @@ def climb(settings: SearchSettings, number: int) -> Climb:
     found: dict[str, Violation] = {}
     for _ in range(MAX_TRIES):
         one = step(random, family, best if trials >= STARTS else None, settings.varied)
-        world = space.built(one, f"{family}_{settings.seed}_{number}", settings.seed)
+        world = built(one, f"{family}_{settings.seed}_{number}", settings.seed)
         if world is None:
             continue
         result = evaluate(settings.subject, world, round(one.values["seed"]))
@@ -101,5 +275,5 @@ def climb(settings: SearchSettings, number: int) -> Climb:
 def step(random: Draws, family: str, best: Candidate | None, varied: Sequence[str]) -> Candidate:
     """Return the next candidate: a random one without a best, else a neighbour of it."""
     if best is None:
-        return space.draw(random, family, varied)
-    return space.neighbour(random, best, varied)
+        return draw(random, family, varied)
+    return neighbour(random, best, varied)

@@ -2,27 +2,32 @@
 
 Results are taken in the order of the climbs, so that the findings do not depend on the number of
 processes.
+
+The progress of a search in one line.
 """
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TextIO
 
 from runtime.errors import UserError
 from study.falsify.climb import Climb, SearchSettings, Violation, climb
-from study.falsify.directory import (
+from study.falsify.findings import (
     ClassRecord,
+    Finding,
     SearchProgress,
+    finding_of,
+    picture,
     save,
     save_finding,
     save_index,
 )
-from study.falsify.finding import Finding, finding_of, picture
 from study.falsify.properties import time_limit_s
 from study.falsify.shrink import shrunk, walls_in
-from study.falsify.workers import Workers
+from study.runner.conduct import ProgressLine, duration_text
+from study.runner.workers import Workers
 
 AHEAD: Final = 2
 """Climbs in flight for each task that the workers run at the same time."""
@@ -188,3 +193,33 @@ def _died(error: BaseException) -> UserError:
         f"a worker process died ({error}); findings are kept: give the same command again, with "
         "fewer --jobs if memory is short"
     )
+
+
+S_PER_H: Final = 3600.0
+
+
+class SearchLine(ProgressLine):
+    """Show the state of a search."""
+
+    def __init__(
+        self, search: Search, budget: Budget, file: TextIO, monotonic_s: Callable[[], float]
+    ) -> None:
+        super().__init__(file, monotonic_s)
+        self._search, self._budget = search, budget
+
+    def line(self) -> str:
+        """Return the progress as text."""
+        progress, search = self._search.progress, self._search
+        found = [one for one in progress.classes.values() if one.sentence]
+        shrinking = len(progress.classes) - len(found)
+        more = f" ({shrinking} not yet shrunk)" if shrinking else ""
+        pace = progress.simulated_s / S_PER_H / (search.spent_s / 60.0) if search.spent_s else 0.0
+        return (
+            f"{progress.trials} trials in {progress.climbs} climbs, {pace:.1f} simulated h/min, "
+            f"classes of failure: {len(progress.classes)}{more}{self._left()}"
+        )
+
+    def _left(self) -> str:
+        if self._budget.span_s is None:
+            return ""
+        return f", {duration_text(max(0.0, self._budget.span_s - self._search.spent_s))} left"

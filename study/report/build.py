@@ -1,36 +1,267 @@
-"""Build the page of the report from a table of trials."""
+"""Build the page of the report from a table of trials.
+
+Success of each navigator by family of worlds.
+
+Description of the run of a study: trials, code and machine, so that a reader can repeat it.
+
+The verdict that opens the report: what the study found, in sentences with their figures.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import isfinite
 from typing import Final
 
+import numpy as np
 import pyarrow as pa
 
 from plant.model.types import World
 from runtime.errors import UserError
-from study.report.bounds import bounds_section
-from study.report.charts.distributions import (
+from study.intervals import Share
+from study.report.charts.gallery import PER_NAVIGATOR, WorldOf, gallery, selected_failures
+from study.report.comparisons import (
+    LEVEL,
+    Comparison,
+    bounds_section,
+    comparison_table,
+    comparisons,
+)
+from study.report.drives import PaperRuns
+from study.report.evidence import Evidence
+from study.report.page import (
+    DASH,
+    Block,
+    CodeBlock,
+    PageCell,
+    PageCellLike,
+    PageTable,
+    Paragraph,
+    ReportPage,
+    Section,
+    count_text,
+    number,
+    percent,
+    probability,
+    share,
+)
+from study.report.paper import paper_section
+from study.report.summary import (
+    Summary,
     behaviour_blocks,
     ends_figure,
     error_figure,
     error_table,
+    given_up_table,
+    main_table,
+    more_table,
     ratio_figure,
     success_figure,
+    summaries,
 )
-from study.report.charts.gallery import PER_NAVIGATOR, WorldOf, gallery, selected_failures
-from study.report.comparisons import comparison_table, comparisons
-from study.report.families import family_table
-from study.report.given_up import given_up_table
-from study.report.groups import CORPUS, CROWDS, GRIDS, NOTES, THIN, apart_of, in_group, main_of
-from study.report.how_run import how_run
-from study.report.page import Block, Paragraph, ReportPage, Section
-from study.report.paper.evidence import Evidence
-from study.report.paper.runs import PaperRuns
-from study.report.paper.section import paper_section
-from study.report.paper.targets import target_table, targets
-from study.report.summary import Summary, main_table, more_table, summaries
-from study.report.trials import Trials, distinct, trials_of
-from study.report.verdict import verdict
+from study.report.targets import MET, MISSED, StudyTarget, target_table, targets
+from study.report.trials import (
+    CORPUS,
+    CROWDS,
+    GRIDS,
+    NOTES,
+    PLANNER,
+    THIN,
+    Trials,
+    apart_of,
+    distinct,
+    in_group,
+    main_of,
+    trials_of,
+)
+from study.runner.rows import FAILED
+from study.trial.trial import ALL_NAVIGATORS
+
+
+def family_table(trials: Trials, noise: str) -> PageTable:
+    """Return success by family at one noise level, coloured from warm (0) to cool (1)."""
+    chosen = trials.of(noise=noise)
+    labels = chosen.labels()
+    rows = []
+    for family in chosen.values("family"):
+        some = chosen.of(family=family)
+        worlds = len(set(some.texts("world_digest").tolist()))
+        rows.append(
+            (family, count_text(worlds), *(_cell(some.of(label=label)) for label in labels))
+        )
+    caption = (
+        f"Noise `{noise}`: success in percent by family; in `unreachable`, success is to report "
+        "it. In brackets: successes / trials."
+    )
+    return PageTable(caption, ("family", "worlds", *labels), tuple(rows))
+
+
+def _cell(trials: Trials) -> PageCellLike:
+    if not len(trials):
+        return PageCell(DASH, "none")
+    found = Share(trials.count(trials.success), len(trials))
+    return PageCell(f"{percent(found.rate, 0)} ({found.count}/{found.of})", heat=found.rate)
+
+
+SHOWN: Final = 6
+
+
+def how_run(trials: Trials, kept: int, command: str) -> tuple[Block, ...]:
+    """Describe all rows, of which `kept` are distinct drives."""
+    lead = Paragraph(
+        f"{count_text(len(trials))} trials in {count_text(len(set(trials.texts('world_digest').tolist())))} "
+        f"worlds of {len(trials.values('family'))} families, "
+        f"{number(_sum(trials, 'time_s') / 3600.0, 1)} simulated hours in "
+        f"{number(_sum(trials, 'cpu_s') / 3600.0, 2)} hours of processor time."
+    )
+    rows = tuple((name, text) for name, text in _facts(trials, kept).items())
+    caption = "Trials, code and machine."
+    table = PageTable(caption, ("", ""), rows, names=2)
+    return (lead, CodeBlock(command), table) if command else (lead, table)
+
+
+def _facts(trials: Trials, kept: int) -> Mapping[str, str]:
+    facts = {
+        "study": _all(trials, "study"),
+        "navigators": "; ".join(trials.labels()),
+        "noise": _all(trials, "noise"),
+        "seeds": _seeds(trials),
+        "parameters": _all(trials, "parameters"),
+        "calibrated": _flag(trials, "calibrated"),
+        "code": f"commit {_commits(trials)}; uncommitted changes: {_flag(trials, 'dirty')}",
+        "version": _all(trials, "version"),
+        "Python": _all(trials, "python"),
+        "numpy, pymunk": f"{_all(trials, 'numpy')}, {_all(trials, 'pymunk')}",
+        "platform": _all(trials, "platform"),
+        "processor": _all(trials, "machine"),
+        "run": _times(trials),
+    }
+    if kept != len(trials):
+        facts["repetitions"] = (
+            f"{count_text(len(trials) - kept)} trials are bit-identical to another one, as all seeds "
+            "are without noise; each drive is counted once"
+        )
+    failed = trials.count(trials.has(outcome=FAILED))
+    if failed:
+        facts["failed"] = f"{count_text(failed)} trials could not be run; none counts as a success"
+    strange = [name for name in trials.values("navigator") if name not in ALL_NAVIGATORS]
+    if strange:
+        facts["unknown here"] = ", ".join(strange)
+    return facts
+
+
+def _sum(trials: Trials, name: str) -> float:
+    return float(np.nansum(trials.numbers(name)))
+
+
+def _all(trials: Trials, name: str) -> str:
+    found = [value for value in trials.values(name) if value]
+    more = f" and {len(found) - SHOWN} more" if len(found) > SHOWN else ""
+    return ", ".join(found[:SHOWN]) + more or "-"
+
+
+def _commits(trials: Trials) -> str:
+    return ", ".join(commit[:12] for commit in trials.values("commit")[:SHOWN] if commit) or "-"
+
+
+def _flag(trials: Trials, name: str) -> str:
+    words = {0.0: "no", 1.0: "yes"}
+    found = sorted({words[value] for value in trials.numbers(name).tolist() if isfinite(value)})
+    return " and ".join(found) or "-"
+
+
+def _seeds(trials: Trials) -> str:
+    found = sorted({int(seed) for seed in trials.numbers("seed").tolist() if isfinite(seed)})
+    if found == list(range(len(found))) and len(found) > 1:
+        return f"0 to {len(found) - 1}"
+    return ", ".join(map(str, found[:SHOWN])) + (" …" if len(found) > SHOWN else "") or "-"
+
+
+def _times(trials: Trials) -> str:
+    found = [time for time in trials.values("started_utc") if time]
+    return f"{found[0]} to {found[-1]} (UTC)" if found else "-"
+
+
+USUAL_NOISE: Final = "default"
+PAPER: Final = ("bug", "vgm")
+"""The navigators that the paper compares, the older one first."""
+
+
+def verdict(trials: Trials, found: list[Summary], wanted: list[StudyTarget]) -> Section:
+    """Return the section; it judges one noise level, the usual one if that was run."""
+    noises = trials.values("noise")
+    noise = USUAL_NOISE if USUAL_NOISE in noises else noises[0]
+    rows = sorted(
+        (one for one in found if one.noise == noise and one.success.of and one.label != PLANNER),
+        key=lambda one: -one.success.rate,
+    )
+    sentences = [*best(rows, noise), *paper(trials, noise), *touched(rows), *reached(wanted)]
+    return Section("Verdict", tuple(map(Paragraph, sentences)))
+
+
+def best(rows: list[Summary], noise: str) -> list[str]:
+    """Say which navigator arrives most often, and which comes next."""
+    if not rows:
+        return [f"No trial with `{noise}` noise has a path to its goal."]
+    first, *others = rows
+    lead = (
+        f"**{first.label} arrives most often**: {share(first.success)} % of"
+        f" {count_text(first.success.of)} trials in worlds with a path to the goal, `{noise}` noise."
+    )
+    if not others:
+        return [lead]
+    return [f"{lead} Next is {others[0].label} with {share(others[0].success)} %."]
+
+
+def paper(trials: Trials, noise: str) -> list[str]:
+    """Say whether the paper's two navigators differ, for each side of the older one."""
+    found = comparisons(trials, noise)
+    return [
+        in_words(one)
+        for one in found
+        if {one.first.partition(",")[0], one.second.partition(",")[0]} == set(PAPER)
+    ]
+
+
+def in_words(one: Comparison) -> str:
+    """Return a comparison as a sentence."""
+    names, only = (one.first, one.second), (one.only_first, one.only_second)
+    p = f"p = {probability(one.p_success)}".replace("= <", "<")
+    cases = f"only {names[0]} succeeds in {only[0]}, only {names[1]} in {only[1]}"
+    pairs = f"in {count_text(one.pairs)} pairs of trials {cases} ({p})"
+    if one.p_success >= LEVEL or only[0] == only[1]:
+        return (
+            f"The study shows **no clear difference** between {names[0]} and {names[1]}: {pairs}."
+        )
+    better = names[0] if only[0] > only[1] else names[1]
+    worse = names[1] if better == names[0] else names[0]
+    return f"**{better} succeeds more often than {worse}**: {pairs}."
+
+
+def touched(rows: list[Summary]) -> list[str]:
+    """Say which navigator touched something least and most often."""
+    if len(rows) < 2:
+        return []
+    least, *_, most = sorted(rows, key=lambda one: one.touched.rate)
+    return [
+        f"Something was touched least often by {least.label}"
+        f" ({percent(least.touched.rate, 2)} % of trials), most often by {most.label}"
+        f" ({percent(most.touched.rate, 2)} %)."
+    ]
+
+
+def reached(wanted: list[StudyTarget]) -> list[str]:
+    """Say how many of the figures to reach are met, and name those that are missed."""
+    judged = [one for one in wanted if one.verdict in (MET, MISSED)]
+    missed = [
+        f"{one.what.removeprefix('of these, ')} ({one.noise})"
+        for one in judged
+        if one.verdict == MISSED
+    ]
+    if not judged:
+        return []
+    names = f" Missed: {'; '.join(missed)}." if missed else ""
+    return [f"{len(judged) - len(missed)} of {len(judged)} figures to reach are met.{names}"]
+
 
 TITLE = "Comparison of the navigators"
 

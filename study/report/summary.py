@@ -1,6 +1,11 @@
-"""Navigator by noise level: the tables of the summary and `summary.json`."""
+"""Navigator by noise level: the tables of the summary and `summary.json`.
 
-from collections.abc import Iterable
+Goals given up: proved unreachable, lost or stuck, in worlds with a path and without one.
+
+Figures of outcomes, errors, path lengths and decisions.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from math import isfinite
 from typing import Final
@@ -8,11 +13,12 @@ from typing import Final
 import numpy as np
 
 from protocol.outcome import LOST
-from study.report.page import PageTable
+from study.intervals import CONFIDENT, Floats, Share, mean, quantile
+from study.report.charts.charts import bars, distribution_chart, success_chart
+from study.report.page import DASH, Block, PageFigure, PageTable, count_text, number, percent, share
+from study.report.targets import ERRORS, RATIO
 from study.report.trials import Trials
-from study.report.words import DASH, count, number, percent, share
-from study.runner.scores import FULL_SCORE
-from study.statistics.intervals import CONFIDENT, Floats, Share, mean, quantile
+from study.runner.run_task import FULL_SCORE
 
 HEAD: Final = (
     *("navigator", "noise", "worlds", "trials", "success %", "touched something %"),
@@ -107,12 +113,19 @@ def cells(found: Summary) -> tuple[str, ...]:
     """Return the cells of a summary, in the order of HEAD."""
     unreachable, wronged = found.recognised, found.wronged
     return (
-        *(found.label, found.noise, count(found.worlds), count(found.success.of + unreachable.of)),
+        *(
+            found.label,
+            found.noise,
+            count_text(found.worlds),
+            count_text(found.success.of + unreachable.of),
+        ),
         *(share(found.success), percent(found.touched.rate, 2)),
         f"{number(found.error_m[0], 3)} / {number(found.error_m[1], 3)}",
         percent(found.inside.rate),
         f"{number(found.ratio[0])} ({number(found.ratio[1])})",
-        f"{percent(unreachable.rate)} (of {count(unreachable.of)})" if unreachable.of else DASH,
+        f"{percent(unreachable.rate)} (of {count_text(unreachable.of)})"
+        if unreachable.of
+        else DASH,
         *(percent(one.rate, 2) for one in (wronged, found.lost, found.stuck)),
         *(number(found.spl, 3), number(found.score, 3)),
     )
@@ -173,7 +186,7 @@ def more_table(found: Iterable[Summary]) -> PageTable:
     )
     rows = tuple(
         (
-            *(one.label, one.noise, f"{count(one.contacts)} ({count(one.own_contacts)})"),
+            *(one.label, one.noise, f"{count_text(one.contacts)} ({count_text(one.own_contacts)})"),
             number(one.error_m[2], 3),
             f"{number(one.heading_deg[0], 1)} / {number(one.heading_deg[1], 1)}",
             number(one.time_s, 1),
@@ -193,3 +206,266 @@ def more_table(found: Iterable[Summary]) -> PageTable:
 
 def _whole(value: float) -> str:
     return f"{value:g}" if isfinite(value) else DASH
+
+
+PER: Final = 10_000
+GIVEN_UP_ENDS: Final = (LOST, "stuck")
+QUANTILES: Final = (0.5, 0.9)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GivenUp:
+    """The goals that one navigator gave up at one noise level.
+
+    `wronged` and `ended` are over worlds with a path to the goal, `recognised` and the rest over
+    those without. `time_s` and `laps` are median and 90th percentile over the recognised.
+    """
+
+    label: str
+    noise: str
+    wronged: Share
+    ended: tuple[Share, Share]
+    doubt_m: float
+    recognised: Share
+    ended_shut: tuple[Share, Share]
+    time_s: tuple[float, float]
+    laps: tuple[float, float]
+
+
+def given_up(trials: Trials) -> list[GivenUp]:
+    """Return a row for each navigator at each noise level."""
+    return [
+        _given_up(trials.of(label=label, noise=noise), label, noise)
+        for label in trials.labels()
+        for noise in trials.values("noise")
+        if len(trials.of(label=label, noise=noise))
+    ]
+
+
+def _given_up(trials: Trials, label: str, noise: str) -> GivenUp:
+    reachable, shut = trials.where(trials.possible), trials.where(~trials.possible)
+    recognised = shut.where(shut.recognised)
+    return GivenUp(
+        label=label,
+        noise=noise,
+        wronged=Share(reachable.count(reachable.gave_up), len(reachable)),
+        ended=_ended(reachable),
+        doubt_m=quantile(trials.of(outcome=LOST).numbers("doubt_m"), 0.5),
+        recognised=Share(len(recognised), len(shut)),
+        ended_shut=_ended(shut),
+        time_s=_both(recognised.numbers("time_s")),
+        laps=_both(recognised.laps),
+    )
+
+
+def _ended(trials: Trials) -> tuple[Share, Share]:
+    lost, stuck = (
+        Share(trials.count(trials.has(outcome=end)), len(trials)) for end in GIVEN_UP_ENDS
+    )
+    return lost, stuck
+
+
+def _both(values: Floats) -> tuple[float, float]:
+    median, late = (quantile(values, at) for at in QUANTILES)
+    return median, late
+
+
+def given_up_table(trials: Trials) -> PageTable:
+    """Return the table of the goals given up."""
+    head = (
+        *("navigator", "noise", "reachable", "called unreachable", f"at most, per {PER:,}"),
+        *("lost", "stuck", "doubt when lost m", "without a path", "recognised %", "lost", "stuck"),
+        *("s, median / 90th", "laps, median / 90th"),
+    )
+    rows = tuple(_cells(one) for one in given_up(trials))
+    caption = (
+        "Goals given up. `unreachable` claims a proof, `lost` is neither a way nor a proof, "
+        "`stuck` cannot move or comes no closer. Called unreachable: in worlds with a path, with "
+        f"the exact one-sided bound of {CONFIDENT} (Clopper and Pearson). Doubt: the longer half "
+        "axis of the robot's own ellipse when it was lost, median. Seconds, and laps: over the "
+        "recognised; one lap is the boundary that shuts the goal off, driven round once at top "
+        "speed. The way to that boundary is not in it."
+    )
+    return PageTable(caption, head, rows, names=2)
+
+
+def _cells(one: GivenUp) -> tuple[str, ...]:
+    reachable, shut = one.wronged, one.recognised
+    with_path = (
+        (count_text(reachable.count), number(PER * reachable.most, 2), *_counts(one.ended))
+        if reachable.of
+        else (DASH,) * 4
+    )
+    without = (
+        (percent(shut.rate), *_counts(one.ended_shut))
+        if shut.of
+        else (DASH,) * (1 + len(GIVEN_UP_ENDS))
+    )
+    return (
+        *(one.label, one.noise, count_text(reachable.of), *with_path, number(one.doubt_m)),
+        *(count_text(shut.of), *without),
+        f"{number(one.time_s[0], 0)} / {number(one.time_s[1], 0)}",
+        f"{number(one.laps[0])} / {number(one.laps[1])}",
+    )
+
+
+def _counts(ended: tuple[Share, Share]) -> tuple[str, ...]:
+    return tuple(count_text(share.count) for share in ended)
+
+
+KINDS_OF_ENDS: Final = {
+    "reached": "o-reached",
+    "collided": "o-collided",
+    "unreachable": "o-unreachable",
+    "lost": "o-lost",
+    "stuck": "o-stuck",
+    "timeout": "o-timeout",
+    "aborted": "o-aborted",
+    "failed": "o-other",
+}
+SPENT: Final = {
+    "to goal": ("o-goal", "ticks_to_goal"),
+    "passing left": ("o-left", "ticks_passing_left"),
+    "passing right": ("o-right", "ticks_passing_right"),
+    "aligning": ("o-align", "ticks_aligning"),
+}
+
+
+def success_figure(found: list[Summary]) -> PageFigure:
+    """Return success by navigator and noise level."""
+    panels: dict[str, dict[str, Share]] = {}
+    for one in found:
+        panels.setdefault(one.noise, {})[one.label] = one.success
+    labels = list(dict.fromkeys(one.label for one in found))
+    title = "Success by navigator and noise; the table below has the values"
+    drawing = success_chart(panels, labels, title)
+    caption = f"Success in percent, with {CONFIDENT} intervals, by noise."
+    return PageFigure("success", drawing, caption)
+
+
+def ends_figure(trials: Trials) -> PageFigure:
+    """Return shares of outcomes by navigator and noise level."""
+    rows: dict[str, Mapping[str, float]] = {}
+    for label in trials.labels():
+        for noise in trials.values("noise"):
+            some = trials.where(trials.possible).of(label=label, noise=noise)
+            if len(some):
+                rows[f"{label} / {noise}"] = {
+                    end: some.count(some.has(outcome=end)) / len(some) for end in KINDS_OF_ENDS
+                }
+    used = {
+        end: kind for end, kind in KINDS_OF_ENDS.items() if any(row[end] for row in rows.values())
+    }
+    title = "Outcomes as shares of trials in worlds with a path, by navigator and noise"
+    caption = "Outcomes in worlds with a path to the goal, by navigator and noise."
+    return PageFigure("ends", bars(rows, used, title), caption)
+
+
+def error_figure(trials: Trials) -> PageFigure:
+    """Return the distribution of the true position error of arrivals."""
+    lines = {noise: (most_m,) for noise, most_m, _ in ERRORS}
+    panels = _panels(trials, lambda some: some.numbers("position_error_m"))
+    title = "Distribution of the true position error of arrivals, by navigator and noise"
+    x_title, ends = "true position error, m", (0.002, 5.0)
+    drawing = distribution_chart(panels, title, x_title, ends, lambda noise: lines.get(noise, ()))
+    caption = (
+        "Share of arrivals whose true distance from the goal is at most this large. Dotted: the "
+        "wanted limit."
+    )
+    return PageFigure("position-error", drawing, caption)
+
+
+def ratio_figure(trials: Trials) -> PageFigure:
+    """Return the distribution of path length over the shortest one."""
+    panels = _panels(trials, lambda some: some.ratio)
+    title = "Distribution of path length over the shortest one, by navigator and noise"
+    limits = [most for _, _, most in RATIO]
+    drawing = distribution_chart(
+        panels, title, "path / shortest path", (1.0, 20.0), lambda _: limits
+    )
+    caption = (
+        "Share of arrivals whose path is at most this many times the shortest. Dotted: the wanted "
+        "limits of the median and of the 90th percentile."
+    )
+    return PageFigure("path-ratio", drawing, caption)
+
+
+def _panels(trials: Trials, values: Callable[[Trials], Floats]) -> dict[str, dict[str, Floats]]:
+    arrivals = trials.where(trials.arrived & trials.possible)
+    return {
+        noise: {label: values(arrivals.of(noise=noise, label=label)) for label in trials.labels()}
+        for noise in trials.values("noise")
+    }
+
+
+def error_table(trials: Trials) -> PageTable:
+    """Return the final pose errors of arrivals against the robot's own covariance."""
+    rows = []
+    for label in trials.labels():
+        for noise in trials.values("noise"):
+            some = trials.of(label=label, noise=noise)
+            arrivals = some.where(some.arrived & some.possible)
+            if len(arrivals):
+                rows.append((label, noise, str(len(arrivals)), *_errors(arrivals)))
+    head = (
+        *("navigator", "noise", "arrivals", "position error m: 50 %", "90 %", "99 %", "100 %"),
+        *("heading error deg: 50 %", "95 %"),
+        *(f"in own {CONFIDENT} ellipse", "mean squared Mahalanobis"),
+    )
+    caption = (
+        f"Final pose of arrivals. A consistent covariance has {CONFIDENT} inside its ellipse "
+        "and a mean squared Mahalanobis distance of 2."
+    )
+    return PageTable(caption, head, tuple(rows), names=2)
+
+
+def _errors(arrivals: Trials) -> tuple[str, ...]:
+    error_m = arrivals.numbers("position_error_m")
+    heading_deg = np.degrees(arrivals.numbers("heading_error_rad"))
+    squared = arrivals.numbers("mahalanobis2")
+    squared = squared[np.isfinite(squared)]
+    known = arrivals.where(np.isfinite(arrivals.numbers("mahalanobis2")))
+    return (
+        *(number(quantile(error_m, at), 3) for at in (0.5, 0.9, 0.99, 1.0)),
+        *(number(quantile(heading_deg, at), 1) for at in (0.5, 0.95)),
+        share(Share(known.count(known.inside), len(known))),
+        number(float(squared.mean()) if len(squared) else np.nan),
+    )
+
+
+def spent_figure(trials: Trials) -> PageFigure:
+    """Return the shares of ticks per decision."""
+    rows: dict[str, Mapping[str, float]] = {}
+    for label in trials.labels():
+        some = trials.of(label=label)
+        sums = {part: float(np.nansum(some.numbers(name))) for part, (_, name) in SPENT.items()}
+        total = sum(sums.values())
+        if total:
+            rows[label] = {part: value / total for part, value in sums.items()}
+    kinds = {part: kind for part, (kind, _) in SPENT.items()}
+    title = "Decisions of the robot as shares of its ticks, by navigator"
+    return PageFigure("decisions", bars(rows, kinds, title), "Decisions as shares of all ticks.")
+
+
+def behaviour_blocks(trials: Trials) -> tuple[Block, ...]:
+    """Return figure and table of driving behaviour."""
+    rows = []
+    for label in trials.labels():
+        some = trials.of(label=label)
+        changes, avoided = some.numbers("side_changes"), some.numbers("avoidances")
+        rows.append(
+            (
+                label,
+                *(f"{quantile(avoided, at):.0f}" if len(some) else "-" for at in (0.5, 1.0)),
+                *(number(quantile(changes, at), 0) for at in (0.5, 0.95, 1.0)),
+                percent(some.count(changes > 4.0) / len(some)),
+                number(quantile(some.numbers("turned_rad"), 0.5), 1),
+                number(quantile(some.numbers("mean_clearance_m"), 0.5)),
+            )
+        )
+    head = (
+        *("navigator", "avoidances: median", "worst", "side changes: median", "95 %", "worst"),
+        *("more than 4 changes %", "turned rad, median", "mean clearance m, median"),
+    )
+    caption = "Behaviour over all trials: how often avoiding began, and how often the side changed."
+    return spent_figure(trials), PageTable(caption, head, tuple(rows))

@@ -22,9 +22,8 @@ from runtime.calibration import settings_of, start_totals
 from runtime.timing import CONTROL_HZ, PERIOD_NS
 from runtime.units import NS_PER_S
 from study.oracle.names import STUDY_ONLY
-from study.oracle.registration import registered
-from study.trial.core_loop import CoreLoop
-from study.trial.drive import Watch, drive
+from study.oracle.oracle_grid import registered
+from study.trial.core_loop import CoreLoop, Watch, drive
 
 NAVIGATORS: Mapping[str, int] = {
     "bug": states.BUG,

@@ -64,7 +64,7 @@ def test_study_sends_trials_to_compiled_workers(installation: Path, tmp_path: Pa
 
 
 def test_compiled_installation_knows_its_commit(installation: Path) -> None:
-    code = "from study.runner.provenance import code; print(code().commit)"
+    code = "from study.runner.rows import code; print(code().commit)"
     known = run_python(installation, "-c", code).stdout.strip()
     assert known == hatch_build.commit_of(ROOT).removesuffix("+") != ""
 

@@ -17,10 +17,9 @@ from robot.core.perception import stall as stalls
 from robot.core.values import Outputs
 from robot.parameters.table import with_values
 from runtime.calibration import settings_of
-from study.calibration.runs import covariance_of
-from study.calibration.squares import drive as squares
-from study.calibration.umbmark import umbmark
-from study.statistics.intervals import CHI2_2
+from study.calibration import covariance_of, umbmark
+from study.calibration import drive as squares
+from study.intervals import CHI2_2
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial
 from tests.support.each import each

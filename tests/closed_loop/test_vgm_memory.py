@@ -11,7 +11,7 @@ from plant.model.types import World
 from plant.world.file import load
 from protocol.outcome import Outcome
 from protocol.wire.reasons import Reason, reason_text
-from study.trial.behaviour import Behaviour
+from study.trial.core_loop import Behaviour
 from study.trial.trial import Trial, run_trial
 
 FIXED = sorted((Path(__file__).parents[2] / "plant" / "corpus" / "fixed").glob("*.toml"))

@@ -33,9 +33,9 @@ from robot.scheduling.cycle_meter import OVERRUNS_IN_A_ROW
 from runtime.timing import CONTROL_HZ, PERIOD_MS
 from runtime.units import NS_PER_MS, NS_PER_S
 from runtime.watchdog import HUNG_S
-from study.cli.study_options import parser
+from study.cli.study_run import parser
+from study.intervals import CHI2_2, CONFIDENCE, CONFIDENT
 from study.runner.plan import DETOUR_FACTOR, MIN_TIMEOUT_S, UNREACHABLE_TIMEOUT_S
-from study.statistics.intervals import CHI2_2, CONFIDENCE, CONFIDENT
 from tests.support.each import each
 
 ROOT = Path(__file__).resolve().parents[2]

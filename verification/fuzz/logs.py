@@ -48,8 +48,7 @@ from runtime.clock import ManualClock
 from runtime.units import NS_PER_S
 from study.cli.reexecute import params_of
 from study.cli.reexecute import start_of as started_at
-from study.trial.recorded_drive import RecordedDrive
-from study.trial.reexecute import reexecute, refuse_unless_whole
+from study.trial.reexecution import RecordedDrive, reexecute, refuse_unless_whole
 from verification.fuzz.messages import packed, pieces
 from verification.fuzz.target import REFUSALS, FuzzTarget
 from verification.fuzz.wire import ARM, GOAL, SCAN, TEXT, TICKS

@@ -24,10 +24,9 @@ from robot.parameters.table import adjusted, described
 from robot.storage.files import FILE_NAME, Store
 from runtime.calibration import FOLDER, Calibration
 from runtime.config import load, load_shared
-from study.calibration.cli import SIDE_M, from_log
-from study.runner.store import RESULTS, SCHEMA, find
-from study.runner.study_settings import FILE as SETTLED
-from study.runner.study_settings import differences, settings_in
+from study.cli.calibrate import SIDE_M, from_log
+from study.runner.store import FILE as SETTLED
+from study.runner.store import RESULTS, SCHEMA, differences, find, settings_in
 from verification.fuzz.target import FuzzTarget
 from verification.fuzz.words import JSON_WORDS, TOML_WORDS, from_file, json_bombs, toml_bombs
 

@@ -21,7 +21,7 @@ from protocol.options import numbers_kept
 from protocol.topics import robot_name
 from robot.cli import parser as robot_parser
 from runtime.cli.parsers import parser_of
-from study.calibration.cli import parser as calibrate_parser
+from study.cli.calibrate import parser as calibrate_parser
 from verification.fuzz.target import REFUSALS, FuzzTarget
 from verification.fuzz.words import from_file
 

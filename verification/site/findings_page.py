@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Final
 
 from study.falsify.climb import class_of
-from study.falsify.finding import Finding, read
+from study.falsify.findings import Finding, read
 from study.falsify.shrink import walls_in
-from study.report.output.marks import with_text
+from study.report.page import with_text
 from verification.findings import WORLDS
 from verification.site.reference import table
 

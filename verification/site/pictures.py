@@ -12,9 +12,9 @@ from typing import Final, TypeAlias
 
 from plant.model.types import World
 from plant.world.file import load
-from study.report.charts.drives import DrivenTrial, drive_all
-from study.report.charts.style import DARK, DRAWING_RULES, LIGHT
+from study.report.charts.charts import DARK, DRAWING_RULES, LIGHT
 from study.report.charts.world_map import WorldMap, simplified
+from study.report.drives import DrivenTrial, drive_all
 from study.trial.trial import Trial
 from verification.site import proof_picture
 

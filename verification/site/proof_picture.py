@@ -12,8 +12,8 @@ from robot.core.navigators.memory import proof as proofs
 from robot.core.navigators.memory.chain import LEAD, TAIL
 from robot.core.navigators.vgm_following import Memory
 from robot.core.values import EVERY, Outputs
-from study.report.charts.drives import DrivenTrial, drive_trial
 from study.report.charts.world_map import WorldMap, end_mark, simplified
+from study.report.drives import DrivenTrial, drive_trial
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial
 

@@ -13,7 +13,7 @@ from shutil import copyfile
 from typing import Any, Final, NamedTuple
 
 from ground.vehicle_check.verdict import Status, rows
-from study.report.output.marks import with_text
+from study.report.page import with_text
 from verification.site.reference import table
 
 ROOT: Final = Path(__file__).resolve().parents[2]

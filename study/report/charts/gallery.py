@@ -10,14 +10,14 @@ from plant.model.errors import WorldError
 from plant.model.types import World
 from protocol.wire.reasons import Reason
 from runtime.errors import UserError
-from study.report.charts.drives import DrivenTrial, attempt_all
+from study.intervals import CONFIDENT
 from study.report.charts.world_map import WorldMap
+from study.report.drives import DrivenTrial, attempt_all
 from study.report.page import Block, Gallery, PageFigure, Paragraph, Section
 from study.report.trials import NOISES, Trials
 from study.runner.rows import FAILED, TrialRow
 from study.runner.run_task import trial_of
 from study.runner.store import rows_of
-from study.statistics.intervals import CONFIDENT
 from study.trial.trial import Trial
 
 WorldOf: TypeAlias = Callable[[str], World]

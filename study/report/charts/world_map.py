@@ -10,10 +10,9 @@ import numpy as np
 from plant.model.configuration import body_of
 from plant.model.types import Circle, Point, Polygon, Polyline, World
 from protocol.outcome import LOST, UNREACHABLE
-from study.report.charts.drives import DrivenTrial, Pose
-from study.report.charts.style import colour, dashed
-from study.report.charts.svg import Dot, SvgDrawing
-from study.statistics.intervals import CHI2_2, Floats
+from study.intervals import CHI2_2, Floats
+from study.report.charts.charts import Dot, SvgDrawing, colour, dashed
+from study.report.drives import DrivenTrial, Pose
 
 RIM: Final = 8.0
 STRAIGHT_M: Final = 0.004

@@ -28,7 +28,7 @@ from robot.core.perception.from_messages import scan_of, twist_of, wheels_of
 from robot.core.values import Inputs, Outputs, Pose
 from robot.storage.files import Store
 from robot.vehicle import Vehicle
-from study.trial.recorded_drive import RecordedRequest, reason_in
+from study.trial.reexecution import RecordedRequest, reason_in
 from tests.support.harness import Stack
 from tests.support.operators import drive_about
 

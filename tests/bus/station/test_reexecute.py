@@ -7,8 +7,7 @@ from ground.recording.log_reader import open_log
 from ground.recording.mcap.writer import McapFormat
 from protocol.topics import INPUTS, SONAR, WHEELS
 from study.cli.reexecute import params_of, start_of
-from study.trial.recorded_drive import RecordedDrive
-from study.trial.reexecute import reexecute, refuse_unless_whole
+from study.trial.reexecution import RecordedDrive, reexecute, refuse_unless_whole
 from tests.support.harness import Stack
 from tests.support.operators import drive_about
 

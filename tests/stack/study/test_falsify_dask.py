@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from study.cli.falsify import main
-from study.falsify.workers import workers
+from study.runner.workers import workers
 
 pytestmark = pytest.mark.stack
 

@@ -11,12 +11,11 @@ import pytest
 
 from plant.model.types import World
 from runtime.errors import UserError
-from study.runner import on_dask
+from study.runner import workers as on_dask
 from study.runner.plan import TrialTask
-from study.runner.pool import Pool
-from study.runner.provenance import code
-from study.runner.rows import FAILED, TrialRow
+from study.runner.rows import FAILED, TrialRow, code
 from study.runner.run_task import StudyContext
+from study.runner.workers import Pool
 from tests.support.study.made import boxed, context_of, floor, tasks
 from tests.support.study.trouble import deadly
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from plant.model.configuration import LEVELS
 from plant.world.file import load, loads
 from robot.core import brain
-from study.trial.behaviour import Behaviour
+from study.trial.core_loop import Behaviour
 from study.trial.trial import NAVIGATORS, SIDES, Trial, run_trial
 
 WORLDS = sorted((Path(__file__).parents[3] / "plant" / "worlds").glob("*.toml"))

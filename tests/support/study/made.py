@@ -5,11 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from plant.model.types import Circle, GoalPose, Start, World
-from study.runner.plan import StudySettings, TrialTask, tasks_of
-from study.runner.provenance import CodeVersion
-from study.runner.rows import TrialRow
+from study.runner.plan import ListedWorld, StudySettings, TrialTask, digest_of, tasks_of
+from study.runner.rows import CodeVersion, TrialRow
 from study.runner.run_task import StudyContext, failed
-from study.runner.sources import ListedWorld, digest_of
 
 CODE = CodeVersion(commit="c0ffee", dirty=False, version="0.1.0", digest="d1")
 

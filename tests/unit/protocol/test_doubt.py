@@ -5,7 +5,7 @@ from math import inf, log, nan, sqrt
 import pytest
 
 from protocol.doubt import CHI2_2, OUTSIDE, doubt_m, doubt_words
-from study.statistics.intervals import CHI2_2 as OF_THE_STUDY
+from study.intervals import CHI2_2 as OF_THE_STUDY
 from tests.support.each import each
 
 

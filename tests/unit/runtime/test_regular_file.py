@@ -26,9 +26,9 @@ from protocol.bus.network import Tls
 from protocol.bus.tls.certificate import own_certificate
 from runtime import config, regular_file
 from runtime.errors import UserError
-from study.calibration.log import read as read_calibration
-from study.falsify.finding import read as read_finding
-from study.runner.study_settings import settings_in
+from study.calibration import read as read_calibration
+from study.falsify.findings import read as read_finding
+from study.runner.store import settings_in
 from tests.support.each import each
 
 GB: int = 1 << 30

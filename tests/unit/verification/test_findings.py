@@ -6,7 +6,7 @@ from shutil import copyfile
 import pytest
 
 from runtime.errors import UserError
-from study.falsify.finding import read
+from study.falsify.findings import read
 from verification.findings import WORLDS, failing, main, name_of
 
 SOURCE = min(WORLDS.glob("paper/bug-a-*.toml"))

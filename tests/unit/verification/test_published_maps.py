@@ -6,7 +6,7 @@ import pytest
 
 from plant.model.types import Circle
 from protocol.outcome import LOST, UNREACHABLE
-from study.report.paper.evidence import MapResult, read_evidence
+from study.report.evidence import MapResult, read_evidence
 from tests.support.each import each
 from verification import published_maps
 from verification.published_maps import (

@@ -5,8 +5,7 @@ from typing import Any
 from plant.model.types import Circle, Point
 from robot.core.states import TO_GOAL
 from robot.core.values import Pose
-from study.report.contacts.recorder import StoredPoint, Tick
-from study.report.contacts.touched import Touched
+from study.report.contact_kinds import StoredPoint, Tick, Touched
 
 RADIUS_M = 0.12
 ORIGIN = Pose(0.0, 0.0, 0.0)

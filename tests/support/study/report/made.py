@@ -10,10 +10,10 @@ import pyarrow as pa
 from plant.model.types import World
 from protocol.outcome import Outcome
 from protocol.wire.reasons import Reason
-from study.report.charts.drives import DrivenTrial, Pose
+from study.report.drives import DrivenTrial, Pose
 from study.report.trials import Trials, trials_of
 from study.runner.rows import TrialRow
-from study.runner.scores import published_score, spl
+from study.runner.run_task import published_score, spl
 from study.runner.store import SCHEMA, table_of
 from study.trial.trial import Trial
 from tests.support.study.made import floor

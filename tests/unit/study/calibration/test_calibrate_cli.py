@@ -10,7 +10,7 @@ from robot.storage.files import Store
 from runtime import config
 from runtime.calibration import Calibration
 from sidestep import main as sidestep
-from study.calibration import log
+from study import calibration
 from tests.support.each import each
 
 QUICK = ("calibrate", "--runs", "2", "--side", "1", "--noise", "none")
@@ -37,7 +37,7 @@ def test_wrong_track_is_corrected_and_stored(
     assert files["found.toml"].read_text().startswith("# Made by: sidestep calibrate --runs 2")
     stored, warnings = Store(files["state"]).load(DEFAULTS)
     assert (stored.track_m, warnings) == (found["track_m"], [])
-    assert len(log.read(files["runs.csv"])) == 4
+    assert len(calibration.read(files["runs.csv"])) == 4
     assert "<svg" in files["plot.svg"].read_text(encoding="utf-8")
 
 
@@ -84,7 +84,7 @@ def test_impossible_runs_are_refused_with_advice(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "runs.csv"
-    lines = [",".join(log.COLUMNS)]
+    lines = [",".join(calibration.COLUMNS)]
     for number, way in enumerate(("cw", "cw", "ccw", "ccw")):
         ticks = range(0, 4000, 100)
         lines += [f"{number},{way},{k},{k},,," for k in ticks]

@@ -7,8 +7,16 @@ from hypothesis import strategies as st
 
 from robot.core.parameters import DEFAULTS
 from robot.parameters.table import OutOfRangeError, with_values
-from study.calibration.fit import Fit, covariance_parts_of, fit_parameters, minimum, most_likely_k
-from study.calibration.runs import SquareRun, believed, covariance_of
+from study.calibration import (
+    Fit,
+    SquareRun,
+    believed,
+    covariance_of,
+    covariance_parts_of,
+    fit_parameters,
+    minimum,
+    most_likely_k,
+)
 from tests.support.each import each
 from tests.support.study.calibration_runs import squares
 

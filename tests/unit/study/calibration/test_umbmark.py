@@ -4,8 +4,7 @@ import pytest
 
 from robot.core.parameters import DEFAULTS
 from robot.parameters.table import with_values
-from study.calibration.runs import CCW, CW
-from study.calibration.umbmark import umbmark, wheel_ratio
+from study.calibration import CCW, CW, umbmark, wheel_ratio
 from tests.support.each import each
 from tests.support.study.calibration_runs import SIDE_M, squares
 

@@ -10,10 +10,10 @@ import pyarrow.parquet as pq
 import pytest
 
 import sidestep
+from study.cli import report as report_cli
 from study.cli import study as study_cli
 from study.cli import study_run
-from study.cli.study_options import parser
-from study.report import cli as report_cli
+from study.cli.study_run import parser
 from study.runner.store import RESULTS, SHARDS, commands_of, read, rows_of, write_shard
 from tests.support.study.made import ids, rows, spoil
 

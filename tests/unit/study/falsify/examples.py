@@ -3,10 +3,9 @@
 from functools import cache
 
 from plant.corpus import generate
-from study.falsify.climb import SearchSettings, Violation, climb
+from study.falsify.climb import Candidate, SearchSettings, Violation, climb
 from study.falsify.evaluate import Subject
 from study.falsify.properties import Evaluation
-from study.falsify.space import Candidate
 from tests.unit.study.falsify.outcomes import STUCK
 
 SCENES = ("symmetric_trap", "three_walls", "wedge")

@@ -8,7 +8,7 @@ import pytest
 
 from plant.model.configuration import KINDS, Fault
 from plant.model.draws import Draws
-from study.falsify import space
+from study.falsify import climb as space
 from study.falsify.climb import STEPS, Violation, class_of, climb
 from study.falsify.evaluate import evaluate
 from study.falsify.shrink import Shrinker, walls_in

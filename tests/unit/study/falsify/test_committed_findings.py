@@ -8,7 +8,7 @@ from _pytest.mark.structures import ParameterSet
 
 import study.falsify
 from plant.shortest_path import shortest_path_m
-from study.falsify.finding import read
+from study.falsify.findings import read
 from study.falsify.properties import LETTERS
 from study.falsify.shrink import walls_in
 from tests.support.each import each

@@ -11,14 +11,11 @@ from protocol.outcome import Outcome
 from protocol.wire.reasons import Reason
 from robot.core import states
 from runtime.errors import UserError
-from study.falsify.directory import SearchProgress
-from study.falsify.evaluate import Subject, evaluate, kind_of
-from study.falsify.explain import sentence_of
-from study.falsify.finding import finding_of, picture
-from study.falsify.monitor import Monitor
+from study.falsify.evaluate import Monitor, Subject, evaluate, kind_of
+from study.falsify.findings import SearchProgress, finding_of, picture, sentence_of
 from study.falsify.properties import LETTERS
 from study.falsify.search import Budget, Search
-from study.falsify.workers import workers
+from study.runner.workers import workers
 from tests.support.each import each
 from tests.unit.study.falsify.examples import evaluation_of, search_of
 from tests.unit.study.falsify.outcomes import ARRIVED, STUCK

@@ -9,11 +9,9 @@ import pytest
 
 from runtime.errors import UserError
 from study.cli.falsify import files_of, main, parser
-from study.falsify import workers
-from study.falsify.directory import ClassRecord
-from study.falsify.finding import finding_of, read
-from study.falsify.nearby import near
+from study.falsify.findings import ClassRecord, finding_of, near, read
 from study.falsify.search import Search
+from study.runner import workers
 from tests.support.each import each
 from tests.unit.study.falsify.examples import first_violation, search_of
 

@@ -12,10 +12,8 @@ import pytest
 from plant.model.types import Circle, GoalPose, Obstacle, Polyline, Start, World
 from protocol.wire.messages import GroundTruth
 from robot.core.navigators.memory import proof as proofs
-from study.falsify.evaluate import Subject, evaluate
-from study.falsify.explain import sentence_of
-from study.falsify.finding import read
-from study.falsify.monitor import Monitor, nearest_thing, sonar_towards
+from study.falsify.evaluate import Monitor, Subject, evaluate, nearest_thing, sonar_towards
+from study.falsify.findings import read, sentence_of
 from study.falsify.properties import Evaluation
 from study.trial.core_loop import CoreLoop
 from tests.support.each import each

@@ -9,8 +9,7 @@ from plant.corpus.generate import ADVERSARIAL_MARGIN_M
 from plant.model.configuration import body_of
 from plant.model.types import Polyline
 from runtime.errors import UserError
-from study.falsify.finding import Finding, read
-from study.falsify.nearby import MAX_SHIFT_M, MAX_TURN_RAD, near
+from study.falsify.findings import MAX_SHIFT_M, MAX_TURN_RAD, Finding, near, read
 
 WORLDS = Path(__file__).parents[4] / "study" / "falsify" / "worlds"
 

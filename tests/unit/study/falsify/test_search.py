@@ -13,11 +13,9 @@ import pytest
 from runtime.errors import UserError
 from study.falsify import search as searches
 from study.falsify.climb import Climb, SearchSettings, Violation
-from study.falsify.directory import SearchProgress, opened, save, settings_json
-from study.falsify.finding import finding_of, read
-from study.falsify.search import Budget, Search, Shrunk
-from study.falsify.search_line import SearchLine
-from study.falsify.workers import InPlace, Workers
+from study.falsify.findings import SearchProgress, finding_of, opened, read, save, settings_json
+from study.falsify.search import Budget, Search, SearchLine, Shrunk
+from study.runner.workers import InPlace, Workers
 from tests.unit.study.falsify.examples import evaluation_of, search_of, violation_of
 
 SETTINGS = search_of("vgm", "ab")

@@ -7,8 +7,15 @@ from plant.corpus import generate
 from plant.corpus.draft import Axis
 from plant.model.types import Circle, Polyline
 from plant.world.writer import dumps
-from study.falsify.rounding import roundings
-from study.falsify.shrink import checked, parts_of, reduce_list, replaced, simple_values, walls_in
+from study.falsify.shrink import (
+    checked,
+    parts_of,
+    reduce_list,
+    replaced,
+    roundings,
+    simple_values,
+    walls_in,
+)
 from tests.support.each import each
 
 

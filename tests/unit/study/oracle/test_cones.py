@@ -3,7 +3,7 @@
 import numpy as np
 
 from runtime.elementary import atan2
-from study.oracle.cones import CELL_MM, CIRCLE, QUARTER, REACH_MM, brads, cones_of
+from study.oracle.grid_map import CELL_MM, CIRCLE, QUARTER, REACH_MM, brads, cones_of
 from tests.support.each import each
 
 WIDTH = 1000

@@ -5,7 +5,7 @@ from math import inf
 import numpy as np
 
 from robot.core.perception.sonar_ring import Ring
-from study.oracle.evidence import (
+from study.oracle.grid_map import (
     LEAST_NEAR,
     MAYBE,
     MOST,

@@ -15,8 +15,7 @@ from robot.core.values import Goal, Pose
 from robot.parameters.table import OutOfRangeError
 from study.oracle.grid_map import GridMap
 from study.oracle.names import ORACLE_GRID
-from study.oracle.oracle_grid import Memory, away_from_flank, step
-from study.oracle.registration import registered
+from study.oracle.oracle_grid import Memory, away_from_flank, registered, step
 from study.trial.trial import Trial, run_trial
 from tests.support.each import each
 from tests.unit.study.oracle.test_evidence import ring_with

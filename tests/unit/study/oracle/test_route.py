@@ -1,6 +1,6 @@
 """The search for the cheapest route."""
 
-from study.oracle.route import search
+from study.oracle.grid_map import search
 
 WIDTH = 12
 

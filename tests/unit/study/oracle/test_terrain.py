@@ -2,12 +2,14 @@
 
 import numpy as np
 
-from study.oracle.evidence import MOST, SURE, Evidence
-from study.oracle.terrain import (
+from study.oracle.grid_map import (
     BLOCKED_MM,
     CLOSE,
     DOUBTFUL,
     FREE,
+    MOST,
+    SURE,
+    Evidence,
     Terrain,
     change,
     price_all,

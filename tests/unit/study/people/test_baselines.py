@@ -4,7 +4,7 @@ from itertools import pairwise
 from math import inf, isclose
 
 from plant.model.types import Circle, GoalPose, Point, Polyline, Start, World
-from study.people.baselines import (
+from study.people.crowd_trial import (
     CELL_M,
     LAYER_S,
     omniscient_route,
@@ -13,8 +13,7 @@ from study.people.baselines import (
     stand,
     stay,
 )
-from study.people.encounters import time_to_collision_s
-from study.people.walkers import Walker
+from study.people.encounters import Walker, time_to_collision_s
 
 
 def floor_with(*obstacles: Circle | Polyline) -> World:

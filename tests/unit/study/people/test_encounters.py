@@ -4,8 +4,15 @@ from math import inf, isclose
 
 from plant.model.types import Circle, GoalPose, Start, World
 from robot.core.perception.people import PROVEN, People
-from study.people.encounters import PERSONAL_M, SOON_S, Encounters, Exposure, tracked
-from study.people.walkers import STEP_S, Walker
+from study.people.encounters import (
+    PERSONAL_M,
+    SOON_S,
+    STEP_S,
+    Encounters,
+    Exposure,
+    Walker,
+    tracked,
+)
 from study.trial.trial import Trial, run_trial
 
 BEHIND = Circle(x_m=0.5, y_m=1.5, radius_m=0.2, path_m=((0.5, 1.5), (3.5, 1.5)), speed_m_s=0.4)

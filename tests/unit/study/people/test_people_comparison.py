@@ -5,12 +5,10 @@ from math import inf, isclose, pi
 
 import pytest
 
-from study.people.baselines import Stay
-from study.people.comparison import Comparison, pooled
-from study.people.crowd_tables import contact_table, navigator_table, origin_table
-from study.people.crowd_trial import CrowdTrial, Series, WorldResult, run_world
+from study.people.__main__ import BEGIN, END, to_json, with_tables
+from study.people.comparison import Comparison, contact_table, navigator_table, origin_table, pooled
+from study.people.crowd_trial import CrowdTrial, Series, Stay, WorldResult, run_world
 from study.people.encounters import Contact, Exposure
-from study.people.people_page import BEGIN, END, to_json, with_tables
 from tests.support.each import each
 
 BUG, MEMORY = "bug:right", "vgm_memory:left"

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from study.people import __main__ as command
+from study.people.__main__ import BEGIN, CONTACTS, END, NAVIGATORS
 from study.people.crowd_trial import Series
-from study.people.people_page import BEGIN, CONTACTS, END, NAVIGATORS
 from tests.support.docs.session import ROOT
 
 MARKS = ("contacts", "crowd", "crowd_hasty", "origins")

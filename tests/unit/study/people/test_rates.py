@@ -2,7 +2,7 @@
 
 from math import isclose
 
-from study.people.rates import Rate, poisson_interval
+from study.people.comparison import Rate, poisson_interval
 from tests.support.each import each
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from study.report.bounds import (
+from study.report.comparisons import (
     bounds_of,
     bounds_section,
     figure_table,

@@ -2,10 +2,10 @@
 
 import pytest
 
+from study.intervals import mcnemar
+from study.report.build import family_table
 from study.report.comparisons import comparison, comparison_table, comparisons, runs_by_pair
-from study.report.families import family_table
 from study.report.page import PageCell, text_of
-from study.statistics.intervals import mcnemar
 from tests.support.study.report.made import STUCK, row, trials
 
 

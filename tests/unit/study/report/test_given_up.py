@@ -4,9 +4,9 @@ from math import isnan
 
 import pytest
 
-from study.report.given_up import given_up, given_up_table
+from study.intervals import Share
 from study.report.page import text_of
-from study.statistics.intervals import Share
+from study.report.summary import given_up, given_up_table
 from tests.support.study.report.made import GAVE_UP, LOST, SHUT, STUCK, row, trials
 
 

@@ -1,8 +1,10 @@
 """The corpus is judged alone; grid maps, thin walls, crowds and adversarial worlds are apart."""
 
 from plant.corpus import ADVERSARIAL_FAMILIES, CROWD_FAMILIES, FAMILIES, GRID_FAMILIES
+from study.cli.report import summary_of
 from study.report.build import ReportRequest, page_of
-from study.report.groups import (
+from study.report.page import markdown
+from study.report.trials import (
     ADVERSARIAL,
     CORPUS,
     CROWDS,
@@ -12,8 +14,6 @@ from study.report.groups import (
     group_of,
     main_of,
 )
-from study.report.output.files import summary_of
-from study.report.output.markdown import markdown
 from study.runner.store import table_of
 from tests.support.each import each
 from tests.support.study.report.made import GAVE_UP, row, trials

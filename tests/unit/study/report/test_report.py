@@ -11,12 +11,10 @@ import pytest
 
 from plant.model.types import World
 from runtime.errors import UserError
+from study.cli.report import main, write
 from study.report.build import ReportRequest
-from study.report.charts.svg import SvgDrawing
-from study.report.cli import main
-from study.report.output.files import write
-from study.report.output.html import html
-from study.report.output.markdown import markdown
+from study.report.charts.charts import SvgDrawing
+from study.report.drives import PaperRuns
 from study.report.page import (
     CodeBlock,
     PageCell,
@@ -25,8 +23,9 @@ from study.report.page import (
     Paragraph,
     ReportPage,
     Section,
+    html,
+    markdown,
 )
-from study.report.paper.runs import PaperRuns
 from study.runner.store import SCHEMA, commands_of, compact, table_of, write_table
 from tests.support.study.made import floor
 from tests.support.study.report.made import STUCK, drive, row, study, without_values

@@ -9,12 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.errors import UserError
+from study.cli.report import BEGIN, END, block, lines_of, summary_of, update, with_block
+from study.intervals import Interval, Share
 from study.report.build import ReportRequest
-from study.report.output.files import summary_of
-from study.report.output.readme import BEGIN, END, block, lines_of, update, with_block
+from study.report.page import interval, number, percent, probability, share
 from study.report.summary import HEAD, as_json, numbers, summaries
-from study.report.words import interval, number, percent, probability, share
-from study.statistics.intervals import Interval, Share
 from tests.support.each import each
 from tests.support.study.report.made import COLLIDED, GAVE_UP, LOST, SHUT, STUCK, row, study, trials
 

@@ -2,13 +2,13 @@
 
 from dataclasses import replace
 
+from study.cli.report import lines_of
+from study.report.build import in_words, reached, verdict
 from study.report.comparisons import comparisons
-from study.report.output.readme import lines_of
 from study.report.page import Paragraph
-from study.report.paper.targets import targets
 from study.report.summary import as_json, summaries
+from study.report.targets import targets
 from study.report.trials import Trials, trials_of
-from study.report.verdict import in_words, reached, verdict
 from tests.support.study.report.made import study
 
 

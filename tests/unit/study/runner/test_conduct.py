@@ -18,6 +18,7 @@ from study.runner.conduct import (
     FLUSH_S,
     MAX_FLUSH_S,
     Collector,
+    StudyProgress,
     collect,
     finish,
     missing_tasks,
@@ -25,7 +26,6 @@ from study.runner.conduct import (
     stored_rows,
 )
 from study.runner.plan import TrialTask
-from study.runner.progress import StudyProgress
 from study.runner.rows import TrialRow
 from tests.support.study.made import Watch, floor, ids, rows, spoil, tasks
 

@@ -16,13 +16,13 @@ from study.runner.plan import (
     MIN_TIMEOUT_S,
     SEED_STRIDE,
     UNREACHABLE_TIMEOUT_S,
+    ListedWorld,
     id_of,
     navigator_of,
     noise_of,
     tasks_of,
     time_for,
 )
-from study.runner.sources import ListedWorld
 from tests.support.each import each
 from tests.support.study.made import boxed, floor, list_of, settings, tasks
 

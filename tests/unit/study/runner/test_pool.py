@@ -10,10 +10,10 @@ import pytest
 
 from plant.model.types import World
 from runtime.errors import UserError
-from study.runner import pool as pools
+from study.runner import workers as pools
 from study.runner.plan import TrialTask
-from study.runner.pool import Pool
 from study.runner.rows import FAILED, TrialRow
+from study.runner.workers import Pool
 from tests.support.each import each
 from tests.support.study.made import boxed, context_of, floor, tasks
 from tests.support.study.trouble import deadly, faulty
@@ -97,7 +97,7 @@ def test_pool_starts_no_more_workers_than_trials() -> None:
 
 BLOCKED = """
 from pathlib import Path
-from study.runner.pool import Pool
+from study.runner.workers import Pool
 from tests.support.study.made import context_of, floor, tasks
 
 made = tasks(floor(), noise=('default',), seeds=8)

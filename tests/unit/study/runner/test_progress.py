@@ -5,7 +5,7 @@ from io import StringIO
 from hypothesis import given
 from hypothesis import strategies as st
 
-from study.runner.progress import StudyProgress, duration_text
+from study.runner.conduct import StudyProgress, duration_text
 from tests.support.each import each
 from tests.support.study.made import Watch, rows
 

@@ -8,7 +8,7 @@ import pytest
 
 from ground.recording import build_info
 from runtime.cli import compiled
-from study.runner.provenance import ROOT, code, code_digest, machine
+from study.runner.rows import ROOT, code, code_digest, machine
 from tests.support.study.made import CODE
 
 

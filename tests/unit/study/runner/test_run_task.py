@@ -13,11 +13,8 @@ from protocol.doubt import doubt_m
 from protocol.wire.enums import GoalState
 from robot.core import states
 from robot.core.parameters import DEFAULTS
-from study.runner.lap import lap_m
-from study.runner.provenance import machine
-from study.runner.rows import FAILED
-from study.runner.run_task import failed, mahalanobis2, row_of, trial_of
-from study.runner.scores import published_score
+from study.runner.rows import FAILED, machine
+from study.runner.run_task import failed, lap_m, mahalanobis2, published_score, row_of, trial_of
 from study.runner.store import rows_of, table_of
 from study.trial.trial import run_trial
 from tests.support.each import each

@@ -8,8 +8,7 @@ import pytest
 from plant.corpus import generate
 from plant.model.configuration import Body
 from plant.model.types import GoalPose, Polygon, Polyline, Start, World
-from study.runner.lap import lap_m
-from study.runner.scores import FULL_SCORE, published_score, spl
+from study.runner.run_task import FULL_SCORE, lap_m, published_score, spl
 from tests.support.each import each
 
 RADIUS_M = Body().radius_m

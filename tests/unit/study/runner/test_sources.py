@@ -10,8 +10,8 @@ from plant.model.errors import WorldError
 from plant.world.file import load, shipped
 from plant.world.writer import dumps
 from runtime.errors import UserError
-from study.runner import sources
-from study.runner.sources import ListedWorld, WorldSelection, digest_of, listed, world_of
+from study.runner import plan
+from study.runner.plan import ListedWorld, WorldSelection, digest_of, listed, world_of
 from study.runner.store import keep
 from tests.support.each import each
 from tests.support.study.made import boxed, floor
@@ -95,9 +95,9 @@ def test_source_reproduces_the_world(own: Path, tmp_path: Path) -> None:
 def test_kept_file_is_written_once(own: Path, tmp_path: Path) -> None:
     found = listed(wanted(str(own)))
     keep(found, tmp_path)
-    before = [file.stat().st_ino for file in sorted((tmp_path / sources.KEPT).iterdir())]
+    before = [file.stat().st_ino for file in sorted((tmp_path / plan.KEPT).iterdir())]
     keep(found, tmp_path)
-    after = [file.stat().st_ino for file in sorted((tmp_path / sources.KEPT).iterdir())]
+    after = [file.stat().st_ino for file in sorted((tmp_path / plan.KEPT).iterdir())]
     assert before == after
     assert len(before) == 2
 

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from runtime.errors import UserError
-from study.runner.provenance import machine
-from study.runner.study_settings import FILE, check_settings, exclusive, settings_of
+from study.runner.rows import machine
+from study.runner.store import FILE, check_settings, exclusive, settings_of
 from tests.support.study.made import CODE, boxed, floor, list_of, settings
 
 WORLDS = list_of(floor(), boxed())

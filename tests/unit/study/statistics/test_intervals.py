@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from study.statistics import intervals
-from study.statistics.intervals import (
+from study import intervals
+from study.intervals import (
     CHI2_2,
     OUTSIDE,
     Interval,

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from plant.sim.simulation import Plant
 from robot.core import states
 from robot.core.values import Decision, Outputs, Twist
-from study.trial.behaviour import Behaviour
-from study.trial.core_loop import CoreLoop
+from study.trial.core_loop import Behaviour, CoreLoop
 from study.trial.trial import Trial, run_trial
 from tests.support.each import each
 from tests.support.study.made import boxed, floor

@@ -39,8 +39,7 @@ from robot.parameters.table import described
 from robot.stop_latch import emergency_stop
 from runtime.errors import UserError
 from study.cli.reexecute import main
-from study.trial.recorded_drive import RecordedRequest, reason_in
-from study.trial.reexecute import chooses_navigator
+from study.trial.reexecution import RecordedRequest, chooses_navigator, reason_in
 from tests.support.study.recorded_drive import ARM, ScriptedDrive
 
 Values = dict[str, Any]

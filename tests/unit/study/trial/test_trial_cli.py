@@ -13,8 +13,7 @@ from plant.world.file import load
 from robot.core.parameters import DEFAULTS
 from runtime.errors import UserError
 from sidestep import main as sidestep
-from study.cli.trial import main, parser
-from study.trial.trace import COLUMNS
+from study.cli.trial import COLUMNS, main, parser
 from study.trial.trial import NAVIGATORS, Trial
 
 WORLD = """

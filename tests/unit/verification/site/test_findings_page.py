@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from study.falsify.finding import read
+from study.falsify.findings import read
 from verification.findings import WORLDS
 from verification.site import findings_page
 

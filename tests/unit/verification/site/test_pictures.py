@@ -5,7 +5,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from plant.world.file import load
-from study.report.charts.drives import drive_trial
+from study.report.drives import drive_trial
 from study.trial.trial import Trial, run_trial
 from tests.support.each import each
 from verification.site.pictures import (

@@ -9,11 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plant.world.file import load
-from study.report.charts.charts import bars, distribution_chart, steps, success_chart
-from study.report.charts.drives import drive_all, drive_trial
-from study.report.charts.svg import SvgDrawing, n
+from study.intervals import CHI2_2, Share
+from study.report.charts.charts import SvgDrawing, bars, distribution_chart, n, steps, success_chart
 from study.report.charts.world_map import WorldMap, ellipse, end_mark, simplified
-from study.statistics.intervals import CHI2_2, Share
+from study.report.drives import drive_all, drive_trial
 from study.trial.trial import Trial, run_trial
 from tests.support.each import each
 from tests.support.study.made import boxed, floor

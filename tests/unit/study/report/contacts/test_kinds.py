@@ -6,7 +6,7 @@ import pytest
 
 from robot.core.states import PASS_LEFT, TO_GOAL
 from robot.core.values import Pose
-from study.report.contacts.kinds import (
+from study.report.contact_kinds import (
     BEHIND,
     BESIDE,
     DROPPED,
@@ -19,11 +19,11 @@ from study.report.contacts.kinds import (
     SINGLE,
     UNSEEN_AHEAD,
     UNSEEN_FOLLOWING,
+    Tick,
+    Touched,
     kind_of,
     knowledge_of,
 )
-from study.report.contacts.recorder import Tick
-from study.report.contacts.touched import Touched
 from tests.support.each import each
 from tests.support.study.report.contact_ticks import AHEAD, RADIUS_M, echo, person, stored, tick
 

@@ -11,10 +11,8 @@ import pytest
 from plant.model.types import Circle
 from protocol.wire.reasons import Reason
 from robot.core.states import PASS_LEFT, TO_GOAL
-from study.report.contacts.__main__ import main
-from study.report.contacts.kinds import PERSON_AHEAD
-from study.report.contacts.page import chosen_rows, events_of, explained
-from study.report.contacts.recorder import before_contact
+from study.report.contact_kinds import PERSON_AHEAD, before_contact
+from study.report.contacts import chosen_rows, events_of, explained, main
 from study.runner.store import table_of, write_table
 from study.trial.trial import Trial
 from tests.support.each import each

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from plant.model.types import Circle, Obstacle, Point, Polygon, Polyline
-from study.report.contacts.touched import touched, world_at
+from study.report.contact_kinds import touched, world_at
 from tests.support.each import each
 from tests.support.study.made import floor
 from tests.support.study.report.contact_ticks import person

@@ -7,14 +7,13 @@ from typing import Any
 import pytest
 
 from robot.core import states
-from study.report.charts.drives import DrivenTrial, Pose
-from study.report.page import figures_of
-from study.report.paper import runs as paper_runs
-from study.report.paper.claims import CONFIRMED, REFUTED, UNCLEAR, Claim, claims
-from study.report.paper.runs import (
+from study.report import drives as paper_runs
+from study.report.drives import (
     PLACES,
     TRAPS,
+    DrivenTrial,
     PaperRuns,
+    Pose,
     deviation_m,
     figure_trials,
     path_ratios,
@@ -23,7 +22,16 @@ from study.report.paper.runs import (
     run_paper,
     trap_trials,
 )
-from study.report.paper.section import claims_table, paper_section
+from study.report.page import figures_of
+from study.report.paper import (
+    CONFIRMED,
+    REFUTED,
+    UNCLEAR,
+    Claim,
+    claims,
+    claims_table,
+    paper_section,
+)
 from study.report.trials import trials_of
 from study.runner.rows import TrialRow
 from study.runner.store import SCHEMA

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from runtime.errors import UserError
-from study.report.paper.evidence import (
+from study.report.evidence import (
     BOARD,
     MAPS,
     PEOPLE,
@@ -18,8 +18,7 @@ from study.report.paper.evidence import (
     MapResult,
     read_evidence,
 )
-from study.report.paper.target import ELSEWHERE, MET, MISSED, StudyTarget
-from study.report.paper.targets import targets
+from study.report.targets import ELSEWHERE, MET, MISSED, StudyTarget, targets
 from tests.support.each import each
 from tests.support.study.report.made import row, trials
 

@@ -5,11 +5,19 @@ from typing import Any
 
 import pytest
 
+from study.intervals import Share
 from study.report.page import text_of
-from study.report.paper.target import ELSEWHERE, MET, MISSED, UNMEASURED, StudyTarget, bounded
-from study.report.paper.targets import target_table, targets
+from study.report.targets import (
+    ELSEWHERE,
+    MET,
+    MISSED,
+    UNMEASURED,
+    StudyTarget,
+    bounded,
+    target_table,
+    targets,
+)
 from study.runner.rows import TrialRow
-from study.statistics.intervals import Share
 from tests.support.each import each
 from tests.support.study.report.made import COLLIDED, GAVE_UP, LOST, SHUT, STUCK, row, trials
 

@@ -7,7 +7,7 @@ from robot.core.navigators import vgm_memory
 from robot.core.navigators.memory import changes
 from robot.core.navigators.memory.changes import MAX_CHANGES, MAX_DETOUR_CHANGES
 from robot.core.navigators.vgm_following import Memory
-from study.trial.behaviour import Behaviour
+from study.trial.core_loop import Behaviour
 from study.trial.trial import Trial, run_trial
 
 LEFT, RIGHT = states.LEFT, states.RIGHT

@@ -1,1 +1,0 @@
-"""Calibration of odometry with UMBmark squares."""

@@ -1,1 +1,0 @@
-"""The paper's experiments and claims, and the project's own targets."""
