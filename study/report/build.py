@@ -107,8 +107,9 @@ SHOWN: Final = 6
 
 def how_run(trials: Trials, kept: int, command: str) -> tuple[Block, ...]:
     """Describe all rows, of which `kept` are distinct drives."""
+    worlds = set(trials.texts("world_digest").tolist())
     lead = Paragraph(
-        f"{count_text(len(trials))} trials in {count_text(len(set(trials.texts('world_digest').tolist())))} "
+        f"{count_text(len(trials))} trials in {count_text(len(worlds))} "
         f"worlds of {len(trials.values('family'))} families, "
         f"{number(_sum(trials, 'time_s') / 3600.0, 1)} simulated hours in "
         f"{number(_sum(trials, 'cpu_s') / 3600.0, 2)} hours of processor time."
@@ -137,8 +138,8 @@ def _facts(trials: Trials, kept: int) -> Mapping[str, str]:
     }
     if kept != len(trials):
         facts["repetitions"] = (
-            f"{count_text(len(trials) - kept)} trials are bit-identical to another one, as all seeds "
-            "are without noise; each drive is counted once"
+            f"{count_text(len(trials) - kept)} trials are bit-identical to another one, as all"
+            " seeds are without noise; each drive is counted once"
         )
     failed = trials.count(trials.has(outcome=FAILED))
     if failed:
@@ -205,7 +206,8 @@ def best(rows: list[Summary], noise: str) -> list[str]:
     first, *others = rows
     lead = (
         f"**{first.label} arrives most often**: {share(first.success)} % of"
-        f" {count_text(first.success.of)} trials in worlds with a path to the goal, `{noise}` noise."
+        f" {count_text(first.success.of)} trials in worlds with a path to the goal,"
+        f" `{noise}` noise."
     )
     if not others:
         return [lead]

@@ -297,8 +297,9 @@ def figure_table(trials: Trials, noise: str) -> PageTable:
         measured = (number(own), interval(quantile_interval(ways.own, share)), number(planner))
         rows.append((name, wanted, *measured, PageCell(verdict, TONES.get(verdict, "open"))))
     caption = (
-        f"Noise `{noise}`: way of `{OWN}` over the shortest path, in the {count_text(len(ways.own))} "
-        f"trials in which `{PLANNER}` arrived, too. The figures to reach are over all arrivals."
+        f"Noise `{noise}`: way of `{OWN}` over the shortest path, in the"
+        f" {count_text(len(ways.own))} trials in which `{PLANNER}` arrived, too. The figures to"
+        " reach are over all arrivals."
     )
     head = ("way over shortest", "wanted", OWN, "interval", PLANNER, "verdict")
     return PageTable(caption, head, tuple(rows), names=2)

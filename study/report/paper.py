@@ -291,8 +291,8 @@ def _dominant(trials: Trials) -> Claim:
         verdicts.append((CONFIRMED if lead > 0 else REFUTED) if sure else UNCLEAR)
         texts.append(
             f"against bug, {side}: vgm alone succeeds in {found.only_first}, bug alone in "
-            f"{found.only_second} of {count_text(found.pairs)} pairs; better in {found.worlds_first} : "
-            f"{found.worlds_second} worlds, p {probability(found.p_worlds)}"
+            f"{found.only_second} of {count_text(found.pairs)} pairs; better in"
+            f" {found.worlds_first} : {found.worlds_second} worlds, p {probability(found.p_worlds)}"
         )
     return Claim(
         "vgm “is dominant over Bug algorithm”, “more reliable”",

@@ -25,8 +25,6 @@ TRIAL_SOURCES: Final = (
     "runtime/**/*.toml",
     "study/trial/trial.py",
     "study/trial/core_loop.py",
-    "study/trial/core_loop.py",
-    "study/trial/core_loop.py",
 )
 
 
@@ -114,8 +112,8 @@ class TrialRow:
     `doubt_m` is the longer half axis of the confidence ellipse of the final estimate.
     `top_speed_m_s` is the robot's own. `lap_m` is the length of the boundary between the robot and
     an unreachable goal, None where there is a way. `thinnest_wall_m` is None in a world without
-    walls on its floor. `spl` and `published_score` are those of `study.runner.run_task`, None without
-    a way to the goal; an arrival with a contact counts as none.
+    walls on its floor. `spl` and `published_score` are those of `study.runner.run_task`, None
+    without a way to the goal; an arrival with a contact counts as none.
     """
 
     study: str

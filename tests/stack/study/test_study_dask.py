@@ -11,7 +11,7 @@ import pytest
 
 from plant.model.types import World
 from runtime.errors import UserError
-from study.runner import workers as on_dask
+from study.runner import workers as executors
 from study.runner.plan import TrialTask
 from study.runner.rows import FAILED, TrialRow, code
 from study.runner.run_task import StudyContext
@@ -50,8 +50,8 @@ def address() -> Iterator[str]:
 
 
 def run(address: str, made: Sequence[TrialTask], *worlds: World) -> dict[str, TrialRow]:
-    with on_dask.cluster(address) as client:
-        return by_trial(on_dask.run(client, context_of(*worlds), made))
+    with executors.cluster(address) as client:
+        return by_trial(executors.run(client, context_of(*worlds), made))
 
 
 def by_trial(rows: Iterator[TrialRow | None]) -> dict[str, TrialRow]:
@@ -92,9 +92,9 @@ def one_that_dies_costs_no_trial(address: str, marks: Path) -> None:
 
 def killed_from_outside_they_cost_no_trial(address: str) -> None:
     made = tasks(boxed(), noise=("default",), seeds=12)
-    with on_dask.cluster(address) as client:
+    with executors.cluster(address) as client:
         pids = list(client.run(os.getpid).values())
-        coming = on_dask.run(client, context_of(boxed()), made)
+        coming = executors.run(client, context_of(boxed()), made)
         first = next(row for row in coming if row is not None)
         for pid in pids:
             os.kill(pid, signal.SIGKILL)
@@ -129,29 +129,29 @@ def test_other_code_on_the_workers_is_refused(
     address: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     other = code()._replace(digest="other")
-    monkeypatch.setattr(on_dask, "code", lambda: other)
-    with pytest.raises(UserError, match="runs other code than this"), on_dask.cluster(address):
+    monkeypatch.setattr(executors, "code", lambda: other)
+    with pytest.raises(UserError, match="runs other code than this"), executors.cluster(address):
         raise AssertionError("other code was let in")
 
 
 def test_absent_scheduler_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(on_dask, "CONNECT_S", 1.0)
+    monkeypatch.setattr(executors, "CONNECT_S", 1.0)
     gone = "tcp://127.0.0.1:1"
-    with pytest.raises(UserError, match="no scheduler answers"), on_dask.cluster(gone):
+    with pytest.raises(UserError, match="no scheduler answers"), executors.cluster(gone):
         raise AssertionError("nobody is there")
 
 
 def test_invalid_address_is_reported() -> None:
-    with pytest.raises(UserError, match="--dask"), on_dask.cluster("no address: at all"):
+    with pytest.raises(UserError, match="--dask"), executors.cluster("no address: at all"):
         raise AssertionError("that is no address")
 
 
 def test_scheduler_without_workers_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(on_dask, "FIRST_WORKER_S", 1.0)
+    monkeypatch.setattr(executors, "FIRST_WORKER_S", 1.0)
     with (
         local_cluster(0) as cluster,
         pytest.raises(UserError, match="has no workers"),
-        on_dask.cluster(cluster.scheduler_address),
+        executors.cluster(cluster.scheduler_address),
     ):
         raise AssertionError("nobody works there")
 
@@ -160,9 +160,9 @@ def test_a_scheduler_that_goes_away_ends_the_study_with_what_is_done() -> None:
     made = tasks(boxed(), noise=("default",), seeds=40)
     with (
         local_cluster(1) as cluster,
-        on_dask.cluster(cluster.scheduler_address) as client,
+        executors.cluster(cluster.scheduler_address) as client,
     ):
-        coming = on_dask.run(client, context_of(boxed()), made)
+        coming = executors.run(client, context_of(boxed()), made)
         assert next(row for row in coming if row is not None).outcome == "reached"
         cluster.close()
         with pytest.raises(UserError, match="finished trials are kept"):
@@ -183,6 +183,6 @@ def test_every_task_travels_with_its_own_world_only() -> None:
 
     worlds = (floor(), boxed())
     for task in tasks(*worlds):
-        on_dask._submit(Client(), context_of(*worlds), task)
+        executors._submit(Client(), context_of(*worlds), task)
     assert all(task.place == 0 and len(context.worlds) == 1 for task, context in sent)
     assert {context.worlds[0].name for _, context in sent} == {"floor", "disc"}

@@ -8,7 +8,7 @@ import pytest
 
 from plant.model.configuration import KINDS, Fault
 from plant.model.draws import Draws
-from study.falsify import climb as space
+from study.falsify import climb as climbs
 from study.falsify.climb import STEPS, Violation, class_of, climb
 from study.falsify.evaluate import evaluate
 from study.falsify.shrink import Shrinker, walls_in
@@ -53,19 +53,19 @@ def test_paper_method_fails_at_most_three_walls(navigator: str) -> None:
 def test_neighbour_changes_at_most_three_values() -> None:
     random = Draws("neighbours")
     for family in SCENES:
-        one = space.draw(random, family, space.VARIED)
+        one = climbs.draw(random, family, climbs.VARIED)
         for _ in range(20):
-            other = space.neighbour(random, one, space.VARIED)
+            other = climbs.neighbour(random, one, climbs.VARIED)
             changed = [name for name in one.values if one.values[name] != other.values[name]]
             assert len(changed) <= 3
-            for axis in space.axes_of(family, space.VARIED):
+            for axis in climbs.axes_of(family, climbs.VARIED):
                 assert axis.low <= other.values[axis.name] <= axis.high
 
 
 def test_usual_robot_has_no_overrides() -> None:
     values = {"usual_robot": 1.0, "radius_m": 0.2, "max_speed_m_s": 0.2, "sonar_max_m": 1.0}
-    assert space.robot_of(values) == {}
-    robot = space.robot_of({**values, "usual_robot": 0.0})
+    assert climbs.robot_of(values) == {}
+    robot = climbs.robot_of({**values, "usual_robot": 0.0})
     assert robot == {"radius_m": 0.2, "max_speed_m_s": 0.2, "sonar_max_m": 1.0, "track_m": 0.32}
 
 
@@ -73,23 +73,23 @@ def test_people_and_faults_are_part_of_the_world() -> None:
     random = Draws("people")
     worlds = []
     for _ in range(30):
-        one = space.draw(random, "three_walls", space.VARIED)
+        one = climbs.draw(random, "three_walls", climbs.VARIED)
         values = {**one.values, "people": 2.0, "fault": 3.0}
-        worlds.append(space.built(replace(one, values=values), "w", 1))
+        worlds.append(climbs.built(replace(one, values=values), "w", 1))
     made = [world for world in worlds if world is not None]
     assert any(getattr(one, "path_m", ()) for world in made for one in world.obstacles)
     assert all(world.faults[0]["kind"] == "sonar_dropout" for world in made)
     assert made
 
 
-@each("number", range(1, len(space.FAULTS) + 1))
+@each("number", range(1, len(climbs.FAULTS) + 1))
 @each("share", [0.0, 0.3, 1.0])
 def test_every_fault_of_the_space_is_valid(number: int, share: float) -> None:
     for target in range(8):
         values = {"fault": float(number), "fault_target": float(target), "fault_start_s": 1.5}
-        (fault,) = space.faults_of({**values, "fault_value": share})
+        (fault,) = climbs.faults_of({**values, "fault_value": share})
         made = Fault(**cast("dict[str, Any]", fault))
-        assert made.kind == space.FAULTS[number - 1]
+        assert made.kind == climbs.FAULTS[number - 1]
         assert made.target in KINDS[made.kind].targets
         if KINDS[made.kind].lowest == KINDS[made.kind].highest:
             assert "value" not in fault
@@ -97,11 +97,11 @@ def test_every_fault_of_the_space_is_valid(number: int, share: float) -> None:
 
 def test_each_wheel_fault_changes_the_drive() -> None:
     subject, digests = search_of("vgm", "c").subject, set[str]()
-    one = space.draw(Draws("faults/0"), "wedge", ("faults",))
-    numbers = [0, *(space.FAULTS.index(kind) + 1 for kind in space.WHEEL_FAULTS)]
+    one = climbs.draw(Draws("faults/0"), "wedge", ("faults",))
+    numbers = [0, *(climbs.FAULTS.index(kind) + 1 for kind in climbs.WHEEL_FAULTS)]
     for number in numbers:
         values = {**one.values, "fault": float(number), "fault_start_s": 1.0, "fault_value": 0.8}
-        world = space.built(replace(one, values=values), "w", 1)
+        world = climbs.built(replace(one, values=values), "w", 1)
         assert world is not None
         digests.add(evaluate(subject, world, 0, 10.0).outcome.digest)
     assert len(digests) == len(numbers)
