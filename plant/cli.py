@@ -15,7 +15,7 @@ from plant.corpus import EVERY_FAMILY, FAMILIES, generate
 from plant.imports.barn import PITCH_M
 from plant.imports.importer import CELL_M, TAKES, ImportOptions, import_worlds
 from plant.model.configuration import KINDS, body_of
-from plant.model.errors import Problem, WorldError
+from plant.model.errors import WorldError, WorldProblem
 from plant.model.types import Circle, Point, World, bad_name
 from plant.placement import goals, starts
 from plant.shortest_path import known_length_m, shortest_path
@@ -111,7 +111,9 @@ def write(worlds: Iterable[tuple[World, str]], directory: Path) -> int:
     try:
         for world, comment in worlds:
             if why := bad_name(world.name):
-                raise WorldError([Problem(str(directory), None, "name", why, "rename the file")])
+                raise WorldError(
+                    [WorldProblem(str(directory), None, "name", why, "rename the file")]
+                )
             directory.mkdir(parents=True, exist_ok=True)
             path = directory / f"{world.name}.toml"
             path.write_text(dumps(world, comment), encoding="utf-8")

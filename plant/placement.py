@@ -11,13 +11,13 @@ from math import ceil
 from typing import Final, NamedTuple
 
 from plant.model.configuration import Body
-from plant.model.errors import Report
+from plant.model.errors import WorldReport
 from plant.model.geometry import TOUCHING_M, Pose, clearance_m, distance_m
 from plant.model.types import Circle, GoalPose, Obstacle, Point, Start, World
 from runtime.elementary import cos, sin
 
 
-class Floor(NamedTuple):
+class ObstacleFloor(NamedTuple):
     """Size, obstacles and robot radius for the check."""
 
     size_m: Point
@@ -26,7 +26,9 @@ class Floor(NamedTuple):
     obstacles: Mapping[int, Obstacle]
 
 
-def check_places(report: Report, floor: Floor, start: Start | None, goal: GoalPose | None) -> None:
+def check_places(
+    report: WorldReport, floor: ObstacleFloor, start: Start | None, goal: GoalPose | None
+) -> None:
     """Report collisions of the robot's disc at start and goal; obstacles are named by index."""
     if start is not None:
         _check_on_floor(report, floor, "start", (start.x_m, start.y_m))
@@ -36,7 +38,7 @@ def check_places(report: Report, floor: Floor, start: Start | None, goal: GoalPo
         _check_clear(report, floor, "goal", (goal.x_m, goal.y_m))
 
 
-def _check_on_floor(report: Report, floor: Floor, what: str, point: Point) -> None:
+def _check_on_floor(report: WorldReport, floor: ObstacleFloor, what: str, point: Point) -> None:
     margin_m = floor.radius_m if floor.walls else 0.0
     for axis, value_m, size_m in zip(("x_m", "y_m"), point, floor.size_m, strict=True):
         low_m, high_m = margin_m, size_m - margin_m
@@ -51,7 +53,7 @@ def _check_on_floor(report: Report, floor: Floor, what: str, point: Point) -> No
         report.add((what, axis), reason, f"choose {axis} within {low_m:g} to {high_m:g}")
 
 
-def _check_clear(report: Report, floor: Floor, what: str, point: Point) -> None:
+def _check_clear(report: WorldReport, floor: ObstacleFloor, what: str, point: Point) -> None:
     for index, obstacle in floor.obstacles.items():
         if what == "goal" and isinstance(obstacle, Circle) and obstacle.path_m:
             continue  # a moving obstacle leaves again
@@ -140,7 +142,7 @@ def goals(world: World, body: Body, starts: Sequence[Pose], goal: Point) -> list
     `goal`.
     """
     pitch_m = 2.0 * body.radius_m + GAP_M
-    floor = _Floor(world, body.radius_m + ROOM_M)
+    floor = _FleetFloor(world, body.radius_m + ROOM_M)
     first_x_m, first_y_m, heading_rad = starts[0]
     found = [RobotGoal(*goal, shifted=True)]
     for x_m, y_m, _ in starts[1:]:
@@ -175,7 +177,7 @@ def _around(goal: Point, heading_rad: float, pitch_m: float) -> Iterator[Point]:
             yield (x_m, goal[1] + ahead * across + left * along)
 
 
-class _Floor:
+class _FleetFloor:
     """Free places for robots. Moving obstacles are ignored: they leave again."""
 
     def __init__(self, world: World, needed_m: float) -> None:

@@ -116,7 +116,7 @@ class CalibrationLogLine(NamedTuple):
     measured: Pose | None
 
 
-def write(path: Path, runs: Iterable[SquareRun]) -> None:
+def write_log(path: Path, runs: Iterable[SquareRun]) -> None:
     """Write a log; raise OSError."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
@@ -129,7 +129,7 @@ def write(path: Path, runs: Iterable[SquareRun]) -> None:
             writer.writerow((number, run.direction, *run.ticks[-1], *end))
 
 
-def read(path: Path) -> list[SquareRun]:
+def read_log(path: Path) -> list[SquareRun]:
     """Read a log; raise ConfigError that names file, line, fault and remedy."""
     try:
         lines = list(_lines(path, csv.reader(StringIO(text_in(path, MAX_BYTES), newline=""))))

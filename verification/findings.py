@@ -14,7 +14,7 @@ from typing import Final
 
 from runtime.errors import UserError
 from study.falsify.climb import class_of
-from study.falsify.findings import Finding, finding_of, picture, read, save_finding
+from study.falsify.findings import Finding, finding_of, picture, read_finding, save_finding
 
 WORLDS: Final = Path(__file__).resolve().parents[1] / "study" / "falsify" / "worlds"
 FAILING: Final = ("open", "paper")
@@ -43,7 +43,7 @@ def failing(worlds: Path) -> list[Path]:
 
 def renewed(file: Path) -> Finding | None:
     """Drive the trial of a finding and return it as it fails now; None if it holds."""
-    old = read(file)
+    old = read_finding(file)
     result = old.replay()
     if old.letter not in result.violated:
         return None

@@ -20,7 +20,7 @@ import msgspec
 
 from plant.imports.importer import CELL_M, ImportOptions, import_worlds
 from plant.model.configuration import LEVELS
-from plant.model.errors import Problem, WorldError
+from plant.model.errors import WorldError, WorldProblem
 from plant.model.types import World
 from protocol.outcome import LOST, UNREACHABLE
 from robot.core.parameters import DEFAULTS
@@ -82,7 +82,9 @@ def cylinders(path: Path, scale: float) -> str:
         models = ElementTree.parse(path).iter("model")
     except ElementTree.ParseError as error:
         fix = "give the worlds of the BARN challenge"
-        problem = Problem(str(path), error.position[0], "xml", f"not a Gazebo world: {error}", fix)
+        problem = WorldProblem(
+            str(path), error.position[0], "xml", f"not a Gazebo world: {error}", fix
+        )
         raise WorldError([problem]) from None
     lines = []
     for model in models:

@@ -16,10 +16,10 @@ from plant.model.configuration import body_of, noise_of
 from plant.model.geometry import Pose, still
 from plant.model.types import World
 from plant.sim.active_faults import NO_TROUBLE
-from plant.sim.drive import Drive
+from plant.sim.drive import DifferentialDrive
 from plant.sim.physics import Arena
 from plant.sim.simulation import SUBSTEP_S, Plant, Score
-from plant.sim.sonar import Caster, Ring
+from plant.sim.sonar import Caster, SimulatedSonarRing
 from plant.world.file import load
 from robot.core import brain
 from robot.core.values import Outputs
@@ -60,7 +60,7 @@ def stages(world: World, trial: Trial, ticks: list[Tick]) -> dict[str, Callable[
     """Return a function per stage that runs it for all ticks."""
     body, noise = body_of(world), noise_of(world, trial.noise)
     caster = Caster(still(world), body.sonar_max_m + body.radius_m, noise.incidence_limit_rad)
-    ring, drive = Ring(body, noise, 0, 0), Drive(body, noise, 0, 0)
+    ring, drive = SimulatedSonarRing(body, noise, 0, 0), DifferentialDrive(body, noise, 0, 0)
     arena, start = Arena(world, body.radius_m), ticks[0].pose
     robot = arena.add_robot(start[0], start[1])
     poses = [tick.pose for tick in ticks]

@@ -19,9 +19,9 @@ from plant.corpus.draft import (
     TURN,
     Adversary,
     Axis,
-    Draft,
-    Frame,
+    ShapeFrame,
     Values,
+    WorldDraft,
     fitted,
     frame_of,
     whole,
@@ -52,7 +52,7 @@ SPIRAL_STEPS: Final = 8
 """Straight walls of a round spiral per turn."""
 
 
-def rings(values: Values, radius_m: float) -> Draft | None:
+def rings(values: Values, radius_m: float) -> WorldDraft | None:
     """Make rings of three to twelve sides around the goal, each with one gate."""
     sides = whole(values, "sides")
 
@@ -63,7 +63,7 @@ def rings(values: Values, radius_m: float) -> Draft | None:
     return _nested(values, radius_m, outline)
 
 
-def boxes(values: Values, radius_m: float) -> Draft | None:
+def boxes(values: Values, radius_m: float) -> WorldDraft | None:
     """Make boxes around the goal, each with one gate."""
     longer_m = values["longer_m"]
 
@@ -75,7 +75,7 @@ def boxes(values: Values, radius_m: float) -> Draft | None:
     return _nested(values, radius_m, outline)
 
 
-def _nested(values: Values, radius_m: float, outline: Outline) -> Draft | None:
+def _nested(values: Values, radius_m: float, outline: Outline) -> WorldDraft | None:
     """Return outlines around the origin with a gate in each but a sealed one."""
     frame, thick_m = frame_of(values), values["thickness_m"]
     gate_m = 2.0 * radius_m + values["excess_m"] + thick_m
@@ -92,7 +92,7 @@ def _nested(values: Values, radius_m: float, outline: Outline) -> Draft | None:
     return _with_ends(values, radius_m, frame, lines)
 
 
-def double_spiral(values: Values, radius_m: float) -> Draft | None:
+def double_spiral(values: Values, radius_m: float) -> WorldDraft | None:
     """Make two spirals side by side, the robot at the centre of one, the goal in the other."""
     frame, thick_m = frame_of(values), values["thickness_m"]
     pitch_m = 2.0 * radius_m + values["excess_m"] + thick_m
@@ -105,7 +105,7 @@ def double_spiral(values: Values, radius_m: float) -> Draft | None:
     return fitted(values, frame.point(0.0, 0.0), frame.point(x_m, y_m), walls, radius_m)
 
 
-def interlocking_spirals(values: Values, radius_m: float) -> Draft | None:
+def interlocking_spirals(values: Values, radius_m: float) -> WorldDraft | None:
     """Make one to three arms of a spiral around one centre, one of them sealed off at times."""
     frame, thick_m = frame_of(values), values["thickness_m"]
     arms = whole(values, "arms")
@@ -118,7 +118,7 @@ def interlocking_spirals(values: Values, radius_m: float) -> Draft | None:
     return _with_ends(values, radius_m, frame, lines)
 
 
-def island_room(values: Values, radius_m: float) -> Draft | None:
+def island_room(values: Values, radius_m: float) -> WorldDraft | None:
     """Make a room with one door, and a wall around the goal that is an island in it."""
     frame, thick_m = frame_of(values), values["thickness_m"]
     gate_m = 2.0 * radius_m + values["excess_m"] + thick_m
@@ -140,16 +140,16 @@ def island_room(values: Values, radius_m: float) -> Draft | None:
 
 
 def _with_ends(
-    values: Values, radius_m: float, frame: Frame, lines: Sequence[Sequence[Point]]
-) -> Draft | None:
+    values: Values, radius_m: float, frame: ShapeFrame, lines: Sequence[Sequence[Point]]
+) -> WorldDraft | None:
     """Return the draft with one end at the origin and the other outside."""
     walls = [frame.wall(values["thickness_m"], *line) for line in lines]
     return _ends_outside(values, radius_m, frame, walls, max(map(_far_m, lines)))
 
 
 def _ends_outside(
-    values: Values, radius_m: float, frame: Frame, walls: Sequence[Obstacle], far_m: float
-) -> Draft | None:
+    values: Values, radius_m: float, frame: ShapeFrame, walls: Sequence[Obstacle], far_m: float
+) -> WorldDraft | None:
     outer = frame.point(*_polar(far_m + radius_m + values["away_m"], values["bearing"]))
     inner = frame.point(0.0, 0.0)
     start, goal = (outer, inner) if whole(values, "inward") else (inner, outer)
@@ -255,7 +255,7 @@ LAYOUT: Final = Axis("layout", 0, 999, whole=True)
 """Number of a random layout."""
 
 
-def comb(values: Values, radius_m: float) -> Draft | None:
+def comb(values: Values, radius_m: float) -> WorldDraft | None:
     """Make a wall with teeth towards the robot, the goal behind its back or between two teeth."""
     frame, thick_m = frame_of(values), values["thickness_m"]
     teeth, deep_m = whole(values, "teeth"), values["deep_m"]
@@ -278,7 +278,7 @@ def comb(values: Values, radius_m: float) -> Draft | None:
     return fitted(values, ends[0], ends[1], walls, radius_m)
 
 
-def hairpin(values: Values, radius_m: float) -> Draft | None:
+def hairpin(values: Values, radius_m: float) -> WorldDraft | None:
     """Make a lane that runs to and fro between baffles in a closed shell."""
     frame, thick_m = frame_of(values), values["thickness_m"]
     lanes, long_m = whole(values, "lanes"), values["long_m"]
@@ -306,7 +306,7 @@ def _in_lane(share: float, long_m: float, lane_m: float) -> float:
     return lane_m / 2.0 + share * (long_m - lane_m)
 
 
-def long_detour(values: Values, radius_m: float) -> Draft | None:
+def long_detour(values: Values, radius_m: float) -> WorldDraft | None:
     """Make a long wall close to robot and goal, so that the path around it is long."""
     frame, thick_m = frame_of(values), values["thickness_m"]
     near_m = radius_m + thick_m / 2.0 + values["near_m"]
@@ -325,7 +325,7 @@ def long_detour(values: Values, radius_m: float) -> Draft | None:
     return fitted(values, ends[0], ends[1], walls, radius_m)
 
 
-def post_lattice(values: Values, radius_m: float) -> Draft | None:
+def post_lattice(values: Values, radius_m: float) -> WorldDraft | None:
     """Make rows of posts with gaps about as wide as the robot, some gaps closed."""
     frame, random = frame_of(values), Draws(f"lattice/{whole(values, 'layout')}")
     rows, columns = whole(values, "rows"), whole(values, "columns")
@@ -346,7 +346,7 @@ def post_lattice(values: Values, radius_m: float) -> Draft | None:
     return fitted(values, start, goal, walls, radius_m)
 
 
-def long_maze(values: Values, radius_m: float) -> Draft | None:
+def long_maze(values: Values, radius_m: float) -> WorldDraft | None:
     """Make a maze with few loops whose goal is among the cells farthest from the start by path."""
     frame, thick_m = frame_of(values), values["thickness_m"]
     columns, rows = whole(values, "columns"), whole(values, "rows")
@@ -431,19 +431,21 @@ SCENE_AXES: Final = (THICKNESS, TURN, HEADING, ROOM)
 APART: Final = Axis("apart_m", 1.0, 5.0)
 
 
-def three_walls(values: Values, radius_m: float) -> Draft | None:
+def three_walls(values: Values, radius_m: float) -> WorldDraft | None:
     """Make one to three straight walls anywhere between start and goal."""
     frame, apart_m = frame_of(values), values["apart_m"]
     walls: list[Obstacle] = []
     for wall in range(whole(values, "count")):
         along_m = values[f"along_{wall}"] * apart_m
         left_m, half_m = values[f"left_{wall}_m"], values[f"long_{wall}_m"] / 2.0
-        tilted = Frame(frame.point(along_m, left_m), frame.angle_rad + values[f"tilt_{wall}_rad"])
+        tilted = ShapeFrame(
+            frame.point(along_m, left_m), frame.angle_rad + values[f"tilt_{wall}_rad"]
+        )
         walls.append(tilted.wall(values["thickness_m"], (-half_m, 0.0), (half_m, 0.0)))
     return fitted(values, frame.point(0.0, 0.0), frame.point(apart_m, 0.0), walls, radius_m)
 
 
-def wedge(values: Values, radius_m: float) -> Draft | None:
+def wedge(values: Values, radius_m: float) -> WorldDraft | None:
     """Make two walls that meet, or nearly so, at an angle open towards the robot or the goal."""
     frame, apart_m = frame_of(values), values["apart_m"]
     tip = values["tip"] * apart_m, values["tip_left_m"]
@@ -462,7 +464,7 @@ def wedge(values: Values, radius_m: float) -> Draft | None:
     return fitted(values, frame.point(0.0, 0.0), frame.point(apart_m, 0.0), walls, radius_m)
 
 
-def symmetric_trap(values: Values, radius_m: float) -> Draft | None:
+def symmetric_trap(values: Values, radius_m: float) -> WorldDraft | None:
     """Make a U of equal or unequal arms around the robot or in its way, with lips at its mouth."""
     frame, apart_m = frame_of(values), values["apart_m"]
     bottom_m, half_m = values["bottom"] * apart_m, 2.0 * radius_m + values["half_m"]
@@ -484,14 +486,14 @@ def symmetric_trap(values: Values, radius_m: float) -> Draft | None:
     return fitted(values, frame.point(0.0, 0.0), frame.point(apart_m, 0.0), walls, radius_m)
 
 
-def tight_door(values: Values, radius_m: float) -> Draft | None:
+def tight_door(values: Values, radius_m: float) -> WorldDraft | None:
     """Make one or two walls across the way with a door 2 to 5 cm wider than the robot."""
     frame, apart_m, thick_m = frame_of(values), values["apart_m"], values["thickness_m"]
     half_m = radius_m + values["tight_m"] / 2.0 + thick_m / 2.0
     walls: list[Obstacle] = []
     for door in range(whole(values, "doors")):
         along_m = (0.3, 0.7)[door] * apart_m if whole(values, "doors") == 2 else 0.5 * apart_m
-        at = Frame(
+        at = ShapeFrame(
             frame.point(along_m, values[f"left_{door}_m"]), frame.angle_rad + values["tilt_rad"]
         )
         for hand in (-1, 1):

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from math import pi
 from typing import Final, NamedTuple, TypeAlias
 
-from plant.corpus.draft import RIM_M, Draft, Frame, any_angle, thickness
+from plant.corpus.draft import RIM_M, ShapeFrame, WorldDraft, any_angle, thickness
 from plant.model.draws import Draws
 from plant.model.types import Obstacle, Point
 from runtime.elementary import cos, sin
@@ -44,11 +44,11 @@ class Site(NamedTuple):
     """Position of a building: alone on its floor, or rotated on a larger floor, inside a shell."""
 
     size_m: Point
-    frame: Frame
+    frame: ShapeFrame
     shell: tuple[Obstacle, ...]
 
 
-def maze(random: Draws) -> Draft:
+def maze(random: Draws) -> WorldDraft:
     """Draw a maze with corridors of 0.6 to 1.0 m and few or no loops."""
     plan = maze_plan(random, random.randint(5, 8), random.randint(5, 8))
     start, goal = apart(random, plan)
@@ -61,16 +61,16 @@ def maze_plan(random: Draws, columns: int, rows: int) -> Plan:
     return Plan(columns, rows, (cell_m, cell_m), carved(random, columns, rows, random.random() / 6))
 
 
-def maze_draft(random: Draws, plan: Plan, start: Cell, goal: Cell) -> Draft:
+def maze_draft(random: Draws, plan: Plan, start: Cell, goal: Cell) -> WorldDraft:
     """Return a maze with start and goal in the given cells."""
     thick_m = round(random.uniform(0.02, 0.06), 3)
     site = site_for(random, plan, thick_m)
     walls = [site.frame.wall(thick_m, a, b) for a, b in wall_lines(plan)]
     from_m, to_m = (site.frame.point(*plan.centre(cell)) for cell in (start, goal))
-    return Draft(site.size_m, from_m, to_m, (*site.shell, *walls))
+    return WorldDraft(site.size_m, from_m, to_m, (*site.shell, *walls))
 
 
-def office(random: Draws) -> Draft:
+def office(random: Draws) -> WorldDraft:
     """Draw four to nine rooms with doors of 0.5 to 0.9 m, some with furniture."""
     plan = office_plan(random)
     start, goal = apart(random, plan)
@@ -84,7 +84,7 @@ def office_plan(random: Draws) -> Plan:
     return Plan(columns, rows, cell_m, carved(random, columns, rows, 0.4))
 
 
-def office_draft(random: Draws, plan: Plan, start: Cell, goal: Cell) -> Draft:
+def office_draft(random: Draws, plan: Plan, start: Cell, goal: Cell) -> WorldDraft:
     """Return an office with start and goal in the given cells."""
     thick_m = thickness(random)
     site = site_for(random, plan, thick_m)
@@ -97,11 +97,11 @@ def office_draft(random: Draws, plan: Plan, start: Cell, goal: Cell) -> Draft:
     for cell in plan.cells():
         if random.random() < 0.5:
             inner.append(_furniture(random, plan, cell, site.frame))
-    return Draft(site.size_m, from_m, to_m, (*site.shell, *inner))
+    return WorldDraft(site.size_m, from_m, to_m, (*site.shell, *inner))
 
 
 def _wall_with_door(
-    random: Draws, frame: Frame, thick_m: float, a: Point, b: Point
+    random: Draws, frame: ShapeFrame, thick_m: float, a: Point, b: Point
 ) -> tuple[Obstacle, Obstacle]:
     length_m = abs(b[0] - a[0]) + abs(b[1] - a[1])
     wide_m = random.uniform(0.5, 0.9) + thick_m
@@ -121,7 +121,7 @@ def _somewhere(random: Draws, plan: Plan, cell: Cell) -> Point:
     )
 
 
-def _furniture(random: Draws, plan: Plan, cell: Cell, frame: Frame) -> Obstacle:
+def _furniture(random: Draws, plan: Plan, cell: Cell, frame: ShapeFrame) -> Obstacle:
     x_m, y_m = _somewhere(random, plan, cell)
     if random.random() < 0.5:
         return frame.disc(x_m, y_m, random.uniform(0.08, 0.25))
@@ -200,14 +200,14 @@ def site_for(random: Draws, plan: Plan, thick_m: float) -> Site:
     """Return a site that fills its floor, or a rotated one inside a shell."""
     wide_m, high_m = plan.size_m
     if random.random() >= SHARE_TURNED:
-        return Site((round(wide_m, 3), round(high_m, 3)), Frame((0.0, 0.0), 0.0), ())
+        return Site((round(wide_m, 3), round(high_m, 3)), ShapeFrame((0.0, 0.0), 0.0), ())
     angle_rad = any_angle(random)
     c, s = cos(angle_rad), sin(angle_rad)
     corners = ((0.0, 0.0), (wide_m, 0.0), (wide_m, high_m), (0.0, high_m))
     turned = [(c * x - s * y, s * x + c * y) for x, y in corners]
     low = [min(values) - RIM_M for values in zip(*turned, strict=True)]
     high = [max(values) + RIM_M for values in zip(*turned, strict=True)]
-    frame = Frame((-low[0], -low[1]), angle_rad % (2.0 * pi))
+    frame = ShapeFrame((-low[0], -low[1]), angle_rad % (2.0 * pi))
     size_m = (round(high[0] - low[0], 3), round(high[1] - low[1], 3))
     return Site(size_m, frame, (frame.wall(thick_m, *corners, corners[0]),))
 

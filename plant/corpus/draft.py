@@ -23,7 +23,7 @@ MIN_THICKNESS_M: Final = 0.02
 MAX_THICKNESS_M: Final = 0.10
 
 
-class Draft(NamedTuple):
+class WorldDraft(NamedTuple):
     """A world before its check; `reachable` is the property its family guarantees."""
 
     size_m: Point
@@ -33,11 +33,11 @@ class Draft(NamedTuple):
     reachable: bool = True
 
 
-Family: TypeAlias = Callable[[Draws], Draft | None]
+Family: TypeAlias = Callable[[Draws], WorldDraft | None]
 """Draws a world from a stream of random numbers; None if the attempt failed."""
 
 
-class Frame(NamedTuple):
+class ShapeFrame(NamedTuple):
     """A rotated frame on the floor; with `hand` -1 left and right are swapped."""
 
     origin: Point
@@ -81,16 +81,16 @@ class DraftFloor(NamedTuple):
         """The distance from start to goal."""
         return distance_m(self.start, self.goal)
 
-    def frame(self, share: float, left_m: float = 0.0, turn_rad: float = 0.0) -> Frame:
+    def frame(self, share: float, left_m: float = 0.0, turn_rad: float = 0.0) -> ShapeFrame:
         """Return a frame at a share of the line to the goal, rotated from that direction."""
         (x0, y0), (x1, y1) = self.start, self.goal
         bearing_rad = atan2(y1 - y0, x1 - x0)
-        way = Frame((x0 + share * (x1 - x0), y0 + share * (y1 - y0)), bearing_rad)
-        return Frame(way.point(0.0, left_m), bearing_rad + turn_rad)
+        way = ShapeFrame((x0 + share * (x1 - x0), y0 + share * (y1 - y0)), bearing_rad)
+        return ShapeFrame(way.point(0.0, left_m), bearing_rad + turn_rad)
 
-    def draft(self, *obstacles: Obstacle) -> Draft:
+    def draft(self, *obstacles: Obstacle) -> WorldDraft:
         """Return the draft with these obstacles."""
-        return Draft(self.size_m, self.start, self.goal, obstacles)
+        return WorldDraft(self.size_m, self.start, self.goal, obstacles)
 
 
 def stage(random: Draws, apart_m: float = 3.0) -> DraftFloor:
@@ -141,7 +141,7 @@ def on_floor(point: Point, size_m: Point, rim_m: float) -> bool:
     )
 
 
-def standing_room(draft: Draft) -> bool:
+def standing_room(draft: WorldDraft) -> bool:
     """Return whether start and goal are clear of everything static; families place movers."""
     return all(
         on_floor(point, draft.size_m, STANDING_M)
@@ -168,7 +168,7 @@ class Axis(NamedTuple):
 Values: TypeAlias = Mapping[str, float]
 """One value for each axis of a family, by name."""
 
-Maker: TypeAlias = Callable[[Values, float], Draft | None]
+Maker: TypeAlias = Callable[[Values, float], WorldDraft | None]
 """Makes a draft from values and the robot's radius in metres; None if the values make no world."""
 
 
@@ -195,9 +195,9 @@ ROOM: Final = Axis("room_m", 0.3, 2.0)
 """Free space between the walls and the rim of the floor."""
 
 
-def frame_of(values: Values) -> Frame:
+def frame_of(values: Values) -> ShapeFrame:
     """Return the frame of the walls, turned about the origin."""
-    return Frame((0.0, 0.0), radians(values.get("turn_deg", 0.0)))
+    return ShapeFrame((0.0, 0.0), radians(values.get("turn_deg", 0.0)))
 
 
 def whole(values: Values, name: str) -> int:
@@ -207,7 +207,7 @@ def whole(values: Values, name: str) -> int:
 
 def fitted(
     values: Values, start: Point, goal: Point, obstacles: Iterable[Obstacle], radius_m: float
-) -> Draft | None:
+) -> WorldDraft | None:
     """Return a draft whose floor fits obstacles and ends with a room around them.
 
     None if the floor would be too large.
@@ -226,7 +226,7 @@ def fitted(
         return None
     shift = (-low[0], -low[1])
     moved = tuple(shifted(wall, shift) for wall in walls)
-    return Draft(size_m, _moved(start, shift), _moved(goal, shift), moved)
+    return WorldDraft(size_m, _moved(start, shift), _moved(goal, shift), moved)
 
 
 def shifted(obstacle: Obstacle, by: Point) -> Obstacle:

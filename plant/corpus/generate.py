@@ -16,15 +16,15 @@ from typing import Final, TypeAlias
 
 from plant.corpus import adversarial, buildings, shapes, traps
 from plant.corpus.buildings import CELL_M, MAPS
-from plant.corpus.draft import Adversary, Axis, Draft, Family, Values, standing_room
+from plant.corpus.draft import Adversary, Axis, Family, Values, WorldDraft, standing_room
 from plant.imports.importer import ImportedWorld, grid_world, with_way
 from plant.imports.moving_ai import parse_map
 from plant.model.configuration import Body, body_of
 from plant.model.draws import Draws
-from plant.model.errors import Report, WorldError
+from plant.model.errors import WorldError, WorldReport
 from plant.model.geometry import distance_m
 from plant.model.types import GoalPose, Settings, Start, World
-from plant.placement import Floor, check_places
+from plant.placement import ObstacleFloor, check_places
 from plant.shortest_path import shortest_path_m
 
 ADVERSARIAL_MARGIN_M: Final = 0.005
@@ -115,8 +115,8 @@ def measured(world: World) -> World | None:
 
 def _has_room(world: World, radius_m: float) -> bool:
     """Return whether a robot of this radius has room at start and goal."""
-    report = Report("", {})
-    floor = Floor(world.size_m, world.walls, radius_m, dict(enumerate(world.obstacles)))
+    report = WorldReport("", {})
+    floor = ObstacleFloor(world.size_m, world.walls, radius_m, dict(enumerate(world.obstacles)))
     check_places(report, floor, world.start, world.goal)
     return not report.problems
 
@@ -215,7 +215,7 @@ def _map_world(random: Draws, family: str, name: str, seed: int) -> World | None
     return world if world.reachable else None
 
 
-def _world(random: Draws, draft: Draft, name: str) -> World:
+def _world(random: Draws, draft: WorldDraft, name: str) -> World:
     """Return the world of a draft.
 
     Headings are in tenths of a degree; half of the goals have a free heading.

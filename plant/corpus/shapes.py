@@ -15,10 +15,10 @@ from math import inf, pi
 from typing import Final
 
 from plant.corpus.draft import (
-    Draft,
     DraftFloor,
     Family,
-    Frame,
+    ShapeFrame,
+    WorldDraft,
     any_angle,
     on_floor,
     spot,
@@ -33,12 +33,12 @@ from plant.model.types import Circle, Obstacle, Point, Polygon
 MAX_STRAY: Final = 3
 
 
-def open_floor(random: Draws) -> Draft:
+def open_floor(random: Draws) -> WorldDraft:
     """Draw an empty floor."""
     return stage(random).draft()
 
 
-def disc(random: Draws) -> Draft:
+def disc(random: Draws) -> WorldDraft:
     """Draw a disc in the way, and up to three more anywhere."""
     place = stage(random)
     middle = place.frame(random.uniform(0.3, 0.7), random.uniform(-0.3, 0.3))
@@ -46,7 +46,7 @@ def disc(random: Draws) -> Draft:
     return place.draft(first, *(_stray_disc(random, place.size_m) for _ in _few(random)))
 
 
-def box(random: Draws) -> Draft:
+def box(random: Draws) -> WorldDraft:
     """Draw a rotated box in the way, and up to three more anywhere."""
     place = stage(random)
     middle = place.frame(random.uniform(0.3, 0.7), random.uniform(-0.4, 0.4), any_angle(random))
@@ -55,7 +55,7 @@ def box(random: Draws) -> Draft:
     )
 
 
-def wall(random: Draws) -> Draft:
+def wall(random: Draws) -> WorldDraft:
     """Draw a wall of 1 to 4 m across the way."""
     place = stage(random)
     middle = place.frame(random.uniform(0.3, 0.7), random.uniform(-0.6, 0.6), tilt(random, 40.0))
@@ -63,21 +63,21 @@ def wall(random: Draws) -> Draft:
     return place.draft(middle.wall(thickness(random), (0.0, -half_m), (0.0, half_m)))
 
 
-def corner(random: Draws) -> Draft:
+def corner(random: Draws) -> WorldDraft:
     """Draw two arms that meet at 60 to 120 degrees, open towards the start."""
     place = stage(random)
     tip = place.frame(random.uniform(0.4, 0.75), random.uniform(-0.3, 0.3), tilt(random, 30.0))
     half_rad = random.uniform(pi / 6.0, pi / 3.0)
     arms = (
-        Frame(tip.origin, tip.angle_rad + pi - half_rad),
-        Frame(tip.origin, tip.angle_rad + pi + half_rad),
+        ShapeFrame(tip.origin, tip.angle_rad + pi - half_rad),
+        ShapeFrame(tip.origin, tip.angle_rad + pi + half_rad),
     )
     ends = [arm.point(random.uniform(0.6, 2.0), 0.0) for arm in arms]
-    floor_frame = Frame((0.0, 0.0), 0.0)
+    floor_frame = ShapeFrame((0.0, 0.0), 0.0)
     return place.draft(floor_frame.wall(thickness(random), ends[0], tip.origin, ends[1]))
 
 
-def box_at(random: Draws, frame: Frame, most_m: float = 1.6) -> Polygon:
+def box_at(random: Draws, frame: ShapeFrame, most_m: float = 1.6) -> Polygon:
     """Draw a box in a frame."""
     half_x_m, half_y_m = (random.uniform(0.1, most_m / 2.0) for _ in range(2))
     return frame.box(-half_x_m, -half_y_m, half_x_m, half_y_m)
@@ -85,7 +85,7 @@ def box_at(random: Draws, frame: Frame, most_m: float = 1.6) -> Polygon:
 
 def stray_box(random: Draws, size_m: tuple[float, float]) -> Obstacle:
     """Draw a box anywhere."""
-    return box_at(random, Frame(spot(random, size_m), any_angle(random)), 1.0)
+    return box_at(random, ShapeFrame(spot(random, size_m), any_angle(random)), 1.0)
 
 
 def _stray_disc(random: Draws, size_m: tuple[float, float]) -> Circle:
@@ -105,7 +105,7 @@ CLEARING_M: Final = 0.30
 MAX_THROWS: Final = 20_000
 
 
-def forest(random: Draws, sparsest_m2: float, densest_m2: float) -> Draft | None:
+def forest(random: Draws, sparsest_m2: float, densest_m2: float) -> WorldDraft | None:
     """Draw a number of trunks per square metre, each a passage away from others and the rim."""
     place = stage(random, apart_m=4.0)
     passage_m = random.uniform(MIN_PASSAGE_M, MAX_PASSAGE_M)
@@ -153,24 +153,24 @@ HASTY_M_S: Final = (0.2, 0.4)
 MAX_TRIES: Final = 30
 
 
-def moving(random: Draws) -> Draft | None:
+def moving(random: Draws) -> WorldDraft | None:
     """Draw two to four pedestrians across the path, and up to three static discs and boxes."""
     return _people(random, 2, 4, SPEEDS_M_S, crossing=False)
 
 
-def crowd(random: Draws) -> Draft | None:
+def crowd(random: Draws) -> WorldDraft | None:
     """Draw one to six pedestrians of 0.05 to 0.2 m/s, whose paths may cross."""
     return _people(random, 1, 6, CROWD_M_S, crossing=True)
 
 
-def hasty_crowd(random: Draws) -> Draft | None:
+def hasty_crowd(random: Draws) -> WorldDraft | None:
     """Draw one to six pedestrians of 0.2 to 0.4 m/s, up to a third faster than the robot."""
     return _people(random, 1, 6, HASTY_M_S, crossing=True)
 
 
 def _people(
     random: Draws, least: int, most: int, speeds_m_s: tuple[float, float], *, crossing: bool
-) -> Draft | None:
+) -> WorldDraft | None:
     place = stage(random, apart_m=4.0)
     still = [_still(random, place) for _ in range(random.randrange(4))]
     walkers: list[Circle] = []

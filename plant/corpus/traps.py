@@ -15,10 +15,10 @@ from typing import Final
 from plant.corpus import buildings
 from plant.corpus.buildings import Plan, apart, maze_draft, maze_plan, office_draft, office_plan
 from plant.corpus.draft import (
-    Draft,
     DraftFloor,
     Family,
-    Frame,
+    ShapeFrame,
+    WorldDraft,
     any_angle,
     floor,
     hand,
@@ -36,19 +36,19 @@ BEYOND_M: Final = 20.0
 """Length of a wall that ends outside every floor."""
 
 
-def u_trap(random: Draws) -> Draft:
+def u_trap(random: Draws) -> WorldDraft:
     """Draw a U open towards the start, 0.6 to 2 m wide and 0.6 to 1.6 m deep."""
     place = stage(random, apart_m=3.5)
     return _u(random, place, random.uniform(0.6, 2.0), random.uniform(0.6, 1.6))
 
 
-def dead_end(random: Draws) -> Draft:
+def dead_end(random: Draws) -> WorldDraft:
     """Draw a narrow passage of 1.6 to 3.2 m towards the goal, closed at its end."""
     place = stage(random, apart_m=4.5)
     return _u(random, place, random.uniform(0.5, 1.0), random.uniform(1.6, 3.2))
 
 
-def _u(random: Draws, place: DraftFloor, wide_m: float, deep_m: float) -> Draft:
+def _u(random: Draws, place: DraftFloor, wide_m: float, deep_m: float) -> WorldDraft:
     """Return a U; in one of four cases the robot starts inside."""
     bottom = place.frame(random.uniform(0.55, 0.8), random.uniform(-0.3, 0.3), tilt(random, 25.0))
     half_m, thick_m = wide_m / 2.0, thickness(random)
@@ -57,13 +57,13 @@ def _u(random: Draws, place: DraftFloor, wide_m: float, deep_m: float) -> Draft:
     )
     inside = random.random() < 0.25
     start = bottom.point(-random.uniform(0.3, deep_m), 0.0) if inside else place.start
-    return Draft(place.size_m, start, place.goal, (trap,))
+    return WorldDraft(place.size_m, start, place.goal, (trap,))
 
 
-def spiral(random: Draws) -> Draft | None:
+def spiral(random: Draws) -> WorldDraft | None:
     """Draw a square spiral of 4 to 9 legs, 0.55 to 0.9 m apart, with start or goal inside."""
     size_m = floor(random)
-    frame = Frame(spot(random, size_m, 1.0), any_angle(random), hand(random))
+    frame = ShapeFrame(spot(random, size_m, 1.0), any_angle(random), hand(random))
     gap_m = random.uniform(0.55, 0.9)
     corners = _spiral_corners(gap_m, random.randint(4, 9))
     walls = frame.wall(thickness(random), *corners)
@@ -74,7 +74,7 @@ def spiral(random: Draws) -> Draft | None:
     if not outside or not all(on_floor(point, size_m, 0.35) for point in walls.points_m):
         return None
     start, goal = random.choice(((frame.origin, other), (other, frame.origin)))
-    return Draft(size_m, start, goal, (walls,))
+    return WorldDraft(size_m, start, goal, (walls,))
 
 
 def _spiral_corners(gap_m: float, legs: int) -> list[Point]:
@@ -90,14 +90,14 @@ def _spiral_corners(gap_m: float, legs: int) -> list[Point]:
     return corners
 
 
-def _local(frame: Frame, point: Point) -> Point:
+def _local(frame: ShapeFrame, point: Point) -> Point:
     """Return the coordinates of a point in the frame."""
-    unturned = Frame((0.0, 0.0), -frame.angle_rad)
+    unturned = ShapeFrame((0.0, 0.0), -frame.angle_rad)
     x_m, y_m = unturned.point(point[0] - frame.origin[0], point[1] - frame.origin[1])
     return x_m, frame.hand * y_m
 
 
-def zigzag(random: Draws) -> Draft:
+def zigzag(random: Draws) -> WorldDraft:
     """Draw two to five baffles across the way, from alternate sides, mostly in a closed shell."""
     count, pitch_m = random.randint(2, 5), random.uniform(0.7, 1.2)
     place = stage(random, apart_m=3.0)
@@ -116,13 +116,13 @@ def zigzag(random: Draws) -> Draft:
     return place.draft(*walls)
 
 
-def _shell(way: Frame, ends_m: Point, half_m: float, thick_m: float) -> Polyline:
+def _shell(way: ShapeFrame, ends_m: Point, half_m: float, thick_m: float) -> Polyline:
     low_m, high_m = ends_m
     corners = ((low_m, -half_m), (high_m, -half_m), (high_m, half_m), (low_m, half_m))
     return way.wall(thick_m, *corners, corners[0])
 
 
-def corridor(random: Draws) -> Draft:
+def corridor(random: Draws) -> WorldDraft:
     """Draw two walls 0.5 to 1.2 m apart with one to three bends; one end may be closed."""
     place = stage(random, apart_m=3.5)
     bends = random.randint(1, 3)
@@ -162,7 +162,7 @@ def _normal(a: Point, b: Point) -> Point:
     return (a[1] - b[1]) / length_m, (b[0] - a[0]) / length_m
 
 
-def door(random: Draws) -> Draft:
+def door(random: Draws) -> WorldDraft:
     """Draw one or two walls across the floor, each with one door of 0.40 to 0.60 m."""
     place = stage(random, apart_m=3.5)
     shares = (0.5,) if random.random() < 0.6 else (0.33, 0.67)
@@ -178,18 +178,18 @@ def door(random: Draws) -> Draft:
     return place.draft(*walls)
 
 
-def unreachable(random: Draws) -> Draft:
+def unreachable(random: Draws) -> WorldDraft:
     """Draw a world whose goal is unreachable."""
     kinds = (_goal_boxed_in, _start_boxed_in, _goal_cell_walled_off, _room_without_door)
     return random.choice(kinds)(random)._replace(reachable=False)
 
 
-def _goal_boxed_in(random: Draws) -> Draft:
+def _goal_boxed_in(random: Draws) -> WorldDraft:
     place = _stage(random)
     return place.draft(_ring(random, place.goal))
 
 
-def _start_boxed_in(random: Draws) -> Draft:
+def _start_boxed_in(random: Draws) -> WorldDraft:
     place = _stage(random)
     return place.draft(_ring(random, place.start))
 
@@ -200,24 +200,24 @@ def _stage(random: Draws) -> DraftFloor:
 
 def _ring(random: Draws, centre: Point) -> Obstacle:
     """Return a closed wall of four to six sides around a place, 0.8 to 1.8 m across."""
-    frame, sides = Frame(centre, any_angle(random)), random.randint(4, 6)
+    frame, sides = ShapeFrame(centre, any_angle(random)), random.randint(4, 6)
     if sides == 4:
         x_m, y_m = random.uniform(0.4, 0.9), random.uniform(0.4, 0.9)
         corners = [(x_m, y_m), (-x_m, y_m), (-x_m, -y_m), (x_m, -y_m)]
         return frame.wall(thickness(random), *corners, corners[0])
     far_m = random.uniform(0.5, 0.9)
-    turns = [Frame(centre, frame.angle_rad + 2.0 * pi * turn / sides) for turn in range(sides)]
+    turns = [ShapeFrame(centre, frame.angle_rad + 2.0 * pi * turn / sides) for turn in range(sides)]
     corners = [turn.point(far_m, 0.0) for turn in turns]
-    return Frame((0.0, 0.0), 0.0).wall(thickness(random), *corners, corners[0])
+    return ShapeFrame((0.0, 0.0), 0.0).wall(thickness(random), *corners, corners[0])
 
 
-def _goal_cell_walled_off(random: Draws) -> Draft:
+def _goal_cell_walled_off(random: Draws) -> WorldDraft:
     plan = maze_plan(random, random.randint(4, 6), random.randint(4, 6))
     start, goal = apart(random, plan)
     return maze_draft(random, _without_doors(plan, goal), start, goal)
 
 
-def _room_without_door(random: Draws) -> Draft:
+def _room_without_door(random: Draws) -> WorldDraft:
     plan = office_plan(random)
     start, goal = apart(random, plan)
     return office_draft(random, _without_doors(plan, goal), start, goal)
@@ -236,14 +236,14 @@ KINDS: Final[tuple[Family, ...]] = (
 )
 
 
-def thin(random: Draws) -> Draft | None:
+def thin(random: Draws) -> WorldDraft | None:
     """Draw a maze, an office, a U-trap or a spiral with walls of 2, 5 or 10 mm."""
     thickness_m, kind = random.choice(THICKNESSES_M), random.choice(KINDS)
     draft = kind(random)
     return None if draft is None else with_walls(draft, thickness_m)
 
 
-def with_walls(draft: Draft, thickness_m: float) -> Draft:
+def with_walls(draft: WorldDraft, thickness_m: float) -> WorldDraft:
     """Return a draft whose walls all have this thickness; doors become wider by the difference."""
     obstacles = tuple(
         replace(one, thickness_m=thickness_m) if isinstance(one, Polyline) else one

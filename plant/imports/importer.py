@@ -27,14 +27,14 @@ import numpy as np
 
 from plant.imports.barn import PITCH_M, CylinderField, load_grid, load_list
 from plant.imports.cells import Cells, Labels, Mask, labelled, outlines, standing
-from plant.imports.moving_ai import Scenario, fits, load_map, load_scenarios
+from plant.imports.moving_ai import MovingAiScenario, fits, load_map, load_scenarios
 from plant.imports.ros_map import load_ros_map
 from plant.model.configuration import Body
 from plant.model.draws import Draws
-from plant.model.errors import Report, WorldError, refuse
+from plant.model.errors import WorldError, WorldReport, refuse
 from plant.model.geometry import clearance_m, distance_m, length_m
 from plant.model.types import GoalPose, Obstacle, Point, Start, World
-from plant.placement import Floor, check_places
+from plant.placement import ObstacleFloor, check_places
 from plant.shortest_path import near_path, shortest_path_m
 from plant.world.reader import MAX_OBSTACLES, SIZE
 from runtime.elementary import hypot
@@ -80,8 +80,8 @@ def bare_world(
     (start_x, start_y), (goal_x, goal_y) = ends
     start = Start(x_m=start_x, y_m=start_y, heading_rad=radians(heading_deg))
     goal = GoalPose(x_m=goal_x, y_m=goal_y, heading_tolerance_rad=HEADING_TOLERANCE_RAD)
-    report = Report(made.file, {})
-    floor = Floor(size_m, True, Body().radius_m, dict(enumerate(obstacles)))
+    report = WorldReport(made.file, {})
+    floor = ObstacleFloor(size_m, True, Body().radius_m, dict(enumerate(obstacles)))
     check_places(report, floor, start, goal)
     if report.problems:
         raise WorldError([problem._replace(line=None) for problem in report.problems])
@@ -404,7 +404,7 @@ def _of_scenarios(path: Path, options: ImportOptions) -> Iterator[World]:
         yield grid_world(cells, made, random)
 
 
-def _map_of(path: Path, scenario: Scenario) -> Path:
+def _map_of(path: Path, scenario: MovingAiScenario) -> Path:
     """Return the map beside the scenarios, with their name or the name they contain."""
     named = scenario.map_name.replace("\\", "/").rsplit("/", 1)[-1]
     bare = path.with_suffix("")

@@ -18,7 +18,7 @@ FIELDS: Final = 9
 NUMBER: Final = re.compile(r"\d{1,9}", re.ASCII)
 
 
-class Scenario(NamedTuple):
+class MovingAiScenario(NamedTuple):
     """One line of a .scen file: cells as (column, row), counted from the upper left one."""
 
     line: int
@@ -85,12 +85,12 @@ def _row(row: str, line: int, file: str, width: int) -> list[bool]:
     return [one in BLOCKED for one in row]
 
 
-def load_scenarios(path: Path) -> list[Scenario]:
+def load_scenarios(path: Path) -> list[MovingAiScenario]:
     """Return the scenarios of a file, at least one; raise WorldError."""
     return parse_scenarios(read_text(path, MAX_BYTES), str(path))
 
 
-def parse_scenarios(text: str, file: str) -> list[Scenario]:
+def parse_scenarios(text: str, file: str) -> list[MovingAiScenario]:
     """Return the scenarios of a text, at least one; raise WorldError."""
     lines = text.split("\n")
     if not re.fullmatch(r"version 1(\.0)?\s*", lines[0]):
@@ -104,7 +104,7 @@ def parse_scenarios(text: str, file: str) -> list[Scenario]:
     return found
 
 
-def _scenario(line: str, number: int, file: str) -> Scenario:
+def _scenario(line: str, number: int, file: str) -> MovingAiScenario:
     fields = line.split("\t") if "\t" in line else line.split()
     numbers = fields[2:8]
     if len(fields) != FIELDS or not all(NUMBER.fullmatch(one.strip()) for one in numbers):
@@ -112,10 +112,10 @@ def _scenario(line: str, number: int, file: str) -> Scenario:
         fix = "write bucket, map, width, height, start x, start y, goal x, goal y, length"
         raise refuse(file, "scenario", reason, fix, number)
     width, height, start_x, start_y, goal_x, goal_y = (int(one.strip()) for one in numbers)
-    return Scenario(number, fields[1], width, height, (start_x, start_y), (goal_x, goal_y))
+    return MovingAiScenario(number, fields[1], width, height, (start_x, start_y), (goal_x, goal_y))
 
 
-def fits(scenario: Scenario, cells: Cells, file: str) -> None:
+def fits(scenario: MovingAiScenario, cells: Cells, file: str) -> None:
     """Refuse a scenario for a map of another size, or with an end outside or on a blocked cell."""
     if (scenario.width, scenario.height) != (cells.columns, cells.rows):
         reason = f"made for {scenario.width} x {scenario.height} cells, "

@@ -141,7 +141,7 @@ WHEEL_TARGETS: Final = ("left", "right", "both")
 NO_TARGETS: Final = ("",)
 
 
-class Kind(NamedTuple):
+class FaultKind(NamedTuple):
     """Valid targets of a fault, range and unit of its value, and its effect."""
 
     targets: tuple[str, ...]
@@ -151,20 +151,24 @@ class Kind(NamedTuple):
     doc: str
 
 
-KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
+KINDS: Final[Mapping[str, FaultKind]] = MappingProxyType(
     {
-        "sonar_dead": Kind(SONAR_TARGETS, 0, 0, "", "gives no readings"),
-        "sonar_frozen": Kind(SONAR_TARGETS, 0, 0, "", "repeats its last measurement"),
-        "sonar_fixed": Kind(SONAR_TARGETS, 0, 60, "m", "always measures this range"),
-        "sonar_offset": Kind(SONAR_TARGETS, -60, 60, "m", "measures this much too far"),
-        "sonar_dropout": Kind(SONAR_TARGETS, 0, 1, "", "loses echoes with this probability"),
-        "encoder_stuck": Kind(WHEEL_TARGETS, 0, 0, "", "stops counting"),
-        "encoder_jump": Kind(WHEEL_TARGETS, -(2**31), 2**31 - 1, "ticks", "jumps, once"),
-        "wheel_slip": Kind(WHEEL_TARGETS, 0, 1, "", "loses this share of its path on the ground"),
-        "wheel_stuck": Kind(WHEEL_TARGETS, 0, 0, "", "does not turn"),
-        "ticks_stopped": Kind(NO_TARGETS, 0, 0, "", "no wheel ticks are published"),
-        "scan_stopped": Kind(NO_TARGETS, 0, 0, "", "no sonar scan is published"),
-        "bumper_stuck": Kind(NO_TARGETS, 1, 7, "", "reads pressed: 1 left + 2 front + 4 right"),
+        "sonar_dead": FaultKind(SONAR_TARGETS, 0, 0, "", "gives no readings"),
+        "sonar_frozen": FaultKind(SONAR_TARGETS, 0, 0, "", "repeats its last measurement"),
+        "sonar_fixed": FaultKind(SONAR_TARGETS, 0, 60, "m", "always measures this range"),
+        "sonar_offset": FaultKind(SONAR_TARGETS, -60, 60, "m", "measures this much too far"),
+        "sonar_dropout": FaultKind(SONAR_TARGETS, 0, 1, "", "loses echoes with this probability"),
+        "encoder_stuck": FaultKind(WHEEL_TARGETS, 0, 0, "", "stops counting"),
+        "encoder_jump": FaultKind(WHEEL_TARGETS, -(2**31), 2**31 - 1, "ticks", "jumps, once"),
+        "wheel_slip": FaultKind(
+            WHEEL_TARGETS, 0, 1, "", "loses this share of its path on the ground"
+        ),
+        "wheel_stuck": FaultKind(WHEEL_TARGETS, 0, 0, "", "does not turn"),
+        "ticks_stopped": FaultKind(NO_TARGETS, 0, 0, "", "no wheel ticks are published"),
+        "scan_stopped": FaultKind(NO_TARGETS, 0, 0, "", "no sonar scan is published"),
+        "bumper_stuck": FaultKind(
+            NO_TARGETS, 1, 7, "", "reads pressed: 1 left + 2 front + 4 right"
+        ),
     }
 )
 

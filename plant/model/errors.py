@@ -11,7 +11,7 @@ from runtime.regular_file import UnusableFileError, bytes_in
 from runtime.toml_reader import Key
 
 
-class Problem(NamedTuple):
+class WorldProblem(NamedTuple):
     """One problem of a world file."""
 
     file: str
@@ -30,22 +30,22 @@ class WorldError(Exception):
 
     exit_code = 2
 
-    def __init__(self, problems: Sequence[Problem]) -> None:
+    def __init__(self, problems: Sequence[WorldProblem]) -> None:
         self.problems = tuple(sorted(problems, key=lambda problem: problem.line or 0))
         super().__init__("\n".join(str(problem) for problem in self.problems))
 
 
-class Report:
+class WorldReport:
     """Collect the problems of one file and find the line of each."""
 
     def __init__(self, file: str, lines: Mapping[Key, int]) -> None:
         self._file = file
         self._lines = lines
-        self.problems: list[Problem] = []
+        self.problems: list[WorldProblem] = []
 
     def add(self, key: Key, reason: str, fix: str) -> None:
         """Add a problem of a key."""
-        self.problems.append(Problem(self._file, self.line(key), key_text(key), reason, fix))
+        self.problems.append(WorldProblem(self._file, self.line(key), key_text(key), reason, fix))
 
     def line(self, key: Key) -> int:
         """Return the line of a key, or of the nearest table or list around it."""
@@ -65,7 +65,7 @@ def key_text(key: Key) -> str:
 
 def refuse(file: str, key: str, reason: str, fix: str, line: int | None = None) -> WorldError:
     """Return the WorldError to be raised."""
-    return WorldError([Problem(file, line, key, reason, fix)])
+    return WorldError([WorldProblem(file, line, key, reason, fix)])
 
 
 def read_bytes(path: Path, most_bytes: int) -> bytes:

@@ -144,14 +144,14 @@ Edge: TypeAlias = tuple[float, float, float, float]
 """From x_m, y_m to x_m, y_m; the solid is on the left, so it is visible only from the right."""
 
 
-class Scene(NamedTuple):
+class StaticScene(NamedTuple):
     """Discs and edges of a world."""
 
     discs: tuple[Disc, ...]
     edges: tuple[Edge, ...]
 
 
-def still(world: World) -> Scene:
+def still(world: World) -> StaticScene:
     """Return everything of the world that does not move."""
     discs: list[Disc] = []
     edges: list[Edge] = list(_outer_walls(world)) if world.walls else []
@@ -165,7 +165,7 @@ def still(world: World) -> Scene:
                 edges += _flanks(a, b, radius_m)
         elif not moves(obstacle):
             discs.append((obstacle.x_m, obstacle.y_m, obstacle.radius_m))
-    return Scene(tuple(discs), tuple(edges))
+    return StaticScene(tuple(discs), tuple(edges))
 
 
 def moves(obstacle: Obstacle) -> TypeGuard[Circle]:

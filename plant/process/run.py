@@ -126,7 +126,7 @@ class RejectLog:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
+class PlantSettings:
     """Settings of `--config FILE`: robot and network."""
 
     robot: str = "r1"
@@ -136,7 +136,9 @@ class Settings:
 def main(argv: Sequence[str]) -> int:
     """Run the plant until it is stopped; return 0, or 2 for a bad world or wrong settings."""
     arguments = parser().parse_args(list(argv))
-    settings = config.load_shared(arguments.config, Settings) if arguments.config else Settings()
+    settings = (
+        config.load_shared(arguments.config, PlantSettings) if arguments.config else PlantSettings()
+    )
     network = network_of(arguments, settings.network, listens=False)
     names = settings.robot if arguments.robots is None else arguments.robots
     robots = [robot_name(name) for name in names.split(",")]

@@ -68,7 +68,7 @@ class Motor:
         return way_m
 
 
-class Drive:
+class DifferentialDrive:
     """Two motors with one driver board, their encoders and their motion on the ground."""
 
     __slots__ = (

@@ -37,7 +37,7 @@ SLOP_M: Final = 1e-4
 """A contact keeps this overlap, so that it lasts."""
 
 
-class Disc:
+class ContactDisc:
     """A robot or a moving obstacle: position, velocity, and the velocity that undoes an overlap.
 
     Only a `free` one is moved by contacts.
@@ -56,13 +56,17 @@ class Disc:
         self.push_x_m_s = self.push_y_m_s = 0.0
 
 
-class Contact:
+class DiscContact:
     """An overlap of a robot and another disc; x, y is the unit vector from the robot to it."""
 
     __slots__ = ("_apart_m_s", "_impulse", "_push", "_share", "other", "robot", "x", "y")
 
     def __init__(
-        self, robot: Disc, other: Disc, direction: tuple[float, float], apart_m_s: float
+        self,
+        robot: ContactDisc,
+        other: ContactDisc,
+        direction: tuple[float, float],
+        apart_m_s: float,
     ) -> None:
         """Create a contact; `apart_m_s` is the speed that undoes the overlap in one step."""
         self.robot, self.other = robot, other
@@ -93,7 +97,7 @@ class Contact:
             other.y_m_s += change * y
 
 
-def solve(contacts: Sequence[Contact]) -> None:
+def solve(contacts: Sequence[DiscContact]) -> None:
     """Solve all contacts of a step together."""
     for _ in range(ITERATIONS):
         for contact in contacts:
@@ -175,7 +179,7 @@ CLEARANCE_LIMIT_M: Final = 3.0
 FINE_STEP_M: Final = 0.001
 OUTER_WALL_M: Final = 0.5
 
-Pair: TypeAlias = tuple[Disc, Disc, Surface | None]
+Pair: TypeAlias = tuple[ContactDisc, ContactDisc, Surface | None]
 """A robot and what it may touch: another disc, or a surface, whose disc has no place."""
 
 
@@ -185,14 +189,14 @@ class Arena:
     def __init__(self, world: World, radius_m: float, at: Sequence[Point] | None = None) -> None:
         """Create the world; `at` are the movers' positions, by default the start of their paths."""
         self._radius_m = radius_m
-        self._robots: list[Disc] = []
+        self._robots: list[ContactDisc] = []
         self._nearby: list[Nearby] = []
-        self._still = Disc(0.0, 0.0, 0.0, free=False)
-        self._touching: list[Contact] = []
+        self._still = ContactDisc(0.0, 0.0, 0.0, free=False)
+        self._touching: list[DiscContact] = []
         discs = movers(world)
         places = [circle.path_m[0] for circle in discs] if at is None else at
         self._movers = [
-            Disc(*place, circle.radius_m, free=False)
+            ContactDisc(*place, circle.radius_m, free=False)
             for circle, place in zip(discs, places, strict=True)
         ]
         self._surfaces = list(_still_surfaces(world))
@@ -205,7 +209,7 @@ class Arena:
 
     def add_robot(self, x_m: float, y_m: float) -> int:
         """Add a robot and return its index."""
-        self._robots.append(Disc(x_m, y_m, self._radius_m, free=True))
+        self._robots.append(ContactDisc(x_m, y_m, self._radius_m, free=True))
         self._nearby.append(Nearby())
         return len(self._robots) - 1
 
@@ -291,7 +295,7 @@ class Arena:
         return nearby
 
 
-def _overlaps(pairs: Sequence[Pair], span_s: float) -> Iterator[Contact]:
+def _overlaps(pairs: Sequence[Pair], span_s: float) -> Iterator[DiscContact]:
     for robot, other, surface in pairs:
         if surface is None:
             off_x_m, off_y_m = other.x_m - robot.x_m, other.y_m - robot.y_m
@@ -303,7 +307,7 @@ def _overlaps(pairs: Sequence[Pair], span_s: float) -> Iterator[Contact]:
         if 0.0 < away_m < touching_m:
             direction = off_x_m / away_m, off_y_m / away_m
             apart_m_s = max(0.0, touching_m - away_m - SLOP_M) / span_s
-            yield Contact(robot, other, direction, apart_m_s)
+            yield DiscContact(robot, other, direction, apart_m_s)
 
 
 def _shape(body: pymunk.Body, surface: Surface) -> pymunk.Shape:

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 import numpy as np
 
 from plant.model.configuration import Body, Fault, Noise, body_of, faults_of
-from plant.model.geometry import Disc, Pose, Scene, movers, still
+from plant.model.geometry import Disc, Pose, StaticScene, movers, still
 from plant.model.types import Point, World
 from plant.placement import starts
 from plant.sim.active_faults import FaultSchedule
-from plant.sim.drive import Drive
+from plant.sim.drive import DifferentialDrive
 from plant.sim.physics import Arena, Mover
-from plant.sim.sonar import PING_AGE_US, Caster, Ring
+from plant.sim.sonar import PING_AGE_US, Caster, SimulatedSonarRing
 from protocol.wire.enums import BUMPER_LEFT, BUMPER_REAR, BUMPER_RIGHT
 from protocol.wire.messages import GroundTruth, RunScore, SonarScan, WheelTicks
 from runtime.elementary import atan2, cos_sin, hypot, sin
@@ -140,7 +140,7 @@ class SharedSetup(NamedTuple):
     body: Body
     noise: Noise
     seed: int
-    scene: Scene
+    scene: StaticScene
     arena: Arena
 
 
@@ -152,8 +152,8 @@ class SimulatedRobot:
     ) -> None:
         body, noise, seed, scene, self._arena = common
         self.faults = FaultSchedule(faults)
-        self.drive = Drive(body, noise, seed, number)
-        self._ring = Ring(body, noise, seed, number)
+        self.drive = DifferentialDrive(body, noise, seed, number)
+        self._ring = SimulatedSonarRing(body, noise, seed, number)
         self._caster = Caster(scene, body.sonar_max_m + body.radius_m, noise.incidence_limit_rad)
         self._track_m = body.track_m
         self._robot = self._arena.add_robot(start[0], start[1])

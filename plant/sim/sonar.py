@@ -25,7 +25,7 @@ from typing import Final, NamedTuple, TypeAlias
 import numpy as np
 
 from plant.model.configuration import Body, Noise
-from plant.model.geometry import Disc, Edge, Pose, Scene
+from plant.model.geometry import Disc, Edge, Pose, StaticScene
 from plant.sim.active_faults import SonarFaults
 from plant.sim.seeds import gaussian_rows, uniform_rows
 from runtime.elementary import cos, cos_sin, sin
@@ -66,7 +66,7 @@ class PoseTolerance(NamedTuple):
 class Surfaces:
     """Every surface of a scene, and those near the robot."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: StaticScene) -> None:
         self._scene = scene
         discs = np.array(scene.discs, dtype=float).reshape(-1, 3)
         edges = np.array(scene.edges, dtype=float).reshape(-1, 4)
@@ -247,7 +247,7 @@ def ray_bearings_rad() -> tuple[float, ...]:
 class Caster:
     """The view of one ring: the surfaces in sight, and the rays that meet them."""
 
-    def __init__(self, scene: Scene, reach_m: float, incidence_limit_rad: float) -> None:
+    def __init__(self, scene: StaticScene, reach_m: float, incidence_limit_rad: float) -> None:
         """Create a caster; `reach_m` is measured from the centre of the robot."""
         self._surfaces = Surfaces(scene)
         self._reach_m = reach_m
@@ -455,7 +455,7 @@ ROUNDING: Final = float(3 * 2**51)
 """A number plus this minus this is rounded as by `round`, which would dominate the ring's cost."""
 
 
-class Reading(NamedTuple):
+class SonarReading(NamedTuple):
     """Range per sonar in millimetres (0 without an echo), and bit fields; bit i is sonar i."""
 
     range_mm: tuple[int, ...]
@@ -463,10 +463,10 @@ class Reading(NamedTuple):
     echo: int
 
 
-SILENT: Final = Reading((0,) * SONARS, ALL, 0)
+SILENT: Final = SonarReading((0,) * SONARS, ALL, 0)
 
 
-class Ring:
+class SimulatedSonarRing:
     """Convert the nearest surface in each cone into readings, with noise and faults."""
 
     def __init__(self, body: Body, noise: Noise, seed: int, robot: int) -> None:
@@ -483,7 +483,7 @@ class Ring:
         self._fault_chances = uniform_rows(seed, robot, "sonar fault", SONARS)
         self._last = SILENT
 
-    def read(self, nearness: list[float], trouble: SonarFaults | None) -> Reading:
+    def read(self, nearness: list[float], trouble: SonarFaults | None) -> SonarReading:
         """Return one scan; `nearness` per sonar in the order of `raycast.ORDER`."""
         reading = self._measured(nearness)
         if trouble is not None:
@@ -491,7 +491,7 @@ class Ring:
         self._last = reading
         return reading
 
-    def _measured(self, nearness: list[float]) -> Reading:
+    def _measured(self, nearness: list[float]) -> SonarReading:
         errors, chances, ghosts = self._errors.next(), self._chances.next(), self._ghosts.next()
         range_mm = [0] * SONARS
         echo = 0
@@ -517,9 +517,9 @@ class Ring:
                 read_mm = most_mm
             range_mm[sonar] = read_mm if read_mm > least_mm else least_mm
             echo |= 1 << sonar
-        return Reading(tuple(range_mm), ALL, echo)
+        return SonarReading(tuple(range_mm), ALL, echo)
 
-    def _disturbed(self, reading: Reading, trouble: SonarFaults) -> Reading:
+    def _disturbed(self, reading: SonarReading, trouble: SonarFaults) -> SonarReading:
         range_mm, valid, echo = list(reading.range_mm), reading.valid, reading.echo
         chances = self._fault_chances.next()
         for sonar in range(SONARS):
@@ -537,7 +537,7 @@ class Ring:
                 echo = (echo & ~bit) | (self._last.echo & bit)
             if trouble.dead[sonar]:
                 range_mm[sonar], valid, echo = 0, valid & ~bit, echo & ~bit
-        return Reading(tuple(range_mm), valid, echo)
+        return SonarReading(tuple(range_mm), valid, echo)
 
 
 def _within(range_mm: int) -> int:

@@ -14,7 +14,7 @@ from os.path import isfile
 from pathlib import Path
 from typing import Any, Final
 
-from plant.model.errors import Problem, Report, WorldError
+from plant.model.errors import WorldError, WorldProblem, WorldReport
 from plant.model.types import World
 from plant.world.reader import read_world
 from runtime.json_reader import value_in
@@ -41,9 +41,9 @@ def from_json(text: str, file: str) -> World:
         line = getattr(error, "lineno", 1)
         reason = getattr(error, "msg", "nested too deeply")
         raise WorldError(
-            [Problem(file, line, "json", reason, "give what `worlds show --json` prints")]
+            [WorldProblem(file, line, "json", reason, "give what `worlds show --json` prints")]
         ) from None
-    report = Report(file, {})
+    report = WorldReport(file, {})
     tables = _tables(facts)
     for key in _nulls(tables, ()):
         report.add(key, "expected a value, found null", "leave it out")
@@ -117,18 +117,18 @@ def loads(text: str, file: str = "world") -> World:
         raise WorldError([_refusal(file, "toml", str(error), "use fewer [", 1)]) from None
     except ValueError as error:
         raise WorldError([_invalid_toml(error, text, file)]) from None
-    report = Report(file, lines)
+    report = WorldReport(file, lines)
     world = read_world(raw, report)
     if world is None:
         raise WorldError(report.problems)
     return world
 
 
-def _refusal(file: str, key: str, reason: str, fix: str, line: int | None = None) -> Problem:
-    return Problem(file, line, key, reason, fix)
+def _refusal(file: str, key: str, reason: str, fix: str, line: int | None = None) -> WorldProblem:
+    return WorldProblem(file, line, key, reason, fix)
 
 
-def _unknown_name(name: str) -> Problem:
+def _unknown_name(name: str) -> WorldProblem:
     close = get_close_matches(name, shipped(), n=1)
     meant = f"did you mean {close[0]}? " if close else ""
     fix = f"{meant}shipped are {', '.join(shipped())}; or give the path of a .toml file"
@@ -162,7 +162,7 @@ def _decoded(data: bytes, file: str) -> str:
         raise WorldError([_refusal(file, "file", "not UTF-8 text", fix, line)]) from None
 
 
-def _invalid_toml(error: ValueError, text: str, file: str) -> Problem:
+def _invalid_toml(error: ValueError, text: str, file: str) -> WorldProblem:
     """Return the problem found by the TOML parser, with its line and the key on that line."""
     match = PARSER_PLACE.fullmatch(str(error))
     reason = match[1] if match else str(error)

@@ -13,7 +13,7 @@ from math import degrees, inf, isfinite, radians
 from typing import Any, Final, NamedTuple
 
 from plant.model.configuration import LEVELS, USUAL_LEVEL, Body, Fault, Noise, _fields
-from plant.model.errors import Report
+from plant.model.errors import WorldReport
 from plant.model.geometry import TOUCHING_M, area_m2, crossing_edges, distance_m, folded_corner
 from plant.model.types import (
     WALL_THICKNESS_M,
@@ -29,8 +29,8 @@ from plant.model.types import (
     World,
     bad_name,
 )
-from plant.placement import Floor, check_places
-from plant.world.table import COORDINATE, HUGE, Limits, Table, type_name
+from plant.placement import ObstacleFloor, check_places
+from plant.world.table import COORDINATE, HUGE, FileTable, NumberLimits, type_name
 from runtime.toml_reader import Key
 
 SHAPES: Final = {
@@ -41,14 +41,14 @@ SHAPES: Final = {
 MOTION: Final = {"path_m": "[[3.0, 0.5], [3.0, 3.5]]", "speed_m_s": "0.1"}
 OBSTACLE_EXAMPLES: Final = {**SHAPES, "thickness_m": "0.02", **MOTION}
 CIRCLE: Final = {"x": "4.0", "y": "3.0", "radius": "0.25"}
-RADIUS: Final = Limits(0.0, 50.0, "m", above_low=True)
-THICKNESS: Final = Limits(0.001, 5.0, "m")
-SPEED: Final = Limits(0.0, 2.0, "m/s", above_low=True)
+RADIUS: Final = NumberLimits(0.0, 50.0, "m", above_low=True)
+THICKNESS: Final = NumberLimits(0.001, 5.0, "m")
+SPEED: Final = NumberLimits(0.0, 2.0, "m/s", above_low=True)
 
 
-def read_obstacle(raw: object, at: Key, report: Report) -> Obstacle | None:
+def read_obstacle(raw: object, at: Key, report: WorldReport) -> Obstacle | None:
     """Return the obstacle, or None after reporting its problems."""
-    table = Table(raw, at, OBSTACLE_EXAMPLES, report)
+    table = FileTable(raw, at, OBSTACLE_EXAMPLES, report)
     shapes = [shape for shape in SHAPES if table.asks_for(shape)]
     if len(shapes) != 1:
         found = " and ".join(shapes) if shapes else "none"
@@ -69,7 +69,7 @@ def read_obstacle(raw: object, at: Key, report: Report) -> Obstacle | None:
     return obstacle if table.sound else None
 
 
-def _refuse_out_of_place(table: Table, shape: str) -> None:
+def _refuse_out_of_place(table: FileTable, shape: str) -> None:
     if shape != "wall_m" and "thickness_m" in table:
         table.refuse("thickness_m", f"not a key of {shape}", "remove it, or make it a wall_m")
     for key in MOTION:
@@ -77,14 +77,14 @@ def _refuse_out_of_place(table: Table, shape: str) -> None:
             table.refuse(key, f"{shape} cannot move", "remove it, or make it a circle_m")
 
 
-def _polygon(table: Table) -> Polygon:
+def _polygon(table: FileTable) -> Polygon:
     points = table.points("polygon_m", fewest=3)
     if points:
         _check_simple(table, points)
     return Polygon(points)
 
 
-def _check_simple(table: Table, points: tuple[Point, ...]) -> None:
+def _check_simple(table: FileTable, points: tuple[Point, ...]) -> None:
     if _repeats(table, "polygon_m", points, closed=True):
         return
     crossing = crossing_edges(points)
@@ -105,7 +105,7 @@ def _edge_text(index: int, points: tuple[Point, ...]) -> str:
     return f"{index + 1}-{end + 1} ({x1:g}, {y1:g})-({x2:g}, {y2:g})"
 
 
-def _repeats(table: Table, key: str, points: tuple[Point, ...], closed: bool) -> bool:
+def _repeats(table: FileTable, key: str, points: tuple[Point, ...], closed: bool) -> bool:
     """Report the first point that equals the one before it; return whether there is one."""
     for index in range(0 if closed else 1, len(points)):
         if distance_m(points[index], points[index - 1]) <= TOUCHING_M:
@@ -116,18 +116,18 @@ def _repeats(table: Table, key: str, points: tuple[Point, ...], closed: bool) ->
     return False
 
 
-def _wall(table: Table) -> Polyline:
+def _wall(table: FileTable) -> Polyline:
     points = table.points("wall_m", fewest=2)
     _repeats(table, "wall_m", points, closed=False)
     thickness_m = table.number("thickness_m", THICKNESS, default=WALL_THICKNESS_M)
     return Polyline(points, thickness_m)
 
 
-def _circle(table: Table, at: Key, report: Report) -> Circle | None:
+def _circle(table: FileTable, at: Key, report: WorldReport) -> Circle | None:
     raw = table.required("circle_m")
     if raw is None:
         return None
-    disc = Table(raw, (*at, "circle_m"), CIRCLE, report)
+    disc = FileTable(raw, (*at, "circle_m"), CIRCLE, report)
     x_m, y_m = disc.number("x", COORDINATE), disc.number("y", COORDINATE)
     radius_m = disc.number("radius", RADIUS)
     if not any(table.asks_for(key) for key in MOTION):
@@ -139,7 +139,7 @@ def _circle(table: Table, at: Key, report: Report) -> Circle | None:
     return Circle(x_m=x_m, y_m=y_m, radius_m=radius_m, path_m=path_m, speed_m_s=speed_m_s)
 
 
-def _check_path(table: Table, path_m: tuple[Point, ...], centre: Point) -> None:
+def _check_path(table: FileTable, path_m: tuple[Point, ...], centre: Point) -> None:
     _repeats(table, "path_m", path_m, closed=False)
     if distance_m(path_m[0], centre) > TOUCHING_M:
         x, y = centre
@@ -147,15 +147,15 @@ def _check_path(table: Table, path_m: tuple[Point, ...], centre: Point) -> None:
         table.refuse("path_m", reason, f"make [{x:g}, {y:g}] its first point")
 
 
-ANY_NUMBER: Final = Limits(-HUGE, HUGE)
+ANY_NUMBER: Final = NumberLimits(-HUGE, HUGE)
 
 
-def read_robot(raw: object, at: Key, report: Report) -> Settings:
+def read_robot(raw: object, at: Key, report: WorldReport) -> Settings:
     """Return the overrides of the robot, and report their problems."""
     return _read(raw, at, report, Body, lambda settings: Body(**_fields(settings)))
 
 
-def read_noise(raw: object, at: Key, report: Report) -> Settings:
+def read_noise(raw: object, at: Key, report: WorldReport) -> Settings:
     """Return the overrides of the noise, and report their problems."""
 
     def build(settings: Settings) -> Noise:
@@ -169,7 +169,7 @@ def read_noise(raw: object, at: Key, report: Report) -> Settings:
     return _read(raw, at, report, Noise, build, {"level": '"default"'})
 
 
-def read_fault(raw: object, at: Key, report: Report) -> Settings:
+def read_fault(raw: object, at: Key, report: WorldReport) -> Settings:
     """Return the fields of a fault, and report their problems."""
     return _read(raw, at, report, Fault, lambda settings: Fault(**_fields(settings)))
 
@@ -177,7 +177,7 @@ def read_fault(raw: object, at: Key, report: Report) -> Settings:
 def _read(
     raw: object,
     at: Key,
-    report: Report,
+    report: WorldReport,
     kind: type,
     build: Callable[[Settings], object],
     more: Mapping[str, str] | None = None,
@@ -185,7 +185,7 @@ def _read(
     """Return the table's settings by field name and in the field's unit; report problems."""
     known = {_file_key(field.name): field for field in fields(kind)}
     examples = {**(more or {}), **{key: _example(field) for key, field in known.items()}}
-    table = Table(raw, at, examples, report)
+    table = FileTable(raw, at, examples, report)
     needed = {name for name, field in known.items() if field.default is MISSING}
     settings: dict[str, Setting] = {}
     for key in examples:
@@ -212,7 +212,7 @@ def _example(field: "Field[Any]") -> str:
     return f"{degrees(field.default) if field.name.endswith('_rad') else field.default:g}"
 
 
-def _value(table: Table, key: str, field: "Field[Any] | None") -> Setting:
+def _value(table: FileTable, key: str, field: "Field[Any] | None") -> Setting:
     if field is None or field.type is str:
         return table.text(key)
     if field.type is int:
@@ -222,7 +222,7 @@ def _value(table: Table, key: str, field: "Field[Any] | None") -> Setting:
 
 
 def _try(
-    table: Table, settings: Settings, needed: Set[str], build: Callable[[Settings], object]
+    table: FileTable, settings: Settings, needed: Set[str], build: Callable[[Settings], object]
 ) -> None:
     """Build the object; report and drop refused settings until it succeeds."""
     left = dict(settings)
@@ -249,8 +249,8 @@ CORPUS_EXAMPLES: Final = {
     "shortest_path_m": "5.2",
     "reachable": "true",
 }
-SEED: Final = Limits(0, 2**53)
-LENGTH: Final = Limits(0.0, 100_000.0, "m")
+SEED: Final = NumberLimits(0, 2**53)
+LENGTH: Final = NumberLimits(0.0, 100_000.0, "m")
 MAX_FAMILY_LENGTH: Final = 64
 ROUNDED_M: Final = 0.001
 
@@ -267,9 +267,9 @@ class Corpus(NamedTuple):
 UNKNOWN: Final = Corpus()
 
 
-def read_corpus(raw: object, at: Key, report: Report) -> Corpus:
+def read_corpus(raw: object, at: Key, report: WorldReport) -> Corpus:
     """Return the contents of the table, and report its problems."""
-    table = Table(raw, at, CORPUS_EXAMPLES, report)
+    table = FileTable(raw, at, CORPUS_EXAMPLES, report)
     family = _family(table) if "family" in table else None
     seed = table.whole_number("seed", SEED) if "seed" in table else None
     length_m = table.number("shortest_path_m", LENGTH) if "shortest_path_m" in table else None
@@ -280,7 +280,7 @@ def read_corpus(raw: object, at: Key, report: Report) -> Corpus:
     return Corpus(family, seed, length_m, True if length_m is not None else reachable)
 
 
-def check_length(corpus: Corpus, start: Start, goal: GoalPose, report: Report) -> None:
+def check_length(corpus: Corpus, start: Start, goal: GoalPose, report: WorldReport) -> None:
     """Report a shortest path that is shorter than the straight line."""
     length_m = corpus.shortest_path_m
     straight_m = distance_m((start.x_m, start.y_m), (goal.x_m, goal.y_m))
@@ -290,7 +290,7 @@ def check_length(corpus: Corpus, start: Start, goal: GoalPose, report: Report) -
         report.add(("corpus", "shortest_path_m"), reason, fix)
 
 
-def _family(table: Table) -> str | None:
+def _family(table: FileTable) -> str | None:
     family = table.text("family")
     if isinstance(table.raw["family"], str) and not _is_name(family):
         reason = f"empty, unprintable or longer than {MAX_FAMILY_LENGTH} characters"
@@ -316,16 +316,16 @@ EXAMPLES: Final = {
 }
 START: Final = {"x_m": "0.6", "y_m": "2.0", "heading_deg": "0.0"}
 GOAL: Final = {**START, "position_tolerance_m": "0.05", "heading_tolerance_deg": "3.0"}
-SIZE: Final = Limits(0.5, 100.0, "m")
-HEADING: Final = Limits(-360.0, 360.0, "degrees")
-POSITION_TOLERANCE: Final = Limits(0.001, 2.0, "m")
-HEADING_TOLERANCE: Final = Limits(0.1, 180.0, "degrees")
+SIZE: Final = NumberLimits(0.5, 100.0, "m")
+HEADING: Final = NumberLimits(-360.0, 360.0, "degrees")
+POSITION_TOLERANCE: Final = NumberLimits(0.001, 2.0, "m")
+HEADING_TOLERANCE: Final = NumberLimits(0.1, 180.0, "degrees")
 MAX_OBSTACLES: Final = 4000
 
 
-def read_world(raw: object, report: Report) -> World | None:
+def read_world(raw: object, report: WorldReport) -> World | None:
     """Return the world, or None after reporting its problems."""
-    table = Table(raw, (), EXAMPLES, report)
+    table = FileTable(raw, (), EXAMPLES, report)
     name, size_m = _name(table), table.pair("size_m", SIZE)
     walls = table.flag("walls", default=True)
     start, goal = _start(table, report), _goal(table, report)
@@ -336,7 +336,7 @@ def read_world(raw: object, report: Report) -> World | None:
     corpus = read_corpus(table.raw.get("corpus", {}), ("corpus",), report)
     obstacles = {index: obstacle for index, obstacle in enumerate(read) if obstacle is not None}
     if size_m is not None:
-        floor = Floor(size_m, walls, _radius_m(robot), obstacles)
+        floor = ObstacleFloor(size_m, walls, _radius_m(robot), obstacles)
         check_places(report, floor, start, goal)
     if start is not None and goal is not None:
         check_length(corpus, start, goal, report)
@@ -359,28 +359,28 @@ def read_world(raw: object, report: Report) -> World | None:
     )
 
 
-def _name(table: Table) -> str:
+def _name(table: FileTable) -> str:
     name = table.text("name")
     if "name" in table and isinstance(table.raw["name"], str) and (why := bad_name(name)):
         table.refuse("name", why, f"write name = {EXAMPLES['name']}")
     return name
 
 
-def _start(table: Table, report: Report) -> Start | None:
+def _start(table: FileTable, report: WorldReport) -> Start | None:
     raw = table.required("start")
     if raw is None:
         return None
-    start = Table(raw, ("start",), START, report)
+    start = FileTable(raw, ("start",), START, report)
     x_m, y_m = start.number("x_m", COORDINATE), start.number("y_m", COORDINATE)
     heading_deg = start.number("heading_deg", HEADING, default=0.0)
     return Start(x_m=x_m, y_m=y_m, heading_rad=radians(heading_deg)) if start.sound else None
 
 
-def _goal(table: Table, report: Report) -> GoalPose | None:
+def _goal(table: FileTable, report: WorldReport) -> GoalPose | None:
     raw = table.required("goal")
     if raw is None:
         return None
-    goal = Table(raw, ("goal",), GOAL, report)
+    goal = FileTable(raw, ("goal",), GOAL, report)
     x_m, y_m = goal.number("x_m", COORDINATE), goal.number("y_m", COORDINATE)
     heading_deg = goal.number("heading_deg", HEADING) if goal.asks_for("heading_deg") else None
     position_m = goal.number("position_tolerance_m", POSITION_TOLERANCE, default=0.05)
@@ -396,7 +396,7 @@ def _goal(table: Table, report: Report) -> GoalPose | None:
     )
 
 
-def _items(table: Table, key: str, report: Report) -> list[tuple[object, Key]]:
+def _items(table: FileTable, key: str, report: WorldReport) -> list[tuple[object, Key]]:
     """Return the tables of a list such as [[obstacle]], each with its key."""
     raw = table.raw.get(key, [])
     if not isinstance(raw, list):

@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from math import degrees, isfinite, nan
 from typing import Final, NamedTuple
 
-from plant.model.errors import Report
+from plant.model.errors import WorldReport
 from plant.model.types import Point
 from runtime.toml_reader import Key
 
@@ -97,7 +97,7 @@ TYPE_NAMES: Final = {
 }
 
 
-class Limits(NamedTuple):
+class NumberLimits(NamedTuple):
     """Range of a number, with its unit."""
 
     low: float
@@ -115,7 +115,7 @@ class Limits(NamedTuple):
         return f"{self.low:g} to {self.high:g} {self.unit}".rstrip()
 
 
-COORDINATE: Final = Limits(-MAX_COORDINATE_M, MAX_COORDINATE_M, "m")
+COORDINATE: Final = NumberLimits(-MAX_COORDINATE_M, MAX_COORDINATE_M, "m")
 
 
 def type_name(value: object) -> str:
@@ -123,13 +123,15 @@ def type_name(value: object) -> str:
     return TYPE_NAMES.get(type(value), "a date or time")
 
 
-class Table:
+class FileTable:
     """The keys of one table; reports every key that is not in `examples`.
 
     `examples` maps each known key to a sample value of the file, for the proposed fixes.
     """
 
-    def __init__(self, raw: object, at: Key, examples: Mapping[str, str], report: Report) -> None:
+    def __init__(
+        self, raw: object, at: Key, examples: Mapping[str, str], report: WorldReport
+    ) -> None:
         self._at = at
         self._examples = examples
         self._report = report
@@ -176,14 +178,14 @@ class Table:
             self.refuse(key, "missing", f"add {key} = {self._examples[key]}")
         return self.raw.get(key)
 
-    def number(self, key: str, limits: Limits, default: float | None = None) -> float:
+    def number(self, key: str, limits: NumberLimits, default: float | None = None) -> float:
         """Return the number of a key, or the default; NaN after a reported problem."""
         if default is not None and key not in self.raw:
             return default
         value = self.required(key)
         return nan if value is None else self._checked((*self._at, key), value, limits)
 
-    def whole_number(self, key: str, limits: Limits) -> int:
+    def whole_number(self, key: str, limits: NumberLimits) -> int:
         """Return the whole number of a key; 0 after a reported problem."""
         value = self.required(key)
         if isinstance(value, float):
@@ -210,7 +212,7 @@ class Table:
             return default
         return value
 
-    def pair(self, key: str, limits: Limits) -> Point | None:
+    def pair(self, key: str, limits: NumberLimits) -> Point | None:
         """Return the two numbers of a key; None after a reported problem."""
         value = self.required(key)
         return None if value is None else self._point((*self._at, key), value, limits)
@@ -234,7 +236,7 @@ class Table:
         sound = tuple(point for point in read if point is not None)
         return sound if len(sound) == len(read) else ()
 
-    def _point(self, at: Key, value: object, limits: Limits) -> Point | None:
+    def _point(self, at: Key, value: object, limits: NumberLimits) -> Point | None:
         if not isinstance(value, list) or len(value) != 2:
             found = f"{len(value)} values" if isinstance(value, list) else type_name(value)
             example = self._examples[str(at[len(self._at)])]
@@ -243,7 +245,7 @@ class Table:
         x, y = (self._checked(at, one, limits) for one in value)
         return (x, y) if isfinite(x) and isfinite(y) else None
 
-    def _checked(self, at: Key, value: object, limits: Limits) -> float:
+    def _checked(self, at: Key, value: object, limits: NumberLimits) -> float:
         key = str(at[len(self._at)])
         fix = f"write a number of {limits}, as in {key} = {self._examples[key]}"
         if isinstance(value, bool) or not isinstance(value, int | float):

@@ -25,7 +25,7 @@ SOLID, MOVING, WAY, START, GOAL, FLOOR = "#", "o", ".", "S", "G", " "
 RULER_STEP_M: Final = 1.0
 
 
-class Canvas:
+class TextCanvas:
     """A grid of characters over the floor, the first row at the top."""
 
     def __init__(self, size_m: Point) -> None:
@@ -63,7 +63,7 @@ class Canvas:
 
 def draw(world: World, path: Sequence[Point] | None) -> str:
     """Return the map with a ruler in metres and a legend."""
-    canvas = Canvas(world.size_m)
+    canvas = TextCanvas(world.size_m)
     for obstacle in world.obstacles:
         canvas.fill(obstacle)
     for a, b in pairwise(path or []):
@@ -76,7 +76,7 @@ def draw(world: World, path: Sequence[Point] | None) -> str:
     return "\n".join([*_framed(canvas, world.walls), _ruler(world), "", *_legend(world, path)])
 
 
-def _framed(canvas: Canvas, walls: bool) -> list[str]:
+def _framed(canvas: TextCanvas, walls: bool) -> list[str]:
     side, corner, top = ("|", "+", "-") if walls else (":", "+", " ")
     edge = corner + top * canvas.columns + corner
     return [edge, *(side + line + side for line in canvas.lines()), edge]

@@ -261,7 +261,7 @@ def from_log(options: argparse.Namespace, params: Params) -> CalibrationResult:
 
     Raises UserError for runs that no robot can have driven.
     """
-    runs: list[SquareRun] = calibration.read(Path(options.log))
+    runs: list[SquareRun] = calibration.read_log(Path(options.log))
     try:
         fit = fit_parameters(runs, params)
         with_values(params, fit.adopted(params))
@@ -283,7 +283,7 @@ def from_log(options: argparse.Namespace, params: Params) -> CalibrationResult:
 def save(options: argparse.Namespace, result: CalibrationResult, command: str) -> None:
     """Write the files that the options name; raise OSError."""
     if options.save_log:
-        calibration.write(Path(options.save_log), result.first)
+        calibration.write_log(Path(options.save_log), result.first)
     if options.output:
         Path(options.output).write_text(as_toml(result, command), encoding="utf-8")
     if options.state:

@@ -152,8 +152,8 @@ def search(options: argparse.Namespace) -> int:
     # Slow imports: pyarrow, and drawing.
     from study.cli.study_run import interrupted_by_signals
     from study.falsify.climb import SearchSettings
-    from study.falsify.findings import opened, settings_json
-    from study.falsify.search import Budget, Search, SearchLine
+    from study.falsify.findings import open_search, settings_json
+    from study.falsify.search import Search, SearchBudget, SearchLine
     from study.runner.rows import code
     from study.runner.workers import workers
 
@@ -165,12 +165,12 @@ def search(options: argparse.Namespace) -> int:
         seed=options.seed,
     )
     span_s = 3600.0 * options.hours + 60.0 * options.minutes + options.seconds
-    budget = Budget(
+    budget = SearchBudget(
         span_s=None if options.trials and not span_s else span_s or USUAL_S, trials=options.trials
     )
     directory: Path = options.output
     with (
-        opened(directory, settings_json(settings, code().digest)) as progress,
+        open_search(directory, settings_json(settings, code().digest)) as progress,
         interrupted_by_signals(),
     ):
         running = Search(settings, directory, progress, monotonic)
@@ -241,7 +241,7 @@ def _summary(running: "Search", directory: Path, *, as_json: bool) -> int:
 
 def replay(options: argparse.Namespace) -> int:
     """Run the trials of stored findings with a navigator; return 1 if one still violates."""
-    from study.falsify.findings import read
+    from study.falsify.findings import read_finding
     from study.runner.workers import workers
 
     subject = _subject(options)
@@ -249,7 +249,7 @@ def replay(options: argparse.Namespace) -> int:
     many = workers(options.jobs, options.dask) if options.starts else nullcontext(None)
     with many as pool:
         for file in files_of(options.replay):
-            stored = read(file)
+            stored = read_finding(file)
             tried = replace(subject, noise=stored.subject.noise, detour=stored.subject.detour)
             one = replace(stored, subject=tried)
             violates, seen = (

@@ -26,13 +26,13 @@ from study.intervals import CONFIDENT
 from study.report.build import ReportRequest, page_of
 from study.report.charts.gallery import PER_NAVIGATOR
 from study.report.drives import SEEDS, run_paper
-from study.report.evidence import Evidence, read_evidence
+from study.report.evidence import MeasuredEvidence, read_evidence
 from study.report.page import (
     DASH,
     PageTable,
     figures_of,
-    html,
-    markdown,
+    html_of,
+    markdown_of,
     numbered,
     table_lines,
     with_text,
@@ -48,7 +48,9 @@ FIGURES: Final = "figures"
 SUMMARY: Final = "summary.json"
 
 
-def write(table: pa.Table, directory: Path, request: ReportRequest | None = None) -> list[Path]:
+def write_files(
+    table: pa.Table, directory: Path, request: ReportRequest | None = None
+) -> list[Path]:
     """Write all files of the report; equal tables give equal bytes.
 
     Raises UserError for a table of another version and a directory that cannot be written.
@@ -57,8 +59,8 @@ def write(table: pa.Table, directory: Path, request: ReportRequest | None = None
     page = numbered(page_of(table, request))
     summary = summary_of(table, request)
     texts = {
-        "report.html": html(page),
-        "report.md": markdown(page, FIGURES),
+        "report.html": html_of(page),
+        "report.md": markdown_of(page, FIGURES),
         SUMMARY: json.dumps(summary, indent=1, ensure_ascii=False) + "\n",
         "summary.csv": _csv([numbers(one) for one in summaries(_corpus_of(table))]),
     }
@@ -107,7 +109,7 @@ def _claim(claim: Claim) -> dict[str, str]:
     return {"says": fields.pop("statement"), **fields}
 
 
-def _targets(trials: Trials, found: Evidence) -> list[Mapping[str, str]]:
+def _targets(trials: Trials, found: MeasuredEvidence) -> list[Mapping[str, str]]:
     return [asdict(target) for target in targets(trials, found)]
 
 
@@ -172,7 +174,7 @@ def with_block(readme: str, text: str, file: str = "README.md") -> str:
         raise UserError(f"{file}: {error}") from None
 
 
-def update(readme: Path, summary: Path) -> None:
+def update_readme(readme: Path, summary: Path) -> None:
     """Update the README from a summary; raise UserError when a file cannot be used."""
     try:
         found = json.loads(summary.read_text(encoding="utf-8"))
@@ -200,7 +202,7 @@ def main(argv: Sequence[str]) -> int:
         evidence=options.evidence,
     )
     if options.readme is not None:
-        update(options.readme, output / SUMMARY)
+        update_readme(options.readme, output / SUMMARY)
     print(files[0])
     return 0
 
@@ -229,7 +231,7 @@ def report(
         jobs=jobs,
         evidence=found,
     )
-    return write(table, output, request)
+    return write_files(table, output, request)
 
 
 def parser() -> argparse.ArgumentParser:

@@ -273,7 +273,7 @@ def run_tasks(
     collector = Collector(study.directory, monotonic)
     if options.dask is not None:
         with workers.cluster(options.dask) as client:
-            collect(workers.run(client, study.context, tasks), collector, progress)
+            collect(workers.run_on_cluster(client, study.context, tasks), collector, progress)
         return
     with Pool(min(options.jobs, len(tasks)), study.context) as pool:
         collect(pool.run(tasks), collector, progress)

@@ -85,7 +85,7 @@ STEP: Final = 0.15
 
 
 @dataclass(frozen=True, slots=True)
-class Candidate:
+class SearchCandidate:
     """A point of the space: a family and a value for each axis."""
 
     family: str
@@ -97,12 +97,12 @@ def axes_of(family: str, varied: Sequence[str]) -> tuple[Axis, ...]:
     return (*ADVERSARIES[family].axes, SEED, *(axis for one in varied for axis in AXES[one]))
 
 
-def draw(random: Draws, family: str, varied: Sequence[str]) -> Candidate:
+def draw(random: Draws, family: str, varied: Sequence[str]) -> SearchCandidate:
     """Draw a candidate."""
-    return Candidate(family, drawn(random, axes_of(family, varied)))
+    return SearchCandidate(family, drawn(random, axes_of(family, varied)))
 
 
-def neighbour(random: Draws, of: Candidate, varied: Sequence[str]) -> Candidate:
+def neighbour(random: Draws, of: SearchCandidate, varied: Sequence[str]) -> SearchCandidate:
     """Return a candidate near another one: a few values are changed, seldom far."""
     axes = axes_of(of.family, varied)
     values = dict(of.values)
@@ -117,10 +117,10 @@ def neighbour(random: Draws, of: Candidate, varied: Sequence[str]) -> Candidate:
             away = random.uniform(-1, 1) + random.uniform(-1, 1) + random.uniform(-1, 1)
             stepped = values[axis.name] + away * STEP * (axis.high - axis.low)
             values[axis.name] = round(min(axis.high, max(axis.low, stepped)), 4)
-    return Candidate(of.family, values)
+    return SearchCandidate(of.family, values)
 
 
-def built(candidate: Candidate, name: str, number: int) -> World | None:
+def built(candidate: SearchCandidate, name: str, number: int) -> World | None:
     """Return the world of a candidate, with its shortest path; None if there is no valid one."""
     values = candidate.values
     world = world_of(candidate.family, values, name, number, robot_of(values))
@@ -220,7 +220,7 @@ class Violation:
     """A violated property, its class, and the candidate and trial that violate it."""
 
     letter: str
-    candidate: Candidate
+    candidate: SearchCandidate
     evaluation: Evaluation
 
     @property
@@ -250,7 +250,7 @@ def climb(settings: SearchSettings, number: int) -> Climb:
     family = families[number % len(families)]
     aim = letters[number // len(families) % len(letters)]
     random = Draws(f"falsify/{settings.seed}/{number}")
-    best: Candidate | None = None
+    best: SearchCandidate | None = None
     best_score, trials, simulated_s = -inf, 0, 0.0
     found: dict[str, Violation] = {}
     for _ in range(MAX_TRIES):
@@ -272,7 +272,9 @@ def climb(settings: SearchSettings, number: int) -> Climb:
     )
 
 
-def step(random: Draws, family: str, best: Candidate | None, varied: Sequence[str]) -> Candidate:
+def step(
+    random: Draws, family: str, best: SearchCandidate | None, varied: Sequence[str]
+) -> SearchCandidate:
     """Return the next candidate: a random one without a best, else a neighbour of it."""
     if best is None:
         return draw(random, family, varied)

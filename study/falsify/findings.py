@@ -186,7 +186,7 @@ def finding_of(
     )
 
 
-def read(file: Path) -> Finding:
+def read_finding(file: Path) -> Finding:
     """Read a finding; raise UserError or WorldError for a file that is none."""
     try:
         text = text_in(file, MAX_BYTES)
@@ -313,7 +313,7 @@ def settings_json(settings: SearchSettings, code: str) -> dict[str, Any]:
 
 
 @contextmanager
-def opened(directory: Path, wanted: Mapping[str, Any]) -> Iterator[SearchProgress]:
+def open_search(directory: Path, wanted: Mapping[str, Any]) -> Iterator[SearchProgress]:
     """Lock the directory and yield the progress stored there.
 
     Raises UserError when the directory cannot be written, or belongs to another search.
@@ -335,7 +335,7 @@ def opened(directory: Path, wanted: Mapping[str, Any]) -> Iterator[SearchProgres
         yield _progress_in(directory / PROGRESS)
 
 
-def save(directory: Path, progress: SearchProgress) -> None:
+def save_progress(directory: Path, progress: SearchProgress) -> None:
     """Store the progress."""
     _write(directory / PROGRESS, asdict(progress))
 

@@ -20,9 +20,9 @@ from study.falsify.findings import (
     SearchProgress,
     finding_of,
     picture,
-    save,
     save_finding,
     save_index,
+    save_progress,
 )
 from study.falsify.properties import time_limit_s
 from study.falsify.shrink import shrunk, walls_in
@@ -37,7 +37,7 @@ REFRESH_S: Final = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Budget:
+class SearchBudget:
     """Limits of a search: the time, and the number of trials; None is no limit."""
 
     span_s: float | None = None
@@ -70,7 +70,7 @@ class Search:
     before_s: float = 0.0
     saved_s: float = 0.0
 
-    def run(self, workers: Workers, budget: Budget) -> Iterator[None]:
+    def run(self, workers: Workers, budget: SearchBudget) -> Iterator[None]:
         """Search until the budget is used up; yield about twice a second and after each result.
 
         Raises UserError when a process has died.
@@ -102,7 +102,7 @@ class Search:
         """Time used in all calls."""
         return self.before_s + self.monotonic_s() - self.started_s
 
-    def is_over(self, budget: Budget) -> bool:
+    def is_over(self, budget: SearchBudget) -> bool:
         """Return whether the budget is used up."""
         if budget.trials is not None and self.progress.trials >= budget.trials:
             return True
@@ -112,7 +112,7 @@ class Search:
         """Store the progress and the list of findings."""
         self.saved_s = self.monotonic_s()
         self.progress.spent_s = self.spent_s
-        save(self.directory, self.progress)
+        save_progress(self.directory, self.progress)
         save_index(self.directory, self.progress)
 
     def _submit(self, executor: Executor, key: int | str, call: Any, *args: Any) -> None:
@@ -131,7 +131,7 @@ class Search:
         for name in classes:
             self._submit(executor, name, shrink_again, self.settings, number, name)
 
-    def _take(self, executor: Executor, key: int | str, result: Any, budget: Budget) -> None:
+    def _take(self, executor: Executor, key: int | str, result: Any, budget: SearchBudget) -> None:
         if isinstance(result, Shrunk):
             save_finding(self.directory, result.finding, result.drawn)
             record = self.progress.classes[result.failure_class]
@@ -202,7 +202,7 @@ class SearchLine(ProgressLine):
     """Show the state of a search."""
 
     def __init__(
-        self, search: Search, budget: Budget, file: TextIO, monotonic_s: Callable[[], float]
+        self, search: Search, budget: SearchBudget, file: TextIO, monotonic_s: Callable[[], float]
     ) -> None:
         super().__init__(file, monotonic_s)
         self._search, self._budget = search, budget

@@ -20,7 +20,7 @@ from plant.model.types import Circle, Obstacle, Point, Polygon, Polyline, World
 from plant.world.file import loads
 from plant.world.writer import dumps
 from study.falsify import climb
-from study.falsify.climb import Candidate, SearchSettings, Violation
+from study.falsify.climb import SearchCandidate, SearchSettings, Violation
 from study.falsify.evaluate import evaluate
 from study.falsify.properties import Evaluation, time_limit_s
 
@@ -183,7 +183,7 @@ class Shrinker:
         """Try simple values of the parameters, one after the other."""
         for axis in climb.axes_of(self.candidate.family, self.varied):
             for value in simple_values(axis, self.candidate.values[axis.name]):
-                other = Candidate(
+                other = SearchCandidate(
                     self.candidate.family, {**self.candidate.values, axis.name: value}
                 )
                 first = self.best.world

@@ -118,7 +118,7 @@ UNDERFOOT: Final = 4
 """Where the robot's body is there is no obstacle."""
 
 
-class Evidence:
+class CellEvidence:
     """Scores of cells in rows of `width`; the first is at `left`, `low` in cells of the world."""
 
     def __init__(self, left: int, low: int, width: int, height: int) -> None:
@@ -149,8 +149,8 @@ def limits_of(ring: Ring, radius_mm: int) -> tuple[Shorts, Shorts]:
     return np.array(echo_mm, dtype=np.int16), np.array(free_mm, dtype=np.int16)
 
 
-def update(
-    evidence: Evidence, x_mm: int, y_mm: int, heading: int, ring: Ring, radius_mm: int
+def update_evidence(
+    evidence: CellEvidence, x_mm: int, y_mm: int, heading: int, ring: Ring, radius_mm: int
 ) -> tuple[Ints, Shorts]:
     """Take the echoes of a ring at a pose, heading in brads.
 
@@ -235,7 +235,7 @@ class Terrain:
     are close, and the doubtful ones that may block it. `costs` is another view of `cost`.
     """
 
-    def __init__(self, evidence: Evidence) -> None:
+    def __init__(self, evidence: CellEvidence) -> None:
         self.width, self.height = evidence.width // PART, evidence.height // PART
         count = self.width * self.height
         self.sure: Shorts = np.zeros(count, dtype=np.int16)
@@ -265,7 +265,7 @@ def disc(radius_mm: int, part_x: int, part_y: int, width: int) -> Ints:
     return found
 
 
-def change(terrain: Terrain, evidence: Evidence, cells: Ints, before: Shorts) -> bool:
+def change(terrain: Terrain, evidence: CellEvidence, cells: Ints, before: Shorts) -> bool:
     """Count the obstacles again after changes of some cells; return whether any count changed."""
     after = evidence.score[cells]
     changed = False
@@ -317,7 +317,7 @@ def price_all(terrain: Terrain) -> None:
     price(terrain, 0, 0, max(terrain.width, terrain.height))
 
 
-def terrain_of(evidence: Evidence) -> Terrain:
+def terrain_of(evidence: CellEvidence) -> Terrain:
     """Return the terrain of a map."""
     terrain = Terrain(evidence)
     cells = np.flatnonzero(evidence.score >= MAYBE)
@@ -339,7 +339,7 @@ So a route may cost 1/256 more than the cheapest one.
 """
 
 
-def search(cost: bytearray, width: int, start: int, end: int, least: int) -> list[int]:
+def search_route(cost: bytearray, width: int, start: int, end: int, least: int) -> list[int]:
     """Return the cells of the cheapest route with both ends; empty if there is none.
 
     A step costs its length times `cost` of the cell it enters, which is at least `least`; 0 is
@@ -415,7 +415,7 @@ class GridMap:
         """Create an empty map of a rectangle with ROOM_MM around it, rounded to whole cells."""
         left, low = ((each - ROOM_MM) // SIDE_MM * PART for each in low_mm)
         right, high = ((each + ROOM_MM) // SIDE_MM * PART for each in high_mm)
-        self.evidence = Evidence(left, low, right - left, high - low)
+        self.evidence = CellEvidence(left, low, right - left, high - low)
         self.terrain = Terrain(self.evidence)
 
     def cell_of(self, x_mm: int, y_mm: int) -> int:
@@ -454,7 +454,7 @@ class GridMap:
 
     def look(self, x_mm: int, y_mm: int, heading: int, ring: Ring, radius_mm: int) -> None:
         """Take the echoes of a ring at a pose, heading in brads."""
-        cells, before = update(self.evidence, x_mm, y_mm, heading, ring, radius_mm)
+        cells, before = update_evidence(self.evidence, x_mm, y_mm, heading, ring, radius_mm)
         if change(self.terrain, self.evidence, cells, before):
             self._price(x_mm, y_mm)
 

@@ -38,7 +38,7 @@ from study.oracle.grid_map import (
     GridMap,
     Ints,
     Terrain,
-    search,
+    search_route,
 )
 from study.oracle.names import ORACLE_GRID
 
@@ -70,7 +70,7 @@ def find_route(grid: GridMap, x_mm: int, y_mm: int, goal_x_mm: int, goal_y_mm: i
     terrain, evidence = grid.terrain, grid.evidence
     start, end = grid.cell_of(x_mm, y_mm), grid.cell_of(goal_x_mm, goal_y_mm)
     opened = open_cells(terrain, start, OWN_MM // SIDE_MM) + open_cells(terrain, end, 1)
-    found = search(terrain.cost, terrain.width, start, end, FREE)
+    found = search_route(terrain.cost, terrain.width, start, end, FREE)
     for cell in opened:
         terrain.cost[cell] = 0
     if not found:
@@ -156,7 +156,7 @@ CONFIRM: Final = 15
 """Updates between two searches without a route, the second of which proves that there is none."""
 
 
-class Memory:
+class OracleMemory:
     """The map, the route, and how far the robot is on it; the target is in mm.
 
     `hopeless` counts the updates since a search found no route. `doubts` counts how often
@@ -175,7 +175,7 @@ class Memory:
         self.still = self.still_x_mm = self.still_y_mm = 0
 
 
-def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
+def step(memory: OracleMemory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
     """Return where to drive and the speed limit; GIVE_UP if the map proves that no way exists."""
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     grid = memory.grid
@@ -194,7 +194,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     return decision(memory, pose, ring, goal, params)
 
 
-def begin(memory: Memory, x_mm: int, y_mm: int, goal: Goal) -> GridMap:
+def begin(memory: OracleMemory, x_mm: int, y_mm: int, goal: Goal) -> GridMap:
     """Start with an empty map for a new goal."""
     memory.goal_x_m, memory.goal_y_m = goal.x_m, goal.y_m
     goal_x_mm, goal_y_mm = goal_of(memory)
@@ -206,12 +206,12 @@ def begin(memory: Memory, x_mm: int, y_mm: int, goal: Goal) -> GridMap:
     return grid
 
 
-def goal_of(memory: Memory) -> tuple[int, int]:
+def goal_of(memory: OracleMemory) -> tuple[int, int]:
     """Return the goal in mm."""
     return int(1000.0 * memory.goal_x_m), int(1000.0 * memory.goal_y_m)
 
 
-def is_held_up(memory: Memory, x_mm: int, y_mm: int) -> bool:
+def is_held_up(memory: OracleMemory, x_mm: int, y_mm: int) -> bool:
     """Return whether the robot has not moved for MAX_STILL updates."""
     dx_mm, dy_mm = x_mm - memory.still_x_mm, y_mm - memory.still_y_mm
     memory.still += 1
@@ -223,13 +223,13 @@ def is_held_up(memory: Memory, x_mm: int, y_mm: int) -> bool:
     return True
 
 
-def mark_ahead(memory: Memory, grid: GridMap, x_mm: int, y_mm: int, away_mm: int) -> None:
+def mark_ahead(memory: OracleMemory, grid: GridMap, x_mm: int, y_mm: int, away_mm: int) -> None:
     """Mark a place towards the target as occupied: the guard stops the robot."""
     cosine, sine = cos_sin(atan2(memory.target_y_mm - y_mm, memory.target_x_mm - x_mm))
     grid.mark(x_mm + int(away_mm * cosine), y_mm + int(away_mm * sine))
 
 
-def choose(memory: Memory, grid: GridMap, x_mm: int, y_mm: int) -> None:
+def choose(memory: OracleMemory, grid: GridMap, x_mm: int, y_mm: int) -> None:
     """Head for the goal if the way is free, else along the route; search it if it is blocked."""
     goal_x_mm, goal_y_mm = goal_of(memory)
     cells = max(abs(goal_x_mm - x_mm), abs(goal_y_mm - y_mm)) // SIDE_MM + 1
@@ -259,7 +259,7 @@ def choose(memory: Memory, grid: GridMap, x_mm: int, y_mm: int) -> None:
     memory.target_x_mm, memory.target_y_mm = target_on(grid, route, memory.at, x_mm, y_mm)
 
 
-def give_up(memory: Memory, grid: GridMap) -> None:
+def give_up(memory: OracleMemory, grid: GridMap) -> None:
     """Doubt what was not confirmed; give up if the rest of the map still proves it."""
     if memory.doubts < MAX_DOUBTS and grid.doubt():
         memory.doubts += 1
@@ -285,7 +285,7 @@ def range_of(ring: Ring, sonar: int) -> float:
     return FLANK_M if range_m is None else range_m
 
 
-def decision(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
+def decision(memory: OracleMemory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
     """Return the decision: the goal turned to the heading of the target, and the speed limit."""
     dx_m, dy_m = goal.x_m - pose.x_m, goal.y_m - pose.y_m
     goal_rad = atan2(dy_m, dx_m)
@@ -321,7 +321,7 @@ def decision(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params)
 
 
 STUDY_NAVIGATORS: Final[Mapping[int, Navigator]] = MappingProxyType(
-    {ORACLE_GRID: Navigator(Memory, step, True)}
+    {ORACLE_GRID: Navigator(OracleMemory, step, True)}
 )
 
 

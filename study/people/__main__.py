@@ -21,14 +21,14 @@ from plant.model.configuration import LEVELS
 from runtime.errors import UserError
 from study.people.comparison import (
     HOUR_S,
-    Comparison,
+    CrowdComparison,
     contact_table,
     name_of,
     navigator_table,
     origin_table,
     pooled,
 )
-from study.people.crowd_trial import Series, run_world
+from study.people.crowd_trial import TrialSeries, run_world
 from study.report.page import with_text
 from study.runner.plan import EVERY_NAVIGATOR, navigator_of
 
@@ -42,16 +42,16 @@ STUDIED: Final = 13
 """The seed of the committed study; with four repeats these are its trials."""
 
 CONTACTS: Final = (
-    Series("crowd", "default", FRESH, 2000),
-    Series("crowd", "default", EARLIER, 1000),
-    Series("crowd", "default", STUDIED, 100, repeats=4),
-    Series("crowd", "lossy", FRESH, 600),
-    Series("crowd", "lossy", EARLIER, 400),
-    Series("crowd_hasty", "default", FRESH, 600),
-    Series("moving", "default", FRESH, 300),
+    TrialSeries("crowd", "default", FRESH, 2000),
+    TrialSeries("crowd", "default", EARLIER, 1000),
+    TrialSeries("crowd", "default", STUDIED, 100, repeats=4),
+    TrialSeries("crowd", "lossy", FRESH, 600),
+    TrialSeries("crowd", "lossy", EARLIER, 400),
+    TrialSeries("crowd_hasty", "default", FRESH, 600),
+    TrialSeries("moving", "default", FRESH, 300),
 )
 NAVIGATORS: Final = tuple(
-    Series(family, "default", FRESH, 100, EVERY_NAVIGATOR, is_exposed=True)
+    TrialSeries(family, "default", FRESH, 100, EVERY_NAVIGATOR, is_exposed=True)
     for family in ("crowd", "crowd_hasty")
 )
 BEGIN: Final = "<!-- begin: python -m study.people, {} -->\n"
@@ -59,7 +59,7 @@ END: Final = "<!-- end: {} -->\n"
 
 
 def tables_of(
-    contacts: Sequence[Comparison], navigators: Sequence[Sequence[Comparison]]
+    contacts: Sequence[CrowdComparison], navigators: Sequence[Sequence[CrowdComparison]]
 ) -> dict[str, str]:
     """Return the tables by the names of their marks.
 
@@ -80,12 +80,12 @@ def tables_of(
     }
 
 
-def with_pooled(contacts: Sequence[Comparison]) -> list[Comparison]:
+def with_pooled(contacts: Sequence[CrowdComparison]) -> list[CrowdComparison]:
     """Insert the pooled worlds of several seeds behind those of the same family and noise.
 
     The worlds of the study stay apart, because each has several drives.
     """
-    columns: list[Comparison] = []
+    columns: list[CrowdComparison] = []
     for (_, _, studied), group in groupby(contacts, _kind):
         some = list(group)
         columns += some
@@ -94,7 +94,7 @@ def with_pooled(contacts: Sequence[Comparison]) -> list[Comparison]:
     return columns
 
 
-def _kind(one: Comparison) -> tuple[str, str, bool]:
+def _kind(one: CrowdComparison) -> tuple[str, str, bool]:
     series = one.series[0]
     return series.family, series.noise, series.seed == STUDIED
 
@@ -106,7 +106,9 @@ def with_tables(page: str, tables: Mapping[str, str]) -> str:
     return page
 
 
-def to_json(contacts: Sequence[Comparison], navigators: Sequence[Sequence[Comparison]]) -> str:
+def to_json(
+    contacts: Sequence[CrowdComparison], navigators: Sequence[Sequence[CrowdComparison]]
+) -> str:
     """Return the counts as JSON.
 
     `standing_touched` is a sum of shares of places, rounded; `omniscient_touched` counts a world
@@ -119,7 +121,7 @@ def to_json(contacts: Sequence[Comparison], navigators: Sequence[Sequence[Compar
     return json.dumps(found, indent=1) + "\n"
 
 
-def _counts(one: Comparison) -> dict[str, Any]:
+def _counts(one: CrowdComparison) -> dict[str, Any]:
     series = one.series[0]
     return {
         "family": series.family,
@@ -134,7 +136,7 @@ def _counts(one: Comparison) -> dict[str, Any]:
     }
 
 
-def _nearness(one: Comparison) -> dict[str, Any]:
+def _nearness(one: CrowdComparison) -> dict[str, Any]:
     return {
         "arrived": one.arrived.count,
         "own_contacts": one.own_rate.events,
@@ -161,7 +163,7 @@ def main(argv: Sequence[str]) -> int:
         if options.family is None:
             write_page(workers, options.page, options.counts)
         for family in options.family or ():
-            worlds = Series(family, options.noise, options.seed, options.worlds, navigators)
+            worlds = TrialSeries(family, options.noise, options.seed, options.worlds, navigators)
             rows = run(workers, worlds._replace(is_exposed=True))
             print(contact_table(rows), navigator_table(rows), sep="\n")
     return 0
@@ -176,12 +178,12 @@ def write_page(workers: Workers, page: Path, counts: Path) -> None:
     counts.write_text(to_json(contacts, navigators), encoding="utf-8")
 
 
-def run(workers: Workers, series: Series) -> list[Comparison]:
+def run(workers: Workers, series: TrialSeries) -> list[CrowdComparison]:
     """Drive a series and return one comparison for each navigator."""
     drives = f"{series.worlds} worlds x {len(series.navigators) * series.repeats} trials"
     print(f"{series.family}, {series.noise}, seed {series.seed}: {drives}", file=sys.stderr)
     results = workers.map(partial(run_world, series), range(series.worlds), CHUNK)
-    return [Comparison((series,), navigator, results) for navigator in series.navigators]
+    return [CrowdComparison((series,), navigator, results) for navigator in series.navigators]
 
 
 def parser() -> argparse.ArgumentParser:

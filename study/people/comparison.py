@@ -16,8 +16,8 @@ import numpy as np
 
 from robot.core.parameters import DEFAULTS
 from study.intervals import CONFIDENCE, Interval, Share, mean_interval
-from study.people.crowd_trial import CrowdTrial, Series, WorldResult
-from study.people.encounters import PERSONAL_M, SOON_S, Contact, Exposure
+from study.people.crowd_trial import CrowdTrial, TrialSeries, WorldResult
+from study.people.encounters import PERSONAL_M, SOON_S, Exposure, PersonContact
 
 HOUR_S: Final = 3600.0
 
@@ -95,10 +95,10 @@ class Nearness:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class CrowdComparison:
     """The trials of one navigator in worlds of one or several series of the same family."""
 
-    series: tuple[Series, ...]
+    series: tuple[TrialSeries, ...]
     navigator: str
     results: Sequence[WorldResult]
 
@@ -196,10 +196,10 @@ class Comparison:
         return Share(sum(values), len(values))
 
 
-def pooled(first: Comparison, *others: Comparison) -> Comparison:
+def pooled(first: CrowdComparison, *others: CrowdComparison) -> CrowdComparison:
     """Return the comparison over the worlds of all; the navigator is that of the first."""
     every = (first, *others)
-    return Comparison(
+    return CrowdComparison(
         tuple(series for one in every for series in one.series),
         first.navigator,
         [result for one in every for result in one.results],
@@ -237,16 +237,16 @@ TRACKED_S: Final = 0.1
 LATELY_S: Final = 6.0
 
 
-class Origin(NamedTuple):
+class ContactOrigin(NamedTuple):
     """A contact with a person; `own` is set if the trial has a contact by own motion."""
 
-    contact: Contact
+    contact: PersonContact
     own: bool
 
 
-def contact_table(columns: Sequence[Comparison]) -> str:
+def contact_table(columns: Sequence[CrowdComparison]) -> str:
     """Return a table with one column for each comparison."""
-    rows: list[tuple[str, Callable[[Comparison], str]]] = [
+    rows: list[tuple[str, Callable[[CrowdComparison], str]]] = [
         ("navigator", lambda one: name_of(one.navigator)),
         ("noise", lambda one: one.series[0].noise),
         ("seed of the worlds", lambda one: " and ".join(str(some.seed) for some in one.series)),
@@ -268,7 +268,7 @@ def contact_table(columns: Sequence[Comparison]) -> str:
     return _table(heading, ([name, *map(cell, columns)] for name, cell in rows))
 
 
-def navigator_table(rows: Sequence[Comparison]) -> str:
+def navigator_table(rows: Sequence[CrowdComparison]) -> str:
     """Return a table with a row for each navigator and both baselines, in the same worlds.
 
     All rows are of one series whose results have the exposure of the baselines.
@@ -276,14 +276,14 @@ def navigator_table(rows: Sequence[Comparison]) -> str:
     return _table(NEAR_COLUMNS, [*map(_navigator_cells, rows), *_baseline_cells(rows[-1])])
 
 
-def origin_table(comparisons: Sequence[Comparison]) -> str:
+def origin_table(comparisons: Sequence[CrowdComparison]) -> str:
     """Return where the people of the contacts came from, what the robot did and tracked."""
     families = dict.fromkeys(one.series[0].family for one in comparisons)
     lines = []
     for family in families:
         whole = pooled(*(one for one in comparisons if one.series[0].family == family))
         origins = [
-            Origin(contact, trial.own_contacts > 0)
+            ContactOrigin(contact, trial.own_contacts > 0)
             for trial in whole.trials
             for contact in trial.contacts
         ]
@@ -299,14 +299,14 @@ def name_of(navigator: str) -> str:
     return NAMES.get(navigator, navigator.partition(":")[0])
 
 
-def _navigator_cells(row: Comparison) -> list[str]:
+def _navigator_cells(row: CrowdComparison) -> list[str]:
     return [
         *(name_of(row.navigator), str(len(row.trials)), _share(row.arrived)),
         *(_share(row.touched), _share(row.own), _rate(row.own_rate), *_near(row.nearness)),
     ]
 
 
-def _baseline_cells(row: Comparison) -> list[list[str]]:
+def _baseline_cells(row: CrowdComparison) -> list[list[str]]:
     stays = [one for result in row.results for one in result.stays]
     routes = [result.route for result in row.results if result.route is not None]
     worlds, places = len(row.results), len(stays) // len(row.results)
@@ -318,7 +318,7 @@ def _baseline_cells(row: Comparison) -> list[list[str]]:
     return [["standing robot", *standing], ["omniscient robot", *omniscient]]
 
 
-def _origin_cells(origins: list[Origin]) -> list[str]:
+def _origin_cells(origins: list[ContactOrigin]) -> list[str]:
     contacts = [one.contact for one in origins]
     drove = sum(abs(one.speed_m_s) >= DRIVING_M_S for one in contacts)
     still = sum(
@@ -349,7 +349,7 @@ def _least(nearness: Nearness) -> str:
     return f"{nearness.least_s:.1f} s" if isfinite(nearness.least_s) else "none"
 
 
-def _excess(one: Comparison) -> str:
+def _excess(one: CrowdComparison) -> str:
     low, high = one.excess_interval
     return f"{100.0 * one.excess:+.1f} points ({100.0 * low:+.1f} to {100.0 * high:+.1f})"
 

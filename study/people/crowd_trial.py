@@ -19,7 +19,7 @@ from plant.model.configuration import body_of
 from plant.model.geometry import clearance_m, distance_m, moves
 from plant.model.types import Circle, Obstacle, Point, Polyline, World
 from plant.shortest_path import path_length_m, shortest_path
-from study.people.encounters import STEP_S, Contact, Encounters, Exposure, Walkers, gap_of
+from study.people.encounters import STEP_S, Encounters, Exposure, PersonContact, Walkers, gap_of
 from study.runner.plan import digest_of, seed_of
 from study.trial.trial import Trial, run_trial
 
@@ -113,7 +113,7 @@ def omniscient_route(world: World, limit_s: float) -> list[Point] | None:
     the motion between the layers, so a point robot that turns at once can drive the result. Of
     equal ways it takes the one that leaves the start last. None if there is no such way.
     """
-    floor = _Floor(world)
+    floor = _WalkableFloor(world)
     here = floor.near(world.start.x_m, world.start.y_m) & floor.open
     goal = floor.near(world.goal.x_m, world.goal.y_m)
     walkers, layers = Walkers(world), list[Mask]()
@@ -140,7 +140,7 @@ def route_exposure(world: World, route: list[Point]) -> Exposure:
     return exposure
 
 
-class _Floor:
+class _WalkableFloor:
     """A grid of the places of the robot's centre."""
 
     def __init__(self, world: World) -> None:
@@ -226,7 +226,7 @@ def _grown(here: Mask) -> Mask:
 LIMIT_S: Final = 300.0
 
 
-class Series(NamedTuple):
+class TrialSeries(NamedTuple):
     """Worlds of one family and seed, and the trials in each of them.
 
     A navigator is NAME:SIDE. `repeats` is the number of trials of each navigator in each world,
@@ -256,7 +256,7 @@ class CrowdTrial:
     own_contacts: int
     standing: float
     exposure: Exposure
-    contacts: tuple[Contact, ...]
+    contacts: tuple[PersonContact, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -273,7 +273,7 @@ class WorldResult:
     route: Exposure | None
 
 
-def run_world(series: Series, index: int) -> WorldResult:
+def run_world(series: TrialSeries, index: int) -> WorldResult:
     """Run the trials and both baselines in one world of a series."""
     world = generate(series.family, index, series.seed)
     digest = digest_of(world)

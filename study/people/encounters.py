@@ -88,7 +88,7 @@ TOUCHING_M: Final = 0.003
 """A contact is one with a person if that person is at most this far from the robot."""
 
 
-class Contact(NamedTuple):
+class PersonContact(NamedTuple):
     """The beginning of a contact with a person.
 
     `bearing_rad` is 0 ahead; `speed_m_s` and `yaw_rate_rad_s` are the robot's one tick before.
@@ -164,7 +164,7 @@ class Encounters:
         self._speeds = (0.0, 0.0)
         self._tracked_at_s: dict[int, float] = {}
         self.exposure = Exposure()
-        self.contacts: list[Contact] = []
+        self.contacts: list[PersonContact] = []
 
     def __call__(self, plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
         """Count one tick."""
@@ -180,7 +180,7 @@ class Encounters:
         if touching and not self._touching:
             x_m, y_m = people[nearest].at_m[0] - at_m[0], people[nearest].at_m[1] - at_m[1]
             off_rad = atan2(y_m * cosine - x_m * sine, x_m * cosine + y_m * sine)
-            contact = Contact(
+            contact = PersonContact(
                 *(time_s, nearest, off_rad, *self._speeds),
                 tracked_s=time_s - self._tracked_at_s.get(nearest, -inf),
                 person_m_s=hypot(*people[nearest].velocity_m_s),

@@ -21,23 +21,23 @@ from study.intervals import Share
 from study.report.charts.gallery import PER_NAVIGATOR, WorldOf, gallery, selected_failures
 from study.report.comparisons import (
     LEVEL,
-    Comparison,
+    PairedComparison,
     bounds_section,
     comparison_table,
     comparisons,
 )
 from study.report.drives import PaperRuns
-from study.report.evidence import Evidence
+from study.report.evidence import MeasuredEvidence
 from study.report.page import (
     DASH,
     Block,
     CodeBlock,
     PageCell,
     PageCellLike,
+    PageSection,
     PageTable,
     Paragraph,
     ReportPage,
-    Section,
     count_text,
     number,
     percent,
@@ -46,7 +46,7 @@ from study.report.page import (
 )
 from study.report.paper import paper_section
 from study.report.summary import (
-    Summary,
+    NavigatorSummary,
     behaviour_blocks,
     ends_figure,
     error_figure,
@@ -187,7 +187,9 @@ PAPER: Final = ("bug", "vgm")
 """The navigators that the paper compares, the older one first."""
 
 
-def verdict(trials: Trials, found: list[Summary], wanted: list[StudyTarget]) -> Section:
+def verdict(
+    trials: Trials, found: list[NavigatorSummary], wanted: list[StudyTarget]
+) -> PageSection:
     """Return the section; it judges one noise level, the usual one if that was run."""
     noises = trials.values("noise")
     noise = USUAL_NOISE if USUAL_NOISE in noises else noises[0]
@@ -196,10 +198,10 @@ def verdict(trials: Trials, found: list[Summary], wanted: list[StudyTarget]) -> 
         key=lambda one: -one.success.rate,
     )
     sentences = [*best(rows, noise), *paper(trials, noise), *touched(rows), *reached(wanted)]
-    return Section("Verdict", tuple(map(Paragraph, sentences)))
+    return PageSection("Verdict", tuple(map(Paragraph, sentences)))
 
 
-def best(rows: list[Summary], noise: str) -> list[str]:
+def best(rows: list[NavigatorSummary], noise: str) -> list[str]:
     """Say which navigator arrives most often, and which comes next."""
     if not rows:
         return [f"No trial with `{noise}` noise has a path to its goal."]
@@ -224,7 +226,7 @@ def paper(trials: Trials, noise: str) -> list[str]:
     ]
 
 
-def in_words(one: Comparison) -> str:
+def in_words(one: PairedComparison) -> str:
     """Return a comparison as a sentence."""
     names, only = (one.first, one.second), (one.only_first, one.only_second)
     p = f"p = {probability(one.p_success)}".replace("= <", "<")
@@ -239,7 +241,7 @@ def in_words(one: Comparison) -> str:
     return f"**{better} succeeds more often than {worse}**: {pairs}."
 
 
-def touched(rows: list[Summary]) -> list[str]:
+def touched(rows: list[NavigatorSummary]) -> list[str]:
     """Say which navigator touched something least and most often."""
     if len(rows) < 2:
         return []
@@ -285,7 +287,7 @@ class ReportRequest:
     world_of: WorldOf = no_world
     failures: int = PER_NAVIGATOR
     jobs: int = 1
-    evidence: Evidence = field(default_factory=Evidence)
+    evidence: MeasuredEvidence = field(default_factory=MeasuredEvidence)
 
 
 def page_of(table: pa.Table, request: ReportRequest) -> ReportPage:
@@ -303,18 +305,18 @@ def page_of(table: pa.Table, request: ReportRequest) -> ReportPage:
     sections = (
         verdict(trials, found, wanted),
         _summary(trials, found),
-        Section("Figures to reach", (target_table(wanted),)),
+        PageSection("Figures to reach", (target_table(wanted),)),
         _families(trials),
         *((_apart(apart),) if apart else ()),
         _comparisons(trials),
-        Section("Final pose", (error_figure(trials), error_table(trials))),
-        Section("Path length", (ratio_figure(trials),)),
+        PageSection("Final pose", (error_figure(trials), error_table(trials))),
+        PageSection("Path length", (ratio_figure(trials),)),
         *_bounds(trials),
-        Section("Decisions and behaviour", behaviour_blocks(trials)),
+        PageSection("Decisions and behaviour", behaviour_blocks(trials)),
         paper_section(trials, request.runs),
         _failures(table, in_group(whole, *SHOWN_FAILURES), request),
-        Section("Definitions", (Paragraph(READING), Paragraph(SEEDS))),
-        Section("How it was run", tuple(origin)),
+        PageSection("Definitions", (Paragraph(READING), Paragraph(SEEDS))),
+        PageSection("How it was run", tuple(origin)),
     )
     return ReportPage(TITLE, (size,), sections)
 
@@ -337,15 +339,15 @@ SEEDS = (
 )
 
 
-def _summary(trials: Trials, found: list[Summary]) -> Section:
+def _summary(trials: Trials, found: list[NavigatorSummary]) -> PageSection:
     figures: tuple[Block, ...] = (success_figure(found), main_table(found), more_table(found))
-    return Section("Summary", (*figures, given_up_table(trials), ends_figure(trials)))
+    return PageSection("Summary", (*figures, given_up_table(trials), ends_figure(trials)))
 
 
-def _apart(apart: Mapping[str, Trials]) -> Section:
+def _apart(apart: Mapping[str, Trials]) -> PageSection:
     """Return the section of the groups of worlds that are not of the corpus."""
     parts = tuple(
-        Section(
+        PageSection(
             group[0].upper() + group[1:],
             (
                 Paragraph(NOTES[group]),
@@ -357,25 +359,25 @@ def _apart(apart: Mapping[str, Trials]) -> Section:
         for group, trials in apart.items()
     )
     words = "These worlds are not in the tables above, nor in the comparisons and figures below."
-    return Section("Worlds apart from the corpus", (Paragraph(words),), parts)
+    return PageSection("Worlds apart from the corpus", (Paragraph(words),), parts)
 
 
-def _failures(table: pa.Table, trials: Trials, request: ReportRequest) -> Section:
+def _failures(table: pa.Table, trials: Trials, request: ReportRequest) -> PageSection:
     failures = selected_failures(table, trials, request.failures)
     return gallery(failures, request.world_of, request.jobs)
 
 
-def _families(trials: Trials) -> Section:
+def _families(trials: Trials) -> PageSection:
     tables = tuple(family_table(trials, noise) for noise in trials.values("noise"))
-    return Section("Families of worlds", tables)
+    return PageSection("Families of worlds", tables)
 
 
-def _bounds(trials: Trials) -> tuple[Section, ...]:
+def _bounds(trials: Trials) -> tuple[PageSection, ...]:
     section = bounds_section(trials)
     return () if section is None else (section,)
 
 
-def _comparisons(trials: Trials) -> Section:
+def _comparisons(trials: Trials) -> PageSection:
     blocks: list[Block] = []
     for noise in trials.values("noise"):
         found = comparisons(trials, noise)
@@ -385,4 +387,4 @@ def _comparisons(trials: Trials) -> Section:
         blocks = [
             Paragraph("No two navigators drove in the same worlds, so there is no comparison.")
         ]
-    return Section("Pairwise comparisons", tuple(blocks))
+    return PageSection("Pairwise comparisons", tuple(blocks))

@@ -29,9 +29,9 @@ from study.report.page import (
     DASH,
     Block,
     PageCell,
+    PageSection,
     PageTable,
     Paragraph,
-    Section,
     count_text,
     interval,
     number,
@@ -45,7 +45,7 @@ LEVEL: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Comparison:
+class PairedComparison:
     """Two navigators at one noise level.
 
     `worlds_*` counts worlds in which one succeeded more often. The `p_*` are adjusted by Holm's
@@ -69,7 +69,7 @@ class Comparison:
     p_ratio: float
 
 
-def comparisons(trials: Trials, noise: str) -> list[Comparison]:
+def comparisons(trials: Trials, noise: str) -> list[PairedComparison]:
     """Compare each pair of navigators at one noise level.
 
     All tests of one kind at one noise level form one family for Holm's method.
@@ -121,7 +121,7 @@ def comparison(
     noise: str,
     one: tuple[str, Mapping[str, ComparedRun]],
     other: tuple[str, Mapping[str, ComparedRun]],
-) -> Comparison:
+) -> PairedComparison:
     """Compare two navigators without adjusting the p-values."""
     pairs = [(ran, other[1][key]) for key, ran in sorted(one[1].items()) if key in other[1]]
     only_first = sum(a.success and not b.success for a, b in pairs)
@@ -130,7 +130,7 @@ def comparison(
     common = [(a.path_m, b.path_m) for a, b in pairs if a.path_m > 0.0 and b.path_m > 0.0]
     logs = np.log(np.array(common, dtype=np.float64).reshape(-1, 2))
     ratios = [a / b for a, b in common]
-    return Comparison(
+    return PairedComparison(
         noise=noise,
         first=one[0],
         second=other[0],
@@ -156,7 +156,7 @@ def _worlds(pairs: list[tuple[ComparedRun, ComparedRun]]) -> tuple[int, int]:
     return sum(value > 0 for value in lead.values()), sum(value < 0 for value in lead.values())
 
 
-def comparison_table(found: list[Comparison], noise: str) -> PageTable:
+def comparison_table(found: list[PairedComparison], noise: str) -> PageTable:
     """Return the table of the comparisons at one noise level."""
     head = (
         *("first", "second", "pairs", "only first", "only second", "p"),
@@ -258,7 +258,7 @@ def ways_of(trials: Trials) -> Ways:
     return Ways(own.ratio[both], planner[both])
 
 
-def bounds_section(trials: Trials) -> Section | None:
+def bounds_section(trials: Trials) -> PageSection | None:
     """Return the section; None if the planner or the own navigator is not in the study."""
     navigators = trials.values("navigator")
     if OWN not in navigators or PLANNER not in navigators:
@@ -269,7 +269,7 @@ def bounds_section(trials: Trials) -> Section | None:
         if all(len(some.of(navigator=name)) for name in (OWN, PLANNER)):
             blocks += [figure_table(some, noise), way_table(some, noise)]
             blocks += recognition_tables(some, noise)
-    return Section("Against two bounds", tuple(blocks))
+    return PageSection("Against two bounds", tuple(blocks))
 
 
 READING: Final = (

@@ -39,7 +39,7 @@ class StoredPoint(NamedTuple):
     counts: bool
 
 
-class Tick(NamedTuple):
+class RecordedTick(NamedTuple):
     """One tick: `clearance_m` is true, `range_m` are the sonars' ranges from the rim."""
 
     time_s: float
@@ -58,13 +58,13 @@ class Tick(NamedTuple):
 class ContactRecorder:
     """Keep the last ticks of a trial."""
 
-    ticks: deque[Tick] = field(default_factory=lambda: deque(maxlen=KEPT_TICKS))
+    ticks: deque[RecordedTick] = field(default_factory=lambda: deque(maxlen=KEPT_TICKS))
 
     def __call__(self, plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
         """Keep one tick."""
         truth, state = plant.truth(), onboard.state
         self.ticks.append(
-            Tick(
+            RecordedTick(
                 time_s=plant.now_ns / NS_PER_S,
                 true=Pose(truth.x_m, truth.y_m, truth.heading_rad),
                 estimated=state.odometry.pose,
@@ -93,7 +93,7 @@ def points_of(echoes: Echoes | None) -> tuple[StoredPoint, ...]:
     )
 
 
-def before_contact(trial: Trial) -> tuple[list[Tick], Outcome]:
+def before_contact(trial: Trial) -> tuple[list[RecordedTick], Outcome]:
     """Return the last ticks of a trial, up to the one of its contact, and its outcome.
 
     A contact ends the drive. If no kept tick touches anything, the last one counts as the contact.
@@ -272,7 +272,7 @@ class PlaceRecord(NamedTuple):
         return degrees(self.bearing_rad)
 
 
-def knowledge_of(ticks: Sequence[Tick], place: Touched, radius_m: float) -> PlaceRecord:
+def knowledge_of(ticks: Sequence[RecordedTick], place: Touched, radius_m: float) -> PlaceRecord:
     """Return the measurements of the touched place before the last tick."""
     end, before = ticks[-1], ticks[:-1]
     bearing_rad, _ = polar(seen_from(end.true, place.at(end.time_s, end.true[:2])))
@@ -310,7 +310,9 @@ def kind_of(place: Touched, known: PlaceRecord, branch: int) -> str:
     return UNSEEN_FOLLOWING if branch in (PASS_LEFT, PASS_RIGHT) else UNSEEN_AHEAD
 
 
-def nearest_stored(tick: Tick, place: Touched, radius_m: float) -> tuple[float, float] | None:
+def nearest_stored(
+    tick: RecordedTick, place: Touched, radius_m: float
+) -> tuple[float, float] | None:
     """Return the range from the rim of the stored point nearest to the place, and their distance.
 
     Both are compared in the robot's frame: the point by its estimate, the place by the true pose.
@@ -325,7 +327,7 @@ def nearest_stored(tick: Tick, place: Touched, radius_m: float) -> tuple[float, 
     return (range_m, aside_m) if aside_m <= PLACE_M else None
 
 
-def echoes_of(tick: Tick, place: Touched, radius_m: float) -> Iterator[float]:
+def echoes_of(tick: RecordedTick, place: Touched, radius_m: float) -> Iterator[float]:
     """Yield the ranges of a tick that agree with the touched place in bearing and distance."""
     bearing_rad, away_m = polar(seen_from(tick.true, place.at(tick.time_s, tick.true[:2])))
     for sonar_rad, range_m in zip(BEARINGS, tick.range_m, strict=True):

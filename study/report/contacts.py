@@ -30,7 +30,7 @@ from study.report.contact_kinds import (
     MM_PER_M,
     RULES,
     PlaceRecord,
-    Tick,
+    RecordedTick,
     Touched,
     before_contact,
     kind_of,
@@ -85,14 +85,14 @@ class CloseUp:
                 half = max(0.5, obstacle.thickness_m * SCALE / 2.0)
                 wall_parts(self.drawing, [self.at(point) for point in obstacle.points_m], half)
 
-    def robot(self, end: Tick, radius_m: float) -> None:
+    def robot(self, end: RecordedTick, radius_m: float) -> None:
         """Draw the robot at the contact, with its heading."""
         x_m, y_m, heading_rad = end.true
         tip = x_m + radius_m * cos(heading_rad), y_m + radius_m * sin(heading_rad)
         self.drawing.circle(self.at((x_m, y_m)), radius_m * SCALE, "goal")
         self.drawing.line(self.at((x_m, y_m)), self.at(tip), "goal")
 
-    def memory(self, tick: Tick) -> None:
+    def memory(self, tick: RecordedTick) -> None:
         """Draw the stored points where the robot estimated them, seen from its true pose."""
         x_m, y_m, heading_rad = tick.true
         for point in tick.points:
@@ -114,7 +114,7 @@ class CloseUp:
 
 
 def close_up(
-    world: World, ticks: Sequence[Tick], place: Touched, radius_m: float, title: str
+    world: World, ticks: Sequence[RecordedTick], place: Touched, radius_m: float, title: str
 ) -> SvgDrawing:
     """Draw the surroundings, the true way of the kept ticks, the memory and the touched place."""
     end = ticks[-1]
@@ -146,7 +146,7 @@ class ExplainedContact(NamedTuple):
     kind: str
     place: Touched
     known: PlaceRecord
-    ticks: Sequence[Tick]
+    ticks: Sequence[RecordedTick]
     drawing: SvgDrawing
     same: bool
 
@@ -302,7 +302,7 @@ def facts_of(one: ExplainedContact) -> list[str]:
     ]
 
 
-def events_of(ticks: Sequence[Tick]) -> list[str]:
+def events_of(ticks: Sequence[RecordedTick]) -> list[str]:
     """Return the changes of decision and guard in the last seconds, with their times."""
     end_s, events, before = ticks[-1].time_s, [], None
     for tick in ticks[:-1]:

@@ -114,7 +114,7 @@ class BoardCost(msgspec.Struct, frozen=True):
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class MeasuredEvidence:
     """Figures of other tools, empty for a file that was not read."""
 
     crowds: tuple[CrowdResult, ...] = ()
@@ -129,16 +129,16 @@ class Evidence:
 Kind = TypeVar("Kind", Crowds, PublishedMaps, BoardCost)
 
 
-def read_evidence(directory: Path | None) -> Evidence:
+def read_evidence(directory: Path | None) -> MeasuredEvidence:
     """Read the files in a directory; one that is missing leaves its figures empty.
 
     Raises UserError for a directory that does not exist and for a file of another form.
     """
     if directory is None:
-        return Evidence()
+        return MeasuredEvidence()
     if not directory.is_dir():
         raise UserError(f"--evidence {directory}: no such directory")
-    return Evidence(
+    return MeasuredEvidence(
         crowds=tuple(_read(directory / PEOPLE, Crowds).crowds),
         maps=tuple(read_maps(directory / MAPS)),
         board=_read(directory / BOARD, BoardCost),

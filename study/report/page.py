@@ -91,7 +91,7 @@ Block: TypeAlias = Paragraph | CodeBlock | PageTable | PageFigure | Gallery
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class PageSection:
     """A titled section with subsections in `parts`."""
 
     title: str
@@ -105,7 +105,7 @@ class ReportPage:
 
     title: str
     lead: tuple[Block, ...]
-    sections: tuple[Section, ...] = field(default=())
+    sections: tuple[PageSection, ...] = field(default=())
 
 
 def text_of(cell: PageCellLike) -> str:
@@ -113,7 +113,7 @@ def text_of(cell: PageCellLike) -> str:
     return cell if isinstance(cell, str) else cell.text
 
 
-def figures_of(sections: Sequence[Section]) -> list[PageFigure]:
+def figures_of(sections: Sequence[PageSection]) -> list[PageFigure]:
     """Return every figure in the order of the page."""
     found: list[PageFigure] = []
     for section in sections:
@@ -133,7 +133,7 @@ def numbered(page: ReportPage) -> ReportPage:
     return replace(page, sections=sections)
 
 
-def _numbered(section: Section, figures: Iterator[int], tables: Iterator[int]) -> Section:
+def _numbered(section: PageSection, figures: Iterator[int], tables: Iterator[int]) -> PageSection:
     def figure(one: PageFigure) -> PageFigure:
         return replace(one, caption=f"**Figure {next(figures)}.** {one.caption}")
 
@@ -242,7 +242,7 @@ MAX_ROWS = 16
 """A table with more rows is folded."""
 
 
-def html(page: ReportPage) -> str:
+def html_of(page: ReportPage) -> str:
     """Return the page."""
     title = escape(page.title)
     parts = [
@@ -264,12 +264,12 @@ def anchor(title: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
 
 
-def _contents(sections: tuple[Section, ...]) -> str:
+def _contents(sections: tuple[PageSection, ...]) -> str:
     links = (f'<li><a href="#{anchor(s.title)}">{escape(s.title)}</a></li>' for s in sections)
     return f'<nav aria-label="Contents"><ol>{"".join(links)}</ol></nav>'
 
 
-def _html_section(section: Section, level: int) -> str:
+def _html_section(section: PageSection, level: int) -> str:
     name = f' id="{anchor(section.title)}"' if level == 2 else ""
     head = f"<h{level}>{_words(section.title)}</h{level}>"
     parts = [
@@ -362,7 +362,7 @@ def _words(words: str) -> str:
     return re.sub(r"\*\*([^*]+)\*\*", r"<strong>\1</strong>", text)
 
 
-def markdown(page: ReportPage, folder: str) -> str:
+def markdown_of(page: ReportPage, folder: str) -> str:
     """Return the page; `folder` holds the figures, relative to the page."""
     parts = [f"# {page.title}", *(_markdown_block(block, folder) for block in page.lead)]
     parts += (_markdown_section(section, 2, folder) for section in page.sections)
@@ -381,7 +381,7 @@ def _line(cells: tuple[PageCellLike, ...]) -> str:
     return "| " + " | ".join(text_of(cell).replace("|", "\\|") for cell in cells) + " |"
 
 
-def _markdown_section(section: Section, level: int, folder: str) -> str:
+def _markdown_section(section: PageSection, level: int, folder: str) -> str:
     parts = [f"{'#' * level} {section.title}"]
     parts += (_markdown_block(block, folder) for block in section.blocks)
     parts += (_markdown_section(part, level + 1, folder) for part in section.parts)

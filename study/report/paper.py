@@ -30,9 +30,9 @@ from study.report.page import (
     Gallery,
     PageCell,
     PageFigure,
+    PageSection,
     PageTable,
     Paragraph,
-    Section,
     count_text,
     interval,
     number,
@@ -324,14 +324,16 @@ FIGURES: Final = (
 )
 
 
-def paper_section(trials: Trials, runs: PaperRuns) -> Section:
+def paper_section(trials: Trials, runs: PaperRuns) -> PageSection:
     """Return the section on the paper's figures and claims."""
     found = claims(trials, runs)
     parts = (
-        Section("Claims", (claims_table(found),)),
-        Section("Figures 11, 12 and 13", (Paragraph(HOW_RUN), *_figures(runs), _runs_table(runs))),
+        PageSection("Claims", (claims_table(found),)),
+        PageSection(
+            "Figures 11, 12 and 13", (Paragraph(HOW_RUN), *_figures(runs), _runs_table(runs))
+        ),
     )
-    return Section("The paper's figures and claims", (Paragraph(READING),), parts)
+    return PageSection("The paper's figures and claims", (Paragraph(READING),), parts)
 
 
 READING: Final = (

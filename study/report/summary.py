@@ -29,7 +29,7 @@ HEAD: Final = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Summary:
+class NavigatorSummary:
     """One navigator at one noise level.
 
     `success` and the following are over worlds with a path to the goal, `recognised` over those
@@ -61,7 +61,7 @@ class Summary:
     score: float
 
 
-def summaries(trials: Trials) -> list[Summary]:
+def summaries(trials: Trials) -> list[NavigatorSummary]:
     """Summarise every navigator at every noise level."""
     return [
         summary(trials.of(label=label, noise=noise), label, noise)
@@ -71,7 +71,7 @@ def summaries(trials: Trials) -> list[Summary]:
     ]
 
 
-def summary(trials: Trials, label: str, noise: str) -> Summary:
+def summary(trials: Trials, label: str, noise: str) -> NavigatorSummary:
     """Summarise the trials of one navigator at one noise level."""
     reachable, unreachable = trials.where(trials.possible), trials.where(~trials.possible)
     arrivals = reachable.where(reachable.arrived)
@@ -80,7 +80,7 @@ def summary(trials: Trials, label: str, noise: str) -> Summary:
     known = arrivals.where(np.isfinite(arrivals.numbers("mahalanobis2")))
     error_m, turned = arrivals.numbers("position_error_m"), arrivals.numbers("heading_error_rad")
     clearance_m, changes = arrivals.numbers("min_clearance_m"), trials.numbers("side_changes")
-    return Summary(
+    return NavigatorSummary(
         label=label,
         noise=noise,
         worlds=len(set(trials.texts("world_digest").tolist())),
@@ -109,7 +109,7 @@ def _total(values: Floats) -> int:
     return int(np.nansum(values))
 
 
-def cells(found: Summary) -> tuple[str, ...]:
+def cells(found: NavigatorSummary) -> tuple[str, ...]:
     """Return the cells of a summary, in the order of HEAD."""
     unreachable, wronged = found.recognised, found.wronged
     return (
@@ -131,12 +131,12 @@ def cells(found: Summary) -> tuple[str, ...]:
     )
 
 
-def as_json(found: Iterable[Summary]) -> list[dict[str, str]]:
+def as_json(found: Iterable[NavigatorSummary]) -> list[dict[str, str]]:
     """Return the cells by their heading, as committed and compared with the README."""
     return [dict(zip(HEAD, cells(one), strict=True)) for one in found]
 
 
-def numbers(found: Summary) -> dict[str, str | int | float | None]:
+def numbers(found: NavigatorSummary) -> dict[str, str | int | float | None]:
     """Return all values unrounded, by name; None where unknown."""
     row: dict[str, str | int | float | None] = {}
     for field in fields(found):
@@ -158,7 +158,7 @@ def _known(value: float) -> float | None:
     return value if isfinite(value) else None
 
 
-def main_table(found: Iterable[Summary]) -> PageTable:
+def main_table(found: Iterable[NavigatorSummary]) -> PageTable:
     """Return the main table."""
     caption = (
         "Success: reached the goal by its own estimate and touched nothing, in worlds with a path; "
@@ -172,7 +172,7 @@ def main_table(found: Iterable[Summary]) -> PageTable:
     return PageTable(caption, HEAD, tuple(cells(one) for one in found), names=2)
 
 
-def more_table(found: Iterable[Summary]) -> PageTable:
+def more_table(found: Iterable[NavigatorSummary]) -> PageTable:
     """Return the table of further values."""
     head = (
         *("navigator", "noise", "contacts (own)", "worst error m"),
@@ -331,7 +331,7 @@ SPENT: Final = {
 }
 
 
-def success_figure(found: list[Summary]) -> PageFigure:
+def success_figure(found: list[NavigatorSummary]) -> PageFigure:
     """Return success by navigator and noise level."""
     panels: dict[str, dict[str, Share]] = {}
     for one in found:

@@ -30,7 +30,7 @@ from study.intervals import (
     quantile_interval,
     ratio_interval,
 )
-from study.report.evidence import CYLINDERS, GRID_MAPS, BoardCost, CrowdResult, Evidence
+from study.report.evidence import CYLINDERS, GRID_MAPS, BoardCost, CrowdResult, MeasuredEvidence
 from study.report.page import DASH, PageCell, PageTable, interval, number, percent
 from study.report.trials import (
     ADVERSARIAL,
@@ -173,7 +173,7 @@ STATE_BYTES: Final = 4096
 PERIOD_MS: Final = 1e3 * PERIOD_NS / NS_PER_S
 
 
-def grid_map_targets(found: Evidence) -> Iterator[StudyTarget]:
+def grid_map_targets(found: MeasuredEvidence) -> Iterator[StudyTarget]:
     """Yield the arrivals and the wrong claims on published grid maps."""
     results = {one.noise: one for one in found.of_maps(GRID_MAPS)}
     what = "arrives on published grid maps"
@@ -189,7 +189,7 @@ def grid_map_targets(found: Evidence) -> Iterator[StudyTarget]:
         yield elsewhere(claims, "all", f"≤ {WRONGED_PER:g}", MAPS_PAGE)
 
 
-def cylinder_targets(found: Evidence) -> Iterator[StudyTarget]:
+def cylinder_targets(found: MeasuredEvidence) -> Iterator[StudyTarget]:
     """Yield the published score on maps of cylinders, at each scale and noise level."""
     results, wanted = found.of_maps(CYLINDERS), f"≥ {SCORE:g}"
     what = f"published score (at most 0.5), {CYLINDERS}"
@@ -203,7 +203,7 @@ def cylinder_targets(found: Evidence) -> Iterator[StudyTarget]:
         yield elsewhere(f"{what}, mean", "all", wanted, MAPS_PAGE)
 
 
-def standing_targets(found: Evidence, navigator: str) -> Iterator[StudyTarget]:
+def standing_targets(found: MeasuredEvidence, navigator: str) -> Iterator[StudyTarget]:
     """Yield the contacts among people, over those of a robot that stands in the same trials."""
     wanted = "≤ half of the standing robot's"
     rows = [one for one in found.crowds if (one.family, one.navigator) == (CROWD, navigator)]
@@ -256,7 +256,7 @@ CROWD_OWN: Final = 0.005
 FORESTS: Final = "forest"
 
 
-def apart_targets(own: Trials, navigator: str, found: Evidence) -> Iterator[StudyTarget]:
+def apart_targets(own: Trials, navigator: str, found: MeasuredEvidence) -> Iterator[StudyTarget]:
     """Yield the targets that are not of the corpus alone.
 
     `own` are trials of the own `navigator`, `found` the figures of other tools.
@@ -358,11 +358,11 @@ LAPS: Final = ((0.5, "median", 1.5), (0.9, "90th percentile", 1.5))
 CHANGES: Final = ((0.5, "median", 1.0), (1.0, "worst", 6.0))
 WORLDS, FAMILIES = 400, 12
 HOURS_PER_MINUTE: Final = 15.0
-NOTHING: Final = Evidence()
+NOTHING: Final = MeasuredEvidence()
 CORES: Final = 2
 
 
-def targets(trials: Trials, found: Evidence = NOTHING) -> list[StudyTarget]:
+def targets(trials: Trials, found: MeasuredEvidence = NOTHING) -> list[StudyTarget]:
     """Return all targets; `trials` may be of any navigators, `found` is of other tools."""
     own = trials.of(navigator=OWN)
     return [

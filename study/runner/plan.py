@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple
 import plant.corpus
 from plant.corpus import EVERY_FAMILY, FAMILIES, generate
 from plant.model.configuration import LEVELS, body_of
-from plant.model.errors import Problem, WorldError
+from plant.model.errors import WorldError, WorldProblem
 from plant.model.types import World
 from plant.shortest_path import known_length_m
 from plant.world.file import load, shipped
@@ -56,7 +56,7 @@ def listed(selection: WorldSelection) -> list[ListedWorld]:
     Raises UserError for an unknown name, WorldError with all problems of all bad files.
     """
     found: list[ListedWorld] = []
-    problems: list[Problem] = []
+    problems: list[WorldProblem] = []
     for place in selection.places:
         for source, file in _sources(place, selection):
             try:
@@ -132,7 +132,7 @@ def _known(source: str, file: Path | None) -> ListedWorld:
     )
 
 
-def _all_problems(problems: list[Problem]) -> WorldError:
+def _all_problems(problems: list[WorldProblem]) -> WorldError:
     """Return one error in the order of the files: WorldError itself sorts by line."""
     error = WorldError(problems)
     error.args = ("\n".join(map(str, problems)),)

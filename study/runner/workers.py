@@ -236,7 +236,7 @@ def code_digest() -> str:
     return code().digest
 
 
-def run(
+def run_on_cluster(
     client: Any, context: StudyContext, tasks: Iterable[TrialTask]
 ) -> Iterator[TrialRow | None]:
     """Yield rows as they arrive; None about once a second while none arrives.

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from study.falsify.climb import class_of
-from study.falsify.findings import Finding, read
+from study.falsify.findings import Finding, read_finding
 from study.falsify.shrink import walls_in
 from study.report.page import with_text
 from verification.findings import WORLDS
@@ -48,7 +48,7 @@ def with_tables(page: str, worlds: Path) -> str:
 def tables(worlds: Path) -> str:
     """Return the tables of all folders, and the classes of the first search."""
     findings = {
-        name: {file.stem: read(file) for file in sorted((worlds / name).glob("*.toml"))}
+        name: {file.stem: read_finding(file) for file in sorted((worlds / name).glob("*.toml"))}
         for name in FOLDERS
     }
     parts = [first_search([*findings["open"].values(), *findings["fixed"].values()])]

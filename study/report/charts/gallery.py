@@ -13,7 +13,7 @@ from runtime.errors import UserError
 from study.intervals import CONFIDENT
 from study.report.charts.world_map import WorldMap
 from study.report.drives import DrivenTrial, attempt_all
-from study.report.page import Block, Gallery, PageFigure, Paragraph, Section
+from study.report.page import Block, Gallery, PageFigure, PageSection, Paragraph
 from study.report.trials import NOISES, Trials
 from study.runner.rows import FAILED, TrialRow
 from study.runner.run_task import trial_of
@@ -85,7 +85,7 @@ def _order(row: TrialRow) -> tuple[int, float, str, int]:
     return noise, row.time_s, row.trial_id, row.seed
 
 
-def gallery(found: list[SelectedFailure], world_of: WorldOf, jobs: int) -> Section:
+def gallery(found: list[SelectedFailure], world_of: WorldOf, jobs: int) -> PageSection:
     """Run the selected failures once more and draw them."""
     figures: dict[str, list[PageFigure]] = {}
     lost: list[str] = []
@@ -95,13 +95,13 @@ def gallery(found: list[SelectedFailure], world_of: WorldOf, jobs: int) -> Secti
             figures.setdefault(one.label, []).append(_figure(one, drive, name))
         else:
             lost.append(f"`{one.row.trial_id[:12]}` in {one.row.world}: {drive}")
-    parts = tuple(Section(label, (Gallery(tuple(some)),)) for label, some in figures.items())
+    parts = tuple(PageSection(label, (Gallery(tuple(some)),)) for label, some in figures.items())
     blocks: tuple[Block, ...] = (
         Paragraph(LEGEND if figures else "No trial failed, or none was selected."),
     )
     if lost:
         blocks += (Paragraph("Could not be run again: " + "; ".join(lost) + "."),)
-    return Section("Failures", blocks, parts)
+    return PageSection("Failures", blocks, parts)
 
 
 def rerun(found: list[SelectedFailure], world_of: WorldOf, jobs: int) -> list[DrivenTrial | str]:

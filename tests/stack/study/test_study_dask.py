@@ -51,7 +51,7 @@ def address() -> Iterator[str]:
 
 def run(address: str, made: Sequence[TrialTask], *worlds: World) -> dict[str, TrialRow]:
     with executors.cluster(address) as client:
-        return by_trial(executors.run(client, context_of(*worlds), made))
+        return by_trial(executors.run_on_cluster(client, context_of(*worlds), made))
 
 
 def by_trial(rows: Iterator[TrialRow | None]) -> dict[str, TrialRow]:
@@ -94,7 +94,7 @@ def killed_from_outside_they_cost_no_trial(address: str) -> None:
     made = tasks(boxed(), noise=("default",), seeds=12)
     with executors.cluster(address) as client:
         pids = list(client.run(os.getpid).values())
-        coming = executors.run(client, context_of(boxed()), made)
+        coming = executors.run_on_cluster(client, context_of(boxed()), made)
         first = next(row for row in coming if row is not None)
         for pid in pids:
             os.kill(pid, signal.SIGKILL)
@@ -162,7 +162,7 @@ def test_a_scheduler_that_goes_away_ends_the_study_with_what_is_done() -> None:
         local_cluster(1) as cluster,
         executors.cluster(cluster.scheduler_address) as client,
     ):
-        coming = executors.run(client, context_of(boxed()), made)
+        coming = executors.run_on_cluster(client, context_of(boxed()), made)
         assert next(row for row in coming if row is not None).outcome == "reached"
         cluster.close()
         with pytest.raises(UserError, match="finished trials are kept"):

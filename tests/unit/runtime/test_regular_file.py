@@ -26,8 +26,8 @@ from protocol.bus.network import Tls
 from protocol.bus.tls.certificate import own_certificate
 from runtime import config, regular_file
 from runtime.errors import UserError
-from study.calibration import read as read_calibration
-from study.falsify.findings import read as read_finding
+from study.calibration import read_log as read_calibration
+from study.falsify.findings import read_finding as read_finding
 from study.runner.store import settings_in
 from tests.support.each import each
 

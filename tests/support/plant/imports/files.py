@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from plant.model.errors import Problem, WorldError
+from plant.model.errors import WorldError, WorldProblem
 
 MAP = """\
 type octile
@@ -41,7 +41,7 @@ P5 = b"P5\n# made by hand\n10 6\n255\n" + bytes(value for row in ROWS for value 
 P2 = ("P2\n10 6\n255\n" + "\n".join(" ".join(map(str, row)) for row in ROWS) + "\n").encode()
 
 
-def refused(make: Callable[[], object]) -> Problem:
+def refused(make: Callable[[], object]) -> WorldProblem:
     """Return the only problem that is reported, with file, reason and fix."""
     with pytest.raises(WorldError) as caught:
         make()

@@ -5,7 +5,7 @@ from typing import Any
 from plant.model.types import Circle, Point
 from robot.core.states import TO_GOAL
 from robot.core.values import Pose
-from study.report.contact_kinds import StoredPoint, Tick, Touched
+from study.report.contact_kinds import RecordedTick, StoredPoint, Touched
 
 RADIUS_M = 0.12
 ORIGIN = Pose(0.0, 0.0, 0.0)
@@ -13,7 +13,7 @@ NO_ECHO = (None,) * 8
 AHEAD = Touched("wall of 2 mm", (RADIUS_M, 0.0), is_edge=True)
 
 
-def tick(time_s: float, **changes: Any) -> Tick:
+def tick(time_s: float, **changes: Any) -> RecordedTick:
     """Return a tick of a robot at the origin that has measured and remembered nothing."""
     usual: dict[str, Any] = {
         "true": ORIGIN,
@@ -26,7 +26,7 @@ def tick(time_s: float, **changes: Any) -> Tick:
         "range_m": NO_ECHO,
         "points": (),
     }
-    return Tick(time_s=time_s, **{**usual, **changes})
+    return RecordedTick(time_s=time_s, **{**usual, **changes})
 
 
 def stored(x_m: float, y_m: float = 0.0, counts: bool = True) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from plant.corpus import CROWD_FAMILIES, GRID_FAMILIES, buildings, generate
 from plant.corpus.buildings import MAPS, Plan, carved, neighbours, wall_lines
-from plant.corpus.draft import Frame
+from plant.corpus.draft import ShapeFrame
 from plant.corpus.shapes import CROWD_M_S, HASTY_M_S, MIN_PASSAGE_M, PERSON_M, START_ROOM_M
 from plant.corpus.traps import THICKNESSES_M, with_walls
 from plant.imports.cells import labelled
@@ -29,7 +29,7 @@ def walls_of(world: World) -> list[Polyline]:
 def test_frame_preserves_distances_when_turned_or_mirrored(
     angle_rad: float, along_m: float, left_m: float, hand: int
 ) -> None:
-    frame = Frame((1.0, 2.0), angle_rad, hand)
+    frame = ShapeFrame((1.0, 2.0), angle_rad, hand)
     assert isclose(
         dist(frame.point(0.0, 0.0), frame.point(along_m, left_m)),
         dist((0.0, 0.0), (along_m, left_m)),

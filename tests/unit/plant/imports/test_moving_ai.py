@@ -2,7 +2,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plant.imports.cells import Cells
-from plant.imports.moving_ai import MAX_CELLS, Scenario, fits, parse_map, parse_scenarios
+from plant.imports.moving_ai import MAX_CELLS, MovingAiScenario, fits, parse_map, parse_scenarios
 from plant.model.errors import WorldError
 from tests.support.each import each
 from tests.support.plant.imports.files import MAP, SCEN, refused
@@ -80,7 +80,7 @@ def test_any_map_text_raises_only_import_errors(noise: str, at: int) -> None:
 
 def test_scenarios_give_start_and_goal_by_column_and_row() -> None:
     first, second = parse_scenarios(SCEN, "hand.map.scen")
-    assert first == Scenario(2, "maps/hand.map", 8, 5, (0, 0), (7, 4))
+    assert first == MovingAiScenario(2, "maps/hand.map", 8, 5, (0, 0), (7, 4))
     assert (second.line, second.start, second.goal) == (3, (3, 3), (0, 4))
     assert parse_scenarios(SCEN.replace("version 1", "version 1.0"), "x") == [first, second]
     assert parse_scenarios(SCEN.replace("\t", " "), "x") == [first, second]

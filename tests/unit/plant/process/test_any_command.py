@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from plant.model.configuration import LEVELS, Body
 from plant.process.robot_link import CommandGate, WheelOutput
 from plant.sim.active_faults import NO_TROUBLE
-from plant.sim.drive import Drive
+from plant.sim.drive import DifferentialDrive
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.messages import WheelCommand
 from runtime.timing import PERIOD_MS, PERIOD_NS, UINT32
@@ -44,7 +44,7 @@ def test_no_frame_moves_a_wheel_150_ms_after_its_tick(
     told: list[list[tuple[int, int, int, int, int, int]]], first: int
 ) -> None:
     """Slow each wheel down to zero after that time, for any frames in any order."""
-    gate, drive = CommandGate(), Drive(Body(), LEVELS["none"], 0, 0)
+    gate, drive = CommandGate(), DifferentialDrive(Body(), LEVELS["none"], 0, 0)
     ends_ms, before_m = first * PERIOD_MS, [0.0, 0.0]
     for tick, coming in enumerate([*told, *[[]] * 8], first):
         gate.begin_tick(tick)

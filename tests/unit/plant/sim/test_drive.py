@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from plant.model.configuration import LEVELS, Body, Fault, Noise
 from plant.sim.active_faults import NO_TROUBLE, ActiveFaults, FaultSchedule
-from plant.sim.drive import Drive, Motor
+from plant.sim.drive import DifferentialDrive, Motor
 from tests.support.each import each
 
 MS = 1_000_000
@@ -21,7 +21,11 @@ def mrad_s(rim_m_s: float) -> int:
 
 
 def run(
-    drive: Drive, left_m_s: float, right_m_s: float, steps: int, trouble: ActiveFaults = NO_TROUBLE
+    drive: DifferentialDrive,
+    left_m_s: float,
+    right_m_s: float,
+    steps: int,
+    trouble: ActiveFaults = NO_TROUBLE,
 ) -> tuple[float, float]:
     """Return the poses of a drive with a new command in each step."""
     left_m = right_m = 0.0
@@ -82,14 +86,14 @@ def test_braked_motor_stops_and_does_not_reverse(start_m_s: float, span_s: float
 
 @given(st.integers(), st.integers())
 def test_no_command_exceeds_the_maximum_wheel_speed(left_mrad_s: int, right_mrad_s: int) -> None:
-    drive = Drive(QUICK, LEVELS["none"], 1, 0)
+    drive = DifferentialDrive(QUICK, LEVELS["none"], 1, 0)
     drive.command(left_mrad_s, right_mrad_s, 150, 0)
     ways_m = drive.roll(0, SUBSTEP_S, NO_TROUBLE)
     assert max(abs(way_m) for way_m in ways_m) <= 0.3 * SUBSTEP_S + 1e-12
 
 
 def test_wheels_brake_when_the_command_expires() -> None:
-    drive = Drive(Body(), LEVELS["none"], 1, 0)
+    drive = DifferentialDrive(Body(), LEVELS["none"], 1, 0)
     run(drive, 0.3, 0.3, 40)
     drive.command(mrad_s(0.3), mrad_s(0.3), 150, 0)
     for now_ms in range(0, 150, 25):
@@ -102,7 +106,7 @@ def test_wheels_brake_when_the_command_expires() -> None:
 
 
 def test_new_command_ends_the_expiry() -> None:
-    drive = Drive(Body(), LEVELS["none"], 1, 0)
+    drive = DifferentialDrive(Body(), LEVELS["none"], 1, 0)
     drive.command(1000, 1000, 25, 0)
     drive.roll(25 * MS, SUBSTEP_S, NO_TROUBLE)
     assert drive.expired
@@ -112,13 +116,13 @@ def test_new_command_ends_the_expiry() -> None:
 
 
 def test_no_command_has_expired_before_the_first() -> None:
-    drive = Drive(Body(), LEVELS["none"], 1, 0)
+    drive = DifferentialDrive(Body(), LEVELS["none"], 1, 0)
     assert drive.roll(10**12, SUBSTEP_S, NO_TROUBLE) == (0.0, 0.0)
     assert not drive.expired
 
 
 def test_encoder_counts_whole_ticks_of_0_2_mm() -> None:
-    drive = Drive(QUICK, LEVELS["none"], 1, 0)
+    drive = DifferentialDrive(QUICK, LEVELS["none"], 1, 0)
     left_m, right_m = run(drive, 0.1, -0.1, 40)
     assert left_m == pytest.approx(0.1, rel=2e-4)
     assert drive.ticks() == (int(left_m * 5000.0), -int(-right_m * 5000.0) - 1)
@@ -126,7 +130,7 @@ def test_encoder_counts_whole_ticks_of_0_2_mm() -> None:
 
 @each(("start", "rim_m_s"), [(2**31 - 100, 0.1), (-(2**31) + 100, -0.1)])
 def test_encoder_counter_wraps_at_32_bits(start: int, rim_m_s: float) -> None:
-    drive = Drive(
+    drive = DifferentialDrive(
         Body(max_acceleration_m_s2=1e6, motor_lag_s=0.0, left_start_ticks=start),
         LEVELS["none"],
         1,
@@ -139,14 +143,14 @@ def test_encoder_counter_wraps_at_32_bits(start: int, rim_m_s: float) -> None:
 
 
 def test_unequal_wheels_roll_different_distances_per_turn() -> None:
-    drive = Drive(QUICK, Noise(diameter_difference_ratio=0.005), 1, 0)
+    drive = DifferentialDrive(QUICK, Noise(diameter_difference_ratio=0.005), 1, 0)
     left_m, right_m = run(drive, 0.2, 0.2, 40)
     assert drive.ticks()[0] == drive.ticks()[1]
     assert right_m / left_m - 1.0 == pytest.approx(0.005, rel=0.01)
 
 
 def test_slip_variance_grows_with_wheel_distance() -> None:
-    drive = Drive(QUICK, Noise(slip_variance_m=2e-6), 7, 0)
+    drive = DifferentialDrive(QUICK, Noise(slip_variance_m=2e-6), 7, 0)
     rows = 20_000
     errors = np.empty((rows, 2))
     for row in range(rows):
@@ -159,12 +163,12 @@ def test_slip_variance_grows_with_wheel_distance() -> None:
 
 
 def test_wheel_at_rest_does_not_slip() -> None:
-    drive = Drive(QUICK, LEVELS["harsh"], 1, 0)
+    drive = DifferentialDrive(QUICK, LEVELS["harsh"], 1, 0)
     assert run(drive, 0.0, 0.0, 10) == (0.0, 0.0)
 
 
 def test_slipping_wheel_counts_more_than_it_rolls() -> None:
-    drive = Drive(QUICK, LEVELS["none"], 1, 0)
+    drive = DifferentialDrive(QUICK, LEVELS["none"], 1, 0)
     trouble = FaultSchedule([Fault("wheel_slip", "right", value=0.3)]).at(0)
     left_m, right_m = run(drive, 0.2, 0.2, 40, trouble)
     assert right_m == pytest.approx(0.7 * left_m)
@@ -172,14 +176,14 @@ def test_slipping_wheel_counts_more_than_it_rolls() -> None:
 
 
 def test_stuck_wheel_neither_rolls_nor_counts() -> None:
-    drive = Drive(QUICK, LEVELS["none"], 1, 0)
+    drive = DifferentialDrive(QUICK, LEVELS["none"], 1, 0)
     left_m, right_m = run(drive, 0.2, 0.2, 4, FaultSchedule([Fault("wheel_stuck", "left")]).at(0))
     assert (left_m, drive.ticks()[0]) == (0.0, 0)
     assert (right_m > 0.0, drive.ticks()[1] > 0) == (True, True)
 
 
 def test_stuck_encoder_misses_the_distance_rolled_meanwhile() -> None:
-    drive = Drive(QUICK, LEVELS["none"], 1, 0)
+    drive = DifferentialDrive(QUICK, LEVELS["none"], 1, 0)
     run(drive, 0.2, 0.2, 4)
     before = drive.ticks()
     left_m, _ = run(drive, 0.2, 0.2, 4, FaultSchedule([Fault("encoder_stuck", "left")]).at(0))

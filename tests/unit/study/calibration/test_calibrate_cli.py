@@ -37,7 +37,7 @@ def test_wrong_track_is_corrected_and_stored(
     assert files["found.toml"].read_text().startswith("# Made by: sidestep calibrate --runs 2")
     stored, warnings = Store(files["state"]).load(DEFAULTS)
     assert (stored.track_m, warnings) == (found["track_m"], [])
-    assert len(calibration.read(files["runs.csv"])) == 4
+    assert len(calibration.read_log(files["runs.csv"])) == 4
     assert "<svg" in files["plot.svg"].read_text(encoding="utf-8")
 
 

@@ -24,7 +24,7 @@ def written(tmp_path: Path, text: str) -> Path:
 
 
 def test_log_is_read(tmp_path: Path) -> None:
-    runs = calibration.read(written(tmp_path, HEAD + GOOD))
+    runs = calibration.read_log(written(tmp_path, HEAD + GOOD))
     assert [run.direction for run in runs] == [CW, CW, CCW, CCW]
     assert runs[0].ticks == [(0, 0), (100, 100)]
     assert runs[0].measured == pytest.approx((0.01, -0.02, radians(1.5)))
@@ -48,8 +48,8 @@ def test_written_log_is_read_back(
         SquareRun(direction=way, ticks=ticks, measured=Pose(x_m, y_m, heading_rad))
         for way in (CW, CW, CCW, CCW)
     ]
-    calibration.write(file, runs)
-    for old, new in zip(runs, calibration.read(file), strict=True):
+    calibration.write_log(file, runs)
+    for old, new in zip(runs, calibration.read_log(file), strict=True):
         assert new.ticks == old.ticks
         assert new.measured == pytest.approx(old.measured, abs=1e-6)
 
@@ -75,14 +75,14 @@ def test_written_log_is_read_back(
 def test_bad_log_is_refused_with_line_and_advice(tmp_path: Path, text: str, message: str) -> None:
     file = written(tmp_path, text)
     with pytest.raises(ConfigError) as refusal:
-        calibration.read(file)
+        calibration.read_log(file)
     assert str(refusal.value).startswith(f"{file}: {message}")
 
 
 def test_missing_or_binary_log_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="no such file"):
-        calibration.read(tmp_path / "none.csv")
+        calibration.read_log(tmp_path / "none.csv")
     file = tmp_path / "noise.csv"
     file.write_bytes(b"\xff\xfe\x00\x81")
     with pytest.raises(ConfigError, match="is not CSV text"):
-        calibration.read(file)
+        calibration.read_log(file)

@@ -3,7 +3,7 @@
 from functools import cache
 
 from plant.corpus import generate
-from study.falsify.climb import Candidate, SearchSettings, Violation, climb
+from study.falsify.climb import SearchCandidate, SearchSettings, Violation, climb
 from study.falsify.evaluate import Subject
 from study.falsify.properties import Evaluation
 from tests.unit.study.falsify.outcomes import STUCK
@@ -52,5 +52,5 @@ def evaluation_of(kind: str) -> Evaluation:
 
 def violation_of(letter: str, kind: str) -> Violation:
     """Return a violation in a wedge."""
-    candidate = Candidate("wedge", {"seed": 3.0})
+    candidate = SearchCandidate("wedge", {"seed": 3.0})
     return Violation(letter=letter, candidate=candidate, evaluation=evaluation_of(kind))

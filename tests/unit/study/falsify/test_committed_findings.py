@@ -8,7 +8,7 @@ from _pytest.mark.structures import ParameterSet
 
 import study.falsify
 from plant.shortest_path import shortest_path_m
-from study.falsify.findings import read
+from study.falsify.findings import read_finding
 from study.falsify.properties import LETTERS
 from study.falsify.shrink import walls_in
 from tests.support.each import each
@@ -52,7 +52,7 @@ def row_of(file: Path) -> ParameterSet:
 
 @each("file", EVERY)
 def test_finding_states_its_property_and_its_shortest_way(file: Path) -> None:
-    finding = read(file)
+    finding = read_finding(file)
     assert finding.letter in LETTERS
     assert finding.sentence.endswith(".")
     length_m = shortest_path_m(finding.world)
@@ -67,7 +67,11 @@ def test_every_finding_is_in_a_folder_that_is_tested() -> None:
 
 def test_each_letter_and_kind_has_a_quick_drive() -> None:
     quick, slow = (
-        {(one.letter, one.kind) for one in map(read, EVERY) if (one.world.name in SLOW) is which}
+        {
+            (one.letter, one.kind)
+            for one in map(read_finding, EVERY)
+            if (one.world.name in SLOW) is which
+        }
         for which in (False, True)
     )
     assert slow <= quick
@@ -75,14 +79,14 @@ def test_each_letter_and_kind_has_a_quick_drive() -> None:
 
 @pytest.mark.parametrize("file", [row_of(file) for file in FIXED])
 def test_fixed_finding_does_not_fail_again(file: Path) -> None:
-    finding = read(file)
+    finding = read_finding(file)
     assert finding.fixed, "the line '# fixed: ' with the subject of the commit is missing"
     assert not set(finding.replay().violated) & {finding.letter, "b", "c"}, finding.sentence
 
 
 @pytest.mark.parametrize("file", [row_of(file) for file in (*PAPER, *OPEN)])
 def test_failing_finding_ends_as_its_file_states(file: Path) -> None:
-    stored, now = read(file), renewed(file)
+    stored, now = read_finding(file), renewed(file)
     assert now is not None, "it holds now: move the file to fixed/"
     assert (now.kind, now.sentence, now.world.name) == (stored.kind, stored.sentence, file.stem), (
         "run `python -m verification.findings`"
@@ -93,11 +97,11 @@ def test_failing_finding_ends_as_its_file_states(file: Path) -> None:
 
 @each(("navigator", "side"), [("bug", "left"), ("bug", "right"), ("vgm", "left")])
 def test_paper_method_has_a_counterexample_of_three_walls(navigator: str, side: str) -> None:
-    subjects = [one.subject for one in map(read, PAPER) if walls_in(one.world) <= 3]
+    subjects = [one.subject for one in map(read_finding, PAPER) if walls_in(one.world) <= 3]
     assert (navigator, side) in {(one.navigator, one.side) for one in subjects}
     assert len(subjects) == len(PAPER)
 
 
 def test_five_classes_of_failure_are_known() -> None:
-    known = {(one.letter, one.world.family, one.kind) for one in map(read, (*OPEN, *FIXED))}
+    known = {(one.letter, one.world.family, one.kind) for one in map(read_finding, (*OPEN, *FIXED))}
     assert len(known) >= 5

@@ -14,7 +14,7 @@ from runtime.errors import UserError
 from study.falsify.evaluate import Monitor, Subject, evaluate, kind_of
 from study.falsify.findings import SearchProgress, finding_of, picture, sentence_of
 from study.falsify.properties import LETTERS
-from study.falsify.search import Budget, Search
+from study.falsify.search import Search, SearchBudget
 from study.runner.workers import workers
 from tests.support.each import each
 from tests.unit.study.falsify.examples import evaluation_of, search_of
@@ -88,7 +88,7 @@ def test_death_of_a_worker_is_an_error_with_advice(tmp_path: Path) -> None:
     search = Search(search_of("vgm"), tmp_path, SearchProgress(), lambda: 0.0)
     with workers(1, None) as pool:
         search.running[pool.executor.submit(os._exit, 1)] = "class"
-        steps = search.run(pool, Budget(trials=0))
+        steps = search.run(pool, SearchBudget(trials=0))
         with pytest.raises(UserError, match="a worker process died"):
             list(steps)
 

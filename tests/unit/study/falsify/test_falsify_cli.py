@@ -9,7 +9,7 @@ import pytest
 
 from runtime.errors import UserError
 from study.cli.falsify import files_of, main, parser
-from study.falsify.findings import ClassRecord, finding_of, near, read
+from study.falsify.findings import ClassRecord, finding_of, near, read_finding
 from study.falsify.search import Search
 from study.runner import workers
 from tests.support.each import each
@@ -102,7 +102,7 @@ def test_replay_tells_violations_from_repaired_ones(
     file.write_text(finding_of(settings.subject, "a", violation.evaluation, 400.0, "one").text())
     assert main(["vgm", "--replay", str(tmp_path)]) == 1
     assert capsys.readouterr().out == f"violates a {file}: {violation.evaluation.kind}\n"
-    assert read(file).replay().kind == violation.evaluation.kind
+    assert read_finding(file).replay().kind == violation.evaluation.kind
 
 
 def test_replay_from_near_starts_counts_the_drives_that_fail(

@@ -13,7 +13,7 @@ from plant.model.types import Circle, GoalPose, Obstacle, Polyline, Start, World
 from protocol.wire.messages import GroundTruth
 from robot.core.navigators.memory import proof as proofs
 from study.falsify.evaluate import Monitor, Subject, evaluate, nearest_thing, sonar_towards
-from study.falsify.findings import read, sentence_of
+from study.falsify.findings import read_finding, sentence_of
 from study.falsify.properties import Evaluation
 from study.trial.core_loop import CoreLoop
 from tests.support.each import each
@@ -51,7 +51,7 @@ def truth_at(x_m: float, y_m: float, heading_rad: float = 0.0, time_s: float = 0
 @cache
 def contact() -> Evaluation:
     """Drive the paper's Bug into the end of a wall that it sees too late."""
-    finding = read(FIXED / "c-symmetric_trap-contact-passing.toml")
+    finding = read_finding(FIXED / "c-symmetric_trap-contact-passing.toml")
     subject = replace(finding.subject, navigator="bug")
     return replace(finding, subject=subject, limit_s=30.0).replay()
 

@@ -9,13 +9,13 @@ from plant.corpus.generate import ADVERSARIAL_MARGIN_M
 from plant.model.configuration import body_of
 from plant.model.types import Polyline
 from runtime.errors import UserError
-from study.falsify.findings import MAX_SHIFT_M, MAX_TURN_RAD, Finding, near, read
+from study.falsify.findings import MAX_SHIFT_M, MAX_TURN_RAD, Finding, near, read_finding
 
 WORLDS = Path(__file__).parents[4] / "study" / "falsify" / "worlds"
 
 
 def finding() -> Finding:
-    return read(WORLDS / "fixed" / "b-wedge-claim.toml")
+    return read_finding(WORLDS / "fixed" / "b-wedge-claim.toml")
 
 
 def test_starts_differ_a_little_and_are_drawn_again_alike() -> None:

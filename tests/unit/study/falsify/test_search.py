@@ -13,8 +13,15 @@ import pytest
 from runtime.errors import UserError
 from study.falsify import search as searches
 from study.falsify.climb import Climb, SearchSettings, Violation
-from study.falsify.findings import SearchProgress, finding_of, opened, read, save, settings_json
-from study.falsify.search import Budget, Search, SearchLine, Shrunk
+from study.falsify.findings import (
+    SearchProgress,
+    finding_of,
+    open_search,
+    read_finding,
+    save_progress,
+    settings_json,
+)
+from study.falsify.search import Search, SearchBudget, SearchLine, Shrunk
 from study.runner.workers import InPlace, Workers
 from tests.unit.study.falsify.examples import evaluation_of, search_of, violation_of
 
@@ -45,9 +52,9 @@ def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
 def run(directory: Path, trials: int, jobs: int = 1) -> SearchProgress:
     clock: Iterator[int] = count()
     wanted = settings_json(SETTINGS, "code")
-    with opened(directory, wanted) as progress:
+    with open_search(directory, wanted) as progress:
         search = Search(SETTINGS, directory, progress, lambda: float(next(clock)))
-        for _ in search.run(Workers(InPlace(), lambda: jobs), Budget(trials=trials)):
+        for _ in search.run(Workers(InPlace(), lambda: jobs), SearchBudget(trials=trials)):
             pass
         search.save()
     return progress
@@ -90,7 +97,7 @@ def test_class_that_was_not_shrunk_is_shrunk_later(tmp_path: Path) -> None:
     directory = tmp_path / "out"
     progress = run(directory, 60)
     progress.classes["a-wedge-blocked"].sentence = ""
-    save(directory, progress)
+    save_progress(directory, progress)
     (directory / "a-wedge-blocked.toml").unlink()
     # Only the climb that found it first is repeated.
     assert run(directory, 60).classes["a-wedge-blocked"].sentence
@@ -99,11 +106,13 @@ def test_class_that_was_not_shrunk_is_shrunk_later(tmp_path: Path) -> None:
 
 def test_search_ends_when_its_time_is_used_up(tmp_path: Path) -> None:
     clock = count(0, 10)
-    with opened(tmp_path / "out", settings_json(SETTINGS, "code")) as progress:
+    with open_search(tmp_path / "out", settings_json(SETTINGS, "code")) as progress:
         search = Search(SETTINGS, tmp_path / "out", progress, lambda: float(next(clock)))
-        steps = sum(1 for _ in search.run(Workers(InPlace(), lambda: 1), Budget(span_s=300.0)))
+        steps = sum(
+            1 for _ in search.run(Workers(InPlace(), lambda: 1), SearchBudget(span_s=300.0))
+        )
     assert 1 <= steps < 30
-    assert search.is_over(Budget(span_s=progress.spent_s))
+    assert search.is_over(SearchBudget(span_s=progress.spent_s))
     assert progress.climbs < 30
 
 
@@ -112,7 +121,7 @@ def test_directory_of_another_search_is_refused(tmp_path: Path) -> None:
     other = settings_json(search_of("bug", "ab"), "code")
     with (
         pytest.raises(UserError, match="another search \\(navigator differ"),
-        opened(tmp_path, other),
+        open_search(tmp_path, other),
     ):
         pass
 
@@ -125,7 +134,7 @@ def test_directory_with_other_files_is_refused(tmp_path: Path) -> None:
 
 def test_directory_in_use_is_refused(tmp_path: Path) -> None:
     wanted = settings_json(SETTINGS, "code")
-    with opened(tmp_path, wanted), pytest.raises(UserError, match="writing there"):
+    with open_search(tmp_path, wanted), pytest.raises(UserError, match="writing there"):
         run(tmp_path, 10)
 
 
@@ -140,7 +149,7 @@ def test_finding_is_the_same_from_its_file(tmp_path: Path) -> None:
     finding = finding_of(SETTINGS.subject, "a", evaluation_of("blocked"), 60.0, "found")
     file = tmp_path / "found.toml"
     file.write_text(finding.text())
-    assert read(file) == finding
+    assert read_finding(file) == finding
     assert file.read_text().splitlines()[0].startswith("# vgm ends (has not moved")
 
 
@@ -149,13 +158,13 @@ def test_world_file_without_a_recipe_is_no_finding(tmp_path: Path) -> None:
     file = tmp_path / "found.toml"
     file.write_text(finding.text().replace("falsify:", "other:"))
     with pytest.raises(UserError, match="is no finding"):
-        read(file)
+        read_finding(file)
 
 
 def test_progress_line_shows_classes_and_time_left(tmp_path: Path) -> None:
-    with opened(tmp_path / "out", settings_json(SETTINGS, "code")) as progress:
+    with open_search(tmp_path / "out", settings_json(SETTINGS, "code")) as progress:
         search = Search(SETTINGS, tmp_path / "out", progress, lambda: 60.0)
-        budget = Budget(span_s=120.0)
+        budget = SearchBudget(span_s=120.0)
         search.started_s = 0.0
         progress.trials, progress.climbs, progress.simulated_s = 30, 4, 7200.0
         line = SearchLine(search, budget, sys.stderr, lambda: 60.0).line()
@@ -175,7 +184,7 @@ def test_climbs_in_flight_follow_the_threads_of_the_workers(
     monkeypatch.setattr(searches, "REFRESH_S", 0.0)
     search = Search(SETTINGS, tmp_path, SearchProgress(), lambda: 0.0)
     threads = iter([*[6] * 13, *[9] * 7])
-    steps = search.run(Workers(Endless(), lambda: next(threads)), Budget(span_s=1.0))
+    steps = search.run(Workers(Endless(), lambda: next(threads)), SearchBudget(span_s=1.0))
     next(steps)
     assert len(search.running) == 12
     next(steps)  # more workers have joined

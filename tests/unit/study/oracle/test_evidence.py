@@ -12,9 +12,9 @@ from study.oracle.grid_map import (
     MOST_MANY,
     PASSED,
     SURE,
-    Evidence,
+    CellEvidence,
     take,
-    update,
+    update_evidence,
 )
 from tests.support.each import each
 
@@ -22,8 +22,8 @@ RADIUS_MM = 120
 AHEAD_MM = 100 + RADIUS_MM
 
 
-def grid() -> Evidence:
-    return Evidence(-200, -200, 400, 400)
+def grid() -> CellEvidence:
+    return CellEvidence(-200, -200, 400, 400)
 
 
 def ring_with(ranges: dict[int, float | None], other: float | None = None) -> Ring:
@@ -32,15 +32,15 @@ def ring_with(ranges: dict[int, float | None], other: float | None = None) -> Ri
     return ring
 
 
-def at(evidence: Evidence, x_mm: int, y_mm: int) -> int:
+def at(evidence: CellEvidence, x_mm: int, y_mm: int) -> int:
     return int(evidence.score[evidence.index(x_mm, y_mm)])
 
 
 def test_near_echo_is_certain_after_two_looks() -> None:
     evidence, ring = grid(), ring_with({3: 0.10})
-    update(evidence, 0, 0, 128, ring, RADIUS_MM)
+    update_evidence(evidence, 0, 0, 128, ring, RADIUS_MM)
     assert MAYBE <= at(evidence, AHEAD_MM, 0) < SURE
-    update(evidence, 0, 0, 128, ring, RADIUS_MM)
+    update_evidence(evidence, 0, 0, 128, ring, RADIUS_MM)
     assert at(evidence, AHEAD_MM, 0) >= SURE
     assert at(evidence, AHEAD_MM - 60, 0) < 0
 
@@ -48,7 +48,7 @@ def test_near_echo_is_certain_after_two_looks() -> None:
 def test_far_echo_stays_doubtful() -> None:
     evidence, ring = grid(), ring_with({3: 1.2})
     for _ in range(30):
-        update(evidence, 0, 0, 128, ring, RADIUS_MM)
+        update_evidence(evidence, 0, 0, 128, ring, RADIUS_MM)
     assert at(evidence, 1200 + RADIUS_MM, 0) == MOST_MANY
     assert MOST_MANY < SURE
 
@@ -56,24 +56,24 @@ def test_far_echo_stays_doubtful() -> None:
 def test_longer_echo_clears_what_was_occupied() -> None:
     evidence = grid()
     for _ in range(4):
-        update(evidence, 0, 0, 128, ring_with({3: 0.10}), RADIUS_MM)
+        update_evidence(evidence, 0, 0, 128, ring_with({3: 0.10}), RADIUS_MM)
     assert at(evidence, AHEAD_MM, 0) >= SURE
     for _ in range(30):
-        update(evidence, 0, 0, 128, ring_with({3: inf}), RADIUS_MM)
+        update_evidence(evidence, 0, 0, 128, ring_with({3: inf}), RADIUS_MM)
     assert at(evidence, AHEAD_MM, 0) == LEAST_NEAR
 
 
 def test_one_lost_echo_does_not_clear_a_wall() -> None:
     evidence = grid()
     for _ in range(4):
-        update(evidence, 0, 0, 128, ring_with({3: 0.10}), RADIUS_MM)
-    update(evidence, 0, 0, 128, ring_with({3: inf}), RADIUS_MM)
+        update_evidence(evidence, 0, 0, 128, ring_with({3: 0.10}), RADIUS_MM)
+    update_evidence(evidence, 0, 0, 128, ring_with({3: inf}), RADIUS_MM)
     assert at(evidence, AHEAD_MM, 0) >= SURE
 
 
 def test_missing_measurement_changes_nothing() -> None:
     evidence = grid()
-    cells, before = update(evidence, 0, 0, 0, ring_with({}), RADIUS_MM)
+    cells, before = update_evidence(evidence, 0, 0, 0, ring_with({}), RADIUS_MM)
     assert not evidence.score.any()
     assert len(cells) == len(before) == 0
 
@@ -100,9 +100,9 @@ def test_arc_of_free_cells_is_doubted() -> None:
 @each("heading", [0, 700, -3000, 9000])
 def test_cells_are_reported_once_with_their_score_before(heading: int) -> None:
     evidence, ring = grid(), ring_with({1: 0.2, 4: 0.3, 6: 0.05}, inf)
-    update(evidence, 30, 50, heading, ring, RADIUS_MM)
+    update_evidence(evidence, 30, 50, heading, ring, RADIUS_MM)
     old = evidence.score.copy()
-    cells, before = update(evidence, 30, 50, heading, ring, RADIUS_MM)
+    cells, before = update_evidence(evidence, 30, 50, heading, ring, RADIUS_MM)
     assert len(set(cells.tolist())) == len(cells) > 0
     assert (old[cells] == before).all()
     changed = np.flatnonzero((old >= MAYBE) != (evidence.score >= MAYBE))

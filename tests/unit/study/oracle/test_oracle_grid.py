@@ -15,7 +15,7 @@ from robot.core.values import Goal, Pose
 from robot.parameters.table import OutOfRangeError
 from study.oracle.grid_map import GridMap
 from study.oracle.names import ORACLE_GRID
-from study.oracle.oracle_grid import Memory, away_from_flank, registered, step
+from study.oracle.oracle_grid import OracleMemory, away_from_flank, registered, step
 from study.trial.trial import Trial, run_trial
 from tests.support.each import each
 from tests.unit.study.oracle.test_evidence import ring_with
@@ -81,7 +81,7 @@ def test_map_grows_where_the_robot_drives() -> None:
 
 
 def test_robot_that_is_held_up_marks_the_place_ahead() -> None:
-    memory, goal = Memory(), Goal(2.0, 0.0, None, 0.05, 0.05)
+    memory, goal = OracleMemory(), Goal(2.0, 0.0, None, 0.05, 0.05)
     ring = ring_with({}, inf)
     for _ in range(80):
         step(memory, Pose(0.0, 0.0, 0.0), ring, goal, DEFAULTS)
@@ -91,7 +91,7 @@ def test_robot_that_is_held_up_marks_the_place_ahead() -> None:
 
 
 def test_new_goal_begins_with_an_empty_map() -> None:
-    memory, ring = Memory(), ring_with({3: 0.1, 4: 0.1}, inf)
+    memory, ring = OracleMemory(), ring_with({3: 0.1, 4: 0.1}, inf)
     for _ in range(9):
         step(memory, Pose(0.0, 0.0, 0.0), ring, Goal(2.0, 0.0, None, 0.05, 0.05), DEFAULTS)
     assert memory.grid is not None

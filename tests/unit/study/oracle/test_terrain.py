@@ -9,7 +9,7 @@ from study.oracle.grid_map import (
     FREE,
     MOST,
     SURE,
-    Evidence,
+    CellEvidence,
     Terrain,
     change,
     price_all,
@@ -19,8 +19,8 @@ from study.oracle.grid_map import (
 SIDE = 100
 
 
-def grid() -> Evidence:
-    return Evidence(0, 0, SIDE, SIDE)
+def grid() -> CellEvidence:
+    return CellEvidence(0, 0, SIDE, SIDE)
 
 
 def costs(terrain: Terrain) -> list[list[int]]:

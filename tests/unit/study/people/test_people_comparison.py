@@ -6,24 +6,30 @@ from math import inf, isclose, pi
 import pytest
 
 from study.people.__main__ import BEGIN, END, to_json, with_tables
-from study.people.comparison import Comparison, contact_table, navigator_table, origin_table, pooled
-from study.people.crowd_trial import CrowdTrial, Series, Stay, WorldResult, run_world
-from study.people.encounters import Contact, Exposure
+from study.people.comparison import (
+    CrowdComparison,
+    contact_table,
+    navigator_table,
+    origin_table,
+    pooled,
+)
+from study.people.crowd_trial import CrowdTrial, Stay, TrialSeries, WorldResult, run_world
+from study.people.encounters import Exposure, PersonContact
 from tests.support.each import each
 
 BUG, MEMORY = "bug:right", "vgm_memory:left"
-SERIES = Series("crowd", "default", 5, 4, (BUG, MEMORY))
+SERIES = TrialSeries("crowd", "default", 5, 4, (BUG, MEMORY))
 HOUR_TICKS = 72_000
 EXPOSURE = Exposure(HOUR_TICKS, HOUR_TICKS, HOUR_TICKS // 10, HOUR_TICKS // 20, 1.5)
 
 
 def contact(
     bearing_rad: float, speed_m_s: float, yaw_rad_s: float, tracked_s: float, person_m_s: float
-) -> Contact:
-    return Contact(1.0, 0, bearing_rad, speed_m_s, yaw_rad_s, tracked_s, person_m_s)
+) -> PersonContact:
+    return PersonContact(1.0, 0, bearing_rad, speed_m_s, yaw_rad_s, tracked_s, person_m_s)
 
 
-def trial(touched: bool, standing: float, own: int = 0, *contacts: Contact) -> CrowdTrial:
+def trial(touched: bool, standing: float, own: int = 0, *contacts: PersonContact) -> CrowdTrial:
     return CrowdTrial(not touched, touched, own, standing, EXPOSURE, contacts)
 
 
@@ -32,8 +38,8 @@ def result(*trials: CrowdTrial, blocked: bool = False) -> WorldResult:
     return WorldResult({BUG: trials, MEMORY: trials}, blocked, stays, None if blocked else EXPOSURE)
 
 
-def comparison(*results: WorldResult) -> Comparison:
-    return Comparison((SERIES,), MEMORY, results)
+def comparison(*results: WorldResult) -> CrowdComparison:
+    return CrowdComparison((SERIES,), MEMORY, results)
 
 
 def test_comparison_counts_trials_and_rates() -> None:
@@ -79,7 +85,7 @@ def test_pooled_comparison_has_the_worlds_of_both() -> None:
 
 def test_tables_have_equal_columns_in_every_row() -> None:
     found = comparison(result(trial(True, 0.5)), result(trial(False, 0.5), blocked=True))
-    rows = [Comparison((SERIES,), BUG, found.results), found]
+    rows = [CrowdComparison((SERIES,), BUG, found.results), found]
     for table in (contact_table(rows), navigator_table(rows), origin_table(rows)):
         lines = table.splitlines()
         assert len({line.count("|") for line in lines}) == 1
@@ -124,7 +130,7 @@ def test_json_counts_the_baselines_per_trial() -> None:
         result(trial(True, 0.75, 1), trial(False, 0.75), blocked=True),
         result(trial(False, 0.25), trial(False, 0.25)),
     )
-    found = Comparison((series,), MEMORY, results)
+    found = CrowdComparison((series,), MEMORY, results)
     (counts,) = json.loads(to_json([found], []))["crowds"]
     assert counts == {
         "family": "crowd",
@@ -140,7 +146,7 @@ def test_json_counts_the_baselines_per_trial() -> None:
 
 
 def test_world_is_driven_by_each_navigator_with_its_baselines() -> None:
-    series = Series("crowd", "none", 7, 1, ("bug2:left", MEMORY), is_exposed=True)
+    series = TrialSeries("crowd", "none", 7, 1, ("bug2:left", MEMORY), is_exposed=True)
     found = run_world(series, 0)
     assert [len(trials) for trials in found.trials.values()] == [1, 1]
     (one,) = found.trials[MEMORY]

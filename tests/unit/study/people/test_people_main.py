@@ -8,7 +8,7 @@ import pytest
 
 from study.people import __main__ as command
 from study.people.__main__ import BEGIN, CONTACTS, END, NAVIGATORS
-from study.people.crowd_trial import Series
+from study.people.crowd_trial import TrialSeries
 from tests.support.docs.session import ROOT
 
 MARKS = ("contacts", "crowd", "crowd_hasty", "origins")
@@ -54,7 +54,7 @@ def test_unknown_navigator_is_refused(capsys: pytest.CaptureFixture[str]) -> Non
 
 
 def test_series_of_one_world_runs_once_for_each_navigator() -> None:
-    series = Series("crowd", "none", 7, 1, ("bug2:left", "vgm_memory:left"), is_exposed=True)
+    series = TrialSeries("crowd", "none", 7, 1, ("bug2:left", "vgm_memory:left"), is_exposed=True)
     with ThreadPool(1) as workers:
         first, second = command.run(workers, series)
     assert (first.navigator, second.navigator) == series.navigators

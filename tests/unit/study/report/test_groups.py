@@ -3,7 +3,7 @@
 from plant.corpus import ADVERSARIAL_FAMILIES, CROWD_FAMILIES, FAMILIES, GRID_FAMILIES
 from study.cli.report import summary_of
 from study.report.build import ReportRequest, page_of
-from study.report.page import markdown
+from study.report.page import markdown_of
 from study.report.trials import (
     ADVERSARIAL,
     CORPUS,
@@ -55,9 +55,9 @@ def test_groups_apart_do_not_change_the_figures_of_the_corpus() -> None:
 
 def test_page_marks_adversarial_worlds() -> None:
     page = page_of(table_of([row(), row(family="comb")]), ReportRequest(failures=0))
-    text = markdown(page, "f")
+    text = markdown_of(page, "f")
     before, _, after = text.partition("## Worlds apart from the corpus")
     assert "comb" not in before.partition("Verdict")[2]
     assert "### Adversarial worlds\n\n**Adversarial**" in after
-    plain = markdown(page_of(table_of([row()]), ReportRequest(failures=0)), "f")
+    plain = markdown_of(page_of(table_of([row()]), ReportRequest(failures=0)), "f")
     assert "Worlds apart" not in plain

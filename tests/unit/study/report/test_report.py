@@ -11,7 +11,7 @@ import pytest
 
 from plant.model.types import World
 from runtime.errors import UserError
-from study.cli.report import main, write
+from study.cli.report import main, write_files
 from study.report.build import ReportRequest
 from study.report.charts.charts import SvgDrawing
 from study.report.drives import PaperRuns
@@ -19,12 +19,12 @@ from study.report.page import (
     CodeBlock,
     PageCell,
     PageFigure,
+    PageSection,
     PageTable,
     Paragraph,
     ReportPage,
-    Section,
-    html,
-    markdown,
+    html_of,
+    markdown_of,
 )
 from study.runner.store import SCHEMA, commands_of, compact, table_of, write_table
 from tests.support.study.made import floor
@@ -87,7 +87,7 @@ def checked(page: str) -> Checker:
 
 def written(table: pa.Table, directory: Path, request: ReportRequest = ASKED) -> str:
     """Write a report, check what holds for every report, and return its HTML."""
-    files = write(table, directory, request)
+    files = write_files(table, directory, request)
     assert all(file.exists() for file in files)
     page = (directory / "report.html").read_text()
     checked(page)
@@ -118,7 +118,7 @@ def test_report_has_every_section(tmp_path: Path) -> None:
 
 def test_equal_tables_give_equal_bytes(tmp_path: Path) -> None:
     for name in "ab":
-        write(study(), tmp_path / name, ASKED)
+        write_files(study(), tmp_path / name, ASKED)
     files = sorted(file.relative_to(tmp_path / "a") for file in (tmp_path / "a").rglob("*.*"))
     assert len(files) > 8
     for file in files:
@@ -175,9 +175,9 @@ def test_names_like_markup_are_escaped(tmp_path: Path) -> None:
 
 
 def test_old_figures_are_removed(tmp_path: Path) -> None:
-    write(study(), tmp_path, ASKED)
+    write_files(study(), tmp_path, ASKED)
     before = {file.name for file in (tmp_path / "figures").iterdir()}
-    write(study(failing=False), tmp_path, ASKED)
+    write_files(study(failing=False), tmp_path, ASKED)
     after = {file.name for file in (tmp_path / "figures").iterdir()}
     assert "failure-01.svg" in before
     assert "failure-01.svg" not in after
@@ -187,7 +187,7 @@ def test_old_figures_are_removed(tmp_path: Path) -> None:
 def test_unwritable_directory_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(UserError, match="file"):
-        write(study(), tmp_path / "file", ASKED)
+        write_files(study(), tmp_path / "file", ASKED)
 
 
 def test_command_writes_report_and_updates_readme(
@@ -244,14 +244,14 @@ def test_every_block_renders_as_html_and_markdown() -> None:
         table,
         figure,
     )
-    page = ReportPage("T & U", (Paragraph("lead"),), (Section("S one", blocks),))
-    made = html(page)
+    page = ReportPage("T & U", (Paragraph("lead"),), (PageSection("S one", blocks),))
+    made = html_of(page)
     checked(made)
     assert "<code>c</code> &amp; <strong>s</strong>" in made
     assert "a &lt; b" in made
     assert "background:rgba(var(--cool),0.40)" in made
     assert '<a href="#s-one">' in made
-    text = markdown(page, "f")
+    text = markdown_of(page, "f")
     assert "![says (so)](f/one.svg)" in text
     assert "| x\\|y | **1** |" in text
     assert "```sh\na < b\n```" in text
@@ -270,7 +270,7 @@ def test_figures_and_tables_are_numbered_in_the_order_of_the_page(tmp_path: Path
 def test_a_long_table_is_folded_and_a_short_one_is_not() -> None:
     def shown(rows: int) -> str:
         table = PageTable("caption", ("a", "b"), tuple(("x", "1") for _ in range(rows)))
-        return html(ReportPage("title", (), (Section("s", (table,)),)))
+        return html_of(ReportPage("title", (), (PageSection("s", (table,)),)))
 
     assert "<details>" not in shown(16)
     assert "<summary>caption (17 rows)</summary>" in shown(17)

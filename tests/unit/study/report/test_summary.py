@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.errors import UserError
-from study.cli.report import BEGIN, END, block, lines_of, summary_of, update, with_block
+from study.cli.report import BEGIN, END, block, lines_of, summary_of, update_readme, with_block
 from study.intervals import Interval, Share
 from study.report.build import ReportRequest
 from study.report.page import interval, number, percent, probability, share
@@ -88,11 +88,11 @@ def test_update_writes_the_block_of_the_summary(tmp_path: Path) -> None:
     readme, summary = tmp_path / "README.md", tmp_path / "summary.json"
     readme.write_text(f"{BEGIN}\n{END}\n")
     summary.write_text(json.dumps(summary_of(study(), ReportRequest())))
-    update(readme, summary)
+    update_readme(readme, summary)
     assert "66 trials in 11 worlds of 6 families" in readme.read_text()
     summary.unlink()
     with pytest.raises(UserError, match=r"summary\.json: No such file"):
-        update(readme, summary)
+        update_readme(readme, summary)
 
 
 def test_readme_agrees_with_the_committed_study() -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from study.falsify.findings import read
+from study.falsify.findings import read_finding
 from verification.findings import WORLDS
 from verification.site import findings_page
 
@@ -17,7 +17,7 @@ def test_page_shows_the_findings_in_the_tree() -> None:
     for file in WORLDS.rglob("*.toml"):
         assert f"findings/{file.parent.name}/{file.stem}.svg" in page
         assert file.with_suffix(".svg").exists()
-        assert read(file).sentence in page
+        assert read_finding(file).sentence in page
 
 
 def test_tables_are_written_between_their_marks(tmp_path: Path) -> None:
@@ -34,7 +34,9 @@ def test_tables_are_written_between_their_marks(tmp_path: Path) -> None:
 
 
 def test_findings_of_the_first_search_are_marked_and_counted() -> None:
-    findings = [read(file) for name in ("open", "fixed") for file in WORLDS.glob(f"{name}/*.toml")]
+    findings = [
+        read_finding(file) for name in ("open", "fixed") for file in WORLDS.glob(f"{name}/*.toml")
+    ]
     marked = [one for one in findings if findings_page.found_by(one).startswith("*first*")]
     assert 0 < len(marked) < len(findings)
     assert f"found {len(marked)} of these classes" in findings_page.tables(WORLDS)

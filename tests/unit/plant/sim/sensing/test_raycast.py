@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plant.model.geometry import Pose, Scene, clearance_m, still
+from plant.model.geometry import Pose, StaticScene, clearance_m, still
 from plant.model.types import Circle, Obstacle, Polygon, Polyline
 from plant.sim.sonar import ORDER, RAYS_PER_SONAR, SONARS, Caster, ray_bearings_rad
 from tests.support.plant.rooms import room
 
-NOTHING = Scene((), ())
+NOTHING = StaticScene((), ())
 AHEAD_RIGHT, AHEAD_LEFT = 3, 4
 ROUNDED_M = 2e-5
 """Places are rounded to 8 micrometres, directions to 15 nanoradians."""
@@ -67,12 +67,14 @@ def test_ranges_to_room_walls_match_geometry() -> None:
 
 def test_range_to_a_disc_on_the_ray_is_to_its_rim() -> None:
     heading_rad = -radians(2.25)  # one ray of the cone ahead to the left looks along x
-    seen = seen_m(Caster(Scene(((2.0, 0.0, 0.5),), ()), 10.0, pi / 2), (0.0, 0.0, heading_rad))
+    seen = seen_m(
+        Caster(StaticScene(((2.0, 0.0, 0.5),), ()), 10.0, pi / 2), (0.0, 0.0, heading_rad)
+    )
     assert seen[AHEAD_LEFT] == pytest.approx(1.5, abs=ROUNDED_M)
 
 
 def test_ray_beside_the_centre_meets_the_flank_of_a_disc() -> None:
-    scene = Scene(((2.0, 0.0, 0.5),), ())
+    scene = StaticScene(((2.0, 0.0, 0.5),), ())
     seen = seen_m(Caster(scene, 10.0, pi / 2), (0.0, 0.0, 0.0))
     away_m = 2.0 * cos(INNERMOST_RAD) - sqrt(0.25 - (2.0 * sin(INNERMOST_RAD)) ** 2)
     assert seen[AHEAD_LEFT] == seen[AHEAD_RIGHT] == pytest.approx(away_m, abs=ROUNDED_M)
@@ -166,7 +168,7 @@ def test_no_ray_slips_between_the_walls_of_a_closed_room(
 
 @given(st.floats(-80.0, 80.0), st.floats(5.0, 85.0))
 def test_wall_returns_an_echo_only_at_steep_incidence(bearing_deg: float, limit_deg: float) -> None:
-    caster = Caster(Scene((), (_facing(bearing_deg),)), 30.0, radians(limit_deg))
+    caster = Caster(StaticScene((), (_facing(bearing_deg),)), 30.0, radians(limit_deg))
     seen = seen_m(caster, (0.0, 0.0, 0.0))
     for sonar in range(SONARS):
         steepest_rad = min(abs(ray - radians(bearing_deg)) for ray in cone_rays_rad(sonar))
@@ -190,7 +192,7 @@ def _facing(bearing_deg: float) -> tuple[float, float, float, float]:
 
 
 def test_disc_returns_an_echo_only_at_steep_incidence() -> None:
-    disc = Scene(((1.0, 0.0, 0.3),), ())
+    disc = StaticScene(((1.0, 0.0, 0.3),), ())
     aside_rad = asin(0.3 * sin(radians(45.0)))  # this ray meets the disc at 45 degrees
     for limit_deg, met in ((44.0, False), (46.0, True)):
         heading_rad = -cone_rays_rad(7)[-1] - aside_rad  # only the last ray of all looks there
@@ -199,7 +201,7 @@ def test_disc_returns_an_echo_only_at_steep_incidence() -> None:
 
 
 def test_grazed_wall_still_hides_shapes_behind_it() -> None:
-    hidden = Scene(((3.0, 0.0, 0.5),), (_facing(60.0),))
+    hidden = StaticScene(((3.0, 0.0, 0.5),), (_facing(60.0),))
     seen = seen_m(Caster(hidden, 9.0, radians(20.0)), (0.0, 0.0, 0.0))
     assert seen[AHEAD_LEFT] == seen[AHEAD_RIGHT] == inf
 
@@ -219,7 +221,7 @@ def test_moving_disc_is_seen_at_its_position_of_each_ping() -> None:
     here = (0.0, 0.0, 0.0)
     seen = in_turn(caster.cast(here, here, ([(2.0, 0.0, 0.5)], [(2.2, 0.0, 0.5)])))
     for sonar, at_m in ((AHEAD_LEFT, 2.0), (AHEAD_RIGHT, 2.2)):
-        still_one = Caster(Scene(((at_m, 0.0, 0.5),), ()), 10.0, pi / 2)
+        still_one = Caster(StaticScene(((at_m, 0.0, 0.5),), ()), 10.0, pi / 2)
         assert seen[sonar] == pytest.approx(seen_m(still_one, here)[sonar], abs=ROUNDED_M)
     assert seen_m(caster, here) == [inf] * 8
 
@@ -241,7 +243,7 @@ def test_grazed_moving_disc_gives_no_echo() -> None:
 def test_only_shapes_behind_or_out_of_range_are_skipped(poses: list[Pose]) -> None:
     """Compare a caster that moves with a new caster at each pose."""
     discs = tuple((0.5 * i, 2.0 + (-1.0) ** i, 0.2) for i in range(60))
-    scene = Scene(discs, still(room(size_m=(30.0, 4.0))).edges)
+    scene = StaticScene(discs, still(room(size_m=(30.0, 4.0))).edges)
     travelling = Caster(scene, 3.12, pi / 2)
     for pose in poses:
         x_m, y_m, _ = pose
@@ -257,7 +259,7 @@ def test_only_shapes_behind_or_out_of_range_are_skipped(poses: list[Pose]) -> No
 def test_slow_turn_and_short_motion_hide_no_shape(steps: list[tuple[float, float]]) -> None:
     """Steps this small mostly reuse the selection of shapes."""
     discs = tuple((2.0 + 0.6 * i, 2.0 + 0.6 * j, 0.1) for i in range(-4, 5) for j in range(-4, 5))
-    scene = Scene(discs, still(room(size_m=(4.0, 4.0))).edges)
+    scene = StaticScene(discs, still(room(size_m=(4.0, 4.0))).edges)
     travelling = Caster(scene, 3.12, pi / 2)
     along_m, heading_rad = 0.0, 0.0
     for way_m, turn_rad in steps:

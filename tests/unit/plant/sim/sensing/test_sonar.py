@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from plant.model.configuration import LEVELS, Body, Fault, Noise
 from plant.sim.active_faults import FaultSchedule, SonarFaults
-from plant.sim.sonar import ORDER, PING_AGE_US, Reading, Ring
+from plant.sim.sonar import ORDER, PING_AGE_US, SimulatedSonarRing, SonarReading
 from tests.support.each import each
 
 RIM_M = 0.12
@@ -22,8 +22,8 @@ def nearness(ranges_m: Sequence[float | None]) -> list[float]:
     return [0.0 if range_m is None else 1.0 / (range_m + RIM_M) for range_m in in_order]
 
 
-def ring(noise: Noise = NONE, seed: int = 1) -> Ring:
-    return Ring(Body(), noise, seed, 0)
+def ring(noise: Noise = NONE, seed: int = 1) -> SimulatedSonarRing:
+    return SimulatedSonarRing(Body(), noise, seed, 0)
 
 
 def trouble(*faults: Fault) -> SonarFaults:
@@ -32,18 +32,18 @@ def trouble(*faults: Fault) -> SonarFaults:
     return found
 
 
-def many(noise: Noise, range_m: float | None) -> list[Reading]:
+def many(noise: Noise, range_m: float | None) -> list[SonarReading]:
     one = ring(noise)
     return [one.read(nearness([range_m] * 8), None) for _ in range(SCANS)]
 
 
-def echoes_mm(readings: list[Reading]) -> list[int]:
+def echoes_mm(readings: list[SonarReading]) -> list[int]:
     return [reading.range_mm[i] for reading in readings for i in range(8) if reading.echo >> i & 1]
 
 
 def test_ranges_are_from_the_rim_in_sonar_order() -> None:
     reading = ring().read(nearness([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8]), None)
-    assert reading == Reading((100, 200, 300, 400, 500, 600, 700, 800), ALL, ALL)
+    assert reading == SonarReading((100, 200, 300, 400, 500, 600, 700, 800), ALL, ALL)
 
 
 def test_even_sonars_were_pinged_half_a_period_before_the_stamp() -> None:
@@ -95,7 +95,7 @@ def test_false_echoes_are_nearer_and_have_the_configured_rate() -> None:
 
 
 def test_readings_depend_only_on_the_seed() -> None:
-    def read(seed: int) -> Reading:
+    def read(seed: int) -> SonarReading:
         return ring(LEVELS["default"], seed).read(nearness([2.0] * 8), None)
 
     assert read(1) == read(1)
@@ -141,7 +141,7 @@ def test_sonar_with_an_offset_reads_too_far_or_too_near() -> None:
 
 def test_ring_without_any_echo_still_measures() -> None:
     lost = trouble(Fault("sonar_dropout", "all", value=1.0))
-    assert ring().read(nearness([1.0] * 8), lost) == Reading((0,) * 8, ALL, 0)
+    assert ring().read(nearness([1.0] * 8), lost) == SonarReading((0,) * 8, ALL, 0)
 
 
 def test_weak_sonar_loses_the_configured_share_of_echoes() -> None:

@@ -1,6 +1,6 @@
 """Failures are selected, run again and given with a command to repeat them."""
 
-from plant.model.errors import Problem, WorldError
+from plant.model.errors import WorldError, WorldProblem
 from plant.model.types import World
 from plant.world.file import load
 from runtime.errors import UserError
@@ -82,7 +82,7 @@ def test_reproduced_drive_has_no_warning() -> None:
     "error",
     [
         UserError("world_source: unknown"),
-        WorldError([Problem("gone.toml", None, "", "not there", "look")]),
+        WorldError([WorldProblem("gone.toml", None, "", "not there", "look")]),
         ValueError("no family"),
     ],
 )

@@ -19,7 +19,7 @@ from study.report.contact_kinds import (
     SINGLE,
     UNSEEN_AHEAD,
     UNSEEN_FOLLOWING,
-    Tick,
+    RecordedTick,
     Touched,
     kind_of,
     knowledge_of,
@@ -35,7 +35,7 @@ CHASER = person((-5.0, 0.0), (-RADIUS_M - 0.2, 0.0))
 AT_RIM, OUTSIDE = stored(RADIUS_M + 0.01), stored(RADIUS_M + 0.05)
 
 
-def every(*times_s: float, **changes: object) -> list[Tick]:
+def every(*times_s: float, **changes: object) -> list[RecordedTick]:
     return [tick(time_s, **changes) for time_s in times_s]
 
 
@@ -58,7 +58,9 @@ def every(*times_s: float, **changes: object) -> list[Tick]:
         (SIDE, [tick(9.9, branch=PASS_LEFT)], FLAT),
     ],
 )
-def test_kind_follows_from_what_was_known(place: Touched, before: list[Tick], kind: str) -> None:
+def test_kind_follows_from_what_was_known(
+    place: Touched, before: list[RecordedTick], kind: str
+) -> None:
     known = knowledge_of([*before, END], place, RADIUS_M)
     assert kind_of(place, known, before[-1].branch if before else TO_GOAL) == kind
 

@@ -14,8 +14,8 @@ from study.report.evidence import (
     BoardCost,
     BoardTick,
     CrowdResult,
-    Evidence,
     MapResult,
+    MeasuredEvidence,
     read_evidence,
 )
 from study.report.targets import ELSEWHERE, MET, MISSED, StudyTarget, targets
@@ -49,7 +49,7 @@ GRIDS: dict[str, Any] = {
 }
 
 
-def judged(evidence: Evidence, what: str, noise: str) -> StudyTarget:
+def judged(evidence: MeasuredEvidence, what: str, noise: str) -> StudyTarget:
     """Return the only target with this beginning at this noise level."""
     found = targets(trials(row()), evidence)
     (one,) = [one for one in found if one.what.startswith(what) and one.noise == noise]
@@ -58,26 +58,26 @@ def judged(evidence: Evidence, what: str, noise: str) -> StudyTarget:
 
 @each(("touched", "verdict"), [(155, MET), (156, MISSED)])
 def test_contacts_may_be_half_of_the_standing_robot_s(touched: int, verdict: str) -> None:
-    evidence = Evidence(crowds=(CrowdResult(**{**CROWD, "touched": touched}),))
+    evidence = MeasuredEvidence(crowds=(CrowdResult(**{**CROWD, "touched": touched}),))
     one = judged(evidence, "crowds: trials with any contact", "default")
     assert one.verdict == verdict
 
 
 def test_contacts_over_the_standing_robot_s_have_an_interval() -> None:
-    evidence = Evidence(crowds=(CrowdResult(**CROWD),))
+    evidence = MeasuredEvidence(crowds=(CrowdResult(**CROWD),))
     one = judged(evidence, "crowds: trials with any contact", "default")
     assert (one.measured, one.interval) == ("0.40 x (125 against 311 of 1000)", "[0.33, 0.49]")
 
 
 def test_other_crowds_and_navigators_do_not_count() -> None:
     others = ({"family": "crowd_hasty"}, {"navigator": "vgm"})
-    evidence = Evidence(crowds=tuple(CrowdResult(**{**CROWD, **one}) for one in others))
+    evidence = MeasuredEvidence(crowds=tuple(CrowdResult(**{**CROWD, **one}) for one in others))
     assert judged(evidence, "crowds: trials with any contact", "all").verdict == ELSEWHERE
 
 
 def test_published_grid_maps_have_arrivals_and_wrong_claims() -> None:
     calm = {"noise": "none", "arrived": 492, "lost": 0, "other": 0}
-    evidence = Evidence(maps=(MapResult(**{**GRIDS, **calm}), MapResult(**GRIDS)))
+    evidence = MeasuredEvidence(maps=(MapResult(**{**GRIDS, **calm}), MapResult(**GRIDS)))
     what = "arrives on published grid maps"
     assert judged(evidence, what, "none").verdict == MET
     noisy = judged(evidence, what, "default")
@@ -89,7 +89,9 @@ def test_published_grid_maps_have_arrivals_and_wrong_claims() -> None:
 @each(("score", "verdict"), [(0.48, MET), (0.4799, MISSED)])
 def test_each_scale_of_the_cylinders_has_a_score(score: float, verdict: str) -> None:
     barn = {**GRIDS, "maps": "BARN", "noise": "none", "score": score}
-    evidence = Evidence(maps=tuple(MapResult(**{**barn, "scale": each}) for each in (1.0, 0.75)))
+    evidence = MeasuredEvidence(
+        maps=tuple(MapResult(**{**barn, "scale": each}) for each in (1.0, 0.75))
+    )
     small = judged(evidence, "published score (at most 0.5), BARN x 0.75", "none")
     assert (small.interval, small.verdict) == ("[0.410, 0.424]", verdict)
     assert judged(evidence, "published score (at most 0.5), BARN x 1,", "none").verdict == verdict
@@ -97,7 +99,7 @@ def test_each_scale_of_the_cylinders_has_a_score(score: float, verdict: str) -> 
 
 def test_score_without_an_interval_is_judged_by_its_mean() -> None:
     unknown = {"maps": "BARN", "score": 0.5, "score_low": None, "score_high": None}
-    evidence = Evidence(maps=(MapResult(**{**GRIDS, **unknown}),))
+    evidence = MeasuredEvidence(maps=(MapResult(**{**GRIDS, **unknown}),))
     one = judged(evidence, "published score (at most 0.5), BARN", "default")
     assert (one.interval, one.verdict) == ("-", MET)
 
@@ -115,14 +117,14 @@ def test_worst_step_and_state_are_limits(
         [BoardTick("vgm_memory", worst_ms)],
         {"vgm_memory": state_bytes},
     )
-    step = judged(Evidence(board=cost), "modelled worst step", "all")
-    state = judged(Evidence(board=cost), "memory of the navigator", "all")
+    step = judged(MeasuredEvidence(board=cost), "modelled worst step", "all")
+    state = judged(MeasuredEvidence(board=cost), "memory of the navigator", "all")
     assert (step.verdict, state.verdict) == verdicts
     assert step.interval == "worst of 2 drives"
 
 
 def test_missing_figures_name_their_page(tmp_path: Path) -> None:
-    assert read_evidence(None) == read_evidence(tmp_path) == Evidence()
+    assert read_evidence(None) == read_evidence(tmp_path) == MeasuredEvidence()
     found = targets(trials(row()), read_evidence(tmp_path))
     pages = {one.measured for one in found if one.verdict == ELSEWHERE}
     assert pages == {
@@ -138,7 +140,7 @@ def test_files_are_read_and_unknown_columns_left_out(tmp_path: Path) -> None:
     (tmp_path / BOARD).parent.mkdir()
     tick = {"navigator": "vgm_memory", "whole_ms": 21.7, "stack": 3420}
     (tmp_path / BOARD).write_text(json.dumps({"drives": [tick], "noise": "default"}))
-    assert read_evidence(tmp_path) == Evidence(
+    assert read_evidence(tmp_path) == MeasuredEvidence(
         (CrowdResult(**CROWD),),
         (MapResult(**GRIDS),),
         BoardCost([BoardTick("vgm_memory", 21.7)]),
