@@ -1,7 +1,4 @@
-"""The verbs of `sidestep worlds` that write world files: generate and import.
-
-`sidestep worlds`: list shipped worlds, check a world file, show a world as map or JSON.
-"""
+"""`sidestep worlds`: list, check and show worlds, generate them, and import maps."""
 
 import argparse
 import json

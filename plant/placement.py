@@ -1,8 +1,7 @@
-"""Check that the robot fits at start and goal: on the floor and clear of all obstacles.
+"""Starts and goals: whether the robot fits there, and the places of several robots.
 
-Start positions of several robots: side by side, then in ranks behind and ahead of the first.
-
-Goals of several robots: the goal shifted as the robot's start, or the nearest free place.
+Robots start side by side, then in ranks behind and ahead of the first. A goal is shifted as the
+robot's start, or is the nearest free place.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

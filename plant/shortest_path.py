@@ -1,13 +1,11 @@
-"""Shortest path near a given one, for worlds with too many corners for the exact search.
-
-This is the search of `plant.shortest_path`, restricted to corners near the given path and
-to a visibility range of a few metres. Points of the given path connect distant parts.
-
-Shortest path of the robot's disc from start to goal, around everything static.
+"""Shortest path of the robot's disc from start to goal, around everything static.
 
 Visibility graph: every corner and disc, grown by the robot's radius, has a ring of points just
 outside it. A* searches the free straight lines between them. The length is exact except for the
 rings, which make an arc at most 0.6 % too long.
+
+For worlds with too many corners there is the same search near a given path, restricted to corners
+near it and to a visibility range of a few metres. Points of the path connect distant parts.
 """
 
 from collections.abc import Callable

@@ -1,26 +1,21 @@
-"""One square of a calibration: its encoder counters and its measured end.
+"""Calibrate wheels, track and slip from UMBmark squares, driven by a robot or in the plant.
 
-The log of a calibration drive: a CSV file from a real robot or from the plant.
+The log of a drive is a CSV file with one line per control period (50 ms):
+`run,direction,left,right,x_m,y_m,heading_deg`. `run` is the number of the run, `direction` cw or
+ccw, `left` and `right` are the encoder counters. Only the last line of a run carries the pose
+measured at its end. That pose is relative to the robot's start: x forward, y to the left, heading
+counter-clockwise.
 
-One line per control period (50 ms): `run,direction,left,right,x_m,y_m,heading_deg`. `run` is the
-number of the run, `direction` cw or ccw, `left` and `right` are the encoder counters. Only the last
-line of a run carries the pose measured at its end. That pose is relative to the robot's start: x
-forward, y to the left, heading counter-clockwise.
+UMBmark (Borenstein and Feng, 1996) derives wheel errors from the return errors. The robot starts
+heading along x and drives the square with left turns (ccw, y > 0) or with right turns (cw, y < 0).
+Unequal wheels bend the sides, a wrong track falsifies the corners. When driven in both directions,
+one error shows in the difference of the two centres of gravity, the other in their sum. Let a side
+be bent by b and a corner turned d too far, both to the left and small. Then ccw returns by
+2 L (d + b) in x and as much in -y, cw by 2 L (d - b) in x and in y.
 
-Drive UMBmark squares with the control core on an open floor in the plant.
-
-UMBmark (Borenstein and Feng, 1996): derive wheel errors from the return errors of squares.
-
-The robot starts heading along x and drives the square with left turns (ccw, y > 0) or with right
-turns (cw, y < 0). Unequal wheels bend the sides, a wrong track falsifies the corners. When driven
-in both directions, one error shows in the difference of the two centres of gravity, the other in
-their sum. Let a side be bent by b and a corner turned d too far, both to the left and small. Then
-ccw returns by 2 L (d + b) in x and as much in -y, cw by 2 L (d - b) in x and in y.
-
-Maximum-likelihood parameters of the measured ends of the runs, with standard errors.
-
-Wheels and track by generalized least squares: each end is weighted with the covariance of the
-robot's own odometry. Then k_r and k_l by maximum likelihood from the remaining scatter.
+The fit has standard errors. Wheels and track are found by generalized least squares: each end is
+weighted with the covariance of the robot's own odometry. Then k_r and k_l follow by maximum
+likelihood from the remaining scatter.
 """
 
 import csv

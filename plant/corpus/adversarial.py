@@ -1,8 +1,8 @@
-"""Enclosures in enclosures: rings and boxes with offset gates, spirals, and islands in rooms.
+"""Layouts made to fool a navigator: enclosures, long ways, and scenes of few walls.
 
-Long ways: combs, hairpins, detours, lattices of posts, and mazes longer than odometry lasts.
-
-Scenes of one to three walls, wedges, symmetric traps, and doors hardly wider than the robot.
+Enclosures: rings and boxes with offset gates, spirals, islands in rooms. Long ways: combs,
+hairpins, detours, lattices of posts, mazes longer than odometry lasts. Scenes: one to three walls,
+wedges, symmetric traps, doors hardly wider than the robot.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,7 +1,4 @@
-"""Families of cells with walls between them: mazes, and offices whose rooms have doors.
-
-Maps in the style of the Moving AI benchmarks as text: mazes, rooms and random cells.
-"""
+"""Families of cells with walls between them: mazes, offices, and maps in Moving AI's style."""
 
 from collections.abc import Callable, Iterator, Mapping
 from math import pi

@@ -1,7 +1,4 @@
-"""Building blocks of families: a floor with start and goal, and frames for shapes.
-
-The parameters of an adversarial family, and the floor that fits its walls.
-"""
+"""Building blocks of families: a floor with start and goal, frames for shapes, parameters."""
 
 from collections.abc import Callable, Iterable, Mapping
 from itertools import groupby

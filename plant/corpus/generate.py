@@ -3,10 +3,9 @@
 If the goal is reachable, a robot with a radius larger by MARGIN_M can reach it, too, so no passage
 is extremely tight. If the goal is unreachable, it is so for the normal robot.
 
-The adversarial families by name, and the world of one vector of parameters.
-
-A robot MARGIN_M larger reaches a reachable goal, too, and one MARGIN_M smaller does not reach an
-unreachable goal. No failure can then be an artefact of the computed shortest path.
+An adversarial world is made of one vector of parameters. A robot ADVERSARIAL_MARGIN_M larger
+reaches a reachable goal, too, and one as much smaller does not reach an unreachable goal. No
+failure can then be an artefact of the computed shortest path.
 """
 
 from collections.abc import Callable, Iterator, Mapping

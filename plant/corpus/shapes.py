@@ -1,12 +1,9 @@
-"""Families with simple obstacles: none, discs, boxes, a wall, a corner.
+"""Families with obstacles on an open floor: simple shapes, forests and pedestrians.
 
-Forests of three densities: trunks scattered over the floor with a passage between any two.
-
-Pedestrians: discs of 0.2 m that walk back and forth across the path.
-
-No pedestrian comes nearer to static obstacles or to the outer walls than the robot needs between
-them, and none comes near start or goal. In `moving`, no pedestrian comes near the path of another
-either, so a free path is always left. In the other families the paths may cross.
+Pedestrians are discs of 0.2 m that walk back and forth across the path. None comes nearer to static
+obstacles or to the outer walls than the robot needs between them, and none comes near start or
+goal. In `moving`, no pedestrian comes near the path of another either, so a free path is always
+left. In the other families the paths may cross.
 """
 
 from functools import partial

@@ -1,11 +1,7 @@
-"""Families with traps: U-traps, dead ends, spirals, zigzags, corridors and narrow doors.
+"""Families with traps, with unreachable goals, and with thin walls.
 
-Unreachable goals: boxed in, walled off in a maze, or in a room without a door.
-
-Walls of 2 to 10 mm: the family's worlds are those of four others, with thinner walls.
-
-A sonar whose echoes are lost at oblique incidence does not see such a wall along its length, and
-rarely its end.
+A sonar whose echoes are lost at oblique incidence does not see a wall of 2 to 10 mm along its
+length, and rarely its end.
 """
 
 from dataclasses import replace

@@ -1,6 +1,4 @@
-"""A floor of square cells, each blocked or free, and the places where a robot fits.
-
-Convert blocked cells to few solid polygons, each the outline of a connected region.
+"""A floor of square cells, each blocked or free, and the outlines of the blocked ones.
 
 A polygon of a world is simple and has no hole. A region is therefore cut in two if it surrounds
 something, if it touches itself at a corner, or if its outline would have too many points.

@@ -1,18 +1,9 @@
 """Import worlds from a file of any supported format, chosen by its suffix.
 
-Last step of every import: a checked world with its shortest path.
-
-Convert blocked and free cells to a world with obstacles, start, goal and shortest path.
-
-Convert a field of cylinders to a world with start, goal and shortest path.
-
-Select start and goal on a floor of cells.
-
-Shortest path of the robot's disc over a floor of many cells, faster than the exact search.
-
-Two steps: A* over a grid of places, with moves in sixteen directions, finds a path that is at most
-2.8 % too long. Then the exact search of `plant.shortest_path` runs over corners near that
-path only. The length is exact unless another route is shorter by less than that.
+Cells and cylinders become obstacles; start and goal are far apart and clear. The shortest path over
+many cells takes two steps: A* over a grid of places, with moves in sixteen directions, finds a path
+that is at most 2.8 % too long. Then the exact search of `plant.shortest_path` runs over corners
+near that path only. The length is exact unless another route is shorter by less than that.
 """
 
 import re

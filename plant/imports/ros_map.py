@@ -1,13 +1,8 @@
 """Read a ROS map as map_server does: a .yaml file and the .pgm picture that it names.
 
-A pixel is free if its occupancy is below free_thresh; occupied and unknown pixels are blocked.
-
-Read the .yaml file of a ROS map: flat keys with a text, a number or a list of numbers.
-
-Map savers write no other YAML, so no YAML library is needed. Anything else is refused with its
-line.
-
-Read grey pictures in the PGM format, as text (P2) or bytes (P5); refuse other formats.
+A pixel is free if its occupancy is below free_thresh; occupied and unknown pixels are blocked. The
+.yaml file has flat keys with a text, a number or a list of numbers: map savers write no other YAML.
+Pictures are PGM, as text (P2) or bytes (P5). Anything else is refused with its line.
 """
 
 import re

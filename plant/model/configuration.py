@@ -1,11 +1,4 @@
-"""Body, noise and faults of a world: default values with the overrides of its file.
-
-Properties of the robot: dimensions, motors, encoders and range of its sonars.
-
-Noise levels of sensors and wheels, by name.
-
-Faults that can be injected into a robot, by name, with time, target and value.
-"""
+"""Body, noise and faults of the robots: default values, with the overrides of a world's file."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace

@@ -1,6 +1,6 @@
-"""Problems of a world file: file, line, key, reason and fix; all problems are collected.
+"""Problems of a world file or an imported file: file, line, key, reason and fix.
 
-Errors of importers, in the form of world files: file, line, key and fix.
+All problems of a file are collected.
 """
 
 from collections.abc import Mapping, Sequence

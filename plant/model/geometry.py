@@ -1,7 +1,4 @@
-"""Plane geometry for checking worlds and measuring their shortest paths.
-
-Static parts of a world as discs and one-sided edges that a ray can hit.
-"""
+"""Plane geometry for checking worlds, and their static parts as discs and one-sided edges."""
 
 from collections.abc import Sequence
 from itertools import pairwise

@@ -1,6 +1,6 @@
 """Main loop of the plant process: publish sensor data, await answers, advance one period.
 
-Requests to the plant: start, pause, score, and the description of the world.
+Between ticks it answers requests: start, pause, score.
 """
 
 import json

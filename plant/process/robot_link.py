@@ -1,6 +1,6 @@
 """Link of the plant to one robot: sensor data and ground truth out, wheel commands in.
 
-Last check of wheel commands: which are executed, and for how long.
+A gate decides last which wheel commands are executed, and for how long.
 """
 
 import threading

@@ -1,7 +1,4 @@
-"""Connect a plant to the bus and run it until it is stopped.
-
-Command line of `sidestep run plant`.
-"""
+"""`sidestep run plant`: connect a plant to the bus and run it until it is stopped."""
 
 import argparse
 import signal

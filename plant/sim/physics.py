@@ -4,21 +4,16 @@ Robots are discs that keep their given speed until something stops them, without
 friction. Where a robot may touch something, a step is divided into small ones, so that it
 penetrates by less than a millimetre and never passes through.
 
+Contacts are solved by sequential impulses, the method of Chipmunk and Box2D. It is written out
+here, in operations that are rounded in the same way on every machine, because a trajectory depends
+on it to the last bit; a compiled library depends on its compiler and on the processor.
+
 pymunk only answers one question: which surfaces are near a place? No number that it computes enters
 a trajectory, so the bits of a trajectory do not depend on its version. No other module uses pymunk.
-
-Contacts of robots with what they touch: sequential impulses, without bounce and friction.
-
-The method is that of Chipmunk and Box2D. It is written out here, in operations that are rounded in
-the same way on every machine, because a trajectory depends on it to the last bit; a compiled
-library depends on its compiler and on the processor.
-
-Distance to the static surfaces near a robot, computed in every tick.
-
 Between nearby positions most surfaces can neither become the nearest one nor be touched. The
 candidates are therefore cached while the robot stays near the position of the last search.
 
-Moving obstacles: back and forth along their waypoints, at constant speed, unstoppable.
+Moving obstacles go back and forth along their waypoints, at constant speed, unstoppable.
 """
 
 from collections.abc import Iterator, Sequence

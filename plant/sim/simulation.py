@@ -1,8 +1,6 @@
 """A world with robots in it, simulated one control period at a time.
 
-One simulated robot: true pose, drive and sensors.
-
-Evaluation of a run from ground truth: one entry per tick, summed up on request.
+Each robot has its true pose, drive and sensors, and is scored from ground truth.
 """
 
 from array import array

@@ -1,21 +1,17 @@
-"""Cast the rays of a sonar ring: five in each cone, the nearest echo of a cone counts.
+"""A ring of eight sonars: converts the nearest surfaces into readings in millimetres.
 
-Every surface gives each ray a *nearness*, the inverse of the distance from the robot's centre along
-the ray. The largest one belongs to the surface that the ray hits first. With the ray's direction u
-and origin o (a disc of centre c and radius r; an edge from a to b; x the cross product):
+Even sonars ping half a period before the stamp of the scan, odd ones at the stamp. Each cone has
+five rays; its nearest echo counts. Every surface gives each ray a *nearness*, the inverse of the
+distance from the robot's centre along the ray. The largest one belongs to the surface that the ray
+hits first. With the ray's direction u and origin o (a disc of centre c and radius r; an edge from a
+to b; x the cross product):
 
 - disc: p = u.(c - o), q = |c - o|^2 - r^2, nearness (p + sqrt(p^2 - q)) / q;
 - edge: n = (o - a) x (b - a), nearness (u x (a - b)) / n, if u x (a - o) >= 0 >= u x (b - o).
 
-Points are turned into the frame of a cone: *along* its axis, and *aside* to the left of it.
-
-The surfaces of a scene, and the selection of those that each sonar may see near a pose.
-
-The selection only skips surfaces that cannot matter: rounding in it never changes an echo.
-
-A ring of eight sonars: converts the nearest surfaces into readings in millimetres.
-
-Even sonars ping half a period before the stamp of the scan, odd ones at the stamp.
+Points are turned into the frame of a cone: *along* its axis, and *aside* to the left of it. Only
+surfaces that a sonar may see near a pose are cast. This skips only surfaces that cannot matter:
+rounding in it never changes an echo.
 """
 
 from collections.abc import Sequence

@@ -1,8 +1,7 @@
 """Load a world file: TOML in metres and degrees, checked and converted to a `World`.
 
-The output of `worlds show --json` is accepted, too, from a file or, as "-", from standard input.
-
-Read a world from the JSON of `worlds show --json` and of the plant.
+The JSON of `worlds show --json` and of the plant is accepted, too, from a file or, as "-", from
+standard input.
 """
 
 import re

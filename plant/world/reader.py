@@ -1,10 +1,6 @@
-"""Convert the tables of a world file to a `World`; checks of geometry are in other modules.
+"""Convert the tables of a world file to a `World`: places, obstacles, overrides and [corpus].
 
-Read one [[obstacle]]: a polygon, a circle that may move, or a wall.
-
-Check the overrides of robot, noise and faults in a world file against their classes.
-
-Read the [corpus] table of a world file: facts known to its generator or importer.
+Every problem is reported with its key. The fit of start and goal is checked in `plant.placement`.
 """
 
 from collections.abc import Callable, Mapping, Set

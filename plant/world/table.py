@@ -1,6 +1,6 @@
 """Read one table of a world file, key by key; problems are reported and never raised.
 
-Suggest the intended key for one with a wrong unit, without a unit, or misspelt.
+A key with a wrong unit, without a unit or misspelt is refused with the key that was meant.
 """
 
 import re

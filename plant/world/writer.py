@@ -1,10 +1,7 @@
-"""Convert a world to one JSON object with the keys and units of its file.
+"""Write a world: as JSON, as the text of a world file, and as a drawing of characters.
 
-Write a world as the text of a world file, which `plant.world.file` reads as the same world.
-
-Angles are written in degrees. If no decimal number gives exactly the angle, the last bit differs.
-
-Draw a world as text: walls, obstacles, start, goal and the shortest path between them.
+`plant.world.file` reads text and JSON as the same world. Angles are written in degrees. If no
+decimal number gives exactly the angle, the last bit differs.
 """
 
 import json

@@ -1,8 +1,6 @@
 """`sidestep calibrate`: find wheels, track and slip of a robot from squares driven both ways.
 
-The result of a calibration as a table, as parameters in a file and as JSON.
-
-Plot the return errors of both directions before and after, with their centres of gravity.
+The result is a table, JSON, parameters in a file, and a plot of the return errors.
 """
 
 import argparse

@@ -1,8 +1,7 @@
 """`sidestep study report DIR`: write the report of a study.
 
-The files of the report: an HTML page, Markdown with its figures, and the summary as data.
-
-The comparison in the README, between two markers, generated from `summary.json`.
+It is an HTML page, Markdown with its figures, the summary as data, and the comparison in the
+README, between two markers.
 """
 
 import argparse

@@ -1,7 +1,4 @@
-"""One call of `sidestep study`: prepare, run the missing trials, write results and report.
-
-The command line of `sidestep study`.
-"""
+"""One call of `sidestep study`: prepare, run the missing trials, write results and report."""
 
 import argparse
 import json

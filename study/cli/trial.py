@@ -1,8 +1,7 @@
 """`sidestep trial`: run one trial in this process, as fast as the machine allows.
 
-Derive a world with another start, goal or start time.
-
-A trial as CSV, one line per tick: truth, estimate with covariance, decision, wheels.
+Start, goal and start time may differ from the world's. A trace is a CSV file with one line per
+tick: truth, estimate with covariance, decision, wheels.
 """
 
 import argparse

@@ -1,8 +1,7 @@
 """One climb: random candidates, then steps from the best that come nearer to a violation.
 
-A climb is determined by its number alone, so that any number of processes finds the same.
-
-The space that is searched: worlds of a family, robots, people, faults and noise seeds.
+A candidate is a world of a family with a robot, people, faults and a noise seed. A climb is
+determined by its number alone, so that any number of processes finds the same.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,6 +1,6 @@
-"""Run one trial in a world, and judge it by the properties.
+"""Run one trial in a world, watch it, and judge it by the properties.
 
-Watch a trial, and record the causes of a failure: the lap before a claim, and a contact.
+The causes of a failure are recorded: the lap before a claim, and a contact.
 """
 
 from collections.abc import Iterator

@@ -1,19 +1,15 @@
-"""Describe a failure in one sentence, from the records of its trial.
+"""Findings as files: explained worlds with pictures, and the directory of their search.
 
-Findings as files: a world file whose first lines explain it and repeat its trial, and a picture.
-
-The line that begins with `falsify:` has all that the trial needs besides the world. People may add
-lines that begin with `found:`, the search that found it, and `fixed:`, the change that fixed it.
-
-Drives from starts near that of a finding, to count how many fail.
+The first lines of a world file explain the failure in one sentence and repeat its trial. The line
+that begins with `falsify:` has all that the trial needs besides the world. People may add lines
+that begin with `found:`, the search that found it, and `fixed:`, the change that fixed it.
 
 After a change one drive is not enough: a rare failure may occur or not, depending on a millimetre
-in the way of the robot. Many drives from similar starts show whether the failure became rarer.
+in the way of the robot. Many drives from starts near that of a finding show whether the failure
+became rarer.
 
-The directory of a search: its settings, its progress, and its findings.
-
-The progress counts the climbs that are complete from the first on. A climb that was lost by an end
-of the process is run again, with the same result.
+The progress of a search counts the climbs that are complete from the first on. A climb that was
+lost by an end of the process is run again, with the same result.
 """
 
 import json

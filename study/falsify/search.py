@@ -2,8 +2,6 @@
 
 Results are taken in the order of the climbs, so that the findings do not depend on the number of
 processes.
-
-The progress of a search in one line.
 """
 
 from collections.abc import Callable, Iterator

@@ -1,10 +1,8 @@
 """Shrinking: the fewest walls and the roundest numbers that still violate the same property.
 
 First the parameters of the family are made simple, then extras are dropped, then obstacles (by
-delta debugging, Zeller and Hildebrandt 2002) and points of walls, and last every number is rounded.
-Each step is kept if the trial still ends in the same class.
-
-Worlds with rounder numbers, the roundest first.
+delta debugging, Zeller and Hildebrandt 2002) and points of walls, and last every number is rounded,
+the roundest first. Each step is kept if the trial still ends in the same class.
 """
 
 from collections.abc import Callable, Iterator, Mapping

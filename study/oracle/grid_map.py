@@ -1,19 +1,14 @@
-"""The map of `oracle_grid`: evidence and terrain, extended as the robot gets near its rim.
+"""The map of `oracle_grid`: evidence, terrain, and the shortest route over it.
 
-The cells around a robot, sorted by bearing, so that each sonar's cone is one slice of them.
-
-The tables are integers. They are made of sums, products, quotients and square roots only, so they
-are the same on every machine.
-
-Evidence about cells of 2 cm: how often an echo came from there, or a longer one passed.
+Each sonar's cone is one slice of the cells around the robot, sorted by bearing. The tables are
+integers, made of sums, products, quotients and square roots only, so they are the same on every
+machine.
 
 A cone gives the distance of the nearest surface, not its bearing. So an echo is evidence for the
-cells of its arc that no longer echo has passed, and the fewer these are, the stronger it is. An
-arc that contains a certain cell is explained by it.
-
-Cells of 4 cm with the cost of driving through them, from the evidence about cells of 2 cm.
-
-Shortest route over cells of different cost: A* with whole numbers, eight neighbours.
+cells (of 2 cm) of its arc that no longer echo has passed, and the fewer these are, the stronger it
+is. An arc that contains a certain cell is explained by it. Terrain has cells of 4 cm with the cost
+of driving through them; A* with whole numbers finds the route. The map grows as the robot gets near
+its rim.
 """
 
 from functools import lru_cache

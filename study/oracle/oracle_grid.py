@@ -1,11 +1,8 @@
 """The navigator `oracle_grid`: a map of unlimited size, and the shortest route through it.
 
 It has the sensors of the other navigators, and means that the robot does not have. Unknown cells
-count as free, and the route is searched again when the map contradicts it.
-
-Routes through the map of `oracle_grid`, and where on its route the robot is.
-
-Put a study-only navigator into the robot's table while a trial runs.
+count as free, and the route is searched again when the map contradicts it. It stands in the robot's
+table of navigators only while a trial runs.
 """
 
 from collections.abc import Iterator, Mapping

@@ -1,8 +1,6 @@
 """`python -m study.people`: drive among people and write the tables of docs/evidence/people.md.
 
 With `--family` it drives other worlds and prints their table instead.
-
-The measurements of the page docs/evidence/people.md: series, tables, and JSON.
 """
 
 import argparse

@@ -1,8 +1,6 @@
-"""Sums over the trials of one navigator among people, and their comparison with the baselines.
+"""Compare navigators among people with the baselines: sums over trials, rates, and tables.
 
-Rates of rare events per person-hour, with an exact interval.
-
-Markdown tables of trials among people.
+Rates of rare events are per person-hour and have an exact interval.
 """
 
 from collections.abc import Callable, Iterable, Sequence

@@ -1,6 +1,4 @@
-"""Trials in one world with people, with the baselines in the same world.
-
-Two baselines for contacts with people: a standing robot and an omniscient one.
+"""Trials in one world with people, with two baselines in the same world.
 
 People in the simulator evade nothing. So each person that passes a standing robot touches it. The
 omniscient robot has all positions and paths beforehand.

@@ -1,9 +1,8 @@
 """Measures of a trial among people: time to collision, personal space, contacts.
 
-`Encounters` is a `study.trial.core_loop.Watch`, so it works with every navigator. `Exposure` also
-measures a robot that no trial drives.
-
-Positions and velocities of the people of a world, as functions of time.
+Positions and velocities of people are functions of time. `Encounters` is a
+`study.trial.core_loop.Watch`, so it works with every navigator. `Exposure` also measures a robot
+that no trial drives.
 """
 
 from collections.abc import Sequence

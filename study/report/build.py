@@ -1,10 +1,7 @@
 """Build the page of the report from a table of trials.
 
-Success of each navigator by family of worlds.
-
-Description of the run of a study: trials, code and machine, so that a reader can repeat it.
-
-The verdict that opens the report: what the study found, in sentences with their figures.
+It opens with the verdict, in sentences with their figures, and ends with the run itself, so that a
+reader can repeat it.
 """
 
 from collections.abc import Mapping

@@ -1,10 +1,9 @@
-"""Pairwise comparison of navigators on the same worlds, seeds and noise, with tests.
+"""Compare navigators in pairs, with tests, and the project's own with two bounds.
 
-The way of the project's navigator against two bounds, family by family.
-
-The omniscient bound is the shortest path in a known map. The planner's is the way of `oracle_grid`,
-which has the same sensors, unlimited memory and time, on the same world, noise and seed. It is no
-strict bound: without a map of the world the planner may choose the longer side, too.
+A pair has the same world, seed and noise. The omniscient bound is the shortest path in a known map.
+The planner's is the way of `oracle_grid`, which has the same sensors, unlimited memory and time, on
+the same world, noise and seed. It is no strict bound: without a map of the world the planner may
+choose the longer side, too.
 """
 
 from collections.abc import Callable, Iterator, Mapping

@@ -1,8 +1,7 @@
 """Kinds of contacts, each by a rule on earlier measurements and stored points.
 
-The touched obstacle, the place on its surface, and whether that is an edge.
-
-Run a trial again and keep the seconds before its contact: poses, decisions, echoes, memory.
+A trial is run again to keep the seconds before its contact: poses, decisions, echoes, memory. The
+touched obstacle, the place on its surface, and whether that is an edge, come from the world.
 """
 
 from collections import deque

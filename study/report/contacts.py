@@ -1,8 +1,6 @@
 """`python -m study.report.contacts STUDY`: explain the contacts by own motion, one by one.
 
-The page of contacts by own motion, made from the rows of a study by driving them again.
-
-A drawing of the last seconds before a contact, about a metre and a half wide.
+Each is driven again, and drawn with the last seconds before it, about a metre and a half wide.
 """
 
 import argparse

@@ -1,9 +1,8 @@
 """Run a trial once more with its trajectory; trials are deterministic, so none is stored.
 
-The paper's experiments run again, and measures of a trajectory.
-
-Figures 11 and 12 show one place, with vgm and with bug; figure 13 another. Every navigator drives
-both, so that each drive has a counterpart at the same noise and seed.
+The paper's experiments are run in the same way. Figures 11 and 12 show one place, with vgm and with
+bug; figure 13 another. Every navigator drives both, so that each drive has a counterpart at the
+same noise and seed.
 """
 
 from collections.abc import Callable

@@ -1,18 +1,10 @@
-"""Elements of a report page, independent of HTML and Markdown.
+"""A report page: its elements, and their forms in HTML and in Markdown.
 
-Text may contain `code` and **strong**, nothing else.
-
-Format numbers, shares and intervals for the report; an unknown value is a dash.
-
-A page as one self-contained HTML file: it loads no script, font or other file.
-
-The script of the HTML report: sort tables by a column, and switch between light and dark.
-
-Without it the page shows everything. Before printing it opens what is folded.
-
-A page as Markdown, with its figures as files beside it.
-
-Generated text in a page written by hand, between two marks.
+Text may contain `code` and **strong**, nothing else; an unknown value is a dash. The HTML page is
+one self-contained file: it loads no script, font or other file. Its own script sorts tables by a
+column and switches between light and dark; without it the page shows everything. Before printing it
+opens what is folded. Markdown has its figures as files beside it, and may stand between two marks
+in a page written by hand.
 """
 
 import re
@@ -96,7 +88,7 @@ class PageSection:
 
     title: str
     blocks: tuple[Block, ...]
-    parts: tuple["Section", ...] = ()
+    parts: tuple["PageSection", ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,7 @@
-"""Rules by which trials decide the paper's claims: confirmed, refuted or unclear.
+"""The section on the paper: figures 11, 12 and 13 redone, and the verdict on its claims.
 
-Each rule was fixed before the trials were run. A claim is unclear where bug's two sides disagree.
-
-The section on the paper: figures 11, 12 and 13 redone, and its claims.
+Each rule by which trials confirm or refute a claim was fixed before the trials were run. A claim is
+unclear where bug's two sides disagree.
 """
 
 from collections.abc import Callable, Iterable, Sequence

@@ -1,8 +1,6 @@
-"""Navigator by noise level: the tables of the summary and `summary.json`.
+"""Navigator by noise level: tables, figures and `summary.json`, and the goals given up.
 
-Goals given up: proved unreachable, lost or stuck, in worlds with a path and without one.
-
-Figures of outcomes, errors, path lengths and decisions.
+A goal is given up as proved unreachable, lost or stuck, in worlds with a path and without one.
 """
 
 from collections.abc import Callable, Iterable, Mapping

@@ -1,13 +1,9 @@
-"""One figure to reach, and how shares, means and quantiles are compared with it.
+"""The project's own targets, compared with the trials of its own navigator.
 
 A target is met when the measured value is at least as good as the target, and missed otherwise.
 Values are compared before they are rounded. Intervals do not count, unless the target is a bound.
-
-The project's own targets, compared with the trials of its own navigator.
-
-Targets in worlds apart from the corpus: grid maps, thin walls, crowds, adversarial worlds.
-
-Targets whose figures other tools measured; without these figures a row names their page.
+Worlds apart from the corpus have targets of their own: grid maps, thin walls, crowds, adversarial
+worlds. Where other tools measure a figure, a row without it names their page.
 """
 
 from collections.abc import Iterator, Sequence

@@ -1,9 +1,8 @@
 """The rows of a study as columns, and what every figure of the report is derived from.
 
 Success is defined here only: the robot reached the goal by its own estimate and touched nothing;
-where there is no path, it reported so.
-
-Groups of worlds: the corpus, and the families that the report judges apart from it.
+where there is no path, it reported so. Groups keep the corpus apart from the families that the
+report judges on their own.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,4 @@
-"""Collect the rows of a study and write them to disk every few seconds.
-
-Progress of a study: trials done, simulated hours per minute, and time left.
-"""
+"""Collect the rows of a study, write them to disk every few seconds, and show the progress."""
 
 from abc import ABC, abstractmethod
 from collections import Counter

@@ -1,6 +1,6 @@
-"""Plan the trials of a study: each has an identity, and their order stays balanced.
+"""Plan the trials of a study: its worlds, and tasks whose order stays balanced.
 
-The worlds of a study: where they come from, and how `world_source` makes one again.
+Each task has an identity, and `world_source` makes its world again.
 """
 
 import json

@@ -1,8 +1,6 @@
-"""One row per trial: request, outcome, driving statistics and provenance.
+"""One row per trial: request, outcome, driving statistics, code, libraries and machine.
 
 A worker process imports this module, so it does without pyarrow: see `study.runner.store`.
-
-Provenance of a row: code, libraries and machine.
 """
 
 import platform

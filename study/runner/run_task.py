@@ -1,8 +1,7 @@
 """Run one task of a study and return its row, however the trial ends.
 
-Length of the boundary that a robot must follow to prove that its goal is unreachable.
-
-Scores of a single trial that other benchmarks publish.
+The row has scores that other benchmarks publish, and the length of the boundary that a robot must
+follow to prove that its goal is unreachable.
 """
 
 import json

@@ -1,9 +1,8 @@
-"""A study's directory: shards that are complete or absent, and the results.
+"""A study's directory: its settings, shards that are complete or absent, and the results.
 
 A shard is written under a temporary name, synced and renamed. So a killed writer leaves only whole
-shards and at most one temporary file.
-
-The stored settings of a study, which prevent mixing different studies in one directory.
+shards and at most one temporary file. The stored settings prevent mixing different studies in one
+directory.
 """
 
 import fcntl

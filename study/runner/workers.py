@@ -1,11 +1,8 @@
-"""A pool of worker processes in which a task is run again when its worker dies.
+"""Processes and Dask clusters that run the trials of a study or the climbs of a search.
 
-Every worker has its own pipe, so that no lock is held by a dead process. A worker exits when its
-pipe is closed, which also happens when the study is killed.
-
-Run the trials of a study on an existing Dask cluster.
-
-Executors for climbs and shrinking: processes of this machine, a Dask cluster, or in place.
+In a pool a task is run again when its worker dies. Every worker has its own pipe, so that no lock
+is held by a dead process. A worker exits when its pipe is closed, which also happens when the study
+is killed.
 """
 
 import gc

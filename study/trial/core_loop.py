@@ -1,8 +1,7 @@
-"""The sensor samples of a control core, and its goal, as the robot process handles them.
+"""The loop of a trial: plant and core call each other, one tick after the other.
 
-The loop of a trial: plant and core call each other, one tick after the other.
-
-Statistics of how a robot drove, accumulated tick by tick; cheap enough for every trial.
+Sensor samples and goal reach the core as in the robot process. How the robot drove is accumulated
+tick by tick; this is cheap enough for every trial.
 """
 
 from collections.abc import Callable

@@ -1,10 +1,7 @@
-"""Read from a recording the inputs of each control tick and the outputs that followed.
+"""Re-execute a recording: its inputs, tick by tick, with the robot of this build.
 
-Re-execution of recorded inputs by the robot of this build.
-
-The robot receives, tick by tick, exactly the inputs of the recorded robot, and its outputs are
-compared bit by bit. With another navigator this is an open loop: the inputs remain those of the
-recorded path.
+Its outputs are compared bit by bit with the recorded ones. With another navigator this is an open
+loop: the inputs remain those of the recorded path.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,13 +1,8 @@
-"""Charts of success with intervals, of distributions, and of shares.
+"""Charts of success with intervals, of distributions and of shares, as SVG.
 
-Colours and type of the report, light and dark.
-
-A navigator has one colour everywhere (Okabe and Ito's colour-blind-safe set); passing on the right
-is dashed.
-
-A small SVG writer: shapes have class names, so that a style sheet sets light and dark.
-
-Numbers are rounded and nothing depends on time, so that equal drawings are equal bytes.
+Shapes have class names, so that a style sheet sets light and dark. A navigator has one colour
+everywhere (Okabe and Ito's colour-blind-safe set); passing on the right is dashed. Numbers are
+rounded and nothing depends on time, so that equal drawings are equal bytes.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
