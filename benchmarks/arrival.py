@@ -12,8 +12,8 @@ from random import Random
 from typing import Final
 
 from plant.model.configuration import LEVELS
-from plant.model.types import GoalPose, Start, World
 from plant.sim.simulation import Plant
+from protocol.world import GoalPose, Start, World
 from robot.core import states
 from robot.core.values import Outputs
 from study.trial.core_loop import CoreLoop

@@ -8,11 +8,11 @@ import argparse
 from collections.abc import Callable
 from time import monotonic_ns
 
-from plant.model.types import World
 from plant.world.file import load
 from protocol.topics import CYCLE
 from protocol.wire.codec import decode
 from protocol.wire.messages import CycleReport
+from protocol.world import World
 from runtime.timing import CONTROL_HZ
 from verification.harness.figures import Figure, Report, percentile
 from verification.harness.pace import paced

@@ -10,10 +10,10 @@ ours runs in lockstep, with the clock's frame and the telemetry of every tick on
 import argparse
 
 from benchmarks.pingpong import PingPong, ping_pong
-from plant.model.types import World
 from plant.world.file import load
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import SonarScan, WheelCommand
+from protocol.world import World
 from runtime.timing import PERIOD_NS
 from verification.harness.figures import Figure, Report, percentile
 from verification.harness.pace import paced, wait_until

@@ -9,9 +9,9 @@ import subprocess
 import sys
 from time import monotonic
 
-from plant.model.types import World
 from plant.world.file import load
 from protocol.bus.bus import open_bus
+from protocol.world import World
 from runtime.timing import CONTROL_HZ
 from verification.harness.figures import Figure, Report
 from verification.harness.pace import paced

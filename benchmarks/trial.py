@@ -10,8 +10,8 @@ from pathlib import Path
 from time import process_time
 
 from benchmarks.irsim import peer as irsim_peer
-from plant.model.types import World
 from plant.world.file import load
+from protocol.world import World
 from study.trial.trial import Trial, run_trial
 from verification.harness.figures import Figure, Report, ratios
 

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 from plant.model.configuration import Body
 from plant.model.errors import WorldReport
 from plant.model.geometry import TOUCHING_M, Pose, clearance_m, distance_m
-from plant.model.types import Circle, GoalPose, Obstacle, Point, Start, World
+from protocol.world import Circle, GoalPose, Obstacle, Point, Start, World
 from runtime.elementary import cos, sin
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from plant.model.configuration import body_of
 from plant.model.geometry import edges, length_m
-from plant.model.types import Circle, Point, Polygon, World
+from protocol.world import Circle, Point, Polygon, World
 from runtime.elementary import cos, cos_sin
 
 Array: TypeAlias = NDArray[np.float64]

@@ -31,10 +31,10 @@ import numpy as np
 import numpy.typing as npt
 
 from plant.model.configuration import Noise
-from plant.model.types import GoalPose, Start, World
 from plant.sim.simulation import Plant
 from protocol.wire.goal import wire_goal
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
+from protocol.world import GoalPose, Start, World
 from robot.core import reasons, states
 from robot.core.geometry import wrap
 from robot.core.machine import goal_is_active

@@ -21,8 +21,8 @@ import msgspec
 from plant.imports.importer import CELL_M, ImportOptions, import_worlds
 from plant.model.configuration import LEVELS
 from plant.model.errors import WorldError, WorldProblem
-from plant.model.types import World
 from protocol.outcome import LOST, UNREACHABLE
+from protocol.world import World
 from robot.core.parameters import DEFAULTS
 from runtime.errors import UserError
 from study.intervals import mean, mean_interval

@@ -14,13 +14,13 @@ from typing import Any, NamedTuple
 
 from plant.model.configuration import body_of, noise_of
 from plant.model.geometry import Pose, still
-from plant.model.types import World
 from plant.sim.active_faults import NO_TROUBLE
 from plant.sim.drive import DifferentialDrive
 from plant.sim.physics import Arena
 from plant.sim.simulation import SUBSTEP_S, Plant, Score
 from plant.sim.sonar import Caster, SimulatedSonarRing
 from plant.world.file import load
+from protocol.world import World
 from robot.core import brain
 from robot.core.values import Outputs
 from robot.hosting.in_process import InProcessCore

@@ -11,7 +11,7 @@ from math import pi
 from pathlib import Path
 from typing import Any
 
-from plant.model.types import Circle, Obstacle, Polygon, World
+from protocol.world import Circle, Obstacle, Polygon, World
 
 REQUIREMENT = "ir-sim>=2.10"
 DRIVER = Path(__file__).with_name("driver.py")

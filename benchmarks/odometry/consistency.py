@@ -15,9 +15,9 @@ import numpy.typing as npt
 
 from benchmarks.odometry.tree_placement import grow
 from plant.model.configuration import noise_of
-from plant.model.types import GoalPose, Start, World
 from plant.sim.simulation import Plant
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
+from protocol.world import GoalPose, Start, World
 from robot.core.geometry import wrap
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.perception import odometry as odometries

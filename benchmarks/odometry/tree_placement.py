@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from plant.model.types import Circle, Point
+from protocol.world import Circle, Point
 
 MIN_THICKNESS_M: Final = 0.05
 MAX_THICKNESS_M: Final = 0.15

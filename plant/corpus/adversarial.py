@@ -28,7 +28,7 @@ from plant.corpus.draft import (
 )
 from plant.model.draws import Draws
 from plant.model.geometry import distance_m
-from plant.model.types import Obstacle, Point
+from protocol.world import Obstacle, Point
 from runtime.elementary import cos_sin
 
 Outline: TypeAlias = Callable[[float], list[Point]]

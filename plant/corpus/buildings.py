@@ -6,7 +6,7 @@ from typing import Final, NamedTuple, TypeAlias
 
 from plant.corpus.draft import RIM_M, ShapeFrame, WorldDraft, any_angle, thickness
 from plant.model.draws import Draws
-from plant.model.types import Obstacle, Point
+from protocol.world import Obstacle, Point
 from runtime.elementary import cos, sin
 
 Cell: TypeAlias = tuple[int, int]

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple, TypeAlias
 
 from plant.model.draws import Draws
 from plant.model.geometry import clearance_m, distance_m
-from plant.model.types import Circle, Obstacle, Point, Polygon, Polyline
+from protocol.world import Circle, Obstacle, Point, Polygon, Polyline
 from runtime.elementary import atan2, cos, sin
 
 MIN_FLOOR_M: Final = 5.0

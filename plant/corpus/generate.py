@@ -22,9 +22,9 @@ from plant.model.configuration import Body, body_of
 from plant.model.draws import Draws
 from plant.model.errors import WorldError, WorldReport
 from plant.model.geometry import distance_m
-from plant.model.types import GoalPose, Settings, Start, World
 from plant.placement import ObstacleFloor, check_places
 from plant.shortest_path import shortest_path_m
+from protocol.world import GoalPose, Settings, Start, World
 
 ADVERSARIAL_MARGIN_M: Final = 0.005
 

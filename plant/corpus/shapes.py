@@ -25,7 +25,7 @@ from plant.corpus.draft import (
 )
 from plant.model.draws import Draws
 from plant.model.geometry import between_ends_m, clearance_m, distance_m, meet
-from plant.model.types import Circle, Obstacle, Point, Polygon
+from protocol.world import Circle, Obstacle, Point, Polygon
 
 MAX_STRAY: Final = 3
 

@@ -25,7 +25,7 @@ from plant.corpus.draft import (
     tilt,
 )
 from plant.model.draws import Draws
-from plant.model.types import Obstacle, Point, Polyline
+from protocol.world import Obstacle, Point, Polyline
 from runtime.elementary import hypot
 
 BEYOND_M: Final = 20.0

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plant.model.errors import read_bytes, read_text, refuse
-from plant.model.types import Circle, Point
+from protocol.world import Circle, Point
 
 NPY_MAGIC: Final = b"\x93NUMPY"
 LENGTH_BYTES: Final = {1: 2, 2: 4, 3: 4}

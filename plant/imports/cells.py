@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plant.model.draws import Draws
-from plant.model.types import Point, Polygon
+from protocol.world import Point, Polygon
 from runtime.elementary import cos, hypot, sin
 
 Mask: TypeAlias = NDArray[np.bool_]

@@ -6,7 +6,7 @@ from math import inf, isfinite, pi, radians
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
-from plant.model.types import Settings, World
+from protocol.world import Settings, World
 
 INT32: Final = 1 << 31
 

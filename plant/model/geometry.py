@@ -5,7 +5,7 @@ from itertools import pairwise
 from math import inf
 from typing import Final, NamedTuple, TypeAlias, TypeGuard
 
-from plant.model.types import Circle, Obstacle, Point, Polygon, Polyline, World
+from protocol.world import Circle, Obstacle, Point, Polygon, Polyline, World
 from runtime.elementary import hypot
 
 TOUCHING_M: Final = 1e-9

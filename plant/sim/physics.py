@@ -24,7 +24,7 @@ from typing import Final, NamedTuple, TypeAlias
 import pymunk
 
 from plant.model.geometry import distance_m, edges, movers, moves
-from plant.model.types import Circle, Point, Polygon, Polyline, World
+from protocol.world import Circle, Point, Polygon, Polyline, World
 from runtime.elementary import hypot
 
 ITERATIONS: Final = 10

@@ -13,7 +13,6 @@ import numpy as np
 
 from plant.model.configuration import Body, Fault, Noise, body_of, faults_of
 from plant.model.geometry import Disc, Pose, StaticScene, movers, still
-from plant.model.types import Point, World
 from plant.placement import starts
 from plant.sim.active_faults import FaultSchedule
 from plant.sim.drive import DifferentialDrive
@@ -21,6 +20,7 @@ from plant.sim.physics import Arena, Mover
 from plant.sim.sonar import PING_AGE_US, Caster, SimulatedSonarRing
 from protocol.wire.enums import BUMPER_LEFT, BUMPER_REAR, BUMPER_RIGHT
 from protocol.wire.messages import GroundTruth, RunScore, SonarScan, WheelTicks
+from protocol.world import Point, World
 from runtime.elementary import atan2, cos_sin, hypot, sin
 from runtime.timing import PERIOD_NS, UINT32
 from runtime.units import NS_PER_S

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from plant.model.errors import WorldError, WorldProblem, WorldReport
-from plant.model.types import World
 from plant.world.reader import read_world
+from protocol.world import World
 from runtime.json_reader import value_in
 from runtime.regular_file import UnusableFileError, bytes_in
 from runtime.toml_reader import MAX_BYTES, Key, TooDeepError, key_lines, table_in

@@ -11,7 +11,9 @@ from typing import Any, Final, NamedTuple
 from plant.model.configuration import LEVELS, USUAL_LEVEL, Body, Fault, Noise, _fields
 from plant.model.errors import WorldReport
 from plant.model.geometry import TOUCHING_M, area_m2, crossing_edges, distance_m, folded_corner
-from plant.model.types import (
+from plant.placement import ObstacleFloor, check_places
+from plant.world.table import COORDINATE, HUGE, FileTable, NumberLimits, type_name
+from protocol.world import (
     WALL_THICKNESS_M,
     Circle,
     GoalPose,
@@ -25,8 +27,6 @@ from plant.model.types import (
     World,
     bad_name,
 )
-from plant.placement import ObstacleFloor, check_places
-from plant.world.table import COORDINATE, HUGE, FileTable, NumberLimits, type_name
 from runtime.toml_reader import Key
 
 SHAPES: Final = {

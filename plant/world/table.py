@@ -10,7 +10,7 @@ from math import degrees, isfinite, nan
 from typing import Final, NamedTuple
 
 from plant.model.errors import WorldReport
-from plant.model.types import Point
+from protocol.world import Point
 from runtime.toml_reader import Key
 
 # Each unit as (quantity, factor to the unit of the world file).

@@ -12,8 +12,8 @@ from typing import Any, Final, TypeAlias
 
 from plant.model.configuration import LEVELS, Noise, noise_of
 from plant.model.geometry import Pose, clearance_m, distance_m, length_m
-from plant.model.types import Circle, Obstacle, Point, Polygon, Polyline, Settings, World
 from plant.placement import RobotGoal
+from protocol.world import Circle, Obstacle, Point, Polygon, Polyline, Settings, World
 from runtime.cli.terminal import printable
 
 COLUMNS: Final = 72

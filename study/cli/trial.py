@@ -17,12 +17,12 @@ from typing import Final, TextIO
 
 from plant.model.configuration import LEVELS, body_of
 from plant.model.geometry import clearance_m, moves
-from plant.model.types import GoalPose, Obstacle, Point, Start, World
 from plant.sim.physics import Mover
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.options import above_zero, add_param_option, finite, numbers_kept, up_to, whole
 from protocol.outcome import Outcome
+from protocol.world import GoalPose, Obstacle, Point, Start, World
 from robot.core.values import Decision, Outputs
 from robot.hosting.core import NewCore
 from robot.hosting.in_process import InProcessCore

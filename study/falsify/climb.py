@@ -21,7 +21,7 @@ from plant.corpus.generate import (
 from plant.model.configuration import SONAR_TARGETS, WHEEL_TARGETS
 from plant.model.draws import Draws
 from plant.model.geometry import clearance_m
-from plant.model.types import Circle, Settings, World
+from protocol.world import Circle, Settings, World
 from robot.core.values import SONARS
 from runtime.elementary import cos_sin
 from study.falsify.evaluate import Subject, evaluate

@@ -9,12 +9,12 @@ from math import inf, pi
 from typing import Any, Final
 
 from plant.model.geometry import edges, moves
-from plant.model.types import Circle, Obstacle, Polygon, Polyline, World
 from plant.sim.physics import Mover, Surface, line
 from plant.sim.simulation import Plant
 from protocol.outcome import Outcome
 from protocol.wire.messages import GroundTruth
 from protocol.wire.reasons import Reason
+from protocol.world import Circle, Obstacle, Polygon, Polyline, World
 from robot.core import states
 from robot.core.geometry import BEARINGS, HALF_CONE
 from robot.core.navigators.memory import proof as proofs

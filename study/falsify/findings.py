@@ -23,10 +23,10 @@ from typing import Any, Final
 
 from plant.corpus.generate import measured
 from plant.model.draws import Draws
-from plant.model.types import World
 from plant.world.file import loads
 from plant.world.writer import dumps
 from protocol.wire.reasons import Reason, reason_text
+from protocol.world import World
 from robot.core import states
 from runtime.errors import UserError
 from runtime.json_reader import value_in

@@ -6,9 +6,9 @@ from typing import Final, NamedTuple
 
 from plant.model.configuration import body_of
 from plant.model.geometry import edges, length_m
-from plant.model.types import Circle, Polygon, World
 from protocol.outcome import Outcome
 from protocol.wire.reasons import Reason
+from protocol.world import Circle, Polygon, World
 
 ELLIPSE: Final = 23.0
 """Largest squared Mahalanobis distance of the position: chi-square of two degrees at 1e-5."""

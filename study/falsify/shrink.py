@@ -14,9 +14,9 @@ from typing import Final, TypeVar
 from plant.corpus.draft import Axis
 from plant.corpus.generate import measured
 from plant.model.errors import WorldError
-from plant.model.types import Circle, Obstacle, Point, Polygon, Polyline, World
 from plant.world.file import loads
 from plant.world.writer import dumps
+from protocol.world import Circle, Obstacle, Point, Polygon, Polyline, World
 from study.falsify import climb
 from study.falsify.climb import SearchCandidate, SearchSettings, Violation
 from study.falsify.evaluate import evaluate

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from plant.corpus import generate
 from plant.model.configuration import body_of
 from plant.model.geometry import clearance_m, distance_m, moves
-from plant.model.types import Circle, Obstacle, Point, Polyline, World
 from plant.shortest_path import path_length_m, shortest_path
+from protocol.world import Circle, Obstacle, Point, Polyline, World
 from study.people.encounters import STEP_S, Encounters, Exposure, PersonContact, Walkers, gap_of
 from study.runner.plan import digest_of, seed_of
 from study.trial.trial import Trial, run_trial

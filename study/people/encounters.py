@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from plant.model.configuration import body_of
 from plant.model.geometry import movers
-from plant.model.types import Point, World
 from plant.sim.physics import Mover
 from plant.sim.simulation import Plant
+from protocol.world import Point, World
 from robot.core.perception.people import PROVEN, SAME_M, SLOTS, People
 from robot.core.values import Outputs
 from runtime.elementary import atan2, cos_sin, hypot

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import pyarrow as pa
 
-from plant.model.types import World
+from protocol.world import World
 from runtime.errors import UserError
 from study.intervals import Share
 from study.report.charts.gallery import PER_NAVIGATOR, WorldOf, gallery, selected_failures

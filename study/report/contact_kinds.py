@@ -12,10 +12,10 @@ from math import atan2, cos, degrees, hypot, inf, isfinite, pi, remainder, sin, 
 from typing import Final, NamedTuple
 
 from plant.model.geometry import clearance_m, distance_m, nearest_share
-from plant.model.types import Circle, Obstacle, Point, Polygon, Polyline, World
 from plant.sim.physics import Mover
 from plant.sim.simulation import Plant
 from protocol.outcome import Outcome
+from protocol.world import Circle, Obstacle, Point, Polygon, Polyline, World
 from robot.core.geometry import BEARINGS, HALF_CONE
 from robot.core.perception.echoes import REACH_M, SURE, Echoes
 from robot.core.states import PASS_LEFT, PASS_RIGHT

@@ -17,9 +17,9 @@ import pyarrow as pa
 from plant.corpus import ADVERSARIAL_FAMILIES
 from plant.model.configuration import body_of
 from plant.model.geometry import clearance_m
-from plant.model.types import Circle, Point, Polygon, World
 from protocol.wire.enums import Branch
 from protocol.wire.reasons import reason_text
+from protocol.world import Circle, Point, Polygon, World
 from study.report.charts.charts import Dot, SvgDrawing, colour
 from study.report.charts.gallery import WorldOf, command_of
 from study.report.charts.world_map import simplified, wall_parts

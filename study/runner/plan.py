@@ -16,10 +16,10 @@ import plant.corpus
 from plant.corpus import EVERY_FAMILY, FAMILIES, generate
 from plant.model.configuration import LEVELS, body_of
 from plant.model.errors import WorldError, WorldProblem
-from plant.model.types import World
 from plant.shortest_path import known_length_m
 from plant.world.file import load, shipped
 from plant.world.writer import dumps
+from protocol.world import World
 from runtime.errors import UserError
 from study.trial.trial import ALL_NAVIGATORS, SIDES
 

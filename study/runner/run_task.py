@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plant.model.configuration import body_of
-from plant.model.types import Polyline, World
 from plant.shortest_path import Array, blocked_by
 from protocol.outcome import Outcome
+from protocol.world import Polyline, World
 from robot.core import states
 from study.runner.plan import TrialTask
 from study.runner.rows import COLUMNS, FAILED, CodeVersion, TrialRow, machine

@@ -6,9 +6,9 @@ from math import inf, nan, pi
 
 import pytest
 
-from plant.model.types import Circle, GoalPose, Obstacle, Polygon, Settings, Start, World
 from plant.sim.simulation import Plant
 from protocol.outcome import Outcome
+from protocol.world import Circle, GoalPose, Obstacle, Polygon, Settings, Start, World
 from robot.core.values import Outputs
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import NAVIGATORS, Trial, run_trial

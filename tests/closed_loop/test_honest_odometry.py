@@ -9,8 +9,8 @@ import pytest
 
 from benchmarks.odometry.consistency import KINDS, consistency_of, drive, error_of
 from plant.model.configuration import LEVELS
-from plant.model.types import Circle, GoalPose, Polygon, Setting, Start, World
 from plant.sim.simulation import Plant
+from protocol.world import Circle, GoalPose, Polygon, Setting, Start, World
 from robot.core.parameters import DEFAULTS
 from robot.core.perception import slip as slips
 from robot.core.perception import stall as stalls

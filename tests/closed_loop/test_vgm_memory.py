@@ -7,10 +7,10 @@ from time import process_time
 import pytest
 
 from plant.corpus import FAMILIES
-from plant.model.types import World
 from plant.world.file import load
 from protocol.outcome import Outcome
 from protocol.wire.reasons import Reason, reason_text
+from protocol.world import World
 from study.trial.core_loop import Behaviour
 from study.trial.trial import Trial, run_trial
 

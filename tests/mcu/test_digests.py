@@ -15,10 +15,10 @@ import pytest
 from benchmarks.board.counted import counted
 from benchmarks.board.measure import build, report_of, summary
 from benchmarks.board.results import Build, excesses
-from plant.model.types import Start
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.wire.messages import BoardReport
+from protocol.world import Start
 from robot.core.values import Outputs
 from robot.hosting.on_board import BoardCore
 from robot.mcu.board import Board

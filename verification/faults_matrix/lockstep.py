@@ -11,12 +11,12 @@ from dataclasses import replace
 from random import Random
 from typing import Final, NamedTuple
 
-from plant.model.types import World
 from plant.world.file import load
 from protocol.bus.faults.link_faults import LinkFaults
 from protocol.topics import Role
 from protocol.wire.enums import Command
 from protocol.wire.enums import Vehicle as VehicleState
+from protocol.world import World
 from robot.hosting.in_process import InProcessCore
 from robot.mcu.board import BoardError
 from runtime.clock import Tick

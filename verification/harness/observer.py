@@ -10,7 +10,6 @@ from tempfile import TemporaryDirectory
 from time import monotonic_ns
 from typing import Any, Final
 
-from plant.model.types import World
 from plant.world.file import load
 from protocol.bus.bus import Bus, open_bus
 from protocol.topics import COMMAND, DRIVE, RUN, STATUS, TRUTH, Role, Service, Topic
@@ -19,6 +18,7 @@ from protocol.wire.enums import Command, GoalState, RunAction
 from protocol.wire.goal import wire_goal
 from protocol.wire.message import Message
 from protocol.wire.messages import GroundTruth, NavigatorStatus, RunRequest, WheelCommand
+from protocol.world import World
 from verification.harness.bus_calls import (
     arm_request,
     ask_until_accepted,

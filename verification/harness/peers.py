@@ -8,7 +8,6 @@ from typing import Final
 from uuid import uuid4
 
 from plant.model.configuration import noise_of
-from plant.model.types import World
 from plant.process.loop import Process as PlantProcess
 from plant.process.loop import RequestQueue, Wake
 from plant.process.robot_link import RobotLink
@@ -32,6 +31,7 @@ from protocol.topics import (
 from protocol.wire.codec import decode
 from protocol.wire.enums import Navigator
 from protocol.wire.messages import Statustext
+from protocol.world import World
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Pose
 from robot.hosting.core import NewCore

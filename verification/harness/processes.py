@@ -12,9 +12,9 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from plant.model.types import World
 from protocol.bus.network import Network, Tls
 from protocol.wire.goal import start_arguments
+from protocol.world import World
 
 VALID: Final = timedelta(days=1)
 

@@ -7,7 +7,6 @@ from queue import Empty, SimpleQueue
 from time import monotonic_ns, perf_counter
 from typing import NamedTuple
 
-from plant.model.types import World
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
 from protocol.topics import COMMAND, RUN, STATUS, Role, Service
@@ -16,6 +15,7 @@ from protocol.wire.enums import GoalState, RunAction
 from protocol.wire.goal import start_arguments
 from protocol.wire.message import Message
 from protocol.wire.messages import NavigatorStatus, RunRequest, RunScore
+from protocol.world import World
 from robot.core.parameters import DEFAULTS
 from runtime.calibration import totals_arguments
 from study.trial.trial import Trial, params_of, wire_goal_of

@@ -11,7 +11,6 @@ from threading import Event
 from time import monotonic_ns
 
 from plant.model.configuration import noise_of
-from plant.model.types import World
 from plant.process.robot_link import RobotLink
 from plant.sim.simulation import Plant
 from protocol.bus.bus import Bus, open_bus
@@ -20,6 +19,7 @@ from protocol.wire.enums import GoalState
 from protocol.wire.goal import wire_goal
 from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest
 from protocol.wire.reasons import Reason
+from protocol.world import World
 from study.trial.trial import wire_goal_of
 from verification.harness.bus_calls import (
     arm_request,

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, TypeAlias
 
-from plant.model.types import World
 from plant.world.file import load
+from protocol.world import World
 from study.report.charts.charts import DARK, DRAWING_RULES, LIGHT
 from study.report.charts.world_map import WorldMap, simplified
 from study.report.drives import DrivenTrial, drive_all

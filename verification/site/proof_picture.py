@@ -6,8 +6,8 @@ The chains are those of the recorded decisions of a trial, in the robot's estima
 from dataclasses import dataclass, field
 from typing import Final, TypeAlias
 
-from plant.model.types import GoalPose, Point, Polyline, Start, World
 from plant.sim.simulation import Plant
+from protocol.world import GoalPose, Point, Polyline, Start, World
 from robot.core.navigators.memory import proof as proofs
 from robot.core.navigators.memory.chain import LEAD, TAIL
 from robot.core.navigators.vgm_following import Memory

@@ -7,8 +7,8 @@ from typing import Final, NamedTuple, TypeAlias
 import pyarrow as pa
 
 from plant.model.errors import WorldError
-from plant.model.types import World
 from protocol.wire.reasons import Reason
+from protocol.world import World
 from runtime.errors import UserError
 from study.intervals import CONFIDENT
 from study.report.charts.world_map import WorldMap

@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 
 from plant.model.configuration import body_of
-from plant.model.types import Circle, Point, Polygon, Polyline, World
 from protocol.outcome import LOST, UNREACHABLE
+from protocol.world import Circle, Point, Polygon, Polyline, World
 from study.intervals import CHI2_2, Floats
 from study.report.charts.charts import Dot, SvgDrawing, colour, dashed
 from study.report.drives import DrivenTrial, Pose

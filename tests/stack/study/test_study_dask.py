@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from plant.model.types import World
+from protocol.world import World
 from runtime.errors import UserError
 from study.runner import workers as executors
 from study.runner.plan import TrialTask

@@ -1,8 +1,8 @@
 """Rooms to drive in, and the few moves that the tests of the plant share."""
 
 from plant.model.configuration import LEVELS
-from plant.model.types import GoalPose, Obstacle, Settings, Start, World
 from plant.sim.simulation import Plant
+from protocol.world import GoalPose, Obstacle, Settings, Start, World
 
 NONE = LEVELS["none"]
 FOREVER_NS = 10**18

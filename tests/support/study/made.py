@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from plant.model.types import Circle, GoalPose, Start, World
+from protocol.world import Circle, GoalPose, Start, World
 from study.runner.plan import ListedWorld, StudySettings, TrialTask, digest_of, tasks_of
 from study.runner.rows import CodeVersion, TrialRow
 from study.runner.run_task import StudyContext, failed

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from ground.recording.mcap.writer import McapFormat
 from plant.model.configuration import LEVELS
-from plant.model.types import World
 from plant.sim.simulation import Plant
 from protocol.sender import sender_of
 from protocol.topics import (
@@ -28,6 +27,7 @@ from protocol.wire.enums import Command
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandRequest, GoalRequest, WheelCommand
+from protocol.world import World
 from robot import telemetry
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.perception.from_messages import now_ms_of, scan_of, wheels_of

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from plant.model.types import World
+from protocol.world import World
 from tests.support.study.made import floor
 
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from plant.model.types import Circle
 from protocol.outcome import LOST, UNREACHABLE
+from protocol.world import Circle
 from study.report.evidence import MapResult, read_evidence
 from tests.support.each import each
 from verification import published_maps

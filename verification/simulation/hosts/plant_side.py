@@ -4,7 +4,6 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from plant.model.configuration import Noise
-from plant.model.types import GoalPose, Polygon, Start, World
 from plant.process.loop import Process, RequestQueue, Wake
 from plant.process.robot_link import RobotLink
 from plant.process.run import watch_robots
@@ -13,6 +12,7 @@ from protocol.bus.bus import Bus, open_bus
 from protocol.bus.claim import claim
 from protocol.bus.network import Network
 from protocol.topics import RUN, WORLD, Role
+from protocol.world import GoalPose, Polygon, Start, World
 from verification.simulation.hosts.scheduler import Host, Scheduler
 from verification.simulation.hosts.threads import SimulatedClock
 

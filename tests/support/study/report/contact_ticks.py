@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from plant.model.types import Circle, Point
+from protocol.world import Circle, Point
 from robot.core.states import TO_GOAL
 from robot.core.values import Pose
 from study.report.contact_kinds import RecordedTick, StoredPoint, Touched

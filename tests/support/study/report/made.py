@@ -7,9 +7,9 @@ from typing import Any
 
 import pyarrow as pa
 
-from plant.model.types import World
 from protocol.outcome import Outcome
 from protocol.wire.reasons import Reason
+from protocol.world import World
 from study.report.drives import DrivenTrial, Pose
 from study.report.trials import Trials, trials_of
 from study.runner.rows import TrialRow

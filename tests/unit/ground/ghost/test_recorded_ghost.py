@@ -11,11 +11,11 @@ from ground.cli.main import main
 from ground.client.goal import destination
 from ground.ghost.recorded_ghost import GhostRecording, changed_in
 from ground.recording.log_index import LogIndex
-from plant.model.types import GoalPose
 from plant.world.file import load
 from protocol.outcome import Outcome
 from protocol.topics import CLOCK, COMMANDED, ODOMETRY, STATUS, TRUTH
 from protocol.wire.messages import GoalRequest, SystemTime
+from protocol.world import GoalPose
 from runtime.errors import UserError
 from study.trial.trial import Trial, wire_goal_of
 from tests.support.ground.recordings import Recording, box, recorded

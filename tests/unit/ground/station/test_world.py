@@ -7,10 +7,10 @@ import pytest
 
 from ground.map.scene import Disc, Outline
 from ground.station.world import MAX_OBSTACLES, MAX_POINTS, parse_world
-from plant.model.types import Circle
 from plant.sim.physics import Mover as Walker
 from plant.world.file import load
 from plant.world.writer import as_json
+from protocol.world import Circle
 from runtime.errors import RemoteError
 from tests.support.each import each
 from tests.support.ground.station.play import WORLD_TEXT

@@ -18,10 +18,10 @@ from plant.corpus.draft import shifted
 from plant.corpus.generate import ADVERSARIAL_MARGIN_M, ADVERSARIES, drawn, world_of
 from plant.model.configuration import Body
 from plant.model.draws import Draws
-from plant.model.types import Polyline, World
 from plant.shortest_path import shortest_path_m
 from plant.world.file import loads
 from plant.world.writer import dumps
+from protocol.world import Polyline, World
 from tests.support.each import each
 
 SOME = 3

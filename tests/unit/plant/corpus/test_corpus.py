@@ -16,10 +16,10 @@ from plant.corpus.draft import STANDING_M
 from plant.corpus.generate import MARGIN_M
 from plant.model.configuration import Body
 from plant.model.geometry import clearance_m, movers
-from plant.model.types import Circle, Point, Polyline, World
 from plant.shortest_path import shortest_path_m
 from plant.world.file import load, loads
 from plant.world.writer import dumps
+from protocol.world import Circle, Point, Polyline, World
 from tests.support.each import each
 
 FIXED_DIR = Path(made.__file__).parent / "fixed"

@@ -15,7 +15,7 @@ from plant.imports.cells import labelled
 from plant.imports.moving_ai import parse_map
 from plant.model.configuration import Body
 from plant.model.draws import Draws
-from plant.model.types import Circle, Polyline, World
+from protocol.world import Circle, Polyline, World
 from tests.support.each import each
 
 SOME = range(8)

@@ -17,8 +17,8 @@ from plant.imports.importer import ImportedWorld, Places, grid_world
 from plant.model.configuration import Body
 from plant.model.draws import Draws
 from plant.model.geometry import clearance_m, moves
-from plant.model.types import Point, World
 from plant.shortest_path import near_path, shortest_path_m
+from protocol.world import Point, World
 from tests.support.each import each
 
 RADIUS_M = Body().radius_m

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.model.types import Circle
 from plant.sim.physics import Mover
+from protocol.world import Circle
 from tests.support.each import each
 
 CORNER = Circle(

@@ -1,5 +1,5 @@
 from plant.model.geometry import movers, still
-from plant.model.types import Circle, Polygon, Polyline
+from protocol.world import Circle, Polygon, Polyline
 from tests.support.plant.rooms import room
 
 SQUARE = ((1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0))

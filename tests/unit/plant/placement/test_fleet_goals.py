@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plant.model.configuration import Body, body_of
-from plant.model.types import Circle, Obstacle, Point, Polygon
 from plant.placement import RobotGoal, goals, starts
 from plant.world.file import load, shipped
+from protocol.world import Circle, Obstacle, Point, Polygon
 from tests.support.each import each
 from tests.support.plant.rooms import room
 

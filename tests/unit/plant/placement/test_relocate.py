@@ -5,8 +5,8 @@ from math import inf, nan
 import pytest
 
 from plant.model.configuration import LEVELS
-from plant.model.types import Circle, GoalPose, Polygon, Polyline, Start, World
 from plant.sim.simulation import Plant
+from protocol.world import Circle, GoalPose, Polygon, Polyline, Start, World
 from runtime.errors import UserError
 from study.cli.trial import elsewhere
 from tests.support.each import each

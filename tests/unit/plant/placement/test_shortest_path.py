@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plant.model.geometry import clearance_m
-from plant.model.types import Circle, GoalPose, Obstacle, Polygon, Polyline, Start, World
 from plant.shortest_path import shortest_path, shortest_path_m
 from plant.world.file import load, shipped
+from protocol.world import Circle, GoalPose, Obstacle, Polygon, Polyline, Start, World
 from tests.support.each import each
 
 RADIUS_M = 0.12

@@ -4,8 +4,8 @@ from math import dist, pi
 import pytest
 
 from plant.model.configuration import Body
-from plant.model.types import Circle, Polygon
 from plant.placement import starts
+from protocol.world import Circle, Polygon
 from tests.support.plant.rooms import room
 
 

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plant.model.geometry import clearance_m, inside
-from plant.model.types import Circle, Obstacle, Point, Polygon, Polyline
 from plant.sim.physics import CLEARANCE_LIMIT_M, Arena
+from protocol.world import Circle, Obstacle, Point, Polygon, Polyline
 from tests.support.plant.rooms import room
 
 RADIUS_M = 0.12

@@ -3,8 +3,8 @@ from math import cos, dist, pi, radians, sin
 import pytest
 
 from plant.model.geometry import clearance_m
-from plant.model.types import Circle, Obstacle, Polygon, Polyline, World
 from plant.sim.simulation import Plant
+from protocol.world import Circle, Obstacle, Polygon, Polyline, World
 from tests.support.each import each
 from tests.support.plant.rooms import FOREVER_NS, NONE, bumper, drive, room
 

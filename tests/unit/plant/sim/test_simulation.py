@@ -4,10 +4,10 @@ from math import cos, pi, radians, sin
 import pytest
 
 from plant.model.configuration import LEVELS, Noise
-from plant.model.types import Circle, World
 from plant.sim.simulation import Plant
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.messages import SonarScan, WheelTicks
+from protocol.world import Circle, World
 from tests.support.each import each
 from tests.support.plant.rooms import FOREVER_NS, NONE, counters, drive, mrad_s, ranges_m, room
 

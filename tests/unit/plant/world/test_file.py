@@ -6,8 +6,8 @@ import pytest
 
 from plant.model.configuration import LEVELS, Body, body_of, faults_of, noise_of
 from plant.model.errors import WorldError
-from plant.model.types import Circle, Polygon, Polyline
 from plant.world.file import load, loads, shipped
+from protocol.world import Circle, Polygon, Polyline
 from tests.support.each import each
 from tests.support.plant.world_texts import GOOD, goal, more, start, with_line
 

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from plant.model.errors import WorldError
-from plant.model.types import World
 from plant.world.file import from_json, load, loads, shipped
 from plant.world.writer import as_json, dumps
+from protocol.world import World
 from tests.support.each import each
 
 GIVEN = ("name", "size_m", "start", "goal", "walls", "obstacles", "robot", "noise", "faults")

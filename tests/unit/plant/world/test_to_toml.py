@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plant.model.types import Circle, GoalPose, Obstacle, Polygon, Polyline, Start, World
 from plant.world.file import load, loads, shipped
 from plant.world.writer import dumps, in_degrees
+from protocol.world import Circle, GoalPose, Obstacle, Polygon, Polyline, Start, World
 from tests.support.each import each
 from tests.support.plant.world_texts import GOOD, more
 

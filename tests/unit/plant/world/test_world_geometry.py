@@ -11,7 +11,7 @@ from plant.model.geometry import (
     inside,
     meet,
 )
-from plant.model.types import Circle, Point, Polygon, Polyline
+from protocol.world import Circle, Point, Polygon, Polyline
 
 coordinates = st.integers(-50, 50).map(lambda tenths: tenths / 10.0)
 points = st.tuples(coordinates, coordinates)

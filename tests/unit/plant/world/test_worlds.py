@@ -7,9 +7,9 @@ import pytest
 
 from benchmarks.odometry.tree_placement import PASSAGE_M, grow
 from plant.model.configuration import Body
-from plant.model.types import Circle
 from plant.shortest_path import shortest_path_m
 from plant.world.file import SHIPPED_DIR, load, shipped
+from protocol.world import Circle
 from tests.support.each import each
 
 FORESTS = {"forest_sparse": (15, 1), "forest_medium": (35, 2), "forest_dense": (60, 3)}

@@ -7,7 +7,7 @@ import pytest
 
 from plant.corpus.generate import ADVERSARIAL_MARGIN_M
 from plant.model.configuration import body_of
-from plant.model.types import Polyline
+from protocol.world import Polyline
 from runtime.errors import UserError
 from study.falsify.findings import MAX_SHIFT_M, MAX_TURN_RAD, Finding, near, read_finding
 

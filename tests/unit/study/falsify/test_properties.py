@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from plant.model.types import Circle, GoalPose, Polyline, Start, World
 from protocol.outcome import Outcome
 from protocol.wire.reasons import Reason
+from protocol.world import Circle, GoalPose, Polyline, Start, World
 from study.falsify.properties import (
     ELLIPSE,
     LAPS,

@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 
 from plant.corpus import generate
 from plant.corpus.draft import Axis
-from plant.model.types import Circle, Polyline
 from plant.world.writer import dumps
+from protocol.world import Circle, Polyline
 from study.falsify.shrink import (
     checked,
     parts_of,

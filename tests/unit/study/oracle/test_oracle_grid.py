@@ -5,9 +5,9 @@ from math import inf
 import pytest
 
 from plant.corpus.generate import generate
-from plant.model.types import World
 from plant.world.file import load
 from protocol.outcome import Outcome
+from protocol.world import World
 from robot.core.navigators.registry import NAVIGATORS as OF_ROBOT
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.sonar_ring import Ring

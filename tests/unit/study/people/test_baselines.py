@@ -3,7 +3,7 @@
 from itertools import pairwise
 from math import inf, isclose
 
-from plant.model.types import Circle, GoalPose, Point, Polyline, Start, World
+from protocol.world import Circle, GoalPose, Point, Polyline, Start, World
 from study.people.crowd_trial import (
     CELL_M,
     LAYER_S,

@@ -2,7 +2,7 @@
 
 from math import inf, isclose
 
-from plant.model.types import Circle, GoalPose, Start, World
+from protocol.world import Circle, GoalPose, Start, World
 from robot.core.perception.people import PROVEN, People
 from study.people.encounters import (
     PERSONAL_M,

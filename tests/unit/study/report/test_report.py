@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import pyarrow as pa
 import pytest
 
-from plant.model.types import World
+from protocol.world import World
 from runtime.errors import UserError
 from study.cli.report import main, write_files
 from study.report.build import ReportRequest

@@ -8,7 +8,7 @@ from signal import SIGINT, SIGTERM
 
 import pytest
 
-from plant.model.types import World
+from protocol.world import World
 from runtime.errors import UserError
 from study.runner import workers as pools
 from study.runner.plan import TrialTask

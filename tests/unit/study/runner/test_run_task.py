@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.model.types import WALL_THICKNESS_M, Polyline
 from protocol.doubt import doubt_m
 from protocol.wire.enums import GoalState
+from protocol.world import WALL_THICKNESS_M, Polyline
 from robot.core import states
 from robot.core.parameters import DEFAULTS
 from study.runner.rows import FAILED, machine

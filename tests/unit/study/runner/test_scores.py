@@ -7,7 +7,7 @@ import pytest
 
 from plant.corpus import generate
 from plant.model.configuration import Body
-from plant.model.types import GoalPose, Polygon, Polyline, Start, World
+from protocol.world import GoalPose, Polygon, Polyline, Start, World
 from study.runner.run_task import FULL_SCORE, lap_m, published_score, spl
 from tests.support.each import each
 

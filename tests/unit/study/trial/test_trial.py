@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from plant.model.types import Circle, GoalPose, Start, World
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.wire.messages import GroundTruth
+from protocol.world import Circle, GoalPose, Start, World
 from robot.core import states
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Outputs

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plant.model.geometry import Pose, StaticScene, clearance_m, still
-from plant.model.types import Circle, Obstacle, Polygon, Polyline
 from plant.sim.sonar import ORDER, RAYS_PER_SONAR, SONARS, Caster, ray_bearings_rad
+from protocol.world import Circle, Obstacle, Polygon, Polyline
 from tests.support.plant.rooms import room
 
 NOTHING = StaticScene((), ())

@@ -1,8 +1,8 @@
 """Failures are selected, run again and given with a command to repeat them."""
 
 from plant.model.errors import WorldError, WorldProblem
-from plant.model.types import World
 from plant.world.file import load
+from protocol.world import World
 from runtime.errors import UserError
 from study.report.charts.gallery import command_of, diverse, gallery, kind_of, selected_failures
 from study.report.page import Gallery, Paragraph

@@ -8,8 +8,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from plant.model.types import Circle
 from protocol.wire.reasons import Reason
+from protocol.world import Circle
 from robot.core.states import PASS_LEFT, TO_GOAL
 from study.report.contact_kinds import PERSON_AHEAD, before_contact
 from study.report.contacts import chosen_rows, events_of, explained, main

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from plant.model.types import Circle, Obstacle, Point, Polygon, Polyline
+from protocol.world import Circle, Obstacle, Point, Polygon, Polyline
 from study.report.contact_kinds import touched, world_at
 from tests.support.each import each
 from tests.support.study.made import floor
