@@ -16,9 +16,9 @@ from plant.model.errors import WorldError, WorldProblem
 from plant.placement import goals, starts
 from plant.shortest_path import known_length_m, shortest_path
 from plant.world.file import SHIPPED_DIR, load, shipped
-from plant.world.writer import Json, as_json, draw, dumps, places_json
+from plant.world.writer import Json, draw, dumps, places_json
 from protocol.options import numbers_kept, whole
-from protocol.world import Circle, Point, World, bad_name
+from protocol.world import Circle, Point, World, as_json, bad_name
 from runtime.cli.parsers import add_subcommands, new_parser
 
 PER_FAMILY: Final = 27

@@ -1,9 +1,18 @@
-"""Values of a world: frozen, in metres and radians, checked before construction."""
+"""A world, frozen and in metres and radians, and its JSON, with the keys and units of its file.
+
+This is the only reader of a world's JSON: the plant answers with it, recordings keep it, and
+`sidestep worlds show --json` prints it. It checks types and sizes; the reader of world files in the
+plant checks everything else, and names each problem.
+"""
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Final, TypeAlias
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from math import degrees, radians
+from typing import Any, Final, TypeAlias
+
+from runtime.cli.terminal import printable
+from runtime.json_reader import value_in
 
 Point: TypeAlias = tuple[float, float]
 Setting: TypeAlias = bool | int | float | str
@@ -11,6 +20,11 @@ Settings: TypeAlias = Mapping[str, Setting]
 
 WALL_THICKNESS_M = 0.02
 MAX_NAME_LENGTH: Final = 64
+MAX_NUMBER: Final = 1e6
+"""Limit for metres, degrees and m/s in JSON; larger values cannot be drawn."""
+
+MAX_OBSTACLES: Final = 4000
+MAX_POINTS: Final = 100_000
 NAME: Final = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]*\Z")
 """Valid names of a world. A name is also a file name and cannot contain a directory."""
 
@@ -95,3 +109,154 @@ class World:
     family_seed: int | None = None
     shortest_path_m: float | None = None
     reachable: bool | None = None
+
+
+def tables_of(world: World, in_degrees: Callable[[float], float]) -> dict[str, Any]:
+    """Return a world as lists, numbers and texts under the keys of its file.
+
+    The heading of a goal is None if any will do.
+    """
+    start, goal = world.start, world.goal
+    return {
+        "name": world.name,
+        "size_m": list(world.size_m),
+        "walls": world.walls,
+        "start": {"x_m": start.x_m, "y_m": start.y_m, "heading_deg": in_degrees(start.heading_rad)},
+        "goal": {
+            "x_m": goal.x_m,
+            "y_m": goal.y_m,
+            "heading_deg": None if goal.heading_rad is None else in_degrees(goal.heading_rad),
+            "position_tolerance_m": goal.position_tolerance_m,
+            "heading_tolerance_deg": in_degrees(goal.heading_tolerance_rad),
+        },
+        "obstacles": [_obstacle_table(obstacle) for obstacle in world.obstacles],
+        "robot": _settings_table(world.robot, in_degrees),
+        "noise": _settings_table(world.noise, in_degrees),
+        "faults": [_settings_table(fault, in_degrees) for fault in world.faults],
+    }
+
+
+def rounded_degrees(angle_rad: float) -> float:
+    """Return degrees, rounded so that 3 degrees in a file become 3 again."""
+    return round(degrees(angle_rad), 9)
+
+
+def as_json(world: World, shortest_path_m: float | None) -> dict[str, Any]:
+    """Return the JSON of a world with its shortest path; angles are in degrees."""
+    length_m = None if shortest_path_m is None else round(shortest_path_m, 6)
+    return {**tables_of(world, rounded_degrees), "shortest_path_m": length_m}
+
+
+def world_in(source: str | bytes | Mapping[str, Any]) -> World:
+    """Return the world in the JSON of `as_json`, as text or parsed.
+
+    Keys of one run, such as its seed, are ignored; so are unknown ones. The name becomes printable.
+    Raises ValueError if something is missing, malformed, or too large to be drawn.
+    """
+    try:
+        return _world(value_in(source) if isinstance(source, str | bytes) else source)
+    except (KeyError, TypeError, IndexError, AttributeError) as error:
+        raise ValueError(f"no world: {error!r}") from error
+
+
+def _world(facts: Mapping[str, Any]) -> World:
+    width_m, height_m = map(_number, facts["size_m"])
+    tables = facts["obstacles"]
+    lists = [one.get(key, ()) for one in tables for key in ("polygon_m", "wall_m", "path_m")]
+    if len(tables) > MAX_OBSTACLES or sum(map(len, lists)) > MAX_POINTS:
+        raise ValueError("too many obstacles or points")
+    start, length_m = facts["start"], facts.get("shortest_path_m")
+    return World(
+        name=printable(str(facts["name"])[:MAX_NAME_LENGTH]),
+        size_m=(width_m, height_m),
+        walls=bool(facts.get("walls", True)),
+        start=Start(
+            x_m=_number(start["x_m"]),
+            y_m=_number(start["y_m"]),
+            heading_rad=radians(_number(start["heading_deg"])),
+        ),
+        goal=_goal(facts["goal"]),
+        obstacles=tuple(map(_obstacle, tables)),
+        robot=_settings(facts.get("robot", {})),
+        noise=_settings(facts.get("noise", {})),
+        faults=tuple(map(_settings, facts.get("faults", ()))),
+        shortest_path_m=None if length_m is None else _number(length_m),
+    )
+
+
+def _goal(goal: Mapping[str, Any]) -> GoalPose:
+    heading_deg = goal.get("heading_deg")
+    usual = GoalPose(x_m=_number(goal["x_m"]), y_m=_number(goal["y_m"]))
+    tolerance_deg = goal.get("heading_tolerance_deg")
+    return replace(
+        usual,
+        heading_rad=None if heading_deg is None else radians(_number(heading_deg)),
+        position_tolerance_m=_number(goal.get("position_tolerance_m", usual.position_tolerance_m)),
+        heading_tolerance_rad=usual.heading_tolerance_rad
+        if tolerance_deg is None
+        else radians(_number(tolerance_deg)),
+    )
+
+
+def _obstacle(table: Mapping[str, Any]) -> Obstacle:
+    if "polygon_m" in table:
+        return Polygon(_points(table["polygon_m"]))
+    if "wall_m" in table:
+        thickness_m = _number(table.get("thickness_m", WALL_THICKNESS_M))
+        return Polyline(_points(table["wall_m"]), thickness_m)
+    disc = table["circle_m"]
+    x_m, y_m, radius_m = _number(disc["x"]), _number(disc["y"]), _number(disc["radius"])
+    if "path_m" not in table:
+        return Circle(x_m=x_m, y_m=y_m, radius_m=radius_m)
+    path_m = _points(table["path_m"])
+    if not path_m:
+        raise ValueError("path_m is empty")
+    speed_m_s = _number(table["speed_m_s"])
+    return Circle(x_m=x_m, y_m=y_m, radius_m=radius_m, path_m=path_m, speed_m_s=speed_m_s)
+
+
+def _points(points: Sequence[Sequence[float]]) -> tuple[Point, ...]:
+    return tuple((_number(x_m), _number(y_m)) for x_m, y_m in points)
+
+
+def _number(value: Any) -> float:
+    """Return a number; ValueError when it cannot be drawn."""
+    number = float(value)
+    if not abs(number) <= MAX_NUMBER:
+        raise ValueError(f"{number} is out of range")
+    return number
+
+
+def _settings(table: Mapping[str, Any]) -> dict[str, Setting]:
+    """Return settings by field name: those in degrees become radians."""
+    found: dict[str, Setting] = {}
+    for key, value in table.items():
+        if not isinstance(value, bool | int | float | str):
+            raise ValueError(f"{key} is no setting")
+        if key.endswith("_deg"):
+            found[key.removesuffix("_deg") + "_rad"] = radians(_number(value))
+        else:
+            found[key] = value
+    return found
+
+
+def _obstacle_table(obstacle: Obstacle) -> dict[str, Any]:
+    if isinstance(obstacle, Polygon):
+        return {"polygon_m": list(map(list, obstacle.points_m))}
+    if not isinstance(obstacle, Circle):
+        wall_m = list(map(list, obstacle.points_m))
+        return {"wall_m": wall_m, "thickness_m": obstacle.thickness_m}
+    disc = {"x": obstacle.x_m, "y": obstacle.y_m, "radius": obstacle.radius_m}
+    if not obstacle.path_m:
+        return {"circle_m": disc}
+    path_m = list(map(list, obstacle.path_m))
+    return {"circle_m": disc, "path_m": path_m, "speed_m_s": obstacle.speed_m_s}
+
+
+def _settings_table(settings: Settings, in_degrees: Callable[[float], float]) -> dict[str, Any]:
+    return {
+        name.removesuffix("_rad") + "_deg" if name.endswith("_rad") else name: (
+            in_degrees(float(value)) if name.endswith("_rad") else value
+        )
+        for name, value in settings.items()
+    }

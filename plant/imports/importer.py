@@ -26,8 +26,8 @@ from plant.model.errors import WorldError, WorldReport, refuse
 from plant.model.geometry import clearance_m, distance_m, length_m
 from plant.placement import ObstacleFloor, check_places
 from plant.shortest_path import near_path, shortest_path_m
-from plant.world.reader import MAX_OBSTACLES, SIZE
-from protocol.world import GoalPose, Obstacle, Point, Start, World
+from plant.world.reader import SIZE
+from protocol.world import MAX_OBSTACLES, GoalPose, Obstacle, Point, Start, World
 from runtime.elementary import hypot
 
 HEADING_TOLERANCE_RAD: Final = radians(3.0)

@@ -14,13 +14,14 @@ from plant.process.robot_link import RobotLink
 from plant.shortest_path import known_length_m
 from plant.sim.simulation import Plant
 from plant.world.file import load
-from plant.world.writer import as_json, run_json
+from plant.world.writer import run_json
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.claim import claim
 from protocol.bus.network import Network
 from protocol.bus.presence import Presence
 from protocol.options import add_network_options, network_of, whole
 from protocol.topics import RUN, WORLD, Role, robot_name
+from protocol.world import as_json
 from runtime import config
 from runtime.cli.parsers import new_parser
 from runtime.clock import WallClock

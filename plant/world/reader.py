@@ -14,6 +14,7 @@ from plant.model.geometry import TOUCHING_M, area_m2, crossing_edges, distance_m
 from plant.placement import ObstacleFloor, check_places
 from plant.world.table import COORDINATE, HUGE, FileTable, NumberLimits, type_name
 from protocol.world import (
+    MAX_OBSTACLES,
     WALL_THICKNESS_M,
     Circle,
     GoalPose,
@@ -316,7 +317,6 @@ SIZE: Final = NumberLimits(0.5, 100.0, "m")
 HEADING: Final = NumberLimits(-360.0, 360.0, "degrees")
 POSITION_TOLERANCE: Final = NumberLimits(0.001, 2.0, "m")
 HEADING_TOLERANCE: Final = NumberLimits(0.1, 180.0, "degrees")
-MAX_OBSTACLES: Final = 4000
 
 
 def read_world(raw: object, report: WorldReport) -> World | None:

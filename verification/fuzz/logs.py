@@ -30,7 +30,6 @@ from ground.recording.world_metadata import discs, facts_of, outlines, radius_of
 from ground.reports.export import Export
 from ground.station.station import Station
 from plant.world.file import load
-from plant.world.writer import as_json
 from protocol.topics import ENCODING, PREFIX, TOPICS
 from protocol.wire.enums import INPUT_SCAN, INPUT_WHEELS
 from protocol.wire.message import Message
@@ -42,6 +41,7 @@ from protocol.wire.messages import (
     TickInputs,
     WheelCommand,
 )
+from protocol.world import as_json
 from robot.core.parameters import DEFAULTS
 from robot.parameters.table import described
 from runtime.clock import ManualClock

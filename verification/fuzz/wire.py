@@ -11,7 +11,6 @@ from ground.client.parameter import parameters_in
 from ground.missions.wire import fence_of, waypoints_of
 from ground.station.world import parse_world
 from plant.world.file import load
-from plant.world.writer import as_json
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.topics import ENCODING, TOPICS, operator_in
 from protocol.wire.codec import Encoder, decode
@@ -28,6 +27,7 @@ from protocol.wire.messages import (
     Teleop,
     WheelTicks,
 )
+from protocol.world import as_json
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.from_messages import scan_of, wheels_of
 from robot.core.values import Inputs, Outputs, Scan, Wheels

@@ -10,7 +10,8 @@ import numpy as np
 
 from plant.imports.importer import ImportOptions, import_worlds
 from plant.world.file import SHIPPED_DIR, load, loads
-from plant.world.writer import as_json, dumps
+from plant.world.writer import dumps
+from protocol.world import as_json
 from verification.fuzz.target import FuzzTarget
 from verification.fuzz.words import JSON_WORDS, TOML_WORDS, from_file, json_bombs, toml_bombs
 

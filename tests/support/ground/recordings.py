@@ -10,13 +10,13 @@ from ground.recording.log_reader import LoggedFrame
 from ground.recording.tlog import record_bytes
 from plant.sim.simulation import Plant
 from plant.world.file import load
-from plant.world.writer import as_json
 from protocol.outcome import Outcome
 from protocol.sender import COMPONENT
 from protocol.topics import COMMANDED, CYCLE, DECISION, ODOMETRY, STATUS, TRUTH, Topic
 from protocol.wire.codec import Encoder
 from protocol.wire.message import Message
 from protocol.wire.messages import CycleReport, GoalRequest
+from protocol.world import as_json
 from robot import telemetry
 from robot.core.values import Outputs
 from robot.vehicle import Vehicle

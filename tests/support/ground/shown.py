@@ -7,7 +7,7 @@ from ground.recording.playback.playback_bus import ReplayBus
 from ground.station.station import Station
 from ground.station.world import parse_world
 from plant.world.file import load
-from plant.world.writer import as_json
+from protocol.world import as_json
 from runtime.clock import ManualClock
 from tests.support.ground.recordings import Recording
 

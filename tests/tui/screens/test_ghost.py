@@ -10,8 +10,7 @@ from ground.app.commands.local_commands import LocalCommands
 from ground.app.screens.drive import DriveScreen
 from ground.console.app_commands import AppCommand
 from ground.console.parser import read
-from plant.world.writer import as_json
-from protocol.world import GoalPose, Start, World
+from protocol.world import GoalPose, Start, World, as_json
 from runtime.errors import UserError
 from tests.support.tui.fakes import FakeStation
 from tests.support.tui.pilot import Stage, play, staged

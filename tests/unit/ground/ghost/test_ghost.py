@@ -16,7 +16,7 @@ from ground.ghost.ghost import CANCELLED, Ghost
 from ground.ghost.ghost_set import Ghosts
 from ground.ghost.predicted_path import FAILED, PredictedPath
 from plant.world.file import load
-from plant.world.writer import as_json
+from protocol.world import as_json
 from runtime.clock import ManualClock
 from study.trial.trial import NAVIGATORS, Trial
 from tests.support.each import each

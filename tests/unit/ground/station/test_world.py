@@ -9,8 +9,7 @@ from ground.map.scene import Disc, Outline
 from ground.station.world import MAX_OBSTACLES, MAX_POINTS, parse_world
 from plant.sim.physics import Mover as Walker
 from plant.world.file import load
-from plant.world.writer import as_json
-from protocol.world import Circle
+from protocol.world import Circle, as_json
 from runtime.errors import RemoteError
 from tests.support.each import each
 from tests.support.ground.station.play import WORLD_TEXT

@@ -9,8 +9,8 @@ import pytest
 
 from plant.model.errors import WorldError
 from plant.world.file import from_json, load, loads, shipped
-from plant.world.writer import as_json, dumps
-from protocol.world import World
+from plant.world.writer import dumps
+from protocol.world import World, as_json
 from tests.support.each import each
 
 GIVEN = ("name", "size_m", "start", "goal", "walls", "obstacles", "robot", "noise", "faults")
