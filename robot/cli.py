@@ -75,8 +75,8 @@ def core_host(arguments: argparse.Namespace) -> Iterator[NewCore]:
     if not arguments.mcu:
         yield InProcessCore
         return
-    from robot.hosting.on_board import LOCKSTEP, WALL_TIME, BoardCore  # needed only here
-    from robot.mcu.board import Board
+    from firmware.board import Board
+    from firmware.host import LOCKSTEP, WALL_TIME, BoardCore  # needed only here
 
     with Board.emulated() as board:
         yield partial(BoardCore, board, limits=LOCKSTEP if arguments.lockstep else WALL_TIME)

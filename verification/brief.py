@@ -28,7 +28,7 @@ from coverage import Coverage, CoverageData
 ROOT: Final = Path(__file__).resolve().parents[1]
 CHOSEN: Final = ROOT / "tests" / "brief.txt"
 PRODUCT: Final = ("runtime", "protocol", "robot", "plant", "ground", "study")
-ONBOARD: Final = "robot/mcu/firmware/onboard/"
+ONBOARD: Final = "firmware/onboard/"
 """Runs under MicroPython only."""
 OWN_PROCESS: Final = ("ground.app.input.browser_driver", "ground.launch.sidestep_process")
 """Imported only where they are the program: tests with processes run them."""

@@ -31,9 +31,8 @@ from typing import Any, Final
 from zipfile import ZipFile
 
 import hatch_build
-from robot.mcu import image
-from robot.mcu.firmware import build as firmware_build
-from robot.mcu.firmware import toolchain
+from firmware import build as firmware_build
+from firmware import image, toolchain
 from runtime.errors import UserError
 
 ROOT: Final = Path(__file__).resolve().parents[1]

@@ -269,7 +269,7 @@ EVIDENCE: Final = (
         "digests, cost, memory and single precision on the emulated board",
         "`make same-bits-mcu`, `python -m benchmarks.board.measure`,"
         " `python -m benchmarks.board.float32`, `make generate-docs`",
-        ("robot/core", "robot/mcu", "robot/hosting", "plant/sim", "benchmarks/board"),
+        ("robot/core", "firmware", "robot/hosting", "plant/sim", "benchmarks/board"),
         90,
         (
             Step(("make", "firmware")),

@@ -9,9 +9,9 @@ from struct import Struct
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from robot.mcu.board import Board
-from robot.mcu.emulator import Emulator
-from robot.mcu.image import OUTPUT
+from firmware.board import Board
+from firmware.emulator import Emulator
+from firmware.image import OUTPUT
 from runtime.errors import UserError
 
 SOURCE: Final = Path(__file__).with_name("cycles.c")

@@ -19,12 +19,12 @@ from typing import Final
 import msgspec
 
 from benchmarks.board.results import FOLDER
+from firmware.board import Board
+from firmware.host import BoardCore
+from firmware.image import IMAGES
 from plant.sim.simulation import Plant
 from plant.world.file import load, shipped
 from robot.core.values import Outputs
-from robot.hosting.on_board import BoardCore
-from robot.mcu.board import Board
-from robot.mcu.image import IMAGES
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import NAVIGATORS, Trial, run_trial
 

@@ -24,14 +24,14 @@ from benchmarks.board.counted import CountedBoard, counted, milliseconds
 from benchmarks.board.results import COSTS, Build, Cost, Costs, excesses, read, write
 from benchmarks.board.scenarios import Scenario, run_scenario
 from benchmarks.board.state_size import state_bytes
+from firmware.board import Board
+from firmware.host import BoardCore
+from firmware.image import IMAGE
 from plant.sim.simulation import Plant
 from plant.world.file import load, shipped
 from protocol.wire.messages import BoardReport
 from robot.core.values import Outputs
 from robot.hosting.in_process import InProcessCore
-from robot.hosting.on_board import BoardCore
-from robot.mcu.board import Board
-from robot.mcu.image import IMAGE
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import NAVIGATORS, Trial, run_trial
 from verification.same_bits.board import SHOWN, image_hash

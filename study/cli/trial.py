@@ -189,8 +189,8 @@ def run_on_board(job: Trial, trace: str | None) -> Outcome:
         raise UserError(
             f"--mcu: the navigator {job.navigator} is for studies only, not for a robot"
         )
-    from robot.hosting.on_board import BoardCore  # needed only here
-    from robot.mcu.board import Board
+    from firmware.board import Board
+    from firmware.host import BoardCore  # needed only here
 
     with Board.emulated() as board:
         return run(job, trace, partial(BoardCore, board))

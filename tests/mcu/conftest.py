@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from robot.mcu.board import Board
-from robot.mcu.emulator import QEMU
-from robot.mcu.firmware import toolchain
+from firmware import toolchain
+from firmware.board import Board
+from firmware.emulator import QEMU
 from verification import built
 
 

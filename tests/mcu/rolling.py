@@ -2,6 +2,7 @@
 
 from math import nan
 
+from firmware.board import Board, BoardOutputs
 from protocol.wire.enums import INPUT_SCAN, INPUT_WHEELS, Command, Mode
 from protocol.wire.messages import (
     BoardCommand,
@@ -11,7 +12,6 @@ from protocol.wire.messages import (
     WheelTicks,
 )
 from robot.core import reasons
-from robot.mcu.board import Board, BoardOutputs
 from robot.telemetry import NEVER
 from runtime.timing import PERIOD_NS
 from runtime.units import NS_PER_MS

@@ -15,13 +15,13 @@ import pytest
 from benchmarks.board.counted import counted
 from benchmarks.board.measure import build, report_of, summary
 from benchmarks.board.results import Build, excesses
+from firmware.board import Board
+from firmware.host import BoardCore
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.wire.messages import BoardReport
 from protocol.world import Start
 from robot.core.values import Outputs
-from robot.hosting.on_board import BoardCore
-from robot.mcu.board import Board
 from study.cli.trial import elsewhere
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import NAVIGATORS, USUAL_NAVIGATOR, Trial, run_trial

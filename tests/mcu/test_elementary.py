@@ -12,7 +12,7 @@ from typing import Final
 
 import pytest
 
-from robot.mcu.firmware import native
+from firmware import native
 from runtime import elementary
 from runtime.errors import LocalError
 

@@ -4,12 +4,12 @@ from random import Random
 
 import pytest
 
+from firmware.board import Board
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import BOARD_SENSES
 from protocol.wire.messages import Heartbeat
 from robot.core import states
 from robot.core.parameters import DEFAULTS
-from robot.mcu.board import Board
 from tests.mcu.rolling import inputs_at, scan_at, tick, wheels_at
 
 pytestmark = pytest.mark.mcu

@@ -2,9 +2,9 @@
 
 import pytest
 
+from firmware.board import Board
+from firmware.image import IMAGE
 from robot.core.parameters import DEFAULTS
-from robot.mcu.board import Board
-from robot.mcu.image import IMAGE
 from tests.mcu.rolling import drive_off, tick
 
 pytestmark = pytest.mark.mcu

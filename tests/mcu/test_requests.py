@@ -4,11 +4,11 @@ from math import inf, nan
 
 import pytest
 
+from firmware.board import PARAMETERS, Board
 from protocol.wire.enums import Command, Mode
 from protocol.wire.messages import BoardFence, BoardParameter
 from robot.core import reasons, states
 from robot.core.parameters import DEFAULTS
-from robot.mcu.board import PARAMETERS, Board
 from tests.mcu.rolling import command, drive_off, goal_at, tick
 
 pytestmark = pytest.mark.mcu

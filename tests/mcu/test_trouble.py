@@ -5,14 +5,14 @@ from time import monotonic
 
 import pytest
 
+from firmware.board import RESTART, Board, BoardError, BoardMismatchError
+from firmware.emulator import Emulator
+from firmware.image import core_hash
 from protocol.wire.enums import ResetCause
 from protocol.wire.message import Message
 from protocol.wire.messages import BoardRestart, BoardState, WheelCommand
 from robot.core import reasons, states
 from robot.core.parameters import DEFAULTS
-from robot.mcu.board import RESTART, Board, BoardError, BoardMismatchError
-from robot.mcu.emulator import Emulator
-from robot.mcu.image import core_hash
 from runtime.errors import UserError
 from tests.mcu.rolling import drive_off, tick
 from verification.board.breakable_board import hang

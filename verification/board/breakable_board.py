@@ -13,13 +13,13 @@ from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Final, Self
 
+from firmware.board import RESTART, Board
+from firmware.emulator import Emulator, SerialLine
+from firmware.host import BoardCore
+from firmware.image import IMAGE
 from protocol.wire.messages import BoardRestart
 from robot.core.parameters import Params
 from robot.core.values import Pose
-from robot.hosting.on_board import BoardCore
-from robot.mcu.board import RESTART, Board
-from robot.mcu.emulator import Emulator, SerialLine
-from robot.mcu.image import IMAGE
 from runtime.errors import RemoteError
 from verification.board.fault import BoardFault
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 from random import Random
 from typing import Final, NamedTuple
 
+from firmware.board import BoardError
 from plant.world.file import load
 from protocol.bus.faults.link_faults import LinkFaults
 from protocol.topics import Role
@@ -18,7 +19,6 @@ from protocol.wire.enums import Command
 from protocol.wire.enums import Vehicle as VehicleState
 from protocol.world import World
 from robot.hosting.in_process import InProcessCore
-from robot.mcu.board import BoardError
 from runtime.clock import Tick
 from runtime.units import NS_PER_S
 from verification.board.breakable_board import BreakableBoard

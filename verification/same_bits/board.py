@@ -20,10 +20,10 @@ from typing import Final, NamedTuple
 
 import msgspec
 
+from firmware.board import Board, BoardError
+from firmware.host import BoardCore
+from firmware.image import IMAGE, core_hash
 from plant.world.file import load, shipped
-from robot.hosting.on_board import BoardCore
-from robot.mcu.board import Board, BoardError
-from robot.mcu.image import IMAGE, core_hash
 from runtime.errors import UserError
 from study.trial.trial import NAVIGATORS, Trial, run_trial
 from verification.same_bits.variants import ROOT

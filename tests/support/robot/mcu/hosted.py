@@ -8,8 +8,8 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from robot.mcu.board import Board
-from robot.mcu.emulator import SerialLine
+from firmware.board import Board
+from firmware.emulator import SerialLine
 from tests.support.robot.mcu import hosted_loop
 
 PATIENCE_S = 20.0

@@ -13,11 +13,11 @@ from time import monotonic_ns
 from types import ModuleType
 from typing import Final
 
+from firmware import messages
+from firmware.image import core_hash, core_version
+from firmware.link import FrameStream
 from protocol.wire.codec import HEADER_SIZE, WIRE_OF_ID, Encoder
 from protocol.wire.message import Message
-from robot.mcu.firmware import messages
-from robot.mcu.image import core_hash, core_version
-from robot.mcu.link import FrameStream
 
 ONBOARD: Final = Path(messages.__file__).with_name("onboard")
 PAYLOAD_BYTES: Final = 255

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
+from firmware.board import RESTART, Board, BoardError, BoardMismatchError
+from firmware.host import WALL_TIME, BoardCore
+from firmware.image import core_hash, core_version
 from protocol.wire.enums import Command
 from protocol.wire.messages import BoardRestart, CommandRequest
 from robot.core import reasons, states
 from robot.core.brain import ignore
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Inputs, Scan, Wheels
-from robot.hosting.on_board import WALL_TIME, BoardCore
-from robot.mcu.board import RESTART, Board, BoardError, BoardMismatchError
-from robot.mcu.image import core_hash, core_version
 from robot.storage.files import Store
 from robot.vehicle import Vehicle
 from runtime.errors import UserError
@@ -158,6 +158,6 @@ def test_missing_emulator_is_a_clear_error(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_missing_image_is_a_clear_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr("robot.mcu.emulator.shutil.which", lambda _: "/usr/bin/qemu")
+    monkeypatch.setattr("firmware.emulator.shutil.which", lambda _: "/usr/bin/qemu")
     with pytest.raises(UserError, match="make firmware"), Board.emulated(tmp_path / "none.elf"):
         pass

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from firmware.host import BoardCore
 from plant.model.configuration import noise_of
 from plant.sim.simulation import Plant
 from plant.world.file import load
@@ -38,7 +39,6 @@ from robot.core.brain import ignore
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.from_messages import now_ms_of, scan_of, wheels_of
 from robot.core.values import Inputs, Pose
-from robot.hosting.on_board import BoardCore
 from robot.storage.files import Store
 from robot.teleop import operator_twist
 from robot.vehicle import Vehicle

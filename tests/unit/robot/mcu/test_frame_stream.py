@@ -3,9 +3,9 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
+from firmware.link import FrameStream
 from protocol.wire.codec import LARGEST_FRAME, Encoder
 from protocol.wire.messages import BoardAnswer
-from robot.mcu.link import FrameStream
 
 ANSWER = BoardAnswer(request=7, message_id=54108, reason=3)
 FRAME = Encoder(1, 1).encode(ANSWER)

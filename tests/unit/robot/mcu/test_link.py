@@ -2,10 +2,10 @@
 
 from random import Random
 
+from firmware.link import FrameStream
 from protocol.wire.codec import HEADER_SIZE, Encoder
 from protocol.wire.message import Message
 from protocol.wire.messages import BoardAnswer, BoardRestart
-from robot.mcu.link import FrameStream
 from tests.support.each import each
 
 ANSWERS = [BoardAnswer(request=n, message_id=54_123, reason=n % 3) for n in range(20)]

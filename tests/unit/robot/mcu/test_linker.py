@@ -1,7 +1,7 @@
 """The linked program does what the separate modules do."""
 
-from robot.mcu.firmware.build import sources, values
-from robot.mcu.firmware.linker import Binding, Program
+from firmware.build import sources, values
+from firmware.linker import Binding, Program
 
 DRIVE = """
 from robot.core import brain, modes, states

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from robot.mcu.emulator import Emulator
-from robot.mcu.firmware import toolchain
-from robot.mcu.firmware.build import main
-from robot.mcu.image import Image
+from firmware import toolchain
+from firmware.build import main
+from firmware.emulator import Emulator
+from firmware.image import Image
 from runtime.errors import UserError
 
 ENTRY = "Types: deb\n# http://old.example/debian\nURIs: http://mirror.example/debian\nSuites: x\n"

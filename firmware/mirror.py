@@ -2,6 +2,7 @@
 
 from math import isnan, nan
 
+from firmware.board import BoardOutputs
 from protocol.wire.enums import (
     BOARD_FENCE_LOST,
     BOARD_OPERATOR,
@@ -13,7 +14,6 @@ from robot.core import states
 from robot.core.machine import Machine
 from robot.core.state import State
 from robot.core.values import Decision, Goal, Outputs, Pose, Twist
-from robot.mcu.board import BoardOutputs
 
 
 def follow(state: State, outputs: BoardOutputs) -> Outputs:

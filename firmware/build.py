@@ -9,9 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from robot.mcu.firmware import literals, messages, native, toolchain
-from robot.mcu.firmware.linker import NATIVE, Binding, Program
-from robot.mcu.image import (
+from firmware import literals, messages, native, toolchain
+from firmware.image import (
     IMAGE,
     IMAGES,
     OUTPUT,
@@ -21,6 +20,7 @@ from robot.mcu.image import (
     core_sources,
     core_version,
 )
+from firmware.linker import NATIVE, Binding, Program
 from runtime.errors import UserError
 
 HERE: Final = Path(__file__).resolve().parent

@@ -14,8 +14,8 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Final, NamedTuple, TypeGuard
 
-from robot.mcu.firmware.literals import is_literal, literal
-from robot.mcu.firmware.strip import final_names, stripped
+from firmware.literals import is_literal, literal
+from firmware.strip import final_names, stripped
 
 BODY: Final = "<body>"
 """The statements of a module that bind no name."""

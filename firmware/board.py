@@ -6,6 +6,9 @@ from pathlib import Path
 from time import monotonic
 from typing import Final, NamedTuple, Self, TypeAlias, TypeVar, cast
 
+from firmware.emulator import Emulator, SerialLine
+from firmware.image import IMAGE, core_hash, core_version
+from firmware.link import FrameStream
 from protocol.wire import messages as wire
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import ResetCause
@@ -14,9 +17,6 @@ from protocol.wire.message import Message
 from protocol.wire.reasons import reason_text
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose
-from robot.mcu.emulator import Emulator, SerialLine
-from robot.mcu.image import IMAGE, core_hash, core_version
-from robot.mcu.link import FrameStream
 from runtime.errors import RemoteError, UserError
 
 Request: TypeAlias = (

@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from math import nan
 from typing import Final, NamedTuple
 
+from firmware import mirror
+from firmware.board import Board, BoardError, Request
 from protocol.wire.enums import (
     INPUT_BUDGET,
     INPUT_NAME_TAKEN,
@@ -39,8 +41,6 @@ from robot.core.safety.fence import MAX_CORNERS, Fence
 from robot.core.state import State
 from robot.core.values import Goal, Inputs, Outputs, Pose, Scan, Twist, Wheels
 from robot.hosting.in_process import ORIGIN
-from robot.mcu import mirror
-from robot.mcu.board import Board, BoardError, Request
 from runtime.timing import PERIOD_NS, UINT32
 from runtime.units import NS_PER_MS, NS_PER_US
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-ROOT: Final = Path(__file__).resolve().parents[2]
+ROOT: Final = Path(__file__).resolve().parents[1]
 CORE: Final = ROOT / "robot" / "core"
 PACKAGES: Final = ("robot", "runtime")
 """The core may import from these."""

@@ -13,7 +13,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Final
 
-from robot.mcu.image import OUTPUT
+from firmware.image import OUTPUT
 from runtime.errors import UserError
 
 TOOLS: Final = {

@@ -1,1 +1,0 @@
-"""Build the firmware from the sources of the core, of its main loop and of MicroPython."""
