@@ -49,6 +49,7 @@ COPY README.md LICENSE sidestep.py hatch_build.py pyproject.toml ./
 COPY runtime runtime
 COPY protocol protocol
 COPY robot robot
+COPY firmware firmware
 COPY plant plant
 COPY ground ground
 COPY study study

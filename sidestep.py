@@ -146,6 +146,8 @@ def run(word: str, arguments: Sequence[str], *, ends_process: bool) -> int:
     if conflict := displaced(package) or own("compiled").complaint():
         return refuse(name, conflict)
     if verb.is_program:
+        for option in verb.hosts.keys() & set(arguments):
+            importlib.import_module(verb.hosts[option])
         code: int = importlib.import_module(verb.module).main(list(arguments))
     else:
         operator = importlib.import_module(OPERATOR)

@@ -27,7 +27,7 @@ from coverage import Coverage, CoverageData
 
 ROOT: Final = Path(__file__).resolve().parents[1]
 CHOSEN: Final = ROOT / "tests" / "brief.txt"
-PRODUCT: Final = ("runtime", "protocol", "robot", "plant", "ground", "study")
+PRODUCT: Final = ("runtime", "protocol", "robot", "firmware", "plant", "ground", "study")
 ONBOARD: Final = "firmware/onboard/"
 """Runs under MicroPython only."""
 OWN_PROCESS: Final = ("ground.app.input.browser_driver", "ground.launch.sidestep_process")

@@ -244,7 +244,7 @@ def firmware(variant: str = image.IMAGE.name) -> Path:
     """Return the firmware of this tree in build/firmware; raise UserError if it cannot be built."""
     toolchain.check_tools()
     chosen = image.IMAGES[variant]
-    package = ROOT / "robot" / "mcu" / "firmware"
+    package = ROOT / "firmware"
     roots = [package / "build.py", *image.core_sources().values(), *package.glob("onboard/*.py")]
     sources = hatch_build.reached(ROOT, (path.relative_to(ROOT).as_posix() for path in roots))
     sources |= {*package.glob("port/*"), *(ROOT / "protocol").rglob("*.xml")}

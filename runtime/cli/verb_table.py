@@ -41,7 +41,8 @@ class Verb(NamedTuple):
     either run by themselves (`run`) or act over a link to a robot (`act`). A verb with none of
     these is a program with a `main` and a `parser`. `name` is the word in the group, if it is not
     the key of the table; `suffixes` are those of its argument `file`, and `subcommands` the words
-    that follow the verb, as in `mission upload`.
+    that follow the verb, as in `mission upload`; `hosts` are modules that register where a program
+    can run, by the option that needs them.
     """
 
     section: str
@@ -55,6 +56,7 @@ class Verb(NamedTuple):
     name: str = ""
     suffixes: tuple[str, ...] = ()
     subcommands: Mapping[str, Subcommand] = MappingProxyType({})
+    hosts: Mapping[str, str] = MappingProxyType({})
 
     @property
     def is_program(self) -> bool:
@@ -222,6 +224,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "the control loop of one robot, 20 Hz",
             "run robot --id r1 --start 0.6 2 0 --lockstep",
             "robot.cli",
+            hosts=MappingProxyType({"--mcu": "firmware.host"}),
         ),
         "router": Verb(
             RUN,

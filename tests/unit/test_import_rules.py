@@ -5,7 +5,7 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("protocol", "robot", "plant", "ground", "study")
+PACKAGES = ("protocol", "robot", "firmware", "plant", "ground", "study")
 MAY_IMPORT = {
     "zenoh": ("protocol/bus/",),
     "pymunk": ("plant/sim/physics.py",),

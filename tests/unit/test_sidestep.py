@@ -69,6 +69,8 @@ def test_package_with_several_verbs_receives_the_verb(install: Install) -> None:
 @each("verb", VERBS.values())
 def test_functions_of_the_verb_table_exist(verb: Verb) -> None:
     module = importlib.import_module(verb.module)
+    for host in verb.hosts.values():
+        importlib.import_module(host)
     named = ("main",) if verb.is_program else (verb.act, verb.run, verb.arguments)
     if verb.words:
         named = (verb.words,)

@@ -8,6 +8,7 @@ PACKAGES = [
     "runtime",
     "protocol",
     "robot",
+    "firmware",
     "plant",
     "ground",
     "study",

@@ -95,7 +95,7 @@ state, outputs = brain.step(brain.State(DEFAULTS), Inputs(0, None, None, None), 
 import typing
 print(outputs.left_mrad_s, DEFAULTS.track_m, hasattr(typing, "List"))
 """
-SUBSTITUTES = CORE.parent / "mcu" / "firmware" / "onboard"
+SUBSTITUTES = CORE.parents[1] / "firmware" / "onboard"
 WITH_SUBSTITUTE = f"import sys; sys.path.insert(0, {str(SUBSTITUTES)!r})\n"
 
 
