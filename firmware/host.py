@@ -6,6 +6,8 @@ raises BoardError, which ends the robot as an exception of the core does.
 """
 
 from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
 from math import nan
 from typing import Final, NamedTuple
 
@@ -40,6 +42,7 @@ from robot.core.safety import failsafe
 from robot.core.safety.fence import MAX_CORNERS, Fence
 from robot.core.state import State
 from robot.core.values import Goal, Inputs, Outputs, Pose, Scan, Twist, Wheels
+from robot.hosting.core import HOSTS, NewCore
 from robot.hosting.in_process import ORIGIN
 from runtime.timing import PERIOD_NS, UINT32
 from runtime.units import NS_PER_MS, NS_PER_US
@@ -286,3 +289,16 @@ def fence_message(fence: Fence | None) -> BoardFence:
     x = (*(round(place_m * PER_M) for place_m in xs_m), *padding)
     y = (*(round(place_m * PER_M) for place_m in ys_m), *padding)
     return BoardFence(radius_m=radius_m, x=x, y=y, corners=len(xs_m))
+
+
+@contextmanager
+def emulated_board(*, lockstep: bool) -> Iterator[NewCore]:
+    """Yield what creates the core on an emulated board, which ends afterwards.
+
+    Raises UserError if there is no emulator, no image, or an image of another core.
+    """
+    with Board.emulated() as board:
+        yield partial(BoardCore, board, limits=LOCKSTEP if lockstep else WALL_TIME)
+
+
+HOSTS["--mcu"] = emulated_board

@@ -4,9 +4,9 @@ import argparse
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import partial
 from math import radians
 from pathlib import Path
+from typing import Final
 
 from protocol.bus.network import Network
 from protocol.options import (
@@ -20,7 +20,7 @@ from protocol.topics import robot_name
 from protocol.wire.enums import Severity
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Pose
-from robot.hosting.core import NewCore
+from robot.hosting.core import HOSTS, NewCore
 from robot.hosting.in_process import InProcessCore
 from robot.parameters.table import adjusted
 from robot.run import Options, run
@@ -30,6 +30,9 @@ from robot.storage.writer import InlineWriter, WriterThread
 from robot.vehicle import Vehicle
 from runtime import config
 from runtime.cli.parsers import new_parser
+from runtime.errors import UserError
+
+BOARD: Final = "--mcu"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,18 +71,17 @@ def main(argv: Sequence[str]) -> int:
 
 @contextmanager
 def core_host(arguments: argparse.Namespace) -> Iterator[NewCore]:
-    """Yield what creates the core: in this process, or on an emulated board that ends afterwards.
+    """Yield what creates the core: in this process, or on a board, which ends afterwards.
 
-    Raises UserError if there is no emulator, no image, or an image of another core.
+    Raises UserError if the board cannot be used.
     """
     if not arguments.mcu:
         yield InProcessCore
         return
-    from firmware.board import Board
-    from firmware.host import LOCKSTEP, WALL_TIME, BoardCore  # needed only here
-
-    with Board.emulated() as board:
-        yield partial(BoardCore, board, limits=LOCKSTEP if arguments.lockstep else WALL_TIME)
+    if BOARD not in HOSTS:
+        raise UserError(f"{BOARD}: this installation has no firmware")
+    with HOSTS[BOARD](lockstep=arguments.lockstep) as new_core:
+        yield new_core
 
 
 def parser() -> argparse.ArgumentParser:
@@ -114,7 +116,7 @@ def parser() -> argparse.ArgumentParser:
         "--lockstep", action="store_true", help="use simulated time, which the plant provides"
     )
     parser.add_argument(
-        "--mcu", action="store_true", help="run the control core on the emulated board"
+        BOARD, action="store_true", help="run the control core on the emulated board"
     )
     parser.add_argument("--realtime", action="store_true", help="schedule the loop SCHED_FIFO")
     parser.add_argument(

@@ -1,7 +1,8 @@
 """The interface of the control core, in this process or on a board."""
 
 from collections.abc import Callable
-from typing import Protocol, TypeAlias
+from contextlib import AbstractContextManager
+from typing import Final, Protocol, TypeAlias
 
 from protocol.wire.messages import CommandRequest, McuStatus
 from robot.core.brain import StageHook
@@ -63,3 +64,17 @@ class Core(Protocol):
 
 NewCore: TypeAlias = Callable[[Params, Pose, tuple[int, int]], Core]
 """Returns a core from parameters, start pose and the encoder counters there."""
+
+
+class Host(Protocol):
+    """Opens a place where the core runs, and closes it behind the block."""
+
+    def __call__(self, *, lockstep: bool) -> AbstractContextManager[NewCore]:
+        """Return what creates the core there; in lockstep no answer is late.
+
+        Raises UserError if the place cannot be used.
+        """
+
+
+HOSTS: Final[dict[str, Host]] = {}
+"""Places besides this process, by the option that chooses each; their modules enter themselves."""
