@@ -180,7 +180,7 @@ hashes: setup
 	@exec "$(BIN)/python" -m verification.hashes
 
 generate: setup
-	@exec "$(BIN)/python" -m verification.dialect.generate
+	@exec "$(BIN)/python" -m protocol.dialect.generate
 
 docs: setup
 	@exec "$(BIN)/python" -m verification.site

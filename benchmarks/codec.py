@@ -9,6 +9,7 @@ from collections.abc import Callable
 from time import process_time
 from typing import Any
 
+from protocol.dialect.mavgen import oracle
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.message import Message
 from protocol.wire.messages import (
@@ -22,7 +23,6 @@ from protocol.wire.messages import (
     WheelCommand,
     WheelTicks,
 )
-from verification.dialect.mavgen import oracle
 from verification.harness.figures import Figure, Report, ratios
 
 MIN_RATIO = 3.0

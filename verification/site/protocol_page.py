@@ -7,11 +7,11 @@ from typing import Final
 
 from protocol import topics
 from protocol.bus.tls.role_grants import grants
+from protocol.dialect.definitions import SIDESTEP_XML, entry_in
 from protocol.topics import Service, Topic
 from protocol.wire.layout import LAYOUT, class_name
 from protocol.wire.message import Message
 from runtime.units import NS_PER_MS
-from verification.dialect.definitions import SIDESTEP_XML, entry_in
 from verification.site import permissions_page
 
 HEAD: Final = f"""\

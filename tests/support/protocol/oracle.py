@@ -2,9 +2,9 @@
 
 from typing import Any
 
+from protocol.dialect.mavgen import oracle
 from protocol.wire.layout import LAYOUT, Field
 from protocol.wire.message import Message
-from verification.dialect.mavgen import oracle
 
 
 def frame_by_pymavlink(message: Message, system: int, component: int, sequence: int) -> bytes:

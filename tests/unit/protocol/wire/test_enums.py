@@ -3,13 +3,13 @@
 from enum import IntEnum
 from types import ModuleType
 
+from protocol.dialect.definitions import read_dialect
+from protocol.dialect.generate import CLASS_OF_ENUM, CONSTANTS
 from protocol.wire import enums
 from protocol.wire.enums import Branch, GoalState, Mode, Navigator, Vehicle
 from protocol.wire.reasons import Reason, reason_text
 from robot.core import reasons, states
 from tests.support.each import each
-from verification.dialect.definitions import read_dialect
-from verification.dialect.generate import CLASS_OF_ENUM, CONSTANTS
 
 DIALECT = read_dialect()
 CORE_STATES = (Vehicle, Mode, GoalState, Navigator)

@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 
+from protocol.dialect.mavgen import oracle
 from protocol.wire.layout import LAYOUT
 from protocol.wire.message import Message, check
 from protocol.wire.messages import (
@@ -22,7 +23,6 @@ from protocol.wire.messages import (
 from runtime.errors import LocalError
 from tests.support.each import each
 from tests.support.protocol.made_up import any_message
-from verification.dialect.mavgen import oracle
 
 SCAN = SonarScan(time_ns=0, seq=0, range_mm=(0,) * 8, ping_age_us=(0,) * 8, valid=0, echo=0)
 

@@ -2,18 +2,18 @@
 
 import xml.etree.ElementTree as ET
 
-from tests.support.each import each
-from verification.dialect import common_subset
-from verification.dialect.definitions import (
+from protocol.dialect import common_subset
+from protocol.dialect.definitions import (
     SIDESTEP_XML,
     Dialect,
     MessageType,
     read_dialect,
     upstream_definitions,
 )
-from verification.dialect.generate import CORE, FIRST_OWN_ID, OUTPUTS, ROOT, WIRE
-from verification.dialect.mavgen import oracle
-from verification.dialect.python_text import commented, doc_lines
+from protocol.dialect.generate import CORE, FIRST_OWN_ID, OUTPUTS, ROOT, WIRE
+from protocol.dialect.mavgen import oracle
+from protocol.dialect.python_text import commented, doc_lines
+from tests.support.each import each
 
 DIALECT = read_dialect()
 

@@ -16,7 +16,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
-from verification.dialect.definitions import SIDESTEP_XML, upstream_definitions
+from protocol.dialect.definitions import SIDESTEP_XML, upstream_definitions
 
 FOLDER: Final = Path(__file__).resolve().parents[2] / "build" / "mavgen"
 

@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
-from verification.dialect.definitions import Dialect, Entry, EnumType, MessageType, read_dialect
-from verification.dialect.python_text import (
+from protocol.dialect.definitions import Dialect, Entry, EnumType, MessageType, read_dialect
+from protocol.dialect.python_text import (
     class_name,
     constant_lines,
     enum_lines,

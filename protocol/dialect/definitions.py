@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 from fastcrc.crc16 import mcrf4xx
 
-from verification.dialect import common_subset
+from protocol.dialect import common_subset
 
 SIDESTEP_XML: Final = Path(__file__).resolve().parents[2] / "protocol" / "dialect" / "sidestep.xml"
 CODES: Final = {
