@@ -9,7 +9,11 @@ PACKAGES = ("protocol", "robot", "firmware", "plant", "ground", "study")
 MAY_IMPORT = {
     "zenoh": ("protocol/bus/",),
     "pymunk": ("plant/sim/physics.py",),
-    "pymavlink": ("ground/gateway/dialect.py", "ground/vehicle_check/dialect.py"),
+    "pymavlink": (
+        "ground/gateway/dialect.py",
+        "ground/vehicle_check/dialect.py",
+        "protocol/dialect/",
+    ),
     "textual": ("ground/app", "ground/app/widgets"),
     "numpy": ("plant/", "study/"),
 }
