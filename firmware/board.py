@@ -12,8 +12,7 @@ from firmware.link import FrameStream
 from protocol.wire import messages as wire
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import ResetCause
-from protocol.wire.layout import LAYOUT
-from protocol.wire.message import Message
+from protocol.wire.message import LAYOUT, Message
 from protocol.wire.reasons import reason_text
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose

@@ -5,7 +5,7 @@ from struct import calcsize
 from typing import Final
 
 from protocol.wire import enums
-from protocol.wire.layout import LAYOUT, Field, Layout, class_name
+from protocol.wire.message import LAYOUT, Field, Layout, class_name
 
 TO_BOARD: Final = (
     "SONAR_SCAN",

@@ -1,17 +1,99 @@
-"""Outcome of a run: the keys and texts that every way of running prints."""
+"""Outcome of a run: the keys and texts that every way of running prints.
+
+Integers of a goal on the wire, and the start pose as arguments of the robot's command line.
+
+All conversions are in this module, so that a run over the bus and a run without it get the same
+goal and start to the last bit. Both are in world coordinates: the robot is given its start pose.
+
+Doubt about a position: the size of the confidence ellipse of an estimate.
+"""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from math import degrees, pi, remainder
+from math import degrees, isfinite, pi, radians, remainder, sqrt
 from types import MappingProxyType
-from typing import Final
+from typing import Final, NamedTuple
 
-from protocol.doubt import doubt_words
 from protocol.wire.enums import GoalState, MissionState
-from protocol.wire.goal import WireGoal
-from protocol.wire.messages import RunScore
+from protocol.wire.messages import PlanarOdometry, RunScore
 from protocol.wire.reasons import Reason, reason_text
 from runtime.elementary import hypot
+
+DEGREE_DIGITS = 9
+"""Digits that headings are rounded to, so that 45 degrees in a file become 45 again."""
+
+
+class WireGoal(NamedTuple):
+    """The fields of a GOAL_REQUEST that define the goal."""
+
+    x_mm: int
+    y_mm: int
+    heading_urad: int
+    heading_free: int
+    position_tolerance_mm: int
+    heading_tolerance_urad: int
+
+
+def wire_goal(
+    x_m: float,
+    y_m: float,
+    heading_rad: float | None,
+    position_tolerance_m: float,
+    heading_tolerance_rad: float,
+) -> WireGoal:
+    """Return a goal as integers; heading None: any heading. Raises ValueError unless finite."""
+    turn_rad = 0.0 if heading_rad is None else heading_rad
+    values = (x_m, y_m, turn_rad, position_tolerance_m, heading_tolerance_rad)
+    if not all(map(isfinite, values)):
+        raise ValueError(f"a goal needs finite numbers, not {values}")
+    return WireGoal(
+        x_mm=round(x_m * 1000),
+        y_mm=round(y_m * 1000),
+        heading_urad=round(turn_rad * 1e6),
+        heading_free=int(heading_rad is None),
+        position_tolerance_mm=round(position_tolerance_m * 1000),
+        heading_tolerance_urad=round(heading_tolerance_rad * 1e6),
+    )
+
+
+def start_arguments(x_m: float, y_m: float, heading_rad: float) -> tuple[str, str, str]:
+    """Return x in m, y in m and heading in degrees for the robot's command line."""
+    return repr(x_m), repr(y_m), repr(round(degrees(heading_rad), DEGREE_DIGITS))
+
+
+def rounded_heading_rad(heading_rad: float) -> float:
+    """Return a heading in rad as it arrives after the conversion to degrees on the command line."""
+    return radians(float(start_arguments(0.0, 0.0, heading_rad)[2]))
+
+
+OUTSIDE: Final = 0.05
+"""The probability that the true position is outside the ellipse."""
+
+CHI2_2: Final = 5.991464547107982
+"""The squared half axis in standard deviations: chi-square with two degrees of freedom.
+
+It is -2 log(OUTSIDE), written out because the last bit of a logarithm differs between machines.
+"""
+
+
+def doubt_m(xx_m2: float, xy_m2: float, yy_m2: float) -> float | None:
+    """Return the longer half axis of the ellipse in metres; None when this is no covariance."""
+    middle_m2, spread_m2 = xx_m2 / 2.0 + yy_m2 / 2.0, xx_m2 / 2.0 - yy_m2 / 2.0
+    most_m2 = middle_m2 + sqrt(spread_m2 * spread_m2 + xy_m2 * xy_m2)
+    if not isfinite(most_m2) or most_m2 < 0.0:
+        return None
+    return sqrt(CHI2_2 * most_m2)
+
+
+def doubt_of(pose: PlanarOdometry) -> float | None:
+    """Return the doubt of an estimated pose in metres; None when its place is unknown."""
+    return doubt_m(pose.cov_xx_m2, pose.cov_xy_m2, pose.cov_yy_m2)
+
+
+def doubt_words(doubt_m: float | None) -> str:
+    """Return the doubt in words."""
+    return f"position doubt {'unknown' if doubt_m is None else f'{doubt_m:.2f} m'}"
+
 
 ENDS: Final = {
     GoalState.REACHED: "reached",

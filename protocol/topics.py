@@ -1,4 +1,7 @@
-"""Tables of all topics and services: key, messages, rate, stale-after, publisher, priority."""
+"""Tables of all topics and services: key, messages, rate, stale-after, publisher, priority.
+
+MAVLink system and component ids of each role.
+"""
 
 from typing import Final, NamedTuple
 
@@ -394,3 +397,23 @@ def path_of(key: str) -> str:
     """Return the path of the topic or service that a key belongs to; empty for any other key."""
     parts = key_parts(key)
     return "" if parts is None else parts.path
+
+
+COMPONENT: Final = {Role.ROBOT: 1, Role.PLANT: 25, Role.GROUND: 190}
+OPERATOR_SYSTEM: Final = 255
+NO_ROLE: Final = (254, 0)
+MAX_ROBOT_SYSTEM: Final = 250
+
+
+def system_id_of(robot: str) -> int:
+    """Return the number at the end of a robot's name, as in r7; 1 if there is none."""
+    digits = robot[len(robot.rstrip("0123456789")) :]
+    number = int(digits or 1)
+    return number if 1 <= number <= MAX_ROBOT_SYSTEM else 1
+
+
+def sender_of(role: Role | None, robot: str) -> tuple[int, int]:
+    """Return system and component id of a sender; plant and robot are components of one system."""
+    if role is None:
+        return NO_ROLE
+    return (OPERATOR_SYSTEM if role is Role.GROUND else system_id_of(robot)), COMPONENT[role]

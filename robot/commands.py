@@ -8,9 +8,8 @@ from typing import Final, NamedTuple, TypeAlias, TypeGuard
 
 from protocol.topic import person_of
 from protocol.wire.enums import AckResult, Command, Mode
-from protocol.wire.message import Message
+from protocol.wire.message import Message, wire_of
 from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest
-from protocol.wire.packing import wire_of
 from robot.core import machine as machines
 from robot.core import reasons, states
 from robot.core.machine import Machine

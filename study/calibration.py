@@ -32,7 +32,7 @@ import numpy.typing as npt
 
 from plant.model.configuration import Noise
 from plant.sim.simulation import Plant
-from protocol.wire.goal import wire_goal
+from protocol.outcome import wire_goal
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.world import GoalPose, Start, World
 from robot.core import reasons, states

@@ -5,8 +5,8 @@ from math import cos, degrees, pi, radians, remainder, sin
 from typing import Final
 
 from ground.client.connection import within
+from protocol.outcome import WireGoal, wire_goal
 from protocol.wire.enums import Mode
-from protocol.wire.goal import WireGoal, wire_goal
 from protocol.wire.messages import GoalRequest
 from runtime.errors import UserError
 

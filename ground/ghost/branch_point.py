@@ -6,7 +6,7 @@ from math import degrees
 from typing import Any, Final, NamedTuple, TypeAlias
 
 from ground.client.goal import Destination
-from protocol.wire.goal import start_arguments
+from protocol.outcome import start_arguments
 
 Facts: TypeAlias = Mapping[str, Any]
 

@@ -20,8 +20,7 @@ from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.launch.scenario import Scenario, ScenarioRobot
 from ground.launch.supervisor import VoidRun
 from ground.text.status_parts import Part
-from protocol.doubt import doubt_of
-from protocol.outcome import REPLACED, Outcome, RunEnd, evaluated
+from protocol.outcome import REPLACED, Outcome, RunEnd, doubt_of, evaluated
 from protocol.topics import CYCLE, DECISION, LEASE, MISSION, ODOMETRY, RUN, STATUS, TRUTH
 from protocol.wire.codec import decode
 from protocol.wire.enums import Command, GoalState, MissionState, Mode, RunAction, Vehicle

@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from protocol.sender import COMPONENT
-from protocol.topics import TOPICS
+from protocol.topics import COMPONENT, TOPICS
 from protocol.wire.codec import HEADER_SIZE, WIRE_OF_ID, WIRE_OF_TYPE
 
 UNKNOWN_PATH: Final = "unknown"

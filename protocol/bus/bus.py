@@ -36,7 +36,6 @@ from protocol.bus.tls.certificate_advice import peer_refusal
 from protocol.bus.tls.identities import AcceptedPeers, RefusedLink
 from protocol.bus.tls.peers import DialledPeers, callers
 from protocol.bus.tls.role_grants import OPEN, ends_of, may_fetch, operator_name
-from protocol.sender import sender_of
 from protocol.topics import (
     CLOCK_SERVICE,
     STOP,
@@ -47,6 +46,7 @@ from protocol.topics import (
     Topic,
     operator_in,
     robot_name,
+    sender_of,
 )
 from protocol.wire.codec import Encoder
 from protocol.wire.message import Message

@@ -11,8 +11,7 @@ from protocol.bus.network import Network
 from protocol.bus.publisher import PRIORITIES
 from protocol.bus.robot_clock import RobotClocks, time_bytes
 from protocol.bus.tls.role_grants import denial, unanswered
-from protocol.sender import sender_of
-from protocol.topics import CLOCK_SERVICE, ENCODING, ENCODING_FAMILY, Role, Service
+from protocol.topics import CLOCK_SERVICE, ENCODING, ENCODING_FAMILY, Role, Service, sender_of
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, MissionVerdict, Timesync

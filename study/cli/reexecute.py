@@ -12,7 +12,7 @@ from typing import Any
 from ground.recording.catalogue import FILE_HELP, recording_named
 from ground.recording.log_reader import open_log
 from ground.recording.tables.message_fields import shortest_single
-from protocol.wire.goal import rounded_heading_rad
+from protocol.outcome import rounded_heading_rad
 from protocol.wire.messages import PlanarOdometry
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose

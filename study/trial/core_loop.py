@@ -9,9 +9,9 @@ from math import pi
 from typing import Final, TypeAlias
 
 from plant.sim.simulation import Plant
+from protocol.outcome import WireGoal
 from protocol.topics import SONAR, WHEELS
 from protocol.wire.enums import Command
-from protocol.wire.goal import WireGoal
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.messages import CommandRequest, SonarScan, WheelTicks
 from robot.core import reasons, states

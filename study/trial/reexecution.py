@@ -20,7 +20,7 @@ from protocol.wire.enums import (
     INPUT_WHEELS,
     Command,
 )
-from protocol.wire.message import Message
+from protocol.wire.message import Message, wire_of
 from protocol.wire.messages import (
     AvoidanceDecision,
     CommandAck,
@@ -41,7 +41,6 @@ from protocol.wire.messages import (
     WheelCommand,
     WheelTicks,
 )
-from protocol.wire.packing import wire_of
 from protocol.wire.reasons import Reason
 from robot import telemetry
 from robot.commands import is_stop

@@ -8,9 +8,16 @@ from time import perf_counter
 from plant.model.configuration import noise_of
 from plant.shortest_path import known_length_m
 from plant.sim.simulation import Plant
-from protocol.doubt import doubt_m
-from protocol.outcome import Outcome, RunEnd, RunSettings, evaluated
-from protocol.wire.goal import WireGoal, rounded_heading_rad, wire_goal
+from protocol.outcome import (
+    Outcome,
+    RunEnd,
+    RunSettings,
+    WireGoal,
+    doubt_m,
+    evaluated,
+    rounded_heading_rad,
+    wire_goal,
+)
 from protocol.world import World
 from robot.core import reasons, states
 from robot.core.parameters import DEFAULTS, Params

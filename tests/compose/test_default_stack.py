@@ -17,9 +17,9 @@ from typing import Any, Final
 
 import pytest
 
+from protocol.outcome import wire_goal
 from protocol.topics import COMMAND
 from protocol.wire.enums import Command, GoalState, Mode, Vehicle
-from protocol.wire.goal import wire_goal
 from protocol.wire.messages import CommandRequest, GoalRequest
 from protocol.wire.reasons import Reason
 from runtime.errors import NoAnswerError

@@ -12,7 +12,6 @@ from ground.client.parameter_rows import NAME, NAME_RULE
 from ground.map import ellipse
 from plant.process.robot_link import MAX_AGE_TICKS
 from protocol.topics import DRIVE, OPERATOR, SONAR, STOP, TELEOP, WHEELS, Topic
-from protocol.wire.layout import LAYOUT
 from protocol.wire.limits import (
     MAX_LEASE_MS,
     MAX_OPERATOR_NAME_BYTES,
@@ -23,7 +22,7 @@ from protocol.wire.limits import (
     SCAN_LOST_MS,
     TICKS_LOST_MS,
 )
-from protocol.wire.message import Message
+from protocol.wire.message import LAYOUT, Message
 from protocol.wire.reasons import Reason, reason_text
 from robot.core.parameters import DEFAULTS
 from robot.core.safety.failsafe import ROWS

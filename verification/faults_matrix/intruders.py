@@ -11,8 +11,7 @@ from protocol.bus.bus import Bus
 from protocol.bus.network import Network
 from protocol.topics import OPERATOR, SONAR, STOP, TELEOP, WHEELS, Role, Topic
 from protocol.wire.codec import Encoder
-from protocol.wire.layout import LAYOUT, Field
-from protocol.wire.message import Message
+from protocol.wire.message import LAYOUT, Field, Message
 from verification.flood.kinds import Attacker, frames, questions, wheels
 from verification.harness.bus_calls import await_subscribers
 from verification.harness.inprocess import InProcess

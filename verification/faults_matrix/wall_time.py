@@ -14,9 +14,9 @@ from time import monotonic_ns, time_ns
 from typing import Final
 
 from plant.world.file import SHIPPED_DIR, load
+from protocol.outcome import start_arguments
 from protocol.topics import Role
 from protocol.wire.enums import GoalState, Vehicle
-from protocol.wire.goal import start_arguments
 from runtime.calibration import totals_arguments
 from runtime.units import NS_PER_S
 from verification.faults_matrix.actions import (

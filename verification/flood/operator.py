@@ -13,9 +13,9 @@ from ground.client import stop_ways
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.requests import RequestIds
 from ground.launch.child_command import command
+from protocol.outcome import wire_goal
 from protocol.topics import COMMAND, LEASE_SERVICE, OPERATOR, STOP, TELEOP
 from protocol.wire.enums import Command, GoalState, LeaseAction, Mode, Vehicle
-from protocol.wire.goal import wire_goal
 from protocol.wire.messages import CommandRequest, GoalRequest, LeaseRequest
 from protocol.wire.reasons import reason_text
 from runtime.clock import WallClock

@@ -6,6 +6,7 @@ from time import monotonic_ns
 from typing import Any, Final, NamedTuple
 
 from protocol.bus.robot_clock import time_bytes
+from protocol.outcome import wire_goal
 from protocol.topics import (
     COMMAND,
     ENCODING,
@@ -21,7 +22,6 @@ from protocol.topics import (
 )
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import Command, LeaseAction, Mode
-from protocol.wire.goal import wire_goal
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandRequest,

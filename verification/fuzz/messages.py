@@ -8,11 +8,9 @@ from typing import Final, NamedTuple
 
 from fastcrc.crc16 import mcrf4xx
 
-from protocol.sender import COMPONENT
-from protocol.topics import SERVICES, TOPICS, Role
+from protocol.topics import COMPONENT, SERVICES, TOPICS, Role
 from protocol.wire.codec import CHECKSUM, HEAD, MAGIC_BYTE, WIRE_OF_TYPE, decode
-from protocol.wire.message import Message
-from protocol.wire.packing import Wire
+from protocol.wire.message import Message, Wire
 from runtime.errors import RemoteError
 
 MOST: Final = 60

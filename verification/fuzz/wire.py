@@ -12,10 +12,10 @@ from ground.missions.wire import fence_of, waypoints_of
 from ground.station.world import parse_world
 from plant.world.file import load
 from protocol.bus.mailbox import Mailbox, Sample
+from protocol.outcome import wire_goal
 from protocol.topics import ENCODING, TOPICS, operator_in
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.enums import FRAME_LOCAL_FLU, Command, LeaseAction, MissionType
-from protocol.wire.goal import wire_goal
 from protocol.wire.message import Message, check
 from protocol.wire.messages import (
     LeaseRequest,

@@ -6,9 +6,9 @@ from typing import Any, Final
 
 from protocol.bus.bus import Bus
 from protocol.bus.publisher import Publisher
+from protocol.outcome import WireGoal
 from protocol.topics import Service
 from protocol.wire.enums import AUTOPILOT_INVALID, TYPE_GCS, AckResult, Command, Mode
-from protocol.wire.goal import WireGoal
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest, Heartbeat
 from runtime.errors import NoAnswerError

@@ -11,10 +11,10 @@ from typing import Final, Self
 
 from plant.model.configuration import Fault
 from protocol.bus.bus import Bus
+from protocol.outcome import wire_goal
 from protocol.topics import COMMAND, CYCLE, DRIVE, Service
 from protocol.wire.enums import Command, GoalState, Mode
 from protocol.wire.enums import Vehicle as VehicleState
-from protocol.wire.goal import wire_goal
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandAck,

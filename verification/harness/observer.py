@@ -12,10 +12,10 @@ from typing import Any, Final
 
 from plant.world.file import load
 from protocol.bus.bus import Bus, open_bus
+from protocol.outcome import wire_goal
 from protocol.topics import COMMAND, DRIVE, RUN, STATUS, TRUTH, Role, Service, Topic
 from protocol.wire.codec import decode
 from protocol.wire.enums import Command, GoalState, RunAction
-from protocol.wire.goal import wire_goal
 from protocol.wire.message import Message
 from protocol.wire.messages import GroundTruth, NavigatorStatus, RunRequest, WheelCommand
 from protocol.world import World

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from protocol.bus.network import Network, Tls
-from protocol.wire.goal import start_arguments
+from protocol.outcome import start_arguments
 from protocol.world import World
 
 VALID: Final = timedelta(days=1)

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
+from protocol.outcome import start_arguments
 from protocol.topics import COMMAND, RUN, STATUS, Role, Service
 from protocol.wire.codec import decode
 from protocol.wire.enums import GoalState, RunAction
-from protocol.wire.goal import start_arguments
 from protocol.wire.message import Message
 from protocol.wire.messages import NavigatorStatus, RunRequest, RunScore
 from protocol.world import World

@@ -14,9 +14,9 @@ from plant.model.configuration import noise_of
 from plant.process.robot_link import RobotLink
 from plant.sim.simulation import Plant
 from protocol.bus.bus import Bus, open_bus
+from protocol.outcome import wire_goal
 from protocol.topics import COMMAND, STATUS, Role
 from protocol.wire.enums import GoalState
-from protocol.wire.goal import wire_goal
 from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest
 from protocol.wire.reasons import Reason
 from protocol.world import World

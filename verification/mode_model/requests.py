@@ -7,6 +7,7 @@ from typing import Final
 
 from ground.missions.mission import Circle
 from ground.missions.wire import fence_items_of
+from protocol.outcome import wire_goal
 from protocol.wire.enums import (
     FRAME_LOCAL_FLU,
     Command,
@@ -15,7 +16,6 @@ from protocol.wire.enums import (
     Mode,
     Navigator,
 )
-from protocol.wire.goal import wire_goal
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandRequest,

@@ -9,8 +9,7 @@ from protocol import topics
 from protocol.bus.tls.role_grants import grants
 from protocol.dialect.definitions import SIDESTEP_XML, entry_in
 from protocol.topics import Service, Topic
-from protocol.wire.layout import LAYOUT, class_name
-from protocol.wire.message import Message
+from protocol.wire.message import LAYOUT, Message, class_name
 from runtime.units import NS_PER_MS
 from verification.site import permissions_page
 

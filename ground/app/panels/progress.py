@@ -7,8 +7,7 @@ from ground.app.widgets.bars import bar
 from ground.app.widgets.rows import Row, Span, faint, head, row, width_of
 from ground.client.telemetry import AgedMessage
 from ground.station.station import Station
-from protocol.doubt import doubt_of, doubt_words
-from protocol.outcome import LOST, goal_end
+from protocol.outcome import LOST, doubt_of, doubt_words, goal_end
 from protocol.topics import MISSION, ODOMETRY, STATUS
 from protocol.wire.enums import GoalState, MissionState
 from protocol.wire.messages import MissionStatus, NavigatorStatus, PlanarOdometry

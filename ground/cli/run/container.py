@@ -20,7 +20,7 @@ from ground.launch.scenario import world_facts, world_query
 from ground.text.output import Output
 from protocol.bus.network import MAX_ROBOTS
 from protocol.options import whole
-from protocol.wire.goal import start_arguments
+from protocol.outcome import start_arguments
 from runtime.calibration import settings_of, totals_arguments
 from runtime.cli.parsers import parser_of
 from runtime.cli.verb_lookup import command_of, find

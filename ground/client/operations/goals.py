@@ -12,8 +12,7 @@ from ground.client.requests import BEAT_NS, GoalEnd, GoalWatch
 from ground.client.results import Accepted, Refused
 from ground.client.status_line import goal_line, knows_place
 from ground.client.telemetry import Telemetry
-from protocol.doubt import doubt_of, doubt_words
-from protocol.outcome import LOST, REPLACED, detail_of
+from protocol.outcome import LOST, REPLACED, detail_of, doubt_of, doubt_words
 from protocol.topics import DECISION, LEASE, ODOMETRY, STATUS
 from protocol.wire.enums import Command, Mode
 from protocol.wire.messages import GoalRequest

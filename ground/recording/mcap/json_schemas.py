@@ -4,8 +4,7 @@ import json
 from functools import cache
 from typing import Final, NamedTuple, TypeAlias
 
-from protocol.wire.layout import LAYOUT, Field
-from protocol.wire.message import Message
+from protocol.wire.message import LAYOUT, Field, Message
 
 Json: TypeAlias = dict[str, object]
 

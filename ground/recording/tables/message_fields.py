@@ -5,8 +5,7 @@ from math import isfinite
 from struct import pack
 from typing import NamedTuple
 
-from protocol.wire.layout import LAYOUT, Field
-from protocol.wire.message import Message
+from protocol.wire.message import LAYOUT, Field, Message
 
 
 class FieldValue(NamedTuple):

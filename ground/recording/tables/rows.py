@@ -12,8 +12,7 @@ from typing import Final, NamedTuple
 from ground.recording.tables.message_fields import FieldValue, fields_of
 from ground.recording.tables.time_axis import Timed
 from protocol.topics import TOPICS
-from protocol.wire.layout import LAYOUT
-from protocol.wire.message import Message
+from protocol.wire.message import LAYOUT, Message
 from runtime.units import NS_PER_MS
 
 STALE_S: Final = {topic.path: topic.stale_after_ns / NS_PER_MS / 1000.0 for topic in TOPICS}

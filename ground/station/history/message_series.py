@@ -9,8 +9,7 @@ from typing import Any, Final, NamedTuple
 from ground.client.telemetry import Age, Telemetry, age_of
 from ground.station.history.time_series import Series
 from protocol.topics import TOPICS, Topic
-from protocol.wire.layout import LAYOUT
-from protocol.wire.message import Message
+from protocol.wire.message import LAYOUT, Message
 from runtime.units import NS_PER_S
 
 UNITS: Final = (

@@ -11,8 +11,7 @@ from ground.recording.tlog import record_bytes
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.outcome import Outcome
-from protocol.sender import COMPONENT
-from protocol.topics import COMMANDED, CYCLE, DECISION, ODOMETRY, STATUS, TRUTH, Topic
+from protocol.topics import COMMANDED, COMPONENT, CYCLE, DECISION, ODOMETRY, STATUS, TRUTH, Topic
 from protocol.wire.codec import Encoder
 from protocol.wire.message import Message
 from protocol.wire.messages import CycleReport, GoalRequest

@@ -4,8 +4,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from protocol.wire.layout import LAYOUT, Field
-from protocol.wire.message import Message
+from protocol.wire.message import LAYOUT, Field, Message
 from protocol.wire.messages import MESSAGES
 
 

@@ -3,8 +3,7 @@
 from typing import Any
 
 from protocol.dialect.mavgen import oracle
-from protocol.wire.layout import LAYOUT, Field
-from protocol.wire.message import Message
+from protocol.wire.message import LAYOUT, Field, Message
 
 
 def frame_by_pymavlink(message: Message, system: int, component: int, sequence: int) -> bytes:

@@ -9,7 +9,6 @@ from pathlib import Path
 from ground.recording.mcap.writer import McapFormat
 from plant.model.configuration import LEVELS
 from plant.sim.simulation import Plant
-from protocol.sender import sender_of
 from protocol.topics import (
     ANSWERED,
     COMMANDED,
@@ -21,6 +20,7 @@ from protocol.topics import (
     STATUS,
     WHEELS,
     Topic,
+    sender_of,
 )
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import Command

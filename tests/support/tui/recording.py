@@ -7,8 +7,7 @@ import msgspec
 
 from ground.recording.mcap.writer import McapFormat
 from ground.recording.tlog import record_bytes
-from protocol.sender import sender_of
-from protocol.topics import DRIVE, ODOMETRY, Role
+from protocol.topics import DRIVE, ODOMETRY, Role, sender_of
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import PlanarOdometry, WheelCommand
 from tests.support.tui.fakes import MS, S

@@ -4,7 +4,7 @@ from math import inf, log, nan, sqrt
 
 import pytest
 
-from protocol.doubt import CHI2_2, OUTSIDE, doubt_m, doubt_words
+from protocol.outcome import CHI2_2, OUTSIDE, doubt_m, doubt_words
 from study.intervals import CHI2_2 as OF_THE_STUDY
 from tests.support.each import each
 

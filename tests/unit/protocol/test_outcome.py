@@ -12,13 +12,13 @@ from protocol.outcome import (
     Outcome,
     RunEnd,
     RunSettings,
+    WireGoal,
     detail_of,
     end_of,
     evaluated,
     goal_end,
 )
 from protocol.wire.enums import GoalState
-from protocol.wire.goal import WireGoal
 from protocol.wire.messages import RunScore
 from protocol.wire.reasons import Reason, reason_text
 from tests.support.each import each

@@ -4,8 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.sender import sender_of, system_id_of
-from protocol.topics import SERVICES, SONAR, TOPICS, Role
+from protocol.topics import SERVICES, SONAR, TOPICS, Role, sender_of, system_id_of
 from runtime.errors import UserError
 from tests.support.each import each
 

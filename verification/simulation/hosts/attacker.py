@@ -10,7 +10,6 @@ from random import Random
 from typing import Any, Final
 
 from protocol.bus.robot_clock import time_bytes
-from protocol.sender import sender_of
 from protocol.topics import (
     COMMAND,
     DRIVE,
@@ -25,11 +24,11 @@ from protocol.topics import (
     TOPICS,
     WHEELS,
     Role,
+    sender_of,
 )
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.enums import Command
-from protocol.wire.layout import LAYOUT, Field
-from protocol.wire.message import Message
+from protocol.wire.message import LAYOUT, Field, Message
 from protocol.wire.messages import CommandRequest, Heartbeat, LeaseRequest, Teleop, WheelCommand
 from robot.commands import is_stop
 from runtime.units import NS_PER_MS

@@ -4,9 +4,8 @@ from collections import defaultdict
 from typing import Any, Final
 
 from protocol.wire.enums import MissionType
-from protocol.wire.message import Message
+from protocol.wire.message import Message, wire_of
 from protocol.wire.messages import MissionClearAll, MissionItemInt, ParamSet
-from protocol.wire.packing import wire_of
 from robot.core import states
 from robot.mission.waypoint import stop_of
 from robot.vehicle import Vehicle

@@ -12,7 +12,6 @@ from mcap.writer import Writer
 
 from ground.recording.mcap.writer import McapFormat
 from ground.recording.tlog import record_bytes
-from protocol.sender import sender_of
 from protocol.topics import (
     ANSWERED,
     COMMANDED,
@@ -26,6 +25,7 @@ from protocol.topics import (
     TRUTH,
     WHEELS,
     Topic,
+    sender_of,
 )
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import GoalState, Mode, Navigator, Severity, Vehicle

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from ground.client.goal import Destination, destination
 from ground.ghost.branch_point import BranchPoint, driving, trial_words, world_bytes
 from protocol.options import numbers_kept
-from protocol.wire.goal import rounded_heading_rad
+from protocol.outcome import rounded_heading_rad
 from robot.core.parameters import DEFAULTS
 from study.cli.trial import goal_of, parser, start_of
 

@@ -25,8 +25,7 @@ from plant.cli import main as worlds
 from plant.model.configuration import body_of
 from plant.placement import starts
 from plant.world.file import load
-from protocol.outcome import RunSettings
-from protocol.wire.goal import wire_goal
+from protocol.outcome import RunSettings, wire_goal
 from robot.cli import parser as robot_parser
 from runtime.calibration import calibration_of
 from runtime.errors import UserError

@@ -7,8 +7,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from protocol.wire.codec import CHECKSUM_SIZE, LARGEST_FRAME, Encoder, decode, is_frame
-from protocol.wire.layout import LAYOUT
-from protocol.wire.message import Message
+from protocol.wire.message import LAYOUT, Message
 from protocol.wire.messages import MESSAGES, GroundTruth, Statustext, WheelCommand
 from runtime.errors import LocalError, RemoteError
 from tests.support.each import each

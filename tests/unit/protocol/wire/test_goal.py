@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.wire.goal import rounded_heading_rad, start_arguments, wire_goal
+from protocol.outcome import rounded_heading_rad, start_arguments, wire_goal
 from robot.core.perception.from_messages import goal_of
 from tests.support.each import each
 

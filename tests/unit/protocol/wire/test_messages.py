@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 
 from protocol.dialect.mavgen import oracle
-from protocol.wire.layout import LAYOUT
-from protocol.wire.message import Message, check
+from protocol.wire.message import LAYOUT, Message, check
 from protocol.wire.messages import (
     MESSAGES,
     CycleReport,

@@ -22,7 +22,7 @@ from protocol.wire.enums import (
     Navigator,
 )
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
-from protocol.wire.message import Message
+from protocol.wire.message import Message, wire_of
 from protocol.wire.messages import (
     CommandRequest,
     GoalRequest,
@@ -32,7 +32,6 @@ from protocol.wire.messages import (
     ParamSet,
     Teleop,
 )
-from protocol.wire.packing import wire_of
 from robot import telemetry
 from robot.core import reasons, states
 from robot.core.brain import ignore

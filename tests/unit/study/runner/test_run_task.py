@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.doubt import doubt_m
+from protocol.outcome import doubt_m
 from protocol.wire.enums import GoalState
 from protocol.world import WALL_THICKNESS_M, Polyline
 from robot.core import states

@@ -1,6 +1,6 @@
 """The core in a trial receives the same inputs as in the robot process, also without samples."""
 
-from protocol.wire.goal import WireGoal
+from protocol.outcome import WireGoal
 from protocol.wire.messages import SonarScan, WheelTicks
 from robot.core import reasons, states
 from robot.core.parameters import DEFAULTS

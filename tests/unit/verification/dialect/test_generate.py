@@ -2,7 +2,7 @@
 
 import xml.etree.ElementTree as ET
 
-from protocol.dialect import common_subset
+from protocol.dialect import definitions
 from protocol.dialect.definitions import (
     SIDESTEP_XML,
     Dialect,
@@ -10,9 +10,8 @@ from protocol.dialect.definitions import (
     read_dialect,
     upstream_definitions,
 )
-from protocol.dialect.generate import CORE, FIRST_OWN_ID, OUTPUTS, ROOT, WIRE
+from protocol.dialect.generate import CORE, FIRST_OWN_ID, OUTPUTS, ROOT, WIRE, commented, doc_lines
 from protocol.dialect.mavgen import oracle
-from protocol.dialect.python_text import commented, doc_lines
 from tests.support.each import each
 
 DIALECT = read_dialect()
@@ -59,10 +58,10 @@ def test_message_ids_are_unused_upstream() -> None:
 
 
 def test_requested_upstream_definitions_exist() -> None:
-    assert set(common_subset.MESSAGES) <= {message.name for message in DIALECT.messages}
-    for name, members in common_subset.ENUMS.items():
+    assert set(definitions.COMMON_MESSAGES) <= {message.name for message in DIALECT.messages}
+    for name, members in definitions.COMMON_ENUMS.items():
         assert set(members) <= {entry.name for entry in DIALECT.enums[name].entries}
-    for name, fields in common_subset.OPTIONAL.items():
+    for name, fields in definitions.OPTIONAL.items():
         message = next(message for message in DIALECT.messages if message.name == name)
         assert set(fields) <= {field.name for field in message.fields}
 
