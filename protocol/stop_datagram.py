@@ -17,7 +17,7 @@ from struct import Struct
 from typing import Final, NamedTuple
 
 from protocol.bus.network import Network, Tls
-from protocol.bus.tls.role_grants import GATEWAY, GROUND, OPEN, OPERATOR
+from protocol.bus.rights import GATEWAY, GROUND, OPEN, OPERATOR
 from protocol.topic import ROBOT_NAME
 from runtime.config import load
 from runtime.errors import ConfigError, KeysError

@@ -7,9 +7,8 @@ from itertools import count
 from queue import SimpleQueue
 from typing import Final
 
-from protocol.bus.bus import Bus
-from protocol.bus.claim import DuplicateWatch
-from protocol.bus.service import ServiceRequest, refusal
+from protocol.bus.bus import Bus, DuplicateWatch
+from protocol.bus.services import ServiceRequest, refusal
 from protocol.topic import person_of
 from protocol.topics import COMMAND, LEASE_SERVICE, MISSION_SERVICE, PARAMETER, PARAMETERS
 from protocol.wire.codec import Encoder

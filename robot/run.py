@@ -9,8 +9,7 @@ from time import time
 from typing import Final
 
 from protocol.bus.audit import audited_connections
-from protocol.bus.bus import Bus, open_bus
-from protocol.bus.claim import claim
+from protocol.bus.bus import Bus, claim, open_bus
 from protocol.bus.door import guarded_door
 from protocol.bus.mailbox import MAX_STAMP_NS, Mailbox
 from protocol.bus.network import Network

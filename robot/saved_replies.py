@@ -2,7 +2,7 @@
 
 from typing import Final, NamedTuple
 
-from protocol.bus.service import ServiceRequest, refusal
+from protocol.bus.services import ServiceRequest, refusal
 from protocol.wire.enums import AckResult, Severity
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck

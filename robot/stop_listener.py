@@ -16,7 +16,7 @@ from threading import Event, Thread
 from typing import Any, Final, Protocol, Self
 
 from protocol.bus.network import Network
-from protocol.bus.packet_filter import SO_ATTACH_FILTER, attach, datagram_steps
+from protocol.bus.sockets import SO_ATTACH_FILTER, attach, datagram_steps
 from protocol.stop_datagram import (
     PRESS,
     PRESS_BYTES,

@@ -11,9 +11,8 @@ from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import NameOID
 
 from ground.certificates.folder import CA, MAX_BYTES
-from protocol.bus.tls.certificate import OPEN_TO_OTHERS
-from protocol.bus.tls.certificate_advice import EXPIRES_SOON, RENEW
-from protocol.bus.tls.role_grants import grant_of
+from protocol.bus.certificate import EXPIRES_SOON, OPEN_TO_OTHERS, RENEW
+from protocol.bus.rights import grant_of
 from runtime.errors import UserError
 from runtime.regular_file import bytes_in
 

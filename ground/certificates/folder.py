@@ -14,7 +14,7 @@ from typing import Final
 from ground.certificates.authority import Authority, Pair, hosts_in
 from ground.client.connection import Config
 from protocol.bus.network import Network
-from protocol.bus.tls.role_grants import GATEWAY, GROUND, OPERATOR, RECORDER, ROBOT, VIEWER
+from protocol.bus.rights import GATEWAY, GROUND, OPERATOR, RECORDER, ROBOT, VIEWER
 from protocol.stop_datagram import SECRET_BYTES, SECRETS, role_of
 from runtime.atomic_file import replace
 from runtime.config import load_shared

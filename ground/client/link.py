@@ -23,7 +23,7 @@ from ground.client.results import Answer, Refused
 from ground.client.telemetry import Telemetry
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.publisher import Publisher
-from protocol.bus.tls.role_grants import denial
+from protocol.bus.rights import denial
 from protocol.topics import COMMAND, HEARTBEAT, OPERATOR, Role, Service, Topic
 from protocol.wire.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, SystemState
 from protocol.wire.message import Message

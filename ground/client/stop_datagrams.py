@@ -9,7 +9,7 @@ from threading import Event, Thread
 from typing import Final, Self, TypeAlias
 
 from protocol.bus.network import Network, Tls
-from protocol.bus.tls.role_grants import operator_name
+from protocol.bus.rights import operator_name
 from protocol.stop_datagram import (
     ANSWER_BYTES,
     OPEN_SECRET,

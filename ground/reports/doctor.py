@@ -13,9 +13,9 @@ from ground.reports.doctor_findings import Finding, Observed, Stream, examine, i
 from ground.reports.doctor_findings import Report as Findings
 from ground.reports.report import Report
 from ground.text.statustext import StatustextAssembler, aged
+from protocol.bus.certificate import own_certificate
 from protocol.bus.mailbox import Mailbox
-from protocol.bus.tls.certificate import own_certificate
-from protocol.bus.tls.role_grants import denial
+from protocol.bus.rights import denial
 from protocol.topics import (
     COMMAND,
     CYCLE,

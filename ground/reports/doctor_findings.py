@@ -9,10 +9,9 @@ from typing import Any, Final
 
 from ground.client.presence import PresentProcesses, explain_silence
 from ground.client.status_line import knows_place
-from protocol.bus.tls.certificate import CertificateStatus
-from protocol.bus.tls.certificate_advice import EXPIRES_SOON, RENEW, remedy
-from protocol.bus.tls.identities import ID_TAKEN
-from protocol.bus.tls.role_grants import RECORDER, VIEWER, denial
+from protocol.bus.certificate import EXPIRES_SOON, RENEW, CertificateStatus, remedy
+from protocol.bus.peers import ID_TAKEN
+from protocol.bus.rights import RECORDER, VIEWER, denial
 from protocol.topics import CLOCK, COMMAND, HEARTBEAT, MCU, OPERATOR, TELEOP, Role, Topic
 from protocol.wire.enums import Vehicle
 from protocol.wire.messages import CycleReport, NavigatorStatus, PlanarOdometry

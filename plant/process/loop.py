@@ -13,7 +13,7 @@ from typing import Final
 
 from plant.process.robot_link import RobotLink
 from plant.sim.simulation import Plant
-from protocol.bus.service import ServiceRequest
+from protocol.bus.services import ServiceRequest
 from protocol.wire.enums import AckResult, RunAction
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, RunRequest

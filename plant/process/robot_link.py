@@ -8,8 +8,7 @@ from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
 from plant.sim.simulation import Plant
-from protocol.bus.bus import Bus
-from protocol.bus.presence import Presence
+from protocol.bus.bus import Bus, Presence
 from protocol.bus.publisher import Publisher
 from protocol.topics import CLOCK, DRIVE, SONAR, TRUTH, WHEELS, Role
 from protocol.wire.limits import MAX_WHEEL_TTL_MS

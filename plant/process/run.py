@@ -15,10 +15,8 @@ from plant.shortest_path import known_length_m
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from plant.world.writer import run_json
-from protocol.bus.bus import Bus, open_bus
-from protocol.bus.claim import claim
+from protocol.bus.bus import Bus, Presence, claim, open_bus
 from protocol.bus.network import Network
-from protocol.bus.presence import Presence
 from protocol.options import add_network_options, network_of, whole
 from protocol.topics import RUN, WORLD, Role, robot_name
 from protocol.world import as_json

@@ -2,40 +2,61 @@
 
 Callbacks run in Zenoh's receive thread. A query or a wait would block all reception there, so they
 only store or enqueue. The exception is the robot's cycle in lockstep, which also publishes there.
+
+Presence of processes: parsing and tracking of their liveliness tokens.
+
+One process per role and robot: a duplicate does not start, or is detected later.
+
+`claim` checks once, at the start. A network failure can hide two processes from each other;
+`DuplicateWatch` detects them after the network has recovered.
 """
 
+import re
+import threading
 import time
 from collections.abc import Callable, Iterable
 from functools import partial
 from itertools import islice
-from typing import Any, Self, TypeVar
+from typing import Any, Final, NamedTuple, Self, TypeVar
 
 import zenoh
 from zenoh.handlers import Callback
 
-from protocol.bus.faults.fault_injector import FaultInjector
-from protocol.bus.lasting_session import (
+from protocol.bus.certificate import holder, peer_refusal
+from protocol.bus.fault_injector import FaultInjector
+from protocol.bus.mailbox import Mailbox, Sample
+from protocol.bus.network import Hub, Network, person_here
+from protocol.bus.peers import AcceptedPeers, DialledPeers, RefusedLink, callers
+from protocol.bus.publisher import (
+    Publisher,
+    await_ready,
+    fetching_subscriber,
+    published_ns,
+    was_fetched,
+)
+from protocol.bus.rights import OPEN, ends_of, may_fetch, operator_name
+from protocol.bus.services import (
+    Handler,
+    Requester,
+    ServiceQueue,
+    ServiceRequest,
+    attached_time,
+    payload_bytes,
+)
+from protocol.bus.session import (
     KEEPER_SILENT_S,
     SILENT_S,
     LastingSession,
+    bound_endpoints,
     close_session,
     is_linked,
+    loss_text,
+    open_session,
+    probed,
+    redialled,
 )
-from protocol.bus.late_join import fetching_subscriber, published_ns, was_fetched
-from protocol.bus.linger import LinkCloser
-from protocol.bus.mailbox import Mailbox, Sample
-from protocol.bus.network import Hub, Network
-from protocol.bus.person import person_here
-from protocol.bus.presence import MAX_TOKENS, Presence, TokenSet, presence_in
-from protocol.bus.publisher import Publisher, await_ready
-from protocol.bus.requester import Requester
-from protocol.bus.service import Handler, ServiceQueue, ServiceRequest, attached_time, payload_bytes
-from protocol.bus.session import bound_endpoints, loss_text, open_session, probed, redialled
-from protocol.bus.tls.certificate import holder
-from protocol.bus.tls.certificate_advice import peer_refusal
-from protocol.bus.tls.identities import AcceptedPeers, RefusedLink
-from protocol.bus.tls.peers import DialledPeers, callers
-from protocol.bus.tls.role_grants import OPEN, ends_of, may_fetch, operator_name
+from protocol.bus.sockets import LinkCloser
+from protocol.topic import ROBOT_NAME
 from protocol.topics import (
     CLOCK_SERVICE,
     STOP,
@@ -52,6 +73,53 @@ from protocol.wire.codec import Encoder
 from protocol.wire.message import Message
 from protocol.wire.messages import Timesync
 from runtime.errors import LocalError, UserError
+
+ROLES: Final = frozenset(role.value for role in Role)
+SESSION: Final = re.compile(r"[0-9a-f]{1,32}\Z")
+MAX_TOKENS: Final = 1000
+"""Limit of tracked tokens, of all robots together."""
+
+
+class Presence(NamedTuple):
+    """A process's liveliness token: process and link are alive, but its loop may hang."""
+
+    robot: str
+    role: str
+    zid: str
+
+
+class TokenSet:
+    """The present tokens; `handler` is called for each that appears (True) or disappears (False).
+
+    Zenoh has a thread for each of several links, so tokens may arrive in several threads at once.
+    The calls of `handler` never overlap.
+    """
+
+    def __init__(self, handler: Callable[[Presence, bool], None]) -> None:
+        self.there: frozenset[Presence] = frozenset()
+        self._handler = handler
+        self._taking = threading.Lock()
+
+    def take(self, token: Presence, *, appeared: bool) -> None:
+        """Add or remove a token, unless there are too many; may be called from any thread."""
+        with self._taking:
+            if appeared and len(self.there) >= MAX_TOKENS:
+                return
+            self.there = self.there | {token} if appeared else self.there - {token}
+            self._handler(token, appeared)
+
+    def clear(self) -> None:
+        """Remove all tokens."""
+        for token in self.there:
+            self.take(token, appeared=False)
+
+
+def presence_in(key: str) -> Presence | None:
+    """Return the token of a key; None unless robot, role and session are valid."""
+    robot, _, role, zid = key.split("/")[-4:]
+    known = ROBOT_NAME.match(robot) and role in ROLES and SESSION.match(zid)
+    return Presence(robot, role, zid) if known else None
+
 
 Take = Callable[[str, bytes, int], None]
 """Key, frame and time of arrival in ns; for a cached event, the time of its publication."""
@@ -461,3 +529,57 @@ def open_bus(
 ) -> Bus:
     """Join the bus; raise EndpointInUseError, NoPeerError or EndpointError with the endpoint."""
     return Bus(network, role, robot, now_ns)
+
+
+class NameTakenError(UserError):
+    """Another process has this role for this robot."""
+
+
+def claim(bus: Bus, robots: list[str]) -> None:
+    """Announce this process, unless another one has its role; of two at once, the smaller id stays.
+
+    Raises NameTakenError, which names the robot and the session of the other process.
+    """
+    raise_if_taken(bus, duplicates(bus, robots))
+    for robot in robots:
+        bus.announce(robot)
+    raise_if_taken(bus, [(robot, zid) for robot, zid in duplicates(bus, robots) if zid < bus.zid])
+
+
+class DuplicateWatch:
+    """The other processes with this process's role and robot, while they are present."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._own = bus.robot, None if bus.role is None else bus.role.value
+        self._zid = bus.zid
+        self._others: frozenset[str] = frozenset()
+        bus.watch(self._see)
+
+    def __bool__(self) -> bool:
+        return bool(self._others)
+
+    def _see(self, token: Presence, appeared: bool) -> None:
+        """Update the set of duplicates; called in the bus's thread."""
+        if (token.robot, token.role) == self._own and token.zid != self._zid:
+            other = {token.zid}
+            self._others = self._others | other if appeared else self._others - other
+
+
+def duplicates(bus: Bus, robots: list[str]) -> list[tuple[str, str]]:
+    """Return robot and session of each other process with the role of this one."""
+    assert bus.role is not None
+    return [
+        (robot, zid)
+        for robot, role, zid in bus.present()
+        if role == bus.role.value and robot in robots and zid != bus.zid
+    ]
+
+
+def raise_if_taken(bus: Bus, others: list[tuple[str, str]]) -> None:
+    """Raise NameTakenError if there is another process."""
+    if others and bus.role is not None:
+        robot, zid = others[0]
+        raise NameTakenError(
+            f"there is a {bus.role.value} for {robot} already (session {zid}): "
+            "stop it, or choose another name or endpoint"
+        )

@@ -28,17 +28,19 @@ from threading import Lock, Thread
 from typing import Final
 
 from protocol.bus.bus import Bus
-from protocol.bus.linger import STREAMS, socket_of, sockets
-from protocol.bus.packet_filter import (
+from protocol.bus.sockets import (
     SO_ATTACH_FILTER,
     SO_ATTACH_REUSEPORT_CBPF,
     SO_DETACH_FILTER,
+    STREAMS,
     Address,
     attach,
     choice_steps,
+    end_in,
+    socket_of,
+    sockets,
     tls_steps,
 )
-from protocol.bus.tls.peer_address import end_in
 
 FAILURES_PER_S: Final = 4.0
 """Of all limited addresses together: the acceptor then sleeps 40 % of the time."""

@@ -1,20 +1,284 @@
-"""Publisher of one topic: one key, one sender, one sequence counter."""
+"""Publisher of one topic: one key, one sender, one sequence counter.
+
+Late-join support: publishers cache recent events; subscribers fetch those they missed.
+
+Publishers are Zenoh's advanced ones. Each numbers its samples, and announces itself and the number
+of its newest one on `KEY/@adv/pub/SESSION/NUMBER/_`, where it also answers with cached samples.
+Subscribers are our own: Zenoh's advanced ones declare `KEY/@adv/**`. Whoever may declare that may
+declare every pattern below it, and to match one with many `**` takes exponential time and memory.
+"""
 
 import threading
+import time
 from collections.abc import Callable, Iterable
-from typing import Any, Final, Generic, TypeVar
+from functools import partial
+from threading import Lock
+from typing import Any, Final, Generic, NamedTuple, TypeAlias, TypeVar
 
 import zenoh
+from zenoh import ext
+from zenoh.handlers import Callback
 
-from protocol.bus.lasting_session import Declared, LastingSession
-from protocol.bus.late_join import LIVE, caching_publisher
+from protocol.bus.rights import kept_by
 from protocol.bus.robot_clock import time_bytes
+from protocol.bus.session import Declared, LastingSession
 from protocol.topics import ENCODING, Priority, Topic
 from protocol.wire.codec import Encoder
 from protocol.wire.message import Message
 from runtime.errors import LocalError
 from runtime.load import Patience
 from runtime.units import NS_PER_S
+
+Take: TypeAlias = Callable[[zenoh.Sample], None]
+Source: TypeAlias = tuple[str, int]
+"""A sender: its session id, and its number in that session."""
+
+Got: TypeAlias = Callable[[list[zenoh.Sample]], None]
+"""Receives what a sender has cached, once."""
+
+BEAT_S: Final = 0.5
+"""Period at which a sender publishes its sequence number; the last lost event before a pause is
+detected after at most this time."""
+
+LIVE: Final = zenoh.CongestionControl.DROP
+FETCHED: Final = zenoh.CongestionControl.BLOCK
+"""The congestion control of a sample distinguishes live from fetched ones on arrival. A reply has
+that of its query. `congestion` decides how replies are really sent."""
+
+FETCH_S: Final = 2.0
+FETCHES: Final = 16
+"""Fetches at the same time; limits the queries and the memory that a forger can cause."""
+
+MAX_WAITING: Final = 1000
+"""Samples of one sender that wait until its earlier ones are fetched; further ones are dropped."""
+
+MAX_DIGITS: Final = 10
+SOURCES: Final = 1000
+"""Senders whose missed samples are fetched; those of further ones are delivered as they come."""
+
+
+def caching_publisher(
+    session: zenoh.Session, key: str, newest: int, **service: Any
+) -> "ext.AdvancedPublisher":
+    """Return a publisher that caches its `newest` samples for late joiners."""
+    return ext.declare_advanced_publisher(
+        session,
+        key,
+        congestion_control=LIVE,
+        cache=ext.CacheConfig(newest),
+        sample_miss_detection=ext.MissDetectionConfig(heartbeat=BEAT_S, sporadic_heartbeat=None),
+        publisher_detection=True,
+        **service,
+    )
+
+
+class Subscriptions(NamedTuple):
+    """The subscriptions to a key with a history."""
+
+    samples: Any
+    beats: Any
+    senders: Any
+
+    def undeclare(self) -> None:
+        """End all of them."""
+        for one in self:
+            one.undeclare()
+
+
+def fetching_subscriber(
+    session: LastingSession, key: str, newest: int, take: Take
+) -> Declared[Subscriptions]:
+    """Return a subscriber that also fetches cached samples, each once, in the sender's order."""
+    keys: dict[Source, str] = {}
+    """The key of each sender: an operator serves its own key, not that of all operators."""
+
+    def ask(source: Source, due: int, got: Got) -> None:
+        fetch(session, keys.get(source, key), newest, source, due, got)
+
+    late_join = LateJoin(ask, take)
+
+    def receive(sample: zenoh.Sample) -> None:
+        source = source_of(sample)
+        if source is not None and source not in keys and len(keys) < SOURCES:
+            keys[source] = str(sample.key_expr)
+        late_join.receive(sample)
+
+    def found(sample: zenoh.Sample) -> None:
+        place = str(sample.key_expr)
+        source = source_in(place)
+        if source is not None and sample.kind == zenoh.SampleKind.PUT:
+            if source in keys or len(keys) < SOURCES:
+                keys[source] = place.partition("/@adv/")[0]
+            newest_bytes = sample.payload.to_bytes()[:4]
+            late_join.announced(source, int.from_bytes(newest_bytes, "little"))
+
+    def declare(one: zenoh.Session) -> Subscriptions:
+        return Subscriptions(
+            one.declare_subscriber(key, Callback(receive, indirect=False)),
+            one.declare_subscriber(kept_by(key), Callback(found, indirect=False)),
+            one.liveliness().declare_subscriber(
+                kept_by(key), Callback(found, indirect=False), history=True
+            ),
+        )
+
+    return session.declare(declare)
+
+
+class Sender:
+    """What has arrived of one sender: `due` is the number of the next sample to deliver."""
+
+    __slots__ = ("due", "fetching", "waiting")
+
+    def __init__(self) -> None:
+        self.due = 0
+        self.fetching = False
+        self.waiting: dict[int, zenoh.Sample] = {}
+
+
+class LateJoin:
+    """Deliver the samples of each sender from the first one on, each once and in order.
+
+    `fetch` requests the samples of a sender from a number on. Later ones wait for the answer. What
+    the sender no longer has, or does not answer, is left out.
+    """
+
+    def __init__(self, fetch: Callable[[Source, int, Got], None], take: Take) -> None:
+        self._fetch, self._take = fetch, take
+        self._lock = Lock()
+        self._senders: dict[Source, Sender] = {}
+        self._fetches = 0
+
+    def receive(self, sample: zenoh.Sample) -> None:
+        """Take a live sample; those of a sender come one after the other."""
+        source, number = source_of(sample), number_of(sample)
+        with self._lock:
+            sender = None if source is None else self._known(source)
+            if source is None or sender is None:
+                self._take(sample)
+                return
+            if number >= sender.due and len(sender.waiting) < MAX_WAITING:
+                sender.waiting.setdefault(number, sample)
+            self._deliver(sender)
+            if not sender.waiting or sender.fetching:
+                return
+            if not self._may_fetch(sender):
+                self._deliver(sender, gaps=True)
+                return
+        self._begin(source, sender)
+
+    def announced(self, source: Source, newest: int) -> None:
+        """Note that a sender has samples up to the number `newest`."""
+        with self._lock:
+            sender = self._known(source)
+            if sender is None or sender.fetching or newest < sender.due:
+                return
+            if not self._may_fetch(sender):
+                return  # it is announced again
+        self._begin(source, sender)
+
+    def _known(self, source: Source) -> Sender | None:
+        if source not in self._senders and len(self._senders) < SOURCES:
+            self._senders[source] = Sender()
+        return self._senders.get(source)
+
+    def _may_fetch(self, sender: Sender) -> bool:
+        if self._fetches >= FETCHES:
+            return False
+        self._fetches += 1
+        sender.fetching = True
+        return True
+
+    def _begin(self, source: Source, sender: Sender) -> None:
+        """Fetch; without the lock, because a sender in this process answers at once."""
+        self._fetch(source, sender.due, partial(self._complete, source, sender))
+
+    def _complete(self, source: Source, sender: Sender, got: list[zenoh.Sample]) -> None:
+        """Deliver what was fetched, and what has arrived meanwhile."""
+        with self._lock:
+            new = {
+                number_of(one): one
+                for one in got
+                if source_of(one) == source and number_of(one) >= sender.due
+            }
+            if new:
+                sender.due = min(new)
+                sender.waiting = new | sender.waiting
+                self._deliver(sender)
+            if not new or not sender.waiting:
+                self._deliver(sender, gaps=True)
+                sender.fetching = False
+                self._fetches -= 1
+                return
+        self._begin(source, sender)  # a sample was lost while the others were fetched
+
+    def _deliver(self, sender: Sender, *, gaps: bool = False) -> None:
+        """Deliver the waiting samples up to the first gap, or all."""
+        while sender.waiting:
+            number = min(sender.waiting) if gaps else sender.due
+            sample = sender.waiting.pop(number, None)
+            if sample is None:
+                return
+            sender.due = number + 1
+            self._take(sample)
+
+
+def fetch(
+    session: LastingSession, key: str, newest: int, source: Source, due: int, got: Got
+) -> None:
+    """Query the samples that a sender has cached from the number `due` on."""
+    zid, number = source
+    samples: list[zenoh.Sample] = []
+
+    def take(reply: zenoh.Reply) -> None:
+        if reply.ok is not None and len(samples) < newest:
+            samples.append(reply.ok)
+
+    try:
+        session.now.get(
+            f"{key}/@adv/pub/{zid}/{number}/_?_sn={due}..;_max={newest}",
+            Callback(take, partial(got, samples), indirect=False),
+            timeout=FETCH_S,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            accept_replies=zenoh.ReplyKeyExpr.ANY,
+            congestion_control=FETCHED,
+        )
+    except zenoh.ZError:  # the session was closed
+        got([])
+
+
+def source_in(key: str) -> Source | None:
+    """Return the sender that announces itself on a key; None for any other key."""
+    zid, number = key.split("/")[-3:-1]
+    return (zid, int(number)) if number.isdecimal() and len(number) <= MAX_DIGITS else None
+
+
+def source_of(sample: zenoh.Sample) -> Source | None:
+    """Return the sender of a sample; None if its publisher does not cache."""
+    info = sample.source_info
+    return None if info is None else (str(info.source_id.zid), info.source_id.eid)
+
+
+def number_of(sample: zenoh.Sample) -> int:
+    """Return the sequence number of a sample at its sender, from 0."""
+    info = sample.source_info
+    return 0 if info is None else info.source_sn
+
+
+def was_fetched(sample: zenoh.Sample) -> bool:
+    """Return whether a sample comes from the cache of its sender."""
+    return bool(sample.congestion_control == FETCHED)
+
+
+def published_ns(sample: zenoh.Sample, now_ns: int) -> int:
+    """Return when a sample was published: now, or earlier if it was fetched.
+
+    The age of a fetched sample is as accurate as the UTC clocks of both machines.
+    """
+    if not was_fetched(sample) or sample.timestamp is None:
+        return now_ns
+    age_ns = time.time_ns() - sample.timestamp.get_time_as_ntp64().as_nanos()
+    return now_ns - max(0, age_ns)
+
 
 M = TypeVar("M", bound=Message)
 

@@ -1,6 +1,6 @@
 """An operator with late frames, or without the lease, moves no wheel."""
 
-from protocol.bus.faults.link_faults import LinkFaults
+from protocol.bus.link_faults import LinkFaults
 from protocol.wire.enums import Command, LeaseAction, Mode, Vehicle
 from protocol.wire.messages import GoalRequest
 from protocol.wire.reasons import Reason

@@ -2,7 +2,7 @@
 
 import pytest
 
-from protocol.bus.faults.link_faults import LinkFaults
+from protocol.bus.link_faults import LinkFaults
 from protocol.wire.enums import Vehicle
 from protocol.wire.reasons import Reason
 from tests.support.each import each

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from protocol.bus.bus import Bus
-from protocol.bus.service import ServiceRequest
+from protocol.bus.services import ServiceRequest
 from protocol.topics import COMMAND, Service
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import AckResult, Command, LeaseAction, Vehicle

@@ -3,9 +3,9 @@
 from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
+from protocol.bus.bus import Presence
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.bus.network import Hub
-from protocol.bus.presence import Presence
 from protocol.topics import ENCODING, Role, Service, Topic
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.message import Message

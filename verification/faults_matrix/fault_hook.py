@@ -23,7 +23,7 @@ from ground.launch.child_command import die_with_parent
 from plant.model.configuration import Fault
 from plant.process.loop import Process
 from protocol.bus.bus import Bus
-from protocol.bus.faults.link_faults import LinkFaults
+from protocol.bus.link_faults import LinkFaults
 from runtime.clock import WallClock
 from runtime.units import NS_PER_S
 

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 from firmware.board import BoardError
 from plant.world.file import load
-from protocol.bus.faults.link_faults import LinkFaults
+from protocol.bus.link_faults import LinkFaults
 from protocol.topics import Role
 from protocol.wire.enums import Command
 from protocol.wire.enums import Vehicle as VehicleState

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
-from protocol.bus.faults.link_faults import LinkFaults
+from protocol.bus.link_faults import LinkFaults
 from protocol.wire.reasons import Reason
 from verification.board.fault import BoardFault
 from verification.faults_matrix.actions import (

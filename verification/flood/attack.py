@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Final, Self
 
 from protocol.bus.network import Network
-from protocol.bus.tls.role_grants import operator_name
+from protocol.bus.rights import operator_name
 from runtime.clock import WallClock
 from runtime.units import NS_PER_S
 from verification.flood.kinds import KINDS, Attacker, Kind, Send

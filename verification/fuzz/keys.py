@@ -10,8 +10,8 @@ from ground.certificates.check import check
 from ground.certificates.folder import SECRET_MODE, make
 from ground.gateway.signing.key_file import KeyRing, new_key, read_keys, write_keys
 from ground.gateway.signing.stamps import StampClock
+from protocol.bus.certificate import own_certificate
 from protocol.bus.network import Tls
-from protocol.bus.tls.certificate import own_certificate
 from verification.fuzz.target import FuzzTarget
 
 SINCE: Final = datetime(2026, 1, 1, tzinfo=UTC)

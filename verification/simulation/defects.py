@@ -318,7 +318,7 @@ def _wide_circle() -> Patches:
 
 def _no_fresh_session() -> Patches:
     """Dial with the same session id for ever."""
-    return {"protocol.bus.lasting_session.LastingSession.replace": lambda self, before, **_: False}
+    return {"protocol.bus.session.LastingSession.replace": lambda self, before, **_: False}
 
 
 def _forgotten_stop() -> Patches:

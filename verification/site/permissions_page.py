@@ -7,7 +7,7 @@ from typing import Any, Final, NamedTuple
 import zenoh
 
 from protocol.bus.network import Network
-from protocol.bus.tls.role_grants import (
+from protocol.bus.rights import (
     GATEWAY,
     GROUND,
     OPERATOR,
@@ -16,9 +16,9 @@ from protocol.bus.tls.role_grants import (
     ROBOT,
     ROUTER,
     VIEWER,
+    access_control,
     impostor,
 )
-from protocol.bus.tls.rules import access_control
 from protocol.topics import (
     COMMAND,
     COMMANDED,

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
 from protocol import topics
-from protocol.bus.tls.role_grants import grants
+from protocol.bus.rights import grants
 from protocol.dialect.definitions import SIDESTEP_XML, entry_in
 from protocol.topics import Service, Topic
 from protocol.wire.message import LAYOUT, Message, class_name

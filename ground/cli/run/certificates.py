@@ -12,7 +12,7 @@ from ground.cli.run import signing_keys
 from ground.grammar.words import add_json
 from ground.text.output import Output
 from protocol.bus.network import check_operators
-from protocol.bus.tls.role_grants import ROBOT, ROUTER
+from protocol.bus.rights import ROBOT, ROUTER
 from protocol.options import whole
 from protocol.topics import robot_name
 from runtime.cli.parsers import add_subcommands
@@ -193,7 +193,7 @@ def hosts_of(places: Sequence[tuple[str, str]], robots: Sequence[str]) -> dict[s
 def run_check(options: argparse.Namespace, output: Output) -> int:
     """Check all certificates of a folder; return 1 if one is not valid."""
     from ground.certificates.check import check
-    from protocol.bus.tls.certificate_advice import EXPIRES_SOON
+    from protocol.bus.certificate import EXPIRES_SOON
 
     all_checked = check(options.folder, datetime.now(UTC))
     good = not any(one.wrong for one in all_checked)

@@ -37,7 +37,7 @@ from ground.grammar.words import add_common
 from ground.recording.build_info import build
 from ground.text.output import Output
 from ground.user.folders import recordings_folder, state_folder
-from protocol.bus.person import gateway_here
+from protocol.bus.network import gateway_here
 from protocol.options import finite
 from runtime.clock import Clock
 from runtime.errors import UserError

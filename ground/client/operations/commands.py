@@ -15,7 +15,7 @@ from ground.client.operations.resuming import go_on
 from ground.client.operations.session import STATUS_NS, Session, patience_ns
 from ground.client.requests import GaveUp
 from ground.client.results import Answer, Refused, answer_row
-from protocol.bus.tls.certificate import holder
+from protocol.bus.certificate import holder
 from protocol.topics import MARK, STATUS, STOP, Role
 from protocol.wire.enums import Command, Mode, Navigator, Severity
 from protocol.wire.messages import CommandRequest, NavigatorStatus

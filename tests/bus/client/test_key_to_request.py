@@ -14,7 +14,7 @@ from ground.client.connection import Common
 from ground.console.history import History
 from ground.station.robot.background_requests import RequestThread
 from protocol.bus.bus import Bus
-from protocol.bus.requester import Requester
+from protocol.bus.services import Requester
 from protocol.topics import COMMAND
 from runtime.clock import WallClock
 from tests.support.bus.lively import Lively, watching

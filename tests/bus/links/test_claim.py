@@ -4,8 +4,7 @@ from contextlib import ExitStack
 
 import pytest
 
-from protocol.bus.bus import Bus, open_bus
-from protocol.bus.claim import DuplicateWatch, NameTakenError, claim
+from protocol.bus.bus import Bus, DuplicateWatch, NameTakenError, claim, open_bus
 from protocol.bus.network import Network
 from protocol.topics import Role
 from tests.support.until import until

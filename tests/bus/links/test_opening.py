@@ -8,10 +8,9 @@ from typing import Literal
 
 import pytest
 
-from protocol.bus import session
+from protocol.bus import certificate, session
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
-from protocol.bus.tls import certificate_advice
 from protocol.topics import Role
 from runtime.errors import (
     EndpointError,
@@ -55,7 +54,7 @@ def test_missing_peer_error_names_endpoint_and_remedy() -> None:
 
 def test_silent_listener_is_reported_as_hung(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(session, "SLOW_DIAL_S", 0.2)
-    monkeypatch.setattr(certificate_advice, "HANDSHAKE_S", 0.2)
+    monkeypatch.setattr(certificate, "HANDSHAKE_S", 0.2)
     with socket.create_server(("127.0.0.1", 0)) as mute:
         endpoint = f"tcp/127.0.0.1:{mute.getsockname()[1]}"
         network = Network(mode="client", connect=(endpoint,), connect_timeout_s=0.2)

@@ -8,8 +8,8 @@ import pytest
 from zenoh import ZBytes
 
 from protocol.bus.bus import Bus
-from protocol.bus.person import person_here
-from protocol.bus.service import MAX_WAITING, ServiceQueue, ServiceRequest, payload_bytes
+from protocol.bus.network import person_here
+from protocol.bus.services import MAX_WAITING, ServiceQueue, ServiceRequest, payload_bytes
 from protocol.topics import COMMAND, PARAMETERS, RUN, Role, Service, operator_in
 from protocol.wire.codec import LARGEST_FRAME
 from protocol.wire.enums import AckResult, Command

@@ -14,10 +14,10 @@ import zenoh
 from zenoh.handlers import Callback
 
 from protocol.bus.bus import Bus, open_bus
-from protocol.bus.linger import socket_of, sockets
 from protocol.bus.network import Network
-from protocol.bus.service import ServiceRequest
+from protocol.bus.services import ServiceRequest
 from protocol.bus.session import configured
+from protocol.bus.sockets import socket_of, sockets
 from protocol.topics import PARAMETERS, TEXT, Role
 from protocol.wire.messages import Statustext
 from tests.support.bus.nets import net

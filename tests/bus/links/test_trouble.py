@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from time import monotonic_ns
 
 from protocol.bus.bus import Bus, open_bus
-from protocol.bus.faults.link_faults import LinkFaults
+from protocol.bus.link_faults import LinkFaults
 from protocol.bus.network import Network
 from protocol.bus.publisher import Publisher
 from protocol.topics import CLOCK, WHEELS, Role

@@ -6,7 +6,7 @@ from typing import cast
 
 import zenoh
 
-from protocol.bus.late_join import (
+from protocol.bus.publisher import (
     FETCHED,
     FETCHES,
     LIVE,

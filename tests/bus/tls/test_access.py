@@ -7,7 +7,7 @@ import pytest
 import zenoh
 from zenoh.handlers import Callback
 
-from protocol.bus.tls.role_grants import (
+from protocol.bus.rights import (
     GATEWAY_ASKS,
     GATEWAY_PUTS,
     GATEWAY_RECEIVES,

@@ -13,10 +13,9 @@ from ground.cli.main import main
 from protocol.bus import bus as bus_module
 from protocol.bus.audit import audited_connections
 from protocol.bus.bus import Bus, open_bus
-from protocol.bus.lasting_session import SILENT_S
 from protocol.bus.network import Mode, Network
-from protocol.bus.session import configured
-from protocol.bus.tls.identities import ID_TAKEN, MAX_IDS, Identities, RefusedLink
+from protocol.bus.peers import ID_TAKEN, MAX_IDS, Identities, RefusedLink
+from protocol.bus.session import SILENT_S, configured
 from protocol.topics import STATUS, STOP, TEXT, WHEELS, Role
 from protocol.wire.enums import Command, Vehicle
 from protocol.wire.messages import CommandRequest, WheelTicks

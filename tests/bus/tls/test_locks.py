@@ -9,11 +9,10 @@ from pathlib import Path
 import pytest
 
 from ground.cli.main import main
-from protocol.bus import session
+from protocol.bus import certificate, session
 from protocol.bus.bus import Bus, open_bus
+from protocol.bus.certificate import NO_TLS, RENEW, WAIT
 from protocol.bus.network import Network, Tls
-from protocol.bus.tls import certificate_advice
-from protocol.bus.tls.certificate_advice import NO_TLS, RENEW, WAIT
 from protocol.topics import Role
 from runtime.errors import AccessDeniedError, KeysError, PeerHangsError, UserError
 from tests.support.keyring import Keyring
@@ -98,7 +97,7 @@ def test_tls_to_plain_tcp_is_reported(
         raise comes_of_it
 
     if comes_of_it is not None:
-        monkeypatch.setattr(certificate_advice, "handshake", knock)
+        monkeypatch.setattr(certificate, "handshake", knock)
     with open_bus(door(None), Role.ROBOT, "r1") as robot:
         endpoint = robot.locator().replace("tcp/", "tls/")
         with pytest.raises(
@@ -128,7 +127,7 @@ def test_tls_peer_that_hangs_differs_from_a_refusal(
     ring: Keyring, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(session, "SLOW_DIAL_S", 0.2)
-    monkeypatch.setattr(certificate_advice, "HANDSHAKE_S", 0.2)
+    monkeypatch.setattr(certificate, "HANDSHAKE_S", 0.2)
     with socket.create_server(("127.0.0.1", 0)) as mute:
         endpoint = f"tls/127.0.0.1:{mute.getsockname()[1]}"
         with pytest.raises(PeerHangsError, match="does not answer"):

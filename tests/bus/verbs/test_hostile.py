@@ -13,7 +13,7 @@ import pytest
 import zenoh
 
 import sidestep
-from protocol.bus.service import ServiceRequest
+from protocol.bus.services import ServiceRequest
 from protocol.topics import DECISION, LEASE, TEXT, WORLD
 from protocol.wire.enums import Severity
 from protocol.wire.messages import Statustext

@@ -289,7 +289,7 @@ def test_listener_with_expired_certificate_exits_with_a_reason(tmp_path: Path) -
 
 LOGGED = """
 import sys, zenoh
-from protocol.bus.tls.zenoh_log import ZenohLog
+from protocol.bus.audit import ZenohLog
 print("before")
 with ZenohLog("debug") as log:
     print("python's own goes on")

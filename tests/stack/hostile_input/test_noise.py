@@ -72,7 +72,7 @@ def pester(session: Any) -> None:
     """Send each noise to each service until it replies.
 
     A client that sends megabytes faster than its peer reads closes its own link (wait_before_close,
-    protocol/bus/congestion.py); until it is connected again its questions reach nobody.
+    protocol/bus/session.py); until it is connected again its questions reach nobody.
     """
     for service in OTHER_SERVICES:
         for number, noise in enumerate(NOISE):

@@ -1,7 +1,7 @@
 """The lease and the missions of a robot that a test plays."""
 
 from protocol.bus.bus import Bus
-from protocol.bus.service import ServiceRequest
+from protocol.bus.services import ServiceRequest
 from protocol.topic import person_of
 from protocol.topics import LEASE, LEASE_SERVICE, MISSION, MISSION_SERVICE
 from protocol.wire.enums import AckResult, LeaseAction, MissionState, MissionType

@@ -8,7 +8,7 @@ from typing import Self
 
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
-from protocol.bus.service import ServiceRequest
+from protocol.bus.services import ServiceRequest
 from protocol.topics import (
     COMMAND,
     HEARTBEAT,

@@ -1,6 +1,6 @@
 """A disk whose pace a test sets, and requests whose answers it sees."""
 
-from protocol.bus.service import ServiceRequest
+from protocol.bus.services import ServiceRequest
 from protocol.wire.message import Message
 from robot.storage.writer import Done, Job, do
 

@@ -5,7 +5,7 @@ from typing import Any, TypeVar, cast
 
 from protocol.bus.bus import Bus
 from protocol.bus.mailbox import Mailbox, Sample
-from protocol.bus.service import ServiceRequest
+from protocol.bus.services import ServiceRequest
 from protocol.topics import (
     COMMAND,
     DRIVE,

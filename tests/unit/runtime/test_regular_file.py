@@ -22,8 +22,8 @@ from ground.web.address import token_of
 from plant.imports.ros_map import load_map_yaml
 from plant.model.errors import WorldError
 from plant.world.file import load as load_world
+from protocol.bus.certificate import own_certificate
 from protocol.bus.network import Tls
-from protocol.bus.tls.certificate import own_certificate
 from runtime import config, regular_file
 from runtime.errors import UserError
 from study.calibration import read_log as read_calibration

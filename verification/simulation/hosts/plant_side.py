@@ -8,8 +8,7 @@ from plant.process.loop import Process, RequestQueue, Wake
 from plant.process.robot_link import RobotLink
 from plant.process.run import watch_robots
 from plant.sim.simulation import Plant
-from protocol.bus.bus import Bus, open_bus
-from protocol.bus.claim import claim
+from protocol.bus.bus import Bus, claim, open_bus
 from protocol.bus.network import Network
 from protocol.topics import RUN, WORLD, Role
 from protocol.world import GoalPose, Polygon, Start, World

@@ -3,8 +3,7 @@
 from collections.abc import Iterable, Iterator
 from typing import Any, Final, Protocol
 
-from protocol.bus.bus import Bus, open_bus
-from protocol.bus.claim import claim
+from protocol.bus.bus import Bus, claim, open_bus
 from protocol.bus.network import Network
 from protocol.topics import Role
 from protocol.wire.message import Message

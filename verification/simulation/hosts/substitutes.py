@@ -134,9 +134,9 @@ BLOCKING: Final[tuple[tuple[str, dict[str, object]], ...]] = (
 )
 BLOCKS: Final = (
     "protocol.bus.bus",
-    "protocol.bus.lasting_session",
-    "protocol.bus.service",
-    "protocol.bus.late_join",
+    "protocol.bus.session",
+    "protocol.bus.services",
+    "protocol.bus.publisher",
     "protocol.bus.publisher",
     "protocol.bus.robot_clock",
     "runtime.arrivals",
@@ -161,7 +161,7 @@ SPECIAL: Final[tuple[tuple[str, str, object], ...]] = (
     ("protocol.bus.bus", "redialled", SessionOpener.redialled),
     ("protocol.bus.bus", "fetching_subscriber", plain_subscriber),
     ("protocol.bus.publisher", "caching_publisher", PlainPublisher),
-    ("protocol.bus.lasting_session", "slowdown", idle),
+    ("protocol.bus.session", "slowdown", idle),
     ("robot.run", "WallClock", SimulatedClock),
     ("robot.run", "Pulse", simulated_pulse),
     ("robot.run", "time", TIME.time),

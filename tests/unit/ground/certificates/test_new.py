@@ -13,8 +13,8 @@ from ground.certificates import folder as folder_module
 from ground.certificates.authority import Pair
 from ground.cli.main import main, parse
 from ground.cli.options import common_of
+from protocol.bus.certificate import own_certificate
 from protocol.bus.network import Tls
-from protocol.bus.tls.certificate import own_certificate
 from protocol.stop_datagram import load_secrets
 
 NAMES = ("router", "plant", "ground", "viewer", "recorder", "gateway", "robot-r1", "robot-r2")

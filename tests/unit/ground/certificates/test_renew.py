@@ -11,8 +11,8 @@ from ground.certificates.authority import hosts_in
 from ground.certificates.check import check
 from ground.certificates.folder import renew
 from ground.cli.main import main
+from protocol.bus.certificate import own_certificate
 from protocol.bus.network import Tls
-from protocol.bus.tls.certificate import own_certificate
 from runtime.errors import UserError
 from tests.support.keyring import DAY, NOW
 

@@ -11,8 +11,7 @@ from ground.gateway.endpoints.spec import EXAMPLE
 from ground.gateway.settings import GatewaySettings, systems_of, with_policy
 from ground.gateway.signing.key_file import KeyRing, new_key, write_keys
 from ground.gateway.signing.policy import Policy
-from protocol.bus.network import Network, Tls
-from protocol.bus.person import gateway_here
+from protocol.bus.network import Network, Tls, gateway_here
 from runtime.errors import ConfigError, UserError
 from tests.support.each import each
 

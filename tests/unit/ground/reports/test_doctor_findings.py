@@ -6,8 +6,7 @@ from typing import Any
 
 from ground.client.presence import PresentProcesses, explain_silence
 from ground.reports.doctor_findings import DAY_S, Observed, Stream, examine, lines
-from protocol.bus.tls.certificate import CertificateStatus
-from protocol.bus.tls.certificate_advice import MAKE_NEW, RENEW, WAIT
+from protocol.bus.certificate import MAKE_NEW, RENEW, WAIT, CertificateStatus
 from protocol.topics import CLOCK, HEARTBEAT, MISSION, OPERATOR, SONAR, TEXT, TOPICS, Role, Topic
 from protocol.wire.enums import GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import CycleReport, NavigatorStatus

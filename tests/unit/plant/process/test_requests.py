@@ -8,7 +8,7 @@ from plant.model.configuration import LEVELS
 from plant.process.loop import MAX_ANSWERED, MAX_WAITING, RequestQueue
 from plant.sim.simulation import Plant
 from plant.world.file import load
-from protocol.bus.service import ServiceRequest
+from protocol.bus.services import ServiceRequest
 from protocol.wire.enums import AckResult, RunAction
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, RunRequest, RunScore

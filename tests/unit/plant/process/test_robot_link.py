@@ -6,8 +6,7 @@ from plant.model.configuration import LEVELS, Fault
 from plant.process.robot_link import RobotLink
 from plant.sim.simulation import Plant
 from plant.world.file import load
-from protocol.bus.bus import Bus
-from protocol.bus.presence import Presence
+from protocol.bus.bus import Bus, Presence
 from protocol.topics import CLOCK, DRIVE, SONAR, WHEELS, Role
 from protocol.wire.message import Message
 from protocol.wire.messages import GroundTruth, SonarScan, SystemTime, WheelCommand, WheelTicks

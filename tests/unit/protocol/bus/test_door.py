@@ -17,7 +17,7 @@ from protocol.bus.door import (
     Door,
     Limits,
 )
-from protocol.bus.packet_filter import (
+from protocol.bus.sockets import (
     SO_ATTACH_FILTER,
     SO_ATTACH_REUSEPORT_CBPF,
     Step,

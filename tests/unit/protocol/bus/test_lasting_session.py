@@ -8,8 +8,8 @@ from typing import Any, cast
 import pytest
 import zenoh
 
-from protocol.bus import lasting_session
-from protocol.bus.lasting_session import LastingSession
+from protocol.bus import session as lasting_session
+from protocol.bus.session import LastingSession
 from tests.support.until import until
 
 

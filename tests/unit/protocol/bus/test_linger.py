@@ -10,8 +10,8 @@ from resource import RLIMIT_NOFILE, getrlimit, setrlimit
 
 import pytest
 
-from protocol.bus import linger
-from protocol.bus.linger import LinkCloser, stop_lingering
+from protocol.bus import sockets
+from protocol.bus.sockets import LinkCloser, stop_lingering
 from tests.support.until import until
 
 LINGER = struct.pack("ii", 1, 10)
@@ -26,7 +26,7 @@ def lingering() -> Iterator[socket.socket]:
     with socket.socket() as one:
         one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, LINGER)
         yield one
-        one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger.OFF)
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, sockets.OFF)
 
 
 @contextmanager
@@ -72,7 +72,7 @@ def test_linger_is_cleared_once_descriptors_are_available(
 ) -> None:
     """Otherwise each link closed later blocks the subscribers for up to 10 s."""
     calls: list[str] = []
-    real = linger.stop_lingering
+    real = sockets.stop_lingering
 
     def stop() -> None:
         calls.append("stop")
@@ -80,7 +80,7 @@ def test_linger_is_cleared_once_descriptors_are_available(
             raise OSError(errno.EMFILE, "Too many open files")
         real()
 
-    monkeypatch.setattr(linger, "stop_lingering", stop)
+    monkeypatch.setattr(sockets, "stop_lingering", stop)
     one = LinkCloser()
     one.stop_lingering()
     until(lambda: not lingers(lingering), what="the second attempt")

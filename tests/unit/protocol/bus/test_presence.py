@@ -4,7 +4,7 @@ import threading
 from collections.abc import Set as AbstractSet
 from typing import Any
 
-from protocol.bus.presence import Presence, TokenSet, presence_in
+from protocol.bus.bus import Presence, TokenSet, presence_in
 from tests.support.each import each
 from tests.support.hostile import TEXT
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from protocol.bus.presence import Presence
+from protocol.bus.bus import Presence
 from protocol.topics import (
     ANSWERED,
     COMMANDED,

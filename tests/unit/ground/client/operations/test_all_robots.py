@@ -11,8 +11,8 @@ from ground.client.connection import Common
 from ground.client.link import Link, UnansweredError
 from ground.client.operations import AllAnswered, ClearAll, Session, StopAll
 from ground.console.spelling import line_of
+from protocol.bus.bus import Presence
 from protocol.bus.network import Network
-from protocol.bus.presence import Presence
 from protocol.topics import COMMAND, STATUS, STOP, STOP_SERVICE, Service, Topic
 from protocol.wire.enums import Vehicle
 from protocol.wire.message import Message

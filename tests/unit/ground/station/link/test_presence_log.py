@@ -1,7 +1,7 @@
 """Connections and disconnections are logged once, but not those of this station."""
 
 from ground.station.link.presence_log import BURST, PresenceLog
-from protocol.bus.presence import Presence
+from protocol.bus.bus import Presence
 from protocol.topics import Role
 from protocol.wire.enums import Severity
 from tests.support.ground.station.play import Play

@@ -6,7 +6,7 @@ from functools import partial
 import pytest
 
 from ground.station.robot.background_requests import Job
-from protocol.bus.presence import Presence
+from protocol.bus.bus import Presence
 from protocol.topics import STOP, Role
 from protocol.wire.enums import Severity
 from protocol.wire.message import Message

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from protocol.bus.faults.link_faults import FaultyLink, LinkFaults, earliest
+from protocol.bus.link_faults import FaultyLink, LinkFaults, earliest
 from protocol.bus.network import Network
 from runtime import config
 from runtime.errors import ConfigError, UserError

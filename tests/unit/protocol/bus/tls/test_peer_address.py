@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from protocol.bus.tls.peer_address import ClosingConnections, ConnectionEnd, end_in, end_of
+from protocol.bus.sockets import ClosingConnections, ConnectionEnd, end_in, end_of
 
 HEAD = "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid\n"
 OURS = 0x4427  # 17447

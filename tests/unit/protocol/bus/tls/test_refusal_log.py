@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from protocol.bus.tls.refusal_log import (
+from protocol.bus.audit import (
     MAX_CHARACTERS,
     MAX_EVENTS,
     MAX_SENTENCES,

@@ -6,10 +6,12 @@ import pytest
 import zenoh
 
 from protocol.bus.network import Network
-from protocol.bus.tls.role_grants import (
+from protocol.bus.rights import (
     GATEWAY_ASKS,
     GATEWAY_RECEIVES,
+    access_control,
     denial,
+    dialled_access_control,
     ends_of,
     grant_of,
     grants,
@@ -18,7 +20,6 @@ from protocol.bus.tls.role_grants import (
     role_mismatch,
     unanswered,
 )
-from protocol.bus.tls.rules import access_control, dialled_access_control
 from protocol.topics import (
     ANSWERED,
     COMMAND,

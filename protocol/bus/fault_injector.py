@@ -7,7 +7,7 @@ from typing import Final, TypeAlias
 
 import zenoh
 
-from protocol.bus.faults.link_faults import FaultyLink, LinkFaults, earliest
+from protocol.bus.link_faults import FaultyLink, LinkFaults, earliest
 from protocol.topics import CLOCK, TOPICS, key_parts
 from runtime.units import NS_PER_S
 

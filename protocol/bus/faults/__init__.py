@@ -1,1 +1,0 @@
-"""Network faults injected for tests."""
