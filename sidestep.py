@@ -1,6 +1,6 @@
 """Sidestep: the command line, and the Python API.
 
-The executable looks a verb up in `runtime.cli.verb_lookup` and imports only the package that
+The executable looks a verb up in `runtime.cli.verb_table` and imports only the package that
 implements it. `import sidestep` provides the names of `ground.client.api`, each imported at its
 first use:
 
@@ -115,9 +115,9 @@ def dispatch(arguments: list[str], *, ends_process: bool) -> int:
 
 def verbs() -> ModuleType:
     """Return the module that knows the verbs; an import at the top would need its package."""
-    from runtime.cli import verb_lookup
+    from runtime.cli import verb_table
 
-    return verb_lookup
+    return verb_table
 
 
 def without_verb(words: Sequence[str]) -> int:

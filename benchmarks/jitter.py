@@ -13,7 +13,7 @@ from protocol.topics import CYCLE
 from protocol.wire.codec import decode
 from protocol.wire.messages import CycleReport
 from protocol.world import World
-from runtime.timing import CONTROL_HZ
+from runtime.units import CONTROL_HZ
 from verification.harness.figures import Figure, Report, percentile
 from verification.harness.pace import paced
 from verification.harness.processes import ROBOT, robot_process

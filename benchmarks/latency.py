@@ -14,7 +14,7 @@ from plant.world.file import load
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import SonarScan, WheelCommand
 from protocol.world import World
-from runtime.timing import PERIOD_NS
+from runtime.units import PERIOD_NS
 from verification.harness.figures import Figure, Report, percentile
 from verification.harness.pace import paced, wait_until
 from verification.harness.processes import robot_process

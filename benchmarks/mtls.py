@@ -14,8 +14,7 @@ from tempfile import TemporaryDirectory
 from typing import Final
 
 from plant.world.file import load
-from runtime.timing import PERIOD_NS
-from runtime.units import NS_PER_S
+from runtime.units import NS_PER_S, PERIOD_NS
 from verification.harness.figures import Figure, Report, percentile, ratios
 from verification.harness.pace import paced, wait_until
 from verification.harness.processes import ROBOT, cpu_s, robot_process

@@ -12,7 +12,7 @@ from time import monotonic
 from plant.world.file import load
 from protocol.bus.bus import open_bus
 from protocol.world import World
-from runtime.timing import CONTROL_HZ
+from runtime.units import CONTROL_HZ
 from verification.harness.figures import Figure, Report
 from verification.harness.pace import paced
 from verification.harness.processes import cpu_s, resident_mb, robot_process

@@ -44,8 +44,7 @@ from robot.core.state import State
 from robot.core.values import Goal, Inputs, Outputs, Pose, Scan, Twist, Wheels
 from robot.hosting.core import HOSTS, NewCore
 from robot.hosting.in_process import ORIGIN
-from runtime.timing import PERIOD_NS, UINT32
-from runtime.units import NS_PER_MS, NS_PER_US
+from runtime.units import NS_PER_MS, NS_PER_US, PERIOD_NS, UINT32
 
 NEVER: Final = 0xFFFFFFFF
 US_PER_MS: Final = 1000

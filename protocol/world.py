@@ -12,7 +12,7 @@ from math import degrees, radians
 from typing import Any, Final, TypeAlias
 
 from runtime.cli.terminal import printable
-from runtime.json_reader import value_in
+from runtime.files import value_in
 
 Point: TypeAlias = tuple[float, float]
 Setting: TypeAlias = bool | int | float | str

@@ -26,8 +26,7 @@ from robot import telemetry
 from robot.core.perception.from_messages import now_ms_of
 from robot.core.values import Outputs
 from robot.vehicle import Vehicle
-from runtime.timing import UINT32
-from runtime.units import NS_PER_MS
+from runtime.units import NS_PER_MS, UINT32
 
 SIGN_OF_LIFE_NS: Final = 300 * NS_PER_MS
 """Longest time between two heartbeats on the clock of the bus. Simulated time may be slower."""

@@ -24,10 +24,9 @@ from robot.senses import Senses
 from robot.stop_listener import StopListener
 from robot.storage.previous_run import STOPPED, PreviousRun
 from robot.vehicle import Vehicle
-from runtime.arrivals import Pulse
-from runtime.clock import SLACK, Tick, WallClock, freeze_heap, ticks
+from runtime.clock import SLACK, Pulse, Tick, WallClock, freeze_heap, ticks
 from runtime.lockstep import LockstepClock, LockstepLoop
-from runtime.timing import CONTROL_HZ, PERIOD_NS, UINT32
+from runtime.units import CONTROL_HZ, PERIOD_NS, UINT32
 from runtime.watchdog import Watchdog
 
 IDLE_S: Final = 0.2

@@ -14,7 +14,7 @@ from robot.vehicle import Vehicle
 from runtime.clock import Tick
 from runtime.lockstep import LockstepClock
 from runtime.sequence import MAX_LATE_NS, MAX_LATE_TICKS, Order, order_of
-from runtime.timing import PERIOD_NS, UINT32
+from runtime.units import PERIOD_NS, UINT32
 
 Sense = TypeVar("Sense", WheelTicks, SonarScan)
 WRAP: Final = UINT32 + 1

@@ -24,8 +24,7 @@ from protocol.wire.messages import (
 from robot.core import states
 from robot.core.state import State
 from robot.core.values import Inputs, Outputs
-from runtime.timing import UINT32
-from runtime.units import NS_PER_MS
+from runtime.units import NS_PER_MS, UINT32
 
 NEVER: Final = 0xFFFFFFFF
 UNKNOWN_SPREAD: Final = (nan,) * 6

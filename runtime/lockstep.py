@@ -4,10 +4,9 @@ import time
 from collections.abc import Callable, Iterator
 from threading import Lock
 
-from runtime.arrivals import WakeUp
-from runtime.clock import Tick
+from runtime.clock import Tick, WakeUp
 from runtime.errors import ClockStoppedError
-from runtime.timing import PERIOD_NS
+from runtime.units import PERIOD_NS
 
 
 class LockstepClock:

@@ -7,7 +7,7 @@ distance distinguishes the two: a frame may be delayed by one second at most.
 from enum import Enum, auto
 from typing import Final
 
-from runtime.timing import CONTROL_HZ, PERIOD_NS
+from runtime.units import CONTROL_HZ, PERIOD_NS
 
 MAX_LATE_TICKS: Final = round(CONTROL_HZ)
 """A frame at most this much older than the newest is late; an older one means a restart."""

@@ -1,7 +1,20 @@
-"""Conversion to nanoseconds, the unit of all stamps and ages."""
+"""Conversion to nanoseconds, the unit of all stamps and ages.
+
+Times that robot and plant must agree on.
+"""
 
 from typing import Final
 
 NS_PER_US: Final = 1_000
 NS_PER_MS: Final = 1_000_000
 NS_PER_S: Final = 1_000_000_000
+
+
+PERIOD_MS: Final = 50
+"""The control period: from sensor frames to sensor frames, with one wheel command between."""
+
+PERIOD_NS: Final = PERIOD_MS * NS_PER_MS
+CONTROL_HZ: Final = 1000.0 / PERIOD_MS
+
+UINT32: Final = 0xFFFFFFFF
+"""Ticks and commands are counted in 32 bits; the count wraps to 0."""

@@ -45,8 +45,8 @@ from robot.core.values import Outputs, Pose, Wheels
 from robot.hosting.in_process import ORIGIN, InProcessCore
 from robot.parameters.table import with_values
 from runtime.errors import ConfigError
-from runtime.regular_file import text_in
-from runtime.timing import PERIOD_MS
+from runtime.files import text_in
+from runtime.units import PERIOD_MS
 from study.trial.core_loop import CoreLoop
 
 CW: Final = "cw"

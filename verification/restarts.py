@@ -42,7 +42,7 @@ from robot.stop_latch import emergency_stop
 from robot.storage.files import Store
 from robot.storage.kept_stop import SAVED
 from robot.vehicle import Vehicle
-from runtime import atomic_file
+from runtime import files
 from runtime.clock import WallClock
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS, NS_PER_S
@@ -274,7 +274,7 @@ def held_after_cut(number: int) -> bool:
     The number draws what is saved before and after the stop, and the disk operation of the cut.
     """
     random, disk = Random(f"stop {number}"), ReorderingDisk()
-    with patch.object(atomic_file, "os", disk), TemporaryDirectory() as folder:
+    with patch.object(files, "os", disk), TemporaryDirectory() as folder:
         vehicle = Vehicle(DEFAULTS, Store(HOME))
         for request_id in range(random.randrange(3)):
             vehicle.receive(emergency_stop(request_id), 0)

@@ -30,7 +30,7 @@ from protocol.topics import Role
 from protocol.wire.enums import LeaseAction, Mode
 from protocol.wire.messages import WheelCommand
 from runtime.clock import WallClock
-from runtime.timing import PERIOD_NS
+from runtime.units import PERIOD_NS
 from verification.harness.figures import Figure, percentile
 from verification.harness.until import until
 

@@ -25,8 +25,8 @@ from robot.core.perception.from_messages import wheels_of
 from robot.core.perception.odometry import Odometry
 from robot.core.values import Outputs, Pose
 from robot.parameters.table import with_values
-from runtime.calibration import settings_of
-from runtime.timing import CONTROL_HZ
+from runtime.config import settings_of
+from runtime.units import CONTROL_HZ
 from study.calibration import covariance_of
 from study.intervals import CHI2_2, Z_TWO_SIDED
 from study.trial.core_loop import CoreLoop

@@ -14,7 +14,7 @@ from ground.certificates.folder import CA, MAX_BYTES
 from protocol.bus.certificate import EXPIRES_SOON, OPEN_TO_OTHERS, RENEW
 from protocol.bus.rights import grant_of
 from runtime.errors import UserError
-from runtime.regular_file import bytes_in
+from runtime.files import bytes_in
 
 
 class Checked(NamedTuple):

@@ -16,10 +16,9 @@ from ground.client.connection import Config
 from protocol.bus.network import Network
 from protocol.bus.rights import GATEWAY, GROUND, OPERATOR, RECORDER, ROBOT, VIEWER
 from protocol.stop_datagram import SECRET_BYTES, SECRETS, role_of
-from runtime.atomic_file import replace
 from runtime.config import load_shared
 from runtime.errors import UserError
-from runtime.regular_file import bytes_in
+from runtime.files import bytes_in, replace
 
 CA: Final = "ca.pem"
 CA_KEY: Final = "authority.key"

@@ -12,7 +12,7 @@ from ground.cli.verbs import VERBS
 from ground.text.output import Output
 from protocol.options import numbers_kept
 from runtime.cli.parsers import parser_of
-from runtime.cli.verb_lookup import command_of
+from runtime.cli.verb_table import command_of
 from runtime.errors import ConfigError, RemoteError, UserError
 
 EXIT_FAILURE: Final = 1

@@ -29,11 +29,10 @@ from protocol.wire.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, SystemStat
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandRequest, Heartbeat
 from protocol.wire.reasons import Reason
-from runtime.arrivals import Pulse
-from runtime.clock import Clock, WallClock
+from runtime.clock import Clock, Pulse, WallClock
 from runtime.errors import AccessDeniedError, NoPeerError, PeerHangsError, RemoteError
-from runtime.load import Patience, load_words, slowdown_in
 from runtime.units import NS_PER_S
+from runtime.watchdog import Patience, load_words, slowdown_in
 
 M = TypeVar("M", bound=Message)
 LISTEN_NS: Final = 700_000_000

@@ -7,7 +7,7 @@ from typing import Final, TypeAlias
 from protocol.wire.limits import MAX_PARAMETER_NAME_BYTES
 from runtime.cli.terminal import printable
 from runtime.errors import RemoteError
-from runtime.json_reader import value_in
+from runtime.files import value_in
 
 Row: TypeAlias = dict[str, object]
 NAME: Final = re.compile(rf"[A-Za-z0-9_]{{1,{MAX_PARAMETER_NAME_BYTES}}}\Z")

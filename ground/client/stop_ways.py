@@ -27,8 +27,8 @@ from ground.user.folders import runs_folder
 from protocol.bus.network import Network
 from protocol.topic import ROBOT_NAME
 from protocol.topics import STATUS, STOP
-from runtime.atomic_file import make_folder
 from runtime.errors import RemoteError, UserError
+from runtime.files import make_folder
 from runtime.units import NS_PER_S
 
 NEW_SESSION: Final = "by a new session"

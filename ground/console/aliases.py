@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
-from runtime.cli.verb_lookup import command_of
-from runtime.cli.verb_table import VERBS
+from runtime.cli.verb_table import VERBS, command_of
 
 ALIASES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {

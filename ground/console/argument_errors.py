@@ -7,8 +7,7 @@ from types import MappingProxyType
 from typing import Final
 
 from runtime.cli.parsers import advice_on, options_below
-from runtime.cli.verb_lookup import find, nearest
-from runtime.cli.verb_table import VERBS
+from runtime.cli.verb_table import VERBS, find, nearest
 
 MAX_VALUE: Final = 24
 UNITS: Final[Mapping[str, str]] = MappingProxyType(

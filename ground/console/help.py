@@ -3,7 +3,7 @@
 from ground.console.aliases import ALIASES, expanded
 from ground.console.app_commands import LOCAL
 from ground.console.parser import COMMANDS, parser_for, usage_of
-from runtime.cli.verb_lookup import command_of
+from runtime.cli.verb_table import command_of
 
 
 def help_text(word: str = "") -> str:

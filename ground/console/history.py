@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-from runtime.regular_file import bytes_in
+from runtime.files import bytes_in
 
 MAX_LINES: Final = 500
 MAX_BYTES: Final = 1 << 20

@@ -22,8 +22,7 @@ from ground.grammar.words import words_of as words_class
 from ground.reports.export import Export
 from protocol.options import numbers_kept
 from runtime.cli.parsers import subcommands_of
-from runtime.cli.verb_lookup import command_of
-from runtime.cli.verb_table import GROUPS, VERBS
+from runtime.cli.verb_table import GROUPS, VERBS, command_of
 from runtime.errors import UserError
 
 UNAVAILABLE: Final[Mapping[str, str]] = MappingProxyType(

@@ -11,7 +11,7 @@ from ground.ghost.recorded_ghost import DRIVING, changed, goal_of
 from protocol.topics import STATUS, TRUTH, WORLD
 from protocol.wire.messages import NavigatorStatus
 from runtime.errors import RemoteError, UserError
-from runtime.json_reader import value_in
+from runtime.files import value_in
 from runtime.units import NS_PER_S
 
 ASK_S: Final = 1.0

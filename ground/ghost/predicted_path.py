@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from math import dist, isfinite
 from typing import Any, Final, NamedTuple, TypeAlias
 
-from runtime.json_reader import value_in
+from runtime.files import value_in
 
 Point: TypeAlias = tuple[float, float]
 

@@ -23,7 +23,7 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import reason_text
 from runtime.errors import RemoteError, UserError
-from runtime.json_reader import value_in
+from runtime.files import value_in
 from runtime.units import NS_PER_S, NS_PER_US
 
 SLACK_NS: Final = 100_000_000

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from runtime.cli.verb_lookup import find, with_present_name
+from runtime.cli.verb_table import find, with_present_name
 
 PR_SET_PDEATHSIG: Final = 1
 PR_SET_NAME: Final = 15

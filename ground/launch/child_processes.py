@@ -12,7 +12,7 @@ from typing import IO, Final, NamedTuple, Self
 from ground.launch.child_command import command
 from runtime.clock import Clock
 from runtime.errors import RemoteError
-from runtime.load import Patience, slowdown_in
+from runtime.watchdog import Patience, slowdown_in
 
 LAST_LINES: Final = 5
 TAIL_BYTES: Final = 4000

@@ -27,8 +27,8 @@ from protocol.wire.enums import Command, GoalState, MissionState, Mode, RunActio
 from protocol.wire.messages import CommandAck, NavigatorStatus, PlanarOdometry, RunRequest, RunScore
 from protocol.wire.reasons import Reason
 from runtime.errors import NoAnswerError, RemoteError
-from runtime.load import slowdown_in
 from runtime.units import NS_PER_S
+from runtime.watchdog import slowdown_in
 
 READY_NS: Final = 60 * NS_PER_S
 """A busy computer needs many seconds to start the processes; one that ends is noticed at once."""

@@ -7,8 +7,8 @@ attributed to the hub first. A process that waits for a processor is slow and do
 from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
-from runtime.load import MAX_SLOWDOWN, starved_ns
 from runtime.units import NS_PER_MS, NS_PER_S
+from runtime.watchdog import MAX_SLOWDOWN, starved_ns
 
 SILENT_NS: Final = 2_500 * NS_PER_MS
 PACED_SILENT_NS: Final = 4_500 * NS_PER_MS

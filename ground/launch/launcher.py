@@ -38,8 +38,8 @@ from protocol.bus.network import Network
 from protocol.topics import GATEWAY, HEARTBEAT, TRUTH
 from runtime.clock import Clock
 from runtime.errors import RemoteError, UserError
-from runtime.load import queued_ns
 from runtime.units import NS_PER_S
+from runtime.watchdog import queued_ns
 
 PROCESS_FAULTS: Final[Mapping[str, tuple[signal.Signals, str]]] = MappingProxyType(
     {

@@ -14,7 +14,7 @@ from ground.client.time_factor import chosen_speed
 from ground.launch.recorder_files import RECORDER
 from ground.launch.tls_configs import locked, with_locks
 from protocol.outcome import RunSettings, start_arguments
-from runtime.calibration import settings_of, totals_arguments
+from runtime.config import settings_of, totals_arguments
 from runtime.errors import RemoteError, UserError
 
 SHOW_S: Final = 60.0

@@ -14,7 +14,7 @@ from ground.missions.problems import MissionError, Problem
 from ground.missions.sift import Foreign
 from ground.recording import export_file
 from runtime.errors import UserError
-from runtime.regular_file import text_in
+from runtime.files import text_in
 
 ENDINGS: Final = (".toml", ".plan", ".waypoints")
 LARGEST_BYTES: Final = 1_000_000

@@ -18,7 +18,7 @@ from ground.missions.problems import MissionError, Problem
 from ground.missions.sift import DROP, Foreign, PlanFilter
 from protocol.wire.enums import TYPE_GROUND_ROVER, Command
 from runtime.errors import UserError
-from runtime.json_reader import value_in
+from runtime.files import value_in
 
 T = TypeVar("T")
 PLAN_VERSION: Final = 1

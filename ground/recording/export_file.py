@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from runtime import atomic_file
+from runtime import files
 from runtime.errors import UserError
 
 
 def replace(path: Path, text: str) -> None:
     """Replace a file; on UserError the previous content is kept."""
     try:
-        atomic_file.replace(path, text)
+        files.replace(path, text)
     except OSError as error:
         raise UserError(f"{path}: {(error.strerror or 'cannot be written').lower()}") from error

@@ -16,7 +16,7 @@ from ground.recording.parts import NAMED, SUFFIXES, number_of, parts_of
 from ground.recording.tlog import TlogReader
 from protocol.topics import PREFIX, key_parts
 from runtime.errors import UserError
-from runtime.regular_file import opened
+from runtime.files import opened
 from runtime.units import NS_PER_US
 
 MCAP_BEGINS: Final = b"\x89MCAP"

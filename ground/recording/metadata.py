@@ -6,7 +6,7 @@ from typing import Final
 from ground.client.emergency_stop import ServiceCaller
 from protocol.topics import PARAMETERS, WORLD, Service
 from runtime.errors import RemoteError
-from runtime.load import slowdown
+from runtime.watchdog import slowdown
 
 WANTED: Final[dict[str, Service]] = {"parameters": PARAMETERS, "world": WORLD}
 PATIENCE_S: Final = 0.2

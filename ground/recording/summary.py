@@ -19,7 +19,7 @@ from protocol.wire.codec import decode
 from protocol.wire.enums import GoalState, Navigator
 from protocol.wire.messages import NavigatorStatus
 from runtime.errors import RemoteError, UserError
-from runtime.regular_file import opened
+from runtime.files import opened
 from runtime.units import NS_PER_S
 
 TAIL_BYTES: Final = 1 << 18

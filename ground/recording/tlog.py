@@ -10,7 +10,7 @@ from typing import BinaryIO, Final, NamedTuple
 
 from protocol.wire.codec import decode
 from runtime.errors import RemoteError
-from runtime.regular_file import opened
+from runtime.files import opened
 
 STAMP: Final = Struct(">Q")
 MAGIC: Final = 0xFD

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from ground.recording.foxglove.messages import Colour, Point, colour, disc, pose, vector
 from ground.recording.mcap.json_schemas import Json
-from runtime.json_reader import value_in
+from runtime.files import value_in
 
 HEIGHT_M: Final = 0.3
 SKIN_M: Final = 0.02

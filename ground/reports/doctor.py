@@ -32,8 +32,8 @@ from protocol.wire.codec import decode
 from protocol.wire.messages import CommandRequest
 from runtime.cli.conflicts import conflicts
 from runtime.errors import AccessDeniedError, PeerHangsError, RemoteError
-from runtime.load import slowdown_in
 from runtime.units import NS_PER_S
+from runtime.watchdog import slowdown_in
 
 LISTEN_S: Final = 1.0
 REQUEST_TIMEOUT_S: Final = 0.5

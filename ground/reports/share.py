@@ -22,7 +22,7 @@ from protocol.topics import STATUS
 from protocol.wire.messages import NavigatorStatus
 from runtime.cli.terminal import printable_lines
 from runtime.errors import UserError
-from runtime.json_reader import value_in
+from runtime.files import value_in
 from runtime.units import NS_PER_S
 
 WORLD: Final = "world.json"

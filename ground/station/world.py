@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 from ground.map.scene import Disc, MapTarget, Outline, Shape
 from runtime.cli.terminal import printable
 from runtime.errors import RemoteError
-from runtime.json_reader import value_in
+from runtime.files import value_in
 
 Point = tuple[float, float]
 RADIUS_M: Final = 0.12

@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from ground.user.settings import Settings, settings_file, settings_in
-from runtime.atomic_file import make_folder, replace
 from runtime.errors import ConfigError, UserError
-from runtime.regular_file import text_in
+from runtime.files import make_folder, replace, text_in
 from runtime.toml_reader import MAX_BYTES, MAX_DOTS, check_size, key_lines, table_in
 
 PLAIN: Final = re.compile(r"[A-Za-z0-9_-]+\Z")

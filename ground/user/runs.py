@@ -20,8 +20,8 @@ from ground.user.folders import runs_folder
 from ground.user.processes import start_of
 from protocol.bus.network import check_endpoint
 from protocol.topic import robot_name
-from runtime.atomic_file import make_folder
 from runtime.errors import UserError
+from runtime.files import make_folder
 
 SUFFIX: Final = ".json"
 MAX_BYTES: Final = 1 << 16

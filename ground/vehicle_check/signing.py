@@ -9,7 +9,7 @@ from typing import Final
 from fastcrc.crc16 import mcrf4xx
 
 from runtime.errors import UserError
-from runtime.regular_file import bytes_in
+from runtime.files import bytes_in
 
 KEY_LENGTH: Final = 32
 HEXADECIMAL: Final = re.compile("[0-9a-fA-F]{64}")

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from runtime.errors import UserError
-from runtime.regular_file import bytes_in
+from runtime.files import bytes_in
 
 DEFAULT_HOST: Final = "127.0.0.1"
 DEFAULT_PORT: Final = 8770

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from runtime.regular_file import UnusableFileError, bytes_in
+from runtime.files import UnusableFileError, bytes_in
 from runtime.toml_reader import Key
 
 

@@ -18,11 +18,9 @@ from protocol.wire.enums import AckResult, RunAction
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, RunRequest
 from protocol.wire.reasons import Reason
-from runtime.arrivals import WakeUp
-from runtime.clock import Clock, ticks
-from runtime.load import Patience
-from runtime.timing import PERIOD_NS
-from runtime.units import NS_PER_S
+from runtime.clock import Clock, WakeUp, ticks
+from runtime.units import NS_PER_S, PERIOD_NS
+from runtime.watchdog import Patience
 
 MAX_WAITING: Final = 64
 MAX_ANSWERED: Final = 6

@@ -13,7 +13,7 @@ from protocol.bus.publisher import Publisher
 from protocol.topics import CLOCK, DRIVE, SONAR, TRUTH, WHEELS, Role
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.messages import SystemTime, WheelCommand
-from runtime.timing import CONTROL_HZ, PERIOD_MS, PERIOD_NS, UINT32
+from runtime.units import CONTROL_HZ, PERIOD_MS, PERIOD_NS, UINT32
 
 MAX_AGE_TICKS: Final = MAX_WHEEL_TTL_MS // PERIOD_MS
 WINDOW: Final = MAX_AGE_TICKS + 1

@@ -22,8 +22,7 @@ from protocol.wire.enums import BUMPER_LEFT, BUMPER_REAR, BUMPER_RIGHT
 from protocol.wire.messages import GroundTruth, RunScore, SonarScan, WheelTicks
 from protocol.world import Point, World
 from runtime.elementary import atan2, cos_sin, hypot, sin
-from runtime.timing import PERIOD_NS, UINT32
-from runtime.units import NS_PER_S
+from runtime.units import NS_PER_S, PERIOD_NS, UINT32
 
 if TYPE_CHECKING:
     from hashlib import _Hash

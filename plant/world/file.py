@@ -16,8 +16,7 @@ from typing import Any, Final
 from plant.model.errors import WorldError, WorldProblem, WorldReport
 from plant.world.reader import read_world
 from protocol.world import World
-from runtime.json_reader import value_in
-from runtime.regular_file import UnusableFileError, bytes_in
+from runtime.files import UnusableFileError, bytes_in, value_in
 from runtime.toml_reader import MAX_BYTES, Key, TooDeepError, key_lines, table_in
 
 IN_THE_FILE: Final = {"obstacles": "obstacle", "faults": "fault"}

@@ -19,7 +19,7 @@ from protocol.bus.network import LOCKED, Network, Tls
 from protocol.bus.rights import role_mismatch
 from protocol.topics import Role
 from runtime.errors import AccessDeniedError, KeysError
-from runtime.regular_file import bytes_in
+from runtime.files import bytes_in
 
 ROUNDS: Final = 4
 MAX_BYTES: Final = 1 << 20

@@ -26,8 +26,8 @@ from protocol.topics import ENCODING, Priority, Topic
 from protocol.wire.codec import Encoder
 from protocol.wire.message import Message
 from runtime.errors import LocalError
-from runtime.load import Patience
 from runtime.units import NS_PER_S
+from runtime.watchdog import Patience
 
 Take: TypeAlias = Callable[[zenoh.Sample], None]
 Source: TypeAlias = tuple[str, int]

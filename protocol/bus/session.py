@@ -46,7 +46,7 @@ from runtime.errors import (
     PeerHangsError,
     UserError,
 )
-from runtime.load import load_words, slowdown
+from runtime.watchdog import load_words, slowdown
 
 ANSWERS: Final = "interactive_low"
 LISTS: Final = "background"

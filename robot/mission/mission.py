@@ -15,7 +15,7 @@ from protocol.wire.messages import CommandRequest, MissionItemInt, MissionStatus
 from robot.core import modes, reasons, states
 from robot.hosting.core import Core
 from robot.mission.waypoint import MissionStop, problem_of, stop_of
-from runtime.timing import UINT32
+from runtime.units import UINT32
 
 MAX_ITEMS: Final = 200
 CURRENT: Final = -1

@@ -5,7 +5,7 @@ from typing import Final
 from protocol.wire.messages import CycleReport
 from robot.core.budget import STAGES, TICK_US
 from runtime.clock import Clock, Tick
-from runtime.timing import UINT32
+from runtime.units import UINT32
 
 OVERRUNS_IN_A_ROW: Final = 3
 LAST_STAGE: Final = len(STAGES) - 1

@@ -18,7 +18,7 @@ from robot.core import brain, modes, states
 from robot.core.parameters import Params
 from robot.core.perception.from_messages import goal_of, scan_of, wheels_of
 from robot.core.values import Inputs
-from runtime.arrivals import PulseSource
+from runtime.clock import PulseSource
 
 LEAD_NS: Final = 1_000_000
 

@@ -19,7 +19,7 @@ from robot.parameters.table import (
 from robot.storage.kept_stop import KeptStop
 from robot.storage.sealed import sealed, text_in, unsealed
 from robot.storage.writer import Directory, Ticket, Writer
-from runtime import atomic_file
+from runtime import files
 from runtime.errors import UserError
 
 NAME: Final = "parameters"
@@ -52,8 +52,8 @@ def own(directory: Path | None, robot: str) -> str:
 
 def _note(path: Path, robot: str) -> str:
     try:
-        atomic_file.make_folder(path.parent)
-        atomic_file.replace(path, robot)
+        files.make_folder(path.parent)
+        files.replace(path, robot)
     except OSError as error:
         return f"{path}: not written ({error.strerror})"
     return ""

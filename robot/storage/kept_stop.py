@@ -15,7 +15,7 @@ from typing import Final
 from protocol.wire.enums import Severity
 from robot.storage.sealed import text_in
 from robot.storage.writer import Directory, StateFile
-from runtime import regular_file
+from runtime import files
 from runtime.units import NS_PER_S
 
 NAME: Final = "stop"
@@ -47,7 +47,7 @@ class KeptStop:
             return False
         self._ids = ids_in(self._cleared.path)
         try:
-            is_there = regular_file.is_there(self._file.path)
+            is_there = files.is_there(self._file.path)
         except OSError:
             return True
         self._file.found(TEXT if is_there else None)

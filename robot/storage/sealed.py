@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, Final
 from zlib import crc32
 
-from runtime import regular_file
-from runtime.json_reader import value_in
+from runtime import files
+from runtime.files import value_in
 
 CHECKSUM: Final = "crc32"
 SAVED: Final = "saved"
@@ -39,4 +39,4 @@ def unsealed(text: str) -> Any:
 
 def text_in(path: Path) -> str:
     """Return the text of a state file; raise as `regular_file.text_in`."""
-    return regular_file.text_in(path, MAX_BYTES)
+    return files.text_in(path, MAX_BYTES)

@@ -11,7 +11,7 @@ from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import Final, NamedTuple, Protocol
 
-from runtime import atomic_file
+from runtime import files
 
 LOG = logging.getLogger(__name__)
 
@@ -104,10 +104,10 @@ def do(job: Job) -> Done:
     """Write a file so that a crash or a power cut leaves the old content or the new one."""
     try:
         if job.text is None:
-            atomic_file.remove(job.path)
+            files.remove(job.path)
         else:
-            atomic_file.make_folder(job.path.parent)
-            atomic_file.replace(job.path, job.text)
+            files.make_folder(job.path.parent)
+            files.replace(job.path, job.text)
     except OSError as error:
         return Done(job, error)
     except Exception as error:  # a defect must not end the thread silently

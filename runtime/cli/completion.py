@@ -14,8 +14,7 @@ from typing import Final, NamedTuple
 
 from runtime.cli.parsers import parser_of, program_parsers, subcommands_of
 from runtime.cli.terminal import TAB, steer
-from runtime.cli.verb_lookup import command_of, find
-from runtime.cli.verb_table import GROUPS, VERBS
+from runtime.cli.verb_table import GROUPS, VERBS, command_of, find
 
 OPTIONS: Final = ("--help", "--version", "--traceback")
 """Options before a verb."""

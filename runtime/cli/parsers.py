@@ -5,8 +5,7 @@ import re
 from importlib import import_module
 from typing import Final, NoReturn
 
-from runtime.cli.verb_lookup import command_of, nearest
-from runtime.cli.verb_table import VERBS
+from runtime.cli.verb_table import VERBS, command_of, nearest
 
 PROGRAM: Final = "sidestep"
 UNKNOWN_OPTION: Final = re.compile(r"unrecognized arguments: (-[^ =]+)")

@@ -2,14 +2,143 @@
 
 The executable, the parsers, `--help`, shell completion, the reference and the app's command line
 read this table. It names modules and imports none, so that a process loads only the verb it runs.
+
+The rows of the verb table for subcommands: summary and example of each.
+
+Look up verbs: how each is typed, which one a line means, and what a typo was meant to be.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from runtime.cli import subcommand_table
-from runtime.cli.subcommand_table import Subcommand
+
+class Subcommand(NamedTuple):
+    """A subcommand of a verb.
+
+    `example` is a command line without `sidestep`. `module` is given if the subcommand is a program
+    with a `parser` of its own.
+    """
+
+    summary: str
+    example: str
+    module: str = ""
+
+
+MISSION: Final[Mapping[str, Subcommand]] = MappingProxyType(
+    {
+        "check": Subcommand("report the faults of a mission file", "mission check mission.toml"),
+        "upload": Subcommand(
+            "send a mission and its fence, if any, to the robot",
+            "mission upload mission.toml",
+        ),
+        "download": Subcommand(
+            "write the robot's mission to a file", "mission download fetched.plan"
+        ),
+        "list": Subcommand("show the items of the robot's mission", "mission list --json"),
+        "start": Subcommand("drive the mission, from an item on", "mission start 2"),
+        "pause": Subcommand("stop, and keep the mission", "mission pause"),
+        "resume": Subcommand("continue the mission", "mission resume"),
+        "abort": Subcommand("cancel the mission and stop", "mission abort --id r2"),
+        "jump": Subcommand("continue with another item", "mission jump 3"),
+        "status": Subcommand("show the progress of the mission", "mission status --json"),
+        "clear": Subcommand("delete the mission from the robot", "mission clear --id r2"),
+        "convert": Subcommand(
+            "convert between formats of mission files, chosen by the suffixes",
+            "mission convert mission.toml mission.plan",
+        ),
+    }
+)
+FENCE: Final[Mapping[str, Subcommand]] = MappingProxyType(
+    {
+        "circle": Subcommand("stay within R metres of X Y", "fence circle 3 2 2.5"),
+        "polygon": Subcommand("stay inside these corners", "fence polygon 0 0 6 0 6 4 0 4"),
+        "off": Subcommand("remove the fence", "fence off"),
+        "show": Subcommand("show the robot's fence", "fence show --json"),
+    }
+)
+POSE: Final[Mapping[str, Subcommand]] = MappingProxyType(
+    {
+        "set": Subcommand("set the pose of the robot to X Y [DEG]", "pose set 2 1.5 90"),
+        "truth": Subcommand("set the pose of a simulated robot to the true one", "pose truth"),
+    }
+)
+PARAM: Final[Mapping[str, Subcommand]] = MappingProxyType(
+    {
+        "list": Subcommand("all parameters, with unit, range, default and meaning", "param list"),
+        "get": Subcommand("parameters whose name matches, as in 'sonar_*'", "param get 'sonar_*'"),
+        "diff": Subcommand("parameters that differ from their defaults", "param diff --json"),
+        "set": Subcommand(
+            "set one parameter; a robot with --state saves it", "param set d_obs_m 0.35"
+        ),
+        "reset": Subcommand("set one parameter to its default value", "param reset d_obs_m"),
+        "save": Subcommand("write the changed parameters to a file", "param save tuned.toml"),
+        "load": Subcommand("set all values of a file, if all are allowed", "param load tuned.toml"),
+    }
+)
+KEYS: Final[Mapping[str, Subcommand]] = MappingProxyType(
+    {
+        "new": Subcommand(
+            "an authority, and certificate, key and config per role", "keys new keys --robots r1 r2"
+        ),
+        "renew": Subcommand(
+            "new certificates and keys from a kept authority", "keys renew keys robot-r2 --days 90"
+        ),
+        "revoke": Subcommand(
+            "reject a certificate although it is valid", "keys revoke keys ground-ada"
+        ),
+        "check": Subcommand("expiry and faults of each certificate", "keys check keys"),
+        "stops": Subcommand("add stop secrets to keys of an older version", "keys stops keys"),
+        "signing": Subcommand(
+            "signing keys of the MAVLink gateway: new, show, rotate, retire", "keys signing new"
+        ),
+    }
+)
+CONFIG: Final[Mapping[str, Subcommand]] = MappingProxyType(
+    {
+        "get": Subcommand("print one setting, or all of them", "config get theme"),
+        "set": Subcommand("change a setting, if its value is valid", "config set theme light"),
+        "path": Subcommand("print the path of the settings", "config path"),
+        "context": Subcommand("list the contexts, or use one from now on", "config context lab"),
+    }
+)
+MAVLINK: Final[Mapping[str, Subcommand]] = MappingProxyType(
+    {
+        "check": Subcommand(
+            "test a MAVLink vehicle against the requirements of clients",
+            "mavlink check udpout:127.0.0.1:14550",
+        ),
+    }
+)
+WORLDS: Final[Mapping[str, Subcommand]] = MappingProxyType(
+    {
+        "list": Subcommand("list the shipped worlds", "worlds list"),
+        "faults": Subcommand(
+            "list the faults for the [[fault]] tables of a world", "worlds faults --json"
+        ),
+        "check": Subcommand(
+            "check a world file; print line, key, reason and fix of each problem",
+            "worlds check yard.toml",
+        ),
+        "show": Subcommand("draw a world, or print it as JSON", "worlds show u_trap"),
+        "generate": Subcommand(
+            "make world files of the corpus; equal family, number and seed give an equal world",
+            "worlds generate --family maze --per-family 3 --out made",
+        ),
+        "import": Subcommand(
+            "make world files from a file of another format",
+            "worlds import lab.yaml --start 1 1 --goal 8 3 --out made",
+        ),
+    }
+)
+STUDY: Final[Mapping[str, Subcommand]] = MappingProxyType(
+    {
+        "report": Subcommand(
+            "write the report of a study again", "study report results", "study.cli.report"
+        ),
+    }
+)
+
 
 DRIVE: Final = "start and drive"
 LOOK: Final = "look"
@@ -193,7 +322,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "run many trials on all cores, and report the results",
             "study --quick --output results",
             "study.cli.study",
-            subcommands=subcommand_table.STUDY,
+            subcommands=STUDY,
         ),
         "falsify": Verb(
             TEST,
@@ -315,7 +444,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "param set d_obs_m 0.35",
             "ground.grammar.parameters",
             words="ParameterWords",
-            subcommands=subcommand_table.PARAM,
+            subcommands=PARAM,
         ),
         "mission": Verb(
             MORE,
@@ -324,7 +453,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "ground.grammar.missions",
             words="MissionWords",
             suffixes=MISSIONS,
-            subcommands=subcommand_table.MISSION,
+            subcommands=MISSION,
         ),
         "fence": Verb(
             MORE,
@@ -332,7 +461,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "fence circle 3 2 2.5",
             "ground.grammar.fences",
             words="FenceWords",
-            subcommands=subcommand_table.FENCE,
+            subcommands=FENCE,
         ),
         "pose": Verb(
             MORE,
@@ -340,7 +469,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "pose set 2 1.5 90",
             "ground.grammar.places",
             words="PoseWords",
-            subcommands=subcommand_table.POSE,
+            subcommands=POSE,
         ),
         "lease": Verb(
             MORE,
@@ -355,7 +484,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "keys new keys --robots r1 r2",
             "ground.cli.run.certificates",
             run="run",
-            subcommands=subcommand_table.KEYS,
+            subcommands=KEYS,
         ),
         "mavlink": Verb(
             MORE,
@@ -363,14 +492,14 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "mavlink check udpout:127.0.0.1:14550 --rows 1-18",
             "ground.cli.observe.mavlink",
             run="run",
-            subcommands=subcommand_table.MAVLINK,
+            subcommands=MAVLINK,
         ),
         "worlds": Verb(
             MORE,
             "list, check, show, generate and import world files",
             "worlds show u_trap",
             "plant.cli",
-            subcommands=subcommand_table.WORLDS,
+            subcommands=WORLDS,
         ),
         "config": Verb(
             MORE,
@@ -378,7 +507,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "config set theme light",
             "ground.cli.run.settings",
             run="run",
-            subcommands=subcommand_table.CONFIG,
+            subcommands=CONFIG,
         ),
         "completion": Verb(
             MORE,
@@ -393,3 +522,59 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
 The short word is the `verb` of JSON output. For a verb below a group it is an old name, which
 `find` accepts too.
 """
+
+
+def command_of(word: str) -> str:
+    """Return how a verb is typed after `sidestep`, such as `rec plot` for `plot`."""
+    verb = VERBS[word]
+    return f"{verb.section} {verb.name or word}" if verb.is_grouped else word
+
+
+WORDS: Final[Mapping[tuple[str, ...], str]] = MappingProxyType(
+    {tuple(command_of(word).split()): word for word in VERBS}
+)
+
+
+class Call(NamedTuple):
+    """A verb with its arguments; `is_old` for a name from before the verb had a group."""
+
+    word: str
+    arguments: list[str]
+    is_old: bool = False
+
+
+def find(words: Sequence[str]) -> Call | None:
+    """Return the verb that a command line begins with, by its present or its old name."""
+    for length in (2, 1):
+        if word := WORDS.get(tuple(words[:length])):
+            return Call(word, list(words[length:]))
+    if words and words[0] in VERBS:
+        return Call(words[0], list(words[1:]), is_old=True)
+    return None
+
+
+def nearest_verb(words: Sequence[str]) -> str:
+    """Return a suggestion for words that are no verb, or ""."""
+    commands = {word: command_of(word) for word in VERBS}
+    if words[0] not in GROUPS:
+        last_words = {command.split()[-1]: command for command in commands.values()}
+        return nearest(words[0], last_words | commands | {group: group for group in GROUPS})
+    if words[1] in VERBS:
+        return nearest(words[1], commands)
+    below = [command for command in commands.values() if command.startswith(f"{words[0]} ")]
+    return nearest(" ".join(words[:2]), below)
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """Return a suggestion for a misspelt word: the nearest one, or what a mapping has for it."""
+    from difflib import get_close_matches  # needed only after a mistake
+
+    names = known if isinstance(known, Mapping) else {name: name for name in known}
+    near = get_close_matches(word, names, n=1)
+    return f"; did you mean {names[near[0]]!r}?" if near else ""
+
+
+def with_present_name(words: Sequence[str]) -> list[str]:
+    """Return a command line whose verb has its present name; words without a verb as they are."""
+    call = find(words)
+    return list(words) if call is None else [*command_of(call.word).split(), *call.arguments]

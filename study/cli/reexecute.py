@@ -17,10 +17,10 @@ from protocol.wire.messages import PlanarOdometry
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose
 from robot.parameters.table import adjusted
-from runtime.calibration import start_totals
 from runtime.cli.parsers import new_parser
+from runtime.config import start_totals
 from runtime.errors import UserError
-from runtime.json_reader import value_in
+from runtime.files import value_in
 from study.trial.reexecution import (
     REFUSED,
     RecordedDrive,

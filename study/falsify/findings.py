@@ -29,8 +29,7 @@ from protocol.wire.reasons import Reason, reason_text
 from protocol.world import World
 from robot.core import states
 from runtime.errors import UserError
-from runtime.json_reader import value_in
-from runtime.regular_file import text_in
+from runtime.files import text_in, value_in
 from runtime.toml_reader import MAX_BYTES
 from study.falsify.climb import SearchSettings
 from study.falsify.evaluate import Subject, evaluate

@@ -21,8 +21,7 @@ from protocol.world import Point, World
 from robot.core.perception.people import PROVEN, SAME_M, SLOTS, People
 from robot.core.values import Outputs
 from runtime.elementary import atan2, cos_sin, hypot
-from runtime.timing import PERIOD_NS
-from runtime.units import NS_PER_S
+from runtime.units import NS_PER_S, PERIOD_NS
 from study.trial.core_loop import CoreLoop
 
 STEP_S: Final = PERIOD_NS / NS_PER_S

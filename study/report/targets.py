@@ -13,8 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from runtime.timing import PERIOD_NS
-from runtime.units import NS_PER_S
+from runtime.units import NS_PER_S, PERIOD_NS
 from study.intervals import (
     CONFIDENT,
     Floats,

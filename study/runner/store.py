@@ -18,10 +18,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from runtime.atomic_file import sync_folder
 from runtime.errors import UserError
-from runtime.json_reader import value_in
-from runtime.regular_file import text_in
+from runtime.files import sync_folder, text_in, value_in
 from study.runner.plan import KEPT, ListedWorld, StudySettings
 from study.runner.rows import ADDED, COLUMNS, CodeVersion, MachineInfo, TrialRow
 

@@ -25,9 +25,8 @@ from robot.core.values import Pose
 from robot.hosting.core import NewCore
 from robot.hosting.in_process import InProcessCore
 from robot.parameters.table import with_values
-from runtime.calibration import settings_of, start_totals
-from runtime.timing import CONTROL_HZ, PERIOD_NS
-from runtime.units import NS_PER_S
+from runtime.config import settings_of, start_totals
+from runtime.units import CONTROL_HZ, NS_PER_S, PERIOD_NS
 from study.oracle.names import STUDY_ONLY
 from study.oracle.oracle_grid import registered
 from study.trial.core_loop import CoreLoop, Watch, drive

@@ -9,7 +9,7 @@ from robot.senses import Senses
 from robot.storage.files import Store
 from robot.vehicle import Vehicle
 from runtime.clock import Tick, WallClock
-from runtime.timing import PERIOD_NS
+from runtime.units import PERIOD_NS
 from tests.support.attacks.attacker import Attacker
 from tests.support.bus.nets import Net, net
 from tests.support.each import each

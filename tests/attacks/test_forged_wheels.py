@@ -9,7 +9,7 @@ from protocol.wire.codec import Encoder
 from protocol.wire.enums import Command, Vehicle
 from protocol.wire.messages import WheelCommand
 from protocol.wire.reasons import Reason
-from runtime.timing import PERIOD_NS
+from runtime.units import PERIOD_NS
 from tests.support.each import each
 from tests.support.harness import Stack
 from tests.support.until import PATIENCE_S

@@ -16,7 +16,7 @@ from robot.core.perception import slip as slips
 from robot.core.perception import stall as stalls
 from robot.core.values import Outputs
 from robot.parameters.table import with_values
-from runtime.calibration import settings_of
+from runtime.config import settings_of
 from study.calibration import covariance_of, umbmark
 from study.calibration import drive as squares
 from study.intervals import CHI2_2

@@ -1,7 +1,7 @@
 """32-bit counters wrap: a robot drives across the wrap without a change."""
 
 from runtime.clock import ManualClock
-from runtime.timing import PERIOD_NS
+from runtime.units import PERIOD_NS
 from tests.support.each import each
 from tests.support.harness import Stack
 

@@ -13,8 +13,7 @@ from protocol.wire.messages import (
 )
 from robot.core import reasons
 from robot.telemetry import NEVER
-from runtime.timing import PERIOD_NS
-from runtime.units import NS_PER_MS
+from runtime.units import NS_PER_MS, PERIOD_NS
 
 TICKS_PER_PERIOD = 60
 

@@ -29,8 +29,7 @@ from robot.core.safety.failsafe import ROWS
 from robot.lease import IDLE_NS, IDLE_S, LAPSE_NS, LAPSE_S
 from robot.operator_delays import MAX_EXTRA_NS
 from robot.scheduling.cycle_meter import OVERRUNS_IN_A_ROW
-from runtime.timing import CONTROL_HZ, PERIOD_MS
-from runtime.units import NS_PER_MS, NS_PER_S
+from runtime.units import CONTROL_HZ, NS_PER_MS, NS_PER_S, PERIOD_MS
 from runtime.watchdog import HUNG_S
 from study.cli.study_run import parser
 from study.intervals import CHI2_2, CONFIDENCE, CONFIDENT

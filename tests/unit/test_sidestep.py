@@ -15,8 +15,7 @@ import pytest
 
 import sidestep
 from runtime.cli.packages import Conflict
-from runtime.cli.verb_lookup import command_of
-from runtime.cli.verb_table import GROUPS, VERBS, Verb
+from runtime.cli.verb_table import GROUPS, VERBS, Verb, command_of
 from tests.support.each import each
 
 ROOT = Path(__file__).parents[2]

@@ -24,7 +24,7 @@ from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
 from robot.storage.files import Store
 from robot.vehicle import Vehicle
-from runtime import atomic_file
+from runtime import files
 from verification.faults_matrix.results import Repetition
 from verification.power_cut import ReorderingDisk, State, restore
 
@@ -43,7 +43,7 @@ class SavedState(NamedTuple):
 def run(fault: str, way: str, number: int, disk: ReorderingDisk | None = None) -> Repetition:
     """Cut the power once; the repetition has `reached` when all acknowledged changes are there."""
     disk, random = disk or ReorderingDisk(), Random(f"{fault} {number}")
-    with patch.object(atomic_file, "os", disk), TemporaryDirectory() as folder:
+    with patch.object(files, "os", disk), TemporaryDirectory() as folder:
         changes = make_changes(Vehicle(DEFAULTS, Store(HOME)), disk, random)
         cut = random.randrange(len(disk.cuts))
         answered, before = [one for one in changes if one[0] <= cut + 1][-1]

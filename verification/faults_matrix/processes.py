@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import IO, Any, Final, Self
 
 from ground.launch.child_command import command
-from runtime.cli.verb_lookup import with_present_name
+from runtime.cli.verb_table import with_present_name
 from verification.harness.processes import free_port, made_keys
 from verification.harness.tcp_proxy import TcpProxy
 from verification.harness.until import PATIENCE_S, until

@@ -17,7 +17,7 @@ from plant.world.file import SHIPPED_DIR, load
 from protocol.outcome import start_arguments
 from protocol.topics import Role
 from protocol.wire.enums import GoalState, Vehicle
-from runtime.calibration import totals_arguments
+from runtime.config import totals_arguments
 from runtime.units import NS_PER_S
 from verification.faults_matrix.actions import (
     Act,

@@ -4,7 +4,7 @@ from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
-from runtime.timing import PERIOD_NS
+from runtime.units import PERIOD_NS
 
 SLICE_NS: Final = PERIOD_NS
 """Answers are counted by the slice of time in which they arrived."""

@@ -33,7 +33,7 @@ from protocol.wire.messages import (
     WheelCommand,
     WheelTicks,
 )
-from runtime.timing import UINT32
+from runtime.units import UINT32
 from verification.harness.bus_calls import OPERATOR_BEAT, auto_goal_request
 
 OVERSIZED: Final = 2_000_000

@@ -22,8 +22,7 @@ from robot.cli import Settings
 from robot.core.parameters import DEFAULTS
 from robot.parameters.table import adjusted, described
 from robot.storage.files import FILE_NAME, Store
-from runtime.calibration import FOLDER, Calibration
-from runtime.config import load, load_shared
+from runtime.config import FOLDER, Calibration, load, load_shared
 from study.cli.calibrate import SIDE_M, from_log
 from study.runner.store import FILE as SETTLED
 from study.runner.store import RESULTS, SCHEMA, differences, find, settings_in

@@ -24,8 +24,7 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from runtime.clock import Tick
-from runtime.timing import PERIOD_NS
-from runtime.units import NS_PER_S
+from runtime.units import NS_PER_S, PERIOD_NS
 from verification.harness.bus_calls import OPERATOR_BEAT, command_request
 from verification.harness.motion import is_still
 from verification.harness.peers import FRAME_S, REPORTED, Peers

@@ -6,8 +6,7 @@ from math import hypot
 from typing import Final, NamedTuple
 
 from protocol.wire.messages import GroundTruth
-from runtime.timing import PERIOD_NS
-from runtime.units import NS_PER_S
+from runtime.units import NS_PER_S, PERIOD_NS
 
 PERIOD_S: Final = PERIOD_NS / NS_PER_S
 STILL_M_S: Final = 0.001

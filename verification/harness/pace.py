@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from runtime.clock import WallClock, ticks
-from runtime.timing import CONTROL_HZ
+from runtime.units import CONTROL_HZ
 
 
 def paced(count: int) -> Iterator[int]:

@@ -42,9 +42,9 @@ from robot.scheduling.cycle_meter import CycleMeter
 from robot.senses import Senses
 from robot.storage.files import Store
 from robot.vehicle import Vehicle
-from runtime.calibration import start_totals
 from runtime.clock import ManualClock
-from runtime.timing import PERIOD_NS
+from runtime.config import start_totals
+from runtime.units import PERIOD_NS
 from verification.harness.bus_calls import await_subscribers
 
 FRAME_S: Final = 30.0

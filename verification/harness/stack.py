@@ -17,7 +17,7 @@ from protocol.wire.message import Message
 from protocol.wire.messages import NavigatorStatus, RunRequest, RunScore
 from protocol.world import World
 from robot.core.parameters import DEFAULTS
-from runtime.calibration import totals_arguments
+from runtime.config import totals_arguments
 from study.trial.trial import Trial, params_of, wire_goal_of
 from verification.harness.bus_calls import arm_request, ask_until_accepted, auto_goal_request
 from verification.harness.processes import ROBOT, free_port, sidestep

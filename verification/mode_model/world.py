@@ -28,8 +28,7 @@ from robot.storage.files import Store
 from robot.teleop import operator_twist
 from robot.vehicle import Answer, Vehicle
 from runtime.clock import Tick
-from runtime.timing import PERIOD_NS
-from runtime.units import NS_PER_MS
+from runtime.units import NS_PER_MS, PERIOD_NS
 
 M = TypeVar("M", bound=Message)
 

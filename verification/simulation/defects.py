@@ -13,7 +13,7 @@ from unittest.mock import patch
 from protocol.wire.enums import Command
 from robot.core import reasons, states
 from robot.storage.writer import InlineWriter
-from runtime.timing import PERIOD_MS
+from runtime.units import PERIOD_MS
 from verification.simulation.hosts.disk import SimulatedOs
 
 Patches = dict[str, object]
@@ -168,7 +168,7 @@ def _disk_in_the_loop() -> Patches:
 
 
 def _directory_not_synced() -> Patches:
-    return {"runtime.atomic_file.sync_folder": lambda path: None}
+    return {"runtime.files.sync_folder": lambda path: None}
 
 
 def _content_not_synced() -> Patches:
@@ -178,7 +178,7 @@ def _content_not_synced() -> Patches:
         number = SimulatedOs.open(path, SimulatedOs.O_TRUNC)
         SimulatedOs.write(number, data)
 
-    return {"runtime.atomic_file.write": write}
+    return {"runtime.files.write": write}
 
 
 def _fence_inside_out() -> Patches:

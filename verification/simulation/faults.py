@@ -6,8 +6,7 @@ from random import Random
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from runtime.timing import PERIOD_NS
-from runtime.units import NS_PER_MS
+from runtime.units import NS_PER_MS, PERIOD_NS
 from verification.simulation.actions import OPERATORS, draw_client, draw_operate
 from verification.simulation.events import Argument, Event
 from verification.simulation.hosts.attacker import ATTACKS

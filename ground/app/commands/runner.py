@@ -41,7 +41,7 @@ from ground.station.station import REPLAYED, Station
 from protocol.bus.bus import Bus
 from protocol.options import DEFAULT_ENDPOINT
 from protocol.wire.enums import LeaseAction, Mode, Severity
-from runtime.cli.verb_lookup import with_present_name
+from runtime.cli.verb_table import with_present_name
 from runtime.clock import Clock
 from runtime.errors import RemoteError, UserError
 

@@ -21,10 +21,9 @@ from ground.text.output import Output
 from protocol.bus.network import MAX_ROBOTS
 from protocol.options import whole
 from protocol.outcome import start_arguments
-from runtime.calibration import settings_of, totals_arguments
 from runtime.cli.parsers import parser_of
-from runtime.cli.verb_lookup import command_of, find
-from runtime.cli.verb_table import VERBS
+from runtime.cli.verb_table import VERBS, command_of, find
+from runtime.config import settings_of, totals_arguments
 from runtime.errors import UserError
 
 HEALTH: Final = "health"

@@ -11,7 +11,7 @@ from ground.text.output import Output
 from ground.user.edit_settings import set_setting, unset_setting
 from ground.user.settings import Settings, load_settings, settings_file
 from runtime.cli.parsers import add_subcommands
-from runtime.cli.verb_lookup import nearest
+from runtime.cli.verb_table import nearest
 from runtime.errors import UserError
 
 KEYS = tuple(one.name for one in fields(Settings))

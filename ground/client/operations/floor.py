@@ -14,7 +14,7 @@ from ground.missions.outline import inside
 from protocol.topics import WORLD
 from runtime.cli.terminal import printable
 from runtime.errors import RemoteError, UserError
-from runtime.json_reader import value_in
+from runtime.files import value_in
 
 EXAMPLE: Final = "example: goto 2 1.5"
 FOLLOWER: Final = re.compile(r"r(?!1\Z)\d+\Z")

@@ -15,9 +15,9 @@ from typing import Annotated, Final
 import msgspec
 
 from ground.user.folders import config_folder
-from runtime.atomic_file import make_folder, replace
 from runtime.config import load
 from runtime.errors import UserError
+from runtime.files import make_folder, replace
 
 KEY_BYTES: Final = 32
 MAX_KEYS: Final = 2

@@ -11,8 +11,7 @@ from pathlib import Path
 from threading import Thread
 from typing import Final
 
-from runtime.atomic_file import make_folder, replace
-from runtime.regular_file import text_in
+from runtime.files import make_folder, replace, text_in
 from runtime.units import NS_PER_S
 
 EPOCH_S: Final = 1_420_070_400

@@ -24,7 +24,7 @@ from mcap.records import Channel, Chunk, Metadata
 from ground.recording.frame_paths import path_in
 from protocol.topics import ENCODING_FAMILY, PREFIX
 from protocol.wire.codec import HEADER_SIZE
-from runtime.regular_file import opened
+from runtime.files import opened
 
 RAW_TOPIC: Final = "/mavlink"
 KEY_TOPIC: Final = "/mavlink/key"

@@ -18,8 +18,8 @@ from protocol.wire.limits import MAX_OPERATOR_NAME_BYTES
 from protocol.wire.messages import LeaseRequest
 from protocol.wire.reasons import reason_text
 from runtime.clock import Clock
-from runtime.load import slowdown_in
 from runtime.units import NS_PER_MS
+from runtime.watchdog import slowdown_in
 
 AddNote = Callable[[str, Severity], None]
 ATTEMPTS: Final = 3

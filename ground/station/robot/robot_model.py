@@ -36,7 +36,7 @@ from protocol.wire.messages import LeaseStatus, NavigatorStatus, ParamValue, Sta
 from runtime.cli.terminal import printable
 from runtime.errors import RemoteError
 from runtime.sequence import MAX_LATE_NS, MAX_LATE_TICKS
-from runtime.timing import PERIOD_NS
+from runtime.units import PERIOD_NS
 
 EVENTS: Final = frozenset((TEXT.path, COMMANDED.path, ANSWERED.path))
 

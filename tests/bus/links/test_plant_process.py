@@ -18,8 +18,7 @@ from protocol.bus.network import Network
 from protocol.topics import CLOCK, DRIVE, RUN, SONAR, TRUTH, WHEELS, WORLD, Role
 from protocol.wire.enums import AckResult, RunAction
 from protocol.wire.messages import CommandAck, GroundTruth, RunRequest, RunScore, WheelCommand
-from runtime.arrivals import Pulse
-from runtime.clock import WallClock
+from runtime.clock import Pulse, WallClock
 from tests.support.until import PATIENCE_S, until
 
 SECOND_NS = 1_000_000_000

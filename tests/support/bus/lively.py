@@ -16,7 +16,7 @@ from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import Role
 from runtime.clock import Tick, WallClock
-from runtime.timing import PERIOD_NS
+from runtime.units import PERIOD_NS
 from tests.support.harness import Stack
 from tests.support.until import PATIENCE_S, until
 

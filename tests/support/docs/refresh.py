@@ -18,7 +18,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from runtime import atomic_file
+from runtime import files as atomic_file
 from tests.support.docs.console import ANYTHING, PROMPT, Command, matches, renewed, steps
 from tests.support.docs.session import PAGES, ROOT, session
 

@@ -3,7 +3,7 @@
 from plant.process.robot_link import CommandGate, WheelOutput
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.messages import WheelCommand
-from runtime.timing import UINT32
+from runtime.units import UINT32
 
 FAST = 9000
 

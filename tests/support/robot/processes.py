@@ -35,7 +35,7 @@ from robot.stop_latch import emergency_stop
 from robot.storage.files import Store
 from robot.vehicle import Vehicle
 from runtime.clock import ManualClock, Tick
-from runtime.timing import PERIOD_NS
+from runtime.units import PERIOD_NS
 from tests.support.played_bus import Handler, PlayedBus, PlayedPublisher
 from tests.support.robot.held_writer import Question
 from tests.support.robot.vehicles import MS, goal

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from runtime.cli.verb_lookup import find
+from runtime.cli.verb_table import find
 
 ROOT: Final = Path(__file__).parents[3]
 SCRIPT: Final = """

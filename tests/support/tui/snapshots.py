@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 from typing import Final
 
-from runtime import atomic_file
+from runtime import files
 
 FOLDER: Final = Path(__file__).parents[2] / "tui" / "snapshots"
 TERMINAL_ID: Final = re.compile(r"terminal-\d+-")
@@ -30,7 +30,7 @@ def compare(svg: str, name: str, *, update: bool, folder: Path = FOLDER) -> str:
         return ""
     if update:
         folder.mkdir(exist_ok=True)
-        atomic_file.replace(committed, actual)
+        files.replace(committed, actual)
         return ""
     beside.write_text(actual, encoding="utf-8")
     what = "differs from" if committed.exists() else "has no"

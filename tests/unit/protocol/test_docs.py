@@ -16,8 +16,7 @@ from robot import cli as robot_cli
 from robot.core.safety import failsafe
 from robot.parameters.table import SPECS
 from runtime import config
-from runtime.cli.verb_lookup import command_of, find
-from runtime.cli.verb_table import VERBS
+from runtime.cli.verb_table import VERBS, command_of, find
 from tests.support.each import each
 from verification.site import protocol_page
 

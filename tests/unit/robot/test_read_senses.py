@@ -14,7 +14,7 @@ from robot.vehicle import Vehicle
 from runtime.clock import ManualClock, Tick
 from runtime.lockstep import LockstepClock
 from runtime.sequence import MAX_LATE_TICKS, Order
-from runtime.timing import PERIOD_NS, UINT32
+from runtime.units import PERIOD_NS, UINT32
 from tests.support.each import each
 from tests.support.robot.processes import ADA, BOB, ServedBus
 from tests.support.robot.vehicles import MS

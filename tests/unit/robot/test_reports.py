@@ -13,7 +13,7 @@ from robot.run import epoch
 from robot.storage.files import Store
 from robot.vehicle import Vehicle
 from runtime.clock import ManualClock
-from runtime.timing import PERIOD_NS
+from runtime.units import PERIOD_NS
 from tests.support.each import each
 from tests.support.played_bus import PlayedBus
 

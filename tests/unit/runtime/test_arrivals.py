@@ -8,11 +8,9 @@ from itertools import count
 from time import monotonic, monotonic_ns
 
 from plant.process.loop import Wake
-from runtime.arrivals import Pulse, WakeUp
-from runtime.clock import ticks
+from runtime.clock import Pulse, WakeUp, ticks
 from runtime.lockstep import LockstepClock, LockstepLoop
-from runtime.timing import CONTROL_HZ
-from runtime.units import NS_PER_S
+from runtime.units import CONTROL_HZ, NS_PER_S
 from tests.support.each import each
 from tests.support.until import PATIENCE_S
 

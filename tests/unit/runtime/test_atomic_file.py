@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from runtime import atomic_file
+from runtime import files
 from verification.power_cut import ReorderingDisk, content_of
 
 HOME = Path("/state")
@@ -28,10 +28,10 @@ class FileHistory:
         """Replace or remove the file, and check every power cut up to the answer and after it."""
         before, begun = self._now, len(self.disk.cuts)
         if text is None:
-            atomic_file.remove(self.path)
+            files.remove(self.path)
         else:
-            atomic_file.make_folder(self.path.parent)
-            atomic_file.replace(self.path, text)
+            files.make_folder(self.path.parent)
+            files.replace(self.path, text)
         self._now = text
         for states in self.disk.cuts[begun:]:
             self._look(states, {before, text}, "before the answer")
@@ -57,7 +57,7 @@ def test_every_power_cut_leaves_the_old_content_or_the_new(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     disk = ReorderingDisk()
-    monkeypatch.setattr(atomic_file, "os", disk)
+    monkeypatch.setattr(files, "os", disk)
     assert contents_of(disk) == []
     assert len(disk.cuts) > 30
     assert max(len(states) for states in disk.cuts) > 5, "a cut in between has several outcomes"
@@ -65,7 +65,7 @@ def test_every_power_cut_leaves_the_old_content_or_the_new(
 
 def test_a_folder_that_was_made_survives_with_its_file(monkeypatch: pytest.MonkeyPatch) -> None:
     disk = ReorderingDisk()
-    monkeypatch.setattr(atomic_file, "os", disk)
+    monkeypatch.setattr(files, "os", disk)
     assert contents_of(disk, HOME / "of" / "r1" / "fence.json") == []
 
 
@@ -98,11 +98,11 @@ def test_a_missing_step_is_found_by_the_simulated_cut(
     kind: type[ReorderingDisk], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     disk = kind()
-    monkeypatch.setattr(atomic_file, "os", disk)
+    monkeypatch.setattr(files, "os", disk)
     assert contents_of(disk) != []
 
 
-@pytest.mark.parametrize("act", [lambda path: atomic_file.replace(path, "b"), atomic_file.remove])
+@pytest.mark.parametrize("act", [lambda path: files.replace(path, "b"), files.remove])
 @pytest.mark.parametrize("number", [errno.EIO, errno.ENOSPC])
 def test_a_directory_that_cannot_be_synchronised_is_an_error(
     act: Callable[[Path], None], number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -117,7 +117,7 @@ def test_file_system_without_directory_sync_is_usable(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fail_for_folders(monkeypatch, errno.EINVAL)
-    atomic_file.replace(tmp_path / "file", "b")
+    files.replace(tmp_path / "file", "b")
     assert (tmp_path / "file").read_text() == "b"
 
 
@@ -133,14 +133,14 @@ def fail_for_folders(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
 
 
 def test_removing_a_missing_file_is_no_error(tmp_path: Path) -> None:
-    atomic_file.remove(tmp_path / "file")
-    atomic_file.remove(tmp_path / "no folder" / "file")
+    files.remove(tmp_path / "file")
+    files.remove(tmp_path / "no folder" / "file")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_draft_left_by_a_killed_process_is_overwritten(tmp_path: Path) -> None:
     (tmp_path / ".file.part").write_text("half of somethi")
-    atomic_file.replace(tmp_path / "file", "whole")
+    files.replace(tmp_path / "file", "whole")
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
     assert (tmp_path / "file").read_text() == "whole"
 
@@ -150,7 +150,7 @@ def test_a_write_that_takes_less_than_it_was_given_is_repeated(
 ) -> None:
     write = os.write
     monkeypatch.setattr("os.write", lambda number, data: write(number, data[:3]))
-    atomic_file.replace(tmp_path / "file", "longer than three")
+    files.replace(tmp_path / "file", "longer than three")
     assert (tmp_path / "file").read_text() == "longer than three"
 
 
@@ -158,7 +158,7 @@ def test_link_to_a_file_keeps_its_target(tmp_path: Path) -> None:
     (tmp_path / "target").write_text("a")
     for name in ("target", "missing"):
         (tmp_path / f"to {name}").symlink_to(tmp_path / name)
-        atomic_file.replace(tmp_path / f"to {name}", "b")
+        files.replace(tmp_path / f"to {name}", "b")
         assert (tmp_path / f"to {name}").is_symlink()
         assert (tmp_path / name).read_text() == "b"
 
@@ -167,7 +167,7 @@ def test_link_to_a_device_is_replaced_and_not_the_device(tmp_path: Path) -> None
     """A pipe stands for it: as root, the link to a device would have replaced it for all."""
     os.mkfifo(tmp_path / "device")
     (tmp_path / "parameters.json").symlink_to(tmp_path / "device")
-    atomic_file.replace(tmp_path / "parameters.json", "b")
+    files.replace(tmp_path / "parameters.json", "b")
     assert (tmp_path / "device").is_fifo()
     assert not (tmp_path / "parameters.json").is_symlink()
     assert (tmp_path / "parameters.json").read_text() == "b"

@@ -5,8 +5,8 @@ import pytest
 from plant.model.configuration import LEVELS
 from robot.core.parameters import DEFAULTS
 from robot.parameters.table import SPECS, with_value
-from runtime import calibration
-from runtime.calibration import FOLDER, calibration_of, settings_of
+from runtime import config
+from runtime.config import FOLDER, calibration_of, settings_of
 from runtime.errors import ConfigError
 from tests.support.each import each
 
@@ -50,7 +50,7 @@ def test_missing_calibration_is_an_error_with_the_file() -> None:
 
 def test_a_misspelt_file_is_refused_by_key(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "typo.toml").write_text("[parameter]\nk_r_m = 1e-6\n", encoding="utf-8")
-    monkeypatch.setattr(calibration, "FOLDER", tmp_path)
+    monkeypatch.setattr(config, "FOLDER", tmp_path)
     with pytest.raises(ConfigError, match="parameter: unknown key"):
         calibration_of("typo")
 

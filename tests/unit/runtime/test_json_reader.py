@@ -5,7 +5,7 @@ from math import inf
 
 import pytest
 
-from runtime.json_reader import MAX_DEPTH, value_in
+from runtime.files import MAX_DEPTH, value_in
 from tests.support.each import each
 
 

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from runtime import load
+from runtime import watchdog
 from runtime.clock import ManualClock, WallClock
-from runtime.load import (
+from runtime.units import NS_PER_MS, NS_PER_S
+from runtime.watchdog import (
     MAX_SLOWDOWN,
     Patience,
     load_words,
@@ -19,7 +20,6 @@ from runtime.load import (
     slowdown_in,
     starved_ns,
 )
-from runtime.units import NS_PER_MS, NS_PER_S
 from tests.support.each import each
 from tests.support.until import until
 
@@ -91,7 +91,7 @@ def test_slowdown_is_threads_ready_to_run_per_processor(
     text: str, expected: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "loadavg").write_text(text)
-    monkeypatch.setattr(load, "LOAD", tmp_path / "loadavg")
+    monkeypatch.setattr(watchdog, "LOAD", tmp_path / "loadavg")
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
     monkeypatch.setattr(os, "getloadavg", lambda: (6.0, 0.0, 0.0), raising=False)
     assert slowdown() == expected
@@ -100,7 +100,7 @@ def test_slowdown_is_threads_ready_to_run_per_processor(
 def test_system_without_any_measure_counts_as_idle(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(load, "LOAD", tmp_path / "missing")
+    monkeypatch.setattr(watchdog, "LOAD", tmp_path / "missing")
     monkeypatch.delattr(os, "getloadavg", raising=False)
     assert slowdown() == 1.0
 

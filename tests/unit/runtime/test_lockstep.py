@@ -9,7 +9,7 @@ import pytest
 
 from runtime.clock import Tick, ticks
 from runtime.lockstep import LockstepClock, LockstepLoop
-from runtime.timing import CONTROL_HZ, PERIOD_NS
+from runtime.units import CONTROL_HZ, PERIOD_NS
 from tests.support.until import PATIENCE_S, until
 
 NEVER_S = 60.0

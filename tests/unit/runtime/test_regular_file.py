@@ -24,7 +24,7 @@ from plant.model.errors import WorldError
 from plant.world.file import load as load_world
 from protocol.bus.certificate import own_certificate
 from protocol.bus.network import Tls
-from runtime import config, regular_file
+from runtime import config, files
 from runtime.errors import UserError
 from study.calibration import read_log as read_calibration
 from study.falsify.findings import read_finding as read_finding
@@ -126,6 +126,6 @@ def test_pipe_with_the_name_of_a_recording_is_named(suffix: str, tmp_path: Path)
 
 def test_text_has_newlines_as_line_ends(tmp_path: Path) -> None:
     (tmp_path / "text").write_bytes(b"a\r\nb\n")
-    assert regular_file.text_in(tmp_path / "text", 5) == "a\nb\n"
-    with pytest.raises(regular_file.UnusableFileError, match=r"^larger than 4 bytes$"):
-        regular_file.text_in(tmp_path / "text", 4)
+    assert files.text_in(tmp_path / "text", 5) == "a\nb\n"
+    with pytest.raises(files.UnusableFileError, match=r"^larger than 4 bytes$"):
+        files.text_in(tmp_path / "text", 4)

@@ -4,7 +4,7 @@ from dataclasses import fields
 
 from plant.model.configuration import Body
 from robot.core.parameters import DEFAULTS, Params
-from runtime.calibration import RENAMED, SAME, parameters_of
+from runtime.config import RENAMED, SAME, parameters_of
 
 UNKNOWN_TO_THE_ROBOT = {
     "brake_m_s2",

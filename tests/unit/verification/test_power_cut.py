@@ -13,7 +13,7 @@ from robot.mission.persistence import MissionStore, text_of
 from robot.stop_latch import emergency_stop
 from robot.storage.files import Store
 from robot.storage.writer import Directory
-from runtime import atomic_file
+from runtime import files
 from tests.support.robot.mission.items import circle, line, upload
 from tests.support.robot.vehicles import Desk
 from verification.power_cut import ReorderingDisk, State, restore
@@ -111,7 +111,7 @@ def test_every_cut_keeps_acknowledged_changes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     disk = ReorderingDisk()
-    monkeypatch.setattr(atomic_file, "os", disk)
+    monkeypatch.setattr(files, "os", disk)
     for before, after, during, at_the_end in outcomes(disk, tmp_path):
         assert during == {before, after}
         assert at_the_end == {after}
@@ -127,5 +127,5 @@ class UnsyncedDirectories(ReorderingDisk):
 
 def test_unsynchronised_directory_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     disk = UnsyncedDirectories()
-    monkeypatch.setattr(atomic_file, "os", disk)
+    monkeypatch.setattr(files, "os", disk)
     assert any(at_the_end != {after} for _, after, _, at_the_end in outcomes(disk, tmp_path))

@@ -14,8 +14,8 @@ from ground.client.emergency_stop import NO_WAYS
 from protocol.bus.network import Hub
 from protocol.bus.publisher import Publisher
 from protocol.wire.message import Message
-from runtime.arrivals import Pulse
-from runtime.load import Patience
+from runtime.clock import Pulse
+from runtime.watchdog import Patience
 from verification.simulation.hosts.disk import SimulatedOs
 from verification.simulation.hosts.scheduler import current_host
 from verification.simulation.hosts.threads import (
@@ -139,7 +139,7 @@ BLOCKS: Final = (
     "protocol.bus.publisher",
     "protocol.bus.publisher",
     "protocol.bus.robot_clock",
-    "runtime.arrivals",
+    "runtime.clock",
     "ground.client.emergency_stop",
     "ground.client.requests",
     "ground.gateway.bus_port",
@@ -174,9 +174,9 @@ SPECIAL: Final[tuple[tuple[str, str, object], ...]] = (
     ("ground.client.stop_ways", "ways_of", lambda _bus, _robot: NO_WAYS),
     ("plant.process.loop", "Patience", PATIENCE),
     ("protocol.bus.publisher", "Patience", PATIENCE),
-    ("runtime.atomic_file", "os", SimulatedOs),
-    ("runtime.regular_file", "os", SimulatedOs),
-    ("runtime.atomic_file", "Path", lambda path: path),
+    ("runtime.files", "os", SimulatedOs),
+    ("runtime.files", "os", SimulatedOs),
+    ("runtime.files", "Path", lambda path: path),
 )
 
 

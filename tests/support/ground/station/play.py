@@ -37,7 +37,7 @@ from protocol.wire.statustext import pieces_of
 from robot.commands import acknowledge
 from runtime.clock import ManualClock
 from runtime.errors import NoAnswerError
-from runtime.timing import PERIOD_NS
+from runtime.units import PERIOD_NS
 from tests.support.ground.station.said import Robot
 from tests.support.played_bus import PlayedBus
 

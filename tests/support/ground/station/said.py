@@ -36,7 +36,7 @@ from protocol.wire.messages import (
     WheelTicks,
 )
 from protocol.wire.reasons import Reason
-from runtime.timing import PERIOD_NS
+from runtime.units import PERIOD_NS
 
 BEAT = Heartbeat(
     type=10, autopilot=3, base_mode=1, custom_mode=0, system_status=3, mavlink_version=3

@@ -13,7 +13,7 @@ from ground.cli import main as cli
 from ground.cli.main import Interrupted, main
 from ground.cli.verbs import VERBS, LoadedVerb
 from ground.text.output import Output
-from runtime.cli.verb_lookup import command_of
+from runtime.cli.verb_table import command_of
 from runtime.errors import NoAnswerError, UserError
 from tests.support.each import each
 from tests.support.until import PATIENCE_S

@@ -9,7 +9,7 @@ from plant.sim.active_faults import NO_TROUBLE
 from plant.sim.drive import DifferentialDrive
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.messages import WheelCommand
-from runtime.timing import PERIOD_MS, PERIOD_NS, UINT32
+from runtime.units import PERIOD_MS, PERIOD_NS, UINT32
 from tests.support.plant.commands import FAST, command, gate_at, taken
 
 numbers = st.integers(0, UINT32)

@@ -3,7 +3,7 @@
 from plant.process.robot_link import HELD_TICKS, SILENT_TICKS, CommandGate, WheelOutput
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.messages import WheelCommand
-from runtime.timing import PERIOD_MS, UINT32
+from runtime.units import PERIOD_MS, UINT32
 from tests.support.each import each
 from tests.support.plant.commands import FAST, command, gate_at, taken
 

@@ -5,7 +5,7 @@ import pytest
 from protocol.wire.enums import Command, GoalState, MissionState, Mode, Severity
 from protocol.wire.reasons import Reason
 from robot.core import states
-from runtime.timing import UINT32
+from runtime.units import UINT32
 from tests.support.each import each
 from tests.support.robot.mission.items import (
     circle,

@@ -3,7 +3,7 @@ from protocol.wire.messages import CycleReport
 from robot.core.budget import GUARD, NAVIGATE, ODOMETRY, READ, TICK_US
 from robot.scheduling.cycle_meter import CycleMeter
 from runtime.clock import ManualClock, Tick
-from runtime.timing import UINT32
+from runtime.units import UINT32
 from tests.support.each import each
 
 PERIOD_NS = 50_000_000

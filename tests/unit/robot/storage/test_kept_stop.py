@@ -14,7 +14,7 @@ from robot.core import states
 from robot.stop_latch import emergency_stop
 from robot.storage.files import Store
 from robot.storage.kept_stop import RESTORED, RETRY_NS, SAVED, TEXT
-from runtime import regular_file
+from runtime import files
 from tests.support.each import each
 from tests.support.robot.held_writer import HeldWriter
 from tests.support.robot.vehicles import MS, Desk
@@ -262,7 +262,7 @@ def test_folder_that_cannot_be_looked_up_stops_the_robot(
     def fail(_: Path) -> bool:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(regular_file, "is_there", fail)
+    monkeypatch.setattr(files, "is_there", fail)
     assert started(Store(tmp_path)).vehicle.stopped
 
 

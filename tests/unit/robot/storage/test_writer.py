@@ -30,7 +30,7 @@ from robot.stop_latch import emergency_stop
 from robot.storage.files import Store
 from robot.storage.previous_run import PreviousRun
 from robot.storage.writer import Directory, Done, Job, WriterThread
-from runtime import atomic_file
+from runtime import files as atomic_file
 from tests.support.robot.held_writer import HeldWriter, Question
 from tests.support.robot.mission.items import circle, count_of, line, upload
 from tests.support.robot.processes import ADA, Rig

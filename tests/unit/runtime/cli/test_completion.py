@@ -12,8 +12,7 @@ from plant.world.file import shipped
 from runtime.cli.completion import completions, main
 from runtime.cli.completion_script import SCRIPTS
 from runtime.cli.completion_script import main as print_script
-from runtime.cli.verb_lookup import command_of
-from runtime.cli.verb_table import GROUPS, VERBS
+from runtime.cli.verb_table import GROUPS, VERBS, command_of
 from tests.support.each import each
 from tests.support.ground.runs import written
 

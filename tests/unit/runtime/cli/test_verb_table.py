@@ -7,8 +7,7 @@ import pytest
 
 from protocol.options import numbers_kept
 from runtime.cli.parsers import PLACE, parser_of, program_parsers, subcommands_of
-from runtime.cli.verb_lookup import Call, command_of, find, with_present_name
-from runtime.cli.verb_table import GROUPS, VERBS
+from runtime.cli.verb_table import GROUPS, VERBS, Call, command_of, find, with_present_name
 from tests.support.each import each
 
 SUBCOMMANDS = [(word, name) for word, verb in VERBS.items() for name in verb.subcommands]

@@ -8,7 +8,7 @@ import pytest
 from robot.core.parameters import DEFAULTS
 from robot.storage.files import Store
 from runtime import config
-from runtime.calibration import Calibration
+from runtime.config import Calibration
 from sidestep import main as sidestep
 from study import calibration
 from tests.support.each import each

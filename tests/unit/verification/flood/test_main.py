@@ -4,7 +4,7 @@ from protocol.topics import OPERATOR, PREFIX, key_parts
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import CycleReport
 from robot.lease import needs_no_lease
-from runtime.timing import UINT32
+from runtime.units import UINT32
 from verification.flood.acknowledgements import SLICE_NS, StopStatus, unfounded
 from verification.flood.kinds import KINDS, Captured, id_in
 from verification.flood.main import FloodRun, figures_of
