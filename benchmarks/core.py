@@ -14,8 +14,7 @@ from plant.world.file import load
 from protocol.wire.messages import SonarScan, WheelTicks
 from robot.core import brain, modes, states
 from robot.core.parameters import DEFAULTS
-from robot.core.perception.from_messages import goal_of, now_ms_of, scan_of, wheels_of
-from robot.core.values import Goal, Inputs, Outputs, Pose
+from robot.core.values import Goal, Inputs, Outputs, Pose, goal_of, now_ms_of, scan_of, wheels_of
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import (
     NAVIGATORS,

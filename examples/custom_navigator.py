@@ -16,11 +16,10 @@ from math import atan2, cos, hypot, inf, pi, sin
 from plant.world.file import load
 from protocol.outcome import Outcome
 from robot.core import states
-from robot.core.geometry import wrap
 from robot.core.navigators.registry import NAVIGATORS, Navigator
 from robot.core.parameters import Params
 from robot.core.perception.sonar_ring import Ring, bearing_rad
-from robot.core.values import Decision, Goal, Pose
+from robot.core.values import Decision, Goal, Pose, wrap
 from study.trial.trial import Trial, run_trial
 
 STANDS_IN_FOR = "bug"

@@ -35,8 +35,7 @@ from protocol.wire.messages import (
     WheelTicks,
 )
 from robot.core import reasons, states
-from robot.core.brain import StageHook, ignore
-from robot.core.budget import GUARD, NAVIGATE, ODOMETRY
+from robot.core.brain import GUARD, NAVIGATE, ODOMETRY, StageHook, ignore
 from robot.core.parameters import Params
 from robot.core.safety import failsafe
 from robot.core.safety.fence import MAX_CORNERS, Fence

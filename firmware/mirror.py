@@ -11,7 +11,7 @@ from protocol.wire.enums import (
 )
 from protocol.wire.messages import AvoidanceDecision, BoardState, PlanarOdometry
 from robot.core import states
-from robot.core.machine import Machine
+from robot.core.modes import Machine
 from robot.core.state import State
 from robot.core.values import Decision, Goal, Outputs, Pose, Twist
 

@@ -8,7 +8,7 @@ from protocol.wire.messages import Statustext
 from protocol.wire.reasons import reason_text
 from protocol.wire.statustext import pieces_of
 from robot.core import reasons
-from robot.core.machine import Machine
+from robot.core.modes import Machine
 from robot.mission.mission import Mission
 
 VEHICLE_SEVERITY: Final = {

@@ -10,10 +10,10 @@ from protocol.topic import person_of
 from protocol.wire.enums import AckResult, Command, Mode
 from protocol.wire.message import Message, wire_of
 from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest
-from robot.core import machine as machines
+from robot.core import modes as machines
 from robot.core import reasons, states
-from robot.core.machine import Machine
-from robot.core.perception.from_messages import goal_of
+from robot.core.modes import Machine
+from robot.core.values import goal_of
 from robot.hosting.core import Core
 from robot.mission.mission import Mission
 

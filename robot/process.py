@@ -17,7 +17,7 @@ from protocol.wire.messages import Teleop
 from robot import telemetry
 from robot.commands import ack, is_clear, is_stop
 from robot.core import reasons
-from robot.core.budget import READ
+from robot.core.brain import READ
 from robot.core.values import Inputs, Outputs
 from robot.lease import READ_ONLY, stops
 from robot.reports import Reports

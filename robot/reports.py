@@ -23,8 +23,7 @@ from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.message import Message
 from protocol.wire.messages import WheelCommand
 from robot import telemetry
-from robot.core.perception.from_messages import now_ms_of
-from robot.core.values import Outputs
+from robot.core.values import Outputs, now_ms_of
 from robot.vehicle import Vehicle
 from runtime.units import NS_PER_MS, UINT32
 

@@ -7,8 +7,7 @@ from protocol.bus.bus import Bus
 from protocol.bus.mailbox import Origin
 from protocol.topics import OPERATOR, SONAR, TELEOP, WHEELS
 from protocol.wire.messages import SonarScan, WheelTicks
-from robot.core.perception.from_messages import now_ms_of, scan_of, wheels_of
-from robot.core.values import Inputs, Scan, Wheels
+from robot.core.values import Inputs, Scan, Wheels, now_ms_of, scan_of, wheels_of
 from robot.operator_delays import DelayFilter
 from robot.vehicle import Vehicle
 from runtime.clock import Tick

@@ -2,8 +2,7 @@
 
 from protocol.wire.limits import MAX_TELEOP_TTL_MS
 from protocol.wire.messages import Teleop
-from robot.core.perception.from_messages import twist_of
-from robot.core.values import Twist
+from robot.core.values import Twist, twist_of
 from runtime.units import NS_PER_MS
 
 

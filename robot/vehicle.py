@@ -30,7 +30,7 @@ from protocol.wire.messages import (
 from robot import telemetry
 from robot.change_log import ChangeLog
 from robot.commands import Commands, ack, acknowledge, is_arm, is_clear, is_stop
-from robot.core import machine as machines
+from robot.core import modes as machines
 from robot.core import reasons, states
 from robot.core.brain import StageHook
 from robot.core.parameters import Params

@@ -36,12 +36,11 @@ from protocol.outcome import wire_goal
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.world import GoalPose, Start, World
 from robot.core import reasons, states
-from robot.core.geometry import wrap
-from robot.core.machine import goal_is_active
+from robot.core.modes import goal_is_active
 from robot.core.parameters import Params
 from robot.core.perception import odometry as odometries
 from robot.core.perception.odometry import Odometry
-from robot.core.values import Outputs, Pose, Wheels
+from robot.core.values import Outputs, Pose, Wheels, wrap
 from robot.hosting.in_process import ORIGIN, InProcessCore
 from robot.parameters.table import with_values
 from runtime.errors import ConfigError

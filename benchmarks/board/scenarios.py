@@ -13,11 +13,10 @@ from typing import Final, NamedTuple
 
 from robot.core import reasons, states
 from robot.core.brain import ignore
-from robot.core.geometry import BEARINGS
-from robot.core.machine import goal_is_active
+from robot.core.modes import goal_is_active
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.safety.fence import MAX_CORNERS, Fence
-from robot.core.values import SONARS, Goal, Inputs, Outputs, Pose, Scan, Wheels
+from robot.core.values import BEARINGS, SONARS, Goal, Inputs, Outputs, Pose, Scan, Wheels
 from robot.hosting.core import Core
 from study.trial.core_loop import ARM
 from study.trial.trial import NAVIGATORS

@@ -18,12 +18,10 @@ from plant.model.configuration import noise_of
 from plant.sim.simulation import Plant
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.world import GoalPose, Start, World
-from robot.core.geometry import wrap
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.perception import odometry as odometries
-from robot.core.perception.from_messages import wheels_of
 from robot.core.perception.odometry import Odometry
-from robot.core.values import Outputs, Pose
+from robot.core.values import Outputs, Pose, wheels_of, wrap
 from robot.parameters.table import with_values
 from runtime.config import settings_of
 from runtime.units import CONTROL_HZ

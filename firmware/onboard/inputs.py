@@ -8,8 +8,7 @@ import wire
 from onboard import Onboard
 
 from robot.core import reasons
-from robot.core.perception.from_messages import scan_of, twist_of, wheels_of
-from robot.core.values import Inputs
+from robot.core.values import Inputs, scan_of, twist_of, wheels_of
 
 NEVER: Final = 0xFFFFFFFF
 

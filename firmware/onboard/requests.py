@@ -9,8 +9,8 @@ import outputs
 import wire
 from onboard import Onboard
 
-from robot.core import machine as machines
 from robot.core import modes, place, reasons, states
+from robot.core import modes as machines
 from robot.core.parameters import Params
 from robot.core.safety import failsafe
 from robot.core.safety.fence import MAX_CORNERS, Fence

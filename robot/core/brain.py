@@ -1,23 +1,46 @@
-"""One control cycle: sense, check, decide, act. No clock, no I/O, no randomness."""
+"""One control cycle: sense, check, decide, act. No clock, no I/O, no randomness.
 
-from typing import Protocol
+The budget of each stage of a control cycle: time on the host, share on the LPC1768.
+"""
 
-from robot.core import machine as machines
+from typing import Final, NamedTuple, Protocol
+
+from robot.core import modes as machines
+from robot.core import motion as trails
 from robot.core import place as places
 from robot.core import pursuit, reasons, states
-from robot.core.budget import GUARD, NAVIGATE, ODOMETRY
-from robot.core.geometry import wrap
-from robot.core.motion import trail as trails
-from robot.core.motion.controller import HALT, limited, ramp
+from robot.core.motion import HALT, limited, ramp
 from robot.core.parameters import Params
-from robot.core.perception import closing_speed, frozen_sonar, wall_heading
+from robot.core.perception import closing_speed, sonar_ring, wall_heading
 from robot.core.perception import odometry as odometries
 from robot.core.perception import slip as slips
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception import stall as stalls
 from robot.core.safety import failsafe, guard
 from robot.core.state import State
-from robot.core.values import Inputs, Outputs, Twist
+from robot.core.values import Inputs, Outputs, Twist, wrap
+
+PERIOD_MS: Final = 50
+
+READ: Final = 0
+ODOMETRY: Final = 1
+NAVIGATE: Final = 2
+GUARD: Final = 3
+WRITE: Final = 4
+
+Stage = NamedTuple("Stage", [("name", str), ("host_us", int), ("mcu_percent", int)])
+
+STAGES: Final = (
+    Stage("read", 800, 4),
+    Stage("odometry", 100, 6),
+    Stage("navigate", 200, 20),
+    Stage("guard", 100, 4),
+    Stage("write", 1300, 4),
+)
+"""In the order of the cycle: 5 % of the period on the host, less than half of it on the MCU."""
+
+TICK_US: Final = sum([stage.host_us for stage in STAGES])
+
 
 __all__ = ["State", "step"]
 
@@ -59,7 +82,7 @@ def sense(state: State, inputs: Inputs, params: Params) -> None:
     rings.update(state.ring, scan, now_ms, params)
     if scan is not None:
         closing_speed.watch(state.ring.pedestrians, state.ring, odometry, params)
-    frozen_sonar.watch(state.frozen, scan, odometry.moved_m, turned_rad, params)
+    sonar_ring.watch(state.frozen, scan, odometry.moved_m, turned_rad, params)
     if wheels is not None:
         state.bumped = wheels.bumper & ~state.bumper != 0
         state.bumper = wheels.bumper

@@ -1,16 +1,113 @@
-"""The commands of an operator; each returns a reason, 0 if accepted."""
+"""The commands of an operator; each returns a reason, 0 if accepted.
+
+The state of vehicle, mode and goal, and its few transitions.
+"""
 
 from math import pi
 from typing import Final
 
-from robot.core import machine as machines
 from robot.core import reasons, states
-from robot.core.machine import Machine
-from robot.core.motion.trail import Trail
+from robot.core.motion import Trail
 from robot.core.navigators.registry import NAVIGATORS
+from robot.core.parameters import Params
 from robot.core.safety import fence as fences
 from robot.core.safety.fence import Fence
 from robot.core.values import Goal, Pose
+
+
+class Machine:
+    """Vehicle, mode and goal with their reasons; `serial` counts goals.
+
+    `cause` is the failsafe condition that holds now, armed or not. `senses` and `operator` are set
+    if fresh sensor data and a fresh operator heartbeat were present in the last step.
+    `replaced_serial` is the last goal ended by a newer one (ABORTED, REPLACED). `fence` is the area
+    that the robot must not leave, or None; `fence_unreadable` means that a saved fence is lost.
+    `placed` means that the robot knows its place in the world (see `place`).
+    `pursuits` counts fresh starts of driving: a new goal, or the same goal with another navigator.
+    """
+
+    __slots__ = (
+        "cause",
+        "fence",
+        "fence_unreadable",
+        "goal",
+        "goal_ended_ms",
+        "goal_max_m",
+        "goal_reason",
+        "goal_started_ms",
+        "goal_state",
+        "mode",
+        "navigator",
+        "operator",
+        "placed",
+        "pursuits",
+        "replaced_serial",
+        "resume_mode",
+        "senses",
+        "serial",
+        "side",
+        "vehicle",
+        "vehicle_reason",
+    )
+
+    def __init__(self, params: Params) -> None:
+        self.vehicle: int = states.BOOT
+        self.vehicle_reason: int = reasons.OK
+        self.mode: int = states.HOLD
+        self.resume_mode: int = states.GUIDED
+        self.goal: Goal | None = None
+        self.goal_state: int = states.NONE
+        self.goal_reason: int = reasons.OK
+        self.goal_started_ms = 0
+        self.goal_ended_ms = 0
+        self.serial = self.pursuits = 0
+        self.replaced_serial = 0
+        self.navigator: int = params.navigator
+        self.side: int = params.side
+        self.goal_max_m: float = params.goal_max_m
+        self.fence: Fence | None = None
+        self.fence_unreadable = False
+        self.placed = True
+        self.senses = False
+        self.operator = False
+        self.cause: int = reasons.OK
+
+
+def goal_is_active(machine: Machine) -> bool:
+    """Return whether there is a goal that has not ended."""
+    return states.ACCEPTED <= machine.goal_state <= states.ALIGNING
+
+
+def drives(machine: Machine) -> bool:
+    """Return whether the robot is armed, in a driving mode, and has an active goal."""
+    return (
+        machine.vehicle == states.ACTIVE
+        and machine.mode >= states.AUTO
+        and states.ACCEPTED <= machine.goal_state <= states.ALIGNING
+    )
+
+
+def start_goal(machine: Machine, goal: Goal, mode: int, now_ms: int) -> None:
+    """Set a new goal; an active one becomes ABORTED, REPLACED, shown by `replaced_serial`."""
+    if goal_is_active(machine):
+        machine.replaced_serial = machine.serial
+    machine.serial += 1
+    machine.pursuits += 1
+    machine.goal = goal
+    machine.goal_state = states.ACCEPTED
+    machine.goal_reason = reasons.OK
+    machine.goal_started_ms = now_ms
+    machine.goal_ended_ms = 0
+    machine.mode = mode
+
+
+def end_goal(machine: Machine, goal_state: int, reason: int, now_ms: int) -> None:
+    """End an active goal with an outcome; a goal that has ended keeps its outcome."""
+    if goal_is_active(machine):
+        machine.goal_state = goal_state
+        machine.goal_reason = reason
+        machine.goal_ended_ms = now_ms
+
 
 MIN_POSITION_TOLERANCE_M: Final = 0.005
 MAX_POSITION_TOLERANCE_M: Final = 1.0
@@ -42,7 +139,7 @@ def arm(machine: Machine) -> int:
 
 def disarm(machine: Machine, now_ms: int) -> int:
     """Stop the wheels and end the goal; an emergency stop stays latched."""
-    machines.end_goal(machine, states.ABORTED, reasons.DISARMED, now_ms)
+    end_goal(machine, states.ABORTED, reasons.DISARMED, now_ms)
     if machine.vehicle in (states.ACTIVE, states.FAILSAFE):
         enter_standby(machine)
     return reasons.OK
@@ -50,7 +147,7 @@ def disarm(machine: Machine, now_ms: int) -> int:
 
 def estop(machine: Machine, now_ms: int) -> int:
     """Latch the emergency stop: end the goal and stop until it is cleared."""
-    machines.end_goal(machine, states.ABORTED, reasons.BY_EMERGENCY_STOP, now_ms)
+    end_goal(machine, states.ABORTED, reasons.BY_EMERGENCY_STOP, now_ms)
     machine.vehicle = states.EMERGENCY_STOP
     machine.vehicle_reason = reasons.BY_OPERATOR
     return reasons.OK
@@ -80,7 +177,7 @@ def hold(machine: Machine) -> int:
 
 def resume(machine: Machine) -> int:
     """Continue to the goal that `hold` kept, in its mode."""
-    if not machines.goal_is_active(machine):
+    if not goal_is_active(machine):
         return reasons.NO_GOAL
     if machine.mode != states.HOLD:
         return reasons.OK
@@ -92,9 +189,9 @@ def resume(machine: Machine) -> int:
 
 def abort(machine: Machine, now_ms: int) -> int:
     """Drop the goal and stop, armed."""
-    if not machines.goal_is_active(machine):
+    if not goal_is_active(machine):
         return reasons.NO_GOAL
-    machines.end_goal(machine, states.ABORTED, reasons.BY_OPERATOR, now_ms)
+    end_goal(machine, states.ABORTED, reasons.BY_OPERATOR, now_ms)
     return reasons.OK
 
 
@@ -109,7 +206,7 @@ def goto(machine: Machine, goal: Goal, mode: int, now_ms: int, from_robot: bool 
     if not (machine.placed or from_robot):
         refusal = reasons.PLACE_UNKNOWN
     if refusal == reasons.OK:
-        machines.start_goal(machine, goal, mode, now_ms)
+        start_goal(machine, goal, mode, now_ms)
     elif machine.goal is None:
         machine.goal_state = states.REFUSED
         machine.goal_reason = refusal
@@ -130,7 +227,7 @@ def rtl(machine: Machine, trail: Trail, now_ms: int) -> int:
             if not fences.inside(machine.fence, trail.xs_m[i], trail.ys_m[i]):
                 return reasons.OUTSIDE_FENCE
     start = Goal(trail.xs_m[0], trail.ys_m[0], None, 0.05, pi)
-    machines.start_goal(machine, start, states.SMART_RTL, now_ms)
+    start_goal(machine, start, states.SMART_RTL, now_ms)
     return reasons.OK
 
 
@@ -145,7 +242,7 @@ def set_mode(machine: Machine, trail: Trail, mode: int, now_ms: int) -> int:
     if mode != states.AUTO and not machine.operator:
         return reasons.NO_OPERATOR
     if mode == states.MANUAL or machine.mode == states.SMART_RTL:
-        machines.end_goal(machine, states.ABORTED, reasons.BY_OPERATOR, now_ms)
+        end_goal(machine, states.ABORTED, reasons.BY_OPERATOR, now_ms)
     machine.mode = mode
     return reasons.OK
 
@@ -167,7 +264,7 @@ def set_fence(machine: Machine, fence: "Fence | None", pose: Pose) -> int:
                 return reasons.FENCE_LEAVES_ROBOT_OUT
         goal = machine.goal
         kept = goal is None or fences.inside(fence, goal.x_m, goal.y_m)
-        if machines.goal_is_active(machine) and not kept:
+        if goal_is_active(machine) and not kept:
             return reasons.OUTSIDE_FENCE
     machine.fence = fence
     machine.fence_unreadable = False

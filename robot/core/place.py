@@ -4,15 +4,14 @@ A robot is started with the pose at which its encoders had certain totals. Other
 sample mean that the wheels have turned since, so the start pose is no longer valid.
 """
 
-from robot.core import machine as machines
+from robot.core import modes as machines
 from robot.core import reasons, states
-from robot.core.geometry import wrap
-from robot.core.motion.trail import Trail
+from robot.core.motion import Trail
 from robot.core.perception.odometry import Odometry
-from robot.core.perception.pedestrians import Pedestrians
+from robot.core.perception.people import Pedestrians
 from robot.core.perception.wall_heading import WallHeading
 from robot.core.state import State
-from robot.core.values import SONARS, Pose, Wheels
+from robot.core.values import SONARS, Pose, Wheels, wrap
 
 
 def is_at_start(odometry: Odometry, wheels: Wheels) -> bool:

@@ -3,19 +3,18 @@
 from math import inf, pi, sqrt
 from typing import Final
 
-from robot.core import machine as machines
+from robot.core import modes as machines
+from robot.core import motion as progresses
+from robot.core import motion as trails
 from robot.core import reasons, states
-from robot.core.geometry import wrap
-from robot.core.motion import progress as progresses
-from robot.core.motion import trail as trails
-from robot.core.motion.controller import HALT, align, heading_error, into, limited, toward
+from robot.core.motion import HALT, align, heading_error, into, limited, toward
 from robot.core.navigators import registry
 from robot.core.navigators.registry import NAVIGATORS
 from robot.core.parameters import Params
 from robot.core.perception import closing_speed
 from robot.core.safety.guard import FRONT_BUMPER
 from robot.core.state import State
-from robot.core.values import Decision, Goal, Twist
+from robot.core.values import Decision, Goal, Twist, wrap
 from runtime.elementary import cos_sin
 
 LEAVE: Final = 3.0  # arrival is revoked beyond this many tolerances

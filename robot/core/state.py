@@ -3,15 +3,13 @@
 from math import inf
 
 from robot.core import reasons
-from robot.core.machine import Machine
-from robot.core.motion.progress import ProgressMonitor
-from robot.core.motion.trail import Trail
+from robot.core.modes import Machine
+from robot.core.motion import ProgressMonitor, Trail
 from robot.core.navigators import registry
 from robot.core.parameters import Params
-from robot.core.perception.frozen_sonar import FrozenSonar
 from robot.core.perception.odometry import Odometry
 from robot.core.perception.slip import Slip
-from robot.core.perception.sonar_ring import Ring
+from robot.core.perception.sonar_ring import FrozenSonar, Ring
 from robot.core.perception.stall import Stall
 from robot.core.perception.wall_heading import WallHeading
 from robot.core.values import Decision, Twist

@@ -4,7 +4,8 @@ from typing import Final
 
 from protocol.wire.enums import Command
 from protocol.wire.messages import CommandRequest
-from robot.core import brain, machine, modes, place, reasons, states
+from robot.core import brain, modes, place, reasons, states
+from robot.core import modes as machine
 from robot.core.brain import StageHook, ignore
 from robot.core.parameters import Params
 from robot.core.safety import failsafe

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 from protocol.wire.enums import FRAME_LOCAL_FLU, Command
 from protocol.wire.messages import MissionItemInt
 from robot.core import modes, reasons
-from robot.core.machine import Machine
+from robot.core.modes import Machine
 from robot.core.values import Goal
 
 PER_M: Final = 10_000.0

@@ -3,7 +3,7 @@
 from typing import Final
 
 from protocol.wire.messages import CycleReport
-from robot.core.budget import STAGES, TICK_US
+from robot.core.brain import STAGES, TICK_US
 from runtime.clock import Clock, Tick
 from runtime.units import UINT32
 

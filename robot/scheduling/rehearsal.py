@@ -16,8 +16,7 @@ from protocol.wire.codec import Encoder, decode
 from protocol.wire.messages import SonarScan, WheelCommand, WheelTicks
 from robot.core import brain, modes, states
 from robot.core.parameters import Params
-from robot.core.perception.from_messages import goal_of, scan_of, wheels_of
-from robot.core.values import Inputs
+from robot.core.values import Inputs, goal_of, scan_of, wheels_of
 from runtime.clock import PulseSource
 
 LEAD_NS: Final = 1_000_000

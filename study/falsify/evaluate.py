@@ -16,10 +16,9 @@ from protocol.wire.messages import GroundTruth
 from protocol.wire.reasons import Reason
 from protocol.world import Circle, Obstacle, Polygon, Polyline, World
 from robot.core import states
-from robot.core.geometry import BEARINGS, HALF_CONE
-from robot.core.navigators.memory import proof as proofs
+from robot.core.navigators import proof as proofs
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import EVERY, SONARS, Outputs
+from robot.core.values import BEARINGS, EVERY, HALF_CONE, SONARS, Outputs
 from runtime.elementary import atan2, hypot
 from runtime.units import NS_PER_S
 from study.falsify.properties import (

@@ -14,15 +14,14 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from robot.core import states
-from robot.core.geometry import wrap
-from robot.core.motion import pace
-from robot.core.motion.pace import Held
+from robot.core.navigators import pace
+from robot.core.navigators.pace import Held
 from robot.core.navigators.registry import NAVIGATORS, Navigator
 from robot.core.parameters import Params
 from robot.core.perception import closing_speed
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import Decision, Goal, Pose
+from robot.core.values import Decision, Goal, Pose, wrap
 from runtime.elementary import atan2, cos_sin
 from study.oracle.grid_map import (
     CIRCLE,

@@ -16,10 +16,9 @@ from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.messages import CommandRequest, SonarScan, WheelTicks
 from robot.core import reasons, states
 from robot.core.brain import ignore
-from robot.core.machine import goal_is_active
+from robot.core.modes import goal_is_active
 from robot.core.parameters import Params
-from robot.core.perception.from_messages import goal_of, now_ms_of, scan_of, wheels_of
-from robot.core.values import Inputs, Outputs, Wheels
+from robot.core.values import Inputs, Outputs, Wheels, goal_of, now_ms_of, scan_of, wheels_of
 from robot.hosting.core import Core
 from runtime.units import NS_PER_MS, NS_PER_S
 

@@ -45,10 +45,9 @@ from protocol.wire.reasons import Reason
 from robot import telemetry
 from robot.commands import is_stop
 from robot.core import reasons
-from robot.core.machine import Machine
+from robot.core.modes import Machine
 from robot.core.parameters import Params
-from robot.core.perception.from_messages import scan_of, twist_of, wheels_of
-from robot.core.values import Inputs, Outputs, Pose
+from robot.core.values import Inputs, Outputs, Pose, scan_of, twist_of, wheels_of
 from robot.storage.files import Store
 from robot.telemetry import NEVER
 from robot.vehicle import Vehicle

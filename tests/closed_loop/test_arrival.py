@@ -7,8 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot.core import brain, reasons, states
-from robot.core.geometry import wrap
-from robot.core.values import Goal, Outputs
+from robot.core.values import Goal, Outputs, wrap
 from tests.support.closed_loop.toy import Toy, box, drive_to
 from tests.support.each import each
 

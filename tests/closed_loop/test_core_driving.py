@@ -7,10 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot.core import brain, modes, states
-from robot.core.geometry import wrap
 from robot.core.navigators.registry import NAVIGATORS
 from robot.core.parameters import DEFAULTS
-from robot.core.values import Goal, Outputs
+from robot.core.values import Goal, Outputs, wrap
 from tests.support.closed_loop.toy import Toy, box, drive_to
 from tests.support.each import each
 

@@ -7,14 +7,13 @@ import pytest
 
 from plant.shortest_path import path_length_m, shortest_path
 from plant.world.file import load
-from robot.core.geometry import BEARINGS
-from robot.core.navigators import vgm
-from robot.core.navigators.memory.paper_memory import Memory
+from robot.core.navigators import paper
+from robot.core.navigators.paper import PaperMemory
 from robot.core.parameters import DEFAULTS
 from robot.core.perception import odometry as odometries
 from robot.core.perception.odometry import Odometry
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import Decision, Goal, Pose
+from robot.core.values import BEARINGS, Decision, Goal, Pose
 from study.trial.trial import Trial, run_trial
 from tests.support.each import each
 
@@ -157,7 +156,7 @@ def decide(sonar: int, pose: Pose, goal: tuple[float, float]) -> Decision:
     ring = Ring()
     ring.nearest, ring.nearest_m = sonar, 0.2
     where = goal_at(*goal)
-    return vgm.step(Memory(), pose, ring, where, DEFAULTS)
+    return paper.step_vgm(PaperMemory(), pose, ring, where, DEFAULTS)
 
 
 def goal_at(x_m: float, y_m: float) -> Goal:
@@ -190,11 +189,17 @@ def test_d_obs_is_the_zone_width_compared_with_the_nearest_range() -> None:
     ring = Ring()
     ring.nearest, ring.nearest_m = 4, DEFAULTS.d_obs_m
     goal = goal_at(3.0, 0.0)
-    assert vgm.step(Memory(), Pose(0.0, 0.0, 0.0), ring, goal, DEFAULTS).rotation_rad == 0.0
+    assert (
+        paper.step_vgm(PaperMemory(), Pose(0.0, 0.0, 0.0), ring, goal, DEFAULTS).rotation_rad == 0.0
+    )
     ring.nearest_m = DEFAULTS.d_obs_m - 0.001
-    assert vgm.step(Memory(), Pose(0.0, 0.0, 0.0), ring, goal, DEFAULTS).rotation_rad != 0.0
+    assert (
+        paper.step_vgm(PaperMemory(), Pose(0.0, 0.0, 0.0), ring, goal, DEFAULTS).rotation_rad != 0.0
+    )
     ring.nearest, ring.nearest_m = -1, inf
-    assert vgm.step(Memory(), Pose(0.0, 0.0, 0.0), ring, goal, DEFAULTS).rotation_rad == 0.0
+    assert (
+        paper.step_vgm(PaperMemory(), Pose(0.0, 0.0, 0.0), ring, goal, DEFAULTS).rotation_rad == 0.0
+    )
 
 
 @each("seed", range(3))

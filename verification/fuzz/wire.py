@@ -29,8 +29,7 @@ from protocol.wire.messages import (
 )
 from protocol.world import as_json
 from robot.core.parameters import DEFAULTS
-from robot.core.perception.from_messages import scan_of, wheels_of
-from robot.core.values import Inputs, Outputs, Scan, Wheels
+from robot.core.values import Inputs, Outputs, Scan, Wheels, scan_of, wheels_of
 from robot.hosting.in_process import InProcessCore
 from robot.parameters.service import ParameterService
 from robot.storage.files import Store

@@ -15,8 +15,8 @@ from protocol.wire.messages import (
     MissionCount,
     MissionItemInt,
 )
-from robot.core import machine as machines
 from robot.core import modes, reasons, states
+from robot.core import modes as machines
 from robot.core.safety.failsafe import ROWS
 from robot.core.values import Outputs, Pose
 from robot.process import SERVICES

@@ -12,7 +12,7 @@ PACKAGES: Final = ("robot.", "protocol.bus.mailbox.", "verification.")
 """Modules whose classes hold state; instances of all other classes count as values."""
 
 PERCEPTION: Final = "robot.core."
-CONTROL: Final = ("robot.core.machine.", "robot.core.state.")
+CONTROL: Final = ("robot.core.modes.", "robot.core.state.")
 MAPPINGS: Final = (dict, OrderedDict)
 SEQUENCES: Final = (list, deque)
 

@@ -8,8 +8,8 @@ from typing import Final, TypeAlias
 
 from plant.sim.simulation import Plant
 from protocol.world import GoalPose, Point, Polyline, Start, World
-from robot.core.navigators.memory import proof as proofs
-from robot.core.navigators.memory.chain import LEAD, TAIL
+from robot.core.navigators import proof as proofs
+from robot.core.navigators.proof import LEAD, TAIL
 from robot.core.navigators.vgm_following import Memory
 from robot.core.values import EVERY, Outputs
 from study.report.charts.world_map import WorldMap, end_mark, simplified

@@ -9,10 +9,9 @@ dead ends and out again.
 from math import pi, sqrt
 from typing import Final
 
-from robot.core.geometry import BEARINGS, HALF_CONE, TWO_PI, wrap
 from robot.core.parameters import Params
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import EVERY, SONARS, Pose
+from robot.core.values import BEARINGS, EVERY, HALF_CONE, SONARS, TWO_PI, Pose, wrap
 from runtime.elementary import coarse_acos, coarse_atan2, cos_sin
 
 POINTS: Final = 12

@@ -1,22 +1,94 @@
 """Shared behaviour of the classical bugs: drive to the goal, detect and follow obstacles.
 
 They differ in when to leave the boundary, and in what a closed lap means.
+
+Detect a full lap: the same place in the same direction.
+
+The place alone proves nothing: the robot passes a corridor in both directions.
 """
 
 from math import inf, pi, sqrt
 from typing import Final
 
 from robot.core import states
-from robot.core.geometry import BEARINGS, HALF_CONE, wrap
 from robot.core.navigators import boundary_follower as followers
 from robot.core.navigators.boundary_follower import Follower
-from robot.core.navigators.memory import lap as laps
-from robot.core.navigators.memory.lap import Lap
 from robot.core.parameters import Params
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.sonar_ring import AHEAD, Ring
-from robot.core.values import EVERY, SONARS, Decision, Goal, Pose
+from robot.core.values import BEARINGS, EVERY, HALF_CONE, SONARS, Decision, Goal, Pose, wrap
 from runtime.elementary import atan2, cos, cos_sin, sin
+
+MARK_AFTER_M: Final = 0.35  # at the hit itself the robot is still turning
+CLOSE_M: Final = 0.25
+SAME_WAY_RAD: Final = pi / 3.0
+ROUND_RAD: Final = 300.0 * pi / 180.0
+MIN_LAP_M: Final = 0.5
+WOUND_RAD: Final = 4.0 * pi  # without passing the mark: it is on another boundary
+SPUN_RAD: Final = 6.0 * pi  # boxed in
+
+
+class Lap:
+    """The mark, and distance and turn since then; `at_m` is the distance along the boundary."""
+
+    __slots__ = ("at_m", "last", "mark", "mark_at_m", "marked", "turned_rad")
+
+    def __init__(self) -> None:
+        self.mark = self.last = Pose(0.0, 0.0, 0.0)
+        self.marked = False
+        self.at_m = self.mark_at_m = self.turned_rad = 0.0
+
+
+def begin(lap: Lap, pose: Pose) -> None:
+    """Count from here."""
+    lap.last = pose
+    lap.marked = False
+    lap.at_m = lap.turned_rad = 0.0
+
+
+def resume(lap: Lap, pose: Pose) -> None:
+    """Continue after leaving the boundary; the distance in between does not count."""
+    lap.turned_rad += wrap(pose.heading_rad - lap.last.heading_rad)
+    lap.last = pose
+
+
+def closes_lap(lap: Lap, pose: Pose) -> bool:
+    """Add one tick along the boundary; return True each time the mark is passed again."""
+    lap.at_m += apart_m(lap.last, pose)
+    lap.turned_rad += wrap(pose.heading_rad - lap.last.heading_rad)
+    lap.last = pose
+    spun = abs(lap.turned_rad) >= SPUN_RAD
+    if not lap.marked:
+        if lap.at_m >= MARK_AFTER_M or spun:
+            mark(lap, pose)
+            return spun
+        return False
+    if abs(lap.turned_rad) < ROUND_RAD:
+        return False
+    if not spun and lap.at_m - lap.mark_at_m < MIN_LAP_M:
+        return False
+    same_way = abs(wrap(pose.heading_rad - lap.mark.heading_rad)) <= SAME_WAY_RAD
+    if not same_way or apart_m(lap.mark, pose) > CLOSE_M:
+        if abs(lap.turned_rad) > WOUND_RAD:
+            mark(lap, pose)
+        return False
+    lap.turned_rad = 0.0
+    return True
+
+
+def mark(lap: Lap, pose: Pose) -> None:
+    """Set the mark: passing it again in the same direction completes a lap."""
+    lap.mark = pose
+    lap.mark_at_m = lap.at_m
+    lap.marked = True
+    lap.turned_rad = 0.0
+
+
+def apart_m(one: Pose, other: Pose) -> float:
+    """Return the distance between two poses."""
+    dx_m, dy_m = one.x_m - other.x_m, one.y_m - other.y_m
+    return sqrt(dx_m * dx_m + dy_m * dy_m)
+
 
 HIT_M: Final = 0.03  # an obstacle with less clearance is in the way
 HIT_LOOK_M: Final = 0.22
@@ -164,9 +236,9 @@ def circle(boundary: Boundary, pose: Pose, anew: bool) -> None:
         boundary.laps = 0
         boundary.left_at_nearest = False
         boundary.near_m = inf
-        laps.begin(boundary.lap, pose)
+        begin(boundary.lap, pose)
     else:
-        laps.resume(boundary.lap, pose)
+        resume(boundary.lap, pose)
     boundary.hit_at_m = boundary.lap.at_m
 
 
@@ -174,7 +246,7 @@ def rounded(boundary: Boundary, pose: Pose) -> bool:
     """Update the lap; return whether there were enough laps to give up."""
     marked, mark = boundary.lap.marked, boundary.lap.mark
     boundary.near_m = min(boundary.near_m, boundary.distance_m)
-    if laps.closed(boundary.lap, pose):
+    if closes_lap(boundary.lap, pose):
         boundary.laps += 1
     elif marked and boundary.lap.mark is not mark:
         boundary.near_m = boundary.distance_m

@@ -3,8 +3,8 @@
 from typing import Any, Final, NamedTuple, Protocol
 
 from robot.core import states
-from robot.core.navigators import bug, bug1, bug2, distbug, vgm, vgm_memory
-from robot.core.navigators.memory import paper_memory as memories
+from robot.core.navigators import classical_bugs, paper, vgm_memory
+from robot.core.navigators import paper as memories
 from robot.core.parameters import Params
 from robot.core.perception.odometry import Odometry
 from robot.core.perception.sonar_ring import Ring
@@ -48,11 +48,11 @@ It then returns GIVE_UP, or LOST if it has no proof; a lack of progress does not
 """
 
 NAVIGATORS: "Final[dict[int, Navigator]]" = {
-    states.BUG: Navigator(memories.Memory, bug.step, False),
-    states.VGM: Navigator(memories.Memory, vgm.step, False),
-    states.BUG1: Navigator(bug1.Memory, bug1.step, True),
-    states.BUG2: Navigator(bug2.Memory, bug2.step, True),
-    states.DISTBUG: Navigator(distbug.Memory, distbug.step, True),
+    states.BUG: Navigator(memories.PaperMemory, paper.step_bug, False),
+    states.VGM: Navigator(memories.PaperMemory, paper.step_vgm, False),
+    states.BUG1: Navigator(classical_bugs.Bug1Memory, classical_bugs.step_bug1, True),
+    states.BUG2: Navigator(classical_bugs.Bug2Memory, classical_bugs.step_bug2, True),
+    states.DISTBUG: Navigator(classical_bugs.DistBugMemory, classical_bugs.step_distbug, True),
     states.VGM_MEMORY: Navigator(vgm_memory.Memory, vgm_memory.step, True),
 }
 

@@ -12,16 +12,15 @@ from math import inf
 from typing import Final
 
 from robot.core import states
-from robot.core.motion.pace import Held
-from robot.core.navigators import open_headings
-from robot.core.navigators import sweep as sweeps
-from robot.core.navigators.memory import chain as chains
-from robot.core.navigators.memory import changes, loops
-from robot.core.navigators.memory import proof as proofs
-from robot.core.navigators.memory.evasion import Evasion
-from robot.core.navigators.memory.loops import Loops
-from robot.core.navigators.memory.proof import Proof
+from robot.core.navigators import loops, open_headings
+from robot.core.navigators import open_headings as sweeps
+from robot.core.navigators import proof as chains
+from robot.core.navigators import proof as proofs
+from robot.core.navigators.evasion import Evasion, FlankWalker
+from robot.core.navigators.loops import Loops
 from robot.core.navigators.open_headings import Sectors
+from robot.core.navigators.pace import Held
+from robot.core.navigators.proof import Proof
 from robot.core.perception import echoes as echo_memory
 from robot.core.perception.echoes import (
     BRADS,
@@ -32,7 +31,6 @@ from robot.core.perception.echoes import (
     SURE,
     Echoes,
 )
-from robot.core.perception.flank_walker import FlankWalker
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Pose
 from runtime.elementary import atan2
@@ -173,7 +171,7 @@ def hit(memory: Memory, ring: Ring, x_cm: int, y_cm: int, to_goal: int, distance
     more = ROOM_PER_BRAD * (right - left) + room_m(ring, LEFT_SONARS) - room_m(ring, RIGHT_SONARS)
     wanted = states.LEFT if more >= 0.0 else states.RIGHT
     wanted = loops.side_at(memory.loops, x_cm, y_cm, wanted)
-    memory.side = changes.kept(memory.passed, wanted, changes.MAX_CHANGES)
+    memory.side = loops.kept(memory.passed, wanted, loops.MAX_CHANGES)
     loops.remember(memory.loops, x_cm, y_cm, memory.side)
     memory.hit_m = distance_m
     memory.reversed = memory.reversed and memory.failed_leaves > 0
@@ -325,7 +323,7 @@ def is_astray(memory: Memory, distance_m: float) -> bool:
     """
     return (
         not memory.reversed
-        and changes.are_left(memory.passed)
+        and loops.are_left(memory.passed)
         and loops.walked_cm(memory.loops) >= PATIENCE_CM << memory.islands
         and loops.is_straight(memory.loops)
         and distance_m > AWAY * memory.hit_m + AWAY_M
@@ -359,7 +357,7 @@ def try_other_side(memory: Memory, weight: int) -> None:
     restart(memory)
     memory.open_loops += weight
     memory.lost = memory.open_loops >= MAX_LOOPS
-    memory.side = changes.kept(memory.passed, -memory.side, changes.MAX_CHANGES)
+    memory.side = loops.kept(memory.passed, -memory.side, loops.MAX_CHANGES)
     memory.ease_mm = EASE_MM
 
 

@@ -15,21 +15,18 @@ from math import sqrt
 from typing import Final
 
 from robot.core import states
-from robot.core.geometry import TWO_PI, whole_cos_sin, wrap
-from robot.core.motion import pace
-from robot.core.navigators import open_headings, vgm_following
-from robot.core.navigators import sweep as sweeps
-from robot.core.navigators.memory import changes, evasion, loops
-from robot.core.navigators.memory import proof as proofs
+from robot.core.navigators import evasion, loops, open_headings, pace, vgm_following
+from robot.core.navigators import evasion as flank_walkers
+from robot.core.navigators import open_headings as sweeps
+from robot.core.navigators import proof as proofs
 from robot.core.navigators.vgm_following import Memory
 from robot.core.parameters import Params
-from robot.core.perception import echo_decay
+from robot.core.perception import echoes as echo_decay
 from robot.core.perception import echoes as echo_memory
-from robot.core.perception import flank_walker as flank_walkers
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.echoes import BRADS, HALF_CIRCLE, NOTHING, SURE
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import Decision, Goal, Pose
+from robot.core.values import TWO_PI, Decision, Goal, Pose, whole_cos_sin, wrap
 from runtime.elementary import atan2, cos_sin
 
 __all__ = ["Memory", "step"]
@@ -154,7 +151,7 @@ def give_way(memory: Memory) -> None:
     left = sweeps.sweep(sectors, flank_walker.heading, states.LEFT, sectors.tight)
     right = sweeps.sweep(sectors, flank_walker.heading, states.RIGHT, sectors.tight)
     side, turn = (states.LEFT, left) if left <= right else (states.RIGHT, right)
-    memory.aside = changes.kept(memory.passed, side, changes.MAX_CHANGES)
+    memory.aside = loops.kept(memory.passed, side, loops.MAX_CHANGES)
     memory.heading = flank_walker.heading + side * turn
 
 
@@ -198,7 +195,7 @@ def turn_aside(memory: Memory, to_goal: int, most: int) -> None:
         else:
             left += SAME_SIDE
     side = states.LEFT if left <= right else states.RIGHT
-    side = changes.kept(memory.passed, side, changes.MAX_DETOUR_CHANGES)
+    side = loops.kept(memory.passed, side, loops.MAX_DETOUR_CHANGES)
     turn = left if side == states.LEFT else right
     if turn < most:
         memory.aside, memory.aside_ticks = side, LATCH
@@ -267,8 +264,8 @@ def count_side(memory: Memory, branch: int) -> None:
     if branch not in (states.PASS_LEFT, states.PASS_RIGHT):
         return
     side = states.LEFT if branch == states.PASS_LEFT else states.RIGHT
-    memory.passed = changes.counted(memory.passed, side)
-    if not changes.are_left(memory.passed):
+    memory.passed = loops.counted(memory.passed, side)
+    if not loops.are_left(memory.passed):
         memory.side = memory.aside = side
 
 

@@ -9,11 +9,10 @@ walking, seen or not, because most collisions happen outside the sonars' view.
 from math import sqrt
 from typing import Final
 
-from robot.core.geometry import BEARINGS, COSINES, HALF_CONE, SINES, wrap
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.perception import people as peoples
 from robot.core.perception.odometry import Odometry
-from robot.core.perception.pedestrians import (
+from robot.core.perception.people import (
     EACH,
     PERSON_M,
     TRACKS,
@@ -23,7 +22,7 @@ from robot.core.perception.pedestrians import (
     goes_on,
 )
 from robot.core.perception.sonar_ring import FRONT, Ring
-from robot.core.values import EVERY, SONARS
+from robot.core.values import BEARINGS, COSINES, EVERY, HALF_CONE, SINES, SONARS, wrap
 from runtime.elementary import cos, cos_sin
 
 RIGHTWARDS: Final = tuple(range(SONARS - 1, -1, -1))

@@ -7,9 +7,8 @@ shortens the way (second order: `bend`). And encoders count whole ticks (`grain`
 
 from typing import Final
 
-from robot.core.geometry import wrap
 from robot.core.parameters import Params
-from robot.core.values import Pose, Wheels
+from robot.core.values import Pose, Wheels, wrap
 from runtime.elementary import cos_sin
 
 COUNTER: Final = 0x100000000

@@ -1,12 +1,20 @@
-"""The ring of eight sonars: latest range and age of each, and the nearest echo."""
+"""The ring of eight sonars: latest range and age of each, and the nearest echo.
+
+Detect frozen sonars, whose echoes no longer follow the robot's motion.
+
+Ranges that stay the same to the millimetre over `freeze_m` are proof only if they had to change.
+Without noise they also stay the same for a robot that drives straight between parallel walls, or
+circles a disc. So they count in these cases: the sonars are known to be noisy; the robot turned
+tightly or between echoes; an obstacle close ahead should have come closer; an obstacle ahead came
+closer at the robot's speed and then stopped from one scan to the next.
+"""
 
 from math import inf
 from typing import Final
 
-from robot.core.geometry import BEARINGS
 from robot.core.parameters import Params
-from robot.core.perception.pedestrians import Pedestrians
-from robot.core.values import EVERY, SONARS, Scan
+from robot.core.perception.people import Pedestrians
+from robot.core.values import BEARINGS, EVERY, SONARS, Scan
 
 FRONT: Final = (2, 3, 4, 5)
 AHEAD: Final = (3, 4)
@@ -101,3 +109,100 @@ def take(ring: Ring, scan: Scan, now_ms: int, params: Params) -> None:
             else:
                 ring.impossible = True
         bit += bit
+
+
+NOISY: Final = 3  # changed scans of a stationary robot until sonars count as noisy
+RIGHT_SIDE: Final = 0x0F
+LEFT_SIDE: Final = 0xF0
+STRAIGHT_RAD_PER_M: Final = 0.5
+CLOSING: Final = 3  # scans in a row with a closer echo ahead until it counts as closing
+CLOSING_SHARE: Final = 0.9
+SWING_MM: Final = 4
+SWING_SHARE: Final = 2.0  # maximum change of a range by turning, along an oblique wall
+LEAP_MM: Final = 100  # a larger change is another echo
+SWINGS: Final = 4  # alternating changes in a row until a sonar counts as noisy
+
+
+class FrozenSonar:
+    """The last new echoes and the motion since; `verdict` is set if they are frozen."""
+
+    __slots__ = (
+        "change_mm",
+        "closing",
+        "echo",
+        "moved_m",
+        "noise",
+        "range_mm",
+        "still",
+        "swings",
+        "swung_rad",
+        "turned_rad",
+        "verdict",
+    )
+
+    def __init__(self) -> None:
+        self.range_mm: tuple[int, ...] = ()
+        self.echo = 0
+        self.moved_m = self.turned_rad = self.swung_rad = 0.0
+        self.noise = self.closing = 0
+        self.change_mm = [0] * SONARS
+        self.swings = [0] * SONARS
+        self.still = self.verdict = False
+
+
+def watch(
+    frozen: FrozenSonar, scan: Scan | None, moved_m: float, turned_rad: float, params: Params
+) -> None:
+    """Judge one scan and the motion before it; one changed echo resets the verdict."""
+    if scan is None:
+        return
+    echo = scan.echo & scan.valid
+    if echo != frozen.echo or scan.range_mm != frozen.range_mm or echo == 0:
+        frozen.noise += moved_m == 0.0 and frozen.still and echo == frozen.echo
+        frozen.still = moved_m == 0.0
+        compare(frozen, scan, echo & frozen.echo, moved_m, abs(turned_rad))
+        frozen.echo, frozen.range_mm = echo, scan.range_mm
+        frozen.moved_m = frozen.turned_rad = frozen.swung_rad = 0.0
+        frozen.verdict = False
+        return
+    turn_rad = abs(turned_rad)
+    frozen.moved_m += moved_m
+    frozen.swung_rad += turn_rad
+    if moved_m <= turn_rad * params.radius_m or (echo & RIGHT_SIDE and echo & LEFT_SIDE):
+        frozen.turned_rad += turn_rad
+    if frozen.moved_m >= params.freeze_m:
+        frozen.verdict = had_to_change(frozen, scan, params)
+
+
+def had_to_change(frozen: FrozenSonar, scan: Scan, params: Params) -> bool:
+    """Return whether these echoes must have changed."""
+    if frozen.noise >= NOISY or frozen.turned_rad >= params.freeze_rad:
+        return True
+    for i in AHEAD:
+        if frozen.echo >> i & 1 and scan.range_mm[i] < params.freeze_front_m * 1000.0:
+            return True
+    straight = frozen.swung_rad <= STRAIGHT_RAD_PER_M * frozen.moved_m
+    return straight and frozen.closing >= CLOSING
+
+
+def compare(frozen: FrozenSonar, scan: Scan, both: int, moved_m: float, turned_rad: float) -> None:
+    """Compare new echoes with the last: closing with the motion ahead, alternating by noise.
+
+    `both` masks the sonars with an echo in both scans.
+    """
+    if frozen.noise >= NOISY:
+        return
+    closing = False
+    for i in EVERY:
+        change_mm = scan.range_mm[i] - frozen.range_mm[i] if both >> i & 1 else 0
+        if i in AHEAD and moved_m > 0.0 and -change_mm >= CLOSING_SHARE * 1000.0 * moved_m:
+            closing = True
+        least_mm = SWING_MM + SWING_SHARE * turned_rad * scan.range_mm[i]
+        if least_mm <= abs(change_mm) < LEAP_MM and change_mm * frozen.change_mm[i] < 0:
+            frozen.swings[i] += 1
+            if frozen.swings[i] >= SWINGS:
+                frozen.noise = NOISY
+        else:
+            frozen.swings[i] = 0
+        frozen.change_mm[i] = change_mm
+    frozen.closing = frozen.closing + 1 if closing else 0

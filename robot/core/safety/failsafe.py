@@ -2,9 +2,9 @@
 
 from typing import Final, NamedTuple, Protocol
 
-from robot.core import machine as machines
+from robot.core import modes as machines
 from robot.core import reasons, states
-from robot.core.machine import Machine
+from robot.core.modes import Machine
 from robot.core.parameters import Params
 from robot.core.safety import fence as fences
 from robot.core.state import State

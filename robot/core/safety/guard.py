@@ -3,10 +3,9 @@
 from typing import Final
 
 from robot.core import reasons, states
-from robot.core.geometry import COSINES
 from robot.core.parameters import Params
 from robot.core.perception.sonar_ring import AHEAD, FRONT, Ring
-from robot.core.values import Wheels
+from robot.core.values import COSINES, Wheels
 
 ROUNDING: Final = 1.0 + 1e-9  # tolerates rounding of a command at the limit
 FRONT_BUMPER: Final = states.BUMPER_LEFT | states.BUMPER_RIGHT

@@ -30,8 +30,7 @@ from protocol.wire.messages import CommandRequest, GoalRequest, WheelCommand
 from protocol.world import World
 from robot import telemetry
 from robot.core.parameters import DEFAULTS, Params
-from robot.core.perception.from_messages import now_ms_of, scan_of, wheels_of
-from robot.core.values import Inputs
+from robot.core.values import Inputs, now_ms_of, scan_of, wheels_of
 from robot.parameters.table import described
 from robot.storage.files import Store
 from robot.telemetry import CoreInputs

@@ -12,7 +12,7 @@ from protocol.wire.enums import Command, LeaseAction
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandRequest, GoalRequest, LeaseRequest, Teleop
 from robot.core import reasons, states
-from robot.core.machine import goal_is_active
+from robot.core.modes import goal_is_active
 from robot.vehicle import Answer, Vehicle
 from runtime.units import NS_PER_MS
 from verification.simulation.invariants import limits

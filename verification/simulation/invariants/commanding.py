@@ -8,7 +8,7 @@ from protocol.wire.enums import LeaseAction, Mode
 from protocol.wire.message import Message
 from protocol.wire.messages import LeaseRequest, Teleop
 from robot.core import states
-from robot.core.machine import Machine, goal_is_active
+from robot.core.modes import Machine, goal_is_active
 from robot.lease import Holder
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS

@@ -15,7 +15,7 @@ from protocol.wire.enums import Vehicle as VehicleState
 from protocol.wire.message import Message
 from protocol.wire.reasons import Reason
 from robot.core import states
-from robot.core.machine import Machine
+from robot.core.modes import Machine
 from robot.vehicle import Answer, Vehicle
 from runtime.clock import Tick
 from verification.simulation.hosts.gateway_side import GATEWAY

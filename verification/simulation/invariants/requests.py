@@ -14,7 +14,7 @@ from protocol.wire.messages import (
 )
 from robot.commands import is_stop
 from robot.core import reasons, states
-from robot.core.machine import Machine
+from robot.core.modes import Machine
 from robot.vehicle import Answer, Vehicle
 from runtime.units import NS_PER_MS
 from verification.simulation.hosts.operators import OperatorRequest

@@ -5,9 +5,9 @@ from typing import Any
 
 from protocol.wire.reasons import Reason
 from robot.core import states
-from robot.core.geometry import wrap
-from robot.core.machine import Machine, drives, goal_is_active
+from robot.core.modes import Machine, drives, goal_is_active
 from robot.core.parameters import Params
+from robot.core.values import wrap
 from robot.vehicle import Vehicle
 from runtime.units import NS_PER_MS
 from verification.simulation.invariants import limits

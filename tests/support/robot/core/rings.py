@@ -7,12 +7,11 @@ from typing import NamedTuple
 from hypothesis import strategies as st
 
 from robot.core import states
-from robot.core.geometry import BEARINGS, HALF_CONE, wrap
 from robot.core.navigators import registry
 from robot.core.parameters import DEFAULTS
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import SONARS, Decision, Goal, Pose, Scan
+from robot.core.values import BEARINGS, HALF_CONE, SONARS, Decision, Goal, Pose, Scan, wrap
 from tests.support.robot.core.stories import (
     AGES,
     ALL,

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.text.wording import NONE, SONARS, echo, heading_deg, metres, place, side, sonar
-from robot.core.geometry import BEARINGS
+from robot.core.values import BEARINGS
 from tests.support.each import each
 
 

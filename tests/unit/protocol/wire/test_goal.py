@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocol.outcome import rounded_heading_rad, start_arguments, wire_goal
-from robot.core.perception.from_messages import goal_of
+from robot.core.values import goal_of
 from tests.support.each import each
 
 metres = st.floats(-100.0, 100.0)

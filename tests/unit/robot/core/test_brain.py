@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot.core import brain, budget, modes, reasons, states
+from robot.core import brain, modes, reasons, states
+from robot.core import brain as budget
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Goal, Inputs, Scan, Wheels
 from tests.support.each import each

@@ -12,13 +12,12 @@ from benchmarks.board.results import STATE_BYTES
 from benchmarks.board.scenarios import CarriedBody, EnclosedBody, ScenarioBody
 from benchmarks.board.state_size import state_bytes
 from robot.core import states
-from robot.core.geometry import wrap
-from robot.core.motion.controller import HALT
+from robot.core.motion import HALT
 from robot.core.navigators.registry import NAVIGATORS as REGISTERED
 from robot.core.navigators.registry import new_memory
 from robot.core.parameters import DEFAULTS
 from robot.core.perception import sonar_ring as rings
-from robot.core.values import Goal, Outputs, Pose
+from robot.core.values import Goal, Outputs, Pose, wrap
 from study.trial.trial import NAVIGATORS
 from tests.support.each import each
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core.geometry import BEARINGS, COSINES, SINES, wrap
+from robot.core.values import BEARINGS, COSINES, SINES, wrap
 from tests.support.each import each
 
 

@@ -3,10 +3,9 @@
 import pytest
 
 from robot.core import states
-from robot.core.navigators import vgm_following
-from robot.core.navigators.memory import loops
-from robot.core.navigators.memory import proof as proofs
-from robot.core.navigators.memory.proof import NO_GAP, SPENT, WAITING
+from robot.core.navigators import loops, vgm_following
+from robot.core.navigators import proof as proofs
+from robot.core.navigators.proof import NO_GAP, SPENT, WAITING
 from robot.core.navigators.vgm_following import EASE_MM, ISLANDS, MAX_LOOPS, Memory
 from robot.core.values import Goal
 from tests.support.each import each

@@ -12,13 +12,12 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 from robot.core import states
-from robot.core.geometry import BEARINGS, wrap
-from robot.core.motion.pace import DITHER_RAD, WEAVE_RAD
-from robot.core.navigators import vgm
+from robot.core.navigators import paper
+from robot.core.navigators.pace import DITHER_RAD, WEAVE_RAD
 from robot.core.navigators.registry import NAVIGATORS, Navigator, new_memory
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.sonar_ring import FRONT
-from robot.core.values import SONARS, Decision, Goal, Outputs, Pose
+from robot.core.values import BEARINGS, SONARS, Decision, Goal, Outputs, Pose, wrap
 from tests.support.robot.core.rings import seen
 from tests.support.robot.core.stories import (
     ALL,
@@ -157,7 +156,9 @@ def test_virtual_goal_is_tangent_to_the_nearest_echo(
     range_mm[sonar] = near_mm
     x_m, y_m = pose.x_m + distance_m * cos(goal_at_rad), pose.y_m + distance_m * sin(goal_at_rad)
     memory = new_memory(states.VGM, states.LEFT)
-    decision = vgm.step(memory, pose, seen(range_mm), Goal(x_m, y_m, None, 0.05, 0.05), DEFAULTS)
+    decision = paper.step_vgm(
+        memory, pose, seen(range_mm), Goal(x_m, y_m, None, 0.05, 0.05), DEFAULTS
+    )
     turn_rad = decision.goal_bearing_rad + decision.rotation_rad
     aside_rad = wrap(turn_rad - BEARINGS[sonar])
     assert abs(abs(aside_rad) - pi / 2) < 1e-9

@@ -1,8 +1,8 @@
 """The machine: its initial state, active goals, and how goals begin and end."""
 
-from robot.core import machine as machines
+from robot.core import modes as machines
 from robot.core import reasons, states
-from robot.core.machine import Machine
+from robot.core.modes import Machine
 from robot.core.parameters import DEFAULTS
 from tests.support.each import each
 from tests.support.robot.core.driving import AHEAD

@@ -8,11 +8,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from robot.core import states
-from robot.core.geometry import wrap
-from robot.core.motion import pace
+from robot.core.navigators import pace
 from robot.core.navigators.registry import NAVIGATORS, new_memory
 from robot.core.parameters import DEFAULTS
-from robot.core.values import SONARS, Goal, Pose
+from robot.core.values import SONARS, Goal, Pose, wrap
 from tests.support.robot.core.rings import seen
 from tests.support.robot.core.stories import ALL, goals, mirrored_goal, reversed_bits
 

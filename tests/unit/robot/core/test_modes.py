@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.core import modes, reasons, states
-from robot.core.machine import Machine, end_goal, goal_is_active
+from robot.core.modes import Machine, end_goal, goal_is_active
 from robot.core.safety import failsafe
 from robot.core.values import Goal
 from tests.support.each import each

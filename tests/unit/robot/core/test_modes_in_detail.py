@@ -2,10 +2,10 @@
 
 from math import pi
 
-from robot.core import machine as machines
 from robot.core import modes, reasons, states
-from robot.core.machine import Machine
-from robot.core.motion.trail import Trail, drop_crumb
+from robot.core import modes as machines
+from robot.core.modes import Machine
+from robot.core.motion import Trail, drop_crumb
 from robot.core.parameters import DEFAULTS
 from robot.core.safety.fence import Fence
 from robot.core.values import Goal, Pose

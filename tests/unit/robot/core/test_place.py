@@ -5,7 +5,7 @@ from math import inf, nan, pi
 import pytest
 
 from robot.core import modes, place, reasons, states
-from robot.core.motion.trail import Trail
+from robot.core.motion import Trail
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.odometry import Odometry
 from robot.core.safety.fence import Fence

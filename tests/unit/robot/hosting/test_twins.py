@@ -36,8 +36,7 @@ from robot import telemetry
 from robot.core import reasons, states
 from robot.core.brain import ignore
 from robot.core.parameters import DEFAULTS
-from robot.core.perception.from_messages import now_ms_of, scan_of, wheels_of
-from robot.core.values import Inputs, Pose
+from robot.core.values import Inputs, Pose, now_ms_of, scan_of, wheels_of
 from robot.storage.files import Store
 from robot.teleop import operator_twist
 from robot.vehicle import Vehicle

@@ -6,7 +6,7 @@ from firmware.linker import Binding, Program
 DRIVE = """
 from robot.core import brain, modes, states
 from robot.core.parameters import DEFAULTS
-from robot.core.perception.from_messages import goal_of
+from robot.core.values import goal_of
 from robot.core.values import Inputs, Scan, Wheels
 
 def drive(navigator):

@@ -3,7 +3,7 @@
 from protocol.wire.enums import Severity
 from protocol.wire.messages import WheelTicks
 from robot.core import reasons, states
-from robot.core.machine import start_goal
+from robot.core.modes import start_goal
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Goal
 from robot.senses import Senses

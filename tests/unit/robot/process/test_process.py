@@ -42,7 +42,7 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import Reason
 from robot.commands import acknowledge
 from robot.core import states
-from robot.core.budget import GUARD, NAVIGATE, ODOMETRY, READ, TICK_US
+from robot.core.brain import GUARD, NAVIGATE, ODOMETRY, READ, TICK_US
 from robot.core.values import Inputs
 from robot.process import SERVICES
 from robot.storage.files import Store

@@ -1,6 +1,6 @@
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.messages import CycleReport
-from robot.core.budget import GUARD, NAVIGATE, ODOMETRY, READ, TICK_US
+from robot.core.brain import GUARD, NAVIGATE, ODOMETRY, READ, TICK_US
 from robot.scheduling.cycle_meter import CycleMeter
 from runtime.clock import ManualClock, Tick
 from runtime.units import UINT32

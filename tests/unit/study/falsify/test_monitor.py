@@ -11,7 +11,7 @@ import pytest
 
 from protocol.wire.messages import GroundTruth
 from protocol.world import Circle, GoalPose, Obstacle, Polyline, Start, World
-from robot.core.navigators.memory import proof as proofs
+from robot.core.navigators import proof as proofs
 from study.falsify.evaluate import Monitor, Subject, evaluate, nearest_thing, sonar_towards
 from study.falsify.findings import read_finding, sentence_of
 from study.falsify.properties import Evaluation

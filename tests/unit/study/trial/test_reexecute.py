@@ -32,7 +32,7 @@ from protocol.wire.messages import (
     WheelCommand,
 )
 from protocol.wire.reasons import Reason
-from robot.core.machine import Machine
+from robot.core.modes import Machine
 from robot.core.parameters import DEFAULTS
 from robot.core.safety import guard
 from robot.parameters.table import described

@@ -9,7 +9,8 @@ import pytest
 from protocol.wire.messages import GoalRequest
 from robot import vehicle
 from robot.commands import HANDLERS
-from robot.core import brain, machine, modes, reasons, states
+from robot.core import brain, modes, reasons, states
+from robot.core import modes as machine
 from robot.core.safety import failsafe
 from robot.core.safety.failsafe import ROWS
 from robot.core.values import Goal, Twist

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from robot.core.motion import controller
-from robot.core.motion.controller import into, limited, ramp, toward
+from robot.core import motion
+from robot.core.motion import into, limited, ramp, toward
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Twist
 from tests.support.each import each
@@ -95,7 +95,7 @@ def test_the_ramp_arrives(wanted: Twist, last: Twist) -> None:
 @given(st.floats(-pi, pi))
 def test_the_last_turn_ends_without_passing_the_end(error: float) -> None:
     for _ in range(400):
-        yaw = controller.align(error, DEFAULTS)
+        yaw = motion.align(error, DEFAULTS)
         assert abs(yaw) <= DEFAULTS.yaw_max_rad_s
         after = error - yaw * DEFAULTS.period_s
         assert abs(after) <= abs(error)
@@ -105,8 +105,8 @@ def test_the_last_turn_ends_without_passing_the_end(error: float) -> None:
 
 
 def test_the_last_turn_is_slow_but_not_too_slow() -> None:
-    assert controller.align(0.05, DEFAULTS) == DEFAULTS.align_min_rad_s
-    assert controller.align(-0.4, DEFAULTS) == pytest.approx(-1.0)
+    assert motion.align(0.05, DEFAULTS) == DEFAULTS.align_min_rad_s
+    assert motion.align(-0.4, DEFAULTS) == pytest.approx(-1.0)
 
 
 def test_infinite_input_gives_no_finite_looking_command() -> None:

@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core.geometry import BEARINGS
-from robot.core.motion import pace
-from robot.core.motion.pace import (
+from robot.core.navigators import pace
+from robot.core.navigators.open_headings import FREE_MM
+from robot.core.navigators.pace import (
     BESIDE,
     CLOSE_M,
     DITHER_M,
@@ -21,11 +21,10 @@ from robot.core.motion.pace import (
     WEAVE_RAD,
     Held,
 )
-from robot.core.navigators.open_headings import FREE_MM
 from robot.core.parameters import DEFAULTS
-from robot.core.perception.echo_decay import FADE_TURNS
+from robot.core.perception.echoes import FADE_TURNS
 from robot.core.perception.sonar_ring import SATURATED_M, Ring
-from robot.core.values import SONARS
+from robot.core.values import BEARINGS, SONARS
 from tests.support.each import each
 from tests.support.robot.core.rings import SILENT, Ranges, heard
 

@@ -3,8 +3,8 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core.motion import trail as trails
-from robot.core.motion.trail import LIMIT, PASSED_M, SPACING_M, Trail
+from robot.core import motion as trails
+from robot.core.motion import LIMIT, PASSED_M, SPACING_M, Trail
 
 
 def walked(distance_m: float) -> Trail:

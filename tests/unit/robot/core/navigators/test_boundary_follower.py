@@ -5,12 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core.geometry import wrap
 from robot.core.navigators import boundary_follower as followers
 from robot.core.navigators.boundary_follower import Follower
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import Pose
+from robot.core.values import Pose, wrap
 from tests.support.each import each
 from tests.support.robot.core.rings import HERE, Disc, Wall, clearance_m, ring, rolled, seen_from
 

@@ -5,11 +5,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.core import states
-from robot.core.geometry import wrap
-from robot.core.navigators import bug, registry
-from robot.core.navigators.memory.paper_memory import Memory
+from robot.core.navigators import paper, registry
+from robot.core.navigators.paper import PaperMemory
 from robot.core.parameters import DEFAULTS
-from robot.core.values import Decision, Goal, Pose
+from robot.core.values import Decision, Goal, Pose, wrap
 from tests.support.each import each
 from tests.support.robot.core.rings import ring
 
@@ -18,9 +17,9 @@ HERE = Pose(0.0, 0.0, 0.0)
 RIGHT_WALL = {0: 150, 1: 172, 2: 262}  # parallel, at the distance to follow
 
 
-def memory(side: int = states.LEFT) -> Memory:
+def memory(side: int = states.LEFT) -> PaperMemory:
     fresh = registry.new_memory(states.BUG, side)
-    assert isinstance(fresh, Memory)
+    assert isinstance(fresh, PaperMemory)
     return fresh
 
 
@@ -30,11 +29,11 @@ def steered_deg(decision: Decision, pose: Pose = HERE) -> float:
     return degrees(wrap(atan2(dy_m, dx_m) - pose.heading_rad))
 
 
-def step(remembered: Memory, echoes: dict[int, int], goal: Goal = AHEAD) -> Decision:
-    return bug.step(remembered, HERE, ring(echoes), goal, DEFAULTS)
+def step(remembered: PaperMemory, echoes: dict[int, int], goal: Goal = AHEAD) -> Decision:
+    return paper.step_bug(remembered, HERE, ring(echoes), goal, DEFAULTS)
 
 
-def following(side: int = states.LEFT) -> Memory:
+def following(side: int = states.LEFT) -> PaperMemory:
     """Meet an obstacle ahead and turn until it is beside the robot."""
     remembered = memory(side)
     step(remembered, {3: 250, 4: 250})
@@ -113,7 +112,7 @@ def test_lost_wall_is_searched_for_three_quarters_of_a_turn() -> None:
         turned_rad += 0.1
         pose = Pose(0.0, 0.0, heading_rad)
         far_behind = Goal(-5.0 * cos(heading_rad), -5.0 * sin(heading_rad), None, 0.05, 0.05)
-        bug.step(remembered, pose, ring({}), far_behind, DEFAULTS)
+        paper.step_bug(remembered, pose, ring({}), far_behind, DEFAULTS)
         assert turned_rad < 10.0
     assert turned_rad == pytest.approx(1.5 * pi, abs=0.2)
 

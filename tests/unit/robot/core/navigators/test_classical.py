@@ -5,13 +5,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.core import states
-from robot.core.geometry import BEARINGS, HALF_CONE
 from robot.core.navigators import classical as boundaries
 from robot.core.navigators import registry
 from robot.core.navigators.classical import Boundary
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import Goal, Pose
+from robot.core.values import BEARINGS, HALF_CONE, Goal, Pose
 from tests.support.each import each
 from tests.support.robot.core.rings import HERE, Wall, ring, seen_from
 

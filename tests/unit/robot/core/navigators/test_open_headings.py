@@ -4,9 +4,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from robot.core.geometry import BEARINGS
 from robot.core.navigators import open_headings
-from robot.core.navigators import sweep as sweeps
+from robot.core.navigators import open_headings as sweeps
 from robot.core.navigators.open_headings import (
     CLEAR_MM,
     FEW,
@@ -21,7 +20,6 @@ from robot.core.navigators.open_headings import (
     Sectors,
     squeeze,
 )
-from robot.core.perception.echo_decay import update_through
 from robot.core.perception.echoes import (
     BRADS,
     CIRCLE,
@@ -33,9 +31,10 @@ from robot.core.perception.echoes import (
     SURE,
     Echoes,
     record,
+    update_through,
 )
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import Pose
+from robot.core.values import BEARINGS, Pose
 from tests.support.each import each
 from tests.support.robot.core.rings import (
     HERE,

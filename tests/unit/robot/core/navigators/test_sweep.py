@@ -2,7 +2,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from robot.core.navigators import sweep as sweeps
+from robot.core.navigators import open_headings as sweeps
 from robot.core.navigators.open_headings import NEAR, Sectors
 from robot.core.perception.echoes import CIRCLE, HALF_CIRCLE, NOTHING, QUARTER
 

@@ -5,12 +5,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.core import states
-from robot.core.geometry import BEARINGS, wrap
-from robot.core.navigators import vgm
-from robot.core.navigators.memory.paper_memory import Memory
+from robot.core.navigators import paper
+from robot.core.navigators.paper import PaperMemory
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import Decision, Goal, Pose
+from robot.core.values import BEARINGS, Decision, Goal, Pose, wrap
 from tests.support.robot.core.rings import ring
 
 places = st.floats(-20.0, 20.0)
@@ -22,7 +21,7 @@ def goal(x_m: float, y_m: float) -> Goal:
 
 
 def decide(pose: Pose, seen: Ring, x_m: float, y_m: float) -> Decision:
-    return vgm.step(Memory(), pose, seen, goal(x_m, y_m), DEFAULTS)
+    return paper.step_vgm(PaperMemory(), pose, seen, goal(x_m, y_m), DEFAULTS)
 
 
 def bearing_of_virtual_goal(pose: Pose, decision: Decision) -> float:
@@ -80,8 +79,8 @@ def test_rotation_about_the_robot_is_independent_of_the_map(
 
 
 def test_it_has_no_memory() -> None:
-    memory, pose = Memory(), Pose(0.0, 0.0, 0.0)
-    first = vgm.step(memory, pose, ring({}), goal(3.0, 0.0), DEFAULTS)
+    memory, pose = PaperMemory(), Pose(0.0, 0.0, 0.0)
+    first = paper.step_vgm(memory, pose, ring({}), goal(3.0, 0.0), DEFAULTS)
     for _ in range(50):
-        vgm.step(memory, pose, ring({2: 100}), goal(3.0, 0.0), DEFAULTS)
-    assert vgm.step(memory, pose, ring({}), goal(3.0, 0.0), DEFAULTS) == first
+        paper.step_vgm(memory, pose, ring({2: 100}), goal(3.0, 0.0), DEFAULTS)
+    assert paper.step_vgm(memory, pose, ring({}), goal(3.0, 0.0), DEFAULTS) == first

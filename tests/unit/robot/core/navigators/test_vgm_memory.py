@@ -6,17 +6,16 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from robot.core import states
-from robot.core.geometry import wrap
-from robot.core.motion.pace import DITHER_RAD, DITHER_TURNS, SLOW_MM
-from robot.core.navigators.memory import loops
+from robot.core.navigators import evasion as flank_walkers
+from robot.core.navigators import loops
+from robot.core.navigators.pace import DITHER_RAD, DITHER_TURNS, SLOW_MM
 from robot.core.navigators.vgm_following import SHUT, Memory
 from robot.core.navigators.vgm_memory import MAX_FAILED_LEAVES, MAX_STILL, rotation_rad
 from robot.core.parameters import DEFAULTS
-from robot.core.perception import flank_walker as flank_walkers
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.echoes import MAX_WEIGHT, REACH_M, SURE
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import SONARS, Goal, Pose, Scan
+from robot.core.values import SONARS, Goal, Pose, Scan, wrap
 from tests.support.each import each
 from tests.support.robot.core.rings import HERE, SILENT, Disc, Wall, clearance_m, ring, walk_to
 from tests.support.robot.core.vgm_memory import GOAL, SIDES, stand, step

@@ -7,7 +7,7 @@ from robot.core.parameters import DEFAULTS
 from robot.core.perception import closing_speed as closings
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.odometry import Odometry
-from robot.core.perception.pedestrians import BEHIND, PERSON_M, TRACKS, Pedestrians
+from robot.core.perception.people import BEHIND, PERSON_M, TRACKS, Pedestrians
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Pose, Scan
 from tests.support.each import each

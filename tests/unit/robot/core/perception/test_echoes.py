@@ -4,29 +4,33 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core.geometry import BEARINGS
-from robot.core.perception import echo_decay, sonar_ring
+from robot.core.perception import echoes as echo_decay
 from robot.core.perception import echoes as memory
-from robot.core.perception.echo_decay import CORE, FADE_TURNS, FORGET_MM2, SLICES, THROUGH_MM
+from robot.core.perception import sonar_ring
 from robot.core.perception.echoes import (
     BRADS,
     CIRCLE,
     CONE,
+    CORE,
+    FADE_TURNS,
     FEW,
     FIRM_MM,
     FIRM_STEP,
     FIRM_WEIGHT,
+    FORGET_MM2,
     HALF_CIRCLE,
     MAX_WEIGHT,
     NEAR_M,
     NOTHING,
     POINTS,
     REACH_M,
+    SLICES,
     SURE,
+    THROUGH_MM,
     Echoes,
 )
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import SONARS, Pose
+from robot.core.values import BEARINGS, SONARS, Pose
 from tests.support.each import each
 from tests.support.robot.core.rings import (
     HERE,

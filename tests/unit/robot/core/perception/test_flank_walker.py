@@ -2,16 +2,16 @@ from math import cos, pi, sin
 
 import pytest
 
-from robot.core.perception import flank_walker as flank_walkers
-from robot.core.perception.echoes import BRADS, CIRCLE, HALF_CIRCLE
-from robot.core.perception.flank_walker import (
+from robot.core.navigators import evasion as flank_walkers
+from robot.core.navigators.evasion import (
     ALONG_MM,
     ASIDE,
     BEFORE_M,
     GIVE_WAY_TICKS,
-    NEAR_M,
+    WALKER_NEAR_M,
     FlankWalker,
 )
+from robot.core.perception.echoes import BRADS, CIRCLE, HALF_CIRCLE
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Pose
 from tests.support.robot.core.rings import Wall, ring, seen_from
@@ -25,7 +25,7 @@ def watch(flank_walker: FlankWalker, pose: Pose, seen: Ring) -> bool:
     return flank_walkers.watch(flank_walker, seen, pose)
 
 
-def beside(side: int, range_m: float = 0.5 * NEAR_M) -> Ring:
+def beside(side: int, range_m: float = 0.5 * WALKER_NEAR_M) -> Ring:
     """Return a ring in which only the last sonar of a flank has a near echo."""
     last, before = (7, 6) if side > 0 else (0, 1)
     return ring({last: round(1000.0 * range_m), before: 2500})
@@ -109,7 +109,7 @@ def test_stationary_robot_detects_no_pedestrian() -> None:
 @FLANKS
 def test_flank_is_where_only_the_last_sonar_has_an_echo(side: int) -> None:
     last, before = (7, 6) if side > 0 else (0, 1)
-    near_mm, far_mm = round(500.0 * NEAR_M), round(1000.0 * (NEAR_M + BEFORE_M))
+    near_mm, far_mm = round(500.0 * WALKER_NEAR_M), round(1000.0 * (WALKER_NEAR_M + BEFORE_M))
     assert flank_walkers.flank(ring({last: near_mm, before: near_mm + far_mm})) == side
     assert flank_walkers.flank(ring({last: near_mm})) == side
     assert flank_walkers.flank(ring({last: near_mm, before: near_mm + 50})) == 0

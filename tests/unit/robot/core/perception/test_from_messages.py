@@ -6,8 +6,7 @@ from typing import NamedTuple
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core.perception.from_messages import goal_of, now_ms_of, scan_of, wheels_of
-from robot.core.values import Scan, Wheels
+from robot.core.values import Scan, Wheels, goal_of, now_ms_of, scan_of, wheels_of
 
 
 class TicksLike(NamedTuple):

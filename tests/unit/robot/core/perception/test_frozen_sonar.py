@@ -1,6 +1,6 @@
 from robot.core.parameters import DEFAULTS
-from robot.core.perception import frozen_sonar
-from robot.core.perception.frozen_sonar import FrozenSonar
+from robot.core.perception import sonar_ring
+from robot.core.perception.sonar_ring import FrozenSonar
 from robot.core.values import Scan
 from tests.support.robot.core.rings import scan
 
@@ -9,7 +9,7 @@ def drive(
     sonars: FrozenSonar, one: Scan, ticks: int, moved_m: float = 0.015, turned: float = 0.0
 ) -> None:
     for _ in range(ticks):
-        frozen_sonar.watch(sonars, one, moved_m, turned, DEFAULTS)
+        sonar_ring.watch(sonars, one, moved_m, turned, DEFAULTS)
 
 
 def test_echoes_that_ignore_a_turn_are_frozen() -> None:
@@ -87,7 +87,7 @@ def test_alternating_echoes_that_then_stay_are_frozen() -> None:
 
 def test_a_missing_scan_is_not_judged() -> None:
     sonars = FrozenSonar()
-    frozen_sonar.watch(sonars, None, 1.0, 1.0, DEFAULTS)
+    sonar_ring.watch(sonars, None, 1.0, 1.0, DEFAULTS)
     assert not sonars.verdict
 
 

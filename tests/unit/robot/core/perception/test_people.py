@@ -2,12 +2,11 @@
 
 from math import atan2, hypot, inf
 
-from robot.core.geometry import BEARINGS, HALF_CONE
 from robot.core.parameters import DEFAULTS
 from robot.core.perception import people as peoples
 from robot.core.perception.odometry import Odometry
 from robot.core.perception.people import BEGIN, BODY_M, MAX_LEFT, MAX_PEOPLE, PROVEN, People
-from robot.core.values import Pose
+from robot.core.values import BEARINGS, HALF_CONE, Pose
 
 HERE = Pose(0.0, 0.0, 0.0)
 NO_ECHO: "list[float | None]" = [inf] * 8

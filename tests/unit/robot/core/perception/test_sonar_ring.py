@@ -3,11 +3,10 @@ from math import inf
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core.geometry import BEARINGS
 from robot.core.parameters import DEFAULTS
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import Scan
+from robot.core.values import BEARINGS, Scan
 from tests.support.robot.core.rings import scan
 
 OPEN = (0,) * 8

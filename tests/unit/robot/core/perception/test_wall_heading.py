@@ -3,7 +3,6 @@ from math import cos, inf, nan, pi, radians, sin, tan
 import numpy as np
 import pytest
 
-from robot.core.geometry import wrap
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.perception import odometry as odometries
 from robot.core.perception import wall_heading
@@ -11,7 +10,7 @@ from robot.core.perception.odometry import Odometry
 from robot.core.perception.slip import Slip
 from robot.core.perception.sonar_ring import Ring
 from robot.core.perception.wall_heading import WallHeading
-from robot.core.values import Pose, Wheels
+from robot.core.values import Pose, Wheels, wrap
 from tests.support.each import each
 
 STEP_TICKS = 50  # 10 mm

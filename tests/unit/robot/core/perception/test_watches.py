@@ -2,9 +2,9 @@ from math import pi
 
 import pytest
 
+from robot.core import motion as progresses
 from robot.core import reasons
-from robot.core.motion import progress as progresses
-from robot.core.motion.progress import ProgressMonitor
+from robot.core.motion import ProgressMonitor
 from robot.core.parameters import DEFAULTS
 from robot.core.perception import stall as stalls
 from robot.core.perception.odometry import Odometry

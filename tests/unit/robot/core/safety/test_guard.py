@@ -5,12 +5,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.core import reasons
-from robot.core.geometry import COSINES
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.sonar_ring import FRONT, Ring
 from robot.core.safety import guard
-from robot.core.values import Scan, Wheels
+from robot.core.values import COSINES, Scan, Wheels
 from tests.support.each import each
 
 REST = Wheels(0, 0, 0, 0)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from robot.core import modes, reasons, states
-from robot.core.machine import Machine
+from robot.core.modes import Machine
 from robot.core.safety import failsafe
 from robot.core.safety.fence import Fence
 from robot.core.values import Pose

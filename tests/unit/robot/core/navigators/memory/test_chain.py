@@ -8,10 +8,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from robot.core import states
-from robot.core.geometry import BEARINGS, HALF_CONE
-from robot.core.navigators.memory import chain as chains
-from robot.core.navigators.memory.chain import JUMP_MM, LEAD, REACH_M, SLACK_MM, TAIL, Chain
-from robot.core.values import SONARS, Pose
+from robot.core.navigators import proof as chains
+from robot.core.navigators.proof import JUMP_MM, LEAD, REACH_M, SLACK_MM, TAIL, Chain
+from robot.core.values import BEARINGS, HALF_CONE, SONARS, Pose
 from tests.support.each import each
 from tests.support.robot.core.rings import HERE, RADIUS_MM, SILENT, Wall, ring, seen_from
 from tests.support.robot.core.vgm_memory import SIDES
@@ -168,7 +167,7 @@ def test_lead_is_the_last_linked_arc_and_tail_the_first() -> None:
     chain = Chain()
     look(chain, {0: 60, 1: 60, 2: 60, 3: 60, 4: 60, 7: 60})
     assert chains.begin(chain, states.LEFT)
-    assert chains.extend(chain, 0, 0, states.LEFT, chains.width_mm(RADIUS_MM))
+    assert chains.extend(chain, 0, 0, states.LEFT, chains.chain_width_mm(RADIUS_MM))
     assert (chain.x_mm[TAIL], chain.y_mm[TAIL]) == (chain.x_mm[0], chain.y_mm[0])
     assert (chain.x_mm[LEAD], chain.y_mm[LEAD]) == (chain.x_mm[4], chain.y_mm[4])
 
@@ -195,7 +194,7 @@ def end_after(walls: list[Wall], from_m: float, to_m: float, side: int) -> float
         if not begun:
             begun = chains.begin(chain, side)
         else:
-            chains.extend(chain, int(1000.0 * x_m), 0, side, chains.width_mm(RADIUS_MM))
+            chains.extend(chain, int(1000.0 * x_m), 0, side, chains.chain_width_mm(RADIUS_MM))
     x_mm, _ = chains.middle(chain, TAIL)
     return 0.001 * x_mm if begun else None
 

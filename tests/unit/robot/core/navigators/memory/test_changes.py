@@ -3,9 +3,8 @@ from hypothesis import strategies as st
 
 from plant.corpus.generate import generate
 from robot.core import states
-from robot.core.navigators import vgm_memory
-from robot.core.navigators.memory import changes
-from robot.core.navigators.memory.changes import MAX_CHANGES, MAX_DETOUR_CHANGES
+from robot.core.navigators import loops, vgm_memory
+from robot.core.navigators.loops import MAX_CHANGES, MAX_DETOUR_CHANGES
 from robot.core.navigators.vgm_following import Memory
 from study.trial.core_loop import Behaviour
 from study.trial.trial import Trial, run_trial
@@ -19,7 +18,7 @@ def after(sides: list[int]) -> int:
     """Return the state after obstacles were passed on these sides."""
     passed = 0
     for side in sides:
-        passed = changes.counted(passed, side)
+        passed = loops.counted(passed, side)
     return passed
 
 
@@ -28,36 +27,36 @@ def test_state_holds_last_side_and_number_of_changes(sides: list[int]) -> None:
     passed = after(sides)
     changed = sum(sides[k] != sides[k - 1] for k in range(1, len(sides)))
     assert abs(passed) == 1 + changed
-    assert changes.last(passed) == sides[-1]
+    assert loops.last(passed) == sides[-1]
 
 
 @given(st.lists(SIDES, max_size=200))
 def test_wanted_sides_change_at_most_as_often_as_allowed(wanted: list[int]) -> None:
     passed, taken = 0, []
     for side in wanted:
-        taken.append(changes.kept(passed, side, MAX_CHANGES))
-        passed = changes.counted(passed, taken[-1])
+        taken.append(loops.kept(passed, side, MAX_CHANGES))
+        passed = loops.counted(passed, taken[-1])
     assert sum(taken[k] != taken[k - 1] for k in range(1, len(taken))) <= MAX_CHANGES
 
 
 def test_detours_keep_their_side_before_boundaries_do() -> None:
     passed = after([LEFT, RIGHT] * 2 + [LEFT])
     assert abs(passed) - 1 > MAX_DETOUR_CHANGES
-    assert changes.kept(passed, RIGHT, MAX_DETOUR_CHANGES) == LEFT
-    assert changes.kept(passed, RIGHT, MAX_CHANGES) == RIGHT
+    assert loops.kept(passed, RIGHT, MAX_DETOUR_CHANGES) == LEFT
+    assert loops.kept(passed, RIGHT, MAX_CHANGES) == RIGHT
 
 
 def test_any_side_is_taken_before_the_first_obstacle() -> None:
-    assert [changes.kept(0, side, MAX_CHANGES) for side in (LEFT, RIGHT)] == [LEFT, RIGHT]
+    assert [loops.kept(0, side, MAX_CHANGES) for side in (LEFT, RIGHT)] == [LEFT, RIGHT]
 
 
 def test_navigator_latches_both_sides_after_the_last_change() -> None:
     memory = Memory()
     memory.side = memory.aside = RIGHT
     for k in range(MAX_CHANGES + 1):
-        assert changes.are_left(memory.passed)
+        assert loops.are_left(memory.passed)
         vgm_memory.count_side(memory, BRANCHES[LEFT if k % 2 == 0 else RIGHT])
-    assert not changes.are_left(memory.passed)
+    assert not loops.are_left(memory.passed)
     assert (memory.side, memory.aside) == (LEFT, LEFT)
 
 

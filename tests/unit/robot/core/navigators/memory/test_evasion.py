@@ -5,8 +5,8 @@ from math import cos, hypot, inf, sin
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core.navigators.memory import evasion
-from robot.core.navigators.memory.evasion import Evasion
+from robot.core.navigators import evasion
+from robot.core.navigators.evasion import Evasion
 from robot.core.navigators.open_headings import Sectors
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.echoes import BRADS, HALF_CIRCLE, QUARTER

@@ -3,10 +3,9 @@ from math import cos, pi, sin
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.core.geometry import wrap
-from robot.core.navigators.memory import lap as laps
-from robot.core.navigators.memory.lap import Lap
-from robot.core.values import Pose
+from robot.core.navigators import classical as laps
+from robot.core.navigators.classical import Lap
+from robot.core.values import Pose, wrap
 
 STEP_M = 0.015
 
@@ -26,7 +25,7 @@ def on_circle(radius_m: float, angle_rad: float) -> Pose:
 def closings(poses: list[Pose]) -> list[int]:
     """Return the ticks at which a lap was closed."""
     lap = begun(poses[0])
-    return [k for k, pose in enumerate(poses) if laps.closed(lap, pose)]
+    return [k for k, pose in enumerate(poses) if laps.closes_lap(lap, pose)]
 
 
 def circle(radius_m: float, turns: float) -> list[Pose]:
@@ -67,7 +66,7 @@ def test_a_robot_that_can_only_spin_is_boxed_in() -> None:
 def test_turns_off_the_boundary_count_but_distance_does_not() -> None:
     lap = begun(Pose(0.0, 0.0, 0.0))
     laps.resume(lap, Pose(5.0, 0.0, 1.0))
-    assert not laps.closed(lap, Pose(5.01, 0.0, 1.5))
+    assert not laps.closes_lap(lap, Pose(5.01, 0.0, 1.5))
     assert abs(lap.turned_rad - 1.5) < 1e-9
     assert abs(lap.at_m - 0.01) < 1e-9
 

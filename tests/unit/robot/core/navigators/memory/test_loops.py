@@ -6,8 +6,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from robot.core.navigators.memory import loops as way
-from robot.core.navigators.memory.loops import (
+from robot.core.navigators import loops as way
+from robot.core.navigators.loops import (
     CRUMBS,
     HIT_CM,
     HITS,

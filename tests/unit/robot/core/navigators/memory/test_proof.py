@@ -7,16 +7,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.core import states
-from robot.core.geometry import wrap
-from robot.core.navigators.memory import chain as chains
-from robot.core.navigators.memory import proof as proofs
-from robot.core.navigators.memory.chain import LEAD, TAIL
-from robot.core.navigators.memory.proof import (
+from robot.core.navigators import proof as chains
+from robot.core.navigators import proof as proofs
+from robot.core.navigators.proof import (
     AROUND,
     BOUNDARY_M,
     CLOSED,
     DOUBTED,
     HOPPED,
+    LEAD,
     MIN_LAP_MM,
     NO_GAP,
     OPEN,
@@ -25,12 +24,13 @@ from robot.core.navigators.memory.proof import (
     SEPARATED,
     SIGMAS,
     SPENT,
+    TAIL,
     WAITING,
     Proof,
 )
 from robot.core.perception.echoes import CIRCLE, HALF_CIRCLE
 from robot.core.perception.odometry import Odometry
-from robot.core.values import Pose
+from robot.core.values import Pose, wrap
 from tests.support.each import each
 from tests.support.robot.core.rings import HERE, RADIUS_MM, SILENT, Disc, Wall, ring, seen_from
 from tests.support.robot.core.vgm_memory import SIDES

@@ -1,21 +1,71 @@
-"""The bug algorithm of the paper (section 4).
+"""The Virtual Goal Method of the paper (section 5) with corrected signs, without a memory.
+
+Paper to code: beta is `nearest_bearing_rad` (here positive to the left), alpha `goal_bearing_rad`,
+gamma `rotation_rad`, X_d the goal, X_v the virtual goal, d_obs `params.d_obs_m`. The goal is
+rotated about the robot, not about the origin, until the way to it is tangent to the nearest
+obstacle.
+
+The bug algorithm of the paper (section 4).
 
 An obstacle in the way nearer than d_th starts boundary following. As soon as the way to the goal
 looks open, the robot heads for the goal again. Earlier obstacles are forgotten, so deep traps may
 hold the robot. Obstacles are passed on `memory.side`; the wall is on the other side.
+
+The memory of the paper's navigators; vgm uses only the side.
 """
 
 from math import inf, pi, sqrt
 from typing import Final
 
 from robot.core import states
-from robot.core.geometry import BEARINGS, HALF_CONE, wrap
-from robot.core.navigators.memory.paper_memory import Memory
 from robot.core.parameters import Params
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import EVERY, SONARS, Decision, Goal, Pose
+from robot.core.values import BEARINGS, EVERY, HALF_CONE, SONARS, Decision, Goal, Pose, wrap
 from runtime.elementary import atan2, cos, cos_sin, sin
+
+
+class PaperMemory:
+    """State of bug between two ticks.
+
+    `side` is where obstacles are passed. `following` is set while one is followed, and `beside`
+    once it is beside the robot. `lost_rad` is the turn since the wall was lost, `heading_rad` the
+    last heading.
+    """
+
+    __slots__ = ("beside", "following", "heading_rad", "lost_rad", "side")
+
+    def __init__(self) -> None:
+        self.side: int = states.LEFT
+        self.following = False
+        self.beside = False
+        self.lost_rad = 0.0
+        self.heading_rad = 0.0
+
+
+def step_vgm(memory: PaperMemory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
+    """Return where to drive: at the goal, or past the nearest echo in the avoidance zone."""
+    dx_m, dy_m = goal.x_m - pose.x_m, goal.y_m - pose.y_m
+    alpha_rad = wrap(atan2(dy_m, dx_m) - pose.heading_rad)
+    beta_rad, nearest_m = rings.bearing_rad(ring), ring.nearest_m
+    if beta_rad is None or nearest_m >= params.d_obs_m:
+        branch = states.TO_GOAL
+        return Decision(branch, beta_rad, nearest_m, alpha_rad, 0.0, goal.x_m, goal.y_m, inf)
+    left = beta_rad > 0.0
+    tangent_rad = beta_rad - 0.5 * pi if left else beta_rad + 0.5 * pi
+    gamma_rad = wrap(tangent_rad - alpha_rad)
+    cosine, sine = cos_sin(gamma_rad)
+    return Decision(
+        states.PASS_RIGHT if left else states.PASS_LEFT,
+        beta_rad,
+        nearest_m,
+        alpha_rad,
+        gamma_rad,
+        pose.x_m + cosine * dx_m - sine * dy_m,
+        pose.y_m + sine * dx_m + cosine * dy_m,
+        inf,
+    )
+
 
 HIT_MARGIN_M: Final = 0.03
 LEAVE_MARGIN_M: Final = 0.05
@@ -32,7 +82,7 @@ SIN_STEP: Final = sin(2.0 * HALF_CONE)
 BESIDE: Final = 0.5 * pi
 
 
-def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
+def step_bug(memory: PaperMemory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
     """Return where to drive: at the goal, or along the wall on the side away from `memory.side`."""
     dx_m, dy_m = goal.x_m - pose.x_m, goal.y_m - pose.y_m
     alpha_rad = wrap(atan2(dy_m, dx_m) - pose.heading_rad)
@@ -59,7 +109,9 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     )
 
 
-def decide(memory: Memory, ring: Ring, alpha_rad: float, distance_m: float, params: Params) -> None:
+def decide(
+    memory: PaperMemory, ring: Ring, alpha_rad: float, distance_m: float, params: Params
+) -> None:
     """Start following if an obstacle is in the way; stop when the way is open in view."""
     if not memory.following:
         memory.following = in_the_way(ring, alpha_rad, distance_m, HIT_MARGIN_M, params)
@@ -90,7 +142,7 @@ def in_the_way(
     return False
 
 
-def along_the_wall(memory: Memory, pose: Pose, ring: Ring, params: Params) -> float:
+def along_the_wall(memory: PaperMemory, pose: Pose, ring: Ring, params: Params) -> float:
     """Return the bearing along the wall, corrected for its distance; an arc around its end.
 
     The ring is blind beyond 90 degrees. When the wall ends, the robot turns towards its last place
@@ -126,7 +178,7 @@ def leaning_rad(beside_m: float, before_m: float | None, params: Params) -> floa
     return max(-LEAN_MAX_RAD, min(LEAN_MAX_RAD, (ratio - COS_STEP) / SIN_STEP))
 
 
-def wall_sonar(memory: Memory, ring: Ring, params: Params) -> int:
+def wall_sonar(memory: PaperMemory, ring: Ring, params: Params) -> int:
     """Return the sonar with the shortest range to the followed wall.
 
     Once the wall is beside the robot this is one of the three sonars there. An echo ahead then

@@ -1,13 +1,77 @@
-"""Compute speed and yaw rate towards a point or pose, within the limits of the wheels."""
+"""Compute speed and yaw rate towards a point or pose, within the limits of the wheels.
 
-from math import pi
+Detect a blocked robot, and a lack of progress towards the goal.
+
+The trail for the way back: at most 128 points, every second one removed when full.
+"""
+
+from math import inf, pi, sqrt
 from typing import Final
 
-from robot.core.geometry import wrap
+from robot.core import reasons
 from robot.core.parameters import Params
 from robot.core.perception.odometry import wheel_shares
-from robot.core.values import Twist
+from robot.core.values import Pose, Twist, wrap
 from runtime.elementary import cos_sin, tanh
+
+SPACING_M: Final = 0.25
+LIMIT: Final = 128
+PASSED_M: Final = 0.20
+
+
+class Trail:
+    """Points from the start, the newest last; the spacing doubles each time they are thinned.
+
+    The first `count` items of the lists are used. The lists never grow: on a microcontroller the
+    free memory may lack a block for a longer one.
+    """
+
+    __slots__ = ("count", "spacing_m", "xs_m", "ys_m")
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.xs_m = [0.0] * LIMIT
+        self.ys_m = [0.0] * LIMIT
+        self.spacing_m = SPACING_M
+
+
+def drop_crumb(trail: Trail, x_m: float, y_m: float) -> None:
+    """Store this place if the newest point is a spacing away."""
+    if trail.count and distance_m(trail, x_m, y_m) < trail.spacing_m:
+        return
+    if trail.count >= LIMIT:
+        thin(trail)
+    trail.xs_m[trail.count] = x_m
+    trail.ys_m[trail.count] = y_m
+    trail.count += 1
+
+
+def thin(trail: Trail) -> None:
+    """Keep the start and every second point after it."""
+    trail.count = (trail.count + 1) // 2
+    for i in range(trail.count):
+        trail.xs_m[i] = trail.xs_m[2 * i]
+        trail.ys_m[i] = trail.ys_m[2 * i]
+    trail.spacing_m *= 2.0
+
+
+def distance_m(trail: Trail, x_m: float, y_m: float) -> float:
+    """Return the distance to the newest point."""
+    dx_m = x_m - trail.xs_m[trail.count - 1]
+    dy_m = y_m - trail.ys_m[trail.count - 1]
+    return sqrt(dx_m * dx_m + dy_m * dy_m)
+
+
+def pass_crumb(trail: Trail, x_m: float, y_m: float) -> bool:
+    """Remove the newest point when it is reached; return whether there is a new one.
+
+    The start stays.
+    """
+    if trail.count < 2 or distance_m(trail, x_m, y_m) > PASSED_M:
+        return False
+    trail.count -= 1
+    return True
+
 
 HALF_TURN: Final = 0.5 * pi
 HALT: Final = Twist(0.0, 0.0)
@@ -101,3 +165,54 @@ def ramp(wanted: Twist, last: Twist, params: Params) -> Twist:
         return Twist(speed_m_s, last.yaw_rate_rad_s + share * more_rad_s)
     share = can_m_s / (abs(more_m_s) + turn_m_s)
     return Twist(last.speed_m_s + share * more_m_s, last.yaw_rate_rad_s + share * more_rad_s)
+
+
+class ProgressMonitor:
+    """Place and time of the last real motion, and the shortest distance to the goal so far."""
+
+    __slots__ = ("anchor", "best_m", "best_ms", "moved_ms")
+
+    def __init__(self) -> None:
+        self.anchor = Pose(0.0, 0.0, 0.0)
+        self.moved_ms = self.best_ms = 0
+        self.best_m = inf
+
+
+def restart(progress: ProgressMonitor, pose: Pose, now_ms: int) -> None:
+    """Restart the timers: for a new goal, a new part of the trail, or after a hold."""
+    progress.anchor = pose
+    progress.best_m = inf
+    progress.moved_ms = progress.best_ms = now_ms
+
+
+def judge(
+    progress: ProgressMonitor,
+    pose: Pose,
+    distance_m: float,
+    now_ms: int,
+    params: Params,
+    patient: bool = False,
+) -> int:
+    """Return BLOCKED, NO_PROGRESS, or 0.
+
+    `patient`: the navigator detects a lack of progress itself; only BLOCKED is returned.
+    """
+    if distance_m < progress.best_m - params.progress_m:
+        progress.best_m = distance_m
+        progress.best_ms = now_ms
+    if got_away(progress.anchor, pose, params):
+        progress.anchor = pose
+        progress.moved_ms = now_ms
+    if now_ms - progress.moved_ms > params.stuck_ms:
+        return reasons.BLOCKED
+    if not patient and now_ms - progress.best_ms > params.progress_ms:
+        return reasons.NO_PROGRESS
+    return reasons.OK
+
+
+def got_away(anchor: Pose, pose: Pose, params: Params) -> bool:
+    """Return whether the robot has moved or turned far enough from the anchor."""
+    dx_m, dy_m = pose.x_m - anchor.x_m, pose.y_m - anchor.y_m
+    if dx_m * dx_m + dy_m * dy_m >= params.stuck_m * params.stuck_m:
+        return True
+    return abs(wrap(pose.heading_rad - anchor.heading_rad)) >= params.stuck_rad

@@ -1,1 +1,0 @@
-"""Controllers, speed limits, progress monitoring and the trail."""

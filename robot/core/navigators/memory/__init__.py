@@ -1,1 +1,0 @@
-"""The navigators' state between ticks."""
