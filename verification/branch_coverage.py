@@ -20,7 +20,6 @@ KERNEL: Final = (
     "robot/core/safety/guard.py",
     "robot/core/safety/failsafe.py",
     "robot/core/modes.py",
-    "robot/core/modes.py",
     "robot/lease.py",
     "plant/process/robot_link.py",
     "protocol/bus/mailbox.py",

@@ -11,8 +11,8 @@ TARGETS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
             "tests/unit/robot/core/safety/test_failsafe.py",
             "tests/unit/robot/core/test_place.py",
         ),
-        "robot/core/modes.py": ("tests/unit/robot/core/test_machine.py",),
         "robot/core/modes.py": (
+            "tests/unit/robot/core/test_machine.py",
             "tests/unit/robot/core/test_modes_in_detail.py",
             "tests/unit/robot/core/test_modes.py",
             "tests/unit/robot/core/safety/test_fence.py",
