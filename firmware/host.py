@@ -41,8 +41,7 @@ from robot.core.safety import failsafe
 from robot.core.safety.fence import MAX_CORNERS, Fence
 from robot.core.state import State
 from robot.core.values import Goal, Inputs, Outputs, Pose, Scan, Twist, Wheels
-from robot.hosting.core import HOSTS, NewCore
-from robot.hosting.in_process import ORIGIN
+from robot.hosting import HOSTS, ORIGIN, NewCore
 from runtime.units import NS_PER_MS, NS_PER_US, PERIOD_NS, UINT32
 
 NEVER: Final = 0xFFFFFFFF

@@ -20,13 +20,11 @@ from protocol.topics import robot_name
 from protocol.wire.enums import Severity
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Pose
-from robot.hosting.core import HOSTS, NewCore
-from robot.hosting.in_process import InProcessCore
-from robot.parameters.table import adjusted
+from robot.file_writer import InlineWriter, WriterThread
+from robot.hosting import HOSTS, InProcessCore, NewCore
+from robot.parameter_table import adjusted
 from robot.run import Options, run
-from robot.storage.files import Store, own
-from robot.storage.previous_run import PreviousRun
-from robot.storage.writer import InlineWriter, WriterThread
+from robot.storage import PreviousRun, Store, own
 from robot.vehicle import Vehicle
 from runtime import config
 from runtime.cli.parsers import new_parser

@@ -1,4 +1,7 @@
-"""Handle the requests of operators; a repeated request is acted on only once."""
+"""Handle the requests of operators; a repeated request is acted on only once.
+
+Manual driving with a dead-man switch: steering lasts only while frames arrive.
+"""
 
 from collections import OrderedDict, deque
 from collections.abc import Callable, Mapping
@@ -8,14 +11,16 @@ from typing import Final, NamedTuple, TypeAlias, TypeGuard
 
 from protocol.topic import person_of
 from protocol.wire.enums import AckResult, Command, Mode
+from protocol.wire.limits import MAX_TELEOP_TTL_MS
 from protocol.wire.message import Message, wire_of
-from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest
+from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest, Teleop
 from robot.core import modes as machines
 from robot.core import reasons, states
 from robot.core.modes import Machine
-from robot.core.values import goal_of
-from robot.hosting.core import Core
-from robot.mission.mission import Mission
+from robot.core.values import Twist, goal_of, twist_of
+from robot.hosting import Core
+from robot.mission import Mission
+from runtime.units import NS_PER_MS
 
 MAX_OPERATORS: Final = 64
 MAX_ANSWERS: Final = 32
@@ -335,3 +340,39 @@ HANDLERS: Final[Mapping[int, CommandRow]] = MappingProxyType(
         Command.SIDESTEP_CLEAR_EMERGENCY_STOP: CommandRow(Commands._by_core),
     }
 )
+
+
+class TeleopInput:
+    """The newest teleop frame and its expiry; a frame with too long a validity is ignored."""
+
+    def __init__(self) -> None:
+        self._newest: Teleop | None = None
+        self._until_ns = 0
+        self._refused_ms = 0
+
+    def receive(self, teleop: Teleop, sent_ns: int) -> str:
+        """Take a frame sent at `sent_ns`; return why it is ignored, once for each new cause."""
+        ttl_ms = teleop.ttl_ms
+        if ttl_ms > MAX_TELEOP_TTL_MS:
+            again, self._refused_ms = ttl_ms == self._refused_ms, ttl_ms
+            words = (
+                f"teleop ignored: valid for {ttl_ms} ms, at most {MAX_TELEOP_TTL_MS} are allowed"
+            )
+            return "" if again else words
+        self._newest = teleop
+        self._until_ns = sent_ns + ttl_ms * NS_PER_MS
+        self._refused_ms = 0
+        return ""
+
+    def clear(self) -> None:
+        """Drop the frame, because another operator takes over."""
+        self._newest = None
+
+    def newest(self, now_ns: int) -> Teleop | None:
+        """Return the frame in force, or None after its expiry."""
+        return self._newest if now_ns < self._until_ns else None
+
+
+def operator_twist(teleop: Teleop | None) -> Twist | None:
+    """Return the twist the operator commands, or None without a frame in force."""
+    return None if teleop is None else twist_of(teleop.speed_mm_s, teleop.yaw_rate_mrad_s)

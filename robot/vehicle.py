@@ -28,8 +28,7 @@ from protocol.wire.messages import (
     Teleop,
 )
 from robot import telemetry
-from robot.change_log import ChangeLog
-from robot.commands import Commands, ack, acknowledge, is_arm, is_clear, is_stop
+from robot.commands import Commands, TeleopInput, ack, acknowledge, is_arm, is_clear, is_stop
 from robot.core import modes as machines
 from robot.core import reasons, states
 from robot.core.brain import StageHook
@@ -37,20 +36,15 @@ from robot.core.parameters import Params
 from robot.core.safety import failsafe
 from robot.core.state import State
 from robot.core.values import Inputs, Outputs, Pose, Twist
-from robot.hosting.core import NewCore
-from robot.hosting.in_process import ORIGIN, InProcessCore
+from robot.emergency_stop import RESTORED, emergency_stop
+from robot.file_writer import Ticket
+from robot.hosting import ORIGIN, InProcessCore, NewCore
 from robot.lease import Lease, needs_no_lease
-from robot.mission.fence_items import FenceItems
-from robot.mission.mission import Mission
-from robot.mission.persistence import MissionStore
-from robot.mission.restore import restored
-from robot.mission.transfer import Reply, Transfers
-from robot.parameters.service import NO_COMMAND, ParameterService
-from robot.stop_latch import emergency_stop
-from robot.storage.files import Store
-from robot.storage.kept_stop import RESTORED
-from robot.storage.writer import Ticket
-from robot.teleop import TeleopInput
+from robot.mission import FenceItems, Mission
+from robot.mission_transfer import MissionStore, Reply, Transfers, restored
+from robot.parameter_service import NO_COMMAND, ParameterService
+from robot.storage import Store
+from robot.telemetry import ChangeLog
 from runtime.units import NS_PER_MS
 
 Answer: TypeAlias = CommandAck | ParamValue | Reply

@@ -41,8 +41,8 @@ from robot.core.parameters import Params
 from robot.core.perception import odometry as odometries
 from robot.core.perception.odometry import Odometry
 from robot.core.values import Outputs, Pose, Wheels, wrap
-from robot.hosting.in_process import ORIGIN, InProcessCore
-from robot.parameters.table import with_values
+from robot.hosting import ORIGIN, InProcessCore
+from robot.parameter_table import with_values
 from runtime.errors import ConfigError
 from runtime.files import text_in
 from runtime.units import PERIOD_MS

@@ -38,9 +38,8 @@ from protocol.wire.enums import Vehicle as VehicleState
 from protocol.wire.messages import CommandRequest, NavigatorStatus
 from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
-from robot.stop_latch import emergency_stop
-from robot.storage.files import Store
-from robot.storage.kept_stop import SAVED
+from robot.emergency_stop import SAVED, emergency_stop
+from robot.storage import Store
 from robot.vehicle import Vehicle
 from runtime import files
 from runtime.clock import WallClock

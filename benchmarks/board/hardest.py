@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from benchmarks.board.scenarios import Scenario, run_scenario
 from robot import core
-from robot.hosting.in_process import InProcessCore
+from robot.hosting import InProcessCore
 
 SCENARIOS: Final = 24
 TICKS: Final = 200

@@ -31,7 +31,7 @@ from plant.sim.simulation import Plant
 from plant.world.file import load, shipped
 from protocol.wire.messages import BoardReport
 from robot.core.values import Outputs
-from robot.hosting.in_process import InProcessCore
+from robot.hosting import InProcessCore
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import NAVIGATORS, Trial, run_trial
 from verification.same_bits.board import SHOWN, image_hash

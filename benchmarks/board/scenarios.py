@@ -17,7 +17,7 @@ from robot.core.modes import goal_is_active
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.safety.fence import MAX_CORNERS, Fence
 from robot.core.values import BEARINGS, SONARS, Goal, Inputs, Outputs, Pose, Scan, Wheels
-from robot.hosting.core import Core
+from robot.hosting import Core
 from study.trial.core_loop import ARM
 from study.trial.trial import NAVIGATORS
 

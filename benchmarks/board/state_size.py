@@ -8,7 +8,7 @@ from typing import Final
 
 from benchmarks.board.memory_size import heap_bytes
 from benchmarks.board.scenarios import Scenario, run_scenario
-from robot.hosting.in_process import InProcessCore
+from robot.hosting import InProcessCore
 
 SCENARIOS: Final = 4
 TICKS: Final = 80

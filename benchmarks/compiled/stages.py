@@ -23,7 +23,7 @@ from plant.world.file import load
 from protocol.world import World
 from robot.core import brain
 from robot.core.values import Outputs
-from robot.hosting.in_process import InProcessCore
+from robot.hosting import InProcessCore
 from runtime.config import start_totals
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, params_of, run_trial, start_of, wire_goal_of

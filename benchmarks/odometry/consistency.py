@@ -22,7 +22,7 @@ from robot.core.parameters import DEFAULTS, Params
 from robot.core.perception import odometry as odometries
 from robot.core.perception.odometry import Odometry
 from robot.core.values import Outputs, Pose, wheels_of, wrap
-from robot.parameters.table import with_values
+from robot.parameter_table import with_values
 from runtime.config import settings_of
 from runtime.units import CONTROL_HZ
 from study.calibration import covariance_of

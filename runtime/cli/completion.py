@@ -183,7 +183,7 @@ def values(word: str, action: argparse.Action, begun: str) -> list[str]:
 
 def parameters() -> Iterable[str]:
     """Return the names of the robot's parameters."""
-    names: Iterable[str] = import_module("robot.parameters.table").SPECS
+    names: Iterable[str] = import_module("robot.parameter_table").SPECS
     return names
 
 

@@ -19,8 +19,8 @@ from ground.reports.figure.style import INK, RULE, SOFT, TRUE, WARM
 from plant.model.configuration import LEVELS
 from protocol.options import add_param_option, whole
 from robot.core.parameters import DEFAULTS, Params
-from robot.parameters.table import OutOfRangeError, adjusted, with_values
-from robot.storage.files import Store
+from robot.parameter_table import OutOfRangeError, adjusted, with_values
+from robot.storage import Store
 from runtime.cli.parsers import new_parser
 from runtime.errors import UserError
 from study import calibration

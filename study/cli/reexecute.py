@@ -16,7 +16,7 @@ from protocol.outcome import rounded_heading_rad
 from protocol.wire.messages import PlanarOdometry
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose
-from robot.parameters.table import adjusted
+from robot.parameter_table import adjusted
 from runtime.cli.parsers import new_parser
 from runtime.config import start_totals
 from runtime.errors import UserError

@@ -18,7 +18,7 @@ import pyarrow.compute as pc
 from plant.cli import PER_FAMILY
 from plant.model.configuration import LEVELS
 from protocol.options import add_param_option, whole
-from robot.parameters.table import OutOfRangeError, UnknownParameterError
+from robot.parameter_table import OutOfRangeError, UnknownParameterError
 from runtime.cli.parsers import new_parser
 from runtime.errors import UserError
 from study.cli.trial import seconds

@@ -24,9 +24,8 @@ from protocol.options import above_zero, add_param_option, finite, numbers_kept,
 from protocol.outcome import Outcome
 from protocol.world import GoalPose, Obstacle, Point, Start, World
 from robot.core.values import Decision, Outputs
-from robot.hosting.core import NewCore
-from robot.hosting.in_process import InProcessCore
-from robot.parameters.table import OutOfRangeError, UnknownParameterError
+from robot.hosting import InProcessCore, NewCore
+from robot.parameter_table import OutOfRangeError, UnknownParameterError
 from runtime.cli.parsers import new_parser
 from runtime.errors import UserError
 from runtime.units import NS_PER_S

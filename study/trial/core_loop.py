@@ -19,7 +19,7 @@ from robot.core.brain import ignore
 from robot.core.modes import goal_is_active
 from robot.core.parameters import Params
 from robot.core.values import Inputs, Outputs, Wheels, goal_of, now_ms_of, scan_of, wheels_of
-from robot.hosting.core import Core
+from robot.hosting import Core
 from runtime.units import NS_PER_MS, NS_PER_S
 
 WHEELS_STALE_MS = WHEELS.stale_after_ns // NS_PER_MS

@@ -48,7 +48,7 @@ from robot.core import reasons
 from robot.core.modes import Machine
 from robot.core.parameters import Params
 from robot.core.values import Inputs, Outputs, Pose, scan_of, twist_of, wheels_of
-from robot.storage.files import Store
+from robot.storage import Store
 from robot.telemetry import NEVER
 from robot.vehicle import Vehicle
 from runtime.errors import RemoteError, UserError

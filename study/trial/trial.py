@@ -22,9 +22,8 @@ from protocol.world import World
 from robot.core import reasons, states
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose
-from robot.hosting.core import NewCore
-from robot.hosting.in_process import InProcessCore
-from robot.parameters.table import with_values
+from robot.hosting import InProcessCore, NewCore
+from robot.parameter_table import with_values
 from runtime.config import settings_of, start_totals
 from runtime.units import CONTROL_HZ, NS_PER_S, PERIOD_NS
 from study.oracle.names import STUDY_ONLY

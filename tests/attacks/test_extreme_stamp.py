@@ -3,10 +3,9 @@
 from protocol.topics import DRIVE, SONAR
 from protocol.wire.messages import SonarScan, WheelCommand
 from robot.core.parameters import DEFAULTS
-from robot.process import RobotProcess
-from robot.scheduling.cycle_meter import CycleMeter
+from robot.process import CycleMeter, RobotProcess
 from robot.senses import Senses
-from robot.storage.files import Store
+from robot.storage import Store
 from robot.vehicle import Vehicle
 from runtime.clock import Tick, WallClock
 from runtime.units import PERIOD_NS

@@ -15,7 +15,7 @@ from robot.core.parameters import DEFAULTS
 from robot.core.perception import slip as slips
 from robot.core.perception import stall as stalls
 from robot.core.values import Outputs
-from robot.parameters.table import with_values
+from robot.parameter_table import with_values
 from runtime.config import settings_of
 from study.calibration import covariance_of, umbmark
 from study.calibration import drive as squares

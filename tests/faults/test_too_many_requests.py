@@ -12,8 +12,8 @@ from protocol.wire.enums import AckResult, Command, LeaseAction, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest, LeaseRequest
 from protocol.wire.reasons import Reason
+from robot.emergency_stop import StopLatch
 from robot.process import MAX_ANSWERED, MAX_WAITING
-from robot.stop_latch import StopLatch
 from tests.support.harness import Stack
 
 Take = Callable[[ServiceRequest], object]

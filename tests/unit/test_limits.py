@@ -27,8 +27,8 @@ from protocol.wire.reasons import Reason, reason_text
 from robot.core.parameters import DEFAULTS
 from robot.core.safety.failsafe import ROWS
 from robot.lease import IDLE_NS, IDLE_S, LAPSE_NS, LAPSE_S
-from robot.operator_delays import MAX_EXTRA_NS
-from robot.scheduling.cycle_meter import OVERRUNS_IN_A_ROW
+from robot.process import OVERRUNS_IN_A_ROW
+from robot.senses import MAX_EXTRA_NS
 from runtime.units import CONTROL_HZ, NS_PER_MS, NS_PER_S, PERIOD_MS
 from runtime.watchdog import HUNG_S
 from study.cli.study_run import parser

@@ -18,7 +18,7 @@ from protocol.topics import Role
 from protocol.wire.enums import Command
 from protocol.wire.enums import Vehicle as VehicleState
 from protocol.world import World
-from robot.hosting.in_process import InProcessCore
+from robot.hosting import InProcessCore
 from runtime.clock import Tick
 from runtime.units import NS_PER_S
 from verification.board.breakable_board import BreakableBoard

@@ -22,7 +22,7 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
-from robot.storage.files import Store
+from robot.storage import Store
 from robot.vehicle import Vehicle
 from runtime import files
 from verification.faults_matrix.results import Repetition

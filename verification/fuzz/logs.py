@@ -43,7 +43,7 @@ from protocol.wire.messages import (
 )
 from protocol.world import as_json
 from robot.core.parameters import DEFAULTS
-from robot.parameters.table import described
+from robot.parameter_table import described
 from runtime.clock import ManualClock
 from runtime.units import NS_PER_S
 from study.cli.reexecute import params_of

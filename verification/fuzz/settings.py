@@ -20,8 +20,8 @@ from ground.console.history import History
 from ground.ghost.predicted_path import PathReader
 from robot.cli import Settings
 from robot.core.parameters import DEFAULTS
-from robot.parameters.table import adjusted, described
-from robot.storage.files import FILE_NAME, Store
+from robot.parameter_table import adjusted, described
+from robot.storage import FILE_NAME, Store
 from runtime.config import FOLDER, Calibration, load, load_shared
 from study.cli.calibrate import SIDE_M, from_log
 from study.runner.store import FILE as SETTLED

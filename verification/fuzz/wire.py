@@ -28,12 +28,12 @@ from protocol.wire.messages import (
     WheelTicks,
 )
 from protocol.world import as_json
+from robot.commands import operator_twist
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Inputs, Outputs, Scan, Wheels, scan_of, wheels_of
-from robot.hosting.in_process import InProcessCore
-from robot.parameters.service import ParameterService
-from robot.storage.files import Store
-from robot.teleop import operator_twist
+from robot.hosting import InProcessCore
+from robot.parameter_service import ParameterService
+from robot.storage import Store
 from robot.vehicle import Vehicle
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS

@@ -34,13 +34,11 @@ from protocol.wire.messages import Statustext
 from protocol.world import World
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Pose
-from robot.hosting.core import NewCore
-from robot.hosting.in_process import InProcessCore
-from robot.parameters.table import with_value
-from robot.process import RobotProcess
-from robot.scheduling.cycle_meter import CycleMeter
+from robot.hosting import InProcessCore, NewCore
+from robot.parameter_table import with_value
+from robot.process import CycleMeter, RobotProcess
 from robot.senses import Senses
-from robot.storage.files import Store
+from robot.storage import Store
 from robot.vehicle import Vehicle
 from runtime.clock import ManualClock
 from runtime.config import start_totals

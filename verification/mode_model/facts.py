@@ -6,7 +6,7 @@ from protocol.wire.enums import GoalState, MissionState, Mode, Vehicle
 from robot.core import modes as machines
 from robot.core import reasons, states
 from robot.core.modes import Machine
-from robot.mission.mission import Mission
+from robot.mission import Mission
 from runtime.units import NS_PER_MS
 from verification.mode_model.world import (
     ADA,

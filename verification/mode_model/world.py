@@ -17,6 +17,7 @@ from protocol.wire.messages import (
     Teleop,
     WheelTicks,
 )
+from robot.commands import operator_twist
 from robot.core import reasons, states
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.safety import failsafe
@@ -24,8 +25,7 @@ from robot.core.safety.failsafe import FailsafeRow, Trigger
 from robot.core.state import State
 from robot.core.values import Inputs, Outputs, Pose
 from robot.senses import Senses
-from robot.storage.files import Store
-from robot.teleop import operator_twist
+from robot.storage import Store
 from robot.vehicle import Answer, Vehicle
 from runtime.clock import Tick
 from runtime.units import NS_PER_MS, PERIOD_NS

@@ -12,7 +12,7 @@ from unittest.mock import patch
 
 from protocol.wire.enums import Command
 from robot.core import reasons, states
-from robot.storage.writer import InlineWriter
+from robot.file_writer import InlineWriter
 from runtime.units import PERIOD_MS
 from verification.simulation.hosts.disk import SimulatedOs
 
@@ -59,7 +59,7 @@ def _swallowed_stop() -> Patches:
 def _queue_of_stops() -> Patches:
     """Queue 64 stops, take six per tick, and ignore known ids."""
     from robot.commands import Commands
-    from robot.stop_latch import stop_in
+    from robot.emergency_stop import stop_in
 
     known: set[int] = set()
     act = Commands.receive
@@ -146,10 +146,10 @@ def _mission_to_auto() -> Patches:
         found = int(original(self))
         return reasons.OK if guided and found == reasons.OPERATOR_LOST else found
 
-    original = import_module("robot.mission.mission").Mission._end
+    original = import_module("robot.mission").Mission._end
     return {
-        "robot.mission.mission.Mission._mode": lambda self: states.AUTO,
-        "robot.mission.mission.Mission._end": end,
+        "robot.mission.Mission._mode": lambda self: states.AUTO,
+        "robot.mission.Mission._end": end,
     }
 
 
@@ -211,7 +211,7 @@ def _fence_forgotten() -> Patches:
 
 def _weakened() -> Patches:
     return {
-        "robot.parameters.service.ParameterService._unsafe": lambda self, name, value: reasons.OK
+        "robot.parameter_service.ParameterService._unsafe": lambda self, name, value: reasons.OK
     }
 
 
@@ -274,7 +274,7 @@ def _overtaken_clear() -> Patches:
 
 
 def _teleop_of_the_last_holder() -> Patches:
-    return {"robot.teleop.TeleopInput.clear": lambda self: None}
+    return {"robot.commands.TeleopInput.clear": lambda self: None}
 
 
 def _any_program_drives() -> Patches:
@@ -323,11 +323,11 @@ def _no_fresh_session() -> Patches:
 
 def _forgotten_stop() -> Patches:
     """Keep the emergency stop on the disk, but do not look for it at the start."""
-    return {"robot.storage.kept_stop.KeptStop.found": lambda self: False}
+    return {"robot.emergency_stop.KeptStop.found": lambda self: False}
 
 
 def _unwritten_stop() -> Patches:
-    return {"robot.storage.kept_stop.KeptStop.keep": lambda self, *, stopped: None}
+    return {"robot.emergency_stop.KeptStop.keep": lambda self, *, stopped: None}
 
 
 def _shared_control() -> Patches:

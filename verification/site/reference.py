@@ -17,7 +17,7 @@ from plant.corpus.generate import EVERY_FAMILY
 from plant.model.configuration import LEVELS, Body, Fault, Noise
 from protocol.outcome import OUTCOMES, REPLACED, Outcome
 from protocol.wire.reasons import REASON_TEXTS, Reason
-from robot.parameters.table import SPECS
+from robot.parameter_table import SPECS
 from runtime.cli.parsers import parser_of, program_parsers
 from runtime.cli.verb_table import MORE, REC, RUN, VERBS, Verb, command_of
 from study.runner.store import SCHEMA

@@ -25,7 +25,7 @@ from protocol.wire.messages import (
 from robot import telemetry
 from robot.core.parameters import Params
 from robot.core.values import Inputs, Outputs, Pose, scan_of, twist_of, wheels_of
-from robot.storage.files import Store
+from robot.storage import Store
 from robot.vehicle import Vehicle
 from study.trial.reexecution import RecordedRequest, reason_in
 from tests.support.harness import Stack

@@ -12,7 +12,7 @@ from ground.gateway.files.wiring import parameters_and_files
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Face
 from robot.core.parameters import DEFAULTS
-from robot.parameters.table import described, with_value
+from robot.parameter_table import described, with_value
 from tests.support.gateway.fake_port import CLIENT, Bench
 
 

@@ -2,7 +2,7 @@
 
 from protocol.bus.services import ServiceRequest
 from protocol.wire.message import Message
-from robot.storage.writer import Done, Job, do
+from robot.file_writer import Done, Job, do
 
 
 class HeldWriter:

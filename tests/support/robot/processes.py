@@ -28,11 +28,10 @@ from protocol.wire.messages import (
     WheelTicks,
 )
 from robot.core.parameters import DEFAULTS
-from robot.process import RobotProcess
-from robot.scheduling.cycle_meter import CycleMeter
+from robot.emergency_stop import emergency_stop
+from robot.process import CycleMeter, RobotProcess
 from robot.senses import Senses
-from robot.stop_latch import emergency_stop
-from robot.storage.files import Store
+from robot.storage import Store
 from robot.vehicle import Vehicle
 from runtime.clock import ManualClock, Tick
 from runtime.units import PERIOD_NS

@@ -6,7 +6,7 @@ from protocol.wire.enums import Command, Mode
 from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Inputs, Outputs, Scan, Wheels
-from robot.storage.files import Store
+from robot.storage import Store
 from robot.vehicle import Vehicle
 
 MS = 1_000_000

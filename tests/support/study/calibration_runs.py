@@ -6,7 +6,7 @@ import numpy as np
 
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose
-from robot.parameters.table import with_values
+from robot.parameter_table import with_values
 from study.calibration import CCW, CW, SquareRun, believed
 
 STEPS = 100  # keeps wheel increments below the odometry's limit per period

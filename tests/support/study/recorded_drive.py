@@ -31,8 +31,8 @@ from protocol.world import World
 from robot import telemetry
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Inputs, now_ms_of, scan_of, wheels_of
-from robot.parameters.table import described
-from robot.storage.files import Store
+from robot.parameter_table import described
+from robot.storage import Store
 from robot.telemetry import CoreInputs
 from robot.vehicle import Vehicle
 from study.trial.trial import start_of, wire_goal_of

@@ -14,7 +14,7 @@ from protocol.wire.message import Message
 from protocol.wire.messages import SonarScan
 from robot import cli as robot_cli
 from robot.core.safety import failsafe
-from robot.parameters.table import SPECS
+from robot.parameter_table import SPECS
 from runtime import config
 from runtime.cli.verb_table import VERBS, command_of, find
 from tests.support.each import each

@@ -2,9 +2,9 @@
 
 from protocol.wire.messages import SonarScan, WheelTicks
 from robot.core.parameters import DEFAULTS
-from robot.scheduling.cycle_meter import CycleMeter
+from robot.process import CycleMeter
 from robot.senses import Senses
-from robot.storage.files import Store
+from robot.storage import Store
 from robot.vehicle import Vehicle
 from runtime.clock import ManualClock, Tick
 from tests.support.boxes import Wireless

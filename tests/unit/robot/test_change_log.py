@@ -4,10 +4,10 @@ from ground.text.statustext import StatustextAssembler
 from protocol.wire.enums import MissionState, Severity
 from protocol.wire.reasons import Reason
 from protocol.wire.statustext import PIECE_BYTES
-from robot.change_log import ChangeLog
 from robot.core.parameters import DEFAULTS
-from robot.hosting.in_process import InProcessCore
-from robot.mission.mission import Mission
+from robot.hosting import InProcessCore
+from robot.mission import Mission
+from robot.telemetry import ChangeLog
 from tests.support.each import each
 
 

@@ -19,8 +19,8 @@ from robot.commands import (
 )
 from robot.core import states
 from robot.core.parameters import DEFAULTS
-from robot.hosting.in_process import InProcessCore
-from robot.mission.mission import Mission
+from robot.hosting import InProcessCore
+from robot.mission import Mission
 from tests.support.each import each
 from tests.support.robot.mission.items import line
 from tests.support.robot.vehicles import goal

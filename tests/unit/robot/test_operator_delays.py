@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.operator_delays import MAX_SENDERS, DelayFilter
+from robot.senses import MAX_SENDERS, DelayFilter
 from tests.support.each import each
 from tests.support.robot.vehicles import MS
 

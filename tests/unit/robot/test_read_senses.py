@@ -9,7 +9,7 @@ from robot.core.parameters import DEFAULTS
 from robot.core.values import Inputs
 from robot.lease import Holder
 from robot.senses import Senses, is_restarted, newer, sending_order
-from robot.storage.files import Store
+from robot.storage import Store
 from robot.vehicle import Vehicle
 from runtime.clock import ManualClock, Tick
 from runtime.lockstep import LockstepClock

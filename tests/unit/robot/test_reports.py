@@ -10,7 +10,7 @@ from protocol.wire.messages import WheelCommand
 from robot.core.parameters import DEFAULTS
 from robot.reports import Reports
 from robot.run import epoch
-from robot.storage.files import Store
+from robot.storage import Store
 from robot.vehicle import Vehicle
 from runtime.clock import ManualClock
 from runtime.units import PERIOD_NS

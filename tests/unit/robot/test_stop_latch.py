@@ -10,7 +10,7 @@ from protocol.wire.codec import Encoder
 from protocol.wire.enums import Command
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandRequest, MissionRequestList
-from robot.stop_latch import StopLatch, emergency_stop
+from robot.emergency_stop import StopLatch, emergency_stop
 from tests.support.each import each
 from tests.support.robot.vehicles import goal
 

@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 
 from protocol.wire.limits import MAX_TELEOP_TTL_MS
 from protocol.wire.messages import Teleop
+from robot.commands import TeleopInput, operator_twist
 from robot.core.values import Twist
-from robot.teleop import TeleopInput, operator_twist
 from tests.support.each import each
 from tests.support.robot.vehicles import MS, Desk
 

@@ -20,7 +20,7 @@ from protocol.wire.reasons import Reason
 from robot.commands import HANDLERS
 from robot.core import brain, states
 from robot.core.parameters import DEFAULTS
-from robot.storage.files import Store
+from robot.storage import Store
 from tests.support.each import each
 from tests.support.robot.mission.items import ready, start
 from tests.support.robot.vehicles import MS, Desk, goal

@@ -11,7 +11,7 @@ from protocol.wire.reasons import Reason, reason_text
 from robot import telemetry
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Pose
-from robot.storage.files import Store
+from robot.storage import Store
 from robot.vehicle import Vehicle
 from tests.support.robot.vehicles import Desk, goal
 

@@ -4,7 +4,7 @@ import pytest
 
 from plant.model.configuration import LEVELS
 from robot.core.parameters import DEFAULTS
-from robot.parameters.table import SPECS, with_value
+from robot.parameter_table import SPECS, with_value
 from runtime import config
 from runtime.config import FOLDER, calibration_of, settings_of
 from runtime.errors import ConfigError

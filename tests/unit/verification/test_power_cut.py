@@ -9,10 +9,10 @@ from protocol.wire.enums import Command, MissionType
 from protocol.wire.messages import MissionClearAll, MissionItemInt, ParamSet, ParamValue
 from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
-from robot.mission.persistence import MissionStore, text_of
-from robot.stop_latch import emergency_stop
-from robot.storage.files import Store
-from robot.storage.writer import Directory
+from robot.emergency_stop import emergency_stop
+from robot.file_writer import Directory
+from robot.mission_transfer import MissionStore, text_of
+from robot.storage import Store
 from runtime import files
 from tests.support.robot.mission.items import circle, line, upload
 from tests.support.robot.vehicles import Desk

@@ -2,7 +2,7 @@
 
 import pytest
 
-from robot.storage.kept_stop import KeptStop
+from robot.emergency_stop import KeptStop
 from tests.support.each import each
 from verification.restarts import Recovery, held_after_cut, of
 

@@ -40,7 +40,7 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
-from robot.parameters.table import described
+from robot.parameter_table import described
 
 SILENT, ARMED = 0x20, 0x40
 """Bits of the flags: no telemetry arrives, the robot is armed. Bits 3 and 4 choose the answer."""

@@ -10,9 +10,9 @@ from protocol.wire.message import Message
 from robot import run as robot_run
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose
+from robot.file_writer import WriterThread
 from robot.process import RobotProcess
-from robot.storage.files import Store
-from robot.storage.writer import WriterThread
+from robot.storage import Store
 from robot.vehicle import Answer, Vehicle
 from runtime.clock import Clock, Tick
 from verification.simulation.hosts.disk import DISKS, SimulatedDisk, SimulatedPath

@@ -148,7 +148,7 @@ BLOCKS: Final = (
     "ground.station.station",
     "ground.station.reader",
     "robot.process",
-    "robot.storage.writer",
+    "robot.file_writer",
     "plant.process.loop",
     "plant.process.loop",
     "runtime.lockstep",

@@ -7,7 +7,7 @@ from protocol.wire.enums import MissionType
 from protocol.wire.message import Message, wire_of
 from protocol.wire.messages import MissionClearAll, MissionItemInt, ParamSet
 from robot.core import states
-from robot.mission.waypoint import stop_of
+from robot.mission import stop_of
 from robot.vehicle import Vehicle
 from verification.simulation.hosts.operators import OperatorRequest
 from verification.simulation.invariants import limits

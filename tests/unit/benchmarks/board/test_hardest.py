@@ -4,7 +4,7 @@ import sys
 
 from benchmarks.board.hardest import MEASURED, bytecodes, search
 from benchmarks.board.scenarios import Scenario, run_scenario
-from robot.hosting.in_process import InProcessCore
+from robot.hosting import InProcessCore
 
 
 def test_search_ranks_scenarios_by_their_worst_tick() -> None:

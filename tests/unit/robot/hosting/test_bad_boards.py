@@ -16,7 +16,7 @@ from robot.core import reasons, states
 from robot.core.brain import ignore
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Inputs, Scan, Wheels
-from robot.storage.files import Store
+from robot.storage import Store
 from robot.vehicle import Vehicle
 from runtime.errors import UserError
 from tests.support.each import each

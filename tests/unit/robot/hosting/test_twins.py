@@ -33,12 +33,12 @@ from protocol.wire.messages import (
     Teleop,
 )
 from robot import telemetry
+from robot.commands import operator_twist
 from robot.core import reasons, states
 from robot.core.brain import ignore
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Inputs, Pose, now_ms_of, scan_of, wheels_of
-from robot.storage.files import Store
-from robot.teleop import operator_twist
+from robot.storage import Store
 from robot.vehicle import Vehicle
 from tests.support.robot.mcu.hosted import hosted_board
 

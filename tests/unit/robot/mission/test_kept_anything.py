@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from protocol.wire.message import check
 from protocol.wire.messages import MissionItemInt
-from robot.storage.files import Store
+from robot.storage import Store
 from tests.support.robot.mission.items import corners, line
 from tests.support.robot.vehicles import Desk
 

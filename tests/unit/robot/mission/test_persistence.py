@@ -11,7 +11,7 @@ from protocol.wire.messages import MissionClearAll, MissionItemInt, MissionVerdi
 from protocol.wire.reasons import Reason
 from robot import telemetry
 from robot.core.values import Pose
-from robot.storage.files import Store
+from robot.storage import Store
 from tests.support.robot.mission.items import circle, corners, line, start, state, until, upload
 from tests.support.robot.vehicles import Desk
 
@@ -268,7 +268,7 @@ def test_what_is_kept_already_is_not_written_again(
     def written(*_: object) -> None:
         raise AssertionError("written once more")
 
-    monkeypatch.setattr("robot.storage.writer.do", written)
+    monkeypatch.setattr("robot.file_writer.do", written)
     desk = restarted(tmp_path)
     desk.arm()
     assert upload(desk, circle(0.5, 0.0, 1.5)).reason == Reason.NONE

@@ -17,10 +17,9 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from robot.core import reasons
-from robot.mission.mission import MAX_ITEMS
-from robot.mission.persistence import MissionStore
-from robot.mission.transfer import NO_ITEM, Request, Transfers
-from robot.storage.writer import Directory
+from robot.file_writer import Directory
+from robot.mission import MAX_ITEMS
+from robot.mission_transfer import NO_ITEM, MissionStore, Request, Transfers
 from tests.support.each import each
 from tests.support.robot.mission.items import circle, corners, item, line, ready, start, upload
 from tests.support.robot.vehicles import Desk

@@ -15,7 +15,7 @@ from robot.cli import Settings, parser, vehicle_of
 from robot.core.parameters import DEFAULTS
 from robot.core.safety import guard
 from robot.core.safety.failsafe import ROWS
-from robot.parameters.table import (
+from robot.parameter_table import (
     NEAR_SHARE,
     SPECS,
     TABLE,
@@ -23,7 +23,7 @@ from robot.parameters.table import (
     SafetyBound,
     is_less_safe,
 )
-from robot.storage.files import FILE_NAME, Store
+from robot.storage import FILE_NAME, Store
 from robot.vehicle import Vehicle
 from tests.support.each import each
 from tests.support.robot.vehicles import Desk

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.core.parameters import DEFAULTS, Params
-from robot.parameters.table import (
+from robot.parameter_table import (
     SPECS,
     TABLE,
     OutOfRangeError,

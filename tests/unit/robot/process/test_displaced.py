@@ -7,7 +7,7 @@ from robot.core.modes import start_goal
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Goal
 from robot.senses import Senses
-from robot.storage.files import Store
+from robot.storage import Store
 from robot.vehicle import Vehicle
 from runtime.clock import Tick
 from tests.support.boxes import Wireless

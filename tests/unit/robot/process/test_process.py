@@ -45,7 +45,7 @@ from robot.core import states
 from robot.core.brain import GUARD, NAVIGATE, ODOMETRY, READ, TICK_US
 from robot.core.values import Inputs
 from robot.process import SERVICES
-from robot.storage.files import Store
+from robot.storage import Store
 from runtime.clock import Tick
 from runtime.errors import LocalError
 from tests.support.each import each

@@ -15,9 +15,9 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from robot.core import states
+from robot.emergency_stop import emergency_stop
 from robot.process import SHOWN_NS
-from robot.stop_latch import emergency_stop
-from robot.storage.files import Store
+from robot.storage import Store
 from tests.support.each import each
 from tests.support.robot.held_writer import HeldWriter
 from tests.support.robot.processes import (

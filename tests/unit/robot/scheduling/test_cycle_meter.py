@@ -1,7 +1,7 @@
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.messages import CycleReport
 from robot.core.brain import GUARD, NAVIGATE, ODOMETRY, READ, TICK_US
-from robot.scheduling.cycle_meter import CycleMeter
+from robot.process import CycleMeter
 from runtime.clock import ManualClock, Tick
 from runtime.units import UINT32
 from tests.support.each import each

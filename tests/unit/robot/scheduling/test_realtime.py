@@ -6,9 +6,8 @@ import threading
 import pytest
 
 from robot.core.parameters import DEFAULTS
-from robot.run import Options, apply_options
-from robot.scheduling.realtime import FIFO_PRIORITY, SWITCH_S, share_interpreter, use_fifo
-from robot.storage.files import Store
+from robot.run import FIFO_PRIORITY, SWITCH_S, Options, apply_options, share_interpreter, use_fifo
+from robot.storage import Store
 from robot.vehicle import Vehicle
 from runtime.clock import freeze_heap
 

@@ -1,5 +1,5 @@
 from robot.core.parameters import DEFAULTS
-from robot.scheduling.rehearsal import LEAD_NS, Rehearsal, RehearsingPulse
+from robot.run import LEAD_NS, Rehearsal, RehearsingPulse
 
 MS = 1_000_000
 PATIENCE_NS = 12 * MS

@@ -6,8 +6,8 @@ from protocol.wire.enums import PARAM_TYPE_REAL32
 from protocol.wire.messages import CommandAck, ParamSet
 from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
-from robot.stop_latch import emergency_stop
-from robot.storage.files import FILE_NAME, Store
+from robot.emergency_stop import emergency_stop
+from robot.storage import FILE_NAME, Store
 from tests.support.robot.vehicles import Desk
 
 

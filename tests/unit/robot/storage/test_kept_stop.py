@@ -11,9 +11,8 @@ from protocol.wire.enums import Command, Severity
 from protocol.wire.messages import CommandAck, CommandRequest
 from protocol.wire.reasons import Reason
 from robot.core import states
-from robot.stop_latch import emergency_stop
-from robot.storage.files import Store
-from robot.storage.kept_stop import RESTORED, RETRY_NS, SAVED, TEXT
+from robot.emergency_stop import RESTORED, RETRY_NS, SAVED, TEXT, emergency_stop
+from robot.storage import Store
 from runtime import files
 from tests.support.each import each
 from tests.support.robot.held_writer import HeldWriter

@@ -6,18 +6,18 @@ import pytest
 
 from protocol.wire.enums import Severity
 from robot.core.parameters import DEFAULTS
+from robot.file_writer import Directory
 from robot.process import summary_of
 from robot.run import report_previous_run
-from robot.storage.files import Store
-from robot.storage.previous_run import (
-    FILE_NAME,
+from robot.storage import (
     HUNG_BEFORE,
     HUNG_NAME,
     NO_REPORT,
+    RUN_FILE_NAME,
     RUNNING,
     PreviousRun,
+    Store,
 )
-from robot.storage.writer import Directory
 from robot.vehicle import Vehicle
 from runtime.watchdog import Watchdog
 from tests.support.each import each
@@ -40,7 +40,7 @@ def test_normal_stop_is_not_reported(tmp_path: Path) -> None:
 
 
 def test_normal_stop_of_an_earlier_version_is_not_reported(tmp_path: Path) -> None:
-    (tmp_path / FILE_NAME).write_text("was told to stop\n")
+    (tmp_path / RUN_FILE_NAME).write_text("was told to stop\n")
     assert PreviousRun(Directory(tmp_path)).begin() == ""
 
 
@@ -103,8 +103,8 @@ def test_marks_are_written_by_the_writer(tmp_path: Path) -> None:
     life = PreviousRun(Directory(tmp_path, writer))
     life.begin()
     life.end("ended by itself")
-    assert [(job.path.name, job.text) for job in writer.waiting] == [(FILE_NAME, RUNNING)]
-    assert not (tmp_path / FILE_NAME).exists()
+    assert [(job.path.name, job.text) for job in writer.waiting] == [(RUN_FILE_NAME, RUNNING)]
+    assert not (tmp_path / RUN_FILE_NAME).exists()
 
 
 def test_the_last_mark_is_written_when_the_robot_ends(tmp_path: Path) -> None:
@@ -113,11 +113,11 @@ def test_the_last_mark_is_written_when_the_robot_ends(tmp_path: Path) -> None:
     life.begin()
     life.end("ended by itself")
     vehicle.finish_saving(1.0)
-    assert (tmp_path / FILE_NAME).read_text() == "ended by itself"
+    assert (tmp_path / RUN_FILE_NAME).read_text() == "ended by itself"
 
 
 def test_invalid_mark_counts_as_none(tmp_path: Path) -> None:
-    (tmp_path / FILE_NAME).write_bytes(b"\xff\xfe\x00")
+    (tmp_path / RUN_FILE_NAME).write_bytes(b"\xff\xfe\x00")
     assert PreviousRun(Directory(tmp_path)).begin() == ""
 
 

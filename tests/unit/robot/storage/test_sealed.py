@@ -10,9 +10,9 @@ import pytest
 from protocol.wire.messages import ParamSet
 from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
-from robot.mission.persistence import text_of
-from robot.storage.files import Store, own
-from robot.storage.sealed import MAX_BYTES, sealed, text_in, unsealed
+from robot.file_writer import MAX_BYTES, sealed, text_in, unsealed
+from robot.mission_transfer import text_of
+from robot.storage import Store, own
 from runtime.errors import UserError
 from tests.support.each import each
 from tests.support.robot.mission.items import circle, upload

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from robot import cli
-from robot.storage.files import OWNER_NAME, own
+from robot.storage import OWNER_NAME, own
 from runtime.errors import UserError
 
 

@@ -25,11 +25,10 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
-from robot.saved_replies import MAX_WITHHELD, SAVING, SavedReplies
-from robot.stop_latch import emergency_stop
-from robot.storage.files import Store
-from robot.storage.previous_run import PreviousRun
-from robot.storage.writer import Directory, Done, Job, WriterThread
+from robot.emergency_stop import emergency_stop
+from robot.file_writer import Directory, Done, Job, WriterThread
+from robot.reports import MAX_WITHHELD, SAVING, SavedReplies
+from robot.storage import PreviousRun, Store
 from runtime import files as atomic_file
 from tests.support.robot.held_writer import HeldWriter, Question
 from tests.support.robot.mission.items import circle, count_of, line, upload

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from robot.core.parameters import DEFAULTS
-from robot.storage.files import Store
+from robot.storage import Store
 from runtime import config
 from runtime.config import Calibration
 from sidestep import main as sidestep

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.core.parameters import DEFAULTS
-from robot.parameters.table import OutOfRangeError, with_values
+from robot.parameter_table import OutOfRangeError, with_values
 from study.calibration import (
     Fit,
     SquareRun,

@@ -3,7 +3,7 @@ from math import hypot
 import pytest
 
 from robot.core.parameters import DEFAULTS
-from robot.parameters.table import with_values
+from robot.parameter_table import with_values
 from study.calibration import CCW, CW, umbmark, wheel_ratio
 from tests.support.each import each
 from tests.support.study.calibration_runs import SIDE_M, squares

@@ -11,8 +11,8 @@ from protocol.topics import ANSWERED, COMMANDED, WHEELS
 from protocol.wire.enums import MissionType
 from protocol.wire.message import Message
 from protocol.wire.messages import MissionClearAll, MissionCount, ParamSet
-from robot.stop_latch import emergency_stop
-from robot.storage.files import Store
+from robot.emergency_stop import emergency_stop
+from robot.storage import Store
 from runtime.errors import UserError
 from study.cli.reexecute import main
 from tests.support.study.recorded_drive import ScriptedDrive

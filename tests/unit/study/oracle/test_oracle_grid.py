@@ -12,7 +12,7 @@ from robot.core.navigators.registry import NAVIGATORS as OF_ROBOT
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Goal, Pose
-from robot.parameters.table import OutOfRangeError
+from robot.parameter_table import OutOfRangeError
 from study.oracle.grid_map import GridMap
 from study.oracle.names import ORACLE_GRID
 from study.oracle.oracle_grid import OracleMemory, away_from_flank, registered, step

@@ -4,7 +4,7 @@ from protocol.outcome import WireGoal
 from protocol.wire.messages import SonarScan, WheelTicks
 from robot.core import reasons, states
 from robot.core.parameters import DEFAULTS
-from robot.hosting.in_process import InProcessCore
+from robot.hosting import InProcessCore
 from study.trial.core_loop import CoreLoop
 
 PERIOD_NS = 50_000_000

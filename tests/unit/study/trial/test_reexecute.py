@@ -35,8 +35,8 @@ from protocol.wire.reasons import Reason
 from robot.core.modes import Machine
 from robot.core.parameters import DEFAULTS
 from robot.core.safety import guard
-from robot.parameters.table import described
-from robot.stop_latch import emergency_stop
+from robot.emergency_stop import emergency_stop
+from robot.parameter_table import described
 from runtime.errors import UserError
 from study.cli.reexecute import main
 from study.trial.reexecution import RecordedRequest, chooses_navigator, reason_in

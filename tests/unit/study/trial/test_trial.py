@@ -11,7 +11,7 @@ from protocol.world import Circle, GoalPose, Start, World
 from robot.core import states
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Outputs
-from robot.parameters.table import OutOfRangeError, UnknownParameterError
+from robot.parameter_table import OutOfRangeError, UnknownParameterError
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, params_of, run_trial, wire_goal_of
 from tests.support.each import each

@@ -15,8 +15,8 @@ from robot.core.safety import failsafe
 from robot.core.safety.failsafe import ROWS
 from robot.core.values import Goal, Twist
 from robot.lease import Lease
-from robot.mission.mission import Mission
-from robot.parameters.service import ParameterService
+from robot.mission import Mission
+from robot.parameter_service import ParameterService
 from robot.process import SERVICES
 from verification.mode_model import memento
 from verification.mode_model.diagram import DRAWINGS, HEADER, section

@@ -9,7 +9,7 @@ import pytest
 from ground.app.input.default_keys import KEYS
 from protocol.outcome import OUTCOMES, REPLACED
 from protocol.wire.reasons import REASON_TEXTS
-from robot.parameters.table import SPECS
+from robot.parameter_table import SPECS
 from runtime.cli.verb_table import VERBS, command_of
 from tests.support.each import each
 from verification.site.reference import GENERATORS, GROUPS, name_of, parser_parts, table

@@ -9,7 +9,7 @@ from ground.client.operations import parameters
 from ground.client.parameter import parameters_in
 from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
-from robot.parameters.table import described, with_value
+from robot.parameter_table import described, with_value
 
 STRICTER = with_value(DEFAULTS, "op_lost_ms", 900)
 ROWS = parameters_in(json.dumps(described(STRICTER, DEFAULTS)))

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from pymavlink.mavftp import MAVFTP, FtpError
 
-from robot.parameters.table import SPECS
+from robot.parameter_table import SPECS
 from tests.support.gateway.file_client import SimulatedLink, client_on
 from tests.support.gateway.parameter_bench import ParameterBench
 

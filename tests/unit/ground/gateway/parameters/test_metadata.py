@@ -11,7 +11,7 @@ from ground.gateway.files.checksum import checksum
 from ground.gateway.files.wire import Opcode
 from ground.gateway.parameters.metadata import described
 from ground.gateway.parameters.table import MavTable, table_of
-from robot.parameters.table import SPECS
+from robot.parameter_table import SPECS
 from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT
 from tests.support.gateway.file_client import SimulatedLink, asked, client_on, replies

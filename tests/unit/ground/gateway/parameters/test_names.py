@@ -5,7 +5,7 @@ from pathlib import Path
 
 from ground.gateway.ardupilot_parameters import compatibility_parameters
 from ground.gateway.parameters.names import MAVLINK_NAMES, MAX_NAME_BYTES, mavlink_name
-from robot.parameters.table import SPECS
+from robot.parameter_table import SPECS
 from tests.support.gateway.parameter_bench import robot_table
 
 LIST = Path("tests/data/ardurover_parameters.txt")

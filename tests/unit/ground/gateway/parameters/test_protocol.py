@@ -13,7 +13,7 @@ from ground.gateway.files.pacing import LINE_SHARE
 from ground.gateway.parameters.protocol import MAX_PENDING, PASSES, VALUE_BYTES
 from protocol.wire.enums import LeaseAction
 from protocol.wire.reasons import Reason
-from robot.parameters.table import TABLE
+from robot.parameter_table import TABLE
 from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, OTHER
 from tests.support.gateway.parameter_bench import ParameterBench, of_type

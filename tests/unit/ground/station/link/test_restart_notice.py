@@ -3,9 +3,9 @@
 from ground.station.link.restarts import NEAR_NS, RESTART_PREFIXES, SHOWN_NS, RestartNotice
 from protocol.topics import TEXT, Role
 from protocol.wire.enums import Severity
+from robot.file_writer import Directory
 from robot.run import report_previous_run
-from robot.storage.previous_run import PreviousRun
-from robot.storage.writer import Directory
+from robot.storage import PreviousRun
 from tests.support.each import each
 from tests.support.ground.station.play import Play, S
 

@@ -10,7 +10,7 @@ from robot.core.perception.sonar_ring import BEYOND
 from robot.core.safety import failsafe
 from robot.core.safety.fence import Fence
 from robot.core.values import Inputs, Pose, Scan, Twist, Wheels
-from robot.scheduling.cycle_meter import OVERRUNS_IN_A_ROW
+from robot.process import OVERRUNS_IN_A_ROW
 from tests.support.each import each
 from tests.support.robot.core.driving import OPEN_SPACE, Driven, armed, driving
 

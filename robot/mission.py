@@ -6,16 +6,59 @@ that ends before it is reached ends the mission with the same reason.
 A mission starts in AUTO and keeps a mode that is chosen later, also over a pause. In GUIDED it
 continues only while an operator sends heartbeats; losing the operator ends it, driving or waiting.
 Only a command leads from GUIDED back to AUTO.
+
+Convert a mission item to a goal pose and a waiting time, and check it.
+
+The fence as mission items: the corners of one polygon, or one circle.
 """
 
-from typing import Final
+from math import isnan, radians
+from typing import Final, NamedTuple
 
-from protocol.wire.enums import Command, MissionState
+from protocol.wire.enums import FRAME_LOCAL_FLU, Command, MissionState
 from protocol.wire.messages import CommandRequest, MissionItemInt, MissionStatus
 from robot.core import modes, reasons, states
-from robot.hosting.core import Core
-from robot.mission.waypoint import MissionStop, problem_of, stop_of
+from robot.core.modes import Machine
+from robot.core.safety.fence import MAX_CORNERS, Fence
+from robot.core.values import Goal
+from robot.hosting import Core
 from runtime.units import UINT32
+
+PER_M: Final = 10_000.0
+"""Items hold local positions in metres times this factor."""
+MAX_HOLD_S: Final = 3600.0
+
+
+class MissionStop(NamedTuple):
+    """A goal, and the time to wait there."""
+
+    goal: Goal
+    hold_ms: int
+
+
+def stop_of(item: MissionItemInt) -> MissionStop:
+    """Return the stop that an item describes; the item need not be valid."""
+    heading_rad = None if isnan(item.param4) else radians(item.param4)
+    place_m = item.x / PER_M, item.y / PER_M
+    goal = Goal(*place_m, heading_rad, tidy(item.param2), radians(item.param3))
+    return MissionStop(goal, round(1000.0 * item.param1))
+
+
+def stop_problem_of(item: MissionItemInt, machine: Machine) -> int:
+    """Return why the robot cannot drive to this item, or 0; NaN fails every comparison."""
+    if item.command != Command.SIDESTEP_NAV_POSE:
+        return reasons.UNKNOWN_COMMAND
+    if item.frame != FRAME_LOCAL_FLU:
+        return reasons.UNKNOWN_FRAME
+    if not 0.0 <= item.param1 <= MAX_HOLD_S:
+        return reasons.HOLD_OUT_OF_RANGE
+    return modes.goal_problem(machine, stop_of(item).goal)
+
+
+def tidy(value: float) -> float:
+    """Undo the rounding of a decimal number to float32, such as 0.005."""
+    return float(f"{value:.7g}")
+
 
 MAX_ITEMS: Final = 200
 CURRENT: Final = -1
@@ -54,7 +97,7 @@ class Mission:
         if self.active:
             return None, reasons.DRIVING
         for index, item in enumerate(items):
-            reason = problem_of(item, self._machine)
+            reason = stop_problem_of(item, self._machine)
             if reason != reasons.OK:
                 return index, reason
         self.items = items
@@ -209,3 +252,56 @@ class Mission:
 def mode_request(mode: int) -> CommandRequest:
     """Return the command that changes the mode."""
     return CommandRequest(request_id=0, param1=0.0, param2=float(mode), command=Command.DO_SET_MODE)
+
+
+CORNER: Final = Command.NAV_FENCE_POLYGON_VERTEX_INCLUSION
+CIRCLE: Final = Command.NAV_FENCE_CIRCLE_INCLUSION
+
+
+class FenceItems:
+    """Stores the uploaded `items` of the fence; the core has the fence itself."""
+
+    max_items = MAX_CORNERS
+
+    def __init__(self, core: Core) -> None:
+        self.items: tuple[MissionItemInt, ...] = ()
+        self._core = core
+
+    def put(self, items: tuple[MissionItemInt, ...]) -> tuple[int | None, int]:
+        """Replace the fence; return the index of a bad item, if any, and a reason, 0 if done."""
+        kind = items[0].command
+        for index, item in enumerate(items):
+            reason = fence_problem_of(item, kind, len(items))
+            if reason != reasons.OK:
+                return index, reason
+        refusal = self._core.set_fence(fence_of(items))
+        if refusal == reasons.OK:
+            self.items = items
+        return None, refusal
+
+    def clear(self) -> int:
+        """Remove the fence and return a reason, 0 if done."""
+        self.items = ()
+        return self._core.set_fence(None)
+
+
+def fence_problem_of(item: MissionItemInt, kind: int, count: int) -> int:
+    """Return why an item cannot be part of a fence of this kind, or 0."""
+    if item.command not in (CORNER, CIRCLE):
+        return reasons.UNKNOWN_COMMAND
+    if item.frame != FRAME_LOCAL_FLU:
+        return reasons.UNKNOWN_FRAME
+    whole = count == 1 if kind == CIRCLE else item.param1 == count
+    return reasons.OK if whole and item.command == kind else reasons.FENCE_NOT_SIMPLE
+
+
+def fence_of(items: tuple[MissionItemInt, ...]) -> Fence:
+    """Return the fence that the items describe."""
+    radius_m = tidy(items[0].param1) if items[0].command == CIRCLE else 0.0
+    xs_m, ys_m = (tuple(place / PER_M for place in places) for places in places_of(items))
+    return Fence(xs_m, ys_m, radius_m)
+
+
+def places_of(items: tuple[MissionItemInt, ...]) -> tuple[list[int], list[int]]:
+    """Return the x and y coordinates of the items, in units of 1 / PER_M metres."""
+    return [item.x for item in items], [item.y for item in items]

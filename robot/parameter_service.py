@@ -8,8 +8,8 @@ from protocol.wire.messages import CommandAck, ParamRequestRead, ParamSet, Param
 from robot.commands import ack
 from robot.core import reasons, states
 from robot.core.parameters import Params
-from robot.hosting.core import Core
-from robot.parameters.table import (
+from robot.hosting import Core
+from robot.parameter_table import (
     SPECS,
     TABLE,
     OutOfRangeError,
@@ -20,7 +20,7 @@ from robot.parameters.table import (
     with_value,
     with_values,
 )
-from robot.storage.files import Store
+from robot.storage import Store
 
 Answer: TypeAlias = CommandAck | ParamValue
 

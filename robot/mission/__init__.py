@@ -1,1 +1,0 @@
-"""Missions and the fence: upload, checks, storage and execution."""

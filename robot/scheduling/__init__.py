@@ -1,1 +1,0 @@
-"""Timing of the control loop on the host."""

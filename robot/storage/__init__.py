@@ -1,1 +1,0 @@
-"""Saved state of the robot, and the thread that writes it."""
