@@ -25,8 +25,8 @@ TARGETS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
             "tests/unit/robot/core/perception/test_watches.py",
         ),
         "robot/lease.py": ("tests/unit/robot/test_lease.py",),
-        "robot/commands.py": ("tests/unit/robot/test_teleop.py",),
         "robot/commands.py": (
+            "tests/unit/robot/test_teleop.py",
             "tests/unit/robot/test_commands.py",
             "tests/unit/robot/test_vehicle.py",
             "tests/unit/robot/test_lease.py",
@@ -35,6 +35,7 @@ TARGETS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
             "tests/unit/robot/process/test_process.py",
             "tests/unit/robot/process/test_process_stop.py",
             "tests/unit/robot/process/test_process_requests.py",
+            "tests/unit/robot/scheduling/test_cycle_meter.py",
         ),
         "robot/senses.py": (
             "tests/unit/robot/test_read_senses.py",
@@ -42,13 +43,14 @@ TARGETS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
             "tests/unit/robot/test_ages.py",
             "tests/unit/robot/process/test_displaced.py",
             "tests/unit/robot/process/test_process.py",
+            "tests/unit/robot/test_operator_delays.py",
         ),
         "runtime/sequence.py": ("tests/unit/runtime/test_sequence.py",),
-        "robot/process.py": ("tests/unit/robot/scheduling/test_cycle_meter.py",),
-        "robot/emergency_stop.py": ("tests/unit/robot/storage/test_kept_stop.py",),
-        "robot/emergency_stop.py": ("tests/unit/robot/test_stop_latch.py",),
+        "robot/emergency_stop.py": (
+            "tests/unit/robot/storage/test_kept_stop.py",
+            "tests/unit/robot/test_stop_latch.py",
+        ),
         "protocol/stop_datagram.py": ("tests/unit/protocol/test_stop_datagram.py",),
-        "robot/senses.py": ("tests/unit/robot/test_operator_delays.py",),
         "protocol/bus/mailbox.py": ("tests/unit/protocol/bus/test_mailbox.py",),
         "protocol/bus/robot_clock.py": ("tests/unit/protocol/bus/test_robot_clock.py",),
         "plant/process/robot_link.py": (
