@@ -3,17 +3,22 @@
 The board runs the same core as `InProcessCore`. The host sends it the inputs of each tick and each
 request, and waits for its answer, at most for a limit. A board that is silent, cut off or reset
 raises BoardError, which ends the robot as an exception of the core does.
+
+Copy of the state of the core on a board, for the programs on the host that read it.
 """
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
-from math import nan
+from math import isnan, nan
 from typing import Final, NamedTuple
 
-from firmware import mirror
-from firmware.board import Board, BoardError, Request
+from firmware.board import Board, BoardError, BoardOutputs, Request
 from protocol.wire.enums import (
+    BOARD_FENCE_LOST,
+    BOARD_OPERATOR,
+    BOARD_PLACED,
+    BOARD_SENSES,
     INPUT_BUDGET,
     INPUT_NAME_TAKEN,
     INPUT_SCAN,
@@ -22,27 +27,121 @@ from protocol.wire.enums import (
     StopExtent,
 )
 from protocol.wire.messages import (
+    AvoidanceDecision,
     BoardCommand,
     BoardFence,
     BoardGoal,
     BoardParameter,
     BoardReport,
+    BoardState,
     BoardStop,
     CommandRequest,
     McuStatus,
+    PlanarOdometry,
     SonarScan,
     TickInputs,
     WheelTicks,
 )
 from robot.core import reasons, states
 from robot.core.brain import GUARD, NAVIGATE, ODOMETRY, StageHook, ignore
+from robot.core.modes import Machine
 from robot.core.parameters import Params
 from robot.core.safety import failsafe
 from robot.core.safety.fence import MAX_CORNERS, Fence
 from robot.core.state import State
-from robot.core.values import Goal, Inputs, Outputs, Pose, Scan, Twist, Wheels
+from robot.core.values import Decision, Goal, Inputs, Outputs, Pose, Scan, Twist, Wheels
 from robot.hosting import HOSTS, ORIGIN, NewCore
 from runtime.units import NS_PER_MS, NS_PER_US, PERIOD_NS, UINT32
+
+
+def follow(state: State, outputs: BoardOutputs) -> Outputs:
+    """Copy the outputs of a tick into `state` and return them as the core would.
+
+    The pose is exact. Decision, twist, speeds and covariance have the precision of the wire.
+    """
+    copy_state(state, outputs.state)
+    copy_odometry(state, outputs.odometry)
+    decision, command = outputs.decision, outputs.command
+    if decision is None:
+        state.decision, state.twist = None, Twist(0.0, 0.0)
+        guard = 0
+    else:
+        state.decision = decision_of(decision)
+        state.twist = Twist(decision.speed_m_s, decision.yaw_rate_rad_s)
+        guard = decision.guard
+    return Outputs(command.left_mrad_s, command.right_mrad_s, guard, state.twist, state.decision)
+
+
+def copy_state(state: State, board: BoardState) -> None:
+    """Copy BOARD_STATE into a state; it keeps its own trail and fence."""
+    state.odometry.pose = Pose(board.x_m, board.y_m, board.heading_rad)
+    state.goal_distance_m = board.goal_distance_m
+    state.slip.share = board.slip_share
+    copy_machine(state.machine, board)
+
+
+def copy_machine(machine: Machine, board: BoardState) -> None:
+    """Copy vehicle, mode and goal."""
+    machine.vehicle, machine.vehicle_reason = board.vehicle, board.vehicle_reason
+    machine.mode, machine.resume_mode = board.mode, board.resume_mode
+    machine.goal_state, machine.goal_reason = board.goal, board.goal_reason
+    machine.goal_started_ms, machine.goal_ended_ms = board.goal_started_ms, board.goal_ended_ms
+    machine.serial, machine.replaced_serial = board.serial, board.replaced_serial
+    machine.pursuits = board.pursuits
+    machine.cause = board.cause
+    machine.navigator, machine.side = board.navigator, board.side
+    machine.placed = bool(board.flags & BOARD_PLACED)
+    machine.senses = bool(board.flags & BOARD_SENSES)
+    machine.operator = bool(board.flags & BOARD_OPERATOR)
+    machine.fence_unreadable = bool(board.flags & BOARD_FENCE_LOST)
+    machine.goal = goal_of(board)
+
+
+def goal_of(board: BoardState) -> Goal | None:
+    """Return the goal; its tolerances stay on the board."""
+    if isnan(board.goal_x_m):
+        return None
+    heading_rad = None if isnan(board.goal_heading_rad) else board.goal_heading_rad
+    return Goal(board.goal_x_m, board.goal_y_m, heading_rad, 0.0, 0.0)
+
+
+def copy_odometry(state: State, message: PlanarOdometry) -> None:
+    """Copy speeds, and the covariance while the place is known."""
+    odometry = state.odometry
+    odometry.speed_m_s, odometry.yaw_rate_rad_s = message.speed_m_s, message.yaw_rate_rad_s
+    if isnan(message.cov_xx_m2):
+        return
+    odometry.pxx, odometry.pxy, odometry.pxh = (
+        message.cov_xx_m2,
+        message.cov_xy_m2,
+        message.cov_xh_m_rad,
+    )
+    odometry.pyy, odometry.pyh, odometry.phh = (
+        message.cov_yy_m2,
+        message.cov_yh_m_rad,
+        message.cov_hh_rad2,
+    )
+
+
+def decision_of(message: AvoidanceDecision) -> Decision | None:
+    """Return the decision in a message, or None if nothing was decided.
+
+    The message has no speed limit: it is nan.
+    """
+    if message.branch == states.NO_BRANCH:
+        return None
+    bearing_rad = message.nearest_bearing_rad
+    return Decision(
+        message.branch,
+        None if isnan(bearing_rad) else bearing_rad,
+        message.nearest_range_m,
+        message.goal_bearing_rad,
+        message.rotation_rad,
+        message.virtual_x_m,
+        message.virtual_y_m,
+        nan,
+    )
+
 
 NEVER: Final = 0xFFFFFFFF
 US_PER_MS: Final = 1000
@@ -198,7 +297,7 @@ class BoardCore:
         self._reported = 0
         self.state.manual = manual
         self.cost = found.report
-        outputs = mirror.follow(self.state, found)
+        outputs = follow(self.state, found)
         mark(GUARD)
         return outputs
 
@@ -240,7 +339,7 @@ class BoardCore:
 
     def _copy_state(self) -> None:
         if self._board.state is not None:
-            mirror.copy_state(self.state, self._board.state)
+            copy_state(self.state, self._board.state)
 
 
 def differences(before: Params, after: Params) -> Iterator[tuple[int, float, float]]:

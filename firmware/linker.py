@@ -5,17 +5,144 @@ stay in flash. So all modules are linked to one, in the order of their imports; 
 is not unique gets the name of its module as a suffix. Constants (`X: Final = 3`) are inlined,
 annotations and docstrings dropped, and definitions that nothing uses left out. Nothing else
 changes: the board runs the statements of the sources.
+
+Remove annotations, docstrings and `__slots__`, which the board does not use, from sources.
+
+Constants as literals, which MicroPython keeps in flash, and their exact values.
+
+MicroPython's compiler neither reads nor prints floating-point numbers exactly: the last bits of a
+frozen literal may differ from those in CPython. So the frozen C source is corrected: each number is
+replaced by the literal of the program that it came from.
 """
 
 import ast
 import builtins
 import re
+from bisect import bisect_left
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from math import inf
 from typing import Final, NamedTuple, TypeGuard
 
-from firmware.literals import is_literal, literal
-from firmware.strip import final_names, stripped
+from runtime.errors import LocalError
+
+
+class Stripper(ast.NodeTransformer):
+    """Drops annotations, docstrings, `__slots__` and `__all__`."""
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
+        """Drop the annotations and the docstring of a function."""
+        node.returns = None
+        every = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
+        for argument in (*every, node.args.vararg, node.args.kwarg):
+            if argument is not None:
+                argument.annotation = None
+        return self._with_body(node)
+
+    def visit_ClassDef(self, node: ast.ClassDef) -> ast.AST:
+        """Drop the docstring of a class."""
+        return self._with_body(node)
+
+    def visit_Expr(self, node: ast.Expr) -> ast.AST | None:
+        """Drop a docstring."""
+        return None if isinstance(node.value, ast.Constant) else self.generic_visit(node)
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST | None:
+        """Turn an annotated assignment into a plain one."""
+        if node.value is None:
+            return None
+        return ast.copy_location(ast.Assign([node.target], self.visit(node.value)), node)
+
+    def visit_Assign(self, node: ast.Assign) -> ast.AST | None:
+        """Drop `__slots__` and `__all__`."""
+        target = node.targets[0]
+        if isinstance(target, ast.Name) and target.id in ("__slots__", "__all__"):
+            return None
+        return self.generic_visit(node)
+
+    def _with_body(self, node: ast.FunctionDef | ast.ClassDef) -> ast.AST:
+        self.generic_visit(node)
+        node.body = node.body or [ast.Pass()]
+        return node
+
+
+def stripped(tree: ast.Module) -> ast.Module:
+    """Return a module without annotations, docstrings, `__slots__` and `__all__`."""
+    result = ast.fix_missing_locations(Stripper().visit(tree))
+    assert isinstance(result, ast.Module)
+    return result
+
+
+def final_names(tree: ast.Module) -> Iterator[str]:
+    """Yield the names of a module that are declared `Final`."""
+    for node in tree.body:
+        if (
+            isinstance(node, ast.AnnAssign)
+            and isinstance(node.target, ast.Name)
+            and "Final" in ast.unparse(node.annotation)
+        ):
+            yield node.target.id
+
+
+FROZEN_FLOAT: Final = re.compile(r"(\{\{&mp_type_float\}, \(mp_float_t\))([^}]+)(\})")
+MAX_FLOAT: Final = 1e38
+"""Largest number that is frozen; the tool converts each one to single precision, too."""
+NEAR: Final = 1e-14
+"""Relative difference of a frozen number from its literal: a few units in the last place."""
+
+
+def is_literal(value: object) -> bool:
+    """Return whether MicroPython keeps the literal of this value in flash."""
+    if isinstance(value, bool):
+        return False
+    if isinstance(value, int | str):
+        return True
+    if isinstance(value, float):
+        return 0.0 <= value <= MAX_FLOAT
+    if type(value) is tuple:  # not a named one, whose text is a call
+        return bool(value) and all(type(one) is int for one in value)
+    return False
+
+
+def literal(value: object) -> ast.expr:
+    """Return the expression of a constant."""
+    return ast.parse(repr(value), mode="eval").body
+
+
+def floats_in(source: str) -> set[float]:
+    """Return the floating-point literals of a program."""
+    nodes = ast.walk(ast.parse(source))
+    return {
+        node.value
+        for node in nodes
+        if isinstance(node, ast.Constant) and isinstance(node.value, float)
+    }
+
+
+def exact(frozen: str, wanted: Iterable[float]) -> str:
+    """Return frozen C source in which every number is one of the wanted ones.
+
+    Raises LocalError for a number that is not near exactly one of them.
+    """
+    ordered = sorted(wanted)
+
+    def corrected(found: re.Match[str]) -> str:
+        return f"{found[1]}{nearest(float(found[2]), ordered)!r}{found[3]}"
+
+    return FROZEN_FLOAT.sub(corrected, frozen)
+
+
+def nearest(value: float, ordered: list[float]) -> float:
+    """Return the only ordered number near a value; raise LocalError unless there is just one."""
+    place = bisect_left(ordered, value)
+    around = [-inf, *ordered, inf][max(0, place - 1) : place + 4]
+    near = [one for one in around if one == value or abs(one - value) <= NEAR * abs(value)]
+    if value in near:
+        return value
+    if len(near) != 1:
+        raise LocalError(f"frozen number {value!r} is near {near}, not near one literal")
+    return near[0]
+
 
 BODY: Final = "<body>"
 """The statements of a module that bind no name."""

@@ -9,8 +9,7 @@ from struct import Struct
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from firmware.board import Board
-from firmware.emulator import Emulator
+from firmware.board import Board, Emulator
 from firmware.image import OUTPUT
 from runtime.errors import UserError
 

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from firmware import toolchain
-from firmware.board import Board
-from firmware.emulator import QEMU
+from firmware.board import QEMU, Board
 from verification import built
 
 

@@ -12,7 +12,7 @@ from typing import Final
 
 import pytest
 
-from firmware import native
+from firmware import translator
 from runtime import elementary
 from runtime.errors import LocalError
 
@@ -41,7 +41,7 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     if shutil.which("gcc") is None:
         pytest.skip("packages are not installed: gcc")
     folder = tmp_path_factory.mktemp("elementary")
-    text = HOST + native.translated(SOURCE, elementary)
+    text = HOST + translator.translated(SOURCE, elementary)
     (folder / "functions.c").write_text(text.replace("\nstatic ", "\n"), encoding="utf-8")
     command = ["gcc", *OPTIONS, "-o", "functions.so", "functions.c", "-lm"]
     subprocess.run(command, cwd=folder, check=True)
@@ -104,15 +104,15 @@ def bits(values: Values) -> bytes:
 
 
 @pytest.mark.parametrize(
-    "name", [one.name for one in native.functions_of(SOURCE) if not one.name.startswith("_")]
+    "name", [one.name for one in translator.functions_of(SOURCE) if not one.name.startswith("_")]
 )
 def test_translation_has_the_bits_of_python(
     name: str, library: ctypes.CDLL, pytestconfig: pytest.Config
 ) -> None:
     wanted = COUNT["long" if pytestconfig.getoption("--examples") == "long" else "usual"]
-    definition = next(one for one in native.functions_of(SOURCE) if one.name == name)
+    definition = next(one for one in translator.functions_of(SOURCE) if one.name == name)
     count = len(definition.args.args)
-    results = len(native.result_types(definition))
+    results = len(translator.result_types(definition))
     theirs = compiled(library, name, results, count)
     ours = getattr(elementary, name)
     compared = 0
@@ -134,4 +134,4 @@ def test_translation_has_the_bits_of_python(
 def test_unknown_construct_is_refused_by_its_line(body: str) -> None:
     source = f"def strange(x: float) -> float:\n    {body}\n"
     with pytest.raises(LocalError, match=r"line \d+: no translation to C"):
-        native.translated(source, elementary)
+        translator.translated(source, elementary)

@@ -5,8 +5,7 @@ from time import monotonic
 
 import pytest
 
-from firmware.board import RESTART, Board, BoardError, BoardMismatchError
-from firmware.emulator import Emulator
+from firmware.board import RESTART, Board, BoardError, BoardMismatchError, Emulator
 from firmware.image import core_hash
 from protocol.wire.enums import ResetCause
 from protocol.wire.message import Message

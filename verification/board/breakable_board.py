@@ -13,8 +13,7 @@ from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Final, Self
 
-from firmware.board import RESTART, Board
-from firmware.emulator import Emulator, SerialLine
+from firmware.board import RESTART, Board, Emulator, SerialLine
 from firmware.host import BoardCore
 from firmware.image import IMAGE
 from protocol.wire.messages import BoardRestart

@@ -8,8 +8,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from firmware.board import Board
-from firmware.emulator import SerialLine
+from firmware.board import Board, SerialLine
 from tests.support.robot.mcu import hosted_loop
 
 PATIENCE_S = 20.0

@@ -13,13 +13,13 @@ from time import monotonic_ns
 from types import ModuleType
 from typing import Final
 
-from firmware import messages
+from firmware import build
+from firmware.board import FrameStream
 from firmware.image import core_hash, core_version
-from firmware.link import FrameStream
 from protocol.wire.codec import HEADER_SIZE, WIRE_OF_ID, Encoder
 from protocol.wire.message import Message
 
-ONBOARD: Final = Path(messages.__file__).with_name("onboard")
+ONBOARD: Final = Path(build.__file__).with_name("onboard")
 PAYLOAD_BYTES: Final = 255
 NS_PER_CLOCK: Final = 40
 CLOCK_MASK: Final = 0x3FFFFFFF
@@ -103,7 +103,7 @@ def main(descriptor: str, which: str = "", cause: str = "0") -> None:
     core = bytes(32) if which == OTHER_CORE else core_hash()
     sys.modules["board"] = HostedBoard(line, core, int(cause))
     wire = sys.modules["wire"] = ModuleType("wire")
-    exec(messages.python_module(), vars(wire))
+    exec(build.python_module(), vars(wire))
     sys.path.insert(0, str(ONBOARD))
     try:
         runpy.run_path(str(ONBOARD / "main.py"))

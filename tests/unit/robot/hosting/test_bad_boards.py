@@ -158,6 +158,6 @@ def test_missing_emulator_is_a_clear_error(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_missing_image_is_a_clear_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr("firmware.emulator.shutil.which", lambda _: "/usr/bin/qemu")
+    monkeypatch.setattr("firmware.board.shutil.which", lambda _: "/usr/bin/qemu")
     with pytest.raises(UserError, match="make firmware"), Board.emulated(tmp_path / "none.elf"):
         pass

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware.link import FrameStream
+from firmware.board import FrameStream
 from protocol.wire.codec import LARGEST_FRAME, Encoder
 from protocol.wire.messages import BoardAnswer
 

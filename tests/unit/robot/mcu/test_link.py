@@ -2,7 +2,7 @@
 
 from random import Random
 
-from firmware.link import FrameStream
+from firmware.board import FrameStream
 from protocol.wire.codec import HEADER_SIZE, Encoder
 from protocol.wire.message import Message
 from protocol.wire.messages import BoardAnswer, BoardRestart

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware.literals import exact, floats_in, is_literal, nearest
+from firmware.linker import exact, floats_in, is_literal, nearest
 from runtime.errors import LocalError
 from tests.support.each import each
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from firmware import toolchain
+from firmware.board import Emulator
 from firmware.build import main
-from firmware.emulator import Emulator
 from firmware.image import Image
 from runtime.errors import UserError
 
