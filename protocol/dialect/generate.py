@@ -1,7 +1,7 @@
 """Write the modules generated from the dialect: `make generate`.
 
 Messages, enumerations, reasons and wire layouts of the protocol, and the numbers of the control
-core, are generated from sidestep.xml and the part of common.xml that common_subset names. The
+core, are generated from sidestep.xml and the part of common.xml that is in use. The
 output is deterministic; a test compares it with the committed modules.
 
 Python source of parts of the dialect: message classes, enumerations, tables, constants.
@@ -179,20 +179,6 @@ WIRE: Final = "protocol/wire"
 """Folder and package of the typed messages."""
 CORE: Final = "robot/core"
 
-OPERATOR_MESSAGES: Final = frozenset(
-    {
-        "GOAL_REQUEST",
-        "COMMAND_REQUEST",
-        "LEASE_REQUEST",
-        "LEASE_STATUS",
-        "GATEWAY_STATUS",
-        "TELEOP",
-        "MISSION_STATUS",
-        "MISSION_VERDICT",
-    }
-)
-"""Messages between operators and robots, besides the common ones."""
-BOARD: Final = "BOARD_"
 FIRST_OWN_ID: Final = 54_100
 REASON: Final = "SIDESTEP_REASON"
 ENUM_CLASSES: Final = {
@@ -264,70 +250,19 @@ SIDES: Final = (
 )
 
 
-def messages_common(dialect: Dialect) -> str:
-    """Return the module of messages taken from common.xml."""
-    return message_module("Messages taken over from MAVLink's common.xml.", common(dialect))
-
-
-def messages_operator(dialect: Dialect) -> str:
-    """Return the module of messages between operators and robots."""
-    docstring = "Messages of operators and robots: requests, lease, teleop, mission."
-    return message_module(docstring, operator(dialect))
-
-
-def messages_robot(dialect: Dialect) -> str:
-    """Return the module of messages of the control loop."""
-    docstring = "Messages of the control loop and of a run: senses, wheels, status, score."
-    return message_module(docstring, robot(dialect))
-
-
-def messages_board(dialect: Dialect) -> str:
-    """Return the module of messages between a host and the board that runs the core."""
-    docstring = "Messages of the serial link between a host and the board that runs the core."
-    return message_module(docstring, board(dialect))
-
-
-def message_module(docstring: str, messages: list[MessageType]) -> str:
-    """Return a module of message classes."""
-    text = [line for message in messages for line in message_lines(message, NAMES_OF_ENUM)]
-    checks = [name for name in ("too_long", "unfit") if any(f"{name}(" in line for line in text)]
-    source = f"{package()}.message"
-    return module(docstring, ["", *import_lines(source, ["Message", *checks])], text)
-
-
-def common(dialect: Dialect) -> list[MessageType]:
-    """Return the messages of common.xml."""
-    return [message for message in dialect.messages if message.number < FIRST_OWN_ID]
-
-
-def operator(dialect: Dialect) -> list[MessageType]:
-    """Return our own messages between operators and robots."""
-    return [message for message in dialect.messages if message.name in OPERATOR_MESSAGES]
-
-
-def board(dialect: Dialect) -> list[MessageType]:
-    """Return our own messages of the serial link to the board."""
-    return [message for message in dialect.messages if message.name.startswith(BOARD)]
-
-
-def robot(dialect: Dialect) -> list[MessageType]:
-    """Return our own messages of the control loop and of runs."""
-    others = {*common(dialect), *operator(dialect), *board(dialect)}
-    return [message for message in dialect.messages if message not in others]
-
-
 def messages(dialect: Dialect) -> str:
-    """Return the module that re-exports all messages."""
-    groups = {"board": board, "common": common, "operator": operator, "robot": robot}
-    imports = {f"{package()}.messages_{name}": names(of(dialect)) for name, of in groups.items()}
+    """Return the module of all message classes."""
+    text = [line for message in dialect.messages for line in message_lines(message, NAMES_OF_ENUM)]
+    checks = [name for name in ("too_long", "unfit") if any(f"{name}(" in line for line in text)]
     every = names(dialect.messages)
     exported = sorted(["Message", *every], key=str.lower)
     return module(
         "All messages of the dialect: one frozen, keyword-only class per message.",
         ["", "from typing import Final", ""],
-        import_lines(f"{package()}.message", ["Message"]),
-        (line for source, classes in imports.items() for line in import_lines(source, classes)),
-        ["", *table_lines("__all__ = [", map(quoted, ["MESSAGES", *exported]), "]"), ""],
+        import_lines(f"{package()}.message", ["Message", *checks]),
+        ["", *table_lines("__all__ = [", map(quoted, ["MESSAGES", *exported]), "]")],
+        text,
+        ["", ""],
         table_lines("MESSAGES: Final[tuple[type[Message], ...]] = (", every, ")"),
     )
 
@@ -459,10 +394,6 @@ CLASS_OF_ENUM: Final = {**ENUM_CLASSES, REASON: "Reason"}
 NAMES_OF_ENUM: Final = CLASS_OF_ENUM | {name: f"{one}_*" for name, one in CONSTANTS.items()}
 OUTPUTS: Final[dict[str, Callable[[Dialect], str]]] = {
     f"{WIRE}/messages.py": messages,
-    f"{WIRE}/messages_board.py": messages_board,
-    f"{WIRE}/messages_common.py": messages_common,
-    f"{WIRE}/messages_operator.py": messages_operator,
-    f"{WIRE}/messages_robot.py": messages_robot,
     f"{WIRE}/enums.py": enums,
     f"{WIRE}/reasons.py": reasons,
     f"{WIRE}/limits.py": limits,
