@@ -87,7 +87,7 @@ WORKDIR /source
 COPY . .
 # Here and not later: a container cannot write its tree.
 RUN python -m pip install --quiet --no-deps --no-build-isolation --no-index -e . \
-    && python -c "from protocol.dialect.mavgen import oracle; oracle()"
+    && python -c "from protocol.dialect.generate import oracle; oracle()"
 USER 10001:10001
 # The user's own shell allows no login; tmux would start it.
 ENV HYPOTHESIS_STORAGE_DIRECTORY=/tmp/hypothesis SHELL=/bin/sh

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from time import process_time
 from typing import Any
 
-from protocol.dialect.mavgen import oracle
+from protocol.dialect.generate import oracle
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.message import Message
 from protocol.wire.messages import (

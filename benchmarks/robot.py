@@ -19,7 +19,7 @@ from verification.harness.processes import cpu_s, resident_mb, robot_process
 from verification.harness.stand_in import PlantStandIn, driving
 
 CPU_AT_MOST, RSS_AT_MOST, IMPORT_AT_MOST, GROWTH_AT_MOST = 5.0, 60.0, 0.3, 1.0
-IMPORTING = "import time; t = time.perf_counter(); import robot.cli; print(time.perf_counter() - t)"
+IMPORTING = "import time; t = time.perf_counter(); import robot.run; print(time.perf_counter() - t)"
 TICKS_PER_HOUR = round(3600 * CONTROL_HZ)
 SAMPLES = 40
 LOCKSTEP_PATIENCE_S = 5.0

@@ -40,8 +40,7 @@ from robot.emergency_stop import RESTORED, emergency_stop
 from robot.file_writer import Ticket
 from robot.hosting import ORIGIN, InProcessCore, NewCore
 from robot.lease import Lease, needs_no_lease
-from robot.mission import FenceItems, Mission
-from robot.mission_transfer import MissionStore, Reply, Transfers, restored
+from robot.mission import FenceItems, Mission, MissionStore, Reply, Transfers, restored
 from robot.parameter_service import NO_COMMAND, ParameterService
 from robot.storage import Store
 from robot.telemetry import ChangeLog

@@ -31,8 +31,8 @@ from typing import Any, Final
 from zipfile import ZipFile
 
 import hatch_build
+from firmware import build, image
 from firmware import build as firmware_build
-from firmware import image, toolchain
 from runtime.errors import UserError
 
 ROOT: Final = Path(__file__).resolve().parents[1]
@@ -242,21 +242,21 @@ def _compiler() -> tuple[str, str]:
 
 def firmware(variant: str = image.IMAGE.name) -> Path:
     """Return the firmware of this tree in build/firmware; raise UserError if it cannot be built."""
-    toolchain.check_tools()
+    build.check_tools()
     chosen = image.IMAGES[variant]
     package = ROOT / "firmware"
     roots = [package / "build.py", *image.core_sources().values(), *package.glob("onboard/*.py")]
     sources = hatch_build.reached(ROOT, (path.relative_to(ROOT).as_posix() for path in roots))
     sources |= {*package.glob("port/*"), *(ROOT / "protocol").rglob("*.xml")}
-    facts = [project()["project"]["version"], toolchain.TARBALL_SHA256, variant]
+    facts = [project()["project"]["version"], build.TARBALL_SHA256, variant]
     facts += [_output([tool, "--version"]) for tool in ("arm-none-eabi-gcc", "arm-none-eabi-ld")]
 
     def make(place: Path) -> None:
-        tarball = image.OUTPUT / "source" / toolchain.TARBALL
+        tarball = image.OUTPUT / "source" / build.TARBALL
         if not tarball.exists():
-            source = built("micropython", toolchain.TARBALL_SHA256[:20], _fetch)
+            source = built("micropython", build.TARBALL_SHA256[:20], _fetch)
             tarball.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(source / toolchain.TARBALL, tarball)
+            shutil.copy(source / build.TARBALL, tarball)
         firmware_build.build(chosen)
         for path in (chosen.elf, chosen.elf.with_suffix(".map")):
             shutil.copy2(path, place)
@@ -274,8 +274,8 @@ def firmware(variant: str = image.IMAGE.name) -> Path:
 
 def _fetch(place: Path) -> None:
     """Fetch the source of MicroPython, which is needed once for all states of the core."""
-    toolchain.fetch(place / toolchain.TARBALL)
-    toolchain.check(place / toolchain.TARBALL)
+    build.fetch(place / build.TARBALL)
+    build.check(place / build.TARBALL)
 
 
 def _is_same(path: Path, other: Path) -> bool:

@@ -352,7 +352,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             RUN,
             "the control loop of one robot, 20 Hz",
             "run robot --id r1 --start 0.6 2 0 --lockstep",
-            "robot.cli",
+            "robot.run",
             hosts=MappingProxyType({"--mcu": "firmware.host"}),
         ),
         "router": Verb(
@@ -513,7 +513,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             MORE,
             "print the completion script of bash, zsh or fish",
             "completion bash",
-            "runtime.cli.completion_script",
+            "runtime.cli.completion",
         ),
     }
 )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from firmware import toolchain
+from firmware import build
 from firmware.board import QEMU, Board
 from verification import built
 
@@ -14,11 +14,11 @@ from verification import built
 @pytest.fixture(scope="session")
 def firmware() -> Path:
     """Build the firmware; skip where its tools are not installed."""
-    missing = toolchain.missing_packages()
+    missing = build.missing_packages()
     if shutil.which(QEMU) is None:
         missing.append("qemu-system-arm")
     if missing:
-        pytest.skip(f"packages are not installed: {toolchain.advice(missing)}")
+        pytest.skip(f"packages are not installed: {build.advice(missing)}")
     return built.firmware()
 
 

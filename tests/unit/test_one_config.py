@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 import plant.process.run
-import robot.cli
+import robot.run
 from ground.cli.main import parse
 from ground.cli.options import common_of
 from protocol.bus.network import Network, Tls
@@ -41,7 +41,7 @@ def robot_runs(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Vehicle, Network, 
         runs.append((vehicle, network, name))
         return 0
 
-    monkeypatch.setattr(robot.cli, "run", run)
+    monkeypatch.setattr(robot.run, "run", run)
     return runs
 
 
@@ -62,7 +62,7 @@ def test_each_program_reads_its_own_tables(
     robot_runs: list[tuple[Vehicle, Network, str]],
     plant_runs: list[tuple[Network, list[str]]],
 ) -> None:
-    assert robot.cli.main(["--config", str(file)]) == 0
+    assert robot.run.main(["--config", str(file)]) == 0
     assert plant.process.run.main(["--config", str(file)]) == 0
     ((vehicle, waiting, name),) = robot_runs
     ((dialling, robots),) = plant_runs
@@ -80,7 +80,7 @@ def test_command_line_overrides_robot_names(
     robot_runs: list[tuple[Vehicle, Network, str]],
     plant_runs: list[tuple[Network, list[str]]],
 ) -> None:
-    robot.cli.main(["--config", str(file), "--id", "r2"])
+    robot.run.main(["--config", str(file), "--id", "r2"])
     plant.process.run.main(["--config", str(file), "--robots", "r1,r2"])
     assert robot_runs[0][2] == "r2"
     assert plant_runs[0][1] == ["r1", "r2"]
@@ -90,7 +90,7 @@ def test_command_line_overrides_robot_names(
 def test_each_refuses_a_misspelt_name(tmp_path: Path, text: str) -> None:
     path = tmp_path / "bad.toml"
     path.write_text(text)
-    for read in (robot.cli.main, plant.process.run.main):
+    for read in (robot.run.main, plant.process.run.main):
         with pytest.raises(ConfigError, match="unknown key"):
             read(["--config", str(path)])
     with pytest.raises(ConfigError, match="unknown key"):
@@ -104,7 +104,7 @@ def test_keys_lie_beside_the_file_that_names_them(
     path.write_text(
         '[network.tls]\nca = "ca.pem"\ncertificate = "/run/r1.pem"\nkey = "own/r1.key"\n'
     )
-    robot.cli.main(["--config", str(path)])
+    robot.run.main(["--config", str(path)])
     common = common_of(parse(["hold", "--config", str(path)]))
     for network in (robot_runs[0][1], common.network):
         assert network.tls == Tls(

@@ -18,9 +18,9 @@ from ground.client.parameter import parameters_in
 from ground.client.parameter_file import read as values_in
 from ground.console.history import History
 from ground.ghost.predicted_path import PathReader
-from robot.cli import Settings
 from robot.core.parameters import DEFAULTS
 from robot.parameter_table import adjusted, described
+from robot.run import Settings
 from robot.storage import FILE_NAME, Store
 from runtime.config import FOLDER, Calibration, load, load_shared
 from study.cli.calibrate import SIDE_M, from_log

@@ -19,7 +19,7 @@ from plant.process.run import parser as plant_parser
 from protocol.bus.network import Network
 from protocol.options import numbers_kept
 from protocol.topics import robot_name
-from robot.cli import parser as robot_parser
+from robot.run import parser as robot_parser
 from runtime.cli.parsers import parser_of
 from study.cli.calibrate import parser as calibrate_parser
 from verification.fuzz.target import REFUSALS, FuzzTarget

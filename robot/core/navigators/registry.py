@@ -3,7 +3,7 @@
 from typing import Any, Final, NamedTuple, Protocol
 
 from robot.core import states
-from robot.core.navigators import classical_bugs, paper, vgm_memory
+from robot.core.navigators import classical, paper, vgm_memory
 from robot.core.navigators import paper as memories
 from robot.core.parameters import Params
 from robot.core.perception.odometry import Odometry
@@ -50,9 +50,9 @@ It then returns GIVE_UP, or LOST if it has no proof; a lack of progress does not
 NAVIGATORS: "Final[dict[int, Navigator]]" = {
     states.BUG: Navigator(memories.PaperMemory, paper.step_bug, False),
     states.VGM: Navigator(memories.PaperMemory, paper.step_vgm, False),
-    states.BUG1: Navigator(classical_bugs.Bug1Memory, classical_bugs.step_bug1, True),
-    states.BUG2: Navigator(classical_bugs.Bug2Memory, classical_bugs.step_bug2, True),
-    states.DISTBUG: Navigator(classical_bugs.DistBugMemory, classical_bugs.step_distbug, True),
+    states.BUG1: Navigator(classical.Bug1Memory, classical.step_bug1, True),
+    states.BUG2: Navigator(classical.Bug2Memory, classical.step_bug2, True),
+    states.DISTBUG: Navigator(classical.DistBugMemory, classical.step_distbug, True),
     states.VGM_MEMORY: Navigator(vgm_memory.Memory, vgm_memory.step, True),
 }
 

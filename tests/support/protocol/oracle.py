@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from protocol.dialect.mavgen import oracle
+from protocol.dialect.generate import oracle
 from protocol.wire.message import LAYOUT, Field, Message
 
 

@@ -12,7 +12,7 @@ from plant.world import file as world_file
 from protocol.topics import Role, Service, Topic
 from protocol.wire.message import Message
 from protocol.wire.messages import SonarScan
-from robot import cli as robot_cli
+from robot import run as robot_cli
 from robot.core.safety import failsafe
 from robot.parameter_table import SPECS
 from runtime import config

@@ -11,7 +11,7 @@ from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
 from robot.emergency_stop import emergency_stop
 from robot.file_writer import Directory
-from robot.mission_transfer import MissionStore, text_of
+from robot.mission import MissionStore, text_of
 from robot.storage import Store
 from runtime import files
 from tests.support.robot.mission.items import circle, line, upload

@@ -26,7 +26,7 @@ from plant.model.configuration import body_of
 from plant.placement import starts
 from plant.world.file import load
 from protocol.outcome import RunSettings, wire_goal
-from robot.cli import parser as robot_parser
+from robot.run import parser as robot_parser
 from runtime.config import calibration_of
 from runtime.errors import UserError
 from tests.support.each import each

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 
-from protocol.dialect.mavgen import oracle
+from protocol.dialect.generate import oracle
 from protocol.wire.message import LAYOUT, Message, check
 from protocol.wire.messages import (
     MESSAGES,

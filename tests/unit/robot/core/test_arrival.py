@@ -2,7 +2,7 @@
 
 from math import inf, pi
 
-from robot.core import pursuit
+from robot.core import brain
 from robot.core.parameters import DEFAULTS
 from robot.core.state import State
 from robot.core.values import Goal, Pose
@@ -33,7 +33,7 @@ def standing(
 
 def arrives(state: State, away_m: float = AWAY_M) -> bool:
     goal = Goal(away_m, 0.0, None, TOLERANCE_M, pi)
-    return pursuit.has_arrived(state, goal, away_m, DEFAULTS)
+    return brain.has_arrived(state, goal, away_m, DEFAULTS)
 
 
 def test_robot_arrives_beside_an_obstacle_if_it_may_stand_on_the_goal() -> None:

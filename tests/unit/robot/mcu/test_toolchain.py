@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from firmware import toolchain
+from firmware import build
 from firmware.board import Emulator
 from firmware.build import main
 from firmware.image import Image
@@ -27,11 +27,11 @@ def test_build_names_the_missing_compiler(
 def test_missing_headers_are_named_by_their_packages(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    headers = {tmp_path / package: package for package in toolchain.HEADERS.values()}
-    monkeypatch.setattr(toolchain, "HEADERS", headers)
+    headers = {tmp_path / package: package for package in build.HEADERS.values()}
+    monkeypatch.setattr(build, "HEADERS", headers)
     (tmp_path / "libnewlib-dev").touch()
-    assert "libc6-dev" in toolchain.missing_packages()
-    assert "libnewlib-dev" not in toolchain.missing_packages()
+    assert "libc6-dev" in build.missing_packages()
+    assert "libnewlib-dev" not in build.missing_packages()
 
 
 def test_unknown_variant_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
@@ -46,22 +46,22 @@ def test_missing_emulator_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
 
 
 def test_changed_source_of_micropython_is_refused(tmp_path: Path) -> None:
-    tarball = tmp_path / toolchain.TARBALL
+    tarball = tmp_path / build.TARBALL
     tarball.write_bytes(b"something else")
     with pytest.raises(UserError, match="sha256"):
-        toolchain.check(tarball)
+        build.check(tarball)
 
 
 def test_mirror_of_this_machine_is_used(tmp_path: Path) -> None:
     folder = tmp_path / "sources.list.d"
     folder.mkdir()
     (folder / "debian.sources").write_text(ENTRY)
-    assert toolchain.mirror(tmp_path) == "http://mirror.example/debian"
+    assert build.mirror(tmp_path) == "http://mirror.example/debian"
 
 
 def test_machine_without_a_mirror_is_told_what_to_do(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="build/firmware/source"):
-        toolchain.mirror(tmp_path)
+        build.mirror(tmp_path)
 
 
 def test_image_fits_the_memory_of_the_chip() -> None:

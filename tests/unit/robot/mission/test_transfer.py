@@ -18,8 +18,7 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import Reason
 from robot.core import reasons
 from robot.file_writer import Directory
-from robot.mission import MAX_ITEMS
-from robot.mission_transfer import NO_ITEM, MissionStore, Request, Transfers
+from robot.mission import MAX_ITEMS, NO_ITEM, MissionStore, Request, Transfers
 from tests.support.each import each
 from tests.support.robot.mission.items import circle, corners, item, line, ready, start, upload
 from tests.support.robot.vehicles import Desk

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from protocol.wire.enums import Command, Severity
 from protocol.wire.messages import CommandAck, ParamSet
 from protocol.wire.reasons import Reason
-from robot.cli import Settings, parser, vehicle_of
 from robot.core.parameters import DEFAULTS
 from robot.core.safety import guard
 from robot.core.safety.failsafe import ROWS
@@ -23,6 +22,7 @@ from robot.parameter_table import (
     SafetyBound,
     is_less_safe,
 )
+from robot.run import Settings, parser, vehicle_of
 from robot.storage import FILE_NAME, Store
 from robot.vehicle import Vehicle
 from tests.support.each import each

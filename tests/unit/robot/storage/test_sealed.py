@@ -11,7 +11,7 @@ from protocol.wire.messages import ParamSet
 from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
 from robot.file_writer import MAX_BYTES, sealed, text_in, unsealed
-from robot.mission_transfer import text_of
+from robot.mission import text_of
 from robot.storage import Store, own
 from runtime.errors import UserError
 from tests.support.each import each

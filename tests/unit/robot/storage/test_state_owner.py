@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from robot import cli
+from robot import run
 from robot.storage import OWNER_NAME, own
 from runtime.errors import UserError
 
@@ -29,9 +29,9 @@ def test_robot_process_does_not_start_on_the_state_of_another(tmp_path: Path) ->
     own(tmp_path, "r2")
     (tmp_path / "fence.json").write_text("[]")
     with pytest.raises(UserError, match="belongs to robot 'r2'"):
-        cli.main(["--id", "r1", "--state", str(tmp_path)])
+        run.main(["--id", "r1", "--state", str(tmp_path)])
     with pytest.raises(UserError, match="belongs to robot 'r2'"):
-        cli.main(["--id", "r1", "--stops", str(tmp_path)])
+        run.main(["--id", "r1", "--stops", str(tmp_path)])
 
 
 @pytest.mark.parametrize("content", [b"", b"\xff", b"r1\x1b]0;OWNED\x07"])

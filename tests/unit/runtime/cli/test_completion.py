@@ -9,9 +9,8 @@ import pytest
 
 from ground.user.settings import settings_file
 from plant.world.file import shipped
-from runtime.cli.completion import completions, main
-from runtime.cli.completion_script import SCRIPTS
-from runtime.cli.completion_script import main as print_script
+from runtime.cli.completion import SCRIPTS, complete, completions
+from runtime.cli.completion import main as print_script
 from runtime.cli.verb_table import GROUPS, VERBS, command_of
 from tests.support.each import each
 from tests.support.ground.runs import written
@@ -125,7 +124,7 @@ def test_errors_print_nothing(
         raise ZeroDivisionError(word)
 
     monkeypatch.setattr("runtime.cli.completion.parser_of", fail)
-    assert main(["--", "goto", ""]) == 0
+    assert complete(["--", "goto", ""]) == 0
     assert capsys.readouterr() == ("", "")
 
 

@@ -10,8 +10,16 @@ from protocol.dialect.definitions import (
     read_dialect,
     upstream_definitions,
 )
-from protocol.dialect.generate import CORE, FIRST_OWN_ID, OUTPUTS, ROOT, WIRE, commented, doc_lines
-from protocol.dialect.mavgen import oracle
+from protocol.dialect.generate import (
+    CORE,
+    FIRST_OWN_ID,
+    OUTPUTS,
+    ROOT,
+    WIRE,
+    commented,
+    doc_lines,
+    oracle,
+)
 from tests.support.each import each
 
 DIALECT = read_dialect()

@@ -1,7 +1,7 @@
 from math import hypot
 
 from robot.core import states
-from robot.core.navigators import classical_bugs
+from robot.core.navigators import classical
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Goal, Pose
 from tests.support.each import each
@@ -45,12 +45,12 @@ def test_a_goal_that_is_walled_in_is_unreachable() -> None:
 
 
 def test_a_new_goal_forgets_the_old_one() -> None:
-    memory = classical_bugs.Bug1Memory()
+    memory = classical.Bug1Memory()
     here, ahead = Pose(0.0, 0.0, 0.0), ring({3: 150, 4: 150})
     for _ in range(5):
-        classical_bugs.step_bug1(memory, here, ahead, GOAL, DEFAULTS)
-    assert memory.phase == classical_bugs.CIRCLING
+        classical.step_bug1(memory, here, ahead, GOAL, DEFAULTS)
+    assert memory.phase == classical.CIRCLING
     other = Goal(-2.0, 0.0, None, 0.05, 0.05)
-    decision = classical_bugs.step_bug1(memory, here, seen_from(here, []), other, DEFAULTS)
-    assert memory.phase == classical_bugs.GOING
+    decision = classical.step_bug1(memory, here, seen_from(here, []), other, DEFAULTS)
+    assert memory.phase == classical.GOING
     assert decision.branch == states.TO_GOAL

@@ -1,5 +1,5 @@
 from robot.core import states
-from robot.core.navigators import classical_bugs
+from robot.core.navigators import classical
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Pose
 from tests.support.each import each
@@ -15,10 +15,10 @@ from tests.support.robot.core.rings import Disc, Wall, clearance_m, ring, walk_t
 
 
 def test_an_obstacle_ahead_is_met_only_when_it_is_seen_twice() -> None:
-    memory, here = classical_bugs.Bug2Memory(), Pose(0.0, 0.0, 0.0)
+    memory, here = classical.Bug2Memory(), Pose(0.0, 0.0, 0.0)
     ahead = ring({3: 180, 4: 180})
-    assert classical_bugs.step_bug2(memory, here, ahead, GOAL, DEFAULTS).branch == states.TO_GOAL
-    assert classical_bugs.step_bug2(memory, here, ahead, GOAL, DEFAULTS).branch == states.PASS_LEFT
+    assert classical.step_bug2(memory, here, ahead, GOAL, DEFAULTS).branch == states.TO_GOAL
+    assert classical.step_bug2(memory, here, ahead, GOAL, DEFAULTS).branch == states.PASS_LEFT
 
 
 @each("side", [states.LEFT, states.RIGHT])
@@ -40,20 +40,20 @@ def test_a_trap_is_entered_and_left(side: int) -> None:
 
 
 def test_line_crossed_farther_than_the_hit_is_not_left() -> None:
-    boundary = classical_bugs.Bug2Memory().boundary
+    boundary = classical.Bug2Memory().boundary
     boundary.begun_m = 2.0
     boundary.distance_m = 2.5
-    assert not classical_bugs.leaves_bug2(boundary, True, DEFAULTS)
+    assert not classical.leaves_bug2(boundary, True, DEFAULTS)
     boundary.distance_m = 1.5
-    assert classical_bugs.leaves_bug2(boundary, True, DEFAULTS)
-    assert not classical_bugs.leaves_bug2(boundary, False, DEFAULTS)
+    assert classical.leaves_bug2(boundary, True, DEFAULTS)
+    assert not classical.leaves_bug2(boundary, False, DEFAULTS)
 
 
 def test_line_crossed_between_two_ticks_is_detected() -> None:
-    memory = classical_bugs.Bug2Memory()
-    assert not classical_bugs.crosses(memory, Pose(1.0, 0.2, 0.0), GOAL)
-    assert classical_bugs.crosses(memory, Pose(1.0, -0.2, 0.0), GOAL)
-    assert not classical_bugs.crosses(memory, Pose(1.1, -0.2, 0.0), GOAL)
+    memory = classical.Bug2Memory()
+    assert not classical.crosses(memory, Pose(1.0, 0.2, 0.0), GOAL)
+    assert classical.crosses(memory, Pose(1.0, -0.2, 0.0), GOAL)
+    assert not classical.crosses(memory, Pose(1.1, -0.2, 0.0), GOAL)
 
 
 def test_a_goal_that_is_walled_in_is_unreachable() -> None:

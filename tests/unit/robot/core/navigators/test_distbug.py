@@ -1,8 +1,8 @@
 from math import inf
 
 from robot.core import states
+from robot.core.navigators import classical
 from robot.core.navigators import classical as boundaries
-from robot.core.navigators import classical_bugs
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Goal
 from tests.support.each import each
@@ -16,10 +16,8 @@ from tests.support.robot.core.courses import (
 from tests.support.robot.core.rings import HERE, Wall, clearance_m, ring, walk_to
 
 
-def looking(
-    echoes: dict[int, int], best_m: float, goal: Goal = GOAL
-) -> classical_bugs.DistBugMemory:
-    memory = classical_bugs.DistBugMemory()
+def looking(echoes: dict[int, int], best_m: float, goal: Goal = GOAL) -> classical.DistBugMemory:
+    memory = classical.DistBugMemory()
     for _ in range(3):
         boundaries.look(memory.boundary, HERE, ring(echoes), goal, DEFAULTS)
     memory.boundary.best_m = best_m
@@ -28,30 +26,28 @@ def looking(
 
 def test_it_leaves_when_the_free_way_leads_nearer_than_ever() -> None:
     clear = looking({3: 1500, 4: 1500}, 2.0)
-    assert classical_bugs.leads_nearer(clear.boundary, DEFAULTS)
+    assert classical.leads_nearer(clear.boundary, DEFAULTS)
     shut = looking({3: 600, 4: 600}, 2.0)
-    assert not classical_bugs.leads_nearer(shut.boundary, DEFAULTS)
+    assert not classical.leads_nearer(shut.boundary, DEFAULTS)
 
 
 def test_a_way_out_of_view_is_not_known_to_be_free() -> None:
     behind = looking({}, 3.0, Goal(-2.4, 0.0, None, 0.05, 0.05))
-    assert not classical_bugs.leads_nearer(behind.boundary, DEFAULTS)
+    assert not classical.leads_nearer(behind.boundary, DEFAULTS)
 
 
 def test_an_open_moment_is_not_enough() -> None:
     memory = looking({3: 1500, 4: 1500}, 2.0)
     memory.boundary.laps = 0
-    answers = [
-        classical_bugs.leaves_distbug(memory, DEFAULTS) for _ in range(classical_bugs.SURE_TICKS)
-    ]
-    assert answers == [False] * (classical_bugs.SURE_TICKS - 1) + [True]
+    answers = [classical.leaves_distbug(memory, DEFAULTS) for _ in range(classical.SURE_TICKS)]
+    assert answers == [False] * (classical.SURE_TICKS - 1) + [True]
 
 
 def test_a_missing_sonar_towards_the_goal_is_no_free_way() -> None:
     memory = looking({}, 2.4)
-    assert classical_bugs.leads_nearer(memory.boundary, DEFAULTS)
+    assert classical.leads_nearer(memory.boundary, DEFAULTS)
     memory.boundary.follower.seen_m[3] = None
-    assert not classical_bugs.leads_nearer(memory.boundary, DEFAULTS)
+    assert not classical.leads_nearer(memory.boundary, DEFAULTS)
 
 
 @each("side", [states.LEFT, states.RIGHT])
@@ -81,7 +77,7 @@ def test_hidden_way_is_tried_at_the_nearest_point() -> None:
 
 
 def test_nearest_point_is_tried_once_only() -> None:
-    boundary = classical_bugs.DistBugMemory().boundary
+    boundary = classical.DistBugMemory().boundary
     boundary.distance_m = boundary.near_m = 1.0
     assert not boundaries.leave_at_nearest(boundary)
     boundary.laps = 1

@@ -2,7 +2,7 @@ import pytest
 
 from protocol.wire.enums import Navigator as Numbers
 from robot.core import reasons, states
-from robot.core.navigators import classical_bugs, registry
+from robot.core.navigators import classical, registry
 from robot.core.navigators.registry import NAVIGATORS, Navigator
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Decision
@@ -37,7 +37,7 @@ def test_a_goal_takes_the_memory_of_the_navigator_that_is_chosen() -> None:
     driven.machine.navigator = states.BUG2
     assert driven.goto() == reasons.OK
     first = driven.forward(0.1).state.memory
-    assert isinstance(first, classical_bugs.Bug2Memory)
+    assert isinstance(first, classical.Bug2Memory)
     assert driven.forward(0.1).state.memory is first
     assert driven.goto() == reasons.OK
     assert driven.forward(0.1).state.memory is not first
