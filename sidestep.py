@@ -95,7 +95,7 @@ def dispatch(arguments: list[str], *, ends_process: bool) -> int:
         print(f"sidestep {version()}{' (compiled)' if own('compiled').is_compiled() else ''}")
         return 0
     if word == "complete":
-        code: int = importlib.import_module("runtime.cli.completion").main(arguments[1:])
+        code: int = importlib.import_module("runtime.cli.completion").complete(arguments[1:])
         return code
     call = verbs().find(arguments)
     if call is None:
