@@ -4,11 +4,10 @@ import gc
 from typing import Final
 
 import board
-import inputs
 import outputs
 import requests
 import wire
-from onboard import Onboard
+from onboard import Onboard, read_inputs
 
 from robot.core import brain, reasons
 from robot.core.safety import failsafe
@@ -46,7 +45,7 @@ def tick(onboard: Onboard) -> None:
     if onboard.state is None:
         return
     started = board.clock()
-    given = inputs.read(onboard)
+    given = read_inputs(onboard)
     try:
         _, chosen = brain.step(onboard.state, given, onboard.params)
         left_mrad_s, right_mrad_s = chosen.left_mrad_s, chosen.right_mrad_s
