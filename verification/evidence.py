@@ -189,7 +189,7 @@ EVIDENCE: Final = (
         "MAVLink rows",
         "results of `sidestep mavlink check` on three lines",
         "`make interop`, `make rows-table`",
-        ("runtime", "protocol", "ground/gateway", "ground/vehicle_check", "robot"),
+        ("runtime", "protocol", "gateways/mavlink", "vehicle_check", "robot"),
         12,
         (
             Step(
@@ -208,7 +208,7 @@ EVIDENCE: Final = (
         "MAVLink gateway",
         "latency, cost, slow line, forgery, time-outs, readiness, floods",
         "`sidestep bench gateway`",
-        ("runtime", "protocol", "robot", "plant", "ground/gateway", "benchmarks/gateway"),
+        ("runtime", "protocol", "robot", "plant", "gateways/mavlink", "benchmarks/gateway"),
         40,
         benched("mavlink-gateway", GATEWAY),
     ),

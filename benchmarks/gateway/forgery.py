@@ -11,7 +11,7 @@ from typing import Any, Final
 from benchmarks.gateway.client import Client, Line
 from benchmarks.gateway.forged_frames import KINDS, Forger
 from benchmarks.gateway.stage import Air, Figures, on_air
-from ground.gateway.signing.key_file import KeyRing, new_key, write_keys
+from ground.user.mavlink_keys import KeyRing, new_key, write_keys
 from protocol.topics import COMMANDED, GATEWAY, STOP, TELEOP, Topic
 from protocol.wire.codec import decode
 from protocol.wire.enums import Mode

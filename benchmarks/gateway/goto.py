@@ -16,14 +16,14 @@ from typing import Final, Self
 
 from benchmarks.gateway.client import Client
 from benchmarks.gateway.stage import Air, Figures, on_air, position_target
+from gateways.mavlink.dialect import REQUEST_OPERATOR_CONTROL
+from gateways.mavlink.motion.pilot import EnterGuided
 from ground.client.connection import Common
 from ground.client.goal import Destination
 from ground.client.link import Link
 from ground.client.operations import Arm, Goto, Hold, Operation, Session
 from ground.client.operations.leases import ask_lease
 from ground.client.results import Outcome
-from ground.gateway.dialect import REQUEST_OPERATOR_CONTROL
-from ground.gateway.motion.pilot import EnterGuided
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import Role

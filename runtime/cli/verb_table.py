@@ -366,7 +366,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             RUN,
             "present robots to MAVLink ground stations",
             "run gateway udpin:127.0.0.1:14550",
-            "ground.cli.run.gateway",
+            "gateways.mavlink.gateway_verb",
             run="run",
         ),
         "berth": Verb(
@@ -389,7 +389,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             RUN,
             "serve live data to Foxglove or Lichtblick",
             "run bridge --at 127.0.0.1:8765",
-            "ground.cli.observe.bridge",
+            "gateways.foxglove_bridge",
             act="act",
         ),
         "record": Verb(

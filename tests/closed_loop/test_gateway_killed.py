@@ -7,11 +7,11 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from gateways.mavlink.bus_port import BusPort
+from gateways.mavlink.dialect import MavMessage, MissionCount, mavlink
+from gateways.mavlink.services import face_of
+from gateways.mavlink.vehicle import Vehicle
 from ground.client.link import ALIVE
-from ground.gateway.bus_port import BusPort
-from ground.gateway.dialect import MavMessage, MissionCount, mavlink
-from ground.gateway.services import face_of
-from ground.gateway.vehicle import Vehicle
 from protocol.topics import Role
 from protocol.wire.enums import GoalState, MissionState
 from protocol.wire.enums import Vehicle as VehicleState

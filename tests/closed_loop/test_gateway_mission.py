@@ -5,14 +5,14 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
+from gateways.mavlink.bus_port import BusPort
+from gateways.mavlink.dialect import MavMessage, MissionCount, mavlink
+from gateways.mavlink.services import face_of
+from gateways.mavlink.vehicle import Vehicle
 from ground.client.connection import Common
 from ground.client.link import Link
 from ground.client.operations import Arm, Operation, Session, StartMission, UploadMission
 from ground.client.results import Outcome
-from ground.gateway.bus_port import BusPort
-from ground.gateway.dialect import MavMessage, MissionCount, mavlink
-from ground.gateway.services import face_of
-from ground.gateway.vehicle import Vehicle
 from ground.missions import plan_file
 from ground.missions.mission import Waypoint
 from protocol.topics import Role

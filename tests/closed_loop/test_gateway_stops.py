@@ -7,11 +7,11 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from gateways.mavlink.dialect import RESULT_NOT_IN_CONTROL, mavlink
 from ground.client.connection import Common
 from ground.client.goal import Destination
 from ground.client.link import Link
 from ground.client.operations import Arm, ChangeLease, Goto, Operation, Session
-from ground.gateway.dialect import RESULT_NOT_IN_CONTROL, mavlink
 from protocol.bus.bus import open_bus
 from protocol.topics import Role
 from protocol.wire.enums import LeaseAction, Mode

@@ -10,8 +10,8 @@ MAY_IMPORT = {
     "zenoh": ("protocol/bus/",),
     "pymunk": ("plant/sim/physics.py",),
     "pymavlink": (
-        "ground/gateway/dialect.py",
-        "ground/vehicle_check/dialect.py",
+        "gateways/mavlink/dialect.py",
+        "vehicle_check/dialect.py",
         "protocol/dialect/",
     ),
     "textual": ("ground/app", "ground/app/widgets"),

@@ -6,10 +6,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
+from gateways.mavlink.signing.stamps import StampClock
 from ground.certificates.check import check
 from ground.certificates.folder import SECRET_MODE, make
-from ground.gateway.signing.key_file import KeyRing, new_key, read_keys, write_keys
-from ground.gateway.signing.stamps import StampClock
+from ground.user.mavlink_keys import KeyRing, new_key, read_keys, write_keys
 from protocol.bus.certificate import own_certificate
 from protocol.bus.network import Tls
 from verification.fuzz.target import FuzzTarget

@@ -333,13 +333,15 @@ def _unwritten_stop() -> Patches:
 def _shared_control() -> Patches:
     """Let every client command under the lease of the one in control."""
     return {
-        "ground.gateway.control.OperatorControl.holds": lambda self, _sender: self.owner is not None
+        "gateways.mavlink.control.OperatorControl.holds": lambda self, _sender: (
+            self.owner is not None
+        )
     }
 
 
 def _stop_in_the_queue() -> Patches:
     """Let an emergency stop wait behind the other requests to the robot."""
-    port = import_module("ground.gateway.bus_port")
+    port = import_module("gateways.mavlink.bus_port")
 
     def stop(self: Any, done: Any) -> int:
         waiting = self._new_stop()
@@ -350,13 +352,13 @@ def _stop_in_the_queue() -> Patches:
         self._request(job, done, is_tried=True, expires=False)
         return int(waiting.request_id)
 
-    return {"ground.gateway.bus_port.BusPort.stop": stop}
+    return {"gateways.mavlink.bus_port.BusPort.stop": stop}
 
 
 def _strangers_command() -> Patches:
     """Take unsigned frames from other machines as well."""
-    rights = import_module("ground.gateway.signing.policy").Rights.COMMAND
-    return {"ground.gateway.signing.guard.rights_of": lambda *_, is_loopback: rights}
+    rights = import_module("gateways.mavlink.signing.policy").Rights.COMMAND
+    return {"gateways.mavlink.signing.guard.rights_of": lambda *_, is_loopback: rights}
 
 
 DEFECTS: Final[dict[str, Defect]] = {
@@ -393,7 +395,7 @@ DEFECTS: Final[dict[str, Defect]] = {
     "g2": Defect("a stop waits in the gateway behind other requests", _stop_in_the_queue),
     "g3": Defect(
         "a client in control is never too silent",
-        lambda: {"ground.gateway.presence.SILENCE_NS": 1 << 62},
+        lambda: {"gateways.mavlink.presence.SILENCE_NS": 1 << 62},
     ),
     "g4": Defect("the gateway obeys unsigned frames of other machines", _strangers_command),
     "unkept": Defect("the stop is not written to the disk", _unwritten_stop),

@@ -12,8 +12,8 @@ from pathlib import Path
 from shutil import copyfile
 from typing import Any, Final, NamedTuple
 
-from ground.vehicle_check.verdict import Status, rows
 from study.report.page import with_text
+from vehicle_check.verdict import Status, rows
 from verification.site.reference import table
 
 ROOT: Final = Path(__file__).resolve().parents[2]

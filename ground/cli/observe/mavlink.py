@@ -13,9 +13,9 @@ from runtime.cli.parsers import add_subcommands
 from runtime.errors import UserError
 
 if TYPE_CHECKING:
-    from ground.vehicle_check.check import Options, Outcome
-    from ground.vehicle_check.network import Network
-    from ground.vehicle_check.verdict import Row
+    from vehicle_check.check import Options, Outcome
+    from vehicle_check.network import Network
+    from vehicle_check.verdict import Row
 
 MAX_LOSS: Final = 0.9
 
@@ -52,11 +52,11 @@ def loss(text: str) -> float:
 
 def run(options: argparse.Namespace, output: Output) -> int:
     """Judge the vehicle; return 0 if no row fails, else 1."""
-    from ground.vehicle_check import report
-    from ground.vehicle_check.check import Options
-    from ground.vehicle_check.network import SocketNetwork
-    from ground.vehicle_check.signing import read_key
-    from ground.vehicle_check.verdict import rows
+    from vehicle_check import report
+    from vehicle_check.check import Options
+    from vehicle_check.network import SocketNetwork
+    from vehicle_check.signing import read_key
+    from vehicle_check.verdict import rows
 
     chosen = chosen_rows(rows(), options.rows)
     key = None if options.signing_key is None else read_key(options.signing_key)
@@ -96,7 +96,7 @@ def judged_over(
     An interrupted check notes what of the vehicle it has put back.
     """
     from ground.text.status_parts import Part
-    from ground.vehicle_check.check import judge
+    from vehicle_check.check import judge
 
     def progress(text: str) -> None:
         if output.live:

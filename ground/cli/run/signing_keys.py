@@ -4,7 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Final
 
-from ground.gateway.signing.key_file import (
+from ground.text.output import Output
+from ground.user.mavlink_keys import (
     MAX_KEYS,
     KeyRing,
     SigningKey,
@@ -13,7 +14,6 @@ from ground.gateway.signing.key_file import (
     usual_file,
     write_keys,
 )
-from ground.text.output import Output
 from runtime.errors import UserError
 
 ACTIONS: Final = ("new", "show", "rotate", "retire")

@@ -158,8 +158,8 @@ def run(options: argparse.Namespace, output: Output) -> int:
 def check_endpoints(texts: Sequence[str]) -> None:
     """Raise UserError for an endpoint of `--mavlink` that cannot be opened now."""
     if texts:
-        from ground.gateway.endpoints.spec import all_opened
-        from ground.gateway.settings import with_policy
+        from gateways.mavlink.endpoints.spec import all_opened
+        from gateways.mavlink.settings import with_policy
 
         for endpoint in all_opened([with_policy(text).text for text in texts]):
             endpoint.close()

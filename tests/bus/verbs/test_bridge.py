@@ -11,7 +11,7 @@ from typing import Any
 import aiohttp
 import pytest
 
-from ground.cli.observe.bridge import Bridge, place, served
+from gateways.foxglove_bridge import Bridge, place, served
 from ground.client.connection import Common
 from ground.client.link import Link
 from ground.recording.mcap.reader import RAW_TOPIC

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from ground.gateway.endpoints.endpoint import Received
-from ground.gateway.endpoints.spec import opened
+from gateways.mavlink.endpoints.endpoint import Received
+from gateways.mavlink.endpoints.spec import opened
 from tests.support.gateway.telemetry import everything
 from tests.support.gateway.whole import CommandedPort, WholeGateway
 from tests.support.stack.browser import SEEN_S, browsing, chromium

@@ -4,12 +4,12 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
+from gateways.mavlink.dialect import MavMessage
+from gateways.mavlink.port import Answered, Done, Snapshot
+from gateways.mavlink.traffic import MavService, Sender
+from gateways.mavlink.vehicle import Face, Vehicle
 from ground.client.operations import Operation
 from ground.client.results import Accepted, Outcome, Refused
-from ground.gateway.dialect import MavMessage
-from ground.gateway.port import Answered, Done, Snapshot
-from ground.gateway.traffic import MavService, Sender
-from ground.gateway.vehicle import Face, Vehicle
 from ground.missions.mission import Home
 from protocol.wire.enums import LeaseAction
 from protocol.wire.messages import Statustext

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from pymavlink import mavftp
 
-from ground.gateway.dialect import MavMessage, mavlink
-from ground.gateway.files.wire import HEADER, Opcode
-from ground.gateway.traffic import Sender
+from gateways.mavlink.dialect import MavMessage, mavlink
+from gateways.mavlink.files.wire import HEADER, Opcode
+from gateways.mavlink.traffic import Sender
 from tests.support.gateway.fake_port import CLIENT
 from tests.support.gateway.parameter_bench import ParameterBench, of_type
 

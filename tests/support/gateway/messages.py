@@ -2,7 +2,7 @@
 
 from itertools import count
 
-from ground.gateway.dialect import MavMessage, mavlink
+from gateways.mavlink.dialect import MavMessage, mavlink
 from protocol.wire.enums import MissionState
 from protocol.wire.messages import MissionStatus
 

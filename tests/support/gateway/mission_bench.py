@@ -7,6 +7,12 @@ from random import Random
 from struct import pack, unpack
 from typing import Any
 
+from gateways.mavlink.commands.service import CommandService
+from gateways.mavlink.dialect import MavMessage, MissionCount, mavlink
+from gateways.mavlink.missions.wiring import missions_of
+from gateways.mavlink.streams.scheduler import StreamScheduler
+from gateways.mavlink.traffic import Sender
+from gateways.mavlink.vehicle import Face
 from ground.client.operations import (
     AnnounceItems,
     ClearFence,
@@ -21,12 +27,6 @@ from ground.client.operations import (
     UploadMission,
 )
 from ground.client.results import Accepted, Outcome, Refused
-from ground.gateway.commands.service import CommandService
-from ground.gateway.dialect import MavMessage, MissionCount, mavlink
-from ground.gateway.missions.wiring import missions_of
-from ground.gateway.streams.scheduler import StreamScheduler
-from ground.gateway.traffic import Sender
-from ground.gateway.vehicle import Face
 from ground.missions import plan_file
 from ground.missions.mission import Fence, Mission, Waypoint
 from ground.missions.transfer import Verdict

@@ -4,13 +4,13 @@ import json
 from pathlib import Path
 from typing import Any
 
+from gateways.mavlink.dialect import MavMessage
+from gateways.mavlink.files.wiring import parameters_and_files
+from gateways.mavlink.traffic import Sender
+from gateways.mavlink.vehicle import Face
 from ground.client.operations import ShowParameters
 from ground.client.operations.parameters import ParameterTable
 from ground.client.parameter import parameters_in
-from ground.gateway.dialect import MavMessage
-from ground.gateway.files.wiring import parameters_and_files
-from ground.gateway.traffic import Sender
-from ground.gateway.vehicle import Face
 from robot.core.parameters import DEFAULTS
 from robot.parameter_table import described, with_value
 from tests.support.gateway.fake_port import CLIENT, Bench

@@ -2,8 +2,8 @@
 
 from typing import Any
 
+from gateways.mavlink.services import face_of
 from ground.client.operations import Operation
-from ground.gateway.services import face_of
 from protocol.wire.enums import MissionState, Mode, Vehicle
 from tests.support.gateway.fake_port import Bench
 from tests.support.gateway.messages import mission_status

@@ -3,17 +3,17 @@
 import os
 from typing import Any, cast
 
+from gateways.mavlink.bus_port import BusPort
+from gateways.mavlink.clients.client_link import NoFile
+from gateways.mavlink.dialect import MavMessage, mavlink
+from gateways.mavlink.endpoints.endpoint import Endpoint, Received
+from gateways.mavlink.endpoints.recorder import TrafficRecorder
+from gateways.mavlink.gateway import Gateway, WakeUp
+from gateways.mavlink.port import Done
+from gateways.mavlink.services import face_of
+from gateways.mavlink.signing.guard import SigningGuard
+from gateways.mavlink.vehicle import Vehicle
 from ground.client.operations import FetchMission, Operation, ShowFence, ShowParameters
-from ground.gateway.bus_port import BusPort
-from ground.gateway.clients.client_link import NoFile
-from ground.gateway.dialect import MavMessage, mavlink
-from ground.gateway.endpoints.endpoint import Endpoint, Received
-from ground.gateway.endpoints.recorder import TrafficRecorder
-from ground.gateway.gateway import Gateway, WakeUp
-from ground.gateway.port import Done
-from ground.gateway.services import face_of
-from ground.gateway.signing.guard import SigningGuard
-from ground.gateway.vehicle import Vehicle
 from protocol.wire.messages import GatewayStatus
 from runtime.clock import Clock
 from tests.support.gateway.fake_port import ORIGIN, FakePort

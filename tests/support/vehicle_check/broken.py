@@ -3,10 +3,10 @@
 import random
 from typing import Any, ClassVar
 
-from ground.vehicle_check.dialect import COMPONENT_METADATA, ExtraMessage
 from tests.support.vehicle_check.core import ACCEPTED, Core, Peer, mavlink
 from tests.support.vehicle_check.good import GoodVehicle
 from tests.support.vehicle_check.streams import Streams
+from vehicle_check.dialect import COMPONENT_METADATA, ExtraMessage
 
 
 class MuteVehicle(Core):

@@ -4,9 +4,9 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega
 
-from ground.vehicle_check.dialect import EXTRA, number_of
-from ground.vehicle_check.session import NoFile
-from ground.vehicle_check.signing import Signer
+from vehicle_check.dialect import EXTRA, number_of
+from vehicle_check.session import NoFile
+from vehicle_check.signing import Signer
 
 mavlink: Any = ardupilotmega
 GONE_NS = 10_000_000_000

@@ -8,10 +8,10 @@ from typing import Any, ClassVar
 from urllib.parse import parse_qs
 from zlib import crc32
 
-from ground.vehicle_check import files as ftp
-from ground.vehicle_check.rows.parameter_rows import COMPATIBILITY
 from tests.support.vehicle_check.core import Peer, mavlink
 from tests.support.vehicle_check.streams import Streams
+from vehicle_check import files as ftp
+from vehicle_check.rows.parameter_rows import COMPATIBILITY
 
 INT32, REAL32 = 6, 9
 LOGS = {1: bytes(range(256)) * 5, 2: b"log" * 555}

@@ -3,7 +3,8 @@
 from math import cos, sin
 from typing import Any
 
-from ground.vehicle_check.dialect import (
+from tests.support.vehicle_check.core import ACCEPTED, UNSUPPORTED, Core, Peer, mavlink
+from vehicle_check.dialect import (
     AVAILABLE_MODES,
     COMPONENT_METADATA,
     CONTROL_STATUS,
@@ -12,7 +13,6 @@ from ground.vehicle_check.dialect import (
     TIMESYNC,
     ExtraMessage,
 )  # fmt: skip
-from tests.support.vehicle_check.core import ACCEPTED, UNSUPPORTED, Core, Peer, mavlink
 
 HOLD = 4
 MODES = {0: b"Manual", 4: b"Hold", 10: b"Auto", 15: b"Guided"}

@@ -17,7 +17,6 @@ from ground.recording.catalogue import remark_on
 from ground.recording.log_reader import open_log
 from ground.user.edit_settings import set_setting
 from ground.user.settings import load_settings
-from ground.vehicle_check.signing import read_key
 from ground.web.address import token_of
 from plant.imports.ros_map import load_map_yaml
 from plant.model.errors import WorldError
@@ -30,6 +29,7 @@ from study.calibration import read_log as read_calibration
 from study.falsify.findings import read_finding as read_finding
 from study.runner.store import settings_in
 from tests.support.each import each
+from vehicle_check.signing import read_key
 
 GB: int = 1 << 30
 

@@ -6,18 +6,18 @@ from typing import Final
 
 from fastcrc.crc16 import mcrf4xx
 
-from ground.gateway.clients.client_link import ClientLink
-from ground.gateway.dialect import (
+from gateways.mavlink.clients.client_link import ClientLink
+from gateways.mavlink.dialect import (
     MavMessage,
     MissionCount,
     mavlink,
 )
-from ground.gateway.files.wire import HEADER as FILE_HEADER
-from ground.gateway.files.wire import Opcode
-from ground.gateway.frames.globe import DEFAULT_ORIGIN, place_of
-from ground.gateway.signing.guard import SigningGuard
-from ground.gateway.traffic import Sender
-from ground.gateway.vehicle import Face
+from gateways.mavlink.files.wire import HEADER as FILE_HEADER
+from gateways.mavlink.files.wire import Opcode
+from gateways.mavlink.frames.globe import DEFAULT_ORIGIN, place_of
+from gateways.mavlink.signing.guard import SigningGuard
+from gateways.mavlink.traffic import Sender
+from gateways.mavlink.vehicle import Face
 from verification.fuzz.gateway.robot import ARMED, new_face
 
 MAX_RECORDS: Final = 40

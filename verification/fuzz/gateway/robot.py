@@ -5,6 +5,11 @@ from collections import deque
 from pathlib import Path
 from typing import Any, Final
 
+from gateways.mavlink.frames.globe import DEFAULT_ORIGIN
+from gateways.mavlink.port import Answered, Done, Snapshot
+from gateways.mavlink.services import face_of
+from gateways.mavlink.signing.guard import SigningGuard
+from gateways.mavlink.vehicle import Face, Vehicle
 from ground.client.operations import (
     ClearFence,
     ClearMission,
@@ -21,11 +26,6 @@ from ground.client.operations import (
 from ground.client.operations.parameters import ParameterTable
 from ground.client.parameter import parameters_in
 from ground.client.results import Accepted, Outcome, Refused
-from ground.gateway.frames.globe import DEFAULT_ORIGIN
-from ground.gateway.port import Answered, Done, Snapshot
-from ground.gateway.services import face_of
-from ground.gateway.signing.guard import SigningGuard
-from ground.gateway.vehicle import Face, Vehicle
 from ground.missions.mission import Circle, Mission, Waypoint
 from ground.missions.transfer import Verdict
 from protocol.wire.enums import GoalState, LeaseAction, MissionState, Mode, Navigator

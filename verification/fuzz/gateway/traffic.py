@@ -8,18 +8,18 @@ from typing import Any, Final, cast
 
 from fastcrc.crc16 import mcrf4xx
 
-from ground.gateway.bus_port import BusPort
-from ground.gateway.dialect import (
+from gateways.mavlink.bus_port import BusPort
+from gateways.mavlink.dialect import (
     REQUEST_OPERATOR_CONTROL,
     MavMessage,
     mavlink,
 )
-from ground.gateway.endpoints.endpoint import Received
-from ground.gateway.gateway import Gateway, WakeUp
-from ground.gateway.signing.guard import SigningGuard
-from ground.gateway.signing.key_file import KeyRing, SigningKey
-from ground.gateway.signing.policy import Policy
-from ground.gateway.signing.stamps import EPOCH_S, PER_S, STAMP_NS
+from gateways.mavlink.endpoints.endpoint import Received
+from gateways.mavlink.gateway import Gateway, WakeUp
+from gateways.mavlink.signing.guard import SigningGuard
+from gateways.mavlink.signing.policy import Policy
+from gateways.mavlink.signing.stamps import EPOCH_S, PER_S, STAMP_NS
+from ground.user.mavlink_keys import KeyRing, SigningKey
 from runtime.clock import ManualClock
 from runtime.units import NS_PER_S
 from verification.fuzz.gateway.payloads import (

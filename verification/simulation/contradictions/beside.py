@@ -23,12 +23,12 @@ from random import Random
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
+from gateways.mavlink.clients.client_link import NoFile
+from gateways.mavlink.dialect import mavlink
 from ground.client.api import connect
 from ground.client.connection import common
 from ground.client.operations import GoalEnded
 from ground.client.results import Accepted, Refused
-from ground.gateway.clients.client_link import NoFile
-from ground.gateway.dialect import mavlink
 from ground.user.runs import read_runs
 from protocol.bus.bus import open_bus
 from protocol.topics import LEASE, MISSION, STATUS, TRUTH, Role

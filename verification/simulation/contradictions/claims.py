@@ -9,9 +9,9 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final, NamedTuple
 
+from gateways.mavlink.dialect import mavlink
 from ground.client.operations import GoalEnded, MissionEnded, Stopped
 from ground.client.results import Accepted, Refused
-from ground.gateway.dialect import mavlink
 from ground.station.robot.lease_state import LeaseView
 from protocol.outcome import Outcome
 from protocol.wire.enums import Command, GoalState, Mode

@@ -97,25 +97,25 @@ def _constant_limit() -> Patches:
 
 def _stale_answer() -> Patches:
     """Accept a repeated command although what it made is gone."""
-    repeats = import_module("ground.gateway.commands.repeats")
+    repeats = import_module("gateways.mavlink.commands.repeats")
 
     def judged(self: Any, one: Any, *, is_copy: bool, is_marked: bool) -> Any:
         return repeats.Action.IGNORE if one.result is None else repeats.Action.ANSWER
 
-    return {"ground.gateway.commands.repeats.Repeats._judged": judged}
+    return {"gateways.mavlink.commands.repeats.Repeats._judged": judged}
 
 
 def _stranger_to_itself() -> Patches:
     """Take a station that comes back from another port for another operator."""
-    control = import_module("ground.gateway.control")
+    control = import_module("gateways.mavlink.control")
 
     def held_by(station: Any, _sender: Any) -> Any:
         refused = control.Refused(Reason.LEASE_HELD, 0, control.name_of(station))
         return control.Answered(refused)
 
     return {
-        "ground.gateway.control.is_back": lambda _station, _sender: False,
-        "ground.gateway.control.held_by": held_by,
+        "gateways.mavlink.control.is_back": lambda _station, _sender: False,
+        "gateways.mavlink.control.held_by": held_by,
     }
 
 

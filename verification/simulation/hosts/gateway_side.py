@@ -3,14 +3,14 @@
 from collections.abc import Callable
 from typing import Any, Final
 
+from gateways.mavlink.bus_port import BusPort
+from gateways.mavlink.endpoints.endpoint import Received
+from gateways.mavlink.gateway import Gateway
+from gateways.mavlink.services import face_of
+from gateways.mavlink.settings import GatewaySettings
+from gateways.mavlink.vehicle import Vehicle
 from ground.client.connection import Common
 from ground.client.link import Link
-from ground.gateway.bus_port import BusPort
-from ground.gateway.endpoints.endpoint import Received
-from ground.gateway.gateway import Gateway
-from ground.gateway.services import face_of
-from ground.gateway.settings import GatewaySettings
-from ground.gateway.vehicle import Vehicle
 from protocol.bus.bus import open_bus
 from protocol.topics import Role
 from verification.simulation.hosts.operators import SimulatedOperator

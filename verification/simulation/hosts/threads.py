@@ -178,7 +178,7 @@ class SimulatedPool:
 
 
 class SimulatedPipe:
-    """Replaces ground.gateway.gateway.WakeUp; stands for the descriptor of its reading end, too."""
+    """Replaces gateways.mavlink.gateway.WakeUp; stands for the descriptor of its reading end, too."""
 
     def __init__(self) -> None:
         self.reader = self

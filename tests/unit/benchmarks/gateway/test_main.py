@@ -14,13 +14,13 @@ from benchmarks.gateway.flood_sender import SUPPLY, supply_of
 from benchmarks.gateway.forged_frames import KINDS, Forger, NoFile, command, sign
 from benchmarks.gateway.goto import first_ns
 from benchmarks.gateway.stage import position_target
+from gateways.mavlink.clients.framing import Deframer, Frame
+from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.motion.setpoints import attitude_of, setpoint_of
+from gateways.mavlink.motion.velocity import Velocity
+from gateways.mavlink.signing.stamps import StampClock
+from gateways.mavlink.signing.verifier import Verdict, Verifier
 from ground.client.goal import Destination
-from ground.gateway.clients.framing import Deframer, Frame
-from ground.gateway.dialect import mavlink
-from ground.gateway.motion.setpoints import attitude_of, setpoint_of
-from ground.gateway.motion.velocity import Velocity
-from ground.gateway.signing.stamps import StampClock
-from ground.gateway.signing.verifier import Verdict, Verifier
 from ground.missions.mission import Home
 from protocol.wire.messages import WheelCommand
 from runtime.units import NS_PER_S

@@ -6,10 +6,7 @@ from typing import Any, cast
 
 import pytest
 
-from ground.client.connection import Common
-from ground.client.link import Link
-from ground.client.operations import Arm, Disarm, Hold, Resume, ShowParameters
-from ground.gateway.bus_port import (
+from gateways.mavlink.bus_port import (
     BUSY,
     LATE_NS,
     LOAD_NS,
@@ -19,7 +16,10 @@ from ground.gateway.bus_port import (
     SILENT_NS,
     BusPort,
 )
-from ground.gateway.port import NO_TELEMETRY, OVERTAKEN, Answered
+from gateways.mavlink.port import NO_TELEMETRY, OVERTAKEN, Answered
+from ground.client.connection import Common
+from ground.client.link import Link
+from ground.client.operations import Arm, Disarm, Hold, Resume, ShowParameters
 from protocol.bus.network import Network
 from protocol.topics import COMMAND, CYCLE, LEASE, LEASE_SERVICE, STATUS, STOP
 from protocol.wire.enums import AckResult, Command, LeaseAction, Vehicle

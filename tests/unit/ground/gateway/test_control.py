@@ -1,13 +1,13 @@
 from math import nan
 
+from gateways.mavlink.control import BUSY, MAX_TAKING
+from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.port import OVERTAKEN, Answered, Done
+from gateways.mavlink.presence import SILENCE_NS
+from gateways.mavlink.streams.clock_sync import ClockSync
+from gateways.mavlink.traffic import WATCHER, Sender
 from ground.client.operations import Arm, Hold, Resume
 from ground.client.results import Accepted, Refused
-from ground.gateway.control import BUSY, MAX_TAKING
-from ground.gateway.dialect import mavlink
-from ground.gateway.port import OVERTAKEN, Answered, Done
-from ground.gateway.presence import SILENCE_NS
-from ground.gateway.streams.clock_sync import ClockSync
-from ground.gateway.traffic import WATCHER, Sender
 from protocol.wire.enums import LeaseAction
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason

@@ -1,6 +1,6 @@
 from pymavlink.dialects.v20 import common, development
 
-from ground.gateway.dialect import (
+from gateways.mavlink.dialect import (
     AvailableModes,
     ComponentMetadata,
     ControlStatus,

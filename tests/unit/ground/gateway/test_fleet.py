@@ -2,13 +2,13 @@
 
 from itertools import cycle, islice
 
-from ground.gateway.clients.client_link import ClientLink
-from ground.gateway.dialect import mavlink
-from ground.gateway.services import face_of
-from ground.gateway.settings import LOW_RATE_BYTES_S
-from ground.gateway.signing.guard import SigningGuard
-from ground.gateway.signing.key_file import KeyRing, new_key
-from ground.gateway.signing.stamps import EPOCH_S
+from gateways.mavlink.clients.client_link import ClientLink
+from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.services import face_of
+from gateways.mavlink.settings import LOW_RATE_BYTES_S
+from gateways.mavlink.signing.guard import SigningGuard
+from gateways.mavlink.signing.stamps import EPOCH_S
+from ground.user.mavlink_keys import KeyRing, new_key
 from tests.support.gateway.fake_port import CLIENT, Bench
 from tests.support.gateway.telemetry import everything
 

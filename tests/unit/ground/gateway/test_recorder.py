@@ -13,8 +13,8 @@ from typing import Any, cast
 import pytest
 from pymavlink import mavutil
 
-from ground.gateway.dialect import mavlink
-from ground.gateway.endpoints.recorder import TrafficRecorder, new_file
+from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.endpoints.recorder import TrafficRecorder, new_file
 from ground.missions.geography import to_local
 from ground.recording.log_writer import LogFile
 from runtime.errors import UserError

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
+from gateways.mavlink.endpoints.spec import EXAMPLE
+from gateways.mavlink.gateway_verb import arguments, as_gateway, guard_of, settings_of
+from gateways.mavlink.settings import GatewaySettings, systems_of, with_policy
+from gateways.mavlink.signing.policy import Policy
 from ground.cli.main import main
-from ground.cli.run.gateway import arguments, as_gateway, guard_of, settings_of
 from ground.client.connection import Common
-from ground.gateway.endpoints.spec import EXAMPLE
-from ground.gateway.settings import GatewaySettings, systems_of, with_policy
-from ground.gateway.signing.key_file import KeyRing, new_key, write_keys
-from ground.gateway.signing.policy import Policy
+from ground.user.mavlink_keys import KeyRing, new_key, write_keys
 from protocol.bus.network import Network, Tls, gateway_here
 from runtime.errors import ConfigError, UserError
 from tests.support.each import each

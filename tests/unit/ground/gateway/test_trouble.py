@@ -7,17 +7,17 @@ from typing import Any
 
 import pytest
 
+from gateways.mavlink.clients.client_link import NoFile
+from gateways.mavlink.dialect import MavMessage, MissionCount, mavlink
+from gateways.mavlink.endpoints.endpoint import MAX_PEERS
+from gateways.mavlink.endpoints.spec import opened
+from gateways.mavlink.gateway import STALL_NS
+from gateways.mavlink.presence import SILENCE_NS
+from gateways.mavlink.signing.guard import SigningGuard
+from gateways.mavlink.signing.policy import Policy
+from gateways.mavlink.signing.stamps import EPOCH_S, PER_S, STAMP_NS
 from ground.client.operations import AnnounceItems, Arm, Hold, UploadMission
-from ground.gateway.clients.client_link import NoFile
-from ground.gateway.dialect import MavMessage, MissionCount, mavlink
-from ground.gateway.endpoints.endpoint import MAX_PEERS
-from ground.gateway.endpoints.spec import opened
-from ground.gateway.gateway import STALL_NS
-from ground.gateway.presence import SILENCE_NS
-from ground.gateway.signing.guard import SigningGuard
-from ground.gateway.signing.key_file import KeyRing, SigningKey
-from ground.gateway.signing.policy import Policy
-from ground.gateway.signing.stamps import EPOCH_S, PER_S, STAMP_NS
+from ground.user.mavlink_keys import KeyRing, SigningKey
 from protocol.wire.enums import Vehicle
 from protocol.wire.reasons import Reason
 from tests.support.each import each

@@ -5,8 +5,6 @@ from typing import Any
 
 import pytest
 
-from ground.vehicle_check.check import Judged, Options, judge
-from ground.vehicle_check.verdict import Status, Verdict, rows
 from runtime.errors import RemoteError
 from tests.support.each import each
 from tests.support.vehicle_check.ardupilot import ArduPilotLike, OneConnection
@@ -19,6 +17,8 @@ from tests.support.vehicle_check.broken import (
 from tests.support.vehicle_check.core import Core, Peer
 from tests.support.vehicle_check.good import GoodVehicle, SigningVehicle
 from tests.support.vehicle_check.memory_network import MemoryNetwork
+from vehicle_check.check import Judged, Options, judge
+from vehicle_check.verdict import Status, Verdict, rows
 
 KEY = SigningVehicle.key
 NUMBERS = list(range(1, 61))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.vehicle_check.verdict import rows
+from vehicle_check.verdict import rows
 from verification.site import rows_table
 
 

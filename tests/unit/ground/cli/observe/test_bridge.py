@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import pytest
 
-from ground.cli.observe.bridge import Bridge, Place, act, place, sdk
+from gateways.foxglove_bridge import Bridge, Place, act, place, sdk
 from ground.client.connection import Common
 from ground.client.link import Link
 from ground.text.output import Output
@@ -49,7 +49,7 @@ def test_bridge_collects_channels_before_it_listens(
     def served(*_: Any) -> Any:
         raise UserError("listens")
 
-    monkeypatch.setattr("ground.cli.observe.bridge.served", served)
+    monkeypatch.setattr("gateways.foxglove_bridge.served", served)
     monkeypatch.setattr(Bridge, "__init__", lambda *_: None)
     monkeypatch.setattr(Bridge, "round", lambda _, now_ns: rounds_ms.append(now_ns // 1_000_000))
     link = cast(

@@ -10,10 +10,16 @@ import pytest
 
 from ground.cli.main import main
 from ground.cli.observe import mavlink
-from ground.vehicle_check import network as networks
-from ground.vehicle_check import report
-from ground.vehicle_check.check import Judged, Outcome
-from ground.vehicle_check.verdict import (
+from runtime.errors import UserError
+from tests.support.each import each
+from tests.support.vehicle_check.broken import MuteVehicle
+from tests.support.vehicle_check.core import Core
+from tests.support.vehicle_check.good import GoodVehicle
+from tests.support.vehicle_check.memory_network import MemoryNetwork
+from vehicle_check import network as networks
+from vehicle_check import report
+from vehicle_check.check import Judged, Outcome
+from vehicle_check.verdict import (
     Findings,
     Row,
     Verdict,
@@ -23,12 +29,6 @@ from ground.vehicle_check.verdict import (
     passed,
     rows,
 )  # fmt: skip
-from runtime.errors import UserError
-from tests.support.each import each
-from tests.support.vehicle_check.broken import MuteVehicle
-from tests.support.vehicle_check.core import Core
-from tests.support.vehicle_check.good import GoodVehicle
-from tests.support.vehicle_check.memory_network import MemoryNetwork
 
 ENDPOINT = "udpout:127.0.0.1:14550"
 

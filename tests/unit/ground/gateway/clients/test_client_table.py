@@ -6,17 +6,17 @@ from typing import cast
 
 import pytest
 
-from ground.gateway.clients.client_link import GONE_NS, ClientLink
-from ground.gateway.clients.client_table import (
+from gateways.mavlink.clients.client_link import GONE_NS, ClientLink
+from gateways.mavlink.clients.client_table import (
     CROWDED_NS,
     FRAMES_PER_ROUND,
     MAX_GUESTS,
     Client,
     Clients,
 )
-from ground.gateway.clients.framing import is_emergency_stop
-from ground.gateway.dialect import mavlink
-from ground.gateway.endpoints.endpoint import MAX_PEERS, Received
+from gateways.mavlink.clients.framing import is_emergency_stop
+from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.endpoints.endpoint import MAX_PEERS, Received
 from tests.support.each import each
 from tests.unit.ground.gateway.clients.test_framing import packed
 

@@ -1,15 +1,15 @@
 from random import Random
 
-from ground.gateway.clients.client_link import ClientLink, NoFile
-from ground.gateway.clients.framing import (
+from gateways.mavlink.clients.client_link import ClientLink, NoFile
+from gateways.mavlink.clients.framing import (
     MAX_WAITING,
     UNFINISHED_NS,
     Deframer,
     Frame,
     is_emergency_stop,
 )
-from ground.gateway.dialect import mavlink
-from ground.gateway.signing.guard import SigningGuard
+from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.signing.guard import SigningGuard
 from runtime.units import NS_PER_S
 from tests.support.each import each
 

@@ -1,6 +1,6 @@
-from ground.gateway.clients.client_link import ClientLink
-from ground.gateway.clients.report import Reporter
-from ground.gateway.control import Owner
+from gateways.mavlink.clients.client_link import ClientLink
+from gateways.mavlink.clients.report import Reporter
+from gateways.mavlink.control import Owner
 from runtime.units import NS_PER_S
 from tests.unit.ground.gateway.clients.test_framing import packed
 

@@ -2,9 +2,9 @@ from math import nan
 
 import pytest
 
+from gateways.mavlink.services import face_of
+from gateways.mavlink.traffic import WATCHER
 from ground.client.operations import Arm, ClearEmergencyStop, Disarm
-from ground.gateway.services import face_of
-from ground.gateway.traffic import WATCHER
 from protocol.wire.enums import Vehicle
 from protocol.wire.reasons import Reason
 from tests.support.gateway.fake_port import CLIENT, OTHER, Bench

@@ -3,6 +3,8 @@ from typing import Any
 
 import pytest
 
+from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.motion.pilot import EnterGuided
 from ground.client.operations import (
     Arm,
     Hold,
@@ -15,8 +17,6 @@ from ground.client.operations import (
     StartMission,
 )
 from ground.client.operations.parameters import ParameterChanged
-from ground.gateway.dialect import mavlink
-from ground.gateway.motion.pilot import EnterGuided
 from protocol.wire.enums import MissionState, Mode, Vehicle
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason

@@ -4,15 +4,15 @@ from typing import Any
 
 import pytest
 
+from gateways.mavlink.commands.arming import ArmingCommands
+from gateways.mavlink.commands.operator_control import OperatorCommands
+from gateways.mavlink.commands.service import CommandService
+from gateways.mavlink.dialect import RESULT_NOT_IN_CONTROL, MavMessage, mavlink
+from gateways.mavlink.presence import SILENCE_NS
+from gateways.mavlink.streams.scheduler import StreamScheduler
+from gateways.mavlink.traffic import WATCHER, Sender
+from gateways.mavlink.vehicle import Face
 from ground.client.operations import Arm
-from ground.gateway.commands.arming import ArmingCommands
-from ground.gateway.commands.operator_control import OperatorCommands
-from ground.gateway.commands.service import CommandService
-from ground.gateway.dialect import RESULT_NOT_IN_CONTROL, MavMessage, mavlink
-from ground.gateway.presence import SILENCE_NS
-from ground.gateway.streams.scheduler import StreamScheduler
-from ground.gateway.traffic import WATCHER, Sender
-from ground.gateway.vehicle import Face
 from protocol.wire.enums import LeaseAction
 from protocol.wire.messages import LeaseStatus
 from tests.support.gateway.fake_port import CLIENT, IDENTITY, OTHER, Bench

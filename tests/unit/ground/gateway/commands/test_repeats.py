@@ -2,9 +2,9 @@
 
 from collections.abc import Callable
 
+from gateways.mavlink.dialect import MavMessage
+from gateways.mavlink.traffic import Sender
 from ground.client.operations import Arm, Hold
-from ground.gateway.dialect import MavMessage
-from ground.gateway.traffic import Sender
 from protocol.wire.enums import GoalState, MissionState, Mode, Vehicle
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason

@@ -2,13 +2,13 @@ from math import inf, nan
 
 import pytest
 
+from gateways.mavlink.commands.results import RESULTS
+from gateways.mavlink.commands.service import MAX_STOPS, MAX_WAITING
+from gateways.mavlink.dialect import MavMessage, mavlink
+from gateways.mavlink.services import face_of
+from gateways.mavlink.traffic import WATCHER
 from ground.client.operations import Arm, Disarm, Hold, SetMode
 from ground.client.results import Refused
-from ground.gateway.commands.results import RESULTS
-from ground.gateway.commands.service import MAX_STOPS, MAX_WAITING
-from ground.gateway.dialect import MavMessage, mavlink
-from ground.gateway.services import face_of
-from ground.gateway.traffic import WATCHER
 from protocol.wire.enums import Mode
 from protocol.wire.reasons import Reason
 from tests.support.gateway.fake_port import CLIENT, OTHER, Bench

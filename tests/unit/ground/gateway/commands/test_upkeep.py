@@ -2,10 +2,10 @@ from math import inf, nan
 
 import pytest
 
+from gateways.mavlink.dialect import MavMessage
+from gateways.mavlink.frames.globe import PER_DEG
 from ground.client.goal import Destination
 from ground.client.operations import Goto, Restart, ReturnHome
-from ground.gateway.dialect import MavMessage
-from ground.gateway.frames.globe import PER_DEG
 from ground.missions.geography import to_global
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.reasons import Reason

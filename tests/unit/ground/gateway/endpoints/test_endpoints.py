@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from ground.gateway.endpoints.endpoint import MAX_PEERS, Endpoint, Received
-from ground.gateway.endpoints.send_buffer import MAX_BYTES, SendBuffer
-from ground.gateway.endpoints.serial import SerialEndpoint
-from ground.gateway.endpoints.spec import all_opened, opened
-from ground.gateway.endpoints.tcp import MAX_CONNECTIONS, VANISHED_MS
+from gateways.mavlink.endpoints.endpoint import MAX_PEERS, Endpoint, Received
+from gateways.mavlink.endpoints.send_buffer import MAX_BYTES, SendBuffer
+from gateways.mavlink.endpoints.serial import SerialEndpoint
+from gateways.mavlink.endpoints.spec import all_opened, opened
+from gateways.mavlink.endpoints.tcp import MAX_CONNECTIONS, VANISHED_MS
 from runtime.errors import UserError
 from runtime.units import NS_PER_S
 from tests.support.each import each

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from ground.gateway.dialect import MavMessage, mavlink
-from ground.gateway.files.logs import BLOCK, LAST_BLOCKS, MAX_RANGES
+from gateways.mavlink.dialect import MavMessage, mavlink
+from gateways.mavlink.files.logs import BLOCK, LAST_BLOCKS, MAX_RANGES
 from protocol.wire.enums import Vehicle
 from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, OTHER

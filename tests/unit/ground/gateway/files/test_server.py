@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from ground.gateway.dialect import MavMessage, mavlink
-from ground.gateway.files.checksum import checksum
-from ground.gateway.files.sessions import MAX_BURST, MAX_OF_CLIENT, MAX_OPEN
-from ground.gateway.files.wire import MAX_DATA, WRITING, Failure, Opcode
+from gateways.mavlink.dialect import MavMessage, mavlink
+from gateways.mavlink.files.checksum import checksum
+from gateways.mavlink.files.sessions import MAX_BURST, MAX_OF_CLIENT, MAX_OPEN
+from gateways.mavlink.files.wire import MAX_DATA, WRITING, Failure, Opcode
 from protocol.wire.enums import Vehicle
 from tests.support.gateway.fake_port import CLIENT, OTHER
 from tests.support.gateway.file_client import Reply, asked, failure, replies, replies_in

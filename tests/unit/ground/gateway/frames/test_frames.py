@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.gateway.frames import globe, ned
+from gateways.mavlink.frames import globe, ned
 from ground.missions.mission import Home
 from tests.support.each import each
 from tests.support.gateway.fake_port import ORIGIN

@@ -3,8 +3,8 @@ from typing import Any
 
 import pytest
 
+from gateways.mavlink.dialect import MavMessage, mavlink
 from ground.client.operations import JumpTo
-from ground.gateway.dialect import MavMessage, mavlink
 from protocol.wire.enums import MissionState, Mode
 from tests.support.gateway.fake_port import CLIENT, OTHER
 from tests.support.gateway.messages import acks, command, command_int, words

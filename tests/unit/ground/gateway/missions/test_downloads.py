@@ -2,8 +2,8 @@ from typing import Any
 
 import pytest
 
+from gateways.mavlink.dialect import MavMessage, mavlink
 from ground.client.operations import FetchMission
-from ground.gateway.dialect import MavMessage, mavlink
 from ground.missions.mission import Home, Waypoint
 from tests.support.gateway.fake_port import CLIENT, ORIGIN
 from tests.support.gateway.messages import words

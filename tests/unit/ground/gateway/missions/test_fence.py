@@ -3,8 +3,8 @@ from typing import Any
 
 import pytest
 
+from gateways.mavlink.dialect import MavMessage, MissionCount, mavlink
 from ground.client.operations import ClearFence, SetFence
-from ground.gateway.dialect import MavMessage, MissionCount, mavlink
 from ground.missions.mission import Circle, Polygon
 from ground.missions.transfer import Verdict
 from protocol.wire.reasons import Reason

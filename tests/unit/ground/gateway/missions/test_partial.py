@@ -1,6 +1,6 @@
 import pytest
 
-from ground.gateway.dialect import MavMessage, mavlink
+from gateways.mavlink.dialect import MavMessage, mavlink
 from tests.support.gateway.messages import words
 from tests.support.gateway.mission_bench import (
     MISSION,

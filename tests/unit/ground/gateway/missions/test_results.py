@@ -1,6 +1,6 @@
+from gateways.mavlink.missions.results import ACCEPTED, PART_RESULTS, refusal_of
+from gateways.mavlink.port import Answered
 from ground.client.results import Refused
-from ground.gateway.missions.results import ACCEPTED, PART_RESULTS, refusal_of
-from ground.gateway.port import Answered
 from ground.missions.items import ItemPart
 from protocol.wire.reasons import Reason, reason_text
 from tests.support.each import each

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.gateway.dialect import mavlink
-from ground.gateway.missions.item_messages import item_in, usual
+from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.missions.item_messages import item_in, usual
 from ground.missions import plan_file
 from ground.missions.geography import to_local
 from ground.missions.items import Item, waypoint_of

@@ -3,10 +3,10 @@ from typing import Any
 
 import pytest
 
+from gateways.mavlink.dialect import MavMessage, MissionCount, mavlink
+from gateways.mavlink.missions.uploads import LAST_REQUESTS, RETRY_NS, TIMEOUT_NS
+from gateways.mavlink.traffic import WATCHER
 from ground.client.operations import ClearMission, UploadMission
-from ground.gateway.dialect import MavMessage, MissionCount, mavlink
-from ground.gateway.missions.uploads import LAST_REQUESTS, RETRY_NS, TIMEOUT_NS
-from ground.gateway.traffic import WATCHER
 from ground.missions.transfer import Verdict
 from protocol.wire.enums import Severity
 from protocol.wire.reasons import Reason

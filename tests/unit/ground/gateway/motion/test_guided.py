@@ -2,12 +2,12 @@ from math import inf, nan, pi
 
 import pytest
 
+from gateways.mavlink.dialect import MavMessage, mavlink
+from gateways.mavlink.frames.globe import PER_DEG
+from gateways.mavlink.traffic import WATCHER
 from ground.client.goal import Destination
 from ground.client.operations import Goto, SetMode, SetParameter
 from ground.client.operations.parameters import ParameterChanged
-from ground.gateway.dialect import MavMessage, mavlink
-from ground.gateway.frames.globe import PER_DEG
-from ground.gateway.traffic import WATCHER
 from ground.missions.geography import to_global
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.reasons import Reason

@@ -2,9 +2,9 @@ from math import inf, nan
 
 import pytest
 
+from gateways.mavlink.dialect import MavMessage
+from gateways.mavlink.motion.pilot import BeginDrive, DriveBegun, DriveOver, EndDrive
 from ground.client.operations import Goto
-from ground.gateway.dialect import MavMessage
-from ground.gateway.motion.pilot import BeginDrive, DriveBegun, DriveOver, EndDrive
 from protocol.wire.enums import Mode
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason

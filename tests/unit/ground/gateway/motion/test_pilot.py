@@ -1,4 +1,4 @@
-from ground.gateway.motion.pilot import EnterGuided
+from gateways.mavlink.motion.pilot import EnterGuided
 from protocol.wire.enums import Command, Mode
 from protocol.wire.reasons import Reason
 from tests.support.each import each

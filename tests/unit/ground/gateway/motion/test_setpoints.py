@@ -3,11 +3,11 @@ from typing import Any
 
 import pytest
 
+from gateways.mavlink.dialect import MavMessage
+from gateways.mavlink.frames.globe import PER_DEG
+from gateways.mavlink.motion.setpoints import SetpointError, attitude_of, setpoint_of
+from gateways.mavlink.motion.velocity import Velocity
 from ground.client.goal import Destination
-from ground.gateway.dialect import MavMessage
-from ground.gateway.frames.globe import PER_DEG
-from ground.gateway.motion.setpoints import SetpointError, attitude_of, setpoint_of
-from ground.gateway.motion.velocity import Velocity
 from ground.missions.geography import to_global
 from tests.support.each import each
 from tests.support.gateway.fake_port import ORIGIN

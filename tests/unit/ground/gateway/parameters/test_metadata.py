@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 
-from ground.gateway.dialect import ComponentMetadata
-from ground.gateway.files.checksum import checksum
-from ground.gateway.files.wire import Opcode
-from ground.gateway.parameters.metadata import described
-from ground.gateway.parameters.table import MavTable, table_of
+from gateways.mavlink.dialect import ComponentMetadata
+from gateways.mavlink.files.checksum import checksum
+from gateways.mavlink.files.wire import Opcode
+from gateways.mavlink.parameters.metadata import described
+from gateways.mavlink.parameters.table import MavTable, table_of
 from robot.parameter_table import SPECS
 from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT

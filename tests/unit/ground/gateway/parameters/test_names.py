@@ -3,8 +3,8 @@
 import re
 from pathlib import Path
 
-from ground.gateway.ardupilot_parameters import compatibility_parameters
-from ground.gateway.parameters.names import MAVLINK_NAMES, MAX_NAME_BYTES, mavlink_name
+from gateways.mavlink.ardupilot_parameters import compatibility_parameters
+from gateways.mavlink.parameters.names import MAVLINK_NAMES, MAX_NAME_BYTES, mavlink_name
 from robot.parameter_table import SPECS
 from tests.support.gateway.parameter_bench import robot_table
 

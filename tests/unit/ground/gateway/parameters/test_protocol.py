@@ -5,12 +5,12 @@ from struct import pack, unpack
 
 import pytest
 
+from gateways.mavlink.dialect import MavMessage, mavlink
+from gateways.mavlink.files.pacing import LINE_SHARE
+from gateways.mavlink.parameters.protocol import MAX_PENDING, PASSES, VALUE_BYTES
 from ground.client.operations import SetParameter
 from ground.client.operations.parameters import ParameterChanged
 from ground.client.results import Refused
-from ground.gateway.dialect import MavMessage, mavlink
-from ground.gateway.files.pacing import LINE_SHARE
-from ground.gateway.parameters.protocol import MAX_PENDING, PASSES, VALUE_BYTES
 from protocol.wire.enums import LeaseAction
 from protocol.wire.reasons import Reason
 from robot.parameter_table import TABLE

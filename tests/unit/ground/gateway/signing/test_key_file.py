@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.gateway.signing.key_file import (
+from ground.user.mavlink_keys import (
     KeyRing,
     SigningKey,
     new_key,

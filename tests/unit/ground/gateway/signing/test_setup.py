@@ -2,17 +2,17 @@
 
 from typing import Any
 
-from ground.gateway.clients.client_link import ClientLink, NoFile
-from ground.gateway.clients.framing import Frame
-from ground.gateway.dialect import MavMessage, mavlink
-from ground.gateway.services import face_of
-from ground.gateway.signing.guard import SigningGuard
-from ground.gateway.signing.key_file import KeyRing, SigningKey
-from ground.gateway.signing.policy import Policy
-from ground.gateway.signing.setup import SigningSetup
-from ground.gateway.streams.heartbeat import HeartbeatStream
-from ground.gateway.traffic import WATCHER
-from ground.gateway.vehicle import Face
+from gateways.mavlink.clients.client_link import ClientLink, NoFile
+from gateways.mavlink.clients.framing import Frame
+from gateways.mavlink.dialect import MavMessage, mavlink
+from gateways.mavlink.services import face_of
+from gateways.mavlink.signing.guard import SigningGuard
+from gateways.mavlink.signing.policy import Policy
+from gateways.mavlink.signing.setup import SigningSetup
+from gateways.mavlink.streams.heartbeat import HeartbeatStream
+from gateways.mavlink.traffic import WATCHER
+from gateways.mavlink.vehicle import Face
+from ground.user.mavlink_keys import KeyRing, SigningKey
 from protocol.wire.enums import Vehicle as VehicleState
 from runtime.errors import UserError
 from tests.support.each import each

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from ground.cli.run.signing_keys import arguments, run
-from ground.gateway.signing.key_file import read_keys
 from ground.text.output import Output
+from ground.user.mavlink_keys import read_keys
 from runtime.errors import UserError
 
 

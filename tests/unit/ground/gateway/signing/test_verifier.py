@@ -7,15 +7,15 @@ from typing import Any
 
 import pytest
 
-from ground.gateway.clients.client_link import NoFile
-from ground.gateway.clients.framing import Deframer, Frame
-from ground.gateway.dialect import mavlink
-from ground.gateway.signing import stamps
-from ground.gateway.signing.guard import SigningGuard
-from ground.gateway.signing.key_file import KeyRing, SigningKey
-from ground.gateway.signing.policy import Counters, Policy, Rights
-from ground.gateway.signing.stamps import EPOCH_S, PER_S, StampClock
-from ground.gateway.signing.verifier import Verdict, Verifier
+from gateways.mavlink.clients.client_link import NoFile
+from gateways.mavlink.clients.framing import Deframer, Frame
+from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.signing import stamps
+from gateways.mavlink.signing.guard import SigningGuard
+from gateways.mavlink.signing.policy import Counters, Policy, Rights
+from gateways.mavlink.signing.stamps import EPOCH_S, PER_S, StampClock
+from gateways.mavlink.signing.verifier import Verdict, Verifier
+from ground.user.mavlink_keys import KeyRing, SigningKey
 from runtime.units import NS_PER_S
 from tests.support.until import PATIENCE_S, until
 

@@ -1,9 +1,9 @@
 """HEARTBEAT: an ArduPilot Rover, once a second and at once on a change."""
 
-from ground.gateway.ardupilot import state_of
-from ground.gateway.dialect import MavMessage, mavlink
-from ground.gateway.port import Snapshot
-from ground.gateway.streams.heartbeat import HeartbeatStream
+from gateways.mavlink.ardupilot import state_of
+from gateways.mavlink.dialect import MavMessage, mavlink
+from gateways.mavlink.port import Snapshot
+from gateways.mavlink.streams.heartbeat import HeartbeatStream
 from protocol.wire.enums import Mode, Vehicle
 from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, Bench

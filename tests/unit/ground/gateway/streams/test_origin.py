@@ -2,13 +2,13 @@
 
 import pytest
 
-from ground.gateway.dialect import MavMessage, mavlink
-from ground.gateway.frames.globe import Place, home_at, local_at
-from ground.gateway.motion.setpoints import place_goal
-from ground.gateway.services import face_of
-from ground.gateway.streams.origin import SET_GLOBAL_ORIGIN
-from ground.gateway.streams.position import global_position
-from ground.gateway.traffic import WATCHER
+from gateways.mavlink.dialect import MavMessage, mavlink
+from gateways.mavlink.frames.globe import Place, home_at, local_at
+from gateways.mavlink.motion.setpoints import place_goal
+from gateways.mavlink.services import face_of
+from gateways.mavlink.streams.origin import SET_GLOBAL_ORIGIN
+from gateways.mavlink.streams.position import global_position
+from gateways.mavlink.traffic import WATCHER
 from protocol.wire.enums import Vehicle
 from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, ORIGIN, OTHER, Bench

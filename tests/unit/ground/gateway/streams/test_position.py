@@ -4,8 +4,8 @@ from math import cos, isnan, nan, radians, sin
 
 import pytest
 
-from ground.gateway.dialect import MavMessage, mavlink
-from ground.gateway.streams import position
+from gateways.mavlink.dialect import MavMessage, mavlink
+from gateways.mavlink.streams import position
 from ground.missions.geography import to_global
 from tests.support.each import each
 from tests.support.gateway.fake_port import ORIGIN, Bench

@@ -2,8 +2,8 @@
 
 import pytest
 
-from ground.gateway.dialect import mavlink
-from ground.gateway.streams import proximity
+from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.streams import proximity
 from tests.support.each import each
 from tests.support.gateway.fake_port import Bench
 from tests.support.gateway.telemetry import everything, scan, wheels

@@ -3,17 +3,17 @@
 from collections import deque
 from math import inf, nan
 
-from ground.client.operations import ShowParameters
-from ground.gateway import ardupilot
-from ground.gateway.dialect import (
+from gateways.mavlink import ardupilot
+from gateways.mavlink.dialect import (
     AvailableModes,
     ComponentMetadata,
     CurrentMode,
     MavMessage,
     mavlink,
 )
-from ground.gateway.services import face_of
-from ground.gateway.streams.table import STREAMS
+from gateways.mavlink.services import face_of
+from gateways.mavlink.streams.table import STREAMS
+from ground.client.operations import ShowParameters
 from protocol.wire.enums import Mode
 from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, Bench

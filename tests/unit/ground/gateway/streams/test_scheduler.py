@@ -4,12 +4,12 @@ from collections import Counter
 
 import pytest
 
-from ground.gateway.catalogue import Source
-from ground.gateway.dialect import mavlink
-from ground.gateway.services import face_of
-from ground.gateway.streams.scheduler import StreamScheduler
-from ground.gateway.traffic import COMPONENT
-from ground.gateway.vehicle import Vehicle
+from gateways.mavlink.catalogue import Source
+from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.services import face_of
+from gateways.mavlink.streams.scheduler import StreamScheduler
+from gateways.mavlink.traffic import COMPONENT
+from gateways.mavlink.vehicle import Vehicle
 from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, OTHER, Bench
 from tests.support.gateway.telemetry import everything

@@ -2,8 +2,8 @@
 
 import pytest
 
-from ground.gateway.dialect import mavlink
-from ground.gateway.services import face_of
+from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.services import face_of
 from tests.support.gateway.fake_port import CLIENT, OTHER, Bench
 from tests.support.gateway.messages import command, words
 from tests.support.gateway.telemetry import everything

@@ -1,8 +1,8 @@
 """TIMESYNC, PING, and the robot's texts."""
 
-from ground.gateway.dialect import TimeSync, mavlink
-from ground.gateway.streams.clock_sync import ClockSync
-from ground.gateway.streams.texts import RobotTexts
+from gateways.mavlink.dialect import TimeSync, mavlink
+from gateways.mavlink.streams.clock_sync import ClockSync
+from gateways.mavlink.streams.texts import RobotTexts
 from protocol.wire.enums import Severity
 from protocol.wire.messages import Statustext
 from protocol.wire.statustext import pieces_of

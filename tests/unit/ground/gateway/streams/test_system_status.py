@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
+from gateways.mavlink.dialect import MavMessage, mavlink
+from gateways.mavlink.services import face_of
+from gateways.mavlink.streams import system_status
 from ground.client.operations import FenceShown, ShowFence
-from ground.gateway.dialect import MavMessage, mavlink
-from ground.gateway.services import face_of
-from ground.gateway.streams import system_status
 from ground.missions.mission import Circle
 from protocol.wire.enums import Vehicle
 from protocol.wire.reasons import Reason

@@ -1,0 +1,351 @@
+"""The port to one robot over the bus: mailboxes for telemetry, threads for requests."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from functools import partial
+from queue import SimpleQueue
+from typing import Any, Final
+
+from msgspec.structs import replace
+
+from gateways.mavlink.port import NO_TELEMETRY, OVERTAKEN, STOPS, Answered, Done, Snapshot
+from ground.client import stop_ways
+from ground.client.emergency_stop import EmergencyStop
+from ground.client.link import ALIVE, Link
+from ground.client.operations import Operation, Session, Stopped
+from ground.client.operations.commands import STOP_S
+from ground.client.operations.leases import ask_lease
+from ground.client.operations.teleop import TeleopSender
+from ground.client.results import Outcome
+from ground.client.telemetry import Telemetry
+from protocol.bus.mailbox import Mailbox
+from protocol.bus.publisher import Publisher
+from protocol.topics import (
+    CYCLE,
+    GATEWAY,
+    HEARTBEAT,
+    LEASE,
+    MISSION,
+    ODOMETRY,
+    OPERATOR,
+    SONAR,
+    STATUS,
+    STOP,
+    TEXT,
+    WHEELS,
+)
+from protocol.wire.codec import decode
+from protocol.wire.enums import LeaseAction
+from protocol.wire.messages import CycleReport, GatewayStatus, Heartbeat, Statustext
+from runtime.errors import LocalError, RemoteError
+from runtime.units import NS_PER_MS, NS_PER_S
+
+READY_S: Final = 0.5
+SILENT_NS: Final = 1500 * NS_PER_MS
+"""A robot that has been silent for so long is asked nothing, but to stop."""
+MAX_WAITING: Final = 64
+"""Requests that wait for the robot; more are refused."""
+MAX_HALTS: Final = 64
+"""Requests to stop that wait beside them."""
+LATE_NS: Final = 3 * NS_PER_S
+"""A request that moves the robot is refused after this wait: its client has given it up."""
+BUSY: Final = "too many requests wait for the robot"
+TOPICS: Final = (STATUS, ODOMETRY, SONAR, WHEELS, LEASE, MISSION, HEARTBEAT)
+LOAD_NS: Final = 10 * NS_PER_S
+"""Time between two looks at the load of the robot, which changes slowly and costs 20 samples/s."""
+MAX_ASKING: Final = 256
+"""Presses of the stop that wait for an acknowledgement; more are sent, and get none."""
+Ended = tuple[Done, Answered]
+Repeat = Callable[[EmergencyStop, Done], None]
+
+
+class StopLine:
+    """Presses the stop; under a flood of presses, the newest one is repeated for all.
+
+    `repeat` repeats a stop in another thread, and calls `done` in the gateway's at its end.
+    """
+
+    def __init__(self, new: Callable[[], EmergencyStop], repeat: Repeat) -> None:
+        self._new = new
+        self._repeat = repeat
+        self._newest: EmergencyStop | None = None
+        self._asking: list[Done] = []
+        self._is_repeating = False
+
+    def press(self, done: Done) -> int:
+        """Send a stop at once, whatever else waits, and repeat it; return its id."""
+        stop = self._new()
+        stop.press()
+        self._newest = stop
+        if len(self._asking) < MAX_ASKING:
+            self._asking.append(done)
+        if not self._is_repeating:
+            self._go_on()
+        return stop.request_id
+
+    def _go_on(self) -> None:
+        """Repeat the newest stop for all that have pressed since the last repetition began."""
+        stop, asking = self._newest, self._asking
+        if stop is None:
+            return
+        self._newest, self._asking, self._is_repeating = None, [], True
+
+        def ended(answered: Answered) -> None:
+            self._is_repeating = False
+            self._go_on()
+            for done in asking:
+                done(answered)
+
+        self._repeat(stop, ended)
+
+
+class LoadSampler:
+    """Subscribes to the cycle reports for one of them, and again some time later."""
+
+    def __init__(self, link: Link) -> None:
+        self._bus, self._robot = link.bus, link.robot
+        self._box: Mailbox[CycleReport] | None = None
+        self._newest: CycleReport | None = None
+        self._due_ns = link.clock.now_ns()
+
+    def fresh(self, now_ns: int) -> CycleReport | None:
+        """Return the newest report; None if the robot sends none when it is due."""
+        if self._box is None and now_ns >= self._due_ns:
+            self._box = self._bus.mailbox(CYCLE, self._robot)
+        elif self._box is not None:
+            found = self._box.fresh(now_ns)
+            if found is not None:
+                self._bus.unsubscribe(self._box)
+                self._box, self._newest = None, found
+                self._due_ns = now_ns + LOAD_NS
+            elif now_ns >= self._due_ns + SILENT_NS:
+                self._newest = None
+        return self._newest
+
+
+class BusPort:
+    """One robot on the bus. `wake` is called from other threads when a request has ended.
+
+    `was_there` is True if the robot was found at the start.
+    """
+
+    def __init__(self, link: Link, wake: Callable[[], None]) -> None:
+        self.name = link.robot
+        self.identity = link.bus.operator or ""
+        self._link = link
+        self._wake = wake
+        self._telemetry = Telemetry(link.bus, link.robot, TOPICS)
+        self._load = LoadSampler(link)
+        self._heartbeats: Publisher[Heartbeat] = link.bus.publisher(OPERATOR, link.robot)
+        self._stops = link.bus.publisher(STOP, link.robot)
+        self._ways = stop_ways.ways_of(link.bus, link.robot)
+        self._reports: Publisher[GatewayStatus] = link.bus.publisher(GATEWAY, link.robot)
+        self._stick = TeleopSender(link)
+        self._ended: SimpleQueue[Ended] = SimpleQueue()
+        self._texts: SimpleQueue[tuple[bytes, int]] = SimpleQueue()
+        self._requests = ThreadPoolExecutor(1, thread_name_prefix=f"requests {link.robot}")
+        self._halting = ThreadPoolExecutor(1, thread_name_prefix=f"halt {link.robot}")
+        self._stopping = ThreadPoolExecutor(1, thread_name_prefix=f"stop {link.robot}")
+        self._halt: Callable[[], Outcome] | None = None
+        self._halts = self._halting_now = 0
+        self._after_halts: list[tuple[Callable[[], Outcome], Done]] = []
+        self._waiting = 0
+        self._unanswered = 0
+        self._stop_line = StopLine(self._new_stop, self._repeat_stop)
+        self._started_ns = link.clock.now_ns()
+        link.bus.stream(TEXT, lambda _, frame, at_ns: self._texts.put((frame, at_ns)), link.robot)
+        link.bus.announce(link.robot)
+        missing = link.bus.await_matched([self._heartbeats, self._stops], timeout_s=READY_S)
+        self.was_there = not missing
+
+    def snapshot(self, now_ns: int) -> Snapshot:
+        """Return the newest telemetry."""
+        fresh = self._telemetry.fresh
+        return Snapshot(
+            now_ns,
+            status=fresh(STATUS, now_ns),
+            odometry=fresh(ODOMETRY, now_ns),
+            scan=fresh(SONAR, now_ns),
+            wheels=fresh(WHEELS, now_ns),
+            lease=fresh(LEASE, now_ns),
+            mission=fresh(MISSION, now_ns),
+            cycle=self._load.fresh(now_ns),
+        )
+
+    def new_texts(self) -> list[Statustext]:
+        """Return the robot's texts; those from before the start of the gateway are left out."""
+        found = []
+        while not self._texts.empty():
+            frame, published_ns = self._texts.get()
+            with suppress(RemoteError):
+                message = decode(frame).message
+                if isinstance(message, Statustext) and published_ns >= self._started_ns:
+                    found.append(message)
+        return found
+
+    def perform(self, operation: Operation[Any], done: Done) -> None:
+        """Start an operation; operations of one robot run one after another.
+
+        One that only stops the robot runs at once. What was asked before it and has not begun does
+        not move the robot any more; if something has, the stop is repeated after it. What is asked
+        after it waits for its answer.
+        """
+        job = partial(operation.perform, self._session())
+        if not isinstance(operation, STOPS):
+            self._request(job, done, expires=operation.moves, moves=operation.moves)
+        elif self._waiting >= MAX_WAITING + MAX_HALTS:
+            self._end(done, Answered(None, BUSY))
+        else:
+            self._halt = job
+            self._halts += 1
+            self._halting_now += 1
+            self._wait(self._halting, job, lambda answered: self._halted(answered, done))
+
+    def change_lease(self, action: LeaseAction, name: str, done: Done) -> None:
+        """Take, seize or release the lease."""
+
+        def ask() -> Outcome:
+            session = self._session()
+            answer = ask_lease(session.link, action, name)
+            # To wait for the next lease status would hold up the requests behind this one.
+            known = self._telemetry.fresh(LEASE, self._link.bus.now_ns())
+            return session.with_holder(answer, known)
+
+        takes = action is not LeaseAction.RELEASE
+        self._request(ask, done, is_tried=not takes, expires=takes)
+
+    def stop(self, done: Done) -> int:
+        """Send the emergency stop at once, and repeat it in a separate thread; return its id."""
+        return self._stop_line.press(done)
+
+    def heartbeat(self) -> None:
+        """Send one operator's heartbeat."""
+        self._heartbeats.put(ALIVE)
+
+    def report(self, status: GatewayStatus) -> None:
+        """Publish the state of the gateway, stamped with the robot's time."""
+        newest = self._telemetry.latest(STATUS)
+        stamp_ns = 0 if newest is None else newest[0].time_ns
+        self._reports.put(replace(status, time_ns=stamp_ns))
+
+    def drive(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
+        """Send speeds for MANUAL once."""
+        self._stick.drive(speed_m_s, yaw_rate_rad_s)
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether the answer to a request or to a stop is still to be delivered."""
+        return self._unanswered > 0 or bool(self._after_halts)
+
+    def deliver(self) -> None:
+        """Call `done` for every request that has ended since the last call."""
+        for _ in range(self._ended.qsize()):
+            done, answer = self._ended.get()
+            done(answer)
+
+    def close(self) -> None:
+        """Wait for the requests that run."""
+        self._halting.shutdown()
+        self._stopping.shutdown()
+        self._ways.close()
+        self._requests.shutdown(cancel_futures=True)
+
+    def _session(self) -> Session:
+        return Session(Link(self._link.bus, self._link.common, self._link.clock), attended=True)
+
+    def _new_stop(self) -> EmergencyStop:
+        newest, link = (lambda: self._telemetry.latest(STATUS)), self._link
+        return EmergencyStop(link.bus, self._stops, self.name, link.clock, newest, self._ways)
+
+    def _repeat_stop(self, stop: EmergencyStop, done: Done) -> None:
+        give_up_ns = round(STOP_S * NS_PER_S)
+        self._submit(
+            self._stopping, lambda: Stopped(stop.run(give_up_ns=give_up_ns), self.name), done
+        )
+
+    def _is_silent(self) -> bool:
+        """Return whether the robot was heard once, but not any more."""
+        newest = (self._telemetry.latest(topic) for topic in (STATUS, HEARTBEAT))
+        arrived_ns = [one[1] for one in newest if one is not None]
+        now_ns = self._link.bus.now_ns()
+        return bool(arrived_ns) and now_ns - max(arrived_ns) >= SILENT_NS
+
+    def _request(
+        self,
+        job: Callable[[], Outcome],
+        done: Done,
+        *,
+        is_tried: bool = False,
+        expires: bool,
+        moves: bool = False,
+    ) -> None:
+        """Queue a request.
+
+        `is_tried`: also to a silent robot; `expires`: only for a short time; `moves`: only if no
+        stop overtakes it.
+        """
+        asked_ns, halts = self._link.bus.now_ns(), self._halts
+
+        def checked() -> Outcome:
+            if self._is_silent() and not is_tried:
+                raise RemoteError(NO_TELEMETRY)
+            if expires and self._link.bus.now_ns() - asked_ns >= LATE_NS:
+                raise RemoteError(BUSY)
+            if not moves:
+                return job()
+            if self._halts != halts:
+                raise RemoteError(OVERTAKEN)
+            try:
+                return job()
+            finally:
+                if self._halts != halts and self._halt is not None:
+                    with suppress(RemoteError):
+                        self._halt()
+
+        if self._is_silent() and not is_tried:
+            self._end(done, Answered(None, NO_TELEMETRY))
+        elif self._waiting + len(self._after_halts) >= MAX_WAITING:
+            self._end(done, Answered(None, BUSY))
+        elif moves and self._halting_now:
+            self._after_halts.append((checked, done))
+        else:
+            self._wait(self._requests, checked, done)
+
+    def _halted(self, answered: Answered, done: Done) -> None:
+        """Go on after the answer to a request to stop."""
+        self._halting_now -= 1
+        done(answered)
+        if not self._halting_now:
+            waiting, self._after_halts = self._after_halts, []
+            for checked, then in waiting:
+                self._wait(self._requests, checked, then)
+
+    def _wait(self, pool: ThreadPoolExecutor, job: Callable[[], Outcome], done: Done) -> None:
+        def ended(answered: Answered) -> None:
+            self._waiting -= 1
+            done(answered)
+
+        self._waiting += 1
+        self._submit(pool, job, ended)
+
+    def _submit(self, pool: ThreadPoolExecutor, job: Callable[[], Outcome], done: Done) -> None:
+        def delivered(answer: Answered) -> None:
+            self._unanswered -= 1
+            done(answer)
+
+        def run() -> None:
+            try:
+                answer = Answered(job())
+            except (LocalError, RemoteError) as error:
+                answer = Answered(None, str(error))
+            except Exception as error:  # such as one of the bus: without an answer, clients hang
+                answer = Answered(None, f"{type(error).__name__}: {error}")
+            self._end(delivered, answer)
+
+        self._unanswered += 1
+        pool.submit(run)
+
+    def _end(self, done: Done, answer: Answered) -> None:
+        self._ended.put((done, answer))
+        self._wake()

@@ -1,0 +1,274 @@
+"""The process: wait for clients and the bus, pass messages to vehicles, and send their answers."""
+
+import os
+import selectors
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from math import inf
+from typing import Final
+
+from gateways.mavlink.bus_port import BusPort
+from gateways.mavlink.clients.client_table import Client, Clients
+from gateways.mavlink.clients.framing import Frame, is_emergency_stop
+from gateways.mavlink.clients.report import Reporter
+from gateways.mavlink.dialect import MavMessage, mavlink
+from gateways.mavlink.endpoints.endpoint import Endpoint
+from gateways.mavlink.endpoints.recorder import TrafficRecorder
+from gateways.mavlink.signing.guard import SigningGuard
+from gateways.mavlink.signing.policy import DOUBTS, Rights
+from gateways.mavlink.signing.verifier import Verdict
+from gateways.mavlink.traffic import NEWCOMER, WATCHER, Sender
+from gateways.mavlink.vehicle import Face
+from protocol.wire.enums import Severity
+from runtime.clock import Clock
+from runtime.units import NS_PER_MS, NS_PER_S
+
+CALM_NS: Final = 100 * NS_PER_MS
+"""Time between two rounds that only send streams of 10 Hz and less."""
+STREAMS_NS: Final = 50 * NS_PER_MS
+"""The same for faster streams: the robot sends telemetry at 20 Hz."""
+BUSY_NS: Final = 20 * NS_PER_MS
+"""Time between two rounds while clients send or receive more than heartbeats and streams."""
+BUSY_FOR_NS: Final = 2 * NS_PER_S
+STALL_NS: Final = 2 * NS_PER_S
+"""Without a round for so long, this process was stopped: what clients sent meanwhile is too old."""
+MAX_READS: Final = 200
+"""Reads from an endpoint to empty its buffers; the largest one takes about so many."""
+FINISH_NS: Final = 500 * NS_PER_MS
+"""Time for the answers that are due when the gateway ends."""
+FINISH_STEP_S: Final = 0.02
+
+
+class Pace:
+    """The time of the next round."""
+
+    def __init__(self, now_ns: int) -> None:
+        self.due_ns = self._busy_until_ns = now_ns
+
+    def note(self, number: int, now_ns: int) -> None:
+        """Record the id of a message from a client, or of one to it that is no stream."""
+        if number != mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+            self._busy_until_ns = now_ns + BUSY_FOR_NS
+            self.due_ns = min(self.due_ns, now_ns + BUSY_NS)
+
+    def is_due(self, now_ns: int, shortest_ns: int = CALM_NS) -> bool:
+        """Return whether a round is due; then plan the next. Missed rounds are skipped.
+
+        `shortest_ns` is the shortest time between two messages of a stream.
+        """
+        if now_ns < self.due_ns:
+            return False
+        calm_ns = CALM_NS if shortest_ns >= CALM_NS else STREAMS_NS
+        period_ns = BUSY_NS if now_ns < self._busy_until_ns else calm_ns
+        self.due_ns = max(self.due_ns + period_ns, now_ns)
+        return True
+
+
+class WakeUp:
+    """Ends the wait of the gateway's thread from another thread."""
+
+    def __init__(self) -> None:
+        self.reader, self._writer = os.pipe()
+        os.set_blocking(self.reader, False)
+        os.set_blocking(self._writer, False)
+
+    def wake(self) -> None:
+        """End the present or the next wait."""
+        with suppress(BlockingIOError):
+            os.write(self._writer, b"x")
+
+    def clear(self) -> None:
+        """Forget all calls of `wake`."""
+        with suppress(BlockingIOError):
+            while os.read(self.reader, 4096):
+                pass
+
+    def close(self) -> None:
+        """Close the pipe."""
+        os.close(self.reader)
+        os.close(self._writer)
+
+
+class Gateway:
+    """The clients of all endpoints, and the vehicles that are presented to them.
+
+    `line_bytes_s` limits the rate to each client, in addition to the limit of its line.
+    """
+
+    def __init__(
+        self,
+        endpoints: Sequence[Endpoint],
+        faces: Sequence[Face],
+        ports: Sequence[BusPort],
+        clock: Clock,
+        wake_up: WakeUp,
+        recorder: TrafficRecorder | None = None,
+        guard: SigningGuard | None = None,
+    ) -> None:
+        self.clients = Clients(endpoints, self._join, self._leave, self._is_owner)
+        self._endpoints = tuple(endpoints)
+        self._faces = tuple(faces)
+        self._ports = tuple(ports)
+        self._clock = clock
+        self._wake_up = wake_up
+        self._recorder = recorder
+        self._pace = Pace(clock.now_ns())
+        self._awake_ns = clock.now_ns()
+        self._reporter = Reporter(clock.now_ns())
+        self._guard = guard or SigningGuard(time.time_ns)
+        self.line_bytes_s: int | None = None
+        self._selector = selectors.PollSelector()
+        self._selector.register(wake_up.reader, selectors.EVENT_READ)
+        self._watched: dict[int, Endpoint] = {}
+
+    def run(self) -> None:
+        """Serve clients until an exception, such as that of a signal."""
+        while True:
+            self.round()
+
+    def round(self, *, longest_s: float = inf) -> None:
+        """Wait for traffic until a round is due, and process both."""
+        self._watch()
+        wait_s = max(0.0, (self._pace.due_ns - self._clock.now_ns()) / NS_PER_S)
+        ready = self._selector.select(min(wait_s, longest_s))
+        now_ns = self._clock.now_ns()
+        if now_ns - self._awake_ns >= STALL_NS:
+            self._drop_old_input(now_ns)
+        self._awake_ns = now_ns
+        shortest_ns = min(face.vehicle.shortest_ns for face in self._faces)
+        is_due = self._pace.is_due(now_ns, shortest_ns)
+        if is_due:
+            self.clients.begin_round(now_ns)
+        for endpoint in dict.fromkeys(key.data for key, _ in ready):
+            if endpoint is None:
+                self._wake_up.clear()
+            else:
+                for received in endpoint.receive():
+                    self.clients.feed(endpoint, received, now_ns)
+        for client, frame in self.clients.frames(now_ns):
+            self._dispatch(client, frame, now_ns)
+        for port in self._ports:
+            port.deliver()
+        if is_due:
+            lossy = {client.link.number for client in self.clients if client.is_lossy}
+            for face in self._faces:
+                face.vehicle.lossy = lossy
+                face.due(now_ns)
+            self._report(now_ns)
+        self._send(now_ns)
+
+    def finish(self) -> None:
+        """Serve until the clients have the answers to their requests, for FINISH_NS at most."""
+        end_ns = self._clock.now_ns() + FINISH_NS
+        while any(port.is_busy for port in self._ports) and self._clock.now_ns() < end_ns:
+            self.round(longest_s=FINISH_STEP_S)
+
+    def close(self) -> None:
+        """Close all endpoints."""
+        for endpoint in self._endpoints:
+            endpoint.close()
+        self._selector.close()
+
+    def _watch(self) -> None:
+        """Update the descriptors to wait for: connections and lines appear and disappear."""
+        wanted = {number: one for one in self._endpoints for number in one.filenos()}
+        for number in self._watched.keys() - wanted.keys():
+            self._selector.unregister(number)
+        for number in wanted.keys() - self._watched.keys():
+            self._selector.register(number, selectors.EVENT_READ, wanted[number])
+        for number in wanted.keys() & self._watched.keys():
+            if wanted[number] is not self._watched[number]:
+                self._selector.modify(number, selectors.EVENT_READ, wanted[number])
+        self._watched = wanted
+
+    def _dispatch(self, client: Client, frame: Frame, now_ns: int) -> None:
+        link, loopback = client.link, client.is_loopback
+        rights, verdict = self._guard.check(
+            frame, link.signing, client.endpoint.text, is_loopback=loopback
+        )
+        is_refused = rights is Rights.NONE or (
+            rights is Rights.STOP and not is_emergency_stop(frame)
+        )
+        message = None if is_refused else link.decode(frame)
+        if message is None:
+            return
+        self._pace.note(frame.number, now_ns)
+        barred = WATCHER if rights is Rights.WATCH else ""
+        if client.is_newcomer(frame):
+            barred = barred or NEWCOMER
+        is_signed, doubt = verdict is Verdict.VALID, DOUBTS.get(verdict, "")
+        sender = Sender(
+            link.number, frame.system, frame.component, barred, is_signed, loopback, doubt
+        )
+        if self._recorder is not None:
+            self._recorder.received(message, now_ns)
+        for face in self._faces:
+            face.receive(message, sender, now_ns)
+
+    def _drop_old_input(self, now_ns: int) -> None:
+        """Drop what was sent while this process was stopped, but for emergency stops.
+
+        Its senders have had no answer, and a robot that then drives surprises them.
+        """
+        self.clients.begin_round(now_ns)
+        for endpoint in self._endpoints:
+            for _ in range(MAX_READS):
+                arrived = endpoint.receive()
+                for received in arrived:
+                    self.clients.feed(endpoint, received, now_ns)
+                for client, frame in self.clients.frames(now_ns, is_limited=False):
+                    client.is_newcomer(frame)  # notes a HEARTBEAT
+                    if is_emergency_stop(frame):
+                        self._dispatch(client, frame, now_ns)
+                if not arrived:
+                    break
+        seconds = (now_ns - self._awake_ns) / NS_PER_S
+        words = f"the gateway stood still for {seconds:.1f} s: what you sent meanwhile was dropped"
+        for face in self._faces:
+            face.vehicle.outbox.text(Severity.WARNING, words)
+
+    def _join(self, client: Client) -> None:
+        limits = [one for one in (self.line_bytes_s, client.endpoint.line_bytes_s) if one]
+        for face in self._faces:
+            share = min(limits) // len(self._faces) if limits else None
+            face.join(client.link.number, share)
+
+    def _leave(self, client: Client) -> None:
+        self._reporter.left(client.link)
+        for face in self._faces:
+            face.forget(client.link.number)
+
+    def _is_owner(self, client: Client) -> bool:
+        owners = (face.vehicle.control.owner for face in self._faces)
+        return any(owner and owner.client == client.link.number for owner in owners)
+
+    def _report(self, now_ns: int) -> None:
+        """Publish the state of the gateway once a second."""
+        if self._reporter.is_due(now_ns):
+            owners = {face.vehicle.system: face.vehicle.control.owner for face in self._faces}
+            links = [client.link for client in self.clients]
+            statuses = self._reporter.take(links, owners, now_ns)
+            for port, status in zip(self._ports, statuses, strict=True):
+                port.report(status)
+
+    def _send(self, now_ns: int) -> None:
+        for face in self._faces:
+            recorded: set[int] = set()
+            for message, number in face.vehicle.outbox.take():
+                self._send_one(face, message, number, now_ns)
+                if self._recorder is not None and id(message) not in recorded:
+                    recorded.add(id(message))  # clients may share a message of this round
+                    self._recorder.sent(face.vehicle.system, message, now_ns)
+        for endpoint in self._endpoints:
+            endpoint.flush(now_ns)
+
+    def _send_one(self, face: Face, message: MavMessage, number: int | None, now_ns: int) -> None:
+        is_stream = face.vehicle.catalogue.is_stream(message.get_msgId())
+        if not is_stream:
+            self._pace.note(message.get_msgId(), now_ns)
+        for client in self.clients.addressed(number):
+            frame = client.link.encode(face.vehicle.system, message, self._guard)
+            if frame:
+                self._reporter.sent(face.vehicle.system, len(frame))
+                client.endpoint.send(client.peer, frame, is_stream=is_stream)

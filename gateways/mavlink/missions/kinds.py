@@ -1,0 +1,191 @@
+"""The plans to upload and download: a mission, whose item 0 is home, and a fence."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from math import dist
+from typing import Any, Final, Generic, NamedTuple, Protocol, TypeVar
+
+from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.missions.fence_items import Corner, fence_items, fence_of_corners
+from gateways.mavlink.missions.item_messages import usual
+from gateways.mavlink.missions.plan_id import PlanId, fence_id, mission_id
+from gateways.mavlink.missions.robot_copy import RobotCopy, fence_copy, mission_copy
+from gateways.mavlink.port import Answered
+from gateways.mavlink.vehicle import Vehicle
+from ground.client.operations import (
+    ClearFence,
+    ClearMission,
+    Operation,
+    SetFence,
+    TransferOutcome,
+    UploadMission,
+)
+from ground.missions.items import Item, UnsupportedItemError, item_of, place_in, waypoint_of
+from ground.missions.mission import Fence, Mission, Waypoint
+from protocol.wire.enums import FRAME_GLOBAL, Command, MissionType
+
+V = TypeVar("V")
+P = TypeVar("P")
+HOME: Final = 0
+FAR_M: Final = 1.0
+"""An item 0 farther from home than this was perhaps meant as a waypoint."""
+HOME_NOTE: Final = "mission: item 0 is home, the robot drives from item 1 on"
+
+
+class Change(NamedTuple, Generic[V]):
+    """The operation of an upload, and the robot's values after it."""
+
+    operation: Operation[Any]
+    values: tuple[V, ...]
+
+
+class ItemKind(Protocol[V, P]):
+    """One MAV_MISSION_TYPE. `V` are the values that the robot has, `P` the parts of an upload."""
+
+    number: int
+    name: str
+    type: MissionType
+    home_items: int
+    copy: RobotCopy[V]
+
+    def part_of(self, item: Item, count: int) -> P:
+        """Return an item as a part of `count`; UnsupportedItemError if it cannot be one."""
+
+    def note_on(self, item: Item) -> str:
+        """Return a hint to the client about an accepted item, empty without one."""
+
+    def change_to(self, parts: Sequence[P]) -> Change[V]:
+        """Return the change that an upload requests; UnsupportedItemError if it is invalid."""
+
+    def clearing(self) -> Operation[Any]:
+        """Return the operation that deletes all items."""
+
+    def items(self, values: Sequence[V]) -> Sequence[Item]:
+        """Return the items to download, from 0."""
+
+    def parts(self, values: Sequence[V]) -> list[P]:
+        """Return the parts that would upload what the robot has."""
+
+    def id_of(self, values: Sequence[V]) -> int:
+        """Return the opaque id of the robot's values."""
+
+    def accepted(self, values: tuple[V, ...], answered: Answered, now_ns: int) -> None:
+        """Store the values that the robot has accepted."""
+
+
+class MissionKind:
+    """The mission. Clients may send any item 0; they receive the robot's home."""
+
+    number = mavlink.MAV_MISSION_TYPE_MISSION
+    name = "mission"
+    type = MissionType.MISSION
+    home_items = 1
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self.copy: RobotCopy[Waypoint] = mission_copy(vehicle)
+        self._id = PlanId(mission_id)
+        self._vehicle = vehicle
+
+    def part_of(self, item: Item, count: int) -> Waypoint | None:
+        """Return the waypoint of an item, None for home."""
+        return None if item.number == HOME else waypoint_of(usual(item), self._vehicle.origin)
+
+    def note_on(self, item: Item) -> str:
+        """Return a hint if item 0 seems to be meant as a waypoint."""
+        vehicle = self._vehicle
+        if item.number != HOME or item.command != Command.NAV_WAYPOINT:
+            return ""
+        with suppress(UnsupportedItemError):
+            if dist(place_in(item, vehicle.origin), vehicle.home) > FAR_M:
+                return HOME_NOTE
+        return ""
+
+    def change_to(self, parts: Sequence[Waypoint | None]) -> Change[Waypoint]:
+        """Return the upload of the waypoints; a mission without any is deleted."""
+        waypoints = tuple(part for part in parts if part is not None)
+        if not waypoints:
+            return Change(ClearMission(), ())
+        return Change(UploadMission(mission=Mission(waypoints=waypoints)), waypoints)
+
+    def clearing(self) -> Operation[Any]:
+        """Return the deletion of the mission."""
+        return ClearMission()
+
+    def items(self, values: Sequence[Waypoint]) -> Sequence[Item]:
+        """Return home and the waypoints; nothing without waypoints."""
+        if not values:
+            return ()
+        origin = self._vehicle.origin
+        return [self.home, *(item_of(at, one, origin) for at, one in enumerate(values, start=1))]
+
+    @property
+    def home(self) -> Item:
+        """The item 0."""
+        vehicle = self._vehicle
+        home = item_of(HOME, Waypoint(x_m=vehicle.home[0], y_m=vehicle.home[1]), vehicle.origin)
+        params = (0.0, 0.0, 0.0, 0.0, *home.params[4:6], vehicle.origin_altitude_m)
+        return Item(HOME, Command.NAV_WAYPOINT, FRAME_GLOBAL, params)
+
+    def parts(self, values: Sequence[Waypoint]) -> list[Waypoint | None]:
+        """Return home and the waypoints."""
+        return [None, *values]
+
+    def id_of(self, values: Sequence[Waypoint]) -> int:
+        """Return the opaque id of a mission."""
+        return self._id.of(self._vehicle.origin, values)
+
+    def accepted(self, values: tuple[Waypoint, ...], answered: Answered, now_ns: int) -> None:
+        """Note the mission that the robot has accepted."""
+        outcome = answered.outcome
+        number = outcome.verdict.mission_id if isinstance(outcome, TransferOutcome) else 0
+        self.copy.adopt(values, (number if values else 0, len(values)), now_ns)
+
+
+class FenceKind:
+    """The fence: one polygon or circle that encloses the robot."""
+
+    number = mavlink.MAV_MISSION_TYPE_FENCE
+    name = "fence"
+    type = MissionType.FENCE
+    home_items = 0
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self.copy: RobotCopy[Fence] = fence_copy(vehicle)
+        self._id = PlanId(fence_id)
+        self._vehicle = vehicle
+
+    def part_of(self, item: Item, count: int) -> Corner:
+        """Return the corner or circle of an item."""
+        return Corner.of(item, count, self._vehicle.origin)
+
+    def note_on(self, item: Item) -> str:
+        """Return no hint."""
+        return ""
+
+    def change_to(self, parts: Sequence[Corner]) -> Change[Fence]:
+        """Return the upload of the fence; one without items is deleted."""
+        if not parts:
+            return Change(ClearFence(), ())
+        fence = fence_of_corners(parts)
+        return Change(SetFence(fence=fence), (fence,))
+
+    def clearing(self) -> Operation[Any]:
+        """Return the deletion of the fence."""
+        return ClearFence()
+
+    def items(self, values: Sequence[Fence]) -> Sequence[Item]:
+        """Return the items of the fence."""
+        return [item for fence in values for item in fence_items(fence, self._vehicle.origin)]
+
+    def parts(self, values: Sequence[Fence]) -> list[Corner]:
+        """Return the corners or the circle of the fence."""
+        items = self.items(values)
+        return [self.part_of(item, len(items)) for item in items]
+
+    def id_of(self, values: Sequence[Fence]) -> int:
+        """Return the opaque id of a fence."""
+        return self._id.of(self._vehicle.origin, values)
+
+    def accepted(self, values: tuple[Fence, ...], answered: Answered, now_ns: int) -> None:
+        """Note the fence that the robot has accepted."""
+        self.copy.adopt(values, None, now_ns)

@@ -1,0 +1,260 @@
+"""Requests of clients to the robot: change the mode, start the mission, drive to a position."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, Final, NamedTuple
+
+from gateways.mavlink.ardupilot import RTL
+from gateways.mavlink.dialect import MavMessage
+from gateways.mavlink.port import OVERTAKEN, Answered, Done
+from gateways.mavlink.traffic import Sender
+from gateways.mavlink.vehicle import Vehicle
+from ground.client.goal import Destination
+from ground.client.operations import (
+    Abort,
+    Goto,
+    Hold,
+    Operation,
+    ReturnHome,
+    Session,
+    SetMode,
+    StartMission,
+)
+from ground.client.requests import ATTEMPTS, GaveUp
+from ground.client.results import Accepted, Answer, Outcome, Refused
+from protocol.wire.enums import MissionState, Mode
+from protocol.wire.enums import Vehicle as VehicleState
+from protocol.wire.reasons import Reason
+from runtime.units import NS_PER_S
+
+FROM_CURRENT: Final = 0
+"""The item of `StartMission` that means the current one."""
+PATIENCE_NS: Final = NS_PER_S
+"""Time for the operator's first heartbeat to reach the robot."""
+MISSION_UNDER_WAY: Final = (MissionState.RUNNING, MissionState.HOLDING, MissionState.PAUSED)
+
+
+@dataclass(frozen=True, slots=True)
+class DriveBegun(Accepted):
+    """The robot follows speeds; `drive_id` names the drive."""
+
+    drive_id: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class DriveOver:
+    """The drive was over before: by an operator, or by the robot itself."""
+
+    ok: ClassVar[bool] = False
+    text: ClassVar[str] = "the drive is over"
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return the outcome as a row."""
+        return {"verb": verb, "robot": robot, "ok": False, "reason": self.text}
+
+
+@dataclass(frozen=True, slots=True)
+class BeginDrive:
+    """Choose MANUAL for speeds."""
+
+    verb: ClassVar[str] = "mode"
+    moves: ClassVar[bool] = True
+
+    def perform(self, session: Session) -> Answer:
+        """Set the mode; the request names the drive."""
+        request = SetMode(mode=Mode.MANUAL).request(session.link)
+        answer = session.with_holder(session.link.ask(request))
+        if isinstance(answer, Accepted):
+            return DriveBegun(answer.took_ns, request.request_id)
+        return answer
+
+
+@dataclass(frozen=True, slots=True)
+class EndDrive:
+    """End a drive in HOLD or GUIDED. One that is over stays so, whatever has followed it."""
+
+    verb: ClassVar[str] = "mode"
+    moves: ClassVar[bool] = True
+    drive_id: int
+    mode: Mode
+
+    def perform(self, session: Session) -> Outcome:
+        """Hold, if the drive is the present one; then set the mode."""
+        link = session.link
+        answer = link.end(Hold().request(link), self.drive_id, ATTEMPTS)
+        if answer is None:
+            return DriveOver()
+        if isinstance(answer, GaveUp):
+            raise link.unanswered(answer)
+        if self.mode is Mode.HOLD or not answer.ok:
+            return answer
+        return SetMode(mode=self.mode).perform(session)
+
+
+@dataclass(frozen=True, slots=True)
+class EnterGuided:
+    """Drop the goal or mission, like ArduPilot at the change to GUIDED, and wait for a goal."""
+
+    verb: ClassVar[str] = "mode"
+    moves: ClassVar[bool] = True
+
+    def perform(self, session: Session) -> Answer:
+        """Abort (a robot without a goal refuses it), and set the mode."""
+        Abort().perform(session)
+        return SetMode(mode=Mode.GUIDED).perform(session)
+
+
+class Attempt(NamedTuple):
+    """An operation that is repeated until the robot has received the operator's heartbeat."""
+
+    sender: Sender
+    operation: Operation[Any]
+    mode: Mode
+    number: int | None
+    done: Done
+    until_ns: int
+    stops: int
+
+
+class Pilot:
+    """Executes requests that change the mode, and updates `vehicle.modes`."""
+
+    handles = ()
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self._again: list[Attempt] = []
+        self._mission_waits: Sender | None = None
+        self._now_ns = 0
+
+    def set_mode(self, mode: Mode, number: int, sender: Sender, done: Done) -> None:
+        """Change the mode; AUTO starts or continues the mission once the robot is armed."""
+        if mode is Mode.AUTO:
+            self._enter_auto(sender, done)
+        elif mode is Mode.GUIDED and self._vehicle.modes.number == Mode.GUIDED:
+            self._vehicle.control.ensure(sender, done)
+        elif mode is Mode.GUIDED:
+            self._try(sender, EnterGuided(), mode, None, done)
+        elif mode is Mode.SMART_RTL:
+            self.return_home(number, sender, done)
+        elif mode is Mode.HOLD:
+            self.hold(sender, done)
+        else:
+            self._try(sender, SetMode(mode=mode), mode, None, done)
+
+    def hold(self, sender: Sender, done: Done) -> None:
+        """Stop and keep goal and mission."""
+        self._try(sender, Hold(), Mode.HOLD, None, done)
+
+    def return_home(self, number: int, sender: Sender, done: Done) -> None:
+        """Drive back along the trail, by RTL to the home that a client has chosen, if any.
+
+        Clients receive the mode RTL or SMART_RTL, by `number`.
+        """
+        if number != RTL:
+            self._try(sender, ReturnHome(), Mode.SMART_RTL, None, done)
+        elif self._vehicle.is_home_chosen:
+            x_m, y_m = self._vehicle.home
+            home = Destination(x_m=x_m, y_m=y_m, heading_rad=None)
+            self._try(sender, Goto(goal=home, wait=False, arms=False), Mode.AUTO, RTL, done)
+        else:
+            self._try(sender, ReturnHome(), Mode.SMART_RTL, RTL, done)
+
+    def goto(self, goal: Destination, sender: Sender, done: Done) -> None:
+        """Drive to a position in GUIDED; an unarmed robot refuses."""
+        self._try(sender, Goto(goal=goal, arms=False), Mode.GUIDED, None, done)
+
+    def start_mission(self, sender: Sender, done: Done) -> None:
+        """Start the mission at its current item, or continue it; an unarmed robot refuses."""
+        mission = self._vehicle.snapshot.mission
+        state = MissionState.NONE if mission is None else mission.state
+        if state in MISSION_UNDER_WAY and self._vehicle.modes.mode in (Mode.AUTO, Mode.HOLD):
+            self._try(sender, SetMode(mode=Mode.AUTO), Mode.AUTO, None, done)
+            return
+        item = None if state == MissionState.DONE else FROM_CURRENT
+        self._try(sender, StartMission(item=item, arms=False), Mode.AUTO, None, done)
+
+    def velocity(self, sender: Sender, done: Done) -> None:
+        """Choose MANUAL for the speeds of a client in GUIDED; clients receive GUIDED."""
+        self._try(sender, BeginDrive(), Mode.MANUAL, int(Mode.GUIDED), done)
+
+    def await_goal(self, drive_id: int, sender: Sender, done: Done) -> None:
+        """Choose GUIDED without a goal, after the speeds of a client; clients still receive it."""
+        self._vehicle.modes.show(Mode.HOLD, Mode.GUIDED)
+        self._try(sender, EndDrive(drive_id, Mode.GUIDED), Mode.GUIDED, None, done)
+
+    def hold_drive(self, drive_id: int) -> None:
+        """End speeds in HOLD, without control."""
+        self._vehicle.modes.show_own()
+        self._vehicle.port.perform(EndDrive(drive_id, Mode.HOLD), lambda _: None)
+
+    def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
+        """Take no message."""
+
+    def due(self, now_ns: int) -> None:
+        """Repeat the operation that waits for the heartbeat.
+
+        Start the mission that waits for arming.
+        """
+        self._now_ns = now_ns
+        again, self._again = self._again, []
+        for attempt in again:
+            if attempt.stops == self._vehicle.control.stops:
+                self._perform(attempt)
+            else:
+                attempt.done(Answered(None, OVERTAKEN))
+        waiting, status = self._mission_waits, self._vehicle.snapshot.status
+        if waiting is None or status is None:
+            return
+        if not self._vehicle.control.holds(waiting):
+            self._mission_waits = None
+        elif status.vehicle == VehicleState.ACTIVE and status.mode == Mode.AUTO:
+            self._mission_waits = None
+            self.start_mission(waiting, lambda answered: self._started(waiting, answered))
+
+    def forget(self, client: int) -> None:
+        """Do nothing: the loss of control ends the wait of a client that has disconnected."""
+
+    def _enter_auto(self, sender: Sender, done: Done) -> None:
+        status, mission = self._vehicle.snapshot.status, self._vehicle.snapshot.mission
+        has_mission = mission is not None and mission.state != MissionState.NONE
+        if not has_mission or status is None or status.vehicle == VehicleState.ACTIVE:
+            self.start_mission(sender, done)
+            return
+
+        def entered(answered: Answered) -> None:
+            if answered.ok:
+                self._mission_waits = sender
+            done(answered)
+
+        self._try(sender, SetMode(mode=Mode.AUTO), Mode.AUTO, None, entered)
+
+    def _started(self, sender: Sender, answered: Answered) -> None:
+        if not answered.ok:
+            words = f"mission not started: {answered.text}"
+            self._vehicle.refusals.say(words, sender.client, self._now_ns)
+
+    def _try(
+        self,
+        sender: Sender,
+        operation: Operation[Any],
+        mode: Mode,
+        number: int | None,
+        done: Done,
+    ) -> None:
+        self._mission_waits = None
+        until_ns = self._now_ns + PATIENCE_NS
+        stops = self._vehicle.control.stops
+        self._perform(Attempt(sender, operation, mode, number, done, until_ns, stops))
+
+    def _perform(self, attempt: Attempt) -> None:
+        def ended(answered: Answered) -> None:
+            outcome = answered.outcome
+            is_early = isinstance(outcome, Refused) and outcome.reason == Reason.NO_OPERATOR
+            if is_early and self._now_ns < attempt.until_ns:
+                self._again.append(attempt)
+                return
+            if answered.ok:
+                self._vehicle.modes.accepted(attempt.mode, attempt.number)
+            attempt.done(answered)
+
+        self._vehicle.perform(attempt.sender, attempt.operation, ended)

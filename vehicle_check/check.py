@@ -1,0 +1,345 @@
+"""One run of the judge: connect, judge the rows, restore changed values and plans."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property, partial
+from typing import Any, Final, NamedTuple, TypeVar
+
+from runtime.errors import RemoteError
+from runtime.units import NS_PER_S
+from vehicle_check.dialect import NUMBERS, mavlink
+from vehicle_check.network import Losses, Network
+from vehicle_check.session import Client, Frame, Station, heartbeat
+from vehicle_check.signing import Signer, timestamp_at
+from vehicle_check.verdict import Findings, Row, Verdict, failed, not_tried
+
+HEARTBEAT_WITHIN_S: Final = 5.0
+WINDOW_S: Final = 13.0
+SETTLE_S: Final = 1.0
+WATCHERS: Final = 4
+STREAM_RATES: Final[Mapping[int, int]] = {1: 2, 2: 2, 3: 2, 6: 3, 10: 10, 11: 10, 12: 3}
+"""Rates of REQUEST_DATA_STREAM by group, as QGroundControl's ArduPilot plugin asks for them."""
+TOLERANCE: Final = 0.2
+PERIODS: Final = 5
+MIN_WATCH_S: Final = 2.0
+SILENCE_S: Final = 10.0
+"""A vehicle that has sent nothing for so long is gone."""
+MAX_RUN_S: Final = 85.0
+MAX_RUN_WITH_MOTION_S: Final = 300.0
+SET_MESSAGE_INTERVAL: Final = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+EMERGENCY: Final = mavlink.MAV_STATE_EMERGENCY
+ONE_CLIENT: Final = "this endpoint serves one ground station"
+
+
+Found = TypeVar("Found")
+
+
+class Options(NamedTuple):
+    """The options of the command line."""
+
+    allow_motion: bool = False
+    key: bytes | None = None
+    loss: float = 0.0
+    seed: int = 1
+    unix_s: float = 1.8e9
+
+
+class Judged(NamedTuple):
+    """A row with its verdict."""
+
+    row: Row
+    verdict: Verdict
+
+
+class Restore(NamedTuple):
+    """What the check has changed: its name, and how to undo that; it returns True if it worked."""
+
+    name: str
+    undo: Callable[[], bool]
+
+
+class Outcome(NamedTuple):
+    """The rows in the order of numbers, and what was put back, or not."""
+
+    rows: list[Judged]
+    restored: list[str]
+    not_restored: list[str]
+
+
+class Window(NamedTuple):
+    """The frames of the main client while the judge only received."""
+
+    frames: list[Frame]
+    seconds: float
+    bytes_per_s: float
+    watchers: list[Client]
+    silent: Client
+    began_ns: int
+
+
+class Check:
+    """The vehicle under test, and values that several rows share."""
+
+    def __init__(self, network: Network, options: Options) -> None:
+        self.options = options
+        self.station = Station(network, Losses(options.loss, options.seed))
+        self.began_ns = self.station.now_ns
+        if options.key is not None:
+            self.station.signer = self.signer_with(options.key)
+        self.main = self.station.connect()
+        self.restore: list[Restore] = []
+        self.was_stopped = False
+        self.facts: dict[str, Any] = {}
+        """Results of rows that other rows use."""
+
+    def once(self, name: str, find: Callable[[], Found]) -> Found:
+        """Return a fact of that name; find it at the first call."""
+        if name not in self.facts:
+            self.facts[name] = find()
+        found: Found = self.facts[name]
+        return found
+
+    @property
+    def target(self) -> int:
+        """The system id of the vehicle."""
+        return self.station.target
+
+    @property
+    def spent_s(self) -> float:
+        """The time since the start."""
+        return (self.station.now_ns - self.began_ns) / NS_PER_S
+
+    def stamp(self) -> int:
+        """Return the time stamp of a signature now."""
+        return timestamp_at(self.options.unix_s + self.spent_s)
+
+    def signer_with(self, key: bytes) -> Signer:
+        """Return a signer of a ground station."""
+        return Signer(key, 1, self.stamp(), self.stamp)
+
+    def find(self) -> None:
+        """Wait for the vehicle's heartbeat; RemoteError if there is none."""
+        since = self.main.mark()
+        found = self.main.expect("HEARTBEAT", HEARTBEAT_WITHIN_S, is_vehicle, since)
+        if found is None:
+            other = f"; {self.main.malformed} malformed frames" if self.main.malformed else ""
+            seconds = f"{HEARTBEAT_WITHIN_S:g} s"
+            hint = "udpout and tcp connect to the vehicle, udpin waits for it"
+            raise RemoteError(f"no heartbeat of a MAVLink vehicle within {seconds}{other}: {hint}")
+        self.station.target = found.system
+        self.station.target_component = found.component
+        self.station.heard_ns = found.at_ns
+        self.was_stopped = found.message.system_status == EMERGENCY
+        mode = int(found.message.custom_mode)
+        self.restore.append(Restore(f"mode {mode}", partial(self._back_to, mode)))
+        self.main.log[:] = [one for one in self.main.log if one.system == found.system]
+
+    def _back_to(self, mode: int) -> bool:
+        if self.mode != mode and not self.is_armed:
+            return bool(self.set_mode(mode) == mavlink.MAV_RESULT_ACCEPTED)
+        return self.mode == mode
+
+    @property
+    def silent_s(self) -> float:
+        """How long the vehicle has sent nothing."""
+        return (self.station.now_ns - self.station.heard_ns) / NS_PER_S
+
+    def is_silent(self) -> bool:
+        """Wait for a vehicle that sends nothing; return True if it is gone."""
+        before_ns = self.station.heard_ns
+        left_s = SILENCE_S - self.silent_s
+        return not self.station.wait(left_s, lambda: self.station.heard_ns > before_ns)
+
+    @cached_property
+    def second(self) -> Client:
+        """A second ground station, which remains connected."""
+        client = self.station.connect()
+        client.greet()
+        return client
+
+    @property
+    def serves_two(self) -> bool:
+        """True if the vehicle sends to a second ground station, too. A serial line does not."""
+        return bool(self.second.log)
+
+    @cached_property
+    def window(self) -> Window:
+        """Receive the streams; request them first if the vehicle sends none."""
+        began_ns = self.station.now_ns
+        watchers = [self.station.connect() for _ in range(WATCHERS)]
+        silent = self.station.connect(beats=False)
+        silent.send_surely(heartbeat())
+        self.station.wait(SETTLE_S)
+        if not self.main.sent("GLOBAL_POSITION_INT"):
+            self.ask_for_streams(self.main)
+        since, bytes_before, start_ns = self.main.mark(), self.main.bytes, self.station.now_ns
+        self.station.wait(WINDOW_S - SETTLE_S)
+        seconds = (self.station.now_ns - start_ns) / NS_PER_S
+        frames = self.main.log[since:]
+        rate = (self.main.bytes - bytes_before) / seconds
+        for one in watchers:
+            one.beats = False
+        return Window(frames, seconds, rate, watchers, silent, began_ns)
+
+    def ask_for_streams(self, client: Client) -> None:
+        """Send REQUEST_DATA_STREAM for all groups."""
+        target = self.station.address
+        for group, rate in STREAM_RATES.items():
+            client.send_surely(mavlink.MAVLink_request_data_stream_message(*target, group, rate, 1))
+
+    def seen(self, name: str) -> list[Frame]:
+        """Return the messages of a name that the vehicle has sent in the window."""
+        return [one for one in self.window.frames if one.name == name]
+
+    def rate(self, name: str) -> float:
+        """Return the rate at which the vehicle sends in the window."""
+        return len(self.seen(name)) / self.window.seconds
+
+    def expect_rate(self, found: Findings, name: str, low_hz: float, high_hz: float) -> bool:
+        """Expect a message in the window at a rate, with a tolerance.
+
+        A vehicle that sends another rate by itself, as ArduPilot does, is asked for this one.
+        """
+        rate = self.rate(name)
+        wanted = f"{low_hz:g}" if low_hz == high_hz else f"{low_hz:g}-{high_hz:g}"
+        if _is_near(rate, low_hz, high_hz):
+            return found.expect(True, f"{name} {rate:.1f} Hz (wanted {wanted})")
+        asked = self._rate_when_asked(name, high_hz)
+        fact = f"{name} {rate:.1f} Hz, {asked:.1f} Hz when asked (wanted {wanted})"
+        return found.expect(_is_near(asked, low_hz, high_hz), fact)
+
+    def _rate_when_asked(self, name: str, rate_hz: float) -> float:
+        number = NUMBERS.get(name)
+        interval_us = round(1e6 / rate_hz)
+        result = number and self.main.result_of(SET_MESSAGE_INTERVAL, number, interval_us)
+        if result != mavlink.MAV_RESULT_ACCEPTED:
+            return 0.0
+        seconds = max(MIN_WATCH_S, PERIODS / rate_hz)
+        self.station.wait(1 / rate_hz)
+        since = self.main.mark()
+        self.station.wait(seconds)
+        return len(self.main.sent(name, since)) / seconds
+
+    def newest(self, name: str) -> Any:
+        """Return the newest message of a name; None if there was none in or after the window."""
+        since_ns = self.window.began_ns
+        frame = self.main.latest(name)
+        return frame.message if frame is not None and frame.at_ns >= since_ns else None
+
+    @property
+    def heartbeat(self) -> Any:
+        """The vehicle's newest heartbeat."""
+        frame = self.main.latest("HEARTBEAT", is_vehicle)
+        assert frame is not None  # `find` has seen one
+        return frame.message
+
+    @property
+    def mode(self) -> int:
+        """The vehicle's present mode."""
+        return int(self.heartbeat.custom_mode)
+
+    @property
+    def is_armed(self) -> bool:
+        """True if the vehicle is armed."""
+        return bool(self.heartbeat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+
+    def set_mode(self, mode: int, client: Client | None = None) -> int | None:
+        """Change the mode by command 176; return its result."""
+        client = client or self.main
+        return client.result_of(
+            mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, mode
+        )
+
+    def texts(self, since: int, client: Client | None = None) -> str:
+        """Return the STATUSTEXT that was sent since a mark, short."""
+        frames = (client or self.main).sent("STATUSTEXT", since)
+        return " | ".join(_text(one.message.text) for one in frames)
+
+
+def is_vehicle(message: Any) -> bool:
+    """Return True for the heartbeat of a vehicle, not of a ground station or a gimbal."""
+    return bool(
+        message.type != mavlink.MAV_TYPE_GCS and message.autopilot != mavlink.MAV_AUTOPILOT_INVALID
+    )
+
+
+def judge(
+    network: Network,
+    options: Options,
+    rows: Sequence[Row],
+    progress: Callable[[str], None] = lambda text: None,
+) -> Outcome:
+    """Judge a vehicle, and put back what the check has changed; RemoteError if there is none."""
+    check = Check(network, options)
+    check.find()
+    try:
+        found = list(_all_judged(check, rows, progress))
+    except KeyboardInterrupt as error:
+        progress("interrupted: putting back what the check has changed")
+        restored, not_restored = _put_back(check)
+        error.add_note(restore_text(restored, not_restored))
+        raise
+    progress("putting back what the check has changed")
+    return Outcome(sorted(found, key=lambda one: one.row.number), *_put_back(check))
+
+
+def _all_judged(
+    check: Check, rows: Sequence[Row], progress: Callable[[str], None]
+) -> Iterator[Judged]:
+    most_s = MAX_RUN_WITH_MOTION_S if check.options.allow_motion else MAX_RUN_S
+    most_s *= 2 if check.station.is_lossy else 1
+    gone = ""
+    for row in rows:
+        if gone or check.spent_s > most_s:
+            yield Judged(row, not_tried(gone or f"the check takes {most_s:g} s at most"))
+            continue
+        progress(f"row {row.number}: {row.title}")
+        verdict = _judged(row, check)
+        if check.is_silent():
+            gone = f"the vehicle is silent since row {row.number}"
+            verdict = failed(f"the vehicle fell silent; {verdict.evidence}")
+        yield Judged(row, verdict)
+
+
+def _put_back(check: Check) -> tuple[list[str], list[str]]:
+    """Undo the changes, the last one first; return the names of those undone, and of the others."""
+    restored: list[str] = []
+    not_restored: list[str] = []
+    is_gone = check.is_silent()
+    if check.options.allow_motion and not is_gone:
+        _stop(check)
+    for name, undo in reversed(check.restore):
+        (restored if not is_gone and undo() else not_restored).append(name)
+    return restored, not_restored
+
+
+def _stop(check: Check) -> None:
+    """Disarm the vehicle, and clear an emergency stop, if a row has been interrupted."""
+    if check.is_armed:
+        check.main.result_of(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0)
+        check.station.wait(1.0, lambda: not check.is_armed)
+    if check.heartbeat.system_status == EMERGENCY and not check.was_stopped:
+        check.main.result_of(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 0)
+
+
+def restore_text(restored: Sequence[str], not_restored: Sequence[str]) -> str:
+    """Return what was put back, and what was not, in words."""
+    words = [f"put back: {', '.join(restored)}"] if restored else []
+    words += [f"NOT put back: {', '.join(not_restored)}"] if not_restored else []
+    return "; ".join(words)
+
+
+def _is_near(rate: float, low_hz: float, high_hz: float) -> bool:
+    return low_hz * (1 - TOLERANCE) <= rate <= high_hz * (1 + TOLERANCE)
+
+
+def _judged(row: Row, check: Check) -> Verdict:
+    try:
+        return row.judge(check)
+    except (AttributeError, IndexError, KeyError, ValueError, OverflowError, TypeError) as error:
+        # A hostile vehicle must not end the judge: rows receive its values unchecked.
+        return failed(f"unusable answer: {type(error).__name__}: {error}")
+
+
+def _text(text: bytes | str) -> str:
+    words = text.decode("utf-8", "replace") if isinstance(text, bytes) else text
+    return words.rstrip("\0")

@@ -1,0 +1,271 @@
+"""Rows 36, 37, 39-43: commands, their answers and their repetition, without motion."""
+
+from functools import wraps
+from math import nan
+from typing import Any, Final
+
+from runtime.units import NS_PER_MS
+from vehicle_check.check import Check
+from vehicle_check.dialect import MavMessage, mavlink
+from vehicle_check.missions import MISSION, Item, message_of
+from vehicle_check.plans import moved, outcome, place, sent, small_mission, step_m
+from vehicle_check.rows import driving
+from vehicle_check.session import COMPONENT, result_name
+from vehicle_check.verdict import Findings, Judge, Verdict, not_tried, row
+
+ACCEPTED: Final = mavlink.MAV_RESULT_ACCEPTED
+DENIED: Final = mavlink.MAV_RESULT_DENIED
+UNSUPPORTED: Final = mavlink.MAV_RESULT_UNSUPPORTED
+REPOSITION: Final = mavlink.MAV_CMD_DO_REPOSITION
+NO_COMMAND: Final = 31_998
+AT_ONCE_MS: Final = 100
+REMOTE_MS: Final = 500
+"""At once over a radio or a network, where the way alone may take most of that."""
+REFUSALS: Final = (DENIED, mavlink.MAV_RESULT_FAILED, mavlink.MAV_RESULT_TEMPORARILY_REJECTED)
+"""ArduPilot answers a restart while armed with FAILED."""
+BANNER: Final = 42_428
+FORCE: Final = 21_196
+ARMED: Final = "the vehicle is armed: give --allow-motion"
+
+
+def reposition(
+    check: Check, at: tuple[int, int], *, as_int: bool, speed: float = -1.0, flags: int = 0
+) -> MavMessage:
+    """Return DO_REPOSITION with a yaw of NaN, as QGroundControl sends it."""
+    target = check.station.address
+    if as_int:
+        frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
+        return mavlink.MAVLink_command_int_message(
+            *target, frame, REPOSITION, 0, 0, speed, flags, 0, nan, *at, 0.0
+        )
+    return check.main.command_long(REPOSITION, speed, flags, 0, nan, at[0] / 1e7, at[1] / 1e7, 0)
+
+
+def answer_to(check: Check, message: MavMessage, number: int) -> int | None:
+    """Send a command and return its result."""
+    found = check.main.ask(message, "COMMAND_ACK", lambda ack: ack.command == number)
+    return None if found is None else int(found.message.result)
+
+
+def standing(judge: Judge) -> Judge:
+    """Judge a row with the vehicle in HOLD; leave one alone that is armed by others."""
+
+    @wraps(judge)
+    def judged(check: Check) -> Verdict:
+        if check.is_armed and not check.options.allow_motion:
+            return not_tried(ARMED)
+        driving.stand(check)
+        try:
+            return judge(check)
+        finally:
+            driving.stand(check)
+
+    return judged
+
+
+@row(
+    36,
+    "DO_REPOSITION as INT and LONG: DENIED outside GUIDED and for 0/0, NaN yaw, never UNSUPPORTED",
+    suffers="QGroundControl, MAVSDK: goto has no effect or is reported as unsupported",
+)
+@standing
+def goto(check: Check) -> Verdict:
+    """Send the command in states in which it must be denied; with motion, drive a step."""
+    found = Findings()
+    at = moved(place(check), step_m(check), 0.0)
+    for name, is_int in (("INT", True), ("LONG", False)):
+        for words, target in (("in HOLD", at), ("0/0", (0, 0))):
+            flags = 0 if target == at else mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
+            message = reposition(check, target, as_int=is_int, flags=flags)
+            result = answer_to(check, message, REPOSITION)
+            found.expect(result == DENIED, f"{name} {words}: {result_name(result)}")
+    if check.options.allow_motion:
+        driving.expect_goto(check, found, reposition)
+    else:
+        found.fact("driving not tried")
+    return found.verdict()
+
+
+@row(
+    37,
+    "guided item (current = 2) as ITEM and ITEM_INT is answered by MISSION_ACK",
+    suffers="DroneKit simple_goto, MAVProxy, older QGroundControl",
+)
+@standing
+def guided_item(check: Check) -> Verdict:
+    """Send the item outside GUIDED, where it must be refused; with motion, drive a step."""
+    found = Findings()
+    modes = (
+        (("HOLD", False), ("GUIDED", True)) if check.options.allow_motion else (("HOLD", False),)
+    )
+    for mode, is_moving in modes:
+        if is_moving and not driving.start(check, mavlink.ROVER_MODE_GUIDED, found):
+            break
+        for as_float in (True, False):
+            item = Item(mavlink.MAV_CMD_NAV_WAYPOINT, *moved(place(check), step_m(check) / 2, 0.0))
+            message = message_of(check.main, item, 0, MISSION, as_float=as_float, current=2)
+            ack = check.main.ask(message, "MISSION_ACK")
+            result = None if ack is None else int(ack.message.type)
+            is_right = result == mavlink.MAV_MISSION_ACCEPTED if is_moving else result is not None
+            kind = "ITEM" if as_float else "ITEM_INT"
+            found.expect(is_right, f"{kind} in {mode}: {outcome(result)}")
+    return found.verdict()
+
+
+@row(
+    39,
+    "MISSION_START with 0, 0 starts; other items are denied or obeyed",
+    suffers="QGroundControl, MAVSDK: mission start",
+)
+@standing
+def mission_start(check: Check) -> Verdict:
+    """Start at an item after the last one; with motion, start the mission."""
+    found = Findings()
+    sent(check, small_mission(check, spread_m=step_m(check)))
+    result = check.main.result_of(mavlink.MAV_CMD_MISSION_START, 98, 99)
+    found.expect(result not in (None, ACCEPTED, UNSUPPORTED), f"98-99: {result_name(result)}")
+    if check.options.allow_motion:
+        driving.expect_mission(check, found, by_command=True)
+    else:
+        found.fact("starting not tried")
+    return found.verdict()
+
+
+@row(
+    40,
+    "arming: 21196 forces it; reasons against it as STATUSTEXT 'PreArm: ...'",
+    suffers="QGroundControl shows the reasons by this prefix",
+)
+def arming(check: Check) -> Verdict:
+    """Run the checks; with motion, arm and disarm."""
+    found = Findings()
+    if not check.is_armed:
+        since = check.main.mark()
+        result = check.main.result_of(mavlink.MAV_CMD_RUN_PREARM_CHECKS)
+        found.expect(result == ACCEPTED, f"401: {result_name(result)}")
+        status = check.main.expect_sent("SYS_STATUS", 2.5)
+        bit = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+        is_healthy = status is not None and bool(
+            status.message.onboard_control_sensors_health & bit
+        )
+        text = check.texts(since)
+        fact = f"prearm {'healthy' if is_healthy else 'not healthy'}, text {text!r}"
+        found.expect(is_healthy or "PreArm: " in text, fact)
+    if not check.options.allow_motion:
+        found.fact("arming not tried")
+        return found.verdict()
+    driving.stand(check)
+    for value, name in ((1, "arm"), (0, "disarm")):
+        result = check.main.result_of(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, value, FORCE)
+        bit = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+        check.station.wait(1.5, lambda: check.is_armed is bool(value))  # noqa: B023
+        is_right = result == ACCEPTED and check.is_armed is bool(value)
+        found.expect(is_right, f"{name} by force: {result_name(result)}")
+    return found.verdict()
+
+
+@row(
+    41,
+    "known commands answered, unknown ones UNSUPPORTED within 100 ms",
+    suffers="every client: waits and repeats",
+)
+def answers(check: Check) -> Verdict:
+    """Send commands that change nothing, and one that does not exist."""
+    found = Findings()
+    speed = mavlink.MAV_CMD_DO_CHANGE_SPEED
+    calls: list[tuple[int, tuple[float, ...]]] = [
+        (mavlink.MAV_CMD_REQUEST_MESSAGE, (148,)),
+        (mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, (mavlink.MAVLINK_MSG_ID_VFR_HUD, 0)),
+        (mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, (1,)),
+        (mavlink.MAV_CMD_GET_HOME_POSITION, ()),
+        (mavlink.MAV_CMD_RUN_PREARM_CHECKS, ()),
+    ]
+    if not check.is_armed:
+        calls += [
+            (mavlink.MAV_CMD_DO_SET_MODE, (1, check.mode)),
+            (speed, (1, -1, -1)),
+            (mavlink.MAV_CMD_DO_PAUSE_CONTINUE, (0,)),
+        ]
+    results = {number: check.main.result_of(number, *params) for number, params in calls}
+    wrong = {
+        number: result_name(one) for number, one in results.items() if one in (None, UNSUPPORTED)
+    }
+    found.expect(not wrong, f"{len(results)} known commands" + f", wrong: {wrong}" * bool(wrong))
+    for _ in range(check.station.tries):
+        since, start_ns = check.main.mark(), check.station.now_ns
+        check.main.send(check.main.command_long(NO_COMMAND))
+        ack = check.main.expect_sent("COMMAND_ACK", 1.0, _is_unknown, since)
+        if ack is not None:
+            break
+    late_ms = (check.station.now_ns - start_ns) / NS_PER_MS
+    result = None if ack is None else int(ack.message.result)
+    most_ms = AT_ONCE_MS if check.station.network.is_loopback else REMOTE_MS
+    is_right = result == UNSUPPORTED and late_ms <= most_ms
+    found.expect(is_right, f"{NO_COMMAND}: {result_name(result)} in {late_ms:.0f} ms")
+    return found.verdict()
+
+
+def _is_unknown(ack: Any) -> bool:
+    return bool(ack.command == NO_COMMAND)
+
+
+@row(
+    42,
+    "42428 gives the version as STATUSTEXT; 246 is refused when armed",
+    suffers="Mission Planner and MAVProxy banner; DroneKit reboot",
+)
+def banner(check: Check) -> Verdict:
+    """Ask for the banner; with motion, ask an armed vehicle to restart."""
+    found = Findings()
+    since = check.main.mark()
+    result = check.main.result_of(BANNER)
+    check.station.wait(0.5)
+    text = check.texts(since)
+    has_version = any(one.isdigit() for one in text)
+    found.expect(result == ACCEPTED and has_version, f"42428: {result_name(result)} {text!r}")
+    if not check.options.allow_motion:
+        found.fact("246 not tried")
+    elif driving.start(check, mavlink.ROVER_MODE_GUIDED, found):
+        restart = check.main.result_of(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1)
+        found.expect(restart in REFUSALS, f"246 while armed: {result_name(restart)}")
+        driving.stand(check)
+        found.fact("a restart is not tried: it would end the check")
+    return found.verdict()
+
+
+@row(
+    43,
+    "one ACK for each command, to its sender; a repetition is answered and acts once",
+    suffers="QGroundControl repeats commands",
+)
+def one_answer(check: Check) -> Verdict:
+    """Count the answers to a command and to its repetition.
+
+    On a lossy line a vehicle may send the same answer again before it is asked again.
+    """
+    found = Findings()
+    number = mavlink.MAV_CMD_DO_PAUSE_CONTINUE if not check.is_armed else BANNER
+    params = (0.0,)
+    marks = check.main.mark(), check.second.mark()
+    for _ in range(check.station.tries):
+        check.main.send(check.main.command_long(number, *params))
+        check.station.wait(0.7)
+        acks = check.main.sent("COMMAND_ACK", marks[0], lambda ack: ack.command == number)
+        if acks:
+            break
+    results = {one.message.result for one in acks}
+    is_one = len(acks) == 1 or (check.station.is_lossy and len(results) == 1)
+    if found.expect(is_one, f"{len(acks)} ACK"):
+        one = acks[0].message
+        target = one.target_system, one.target_component
+        found.expect(target == (check.main.system, COMPONENT), f"ACK to {target}")
+    strays = check.second.sent(
+        "COMMAND_ACK",
+        marks[1],
+        lambda ack: ack.command == number and ack.target_system in (0, check.second.system),
+    )
+    found.expect(not strays, f"the other client sees {len(strays)}")
+    repeated = check.main.command_long(number, *params, confirmation=1)
+    ack = check.main.ask(repeated, "COMMAND_ACK", lambda one: one.command == number)
+    found.expect(ack, f"confirmation 1: {'answered' if ack else 'no ACK'}")
+    return found.verdict()

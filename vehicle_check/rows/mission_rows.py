@@ -1,0 +1,298 @@
+"""Rows 27-33 and 35: missions up and down, lost frames, two clients, refusals, plan ids."""
+
+import re
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, Final
+
+from runtime.units import NS_PER_S
+from vehicle_check.check import ONE_CLIENT, Check
+from vehicle_check.dialect import mavlink
+from vehicle_check.missions import (
+    MISSION,
+    REQUESTS,
+    Item,
+    count_message,
+    download,
+    message_of,
+    upload,
+)  # fmt: skip
+from vehicle_check.plans import (
+    ITEM_ACCEPTED,
+    home,
+    is_disarmed_or_allowed,
+    keep,
+    moved,
+    outcome,
+    place,
+    same_places,
+    sent,
+    small_mission,
+)  # fmt: skip
+from vehicle_check.verdict import (
+    Findings,
+    Judge,
+    Verdict,
+    failed,
+    not_applicable,
+    not_tried,
+    row,
+)
+
+RETRY_S: Final = 1.6
+CANCEL_S: Final = 12.0
+OWN_CANCELLED: Final = mavlink.MAV_MISSION_OPERATION_CANCELLED
+DENIED: Final = mavlink.MAV_MISSION_DENIED
+NO_COMMAND: Final = 31_999
+UNREADABLE: Final = "the vehicle's own plan cannot be downloaded, and is not replaced"
+MOST_ITEMS: Final = 65_535
+ITEM_2: Final = re.compile(r"(?<![\d.])[23](?![\d.])")
+"""The number of the third item, counted from 0 or from 1, not a digit of another number."""
+
+
+def with_plans(judge: Judge) -> Judge:
+    """Save the vehicle's own mission before a row sends another one."""
+
+    @wraps(judge)
+    def judged(check: Check) -> Verdict:
+        if not is_disarmed_or_allowed(check):
+            return not_tried("the vehicle is armed: give --allow-motion")
+        if place(check) == (0, 0) and not check.main.expect_sent("GLOBAL_POSITION_INT", 1.0):
+            return failed("no GLOBAL_POSITION_INT: no place for a mission")
+        if not keep(check, MISSION):
+            return failed(UNREADABLE)
+        return judge(check)
+
+    return judged
+
+
+def _is_no_acceptance(message: Any) -> bool:
+    """Return False for an acceptance: with loss it may be a copy, for an earlier upload."""
+    return bool(getattr(message, "type", None) != ITEM_ACCEPTED)
+
+
+@row(
+    27,
+    "upload: asks again for a lost item, last item acknowledged again, cancelled at the end",
+    suffers="MAVSDK, MAVProxy on a line with loss",
+)
+@with_plans
+def upload_retries(check: Check) -> Verdict:
+    """Leave one request unanswered, repeat the last item, and abandon an upload."""
+    found, items = Findings(), small_mission(check)
+    done = upload(check.main, items, ignored=1)
+    times = [seq for _, seq in done.requests].count(1)
+    fact = f"item 1 asked for {times} times, {outcome(done.result)}"
+    found.expect(times >= 2 and done.result == ITEM_ACCEPTED, fact)
+    last = len(items) - 1
+    repeated = message_of(check.main, items[last], last, MISSION)
+    again = check.main.ask(repeated, "MISSION_ACK")
+    result = None if again is None else again.message.type
+    found.expect(result == ITEM_ACCEPTED, f"last item again: {outcome(result)}")
+    ended = check.once("abandoned", lambda: _abandoned(check))["ended"]
+    found.expect(ended == OWN_CANCELLED, f"upload without answers: {outcome(ended)}")
+    return found.verdict()
+
+
+def _abandoned(check: Check) -> dict[str, int | None]:
+    """Start an upload, send requests of a second client meanwhile, and wait for its end."""
+    main = check.main
+    since = main.mark()
+    main.ask_for_any(count_message(main, 3, MISSION), REQUESTS)
+    target = check.station.address
+    listing = mavlink.MAVLink_mission_request_list_message(*target, MISSION)
+    found: dict[str, int | None] = {}
+    if check.serves_two:
+        other = check.second
+        for name, message in (("count", count_message(other, 2, MISSION)), ("list", listing)):
+            answer = other.ask(message, "MISSION_ACK", within_s=0.6)
+            found[name] = None if answer is None else int(answer.message.type)
+    is_end = _is_no_acceptance if check.station.is_lossy else None
+    ended = main.expect_sent("MISSION_ACK", CANCEL_S, is_end, since)
+    found["ended"] = None if ended is None else int(ended.message.type)
+    return found
+
+
+@row(
+    28,
+    "items are asked for by MISSION_REQUEST, ITEM and ITEM_INT are taken",
+    suffers="DroneKit answers only MISSION_REQUEST",
+)
+@with_plans
+def item_kinds(check: Check) -> Verdict:
+    """Upload with each kind of item."""
+    found, items = Findings(), small_mission(check)
+    for as_float in (True, False):
+        done = upload(check.main, items, as_float=as_float)
+        names = sorted({name for name, _ in done.requests})
+        kind = "ITEM" if as_float else "ITEM_INT"
+        is_right = done.result == ITEM_ACCEPTED and names == ["MISSION_REQUEST"]
+        found.expect(is_right, f"{kind} by {names}: {outcome(done.result)}")
+    return found.verdict()
+
+
+@row(
+    29,
+    "MISSION_REQUEST gives ITEM, MISSION_REQUEST_INT gives ITEM_INT; partial lists",
+    suffers="DroneKit, mavros; MAVProxy edits with partial lists",
+)
+@with_plans
+def item_requests(check: Check) -> Verdict:
+    """Download with each request, and write a part."""
+    found, items = Findings(), small_mission(check)
+    sent(check, items)
+    for as_float in (True, False):
+        got = download(check.main, as_float=as_float)
+        name = "MISSION_REQUEST" if as_float else "MISSION_REQUEST_INT"
+        count = None if got is None else len(got.items)
+        found.expect(count == len(items), f"{name}: {count} items")
+    target = check.station.address
+    partial = mavlink.MAVLink_mission_write_partial_list_message(*target, 1, 1, MISSION)
+    is_answer = _is_no_acceptance if check.station.is_lossy else None
+    answer = check.main.ask_for_any(partial, (*REQUESTS, "MISSION_ACK"), is_answer)
+    if found.expect(answer, f"WRITE_PARTIAL_LIST: {answer.name if answer else 'no answer'}"):
+        _finish_partial(check, found, items, answer)
+    return found.verdict()
+
+
+def _finish_partial(check: Check, found: Findings, items: list[Item], answer: Any) -> None:
+    if answer.name == "MISSION_ACK":
+        found.expect(answer.message.type != ITEM_ACCEPTED, outcome(answer.message.type))
+        return
+    item = message_of(check.main, items[2], 1, MISSION)
+    ack = check.main.ask(item, "MISSION_ACK")
+    result = None if ack is None else ack.message.type
+    found.expect(result == ITEM_ACCEPTED, f"partial: {outcome(result)}")
+
+
+@row(
+    30,
+    "item 0 is home in both directions",
+    suffers="DroneKit, MAVProxy, QGroundControl: missions shifted by one",
+)
+@with_plans
+def home_item(check: Check) -> Verdict:
+    """Upload with home first; item 0 comes back at home, the others as they were."""
+    found, items = Findings(), small_mission(check)
+    result = sent(check, items)
+    found.expect(result == ITEM_ACCEPTED, f"upload: {outcome(result)}")
+    got = download(check.main)
+    count = None if got is None else len(got.items)
+    if not found.expect(count == len(items), f"{count} of {len(items)} items") or got is None:
+        return found.verdict()
+    found.expect(same_places(got.items, items, skip=1), "items 1 and later as sent")
+    at, first = home(check), (got.items[0].x, got.items[0].y)
+    is_home = at is not None and abs(first[0] - at[0]) <= 2 and abs(first[1] - at[1]) <= 2
+    found.expect(is_home, f"item 0 at {first}, home {at}")
+    return found.verdict()
+
+
+@row(
+    31,
+    "MISSION_SET_CURRENT and 224 answered at once by MISSION_CURRENT; 1 Hz with total and state",
+    suffers="MAVSDK sends again for any other seq",
+)
+@with_plans
+def current_item(check: Check) -> Verdict:
+    """Choose items in both ways, and 0."""
+    found, items = Findings(), small_mission(check)
+    sent(check, items)
+    target = check.station.address
+    number = mavlink.MAV_CMD_DO_SET_MISSION_CURRENT
+    asked = {
+        "MISSION_SET_CURRENT 2": (mavlink.MAVLink_mission_set_current_message(*target, 2), 2),
+        "224 with 1": (check.main.command_long(number, 1), 1),
+        "MISSION_SET_CURRENT 0": (mavlink.MAVLink_mission_set_current_message(*target, 0), 0),
+    }
+    for way, (message, seq) in asked.items():
+        start_ns = check.station.now_ns
+        # The one that is due each second may cross the request.
+        answer = check.main.ask(message, "MISSION_CURRENT", _numbered(seq), within_s=0.5)
+        late_s = (check.station.now_ns - start_ns) / NS_PER_S
+        last = check.main.latest("MISSION_CURRENT")
+        got = last and last.message.seq
+        found.expect(answer is not None, f"{way}: seq {got} after {late_s:.2f} s")
+    since = check.main.mark()
+    check.station.wait(3.2)
+    frames = check.main.sent("MISSION_CURRENT", since)
+    found.expect(2 <= len(frames) <= 8, f"{len(frames)} in 3 s")
+    if frames:
+        one = frames[-1].message
+        found.expect(one.total in (len(items), len(items) - 1), f"total {one.total}")
+        found.expect(one.mission_state, f"mission_state {one.mission_state}")
+    return found.verdict()
+
+
+@row(
+    32,
+    "during an upload a second client's MISSION_COUNT and REQUEST_LIST are DENIED",
+    suffers="two ground stations mix their missions",
+)
+@with_plans
+def two_uploads(check: Check) -> Verdict:
+    """Judge the answers to the second client."""
+    found, answers = Findings(), check.once("abandoned", lambda: _abandoned(check))
+    if not check.serves_two:
+        return not_applicable(ONE_CLIENT)
+    for name in ("count", "list"):
+        found.expect(answers[name] == DENIED, f"{name} of the second: {outcome(answers[name])}")
+    return found.verdict()
+
+
+@row(
+    33,
+    "refusals: the right MISSION_ACK, and a STATUSTEXT with item and reason",
+    suffers="MAVSDK and QGroundControl users: no reason shown",
+)
+@with_plans
+def refusals(check: Check) -> Verdict:
+    """Send missions with one fault each."""
+    found, items = Findings(), small_mission(check)
+    here = moved(place(check), 0.1, 0.1)
+    faults = (
+        ("command", Item(NO_COMMAND, *here), {mavlink.MAV_MISSION_UNSUPPORTED}),
+        ("frame", Item(16, *here, frame=17), {mavlink.MAV_MISSION_UNSUPPORTED_FRAME}),
+        ("latitude", Item(16, 910_000_000, here[1]), set(mavlink_invalid())),
+    )
+    for name, wrong, results in faults:
+        since = check.main.mark()
+        done = upload(check.main, [*items[:2], wrong])
+        check.station.wait(0.3)
+        text = check.texts(since)
+        found.expect(done.result in results, f"{name}: {outcome(done.result)}")
+        found.expect(ITEM_2.search(text), f"text {text!r}")
+    answer = check.main.ask(count_message(check.main, MOST_ITEMS, MISSION), "MISSION_ACK")
+    result = None if answer is None else answer.message.type
+    found.expect(result == mavlink.MAV_MISSION_NO_SPACE, f"{MOST_ITEMS} items: {outcome(result)}")
+    return found.verdict()
+
+
+def _numbered(seq: int) -> Callable[[Any], bool]:
+    return lambda one: bool(one.seq == seq)
+
+
+def mavlink_invalid() -> tuple[int, ...]:
+    """Return the results for a latitude out of range."""
+    return (mavlink.MAV_MISSION_INVALID_PARAM5_X, mavlink.MAV_MISSION_INVALID)
+
+
+@row(
+    35,
+    "opaque ids in COUNT, ACK and CURRENT change with the plan",
+    suffers="ground stations download each plan again",
+)
+@with_plans
+def opaque_ids(check: Check) -> Verdict:
+    """Compare the ids of two plans, and those of one in three messages."""
+    found, seen = Findings(), []
+    for steps in (2, 3):
+        done = upload(check.main, small_mission(check, steps))
+        got = download(check.main)
+        current = check.main.expect_sent("MISSION_CURRENT", 2.0)
+        count = None if got is None else got.opaque_id
+        now = None if current is None else current.message.mission_id
+        fact = f"ACK {done.opaque_id} COUNT {count} CURRENT {now}"
+        found.expect(done.opaque_id and count == done.opaque_id == now, fact)
+        seen.append(count)
+    found.expect(len(set(seen)) == 2, f"two plans: {seen}")
+    return found.verdict()

@@ -1,0 +1,167 @@
+"""Rows 58-60: ready in time, two robots at one port, floods."""
+
+import random
+from itertools import pairwise
+from statistics import median
+from typing import Final
+
+from runtime.units import NS_PER_S
+from vehicle_check.check import Check
+from vehicle_check.dialect import mavlink
+from vehicle_check.files import FileClient
+from vehicle_check.missions import FENCE, MISSION
+from vehicle_check.missions import download as plan_of
+from vehicle_check.parameters import download, unpacked
+from vehicle_check.rows.identity import versions
+from vehicle_check.rows.parameter_rows import PCK, most_seconds, parameters
+from vehicle_check.session import Client
+from vehicle_check.verdict import Findings, Verdict, failed, not_applicable, passed, row
+
+READY_S: Final = 2.0
+READY_WITH_LOSS_S: Final = 5.0
+CONNECTIONS: Final = 5
+MODAL: Final = mavlink.MAV_SEVERITY_ERROR
+COMMANDS: Final = 1_000
+ANSWERS_S: Final = 3.0
+FLOOD_S: Final = 2.0
+FRAMES_PER_STEP: Final = 40
+STEP_S: Final = 0.02
+MAX_GAP_S: Final = 1.6
+RADIO_BYTES_PER_S: Final = 4_500
+
+
+@row(
+    58,
+    "ready within 2 s of connecting, without an error shown; the whole list at 20 % loss, too",
+    suffers="QGroundControl and its users",
+)
+def ready(check: Check) -> Verdict:
+    """Connect like QGroundControl: version, modes, parameters, mission, fence, home.
+
+    With loss the time of one connection is chance, so the median of several is judged.
+    """
+    found, is_lossy = Findings(), check.station.is_lossy
+    times = [_seconds_until_ready(check, found) for _ in range(CONNECTIONS if is_lossy else 1)]
+    least_s = READY_WITH_LOSS_S if is_lossy else READY_S
+    most_s = most_seconds(check, least_s, parameters(check).count)
+    of_all = f", the median of {len(times)}, longest {max(times):.2f} s" if is_lossy else ""
+    seconds = median(times)
+    found.expect(seconds <= most_s, f"ready after {seconds:.2f} s{of_all} (wanted {most_s:g})")
+    return found.verdict()
+
+
+def _seconds_until_ready(check: Check, found: Findings) -> float:
+    """Connect once; return the time, and expect all answers and no error shown."""
+    start_ns = check.station.now_ns
+    client = check.station.connect() if check.serves_two else check.main
+    since = client.mark()
+    steps = {
+        "heartbeat": client.greet(),
+        "version": any(versions_of(check, client)),
+        "parameters": _has_parameters(client),
+        "mission": plan_of(client, MISSION),
+        "fence": plan_of(client, FENCE),
+        "home": client.heard("HOME_POSITION") or client.request(242, "HOME_POSITION"),
+    }
+    seconds = (check.station.now_ns - start_ns) / NS_PER_S
+    missing = [name for name, step in steps.items() if step is None or step is False]
+    found.expect(not missing, f"missing {missing}" if missing else "all answered")
+    shown = client.sent("STATUSTEXT", since, where=lambda one: one.severity <= MODAL)
+    found.expect(not shown, f"{len(shown)} errors {[one.message.text for one in shown][:2]}")
+    client.beats = client is check.main
+    return seconds
+
+
+def versions_of(check: Check, client: Client) -> list[bool]:
+    """Return the answered version requests; only the first with QGroundControl's sequence."""
+    asked = client.request(148, "AUTOPILOT_VERSION")
+    return (
+        [asked is not None]
+        if asked
+        else [one is not None for one in versions(check, client).values()]
+    )
+
+
+def _has_parameters(client: Client) -> bool:
+    data = FileClient(client).fetch(PCK, within_s=4.0)
+    packed = None if data is None else unpacked(data)
+    if packed is not None and len(packed.values) == packed.given:
+        return True
+    return download(client, 5.0).is_whole
+
+
+@row(
+    59,
+    "two robots at one port: commands for one do not act on the other",
+    suffers="fleets behind one address",
+)
+def two_systems(check: Check) -> Verdict:
+    """Send many commands to the second system; the first must not answer any."""
+    check.station.wait(0.2)
+    others = sorted(one for one in check.station.systems if one != check.target)
+    if not others:
+        return not_applicable("one system at this endpoint")
+    since, before = check.main.mark(), check.station.acknowledged[others[0]]
+    number = mavlink.MAV_CMD_REQUEST_MESSAGE
+    for _ in range(COMMANDS // FRAMES_PER_STEP):
+        for _ in range(FRAMES_PER_STEP):
+            check.main.send(
+                mavlink.MAVLink_command_long_message(others[0], 1, number, 0, 148, *[0] * 6)
+            )
+        check.station.wait(STEP_S)
+    acknowledged = check.station.acknowledged
+    check.station.wait(ANSWERS_S, lambda: acknowledged[others[0]] - before >= COMMANDS)
+    check.station.wait(0.5)
+    strays = check.main.sent("COMMAND_ACK", since, lambda ack: ack.command == number)
+    strays += check.main.sent("AUTOPILOT_VERSION", since)
+    answered = acknowledged[others[0]] - before
+    fact = f"{COMMANDS} commands for {others[0]}: {answered} answers of it"
+    fact += f", {len(strays)} of {check.target}"
+    return (passed if answered >= COMMANDS // 2 and not strays else failed)(fact)
+
+
+@row(
+    60,
+    "a flood of broken and unknown frames does not disturb the streams",
+    suffers="every client if one of them or the line is faulty",
+)
+def flood(check: Check) -> Verdict:
+    """Send broken, unknown and unaddressed frames; the main client's heartbeats go on."""
+    found = Findings()
+    chance = random.Random(check.options.seed)
+    client = check.station.connect()
+    since, start_ns = check.main.mark(), check.station.now_ns
+    sent = 0
+    for _ in range(round(FLOOD_S / STEP_S)):
+        for _ in range(FRAMES_PER_STEP):
+            client.send_bytes(_broken(client, chance))
+            sent += 1
+        check.station.wait(STEP_S)
+    check.station.wait(1.2)
+    seconds = (check.station.now_ns - start_ns) / NS_PER_S
+    times = [one.at_ns for one in check.main.sent("HEARTBEAT", since)]
+    times = [start_ns, *times, check.station.now_ns]
+    gap = max(second - first for first, second in pairwise(times)) / NS_PER_S
+    found.expect(gap <= MAX_GAP_S, f"longest gap {gap:.2f} s")
+    before, name = check.rate("ATTITUDE"), "ATTITUDE"
+    during = sum(one.name == name for one in check.main.log[since:]) / seconds
+    fact = f"{name} {during:.1f} Hz of {before:.1f} with {sent / seconds:.0f} frames/s"
+    found.expect(before > 0 and during >= before * 0.8, fact)
+    rate = check.window.bytes_per_s
+    found.fact(f"{rate / 1000:.1f} kB/s per client; 57,600 baud carries {RADIO_BYTES_PER_S / 1000}")
+    client.beats = False
+    return found.verdict()
+
+
+def _broken(client: Client, chance: random.Random) -> bytes:
+    whole = bytearray(client.frame(mavlink.MAVLink_ping_message(1, 2, 250, 1)))
+    kind = chance.randrange(4)
+    if kind == 0:
+        return bytes(whole[: chance.randrange(1, len(whole))])
+    if kind == 1:
+        whole[chance.randrange(10, len(whole))] ^= 0xFF
+        return bytes(whole)
+    if kind == 2:
+        whole[7:10] = b"\xf0\xff\x7f"
+        return bytes(whole)
+    return chance.randbytes(chance.randrange(1, 80))
