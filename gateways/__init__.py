@@ -1,0 +1,1 @@
+"""Gateways: robots of this stack, presented to the programs of others."""

@@ -71,6 +71,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     folder = f"the robot's recordings, for clients to download (default {recordings_folder()})"
     parser.add_argument("--recordings", metavar="DIR", help=folder)
     add_common(parser)
+    # `up` asks before it starts anything.
+    parser.add_argument("--check", action="store_true", help=argparse.SUPPRESS)
 
 
 def settings_of(options: argparse.Namespace, robot: str, config: str | None) -> GatewaySettings:
@@ -129,7 +131,14 @@ def vehicle_of(port: BusPort, link: Link, settings: GatewaySettings) -> Vehicle:
 
 
 def run(options: argparse.Namespace, output: Output) -> int:
-    """Serve until Ctrl-C. Wrong words are errors before the connection to the robot."""
+    """Serve until Ctrl-C. Wrong words are errors before the connection to the robot.
+
+    With `--check` only open the endpoints.
+    """
+    if options.check:
+        for endpoint in all_opened([with_policy(text).text for text in options.endpoints]):
+            endpoint.close()
+        return 0
     common = as_gateway(common_of(options, output))
     settings = settings_of(options, common.robot, common.config)
     texts = [with_policy(text) for text in settings.endpoints]

@@ -1,8 +1,10 @@
 """`up`: start plant and robots as processes, send the goals, print the outcomes."""
 
 import argparse
+import json
 import os
 import socket
+import subprocess
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
@@ -49,11 +51,12 @@ from protocol.options import finite, whole
 from protocol.outcome import Outcome
 from protocol.topics import Role
 from runtime.clock import Clock, WallClock
-from runtime.errors import NoPeerError, RemoteError
+from runtime.errors import NoPeerError, RemoteError, UserError
 from runtime.units import NS_PER_S
 from study.oracle.names import STUDY_ONLY
 
 TIMEOUT_S: Final = 300.0
+CHECK_S: Final = 60.0
 NOISES: Final = ("none", "default", "lossy", "harsh")
 OPEN_NS: Final = 30 * NS_PER_S
 PLAIN_NS: Final = 5 * NS_PER_S
@@ -156,13 +159,13 @@ def run(options: argparse.Namespace, output: Output) -> int:
 
 
 def check_endpoints(texts: Sequence[str]) -> None:
-    """Raise UserError for an endpoint of `--mavlink` that cannot be opened now."""
+    """Raise UserError for an endpoint of `--mavlink` that the gateway cannot open now."""
     if texts:
-        from gateways.mavlink.endpoints.spec import all_opened
-        from gateways.mavlink.settings import with_policy
-
-        for endpoint in all_opened([with_policy(text).text for text in texts]):
-            endpoint.close()
+        words = command(["gateway", "--check", "--json", *texts], os.getpid())
+        done = subprocess.run(words, capture_output=True, text=True, timeout=CHECK_S, check=False)
+        if done.returncode:
+            found = json.loads(done.stdout) if done.stdout else {"reason": done.stderr.strip()}
+            raise UserError(found["reason"])
 
 
 def run_headless(
