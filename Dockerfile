@@ -52,6 +52,8 @@ COPY robot robot
 COPY firmware firmware
 COPY plant plant
 COPY ground ground
+COPY gateways gateways
+COPY vehicle_check vehicle_check
 COPY study study
 RUN /pip/bin/python hatch_build.py sources /compiled-from
 

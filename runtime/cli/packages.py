@@ -13,7 +13,17 @@ from typing import Final, NamedTuple
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 NAME: Final = "sidestep"
-PACKAGES: Final = ("runtime", "protocol", "robot", "firmware", "plant", "ground", "study")
+PACKAGES: Final = (
+    "runtime",
+    "protocol",
+    "robot",
+    "firmware",
+    "plant",
+    "ground",
+    "gateways",
+    "vehicle_check",
+    "study",
+)
 APART: Final = (
     f"install {NAME} in an environment of its own, with `python3 -m venv`, `pipx install` or "
     "`uvx --from`"
