@@ -178,7 +178,7 @@ class SimulatedPool:
 
 
 class SimulatedPipe:
-    """Replaces gateways.mavlink.gateway.WakeUp; stands for the descriptor of its reading end, too."""
+    """Replaces the gateway's WakeUp; stands for the descriptor of its reading end, too."""
 
     def __init__(self) -> None:
         self.reader = self
