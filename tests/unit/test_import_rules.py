@@ -5,7 +5,16 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("protocol", "robot", "firmware", "plant", "ground", "study")
+PACKAGES = (
+    "protocol",
+    "robot",
+    "firmware",
+    "plant",
+    "ground",
+    "gateways",
+    "vehicle_check",
+    "study",
+)
 MAY_IMPORT = {
     "zenoh": ("protocol/bus/",),
     "pymunk": ("plant/sim/physics.py",),

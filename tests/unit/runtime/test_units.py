@@ -11,6 +11,8 @@ PACKAGES = [
     "firmware",
     "plant",
     "ground",
+    "gateways",
+    "vehicle_check",
     "study",
     "benchmarks",
     "verification",
