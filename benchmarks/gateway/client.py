@@ -11,7 +11,7 @@ from contextlib import suppress
 from time import monotonic, monotonic_ns, time_ns
 from typing import Any, Final, NamedTuple, Protocol, Self
 
-from gateways.mavlink.dialect import MavMessage, mavlink
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from protocol.wire.enums import Mode
 from runtime.units import NS_PER_S
 from verification.harness.until import until

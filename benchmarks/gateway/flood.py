@@ -17,7 +17,7 @@ from benchmarks.gateway.client import Client
 from benchmarks.gateway.flood_sender import KINDS, MIXED, Flood
 from benchmarks.gateway.stage import Air, Driver, Figures, on_air
 from benchmarks.gateway.timeouts import since
-from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.mavlink_dialect import mavlink
 from verification.flood.main import peak_mb
 from verification.harness.figures import Figure
 from verification.harness.motion import stood_s

@@ -15,7 +15,7 @@ from random import Random
 from typing import Any, Final, Self
 
 from benchmarks.gateway.forged_frames import NoFile, command, commands
-from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.mavlink_dialect import mavlink
 from runtime.clock import WallClock
 from runtime.units import NS_PER_S
 

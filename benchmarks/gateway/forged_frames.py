@@ -11,7 +11,7 @@ from fastcrc.crc16 import mcrf4xx
 from benchmarks.gateway.client import GROUND_STATION, PER_S, stamp_now
 from benchmarks.gateway.stage import position_target
 from benchmarks.gateway.timeouts import channels, stick, velocity
-from gateways.mavlink.dialect import REQUEST_OPERATOR_CONTROL, MavMessage, mavlink
+from gateways.mavlink.mavlink_dialect import REQUEST_OPERATOR_CONTROL, MavMessage, mavlink
 from protocol.wire.enums import Mode
 
 MAVLINK_1_IDS: Final = 256

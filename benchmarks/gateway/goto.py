@@ -16,7 +16,7 @@ from typing import Final, Self
 
 from benchmarks.gateway.client import Client
 from benchmarks.gateway.stage import Air, Figures, on_air, position_target
-from gateways.mavlink.dialect import REQUEST_OPERATOR_CONTROL
+from gateways.mavlink.mavlink_dialect import REQUEST_OPERATOR_CONTROL
 from gateways.mavlink.motion.pilot import EnterGuided
 from ground.client.connection import Common
 from ground.client.goal import Destination

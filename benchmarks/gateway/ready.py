@@ -18,7 +18,7 @@ from pymavlink import mavftp
 
 from benchmarks.gateway.client import GROUND_STATION, Client, UdpLine
 from benchmarks.gateway.stage import Air, Figures, on_air
-from gateways.mavlink.dialect import MavMessage, mavlink
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from verification.harness.figures import Figure
 from verification.harness.until import until
 from verification.relay.impairment import PERFECT, POOR, Impairment

@@ -8,7 +8,7 @@ from typing import Final
 
 from benchmarks.gateway.client import Arrival, Client, Line, PseudoLine
 from benchmarks.gateway.stage import Air, Driver, Figures, on_air
-from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.mavlink_dialect import mavlink
 from runtime.units import NS_PER_S
 from verification.harness.figures import Figure
 

@@ -12,7 +12,7 @@ from threading import Event
 from typing import Final
 
 from benchmarks.gateway.client import Client, Line, UdpLine
-from gateways.mavlink.dialect import REQUEST_OPERATOR_CONTROL, mavlink
+from gateways.mavlink.mavlink_dialect import REQUEST_OPERATOR_CONTROL, mavlink
 from protocol.topics import CYCLE
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.messages import CycleReport

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from benchmarks.gateway.client import Client
 from benchmarks.gateway.stage import FORCED, Air, Figures, on_air
-from gateways.mavlink.dialect import MavMessage, mavlink
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from protocol.wire.enums import Mode
 from runtime.units import NS_PER_S
 from verification.harness.figures import Figure

@@ -4,8 +4,8 @@ from hashlib import sha256
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from gateways.mavlink.dialect import AvailableModes, CurrentMode, MavMessage, mavlink
-from gateways.mavlink.port import Snapshot
+from gateways.mavlink.mavlink_dialect import AvailableModes, CurrentMode, MavMessage, mavlink
+from gateways.mavlink.robot_port import Snapshot
 from protocol.wire.enums import Mode, Vehicle
 
 INITIALISING: Final = mavlink.ROVER_MODE_INITIALIZING
@@ -66,7 +66,7 @@ MODE_LIST: Final = (
 """The modes in the order of AVAILABLE_MODES, with names as QGroundControl has them for a Rover."""
 
 
-class State(NamedTuple):
+class MavState(NamedTuple):
     """The state in a heartbeat: mode, whether armed, and MAV_STATE."""
 
     mode: int
@@ -86,7 +86,7 @@ class State(NamedTuple):
         )
 
 
-def state_of(snapshot: Snapshot, number: int | None = None, *, was_armed: bool = False) -> State:
+def state_of(snapshot: Snapshot, number: int | None = None, *, was_armed: bool = False) -> MavState:
     """Return the state that clients see. A robot without telemetry is INITIALISING, not live.
 
     Its state is then MAVLink's "unknown", but one that `was_armed` is not shown as disarmed: it may
@@ -94,12 +94,12 @@ def state_of(snapshot: Snapshot, number: int | None = None, *, was_armed: bool =
     """
     status = snapshot.status
     if status is None:
-        return State(INITIALISING, was_armed, mavlink.MAV_STATE_UNINIT)
+        return MavState(INITIALISING, was_armed, mavlink.MAV_STATE_UNINIT)
     is_armed = status.vehicle == Vehicle.ACTIVE
     mode = int(status.mode) if number is None else number
     usual = mavlink.MAV_STATE_STANDBY if mode == Mode.HOLD else mavlink.MAV_STATE_ACTIVE
     system_status = EMERGENCIES.get(Vehicle(status.vehicle), usual)
-    return State(mode, is_armed, system_status)
+    return MavState(mode, is_armed, system_status)
 
 
 def current_mode(number: int) -> MavMessage:

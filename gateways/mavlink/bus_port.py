@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from msgspec.structs import replace
 
-from gateways.mavlink.port import NO_TELEMETRY, OVERTAKEN, STOPS, Answered, Done, Snapshot
+from gateways.mavlink.robot_port import NO_TELEMETRY, OVERTAKEN, STOPS, Answered, Done, Snapshot
 from ground.client import stop_ways
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.link import ALIVE, Link

@@ -1,28 +1,103 @@
-"""The process: wait for clients and the bus, pass messages to vehicles, and send their answers."""
+"""The process: wait for clients and the bus, pass messages to vehicles, and send their answers.
+
+The state of the gateway for the bus: the totals of its clients, once a second.
+"""
 
 import os
 import selectors
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from math import inf
-from typing import Final
+from typing import Final, NamedTuple
 
 from gateways.mavlink.bus_port import BusPort
-from gateways.mavlink.clients.client_table import Client, Clients
-from gateways.mavlink.clients.framing import Frame, is_emergency_stop
-from gateways.mavlink.clients.report import Reporter
-from gateways.mavlink.dialect import MavMessage, mavlink
-from gateways.mavlink.endpoints.endpoint import Endpoint
-from gateways.mavlink.endpoints.recorder import TrafficRecorder
-from gateways.mavlink.signing.guard import SigningGuard
-from gateways.mavlink.signing.policy import DOUBTS, Rights
-from gateways.mavlink.signing.verifier import Verdict
-from gateways.mavlink.traffic import NEWCOMER, WATCHER, Sender
-from gateways.mavlink.vehicle import Face
+from gateways.mavlink.clients import ClientLink, Clients, GatewayClient
+from gateways.mavlink.endpoints import Endpoint
+from gateways.mavlink.framing import MavFrame, is_emergency_stop
+from gateways.mavlink.mav_service import NEWCOMER, WATCHER, Sender
+from gateways.mavlink.mav_vehicle import Face
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
+from gateways.mavlink.operator_control import Owner
+from gateways.mavlink.signing import DOUBTS, Rights, SignatureVerdict, SigningGuard
+from gateways.mavlink.traffic_recorder import TrafficRecorder
 from protocol.wire.enums import Severity
+from protocol.wire.messages import GatewayStatus
 from runtime.clock import Clock
 from runtime.units import NS_PER_MS, NS_PER_S
+
+PERIOD_NS: Final = NS_PER_S
+LARGEST: Final = 0xFFFF_FFFF
+
+
+class Totals(NamedTuple):
+    """Counters of all clients, including those that have disconnected."""
+
+    received: int = 0
+    lost: int = 0
+    malformed: int = 0
+    refused: int = 0
+
+
+class Reporter:
+    """Counts the traffic of all vehicles, and reports it for each one."""
+
+    def __init__(self, now_ns: int) -> None:
+        self._due_ns = self._since_ns = now_ns
+        self._gone = Totals()
+        self._before = Totals()
+        self._sent_bytes: dict[int, int] = {}
+
+    def sent(self, system: int, size: int) -> None:
+        """Count a frame of a vehicle."""
+        self._sent_bytes[system] = self._sent_bytes.get(system, 0) + size
+
+    def left(self, link: ClientLink) -> None:
+        """Keep the counters of a client that has disconnected."""
+        self._gone = _sum(self._gone, _totals(link))
+
+    def is_due(self, now_ns: int) -> bool:
+        """Return whether a second is over."""
+        return now_ns >= self._due_ns
+
+    def take(
+        self, links: Iterable[ClientLink], owners: dict[int, Owner | None], now_ns: int
+    ) -> list[GatewayStatus]:
+        """Return the state of each vehicle, by its system id, since the last call."""
+        links = list(links)
+        seconds = max(now_ns - self._since_ns, 1) / NS_PER_S
+        totals = self._gone
+        for link in links:
+            totals = _sum(totals, _totals(link))
+        received = totals.received - self._before.received
+        lost = max(0, totals.lost - self._before.lost)  # overtaken frames are subtracted later
+        found = [
+            GatewayStatus(
+                time_ns=0,
+                sent_bytes_s=min(LARGEST, round(self._sent_bytes.get(system, 0) / seconds)),
+                refused=totals.refused & LARGEST,
+                malformed=totals.malformed & LARGEST,
+                received_hz=min(0xFFFF, round(received / seconds)),
+                lost_permille=round(1000 * lost / max(1, lost + received)),
+                system=system,
+                clients=min(0xFF, len(links)),
+                signing=min(0xFF, sum(1 for link in links if link.signing.signed)),
+                owner=0 if owner is None else owner.system,
+            )
+            for system, owner in owners.items()
+        ]
+        self._before, self._sent_bytes = totals, {}
+        self._since_ns, self._due_ns = now_ns, now_ns + PERIOD_NS
+        return found
+
+
+def _totals(link: ClientLink) -> Totals:
+    return Totals(link.received, link.lost, link.malformed, link.signing.refused)
+
+
+def _sum(one: Totals, other: Totals) -> Totals:
+    return Totals(*(a + b for a, b in zip(one, other, strict=True)))
+
 
 CALM_NS: Final = 100 * NS_PER_MS
 """Time between two rounds that only send streams of 10 Hz and less."""
@@ -182,7 +257,7 @@ class Gateway:
                 self._selector.modify(number, selectors.EVENT_READ, wanted[number])
         self._watched = wanted
 
-    def _dispatch(self, client: Client, frame: Frame, now_ns: int) -> None:
+    def _dispatch(self, client: GatewayClient, frame: MavFrame, now_ns: int) -> None:
         link, loopback = client.link, client.is_loopback
         rights, verdict = self._guard.check(
             frame, link.signing, client.endpoint.text, is_loopback=loopback
@@ -197,7 +272,7 @@ class Gateway:
         barred = WATCHER if rights is Rights.WATCH else ""
         if client.is_newcomer(frame):
             barred = barred or NEWCOMER
-        is_signed, doubt = verdict is Verdict.VALID, DOUBTS.get(verdict, "")
+        is_signed, doubt = verdict is SignatureVerdict.VALID, DOUBTS.get(verdict, "")
         sender = Sender(
             link.number, frame.system, frame.component, barred, is_signed, loopback, doubt
         )
@@ -228,18 +303,18 @@ class Gateway:
         for face in self._faces:
             face.vehicle.outbox.text(Severity.WARNING, words)
 
-    def _join(self, client: Client) -> None:
+    def _join(self, client: GatewayClient) -> None:
         limits = [one for one in (self.line_bytes_s, client.endpoint.line_bytes_s) if one]
         for face in self._faces:
             share = min(limits) // len(self._faces) if limits else None
             face.join(client.link.number, share)
 
-    def _leave(self, client: Client) -> None:
+    def _leave(self, client: GatewayClient) -> None:
         self._reporter.left(client.link)
         for face in self._faces:
             face.forget(client.link.number)
 
-    def _is_owner(self, client: Client) -> bool:
+    def _is_owner(self, client: GatewayClient) -> bool:
         owners = (face.vehicle.control.owner for face in self._faces)
         return any(owner and owner.client == client.link.number for owner in owners)
 

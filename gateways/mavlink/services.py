@@ -1,21 +1,121 @@
-"""The protocols of a vehicle, in the order in which they are called."""
+"""The protocols of a vehicle, in the order in which they are called.
+
+The protocols of parameters and files, with one parameter list and one rate limit.
+
+The services for missions and fences, and the commands that they execute.
+
+Commands and motion of one vehicle: its services and its rows of the command table.
+
+The services that send telemetry, and the commands that they execute.
+"""
 
 from pathlib import Path
+from typing import NamedTuple
 
-from gateways.mavlink.commands.operator_control import OperatorCommands
-from gateways.mavlink.commands.service import CommandService
-from gateways.mavlink.files.wiring import parameters_and_files
-from gateways.mavlink.missions.wiring import missions_of
-from gateways.mavlink.motion.wiring import motion_of
-from gateways.mavlink.signing.guard import SigningGuard
-from gateways.mavlink.signing.setup import SigningSetup
-from gateways.mavlink.streams.wiring import streams_of
-from gateways.mavlink.traffic import MavService
-from gateways.mavlink.vehicle import Face, Vehicle
+from gateways.mavlink.commands.command_protocol import CommandService, CommandTable
+from gateways.mavlink.commands.control_commands import OperatorCommands
+from gateways.mavlink.commands.driving_commands import DrivingCommands, GuidingCommands
+from gateways.mavlink.commands.vehicle_commands import (
+    ArmingCommands,
+    OriginService,
+    SigningSetup,
+    UpkeepCommands,
+)
+from gateways.mavlink.ftp_server import FileServer, VirtualTree
+from gateways.mavlink.liveness import ClockSync, HeartbeatStream, RobotTexts, SilenceTexts
+from gateways.mavlink.log_protocol import LogProtocol, Recordings
+from gateways.mavlink.mav_service import MavService, Pacing
+from gateways.mavlink.mav_vehicle import Face, MavVehicle
+from gateways.mavlink.missions.plan_kinds import FenceKind, MissionKind
+from gateways.mavlink.missions.plan_protocol import MissionProtocol
+from gateways.mavlink.missions.plan_status import CurrentItem, FenceService, ReachedItems
+from gateways.mavlink.motion.guided import GuidedDrive, GuidedItems, SetpointStream
+from gateways.mavlink.motion.manual_control import ManualDriving
+from gateways.mavlink.motion.pilot import Pilot
+from gateways.mavlink.parameter_protocol import ParameterProtocol, ParameterStore
+from gateways.mavlink.signing import SigningGuard
+from gateways.mavlink.streams import MessageRequests, StreamScheduler
+
+
+def parameters_and_files(vehicle: MavVehicle, recordings: Path | None) -> list[MavService]:
+    """Return the protocols of one vehicle; without a folder there are no recordings."""
+    pacing = Pacing(vehicle.clients)
+    store = ParameterStore(vehicle)
+    found = Recordings(recordings, vehicle.port.name, lambda: vehicle.is_armed)
+    return [
+        ParameterProtocol(vehicle, store, pacing),
+        FileServer(vehicle, VirtualTree(store, found), pacing),
+        LogProtocol(vehicle, found, pacing),
+    ]
+
+
+class MissionServices(NamedTuple):
+    """Services, and the tables of their commands."""
+
+    services: tuple[MavService, ...]
+    tables: tuple[CommandTable, ...]
+
+
+def missions_of(vehicle: MavVehicle) -> MissionServices:
+    """Return the services of one vehicle."""
+    mission, fence = MissionKind(vehicle), FenceKind(vehicle)
+    current, fences = CurrentItem(vehicle, mission, fence), FenceService(vehicle, fence)
+    reached = ReachedItems(vehicle, current)
+    services = (MissionProtocol(vehicle, mission, fence), current, reached, fences)
+    return MissionServices(services, (current.table, fences.table))
+
+
+class MotionParts(NamedTuple):
+    """The services and the commands of one vehicle."""
+
+    services: tuple[MavService, ...]
+    tables: tuple[CommandTable, ...]
+
+
+def motion_of(vehicle: MavVehicle) -> MotionParts:
+    """Return the parts of a vehicle, which share one pilot."""
+    pilot = Pilot(vehicle)
+    drive = GuidedDrive(vehicle, pilot)
+    services = (
+        pilot,
+        SetpointStream(vehicle, pilot, drive),
+        GuidedItems(vehicle, pilot),
+        ManualDriving(vehicle),
+    )
+    tables = (
+        ArmingCommands(vehicle).table,
+        DrivingCommands(vehicle, pilot).table,
+        GuidingCommands(vehicle, pilot, drive).table,
+        UpkeepCommands(vehicle).table,
+    )
+    return MotionParts(services, tables)
+
+
+class StreamServices(NamedTuple):
+    """Services, and the tables of their commands."""
+
+    services: tuple[MavService, ...]
+    tables: tuple[CommandTable, ...]
+
+
+def streams_of(vehicle: MavVehicle) -> StreamServices:
+    """Return the services of one vehicle."""
+    scheduler = StreamScheduler(vehicle)
+    requests, origin = MessageRequests(vehicle, scheduler), OriginService(vehicle)
+    services = (
+        HeartbeatStream(vehicle),
+        scheduler,
+        requests,
+        origin,
+        ClockSync(vehicle),
+        RobotTexts(vehicle),
+        SilenceTexts(vehicle),
+    )
+    return StreamServices(services, (requests.table, origin.table))
 
 
 def face_of(
-    vehicle: Vehicle, recordings: Path | None = None, guard: SigningGuard | None = None
+    vehicle: MavVehicle, recordings: Path | None = None, guard: SigningGuard | None = None
 ) -> Face:
     """Return the face of a vehicle, with all its protocols.
 

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from gateways.mavlink.bus_port import BusPort
-from gateways.mavlink.dialect import MavMessage, MissionCount, mavlink
+from gateways.mavlink.mav_vehicle import MavVehicle
+from gateways.mavlink.mavlink_dialect import MavMessage, MissionCount, mavlink
 from gateways.mavlink.services import face_of
-from gateways.mavlink.vehicle import Vehicle
 from ground.client.link import ALIVE
 from protocol.topics import Role
 from protocol.wire.enums import GoalState, MissionState
@@ -37,7 +37,7 @@ class Gateway:
         self.port = BusPort(link_of(stack, Role.GROUND), lambda: None)
         beats = self.port._heartbeats
         self.port.heartbeat = lambda: stack.send(beats.key, lambda: beats.put(ALIVE))  # type: ignore[method-assign]
-        self.face = face_of(Vehicle(1, self.port, ORIGIN, stack.clock.now_ns()))
+        self.face = face_of(MavVehicle(1, self.port, ORIGIN, stack.clock.now_ns()))
         self.face.join(CLIENT.client)
         self.sent: list[MavMessage] = []
 

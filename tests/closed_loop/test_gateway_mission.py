@@ -6,9 +6,9 @@ from functools import partial
 from typing import Any
 
 from gateways.mavlink.bus_port import BusPort
-from gateways.mavlink.dialect import MavMessage, MissionCount, mavlink
+from gateways.mavlink.mav_vehicle import MavVehicle
+from gateways.mavlink.mavlink_dialect import MavMessage, MissionCount, mavlink
 from gateways.mavlink.services import face_of
-from gateways.mavlink.vehicle import Vehicle
 from ground.client.connection import Common
 from ground.client.link import Link
 from ground.client.operations import Arm, Operation, Session, StartMission, UploadMission
@@ -67,7 +67,7 @@ class Client:
         self._stack = stack
         self._port = BusPort(link_of(stack, Role.GROUND), lambda: None)
         now_ns = stack.clock.now_ns()
-        self._face = face_of(Vehicle(1, self._port, ORIGIN, now_ns))
+        self._face = face_of(MavVehicle(1, self._port, ORIGIN, now_ns))
         self._face.due(now_ns)
 
     def send(self, message: MavMessage, answer: str) -> MavMessage:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from gateways.mavlink.dialect import RESULT_NOT_IN_CONTROL, mavlink
+from gateways.mavlink.mavlink_dialect import RESULT_NOT_IN_CONTROL, mavlink
 from ground.client.connection import Common
 from ground.client.goal import Destination
 from ground.client.link import Link

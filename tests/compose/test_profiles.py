@@ -10,7 +10,7 @@ from typing import Final
 
 import pytest
 
-from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.mavlink_dialect import mavlink
 from protocol.wire.enums import Vehicle
 from tests.support.compose.compose import LAST_WORDS, POLL_S, Compose, docker, project
 from tests.support.stack.mavlink_client import MavlinkClient, free_port

@@ -19,7 +19,7 @@ MAY_IMPORT = {
     "zenoh": ("protocol/bus/",),
     "pymunk": ("plant/sim/physics.py",),
     "pymavlink": (
-        "gateways/mavlink/dialect.py",
+        "gateways/mavlink/mavlink_dialect.py",
         "vehicle_check/dialect.py",
         "protocol/dialect/",
     ),

@@ -6,7 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from gateways.mavlink.signing.stamps import StampClock
+from gateways.mavlink.signing import StampClock
 from ground.certificates.check import check
 from ground.certificates.folder import SECRET_MODE, make
 from ground.user.mavlink_keys import KeyRing, new_key, read_keys, write_keys

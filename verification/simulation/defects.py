@@ -333,7 +333,7 @@ def _unwritten_stop() -> Patches:
 def _shared_control() -> Patches:
     """Let every client command under the lease of the one in control."""
     return {
-        "gateways.mavlink.control.OperatorControl.holds": lambda self, _sender: (
+        "gateways.mavlink.operator_control.OperatorControl.holds": lambda self, _sender: (
             self.owner is not None
         )
     }
@@ -357,8 +357,8 @@ def _stop_in_the_queue() -> Patches:
 
 def _strangers_command() -> Patches:
     """Take unsigned frames from other machines as well."""
-    rights = import_module("gateways.mavlink.signing.policy").Rights.COMMAND
-    return {"gateways.mavlink.signing.guard.rights_of": lambda *_, is_loopback: rights}
+    rights = import_module("gateways.mavlink.signing").Rights.COMMAND
+    return {"gateways.mavlink.signing.rights_of": lambda *_, is_loopback: rights}
 
 
 DEFECTS: Final[dict[str, Defect]] = {
@@ -395,7 +395,7 @@ DEFECTS: Final[dict[str, Defect]] = {
     "g2": Defect("a stop waits in the gateway behind other requests", _stop_in_the_queue),
     "g3": Defect(
         "a client in control is never too silent",
-        lambda: {"gateways.mavlink.presence.SILENCE_NS": 1 << 62},
+        lambda: {"gateways.mavlink.operator_control.SILENCE_NS": 1 << 62},
     ),
     "g4": Defect("the gateway obeys unsigned frames of other machines", _strangers_command),
     "unkept": Defect("the stop is not written to the disk", _unwritten_stop),

@@ -8,11 +8,10 @@ after the newest message, those of RC_CHANNELS_OVERRIDE for a second.
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from gateways.mavlink.catalogue import Source
-from gateways.mavlink.dialect import MavMessage, mavlink
-from gateways.mavlink.motion.velocity import LIFE_NS, REPEAT_NS, SPEED, TURN, within
-from gateways.mavlink.traffic import Sender
-from gateways.mavlink.vehicle import ANY, Vehicle
+from gateways.mavlink.mav_service import Sender
+from gateways.mavlink.mav_vehicle import ANY, MavVehicle, MessageSource
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
+from gateways.mavlink.motion.setpoints import LIFE_NS, REPEAT_NS, SPEED, TURN, within
 from protocol.wire.enums import Mode
 from runtime.units import NS_PER_MS, NS_PER_S
 
@@ -44,7 +43,7 @@ class Stick(NamedTuple):
     until_ns: int
 
 
-class ManualControl:
+class ManualDriving:
     """Sends the speeds to the robot while they are valid."""
 
     handles = (
@@ -52,14 +51,14 @@ class ManualControl:
         mavlink.MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE,
     )
 
-    def __init__(self, vehicle: Vehicle) -> None:
+    def __init__(self, vehicle: MavVehicle) -> None:
         self._vehicle = vehicle
         self._stick: Stick | None = None
         self._channels = [NO_VALUE] * CHANNELS
         self._overrider: Sender | None = None
         self._overridden_ns = self._sent_ns = 0
         vehicle.catalogue.add(
-            Source(
+            MessageSource(
                 mavlink.MAVLINK_MSG_ID_RC_CHANNELS,
                 self._echo,
                 ECHO_HZ,

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Final, NamedTuple
 
 from gateways.mavlink.ardupilot import RTL
-from gateways.mavlink.dialect import MavMessage
-from gateways.mavlink.port import OVERTAKEN, Answered, Done
-from gateways.mavlink.traffic import Sender
-from gateways.mavlink.vehicle import Vehicle
+from gateways.mavlink.mav_service import Sender
+from gateways.mavlink.mav_vehicle import MavVehicle
+from gateways.mavlink.mavlink_dialect import MavMessage
+from gateways.mavlink.robot_port import OVERTAKEN, Answered, Done
 from ground.client.goal import Destination
 from ground.client.operations import (
     Abort,
@@ -103,7 +103,7 @@ class EnterGuided:
         return SetMode(mode=Mode.GUIDED).perform(session)
 
 
-class Attempt(NamedTuple):
+class DriveAttempt(NamedTuple):
     """An operation that is repeated until the robot has received the operator's heartbeat."""
 
     sender: Sender
@@ -120,9 +120,9 @@ class Pilot:
 
     handles = ()
 
-    def __init__(self, vehicle: Vehicle) -> None:
+    def __init__(self, vehicle: MavVehicle) -> None:
         self._vehicle = vehicle
-        self._again: list[Attempt] = []
+        self._again: list[DriveAttempt] = []
         self._mission_waits: Sender | None = None
         self._now_ns = 0
 
@@ -244,9 +244,9 @@ class Pilot:
         self._mission_waits = None
         until_ns = self._now_ns + PATIENCE_NS
         stops = self._vehicle.control.stops
-        self._perform(Attempt(sender, operation, mode, number, done, until_ns, stops))
+        self._perform(DriveAttempt(sender, operation, mode, number, done, until_ns, stops))
 
-    def _perform(self, attempt: Attempt) -> None:
+    def _perform(self, attempt: DriveAttempt) -> None:
         def ended(answered: Answered) -> None:
             outcome = answered.outcome
             is_early = isinstance(outcome, Refused) and outcome.reason == Reason.NO_OPERATOR

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.mavlink_dialect import mavlink
 from tests.support.stack.mavlink_client import LOCAL, MavlinkClient, free_port
 from tests.support.stack.processes import Crew
 

@@ -12,8 +12,7 @@ from typing import Any
 
 import pytest
 
-from gateways.mavlink.endpoints.endpoint import Received
-from gateways.mavlink.endpoints.spec import opened
+from gateways.mavlink.endpoints import ReceivedBytes, opened
 from tests.support.gateway.telemetry import everything
 from tests.support.gateway.whole import CommandedPort, WholeGateway
 from tests.support.stack.browser import SEEN_S, browsing, chromium
@@ -78,7 +77,7 @@ class Attacked:
         self.whole = WholeGateway(CommandedPort(), real=self.endpoint)
         self.whole.port.telemetry |= everything()
 
-    def _receive(self, receive: Callable[[], list[Received]]) -> list[Received]:
+    def _receive(self, receive: Callable[[], list[ReceivedBytes]]) -> list[ReceivedBytes]:
         found = receive()
         for one in found:
             for kind in [kind for kind, is_seen in self.missing.items() if is_seen(one.data)]:

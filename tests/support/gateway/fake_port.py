@@ -4,10 +4,10 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-from gateways.mavlink.dialect import MavMessage
-from gateways.mavlink.port import Answered, Done, Snapshot
-from gateways.mavlink.traffic import MavService, Sender
-from gateways.mavlink.vehicle import Face, Vehicle
+from gateways.mavlink.mav_service import MavService, Sender
+from gateways.mavlink.mav_vehicle import Face, MavVehicle
+from gateways.mavlink.mavlink_dialect import MavMessage
+from gateways.mavlink.robot_port import Answered, Done, Snapshot
 from ground.client.operations import Operation
 from ground.client.results import Accepted, Outcome, Refused
 from ground.missions.mission import Home
@@ -86,10 +86,10 @@ class FakePort:
 class Bench:
     """A face with some services, on a fake port; the test moves the time."""
 
-    def __init__(self, *services: Callable[[Vehicle], MavService], system: int = 1) -> None:
+    def __init__(self, *services: Callable[[MavVehicle], MavService], system: int = 1) -> None:
         self.port = FakePort()
         self.now_ns = 0
-        self.vehicle = Vehicle(system, self.port, ORIGIN, self.now_ns)
+        self.vehicle = MavVehicle(system, self.port, ORIGIN, self.now_ns)
         self.vehicle.parameters |= READ
         self.face = Face(self.vehicle, [service(self.vehicle) for service in services])
 

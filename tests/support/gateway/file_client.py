@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from pymavlink import mavftp
 
-from gateways.mavlink.dialect import MavMessage, mavlink
-from gateways.mavlink.files.wire import HEADER, Opcode
-from gateways.mavlink.traffic import Sender
+from gateways.mavlink.ftp_messages import HEADER, Opcode
+from gateways.mavlink.mav_service import Sender
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from tests.support.gateway.fake_port import CLIENT
 from tests.support.gateway.parameter_bench import ParameterBench, of_type
 

@@ -2,7 +2,7 @@
 
 from itertools import count
 
-from gateways.mavlink.dialect import MavMessage, mavlink
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from protocol.wire.enums import MissionState
 from protocol.wire.messages import MissionStatus
 

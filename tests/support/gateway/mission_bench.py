@@ -7,12 +7,12 @@ from random import Random
 from struct import pack, unpack
 from typing import Any
 
-from gateways.mavlink.commands.service import CommandService
-from gateways.mavlink.dialect import MavMessage, MissionCount, mavlink
-from gateways.mavlink.missions.wiring import missions_of
-from gateways.mavlink.streams.scheduler import StreamScheduler
-from gateways.mavlink.traffic import Sender
-from gateways.mavlink.vehicle import Face
+from gateways.mavlink.commands.command_protocol import CommandService
+from gateways.mavlink.mav_service import Sender
+from gateways.mavlink.mav_vehicle import Face
+from gateways.mavlink.mavlink_dialect import MavMessage, MissionCount, mavlink
+from gateways.mavlink.services import missions_of
+from gateways.mavlink.streams import StreamScheduler
 from ground.client.operations import (
     AnnounceItems,
     ClearFence,

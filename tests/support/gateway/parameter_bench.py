@@ -4,10 +4,10 @@ import json
 from pathlib import Path
 from typing import Any
 
-from gateways.mavlink.dialect import MavMessage
-from gateways.mavlink.files.wiring import parameters_and_files
-from gateways.mavlink.traffic import Sender
-from gateways.mavlink.vehicle import Face
+from gateways.mavlink.mav_service import Sender
+from gateways.mavlink.mav_vehicle import Face
+from gateways.mavlink.mavlink_dialect import MavMessage
+from gateways.mavlink.services import parameters_and_files
 from ground.client.operations import ShowParameters
 from ground.client.operations.parameters import ParameterTable
 from ground.client.parameter import parameters_in

@@ -4,15 +4,15 @@ import os
 from typing import Any, cast
 
 from gateways.mavlink.bus_port import BusPort
-from gateways.mavlink.clients.client_link import NoFile
-from gateways.mavlink.dialect import MavMessage, mavlink
-from gateways.mavlink.endpoints.endpoint import Endpoint, Received
-from gateways.mavlink.endpoints.recorder import TrafficRecorder
+from gateways.mavlink.clients import NoFile
+from gateways.mavlink.endpoints import Endpoint, ReceivedBytes
 from gateways.mavlink.gateway import Gateway, WakeUp
-from gateways.mavlink.port import Done
+from gateways.mavlink.mav_vehicle import MavVehicle
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
+from gateways.mavlink.robot_port import Done
 from gateways.mavlink.services import face_of
-from gateways.mavlink.signing.guard import SigningGuard
-from gateways.mavlink.vehicle import Vehicle
+from gateways.mavlink.signing import SigningGuard
+from gateways.mavlink.traffic_recorder import TrafficRecorder
 from ground.client.operations import FetchMission, Operation, ShowFence, ShowParameters
 from protocol.wire.messages import GatewayStatus
 from runtime.clock import Clock
@@ -38,18 +38,18 @@ class PipeEndpoint:
 
     def __init__(self) -> None:
         self._reader, self._writer = os.pipe()
-        self._arrived: list[Received] = []
+        self._arrived: list[ReceivedBytes] = []
         self.is_loopback = True
         self.sent: list[tuple[str, bytes]] = []
 
     def deliver(self, peer: str, frame: bytes) -> None:
-        self._arrived.append(Received(peer, frame, self.is_loopback))
+        self._arrived.append(ReceivedBytes(peer, frame, self.is_loopback))
         os.write(self._writer, b"x")
 
     def filenos(self) -> list[int]:
         return [self._reader]
 
-    def receive(self) -> list[Received]:
+    def receive(self) -> list[ReceivedBytes]:
         os.read(self._reader, 1)
         arrived, self._arrived = self._arrived, []
         return arrived
@@ -109,7 +109,7 @@ class WholeGateway:
         real: Endpoint | None = None,
     ) -> None:
         self.endpoint, self.clock, self.port = PipeEndpoint(), StepClock(), port or SilentPort()
-        self.face = face_of(Vehicle(1, self.port, ORIGIN, 0), None, guard)
+        self.face = face_of(MavVehicle(1, self.port, ORIGIN, 0), None, guard)
         self._encoder = mavlink.MAVLink(NoFile(), 255, 190)
         self._wake_up = WakeUp()
         self.gateway = Gateway(

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from pymavlink import mavutil
 
-from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.mavlink_dialect import mavlink
 from tests.support.until import PATIENCE_S
 
 LOCAL: Final = "127.0.0.1"

@@ -6,18 +6,18 @@ from typing import Final
 
 from fastcrc.crc16 import mcrf4xx
 
-from gateways.mavlink.clients.client_link import ClientLink
-from gateways.mavlink.dialect import (
+from gateways.mavlink.clients import ClientLink
+from gateways.mavlink.coordinates import DEFAULT_ORIGIN, place_of
+from gateways.mavlink.ftp_messages import HEADER as FILE_HEADER
+from gateways.mavlink.ftp_messages import Opcode
+from gateways.mavlink.mav_service import Sender
+from gateways.mavlink.mav_vehicle import Face
+from gateways.mavlink.mavlink_dialect import (
     MavMessage,
     MissionCount,
     mavlink,
 )
-from gateways.mavlink.files.wire import HEADER as FILE_HEADER
-from gateways.mavlink.files.wire import Opcode
-from gateways.mavlink.frames.globe import DEFAULT_ORIGIN, place_of
-from gateways.mavlink.signing.guard import SigningGuard
-from gateways.mavlink.traffic import Sender
-from gateways.mavlink.vehicle import Face
+from gateways.mavlink.signing import SigningGuard
 from verification.fuzz.gateway.robot import ARMED, new_face
 
 MAX_RECORDS: Final = 40

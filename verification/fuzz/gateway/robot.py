@@ -5,11 +5,11 @@ from collections import deque
 from pathlib import Path
 from typing import Any, Final
 
-from gateways.mavlink.frames.globe import DEFAULT_ORIGIN
-from gateways.mavlink.port import Answered, Done, Snapshot
+from gateways.mavlink.coordinates import DEFAULT_ORIGIN
+from gateways.mavlink.mav_vehicle import Face, MavVehicle
+from gateways.mavlink.robot_port import Answered, Done, Snapshot
 from gateways.mavlink.services import face_of
-from gateways.mavlink.signing.guard import SigningGuard
-from gateways.mavlink.vehicle import Face, Vehicle
+from gateways.mavlink.signing import SigningGuard
 from ground.client.operations import (
     ClearFence,
     ClearMission,
@@ -146,7 +146,7 @@ def new_face(
 ) -> tuple[Face, SimulatedRobot]:
     """Return a vehicle with two clients."""
     robot = SimulatedRobot()
-    face = face_of(Vehicle(1, robot, DEFAULT_ORIGIN, 0), folder, guard)
+    face = face_of(MavVehicle(1, robot, DEFAULT_ORIGIN, 0), folder, guard)
     for client in (1, 2):
         face.join(client)
     return face, robot

@@ -9,16 +9,14 @@ from typing import Any, Final, cast
 from fastcrc.crc16 import mcrf4xx
 
 from gateways.mavlink.bus_port import BusPort
-from gateways.mavlink.dialect import (
+from gateways.mavlink.endpoints import ReceivedBytes
+from gateways.mavlink.gateway import Gateway, WakeUp
+from gateways.mavlink.mavlink_dialect import (
     REQUEST_OPERATOR_CONTROL,
     MavMessage,
     mavlink,
 )
-from gateways.mavlink.endpoints.endpoint import Received
-from gateways.mavlink.gateway import Gateway, WakeUp
-from gateways.mavlink.signing.guard import SigningGuard
-from gateways.mavlink.signing.policy import Policy
-from gateways.mavlink.signing.stamps import EPOCH_S, PER_S, STAMP_NS
+from gateways.mavlink.signing import EPOCH_S, PER_S, STAMP_NS, Policy, SigningGuard
 from ground.user.mavlink_keys import KeyRing, SigningKey
 from runtime.clock import ManualClock
 from runtime.units import NS_PER_S
@@ -61,7 +59,7 @@ class QueuedEndpoint:
         """Return no ended connection."""
         return []
 
-    def receive(self) -> list[Received]:
+    def receive(self) -> list[ReceivedBytes]:
         """Return nothing: no descriptor is ready."""
         return []
 
@@ -102,7 +100,7 @@ def traffic(data: bytes, folder: Path) -> None:
             cut = len(frame) // 2 if way & IN_PIECES else len(frame)
             for piece in (frame[:cut], frame[cut:]):
                 peer, is_loopback = str(way & PEER), not way & REMOTE
-                received_now = Received(peer, piece, is_loopback)
+                received_now = ReceivedBytes(peer, piece, is_loopback)
                 gateway.clients.feed(endpoint, received_now, clock.now_ns())
             for _round in range(max(1, ROUNDS[robot.flags & 3])):
                 clock.advance(ROUND_NS)

@@ -23,8 +23,8 @@ from random import Random
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
-from gateways.mavlink.clients.client_link import NoFile
-from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.clients import NoFile
+from gateways.mavlink.mavlink_dialect import mavlink
 from ground.client.api import connect
 from ground.client.connection import common
 from ground.client.operations import GoalEnded

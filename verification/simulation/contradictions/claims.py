@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final, NamedTuple
 
-from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.mavlink_dialect import mavlink
 from ground.client.operations import GoalEnded, MissionEnded, Stopped
 from ground.client.results import Accepted, Refused
 from ground.station.robot.lease_state import LeaseView

@@ -97,25 +97,25 @@ def _constant_limit() -> Patches:
 
 def _stale_answer() -> Patches:
     """Accept a repeated command although what it made is gone."""
-    repeats = import_module("gateways.mavlink.commands.repeats")
+    repeats = import_module("gateways.mavlink.commands.command_protocol")
 
     def judged(self: Any, one: Any, *, is_copy: bool, is_marked: bool) -> Any:
         return repeats.Action.IGNORE if one.result is None else repeats.Action.ANSWER
 
-    return {"gateways.mavlink.commands.repeats.Repeats._judged": judged}
+    return {"gateways.mavlink.commands.command_protocol.Repeats._judged": judged}
 
 
 def _stranger_to_itself() -> Patches:
     """Take a station that comes back from another port for another operator."""
-    control = import_module("gateways.mavlink.control")
+    control = import_module("gateways.mavlink.operator_control")
 
     def held_by(station: Any, _sender: Any) -> Any:
         refused = control.Refused(Reason.LEASE_HELD, 0, control.name_of(station))
         return control.Answered(refused)
 
     return {
-        "gateways.mavlink.control.is_back": lambda _station, _sender: False,
-        "gateways.mavlink.control.held_by": held_by,
+        "gateways.mavlink.operator_control.is_back": lambda _station, _sender: False,
+        "gateways.mavlink.operator_control.held_by": held_by,
     }
 
 

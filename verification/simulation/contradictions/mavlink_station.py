@@ -3,7 +3,7 @@
 from struct import unpack_from
 from typing import Any, Final, NamedTuple
 
-from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.mavlink_dialect import mavlink
 from verification.simulation.contradictions.journal import Deed, Journal, Shown
 from verification.simulation.contradictions.programs import Arguments, Program
 from verification.simulation.events import Argument

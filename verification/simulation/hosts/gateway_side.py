@@ -4,11 +4,11 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from gateways.mavlink.bus_port import BusPort
-from gateways.mavlink.endpoints.endpoint import Received
+from gateways.mavlink.endpoints import ReceivedBytes
 from gateways.mavlink.gateway import Gateway
+from gateways.mavlink.gateway_verb import GatewaySettings
+from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.services import face_of
-from gateways.mavlink.settings import GatewaySettings
-from gateways.mavlink.vehicle import Vehicle
 from ground.client.connection import Common
 from ground.client.link import Link
 from protocol.bus.bus import open_bus
@@ -32,18 +32,18 @@ class DatagramEndpoint:
     def __init__(self, send: Callable[[str, bytes], None]) -> None:
         self._send = send
         self._pipe = SimulatedPipe()
-        self._arrived: list[Received] = []
+        self._arrived: list[ReceivedBytes] = []
 
     def deliver(self, peer: str, data: bytes, is_loopback: bool) -> None:
         """Receive a datagram."""
-        self._arrived.append(Received(peer, data, is_loopback))
+        self._arrived.append(ReceivedBytes(peer, data, is_loopback))
         self._pipe.wake()
 
     def filenos(self) -> list[Any]:
         """Return the descriptor to wait for."""
         return [self._pipe]
 
-    def receive(self) -> list[Received]:
+    def receive(self) -> list[ReceivedBytes]:
         """Return what has arrived."""
         self._pipe.clear()
         arrived, self._arrived = self._arrived, []
@@ -88,7 +88,7 @@ class GatewaySide(SimulatedOperator):
         host = self.host
         endpoint = DatagramEndpoint(lambda peer, data: self.answer(host, peer, data))
         port = BusPort(link, wake_up.wake)
-        vehicle = Vehicle(SYSTEM, port, ORIGIN, clock.now_ns())
+        vehicle = MavVehicle(SYSTEM, port, ORIGIN, clock.now_ns())
         vehicle.unix_offset_ns = SimulatedTime.time_ns() - clock.now_ns()
         pipe: Any = wake_up
         gateway = Gateway([endpoint], [face_of(vehicle)], [port], clock, pipe)

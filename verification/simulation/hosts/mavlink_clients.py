@@ -11,9 +11,9 @@ from random import Random
 from struct import unpack_from
 from typing import Any, Final
 
-from gateways.mavlink.clients.client_link import NoFile
-from gateways.mavlink.dialect import REQUEST_OPERATOR_CONTROL, MavMessage, mavlink
-from gateways.mavlink.frames.globe import place_at
+from gateways.mavlink.clients import NoFile
+from gateways.mavlink.coordinates import place_at
+from gateways.mavlink.mavlink_dialect import REQUEST_OPERATOR_CONTROL, MavMessage, mavlink
 from protocol.wire.enums import Mode
 from runtime.units import NS_PER_MS, NS_PER_S
 from verification.simulation.events import Argument

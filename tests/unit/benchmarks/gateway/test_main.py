@@ -14,12 +14,10 @@ from benchmarks.gateway.flood_sender import SUPPLY, supply_of
 from benchmarks.gateway.forged_frames import KINDS, Forger, NoFile, command, sign
 from benchmarks.gateway.goto import first_ns
 from benchmarks.gateway.stage import position_target
-from gateways.mavlink.clients.framing import Deframer, Frame
-from gateways.mavlink.dialect import mavlink
-from gateways.mavlink.motion.setpoints import attitude_of, setpoint_of
-from gateways.mavlink.motion.velocity import Velocity
-from gateways.mavlink.signing.stamps import StampClock
-from gateways.mavlink.signing.verifier import Verdict, Verifier
+from gateways.mavlink.framing import Deframer, MavFrame
+from gateways.mavlink.mavlink_dialect import mavlink
+from gateways.mavlink.motion.setpoints import Velocity, attitude_of, setpoint_of
+from gateways.mavlink.signing import SignatureVerdict, StampClock, Verifier
 from ground.client.goal import Destination
 from ground.missions.mission import Home
 from protocol.wire.messages import WheelCommand
@@ -36,8 +34,8 @@ def wheels(left_mrad_s: int) -> WheelCommand:
     )
 
 
-def frames_in(data: list[bytes]) -> tuple[list[Frame], Deframer]:
-    found: list[Frame] = []
+def frames_in(data: list[bytes]) -> tuple[list[MavFrame], Deframer]:
+    found: list[MavFrame] = []
     deframer = Deframer()
     for one in data:
         deframer.allowance = 10_000
@@ -88,10 +86,10 @@ def test_no_forged_frame_is_valid(kind: str) -> None:
     verifier.check(frames_in(captured)[0][-1])
     forged = list(Forger(KEY, captured, (1, 1)).frames(kind, 60))
     found, _ = frames_in(forged)
-    assert Verdict.VALID not in {verifier.check(frame) for frame in found}
+    assert SignatureVerdict.VALID not in {verifier.check(frame) for frame in found}
     assert len(found) == (60 if kind != "truncated" else len(found))
     (good,) = frames_in(owners(stamp_now() + PER_S))[0]
-    assert verifier.check(good) is Verdict.VALID
+    assert verifier.check(good) is SignatureVerdict.VALID
 
 
 @each("kind", FLOODS)

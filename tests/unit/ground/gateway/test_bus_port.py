@@ -16,7 +16,7 @@ from gateways.mavlink.bus_port import (
     SILENT_NS,
     BusPort,
 )
-from gateways.mavlink.port import NO_TELEMETRY, OVERTAKEN, Answered
+from gateways.mavlink.robot_port import NO_TELEMETRY, OVERTAKEN, Answered
 from ground.client.connection import Common
 from ground.client.link import Link
 from ground.client.operations import Arm, Disarm, Hold, Resume, ShowParameters

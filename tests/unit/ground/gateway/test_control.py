@@ -1,11 +1,10 @@
 from math import nan
 
-from gateways.mavlink.control import BUSY, MAX_TAKING
-from gateways.mavlink.dialect import mavlink
-from gateways.mavlink.port import OVERTAKEN, Answered, Done
-from gateways.mavlink.presence import SILENCE_NS
-from gateways.mavlink.streams.clock_sync import ClockSync
-from gateways.mavlink.traffic import WATCHER, Sender
+from gateways.mavlink.liveness import ClockSync
+from gateways.mavlink.mav_service import WATCHER, Sender
+from gateways.mavlink.mavlink_dialect import mavlink
+from gateways.mavlink.operator_control import BUSY, MAX_TAKING, SILENCE_NS
+from gateways.mavlink.robot_port import OVERTAKEN, Answered, Done
 from ground.client.operations import Arm, Hold, Resume
 from ground.client.results import Accepted, Refused
 from protocol.wire.enums import LeaseAction

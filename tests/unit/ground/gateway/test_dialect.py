@@ -1,6 +1,6 @@
 from pymavlink.dialects.v20 import common, development
 
-from gateways.mavlink.dialect import (
+from gateways.mavlink.mavlink_dialect import (
     AvailableModes,
     ComponentMetadata,
     ControlStatus,

@@ -2,12 +2,11 @@
 
 from itertools import cycle, islice
 
-from gateways.mavlink.clients.client_link import ClientLink
-from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.clients import ClientLink
+from gateways.mavlink.gateway_verb import LOW_RATE_BYTES_S
+from gateways.mavlink.mavlink_dialect import mavlink
 from gateways.mavlink.services import face_of
-from gateways.mavlink.settings import LOW_RATE_BYTES_S
-from gateways.mavlink.signing.guard import SigningGuard
-from gateways.mavlink.signing.stamps import EPOCH_S
+from gateways.mavlink.signing import EPOCH_S, SigningGuard
 from ground.user.mavlink_keys import KeyRing, new_key
 from tests.support.gateway.fake_port import CLIENT, Bench
 from tests.support.gateway.telemetry import everything

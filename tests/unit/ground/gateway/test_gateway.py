@@ -1,7 +1,7 @@
 """The pace of the loop."""
 
-from gateways.mavlink.dialect import mavlink
 from gateways.mavlink.gateway import FINISH_NS, Pace
+from gateways.mavlink.mavlink_dialect import mavlink
 from tests.support.each import each
 from tests.support.gateway.messages import acks, command
 from tests.support.gateway.telemetry import everything

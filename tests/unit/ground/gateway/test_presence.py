@@ -6,9 +6,9 @@ from random import Random
 
 import pytest
 
-from gateways.mavlink.clients.client_link import NoFile
-from gateways.mavlink.dialect import MavMessage, mavlink
-from gateways.mavlink.presence import LOST_NS, PATIENCE_NS, SILENCE_NS
+from gateways.mavlink.clients import NoFile
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
+from gateways.mavlink.operator_control import LOST_NS, PATIENCE_NS, SILENCE_NS
 from tests.support.each import each
 from tests.support.gateway.messages import command
 from tests.support.gateway.whole import CommandedPort, WholeGateway

@@ -13,8 +13,8 @@ from typing import Any, cast
 import pytest
 from pymavlink import mavutil
 
-from gateways.mavlink.dialect import mavlink
-from gateways.mavlink.endpoints.recorder import TrafficRecorder, new_file
+from gateways.mavlink.mavlink_dialect import mavlink
+from gateways.mavlink.traffic_recorder import TrafficRecorder, new_file
 from ground.missions.geography import to_local
 from ground.recording.log_writer import LogFile
 from runtime.errors import UserError

@@ -4,10 +4,17 @@ from pathlib import Path
 
 import pytest
 
-from gateways.mavlink.endpoints.spec import EXAMPLE
-from gateways.mavlink.gateway_verb import arguments, as_gateway, guard_of, settings_of
-from gateways.mavlink.settings import GatewaySettings, systems_of, with_policy
-from gateways.mavlink.signing.policy import Policy
+from gateways.mavlink.endpoints import EXAMPLE
+from gateways.mavlink.gateway_verb import (
+    GatewaySettings,
+    arguments,
+    as_gateway,
+    guard_of,
+    settings_of,
+    systems_of,
+    with_policy,
+)
+from gateways.mavlink.signing import Policy
 from ground.cli.main import main
 from ground.client.connection import Common
 from ground.user.mavlink_keys import KeyRing, new_key, write_keys

@@ -7,15 +7,12 @@ from typing import Any
 
 import pytest
 
-from gateways.mavlink.clients.client_link import NoFile
-from gateways.mavlink.dialect import MavMessage, MissionCount, mavlink
-from gateways.mavlink.endpoints.endpoint import MAX_PEERS
-from gateways.mavlink.endpoints.spec import opened
+from gateways.mavlink.clients import NoFile
+from gateways.mavlink.endpoints import MAX_PEERS, opened
 from gateways.mavlink.gateway import STALL_NS
-from gateways.mavlink.presence import SILENCE_NS
-from gateways.mavlink.signing.guard import SigningGuard
-from gateways.mavlink.signing.policy import Policy
-from gateways.mavlink.signing.stamps import EPOCH_S, PER_S, STAMP_NS
+from gateways.mavlink.mavlink_dialect import MavMessage, MissionCount, mavlink
+from gateways.mavlink.operator_control import SILENCE_NS
+from gateways.mavlink.signing import EPOCH_S, PER_S, STAMP_NS, Policy, SigningGuard
 from ground.client.operations import AnnounceItems, Arm, Hold, UploadMission
 from ground.user.mavlink_keys import KeyRing, SigningKey
 from protocol.wire.enums import Vehicle

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import pytest
 
-from gateways.foxglove_bridge import Bridge, Place, act, place, sdk
+from gateways.foxglove_bridge import Bridge, ListenAddress, act, place, sdk
 from ground.client.connection import Common
 from ground.client.link import Link
 from ground.text.output import Output
@@ -18,8 +18,8 @@ from tests.support.each import each
 
 
 def test_a_place_is_a_host_and_a_port() -> None:
-    assert place("127.0.0.1:8765") == Place("127.0.0.1", 8765)
-    assert place("::1:0") == Place("::1", 0)
+    assert place("127.0.0.1:8765") == ListenAddress("127.0.0.1", 8765)
+    assert place("::1:0") == ListenAddress("::1", 0)
 
 
 @each("text", ["", "8765", ":8765", "host:", "host:-1", "host:65536", "host:x"])
@@ -56,5 +56,9 @@ def test_bridge_collects_channels_before_it_listens(
         Link, SimpleNamespace(clock=clock, robot="r1", common=Common(network=Network(), robot="r1"))
     )
     with pytest.raises(UserError, match="listens"):
-        act(argparse.Namespace(at=Place("127.0.0.1", 0), origin=[]), link, cast(Output, None))
+        act(
+            argparse.Namespace(at=ListenAddress("127.0.0.1", 0), origin=[]),
+            link,
+            cast(Output, None),
+        )
     assert rounds_ms == list(range(0, 1000, 50))

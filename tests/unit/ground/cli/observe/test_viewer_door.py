@@ -2,7 +2,7 @@
 
 from ipaddress import ip_address
 
-from gateways.foxglove_door import answer, hidden_address, is_admitted, refusal_of
+from gateways.foxglove_bridge import answer, hidden_address, is_admitted, refusal_of
 from tests.support.each import each
 
 OTHER = "https://viewer.example"

@@ -6,17 +6,18 @@ from typing import cast
 
 import pytest
 
-from gateways.mavlink.clients.client_link import GONE_NS, ClientLink
-from gateways.mavlink.clients.client_table import (
+from gateways.mavlink.clients import (
     CROWDED_NS,
     FRAMES_PER_ROUND,
+    GONE_NS,
     MAX_GUESTS,
-    Client,
+    ClientLink,
     Clients,
+    GatewayClient,
 )
-from gateways.mavlink.clients.framing import is_emergency_stop
-from gateways.mavlink.dialect import mavlink
-from gateways.mavlink.endpoints.endpoint import MAX_PEERS, Received
+from gateways.mavlink.endpoints import MAX_PEERS, ReceivedBytes
+from gateways.mavlink.framing import is_emergency_stop
+from gateways.mavlink.mavlink_dialect import mavlink
 from tests.support.each import each
 from tests.unit.ground.gateway.clients.test_framing import packed
 
@@ -40,7 +41,7 @@ class FakeEndpoint:
         ended, self.ended = self.ended, []
         return ended
 
-    def receive(self) -> list[Received]:
+    def receive(self) -> list[ReceivedBytes]:
         return []
 
     def send(self, peer: str, data: bytes, *, is_stream: bool) -> None: ...
@@ -69,7 +70,7 @@ class Room:
         return Note(self.log, word)
 
     def feed(self, peer: str, data: bytes, now_ns: int = 0) -> None:
-        self.clients.feed(self.endpoint, Received(peer, data, True), now_ns)
+        self.clients.feed(self.endpoint, ReceivedBytes(peer, data, True), now_ns)
 
     def fill(self, now_ns: int = 0) -> None:
         """Give all places away."""
@@ -80,7 +81,7 @@ class Room:
     def peers(self) -> list[str]:
         return [client.peer for client in self.clients]
 
-    def frames(self, now_ns: int = 0) -> Iterator[Client]:
+    def frames(self, now_ns: int = 0) -> Iterator[GatewayClient]:
         for client, _ in self.clients.frames(now_ns):
             yield client
 
@@ -89,7 +90,7 @@ class Note:
     def __init__(self, log: list[tuple[str, int]], word: str) -> None:
         self._log, self._word = log, word
 
-    def __call__(self, client: Client) -> None:
+    def __call__(self, client: GatewayClient) -> None:
         self._log.append((self._word, client.link.number))
 
 
@@ -298,4 +299,4 @@ def test_flood_of_joins_costs_no_memory(room: Room) -> None:
 def test_gaps_are_losses_unless_the_line_is_reliable(*, is_reliable: bool) -> None:
     endpoint, link = FakeEndpoint(), cast("ClientLink", SimpleNamespace(is_lossy=True))
     endpoint.is_reliable = is_reliable
-    assert Client(endpoint, "peer", link, True).is_lossy is not is_reliable
+    assert GatewayClient(endpoint, "peer", link, True).is_lossy is not is_reliable

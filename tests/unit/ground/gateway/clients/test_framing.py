@@ -1,15 +1,15 @@
 from random import Random
 
-from gateways.mavlink.clients.client_link import ClientLink, NoFile
-from gateways.mavlink.clients.framing import (
+from gateways.mavlink.clients import ClientLink, NoFile
+from gateways.mavlink.framing import (
     MAX_WAITING,
     UNFINISHED_NS,
     Deframer,
-    Frame,
+    MavFrame,
     is_emergency_stop,
 )
-from gateways.mavlink.dialect import mavlink
-from gateways.mavlink.signing.guard import SigningGuard
+from gateways.mavlink.mavlink_dialect import mavlink
+from gateways.mavlink.signing import SigningGuard
 from runtime.units import NS_PER_S
 from tests.support.each import each
 
@@ -23,7 +23,7 @@ def packed(message: object = HEARTBEAT, *, mavlink1: bool = False, sequence: int
     return found
 
 
-def taken(deframer: Deframer, data: bytes, now_ns: int = 0) -> list[Frame]:
+def taken(deframer: Deframer, data: bytes, now_ns: int = 0) -> list[MavFrame]:
     deframer.allowance = 100_000
     deframer.feed(data)
     return deframer.take(now_ns)
@@ -118,7 +118,7 @@ def test_decoys_do_not_hold_up_the_search_for_a_stop() -> None:
         hidden = b"\xfe" + packed(STOP, sequence=byte[0])
         assert len(taken(Deframer(), STUCK + hidden)) == 1, byte
     deframer.feed(STUCK + decoy * 20 + packed(STOP))
-    found: list[Frame] = []
+    found: list[MavFrame] = []
     for _ in range(4):
         deframer.allowance = 8
         found += deframer.take(0)

@@ -1,6 +1,6 @@
-from gateways.mavlink.clients.client_link import ClientLink
-from gateways.mavlink.clients.report import Reporter
-from gateways.mavlink.control import Owner
+from gateways.mavlink.clients import ClientLink
+from gateways.mavlink.gateway import Reporter
+from gateways.mavlink.operator_control import Owner
 from runtime.units import NS_PER_S
 from tests.unit.ground.gateway.clients.test_framing import packed
 

@@ -2,8 +2,8 @@ from math import nan
 
 import pytest
 
+from gateways.mavlink.mav_service import WATCHER
 from gateways.mavlink.services import face_of
-from gateways.mavlink.traffic import WATCHER
 from ground.client.operations import Arm, ClearEmergencyStop, Disarm
 from protocol.wire.enums import Vehicle
 from protocol.wire.reasons import Reason

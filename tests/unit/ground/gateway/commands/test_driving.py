@@ -3,7 +3,7 @@ from typing import Any
 
 import pytest
 
-from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.mavlink_dialect import mavlink
 from gateways.mavlink.motion.pilot import EnterGuided
 from ground.client.operations import (
     Arm,

@@ -4,14 +4,14 @@ from typing import Any
 
 import pytest
 
-from gateways.mavlink.commands.arming import ArmingCommands
-from gateways.mavlink.commands.operator_control import OperatorCommands
-from gateways.mavlink.commands.service import CommandService
-from gateways.mavlink.dialect import RESULT_NOT_IN_CONTROL, MavMessage, mavlink
-from gateways.mavlink.presence import SILENCE_NS
-from gateways.mavlink.streams.scheduler import StreamScheduler
-from gateways.mavlink.traffic import WATCHER, Sender
-from gateways.mavlink.vehicle import Face
+from gateways.mavlink.commands.command_protocol import CommandService
+from gateways.mavlink.commands.control_commands import OperatorCommands
+from gateways.mavlink.commands.vehicle_commands import ArmingCommands
+from gateways.mavlink.mav_service import WATCHER, Sender
+from gateways.mavlink.mav_vehicle import Face
+from gateways.mavlink.mavlink_dialect import RESULT_NOT_IN_CONTROL, MavMessage, mavlink
+from gateways.mavlink.operator_control import SILENCE_NS
+from gateways.mavlink.streams import StreamScheduler
 from ground.client.operations import Arm
 from protocol.wire.enums import LeaseAction
 from protocol.wire.messages import LeaseStatus

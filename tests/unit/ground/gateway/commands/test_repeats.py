@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
-from gateways.mavlink.dialect import MavMessage
-from gateways.mavlink.traffic import Sender
+from gateways.mavlink.mav_service import Sender
+from gateways.mavlink.mavlink_dialect import MavMessage
 from ground.client.operations import Arm, Hold
 from protocol.wire.enums import GoalState, MissionState, Mode, Vehicle
 from protocol.wire.messages import LeaseStatus

@@ -2,11 +2,10 @@ from math import inf, nan
 
 import pytest
 
-from gateways.mavlink.commands.results import RESULTS
-from gateways.mavlink.commands.service import MAX_STOPS, MAX_WAITING
-from gateways.mavlink.dialect import MavMessage, mavlink
+from gateways.mavlink.commands.command_protocol import MAX_STOPS, MAX_WAITING, RESULTS
+from gateways.mavlink.mav_service import WATCHER
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.services import face_of
-from gateways.mavlink.traffic import WATCHER
 from ground.client.operations import Arm, Disarm, Hold, SetMode
 from ground.client.results import Refused
 from protocol.wire.enums import Mode

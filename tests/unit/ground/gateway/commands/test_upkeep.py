@@ -2,8 +2,8 @@ from math import inf, nan
 
 import pytest
 
-from gateways.mavlink.dialect import MavMessage
-from gateways.mavlink.frames.globe import PER_DEG
+from gateways.mavlink.coordinates import PER_DEG
+from gateways.mavlink.mavlink_dialect import MavMessage
 from ground.client.goal import Destination
 from ground.client.operations import Goto, Restart, ReturnHome
 from ground.missions.geography import to_global

@@ -9,11 +9,18 @@ from typing import Any
 
 import pytest
 
-from gateways.mavlink.endpoints.endpoint import MAX_PEERS, Endpoint, Received
-from gateways.mavlink.endpoints.send_buffer import MAX_BYTES, SendBuffer
-from gateways.mavlink.endpoints.serial import SerialEndpoint
-from gateways.mavlink.endpoints.spec import all_opened, opened
-from gateways.mavlink.endpoints.tcp import MAX_CONNECTIONS, VANISHED_MS
+from gateways.mavlink.endpoints import (
+    MAX_BYTES,
+    MAX_CONNECTIONS,
+    MAX_PEERS,
+    VANISHED_MS,
+    Endpoint,
+    ReceivedBytes,
+    SendBuffer,
+    SerialEndpoint,
+    all_opened,
+    opened,
+)
 from runtime.errors import UserError
 from runtime.units import NS_PER_S
 from tests.support.each import each
@@ -26,8 +33,8 @@ def stack() -> Iterator[ExitStack]:
         yield stack
 
 
-def received(endpoint: Endpoint, count: int = 1) -> list[Received]:
-    found: list[Received] = []
+def received(endpoint: Endpoint, count: int = 1) -> list[ReceivedBytes]:
+    found: list[ReceivedBytes] = []
 
     def is_all() -> bool:
         found.extend(endpoint.receive())

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from gateways.mavlink.dialect import MavMessage, mavlink
-from gateways.mavlink.files.logs import BLOCK, LAST_BLOCKS, MAX_RANGES
+from gateways.mavlink.log_protocol import BLOCK, LAST_BLOCKS, MAX_RANGES
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from protocol.wire.enums import Vehicle
 from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, OTHER

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gateways.mavlink.files.pacing import FAST_BYTES_S, Pacing
+from gateways.mavlink.mav_service import FAST_BYTES_S, Pacing
 from tests.support.each import each
 
 ROUND_NS = 20_000_000

@@ -5,10 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from gateways.mavlink.dialect import MavMessage, mavlink
-from gateways.mavlink.files.checksum import checksum
-from gateways.mavlink.files.sessions import MAX_BURST, MAX_OF_CLIENT, MAX_OPEN
-from gateways.mavlink.files.wire import MAX_DATA, WRITING, Failure, Opcode
+from gateways.mavlink.ftp_messages import MAX_DATA, WRITING, Failure, Opcode, checksum
+from gateways.mavlink.ftp_server import MAX_BURST, MAX_OF_CLIENT, MAX_OPEN
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from protocol.wire.enums import Vehicle
 from tests.support.gateway.fake_port import CLIENT, OTHER
 from tests.support.gateway.file_client import Reply, asked, failure, replies, replies_in

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateways.mavlink.frames import globe, ned
+from gateways.mavlink import coordinates
 from ground.missions.mission import Home
 from tests.support.each import each
 from tests.support.gateway.fake_port import ORIGIN
@@ -16,7 +16,7 @@ from tests.support.ground.missions.made_up import homes
 angles = st.floats(-50.0, 50.0)
 kilometre = st.floats(-1000.0, 1000.0)
 origins = st.builds(
-    globe.Place,
+    coordinates.GlobalPlace,
     st.integers(-850_000_000, 850_000_000) | st.sampled_from((-850_000_000, 850_000_000, 0)),
     st.integers(-1_800_000_000, 1_800_000_000)
     | st.sampled_from((-1_800_000_000, 1_799_999_999, 1_800_000_000)),
@@ -25,66 +25,68 @@ origins = st.builds(
 
 @each(("heading_rad", "yaw_rad"), [(0.0, pi / 2), (pi / 2, 0.0), (pi, -pi / 2), (-pi / 2, pi)])
 def test_yaw_counts_clockwise_from_north(heading_rad: float, yaw_rad: float) -> None:
-    assert ned.yaw_of(heading_rad) == pytest.approx(yaw_rad)
+    assert coordinates.yaw_of(heading_rad) == pytest.approx(yaw_rad)
 
 
 @given(angles)
 def test_yaw_is_within_half_a_turn(angle: float) -> None:
-    assert -pi < ned.yaw_of(angle) <= pi
+    assert -pi < coordinates.yaw_of(angle) <= pi
 
 
 @given(angles)
 def test_heading_survives_the_way_to_yaw_and_back(angle: float) -> None:
-    back = ned.heading_of(ned.yaw_of(angle))
+    back = coordinates.heading_of(coordinates.yaw_of(angle))
     assert atan2(sin(back - angle), cos(back - angle)) == pytest.approx(0.0, abs=1e-9)
 
 
 @given(angles)
 def test_yaw_survives_the_way_to_heading_and_back(angle: float) -> None:
-    back = ned.yaw_of(ned.heading_of(angle))
+    back = coordinates.yaw_of(coordinates.heading_of(angle))
     assert atan2(sin(back - angle), cos(back - angle)) == pytest.approx(0.0, abs=1e-9)
 
 
 @given(angles, st.floats(-1.0, 1.0))
 def test_velocity_points_along_the_yaw(heading_rad: float, speed_m_s: float) -> None:
-    pose = ned.pose_of(odometry(heading_rad=heading_rad, speed_m_s=speed_m_s))
+    pose = coordinates.pose_of(odometry(heading_rad=heading_rad, speed_m_s=speed_m_s))
     assert pose.north_m_s == pytest.approx(speed_m_s * cos(pose.yaw_rad), abs=1e-9)
     assert pose.east_m_s == pytest.approx(speed_m_s * sin(pose.yaw_rad), abs=1e-9)
 
 
 @given(angles)
 def test_compass_angle_is_in_range(heading_rad: float) -> None:
-    pose = ned.pose_of(odometry(heading_rad=heading_rad))
+    pose = coordinates.pose_of(odometry(heading_rad=heading_rad))
     assert 0 <= pose.yaw_cdeg < 36_000
 
 
 @given(homes, kilometre, kilometre)
 def test_place_survives_the_globe_to_a_centimetre(home: Home, x_m: float, y_m: float) -> None:
-    place = globe.place_at(home, x_m, y_m)
+    place = coordinates.place_at(home, x_m, y_m)
     assert place is not None
-    assert globe.local_at(home, place) == pytest.approx((x_m, y_m), abs=0.01)
+    assert coordinates.local_at(home, place) == pytest.approx((x_m, y_m), abs=0.01)
 
 
 @given(origins, kilometre, kilometre)
 def test_kilometre_is_exact_up_to_85_degrees_and_over_the_date_line(
-    origin: globe.Place, x_m: float, y_m: float
+    origin: coordinates.GlobalPlace, x_m: float, y_m: float
 ) -> None:
-    home = globe.home_at(origin)
+    home = coordinates.home_at(origin)
     assert home is not None
-    place = globe.place_at(home, x_m, y_m)
+    place = coordinates.place_at(home, x_m, y_m)
     assert place is not None
     assert abs(place.latitude_e7) <= 900_000_000
     assert abs(place.longitude_e7) <= 1_800_000_000
-    assert globe.local_at(home, place) == pytest.approx((x_m, y_m), abs=0.01)
+    assert coordinates.local_at(home, place) == pytest.approx((x_m, y_m), abs=0.01)
 
 
 @given(origins, kilometre, kilometre)
-def test_place_of_a_client_keeps_its_digits(origin: globe.Place, x_m: float, y_m: float) -> None:
-    home = globe.home_at(origin)
+def test_place_of_a_client_keeps_its_digits(
+    origin: coordinates.GlobalPlace, x_m: float, y_m: float
+) -> None:
+    home = coordinates.home_at(origin)
     assert home is not None
-    place = globe.place_at(home, x_m, y_m)
+    place = coordinates.place_at(home, x_m, y_m)
     assert place is not None
-    back = globe.place_at(home, *globe.local_at(home, place))
+    back = coordinates.place_at(home, *coordinates.local_at(home, place))
     assert back is not None
     assert abs(back.latitude_e7 - place.latitude_e7) <= 1
     turn = abs(back.longitude_e7 - place.longitude_e7) % 3_600_000_000
@@ -93,19 +95,19 @@ def test_place_of_a_client_keeps_its_digits(origin: globe.Place, x_m: float, y_m
 
 @each("x_m", [nan, 1e9, -1e300])
 def test_there_is_no_place_beyond_the_missions(x_m: float) -> None:
-    assert globe.place_at(ORIGIN, x_m, 0.0) is None
+    assert coordinates.place_at(ORIGIN, x_m, 0.0) is None
 
 
 @each("place", [(0, 0), (851_000_000, 0), (-900_000_000, 5), (5, 1_800_000_001), (-(2**31), 2**31)])
 def test_origin_lies_on_the_globe(place: tuple[int, int]) -> None:
-    assert globe.home_at(globe.Place(*place)) is None
+    assert coordinates.home_at(coordinates.GlobalPlace(*place)) is None
 
 
 def test_origin_keeps_its_place() -> None:
-    found = globe.home_at(globe.Place(473_769_000, 85_417_000))
+    found = coordinates.home_at(coordinates.GlobalPlace(473_769_000, 85_417_000))
     assert found == Home(latitude_deg=47.3769, longitude_deg=8.5417)
 
 
 def test_deviation_is_that_of_the_worst_direction() -> None:
     skewed = odometry(cov_xx_m2=0.05, cov_xy_m2=0.04, cov_yy_m2=0.05)
-    assert ned.deviation_m(skewed) == pytest.approx(0.3)
+    assert coordinates.deviation_m(skewed) == pytest.approx(0.3)

@@ -3,7 +3,7 @@ from typing import Any
 
 import pytest
 
-from gateways.mavlink.dialect import MavMessage, mavlink
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from ground.client.operations import JumpTo
 from protocol.wire.enums import MissionState, Mode
 from tests.support.gateway.fake_port import CLIENT, OTHER

@@ -2,7 +2,7 @@ from typing import Any
 
 import pytest
 
-from gateways.mavlink.dialect import MavMessage, mavlink
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from ground.client.operations import FetchMission
 from ground.missions.mission import Home, Waypoint
 from tests.support.gateway.fake_port import CLIENT, ORIGIN

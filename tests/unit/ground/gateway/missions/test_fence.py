@@ -3,7 +3,7 @@ from typing import Any
 
 import pytest
 
-from gateways.mavlink.dialect import MavMessage, MissionCount, mavlink
+from gateways.mavlink.mavlink_dialect import MavMessage, MissionCount, mavlink
 from ground.client.operations import ClearFence, SetFence
 from ground.missions.mission import Circle, Polygon
 from ground.missions.transfer import Verdict

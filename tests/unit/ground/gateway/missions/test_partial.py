@@ -1,6 +1,6 @@
 import pytest
 
-from gateways.mavlink.dialect import MavMessage, mavlink
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from tests.support.gateway.messages import words
 from tests.support.gateway.mission_bench import (
     MISSION,

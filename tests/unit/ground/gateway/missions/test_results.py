@@ -1,5 +1,5 @@
-from gateways.mavlink.missions.results import ACCEPTED, PART_RESULTS, refusal_of
-from gateways.mavlink.port import Answered
+from gateways.mavlink.missions.plan_answers import ACCEPTED, PART_RESULTS, refusal_of
+from gateways.mavlink.robot_port import Answered
 from ground.client.results import Refused
 from ground.missions.items import ItemPart
 from protocol.wire.reasons import Reason, reason_text

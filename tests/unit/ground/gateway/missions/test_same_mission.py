@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateways.mavlink.dialect import mavlink
-from gateways.mavlink.missions.item_messages import item_in, usual
+from gateways.mavlink.mavlink_dialect import mavlink
+from gateways.mavlink.missions.plan_items import item_in, usual
 from ground.missions import plan_file
 from ground.missions.geography import to_local
 from ground.missions.items import Item, waypoint_of

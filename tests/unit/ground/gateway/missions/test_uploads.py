@@ -3,9 +3,9 @@ from typing import Any
 
 import pytest
 
-from gateways.mavlink.dialect import MavMessage, MissionCount, mavlink
-from gateways.mavlink.missions.uploads import LAST_REQUESTS, RETRY_NS, TIMEOUT_NS
-from gateways.mavlink.traffic import WATCHER
+from gateways.mavlink.mav_service import WATCHER
+from gateways.mavlink.mavlink_dialect import MavMessage, MissionCount, mavlink
+from gateways.mavlink.missions.plan_uploads import LAST_REQUESTS, RETRY_NS, TIMEOUT_NS
 from ground.client.operations import ClearMission, UploadMission
 from ground.missions.transfer import Verdict
 from protocol.wire.enums import Severity

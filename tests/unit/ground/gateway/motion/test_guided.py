@@ -2,9 +2,9 @@ from math import inf, nan, pi
 
 import pytest
 
-from gateways.mavlink.dialect import MavMessage, mavlink
-from gateways.mavlink.frames.globe import PER_DEG
-from gateways.mavlink.traffic import WATCHER
+from gateways.mavlink.coordinates import PER_DEG
+from gateways.mavlink.mav_service import WATCHER
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from ground.client.goal import Destination
 from ground.client.operations import Goto, SetMode, SetParameter
 from ground.client.operations.parameters import ParameterChanged

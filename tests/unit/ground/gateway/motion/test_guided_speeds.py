@@ -2,7 +2,7 @@ from math import inf, nan
 
 import pytest
 
-from gateways.mavlink.dialect import MavMessage
+from gateways.mavlink.mavlink_dialect import MavMessage
 from gateways.mavlink.motion.pilot import BeginDrive, DriveBegun, DriveOver, EndDrive
 from ground.client.operations import Goto
 from protocol.wire.enums import Mode

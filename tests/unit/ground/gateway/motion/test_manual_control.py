@@ -1,6 +1,6 @@
 import pytest
 
-from gateways.mavlink.dialect import MavMessage, mavlink
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from protocol.wire.enums import Mode
 from protocol.wire.messages import LeaseStatus
 from tests.support.gateway.fake_port import CLIENT, OTHER, Bench

@@ -3,10 +3,9 @@ from typing import Any
 
 import pytest
 
-from gateways.mavlink.dialect import MavMessage
-from gateways.mavlink.frames.globe import PER_DEG
-from gateways.mavlink.motion.setpoints import SetpointError, attitude_of, setpoint_of
-from gateways.mavlink.motion.velocity import Velocity
+from gateways.mavlink.coordinates import PER_DEG
+from gateways.mavlink.mavlink_dialect import MavMessage
+from gateways.mavlink.motion.setpoints import SetpointError, Velocity, attitude_of, setpoint_of
 from ground.client.goal import Destination
 from ground.missions.geography import to_global
 from tests.support.each import each

@@ -6,11 +6,9 @@ from typing import Any
 
 import pytest
 
-from gateways.mavlink.dialect import ComponentMetadata
-from gateways.mavlink.files.checksum import checksum
-from gateways.mavlink.files.wire import Opcode
-from gateways.mavlink.parameters.metadata import described
-from gateways.mavlink.parameters.table import MavTable, table_of
+from gateways.mavlink.ftp_messages import Opcode, checksum
+from gateways.mavlink.mavlink_dialect import ComponentMetadata
+from gateways.mavlink.parameter_table import MavTable, described, table_of
 from robot.parameter_table import SPECS
 from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT

@@ -3,8 +3,12 @@
 import re
 from pathlib import Path
 
-from gateways.mavlink.ardupilot_parameters import compatibility_parameters
-from gateways.mavlink.parameters.names import MAVLINK_NAMES, MAX_NAME_BYTES, mavlink_name
+from gateways.mavlink.parameter_table import (
+    MAVLINK_NAMES,
+    MAX_NAME_BYTES,
+    compatibility_parameters,
+    mavlink_name,
+)
 from robot.parameter_table import SPECS
 from tests.support.gateway.parameter_bench import robot_table
 

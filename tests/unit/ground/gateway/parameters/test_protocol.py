@@ -5,9 +5,9 @@ from struct import pack, unpack
 
 import pytest
 
-from gateways.mavlink.dialect import MavMessage, mavlink
-from gateways.mavlink.files.pacing import LINE_SHARE
-from gateways.mavlink.parameters.protocol import MAX_PENDING, PASSES, VALUE_BYTES
+from gateways.mavlink.mav_service import LINE_SHARE
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
+from gateways.mavlink.parameter_protocol import MAX_PENDING, PASSES, VALUE_BYTES
 from ground.client.operations import SetParameter
 from ground.client.operations.parameters import ParameterChanged
 from ground.client.results import Refused

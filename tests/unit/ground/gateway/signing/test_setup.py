@@ -2,16 +2,15 @@
 
 from typing import Any
 
-from gateways.mavlink.clients.client_link import ClientLink, NoFile
-from gateways.mavlink.clients.framing import Frame
-from gateways.mavlink.dialect import MavMessage, mavlink
+from gateways.mavlink.clients import ClientLink, NoFile
+from gateways.mavlink.commands.vehicle_commands import SigningSetup
+from gateways.mavlink.framing import MavFrame
+from gateways.mavlink.liveness import HeartbeatStream
+from gateways.mavlink.mav_service import WATCHER
+from gateways.mavlink.mav_vehicle import Face
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.services import face_of
-from gateways.mavlink.signing.guard import SigningGuard
-from gateways.mavlink.signing.policy import Policy
-from gateways.mavlink.signing.setup import SigningSetup
-from gateways.mavlink.streams.heartbeat import HeartbeatStream
-from gateways.mavlink.traffic import WATCHER
-from gateways.mavlink.vehicle import Face
+from gateways.mavlink.signing import Policy, SigningGuard
 from ground.user.mavlink_keys import KeyRing, SigningKey
 from protocol.wire.enums import Vehicle as VehicleState
 from runtime.errors import UserError
@@ -50,12 +49,12 @@ class SetupBench(Bench):
         setup = mavlink.MAVLink_setup_signing_message(1, 1, list(key), 0)
         return words(self.send(setup, sender))
 
-    def next_heartbeat(self) -> Frame:
+    def next_heartbeat(self) -> MavFrame:
         (found,) = (one for one in self.after(1.0) if one.get_type() == "HEARTBEAT")
         return framed(self.link.encode(1, found, self.guard))
 
 
-def is_valid(frame: Frame, key: bytes) -> bool:
+def is_valid(frame: MavFrame, key: bytes) -> bool:
     receiver = mavlink.MAVLink(NoFile())
     receiver.signing.secret_key = key
     try:

@@ -7,14 +7,21 @@ from typing import Any
 
 import pytest
 
-from gateways.mavlink.clients.client_link import NoFile
-from gateways.mavlink.clients.framing import Deframer, Frame
-from gateways.mavlink.dialect import mavlink
-from gateways.mavlink.signing import stamps
-from gateways.mavlink.signing.guard import SigningGuard
-from gateways.mavlink.signing.policy import Counters, Policy, Rights
-from gateways.mavlink.signing.stamps import EPOCH_S, PER_S, StampClock
-from gateways.mavlink.signing.verifier import Verdict, Verifier
+from gateways.mavlink import signing
+from gateways.mavlink.clients import NoFile
+from gateways.mavlink.framing import Deframer, MavFrame
+from gateways.mavlink.mavlink_dialect import mavlink
+from gateways.mavlink.signing import (
+    EPOCH_S,
+    PER_S,
+    Counters,
+    Policy,
+    Rights,
+    SignatureVerdict,
+    SigningGuard,
+    StampClock,
+    Verifier,
+)
 from ground.user.mavlink_keys import KeyRing, SigningKey
 from runtime.units import NS_PER_S
 from tests.support.until import PATIENCE_S, until
@@ -32,7 +39,7 @@ class Wall:
         return round(self.s * NS_PER_S)
 
 
-def framed(data: bytes) -> Frame:
+def framed(data: bytes) -> MavFrame:
     deframer = Deframer()
     deframer.feed(data)
     deframer.allowance = 10
@@ -42,7 +49,7 @@ def framed(data: bytes) -> Frame:
 
 def signed(
     stamp: int, key: bytes = KEY, *, link: int = 0, system: int = 255, message: Any = None
-) -> Frame:
+) -> MavFrame:
     encoder = mavlink.MAVLink(NoFile(), system, 190)
     encoder.signing.secret_key, encoder.signing.sign_outgoing = key, True
     encoder.signing.timestamp, encoder.signing.link_id = stamp, link
@@ -71,10 +78,10 @@ LATER = NOW + 100 * PER_S
 
 
 def test_each_valid_key_verifies_and_no_other(verifier: Verifier) -> None:
-    assert verifier.check(signed(LATER)) is Verdict.VALID
-    assert verifier.check(signed(LATER + 1, OLD)) is Verdict.VALID
-    assert verifier.check(signed(LATER + 2, WRONG)) is Verdict.FORGED
-    assert verifier.check(UNSIGNED) is Verdict.UNSIGNED
+    assert verifier.check(signed(LATER)) is SignatureVerdict.VALID
+    assert verifier.check(signed(LATER + 1, OLD)) is SignatureVerdict.VALID
+    assert verifier.check(signed(LATER + 2, WRONG)) is SignatureVerdict.FORGED
+    assert verifier.check(UNSIGNED) is SignatureVerdict.UNSIGNED
 
 
 def test_each_damaged_byte_of_a_signature_is_forged(verifier: Verifier) -> None:
@@ -82,29 +89,29 @@ def test_each_damaged_byte_of_a_signature_is_forged(verifier: Verifier) -> None:
     for at in range(1, 14):
         data = bytearray(frame.data)
         data[-at] ^= 1
-        assert verifier.check(frame._replace(data=bytes(data))) is Verdict.FORGED
-    assert verifier.check(frame) is Verdict.VALID
+        assert verifier.check(frame._replace(data=bytes(data))) is SignatureVerdict.FORGED
+    assert verifier.check(frame) is SignatureVerdict.VALID
 
 
 def test_replayed_frame_is_refused(verifier: Verifier) -> None:
     first, second = signed(LATER), signed(LATER + 1)
-    assert verifier.check(second) is Verdict.VALID
-    assert verifier.check(second) is Verdict.REPLAYED
-    assert verifier.check(first) is Verdict.REPLAYED
+    assert verifier.check(second) is SignatureVerdict.VALID
+    assert verifier.check(second) is SignatureVerdict.REPLAYED
+    assert verifier.check(first) is SignatureVerdict.REPLAYED
 
 
 def test_streams_have_stamps_of_their_own(verifier: Verifier) -> None:
-    assert verifier.check(signed(LATER + 5)) is Verdict.VALID
-    assert verifier.check(signed(LATER, link=1)) is Verdict.VALID
-    assert verifier.check(signed(LATER, system=254)) is Verdict.VALID
-    assert verifier.check(signed(LATER - 61 * PER_S, system=253)) is Verdict.REPLAYED
+    assert verifier.check(signed(LATER + 5)) is SignatureVerdict.VALID
+    assert verifier.check(signed(LATER, link=1)) is SignatureVerdict.VALID
+    assert verifier.check(signed(LATER, system=254)) is SignatureVerdict.VALID
+    assert verifier.check(signed(LATER - 61 * PER_S, system=253)) is SignatureVerdict.REPLAYED
 
 
 def test_forged_future_stamp_does_not_lock_the_owner_out(verifier: Verifier) -> None:
-    assert verifier.check(signed(LATER)) is Verdict.VALID
-    assert verifier.check(signed((1 << 48) - 1, WRONG)) is Verdict.FORGED
-    assert verifier.check(signed((1 << 48) - 1)) is Verdict.FUTURE
-    assert verifier.check(signed(LATER + 1)) is Verdict.VALID
+    assert verifier.check(signed(LATER)) is SignatureVerdict.VALID
+    assert verifier.check(signed((1 << 48) - 1, WRONG)) is SignatureVerdict.FORGED
+    assert verifier.check(signed((1 << 48) - 1)) is SignatureVerdict.FUTURE
+    assert verifier.check(signed(LATER + 1)) is SignatureVerdict.VALID
 
 
 def test_stamps_go_on_after_a_restart(tmp_path: Path, wall: Wall) -> None:
@@ -113,13 +120,13 @@ def test_stamps_go_on_after_a_restart(tmp_path: Path, wall: Wall) -> None:
     sent = [before.next() for _ in range(3)]
     assert sent == sorted(set(sent))
     frame = signed(NOW + 30 * PER_S)
-    assert Verifier(before, (KEY,)).check(frame) is Verdict.VALID
+    assert Verifier(before, (KEY,)).check(frame) is SignatureVerdict.VALID
     wall.s += 1
     after = StampClock(wall, path)
     assert after.next() > NOW + 30 * PER_S
-    assert Verifier(after, (KEY,)).check(frame) is Verdict.REPLAYED
+    assert Verifier(after, (KEY,)).check(frame) is SignatureVerdict.REPLAYED
     wall.s += 45
-    assert Verifier(after, (KEY,)).check(signed(after.now())) is Verdict.VALID
+    assert Verifier(after, (KEY,)).check(signed(after.now())) is SignatureVerdict.VALID
 
 
 def test_clock_that_was_set_back_repeats_no_stamp(tmp_path: Path, wall: Wall) -> None:
@@ -145,25 +152,25 @@ def test_clock_that_was_set_back_locks_no_client_out(tmp_path: Path, wall: Wall)
     clock = StampClock(wall, tmp_path / "stamp")
     verifier = Verifier(clock, (KEY,))
     for _ in range(100):
-        assert verifier.check(signed(clock.next() + 1)) is Verdict.VALID
-    assert verifier.check(signed(clock.newest + 61 * PER_S)) is Verdict.FUTURE
+        assert verifier.check(signed(clock.next() + 1)) is SignatureVerdict.VALID
+    assert verifier.check(signed(clock.newest + 61 * PER_S)) is SignatureVerdict.FUTURE
 
 
 def test_frames_that_never_arrived_cannot_be_sent_much_later(
     verifier: Verifier, wall: Wall
 ) -> None:
     recorded = [signed(LATER + 1), signed(LATER + 2)]
-    assert verifier.check(signed(LATER)) is Verdict.VALID
+    assert verifier.check(signed(LATER)) is SignatureVerdict.VALID
     wall.s += 30
-    assert verifier.check(recorded[0]) is Verdict.VALID
+    assert verifier.check(recorded[0]) is SignatureVerdict.VALID
     wall.s += 3600
-    assert verifier.check(recorded[1]) is Verdict.REPLAYED
-    assert verifier.check(signed(LATER + 3630 * PER_S)) is Verdict.VALID
+    assert verifier.check(recorded[1]) is SignatureVerdict.REPLAYED
+    assert verifier.check(signed(LATER + 3630 * PER_S)) is SignatureVerdict.VALID
 
 
 def test_client_whose_stamps_only_count_frames_is_heard(verifier: Verifier, wall: Wall) -> None:
     for number in range(600):
-        assert verifier.check(signed(LATER + number)) is Verdict.VALID
+        assert verifier.check(signed(LATER + number)) is SignatureVerdict.VALID
         wall.s += 1
 
 
@@ -176,8 +183,8 @@ def test_slow_disk_delays_no_stamp(
         released.wait(PATIENCE_S)
         written.append(text)
 
-    monkeypatch.setattr(stamps, "replace", slow)
-    clock = StampClock(wall, tmp_path / "stamp", stamps.BackgroundWriter())
+    monkeypatch.setattr(signing, "replace", slow)
+    clock = StampClock(wall, tmp_path / "stamp", signing.BackgroundWriter())
     given = [clock.next()]
     for _ in range(10):
         wall.s += 60
@@ -211,9 +218,9 @@ def test_policy_decides_what_unsigned_frames_may_do(
         for frame in (UNSIGNED, signed(next(numbers)), signed(next(numbers), WRONG))
     )
     assert list(found) == [
-        (rights, Verdict.UNSIGNED),
-        (Rights.COMMAND, Verdict.VALID),
-        (Rights.NONE, Verdict.FORGED),
+        (rights, SignatureVerdict.UNSIGNED),
+        (Rights.COMMAND, SignatureVerdict.VALID),
+        (Rights.NONE, SignatureVerdict.FORGED),
     ]
     assert (counters.signed, counters.unsigned, counters.refused) == (1, 1, 1)
 

@@ -1,9 +1,9 @@
 """HEARTBEAT: an ArduPilot Rover, once a second and at once on a change."""
 
 from gateways.mavlink.ardupilot import state_of
-from gateways.mavlink.dialect import MavMessage, mavlink
-from gateways.mavlink.port import Snapshot
-from gateways.mavlink.streams.heartbeat import HeartbeatStream
+from gateways.mavlink.liveness import HeartbeatStream
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
+from gateways.mavlink.robot_port import Snapshot
 from protocol.wire.enums import Mode, Vehicle
 from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, Bench

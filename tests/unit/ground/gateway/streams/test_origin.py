@@ -2,13 +2,13 @@
 
 import pytest
 
-from gateways.mavlink.dialect import MavMessage, mavlink
-from gateways.mavlink.frames.globe import Place, home_at, local_at
+from gateways.mavlink.commands.vehicle_commands import SET_GLOBAL_ORIGIN
+from gateways.mavlink.coordinates import GlobalPlace, home_at, local_at
+from gateways.mavlink.mav_service import WATCHER
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.motion.setpoints import place_goal
 from gateways.mavlink.services import face_of
-from gateways.mavlink.streams.origin import SET_GLOBAL_ORIGIN
-from gateways.mavlink.streams.position import global_position
-from gateways.mavlink.traffic import WATCHER
+from gateways.mavlink.telemetry_messages import global_position
 from protocol.wire.enums import Vehicle
 from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, ORIGIN, OTHER, Bench
@@ -51,10 +51,10 @@ def test_origin_moves() -> None:
 def test_positions_and_goals_move_with_the_origin(place: tuple[int, int]) -> None:
     bench = whole_bench()
     move(bench, place)
-    home = home_at(Place(*place))
+    home = home_at(GlobalPlace(*place))
     assert home is not None
     (here,) = global_position(bench.vehicle, bench.now_ns)
-    assert local_at(home, Place(here.lat, here.lon)) == pytest.approx((3.0, 4.0), abs=0.01)
+    assert local_at(home, GlobalPlace(here.lat, here.lon)) == pytest.approx((3.0, 4.0), abs=0.01)
     goal = place_goal(bench.vehicle.origin, here.lat / 1e7, here.lon / 1e7, None)
     assert (goal.x_m, goal.y_m) == pytest.approx((3.0, 4.0), abs=0.01)
 

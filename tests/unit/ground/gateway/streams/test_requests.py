@@ -4,7 +4,7 @@ from collections import deque
 from math import inf, nan
 
 from gateways.mavlink import ardupilot
-from gateways.mavlink.dialect import (
+from gateways.mavlink.mavlink_dialect import (
     AvailableModes,
     ComponentMetadata,
     CurrentMode,
@@ -12,7 +12,7 @@ from gateways.mavlink.dialect import (
     mavlink,
 )
 from gateways.mavlink.services import face_of
-from gateways.mavlink.streams.table import STREAMS
+from gateways.mavlink.streams import STREAMS
 from ground.client.operations import ShowParameters
 from protocol.wire.enums import Mode
 from tests.support.each import each

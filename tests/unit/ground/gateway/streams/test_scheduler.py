@@ -4,12 +4,11 @@ from collections import Counter
 
 import pytest
 
-from gateways.mavlink.catalogue import Source
-from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.mav_service import COMPONENT
+from gateways.mavlink.mav_vehicle import MavVehicle, MessageSource
+from gateways.mavlink.mavlink_dialect import mavlink
 from gateways.mavlink.services import face_of
-from gateways.mavlink.streams.scheduler import StreamScheduler
-from gateways.mavlink.traffic import COMPONENT
-from gateways.mavlink.vehicle import Vehicle
+from gateways.mavlink.streams import StreamScheduler
 from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, OTHER, Bench
 from tests.support.gateway.telemetry import everything
@@ -27,7 +26,7 @@ class Rates:
         self.bench.face.join(CLIENT.client, line_bytes_s)
         self.bench.face.join(OTHER.client)
 
-    def _scheduler(self, vehicle: Vehicle) -> StreamScheduler:
+    def _scheduler(self, vehicle: MavVehicle) -> StreamScheduler:
         self.scheduler = StreamScheduler(vehicle)
         return self.scheduler
 
@@ -181,7 +180,7 @@ def test_clients_share_one_build() -> None:
         return []
 
     number = mavlink.MAVLINK_MSG_ID_RC_CHANNELS
-    rates.bench.vehicle.catalogue.add(Source(number, build, rate_hz=10.0))
+    rates.bench.vehicle.catalogue.add(MessageSource(number, build, rate_hz=10.0))
     rates.count(1)
     assert len(builds) == 10
 

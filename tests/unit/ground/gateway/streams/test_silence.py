@@ -2,7 +2,7 @@
 
 import pytest
 
-from gateways.mavlink.dialect import mavlink
+from gateways.mavlink.mavlink_dialect import mavlink
 from gateways.mavlink.services import face_of
 from tests.support.gateway.fake_port import CLIENT, OTHER, Bench
 from tests.support.gateway.messages import command, words

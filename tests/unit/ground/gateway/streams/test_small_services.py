@@ -1,8 +1,7 @@
 """TIMESYNC, PING, and the robot's texts."""
 
-from gateways.mavlink.dialect import TimeSync, mavlink
-from gateways.mavlink.streams.clock_sync import ClockSync
-from gateways.mavlink.streams.texts import RobotTexts
+from gateways.mavlink.liveness import ClockSync, RobotTexts
+from gateways.mavlink.mavlink_dialect import TimeSync, mavlink
 from protocol.wire.enums import Severity
 from protocol.wire.messages import Statustext
 from protocol.wire.statustext import pieces_of

@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from gateways.mavlink.dialect import MavMessage, mavlink
+from gateways.mavlink import telemetry_messages
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.services import face_of
-from gateways.mavlink.streams import system_status
 from ground.client.operations import FenceShown, ShowFence
 from ground.missions.mission import Circle
 from protocol.wire.enums import Vehicle
@@ -30,7 +30,7 @@ def built(build: object, **telemetry: Any) -> MavMessage:
 
 def missing(**telemetry: Any) -> int:
     """Return the bits that are enabled and not healthy."""
-    message = built(system_status.sys_status, **telemetry)
+    message = built(telemetry_messages.sys_status, **telemetry)
     assert message.onboard_control_sensors_present == message.onboard_control_sensors_enabled
     enabled: int = message.onboard_control_sensors_enabled
     healthy: int = message.onboard_control_sensors_health
@@ -39,16 +39,16 @@ def missing(**telemetry: Any) -> int:
 
 def test_healthy_robot_has_every_bit() -> None:
     assert missing() == 0
-    message = built(system_status.sys_status)
+    message = built(telemetry_messages.sys_status)
     for bit in ("PREARM_CHECK", "GEOFENCE", "SENSOR_PROXIMITY", "SENSOR_3D_GYRO", "SENSOR_GPS"):
         assert message.onboard_control_sensors_present & getattr(mavlink, f"MAV_SYS_STATUS_{bit}")
     assert message.load == 50
 
 
 def test_battery_is_unknown_not_empty() -> None:
-    message = built(system_status.sys_status)
+    message = built(telemetry_messages.sys_status)
     assert (message.voltage_battery, message.battery_remaining) == (65_535, -1)
-    battery = built(system_status.battery_status)
+    battery = built(telemetry_messages.battery_status)
     assert (battery.voltages[0], battery.battery_remaining) == (65_535, -1)
     assert battery.temperature == 0x7FFF
 
@@ -56,18 +56,18 @@ def test_battery_is_unknown_not_empty() -> None:
 @each(
     ("telemetry", "bits"),
     [
-        ({"scan": None}, system_status.SONARS | system_status.PREARM),
-        ({"scan": scan(valid=0x7F)}, system_status.SONARS),
-        ({"wheels": None}, system_status.PREARM),
-        ({"odometry": None}, system_status.MOTION | system_status.PLACE),
-        ({"odometry": odometry(cov_xx_m2=nan)}, system_status.PLACE),
-        ({"status": status(vehicle=Vehicle.EMERGENCY_STOP)}, system_status.PREARM),
+        ({"scan": None}, telemetry_messages.SONAR_BITS | telemetry_messages.PREARM_BIT),
+        ({"scan": scan(valid=0x7F)}, telemetry_messages.SONAR_BITS),
+        ({"wheels": None}, telemetry_messages.PREARM_BIT),
+        ({"odometry": None}, telemetry_messages.MOTION_BITS | telemetry_messages.PLACE_BITS),
+        ({"odometry": odometry(cov_xx_m2=nan)}, telemetry_messages.PLACE_BITS),
+        ({"status": status(vehicle=Vehicle.EMERGENCY_STOP)}, telemetry_messages.PREARM_BIT),
         (
             {"status": status(vehicle=Vehicle.FAILSAFE, vehicle_reason=Reason.FENCE_BREACHED)},
-            system_status.FENCE,
+            telemetry_messages.FENCE_BITS,
         ),
-        ({"status": status(vehicle_reason=Reason.WHEEL_STUCK)}, system_status.MOTORS),
-        (dict.fromkeys(everything()), system_status.EVERY),
+        ({"status": status(vehicle_reason=Reason.WHEEL_STUCK)}, telemetry_messages.MOTOR_BITS),
+        (dict.fromkeys(everything()), telemetry_messages.EVERY_BIT),
     ],
 )
 def test_each_fault_takes_its_bits(telemetry: dict[str, Any], bits: int) -> None:
@@ -75,7 +75,7 @@ def test_each_fault_takes_its_bits(telemetry: dict[str, Any], bits: int) -> None
 
 
 def test_estimator_knows_its_place_and_how_well() -> None:
-    message = built(system_status.ekf_status)
+    message = built(telemetry_messages.ekf_status)
     assert message.flags & mavlink.EKF_POS_HORIZ_ABS
     assert message.flags & mavlink.EKF_PRED_POS_HORIZ_ABS
     assert not message.flags & mavlink.EKF_CONST_POS_MODE
@@ -84,14 +84,14 @@ def test_estimator_knows_its_place_and_how_well() -> None:
 
 
 def test_estimator_without_a_place_is_only_relative() -> None:
-    message = built(system_status.ekf_status, odometry=odometry(cov_xx_m2=nan))
+    message = built(telemetry_messages.ekf_status, odometry=odometry(cov_xx_m2=nan))
     assert not message.flags & mavlink.EKF_POS_HORIZ_ABS
     assert message.flags & mavlink.EKF_POS_HORIZ_REL
-    assert built(system_status.ekf_status, odometry=None).flags == mavlink.EKF_UNINITIALIZED
+    assert built(telemetry_messages.ekf_status, odometry=None).flags == mavlink.EKF_UNINITIALIZED
 
 
 def test_system_time_is_the_time_of_day() -> None:
-    message = built(system_status.system_time)
+    message = built(telemetry_messages.system_time)
     assert (message.time_unix_usec, message.time_boot_ms) == (1_000_020_000, 20)
 
 
@@ -107,7 +107,7 @@ def test_fence_is_enabled_while_the_robot_has_one() -> None:
             is_asked = isinstance(bench.port.waiting[0][0], ShowFence)
             bench.port.answer(FenceShown(fence=fence) if is_asked else None)
         bench.after(0.1)
-        (message,) = system_status.sys_status(bench.vehicle, bench.now_ns)
-        assert message.onboard_control_sensors_present & system_status.FENCE
-        bits.append(bool(message.onboard_control_sensors_enabled & system_status.FENCE))
+        (message,) = telemetry_messages.sys_status(bench.vehicle, bench.now_ns)
+        assert message.onboard_control_sensors_present & telemetry_messages.FENCE_BITS
+        bits.append(bool(message.onboard_control_sensors_enabled & telemetry_messages.FENCE_BITS))
     assert bits == [True, False]

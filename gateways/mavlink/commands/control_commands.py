@@ -1,0 +1,143 @@
+"""The operator control protocol: CONTROL_STATUS, and MAV_CMD_REQUEST_OPERATOR_CONTROL.
+
+As in mavlink/mavlink of July 2026: parameter 1 requests (1) or releases (0), parameter 2 permits
+takeover without asking, parameter 3 is the time for the owner's answer in seconds, parameter 4 the
+system id of the client that wants control. If the owner does not permit takeover, the gateway sends
+the same command to the owner. An operator on Sidestep's own bus is reported with the vehicle's own
+system id.
+"""
+
+from collections.abc import Sequence
+from math import isfinite
+from types import MappingProxyType
+from typing import Final, NamedTuple
+
+from gateways.mavlink.commands.command_protocol import (
+    ACCEPTED,
+    DENIED,
+    FAILED,
+    CommandCall,
+    CommandReply,
+    CommandRow,
+    CommandTable,
+    whole,
+)
+from gateways.mavlink.mav_service import Sender
+from gateways.mavlink.mav_vehicle import MavVehicle, MessageSource
+from gateways.mavlink.mavlink_dialect import (
+    CONTROL_SYSTEM_MANAGER,
+    CONTROL_TAKEOVER_ALLOWED,
+    REQUEST_OPERATOR_CONTROL,
+    ControlStatus,
+    MavMessage,
+    mavlink,
+)
+from gateways.mavlink.operator_control import Owner
+from gateways.mavlink.robot_port import Answered
+from protocol.wire.enums import Severity
+from runtime.units import NS_PER_S
+
+MIN_ANSWER_S: Final = 3.0
+MAX_ANSWER_S: Final = 60.0
+ANSWER_S: Final = 10.0
+"""The time for the owner's answer, if the client gives none."""
+NO_SECONDARY: Final = (0,) * 10
+
+
+class Asked(NamedTuple):
+    """A request that was sent to the owner and waits for its answer."""
+
+    requester: Sender
+    owner: Owner
+    until_ns: int
+
+
+class OperatorCommands:
+    """Requests and releases control for clients, and reports the owner to all of them."""
+
+    handles = ()
+
+    def __init__(self, vehicle: MavVehicle) -> None:
+        self._vehicle = vehicle
+        self._sent = (0, 0)
+        self._asked: Asked | None = None
+        vehicle.catalogue.add(
+            MessageSource(ControlStatus.id, self._build, rate_hz=1.0, slow_hz=1.0)
+        )
+
+    @property
+    def table(self) -> CommandTable:
+        """The command by its number; each repetition is a separate request."""
+        row = CommandRow(self._change, repeats=True)
+        return MappingProxyType({REQUEST_OPERATOR_CONTROL: row})
+
+    def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
+        """Take no message."""
+
+    def due(self, now_ns: int) -> None:
+        """Send the status to all clients at once if it has changed."""
+        if self._asked is not None and now_ns >= self._asked.until_ns:
+            self._asked = None
+        if self._state() != self._sent:
+            self._sent = self._state()
+            for message in self._build(now_ns):
+                self._vehicle.outbox.send(message)
+
+    def forget(self, client: int) -> None:
+        """Drop the request of a client that has disconnected."""
+        if self._asked is not None and self._asked.requester.client == client:
+            self._asked = None
+
+    def _state(self) -> tuple[int, int]:
+        """Return the flags, and the system id in control."""
+        control = self._vehicle.control
+        flags = CONTROL_SYSTEM_MANAGER
+        flags |= CONTROL_TAKEOVER_ALLOWED if control.takeover_allowed else 0
+        if control.owner is not None:
+            return flags, control.owner.system
+        return flags, self._vehicle.system if control.is_foreign else 0
+
+    def _build(self, now_ns: int) -> Sequence[MavMessage]:
+        flags, main = self._state()
+        return (ControlStatus(flags, main, list(NO_SECONDARY)),)
+
+    def _change(self, call: CommandCall, reply: CommandReply) -> None:
+        action, requester = whole(call.param1), whole(call.param4)
+        if requester not in (0, call.sender.system):
+            reply.result(DENIED, "parameter 4 must be the system id of the sender")
+        elif action == 0:
+            self._vehicle.control.release(call.sender, reply.ended)
+        elif action == 1 and call.param2 in (0.0, 1.0):
+            self._request(call, reply)
+        else:
+            words = "parameter 1 must be 0 to release or 1 to request, parameter 2 0 or 1"
+            reply.result(DENIED, words)
+
+    def _request(self, call: CommandCall, reply: CommandReply) -> None:
+        control, owner = self._vehicle.control, self._vehicle.control.owner
+
+        def ended(answered: Answered) -> None:
+            if answered.ok:
+                reply.result(ACCEPTED)
+            elif owner is None or control.owner != owner or owner.system == call.sender.system:
+                reply.result(FAILED, answered.text)
+            else:
+                self._ask(owner, call)
+                words = f"MAVLink {owner.system} has control and is asked to permit it"
+                reply.result(FAILED, words, Severity.INFO)
+
+        control.request(call.sender, allow_takeover=call.param2 == 1.0, done=ended)
+
+    def _ask(self, owner: Owner, call: CommandCall) -> None:
+        """Send the request on to the owner, once within the time for the answer."""
+        asked = self._asked
+        if asked is not None and (asked.requester, asked.owner) == (call.sender, owner):
+            return
+        given_s = call.param3 if isfinite(call.param3) and call.param3 > 0 else ANSWER_S
+        seconds = min(max(given_s, MIN_ANSWER_S), MAX_ANSWER_S)
+        self._asked = Asked(call.sender, owner, call.now_ns + round(seconds * NS_PER_S))
+        request = mavlink.MAVLink_command_long_message(
+            owner.system, 0, REQUEST_OPERATOR_CONTROL, 0,
+            1.0, call.param2, seconds, float(call.sender.system), 0.0, 0.0, 0.0,
+        )  # fmt: skip
+        self._vehicle.outbox.send(request, owner.client)

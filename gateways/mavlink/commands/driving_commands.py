@@ -1,0 +1,222 @@
+"""Commands that choose a mode, start or pause a drive, or limit its speed.
+
+Commands for GUIDED: a place to drive to, or a heading and a speed.
+"""
+
+from math import radians
+from types import MappingProxyType
+from typing import Final
+
+from gateways.mavlink.ardupilot import MODES_BY_NUMBER, RTL
+from gateways.mavlink.commands.command_protocol import (
+    ACCEPTED,
+    DENIED,
+    FAILED,
+    UNSUPPORTED_FRAME,
+    CommandCall,
+    CommandReply,
+    CommandRow,
+    CommandTable,
+    is_unset,
+    whole,
+)
+from gateways.mavlink.coordinates import heading_of
+from gateways.mavlink.mav_vehicle import MavVehicle
+from gateways.mavlink.mavlink_dialect import mavlink
+from gateways.mavlink.motion.guided import GuidedDrive
+from gateways.mavlink.motion.pilot import Pilot
+from gateways.mavlink.motion.setpoints import (
+    SPEED,
+    SetpointError,
+    Velocity,
+    place_goal,
+    pose_in,
+    require_finite,
+    world_heading,
+)
+from gateways.mavlink.robot_port import OVERTAKEN, Answered
+from ground.client.goal import Destination
+from ground.client.operations import ResetParameter, Resume, SetParameter
+from protocol.wire.enums import Mode
+
+UNCHANGED: Final = -1
+DEFAULT: Final = -2
+GROUND_SPEEDS: Final = (mavlink.SPEED_TYPE_AIRSPEED, mavlink.SPEED_TYPE_GROUNDSPEED)
+MODE_NAMES: Final = "MANUAL 0, HOLD 4, AUTO 10, RTL 11, SMART_RTL 12, GUIDED 15"
+
+
+class DrivingCommands:
+    """The handlers, on one pilot."""
+
+    def __init__(self, vehicle: MavVehicle, pilot: Pilot) -> None:
+        self._vehicle = vehicle
+        self._pilot = pilot
+
+    @property
+    def table(self) -> CommandTable:
+        """The commands by their numbers."""
+        return MappingProxyType(
+            {
+                mavlink.MAV_CMD_DO_SET_MODE: CommandRow(self._set_mode, stops=is_hold),
+                mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: CommandRow(self._return_home),
+                mavlink.MAV_CMD_MISSION_START: CommandRow(self._start_mission),
+                mavlink.MAV_CMD_DO_PAUSE_CONTINUE: CommandRow(self._pause_continue, stops=is_pause),
+                mavlink.MAV_CMD_DO_CHANGE_SPEED: CommandRow(self._change_speed, outlasts=True),
+                mavlink.MAV_CMD_DO_SET_REVERSE: CommandRow(self._set_reverse, outlasts=True),
+            }
+        )
+
+    def _set_mode(self, call: CommandCall, reply: CommandReply) -> None:
+        number = whole(call.param2)
+        mode = None if number is None else MODES_BY_NUMBER.get(number)
+        if mode is None or number is None:
+            reply.result(DENIED, f"no mode {call.param2:g}: use {MODE_NAMES}")
+        else:
+            self._pilot.set_mode(mode, number, call.sender, reply.ended)
+
+    def _return_home(self, call: CommandCall, reply: CommandReply) -> None:
+        self._pilot.return_home(RTL, call.sender, reply.ended)
+
+    def _start_mission(self, call: CommandCall, reply: CommandReply) -> None:
+        if is_unset(call.param1) and is_unset(call.param2):
+            self._pilot.start_mission(call.sender, reply.ended)
+        else:
+            words = "first and last item must be 0: set the current item, then start"
+            reply.result(DENIED, words)
+
+    def _pause_continue(self, call: CommandCall, reply: CommandReply) -> None:
+        if call.param1 == 0.0:
+            self._pilot.hold(call.sender, reply.ended)
+        elif call.param1 == 1.0:
+            self._vehicle.perform(call.sender, Resume(), reply.ended)
+        else:
+            reply.result(DENIED, "parameter 1 must be 0 to pause or 1 to continue")
+
+    def _change_speed(self, call: CommandCall, reply: CommandReply) -> None:
+        kind, speed_m_s = call.param1, call.param2
+        if kind == kind and kind not in GROUND_SPEEDS:
+            reply.result(DENIED, "only the ground speed can be changed: parameter 1 must be 0 or 1")
+        elif speed_m_s == UNCHANGED:
+            self._vehicle.control.ensure(call.sender, reply.ended)
+        elif speed_m_s == DEFAULT:
+            self._vehicle.perform(call.sender, ResetParameter(name=SPEED), reply.ended)
+        else:
+            self._vehicle.perform(
+                call.sender, SetParameter(name=SPEED, value=speed_m_s), reply.ended
+            )
+
+    def _set_reverse(self, call: CommandCall, reply: CommandReply) -> None:
+        if call.param1 == 0.0:
+            reply.result(ACCEPTED)
+        else:
+            reply.result(DENIED, "the robot drives to its goals forwards only")
+
+
+def is_hold(call: CommandCall) -> bool:
+    """Return whether a DO_SET_MODE only stops the robot."""
+    return call.param2 == Mode.HOLD
+
+
+def is_pause(call: CommandCall) -> bool:
+    """Return whether a DO_PAUSE_CONTINUE only stops the robot."""
+    return call.param1 == 0.0
+
+
+CHANGE_MODE: Final = 1
+RELATIVE_YAW: Final = 2
+"""Flags of parameter 2 of DO_REPOSITION."""
+OUTSIDE: Final = "only in mode GUIDED"
+
+
+class GuidingCommands:
+    """The handlers for one vehicle."""
+
+    def __init__(self, vehicle: MavVehicle, pilot: Pilot, drive: GuidedDrive) -> None:
+        self._vehicle = vehicle
+        self._pilot = pilot
+        self._drive = drive
+
+    @property
+    def table(self) -> CommandTable:
+        """The commands by their numbers."""
+        return MappingProxyType(
+            {
+                mavlink.MAV_CMD_DO_REPOSITION: CommandRow(self._reposition),
+                mavlink.MAV_CMD_NAV_SET_YAW_SPEED: CommandRow(self._yaw_and_speed),
+            }
+        )
+
+    def _reposition(self, call: CommandCall, reply: CommandReply) -> None:
+        flags = whole(call.param2) or 0
+        if not (flags & CHANGE_MODE or self._is_guided):
+            reply.result(DENIED, f"{OUTSIDE}, or with the flag that changes the mode")
+            return
+        if not call.is_global:
+            reply.result(UNSUPPORTED_FRAME, f"frame {call.frame} is not global")
+            return
+        try:
+            goal = self._goal(call, is_relative=bool(flags & RELATIVE_YAW))
+            speed_m_s = speed_in(call.param1)
+        except SetpointError as error:
+            reply.result(DENIED, str(error))
+            return
+        if speed_m_s is None:
+            self._pilot.goto(goal, call.sender, reply.ended)
+        else:
+            self._drive_at(speed_m_s, goal, call, reply)
+
+    def _goal(self, call: CommandCall, *, is_relative: bool) -> Destination:
+        pose = pose_in(self._vehicle.snapshot.odometry) if is_relative else None
+        heading_rad = world_heading(call.param4, pose)
+        origin = self._vehicle.origin
+        return place_goal(origin, call.latitude_deg, call.longitude_deg, heading_rad)
+
+    def _drive_at(
+        self, speed_m_s: float, goal: Destination, call: CommandCall, reply: CommandReply
+    ) -> None:
+        control = self._vehicle.control
+        stops = control.stops
+
+        def limited(answered: Answered) -> None:
+            if answered.ok and control.stops != stops:
+                reply.ended(Answered(None, OVERTAKEN))
+            elif answered.ok:
+                self._pilot.goto(goal, call.sender, reply.ended)
+            else:
+                reply.ended(answered)
+
+        self._vehicle.perform(call.sender, SetParameter(name=SPEED, value=speed_m_s), limited)
+
+    def _yaw_and_speed(self, call: CommandCall, reply: CommandReply) -> None:
+        if not self._is_guided:
+            reply.result(FAILED, OUTSIDE)
+            return
+        try:
+            require_finite((call.param1, call.param2))
+            angle_rad = radians(call.param1)
+            heading_rad = heading_of(angle_rad)
+            if call.param3 > 0.0:
+                heading_rad = pose_in(self._vehicle.snapshot.odometry).heading_rad - angle_rad
+        except SetpointError as error:
+            reply.result(DENIED, str(error))
+            return
+
+        def ensured(answered: Answered) -> None:
+            if answered.ok:
+                velocity = Velocity(call.param2, heading_rad=heading_rad)
+                self._drive.follow(velocity, call.sender, call.now_ns)
+            reply.ended(answered)
+
+        self._vehicle.control.ensure(call.sender, ensured)
+
+    @property
+    def _is_guided(self) -> bool:
+        return self._vehicle.modes.number == Mode.GUIDED
+
+
+def speed_in(value: float) -> float | None:
+    """Return the speed of a DO_REPOSITION; None for one that is not set."""
+    if value != value or value <= 0.0:
+        return None
+    require_finite((value,))
+    return value

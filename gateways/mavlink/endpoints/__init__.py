@@ -1,1 +1,0 @@
-"""The sockets and serial lines of the gateway. Only this package does I/O with clients."""

@@ -1,1 +1,0 @@
-"""Files for clients: the FTP server with its virtual tree, recordings, and the LOG protocol."""

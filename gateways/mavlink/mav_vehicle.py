@@ -1,0 +1,348 @@
+"""The messages that a vehicle can send: the builder and the default rate of each.
+
+A service adds its messages in its constructor. The scheduler sends them, and REQUEST_MESSAGE builds
+one at once; both share the messages that were built in a round.
+
+Texts with the reason of a refusal, at a limited rate for each client.
+
+The mode: the robot's own mode, the newest command, and the mode that clients receive.
+
+One robot as a MAVLink system: the shared state, and the dispatch of messages.
+"""
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple
+
+from gateways.mavlink.mav_service import COMPONENT, MavService, Outbox, Sender
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
+from gateways.mavlink.operator_control import OperatorControl
+from gateways.mavlink.robot_port import KEEPS_FENCE, Answered, Done, RobotPort, Snapshot
+from gateways.mavlink.signing import WATCHING
+from ground.client.operations import ClearFence, Operation
+from ground.missions.mission import Home
+from protocol.wire.enums import Mode, Severity
+from protocol.wire.enums import Vehicle as State
+from runtime.units import NS_PER_MS, NS_PER_S, NS_PER_US
+
+Build = Callable[[int], Sequence[MavMessage]]
+"""Returns the messages of the present round, given its time; none if the values are missing."""
+Prepare = Callable[[Callable[[], None], int], None]
+"""Asks the robot for missing values, and calls back when it has answered or is silent."""
+FRAME_BYTES: Final = 12 + 13
+"""Header, checksum and signature."""
+
+
+class MessageSource(NamedTuple):
+    """One kind of message.
+
+    `rate_hz` is the default rate, and `slow_hz` that on a line too slow for all defaults; at 0 it
+    is sent only on request. `group` is the MAV_DATA_STREAM of REQUEST_DATA_STREAM to which it
+    belongs. `copies` is the number of messages per build. `prepare` obtains missing values.
+    """
+
+    number: int
+    build: Build
+    rate_hz: float = 0.0
+    slow_hz: float = 0.0
+    group: int | None = None
+    copies: int = 1
+    prepare: Prepare | None = None
+
+    @property
+    def largest_bytes(self) -> int:
+        """The size of the frames of one build, at most."""
+        payload: int = mavlink.mavlink_map[self.number].unpacker.size
+        return self.copies * (payload + FRAME_BYTES)
+
+
+class Catalogue:
+    """The sources of one vehicle by the id of their message."""
+
+    def __init__(self) -> None:
+        self._sources: dict[int, MessageSource] = {}
+        self._built: dict[int, Sequence[MavMessage]] = {}
+        self._built_ns = -1
+
+    def add(self, source: MessageSource) -> None:
+        """Add a source, or replace that of the same message."""
+        self._sources[source.number] = source
+
+    def find(self, number: int) -> MessageSource | None:
+        """Return the source of a message."""
+        return self._sources.get(number)
+
+    def is_stream(self, number: int) -> bool:
+        """Return whether a message is sent periodically, so that one may be dropped."""
+        source = self._sources.get(number)
+        return source is not None and source.rate_hz > 0
+
+    def __iter__(self) -> Iterator[MessageSource]:
+        return iter(self._sources.values())
+
+    def build(self, number: int, now_ns: int) -> Sequence[MavMessage]:
+        """Return the messages of this round; several clients share one build."""
+        if now_ns != self._built_ns:
+            self._built.clear()
+            self._built_ns = now_ns
+        found = self._built.get(number)
+        if found is None:
+            found = self._built[number] = self._sources[number].build(now_ns)
+        return found
+
+
+AGAIN_NS: Final = NS_PER_S
+"""The same text is sent to a client again only after this time."""
+MAX_RECENT: Final = 8
+"""Different texts to one client within that time."""
+
+
+class Refusals:
+    """Sends texts of refusals; drops repetitions, and texts beyond a limit."""
+
+    def __init__(self, outbox: Outbox) -> None:
+        self._outbox = outbox
+        self._recent: dict[int, dict[str, int]] = {}
+
+    def say(
+        self, words: str, client: int, now_ns: int, severity: Severity = Severity.WARNING
+    ) -> None:
+        """Send a text to a client unless the limit is reached."""
+        recent = self._recent.setdefault(client, {})
+        for old in [old for old, sent_ns in recent.items() if now_ns - sent_ns >= AGAIN_NS]:
+            del recent[old]
+        if words in recent or len(recent) >= MAX_RECENT:
+            return
+        recent[words] = now_ns
+        self._outbox.text(severity, words, client)
+
+    def forget(self, client: int) -> None:
+        """Drop the state of a client that has disconnected."""
+        self._recent.pop(client, None)
+
+
+CROSSING_NS: Final = 300 * NS_PER_MS
+"""A status sent before a command may arrive up to this time after its answer."""
+
+
+BY_NUMBER: Final = MappingProxyType({int(mode): mode for mode in Mode})
+
+
+class ShownMode(NamedTuple):
+    """The number that clients receive while the robot is in a mode."""
+
+    mode: Mode
+    number: int
+
+
+class Modes:
+    """Reads the robot's mode, and keeps the number that clients receive instead of it."""
+
+    def __init__(self) -> None:
+        self._now_ns = 0
+        self._status: Mode | None = None
+        self._commanded: Mode | None = None
+        self._until_ns = 0
+        self._shown: ShownMode | None = None
+        self._next: ShownMode | None = None
+
+    @property
+    def mode(self) -> Mode | None:
+        """The robot's mode, or the one that it has just accepted; None without telemetry."""
+        return self._status if self._commanded is None else self._commanded
+
+    @property
+    def number(self) -> int | None:
+        """The mode that clients receive; None without telemetry."""
+        return self.number_of(self.mode)
+
+    def number_of(self, mode: Mode | None) -> int | None:
+        """Return the number that clients receive for a mode of the robot."""
+        if mode is None:
+            return None
+        for shown in (self._shown, self._next):
+            if shown is not None and shown.mode == mode:
+                return shown.number
+        return int(mode)
+
+    def accepted(self, mode: Mode, number: int | None = None) -> None:
+        """Store a mode that the robot has accepted, and the number that clients receive for it."""
+        self._next = None if number is None else ShownMode(mode, number)
+        if self._status == mode:
+            self._shown = self._next
+        if self._status != mode or self._commanded is not None:
+            self._commanded, self._until_ns = mode, self._now_ns + CROSSING_NS
+
+    def show(self, mode: Mode, number: int) -> None:
+        """Send clients this number if the robot passes through a mode before the next one."""
+        self._next = ShownMode(mode, number)
+
+    def show_own(self) -> None:
+        """Send clients the robot's own mode again."""
+        self._shown = self._next = None
+
+    def due(self, snapshot: Snapshot) -> None:
+        """Read the robot's status."""
+        self._now_ns = snapshot.now_ns
+        status = snapshot.status
+        self._status = None if status is None else BY_NUMBER.get(status.mode)
+        if self._commanded is not None:
+            if self._status != self._commanded and self._now_ns < self._until_ns:
+                return
+            self._commanded, self._shown, self._next = None, self._next, None
+        if self._shown is not None and self._shown.mode != self._status:
+            self._shown = None
+
+
+SILENT_NS: Final = NS_PER_S
+"""A robot without telemetry for so long is shown as silent; shorter gaps are delays."""
+DOUBT_NS: Final = NS_PER_S
+"""Least time between two texts about stops whose time stamp is doubtful."""
+ANY: Final = 0
+"""The target that addresses every system, or every component."""
+
+
+class MavVehicle:
+    """The state that the protocols of one robot share; `snapshot` is that of the present round.
+
+    `origin` is the place on the globe of the robot's (0, 0), `origin_altitude_m` its height above
+    the sea, and `home` the local x and y of the home position, perhaps chosen by a client.
+    `clients` holds the capacity of each client's line in bytes per second, None if it has no limit.
+    `lossy` are the clients whose line loses frames. `parameters` are the robot's values by their
+    names, as far as they are known. `unix_offset_ns` is the time of day minus the time of this
+    process; None without a clock. `commit` is that of this program. `is_armed` is what was seen
+    last: a silent robot that was armed may still drive. `stop_id` names the newest emergency stop
+    that was seen, None before the first status. `has_fence` is False once the robot is seen to have
+    none. `shortest_ns` is the shortest time between two messages of a stream.
+    """
+
+    def __init__(self, system: int, port: RobotPort, origin: Home, now_ns: int) -> None:
+        self.system = system
+        self.port = port
+        self.origin = origin
+        self.origin_altitude_m = 0.0
+        self.home = (0.0, 0.0)
+        self.is_home_chosen = False
+        self.clients: dict[int, int | None] = {}
+        self.lossy: Collection[int] = ()
+        self.parameters: dict[str, float] = {}
+        self.unix_offset_ns: int | None = None
+        self.commit = ""
+        self.has_fence = True
+        self.is_armed = False
+        self.stop_id: int | None = None
+        self.shortest_ns = NS_PER_S
+        self.catalogue = Catalogue()
+        self.outbox = Outbox()
+        self.refusals = Refusals(self.outbox)
+        self.modes = Modes()
+        self.control = OperatorControl(port, self.outbox)
+        self.snapshot = Snapshot(now_ns)
+        self._started_ns = now_ns
+
+    def boot_ns(self, now_ns: int) -> int:
+        """Return the time since the start of the gateway, the time of all messages."""
+        return now_ns - self._started_ns
+
+    def boot_us(self, now_ns: int) -> int:
+        """Return that time as in the fields `time_usec`."""
+        return self.boot_ns(now_ns) // NS_PER_US
+
+    def boot_ms(self, now_ns: int) -> int:
+        """Return that time as in the fields `time_boot_ms`."""
+        return self.boot_ns(now_ns) // NS_PER_MS & 0xFFFFFFFF
+
+    def answer(self, message: MavMessage, client: int) -> None:
+        """Send an answer whose copy does no harm: twice on a lossy line."""
+        for _ in range(2 if client in self.lossy else 1):
+            self.outbox.send(message, client)
+
+    def perform(self, sender: Sender, operation: Operation[Any], done: Done) -> None:
+        """Start an operation for a client that has control or obtains it now.
+
+        An armed robot keeps its fence, which may be replaced but not removed: no single message,
+        perhaps a forged one, makes it drive on without.
+        """
+        if self.is_armed and self.has_fence and isinstance(operation, ClearFence):
+            kept = Answered(None, KEEPS_FENCE)
+            self.control.ensure(sender, lambda answered: done(kept if answered.ok else answered))
+            return
+        self.control.perform(sender, operation, done)
+
+
+class Face:
+    """The protocols of one vehicle."""
+
+    def __init__(self, vehicle: MavVehicle, services: Sequence[MavService]) -> None:
+        self.vehicle = vehicle
+        self._services = tuple(services)
+        self._doubted = 0
+        self._doubt_told_ns: int | None = None
+        self._by_id: dict[int, list[MavService]] = {}
+        for service in self._services:
+            for number in service.handles:
+                self._by_id.setdefault(number, []).append(service)
+
+    @property
+    def handles(self) -> Collection[int]:
+        """The ids of the messages that some protocol takes."""
+        return self._by_id.keys()
+
+    def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
+        """Process a message for this system if its sender has the right to send it.
+
+        A sender with the ids of this vehicle is an echo of it, or a forger.
+        """
+        is_own = (sender.system, sender.component) == (self.vehicle.system, COMPONENT)
+        if is_own:
+            return
+        if sender.may_command and not sender.doubt:
+            self.vehicle.control.heard(sender, now_ns)
+        if not self._is_target(message):
+            return
+        if sender.doubt:
+            self._report(sender.doubt, now_ns)
+        number = message.get_msgId()
+        services = self._by_id.get(number, ())
+        if services and not sender.may_command and number not in WATCHING:
+            self.vehicle.refusals.say(sender.barred, sender.client, now_ns)
+            return
+        for service in services:
+            service.receive(message, sender, now_ns)
+
+    def _report(self, doubt: str, now_ns: int) -> None:
+        """Tell all clients of a stop that may be one for nothing, once a second at most."""
+        self._doubted += 1
+        if self._doubt_told_ns is None or now_ns - self._doubt_told_ns >= DOUBT_NS:
+            self._doubt_told_ns = now_ns
+            words = f"signing: emergency stop obeyed, but its time stamp {doubt}"
+            self.vehicle.outbox.text(Severity.WARNING, f"{words} ({self._doubted} so far)")
+
+    def due(self, now_ns: int) -> None:
+        """Take a new snapshot and process streams, retries and time-outs."""
+        self.vehicle.snapshot = self.vehicle.port.snapshot(now_ns)
+        status = self.vehicle.snapshot.status
+        if status is not None:
+            self.vehicle.is_armed = status.vehicle == State.ACTIVE
+            self.vehicle.stop_id = status.stop_id
+        self.vehicle.modes.due(self.vehicle.snapshot)
+        self.vehicle.control.due(self.vehicle.snapshot, now_ns, self.vehicle.lossy)
+        for service in self._services:
+            service.due(now_ns)
+
+    def join(self, client: int, line_bytes_s: int | None = None) -> None:
+        """Start to send streams to a client; `line_bytes_s` is the capacity of its line."""
+        self.vehicle.clients[client] = line_bytes_s
+
+    def forget(self, client: int) -> None:
+        """Drop the state of a client that has disconnected."""
+        self.vehicle.clients.pop(client, None)
+        self.vehicle.control.forget(client)
+        self.vehicle.refusals.forget(client)
+        for service in self._services:
+            service.forget(client)
+
+    def _is_target(self, message: MavMessage) -> bool:
+        system = getattr(message, "target_system", ANY)
+        component = getattr(message, "target_component", ANY)
+        return system in (ANY, self.vehicle.system) and component in (ANY, COMPONENT)

@@ -1,0 +1,153 @@
+"""The MAV_MISSION_RESULT of each refusal, with the text of its STATUSTEXT.
+
+Answers to the client of a transfer.
+"""
+
+from types import MappingProxyType
+from typing import Final, NamedTuple
+
+from gateways.mavlink.mav_service import NEWCOMER, WATCHER, Sender
+from gateways.mavlink.mav_vehicle import MavVehicle
+from gateways.mavlink.mavlink_dialect import MissionAck, mavlink
+from gateways.mavlink.robot_port import Answered
+from ground.client.operations import TransferOutcome
+from ground.missions.items import ItemPart
+from protocol.wire.enums import Severity
+from protocol.wire.reasons import Reason, reason_text
+from runtime.units import NS_PER_MS
+
+ACCEPTED: Final = mavlink.MAV_MISSION_ACCEPTED
+ERROR: Final = mavlink.MAV_MISSION_ERROR
+"""No mission is taken right now."""
+UNSUPPORTED: Final = mavlink.MAV_MISSION_UNSUPPORTED
+NO_SPACE: Final = mavlink.MAV_MISSION_NO_SPACE
+INVALID: Final = mavlink.MAV_MISSION_INVALID
+SEQUENCE: Final = mavlink.MAV_MISSION_INVALID_SEQUENCE
+DENIED: Final = mavlink.MAV_MISSION_DENIED
+"""No mission is taken from this client."""
+CANCELLED: Final = mavlink.MAV_MISSION_OPERATION_CANCELLED
+
+PART_RESULTS: Final = MappingProxyType(
+    {
+        ItemPart.COMMAND: UNSUPPORTED,
+        ItemPart.PARAM1: mavlink.MAV_MISSION_INVALID_PARAM1,
+        ItemPart.PARAM2: mavlink.MAV_MISSION_INVALID_PARAM2,
+        ItemPart.PARAM3: mavlink.MAV_MISSION_INVALID_PARAM3,
+        ItemPart.PARAM4: mavlink.MAV_MISSION_INVALID_PARAM4,
+        ItemPart.PARAM5: mavlink.MAV_MISSION_INVALID_PARAM5_X,
+        ItemPart.PARAM6: mavlink.MAV_MISSION_INVALID_PARAM6_Y,
+        ItemPart.PARAM7: mavlink.MAV_MISSION_INVALID_PARAM7,
+        ItemPart.FRAME: mavlink.MAV_MISSION_UNSUPPORTED_FRAME,
+        ItemPart.SHAPE: INVALID,
+    }
+)
+REASON_RESULTS: Final = MappingProxyType(
+    {
+        Reason.LEASE_HELD: DENIED,
+        Reason.NO_IDENTITY: DENIED,
+        Reason.GOAL_OUT_OF_RANGE: INVALID,
+        Reason.OUTSIDE_FENCE: INVALID,
+        Reason.TOLERANCE_OUT_OF_RANGE: mavlink.MAV_MISSION_INVALID_PARAM2,
+        Reason.HOLD_OUT_OF_RANGE: mavlink.MAV_MISSION_INVALID_PARAM1,
+        Reason.UNKNOWN_FRAME: mavlink.MAV_MISSION_UNSUPPORTED_FRAME,
+        Reason.UNKNOWN_COMMAND: UNSUPPORTED,
+        Reason.MISSION_ITEM_BAD: SEQUENCE,
+        Reason.MISSION_EMPTY: INVALID,
+        Reason.MISSION_TOO_LONG: NO_SPACE,
+        Reason.FENCE_NOT_SIMPLE: INVALID,
+        Reason.FENCE_LEAVES_ROBOT_OUT: INVALID,
+        Reason.MALFORMED: INVALID,
+    }
+)
+"""The results of reasons; that of all others is ERROR."""
+
+
+class Refusal(NamedTuple):
+    """A result that is not ACCEPTED, with its reason."""
+
+    result: int
+    words: str
+
+
+def refusal_of(answered: Answered, name: str, home_items: int) -> Refusal:
+    """Return the refusal of a request about a `name`, whose items follow `home_items` others."""
+    outcome = answered.outcome
+    number = getattr(outcome, "reason", None)
+    if not isinstance(number, int):
+        is_watcher = answered.error in (WATCHER, NEWCOMER)
+        return Refusal(DENIED if is_watcher else ERROR, f"{name}: {answered.text}")
+    item = outcome.item if isinstance(outcome, TransferOutcome) else None
+    if number == Reason.MISSION_TOO_LONG and item is not None:
+        return Refusal(NO_SPACE, f"{name}: the robot takes at most {item - 1} items")
+    where = name if item is None else f"{name} item {item - 1 + home_items}"
+    holder = getattr(outcome, "holder", "")
+    words = f"{where}: {reason_text(number)}{f': {holder}' if holder else ''}"
+    known = number in REASON_RESULTS
+    return Refusal(REASON_RESULTS[Reason(number)] if known else ERROR, words)
+
+
+AGAIN_NS: Final = (700 * NS_PER_MS, 1400 * NS_PER_MS)
+"""On a lossy line the result of an upload is sent again after these times, unless the client goes
+on: MAVSDK and mavros give up some seconds later, and repeat nothing themselves."""
+ClientKey = tuple[int, int, int, bool]
+
+
+def key_of(sender: Sender) -> ClientKey:
+    """Return the key of a client. A peer with and without the right to command has two keys."""
+    return sender.client, sender.system, sender.component, sender.may_command
+
+
+class Answers:
+    """Sends the result of a transfer, and the reason of a refusal."""
+
+    def __init__(self, vehicle: MavVehicle) -> None:
+        self._vehicle = vehicle
+        self._again: dict[ClientKey, list[tuple[int, Sender, MissionAck]]] = {}
+
+    def acknowledge(
+        self, sender: Sender, kind: int, result: int = ACCEPTED, opaque_id: int = 0
+    ) -> None:
+        """Send a MISSION_ACK."""
+        ack = MissionAck(sender.system, sender.component, result, kind, opaque_id)
+        self._vehicle.outbox.send(ack, sender.client)
+
+    def end(self, sender: Sender, kind: int, result: int, opaque_id: int) -> None:
+        """Send the result of an upload; on a lossy line, plan to repeat that it was accepted.
+
+        A refusal is not repeated: its copy could end the next upload of a client whose first
+        message was lost. A client without the result reports that the upload has failed.
+        """
+        self.acknowledge(sender, kind, result, opaque_id)
+        if result == ACCEPTED and sender.client in self._vehicle.lossy:
+            ack = MissionAck(sender.system, sender.component, result, kind, opaque_id)
+            now_ns = self._vehicle.snapshot.now_ns
+            self._again[key_of(sender)] = [(now_ns + one, sender, ack) for one in AGAIN_NS]
+
+    def heard(self, sender: Sender) -> None:
+        """Repeat nothing more to a client that has gone on."""
+        self._again.pop(key_of(sender), None)
+
+    def due(self, now_ns: int) -> None:
+        """Repeat what is due."""
+        for key, planned in list(self._again.items()):
+            at_ns, sender, ack = planned[0]
+            if now_ns >= at_ns:
+                self._vehicle.outbox.send(ack, sender.client)
+                self._again[key] = planned[1:]
+            if not self._again[key]:
+                del self._again[key]
+
+    def forget(self, client: int) -> None:
+        """Drop what is kept for a client that has gone."""
+        for key in [key for key in self._again if key[0] == client]:
+            del self._again[key]
+
+    def refuse(self, sender: Sender, kind: int, refusal: Refusal) -> None:
+        """Send a MISSION_ACK with a result, and a STATUSTEXT with the reason."""
+        self.say(sender, refusal.words)
+        self.acknowledge(sender, kind, refusal.result)
+
+    def say(self, sender: Sender, words: str, severity: Severity = Severity.WARNING) -> None:
+        """Send a STATUSTEXT to a client."""
+        vehicle = self._vehicle
+        vehicle.refusals.say(words, sender.client, vehicle.snapshot.now_ns, severity)

@@ -1,0 +1,281 @@
+"""Downloads of one kind: the client asks for items by MISSION_REQUEST or MISSION_REQUEST_INT.
+
+The mission protocol: pass each message to its kind: mission, fence, or rally points.
+"""
+
+from typing import Any, Final
+
+from gateways.mavlink.mav_service import Sender
+from gateways.mavlink.mav_vehicle import MavVehicle
+from gateways.mavlink.mavlink_dialect import MavMessage, MissionCount, mavlink
+from gateways.mavlink.missions.plan_answers import (
+    ACCEPTED,
+    CANCELLED,
+    DENIED,
+    ERROR,
+    SEQUENCE,
+    UNSUPPORTED,
+    Answers,
+    ClientKey,
+    Refusal,
+    key_of,
+    refusal_of,
+)
+from gateways.mavlink.missions.plan_items import item_message
+from gateways.mavlink.missions.plan_kinds import HOME, ItemKind, MissionKind
+from gateways.mavlink.missions.plan_uploads import Uploads
+from gateways.mavlink.robot_port import Answered
+
+MAX_WAITING: Final = 16
+"""Requests of all clients that wait for the robot."""
+
+
+class Downloads:
+    """Sends items, unless another client uploads."""
+
+    def __init__(
+        self, vehicle: MavVehicle, kind: ItemKind[Any, Any], uploads: Uploads, answers: Answers
+    ) -> None:
+        self._vehicle = vehicle
+        self._kind = kind
+        self._uploads = uploads
+        self._answers = answers
+        self._waiting: set[tuple[ClientKey, int]] = set()
+
+    def count(self, sender: Sender, now_ns: int) -> None:
+        """Send the number of items, as the robot has them now."""
+        if not self._may_read(sender, now_ns):
+            return
+        waiting = (key_of(sender), -1)
+        if self._is_waiting(waiting):
+            return
+        self._waiting.add(waiting)
+
+        def then(values: tuple[Any, ...] | None, why: str) -> None:
+            self._waiting.discard(waiting)
+            if values is None:
+                self._refuse(sender, ERROR, why)
+                return
+            number, kind = len(self._kind.items(values)), self._kind
+            fields = (sender.system, sender.component, number, kind.number, kind.id_of(values))
+            self._vehicle.answer(MissionCount(*fields), sender.client)
+
+        self._kind.copy.latest(then, now_ns)
+
+    def item(self, number: int, sender: Sender, now_ns: int, *, is_int: bool) -> None:
+        """Send one item, in the form that was asked for."""
+        if not self._may_read(sender, now_ns):
+            return
+        waiting = (key_of(sender), number)
+        if self._is_waiting(waiting):
+            return
+        self._waiting.add(waiting)
+
+        def then(values: tuple[Any, ...] | None, why: str) -> None:
+            self._waiting.discard(waiting)
+            items = [] if values is None else list(self._kind.items(values))
+            if number == HOME and not items and isinstance(self._kind, MissionKind):
+                items = [self._kind.home]  # which DroneKit asks for without a mission, too
+            if number < len(items):
+                message = item_message(items[number], self._kind.number, sender, is_int=is_int)
+                self._vehicle.answer(message, sender.client)
+            elif values is None:
+                self._refuse(sender, ERROR, why)
+            else:
+                self._refuse(sender, SEQUENCE, f"there is no item {number}")
+
+        self._kind.copy.known(then, now_ns)
+
+    def forget(self, client: int) -> None:
+        """Drop the waiting requests of a client that has disconnected."""
+        self._waiting = {one for one in self._waiting if one[0][0] != client}
+
+    def _may_read(self, sender: Sender, now_ns: int) -> bool:
+        """Return whether to answer; ignore requests that are older than the client's own upload."""
+        if self._uploads.is_of_other(sender):
+            self._uploads.deny(sender)
+            return False
+        if self._uploads.is_active(sender, now_ns):
+            return False
+        self._uploads.cancel(sender)
+        return True
+
+    def _is_waiting(self, waiting: tuple[ClientKey, int]) -> bool:
+        return waiting in self._waiting or len(self._waiting) >= MAX_WAITING
+
+    def _refuse(self, sender: Sender, result: int, why: str) -> None:
+        refusal = Refusal(result, f"{self._kind.name}: {why}")
+        self._answers.refuse(sender, self._kind.number, refusal)
+
+
+RALLY: Final = mavlink.MAV_MISSION_TYPE_RALLY
+ALL: Final = mavlink.MAV_MISSION_TYPE_ALL
+NO_RALLY: Final = Refusal(UNSUPPORTED, "rally points are not supported")
+MAX_CLEARING: Final = 8
+"""Deletions that wait for the robot."""
+
+COUNT: Final = mavlink.MAVLINK_MSG_ID_MISSION_COUNT
+ITEM: Final = mavlink.MAVLINK_MSG_ID_MISSION_ITEM
+ITEM_INT: Final = mavlink.MAVLINK_MSG_ID_MISSION_ITEM_INT
+REQUEST_LIST: Final = mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_LIST
+REQUEST: Final = mavlink.MAVLINK_MSG_ID_MISSION_REQUEST
+REQUEST_INT: Final = mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_INT
+REQUEST_PARTIAL: Final = mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_PARTIAL_LIST
+WRITE_PARTIAL: Final = mavlink.MAVLINK_MSG_ID_MISSION_WRITE_PARTIAL_LIST
+CLEAR: Final = mavlink.MAVLINK_MSG_ID_MISSION_CLEAR_ALL
+ACK: Final = mavlink.MAVLINK_MSG_ID_MISSION_ACK
+CHANGING: Final = (COUNT, WRITE_PARTIAL, CLEAR)
+
+
+class KindTransfers:
+    """Uploads, downloads and deletions of one kind."""
+
+    def __init__(self, vehicle: MavVehicle, kind: ItemKind[Any, Any], answers: Answers) -> None:
+        self.kind = kind
+        self.uploads = Uploads(vehicle, kind, answers)
+        self.downloads = Downloads(vehicle, kind, self.uploads, answers)
+        self._answers = answers
+
+    def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
+        """Process a message about this kind."""
+        number = message.get_msgId()
+        if number == COUNT:
+            self.uploads.begin(message.count, sender, now_ns)
+        elif number in (ITEM, ITEM_INT):
+            self.uploads.receive(message, sender, now_ns)
+        elif number == REQUEST_LIST:
+            self.downloads.count(sender, now_ns)
+        elif number in (REQUEST, REQUEST_INT):
+            is_int = number == REQUEST_INT
+            self.downloads.item(message.seq, sender, now_ns, is_int=is_int)
+        elif number == WRITE_PARTIAL:
+            self._begin_partly(message.start_index, message.end_index, sender, now_ns)
+        elif number == REQUEST_PARTIAL:
+            words = f"{self.kind.name}: ask for the whole list"
+            self._answers.refuse(sender, self.kind.number, Refusal(UNSUPPORTED, words))
+        elif message.type == CANCELLED:
+            self.uploads.cancel(sender)
+
+    def due(self, now_ns: int) -> None:
+        """Do what is due."""
+        self.kind.copy.due(now_ns)
+        self.uploads.due(now_ns)
+
+    def forget(self, client: int) -> None:
+        """Drop the state of a client that has disconnected."""
+        self.uploads.forget(client)
+        self.downloads.forget(client)
+
+    def _begin_partly(self, first: int, last: int, sender: Sender, now_ns: int) -> None:
+        def then(values: tuple[Any, ...] | None, why: str) -> None:
+            if values is None:
+                words = f"{self.kind.name}: {why}"
+                self._answers.refuse(sender, self.kind.number, Refusal(ERROR, words))
+            else:
+                parts = self.kind.parts(values)
+                self.uploads.begin_partly(first, last, parts, sender, now_ns)
+
+        if self.uploads.is_of_other(sender):
+            self.uploads.deny(sender)
+        elif not self.uploads.is_active(sender, now_ns):
+            self.uploads.cancel(sender)
+            self.kind.copy.latest(then, now_ns)
+
+
+class MissionProtocol:
+    """Missions and fences of one vehicle; there are no rally points."""
+
+    handles = (
+        *(COUNT, ITEM, ITEM_INT, REQUEST_LIST, REQUEST, REQUEST_INT),
+        *(REQUEST_PARTIAL, WRITE_PARTIAL, CLEAR, ACK),
+    )
+
+    def __init__(self, vehicle: MavVehicle, *kinds: ItemKind[Any, Any]) -> None:
+        self._vehicle = vehicle
+        self._answers = Answers(vehicle)
+        self._kinds = {kind.number: KindTransfers(vehicle, kind, self._answers) for kind in kinds}
+        self._clearing: set[tuple[ClientKey, int]] = set()
+
+    def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
+        """Process a message of the mission protocol."""
+        self._answers.heard(sender)
+        number, found = message.mission_type, self._kinds.get(message.mission_type)
+        if message.get_msgId() in CHANGING and not sender.may_command:
+            self._answers.refuse(sender, number, Refusal(DENIED, sender.barred))
+        elif message.get_msgId() == CLEAR:
+            self._clear(number, sender, now_ns)
+        elif found is not None:
+            found.receive(message, sender, now_ns)
+        else:
+            self._refuse_kind(message, number, sender)
+
+    def due(self, now_ns: int) -> None:
+        """Do what is due."""
+        self._answers.due(now_ns)
+        for transfers in self._kinds.values():
+            transfers.due(now_ns)
+
+    def forget(self, client: int) -> None:
+        """Drop the state of a client that has disconnected."""
+        self._answers.forget(client)
+        for transfers in self._kinds.values():
+            transfers.forget(client)
+
+    def _refuse_kind(self, message: MavMessage, number: int, sender: Sender) -> None:
+        """Answer about rally points, of which there are none, or about an unknown kind."""
+        asked, is_rally = message.get_msgId(), number == RALLY
+        if asked == ACK:
+            return
+        if asked == REQUEST_LIST and is_rally:
+            count = mavlink.MAVLink_mission_count_message(sender.system, sender.component, 0, RALLY)
+            self._vehicle.outbox.send(count, sender.client)
+        elif asked == COUNT and is_rally and message.count == 0:
+            self._answers.acknowledge(sender, RALLY)
+        elif asked in (REQUEST, REQUEST_INT) and is_rally:
+            self._answers.acknowledge(sender, RALLY, SEQUENCE)
+        else:
+            unknown = Refusal(UNSUPPORTED, f"there is no mission type {number}")
+            self._answers.refuse(sender, number, NO_RALLY if is_rally else unknown)
+
+    def _clear(self, number: int, sender: Sender, now_ns: int) -> None:
+        """Delete all items of a kind, or of all kinds.
+
+        A deletion that arrives during the client's own upload is a copy of an earlier one.
+        """
+        chosen = [one for key, one in self._kinds.items() if number in (key, ALL)]
+        denying = [one for one in chosen if one.uploads.is_of_other(sender)]
+        waiting = (key_of(sender), number)
+        if denying:
+            denying[0].uploads.deny(sender)
+        elif number == RALLY:
+            self._answers.acknowledge(sender, RALLY)
+        elif not chosen:
+            words = f"there is no mission type {number}"
+            self._answers.refuse(sender, number, Refusal(UNSUPPORTED, words))
+        elif len(self._clearing) >= MAX_CLEARING:
+            self._answers.refuse(sender, number, Refusal(ERROR, "too many requests at once"))
+        elif waiting not in self._clearing and not any(
+            one.uploads.is_active(sender, now_ns) for one in chosen
+        ):
+            self._clearing.add(waiting)
+            self._clear_next(chosen, number, sender)
+
+    def _clear_next(self, kinds: list[KindTransfers], number: int, sender: Sender) -> None:
+        transfers, *rest = kinds
+        transfers.uploads.cancel(sender)
+        kind = transfers.kind
+
+        def ended(answered: Answered) -> None:
+            if answered.ok:
+                kind.accepted((), answered, self._vehicle.snapshot.now_ns)
+            if answered.ok and rest:
+                self._clear_next(rest, number, sender)
+                return
+            self._clearing.discard((key_of(sender), number))
+            if answered.ok:
+                self._answers.acknowledge(sender, number, ACCEPTED)
+            else:
+                refusal = refusal_of(answered, kind.name, kind.home_items)
+                self._answers.refuse(sender, number, refusal)
+
+        self._vehicle.perform(sender, kind.clearing(), ended)

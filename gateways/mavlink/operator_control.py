@@ -1,0 +1,388 @@
+"""Whether the client in control is still there: any frame of it tells, and PING asks for one.
+
+QGroundControl and MAVSDK answer PING. MAVProxy and most scripts answer nothing, and send one
+HEARTBEAT a second.
+
+Operator control: one client of the gateway at a time holds the robot's lease.
+
+The first state-changing command takes the lease if it is free. The gateway sends the operator's
+heartbeat to the robot while frames of the client in control arrive. Without them, the robot reacts
+as to the loss of any operator. An emergency stop needs no control, and neither does a command that
+only stops. Control passes from client to client of the gateway under the same lease.
+"""
+
+from collections.abc import Collection
+from typing import Any, Final, NamedTuple
+
+from gateways.mavlink.mav_service import Outbox, Sender
+from gateways.mavlink.mavlink_dialect import mavlink
+from gateways.mavlink.robot_port import OVERTAKEN, STOPS, Answered, Done, RobotPort, Snapshot
+from ground.client.operations import Operation
+from ground.client.operations.lease_holder import is_ours
+from ground.client.requests import HeartbeatTimer
+from ground.client.results import Accepted, Refused
+from protocol.wire.enums import LeaseAction, Severity
+from protocol.wire.limits import OPERATOR_LOST_MS
+from protocol.wire.reasons import Reason
+from runtime.units import NS_PER_MS, NS_PER_S, NS_PER_US
+
+SILENCE_NS: Final = 3_500 * NS_PER_MS
+"""Without a frame of the client for so long, the robot gets no heartbeat of its operator any more.
+It misses it 1.5 s later, so that both together are the 5 s of ArduPilot's FS_GCS_TIMEOUT."""
+PATIENCE_NS: Final = 7_000 * NS_PER_MS
+"""The same on a line that loses frames, for a client that answers no PING. If a fifth of its
+heartbeats is lost, four in a row are lost five times in an hour, and eight once in a week."""
+LOST_NS: Final = OPERATOR_LOST_MS * NS_PER_MS
+"""A client that is heard again within this time stays in control: the robot has not missed it."""
+QUIET_NS: Final = 1_200 * NS_PER_MS
+"""After this silence, longer than the time between two heartbeats, the client is asked by PING."""
+ASK_NS: Final = 200 * NS_PER_MS
+MAX_QUESTIONS: Final = 5
+"""So often a new client in control is asked once a second, to learn whether it answers."""
+
+
+class ClientPresence:
+    """What was heard of a client, `station`, since it took control."""
+
+    def __init__(self, station: Sender, now_ns: int) -> None:
+        self.station = station
+        self.heard_ns = now_ns
+        self._answers = False
+        self._asked_ns = now_ns - NS_PER_S
+        self.questions = 0
+
+    def heard(self, now_ns: int) -> None:
+        """Note a frame."""
+        self.heard_ns = now_ns
+
+    def answered(self) -> None:
+        """Note an answer to PING."""
+        self._answers = True
+
+    def silent_ns(self, now_ns: int) -> int:
+        """Return the time since the last frame."""
+        return now_ns - self.heard_ns
+
+    def limit_ns(self, *, is_lossy: bool) -> int:
+        """Return the silence after which the client counts as gone, by the state of its line."""
+        return PATIENCE_NS if is_lossy and not self._answers else SILENCE_NS
+
+    def must_ask(self, now_ns: int, *, is_doubted: bool) -> bool:
+        """Return whether to send a PING now; `is_doubted`: another one claims to be this client."""
+        is_quiet = is_doubted or self.silent_ns(now_ns) >= QUIET_NS
+        is_new = not self._answers and self.questions < MAX_QUESTIONS
+        every_ns = ASK_NS if is_quiet else NS_PER_S
+        if not (is_quiet or is_new) or now_ns - self._asked_ns < every_ns:
+            return False
+        self._asked_ns = now_ns
+        self.questions += 1
+        return True
+
+
+CROSSING_NS: Final = 300 * NS_PER_MS
+"""A lease status sent before a change may arrive up to this time after it."""
+GONE_NS: Final = 1_100 * NS_PER_MS
+RETURN_NS: Final = 900 * NS_PER_MS
+"""A client that comes back with the same ids from another address gets control once the old address
+has been silent for GONE_NS, or for RETURN_NS since the request."""
+MAX_TAKING: Final = 64
+"""Requests for control that wait for the robot; more are refused."""
+BUSY: Final = "too many requests for control at once"
+SAME_IDS: Final = (
+    "the same ids {0}/{1} are in control from another address: give each ground station ids of its"
+    f" own; after a restart wait {SILENCE_NS / NS_PER_S:g} s, or sign"
+)
+ANYONE: Final = 0
+"""The target of a PING that asks for an answer."""
+
+
+class Owner(NamedTuple):
+    """The client in control: a peer, and the system id that it uses."""
+
+    client: int
+    system: int
+
+
+class OperatorControl:
+    """Keep the owner, take and release the lease, and send the operator's heartbeat."""
+
+    def __init__(self, port: RobotPort, outbox: Outbox) -> None:
+        self._presence: ClientPresence | None = None
+        self._is_there = False
+        self._takeover_allowed = True
+        self._port = port
+        self._outbox = outbox
+        self._snapshot: Snapshot | None = None
+        self._now_ns = self._changed_ns = 0
+        self._taking: list[tuple[Sender, Done]] = []
+        self._returning: list[tuple[Sender, Done]] = []
+        self._returning_ns = 0
+        self._heartbeat = HeartbeatTimer()
+        self._stopping = 0
+        self.stops = 0
+        """How often clients have asked the robot to stop, without an emergency stop."""
+        self.serial = 0
+        """Counts what clients have made the robot do, and changes of control."""
+
+    @property
+    def owner(self) -> Owner | None:
+        """The client in control, if it is there."""
+        station = None if self._presence is None else self._presence.station
+        return Owner(station.client, station.system) if station and self._is_there else None
+
+    @property
+    def is_foreign(self) -> bool:
+        """True if an operator on the bus, such as one in the app, holds the lease."""
+        lease = None if self._snapshot is None else self._snapshot.lease
+        return lease is not None and bool(lease.held) and not is_ours(lease, self._port.identity)
+
+    @property
+    def takeover_allowed(self) -> bool:
+        """True if a request for control is granted without asking the owner."""
+        return not self.is_foreign if self.owner is None else self._takeover_allowed
+
+    def holds(self, sender: Sender) -> bool:
+        """Return whether the sender is in control."""
+        return self.owner == Owner(sender.client, sender.system)
+
+    def heard(self, sender: Sender, now_ns: int) -> None:
+        """Record the time of a message of a client; its owner that was silent is there again."""
+        self._now_ns = now_ns
+        presence = self._presence
+        if presence is not None and is_same_client(presence.station, sender):
+            presence.heard(now_ns)
+            self._is_there = True
+
+    def answered(self, sender: Sender) -> None:
+        """Note an answer to PING."""
+        if self._presence is not None and self.holds(sender):
+            self._presence.answered()
+
+    def perform(self, sender: Sender, operation: Operation[Any], done: Done) -> None:
+        """Start an operation.
+
+        Take control first if it moves the robot and no client has control.
+        """
+        if not sender.may_command:
+            done(Answered(None, sender.barred))
+        elif not operation.moves or self.holds(sender):
+            self._perform(operation, done)
+        else:
+            stops = self.stops
+            self.ensure(sender, lambda answer: self._go_on(answer, operation, done, stops))
+
+    def _go_on(self, answer: Answered, operation: Operation[Any], done: Done, stops: int) -> None:
+        if not answer.ok:
+            done(answer)
+        elif self.stops != stops:
+            done(Answered(None, OVERTAKEN))
+        else:
+            self._perform(operation, done)
+
+    def _perform(self, operation: Operation[Any], done: Done) -> None:
+        self.serial += operation.moves
+        if not isinstance(operation, STOPS):
+            self._port.perform(operation, done)
+            return
+
+        def stopped(answered: Answered) -> None:
+            self._stopping -= 1
+            done(answered)
+
+        self.stops += 1
+        self._stopping += 1
+        self._port.perform(operation, stopped)
+
+    @property
+    def is_stopping(self) -> bool:
+        """True while the robot has not answered a request to stop."""
+        return self._stopping > 0
+
+    def refusal(self, sender: Sender) -> Answered | None:
+        """Return why the sender cannot have control because of another client; None if it can."""
+        station = None if self.owner is None or self._presence is None else self._presence.station
+        if station is None or self.holds(sender) or is_back(station, sender):
+            return None
+        return held_by(station, sender)
+
+    def ensure(self, sender: Sender, done: Done) -> None:
+        """Give control to the sender if no other client has it.
+
+        A client that has come back with the same ids from another address gets it as soon as the
+        old address is silent. Otherwise `done` receives the refusal.
+        """
+        refusal = self.refusal(sender)
+        if not sender.may_command:
+            done(Answered(None, sender.barred))
+        elif self.holds(sender):
+            done(Answered(Accepted(0)))
+        elif refusal is not None:
+            done(refusal)
+        elif self.owner is None:
+            self._take(sender, done)
+        elif len(self._returning) >= MAX_TAKING:
+            done(Answered(None, BUSY))
+        else:
+            if not self._returning:
+                self._returning_ns = self._now_ns
+            self._returning.append((sender, done))
+
+    def request(self, sender: Sender, *, allow_takeover: bool, done: Done) -> None:
+        """Give control to the sender if that is permitted.
+
+        Set whether others may take it over.
+        """
+
+        def granted(answer: Answered) -> None:
+            if answer.ok and self.holds(sender):
+                self._takeover_allowed = allow_takeover
+            done(answer)
+
+        if self.owner is None or self.holds(sender) or not self.takeover_allowed:
+            self.ensure(sender, granted)
+        elif not sender.may_command:
+            done(Answered(None, sender.barred))
+        else:
+            self._take(sender, granted)
+
+    def release(self, sender: Sender, done: Done) -> None:
+        """Give back the lease if the sender is in control."""
+        if self.holds(sender):
+            self._lose()
+            self._port.change_lease(LeaseAction.RELEASE, "", done)
+        elif self._presence is None or self.owner is None:
+            done(Answered(Accepted(0)))
+        else:
+            done(held_by(self._presence.station, sender))
+
+    def _take(self, sender: Sender, done: Done) -> None:
+        if len(self._taking) >= MAX_TAKING:
+            done(Answered(None, BUSY))
+            return
+        self._taking.append((sender, done))
+        if len(self._taking) == 1:
+            self._port.change_lease(
+                LeaseAction.TAKE, name_of(sender), lambda answer: self._taken(sender, answer)
+            )
+
+    def _taken(self, sender: Sender, answer: Answered) -> None:
+        waiting, self._taking = self._taking, []
+        if answer.ok:
+            self._give(sender)
+            self._changed_ns = self._now_ns
+            self._port.heartbeat()
+        for other, done in waiting:
+            if answer.ok and not self.holds(other):
+                done(held_by(sender, other))
+            else:
+                done(answer)
+
+    def _give(self, sender: Sender) -> None:
+        """Give control to a client, and tell the one that had it."""
+        before = None if self._presence is None else self._presence.station
+        if before is not None and before.client != sender.client:
+            is_same = ids_of(before) == ids_of(sender)
+            words = (
+                "the same ids from another address have" if is_same else f"{name_of(sender)} has"
+            )
+            self._outbox.text(Severity.WARNING, f"{words} taken control", before.client)
+        self._presence = ClientPresence(sender, self._now_ns)
+        self._is_there = self._takeover_allowed = True
+        self.serial += 1
+
+    def due(self, snapshot: Snapshot, now_ns: int, lossy: Collection[int] = ()) -> None:
+        """Follow the robot's lease status, and send the heartbeat while the owner is heard.
+
+        `lossy` are the clients whose line loses frames.
+        """
+        self._now_ns, self._snapshot = now_ns, snapshot
+        self._let_return(now_ns)
+        presence = self._presence
+        if presence is None:
+            return
+        station, silent_ns = presence.station, presence.silent_ns(now_ns)
+        limit_ns = presence.limit_ns(is_lossy=station.client in lossy)
+        self._is_there = silent_ns < limit_ns
+        if silent_ns >= limit_ns + LOST_NS:
+            words = f"{name_of(station)} was silent for {silent_ns / NS_PER_S:.1f} s"
+            self._outbox.text(Severity.WARNING, f"{words}: it has lost control")
+            self._lose()
+            return
+        lease = snapshot.lease
+        is_lost = lease is not None and not is_ours(lease, self._port.identity)
+        if is_lost and now_ns > self._changed_ns + CROSSING_NS:
+            self._lose()
+            return
+        if presence.must_ask(now_ns, is_doubted=bool(self._returning)):
+            fields = now_ns // NS_PER_US, presence.questions, ANYONE, ANYONE
+            self._outbox.send(mavlink.MAVLink_ping_message(*fields), station.client)
+        stamp_ns = 0 if snapshot.status is None else snapshot.status.time_ns
+        if self._is_there and self._heartbeat.due(now_ns, stamp_ns):
+            self._port.heartbeat()
+
+    def _let_return(self, now_ns: int) -> None:
+        """Give control to a client that has come back, or refuse it if the old address is alive."""
+        waiting, presence = self._returning, self._presence
+        if not waiting:
+            return
+        if presence is not None and self.owner is not None:
+            asked_ns = self._returning_ns
+            if presence.heard_ns <= asked_ns:
+                if presence.silent_ns(now_ns) < GONE_NS and now_ns - asked_ns < RETURN_NS:
+                    return
+                self._give(waiting[0][0])
+            else:
+                self._returning = []
+                for sender, done in waiting:
+                    done(held_by(presence.station, sender))
+                return
+        self._returning = []
+        for sender, done in waiting:
+            self.ensure(sender, done)
+
+    def forget(self, client: int) -> None:
+        """Give up control if the client in control has disconnected."""
+        if self._presence is not None and self._presence.station.client == client:
+            self._lose()
+
+    def _lose(self) -> None:
+        """End the heartbeat.
+
+        The robot then acts as configured for the loss of its operator, and the lease expires.
+        """
+        self._presence = None
+        self._is_there, self._takeover_allowed = False, True
+        self.serial += 1
+
+
+def is_same_client(one: Sender, other: Sender) -> bool:
+    """Return whether two messages come from one address and system id."""
+    return (one.client, one.system) == (other.client, other.system)
+
+
+def ids_of(sender: Sender) -> tuple[int, int]:
+    """Return the MAVLink ids of a sender."""
+    return sender.system, sender.component
+
+
+def is_back(station: Sender, sender: Sender) -> bool:
+    """Return whether the sender may be the station in control, at another address.
+
+    A stranger on another computer can use its ids, but not sign.
+    """
+    is_local = station.is_loopback and sender.is_loopback
+    return ids_of(station) == ids_of(sender) and (is_local or sender.is_signed)
+
+
+def held_by(station: Sender, sender: Sender) -> Answered:
+    """Return the refusal of a sender because another client, `station`, is in control."""
+    if ids_of(station) == ids_of(sender):
+        words = SAME_IDS.format(*ids_of(station))
+        return Answered(Refused(Reason.LEASE_HELD, 0), words)
+    which = f"/{station.component}" if station.system == sender.system else ""
+    return Answered(Refused(Reason.LEASE_HELD, 0, f"{name_of(station)}{which}"))
+
+
+def name_of(sender: Sender) -> str:
+    """Return the name of a client for other operators."""
+    return f"MAVLink {sender.system}"

@@ -1,0 +1,144 @@
+"""The interface of the protocols to one robot: its newest telemetry, requests, and the lease.
+
+The reasons why the robot cannot be armed, from its telemetry.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple, Protocol
+
+from ground.client.operations import Abort, Disarm, Hold, Operation
+from ground.client.results import Outcome, Refused
+from protocol.wire.enums import LeaseAction, Vehicle
+from protocol.wire.messages import (
+    CycleReport,
+    LeaseStatus,
+    MissionStatus,
+    NavigatorStatus,
+    PlanarOdometry,
+    SonarScan,
+    Statustext,
+    WheelTicks,
+)
+from protocol.wire.reasons import Reason, reason_text
+
+STOPS: Final = (Abort, Disarm, Hold)
+"""What only stops the robot. It needs neither control nor the lease, and overtakes what waits."""
+NO_TELEMETRY: Final = "no telemetry arrives from the robot"
+"""Why a request is refused at once while the robot is silent."""
+OVERTAKEN: Final = "the robot was stopped before this could begin: send it again"
+"""Why a request that was asked before a stop, and waited, is refused."""
+KEEPS_FENCE: Final = "the fence is removed only while the robot is disarmed"
+HINTS: Final[Mapping[int, str]] = MappingProxyType(
+    {
+        Reason.EMERGENCY_STOPPED: "command 185 with 0 clears it, forced arming too",
+        Reason.NO_GOAL: "Send a goal first",
+    }
+)
+"""Remedies for refusals, in terms of MAVLink ground stations."""
+
+
+class Snapshot(NamedTuple):
+    """The newest telemetry of a robot. A message that is stale or has never arrived is None."""
+
+    now_ns: int
+    status: NavigatorStatus | None = None
+    odometry: PlanarOdometry | None = None
+    scan: SonarScan | None = None
+    wheels: WheelTicks | None = None
+    lease: LeaseStatus | None = None
+    mission: MissionStatus | None = None
+    cycle: CycleReport | None = None
+
+    @property
+    def is_live(self) -> bool:
+        """True if the robot's status is arriving."""
+        return self.status is not None
+
+
+@dataclass(frozen=True, slots=True)
+class Answered:
+    """The end of a request: its outcome, or None with the error if the robot did not answer.
+
+    An `error` beside an outcome says it in other words.
+    """
+
+    outcome: Outcome | None
+    error: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """True if the robot accepted."""
+        return self.outcome is not None and self.outcome.ok
+
+    @property
+    def text(self) -> str:
+        """The outcome or the error, as a text for the user of a MAVLink ground station."""
+        if self.error or self.outcome is None:
+            return self.error
+        if isinstance(self.outcome, Refused):
+            return self.outcome.in_words(HINTS)
+        return self.outcome.text
+
+
+Done = Callable[[Answered], None]
+"""Called once in the gateway's thread, in a later round."""
+
+
+class RobotPort(Protocol):
+    """One robot. No call blocks: other threads do the work that must wait."""
+
+    @property
+    def name(self) -> str:
+        """The robot's name on the bus."""
+
+    @property
+    def identity(self) -> str:
+        """The gateway's operator identity, as the holder in a lease status."""
+
+    def snapshot(self, now_ns: int) -> Snapshot:
+        """Return the newest telemetry."""
+
+    def new_texts(self) -> list[Statustext]:
+        """Return the robot's texts, in pieces, that have arrived since the last call."""
+
+    def perform(self, operation: Operation[Any], done: Done) -> None:
+        """Start an operation; operations of one robot run one after another."""
+
+    def change_lease(self, action: LeaseAction, name: str, done: Done) -> None:
+        """Take, seize or release the lease."""
+
+    def stop(self, done: Done) -> int:
+        """Send the emergency stop before all requests; repeat it until telemetry shows it.
+
+        Return its id, which a clear names.
+        """
+
+    def heartbeat(self) -> None:
+        """Send one operator's heartbeat."""
+
+    def drive(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
+        """Send speeds for MANUAL once; they expire after 250 ms."""
+
+
+EMERGENCY_STOPPED: Final = (
+    f"{reason_text(Reason.EMERGENCY_STOPPED)} ({HINTS[Reason.EMERGENCY_STOPPED]})"
+)
+
+
+def arming_faults(snapshot: Snapshot) -> tuple[str, ...]:
+    """Return the reasons as texts; none if the robot can be armed or is armed.
+
+    Arming again ends a failsafe, so a failsafe is no reason while sensor data arrive.
+    """
+    status = snapshot.status
+    if status is None:
+        return (NO_TELEMETRY,)
+    if status.vehicle == Vehicle.EMERGENCY_STOP:
+        return (EMERGENCY_STOPPED,)
+    if status.vehicle == Vehicle.BOOT or snapshot.scan is None or snapshot.wheels is None:
+        return (reason_text(Reason.NO_SENSES),)
+    if status.vehicle_reason == Reason.FENCE_UNREADABLE:
+        return (reason_text(Reason.FENCE_UNREADABLE),)
+    return ()

@@ -1,1 +1,0 @@
-"""Signatures of MAVLink 2: keys, verification, and the rights of unsigned clients."""

@@ -1,1 +1,0 @@
-"""Telemetry: the messages that a vehicle sends periodically, and their rates for each client."""
