@@ -20,7 +20,7 @@ MAY_IMPORT = {
     "pymunk": ("plant/sim/physics.py",),
     "pymavlink": (
         "gateways/mavlink/mavlink_dialect.py",
-        "vehicle_check/dialect.py",
+        "vehicle_check/mavlink_frames.py",
         "protocol/dialect/",
     ),
     "textual": ("ground/app", "ground/app/widgets"),

@@ -5,13 +5,19 @@ from math import nan
 from typing import Any, Final
 
 from runtime.units import NS_PER_MS
-from vehicle_check.check import Check
-from vehicle_check.dialect import MavMessage, mavlink
-from vehicle_check.missions import MISSION, Item, message_of
-from vehicle_check.plans import moved, outcome, place, sent, small_mission, step_m
-from vehicle_check.rows import driving
-from vehicle_check.session import COMPONENT, result_name
-from vehicle_check.verdict import Findings, Judge, Verdict, not_tried, row
+from vehicle_check import row_steps
+from vehicle_check.ground_stations import COMPONENT, result_name
+from vehicle_check.mavlink_frames import MavMessage, mavlink
+from vehicle_check.row_steps import moved, place, plan_result_name, send_plan, small_mission, step_m
+from vehicle_check.transfers import MISSION, PlanItem, message_of
+from vehicle_check.vehicle_under_test import (
+    Findings,
+    Judge,
+    RowVerdict,
+    VehicleCheck,
+    not_tried,
+    row,
+)
 
 ACCEPTED: Final = mavlink.MAV_RESULT_ACCEPTED
 DENIED: Final = mavlink.MAV_RESULT_DENIED
@@ -29,7 +35,7 @@ ARMED: Final = "the vehicle is armed: give --allow-motion"
 
 
 def reposition(
-    check: Check, at: tuple[int, int], *, as_int: bool, speed: float = -1.0, flags: int = 0
+    check: VehicleCheck, at: tuple[int, int], *, as_int: bool, speed: float = -1.0, flags: int = 0
 ) -> MavMessage:
     """Return DO_REPOSITION with a yaw of NaN, as QGroundControl sends it."""
     target = check.station.address
@@ -41,7 +47,7 @@ def reposition(
     return check.main.command_long(REPOSITION, speed, flags, 0, nan, at[0] / 1e7, at[1] / 1e7, 0)
 
 
-def answer_to(check: Check, message: MavMessage, number: int) -> int | None:
+def answer_to(check: VehicleCheck, message: MavMessage, number: int) -> int | None:
     """Send a command and return its result."""
     found = check.main.ask(message, "COMMAND_ACK", lambda ack: ack.command == number)
     return None if found is None else int(found.message.result)
@@ -51,14 +57,14 @@ def standing(judge: Judge) -> Judge:
     """Judge a row with the vehicle in HOLD; leave one alone that is armed by others."""
 
     @wraps(judge)
-    def judged(check: Check) -> Verdict:
+    def judged(check: VehicleCheck) -> RowVerdict:
         if check.is_armed and not check.options.allow_motion:
             return not_tried(ARMED)
-        driving.stand(check)
+        row_steps.stand(check)
         try:
             return judge(check)
         finally:
-            driving.stand(check)
+            row_steps.stand(check)
 
     return judged
 
@@ -69,7 +75,7 @@ def standing(judge: Judge) -> Judge:
     suffers="QGroundControl, MAVSDK: goto has no effect or is reported as unsupported",
 )
 @standing
-def goto(check: Check) -> Verdict:
+def goto(check: VehicleCheck) -> RowVerdict:
     """Send the command in states in which it must be denied; with motion, drive a step."""
     found = Findings()
     at = moved(place(check), step_m(check), 0.0)
@@ -80,7 +86,7 @@ def goto(check: Check) -> Verdict:
             result = answer_to(check, message, REPOSITION)
             found.expect(result == DENIED, f"{name} {words}: {result_name(result)}")
     if check.options.allow_motion:
-        driving.expect_goto(check, found, reposition)
+        row_steps.expect_goto(check, found, reposition)
     else:
         found.fact("driving not tried")
     return found.verdict()
@@ -92,23 +98,25 @@ def goto(check: Check) -> Verdict:
     suffers="DroneKit simple_goto, MAVProxy, older QGroundControl",
 )
 @standing
-def guided_item(check: Check) -> Verdict:
+def guided_item(check: VehicleCheck) -> RowVerdict:
     """Send the item outside GUIDED, where it must be refused; with motion, drive a step."""
     found = Findings()
     modes = (
         (("HOLD", False), ("GUIDED", True)) if check.options.allow_motion else (("HOLD", False),)
     )
     for mode, is_moving in modes:
-        if is_moving and not driving.start(check, mavlink.ROVER_MODE_GUIDED, found):
+        if is_moving and not row_steps.start(check, mavlink.ROVER_MODE_GUIDED, found):
             break
         for as_float in (True, False):
-            item = Item(mavlink.MAV_CMD_NAV_WAYPOINT, *moved(place(check), step_m(check) / 2, 0.0))
+            item = PlanItem(
+                mavlink.MAV_CMD_NAV_WAYPOINT, *moved(place(check), step_m(check) / 2, 0.0)
+            )
             message = message_of(check.main, item, 0, MISSION, as_float=as_float, current=2)
             ack = check.main.ask(message, "MISSION_ACK")
             result = None if ack is None else int(ack.message.type)
             is_right = result == mavlink.MAV_MISSION_ACCEPTED if is_moving else result is not None
             kind = "ITEM" if as_float else "ITEM_INT"
-            found.expect(is_right, f"{kind} in {mode}: {outcome(result)}")
+            found.expect(is_right, f"{kind} in {mode}: {plan_result_name(result)}")
     return found.verdict()
 
 
@@ -118,14 +126,14 @@ def guided_item(check: Check) -> Verdict:
     suffers="QGroundControl, MAVSDK: mission start",
 )
 @standing
-def mission_start(check: Check) -> Verdict:
+def mission_start(check: VehicleCheck) -> RowVerdict:
     """Start at an item after the last one; with motion, start the mission."""
     found = Findings()
-    sent(check, small_mission(check, spread_m=step_m(check)))
+    send_plan(check, small_mission(check, spread_m=step_m(check)))
     result = check.main.result_of(mavlink.MAV_CMD_MISSION_START, 98, 99)
     found.expect(result not in (None, ACCEPTED, UNSUPPORTED), f"98-99: {result_name(result)}")
     if check.options.allow_motion:
-        driving.expect_mission(check, found, by_command=True)
+        row_steps.expect_mission(check, found, by_command=True)
     else:
         found.fact("starting not tried")
     return found.verdict()
@@ -136,7 +144,7 @@ def mission_start(check: Check) -> Verdict:
     "arming: 21196 forces it; reasons against it as STATUSTEXT 'PreArm: ...'",
     suffers="QGroundControl shows the reasons by this prefix",
 )
-def arming(check: Check) -> Verdict:
+def arming(check: VehicleCheck) -> RowVerdict:
     """Run the checks; with motion, arm and disarm."""
     found = Findings()
     if not check.is_armed:
@@ -154,7 +162,7 @@ def arming(check: Check) -> Verdict:
     if not check.options.allow_motion:
         found.fact("arming not tried")
         return found.verdict()
-    driving.stand(check)
+    row_steps.stand(check)
     for value, name in ((1, "arm"), (0, "disarm")):
         result = check.main.result_of(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, value, FORCE)
         bit = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
@@ -169,7 +177,7 @@ def arming(check: Check) -> Verdict:
     "known commands answered, unknown ones UNSUPPORTED within 100 ms",
     suffers="every client: waits and repeats",
 )
-def answers(check: Check) -> Verdict:
+def answers(check: VehicleCheck) -> RowVerdict:
     """Send commands that change nothing, and one that does not exist."""
     found = Findings()
     speed = mavlink.MAV_CMD_DO_CHANGE_SPEED
@@ -214,7 +222,7 @@ def _is_unknown(ack: Any) -> bool:
     "42428 gives the version as STATUSTEXT; 246 is refused when armed",
     suffers="Mission Planner and MAVProxy banner; DroneKit reboot",
 )
-def banner(check: Check) -> Verdict:
+def banner(check: VehicleCheck) -> RowVerdict:
     """Ask for the banner; with motion, ask an armed vehicle to restart."""
     found = Findings()
     since = check.main.mark()
@@ -225,10 +233,10 @@ def banner(check: Check) -> Verdict:
     found.expect(result == ACCEPTED and has_version, f"42428: {result_name(result)} {text!r}")
     if not check.options.allow_motion:
         found.fact("246 not tried")
-    elif driving.start(check, mavlink.ROVER_MODE_GUIDED, found):
+    elif row_steps.start(check, mavlink.ROVER_MODE_GUIDED, found):
         restart = check.main.result_of(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1)
         found.expect(restart in REFUSALS, f"246 while armed: {result_name(restart)}")
-        driving.stand(check)
+        row_steps.stand(check)
         found.fact("a restart is not tried: it would end the check")
     return found.verdict()
 
@@ -238,7 +246,7 @@ def banner(check: Check) -> Verdict:
     "one ACK for each command, to its sender; a repetition is answered and acts once",
     suffers="QGroundControl repeats commands",
 )
-def one_answer(check: Check) -> Verdict:
+def one_answer(check: VehicleCheck) -> RowVerdict:
     """Count the answers to a command and to its repetition.
 
     On a lossy line a vehicle may send the same answer again before it is asked again.

@@ -1,18 +1,37 @@
-"""Rows 55-57: which ground station is in control, and how control is transferred."""
+"""Rows 55-57: which ground station is in control, and how control is transferred.
+
+Rows 51-54: signed links; only with --signing-key.
+"""
 
 from functools import wraps
-from typing import Final
+from typing import Any, Final
 
-from vehicle_check.check import ONE_CLIENT, Check
-from vehicle_check.dialect import (
+from runtime.units import NS_PER_S
+from vehicle_check import row_steps
+from vehicle_check.ground_stations import GroundStation, result_name
+from vehicle_check.mavlink_frames import (
+    KEY_LENGTH,
     NOT_IN_CONTROL,
     REQUEST_OPERATOR_CONTROL,
     SYSTEM_MANAGER,
     TAKEOVER_ALLOWED,
+    UNITS_PER_S,
+    Signer,
+    is_signed_with,
     mavlink,
-)  # fmt: skip
-from vehicle_check.session import Client, result_name
-from vehicle_check.verdict import Findings, Judge, Verdict, failed, not_applicable, row
+)
+from vehicle_check.rows.log_rows import entries, read_log
+from vehicle_check.vehicle_under_test import (
+    ONE_CLIENT,
+    Findings,
+    Judge,
+    RowVerdict,
+    VehicleCheck,
+    failed,
+    not_applicable,
+    not_tried,
+    row,
+)
 
 ACCEPTED: Final = mavlink.MAV_RESULT_ACCEPTED
 HOLD: Final = mavlink.ROVER_MODE_HOLD
@@ -28,14 +47,14 @@ STOPS: Final = (
 ABSENT: Final = "no CONTROL_STATUS, and 32100 is UNSUPPORTED"
 
 
-def ask_control(client: Client, action: int, takeover: int = 0) -> int | None:
+def ask_control(client: GroundStation, action: int, takeover: int = 0) -> int | None:
     """Request or release control; return the result."""
     return client.result_of(
         REQUEST_OPERATOR_CONTROL, action, takeover, TIMEOUT_S, client.system, within_s=2.0
     )
 
 
-def owner_becomes(check: Check, system: int) -> int | None:
+def owner_becomes(check: VehicleCheck, system: int) -> int | None:
     """Wait until CONTROL_STATUS names an owner; return the newest one."""
     check.main.expect_sent("CONTROL_STATUS", 2.5, lambda one: one.gcs_main == system)
     frame = check.main.latest("CONTROL_STATUS")
@@ -46,7 +65,7 @@ def with_control(judge: Judge) -> Judge:
     """Judge a row unless the vehicle knows nothing of operator control, as ArduPilot 4.7."""
 
     @wraps(judge)
-    def judged(check: Check) -> Verdict:
+    def judged(check: VehicleCheck) -> RowVerdict:
         if "control" not in check.facts:
             is_silent = not check.seen("CONTROL_STATUS")
             check.facts["control"] = not (
@@ -63,7 +82,7 @@ def with_control(judge: Judge) -> Judge:
     suffers="QGroundControl: no indicator of control",
 )
 @with_control
-def control_status(check: Check) -> Verdict:
+def control_status(check: VehicleCheck) -> RowVerdict:
     """Judge rate and flags."""
     if not check.seen("CONTROL_STATUS"):
         return failed("no CONTROL_STATUS")
@@ -81,7 +100,7 @@ def control_status(check: Check) -> Verdict:
     suffers="QGroundControl: control cannot be handed over",
 )
 @with_control
-def handover(check: Check) -> Verdict:
+def handover(check: VehicleCheck) -> RowVerdict:
     """Take control, refuse it to a second ground station, then allow it."""
     if not check.serves_two:
         return not_applicable(ONE_CLIENT)
@@ -117,7 +136,7 @@ def handover(check: Check) -> Verdict:
     suffers="two ground stations steer one vehicle",
 )
 @with_control
-def not_in_control(check: Check) -> Verdict:
+def not_in_control(check: VehicleCheck) -> RowVerdict:
     """Take control, and command from a second ground station."""
     if not check.serves_two:
         return not_applicable(ONE_CLIENT)
@@ -139,4 +158,202 @@ def not_in_control(check: Check) -> Verdict:
         main.result_of(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 0, within_s=2.0)
     ask_control(main, RELEASE)
     owner_becomes(check, 0)
+    return found.verdict()
+
+
+SET_MODE: Final = mavlink.MAV_CMD_DO_SET_MODE
+NEWEST_LOGS: Final = 2
+TAIL_BYTES: Final = 30_000
+NEEDED: Final = "needs --signing-key FILE"
+WRONG_KEY: Final = bytes(range(KEY_LENGTH))
+NO_KEY: Final = bytes(KEY_LENGTH)
+NEW_KEY: Final = bytes(reversed(range(100, 100 + KEY_LENGTH)))
+YEAR_UNITS: Final = 365 * 24 * 3600 * UNITS_PER_S
+WITHIN_S: Final = 1.5
+
+
+def with_key(judge: Judge) -> Judge:
+    """Judge a row only if the judge has the key of the link."""
+
+    @wraps(judge)
+    def judged(check: VehicleCheck) -> RowVerdict:
+        return not_tried(NEEDED) if check.options.key is None else judge(check)
+
+    return judged
+
+
+@row(
+    51,
+    "signing: an unsigned client receives telemetry and cannot command",
+    suffers="all users of an open line",
+)
+@with_key
+def stranger(check: VehicleCheck) -> RowVerdict:
+    """Send commands without a signature and with a wrong key."""
+    found = Findings()
+    own = _keep_mode(check, check.main)
+    found.expect(own == ACCEPTED, f"signed: {result_name(own)}")
+    for name, signer in (("unsigned", None), ("wrong key", Signer(WRONG_KEY, 9, check.stamp()))):
+        client = check.station.connect()
+        client.signer = signer
+        seen = client.greet()
+        result = _keep_mode(check, client)
+        client.beats = False
+        found.expect(result != ACCEPTED, f"{name}: {result_name(result)}")
+        is_right = seen is not None or name != "unsigned"
+        found.expect(is_right, f"{name} {'sees' if seen else 'does not see'} HEARTBEAT")
+    return found.verdict()
+
+
+def _keep_mode(check: VehicleCheck, client: GroundStation) -> int | None:
+    """Choose the mode that the vehicle has: a command that acts, and changes nothing."""
+    return check.set_mode(check.mode, client)
+
+
+def _changed(check: VehicleCheck, client: GroundStation, key: bytes) -> bool:
+    """Set a key, twice as QGroundControl does; return True if a heartbeat confirms it."""
+    since, asker = check.main.mark(), client.mark()
+    target = check.station.address
+    for _ in range(check.station.tries):
+        message = mavlink.MAVLink_setup_signing_message(*target, list(key), check.stamp())
+        for _ in range(2):
+            client.send(message)
+        if _signed_soon(check, key if any(key) else None, since):
+            return True
+        if _refused(client, asker):
+            break
+    return False
+
+
+def _signed_soon(check: VehicleCheck, key: bytes | None, since: int) -> bool:
+    """Wait for a heartbeat signed with a key, or unsigned for None."""
+
+    def is_there() -> bool:
+        frames = check.main.sent("HEARTBEAT", since)
+        if key is None:
+            return any(not one.is_signed for one in frames)
+        return any(one.is_signed and is_signed_with(one.raw, key) for one in frames)
+
+    return check.station.wait(WITHIN_S, is_there)
+
+
+@row(
+    52,
+    "SETUP_SIGNING: confirmed by the next HEARTBEAT; an all-zero key ends signing",
+    suffers="QGroundControl confirms on exactly these",
+)
+@with_key
+def setup(check: VehicleCheck) -> RowVerdict:
+    """Replace the key and restore the old one.
+
+    Try without rights; end signing, and start it again.
+    """
+    if check.is_armed:
+        return not_tried("the vehicle is armed")
+    found = Findings()
+    is_new = _changed(check, check.main, NEW_KEY)
+    found.expect(is_new, f"HEARTBEAT with the new key: {is_new}")
+    if is_new:
+        _restore(check, found, NEW_KEY)
+    _expect_no_strangers_key(check, found)
+    _expect_end(check, found)
+    if check.options.allow_motion and row_steps.start(check, row_steps.GUIDED, found):
+        since = check.main.mark()
+        is_taken = _changed(check, check.main, NEW_KEY)
+        found.expect(not is_taken, f"while armed {'taken' if is_taken else 'refused'}")
+        found.expect(_refused(check.main, since), f"text {check.texts(since)!r}")
+        row_steps.stand(check)
+        if is_taken:
+            _restore(check, found, NEW_KEY)
+    return found.verdict()
+
+
+def _restore(check: VehicleCheck, found: Findings, present: bytes) -> None:
+    """Restore the old key, signed with a present one."""
+    old = check.options.key or b""
+    check.main.signer = check.signer_with(present) if any(present) else None
+    is_old = _changed(check, check.main, old)
+    found.expect(is_old, f"HEARTBEAT with the old key: {is_old}")
+    check.main.signer = check.signer_with(old)
+
+
+def _expect_no_strangers_key(check: VehicleCheck, found: Findings) -> None:
+    """Send a key without a signature; only a vehicle on this machine may accept it."""
+    stranger = check.station.connect()
+    stranger.signer = None
+    stranger.greet()
+    since = stranger.mark()
+    if _changed(check, stranger, WRONG_KEY):
+        fact = "a stranger's key: taken"
+        found.expect(check.station.network.is_loopback, f"{fact} (loopback may)")
+        _restore(check, found, WRONG_KEY)
+    else:
+        text = check.texts(since, stranger)
+        found.expect(_refused(stranger, since), f"a stranger's key: refused, text {text!r}")
+    stranger.beats = False
+
+
+def _expect_end(check: VehicleCheck, found: Findings) -> None:
+    """End signing by a key of zeros; a vehicle that requires signing may refuse it with a text."""
+    since = check.main.mark()
+    if _changed(check, check.main, NO_KEY):
+        found.fact("a key of zeros: HEARTBEAT unsigned")
+        _restore(check, found, NO_KEY)
+    else:
+        text = check.texts(since)
+        found.expect(_refused(check.main, since), f"a key of zeros: text {text!r}")
+
+
+def _refused(client: GroundStation, since: int) -> bool:
+    """Return True after a STATUSTEXT of severity ERROR with the word that QGroundControl needs."""
+
+    def is_refusal(one: Any) -> bool:
+        words = one.text if isinstance(one.text, str) else one.text.decode("utf-8", "replace")
+        return one.severity <= mavlink.MAV_SEVERITY_ERROR and "signing" in words.lower()
+
+    return bool(client.sent("STATUSTEXT", since, is_refusal))
+
+
+@row(
+    53,
+    "SETUP_SIGNING is never forwarded, and its key is in no recording",
+    suffers="users who share a recording",
+)
+@with_key
+def secret(check: VehicleCheck) -> RowVerdict:
+    """Look for SETUP_SIGNING at another client, and for the key in the newest logs."""
+    found, key = Findings(), check.options.key or b""
+    frames = [one for client in check.station.clients.values() for one in client.log]
+    forwarded = check.station.forwarded_keys
+    found.expect(not forwarded, f"{forwarded} SETUP_SIGNING forwarded")
+    leaked = sum(key in one.raw or NEW_KEY in one.raw for one in frames)
+    found.expect(not leaked, f"{leaked} frames with a key")
+    check.facts.pop("logs", None)  # the newest one has grown
+    for number, size in sorted(entries(check).items())[-NEWEST_LOGS:]:
+        data = read_log(check, number, max(0, size - TAIL_BYTES), min(size, TAIL_BYTES))
+        is_secret = key not in data and NEW_KEY not in data
+        fact = f"{'no ' if is_secret else 'a '}key in the last {len(data)} B of log {number}"
+        found.expect(is_secret, fact)
+    return found.verdict()
+
+
+@row(
+    54,
+    "a forged time stamp of the future does not lock the owner out",
+    suffers="the owner of the vehicle",
+)
+@with_key
+def future(check: VehicleCheck) -> RowVerdict:
+    """Send frames with a wrong key and a far time stamp, then command with the right one."""
+    found = Findings()
+    forger = check.station.connect(check.main.system)
+    forger.signer = Signer(WRONG_KEY, 1, check.stamp() + YEAR_UNITS)
+    for _ in range(5):
+        forger.send_surely(forger.command_long(SET_MODE, 1, check.mode))
+        check.station.wait(0.1)
+    start_ns = check.station.now_ns
+    result = _keep_mode(check, check.main)
+    seconds = (check.station.now_ns - start_ns) / NS_PER_S
+    found.expect(result == ACCEPTED, f"owner: {result_name(result)} after {seconds:.2f} s")
+    forger.beats = False
     return found.verdict()

@@ -3,12 +3,11 @@
 from typing import Final
 
 from runtime.units import NS_PER_S
-from vehicle_check.check import Check
-from vehicle_check.dialect import MavMessage, mavlink
-from vehicle_check.files import END_OF_FILE, LIST, FileClient
-from vehicle_check.rows import driving
-from vehicle_check.session import Frame
-from vehicle_check.verdict import Findings, Verdict, failed, row
+from vehicle_check import row_steps
+from vehicle_check.ground_stations import ReceivedFrame
+from vehicle_check.mavlink_frames import MavMessage, mavlink
+from vehicle_check.transfers import END_OF_FILE, LIST, FileClient
+from vehicle_check.vehicle_under_test import Findings, RowVerdict, VehicleCheck, failed, row
 
 BLOCK: Final = 90
 MAX_BYTES: Final = 900
@@ -22,12 +21,12 @@ FOLDERS: Final = ("@MAV_LOG", "/APM/LOGS", "/fs/microsd/log")
 """The folders in which QGroundControl looks for logs: by name, on ArduPilot and on PX4."""
 
 
-def entries(check: Check) -> dict[int, int]:
+def entries(check: VehicleCheck) -> dict[int, int]:
     """Return the size of each log by its number; the list is requested once."""
     return {one.message.id: one.message.size for one in check.once("logs", lambda: _listed(check))}
 
 
-def _listed(check: Check) -> list[Frame]:
+def _listed(check: VehicleCheck) -> list[ReceivedFrame]:
     """Request the list, and wait as long as entries arrive."""
     since = check.main.mark()
     message = mavlink.MAVLink_log_request_list_message(*check.station.address, 0, ALL)
@@ -53,7 +52,7 @@ def _listed(check: Check) -> list[Frame]:
     "LOG_REQUEST_LIST and DATA: blocks of 90 bytes, a short last one, END stops, none while armed",
     suffers="MAVProxy log, QGroundControl, Mission Planner, MAVSDK, mavros",
 )
-def logs(check: Check) -> Verdict:
+def logs(check: VehicleCheck) -> RowVerdict:
     """List the logs, and read the start and the end of one; with motion, none while armed."""
     logs = entries(check)
     counts = [one.message.num_logs for one in check.facts["logs"]]
@@ -73,16 +72,16 @@ def logs(check: Check) -> Verdict:
         data = read_log(check, number, start, wanted)
         found.expect(len(data) == wanted, f"log {number} at {start}: {len(data)} of {wanted} B")
     _expect_end(check, found, number)
-    if check.options.allow_motion and driving.start(check, driving.GUIDED, found):
+    if check.options.allow_motion and row_steps.start(check, row_steps.GUIDED, found):
         check.station.wait(ARMED_S)
         data = read_log(check, number, 0, BLOCK)
         found.expect(not data, f"while armed {len(data)} B")
-        driving.stand(check)
+        row_steps.stand(check)
         check.station.wait(ARMED_S)
     return found.verdict()
 
 
-def _expect_end(check: Check, found: Findings, number: int) -> None:
+def _expect_end(check: VehicleCheck, found: Findings, number: int) -> None:
     """Ask for a whole log and end it at once; expect blocks of 90 bytes, and none after the end."""
     since, target = check.main.mark(), check.station.address
     check.main.send_surely(mavlink.MAVLink_log_request_data_message(*target, number, 0, MOST_BYTES))
@@ -99,7 +98,7 @@ def _expect_end(check: Check, found: Findings, number: int) -> None:
     found.expect(not after, f"after END {after} blocks")
 
 
-def read_log(check: Check, number: int, offset: int, count: int) -> bytes:
+def read_log(check: VehicleCheck, number: int, offset: int, count: int) -> bytes:
     """Return a part of a log, as far as it arrives; late blocks of other parts do not count."""
     target, end = check.station.address, offset + count
     parts: dict[int, bytes] = {}
@@ -124,7 +123,7 @@ def read_log(check: Check, number: int, offset: int, count: int) -> bytes:
     return bytes(found)
 
 
-def _expect_same_bytes(check: Check, found: Findings, folder: str, files: list[str]) -> None:
+def _expect_same_bytes(check: VehicleCheck, found: Findings, folder: str, files: list[str]) -> None:
     """Compare the start of one log by both protocols: a log whose size is unique."""
     logs = entries(check)
     for line in files:
@@ -144,7 +143,7 @@ def _expect_same_bytes(check: Check, found: Findings, folder: str, files: list[s
     "the same recordings by an FTP listing",
     suffers="QGroundControl's newer log page",
 )
-def log_files(check: Check) -> Verdict:
+def log_files(check: VehicleCheck) -> RowVerdict:
     """List the folder of logs, and compare the number of files."""
     found, ftp = Findings(), FileClient(check.main)
     sizes = sorted(size for size in entries(check).values() if size)

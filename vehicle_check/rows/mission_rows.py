@@ -1,38 +1,47 @@
-"""Rows 27-33 and 35: missions up and down, lost frames, two clients, refusals, plan ids."""
+"""Rows 27-33 and 35: missions up and down, lost frames, two clients, refusals, plan ids.
+
+Row 34: the fence by the mission protocol, and no rally points.
+"""
 
 import re
 from collections.abc import Callable
-from functools import wraps
+from functools import partial, wraps
 from typing import Any, Final
 
 from runtime.units import NS_PER_S
-from vehicle_check.check import ONE_CLIENT, Check
-from vehicle_check.dialect import mavlink
-from vehicle_check.missions import (
-    MISSION,
-    REQUESTS,
-    Item,
-    count_message,
-    download,
-    message_of,
-    upload,
-)  # fmt: skip
-from vehicle_check.plans import (
+from vehicle_check.ground_stations import result_name
+from vehicle_check.mavlink_frames import mavlink
+from vehicle_check.row_steps import (
     ITEM_ACCEPTED,
+    fence_around,
     home,
     is_disarmed_or_allowed,
-    keep,
+    keep_plan,
     moved,
-    outcome,
     place,
+    plan_result_name,
     same_places,
-    sent,
+    send_plan,
     small_mission,
-)  # fmt: skip
-from vehicle_check.verdict import (
+)
+from vehicle_check.transfers import (
+    FENCE,
+    MISSION,
+    RALLY,
+    REQUESTS,
+    PlanItem,
+    count_message,
+    download_plan,
+    message_of,
+    upload_plan,
+)
+from vehicle_check.vehicle_under_test import (
+    ONE_CLIENT,
     Findings,
     Judge,
-    Verdict,
+    Restore,
+    RowVerdict,
+    VehicleCheck,
     failed,
     not_applicable,
     not_tried,
@@ -54,12 +63,12 @@ def with_plans(judge: Judge) -> Judge:
     """Save the vehicle's own mission before a row sends another one."""
 
     @wraps(judge)
-    def judged(check: Check) -> Verdict:
+    def judged(check: VehicleCheck) -> RowVerdict:
         if not is_disarmed_or_allowed(check):
             return not_tried("the vehicle is armed: give --allow-motion")
         if place(check) == (0, 0) and not check.main.expect_sent("GLOBAL_POSITION_INT", 1.0):
             return failed("no GLOBAL_POSITION_INT: no place for a mission")
-        if not keep(check, MISSION):
+        if not keep_plan(check, MISSION):
             return failed(UNREADABLE)
         return judge(check)
 
@@ -77,24 +86,24 @@ def _is_no_acceptance(message: Any) -> bool:
     suffers="MAVSDK, MAVProxy on a line with loss",
 )
 @with_plans
-def upload_retries(check: Check) -> Verdict:
+def upload_retries(check: VehicleCheck) -> RowVerdict:
     """Leave one request unanswered, repeat the last item, and abandon an upload."""
     found, items = Findings(), small_mission(check)
-    done = upload(check.main, items, ignored=1)
+    done = upload_plan(check.main, items, ignored=1)
     times = [seq for _, seq in done.requests].count(1)
-    fact = f"item 1 asked for {times} times, {outcome(done.result)}"
+    fact = f"item 1 asked for {times} times, {plan_result_name(done.result)}"
     found.expect(times >= 2 and done.result == ITEM_ACCEPTED, fact)
     last = len(items) - 1
     repeated = message_of(check.main, items[last], last, MISSION)
     again = check.main.ask(repeated, "MISSION_ACK")
     result = None if again is None else again.message.type
-    found.expect(result == ITEM_ACCEPTED, f"last item again: {outcome(result)}")
+    found.expect(result == ITEM_ACCEPTED, f"last item again: {plan_result_name(result)}")
     ended = check.once("abandoned", lambda: _abandoned(check))["ended"]
-    found.expect(ended == OWN_CANCELLED, f"upload without answers: {outcome(ended)}")
+    found.expect(ended == OWN_CANCELLED, f"upload without answers: {plan_result_name(ended)}")
     return found.verdict()
 
 
-def _abandoned(check: Check) -> dict[str, int | None]:
+def _abandoned(check: VehicleCheck) -> dict[str, int | None]:
     """Start an upload, send requests of a second client meanwhile, and wait for its end."""
     main = check.main
     since = main.mark()
@@ -119,15 +128,15 @@ def _abandoned(check: Check) -> dict[str, int | None]:
     suffers="DroneKit answers only MISSION_REQUEST",
 )
 @with_plans
-def item_kinds(check: Check) -> Verdict:
+def item_kinds(check: VehicleCheck) -> RowVerdict:
     """Upload with each kind of item."""
     found, items = Findings(), small_mission(check)
     for as_float in (True, False):
-        done = upload(check.main, items, as_float=as_float)
+        done = upload_plan(check.main, items, as_float=as_float)
         names = sorted({name for name, _ in done.requests})
         kind = "ITEM" if as_float else "ITEM_INT"
         is_right = done.result == ITEM_ACCEPTED and names == ["MISSION_REQUEST"]
-        found.expect(is_right, f"{kind} by {names}: {outcome(done.result)}")
+        found.expect(is_right, f"{kind} by {names}: {plan_result_name(done.result)}")
     return found.verdict()
 
 
@@ -137,12 +146,12 @@ def item_kinds(check: Check) -> Verdict:
     suffers="DroneKit, mavros; MAVProxy edits with partial lists",
 )
 @with_plans
-def item_requests(check: Check) -> Verdict:
+def item_requests(check: VehicleCheck) -> RowVerdict:
     """Download with each request, and write a part."""
     found, items = Findings(), small_mission(check)
-    sent(check, items)
+    send_plan(check, items)
     for as_float in (True, False):
-        got = download(check.main, as_float=as_float)
+        got = download_plan(check.main, as_float=as_float)
         name = "MISSION_REQUEST" if as_float else "MISSION_REQUEST_INT"
         count = None if got is None else len(got.items)
         found.expect(count == len(items), f"{name}: {count} items")
@@ -155,14 +164,16 @@ def item_requests(check: Check) -> Verdict:
     return found.verdict()
 
 
-def _finish_partial(check: Check, found: Findings, items: list[Item], answer: Any) -> None:
+def _finish_partial(
+    check: VehicleCheck, found: Findings, items: list[PlanItem], answer: Any
+) -> None:
     if answer.name == "MISSION_ACK":
-        found.expect(answer.message.type != ITEM_ACCEPTED, outcome(answer.message.type))
+        found.expect(answer.message.type != ITEM_ACCEPTED, plan_result_name(answer.message.type))
         return
     item = message_of(check.main, items[2], 1, MISSION)
     ack = check.main.ask(item, "MISSION_ACK")
     result = None if ack is None else ack.message.type
-    found.expect(result == ITEM_ACCEPTED, f"partial: {outcome(result)}")
+    found.expect(result == ITEM_ACCEPTED, f"partial: {plan_result_name(result)}")
 
 
 @row(
@@ -171,12 +182,12 @@ def _finish_partial(check: Check, found: Findings, items: list[Item], answer: An
     suffers="DroneKit, MAVProxy, QGroundControl: missions shifted by one",
 )
 @with_plans
-def home_item(check: Check) -> Verdict:
+def home_item(check: VehicleCheck) -> RowVerdict:
     """Upload with home first; item 0 comes back at home, the others as they were."""
     found, items = Findings(), small_mission(check)
-    result = sent(check, items)
-    found.expect(result == ITEM_ACCEPTED, f"upload: {outcome(result)}")
-    got = download(check.main)
+    result = send_plan(check, items)
+    found.expect(result == ITEM_ACCEPTED, f"upload: {plan_result_name(result)}")
+    got = download_plan(check.main)
     count = None if got is None else len(got.items)
     if not found.expect(count == len(items), f"{count} of {len(items)} items") or got is None:
         return found.verdict()
@@ -193,10 +204,10 @@ def home_item(check: Check) -> Verdict:
     suffers="MAVSDK sends again for any other seq",
 )
 @with_plans
-def current_item(check: Check) -> Verdict:
+def current_item(check: VehicleCheck) -> RowVerdict:
     """Choose items in both ways, and 0."""
     found, items = Findings(), small_mission(check)
-    sent(check, items)
+    send_plan(check, items)
     target = check.station.address
     number = mavlink.MAV_CMD_DO_SET_MISSION_CURRENT
     asked = {
@@ -229,13 +240,15 @@ def current_item(check: Check) -> Verdict:
     suffers="two ground stations mix their missions",
 )
 @with_plans
-def two_uploads(check: Check) -> Verdict:
+def two_uploads(check: VehicleCheck) -> RowVerdict:
     """Judge the answers to the second client."""
     found, answers = Findings(), check.once("abandoned", lambda: _abandoned(check))
     if not check.serves_two:
         return not_applicable(ONE_CLIENT)
     for name in ("count", "list"):
-        found.expect(answers[name] == DENIED, f"{name} of the second: {outcome(answers[name])}")
+        found.expect(
+            answers[name] == DENIED, f"{name} of the second: {plan_result_name(answers[name])}"
+        )
     return found.verdict()
 
 
@@ -245,25 +258,27 @@ def two_uploads(check: Check) -> Verdict:
     suffers="MAVSDK and QGroundControl users: no reason shown",
 )
 @with_plans
-def refusals(check: Check) -> Verdict:
+def refusals(check: VehicleCheck) -> RowVerdict:
     """Send missions with one fault each."""
     found, items = Findings(), small_mission(check)
     here = moved(place(check), 0.1, 0.1)
     faults = (
-        ("command", Item(NO_COMMAND, *here), {mavlink.MAV_MISSION_UNSUPPORTED}),
-        ("frame", Item(16, *here, frame=17), {mavlink.MAV_MISSION_UNSUPPORTED_FRAME}),
-        ("latitude", Item(16, 910_000_000, here[1]), set(mavlink_invalid())),
+        ("command", PlanItem(NO_COMMAND, *here), {mavlink.MAV_MISSION_UNSUPPORTED}),
+        ("frame", PlanItem(16, *here, frame=17), {mavlink.MAV_MISSION_UNSUPPORTED_FRAME}),
+        ("latitude", PlanItem(16, 910_000_000, here[1]), set(mavlink_invalid())),
     )
     for name, wrong, results in faults:
         since = check.main.mark()
-        done = upload(check.main, [*items[:2], wrong])
+        done = upload_plan(check.main, [*items[:2], wrong])
         check.station.wait(0.3)
         text = check.texts(since)
-        found.expect(done.result in results, f"{name}: {outcome(done.result)}")
+        found.expect(done.result in results, f"{name}: {plan_result_name(done.result)}")
         found.expect(ITEM_2.search(text), f"text {text!r}")
     answer = check.main.ask(count_message(check.main, MOST_ITEMS, MISSION), "MISSION_ACK")
     result = None if answer is None else answer.message.type
-    found.expect(result == mavlink.MAV_MISSION_NO_SPACE, f"{MOST_ITEMS} items: {outcome(result)}")
+    found.expect(
+        result == mavlink.MAV_MISSION_NO_SPACE, f"{MOST_ITEMS} items: {plan_result_name(result)}"
+    )
     return found.verdict()
 
 
@@ -282,12 +297,12 @@ def mavlink_invalid() -> tuple[int, ...]:
     suffers="ground stations download each plan again",
 )
 @with_plans
-def opaque_ids(check: Check) -> Verdict:
+def opaque_ids(check: VehicleCheck) -> RowVerdict:
     """Compare the ids of two plans, and those of one in three messages."""
     found, seen = Findings(), []
     for steps in (2, 3):
-        done = upload(check.main, small_mission(check, steps))
-        got = download(check.main)
+        done = upload_plan(check.main, small_mission(check, steps))
+        got = download_plan(check.main)
         current = check.main.expect_sent("MISSION_CURRENT", 2.0)
         count = None if got is None else got.opaque_id
         now = None if current is None else current.message.mission_id
@@ -296,3 +311,83 @@ def opaque_ids(check: Check) -> Verdict:
         seen.append(count)
     found.expect(len(set(seen)) == 2, f"two plans: {seen}")
     return found.verdict()
+
+
+POLYGON_OUT: Final = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION
+CIRCLE: Final = mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION
+CIRCLE_OUT: Final = mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION
+RADIUS_M: Final = 20.0
+GEOFENCE: Final = mavlink.MAV_SYS_STATUS_GEOFENCE
+WATCH_S: Final = 3.0
+LEAST_HZ: Final = 0.6
+MOST_HZ: Final = 2.5
+ACCEPTED: Final = mavlink.MAV_RESULT_ACCEPTED
+UNSUPPORTED: Final = mavlink.MAV_RESULT_UNSUPPORTED
+
+
+@row(
+    34,
+    "fence: polygon and circle up and down, exclusions kept or refused, FENCE_STATUS 1 Hz, 207",
+    suffers="QGroundControl, Mission Planner, MAVProxy, MAVSDK geofence",
+)
+@with_plans
+def fences(check: VehicleCheck) -> RowVerdict:
+    """Exchange fences, and ask for rally points."""
+    found = Findings()
+    _keep_enabled(check)
+    if not keep_plan(check, FENCE):
+        return failed(UNREADABLE)
+    polygon = fence_around(check)
+    circle = PlanItem(CIRCLE, *moved(place(check), 0.5, 0.5), params=(RADIUS_M, 0.0, 0.0, 0.0))
+    for name, items in (("circle", [circle]), ("polygon", polygon)):
+        done = upload_plan(check.main, items, FENCE)
+        got = download_plan(check.main, FENCE)
+        is_same = got is not None and same_places(got.items, items)
+        fact = f"{name}: {plan_result_name(done.result)}, {'same' if is_same else 'differs'} on download"
+        found.expect(done.result == ITEM_ACCEPTED and is_same, fact)
+    outside = [one._replace(command=POLYGON_OUT) for one in polygon]
+    for name, items in (("5002", outside), ("5004", [circle._replace(command=CIRCLE_OUT)])):
+        _expect_refused_or_kept(check, found, name, items)
+    upload_plan(check.main, polygon, FENCE)
+    result = check.main.result_of(mavlink.MAV_CMD_DO_FENCE_ENABLE, 1)
+    found.expect(result not in (None, UNSUPPORTED), f"207: {result_name(result)}")
+    since = check.main.mark()
+    check.station.wait(WATCH_S)
+    status = len(check.main.sent("FENCE_STATUS", since)) / WATCH_S
+    found.expect(LEAST_HZ <= status <= MOST_HZ, f"FENCE_STATUS {status:.1f} Hz")
+    rally = download_plan(check.main, RALLY)
+    count = None if rally is None else len(rally.items)
+    found.expect(count == 0 or (count and _has_rally(check)), f"rally: {count}")
+    return found.verdict()
+
+
+def _expect_refused_or_kept(
+    check: VehicleCheck, found: Findings, name: str, items: list[PlanItem]
+) -> None:
+    """Expect that an exclusion is refused, or comes back as it was sent."""
+    done = upload_plan(check.main, items, FENCE)
+    if done.result != ITEM_ACCEPTED:
+        found.expect(done.result is not None, f"{name}: {plan_result_name(done.result)}")
+        return
+    got = download_plan(check.main, FENCE)
+    is_same = got is not None and same_places(got.items, items)
+    fact = (
+        f"{name}: {plan_result_name(done.result)}, {'same' if is_same else 'differs'} on download"
+    )
+    found.expect(is_same, fact)
+
+
+def _has_rally(check: VehicleCheck) -> bool:
+    """Return True if the vehicle's capabilities contain rally points."""
+    version = check.main.request(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, "AUTOPILOT_VERSION")
+    bit = mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
+    return version is not None and bool(version.message.capabilities & bit)
+
+
+def _keep_enabled(check: VehicleCheck) -> None:
+    """Disable the fence after the check if it is disabled now."""
+    status = check.main.latest("SYS_STATUS")
+    if status is None or status.message.onboard_control_sensors_enabled & GEOFENCE:
+        return
+    disable = partial(check.main.result_of, mavlink.MAV_CMD_DO_FENCE_ENABLE, 0)
+    check.restore.append(Restore("fence disabled", lambda: disable() == ACCEPTED))

@@ -1,38 +1,70 @@
-"""Rows 19-24: parameters by messages and by files, the compatibility set, descriptions."""
+"""Rows 19-24: parameters by messages and by files, the compatibility set, descriptions.
+
+The groups of ArduRover's parameters, from ArduPilot/ParameterRepository, Rover 4.7.
+"""
 
 import json
 import lzma
+import re
 from math import nan
 from typing import Any, Final
 from zlib import crc32
 
 from runtime.units import NS_PER_S
-from vehicle_check.check import Check
-from vehicle_check.dialect import mavlink
-from vehicle_check.files import (
+from vehicle_check.mavlink_frames import mavlink
+from vehicle_check.transfers import (
     CRC32,
     FILE_NOT_FOUND,
     LIST,
     NAK,
+    NO_INDEX,
     OPEN,
+    PCK_MAGIC_DEFAULTS,
     READ,
     RESET,
     TERMINATE,
     FileClient,
-)  # fmt: skip
-from vehicle_check.parameters import (
-    NO_INDEX,
-    PCK_MAGIC_DEFAULTS,
-    ParameterList,
+    ListedParameters,
     Value,
-    download,
+    download_parameters,
     name_of,
-    read,
+    read_parameter,
     unpacked,
     write,
-)  # fmt: skip
-from vehicle_check.rover_names import has_rover_name, is_compatibility
-from vehicle_check.verdict import Findings, Verdict, failed, not_applicable, row
+)
+from vehicle_check.vehicle_under_test import (
+    Findings,
+    RowVerdict,
+    VehicleCheck,
+    failed,
+    not_applicable,
+    row,
+)
+
+_TEXT: Final = """
+    ACRO AEROM AFS AHRS AIS ALAND ARM ARMING ARSPD ATC AUTO AUX AVOID BAL BARO BATT BATTA
+    BATTB BATTC BATTD BATTE BATTF BATTG BCN BRD BTAG BTN CAM CAN CFACT CGA CH CIRC COMPASS
+    CRASH CRUISE CUST DDS DID DIST DJIR DOCK DR EAHRS EFI EK ENABLE ESC ESRC FENCE FFT FILT
+    FLOW FLTMODE FOLL FOLLP FOLT FORMAT FRAME FRSKY FS GCS GEN GPS GRIP GUID INITIAL INS KDE
+    LOG LOIT LTE MANUAL MAV MIS MNT MODE MOT MSP NET NMEA NTF OA OSD PARAM PILOT PIVOT PLND
+    POI PORT PREV PRX PSC QUIK RALLY RC RCK RCMAP RELAY RK RNGFND RNGFNDA RPM RSSI RST RTL
+    RTUN SAIL SCHED SCR SERIAL SERVO SHIP SIM SIMPLE SLUP SPEED SPRAY SRTL STAT STICK TA
+    TEMP TERR THR TOFSENSE TRIK TRQ TRQL TURN UM VID VISO VTX WEB WENC WINCH WNDVN WP WRC
+"""
+GROUPS: Final = frozenset(_TEXT.split())
+COMPATIBLE_GROUPS: Final = re.compile(r"(RCMAP|RC[0-9]+|COMPASS|INS|BATT|SYSID|MAV|FENCE)_")
+"""Groups from which a vehicle may have parameters with ArduRover's meaning."""
+
+
+def has_rover_name(name: str) -> bool:
+    """Return True for a name in one of ArduRover's groups."""
+    return re.sub(r"[0-9]+$", "", name.split("_")[0]) in GROUPS
+
+
+def is_compatibility(name: str) -> bool:
+    """Return True for a name that clients expect of every Rover."""
+    return COMPATIBLE_GROUPS.match(name) is not None
+
 
 KINDS: Final = frozenset(
     getattr(mavlink, f"MAV_PARAM_TYPE_{name}") for name in ("INT8", "INT16", "INT32", "REAL32")
@@ -61,7 +93,7 @@ COMPATIBILITY: Final = (
 DEFAULT_MIN: Final = 1100
 
 
-def most_seconds(check: Check, on_loopback_s: float, count: int) -> float:
+def most_seconds(check: VehicleCheck, on_loopback_s: float, count: int) -> float:
     """Return how long something may take that sends a number of parameters."""
     if not check.station.network.is_loopback:
         return REMOTE_S
@@ -69,9 +101,9 @@ def most_seconds(check: Check, on_loopback_s: float, count: int) -> float:
     return max(least_s, count / PARAMETERS_PER_S)
 
 
-def parameters(check: Check) -> ParameterList:
+def parameters(check: VehicleCheck) -> ListedParameters:
     """Return the list of the main client, which is requested once."""
-    return check.once("parameters", lambda: download(check.main, REMOTE_S))
+    return check.once("parameters", lambda: download_parameters(check.main, REMOTE_S))
 
 
 @row(
@@ -79,7 +111,7 @@ def parameters(check: Check) -> ParameterList:
     "parameters: list within 1 s, stable indexes, signed integers and REAL32, sets told to all",
     suffers="every client: mavros waits 30 s, DroneKit asks 50 at a time",
 )
-def parameter_protocol(check: Check) -> Verdict:
+def parameter_protocol(check: VehicleCheck) -> RowVerdict:
     """Download the list, read some of it again, and set a value to itself."""
     found, listed = Findings(), parameters(check)
     most_s = most_seconds(check, 1.0, listed.count)
@@ -93,7 +125,7 @@ def parameter_protocol(check: Check) -> Verdict:
     names = list(listed.values)
     for name in {names[0], names[len(names) // 2], names[-1]}:
         index = listed.values[name].position
-        for one in (read(check.main, name), read(check.main, index=index)):
+        for one in (read_parameter(check.main, name), read_parameter(check.main, index=index)):
             got = None if one is None else (name_of(one), one.param_index)
             # ArduPilot gives no index to a parameter that is read by its name.
             found.expect(got in ((name, index), (name, NO_INDEX)), f"read again: {got}")
@@ -101,7 +133,7 @@ def parameter_protocol(check: Check) -> Verdict:
     return found.verdict()
 
 
-def _expect_set(check: Check, found: Findings, listed: ParameterList) -> None:
+def _expect_set(check: VehicleCheck, found: Findings, listed: ListedParameters) -> None:
     name = next((one for one in listed.values if not is_compatibility(one)), "")
     if not name:
         return
@@ -110,7 +142,7 @@ def _expect_set(check: Check, found: Findings, listed: ParameterList) -> None:
     for wanted in (value.value, nan):
         answer = write(check.main, name, wanted, value.kind)
         if answer is None and wanted != value.value:
-            answer = read(check.main, name)  # ArduPilot ignores what is no number
+            answer = read_parameter(check.main, name)  # ArduPilot ignores what is no number
         got = None if answer is None else answer.param_value
         is_right = found.expect(
             got == value.value, f"PARAM_SET {name} {wanted:g}: value in force {got}"
@@ -133,7 +165,7 @@ def _expect_set(check: Check, found: Findings, listed: ParameterList) -> None:
     "FTP: param.pck with its options; open, burst, read, list, CRC; NAK with the session",
     suffers="MAVProxy, Mission Planner, QGroundControl ask it first",
 )
-def file_protocol(check: Check) -> Verdict:
+def file_protocol(check: VehicleCheck) -> RowVerdict:
     """Read param.pck by bursts of 110 bytes, with options, and send wrong requests."""
     found, ftp = Findings(), FileClient(check.main)
     reset = ftp.request(RESET)
@@ -167,7 +199,7 @@ def file_protocol(check: Check) -> Verdict:
     return found.verdict()
 
 
-def _expect_packed(check: Check, found: Findings, ftp: FileClient) -> None:
+def _expect_packed(check: VehicleCheck, found: Findings, ftp: FileClient) -> None:
     whole = ftp.fetch(f"{PCK}?withdefaults=1")
     packed = None if whole is None else unpacked(whole)
     if not found.expect(packed, f"param.pck {'read' if packed else 'malformed'}") or not packed:
@@ -193,7 +225,7 @@ def _said(reply: Any) -> str:
     "parameters whole within 5 s by FTP with 20 % loss in both directions",
     suffers="every client on a radio",
 )
-def parameters_with_loss(check: Check) -> Verdict:
+def parameters_with_loss(check: VehicleCheck) -> RowVerdict:
     """Fetch param.pck while the judge drops frames."""
     losses = check.station.losses
     most_s = max(LOSSY_S, parameters(check).count / PARAMETERS_PER_S)
@@ -217,7 +249,7 @@ def parameters_with_loss(check: Check) -> Verdict:
     "parameters that QGroundControl expects of a Rover, as set up; no FRAME_CLASS of 0",
     suffers="QGroundControl: setup pages block",
 )
-def compatibility(check: Check) -> Verdict:
+def compatibility(check: VehicleCheck) -> RowVerdict:
     """Judge names and values, and try to change one."""
     listed = parameters(check)
     if not listed.values:
@@ -252,7 +284,7 @@ def _is_uncalibrated(values: dict[str, float], compass: str) -> bool:
     return bool(is_used) and not any(values[f"COMPASS_OFS{compass}_{axis}"] for axis in AXES)
 
 
-def _after_set(check: Check, name: str, value: Value) -> float | None:
+def _after_set(check: VehicleCheck, name: str, value: Value) -> float | None:
     """Try to change a parameter; return its value then. Set it back if it has changed."""
     answer = write(check.main, name, value.value + 7, value.kind)
     if answer is None:
@@ -267,7 +299,7 @@ def _after_set(check: Check, name: str, value: Value) -> float | None:
     "COMPONENT_METADATA: descriptions of all parameters by FTP, with the right checksum",
     suffers="QGroundControl and MAVSDK: no texts, units and limits",
 )
-def metadata(check: Check) -> Verdict:
+def metadata(check: VehicleCheck) -> RowVerdict:
     """Follow the links to the description of parameters."""
     found = Findings()
     answer = check.main.request(METADATA, "COMPONENT_METADATA")
@@ -293,7 +325,7 @@ def metadata(check: Check) -> Verdict:
     return found.verdict()
 
 
-def _by_uri(check: Check, uri: str) -> bytes | None:
+def _by_uri(check: VehicleCheck, uri: str) -> bytes | None:
     path = uri.removeprefix("mftp://").removeprefix("mftp:")
     is_known = uri.startswith("mftp:") and path
     return FileClient(check.main).fetch(path) if is_known else None
@@ -313,7 +345,7 @@ def _json(name: str, data: bytes) -> dict[str, Any]:
     "no parameter has a name of ArduRover with another meaning",
     suffers="QGroundControl: shows ArduRover's text and limits for it",
 )
-def rover_names(check: Check) -> Verdict:
+def rover_names(check: VehicleCheck) -> RowVerdict:
     """Compare the names with the groups of ArduRover."""
     listed = parameters(check)
     if not listed.values:

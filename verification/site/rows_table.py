@@ -13,7 +13,7 @@ from shutil import copyfile
 from typing import Any, Final, NamedTuple
 
 from study.report.page import with_text
-from vehicle_check.verdict import Status, rows
+from vehicle_check.vehicle_under_test import RowStatus, rows
 from verification.site.reference import table
 
 ROOT: Final = Path(__file__).resolve().parents[2]
@@ -79,7 +79,7 @@ def summary(found: Mapping[str, Results]) -> str:
     """Return how many rows passed on each line."""
     lines = []
     for line, name in LINES.items():
-        passed = sum(one.status == Status.PASS for one in found[line].values())
+        passed = sum(one.status == RowStatus.PASS for one in found[line].values())
         lines.append([name, f"{passed} of {len(rows())}" if found[line] else "not run"])
     return table(["line", "rows passed"], lines)
 
@@ -100,7 +100,7 @@ def exceptions(found: Mapping[str, Results]) -> str:
         f"- Row {number}, {LINES[line]}: {one.status}. {one.evidence}\n"
         for line, results in found.items()
         for number, one in sorted(results.items())
-        if one.status != Status.PASS
+        if one.status != RowStatus.PASS
     ]
     return "".join([*lines, "\n"]) if lines else ""
 

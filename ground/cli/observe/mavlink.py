@@ -13,9 +13,8 @@ from runtime.cli.parsers import add_subcommands
 from runtime.errors import UserError
 
 if TYPE_CHECKING:
-    from vehicle_check.check import Options, Outcome
-    from vehicle_check.network import Network
-    from vehicle_check.verdict import Row
+    from vehicle_check.ground_stations import VehicleNetwork
+    from vehicle_check.vehicle_under_test import AcceptanceRow, CheckOptions, CheckOutcome
 
 MAX_LOSS: Final = 0.9
 
@@ -52,17 +51,16 @@ def loss(text: str) -> float:
 
 def run(options: argparse.Namespace, output: Output) -> int:
     """Judge the vehicle; return 0 if no row fails, else 1."""
-    from vehicle_check import report
-    from vehicle_check.check import Options
-    from vehicle_check.network import SocketNetwork
-    from vehicle_check.signing import read_key
-    from vehicle_check.verdict import rows
+    from vehicle_check import judge as report
+    from vehicle_check.ground_stations import SocketNetwork
+    from vehicle_check.mavlink_frames import read_key
+    from vehicle_check.vehicle_under_test import CheckOptions, rows
 
     chosen = chosen_rows(rows(), options.rows)
     key = None if options.signing_key is None else read_key(options.signing_key)
     if options.junit is not None:
         expect_writable(options.junit)
-    choices = Options(options.allow_motion, key, options.loss, options.seed, time.time())
+    choices = CheckOptions(options.allow_motion, key, options.loss, options.seed, time.time())
     outcome = judged_over(SocketNetwork(options.endpoint), choices, chosen, output)
     output.result(report.as_dict(options.endpoint, outcome), report.as_text(outcome))
     if options.junit is not None:
@@ -89,14 +87,17 @@ def write(path: Path, data: bytes) -> None:
 
 
 def judged_over(
-    network: "Network", choices: "Options", rows: "Sequence[Row]", output: Output
-) -> "Outcome":
+    network: "VehicleNetwork",
+    choices: "CheckOptions",
+    rows: "Sequence[AcceptanceRow]",
+    output: Output,
+) -> "CheckOutcome":
     """Judge over a network, with a live line in a terminal; close the network.
 
     An interrupted check notes what of the vehicle it has put back.
     """
     from ground.text.status_parts import Part
-    from vehicle_check.check import judge
+    from vehicle_check.vehicle_under_test import judge
 
     def progress(text: str) -> None:
         if output.live:
@@ -112,7 +113,7 @@ def judged_over(
         network.close()
 
 
-def chosen_rows(table: "Mapping[int, Row]", text: str | None) -> "list[Row]":
+def chosen_rows(table: "Mapping[int, AcceptanceRow]", text: str | None) -> "list[AcceptanceRow]":
     """Return the rows that a text such as 1-7,19 names; UserError if it is none."""
     if text is None:
         return list(table.values())

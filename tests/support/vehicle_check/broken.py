@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 from tests.support.vehicle_check.core import ACCEPTED, Core, Peer, mavlink
 from tests.support.vehicle_check.good import GoodVehicle
 from tests.support.vehicle_check.streams import Streams
-from vehicle_check.dialect import COMPONENT_METADATA, ExtraMessage
+from vehicle_check.mavlink_frames import COMPONENT_METADATA, ExtraMessage
 
 
 class MuteVehicle(Core):

@@ -4,9 +4,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega
 
-from vehicle_check.dialect import EXTRA, number_of
-from vehicle_check.session import NoFile
-from vehicle_check.signing import Signer
+from vehicle_check.ground_stations import NoFile
+from vehicle_check.mavlink_frames import EXTRA, Signer, number_of
 
 mavlink: Any = ardupilotmega
 GONE_NS = 10_000_000_000

@@ -10,7 +10,7 @@ from zlib import crc32
 
 from tests.support.vehicle_check.core import Peer, mavlink
 from tests.support.vehicle_check.streams import Streams
-from vehicle_check import files as ftp
+from vehicle_check import transfers as ftp
 from vehicle_check.rows.parameter_rows import COMPATIBILITY
 
 INT32, REAL32 = 6, 9
@@ -100,7 +100,7 @@ class Files(Streams):
             self.reply(asked, peer, *answer)
 
     def reply(
-        self, asked: ftp.Reply, peer: Peer, data: bytes | int, offset: int = 0, more: int = 1
+        self, asked: ftp.FileReply, peer: Peer, data: bytes | int, offset: int = 0, more: int = 1
     ) -> None:
         """Send an ACK with data, or a NAK with an error."""
         opcode = ftp.NAK if isinstance(data, int) else ftp.ACK
@@ -115,7 +115,7 @@ class Files(Streams):
             peer,
         )
 
-    def ftp_answer(self, asked: ftp.Reply, peer: Peer) -> tuple[bytes | int, int] | None:
+    def ftp_answer(self, asked: ftp.FileReply, peer: Peer) -> tuple[bytes | int, int] | None:
         """Return data or an error, and the offset; None if all is sent."""
         path = asked.data.decode("utf-8", "replace")
         if asked.opcode in (ftp.RESET, ftp.TERMINATE):

@@ -14,8 +14,7 @@ from tests.support.vehicle_check.core import (
 )  # fmt: skip
 from tests.support.vehicle_check.plans import Plans
 from tests.support.vehicle_check.streams import HOLD, LAT, LON, MODES
-from vehicle_check.dialect import REQUEST_OPERATOR_CONTROL
-from vehicle_check.signing import Signer, is_signed_with
+from vehicle_check.mavlink_frames import REQUEST_OPERATOR_CONTROL, Signer, is_signed_with
 
 GUIDED, MANUAL, AUTO = 15, 0, 10
 STALE_NS = 1_000_000_000

@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from vehicle_check.network import Heard
+from vehicle_check.ground_stations import Heard
 
 STEP_NS = 10_000_000
 

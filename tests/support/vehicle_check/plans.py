@@ -6,7 +6,7 @@ from typing import Any
 from tests.support.vehicle_check.core import Peer, mavlink
 from tests.support.vehicle_check.files import Files
 from tests.support.vehicle_check.streams import LAT, LON
-from vehicle_check.dialect import MISSION_ACK, MISSION_COUNT, ExtraMessage
+from vehicle_check.mavlink_frames import MISSION_ACK, MISSION_COUNT, ExtraMessage
 
 RETRY_NS = 500_000_000
 GIVE_UP_NS = 4_000_000_000

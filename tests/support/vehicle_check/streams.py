@@ -4,7 +4,7 @@ from math import cos, sin
 from typing import Any
 
 from tests.support.vehicle_check.core import ACCEPTED, UNSUPPORTED, Core, Peer, mavlink
-from vehicle_check.dialect import (
+from vehicle_check.mavlink_frames import (
     AVAILABLE_MODES,
     COMPONENT_METADATA,
     CONTROL_STATUS,

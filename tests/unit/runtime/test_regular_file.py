@@ -29,7 +29,7 @@ from study.calibration import read_log as read_calibration
 from study.falsify.findings import read_finding as read_finding
 from study.runner.store import settings_in
 from tests.support.each import each
-from vehicle_check.signing import read_key
+from vehicle_check.mavlink_frames import read_key
 
 GB: int = 1 << 30
 

@@ -17,8 +17,14 @@ from tests.support.vehicle_check.broken import (
 from tests.support.vehicle_check.core import Core, Peer
 from tests.support.vehicle_check.good import GoodVehicle, SigningVehicle
 from tests.support.vehicle_check.memory_network import MemoryNetwork
-from vehicle_check.check import Judged, Options, judge
-from vehicle_check.verdict import Status, Verdict, rows
+from vehicle_check.vehicle_under_test import (
+    CheckOptions,
+    Judged,
+    RowStatus,
+    RowVerdict,
+    judge,
+    rows,
+)
 
 KEY = SigningVehicle.key
 NUMBERS = list(range(1, 61))
@@ -104,22 +110,22 @@ class SecondVehicle(CarelessVehicle):
 
 def judged(*vehicles: Core, numbers: list[int] | None = None, **options: object) -> list[Judged]:
     """Judge vehicles with all options by default."""
-    choices = Options(allow_motion=True, key=KEY)._replace(**options)  # type: ignore[arg-type]
+    choices = CheckOptions(allow_motion=True, key=KEY)._replace(**options)  # type: ignore[arg-type]
     chosen = [row for number, row in rows().items() if numbers is None or number in numbers]
     return judge(MemoryNetwork(*vehicles), choices, chosen).rows
 
 
-def by_number(found: list[Judged]) -> dict[int, Verdict]:
+def by_number(found: list[Judged]) -> dict[int, RowVerdict]:
     return {one.row.number: one.verdict for one in found}
 
 
 @cache
-def verdicts_of(kind: type[Core]) -> dict[int, Verdict]:
+def verdicts_of(kind: type[Core]) -> dict[int, RowVerdict]:
     return by_number(judged(kind()))
 
 
 @cache
-def verdicts_of_a_careless_pair() -> dict[int, Verdict]:
+def verdicts_of_a_careless_pair() -> dict[int, RowVerdict]:
     return by_number(judged(CarelessVehicle(), SecondVehicle(), numbers=[53, 59]))
 
 
@@ -130,7 +136,7 @@ def test_every_row_of_the_list_is_judged() -> None:
 @each("number", NUMBERS)
 def test_good_vehicle_passes_each_row(number: int) -> None:
     verdict = verdicts_of(SigningVehicle)[number]
-    wanted = Status.NOT_APPLICABLE if number == 59 else Status.PASS
+    wanted = RowStatus.NOT_APPLICABLE if number == 59 else RowStatus.PASS
     assert verdict.status is wanted, verdict.evidence
 
 
@@ -139,7 +145,7 @@ def test_each_row_fails_on_a_broken_vehicle(number: int) -> None:
     found = [verdicts_of(kind)[number] for kind in BROKEN]
     if number == 59:
         found.append(verdicts_of_a_careless_pair()[number])
-    assert Status.FAIL in [one.status for one in found], found
+    assert RowStatus.FAIL in [one.status for one in found], found
 
 
 def test_two_good_robots_pass_row_59() -> None:
@@ -147,7 +153,7 @@ def test_two_good_robots_pass_row_59() -> None:
         system = 2
 
     found = by_number(judged(SigningVehicle(), Second(), numbers=[59]))
-    assert found[59].status is Status.PASS
+    assert found[59].status is RowStatus.PASS
 
 
 def test_without_motion_the_vehicle_is_never_armed() -> None:
@@ -161,14 +167,14 @@ def test_without_motion_the_vehicle_is_never_armed() -> None:
     vehicle = Watched()
     network = MemoryNetwork(vehicle)
     started_ns = network.now_ns()
-    found = by_number(judge(network, Options(), list(rows().values())).rows)
+    found = by_number(judge(network, CheckOptions(), list(rows().values())).rows)
     assert not vehicle.was_armed
     assert (vehicle.x, vehicle.y) == (0.0, 0.0)
-    assert {number for number, one in found.items() if one.status is Status.NOT_TRIED} == {
+    assert {number for number, one in found.items() if one.status is RowStatus.NOT_TRIED} == {
         *(38, 44, 45, 46, 47),
         *(51, 52, 53, 54),
     }
-    assert Status.FAIL not in {one.status for one in found.values()}
+    assert RowStatus.FAIL not in {one.status for one in found.values()}
     assert (network.now_ns() - started_ns) / 1e9 <= 90
 
 
@@ -176,7 +182,7 @@ def test_own_plans_and_mode_are_restored() -> None:
     vehicle = GoodVehicle()
     item = ((3, 16, 0, 1, 0.0, 0.0, 0.0, 0.0), (-353_632_600, 1_491_652_300), 0.0)
     vehicle.plans[0] = [item, item]
-    judge(MemoryNetwork(vehicle), Options(), [rows()[number] for number in (1, 28, 34)])
+    judge(MemoryNetwork(vehicle), CheckOptions(), [rows()[number] for number in (1, 28, 34)])
     assert [one[1] for one in vehicle.plans[0]][1:] == [item[1]]
     assert vehicle.plans[1] == []
     assert vehicle.mode == 4
@@ -192,7 +198,7 @@ def test_garbage_among_the_frames_never_ends_the_judge(first: int) -> None:
 def test_no_vehicle_is_an_error_within_seconds() -> None:
     network = MemoryNetwork()
     with pytest.raises(RemoteError, match="no heartbeat"):
-        judge(network, Options(), list(rows().values()))
+        judge(network, CheckOptions(), list(rows().values()))
     assert network.now_ns() <= 7e9
 
 
@@ -200,20 +206,20 @@ def test_no_vehicle_is_an_error_within_seconds() -> None:
 @pytest.mark.parametrize("numbers", [NUMBERS[1::3], NUMBERS[0::3], NUMBERS[2::3]], ids=str)
 def test_rows_pass_while_the_judge_drops_a_fifth_of_the_frames(numbers: list[int]) -> None:
     found = by_number(judged(SigningVehicle(), numbers=numbers, loss=0.2))
-    wrong = {number: one for number, one in found.items() if one.status is not Status.PASS}
+    wrong = {number: one for number, one in found.items() if one.status is not RowStatus.PASS}
     assert list(wrong) == [number for number in numbers if number == 59], wrong
 
 
 @each(
     ("kind", "loss", "status"),
     [
-        (RepeatingVehicle, 0.0, Status.FAIL),
-        (RepeatingVehicle, 0.2, Status.PASS),
-        (DoubtfulVehicle, 0.2, Status.FAIL),
+        (RepeatingVehicle, 0.0, RowStatus.FAIL),
+        (RepeatingVehicle, 0.2, RowStatus.PASS),
+        (DoubtfulVehicle, 0.2, RowStatus.FAIL),
     ],
 )
 def test_same_answer_may_be_sent_twice_on_a_lossy_line(
-    kind: type[GoodVehicle], loss: float, status: Status
+    kind: type[GoodVehicle], loss: float, status: RowStatus
 ) -> None:
     (found,) = judged(kind(), numbers=[43], key=None, loss=loss)
     assert found.verdict.status is status, found.verdict
@@ -224,21 +230,23 @@ def test_same_answer_may_be_sent_twice_on_a_lossy_line(
 def test_copies_of_an_acceptance_do_not_count(seed: int) -> None:
     numbers = [27, 28, 29, 30]
     found = by_number(judged(CopyingVehicle(), numbers=numbers, key=None, loss=0.2, seed=seed))
-    wrong = {number: one for number, one in found.items() if one.status is not Status.PASS}
+    wrong = {number: one for number, one in found.items() if one.status is not RowStatus.PASS}
     assert not wrong
 
 
 def test_late_blocks_of_another_part_of_a_log_do_not_count() -> None:
     (found,) = judged(LateVehicle(), numbers=[49], key=None, allow_motion=False, loss=0.2)
-    assert found.verdict.status is Status.PASS, found.verdict
+    assert found.verdict.status is RowStatus.PASS, found.verdict
 
 
 def test_ardupilot_fails_only_what_it_lacks() -> None:
     vehicle = ArduPilotLike()
     found = by_number(judged(vehicle, key=None))
-    wrong = {number: one for number, one in found.items() if one.status is Status.FAIL}
+    wrong = {number: one for number, one in found.items() if one.status is RowStatus.FAIL}
     assert list(wrong) == [23], wrong
-    reasons = {n: one.evidence for n, one in found.items() if one.status is Status.NOT_APPLICABLE}
+    reasons = {
+        n: one.evidence for n, one in found.items() if one.status is RowStatus.NOT_APPLICABLE
+    }
     assert sorted(reasons) == [10, 15, 16, 17, 24, 55, 56, 57, 59], reasons
     assert all(reasons.values())
     assert vehicle.values["RC1_MIN"] == 1000.0
@@ -246,7 +254,7 @@ def test_ardupilot_fails_only_what_it_lacks() -> None:
 
 def test_endpoint_for_one_client_fails_only_the_row_about_it() -> None:
     found = by_number(judged(OneConnection(), key=None))
-    wrong = {number: one for number, one in found.items() if one.status is Status.FAIL}
+    wrong = {number: one for number, one in found.items() if one.status is RowStatus.FAIL}
     assert list(wrong) == [6], wrong
     assert found[32].evidence == "this endpoint serves one ground station"
 
@@ -255,13 +263,13 @@ def test_vehicle_that_falls_silent_ends_the_check() -> None:
     vehicle = DyingVehicle()
     network = MemoryNetwork(vehicle)
     chosen = [rows()[number] for number in (1, 9, 28, 34, 41)]
-    outcome = judge(network, Options(), chosen)
+    outcome = judge(network, CheckOptions(), chosen)
     found = by_number(outcome.rows)
-    assert found[1].status is Status.PASS
-    assert found[28].status is Status.FAIL
+    assert found[1].status is RowStatus.PASS
+    assert found[28].status is RowStatus.FAIL
     assert found[28].evidence.startswith("the vehicle fell silent; ")
     for number in (34, 41):
-        assert found[number] == (Status.NOT_TRIED, "the vehicle is silent since row 28")
+        assert found[number] == (RowStatus.NOT_TRIED, "the vehicle is silent since row 28")
     assert outcome.restored == []
     assert outcome.not_restored == ["mission", "mode 4"]
     assert network.now_ns() < 60e9
@@ -278,7 +286,7 @@ def test_interrupted_check_puts_back_the_plans() -> None:
 
     chosen = [rows()[number] for number in (28, 34)]
     with pytest.raises(KeyboardInterrupt) as caught:
-        judge(MemoryNetwork(vehicle), Options(), chosen, interrupt)
+        judge(MemoryNetwork(vehicle), CheckOptions(), chosen, interrupt)
     assert [one[1] for one in vehicle.plans[0]][1:] == [item[1]]
     assert caught.value.__notes__ == ["put back: mission, mode 4"]
 
@@ -291,8 +299,8 @@ def test_plan_that_cannot_be_downloaded_is_not_replaced() -> None:
     vehicle = Unreadable()
     item = ((3, 16, 0, 1, 0.0, 0.0, 0.0, 0.0), (-353_632_600, 1_491_652_300), 0.0)
     vehicle.plans[0] = [item, item]
-    outcome = judge(MemoryNetwork(vehicle), Options(), [rows()[number] for number in (28, 34)])
-    assert {one.verdict.status for one in outcome.rows} == {Status.FAIL}
+    outcome = judge(MemoryNetwork(vehicle), CheckOptions(), [rows()[number] for number in (28, 34)])
+    assert {one.verdict.status for one in outcome.rows} == {RowStatus.FAIL}
     assert vehicle.plans[0] == [item, item]
     assert outcome.restored == ["mode 4"]
 
@@ -304,9 +312,9 @@ def test_vehicle_that_only_its_owner_may_stop_fails(closed: int) -> None:
             """Do not let others use one of the commands."""
             return number != closed and super().only_stops(number, params)
 
-    outcome = judge(MemoryNetwork(Closed()), Options(allow_motion=True), [rows()[57]])
+    outcome = judge(MemoryNetwork(Closed()), CheckOptions(allow_motion=True), [rows()[57]])
     (found,) = outcome.rows
-    assert found.verdict.status is Status.FAIL
+    assert found.verdict.status is RowStatus.FAIL
     assert "of another: NOT_IN_CONTROL" in found.verdict.evidence
 
 
@@ -321,6 +329,6 @@ def test_interrupted_row_leaves_the_vehicle_disarmed_and_not_stopped() -> None:
 
     vehicle = Interrupting()
     with pytest.raises(KeyboardInterrupt):
-        judge(MemoryNetwork(vehicle), Options(allow_motion=True), [rows()[2]])
+        judge(MemoryNetwork(vehicle), CheckOptions(allow_motion=True), [rows()[2]])
     assert not vehicle.is_armed
     assert not vehicle.is_stopped

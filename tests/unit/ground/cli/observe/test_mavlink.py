@@ -16,13 +16,14 @@ from tests.support.vehicle_check.broken import MuteVehicle
 from tests.support.vehicle_check.core import Core
 from tests.support.vehicle_check.good import GoodVehicle
 from tests.support.vehicle_check.memory_network import MemoryNetwork
-from vehicle_check import network as networks
-from vehicle_check import report
-from vehicle_check.check import Judged, Outcome
-from vehicle_check.verdict import (
+from vehicle_check import ground_stations as networks
+from vehicle_check import judge
+from vehicle_check.vehicle_under_test import (
+    AcceptanceRow,
+    CheckOutcome,
     Findings,
-    Row,
-    Verdict,
+    Judged,
+    RowVerdict,
     failed,
     not_applicable,
     not_tried,
@@ -137,25 +138,27 @@ def test_refused_connection_ends_with_1(capsys: pytest.CaptureFixture[str]) -> N
     assert "refused" in capsys.readouterr().err
 
 
-def judged(*verdicts: Verdict) -> Sequence[Judged]:
+def judged(*verdicts: RowVerdict) -> Sequence[Judged]:
     return [
-        Judged(Row(number, f"title {number}", "everyone", lambda check: passed("")), verdict)
+        Judged(
+            AcceptanceRow(number, f"title {number}", "everyone", lambda check: passed("")), verdict
+        )
         for number, verdict in enumerate(verdicts, start=1)
     ]
 
 
 def test_control_characters_of_the_vehicle_are_not_printed() -> None:
     found = judged(failed("a\x1b[2Jb\x00"))
-    assert "\x1b" not in report.as_text(Outcome(list(found), [], []))
-    case = ElementTree.fromstring(report.as_junit("x", found)).find("testcase/failure")
+    assert "\x1b" not in judge.as_text(CheckOutcome(list(found), [], []))
+    case = ElementTree.fromstring(judge.as_junit("x", found)).find("testcase/failure")
     assert case is not None
     assert case.get("message") == "a?[2Jb?"
 
 
 def test_summary_counts_each_kind() -> None:
     found = judged(passed(""), failed(""), not_tried(""), not_applicable(""), passed(""))
-    assert report.summary(found) == "5 rows: 2 pass, 1 fail, 1 not applicable, 1 not tried"
-    assert not report.is_good(found)
+    assert judge.summary(found) == "5 rows: 2 pass, 1 fail, 1 not applicable, 1 not tried"
+    assert not judge.is_good(found)
 
 
 def test_one_fault_makes_findings_fail() -> None:

@@ -6,16 +6,21 @@ from statistics import median
 from typing import Final
 
 from runtime.units import NS_PER_S
-from vehicle_check.check import Check
-from vehicle_check.dialect import mavlink
-from vehicle_check.files import FileClient
-from vehicle_check.missions import FENCE, MISSION
-from vehicle_check.missions import download as plan_of
-from vehicle_check.parameters import download, unpacked
-from vehicle_check.rows.identity import versions
+from vehicle_check.ground_stations import GroundStation
+from vehicle_check.mavlink_frames import mavlink
+from vehicle_check.rows.identity_rows import versions
 from vehicle_check.rows.parameter_rows import PCK, most_seconds, parameters
-from vehicle_check.session import Client
-from vehicle_check.verdict import Findings, Verdict, failed, not_applicable, passed, row
+from vehicle_check.transfers import FENCE, MISSION, FileClient, download_parameters, unpacked
+from vehicle_check.transfers import download_plan as plan_of
+from vehicle_check.vehicle_under_test import (
+    Findings,
+    RowVerdict,
+    VehicleCheck,
+    failed,
+    not_applicable,
+    passed,
+    row,
+)
 
 READY_S: Final = 2.0
 READY_WITH_LOSS_S: Final = 5.0
@@ -35,7 +40,7 @@ RADIO_BYTES_PER_S: Final = 4_500
     "ready within 2 s of connecting, without an error shown; the whole list at 20 % loss, too",
     suffers="QGroundControl and its users",
 )
-def ready(check: Check) -> Verdict:
+def ready(check: VehicleCheck) -> RowVerdict:
     """Connect like QGroundControl: version, modes, parameters, mission, fence, home.
 
     With loss the time of one connection is chance, so the median of several is judged.
@@ -50,7 +55,7 @@ def ready(check: Check) -> Verdict:
     return found.verdict()
 
 
-def _seconds_until_ready(check: Check, found: Findings) -> float:
+def _seconds_until_ready(check: VehicleCheck, found: Findings) -> float:
     """Connect once; return the time, and expect all answers and no error shown."""
     start_ns = check.station.now_ns
     client = check.station.connect() if check.serves_two else check.main
@@ -72,7 +77,7 @@ def _seconds_until_ready(check: Check, found: Findings) -> float:
     return seconds
 
 
-def versions_of(check: Check, client: Client) -> list[bool]:
+def versions_of(check: VehicleCheck, client: GroundStation) -> list[bool]:
     """Return the answered version requests; only the first with QGroundControl's sequence."""
     asked = client.request(148, "AUTOPILOT_VERSION")
     return (
@@ -82,12 +87,12 @@ def versions_of(check: Check, client: Client) -> list[bool]:
     )
 
 
-def _has_parameters(client: Client) -> bool:
+def _has_parameters(client: GroundStation) -> bool:
     data = FileClient(client).fetch(PCK, within_s=4.0)
     packed = None if data is None else unpacked(data)
     if packed is not None and len(packed.values) == packed.given:
         return True
-    return download(client, 5.0).is_whole
+    return download_parameters(client, 5.0).is_whole
 
 
 @row(
@@ -95,7 +100,7 @@ def _has_parameters(client: Client) -> bool:
     "two robots at one port: commands for one do not act on the other",
     suffers="fleets behind one address",
 )
-def two_systems(check: Check) -> Verdict:
+def two_systems(check: VehicleCheck) -> RowVerdict:
     """Send many commands to the second system; the first must not answer any."""
     check.station.wait(0.2)
     others = sorted(one for one in check.station.systems if one != check.target)
@@ -125,7 +130,7 @@ def two_systems(check: Check) -> Verdict:
     "a flood of broken and unknown frames does not disturb the streams",
     suffers="every client if one of them or the line is faulty",
 )
-def flood(check: Check) -> Verdict:
+def flood(check: VehicleCheck) -> RowVerdict:
     """Send broken, unknown and unaddressed frames; the main client's heartbeats go on."""
     found = Findings()
     chance = random.Random(check.options.seed)
@@ -153,7 +158,7 @@ def flood(check: Check) -> Verdict:
     return found.verdict()
 
 
-def _broken(client: Client, chance: random.Random) -> bytes:
+def _broken(client: GroundStation, chance: random.Random) -> bytes:
     whole = bytearray(client.frame(mavlink.MAVLink_ping_message(1, 2, 250, 1)))
     kind = chance.randrange(4)
     if kind == 0:

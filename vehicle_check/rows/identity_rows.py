@@ -4,14 +4,15 @@ from itertools import pairwise
 from typing import Any, Final
 
 from runtime.units import NS_PER_S
-from vehicle_check.check import Check, is_vehicle
-from vehicle_check.dialect import mavlink
-from vehicle_check.session import Client, result_name
-from vehicle_check.verdict import (
+from vehicle_check.ground_stations import GroundStation, result_name
+from vehicle_check.mavlink_frames import mavlink
+from vehicle_check.vehicle_under_test import (
     Findings,
-    Status,
-    Verdict,
+    RowStatus,
+    RowVerdict,
+    VehicleCheck,
     failed,
+    is_vehicle,
     not_applicable,
     passed,
     row,
@@ -52,7 +53,7 @@ def capability(name: str) -> int:
     "HEARTBEAT: component 1, ground rover, ArduPilot, custom mode, 1 Hz and on change",
     suffers="every client: no vehicle, or a mode that changes late",
 )
-def heartbeat(check: Check) -> Verdict:
+def heartbeat(check: VehicleCheck) -> RowVerdict:
     """Judge the fields and the rate; change the mode of a disarmed vehicle."""
     found = Findings()
     _expect_rate(check, found)
@@ -67,7 +68,7 @@ def heartbeat(check: Check) -> Verdict:
     return found.verdict()
 
 
-def _expect_rate(check: Check, found: Findings) -> None:
+def _expect_rate(check: VehicleCheck, found: Findings) -> None:
     beats = [one for one in check.seen("HEARTBEAT") if is_vehicle(one.message)]
     if not found.expect(
         len(beats) >= 2, f"{len(beats)} HEARTBEATs in {check.window.seconds:.0f} s"
@@ -84,7 +85,7 @@ def _expect_rate(check: Check, found: Findings) -> None:
     found.expect(is_right, f"HEARTBEAT {all_hz:.2f} Hz, {changes} changes")
 
 
-def _expect_change(check: Check, found: Findings) -> None:
+def _expect_change(check: VehicleCheck, found: Findings) -> None:
     before, since = check.mode, check.main.mark()
     # Without a position a vehicle may refuse GUIDED, but not MANUAL.
     for other in (GUIDED, MANUAL) if before == HOLD else (HOLD,):
@@ -111,7 +112,7 @@ def _accepted(ack: Any) -> bool:
     "heartbeats of other components have a mode of Rover, or type GCS",
     suffers="DroneKit: exception on an unknown mode",
 )
-def other_components(check: Check) -> Verdict:
+def other_components(check: VehicleCheck) -> RowVerdict:
     """Judge the heartbeats of all components but the autopilot."""
     others = {
         one.component: one.message
@@ -131,7 +132,7 @@ def other_components(check: Check) -> Verdict:
     "targets: system 0 and its own accepted, component 0 and 1, other systems ignored",
     suffers="DroneKit: simple_goto and parameters send target 0",
 )
-def targets(check: Check) -> Verdict:
+def targets(check: VehicleCheck) -> RowVerdict:
     """Ask for a parameter with several targets, and send a command to another system."""
     found = Findings()
     for target in ((0, 0), (check.target, 0), (check.target, 1)):
@@ -153,7 +154,7 @@ def targets(check: Check) -> Verdict:
     "one sequence without gaps for each system and component",
     suffers="QGroundControl: shows lost frames",
 )
-def sequences(check: Check) -> Verdict:
+def sequences(check: VehicleCheck) -> RowVerdict:
     """Count gaps, also of frames that the judge has dropped itself."""
     last: dict[tuple[int, int], int] = {}
     gaps = total = 0
@@ -170,7 +171,7 @@ def sequences(check: Check) -> Verdict:
     "clients at any UDP port, 5 at once, dropped after 10 s of silence",
     suffers="Mission Planner, QGroundControl and MAVProxy side by side",
 )
-def several_clients(check: Check) -> Verdict:
+def several_clients(check: VehicleCheck) -> RowVerdict:
     """Count the frames of four more clients, and when those for a silent client end."""
     found = Findings()
     window = check.window
@@ -190,7 +191,7 @@ def several_clients(check: Check) -> Verdict:
     return found.verdict()
 
 
-def versions(check: Check, client: Client) -> dict[str, Any]:
+def versions(check: VehicleCheck, client: GroundStation) -> dict[str, Any]:
     """Ask for AUTOPILOT_VERSION in the three ways of clients."""
     target = check.station.address
     name = "AUTOPILOT_VERSION"
@@ -207,7 +208,7 @@ def versions(check: Check, client: Client) -> dict[str, Any]:
     "AUTOPILOT_VERSION by 512, 520 and 183; its bits tell what is there",
     suffers="Mission Planner sends all three; MAVSDK, QGroundControl, DroneKit need the bits",
 )
-def version(check: Check) -> Verdict:
+def version(check: VehicleCheck) -> RowVerdict:
     """Judge the three ways and the capability bits."""
     found = Findings()
     answers = versions(check, check.main)
@@ -224,13 +225,13 @@ def version(check: Check) -> Verdict:
     return found.verdict()
 
 
-def _calibrates(check: Check) -> bool:
+def _calibrates(check: VehicleCheck) -> bool:
     """Return True if the vehicle knows compass calibration: to cancel none changes nothing."""
     result = check.main.result_of(CANCEL_CALIBRATION)
     return result not in (None, mavlink.MAV_RESULT_UNSUPPORTED)
 
 
-def _knows_terrain(check: Check) -> bool:
+def _knows_terrain(check: VehicleCheck) -> bool:
     return check.main.ask(mavlink.MAVLink_terrain_check_message(0, 0), "TERRAIN_REPORT") is not None
 
 
@@ -247,7 +248,7 @@ _OPTIONAL: Final = {
     "flight_sw_version 4.x of type DEV, hash and unique id",
     suffers="QGroundControl: 'not latest stable' for type OFFICIAL, if the number is an old one",
 )
-def release(check: Check) -> Verdict:
+def release(check: VehicleCheck) -> RowVerdict:
     """Judge the version fields."""
     frame = next((one for one in versions(check, check.main).values() if one is not None), None)
     if frame is None:
@@ -260,6 +261,6 @@ def release(check: Check) -> Verdict:
     found.expect(any(one.flight_custom_version), f"hash {bytes(one.flight_custom_version)!r}")
     found.expect(one.uid or any(one.uid2), f"uid {one.uid:x}")
     verdict = found.verdict()
-    if kind == OFFICIAL and verdict.status is Status.PASS:
+    if kind == OFFICIAL and verdict.status is RowStatus.PASS:
         return not_applicable(f"{verdict.evidence}: right for an official release of ArduPilot")
     return verdict

@@ -5,20 +5,19 @@ from collections.abc import Sequence
 from textwrap import shorten
 from xml.etree import ElementTree
 
-from vehicle_check.check import Judged, Outcome, restore_text
-from vehicle_check.verdict import Status
+from vehicle_check.vehicle_under_test import CheckOutcome, Judged, RowStatus, restore_text
 
 WIDTH = 200
 
 
-def as_text(outcome: Outcome) -> str:
+def as_text(outcome: CheckOutcome) -> str:
     """Return a line per row, the clients that each failure affects, and the totals."""
     lines = []
     for (number, title, suffers, _), (status, evidence) in outcome.rows:
         lines.append(f"{number:>3}  {status:<14}  {title}")
         if evidence:
             lines.append(f"{'':21}{shorten(_printable(evidence), WIDTH, placeholder=' ...')}")
-        if status is Status.FAIL:
+        if status is RowStatus.FAIL:
             lines.append(f"{'':21}suffers: {suffers}")
     changes = restore_text(outcome.restored, outcome.not_restored)
     return "\n".join([*lines, *([changes] if changes else []), summary(outcome.rows)])
@@ -27,16 +26,16 @@ def as_text(outcome: Outcome) -> str:
 def summary(judged: Sequence[Judged]) -> str:
     """Return the number of rows with each verdict."""
     counts = Counter(one.verdict.status for one in judged)
-    parts = [f"{counts[status]} {status}" for status in Status if counts[status]]
+    parts = [f"{counts[status]} {status}" for status in RowStatus if counts[status]]
     return f"{len(judged)} rows: {', '.join(parts)}"
 
 
 def is_good(judged: Sequence[Judged]) -> bool:
     """Return True if no row has failed."""
-    return all(one.verdict.status is not Status.FAIL for one in judged)
+    return all(one.verdict.status is not RowStatus.FAIL for one in judged)
 
 
-def as_dict(endpoint: str, outcome: Outcome) -> dict[str, object]:
+def as_dict(endpoint: str, outcome: CheckOutcome) -> dict[str, object]:
     """Return the results as a JSON object."""
     return {
         "ok": is_good(outcome.rows),
@@ -59,12 +58,12 @@ def as_dict(endpoint: str, outcome: Outcome) -> dict[str, object]:
 def as_junit(endpoint: str, judged: Sequence[Judged]) -> bytes:
     """Return a JUnit file with a test case per row; rows that were not judged are skipped."""
     counts = Counter(one.verdict.status for one in judged)
-    skipped = counts[Status.NOT_APPLICABLE] + counts[Status.NOT_TRIED]
+    skipped = counts[RowStatus.NOT_APPLICABLE] + counts[RowStatus.NOT_TRIED]
     suite = ElementTree.Element(
         "testsuite",
         name=f"mavlink check {endpoint}",
         tests=str(len(judged)),
-        failures=str(counts[Status.FAIL]),
+        failures=str(counts[RowStatus.FAIL]),
         errors="0",
         skipped=str(skipped),
     )
@@ -72,10 +71,10 @@ def as_junit(endpoint: str, judged: Sequence[Judged]) -> bytes:
         name = f"{row.number} {row.title}"
         case = ElementTree.SubElement(suite, "testcase", classname="mavlink", name=name)
         text = _printable(evidence)
-        if status is Status.FAIL:
+        if status is RowStatus.FAIL:
             failure = ElementTree.SubElement(case, "failure", message=text)
             failure.text = f"suffers: {row.suffers}"
-        elif status is not Status.PASS:
+        elif status is not RowStatus.PASS:
             ElementTree.SubElement(case, "skipped", message=f"{status}: {text}")
         else:
             ElementTree.SubElement(case, "system-out").text = text

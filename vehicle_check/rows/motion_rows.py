@@ -5,12 +5,20 @@ from functools import wraps
 from math import pi
 from typing import Final
 
-from vehicle_check.check import Check, is_vehicle
-from vehicle_check.dialect import MavMessage, mavlink
-from vehicle_check.plans import sent, small_mission, step_m
-from vehicle_check.rows import driving
-from vehicle_check.session import result_name
-from vehicle_check.verdict import Findings, Judge, Verdict, failed, not_tried, row
+from vehicle_check import row_steps
+from vehicle_check.ground_stations import result_name
+from vehicle_check.mavlink_frames import MavMessage, mavlink
+from vehicle_check.row_steps import send_plan, small_mission, step_m
+from vehicle_check.vehicle_under_test import (
+    Findings,
+    Judge,
+    RowVerdict,
+    VehicleCheck,
+    failed,
+    is_vehicle,
+    not_tried,
+    row,
+)
 
 HOLD: Final = mavlink.ROVER_MODE_HOLD
 MANUAL: Final = mavlink.ROVER_MODE_MANUAL
@@ -34,17 +42,17 @@ def with_motion(judge: Judge) -> Judge:
     """Judge a row only if the vehicle may be moved; stop it at the end."""
 
     @wraps(judge)
-    def judged(check: Check) -> Verdict:
+    def judged(check: VehicleCheck) -> RowVerdict:
         if not check.options.allow_motion:
             return not_tried(NEEDED)
         for name in ("LOCAL_POSITION_NED", "ATTITUDE"):
             if not check.main.sent(name) and check.main.expect_sent(name, 1.0) is None:
                 return failed(f"no {name}: cannot tell whether it moves")
-        driving.stand(check)
+        row_steps.stand(check)
         try:
             return judge(check)
         finally:
-            driving.stand(check)
+            row_steps.stand(check)
 
     return judged
 
@@ -54,7 +62,7 @@ def with_motion(judge: Judge) -> Judge:
     "system_status: HOLD is STANDBY, other modes ACTIVE, e-stop EMERGENCY",
     suffers="QGroundControl: 'flying' decides what mission start sends",
 )
-def states(check: Check) -> Verdict:
+def states(check: VehicleCheck) -> RowVerdict:
     """Judge all heartbeats so far; with motion, stop in an emergency and clear it."""
     found, wrong, seen = Findings(), set(), set()
     frames = check.main.sent("HEARTBEAT", where=is_vehicle)
@@ -72,8 +80,8 @@ def states(check: Check) -> Verdict:
     return found.verdict()
 
 
-def _expect_emergency(check: Check, found: Findings) -> None:
-    driving.stand(check)
+def _expect_emergency(check: VehicleCheck, found: Findings) -> None:
+    row_steps.stand(check)
     emergency = mavlink.MAV_STATE_EMERGENCY
     other = check.second if check.serves_two else check.main
     result = other.result_of(TERMINATE, 1, within_s=2.0)
@@ -91,17 +99,17 @@ def _expect_emergency(check: Check, found: Findings) -> None:
     suffers="QGroundControl sends only the mode while 'flying'",
 )
 @with_motion
-def auto(check: Check) -> Verdict:
+def auto(check: VehicleCheck) -> RowVerdict:
     """Start the mission by the mode, and leave it."""
     found = Findings()
-    sent(check, small_mission(check, spread_m=max(1.0, step_m(check))))
-    driving.expect_mission(check, found, by_command=False)
-    found.expect(driving.stops_within(check, 2.0), f"in HOLD {driving.speed(check):.2f} m/s")
+    send_plan(check, small_mission(check, spread_m=max(1.0, step_m(check))))
+    row_steps.expect_mission(check, found, by_command=False)
+    found.expect(row_steps.stops_within(check, 2.0), f"in HOLD {row_steps.speed(check):.2f} m/s")
     return found.verdict()
 
 
 def velocity(
-    check: Check, speed_m_s: float, mask: int = ONLY_VELOCITY, frame: int = 8
+    check: VehicleCheck, speed_m_s: float, mask: int = ONLY_VELOCITY, frame: int = 8
 ) -> MavMessage:
     """Return SET_POSITION_TARGET_LOCAL_NED with a velocity, by default ahead."""
     target = check.station.address
@@ -116,14 +124,14 @@ def velocity(
     suffers="MAVSDK offboard, mavros setpoint_raw",
 )
 @with_motion
-def setpoints(check: Check) -> Verdict:
+def setpoints(check: VehicleCheck) -> RowVerdict:
     """Send velocities in HOLD and in GUIDED."""
     found = Findings()
-    driving.expect_rest(check, found, lambda: velocity(check, 0.2), 1.0)
-    if not driving.start(check, driving.GUIDED, found):
+    row_steps.expect_rest(check, found, lambda: velocity(check, 0.2), 1.0)
+    if not row_steps.start(check, row_steps.GUIDED, found):
         return found.verdict()
-    driving.expect_way(check, found, lambda: velocity(check, 0.2), "in GUIDED")
-    found.expect(driving.stops_within(check, STOP_S), f"then {driving.speed(check):.2f} m/s")
+    row_steps.expect_way(check, found, lambda: velocity(check, 0.2), "in GUIDED")
+    found.expect(row_steps.stops_within(check, STOP_S), f"then {row_steps.speed(check):.2f} m/s")
     since = check.main.mark()
     for frame in FRAMES:
         check.main.send_surely(velocity(check, 0.0, frame=frame))
@@ -134,13 +142,13 @@ def setpoints(check: Check) -> Verdict:
     return found.verdict()
 
 
-def _expect_acceleration(check: Check, found: Findings) -> None:
+def _expect_acceleration(check: VehicleCheck, found: Findings) -> None:
     since = check.main.mark()
     target = check.station.address
     message = mavlink.MAVLink_set_position_target_local_ned_message(
         0, *target, 8, WITH_ACCELERATION, 0, 0, 0, 0, 0, 0, 0.1, 0, 0, 0, 0
     )
-    driving.stream(check, lambda: message, 0.5)
+    row_steps.stream(check, lambda: message, 0.5)
     check.main.expect_sent("STATUSTEXT", 1.0, since=since)
     text = check.texts(since)
     found.expect(text, f"acceleration: text {text!r}")
@@ -152,16 +160,16 @@ def _expect_acceleration(check: Check, found: Findings) -> None:
     suffers="mavros, ArduPilot scripts",
 )
 @with_motion
-def attitude_target(check: Check) -> Verdict:
+def attitude_target(check: VehicleCheck) -> RowVerdict:
     """Drive by thrust."""
     found = Findings()
-    if not driving.start(check, driving.GUIDED, found):
+    if not row_steps.start(check, row_steps.GUIDED, found):
         return found.verdict()
     target = check.station.address
     message = mavlink.MAVLink_set_attitude_target_message(
         0, *target, IGNORE_QUATERNION, [1, 0, 0, 0], 0, 0, 0, 0.3
     )
-    driving.expect_way(check, found, lambda: message, "thrust 0.3")
+    row_steps.expect_way(check, found, lambda: message, "thrust 0.3")
     for number in (mavlink.MAV_CMD_NAV_SET_YAW_SPEED, mavlink.MAV_CMD_DO_SET_REVERSE):
         result = check.main.result_of(number, 0)
         is_right = result not in (None, mavlink.MAV_RESULT_UNSUPPORTED)
@@ -175,7 +183,7 @@ def attitude_target(check: Check) -> Verdict:
     suffers="QGroundControl and MAVSDK joysticks",
 )
 @with_motion
-def manual_control(check: Check) -> Verdict:
+def manual_control(check: VehicleCheck) -> RowVerdict:
     """Drive and turn by hand."""
 
     def sticks(y: int, z: int) -> MavMessage:
@@ -190,7 +198,7 @@ def manual_control(check: Check) -> Verdict:
     suffers="MAVProxy rc, DroneKit overrides, Mission Planner joystick",
 )
 @with_motion
-def overrides(check: Check) -> Verdict:
+def overrides(check: VehicleCheck) -> RowVerdict:
     """Drive and turn by channels."""
 
     def channels(steer: int, drive: int) -> MavMessage:
@@ -211,20 +219,20 @@ def overrides(check: Check) -> Verdict:
 
 
 def _by_hand(
-    check: Check, ahead: Callable[[], MavMessage], turn: Callable[[], MavMessage]
-) -> Verdict:
+    check: VehicleCheck, ahead: Callable[[], MavMessage], turn: Callable[[], MavMessage]
+) -> RowVerdict:
     found = Findings()
-    driving.expect_rest(check, found, ahead, 0.8)
-    if not driving.start(check, MANUAL, found):
+    row_steps.expect_rest(check, found, ahead, 0.8)
+    if not row_steps.start(check, MANUAL, found):
         return found.verdict()
-    driving.expect_way(check, found, ahead, "in MANUAL")
-    is_still = driving.stops_within(check, MANUAL_STOP_S)
-    found.expect(is_still, f"after the last {driving.speed(check):.2f} m/s")
-    before = driving.yaw(check)
+    row_steps.expect_way(check, found, ahead, "in MANUAL")
+    is_still = row_steps.stops_within(check, MANUAL_STOP_S)
+    found.expect(is_still, f"after the last {row_steps.speed(check):.2f} m/s")
+    before = row_steps.yaw(check)
 
     def turned() -> float:
-        return (driving.yaw(check) - before + pi) % (2 * pi) - pi
+        return (row_steps.yaw(check) - before + pi) % (2 * pi) - pi
 
-    driving.stream(check, turn, 2.0, lambda: turned() > driving.TURNING_RAD)
-    found.expect(turned() > driving.TURNING_RAD, f"turned {turned():.2f} rad clockwise")
+    row_steps.stream(check, turn, 2.0, lambda: turned() > row_steps.TURNING_RAD)
+    found.expect(turned() > row_steps.TURNING_RAD, f"turned {turned():.2f} rad clockwise")
     return found.verdict()

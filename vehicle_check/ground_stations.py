@@ -1,13 +1,195 @@
-"""Ground stations of the judge: frames with times, requests with answers."""
+"""Connections of the judge to a vehicle: several peers of one endpoint, over sockets.
 
+Ground stations of the judge: frames with times, requests with answers.
+"""
+
+import random
+import selectors
+import socket
+import time
 from collections import Counter
 from collections.abc import Callable, Collection
-from typing import Any, Final, NamedTuple, TypeAlias
+from contextlib import suppress
+from ipaddress import ip_address
+from typing import Any, Final, NamedTuple, Protocol, TypeAlias
 
+from runtime.errors import RemoteError, UserError
 from runtime.units import NS_PER_MS, NS_PER_S
-from vehicle_check.dialect import EXTRA, MavMessage, mavlink, number_of
-from vehicle_check.network import Losses, Network
-from vehicle_check.signing import Signer
+from vehicle_check.mavlink_frames import EXTRA, MavMessage, Signer, mavlink, number_of
+
+LARGEST: Final = 65_535
+MAX_READ: Final = 64
+KINDS: Final = ("udpout", "udpin", "tcp")
+USAGE: Final = "use udpout:HOST:PORT, udpin:HOST:PORT or tcp:HOST:PORT"
+
+
+class Heard(NamedTuple):
+    """Bytes that the vehicle has sent to one peer."""
+
+    peer: int
+    data: bytes
+    at_ns: int
+
+
+class VehicleNetwork(Protocol):
+    """Connections to one vehicle, numbered from 0."""
+
+    @property
+    def is_stream(self) -> bool:
+        """True for connections that deliver without loss, such as TCP."""
+
+    @property
+    def is_loopback(self) -> bool:
+        """True if the vehicle is on this machine."""
+
+    def now_ns(self) -> int:
+        """Return the time."""
+
+    def open(self) -> int:
+        """Open one more connection; return its number."""
+
+    def send(self, peer: int, data: bytes) -> None:
+        """Send bytes to the vehicle."""
+
+    def receive(self, until_ns: int) -> list[Heard]:
+        """Wait for bytes, at most until a time; return all bytes that have arrived."""
+
+    def close(self) -> None:
+        """Close all connections."""
+
+
+class VehicleAddress(NamedTuple):
+    """A parsed endpoint."""
+
+    kind: str
+    host: str
+    port: int
+
+
+def address_of(text: str) -> VehicleAddress:
+    """Parse an endpoint; UserError names the error."""
+    kind, _, rest = text.partition(":")
+    host, colon, port = rest.rpartition(":")
+    if kind not in KINDS or not (colon and host):
+        raise UserError(f"endpoint {text!r}: {USAGE}")
+    if not (port.isdecimal() and 0 < int(port) < 65_536):
+        raise UserError(f"endpoint {text!r}: {port!r} is no port (1 to 65535)")
+    return VehicleAddress(kind, host, int(port))
+
+
+class SocketNetwork:
+    """Connections over UDP or TCP.
+
+    With `udpin` the first connection listens; the others send to the vehicle's address from ports
+    of their own.
+    """
+
+    def __init__(self, text: str) -> None:
+        self._text = text
+        self._address = address_of(text)
+        self._sockets: list[socket.socket] = []
+        self._vehicle: tuple[str, int] | None = None
+        self._selector = selectors.DefaultSelector()
+        try:
+            self._host = socket.gethostbyname(self._address.host)
+        except OSError as error:
+            raise UserError(f"endpoint {text!r}: {error.strerror or error}") from error
+
+    @property
+    def is_stream(self) -> bool:
+        """True for TCP."""
+        return self._address.kind == "tcp"
+
+    @property
+    def is_loopback(self) -> bool:
+        """True for an address of this machine only."""
+        return ip_address(self._host).is_loopback
+
+    def now_ns(self) -> int:
+        """Return the monotonic time."""
+        return time.monotonic_ns()
+
+    def open(self) -> int:
+        """Open one more connection; UserError or RemoteError if that fails."""
+        number = len(self._sockets)
+        kind = socket.SOCK_STREAM if self.is_stream else socket.SOCK_DGRAM
+        made = socket.socket(socket.AF_INET, kind)
+        target = (self._host, self._address.port)
+        try:
+            if self.is_stream:
+                made.settimeout(3)
+                made.connect(target)
+            elif self._address.kind == "udpin" and not number:
+                made.bind(target)
+        except OSError as error:
+            made.close()
+            kind_of_error = RemoteError if self.is_stream else UserError
+            raise kind_of_error(f"{self._text}: {error.strerror or error}") from error
+        made.setblocking(False)
+        self._sockets.append(made)
+        self._selector.register(made, selectors.EVENT_READ, number)
+        return number
+
+    def send(self, peer: int, data: bytes) -> None:
+        """Send bytes; drop them if the vehicle's address is not known or the buffer is full."""
+        with suppress(OSError):
+            if self.is_stream:
+                self._sockets[peer].send(data)
+                return
+            target: tuple[str, int] | None = (self._host, self._address.port)
+            if self._address.kind == "udpin":
+                target = self._vehicle
+            if target is not None:
+                self._sockets[peer].sendto(data, target)
+
+    def receive(self, until_ns: int) -> list[Heard]:
+        """Wait for bytes of any connection."""
+        wait_s = max(0, until_ns - self.now_ns()) / NS_PER_S
+        found: list[Heard] = []
+        for key, _ in self._selector.select(wait_s):
+            assert isinstance(key.fileobj, socket.socket)
+            found += self._read(key.data, key.fileobj)
+        return found
+
+    def close(self) -> None:
+        """Close all sockets."""
+        self._selector.close()
+        for one in self._sockets:
+            one.close()
+
+    def _read(self, peer: int, one: socket.socket) -> list[Heard]:
+        found: list[Heard] = []
+        with suppress(BlockingIOError, InterruptedError, ConnectionRefusedError):
+            for _ in range(MAX_READ):
+                data, sender = self._received(one)
+                if not data and self.is_stream:
+                    self._selector.unregister(one)
+                    break
+                if sender is not None and peer == 0:
+                    self._vehicle = sender
+                found.append(Heard(peer, data, self.now_ns()))
+        return found
+
+    def _received(self, one: socket.socket) -> tuple[bytes, tuple[str, int] | None]:
+        if not self.is_stream:
+            return one.recvfrom(LARGEST)
+        try:
+            return one.recv(LARGEST), None
+        except ConnectionError:
+            return b"", None
+
+
+class Losses:
+    """Selects the frames to drop, by a seed."""
+
+    def __init__(self, share: float, seed: int) -> None:
+        self.share = share
+        self._random = random.Random(seed)
+
+    def drops(self) -> bool:
+        """Return True for a frame to drop."""
+        return self.share > 0 and self._random.random() < self.share
+
 
 HEARTBEAT_NS: Final = NS_PER_S
 STEP_NS: Final = 20 * NS_PER_MS
@@ -22,7 +204,7 @@ RETRY_S: Final = 0.4
 Where: TypeAlias = Callable[[Any], bool]
 
 
-class Frame(NamedTuple):
+class ReceivedFrame(NamedTuple):
     """A received frame; `is_lost` if the judge itself has dropped it."""
 
     at_ns: int
@@ -44,13 +226,13 @@ class NoFile:
         """Drop it."""
 
 
-class Station:
+class GroundStations:
     """All ground stations of the judge, which share one network and one time."""
 
-    def __init__(self, network: Network, losses: Losses) -> None:
+    def __init__(self, network: VehicleNetwork, losses: Losses) -> None:
         self.network = network
         self.losses = losses
-        self.clients: dict[int, Client] = {}
+        self.clients: dict[int, GroundStation] = {}
         self.target = 0
         self.target_component = mavlink.MAV_COMP_ID_AUTOPILOT1
         self.systems: set[int] = set()
@@ -81,11 +263,11 @@ class Station:
         """Number of attempts of a request before its answer counts as missing."""
         return TRIES_WITH_LOSS if self.is_lossy else 1
 
-    def connect(self, system: int | None = None, *, beats: bool = True) -> "Client":
+    def connect(self, system: int | None = None, *, beats: bool = True) -> "GroundStation":
         """Connect one more ground station, by default with a system id of its own."""
         peer = self.network.open()
         number = FIRST_SYSTEM - len(self.clients) if system is None else system
-        client = Client(self, peer, number, beats=beats)
+        client = GroundStation(self, peer, number, beats=beats)
         client.signer = self.signer
         self.clients[peer] = client
         return client
@@ -106,14 +288,14 @@ class Station:
                     self.clients[heard.peer].take(heard.data, heard.at_ns)
 
 
-class Client:
+class GroundStation:
     """One ground station. Only frames of the target system are in `log`."""
 
-    def __init__(self, station: Station, peer: int, system: int, *, beats: bool) -> None:
+    def __init__(self, station: GroundStations, peer: int, system: int, *, beats: bool) -> None:
         self.station = station
         self.system = system
         self.beats = beats
-        self.log: list[Frame] = []
+        self.log: list[ReceivedFrame] = []
         self.bytes = self.malformed = 0
         self.signer: Signer | None = None
         self._peer = peer
@@ -172,7 +354,7 @@ class Client:
                 if len(self.log) < MAX_LOG:
                     self.log.append(frame)
 
-    def greet(self) -> Frame | None:
+    def greet(self) -> ReceivedFrame | None:
         """Wait for a heartbeat: the vehicle has heard of this ground station. None if it has not.
 
         With loss some heartbeats of the ground station may be dropped before.
@@ -185,7 +367,7 @@ class Client:
         """Return the present end of the log, for `since`."""
         return len(self.log)
 
-    def sent(self, name: str, since: int = 0, where: Where | None = None) -> list[Frame]:
+    def sent(self, name: str, since: int = 0, where: Where | None = None) -> list[ReceivedFrame]:
         """Return the messages of a name that the vehicle has sent since a mark.
 
         Those that the judge has dropped are among them: what a vehicle sends without being asked
@@ -197,37 +379,37 @@ class Client:
             if one.name == name and (where is None or where(one.message))
         ]
 
-    def heard(self, name: str, since: int = 0, where: Where | None = None) -> list[Frame]:
+    def heard(self, name: str, since: int = 0, where: Where | None = None) -> list[ReceivedFrame]:
         """Return the messages of a name that have reached this ground station since a mark."""
         return [one for one in self.sent(name, since, where) if not one.is_lost]
 
-    def latest(self, name: str, where: Where | None = None) -> Frame | None:
+    def latest(self, name: str, where: Where | None = None) -> ReceivedFrame | None:
         """Return the newest message of a name that the vehicle has sent."""
         frames = (one for one in reversed(self.log) if one.name == name)
         return next((one for one in frames if where is None or where(one.message)), None)
 
     def expect(
         self, name: str, within_s: float = 1.0, where: Where | None = None, since: int | None = None
-    ) -> Frame | None:
+    ) -> ReceivedFrame | None:
         """Wait for a message since a mark, by default from now on; None if it does not come."""
         return self._first(self.heard, name, within_s, where, since)
 
     def expect_sent(
         self, name: str, within_s: float = 1.0, where: Where | None = None, since: int | None = None
-    ) -> Frame | None:
+    ) -> ReceivedFrame | None:
         """Wait until the vehicle sends a message, which the judge may drop."""
         return self._first(self.sent, name, within_s, where, since)
 
     def _first(
         self,
-        found_in: Callable[[str, int, Where | None], list[Frame]],
+        found_in: Callable[[str, int, Where | None], list[ReceivedFrame]],
         name: str,
         within_s: float,
         where: Where | None,
         since: int | None,
-    ) -> Frame | None:
+    ) -> ReceivedFrame | None:
         position = self.mark() if since is None else since
-        found: list[Frame] = []
+        found: list[ReceivedFrame] = []
 
         def is_there() -> bool:
             nonlocal position
@@ -240,7 +422,7 @@ class Client:
 
     def ask(
         self, message: MavMessage, name: str, where: Where | None = None, within_s: float = 1.0
-    ) -> Frame | None:
+    ) -> ReceivedFrame | None:
         """Send a request and wait for the answer; with loss repeat it.
 
         A repeated COMMAND_LONG counts its `confirmation` up, so that it is carried out once.
@@ -253,13 +435,13 @@ class Client:
         names: Collection[str],
         where: Where | None = None,
         within_s: float = 1.0,
-    ) -> Frame | None:
+    ) -> ReceivedFrame | None:
         """Send a request that messages of several names may answer."""
         if self.station.is_lossy:
             within_s = min(within_s, RETRY_S)
         since = self.mark()
 
-        def answers() -> list[Frame]:
+        def answers() -> list[ReceivedFrame]:
             return [
                 one
                 for one in self.log[since:]
@@ -274,7 +456,7 @@ class Client:
                 message.confirmation += 1
         return None
 
-    def command(self, number: int, *params: float, within_s: float = 1.0) -> Frame | None:
+    def command(self, number: int, *params: float, within_s: float = 1.0) -> ReceivedFrame | None:
         """Send COMMAND_LONG and wait for its acknowledgement."""
         return self.ask(
             self.command_long(number, *params),
@@ -294,7 +476,7 @@ class Client:
         ack = self.command(number, *params, within_s=within_s)
         return None if ack is None else int(ack.message.result)
 
-    def request(self, number: int, name: str, *params: float) -> Frame | None:
+    def request(self, number: int, name: str, *params: float) -> ReceivedFrame | None:
         """Ask for a message by command 512, as QGroundControl and MAVSDK do."""
         asked = self.command_long(mavlink.MAV_CMD_REQUEST_MESSAGE, number, *params)
         return self.ask(asked, name)
@@ -307,7 +489,7 @@ def heartbeat() -> MavMessage:
     )
 
 
-def frame_of(message: MavMessage, at_ns: int, *, is_lost: bool = False) -> Frame | None:
+def frame_of(message: MavMessage, at_ns: int, *, is_lost: bool = False) -> ReceivedFrame | None:
     """Return what pymavlink has decoded as a frame of the log; None if it is malformed."""
     raw = bytes(message.get_msgbuf() or b"")
     if message.get_msgId() == mavlink.MAVLINK_MSG_ID_BAD_DATA or len(raw) < 8:
@@ -320,7 +502,7 @@ def frame_of(message: MavMessage, at_ns: int, *, is_lost: bool = False) -> Frame
         name, message = EXTRA[number].name, EXTRA[number].decode(raw)
         if message is None:
             return None
-    return Frame(
+    return ReceivedFrame(
         at_ns, name, message, system, component, sequence, len(raw), is_signed, is_lost, raw
     )
 

@@ -1,16 +1,120 @@
-"""One run of the judge: connect, judge the rows, restore changed values and plans."""
+"""The table of rows: number, title and what clients suffer; and the verdict of a row.
+
+One run of the judge: connect, judge the rows, restore changed values and plans.
+"""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from enum import StrEnum
 from functools import cached_property, partial
-from typing import Any, Final, NamedTuple, TypeVar
+from typing import Any, Final, NamedTuple, TypeAlias, TypeVar
 
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_S
-from vehicle_check.dialect import NUMBERS, mavlink
-from vehicle_check.network import Losses, Network
-from vehicle_check.session import Client, Frame, Station, heartbeat
-from vehicle_check.signing import Signer, timestamp_at
-from vehicle_check.verdict import Findings, Row, Verdict, failed, not_tried
+from vehicle_check.ground_stations import (
+    GroundStation,
+    GroundStations,
+    Losses,
+    ReceivedFrame,
+    VehicleNetwork,
+    heartbeat,
+)
+from vehicle_check.mavlink_frames import NUMBERS, Signer, mavlink, timestamp_at
+
+MAX_EVIDENCE: Final = 400
+
+
+class RowStatus(StrEnum):
+    """How a row ended."""
+
+    PASS = "pass"
+    FAIL = "fail"
+    NOT_APPLICABLE = "not applicable"
+    NOT_TRIED = "not tried"
+
+
+class RowVerdict(NamedTuple):
+    """How a row ended, and the frames that show it."""
+
+    status: RowStatus
+    evidence: str
+
+
+Judge: TypeAlias = Callable[["Check"], RowVerdict]
+
+
+class AcceptanceRow(NamedTuple):
+    """A row of the acceptance list. `suffers` names the clients that a failure troubles."""
+
+    number: int
+    title: str
+    suffers: str
+    judge: Judge
+
+
+_ROWS: Final[dict[int, AcceptanceRow]] = {}
+
+
+def row(number: int, title: str, *, suffers: str) -> Callable[[Judge], Judge]:
+    """Enter a function into the table of rows."""
+
+    def enter(judge: Judge) -> Judge:
+        assert number not in _ROWS
+        _ROWS[number] = AcceptanceRow(number, title, suffers, judge)
+        return judge
+
+    return enter
+
+
+def rows() -> Mapping[int, AcceptanceRow]:
+    """Return all rows, in the order in which they are judged."""
+    from vehicle_check import rows as modules
+
+    modules.load()
+    return _ROWS
+
+
+def passed(evidence: str) -> RowVerdict:
+    """Return a pass."""
+    return RowVerdict(RowStatus.PASS, evidence[:MAX_EVIDENCE])
+
+
+def failed(evidence: str) -> RowVerdict:
+    """Return a failure."""
+    return RowVerdict(RowStatus.FAIL, evidence[:MAX_EVIDENCE])
+
+
+def not_applicable(why: str) -> RowVerdict:
+    """Return the verdict of a row that asks nothing of this vehicle."""
+    return RowVerdict(RowStatus.NOT_APPLICABLE, why[:MAX_EVIDENCE])
+
+
+def not_tried(why: str) -> RowVerdict:
+    """Return the verdict of a row that the options exclude."""
+    return RowVerdict(RowStatus.NOT_TRIED, why[:MAX_EVIDENCE])
+
+
+class Findings:
+    """The findings of one row: it passes if there is no fault."""
+
+    def __init__(self) -> None:
+        self._faults: list[str] = []
+        self._facts: list[str] = []
+
+    def expect(self, is_right: object, fact: str) -> bool:
+        """Keep the fact as a fault unless it is right."""
+        (self._facts if is_right else self._faults).append(fact)
+        return bool(is_right)
+
+    def fact(self, fact: str) -> None:
+        """Keep a fact that is no fault."""
+        self._facts.append(fact)
+
+    def verdict(self) -> RowVerdict:
+        """Return the verdict: the faults, or else the facts."""
+        if self._faults:
+            return failed("; ".join(self._faults))
+        return passed("; ".join(self._facts))
+
 
 HEARTBEAT_WITHIN_S: Final = 5.0
 WINDOW_S: Final = 13.0
@@ -33,7 +137,7 @@ ONE_CLIENT: Final = "this endpoint serves one ground station"
 Found = TypeVar("Found")
 
 
-class Options(NamedTuple):
+class CheckOptions(NamedTuple):
     """The options of the command line."""
 
     allow_motion: bool = False
@@ -46,8 +150,8 @@ class Options(NamedTuple):
 class Judged(NamedTuple):
     """A row with its verdict."""
 
-    row: Row
-    verdict: Verdict
+    row: AcceptanceRow
+    verdict: RowVerdict
 
 
 class Restore(NamedTuple):
@@ -57,7 +161,7 @@ class Restore(NamedTuple):
     undo: Callable[[], bool]
 
 
-class Outcome(NamedTuple):
+class CheckOutcome(NamedTuple):
     """The rows in the order of numbers, and what was put back, or not."""
 
     rows: list[Judged]
@@ -65,23 +169,23 @@ class Outcome(NamedTuple):
     not_restored: list[str]
 
 
-class Window(NamedTuple):
+class StreamWindow(NamedTuple):
     """The frames of the main client while the judge only received."""
 
-    frames: list[Frame]
+    frames: list[ReceivedFrame]
     seconds: float
     bytes_per_s: float
-    watchers: list[Client]
-    silent: Client
+    watchers: list[GroundStation]
+    silent: GroundStation
     began_ns: int
 
 
-class Check:
+class VehicleCheck:
     """The vehicle under test, and values that several rows share."""
 
-    def __init__(self, network: Network, options: Options) -> None:
+    def __init__(self, network: VehicleNetwork, options: CheckOptions) -> None:
         self.options = options
-        self.station = Station(network, Losses(options.loss, options.seed))
+        self.station = GroundStations(network, Losses(options.loss, options.seed))
         self.began_ns = self.station.now_ns
         if options.key is not None:
             self.station.signer = self.signer_with(options.key)
@@ -150,7 +254,7 @@ class Check:
         return not self.station.wait(left_s, lambda: self.station.heard_ns > before_ns)
 
     @cached_property
-    def second(self) -> Client:
+    def second(self) -> GroundStation:
         """A second ground station, which remains connected."""
         client = self.station.connect()
         client.greet()
@@ -162,7 +266,7 @@ class Check:
         return bool(self.second.log)
 
     @cached_property
-    def window(self) -> Window:
+    def window(self) -> StreamWindow:
         """Receive the streams; request them first if the vehicle sends none."""
         began_ns = self.station.now_ns
         watchers = [self.station.connect() for _ in range(WATCHERS)]
@@ -178,15 +282,15 @@ class Check:
         rate = (self.main.bytes - bytes_before) / seconds
         for one in watchers:
             one.beats = False
-        return Window(frames, seconds, rate, watchers, silent, began_ns)
+        return StreamWindow(frames, seconds, rate, watchers, silent, began_ns)
 
-    def ask_for_streams(self, client: Client) -> None:
+    def ask_for_streams(self, client: GroundStation) -> None:
         """Send REQUEST_DATA_STREAM for all groups."""
         target = self.station.address
         for group, rate in STREAM_RATES.items():
             client.send_surely(mavlink.MAVLink_request_data_stream_message(*target, group, rate, 1))
 
-    def seen(self, name: str) -> list[Frame]:
+    def seen(self, name: str) -> list[ReceivedFrame]:
         """Return the messages of a name that the vehicle has sent in the window."""
         return [one for one in self.window.frames if one.name == name]
 
@@ -242,14 +346,14 @@ class Check:
         """True if the vehicle is armed."""
         return bool(self.heartbeat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
 
-    def set_mode(self, mode: int, client: Client | None = None) -> int | None:
+    def set_mode(self, mode: int, client: GroundStation | None = None) -> int | None:
         """Change the mode by command 176; return its result."""
         client = client or self.main
         return client.result_of(
             mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, mode
         )
 
-    def texts(self, since: int, client: Client | None = None) -> str:
+    def texts(self, since: int, client: GroundStation | None = None) -> str:
         """Return the STATUSTEXT that was sent since a mark, short."""
         frames = (client or self.main).sent("STATUSTEXT", since)
         return " | ".join(_text(one.message.text) for one in frames)
@@ -263,13 +367,13 @@ def is_vehicle(message: Any) -> bool:
 
 
 def judge(
-    network: Network,
-    options: Options,
-    rows: Sequence[Row],
+    network: VehicleNetwork,
+    options: CheckOptions,
+    rows: Sequence[AcceptanceRow],
     progress: Callable[[str], None] = lambda text: None,
-) -> Outcome:
+) -> CheckOutcome:
     """Judge a vehicle, and put back what the check has changed; RemoteError if there is none."""
-    check = Check(network, options)
+    check = VehicleCheck(network, options)
     check.find()
     try:
         found = list(_all_judged(check, rows, progress))
@@ -279,11 +383,11 @@ def judge(
         error.add_note(restore_text(restored, not_restored))
         raise
     progress("putting back what the check has changed")
-    return Outcome(sorted(found, key=lambda one: one.row.number), *_put_back(check))
+    return CheckOutcome(sorted(found, key=lambda one: one.row.number), *_put_back(check))
 
 
 def _all_judged(
-    check: Check, rows: Sequence[Row], progress: Callable[[str], None]
+    check: VehicleCheck, rows: Sequence[AcceptanceRow], progress: Callable[[str], None]
 ) -> Iterator[Judged]:
     most_s = MAX_RUN_WITH_MOTION_S if check.options.allow_motion else MAX_RUN_S
     most_s *= 2 if check.station.is_lossy else 1
@@ -300,7 +404,7 @@ def _all_judged(
         yield Judged(row, verdict)
 
 
-def _put_back(check: Check) -> tuple[list[str], list[str]]:
+def _put_back(check: VehicleCheck) -> tuple[list[str], list[str]]:
     """Undo the changes, the last one first; return the names of those undone, and of the others."""
     restored: list[str] = []
     not_restored: list[str] = []
@@ -312,7 +416,7 @@ def _put_back(check: Check) -> tuple[list[str], list[str]]:
     return restored, not_restored
 
 
-def _stop(check: Check) -> None:
+def _stop(check: VehicleCheck) -> None:
     """Disarm the vehicle, and clear an emergency stop, if a row has been interrupted."""
     if check.is_armed:
         check.main.result_of(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0)
@@ -332,7 +436,7 @@ def _is_near(rate: float, low_hz: float, high_hz: float) -> bool:
     return low_hz * (1 - TOLERANCE) <= rate <= high_hz * (1 + TOLERANCE)
 
 
-def _judged(row: Row, check: Check) -> Verdict:
+def _judged(row: AcceptanceRow, check: VehicleCheck) -> RowVerdict:
     try:
         return row.judge(check)
     except (AttributeError, IndexError, KeyError, ValueError, OverflowError, TypeError) as error:
