@@ -1,10 +1,9 @@
 """`bridge`: a live Foxglove server with the channels that a recording would hold.
 
-The door of the bridge: it admits viewers, and no web page of another site.
-
-A browser lets every page open a web socket to this computer, and says in `Origin` which page it is.
-The server of the Foxglove SDK does not look at that. So it listens at an address of 127.0.0.0/8
-that no page can guess (24 random bits, and the port), and this door passes on what it admits.
+Its door admits viewers, and no web page of another site. A browser lets every page open a web
+socket to this computer, and says in `Origin` which page it is. The server of the Foxglove SDK does
+not look at that. So it listens at an address of 127.0.0.0/8 that no page can guess (24 random bits,
+and the port), and the door passes on what it admits.
 """
 
 import argparse

@@ -1,4 +1,4 @@
 """The judge: test any MAVLink vehicle as a client does, by the rows of the acceptance list.
 
-It imports nothing of the gateway, so its verdicts are independent of the gateway.
+It imports nothing of the gateways, so its verdicts are independent of them.
 """

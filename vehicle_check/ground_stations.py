@@ -1,6 +1,6 @@
-"""Connections of the judge to a vehicle: several peers of one endpoint, over sockets.
+"""Ground stations of the judge: frames with times, requests with answers, over sockets.
 
-Ground stations of the judge: frames with times, requests with answers.
+Several stations are peers of one endpoint of the vehicle.
 """
 
 import random

@@ -1,13 +1,154 @@
-"""The results of a check as text, as JSON and as JUnit XML."""
+"""One run of the judge, and its results as text, as JSON and as JUnit XML.
+
+The run connects, judges the rows, and restores changed values and plans.
+"""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from textwrap import shorten
+from typing import Final, NamedTuple
 from xml.etree import ElementTree
 
-from vehicle_check.vehicle_under_test import CheckOutcome, Judged, RowStatus, restore_text
+from vehicle_check.ground_stations import VehicleNetwork
+from vehicle_check.mavlink_frames import mavlink
+from vehicle_check.rows import (
+    command_rows,
+    control_rows,
+    identity_rows,
+    log_rows,
+    mission_rows,
+    motion_rows,
+    parameter_rows,
+    robustness_rows,
+    telemetry_rows,
+)
+from vehicle_check.vehicle_under_test import (
+    EMERGENCY,
+    ROWS,
+    AcceptanceRow,
+    CheckOptions,
+    RowStatus,
+    RowVerdict,
+    VehicleCheck,
+    failed,
+    not_tried,
+)
 
 WIDTH = 200
+MAX_RUN_S: Final = 85.0
+MAX_RUN_WITH_MOTION_S: Final = 300.0
+
+THEMES: Final = (
+    identity_rows,
+    telemetry_rows,
+    parameter_rows,
+    mission_rows,
+    log_rows,
+    control_rows,
+    robustness_rows,
+    command_rows,
+    motion_rows,
+)
+"""In the order of execution: rows that only receive first, rows that restart last."""
+
+
+class Judged(NamedTuple):
+    """A row with its verdict."""
+
+    row: AcceptanceRow
+    verdict: RowVerdict
+
+
+class CheckOutcome(NamedTuple):
+    """The rows in the order of numbers, and what was put back, or not."""
+
+    rows: list[Judged]
+    restored: list[str]
+    not_restored: list[str]
+
+
+def rows() -> Mapping[int, AcceptanceRow]:
+    """Return all rows, in the order in which they are judged."""
+    return {
+        row.number: row
+        for theme in THEMES
+        for row in ROWS.values()
+        if row.judge.__module__ == theme.__name__
+    }
+
+
+def judge(
+    network: VehicleNetwork,
+    options: CheckOptions,
+    rows: Sequence[AcceptanceRow],
+    progress: Callable[[str], None] = lambda text: None,
+) -> CheckOutcome:
+    """Judge a vehicle, and put back what the check has changed; RemoteError if there is none."""
+    check = VehicleCheck(network, options)
+    check.find()
+    try:
+        found = list(_all_judged(check, rows, progress))
+    except KeyboardInterrupt as error:
+        progress("interrupted: putting back what the check has changed")
+        restored, not_restored = _put_back(check)
+        error.add_note(restore_text(restored, not_restored))
+        raise
+    progress("putting back what the check has changed")
+    return CheckOutcome(sorted(found, key=lambda one: one.row.number), *_put_back(check))
+
+
+def _all_judged(
+    check: VehicleCheck, rows: Sequence[AcceptanceRow], progress: Callable[[str], None]
+) -> Iterator[Judged]:
+    most_s = MAX_RUN_WITH_MOTION_S if check.options.allow_motion else MAX_RUN_S
+    most_s *= 2 if check.station.is_lossy else 1
+    gone = ""
+    for row in rows:
+        if gone or check.spent_s > most_s:
+            yield Judged(row, not_tried(gone or f"the check takes {most_s:g} s at most"))
+            continue
+        progress(f"row {row.number}: {row.title}")
+        verdict = _judged(row, check)
+        if check.is_silent():
+            gone = f"the vehicle is silent since row {row.number}"
+            verdict = failed(f"the vehicle fell silent; {verdict.evidence}")
+        yield Judged(row, verdict)
+
+
+def _put_back(check: VehicleCheck) -> tuple[list[str], list[str]]:
+    """Undo the changes, the last one first; return the names of those undone, and of the others."""
+    restored: list[str] = []
+    not_restored: list[str] = []
+    is_gone = check.is_silent()
+    if check.options.allow_motion and not is_gone:
+        _stop(check)
+    for name, undo in reversed(check.restore):
+        (restored if not is_gone and undo() else not_restored).append(name)
+    return restored, not_restored
+
+
+def _stop(check: VehicleCheck) -> None:
+    """Disarm the vehicle, and clear an emergency stop, if a row has been interrupted."""
+    if check.is_armed:
+        check.main.result_of(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0)
+        check.station.wait(1.0, lambda: not check.is_armed)
+    if check.heartbeat.system_status == EMERGENCY and not check.was_stopped:
+        check.main.result_of(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 0)
+
+
+def restore_text(restored: Sequence[str], not_restored: Sequence[str]) -> str:
+    """Return what was put back, and what was not, in words."""
+    words = [f"put back: {', '.join(restored)}"] if restored else []
+    words += [f"NOT put back: {', '.join(not_restored)}"] if not_restored else []
+    return "; ".join(words)
+
+
+def _judged(row: AcceptanceRow, check: VehicleCheck) -> RowVerdict:
+    try:
+        return row.judge(check)
+    except (AttributeError, IndexError, KeyError, ValueError, OverflowError, TypeError) as error:
+        # A hostile vehicle must not end the judge: rows receive its values unchecked.
+        return failed(f"unusable answer: {type(error).__name__}: {error}")
 
 
 def as_text(outcome: CheckOutcome) -> str:

@@ -1,9 +1,7 @@
-"""The MAVLink dialect of the judge: pymavlink's, and standard messages that are missing there.
+"""The judge's MAVLink: pymavlink's dialect, standard messages that are missing there, signatures.
 
-Their layouts are those of mavlink/mavlink, `common.xml` of 2026. They are decoded beside
-pymavlink's table of messages, which stays unchanged.
-
-Signatures of MAVLink 2 frames, made here and not by pymavlink, so that tests can forge them.
+The layouts are those of mavlink/mavlink, `common.xml` of 2026. They are decoded beside pymavlink's
+table of messages, which stays unchanged. Signatures are made here, so that tests can forge them.
 """
 
 import re

@@ -1,7 +1,4 @@
-"""Functions that rows about plans share: the vehicle's position, its own plans, a small mission.
-
-Functions that rows with motion share: arm in a mode, measure motion, stop.
-"""
+"""Steps that rows share: position, own plans, a small mission; arm, drive, measure, stop."""
 
 from collections.abc import Callable
 from functools import partial

@@ -1,8 +1,6 @@
-"""A client of the parameter protocol, and the format of `param.pck`.
+"""Clients of the parameter protocol, the mission protocol and FTP, like those of ground stations.
 
-A client of the mission protocol: upload and download plans like the named clients.
-
-A client of MAVLink FTP, as in MAVProxy and QGroundControl: bursts, then missing blocks.
+Parameters are also read from `param.pck`; files come in bursts, then missing blocks.
 """
 
 from collections.abc import Sequence

@@ -1,9 +1,9 @@
-"""The table of rows: number, title and what clients suffer; and the verdict of a row.
+"""The vehicle under test as the rows see it, the table of rows, and the verdict on each.
 
-One run of the judge: connect, judge the rows, restore changed values and plans.
+A row is a function that the decorator `row` enters into the table.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from enum import StrEnum
 from functools import cached_property, partial
 from typing import Any, Final, NamedTuple, TypeAlias, TypeVar
@@ -39,7 +39,7 @@ class RowVerdict(NamedTuple):
     evidence: str
 
 
-Judge: TypeAlias = Callable[["Check"], RowVerdict]
+Judge: TypeAlias = Callable[["VehicleCheck"], RowVerdict]
 
 
 class AcceptanceRow(NamedTuple):
@@ -51,26 +51,18 @@ class AcceptanceRow(NamedTuple):
     judge: Judge
 
 
-_ROWS: Final[dict[int, AcceptanceRow]] = {}
+ROWS: Final[dict[int, AcceptanceRow]] = {}
 
 
 def row(number: int, title: str, *, suffers: str) -> Callable[[Judge], Judge]:
     """Enter a function into the table of rows."""
 
     def enter(judge: Judge) -> Judge:
-        assert number not in _ROWS
-        _ROWS[number] = AcceptanceRow(number, title, suffers, judge)
+        assert number not in ROWS
+        ROWS[number] = AcceptanceRow(number, title, suffers, judge)
         return judge
 
     return enter
-
-
-def rows() -> Mapping[int, AcceptanceRow]:
-    """Return all rows, in the order in which they are judged."""
-    from vehicle_check import rows as modules
-
-    modules.load()
-    return _ROWS
 
 
 def passed(evidence: str) -> RowVerdict:
@@ -127,8 +119,6 @@ PERIODS: Final = 5
 MIN_WATCH_S: Final = 2.0
 SILENCE_S: Final = 10.0
 """A vehicle that has sent nothing for so long is gone."""
-MAX_RUN_S: Final = 85.0
-MAX_RUN_WITH_MOTION_S: Final = 300.0
 SET_MESSAGE_INTERVAL: Final = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
 EMERGENCY: Final = mavlink.MAV_STATE_EMERGENCY
 ONE_CLIENT: Final = "this endpoint serves one ground station"
@@ -147,26 +137,11 @@ class CheckOptions(NamedTuple):
     unix_s: float = 1.8e9
 
 
-class Judged(NamedTuple):
-    """A row with its verdict."""
-
-    row: AcceptanceRow
-    verdict: RowVerdict
-
-
 class Restore(NamedTuple):
     """What the check has changed: its name, and how to undo that; it returns True if it worked."""
 
     name: str
     undo: Callable[[], bool]
-
-
-class CheckOutcome(NamedTuple):
-    """The rows in the order of numbers, and what was put back, or not."""
-
-    rows: list[Judged]
-    restored: list[str]
-    not_restored: list[str]
 
 
 class StreamWindow(NamedTuple):
@@ -366,82 +341,8 @@ def is_vehicle(message: Any) -> bool:
     )
 
 
-def judge(
-    network: VehicleNetwork,
-    options: CheckOptions,
-    rows: Sequence[AcceptanceRow],
-    progress: Callable[[str], None] = lambda text: None,
-) -> CheckOutcome:
-    """Judge a vehicle, and put back what the check has changed; RemoteError if there is none."""
-    check = VehicleCheck(network, options)
-    check.find()
-    try:
-        found = list(_all_judged(check, rows, progress))
-    except KeyboardInterrupt as error:
-        progress("interrupted: putting back what the check has changed")
-        restored, not_restored = _put_back(check)
-        error.add_note(restore_text(restored, not_restored))
-        raise
-    progress("putting back what the check has changed")
-    return CheckOutcome(sorted(found, key=lambda one: one.row.number), *_put_back(check))
-
-
-def _all_judged(
-    check: VehicleCheck, rows: Sequence[AcceptanceRow], progress: Callable[[str], None]
-) -> Iterator[Judged]:
-    most_s = MAX_RUN_WITH_MOTION_S if check.options.allow_motion else MAX_RUN_S
-    most_s *= 2 if check.station.is_lossy else 1
-    gone = ""
-    for row in rows:
-        if gone or check.spent_s > most_s:
-            yield Judged(row, not_tried(gone or f"the check takes {most_s:g} s at most"))
-            continue
-        progress(f"row {row.number}: {row.title}")
-        verdict = _judged(row, check)
-        if check.is_silent():
-            gone = f"the vehicle is silent since row {row.number}"
-            verdict = failed(f"the vehicle fell silent; {verdict.evidence}")
-        yield Judged(row, verdict)
-
-
-def _put_back(check: VehicleCheck) -> tuple[list[str], list[str]]:
-    """Undo the changes, the last one first; return the names of those undone, and of the others."""
-    restored: list[str] = []
-    not_restored: list[str] = []
-    is_gone = check.is_silent()
-    if check.options.allow_motion and not is_gone:
-        _stop(check)
-    for name, undo in reversed(check.restore):
-        (restored if not is_gone and undo() else not_restored).append(name)
-    return restored, not_restored
-
-
-def _stop(check: VehicleCheck) -> None:
-    """Disarm the vehicle, and clear an emergency stop, if a row has been interrupted."""
-    if check.is_armed:
-        check.main.result_of(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0)
-        check.station.wait(1.0, lambda: not check.is_armed)
-    if check.heartbeat.system_status == EMERGENCY and not check.was_stopped:
-        check.main.result_of(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 0)
-
-
-def restore_text(restored: Sequence[str], not_restored: Sequence[str]) -> str:
-    """Return what was put back, and what was not, in words."""
-    words = [f"put back: {', '.join(restored)}"] if restored else []
-    words += [f"NOT put back: {', '.join(not_restored)}"] if not_restored else []
-    return "; ".join(words)
-
-
 def _is_near(rate: float, low_hz: float, high_hz: float) -> bool:
     return low_hz * (1 - TOLERANCE) <= rate <= high_hz * (1 + TOLERANCE)
-
-
-def _judged(row: AcceptanceRow, check: VehicleCheck) -> RowVerdict:
-    try:
-        return row.judge(check)
-    except (AttributeError, IndexError, KeyError, ValueError, OverflowError, TypeError) as error:
-        # A hostile vehicle must not end the judge: rows receive its values unchecked.
-        return failed(f"unusable answer: {type(error).__name__}: {error}")
 
 
 def _text(text: bytes | str) -> str:

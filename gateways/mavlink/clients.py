@@ -1,6 +1,6 @@
-"""One peer of an endpoint: framing in both directions, and counters.
+"""The clients of all endpoints: their frames in both directions, counters, and the list of them.
 
-The clients of all endpoints, and how much of their traffic a round processes.
+A round processes only so much of their traffic.
 """
 
 from collections.abc import Callable, Iterator, Sequence

@@ -1,6 +1,7 @@
-"""Positions on Earth as in MAVLink messages: whole multiples of 1e-7 degrees.
+"""Coordinates: the robot's metres and radians to MAVLink's north-east-down and 1e-7 degrees.
 
-Local coordinates: north, east, down, and yaw clockwise from north.
+The robot's x points east and y north of the origin; headings count counter-clockwise from x, in
+radians. Yaw counts clockwise from north. Other units and frames exist only in this package.
 """
 
 from math import cos, hypot, pi, sin, sqrt, tau

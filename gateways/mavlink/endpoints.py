@@ -1,16 +1,8 @@
-"""The interface of every endpoint: receive bytes of peers, send bytes to one, never block.
+"""The sockets and serial lines of the gateway, which alone do I/O with clients and never block.
 
-Addresses of sockets: resolve them, and explain errors.
-
-Frames that wait for a slow line: a bounded number, telemetry is dropped first.
-
-UDP endpoints: `udpin:HOST:PORT` waits for clients, `udpout:HOST:PORT` sends first.
-
-TCP endpoint: `tcpin:HOST:PORT` serves each client that connects.
-
-Serial endpoint: `serial:DEVICE:BAUD`, one client, 8 data bits, no parity, 1 stop bit.
-
-Parse the endpoints of the command line, such as `udpin:127.0.0.1:14550`, and open them.
+`udpin:HOST:PORT` waits for clients, `udpout:HOST:PORT` sends first, `tcpin:HOST:PORT` serves each
+client that connects, and `serial:DEVICE:BAUD` has one client (8 data bits, no parity, 1 stop bit).
+Of the frames that wait for a slow line, telemetry is dropped first.
 """
 
 import errno

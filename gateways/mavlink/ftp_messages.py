@@ -1,7 +1,4 @@
-"""The CRC32 of MAVLink FTP: that of zlib without its two inversions.
-
-The payload of FILE_TRANSFER_PROTOCOL: requests in, replies out.
-"""
+"""The payload of FILE_TRANSFER_PROTOCOL: requests in, replies out; and its CRC32."""
 
 from enum import IntEnum
 from struct import Struct

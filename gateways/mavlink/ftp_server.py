@@ -1,11 +1,8 @@
-"""The virtual tree: names are looked up in lists, so no path leads outside of it.
+"""The FTP server: read-only, for several clients and files at once (rows 20, 21, 23 and 50).
 
-`@PARAM` and `@MAV_LOG` are names that ground stations use. QGroundControl lists only files that
-end in `.bin` or `.ulg` as logs, so in `@MAV_LOG` the recordings have `.bin` behind their names.
-
-The open files of clients: a limited number; unused files are closed after some time.
-
-The FTP server: read-only, for several clients and files at once (rows 20, 21, 23 and 50).
+The names of its virtual tree are looked up in lists, so no path leads outside of it. `@PARAM` and
+`@MAV_LOG` are names that ground stations use. QGroundControl lists only files that end in `.bin` or
+`.ulg` as logs, so in `@MAV_LOG` the recordings have `.bin` behind their names.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,6 +1,6 @@
 """The process: wait for clients and the bus, pass messages to vehicles, and send their answers.
 
-The state of the gateway for the bus: the totals of its clients, once a second.
+Once a second it reports the totals of its clients on the bus.
 """
 
 import os

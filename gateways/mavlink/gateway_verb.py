@@ -1,6 +1,6 @@
 """`gateway`: present robots to MAVLink ground stations, until a signal ends it.
 
-The settings of the gateway: defaults, the table `[gateway]` of a file, then the command line.
+Its settings: defaults, the table `[gateway]` of a file, then the command line.
 """
 
 import argparse

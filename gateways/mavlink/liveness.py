@@ -1,14 +1,9 @@
-"""HEARTBEAT, once a second and at once when it changes (rows 1 and 2 of the checklist).
+"""Signs of life: HEARTBEAT, the robot's texts, a text when it is silent, TIMESYNC and PING.
 
-One that is sent because of a change does not delay the next regular one.
-A client does nothing before its first heartbeat: one that has joined gets it at once, and again
-0.2 s later in case that the first is lost.
-
-STATUSTEXT: the robot's texts, forwarded to all clients.
-
-Texts about a robot that is silent: once to each client, and again when it is back.
-
-TIMESYNC and PING: answered at once, so that clients measure the delay and the offset.
+HEARTBEAT is sent once a second and at once when it changes (rows 1 and 2 of the checklist). One
+that is sent because of a change does not delay the next regular one. A client does nothing before
+its first heartbeat: one that has joined gets it at once, and again 0.2 s later in case that the
+first is lost.
 """
 
 from typing import Final

@@ -1,8 +1,6 @@
-"""Sources that clients read: bytes in memory, or a file with its size at the time of opening.
+"""The LOG protocol: lists the recordings and sends them, byte for byte (row 49 of the list).
 
-The recordings of one robot that clients may list and download.
-
-The LOG protocol: lists the recordings and sends them, byte for byte (row 49 of the list).
+The FTP server sends the same recordings.
 """
 
 import os

@@ -1,6 +1,6 @@
-"""Common types of the protocols: the sender of a message, and the outbox for answers.
+"""What all protocols share: their interface, the sender of a message, and the outbox for answers.
 
-The rate of long transfers to each client: parameter lists, files and logs share one budget.
+Parameter lists, files and logs share one budget of bytes for each client.
 """
 
 from collections.abc import Collection, Mapping

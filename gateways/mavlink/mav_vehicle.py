@@ -1,13 +1,7 @@
-"""The messages that a vehicle can send: the builder and the default rate of each.
+"""One robot as a MAVLink system: the state that its protocols share, and the dispatch of messages.
 
-A service adds its messages in its constructor. The scheduler sends them, and REQUEST_MESSAGE builds
-one at once; both share the messages that were built in a round.
-
-Texts with the reason of a refusal, at a limited rate for each client.
-
-The mode: the robot's own mode, the newest command, and the mode that clients receive.
-
-One robot as a MAVLink system: the shared state, and the dispatch of messages.
+A service adds the messages that it can build to the catalogue in its constructor. The scheduler
+sends them, and REQUEST_MESSAGE builds one at once; both share those that were built in a round.
 """
 
 from collections.abc import Callable, Collection, Iterator, Sequence

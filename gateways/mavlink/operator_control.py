@@ -1,14 +1,12 @@
-"""Whether the client in control is still there: any frame of it tells, and PING asks for one.
-
-QGroundControl and MAVSDK answer PING. MAVProxy and most scripts answer nothing, and send one
-HEARTBEAT a second.
-
-Operator control: one client of the gateway at a time holds the robot's lease.
+"""Operator control: one client of the gateway at a time holds the robot's lease.
 
 The first state-changing command takes the lease if it is free. The gateway sends the operator's
 heartbeat to the robot while frames of the client in control arrive. Without them, the robot reacts
 as to the loss of any operator. An emergency stop needs no control, and neither does a command that
 only stops. Control passes from client to client of the gateway under the same lease.
+
+Any frame of the client in control tells that it is there, and PING asks for one. QGroundControl and
+MAVSDK answer PING. MAVProxy and most scripts answer nothing, and send one HEARTBEAT a second.
 """
 
 from collections.abc import Collection

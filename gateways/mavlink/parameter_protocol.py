@@ -1,6 +1,6 @@
-"""The robot's parameters as last read, shared by the PARAM protocol, the files and the streams.
+"""The PARAM protocol: list, read by name or index, and set (row 19 of the list).
 
-The PARAM protocol: list, read by name or index, and set (row 19 of the list).
+The parameters as last read from the robot are shared with the files and the streams.
 """
 
 from collections.abc import Callable

@@ -1,27 +1,22 @@
-"""The names of the robot's parameters for MAVLink: at most 16 bytes, upper case.
+"""The parameters for MAVLink clients: the robot's own, then those for compatibility; as files, too.
 
-Ground stations look up descriptions by the names of ArduPilot's Rover, so none of these names is
-one of them. Some ground stations change names to upper case before they send them.
+A name has at most 16 bytes, in upper case. Ground stations look up descriptions by the names of
+ArduPilot's Rover, so none of the robot's own is one of them. Some ground stations change names to
+upper case before they send them.
 
-Parameters that exist only so that ground stations accept the vehicle as an ArduPilot Rover.
+Parameters for compatibility exist only so that ground stations accept the vehicle as an ArduPilot
+Rover. QGroundControl's set-up pages and Mission Planner ask for them by name. They are read-only,
+describe no part of the robot, and are not in `param list`. FRAME_CLASS is left out: with it,
+QGroundControl shows a page about frames that do not apply to this robot.
 
-QGroundControl's set-up pages and Mission Planner ask for them by name. They are read-only, describe
-no part of the robot, and are not in `param list`. FRAME_CLASS is left out: with it, QGroundControl
-shows a page about frames that do not apply to this robot.
+COMPONENT_METADATA (row 23 of the list) names the general file, which names the file of the
+parameters. QGroundControl reads only version 1 of both.
 
-The parameters for MAVLink clients: the robot's own, then those for compatibility.
-
-Component metadata: descriptions of all parameters for ground stations (row 23 of the list).
-
-COMPONENT_METADATA names the general file, which names the file of the parameters. QGroundControl
-reads only version 1 of both.
-
-The packed parameter file `@PARAM/param.pck` of ArduPilot (row 20 of the list).
-
-A header of three 16-bit numbers: kind, parameters in this file, parameters in all. Then for each
-parameter: type and flags, lengths of the name's shared and own parts, the own part, the value, and
-the default if it differs. ArduPilot pads entries because values may change while the file is read.
-Here the file contains the values at the time when it was opened, so it needs no padding.
+The packed file `@PARAM/param.pck` of ArduPilot (row 20 of the list): a header of three 16-bit
+numbers: kind, parameters in this file, parameters in all. Then for each parameter: type and flags,
+lengths of the name's shared and own parts, the own part, the value, and the default if it differs.
+ArduPilot pads entries because values may change while the file is read. Here the file contains the
+values at the time when it was opened, so it needs no padding.
 """
 
 import json

@@ -1,6 +1,6 @@
 """The interface of the protocols to one robot: its newest telemetry, requests, and the lease.
 
-The reasons why the robot cannot be armed, from its telemetry.
+The telemetry also tells why the robot cannot be armed.
 """
 
 from collections.abc import Callable, Mapping

@@ -1,13 +1,4 @@
-"""The protocols of a vehicle, in the order in which they are called.
-
-The protocols of parameters and files, with one parameter list and one rate limit.
-
-The services for missions and fences, and the commands that they execute.
-
-Commands and motion of one vehicle: its services and its rows of the command table.
-
-The services that send telemetry, and the commands that they execute.
-"""
+"""The protocols of a vehicle, in the order in which they are called."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -37,8 +28,15 @@ from gateways.mavlink.signing import SigningGuard
 from gateways.mavlink.streams import MessageRequests, StreamScheduler
 
 
+class ServiceGroup(NamedTuple):
+    """Services, and the tables of their commands."""
+
+    services: tuple[MavService, ...]
+    tables: tuple[CommandTable, ...]
+
+
 def parameters_and_files(vehicle: MavVehicle, recordings: Path | None) -> list[MavService]:
-    """Return the protocols of one vehicle; without a folder there are no recordings."""
+    """Return these services; without a folder there are no recordings."""
     pacing = Pacing(vehicle.clients)
     store = ParameterStore(vehicle)
     found = Recordings(recordings, vehicle.port.name, lambda: vehicle.is_armed)
@@ -49,31 +47,17 @@ def parameters_and_files(vehicle: MavVehicle, recordings: Path | None) -> list[M
     ]
 
 
-class MissionServices(NamedTuple):
-    """Services, and the tables of their commands."""
-
-    services: tuple[MavService, ...]
-    tables: tuple[CommandTable, ...]
-
-
-def missions_of(vehicle: MavVehicle) -> MissionServices:
-    """Return the services of one vehicle."""
+def missions_of(vehicle: MavVehicle) -> ServiceGroup:
+    """Return the services for missions and fences."""
     mission, fence = MissionKind(vehicle), FenceKind(vehicle)
     current, fences = CurrentItem(vehicle, mission, fence), FenceService(vehicle, fence)
     reached = ReachedItems(vehicle, current)
     services = (MissionProtocol(vehicle, mission, fence), current, reached, fences)
-    return MissionServices(services, (current.table, fences.table))
+    return ServiceGroup(services, (current.table, fences.table))
 
 
-class MotionParts(NamedTuple):
-    """The services and the commands of one vehicle."""
-
-    services: tuple[MavService, ...]
-    tables: tuple[CommandTable, ...]
-
-
-def motion_of(vehicle: MavVehicle) -> MotionParts:
-    """Return the parts of a vehicle, which share one pilot."""
+def motion_of(vehicle: MavVehicle) -> ServiceGroup:
+    """Return the services and the commands that move the robot; they share one pilot."""
     pilot = Pilot(vehicle)
     drive = GuidedDrive(vehicle, pilot)
     services = (
@@ -88,18 +72,11 @@ def motion_of(vehicle: MavVehicle) -> MotionParts:
         GuidingCommands(vehicle, pilot, drive).table,
         UpkeepCommands(vehicle).table,
     )
-    return MotionParts(services, tables)
+    return ServiceGroup(services, tables)
 
 
-class StreamServices(NamedTuple):
-    """Services, and the tables of their commands."""
-
-    services: tuple[MavService, ...]
-    tables: tuple[CommandTable, ...]
-
-
-def streams_of(vehicle: MavVehicle) -> StreamServices:
-    """Return the services of one vehicle."""
+def streams_of(vehicle: MavVehicle) -> ServiceGroup:
+    """Return the services that send telemetry."""
     scheduler = StreamScheduler(vehicle)
     requests, origin = MessageRequests(vehicle, scheduler), OriginService(vehicle)
     services = (
@@ -111,7 +88,7 @@ def streams_of(vehicle: MavVehicle) -> StreamServices:
         RobotTexts(vehicle),
         SilenceTexts(vehicle),
     )
-    return StreamServices(services, (requests.table, origin.table))
+    return ServiceGroup(services, (requests.table, origin.table))
 
 
 def face_of(

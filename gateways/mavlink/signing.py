@@ -1,18 +1,13 @@
-"""The time stamps of signatures: units of 10 us since 2015, never used twice, also after a restart.
+"""Signatures of MAVLink 2: time stamps, verification, and the rights of a client by each frame.
 
-Stamps from before the start of the process are refused, so that nothing recorded before a restart
-can be replayed. A file keeps the newest stamp: the clock may be set back, or the clock of a client
-may be ahead.
+Stamps count units of 10 us since 2015, and none is used twice, also after a restart. Those from
+before the start of the process are refused, so that nothing recorded before a restart can be
+replayed. A file keeps the newest stamp: the clock may be set back, or the clock of a client may be
+ahead.
 
-Verify the signatures of received frames, before any protocol sees them.
-
-The signature is checked first: a forged frame changes nothing here. pymavlink stores the time stamp
-of a frame before it checks the signature. One forged stamp from the future then locks the owner
-out, so its check is not used.
-
-The rights of a client: by the signature of each frame, and the policy of its endpoint.
-
-The signing of one gateway: its keys, the check of received frames, signatures of sent ones.
+Frames are verified before any protocol sees them. The signature is checked first: a forged frame
+changes nothing here. pymavlink stores the time stamp of a frame before it checks the signature. One
+forged stamp from the future then locks the owner out, so its check is not used.
 """
 
 from collections.abc import Callable, Mapping

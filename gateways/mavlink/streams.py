@@ -1,12 +1,7 @@
-"""The streams of one client: their rates, within the capacity of its line.
+"""Streams: default rates, the rates of each client within its line's capacity, single messages.
 
-The streams of a vehicle: message, builder, default rate, rate on a slow line, and group.
-
-Sends the streams: default rates, SET_MESSAGE_INTERVAL and REQUEST_DATA_STREAM of each client.
-
-Requests for single messages and for their intervals, by command or by AUTOPILOT_VERSION_REQUEST.
-
-ArduPilot answers an interval of a message that it does not know with FAILED.
+Clients choose rates by SET_MESSAGE_INTERVAL and REQUEST_DATA_STREAM. ArduPilot answers an interval
+of a message that it does not know with FAILED.
 """
 
 from collections.abc import Callable, Mapping, Sequence

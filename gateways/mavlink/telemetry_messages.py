@@ -1,10 +1,6 @@
-"""Messages about the position and the motion of the robot.
+"""Messages about the robot: position and motion, health, clock and mode, sonars and wheels.
 
 Position messages need a fresh pose; global positions also need a known position of the robot.
-
-Messages about the health of the robot, its battery, estimator, clock and mode.
-
-Messages about the sonars and the wheels.
 
 Sonar 0 looks right and 7 left, 22.5 degrees apart; MAVLink counts clockwise, from left to right.
 Nothing is sent before the robot's own parameters are read: without its farthest range nobody knows

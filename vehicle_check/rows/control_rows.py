@@ -1,6 +1,6 @@
-"""Rows 55-57: which ground station is in control, and how control is transferred.
+"""Rows 55-57: which ground station is in control; rows 51-54: signed links.
 
-Rows 51-54: signed links; only with --signing-key.
+Rows 51-54 are tried only with --signing-key.
 """
 
 from functools import wraps

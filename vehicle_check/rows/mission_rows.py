@@ -1,6 +1,6 @@
-"""Rows 27-33 and 35: missions up and down, lost frames, two clients, refusals, plan ids.
+"""Rows 27-35: missions up and down, lost frames, two clients, refusals, plan ids, the fence.
 
-Row 34: the fence by the mission protocol, and no rally points.
+There are no rally points.
 """
 
 import re
@@ -343,7 +343,8 @@ def fences(check: VehicleCheck) -> RowVerdict:
         done = upload_plan(check.main, items, FENCE)
         got = download_plan(check.main, FENCE)
         is_same = got is not None and same_places(got.items, items)
-        fact = f"{name}: {plan_result_name(done.result)}, {'same' if is_same else 'differs'} on download"
+        answer, back = plan_result_name(done.result), "same" if is_same else "differs"
+        fact = f"{name}: {answer}, {back} on download"
         found.expect(done.result == ITEM_ACCEPTED and is_same, fact)
     outside = [one._replace(command=POLYGON_OUT) for one in polygon]
     for name, items in (("5002", outside), ("5004", [circle._replace(command=CIRCLE_OUT)])):

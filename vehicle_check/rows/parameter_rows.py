@@ -1,6 +1,6 @@
 """Rows 19-24: parameters by messages and by files, the compatibility set, descriptions.
 
-The groups of ArduRover's parameters, from ArduPilot/ParameterRepository, Rover 4.7.
+The groups of ArduRover's parameters are from ArduPilot/ParameterRepository, Rover 4.7.
 """
 
 import json

@@ -1,8 +1,7 @@
-"""Rows 7, 8, 11-13, 18, 26: the streams that clients need, and changes of their rates.
+"""Rows 7, 8, 11-18, 25, 26, 48: streams and their rates, sonars, and messages on request.
 
-Rows 15-17: the sonars as OBSTACLE_DISTANCE, DISTANCE_SENSOR and RANGEFINDER.
-
-Rows 14, 25, 48: origin, modes and clocks on request.
+The sonars are OBSTACLE_DISTANCE, DISTANCE_SENSOR and RANGEFINDER; on request are origin, modes and
+clocks.
 """
 
 from functools import partial

@@ -13,7 +13,8 @@ from shutil import copyfile
 from typing import Any, Final, NamedTuple
 
 from study.report.page import with_text
-from vehicle_check.vehicle_under_test import RowStatus, rows
+from vehicle_check.judge import rows
+from vehicle_check.vehicle_under_test import RowStatus
 from verification.site.reference import table
 
 ROOT: Final = Path(__file__).resolve().parents[2]

@@ -1,21 +1,16 @@
-"""A command of a client, in one form for COMMAND_LONG, COMMAND_INT and SET_MODE.
+"""COMMAND_LONG, COMMAND_INT and SET_MODE: execute each command once, and acknowledge it.
 
-The MAV_RESULT of each reason of the robot.
+The results: TEMPORARILY_REJECTED for a state that ends without action, FAILED for one that the
+operator must end first, DENIED for a value that is never accepted.
 
-TEMPORARILY_REJECTED: a state that ends without action. FAILED: a state that the operator must end
-first. DENIED: a value that is never accepted.
-
-Repeated commands: a client or the network repeats a command, which is executed once.
-
-A copy made by the network has the sequence number of its original. A client that received no answer
-sends the command again, with a higher `confirmation` or unchanged. The same command counts as new
-if the client has sent another one since, or some time later.
+A client or the network repeats a command, which is executed once. A copy made by the network has
+the sequence number of its original. A client that received no answer sends the command again, with
+a higher `confirmation` or unchanged. The same command counts as new if the client has sent another
+one since, or some time later.
 
 The earlier answer is given again only while what the command has made is still there. Otherwise a
 copy has no effect and no answer, and the robot is asked again. A repetition with a `confirmation`
 is no new wish of its sender: if somebody has stopped the robot since, it does not undo that.
-
-The command protocol: execute each command once, and acknowledge it to its sender.
 """
 
 from collections import Counter, OrderedDict

@@ -1,7 +1,4 @@
-"""Commands that choose a mode, start or pause a drive, or limit its speed.
-
-Commands for GUIDED: a place to drive to, or a heading and a speed.
-"""
+"""Commands that move the robot: modes, drives and their speed; places and headings in GUIDED."""
 
 from math import radians
 from types import MappingProxyType

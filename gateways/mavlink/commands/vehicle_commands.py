@@ -1,19 +1,15 @@
-"""Arming, its checks, and the emergency stop.
+"""What clients ask of the robot as a device: arm, stop, its version, home, origin and signing key.
 
 Disarming and the emergency stop need no control. DO_FLIGHTTERMINATION with parameter 1 = 0 clears
 the stop, and so does forced arming; both need control.
 
-Commands about the robot as a device: its version, its home, and a restart of its process.
-
-The origin: SET_GPS_GLOBAL_ORIGIN and DO_SET_GLOBAL_ORIGIN move it, GPS_GLOBAL_ORIGIN reports it.
-
-The robot's local metres do not change; their positions on Earth move with the origin. A change is
+SET_GPS_GLOBAL_ORIGIN and DO_SET_GLOBAL_ORIGIN move the origin, GPS_GLOBAL_ORIGIN reports it. The
+robot's local metres do not change; their positions on Earth move with the origin. A change is
 refused while the robot is armed, and while another client is in control.
 
-SETUP_SIGNING: a client sets the key, or ends signing with a key of zeros.
-
-Only while the robot is disarmed, and only from this machine or signed with the present key. The
-message holds the secret: it is never recorded, logged or forwarded.
+SETUP_SIGNING sets the key, or ends signing with a key of zeros: only while the robot is disarmed,
+and only from this machine or signed with the present key. The message holds the secret: it is never
+recorded, logged or forwarded.
 """
 
 from math import isfinite

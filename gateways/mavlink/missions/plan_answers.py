@@ -1,7 +1,4 @@
-"""The MAV_MISSION_RESULT of each refusal, with the text of its STATUSTEXT.
-
-Answers to the client of a transfer.
-"""
+"""Answers to the client of a transfer: the MAV_MISSION_RESULT of each refusal, with its text."""
 
 from types import MappingProxyType
 from typing import Final, NamedTuple

@@ -1,11 +1,8 @@
-"""The opaque id of a plan: a checksum of its items and of its position on Earth.
-
-Items in MISSION_ITEM_INT and MISSION_ITEM.
+"""Items of missions and fences, in MISSION_ITEM_INT and MISSION_ITEM; and the opaque id of a plan.
 
 The positions of MISSION_ITEM are 32-bit floats with 24 significant bits: near a longitude of 180
-degrees they are multiples of 1.7 m. The parameters of both messages are such floats.
-
-The items of a fence: the corners of one polygon, or one circle, that encloses the robot.
+degrees they are multiples of 1.7 m. The parameters of both messages are such floats. A fence is one
+polygon or one circle that encloses the robot.
 """
 
 from collections.abc import Callable, Iterable, Sequence

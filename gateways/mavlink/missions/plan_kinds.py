@@ -1,6 +1,6 @@
-"""The gateway's copy of the robot's mission or fence, read from the robot on demand.
+"""The plans to upload and download: a mission, whose item 0 is home, and a fence.
 
-The plans to upload and download: a mission, whose item 0 is home, and a fence.
+The gateway keeps a copy of what the robot has, which it reads on demand.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,7 +1,4 @@
-"""Downloads of one kind: the client asks for items by MISSION_REQUEST or MISSION_REQUEST_INT.
-
-The mission protocol: pass each message to its kind: mission, fence, or rally points.
-"""
+"""The mission protocol: each message goes to its kind of plan, for uploads, downloads, deletion."""
 
 from typing import Any, Final
 

@@ -1,14 +1,8 @@
-"""The current item: MISSION_CURRENT, MISSION_SET_CURRENT and DO_SET_MISSION_CURRENT.
+"""The plans while driving: the current item, reached items, and breaches of the fence.
 
 Items are numbered as in MAVLink: 0 is home, so the mission begins at 1. A client that chooses 0
-chooses the first waypoint, and receives 0 until the mission runs.
-
-MISSION_ITEM_REACHED, from changes of the robot's mission status.
-
-The fence while driving: FENCE_STATUS, and DO_FENCE_ENABLE.
-
-A stored fence is always in force. So "disable" deletes the fence from the robot, and "enable"
-uploads the deleted fence again.
+chooses the first waypoint, and receives 0 until the mission runs. A stored fence is always in
+force. So "disable" deletes the fence from the robot, and "enable" uploads the deleted fence again.
 """
 
 from collections.abc import Sequence

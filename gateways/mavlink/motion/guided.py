@@ -1,11 +1,9 @@
-"""Speeds in GUIDED: the robot is in MANUAL, where it accepts speeds, and clients receive GUIDED.
+"""What clients send in GUIDED: setpoints, speeds and guided mission items.
 
-It ends with the time-out of the last speed, another mode, a goal, or the loss of control. After a
-time-out the robot stops and is in GUIDED, like ArduPilot's Rover.
-
-Guided mission items: a waypoint with `current` = 2 is a goal at once, not part of a mission.
-
-Setpoints that a client streams in GUIDED: SET_POSITION_TARGET_* and SET_ATTITUDE_TARGET.
+For speeds the robot is in MANUAL, where it accepts them, and clients receive GUIDED. That ends with
+the time-out of the last speed, another mode, a goal, or the loss of control. After a time-out the
+robot stops and is in GUIDED, like ArduPilot's Rover. A guided item, a waypoint with `current` = 2,
+is a goal at once, not part of a mission.
 """
 
 from enum import Enum, auto

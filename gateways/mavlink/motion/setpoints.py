@@ -3,8 +3,6 @@
 A robot with two driven wheels cannot move sideways: it turns to the direction of a velocity. If the
 requested yaw differs by more than 90 degrees, it turns away from that direction and drives
 backwards.
-
-Speeds requested by a client, and the twist that produces them.
 """
 
 from collections.abc import Iterable

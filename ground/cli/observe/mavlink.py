@@ -14,7 +14,8 @@ from runtime.errors import UserError
 
 if TYPE_CHECKING:
     from vehicle_check.ground_stations import VehicleNetwork
-    from vehicle_check.vehicle_under_test import AcceptanceRow, CheckOptions, CheckOutcome
+    from vehicle_check.judge import CheckOutcome
+    from vehicle_check.vehicle_under_test import AcceptanceRow, CheckOptions
 
 MAX_LOSS: Final = 0.9
 
@@ -53,8 +54,9 @@ def run(options: argparse.Namespace, output: Output) -> int:
     """Judge the vehicle; return 0 if no row fails, else 1."""
     from vehicle_check import judge as report
     from vehicle_check.ground_stations import SocketNetwork
+    from vehicle_check.judge import rows
     from vehicle_check.mavlink_frames import read_key
-    from vehicle_check.vehicle_under_test import CheckOptions, rows
+    from vehicle_check.vehicle_under_test import CheckOptions
 
     chosen = chosen_rows(rows(), options.rows)
     key = None if options.signing_key is None else read_key(options.signing_key)
@@ -97,7 +99,7 @@ def judged_over(
     An interrupted check notes what of the vehicle it has put back.
     """
     from ground.text.status_parts import Part
-    from vehicle_check.vehicle_under_test import judge
+    from vehicle_check.judge import judge
 
     def progress(text: str) -> None:
         if output.live:

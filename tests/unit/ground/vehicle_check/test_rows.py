@@ -17,14 +17,8 @@ from tests.support.vehicle_check.broken import (
 from tests.support.vehicle_check.core import Core, Peer
 from tests.support.vehicle_check.good import GoodVehicle, SigningVehicle
 from tests.support.vehicle_check.memory_network import MemoryNetwork
-from vehicle_check.vehicle_under_test import (
-    CheckOptions,
-    Judged,
-    RowStatus,
-    RowVerdict,
-    judge,
-    rows,
-)
+from vehicle_check.judge import Judged, judge, rows
+from vehicle_check.vehicle_under_test import CheckOptions, RowStatus, RowVerdict
 
 KEY = SigningVehicle.key
 NUMBERS = list(range(1, 61))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from vehicle_check.vehicle_under_test import rows
+from vehicle_check.judge import rows
 from verification.site import rows_table
 
 

@@ -18,18 +18,16 @@ from tests.support.vehicle_check.good import GoodVehicle
 from tests.support.vehicle_check.memory_network import MemoryNetwork
 from vehicle_check import ground_stations as networks
 from vehicle_check import judge
+from vehicle_check.judge import CheckOutcome, Judged, rows
 from vehicle_check.vehicle_under_test import (
     AcceptanceRow,
-    CheckOutcome,
     Findings,
-    Judged,
     RowVerdict,
     failed,
     not_applicable,
     not_tried,
     passed,
-    rows,
-)  # fmt: skip
+)
 
 ENDPOINT = "udpout:127.0.0.1:14550"
 
