@@ -5,7 +5,7 @@ from itertools import pairwise
 from math import atan2, hypot, radians
 from typing import Any, Final
 
-from ground.recording.foxglove.messages import Colour, Point, colour, disc, pose, vector
+from ground.recording.foxglove_schemas import Colour, Point, colour, disc, pose, vector
 from ground.recording.mcap.json_schemas import Json
 from runtime.files import value_in
 

@@ -8,8 +8,8 @@ from typing import Final, NamedTuple
 
 import msgspec
 
-from ground.recording.foxglove.scene import SceneDrawer, ViewerMessage
-from ground.recording.foxglove.schemas import SHAPES
+from ground.recording.foxglove_scene import SceneDrawer, ViewerMessage
+from ground.recording.foxglove_schemas import SHAPES
 from ground.recording.frame_paths import path_in
 from ground.recording.mcap.json_schemas import KEY_SCHEMA, Schema, schema_of
 from ground.recording.mcap.reader import KEY_TOPIC, RAW_TOPIC, FrameKey

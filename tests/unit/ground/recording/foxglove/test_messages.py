@@ -7,7 +7,7 @@ from typing import Any
 
 import foxglove.messages as sdk
 
-from ground.recording.foxglove.schemas import SHAPES
+from ground.recording.foxglove_schemas import SHAPES
 from tests.support.each import each
 
 OF_FOXGLOVE = "foxglove."

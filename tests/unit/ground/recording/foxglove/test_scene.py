@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from ground.recording.foxglove.scene import MAX_POSES, SceneDrawer, ViewerMessage
+from ground.recording.foxglove_scene import MAX_POSES, SceneDrawer, ViewerMessage
 from protocol.topics import MARK, TEXT
 from protocol.wire.enums import GoalState, Severity
 from protocol.wire.message import Message

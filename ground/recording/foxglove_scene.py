@@ -8,8 +8,8 @@ from collections.abc import Callable
 from math import cos, isfinite, radians, sin
 from typing import Any, Final, NamedTuple, TypeVar
 
-from ground.recording.foxglove import schemas
-from ground.recording.foxglove.messages import (
+from ground.recording import foxglove_schemas
+from ground.recording.foxglove_schemas import (
     LINE_LIST,
     LINE_LOOP,
     Point,
@@ -122,8 +122,8 @@ class SceneDrawer:
         ahead = [arrow((0.0, 0.0), 0.0, 2.0 * self._radius_m, BLUE)]
         robot = entity("robot", ROBOT, time_ns, cylinders=body, arrows=ahead)
         return [
-            ViewerMessage("/world", schemas.SCENE_UPDATE, scene(walls, begin)),
-            ViewerMessage("/robot/body", schemas.SCENE_UPDATE, scene(robot)),
+            ViewerMessage("/world", foxglove_schemas.SCENE_UPDATE, scene(walls, begin)),
+            ViewerMessage("/robot/body", foxglove_schemas.SCENE_UPDATE, scene(robot)),
         ]
 
     def _odometry(self, odometry: PlanarOdometry, time_ns: int) -> list[ViewerMessage]:
@@ -136,7 +136,7 @@ class SceneDrawer:
             self._trail_due_ns = time_ns + TRAIL_EVERY_NS
             poses = [pose(*known) for known in self._trail]
             content: Json = {"timestamp": stamp(time_ns), "frame_id": WORLD, "poses": poses}
-            found.append(ViewerMessage("/robot/trail", schemas.POSES_IN_FRAME, content))
+            found.append(ViewerMessage("/robot/trail", foxglove_schemas.POSES_IN_FRAME, content))
         return found
 
     def _extend_trail(self, x_m: float, y_m: float, heading_rad: float) -> None:
@@ -167,8 +167,10 @@ class SceneDrawer:
             rays += [(self._radius_m * ahead, self._radius_m * aside), points[-1]]
         seen = entity("rays", ROBOT, time_ns, lines=[line(LINE_LIST, rays, 0.01, YELLOW)])
         return [
-            ViewerMessage("/sonar/echoes", schemas.POINT_CLOUD, cloud(ROBOT, time_ns, points)),
-            ViewerMessage("/sonar/rays", schemas.SCENE_UPDATE, scene(seen)),
+            ViewerMessage(
+                "/sonar/echoes", foxglove_schemas.POINT_CLOUD, cloud(ROBOT, time_ns, points)
+            ),
+            ViewerMessage("/sonar/rays", foxglove_schemas.SCENE_UPDATE, scene(seen)),
         ]
 
     def _status(self, status: NavigatorStatus, time_ns: int) -> list[ViewerMessage]:
@@ -181,7 +183,7 @@ class SceneDrawer:
         spot = [disc(centre, 0.1, 0.02, GREEN)]
         ways = [arrow(centre, heading_rad, 0.4, GREEN)] if isfinite(heading_rad) else []
         mark = entity("goal", WORLD, time_ns, cylinders=spot, arrows=ways)
-        return [ViewerMessage("/goal", schemas.SCENE_UPDATE, scene(mark))]
+        return [ViewerMessage("/goal", foxglove_schemas.SCENE_UPDATE, scene(mark))]
 
     def _decision(self, decision: AvoidanceDecision, time_ns: int) -> list[ViewerMessage]:
         """Draw the virtual goal and the avoidance zone; an empty entity clears them."""
@@ -198,7 +200,7 @@ class SceneDrawer:
             rings.append(line(LINE_LOOP, points, 0.01, BLUE))
         spheres = entity("virtual", WORLD, time_ns, spheres=balls)
         zone = entity("zone", ROBOT, time_ns, lines=rings)
-        return [ViewerMessage("/goal/virtual", schemas.SCENE_UPDATE, scene(spheres, zone))]
+        return [ViewerMessage("/goal/virtual", foxglove_schemas.SCENE_UPDATE, scene(spheres, zone))]
 
     def _texts_of(self, key: str) -> StatustextAssembler:
         """Return the text assembler of one sender; drop the oldest beyond the limit."""
@@ -220,12 +222,12 @@ class SceneDrawer:
             "file": "",
             "line": 0,
         }
-        return [ViewerMessage("/log", schemas.LOG, content)]
+        return [ViewerMessage("/log", foxglove_schemas.LOG, content)]
 
 
 def _pose(topic: str, place: tuple[float, float, float], time_ns: int) -> ViewerMessage:
     content: Json = {"timestamp": stamp(time_ns), "frame_id": WORLD, "pose": pose(*place)}
-    return ViewerMessage(topic, schemas.POSE_IN_FRAME, content)
+    return ViewerMessage(topic, foxglove_schemas.POSE_IN_FRAME, content)
 
 
 def _transform(place: tuple[float, float, float], time_ns: int) -> ViewerMessage:
@@ -236,4 +238,4 @@ def _transform(place: tuple[float, float, float], time_ns: int) -> ViewerMessage
         "translation": vector(place[0], place[1]),
         "rotation": turn(place[2]),
     }
-    return ViewerMessage("/tf", schemas.FRAME_TRANSFORM, content)
+    return ViewerMessage("/tf", foxglove_schemas.FRAME_TRANSFORM, content)

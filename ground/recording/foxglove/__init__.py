@@ -1,1 +1,0 @@
-"""Build messages that Foxglove and Lichtblick draw."""
