@@ -20,10 +20,10 @@ from urllib.parse import urlsplit
 
 from ground.client.link import Link
 from ground.grammar.words import add_common
+from ground.recording.log_reader import is_whole_frame
 from ground.recording.log_writer import MAX_KEY
-from ground.recording.mcap.channels import ChannelMessage, ChannelSplitter
+from ground.recording.mcap_file import ChannelMessage, ChannelSplitter
 from ground.recording.metadata import MetadataReader
-from ground.recording.tlog import is_whole_frame
 from ground.text.output import Output
 from runtime.clock import Clock
 from runtime.errors import UserError

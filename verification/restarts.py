@@ -28,7 +28,7 @@ from ground.launch.child_command import command
 from ground.launch.launcher import Stack
 from ground.launch.restart_policy import RestartPolicy
 from ground.launch.scenario import WALL, scenario_of, world_facts, world_query
-from ground.text.statustext import StatustextAssembler
+from ground.text.wording import StatustextAssembler
 from protocol.bus.bus import Bus
 from protocol.bus.session import listens
 from protocol.topics import STATUS, TEXT, TRUTH

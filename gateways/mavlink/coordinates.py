@@ -7,8 +7,8 @@ radians. Yaw counts clockwise from north. Other units and frames exist only in t
 from math import cos, hypot, pi, sin, sqrt, tau
 from typing import Final, NamedTuple
 
-from ground.missions.geography import to_global, to_local
 from ground.missions.mission import FARTHEST_M, Home
+from ground.missions.qgroundcontrol import to_global, to_local
 from protocol.wire.messages import PlanarOdometry
 
 PER_DEG: Final = 10_000_000

@@ -36,7 +36,7 @@ from ground.client.link import Link, open_link
 from ground.client.stop_ways import StopServer
 from ground.grammar.words import add_common
 from ground.missions.mission import Home
-from ground.recording.build_info import build
+from ground.recording.metadata import build
 from ground.text.output import Output
 from ground.user.folders import recordings_folder, state_folder
 from ground.user.mavlink_keys import read_keys, usual_file, write_keys

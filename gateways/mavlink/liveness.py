@@ -13,7 +13,7 @@ from gateways.mavlink.mav_service import Sender
 from gateways.mavlink.mav_vehicle import SILENT_NS, MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage, TimeSync, mavlink
 from gateways.mavlink.robot_port import NO_TELEMETRY
-from ground.text.statustext import StatustextAssembler
+from ground.text.wording import StatustextAssembler
 from protocol.wire.enums import Severity
 from runtime.units import NS_PER_MS, NS_PER_S
 

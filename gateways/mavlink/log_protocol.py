@@ -14,7 +14,7 @@ from gateways.mavlink.mav_service import Pacing, Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from ground.recording.catalogue import began
-from ground.recording.parts import NAMED
+from ground.recording.log_reader import NAMED
 from runtime.units import NS_PER_S
 
 LARGEST: Final = 0xFFFF_FFFF

@@ -20,10 +20,9 @@ from ground.client.connection import Common
 from ground.client.link import Link
 from ground.client.operations.leases import operator_name
 from ground.client.stop_ways import StopServer
-from ground.recording.parts import files_of
-from ground.user.edit_settings import set_setting
+from ground.recording.log_reader import files_of
 from ground.user.folders import state_folder
-from ground.user.settings import Settings, load_settings, settings_file
+from ground.user.settings import Settings, load_settings, set_setting, settings_file
 from protocol.bus.network import Network
 from runtime.clock import WallClock, freeze_heap
 from runtime.config import line_located

@@ -11,8 +11,7 @@ from ground.client.operations.session import Session
 from ground.client.results import Outcome
 from ground.grammar.words import Words, add_common, add_seize, positive
 from ground.missions.files import ENDINGS, read_fence
-from ground.missions.mission import FARTHEST_M, Circle, Polygon
-from ground.missions.outline import fault_of
+from ground.missions.mission import FARTHEST_M, Circle, Polygon, fault_of
 from protocol.options import finite
 from runtime.cli.parsers import add_subcommands
 from runtime.errors import UserError

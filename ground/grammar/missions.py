@@ -13,9 +13,8 @@ from ground.client.operations.session import Session
 from ground.client.results import Outcome, Success
 from ground.grammar.words import Words, add_anyway, add_common, add_json, add_seize
 from ground.missions import files
-from ground.missions.items import home_at
 from ground.missions.mission import Home
-from ground.missions.sift import Foreign
+from ground.missions.qgroundcontrol import Foreign, home_at
 from protocol.options import finite, whole
 from runtime.cli.parsers import add_subcommands
 from runtime.errors import UserError

@@ -9,7 +9,7 @@ from ground.grammar.words import Words, add_common, add_json
 from ground.recording.catalogue import FILE_HELP, recording_named, recordings_in, remark_on
 from ground.reports.explain import ExplainNow, ExplainRecording
 from ground.reports.export import Export
-from ground.reports.figure.style import SCREEN, STYLES
+from ground.reports.figure import SCREEN, STYLES
 from ground.reports.list_recordings import ListRecordings
 from ground.reports.plot import Plot
 from ground.reports.share import Share

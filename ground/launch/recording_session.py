@@ -14,7 +14,7 @@ from typing import Final, Protocol, Self
 from ground.client.connection import Common
 from ground.launch.child_processes import ChildExitError, Children
 from ground.launch.recorder_files import RECORDER, RecorderFiles
-from ground.recording.retention import Retention, size_in, size_of_run
+from ground.recording.catalogue import Retention, size_in, size_of_run
 from ground.user.folders import recordings_folder
 from runtime.clock import Clock
 from runtime.errors import UserError

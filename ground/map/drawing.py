@@ -2,28 +2,365 @@
 
 Static layers and traces are separate, so that a caller that draws many frames draws each of them
 only when it has changed.
+
+Name the marks of the map that are on it now, the most important first.
+
+Cache the layers below the robot, and draw only changed layers again.
+
+Draw what does not move with the robot: walls, fence, mission and its draft, ghosts.
+
+Draw what changes with every frame: the robot, its sonars, its goal, and other moving things.
+
+Describe a place on the map in words, and measure between two places.
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable, Sequence
+from itertools import pairwise
+from math import atan2, cos, degrees, hypot, inf, isfinite, pi, sin
 from typing import Final
 
-from ground.map import moving_layers, static_layers
-from ground.map.canvas import Canvas
-from ground.map.legend import GAP, legend
-from ground.map.pen import Pen
-from ground.map.scene import LAYERS, MapScene
-from ground.map.view import MIN_LEGEND_ROWS, View
+from ground.map.canvas import DOTS_WIDE, DOTTED, MARKS, Canvas
+from ground.map.pen import Pen, ellipse
+from ground.map.scene import (
+    BEAM_RAD,
+    LAYERS,
+    Disc,
+    MapScene,
+    MapTarget,
+    Outline,
+    RobotMark,
+    Shape,
+    floor,
+)
+from ground.map.view import MIN_LEGEND_ROWS, Point, View
+
+NOT_LIVE: Final = "NOT LIVE"
+NO_PLACE: Final = "PLACE UNKNOWN"
+GAP: Final = "  "
+Entry = tuple[str, str]
+"""Some words and their role."""
+
+
+def legend(
+    scene: MapScene, room: int, *, ascii_only: bool = False, is_mono: bool = False
+) -> list[Entry]:
+    """Return as many entries of the legend as fit into `room` columns."""
+    found: list[Entry] = []
+    for words, role in entries(scene, int(ascii_only), is_mono):
+        room -= len(words) + (len(GAP) if found else 0)
+        if room < 0:
+            break
+        found.append((words, role))
+    return found
+
+
+def seen_mark(*, ascii_only: bool, is_mono: bool) -> str:
+    """Return the character of echoes: in colour, age is a shade of dots, else a character."""
+    return MARKS["seen"][ascii_only] if ascii_only or is_mono else DOTTED
+
+
+def entries(scene: MapScene, form: int, is_mono: bool = False) -> list[Entry]:
+    """Return all entries of a scene; `form` is 0 for Unicode, 1 for ASCII."""
+    echo = seen_mark(ascii_only=bool(form), is_mono=is_mono)
+    walled = scene.obstacles or scene.size_m
+    table = (
+        (not scene.live, NOT_LIVE, "text"),
+        (not scene.placed, NO_PLACE, "text"),
+        (bool(scene.note), scene.note, "text"),
+        (scene.robot is not None and scene.live, f"{'▶>'[form]} robot", "robot"),
+        (scene.goal is not None, f"{MARKS['goal'][form]} goal", "goal"),
+        (scene.has_dead_sonar, f"{MARKS['dead sonar'][form]} dead", "dead sonar"),
+        (scene.truth and walled, f"{'─-'[form]} truth", "truth"),
+        (scene.true_robot is not None, f"{('○', '()')[form]} true robot", "true robot"),
+        (bool(scene.seen or scene.seen_late or scene.seen_old), f"{echo} seen", "seen"),
+        (scene.virtual_goal is not None, f"{MARKS['virtual'][form]} virtual", "virtual"),
+        (bool(scene.hits or scene.leaves), "H/L hit/leave", "hit"),
+        (bool(scene.mission), f"{MARKS['waypoint'][form]} mission", "mission"),
+        (bool(scene.others), f"{MARKS['other'][form]} other robots", "other"),
+        (bool(scene.movers), f"{MARKS['mover'][form]} moving", "truth"),
+        (scene.fence is not None, f"{'⠒.'[form]} fence", "fence"),
+        (bool(scene.ghosts), f"{MARKS['ended'][form]} ghost", "ghost"),
+    )
+    return [(words, role) for shown, words, role in table if shown]
+
+
+EDGE_SPACING: Final = 3
+HEADING_DOTS: Final = 9.0
+MARKED_OUTCOMES: Final = {
+    "reached": "reached",
+    "collided": "collided",
+    "stuck": "stuck",
+    "unreachable": "unreachable",
+    "lost": "ghost lost",  # `lost` is the mark of a robot without a place
+}
+"""The marks of the outcomes of ghosts; other outcomes have the mark `ended`."""
+
+
+def draw_walls(pen: Pen, scene: MapScene) -> None:
+    """Draw the obstacles, and the edge of the floor as dots where it has no wall."""
+    role = "truth" if scene.truth else "wall"
+    if scene.size_m is not None:
+        dotted(pen, Outline(floor(scene.size_m)), role)
+    for obstacle in scene.obstacles:
+        pen.shape(obstacle, role)
+
+
+def draw_seen(pen: Pen, scene: MapScene) -> None:
+    """Draw where the robot has seen obstacles, by age; without colours, by characters, too."""
+    pen.dots(scene.seen_old, "seen old")
+    plain = pen.canvas.ascii_only or pen.canvas.is_mono
+    for points, role in ((scene.seen_late, "seen late"), (scene.seen, "seen")):
+        pen.dots(points, role)
+        for at in points if plain else ():
+            pen.mark(at, role, role)
+
+
+def draw_fence(pen: Pen, scene: MapScene) -> None:
+    """Draw the fence as dots, so that it differs from a wall without colours, too."""
+    if scene.fence is not None:
+        dotted(pen, scene.fence, "fence")
+
+
+def draw_ghosts(pen: Pen, scene: MapScene) -> None:
+    """Draw the path of each ghost, with its outcome at the end."""
+    for ghost in scene.ghosts:
+        pen.path(ghost.path_m, "ghost")
+        if ghost.path_m:
+            label = " ".join(word for word in (ghost.label, ghost.outcome) if word)
+            end = MARKED_OUTCOMES.get(ghost.outcome, "ended")
+            pen.mark(ghost.path_m[-1], end, "ghost", label)
+
+
+def draw_hit_points(pen: Pen, scene: MapScene) -> None:
+    """Draw where the robot met and left the boundary of an obstacle."""
+    for at in scene.hits:
+        pen.mark(at, "hit", "hit")
+    for at in scene.leaves:
+        pen.mark(at, "leave", "leave")
+
+
+def draw_mission(pen: Pen, scene: MapScene) -> None:
+    """Draw the items of the mission, counted from 1; a `>` marks the one under way."""
+    numbers = [f"{number}" for number in range(1, len(scene.mission) + 1)]
+    if scene.current is not None and 0 <= scene.current < len(numbers):
+        numbers[scene.current] = f">{numbers[scene.current]}"
+    draw_legs(pen, scene.mission, "mission", 2 * EDGE_SPACING)
+    for number, item in zip(numbers, scene.mission, strict=True):
+        pen.mark((item.x_m, item.y_m), "waypoint", "mission", number, heads_right(item))
+
+
+def draw_draft(pen: Pen, scene: MapScene) -> None:
+    """Draw the draft of a mission with hollow marks, numbers with a `d`, and fewer dots."""
+    draw_legs(pen, scene.draft, "draft", 4 * EDGE_SPACING)
+    for number, item in enumerate(scene.draft, start=1):
+        pen.mark((item.x_m, item.y_m), "draft", "draft", f"d{number}", heads_right(item))
+
+
+def draw_legs(pen: Pen, items: Sequence[MapTarget], role: str, every: int) -> None:
+    """Draw dotted lines from item to item, and the heading at each."""
+    for a, b in pairwise([(item.x_m, item.y_m) for item in items]):
+        pen.dotted(a, b, role, every)
+    for item in items:
+        draw_heading(pen, item, role)
+
+
+def draw_heading(pen: Pen, target: MapTarget, role: str) -> None:
+    """Draw the tolerance, where it is large enough to see, and the heading on arrival."""
+    at: Point = (target.x_m, target.y_m)
+    if target.tolerance_m > DOTS_WIDE * pen.view.m_per_dot:
+        pen.circle(at, target.tolerance_m, role)
+    if target.heading_rad is not None and isfinite(target.heading_rad):
+        length_m = HEADING_DOTS * pen.view.m_per_dot
+        tip = at[0] + length_m * cos(target.heading_rad), at[1] + length_m * sin(target.heading_rad)
+        pen.path((at, tip), role)
+
+
+def heads_right(target: MapTarget) -> bool:
+    """Return whether the heading is drawn to the right, where the label would be."""
+    heading_rad = target.heading_rad
+    return heading_rad is not None and isfinite(heading_rad) and cos(heading_rad) > 0.5
+
+
+def dotted(pen: Pen, shape: Shape, role: str) -> None:
+    """Draw the edge of a shape as dots."""
+    if isinstance(shape, Disc):
+        points = pen.curve((shape.x_m, shape.y_m), shape.radius_m, shape.radius_m)
+    else:
+        points = (*shape.points_m, *shape.points_m[:1])
+    for a, b in pairwise(points):
+        pen.dotted(a, b, role, EDGE_SPACING)
+
+
+def distance_m(a: Point, b: Point) -> float:
+    """Return the distance between two points."""
+    return hypot(b[0] - a[0], b[1] - a[1])
+
+
+CONE_SPACING: Final = 3
+LINE_SPACING: Final = 4
+NOSE_DOTS: Final = 5.0
+SOLID_DOTS: Final = 6.0
+DEAD_DOTS: Final = 6.0
+"""Distance of the mark of a dead sonar from the rim, so that it is beside the robot's mark."""
+FILLED_DOTS: Final = 60.0
+"""A robot with a greater radius than this is only an outline: it would fill the map."""
+NOT_DRAWN: Final = -1.0
+
+
+def draw_trail(pen: Pen, scene: MapScene) -> None:
+    """Draw the way that the robot has driven, above those of other robots."""
+    for other in scene.others:
+        pen.path(other.trail, "other trail")
+    pen.path(scene.trail, "trail")
+
+
+def draw_trail_end(pen: Pen, scene: MapScene, drawn: int) -> None:
+    """Draw the trail of the robot after its first `drawn` points."""
+    pen.path(scene.trail[max(0, drawn - 1) :], "trail")
+
+
+def draw_ellipse(pen: Pen, scene: MapScene) -> None:
+    """Draw the uncertainty of the robot's position."""
+    robot, covariance = scene.robot, scene.covariance
+    axes = ellipse(covariance) if covariance is not None else None
+    if robot is not None and axes is not None:
+        pen.path(pen.curve((robot.x_m, robot.y_m), *axes), "ellipse")
+
+
+def draw_zone(pen: Pen, scene: MapScene) -> None:
+    """Draw the ring within which the robot avoids obstacles."""
+    robot, zone_m = scene.robot, scene.zone_m
+    if robot is None or robot.radius_m is None or zone_m is None or zone_m <= 0.0:
+        return
+    pen.circle((robot.x_m, robot.y_m), robot.radius_m + zone_m, "zone")
+
+
+def draw_sonars(pen: Pen, scene: MapScene) -> None:
+    """Draw for each echo the arc on which the obstacle must lie, and the edges of its cone.
+
+    A sonar without a reading has a mark instead.
+    """
+    robot = scene.robot
+    if robot is None or robot.radius_m is None or not scene.shows_sonars:
+        return
+    at, rim_m = (robot.x_m, robot.y_m), robot.radius_m
+    echoes_m = [_echo_m(range_m) for range_m in scene.ranges_m]
+    first_rad = robot.heading_rad - len(echoes_m) / 2.0 * BEAM_RAD
+    for edge, sides_m in enumerate(pairwise((NOT_DRAWN, *echoes_m, NOT_DRAWN))):
+        edge_rad = first_rad + edge * BEAM_RAD
+        if max(sides_m) > NOT_DRAWN:
+            rim, end = point_at(at, edge_rad, rim_m), point_at(at, edge_rad, rim_m + max(sides_m))
+            pen.dotted(rim, end, "cone", CONE_SPACING)
+    for sonar, echo_m in enumerate(echoes_m):
+        begun_rad = first_rad + sonar * BEAM_RAD
+        if echo_m > NOT_DRAWN:
+            pen.arc(at, rim_m + echo_m, (begun_rad, begun_rad + BEAM_RAD), "echo")
+        elif scene.ranges_m[sonar] is None:
+            mark_m = rim_m + DEAD_DOTS * pen.view.m_per_dot
+            pen.mark(point_at(at, begun_rad + BEAM_RAD / 2.0, mark_m), "dead sonar", "dead sonar")
+
+
+def draw_virtual(pen: Pen, scene: MapScene) -> None:
+    """Draw the virtual goal and a line to it, unless it is the goal itself."""
+    at, robot = scene.virtual_goal, scene.robot
+    if at is None or (scene.goal and distance_m(at, (scene.goal.x_m, scene.goal.y_m)) < 1e-6):
+        return
+    if robot is not None:
+        pen.dotted((robot.x_m, robot.y_m), at, "virtual", LINE_SPACING)
+    pen.mark(at, "virtual", "virtual", "virtual")
+    pen.off_map(at, "virtual", "virtual")
+
+
+def draw_goal(pen: Pen, scene: MapScene) -> None:
+    """Draw the goal; when it is off the map, an arrow with its distance in metres."""
+    goal = scene.goal
+    if goal is None:
+        return
+    at, robot = (goal.x_m, goal.y_m), scene.robot
+    draw_heading(pen, goal, "goal")
+    pen.mark(at, "goal", "goal", "goal", heads_right(goal))
+    away_m = None if robot is None else distance_m((robot.x_m, robot.y_m), at)
+    pen.off_map(at, "goal", "goal" if away_m is None else f"goal {away_m:.1f} m")
+
+
+def draw_others(pen: Pen, scene: MapScene) -> None:
+    """Draw moving obstacles from the simulation truth, and other robots with their names."""
+    for mover in scene.movers:
+        pen.shape(mover, "truth")
+        pen.mark((mover.x_m, mover.y_m), "mover", "truth")
+    for other in scene.others:
+        _body(pen, other, "other")
+        mark = "other" if other.live else "lost"
+        pen.mark((other.x_m, other.y_m), mark, "other", other.name)
+
+
+def draw_true_robot(pen: Pen, scene: MapScene) -> None:
+    """Draw the outline of the robot where the simulation has it."""
+    if scene.true_robot is not None:
+        _body(pen, scene.true_robot, "true robot")
+
+
+def draw_robot(pen: Pen, scene: MapScene) -> None:
+    """Draw the robot true to scale and filled, and a mark that stays visible at any scale."""
+    robot = scene.robot
+    if robot is None:
+        return
+    at, label = (robot.x_m, robot.y_m), robot.name if scene.others else ""
+    if robot.radius_m is not None and robot.radius_m <= FILLED_DOTS * pen.view.m_per_dot:
+        pen.disc(at, robot.radius_m, "robot")
+        pen.uncover(at, robot.radius_m, "robot")
+    _body(pen, robot, "robot")
+    if scene.live:
+        pen.heading(at, robot.heading_rad, "robot", label)
+    else:
+        pen.mark(at, "lost", "robot", label)
+    pen.off_map(at, "robot", robot.name or "robot")
+
+
+def draw_cursor(pen: Pen, scene: MapScene) -> None:
+    """Draw the cursor with its position in metres."""
+    if scene.cursor is not None:
+        words = f"{scene.cursor[0]:z.2f} {scene.cursor[1]:z.2f}"
+        pen.mark(scene.cursor, "cursor", "cursor", words)
+        pen.off_map(scene.cursor, "cursor", words)
+
+
+def point_at(at: Point, bearing_rad: float, length_m: float) -> Point:
+    """Return the point at a bearing (radians) and distance from `at`."""
+    return at[0] + length_m * cos(bearing_rad), at[1] + length_m * sin(bearing_rad)
+
+
+def _body(pen: Pen, robot: RobotMark, role: str) -> None:
+    """Draw a robot's outline and nose; fill it when small, to differ from an obstacle.
+
+    Without a known radius there is only the nose.
+    """
+    at, radius_m = (robot.x_m, robot.y_m), robot.radius_m
+    dot_m = pen.view.m_per_dot
+    if radius_m is not None:
+        if radius_m < SOLID_DOTS * dot_m:
+            pen.disc(at, radius_m, role)
+        pen.circle(at, radius_m, role)
+    if isfinite(robot.heading_rad):
+        nose_m = (radius_m or 0.0) + NOSE_DOTS * dot_m
+        pen.path((at, point_at(at, robot.heading_rad % (2.0 * pi), nose_m)), role)
+
+
+def _echo_m(range_m: float | None) -> float:
+    """Return the range of an echo; NOT_DRAWN for a missing, infinite or invalid range."""
+    return range_m if range_m is not None and 0.0 <= range_m < inf else NOT_DRAWN
+
 
 Layer = Callable[[Pen, MapScene], None]
 
 STATIC: Final[tuple[tuple[str, Layer], ...]] = (
-    ("walls", static_layers.draw_walls),
-    ("fence", static_layers.draw_fence),
+    ("walls", draw_walls),
+    ("fence", draw_fence),
 )
 TRACES: Final[tuple[tuple[str, Layer], ...]] = (
-    ("seen", static_layers.draw_seen),
-    ("ghosts", static_layers.draw_ghosts),
-    ("trail", moving_layers.draw_trail),
+    ("seen", draw_seen),
+    ("ghosts", draw_ghosts),
+    ("trail", draw_trail),
 )
 
 BAR_SHARE: Final = 6
@@ -59,18 +396,18 @@ def length_text(length_m: float) -> str:
 
 
 MOVING: Final[tuple[tuple[str, Layer], ...]] = (
-    ("ellipse", moving_layers.draw_ellipse),
-    ("zone", moving_layers.draw_zone),
-    ("sonars", moving_layers.draw_sonars),
-    ("marks", static_layers.draw_hit_points),
-    ("draft", static_layers.draw_draft),
-    ("mission", static_layers.draw_mission),
-    ("virtual", moving_layers.draw_virtual),
-    ("goal", moving_layers.draw_goal),
-    ("others", moving_layers.draw_others),
-    ("truth", moving_layers.draw_true_robot),
-    ("robot", moving_layers.draw_robot),
-    ("cursor", moving_layers.draw_cursor),
+    ("ellipse", draw_ellipse),
+    ("zone", draw_zone),
+    ("sonars", draw_sonars),
+    ("marks", draw_hit_points),
+    ("draft", draw_draft),
+    ("mission", draw_mission),
+    ("virtual", draw_virtual),
+    ("goal", draw_goal),
+    ("others", draw_others),
+    ("truth", draw_true_robot),
+    ("robot", draw_robot),
+    ("cursor", draw_cursor),
     ("legend", draw_legend),
 )
 
@@ -105,7 +442,7 @@ def draw_traces(
     if drawn is None:
         _draw(TRACES, scene, Pen(canvas, view), layers)
     elif "trail" in layers:
-        moving_layers.draw_trail_end(Pen(canvas, view), scene, drawn)
+        draw_trail_end(Pen(canvas, view), scene, drawn)
 
 
 def draw_moving(
@@ -132,3 +469,117 @@ def _draw(
     for name, layer in table:
         if name in layers:
             layer(pen, scene)
+
+
+class KeptLayers:
+    """A canvas with the static layers, and one with the traces above them."""
+
+    def __init__(self) -> None:
+        self._static = self._traced = Canvas(0, 0)
+        self._static_key: tuple[object, ...] = ()
+        self._trace_key: tuple[object, ...] = ()
+        self._trail: Sequence[Point] = ()
+
+    def below(self, scene: MapScene, view: View, layers: Collection[str], blank: Canvas) -> Canvas:
+        """Return a new canvas with the layers of a scene below the moving ones.
+
+        `blank` is an empty canvas of the form that is wanted.
+        """
+        key = (view, layers, blank.ascii_only, blank.is_mono, *static_parts(scene))
+        is_same = key == self._static_key
+        if not is_same:
+            self._static_key, self._static = key, blank
+            draw_static(scene, view, blank, layers)
+        self._trace(scene, view, layers, is_same=is_same)
+        return self._traced.copy()
+
+    def _trace(
+        self, scene: MapScene, view: View, layers: Collection[str], *, is_same: bool
+    ) -> None:
+        """Draw the traces; if only the trail has grown, draw only its new part."""
+        key, trail, drawn = trace_parts(scene), scene.trail, len(self._trail)
+        if is_same and key == self._trace_key and trail[:drawn] == self._trail:
+            if len(trail) > drawn:
+                draw_traces(scene, view, self._traced, layers, drawn=drawn)
+        else:
+            self._traced = self._static.copy()
+            draw_traces(scene, view, self._traced, layers)
+        self._trace_key, self._trail = key, trail
+
+
+def measured(start: Point, end: Point) -> str:
+    """Return distance and heading from one place to another."""
+    dx_m, dy_m = end[0] - start[0], end[1] - start[1]
+    return f"{hypot(dx_m, dy_m):.2f} m at {degrees(atan2(dy_m, dx_m)):z.0f}°"
+
+
+def described(scene: MapScene, place: Point, reach_m: float) -> str:
+    """Return what is within reach of a place, and how far the robot is."""
+    found = [
+        *([obstacle_words(scene, place, reach_m)] if scene.obstacles else []),
+        *(
+            words
+            for points, words in (
+                (scene.seen, "echo of the last 5 s"),
+                (scene.seen_late, "echo of the last 20 s"),
+                (scene.seen_old, "older echo"),
+                (scene.trail, "on the robot's trail"),
+                (scene.hits, "hit point H"),
+                (scene.leaves, "leave point L"),
+            )
+            if nearest_m(points, place) <= reach_m
+        ),
+    ]
+    if scene.robot is not None:
+        robot = (scene.robot.x_m, scene.robot.y_m)
+        found.append(f"{measured(robot, place)} from the robot")
+    return f"{place[0]:zg} {place[1]:zg}: {', '.join(found) or 'nothing known'}"
+
+
+def obstacle_words(scene: MapScene, place: Point, reach_m: float) -> str:
+    """Return whether a place is in an obstacle, else how far the nearest one is."""
+    name = "obstacle" if scene.truth else "seen obstacle"
+    if any(is_inside(shape, place) for shape in scene.obstacles[1:]):
+        return f"in an {name}" if scene.truth else f"in a {name}"
+    away_m = min(shape_distance_m(shape, place) for shape in scene.obstacles)
+    return f"{'at an' if away_m <= reach_m else 'nearest'} {name} {away_m:.2f} m away"
+
+
+def nearest_m(points: Iterable[Point], place: Point) -> float:
+    """Return the distance to the nearest point; inf without points."""
+    return min((hypot(x_m - place[0], y_m - place[1]) for x_m, y_m in points), default=inf)
+
+
+def shape_distance_m(shape: Shape, place: Point) -> float:
+    """Return the distance from a place to the edge of a shape."""
+    if not isinstance(shape, Outline):
+        return abs(hypot(shape.x_m - place[0], shape.y_m - place[1]) - shape.radius_m)
+    points = shape.points_m
+    ends = (*points, points[0]) if shape.closed and points else points
+    return min((segment_m(start, end, place) for start, end in pairwise(ends)), default=inf)
+
+
+def segment_m(start: Point, end: Point, place: Point) -> float:
+    """Return the distance from a place to a segment."""
+    dx_m, dy_m = end[0] - start[0], end[1] - start[1]
+    px_m, py_m = place[0] - start[0], place[1] - start[1]
+    length = dx_m * dx_m + dy_m * dy_m
+    share = max(0.0, min(1.0, (px_m * dx_m + py_m * dy_m) / length)) if length else 0.0
+    return hypot(px_m - share * dx_m, py_m - share * dy_m)
+
+
+def is_inside(shape: Shape, place: Point) -> bool:
+    """Return whether a place is inside a closed shape."""
+    if not isinstance(shape, Outline):
+        return hypot(shape.x_m - place[0], shape.y_m - place[1]) < shape.radius_m
+    return shape.closed and crossings(shape.points_m, place) % 2 == 1
+
+
+def crossings(points: Sequence[Point], place: Point) -> int:
+    """Return how many edges a ray from a place to the right crosses."""
+    x_m, y_m = place
+    edges = pairwise((*points, points[0])) if points else ()
+    return sum(
+        (y1 > y_m) != (y2 > y_m) and x_m < x1 + (y_m - y1) * (x2 - x1) / (y2 - y1)
+        for (x1, y1), (x2, y2) in edges
+    )

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Final, TypeAlias
 
 from ground.missions import files
+from ground.missions.files import toml_text
 from ground.missions.mission import Mission, Waypoint
-from ground.missions.toml_file import text_of
 from runtime.config import parse
 from runtime.errors import ConfigError, UserError
 
@@ -66,7 +66,7 @@ class Draft:
         """The mission file's text; UserError when the draft is empty."""
         if not self.mission.waypoints:
             raise UserError(NOTHING)
-        return text_of(self.mission)
+        return toml_text(self.mission)
 
     def apply(self, edit: Edit) -> str:
         """Apply an edit and return what was done, in words; UserError on failure."""

@@ -2,12 +2,21 @@
 
 Positions are metres in the robot's own frame, x forward and y left of its start pose. Headings are
 degrees, counter-clockwise from x.
+
+Check the corners of a fence: at least three, distinct, without crossing sides.
+
+List the problems of a mission file: file, line, key or item, reason and fix.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, TypeAlias
+from itertools import combinations
+from typing import Annotated, NamedTuple, TypeAlias
 
 from msgspec import Meta
+
+from runtime.errors import UserError
+from runtime.toml_reader import Key
 
 FARTHEST_M = 200_000.0  # what fits the wire; the robot's own limit is nearer
 LOOSEST_M = 1.0  # the largest tolerance of a position
@@ -79,3 +88,84 @@ class Mission:
         count = len(self.waypoints)
         fence = "" if self.fence is None else f", fence: {self.fence}"
         return f"{count} waypoint{'' if count == 1 else 's'}{fence}"
+
+
+Point = tuple[float, float]
+CLOSEST_M = 0.001
+MAX_CORNERS = 200
+"""Limit, because each side is compared with each other one; robots accept fewer."""
+
+
+def fault_of(corners: Sequence[Point]) -> str:
+    """Return what is wrong with an outline, or an empty text."""
+    if len(corners) < 3:
+        return f"has {len(corners)} corners, a fence needs at least 3"
+    if len(corners) > MAX_CORNERS:
+        return f"has {len(corners)} corners, at most {MAX_CORNERS} are allowed"
+    for index, (a, b) in enumerate(zip(corners, [*corners[1:], corners[0]], strict=True)):
+        if abs(a[0] - b[0]) < CLOSEST_M and abs(a[1] - b[1]) < CLOSEST_M:
+            return f"corner {index} and the next one are the same place"
+    sides = [(corners[at], corners[(at + 1) % len(corners)]) for at in range(len(corners))]
+    for (i, one), (j, other) in combinations(enumerate(sides), 2):
+        neighbours = j - i in (1, len(sides) - 1)
+        if not neighbours and _cross(*one, *other):
+            return f"side {i} and side {j} cross"
+    return "" if _area(corners) else "encloses nothing"
+
+
+def _cross(a: Point, b: Point, c: Point, d: Point) -> bool:
+    return _turn(a, b, c) != _turn(a, b, d) and _turn(c, d, a) != _turn(c, d, b)
+
+
+def _turn(a: Point, b: Point, c: Point) -> int:
+    """Return 1 when a, b, c turn left, -1 right, 0 when they are in line."""
+    product = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    return (product > 0) - (product < 0)
+
+
+def _area(corners: Sequence[Point]) -> float:
+    """Return twice the area."""
+    shifted = [*corners[1:], corners[0]]
+    return abs(sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(corners, shifted, strict=True)))
+
+
+def inside(corners: Sequence[Point], place: Point) -> bool:
+    """Return whether a point lies in an outline; on a side, either result is possible."""
+    x, y = place
+    within = False
+    for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
+        if (a[1] > y) != (b[1] > y) and x < a[0] + (y - a[1]) * (b[0] - a[0]) / (b[1] - a[1]):
+            within = not within
+    return within
+
+
+class Problem(NamedTuple):
+    """A problem; `where` is the key or the number of the item."""
+
+    where: str
+    reason: str
+    fix: str
+    line: int | None = None
+
+
+class MissionError(UserError):
+    """A mission that cannot be used; the text has one line per problem."""
+
+    def __init__(self, file: str, problems: Sequence[Problem]) -> None:
+        self.problems = tuple(sorted(problems, key=lambda problem: problem.line or 0))
+        super().__init__("\n".join(problem_line(file, problem) for problem in self.problems))
+
+
+def problem_line(file: str, problem: Problem) -> str:
+    """Format a problem as one line."""
+    place = file if problem.line is None else f"{file}:{problem.line}"
+    where = f"{problem.where}: " if problem.where else ""
+    fix = f"; {problem.fix}" if problem.fix else ""
+    return f"{place}: {where}{problem.reason}{fix}"
+
+
+def line_of(lines: Mapping[Key, int], key: Key) -> int | None:
+    """Return the line of a key, or of the nearest table around it."""
+    while key and key not in lines:
+        key = key[:-1]
+    return lines.get(key)

@@ -25,7 +25,7 @@ from ground.recording.foxglove_schemas import (
     turn,
     vector,
 )
-from ground.recording.mcap.json_schemas import Json
+from ground.recording.json_schemas import Json
 from ground.recording.world_metadata import (
     BEARINGS_RAD,
     DEFAULT_RADIUS_M,
@@ -34,7 +34,7 @@ from ground.recording.world_metadata import (
     solids,
     start_of,
 )
-from ground.text.statustext import StatustextAssembler
+from ground.text.wording import StatustextAssembler
 from protocol.topics import MARK, path_of
 from protocol.wire.enums import Severity
 from protocol.wire.message import Message

@@ -7,7 +7,7 @@ from struct import pack
 from types import MappingProxyType
 from typing import Final, TypeAlias
 
-from ground.recording.mcap.json_schemas import Json, Schema, many, named, record
+from ground.recording.json_schemas import Json, Schema, many, named, record
 from runtime.units import NS_PER_S
 
 Point: TypeAlias = tuple[float, float]

@@ -6,7 +6,7 @@ from math import atan2, hypot, radians
 from typing import Any, Final
 
 from ground.recording.foxglove_schemas import Colour, Point, colour, disc, pose, vector
-from ground.recording.mcap.json_schemas import Json
+from ground.recording.json_schemas import Json
 from runtime.files import value_in
 
 HEIGHT_M: Final = 0.3

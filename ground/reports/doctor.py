@@ -1,39 +1,280 @@
-"""`doctor`: listen for a moment, call every service, and report faults and remedies."""
+"""`doctor`: listen for a moment, call every service, and report faults and remedies.
 
-from collections.abc import Iterable, Sequence
+Faults that `doctor` finds, from liveliness tokens and the age of each stream, with remedies.
+
+Each finding names a fault and its remedy. Nothing here does I/O.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from time import time
 from typing import Any, ClassVar, Final
 
 from ground.client.link import Link, UnansweredError
 from ground.client.operations import Session
+from ground.client.presence import PresentProcesses, explain_silence
+from ground.client.status_line import knows_place
 from ground.client.telemetry import Telemetry
-from ground.reports.doctor_findings import Finding, Observed, Stream, examine, installation, lines
-from ground.reports.doctor_findings import Report as Findings
 from ground.reports.report import Report
-from ground.text.statustext import StatustextAssembler, aged
-from protocol.bus.certificate import own_certificate
+from ground.text.wording import StatustextAssembler, aged
+from protocol.bus.certificate import EXPIRES_SOON, RENEW, CertificateStatus, own_certificate, remedy
 from protocol.bus.mailbox import Mailbox
-from protocol.bus.rights import denial
+from protocol.bus.peers import ID_TAKEN
+from protocol.bus.rights import RECORDER, VIEWER, denial
 from protocol.topics import (
+    CLOCK,
     COMMAND,
     CYCLE,
+    HEARTBEAT,
+    MCU,
     ODOMETRY,
+    OPERATOR,
     PARAMETERS,
     STATUS,
+    TELEOP,
     TEXT,
     TOPICS,
     WORLD,
     Role,
     Service,
+    Topic,
 )
 from protocol.wire.codec import decode
-from protocol.wire.messages import CommandRequest
+from protocol.wire.enums import Vehicle
+from protocol.wire.messages import CommandRequest, CycleReport, NavigatorStatus, PlanarOdometry
+from protocol.wire.reasons import Reason, reason_text
 from runtime.cli.conflicts import conflicts
+from runtime.cli.packages import Conflict
 from runtime.errors import AccessDeniedError, PeerHangsError, RemoteError
-from runtime.units import NS_PER_S
+from runtime.units import NS_PER_MS, NS_PER_S
 from runtime.watchdog import slowdown_in
+
+STALE_FACTOR: Final = 3
+MIN_PERIODS: Final = 1.5
+DAY_S: Final = 86_400.0
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """One topic, as observed while listening; `age_ns` is None if nothing has arrived."""
+
+    topic: Topic[Any]
+    age_ns: int | None
+    rejected: int = 0
+    last_rejection: str = ""
+
+    @property
+    def fresh(self) -> bool:
+        """True if a message arrived within three times the topic's stale-after."""
+        limit_ns = self.topic.stale_after_ns
+        return self.age_ns is not None and (not limit_ns or self.age_ns <= STALE_FACTOR * limit_ns)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observed:
+    """All observations of one run of `doctor`.
+
+    `answers` holds pairs of service path and the reason why it did not answer. `certified` is the
+    certificate of this process on a bus with TLS. `clock_s` is this machine's time since 1970.
+    `texts` are those of the robot, cached ones included.
+    """
+
+    robot: str
+    endpoint: str
+    processes: PresentProcesses
+    streams: tuple[Stream, ...]
+    status: NavigatorStatus | None = None
+    odometry: PlanarOdometry | None = None
+    cycle: CycleReport | None = None
+    answers: tuple[tuple[str, str], ...] = ()
+    listened_ns: int = 1000 * NS_PER_MS
+    certified: CertificateStatus | None = None
+    clock_s: float = 0.0
+    conflicts: tuple[Conflict, ...] = ()
+    texts: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One fault and its remedy; `bad` if the system cannot work with it."""
+
+    what: str
+    do: str
+    bad: bool = True
+
+
+@dataclass
+class Findings:
+    """All findings of one examination."""
+
+    findings: list[Finding] = field(default_factory=list)
+
+    @property
+    def healthy(self) -> bool:
+        """True if no finding is bad."""
+        return not any(finding.bad for finding in self.findings)
+
+
+def examine(seen: Observed) -> Findings:
+    """Return all findings, the most basic first."""
+    return Findings(
+        [
+            *installation(seen.conflicts),
+            *certificate(seen),
+            *taken_ids(seen.texts),
+            *processes(seen),
+            *streams(seen),
+            *services(seen),
+            *state(seen.status),
+            *place(seen.odometry),
+            *pace(seen.cycle),
+        ]
+    )
+
+
+def installation(conflicts: Iterable[Conflict]) -> Iterator[Finding]:
+    """Yield Python packages that shadow ours or mix with them."""
+    for conflict in conflicts:
+        yield Finding(conflict.what, conflict.do, bad=conflict.wins)
+
+
+def certificate(seen: Observed) -> Iterator[Finding]:
+    """Yield findings about this process's certificate: its rights and its expiry."""
+    own = seen.certified
+    if own is None:
+        return
+    if own.name and (why := denial(own.name, seen.robot, COMMAND)):
+        observes = own.name in (VIEWER, RECORDER)
+        yield Finding(why, "use --config DIR/ground.toml to command", bad=not observes)
+    if own.trouble:
+        yield Finding(own.trouble, remedy(own), bad=True)
+    elif own.until_s is not None and own.until_s - seen.clock_s < EXPIRES_SOON.total_seconds():
+        days = max(0.0, (own.until_s - seen.clock_s) / DAY_S)
+        what = f"the certificate of {own.name} expires in {days:.0f} days"
+        yield Finding(what, RENEW, bad=False)
+
+
+def taken_ids(texts: Iterable[str]) -> Iterator[Finding]:
+    """Yield the links that used the session id of another certificate."""
+    for text in dict.fromkeys(texts):
+        if text.startswith(ID_TAKEN):
+            do = (
+                "find out who has the key of the certificate that is named first, and `sidestep "
+                "keys revoke` it; if it is the rightful one, it opens a fresh session by itself"
+            )
+            yield Finding(text, do, bad=False)
+
+
+def processes(seen: Observed) -> Iterator[Finding]:
+    """Yield the processes that are missing or hang."""
+    heartbeat = next((stream for stream in seen.streams if stream.topic is HEARTBEAT), None)
+    unreadable = (
+        heartbeat is not None and heartbeat.age_ns is None and heartbeat.rejected > 0
+    )  # reported as a stream
+    is_beating = heartbeat is not None and (heartbeat.fresh or unreadable)
+    has_robot = seen.processes.has(seen.robot, Role.ROBOT)
+    if not has_robot or not is_beating:
+        why = explain_silence(seen.processes, seen.robot, seen.endpoint, is_beating=is_beating)
+        what, _, do = why.partition(": ")
+        yield Finding(what, do or "restart the robot")
+    if not any(role == Role.PLANT.value for _, role in seen.processes.present):
+        yield Finding(
+            "no plant is running", "start `sidestep run plant --world box` with the same endpoint"
+        )
+
+
+def streams(seen: Observed) -> Iterator[Finding]:
+    """Yield streams that are missing, late or unreadable.
+
+    A stream whose publisher does not run is left out: that process is a finding already.
+    """
+    for stream in seen.streams:
+        topic = stream.topic
+        if stream.rejected:
+            yield rejection(stream)
+        if not expected(seen, topic) or stream.fresh or topic is HEARTBEAT:
+            continue
+        sender = topic.publisher.value
+        if stream.age_ns is None and seen.listened_ns * topic.rate_hz < MIN_PERIODS * NS_PER_S:
+            continue  # too slow for this listening time
+        if stream.age_ns is None:
+            yield Finding(f"nothing on {topic.path}", f"restart the {sender} unless it is paused")
+        else:
+            age = f"{stream.age_ns / NS_PER_MS:.0f} ms"
+            yield Finding(f"{topic.path} is {age} old", f"the {sender} is slow or hangs")
+
+
+def rejection(stream: Stream) -> Finding:
+    """Return the finding about unreadable messages on a topic."""
+    path, times = stream.topic.path, stream.rejected
+    what = f"{times} unreadable messages on {path}, the last: {stream.last_rejection}"
+    if "has dialect" in stream.last_rejection:
+        return Finding(what, "run the same version of sidestep everywhere")
+    return Finding(what, "find the other process that publishes on this key")
+
+
+def expected(seen: Observed, topic: Topic[Any]) -> bool:
+    """Return whether a topic must be alive, given the processes that run.
+
+    Only a robot whose core runs on a board publishes MCU.
+    """
+    if not topic.rate_hz or topic in (OPERATOR, TELEOP, CLOCK, MCU):
+        return False
+    if topic.publisher is Role.PLANT:
+        return any(role == Role.PLANT.value for _, role in seen.processes.present)
+    return seen.processes.has(seen.robot, topic.publisher)
+
+
+def services(seen: Observed) -> Iterator[Finding]:
+    """Yield services that did not answer."""
+    for path, why in seen.answers:
+        yield Finding(f"{path} does not answer: {why}", "restart the process that serves it")
+
+
+def state(status: NavigatorStatus | None) -> Iterator[Finding]:
+    """Yield what the vehicle state asks the operator to do."""
+    if status is None:
+        return
+    reason = reason_text(status.vehicle_reason)
+    if status.vehicle == Vehicle.BOOT:
+        yield Finding("the robot has received no sensor data yet", "start the plant")
+    elif status.vehicle == Vehicle.FAILSAFE:
+        yield Finding(f"failsafe: {reason}", "remove the cause, then sidestep arm", bad=False)
+    elif status.vehicle == Vehicle.EMERGENCY_STOP:
+        do = "sidestep clear-estop, then sidestep arm"
+        yield Finding(f"emergency stop: {reason}", do, bad=False)
+    elif status.vehicle_reason != Reason.NONE:
+        yield Finding(f"vehicle: {reason}", "sidestep watch", bad=False)
+
+
+def place(odometry: PlanarOdometry | None) -> Iterator[Finding]:
+    """Yield that the robot does not know its place."""
+    if odometry is not None and not knows_place(odometry):
+        do = "sidestep pose set X Y DEG, or sidestep pose truth in a simulation"
+        yield Finding("the robot does not know where it is", do, bad=False)
+
+
+def pace(cycle: CycleReport | None) -> Iterator[Finding]:
+    """Yield ticks that the control loop missed, and frames that it rejected."""
+    if cycle is None:
+        return
+    if cycle.rejected:
+        what = f"the robot rejected {cycle.rejected} unreadable frames"
+        yield Finding(what, "find the other process that publishes on its keys", bad=False)
+    if cycle.missed:
+        what = f"the robot has missed {cycle.missed} of {cycle.tick + 1} ticks"
+        yield Finding(
+            what, "reduce other load on the machine, or start the robot with --realtime", bad=False
+        )
+
+
+def lines(findings: Iterable[Finding]) -> str:
+    """Format findings for a person: each fault, then its remedy."""
+    return "\n".join(
+        f"{'E' if finding.bad else 'W'} {finding.what}\n  -> {finding.do}" for finding in findings
+    )
+
 
 LISTEN_S: Final = 1.0
 REQUEST_TIMEOUT_S: Final = 0.5

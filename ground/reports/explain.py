@@ -8,9 +8,8 @@ from ground.client.link import LISTEN_NS, Link
 from ground.client.operations import Progress, Session
 from ground.client.telemetry import Telemetry
 from ground.explain.explanation import Explanation, explain
-from ground.explain.from_recording import Recorded, Turn
-from ground.recording.log_index import LogIndex
-from ground.recording.log_reader import open_log
+from ground.explain.turns import Recorded, Turn
+from ground.recording.log_reader import LogIndex, open_log
 from ground.reports.report import Report
 from protocol.topics import CYCLE, DECISION, STATUS
 from runtime.errors import UserError

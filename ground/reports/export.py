@@ -10,9 +10,18 @@ from typing import ClassVar, Final, NamedTuple, TextIO
 from ground.client.connection import within
 from ground.client.operations import Progress, Session
 from ground.recording.log_reader import open_log
-from ground.recording.tables.files import parquet, write_csv, write_parquet
-from ground.recording.tables.rows import LONG, Column, Row, long_rows, wide_columns, wide_rows
-from ground.recording.tables.time_axis import TimeAxis
+from ground.recording.tables import (
+    LONG,
+    Column,
+    Row,
+    TimeAxis,
+    long_rows,
+    parquet,
+    wide_columns,
+    wide_rows,
+    write_csv,
+    write_parquet,
+)
 from runtime.errors import UserError
 
 DEFAULT_RATE_HZ: Final = 20.0

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import ClassVar, Final
 
 from ground.client.operations import Progress, Session
-from ground.recording.catalogue import recordings_in
-from ground.recording.retention import size_text
+from ground.recording.catalogue import recordings_in, size_text
 from ground.recording.summary import Summary, summary_of
 from ground.reports.report import Report
 from ground.user.folders import recordings_folder

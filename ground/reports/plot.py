@@ -10,11 +10,9 @@ from ground.launch.child_command import command
 from ground.launch.scenario import world_facts
 from ground.map.scene import Shape
 from ground.recording.log_reader import Log, open_log
-from ground.recording.tables.series import RunSeries, collect_series
-from ground.recording.tables.time_axis import TimeAxis
+from ground.recording.tables import RunSeries, TimeAxis, collect_series
 from ground.recording.world_metadata import facts_of, radius_of
-from ground.reports.figure.run_figure import Run, write
-from ground.reports.figure.style import SCREEN, STYLES
+from ground.reports.figure import SCREEN, STYLES, Run, write
 from ground.reports.report import Report
 from ground.station.robot.mission_items import MissionItems
 from protocol.topics import ANSWERED, COMMANDED

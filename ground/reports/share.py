@@ -11,10 +11,8 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from ground.client.operations import Progress, Session
 from ground.client.vocabulary import NAVIGATORS, SIDES
-from ground.explain.from_recording import Recorded
-from ground.recording.log_index import LogIndex
-from ground.recording.log_reader import open_log
-from ground.recording.parts import files_of
+from ground.explain.turns import Recorded
+from ground.recording.log_reader import LogIndex, files_of, open_log
 from ground.recording.world_metadata import facts_of
 from ground.reports.plot import Plot
 from ground.reports.report import Report

@@ -11,7 +11,7 @@ from typing import Any
 
 from ground.recording.catalogue import FILE_HELP, recording_named
 from ground.recording.log_reader import open_log
-from ground.recording.tables.message_fields import shortest_single
+from ground.recording.tables import shortest_single
 from protocol.outcome import rounded_heading_rad
 from protocol.wire.messages import PlanarOdometry
 from robot.core.parameters import DEFAULTS, Params

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from ground.recording.build_info import commit, version_of
+from ground.recording.metadata import commit, version_of
 from runtime.cli.compiled import is_compiled
 
 ROOT: Final = Path(__file__).parents[2]

@@ -13,7 +13,7 @@ from ground.client.connection import Common
 from ground.client.link import Link
 from ground.client.operations import Arm, Operation, Session, StartMission, UploadMission
 from ground.client.results import Outcome
-from ground.missions import plan_file
+from ground.missions import qgroundcontrol
 from ground.missions.mission import Waypoint
 from protocol.topics import Role
 from protocol.wire.enums import MissionState
@@ -51,7 +51,7 @@ def flown_by_operations() -> str:
     """Read the plan, upload, arm and start as the app does."""
     with Stack("open") as stack, ThreadPoolExecutor(1) as pool:
         session = Session(link_of(stack, Role.GROUND), attended=True)
-        mission = plan_file.read_text(json.dumps(PLAN), "tour.plan").mission
+        mission = qgroundcontrol.read_plan(json.dumps(PLAN), "tour.plan").mission
         steps: list[Operation[Any]] = [UploadMission(mission=mission), Arm()]
         for operation in (*steps, StartMission(item=0)):
             answer = pool.submit(operation.perform, session)

@@ -12,7 +12,7 @@ from typing import Final
 
 import pytest
 
-from ground.recording.tlog import TlogReader
+from ground.recording.log_reader import TlogReader
 from protocol.wire.codec import decode
 from protocol.wire.message import Message
 from protocol.wire.messages import GroundTruth, Statustext, WheelCommand

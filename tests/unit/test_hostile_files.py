@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import sidestep
-from ground.recording.tlog import record_bytes
+from ground.recording.log_reader import record_bytes
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import Statustext
 from tests.support.hostile import OWNED, TEXT, raw_in

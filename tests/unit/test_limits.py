@@ -9,7 +9,7 @@ from ground.client.emergency_stop import HELD_NS, REPEAT_NS
 from ground.client.operations.commands import StopNow
 from ground.client.operations.teleop import TTL_MS
 from ground.client.parameter_rows import NAME, NAME_RULE
-from ground.map import ellipse
+from ground.map import pen
 from plant.process.robot_link import MAX_AGE_TICKS
 from protocol.topics import DRIVE, OPERATOR, SONAR, STOP, TELEOP, WHEELS, Topic
 from protocol.wire.limits import (
@@ -151,7 +151,7 @@ def test_texts_about_confidence_take_it_from_its_constant() -> None:
 
 def test_the_confidence_of_both_ellipses_is_the_same() -> None:
     """Draw in the ground station the ellipse that the study evaluates."""
-    assert ellipse.CHI2_2 == CHI2_2
+    assert pen.CHI2_2 == CHI2_2
     assert f"{100 * CONFIDENCE:g} %" == CONFIDENT
 
 

@@ -9,9 +9,15 @@ import pytest
 from aiohttp import CookieJar, web
 from aiohttp.test_utils import TestClient, TestServer
 
-from ground.web.access import MAX_SESSIONS, REFUSAL, WebAccess, is_same_origin
-from ground.web.address import Address
-from ground.web.server import MAX_BROWSERS, WebServer
+from ground.web import (
+    MAX_BROWSERS,
+    MAX_SESSIONS,
+    REFUSAL,
+    Address,
+    WebAccess,
+    WebServer,
+    is_same_origin,
+)
 from tests.support.each import each
 from tests.support.until import PATIENCE_S
 

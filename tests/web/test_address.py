@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.web.address import Address, address_of, token_of
+from ground.web import Address, address_of, token_of
 from runtime.errors import UserError
 from tests.support.each import each
 

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from ground.cli.main import parse
-from ground.web.address import Address
-from ground.web.command import refuse_taken, words_of
+from ground.web import Address, refuse_taken, words_of
 from runtime.errors import UserError
 from tests.support.each import each
 

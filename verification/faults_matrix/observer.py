@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple, Self
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.requests import is_saving
 from ground.missions.mission import Circle, Waypoint
-from ground.missions.wire import fence_items_of, items_of
+from ground.missions.transfer import fence_items_of, items_of
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network, Tls
 from protocol.topics import (

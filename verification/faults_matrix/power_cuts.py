@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 from unittest.mock import patch
 
 from ground.missions.mission import Circle
-from ground.missions.wire import fence_items_of
+from ground.missions.transfer import fence_items_of
 from protocol.wire.enums import MissionType
 from protocol.wire.messages import (
     MissionCount,

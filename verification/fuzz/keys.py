@@ -7,8 +7,7 @@ from tempfile import TemporaryDirectory
 from typing import Final
 
 from gateways.mavlink.signing import StampClock
-from ground.certificates.check import check
-from ground.certificates.folder import SECRET_MODE, make
+from ground.certificates.folder import SECRET_MODE, check, make
 from ground.user.mavlink_keys import KeyRing, new_key, read_keys, write_keys
 from protocol.bus.certificate import own_certificate
 from protocol.bus.network import Tls

@@ -13,19 +13,15 @@ from mcap.writer import CompressionType, Writer
 
 from ground.cli.observe.replay import lines
 from ground.client.operations import NoProgress
-from ground.explain.from_recording import Recorded as Decided
-from ground.ghost.recorded_ghost import GhostRecording, changed_in
+from ground.explain.turns import Recorded as Decided
+from ground.ghost.branch_point import GhostRecording, changed_in
 from ground.map.canvas import Canvas
 from ground.map.drawing import draw
 from ground.map.view import View
-from ground.recording.log_index import LogIndex
-from ground.recording.log_reader import open_log
-from ground.recording.mcap.reader import FACT, KEY_TOPIC, KEYS, RAW_TOPIC
-from ground.recording.mcap.writer import McapFormat
-from ground.recording.playback.playback_bus import ReplayBus
-from ground.recording.tables.series import collect_series
-from ground.recording.tables.time_axis import TimeAxis
-from ground.recording.tlog import record_bytes
+from ground.recording.log_reader import LogIndex, open_log, record_bytes
+from ground.recording.mcap_file import FACT, KEY_TOPIC, KEYS, RAW_TOPIC, McapFormat
+from ground.recording.playback import ReplayBus
+from ground.recording.tables import TimeAxis, collect_series
 from ground.recording.world_metadata import discs, facts_of, outlines, radius_of, start_of
 from ground.reports.export import Export
 from ground.station.station import Station

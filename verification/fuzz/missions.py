@@ -4,9 +4,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
-from ground.missions import files, plan_file, toml_file, waypoints_file
+from ground.missions import files, qgroundcontrol
+from ground.missions import files as toml_file
 from ground.missions.mission import Circle, Home, Mission, Polygon, Waypoint
-from ground.missions.wire import fence_items_of, items_of
+from ground.missions.transfer import fence_items_of, items_of
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import MissionItemInt
 from verification.fuzz.target import FuzzTarget
@@ -66,27 +67,27 @@ def plan_bombs() -> Sequence[bytes]:
 MISSION: Final = (
     FuzzTarget(
         name="mission_toml",
-        samples=texts(toml_file.text_of),
+        samples=texts(toml_file.toml_text),
         run=from_file("mission.toml", read_mission),
         words=TOML_WORDS,
         bombs=toml_bombs,
     ),
     FuzzTarget(
         name="mission_plan",
-        samples=texts(lambda one: plan_file.text_of(one, HOME)),
+        samples=texts(lambda one: qgroundcontrol.plan_text(one, HOME)),
         run=from_file("mission.plan", read_mission),
         words=JSON_WORDS,
         bombs=plan_bombs,
     ),
     FuzzTarget(
         name="mission_waypoints",
-        samples=texts(lambda one: waypoints_file.text_of(one, HOME)),
+        samples=texts(lambda one: qgroundcontrol.waypoints_text(one, HOME)),
         run=from_file("mission.waypoints", read_mission),
         words=(b"\t", b"\n", b"QGC WPL 110\n", b"nan", b"1e308"),
     ),
     FuzzTarget(
         name="fence",
-        samples=texts(toml_file.text_of),
+        samples=texts(toml_file.toml_text),
         run=from_file("fence.toml", read_fence),
         words=TOML_WORDS,
         bombs=toml_bombs,

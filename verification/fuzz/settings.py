@@ -17,7 +17,7 @@ from ground.client.connection import Config
 from ground.client.parameter import parameters_in
 from ground.client.parameter_file import read as values_in
 from ground.console.history import History
-from ground.ghost.predicted_path import PathReader
+from ground.ghost.branch_point import PathReader
 from robot.core.parameters import DEFAULTS
 from robot.parameter_table import adjusted, described
 from robot.run import Settings

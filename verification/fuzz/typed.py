@@ -13,8 +13,7 @@ from ground.cli.verbs import VERBS
 from ground.console.completion import complete
 from ground.console.parser import read
 from ground.grammar.fences import outlined
-from ground.web.access import WebAccess
-from ground.web.address import address_of, token_of
+from ground.web import WebAccess, address_of, token_of
 from plant.process.run import parser as plant_parser
 from protocol.bus.network import Network
 from protocol.options import numbers_kept

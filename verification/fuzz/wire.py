@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from ground.client.operations.parameters import table
 from ground.client.parameter import parameters_in
-from ground.missions.wire import fence_of, waypoints_of
+from ground.missions.transfer import fence_of, waypoints_of
 from ground.station.world import parse_world
 from plant.world.file import load
 from protocol.bus.mailbox import Mailbox, Sample

@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import Final
 
 from ground.missions.mission import Circle
-from ground.missions.wire import fence_items_of
+from ground.missions.transfer import fence_items_of
 from protocol.outcome import wire_goal
 from protocol.wire.enums import (
     FRAME_LOCAL_FLU,

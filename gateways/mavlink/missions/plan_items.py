@@ -16,11 +16,16 @@ import msgspec
 from gateways.mavlink.coordinates import PER_DEG, place_of
 from gateways.mavlink.mav_service import Sender
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
-from ground.missions.geography import to_global
-from ground.missions.items import GLOBAL_FRAMES, Item, ItemPart, UnsupportedItemError, place_in
-from ground.missions.mission import LOOSEST_M, Circle, Fence, Home, Polygon, Waypoint
-from ground.missions.outline import fault_of
-from ground.missions.wire import DIGITS, PER_METRE, fence_items_of, items_of
+from ground.missions.mission import LOOSEST_M, Circle, Fence, Home, Polygon, Waypoint, fault_of
+from ground.missions.qgroundcontrol import (
+    GLOBAL_FRAMES,
+    Item,
+    ItemPart,
+    UnsupportedItemError,
+    place_in,
+    to_global,
+)
+from ground.missions.transfer import DIGITS, PER_METRE, fence_items_of, items_of
 from protocol.wire.enums import FRAME_GLOBAL, Command
 from protocol.wire.messages import MissionItemInt
 

@@ -32,8 +32,14 @@ from ground.client.operations import (
     TransferOutcome,
     UploadMission,
 )
-from ground.missions.items import Item, UnsupportedItemError, item_of, place_in, waypoint_of
 from ground.missions.mission import Fence, Mission, Waypoint
+from ground.missions.qgroundcontrol import (
+    Item,
+    UnsupportedItemError,
+    item_of,
+    place_in,
+    waypoint_of,
+)
 from protocol.wire.enums import FRAME_GLOBAL, Command, MissionType
 from runtime.units import NS_PER_S
 

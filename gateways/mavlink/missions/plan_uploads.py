@@ -29,7 +29,7 @@ from gateways.mavlink.missions.plan_items import item_in
 from gateways.mavlink.missions.plan_kinds import ItemKind, PlanChange
 from gateways.mavlink.robot_port import Answered
 from ground.client.operations import AnnounceItems, TransferOutcome
-from ground.missions.items import UnsupportedItemError
+from ground.missions.qgroundcontrol import UnsupportedItemError
 from protocol.wire.enums import Severity
 from runtime.units import NS_PER_MS, NS_PER_S
 

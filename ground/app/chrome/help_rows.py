@@ -8,7 +8,7 @@ from ground.app.input.default_keys import KeyBinding
 from ground.app.input.keymap import shown
 from ground.app.widgets.rows import Row, Span, row
 from ground.console.help import help_text, summaries
-from ground.map.glyphs import DOTTED, HEADINGS, MARKS
+from ground.map.canvas import DOTTED, HEADINGS, MARKS
 from runtime.cli.verb_table import VERBS
 
 COMMANDS: Final = "commands, typed after :"

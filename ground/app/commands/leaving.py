@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Final
 from ground.app.commands.second_press import SecondPress
 from ground.client.telemetry import Age
 from ground.station.station import Station
-from ground.text.state_roles import GOAL_MODES
+from ground.text.status_parts import GOAL_MODES
 from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus
 

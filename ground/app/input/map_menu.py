@@ -6,7 +6,7 @@ from typing import Final
 from ground.app.input.map_cursor import MapCursor
 from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.choice import Choice
-from ground.map.look import described, measured
+from ground.map.drawing import described, measured
 from ground.map.scene import MapScene
 from ground.map.view import Point
 

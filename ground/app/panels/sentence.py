@@ -6,9 +6,9 @@ from typing import Final
 from ground.app.panels.aged import MISSING, aged, live, role_of
 from ground.app.widgets.rows import Row, Span, head, row
 from ground.client.status_line import doing
-from ground.explain.headline import headline
+from ground.explain.explanation import headline
 from ground.station.station import Station
-from ground.text.state_roles import state_role
+from ground.text.status_parts import state_role
 from protocol.topics import DECISION, STATUS
 from protocol.wire.messages import AvoidanceDecision, NavigatorStatus
 from runtime.units import NS_PER_S

@@ -4,7 +4,7 @@ from textwrap import wrap
 
 from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.explain.explanation import NAMES, Explanation, explain
-from ground.explain.turn_history import Why, explained
+from ground.explain.turns import Why, explained
 from ground.station.history.decision_history import Moment
 from ground.station.station import Station
 from runtime.units import NS_PER_S

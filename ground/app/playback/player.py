@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ground.recording.catalogue import UNFINISHED
 from ground.recording.log_reader import is_running
-from ground.recording.playback.playback_bus import ReplayBus
+from ground.recording.playback import ReplayBus
 from ground.station.station import Station
 from ground.station.world import WorldFacts, parse_world
 from protocol.topics import WORLD

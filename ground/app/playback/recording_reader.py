@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
-from ground.recording.parts import parts_of
+from ground.recording.log_reader import parts_of
 from runtime.clock import WallClock
 from runtime.errors import UserError
 

@@ -23,12 +23,12 @@ from ground.app.widgets.lines import Lines
 from ground.app.widgets.map import MapWidget
 from ground.app.widgets.rows import faint, row
 from ground.app.widgets.still import StillColumn, StillGrid
-from ground.explain.turn_history import Why
+from ground.explain.turns import Why
 from ground.map.scene import LAYERS, MapTarget
 from runtime.errors import UserError
 
 if TYPE_CHECKING:
-    from ground.ghost.ghost_thread import GhostRunner
+    from ground.ghost.ghost import GhostRunner
 
 ZOOM: Final = 1.25
 TELEOP_PROMPT: Final = "TELEOP arrows or WASD drive, esc ends"
@@ -207,14 +207,14 @@ class DriveScreen(AppScreen):
     def ghost_runner(self) -> "GhostRunner":
         """The runner of ghosts, created when it is first needed."""
         if self._ghost_runner is None:
-            from ground.ghost.ghost_thread import GhostRunner  # imports recordings and trials
+            from ground.ghost.ghost import GhostRunner  # imports recordings and trials
 
             self._ghost_runner = GhostRunner(lambda: self.interface.station)
         return self._ghost_runner
 
     def choose_ghost(self) -> None:
         """Let the operator choose a navigator to simulate."""
-        from ground.ghost.ghost_thread import CHOICES  # rarely needed, so imported late
+        from ground.ghost.ghost import CHOICES  # rarely needed, so imported late
 
         self.interface.choose("navigator to simulate", list(CHOICES), self.try_ghost)
 

@@ -15,9 +15,8 @@ from ground.app.screens.app_screen import Action
 from ground.app.screens.drive import DriveScreen
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, cut, faint, head, row
-from ground.recording.bookmarks import Mark
 from ground.recording.catalogue import UNFINISHED, newest_first, recordings_in
-from ground.recording.summary import Summary, summary_of
+from ground.recording.summary import Mark, Summary, summary_of
 from ground.user.folders import recordings_folder
 from protocol.outcome import WIDEST
 from runtime.errors import UserError

@@ -12,7 +12,7 @@ from ground.client.operations.lost_drive import LostDrive, has_failed, lost_driv
 from ground.client.telemetry import Age
 from ground.station.roster import RosterEntry
 from ground.station.station import Station
-from ground.text.state_roles import STOPS
+from ground.text.status_parts import STOPS
 from protocol.topics import MISSION, ODOMETRY, STATUS
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.messages import MissionStatus, NavigatorStatus, PlanarOdometry

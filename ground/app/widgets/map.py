@@ -12,10 +12,8 @@ from textual.strip import Strip
 
 from ground.app.widgets.role_colours import styles_of
 from ground.app.widgets.strip_widget import StripWidget
-from ground.map.canvas import Canvas
-from ground.map.drawing import draw_moving
-from ground.map.kept_layers import KeptLayers
-from ground.map.roles import ROLES
+from ground.map.canvas import ROLES, Canvas
+from ground.map.drawing import KeptLayers, draw_moving
 from ground.map.scene import LAYERS, MapScene
 from ground.map.view import Point, View
 

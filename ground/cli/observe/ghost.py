@@ -7,17 +7,21 @@ from ground.cli.options import common_of
 from ground.client.goal import Destination, destination
 from ground.client.link import Link, open_link
 from ground.client.vocabulary import NAVIGATORS, SIDES
-from ground.ghost.branch_point import BranchPoint, driving
-from ground.ghost.ghost import Ghost
-from ground.ghost.ghost_set import Ghosts
-from ground.ghost.live_ghost import LiveState
-from ground.ghost.predicted_path import FAILED, PredictedPath
-from ground.ghost.recorded_ghost import GhostRecording, changed_in, side_of
+from ground.ghost.branch_point import (
+    FAILED,
+    BranchPoint,
+    GhostRecording,
+    LiveState,
+    PredictedPath,
+    changed_in,
+    driving,
+    side_of,
+)
+from ground.ghost.ghost import Ghost, Ghosts
 from ground.grammar.looking import moment
 from ground.grammar.words import add_common, seconds
 from ground.recording.catalogue import recording_named
-from ground.recording.log_index import LogIndex
-from ground.recording.log_reader import open_log
+from ground.recording.log_reader import LogIndex, open_log
 from ground.reports.explain import instant_ns
 from ground.text.output import Output
 from ground.text.status_parts import Part

@@ -14,7 +14,7 @@ from ground.cli.options import common_of
 from ground.client.link import Link, UnansweredError, open_link
 from ground.grammar.words import add_common
 from ground.text.output import Output
-from ground.web.address import Address, address_of
+from ground.web import Address, address_of
 from protocol.bus.network import Hub
 from protocol.topics import HEARTBEAT, SONAR, STATUS, WHEELS, Role, Topic
 from runtime.units import NS_PER_MS

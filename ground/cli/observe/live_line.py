@@ -11,7 +11,7 @@ from ground.client.requests import BEAT_NS, HeartbeatTimer
 from ground.client.status_line import watch_line
 from ground.client.telemetry import Telemetry
 from ground.text.output import Output
-from ground.text.statustext import StatustextAssembler, aged
+from ground.text.wording import StatustextAssembler, aged
 from protocol.topics import HEARTBEAT, STATUS, TEXT
 from protocol.wire.codec import decode
 from runtime.errors import RemoteError

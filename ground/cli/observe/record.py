@@ -13,10 +13,9 @@ from ground.grammar.words import add_common
 from ground.launch.child_processes import defer_signals
 from ground.launch.recorder_files import created_line
 from ground.launch.recording_session import add_keep, byte_limit
-from ground.recording.dual_log import DualLog, Track
-from ground.recording.log_writer import LogWriter
+from ground.recording.catalogue import Retention, part_bytes
+from ground.recording.log_writer import DualLog, LogWriter, Track
 from ground.recording.metadata import MetadataReader
-from ground.recording.retention import Retention, part_bytes
 from ground.text.output import Output
 from runtime.clock import Clock
 from runtime.errors import UserError

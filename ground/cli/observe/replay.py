@@ -17,10 +17,10 @@ from ground.client.vocabulary import NAVIGATORS
 from ground.grammar.words import add_json, positive
 from ground.launch.child_command import command
 from ground.recording.catalogue import FILE_HELP, recording_named, remark_on
-from ground.recording.playback.playback_bus import ReplayBus
+from ground.recording.playback import ReplayBus
 from ground.text.output import Output
 from ground.text.status_parts import Part, in_words
-from ground.text.statustext import StatustextAssembler
+from ground.text.wording import StatustextAssembler
 from protocol.options import finite
 from protocol.topics import TEXT
 from protocol.wire.codec import decode

@@ -192,7 +192,7 @@ def hosts_of(places: Sequence[tuple[str, str]], robots: Sequence[str]) -> dict[s
 
 def run_check(options: argparse.Namespace, output: Output) -> int:
     """Check all certificates of a folder; return 1 if one is not valid."""
-    from ground.certificates.check import check
+    from ground.certificates.folder import check
     from protocol.bus.certificate import EXPIRES_SOON
 
     all_checked = check(options.folder, datetime.now(UTC))

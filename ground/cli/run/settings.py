@@ -8,8 +8,7 @@ from typing import Any
 from ground.app.input.keymap import TABLE, keymap_of
 from ground.grammar.words import add_json
 from ground.text.output import Output
-from ground.user.edit_settings import set_setting, unset_setting
-from ground.user.settings import Settings, load_settings, settings_file
+from ground.user.settings import Settings, load_settings, set_setting, settings_file, unset_setting
 from runtime.cli.parsers import add_subcommands
 from runtime.cli.verb_table import nearest
 from runtime.errors import UserError

@@ -39,8 +39,8 @@ from ground.launch.scenario import (
     world_query,
 )
 from ground.launch.tls_configs import ground_file
-from ground.recording.parts import parts_of
-from ground.recording.retention import size_of_run
+from ground.recording.catalogue import size_of_run
+from ground.recording.log_reader import parts_of
 from ground.text.output import Output
 from ground.text.status_parts import Part
 from ground.text.status_parts import in_words as in_line

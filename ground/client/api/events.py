@@ -7,7 +7,7 @@ from typing import Any, Final, Self, TypeAlias, TypeVar
 
 from ground.client.api.streams import QUEUE, Stream, TopicStreams
 from ground.client.operations.lease_holder import is_ours
-from ground.text.statustext import StatustextAssembler
+from ground.text.wording import StatustextAssembler
 from protocol.outcome import mission_state
 from protocol.topics import DECISION, LEASE, MISSION, ODOMETRY, SONAR, STATUS, TEXT, Topic
 from protocol.wire.enums import GoalState, MissionState, Mode, Severity, Vehicle

@@ -7,8 +7,7 @@ from ground.client.operations.missions import TransferOutcome, fetch, send, send
 from ground.client.operations.session import Session
 from ground.client.results import Success
 from ground.missions.mission import Circle, Fence
-from ground.missions.transfer import Clear, Verdict
-from ground.missions.wire import fence_of
+from ground.missions.transfer import Clear, Verdict, fence_of
 from protocol.wire.enums import MissionType
 
 

@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 from ground.client.goal import Destination
 from ground.client.link import Link
-from ground.missions.outline import inside
+from ground.missions.mission import inside
 from protocol.topics import WORLD
 from runtime.cli.terminal import printable
 from runtime.errors import RemoteError, UserError

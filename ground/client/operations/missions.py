@@ -20,8 +20,11 @@ from ground.missions.transfer import (
     Transfer,
     Upload,
     Verdict,
+    fence_items_of,
+    fence_of,
+    items_of,
+    waypoints_of,
 )
-from ground.missions.wire import fence_items_of, fence_of, items_of, waypoints_of
 from protocol.outcome import mission_state
 from protocol.topics import MISSION, MISSION_SERVICE
 from protocol.wire.enums import Command, MissionState, MissionType

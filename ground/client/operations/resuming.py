@@ -18,8 +18,7 @@ from ground.client.requests import Request
 from ground.client.results import Accepted, Answer, Refused
 from ground.client.telemetry import Telemetry
 from ground.client.vocabulary import GOAL_HINT
-from ground.missions.transfer import Downloaded
-from ground.missions.wire import waypoints_of
+from ground.missions.transfer import Downloaded, waypoints_of
 from protocol.topics import MISSION, STATUS
 from protocol.wire.enums import Command, MissionType, Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus

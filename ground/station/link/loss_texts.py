@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from ground.station.link.loss import LossKind
 from ground.station.robot.lease_state import LeaseView
-from ground.text.state_roles import driving
+from ground.text.status_parts import driving
 from protocol.bus.network import Hub
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.limits import (

@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 from ground.map.scene import Disc, MapTarget, Outline, Shape
 from ground.missions.mission import Circle, Fence, Waypoint
-from ground.missions.transfer import MAX_ITEMS, Download, Downloaded
-from ground.missions.wire import fence_of, waypoints_of
+from ground.missions.transfer import MAX_ITEMS, Download, Downloaded, fence_of, waypoints_of
 from ground.station.bus_protocols import ReadableBus
 from protocol.topics import MISSION_SERVICE
 from protocol.wire.enums import MissionType

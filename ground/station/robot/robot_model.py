@@ -15,8 +15,8 @@ from ground.station.link.presence_log import LineBudget, PresenceLog
 from ground.station.link.restarts import RestartNotice, Restarts
 from ground.station.link.streams import Streams
 from ground.station.robot.mission_items import MissionItems
-from ground.text.state_roles import driving
-from ground.text.statustext import StatustextAssembler, aged
+from ground.text.status_parts import driving
+from ground.text.wording import StatustextAssembler, aged
 from protocol.outcome import REPLACED
 from protocol.topics import (
     ANSWERED,

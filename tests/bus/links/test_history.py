@@ -10,7 +10,7 @@ from typing import Final, Literal
 import pytest
 
 from ground.station.link.streams import StreamCounter
-from ground.text.statustext import aged
+from ground.text.wording import aged
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Mode, Network
 from protocol.topics import MARK, TEXT, TOPICS, WHEELS, Role

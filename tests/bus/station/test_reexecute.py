@@ -4,7 +4,7 @@ from pathlib import Path
 from threading import Lock
 
 from ground.recording.log_reader import open_log
-from ground.recording.mcap.writer import McapFormat
+from ground.recording.mcap_file import McapFormat
 from protocol.topics import INPUTS, SONAR, WHEELS
 from study.cli.reexecute import params_of, start_of
 from study.trial.reexecution import RecordedDrive, reexecute, refuse_unless_whole

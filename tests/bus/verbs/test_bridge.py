@@ -14,7 +14,7 @@ import pytest
 from gateways.foxglove_bridge import Bridge, place, served
 from ground.client.connection import Common
 from ground.client.link import Link
-from ground.recording.mcap.reader import RAW_TOPIC
+from ground.recording.mcap_file import RAW_TOPIC
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import ENCODING, WORLD, Role

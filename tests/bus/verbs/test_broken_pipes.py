@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.recording.tlog import record_bytes
+from ground.recording.log_reader import record_bytes
 from protocol.wire.codec import Encoder
 from tests.support.bus.robots import BEAT, played
 from tests.support.until import PATIENCE_S

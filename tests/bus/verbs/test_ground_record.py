@@ -8,10 +8,9 @@ from pathlib import Path
 import pytest
 
 from ground.cli.main import main
-from ground.recording.log_reader import open_log
+from ground.recording.log_reader import open_log, read
 from ground.recording.log_writer import LogFile
-from ground.recording.tlog import read
-from ground.text.statustext import StatustextAssembler
+from ground.text.wording import StatustextAssembler
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import MARK, SONAR, Role

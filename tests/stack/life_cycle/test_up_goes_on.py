@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from ground.launch.scenario import CLOCKS, PACED
-from ground.recording.tlog import TlogReader
+from ground.recording.log_reader import TlogReader
 from protocol.wire.codec import decode
 from protocol.wire.messages import Statustext
 from tests.support.stack.process_table import ROOT, alive, children_of, cmdline, frames_in

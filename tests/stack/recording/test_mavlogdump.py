@@ -8,7 +8,7 @@ from pathlib import Path
 import pymavlink
 import pytest
 
-from ground.recording.tlog import record_bytes
+from ground.recording.log_reader import record_bytes
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import SonarScan, Statustext, WheelTicks
 

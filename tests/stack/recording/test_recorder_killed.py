@@ -14,10 +14,8 @@ from typing import Final
 
 import pytest
 
-from ground.recording.catalogue import recordings_in
-from ground.recording.log_reader import open_log
-from ground.recording.parts import number_of
-from ground.recording.retention import PARTS, size_in, size_of
+from ground.recording.catalogue import PARTS, recordings_in, size_in, size_of
+from ground.recording.log_reader import number_of, open_log
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import WHEELS, Role

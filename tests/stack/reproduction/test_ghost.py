@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from ground.app.playback.player import Player
-from ground.ghost.ghost_thread import GhostRunner
+from ground.ghost.ghost import GhostRunner
 from protocol.outcome import OUTCOMES
 from protocol.topics import Role
 from runtime.clock import ManualClock

@@ -27,7 +27,7 @@ from ground.client.operations import (
     UploadMission,
 )
 from ground.client.results import Accepted, Outcome, Refused
-from ground.missions import plan_file
+from ground.missions import qgroundcontrol
 from ground.missions.mission import Fence, Mission, Waypoint
 from ground.missions.transfer import Verdict
 from protocol.wire.enums import MissionState, MissionType, Mode, Vehicle
@@ -167,7 +167,7 @@ def single(value: float) -> float:
 def planned(*waypoints: Waypoint, fence: Fence | None = None) -> dict[str, Any]:
     """Return a plan, with places in whole 1e-7 degrees as ground stations send them."""
     mission = Mission(waypoints=waypoints, fence=fence)
-    plan: dict[str, Any] = json.loads(plan_file.text_of(mission, ORIGIN))
+    plan: dict[str, Any] = json.loads(qgroundcontrol.plan_text(mission, ORIGIN))
     for item in plan["mission"]["items"]:
         item["params"][4:6] = [round(value, 7) for value in item["params"][4:6]]
     for shape in plan["geoFence"]["polygons"]:

@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ground.recording.log_reader import LoggedFrame
-from ground.recording.tlog import record_bytes
+from ground.recording.log_reader import LoggedFrame, record_bytes
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.outcome import Outcome

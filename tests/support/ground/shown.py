@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from ground.recording.playback.playback_bus import ReplayBus
+from ground.recording.playback import ReplayBus
 from ground.station.station import Station
 from ground.station.world import parse_world
 from plant.world.file import load

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from ground.recording.tlog import TlogReader
+from ground.recording.log_reader import TlogReader
 from protocol.wire.codec import decode
 
 

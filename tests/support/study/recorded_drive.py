@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from math import pi
 from pathlib import Path
 
-from ground.recording.mcap.writer import McapFormat
+from ground.recording.mcap_file import McapFormat
 from plant.model.configuration import LEVELS
 from plant.sim.simulation import Plant
 from protocol.topics import (

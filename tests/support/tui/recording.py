@@ -5,8 +5,8 @@ from pathlib import Path
 
 import msgspec
 
-from ground.recording.mcap.writer import McapFormat
-from ground.recording.tlog import record_bytes
+from ground.recording.log_reader import record_bytes
+from ground.recording.mcap_file import McapFormat
 from protocol.topics import DRIVE, ODOMETRY, Role, sender_of
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import PlanarOdometry, WheelCommand

@@ -4,8 +4,8 @@ import pytest
 
 from ground.app.chrome.help_rows import MEANINGS, NOTHING_TO_SAY, mark_pairs, sections
 from ground.app.widgets.rows import words_of
-from ground.map.glyphs import MARKS
-from ground.map.legend import seen_mark
+from ground.map.canvas import MARKS
+from ground.map.drawing import seen_mark
 from runtime.errors import UserError
 from tests.support.each import each
 from tests.support.tui.pilot import play, staged

@@ -1,6 +1,6 @@
 """Test the menu of a place on the map, by right click and by key."""
 
-from ground.map.look import described, measured
+from ground.map.drawing import described, measured
 from ground.map.scene import Disc, MapScene, Outline
 from tests.support.each import each
 from tests.support.tui.pilot import play, staged

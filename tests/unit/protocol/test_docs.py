@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import pytest
 
 import sidestep
-from ground.missions import toml_file as mission_file
+from ground.missions import files as mission_file
 from plant.world import file as world_file
 from protocol.topics import Role, Service, Topic
 from protocol.wire.message import Message
@@ -137,7 +137,7 @@ def test_the_robot_accepts_the_configuration_of_the_reference(tmp_path: Path) ->
 
 def test_mission_of_the_reference_is_valid() -> None:
     assert (
-        len(mission_file.read_text(toml_of("docs/reference/mission-files.md"), "").waypoints) == 2
+        len(mission_file.read_toml(toml_of("docs/reference/mission-files.md"), "").waypoints) == 2
     )
 
 

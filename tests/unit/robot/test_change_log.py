@@ -1,6 +1,6 @@
 """Texts of any length are split into MAVLink pieces and reassembled."""
 
-from ground.text.statustext import StatustextAssembler
+from ground.text.wording import StatustextAssembler
 from protocol.wire.enums import MissionState, Severity
 from protocol.wire.reasons import Reason
 from protocol.wire.statustext import PIECE_BYTES

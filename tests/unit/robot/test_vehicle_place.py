@@ -4,7 +4,7 @@ from math import isnan, nan, pi
 
 import pytest
 
-from ground.text.statustext import StatustextAssembler
+from ground.text.wording import StatustextAssembler
 from protocol.wire.enums import Command, Severity
 from protocol.wire.messages import CommandAck, GoalRequest
 from protocol.wire.reasons import Reason, reason_text

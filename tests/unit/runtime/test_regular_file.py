@@ -8,16 +8,15 @@ from tempfile import mkdtemp
 import pytest
 
 from ground.app.input import keymap
-from ground.certificates.check import read as read_certificate
+from ground.certificates.folder import read as read_certificate
 from ground.client import parameter_file
 from ground.client.connection import Config
 from ground.console.history import History
 from ground.missions import files as mission_files
 from ground.recording.catalogue import remark_on
 from ground.recording.log_reader import open_log
-from ground.user.edit_settings import set_setting
-from ground.user.settings import load_settings
-from ground.web.address import token_of
+from ground.user.settings import load_settings, set_setting
+from ground.web import token_of
 from plant.imports.ros_map import load_map_yaml
 from plant.model.errors import WorldError
 from plant.world.file import load as load_world

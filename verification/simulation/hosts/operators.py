@@ -19,8 +19,7 @@ from ground.client.operations.teleop import TeleopSender
 from ground.client.requests import BEAT_NS, is_saving
 from ground.client.results import Answer, Refused
 from ground.missions.mission import Circle, Polygon, Waypoint
-from ground.missions.transfer import Clear, Upload, Verdict
-from ground.missions.wire import fence_items_of, items_of
+from ground.missions.transfer import Clear, Upload, Verdict, fence_items_of, items_of
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import MISSION_SERVICE, PARAMETER, STATUS, STOP, Role

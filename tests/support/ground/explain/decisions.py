@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from itertools import pairwise
 from math import radians
 
-from ground.explain.turning import TurningPoint, turning_point
+from ground.explain.explanation import TurningPoint, turning_point
 from protocol.wire.enums import Branch, GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStatus
 

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 from mcap.writer import Writer
 
-from ground.recording.mcap.writer import McapFormat
-from ground.recording.tlog import record_bytes
+from ground.recording.log_reader import record_bytes
+from ground.recording.mcap_file import McapFormat
 from protocol.topics import (
     ANSWERED,
     COMMANDED,

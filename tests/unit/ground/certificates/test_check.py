@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.certificates.check import check
-from ground.certificates.folder import make
+from ground.certificates.folder import check, make
 from ground.cli.main import main
 from runtime.errors import UserError
 from tests.support.keyring import DAY, NOW, Keyring

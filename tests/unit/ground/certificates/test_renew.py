@@ -8,8 +8,7 @@ import pytest
 from cryptography import x509
 
 from ground.certificates.authority import hosts_in
-from ground.certificates.check import check
-from ground.certificates.folder import renew
+from ground.certificates.folder import check, renew
 from ground.cli.main import main
 from protocol.bus.certificate import own_certificate
 from protocol.bus.network import Tls

@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.explain.explanation import explain
-from ground.explain.headline import TURNS_DEG_S, headline
+from ground.explain.explanation import TURNS_DEG_S, explain, headline
 from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStatus
 from study.trial.trial import NAVIGATORS
 from tests.support.each import each

@@ -7,8 +7,8 @@ import pytest
 
 from ground.cli.main import main
 from ground.explain.explanation import explain
-from ground.explain.from_recording import Recorded
-from ground.recording.log_index import LogIndex
+from ground.explain.turns import Recorded
+from ground.recording.log_reader import LogIndex
 from protocol.topics import CYCLE, DECISION, STATUS
 from protocol.wire.codec import decode
 from protocol.wire.messages import AvoidanceDecision

@@ -15,7 +15,7 @@ from pymavlink import mavutil
 
 from gateways.mavlink.mavlink_dialect import mavlink
 from gateways.mavlink.traffic_recorder import TrafficRecorder, new_file
-from ground.missions.geography import to_local
+from ground.missions.qgroundcontrol import to_local
 from ground.recording.log_writer import LogFile
 from runtime.errors import UserError
 from tests.support.gateway.fake_port import ORIGIN

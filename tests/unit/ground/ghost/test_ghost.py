@@ -12,9 +12,8 @@ from typing import Any
 
 import pytest
 
-from ground.ghost.ghost import CANCELLED, Ghost
-from ground.ghost.ghost_set import Ghosts
-from ground.ghost.predicted_path import FAILED, PredictedPath
+from ground.ghost.branch_point import FAILED, PredictedPath
+from ground.ghost.ghost import CANCELLED, Ghost, Ghosts
 from plant.world.file import load
 from protocol.world import as_json
 from runtime.clock import ManualClock

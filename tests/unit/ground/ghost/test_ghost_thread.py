@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from ground.ghost.ghost_set import Ghosts
-from ground.ghost.ghost_thread import CHOICES, GhostRunner, instant_of, result_line
-from ground.ghost.predicted_path import PredictedPath
+from ground.ghost.branch_point import PredictedPath
+from ground.ghost.ghost import CHOICES, GhostRunner, Ghosts, instant_of, result_line
 from ground.station.station import Station
 from protocol.bus.mailbox import Sample
 from protocol.outcome import Outcome

@@ -6,7 +6,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.ghost.predicted_path import FAILED, STEP_M, PathReader, PredictedPath, number
+from ground.ghost.branch_point import FAILED, STEP_M, PathReader, PredictedPath, number
 from tests.support.each import each
 
 HEAD = b"time_s,true_x_m,true_y_m,more\n"

@@ -9,8 +9,8 @@ import pytest
 
 from ground.cli.main import main
 from ground.client.goal import destination
-from ground.ghost.recorded_ghost import GhostRecording, changed_in
-from ground.recording.log_index import LogIndex
+from ground.ghost.branch_point import GhostRecording, changed_in
+from ground.recording.log_reader import LogIndex
 from plant.world.file import load
 from protocol.outcome import Outcome
 from protocol.topics import CLOCK, COMMANDED, ODOMETRY, STATUS, TRUTH

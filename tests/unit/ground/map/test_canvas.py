@@ -5,8 +5,7 @@ from itertools import pairwise
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ground.map.canvas import Canvas
-from ground.map.glyphs import DOTS
+from ground.map.canvas import DOTS, Canvas
 from tests.support.each import each
 
 NUMBERS = st.integers(-40, 60)

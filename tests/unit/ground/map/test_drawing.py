@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from ground.map.canvas import Canvas
 from ground.map.drawing import draw, draw_moving, draw_static, draw_traces, static_parts
-from ground.map.ellipse import ellipse
+from ground.map.pen import ellipse
 from ground.map.scene import LAYERS, MapScene, MapTarget, RobotMark
 from ground.map.view import View
 from tests.support.each import each

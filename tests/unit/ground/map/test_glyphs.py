@@ -2,8 +2,8 @@
 
 from unicodedata import east_asian_width
 
-from ground.map.glyphs import DOTS, HEADINGS, MARKS, POINTERS, ascii_art, braille, stroke
-from ground.map.static_layers import MARKED_OUTCOMES
+from ground.map.canvas import DOTS, HEADINGS, MARKS, POINTERS, ascii_art, braille, stroke
+from ground.map.drawing import MARKED_OUTCOMES
 from protocol.outcome import OUTCOMES
 from tests.support.each import each
 

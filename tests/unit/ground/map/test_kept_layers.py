@@ -5,10 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from ground.map import kept_layers
+from ground.map import drawing
 from ground.map.canvas import Canvas
-from ground.map.drawing import draw, draw_moving
-from ground.map.kept_layers import KeptLayers
+from ground.map.drawing import KeptLayers, draw, draw_moving
 from ground.map.scene import LAYERS, MapScene
 from ground.map.view import View
 from tests.support.ground.map.rooms import EVERYTHING
@@ -52,7 +51,7 @@ def test_only_the_new_end_of_a_trail_is_drawn(monkeypatch: pytest.MonkeyPatch) -
     def note(*_: object, drawn: int | None = None) -> None:
         starts.append(drawn)
 
-    monkeypatch.setattr(kept_layers, "draw_traces", note)
+    monkeypatch.setattr(drawing, "draw_traces", note)
     layers = KeptLayers()
     for count in (0, 0, 5, 5, 9, 10):
         drawn(layers, replace(EVERYTHING, trail=DRIVEN[:count]))

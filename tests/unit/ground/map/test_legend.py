@@ -5,8 +5,7 @@ from dataclasses import replace
 import pytest
 
 from ground.map.canvas import Canvas
-from ground.map.drawing import draw, length_text
-from ground.map.legend import NOT_LIVE, legend
+from ground.map.drawing import NOT_LIVE, draw, legend, length_text
 from ground.map.scene import MapScene
 from ground.map.view import View
 from tests.support.each import each

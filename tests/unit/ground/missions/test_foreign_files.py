@@ -9,11 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.missions import plan_file, waypoints_file
+from ground.missions import qgroundcontrol
 from ground.missions.files import read, write
-from ground.missions.items import home_at
-from ground.missions.mission import Circle, Home, Mission, Polygon, Waypoint
-from ground.missions.problems import MissionError
+from ground.missions.mission import Circle, Home, Mission, MissionError, Polygon, Waypoint
+from ground.missions.qgroundcontrol import home_at
 from runtime.errors import UserError
 from tests.support.each import each
 from tests.support.ground.missions.made_up import homes, missions, refusal_of
@@ -55,19 +54,19 @@ def simple(command: int, *params: float | None, frame: int = 3) -> dict[str, Any
 
 def refusal(text: str, **options: Any) -> str:
     with pytest.raises(MissionError) as caught:
-        plan_file.read_text(text, "m.plan", **options)
+        qgroundcontrol.read_plan(text, "m.plan", **options)
     return str(caught.value)
 
 
 def test_a_waypoint_of_qgroundcontrol_is_one_of_ours() -> None:
-    (waypoint,) = plan_file.read_text(plan(), "m.plan").mission.waypoints
+    (waypoint,) = qgroundcontrol.read_plan(plan(), "m.plan").mission.waypoints
     assert waypoint == Waypoint(x_m=0.0, y_m=1.1118, hold_s=2.5)
 
 
 @each(("yaw_deg", "heading_deg"), [(None, None), (0, None), (360, 90.0), (90, 0.0), (-90, 180.0)])
 def test_yaw_of_zero_means_no_heading(yaw_deg: float | None, heading_deg: float | None) -> None:
     text = plan(simple(16, 0, 0, 0, yaw_deg, 47.4, 8.5001, 0))
-    assert plan_file.read_text(text, "").mission.waypoints[1].heading_deg == heading_deg
+    assert qgroundcontrol.read_plan(text, "").mission.waypoints[1].heading_deg == heading_deg
 
 
 @each(
@@ -96,7 +95,7 @@ def test_what_the_robot_cannot_do_is_refused_by_item_and_reason(
     said = refusal(plan(item))
     assert why in said
     assert "--drop" in said
-    kept = plan_file.read_text(plan(item), "m.plan", drop=True)
+    kept = qgroundcontrol.read_plan(plan(item), "m.plan", drop=True)
     assert len(kept.mission.waypoints) == 1
     assert len(kept.dropped) == 1
     assert kept.dropped[0].startswith("item 2: ")
@@ -117,7 +116,7 @@ def test_without_a_home_it_is_asked_for(home: object) -> None:
     mission = PLAN["mission"] | {"plannedHomePosition": home}
     text = json.dumps(PLAN | {"mission": mission})
     assert "need a home: --home LATITUDE LONGITUDE" in refusal(text)
-    found = plan_file.read_text(text, "", home=home_at(47.4, 8.5)).mission
+    found = qgroundcontrol.read_plan(text, "", home=home_at(47.4, 8.5)).mission
     assert found.waypoints[0].y_m == 1.1118
 
 
@@ -154,7 +153,7 @@ def test_rally_points_are_refused() -> None:
 def test_a_mission_planner_file_has_home_at_item_0() -> None:
     home = "0\t1\t0\t16\t0\t0\t0\t0\t47.4\t8.5\t400\t1"
     text = f"QGC WPL 110\n{home}\n1 0 3 16 1 0.1 0 0 47.40001 8.5 0 1\n"
-    mission = waypoints_file.read_text(text, "m.waypoints").mission
+    mission = qgroundcontrol.read_waypoints(text, "m.waypoints").mission
     assert mission.home == HOME
     assert mission.waypoints == (
         Waypoint(x_m=0.0, y_m=1.1118, hold_s=1.0, position_tolerance_m=0.1),
@@ -184,13 +183,13 @@ def test_a_mission_planner_file_has_home_at_item_0() -> None:
 )
 def test_a_waypoints_file_is_refused_by_line_or_item(text: str, why: str) -> None:
     with pytest.raises(MissionError) as caught:
-        waypoints_file.read_text(text, "m.waypoints")
+        qgroundcontrol.read_waypoints(text, "m.waypoints")
     assert why in str(caught.value)
 
 
 def test_items_in_the_robot_s_own_frame_need_no_home() -> None:
     text = "QGC WPL 110\n0 1 0 16 0 0 0 0 0 0 0 1\n1 0 21 54103 2 0.1 5 90 1.5 -2 0 1"
-    (waypoint,) = waypoints_file.read_text(text, "").mission.waypoints
+    (waypoint,) = qgroundcontrol.read_waypoints(text, "").mission.waypoints
     assert waypoint == Waypoint(
         x_m=1.5,
         y_m=-2.0,
@@ -221,7 +220,7 @@ def values(waypoint: Waypoint) -> tuple[float, ...]:
 
 @given(missions(homes, USUAL), homes)
 def test_written_plan_reads_back_to_a_tenth_mm(mission: Mission, home: Home) -> None:
-    found = plan_file.read_text(plan_file.text_of(mission, home), "").mission
+    found = qgroundcontrol.read_plan(qgroundcontrol.plan_text(mission, home), "").mission
     assert same(found, mission)
     assert (found.fence, found.home) == (mission.fence, home)
 
@@ -230,7 +229,7 @@ def test_written_plan_reads_back_to_a_tenth_mm(mission: Mission, home: Home) -> 
 def test_a_waypoints_file_reads_back_to_a_tenth_of_a_millimetre(
     mission: Mission, home: Home
 ) -> None:
-    found = waypoints_file.read_text(waypoints_file.text_of(mission, home), "").mission
+    found = qgroundcontrol.read_waypoints(qgroundcontrol.waypoints_text(mission, home), "").mission
     assert same(found, mission)
     assert found.home == home
 
@@ -251,13 +250,13 @@ def test_any_json_is_a_mission_or_refused_with_a_reason(
     text = json.dumps(
         PLAN | {"mission": mission, "geoFence": {"circles": fence, "polygons": [fence]}}
     )
-    said = refusal_of(lambda: plan_file.read_text(text, "m.plan", drop=drop))
+    said = refusal_of(lambda: qgroundcontrol.read_plan(text, "m.plan", drop=drop))
     assert not said or said.startswith("m.plan: ")
 
 
 @given(st.text())
 def test_any_text_after_the_header_is_refused_or_a_mission(text: str) -> None:
-    read = waypoints_file.read_text
+    read = qgroundcontrol.read_waypoints
     said = refusal_of(lambda: read(f"QGC WPL 110\n{text}", "m.waypoints"))
     assert not said or said.startswith("m.waypoints:")
 

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.missions.geography import heading_of, to_global, to_local, yaw_of
 from ground.missions.mission import FARTHEST_M, Home
+from ground.missions.qgroundcontrol import heading_of, to_global, to_local, yaw_of
 from tests.support.each import each
 from tests.support.ground.missions.made_up import homes, metres
 

@@ -2,8 +2,7 @@
 
 from hypothesis import given
 
-from ground.missions.mission import Polygon
-from ground.missions.outline import fault_of
+from ground.missions.mission import Polygon, fault_of
 from tests.support.each import each
 from tests.support.ground.missions.made_up import polygons
 

@@ -4,9 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.missions.mission import Circle, Home, Mission, Polygon, Waypoint
-from ground.missions.problems import MissionError
-from ground.missions.toml_file import read_text, text_of
+from ground.missions.files import read_toml, toml_text
+from ground.missions.mission import Circle, Home, Mission, MissionError, Polygon, Waypoint
 from tests.support.each import each
 from tests.support.ground.missions.made_up import homes, missions, refusal_of, thousandths
 
@@ -34,12 +33,12 @@ circle = { x_m = 0, y_m = 0, radius_m = 5 }
 
 def problem(text: str) -> str:
     with pytest.raises(MissionError) as caught:
-        read_text(text, "m.toml")
+        read_toml(text, "m.toml")
     return str(caught.value)
 
 
 def test_file_defines_places_tolerances_and_hold_times() -> None:
-    mission = read_text(WHOLE, "m.toml")
+    mission = read_toml(WHOLE, "m.toml")
     assert mission.waypoints == (
         Waypoint(x_m=1.0, y_m=2.5, heading_deg=90.0, hold_s=3.0),
         Waypoint(x_m=-1.5, y_m=0.0, position_tolerance_m=0.1, heading_tolerance_deg=5.0),
@@ -50,12 +49,12 @@ def test_file_defines_places_tolerances_and_hold_times() -> None:
 
 
 def test_a_waypoint_without_a_heading_may_end_at_any() -> None:
-    assert read_text("[[waypoint]]\nx_m = 1\ny_m = 2", "").waypoints[0].heading_deg is None
+    assert read_toml("[[waypoint]]\nx_m = 1\ny_m = 2", "").waypoints[0].heading_deg is None
 
 
 def test_corners_make_a_fence_too() -> None:
     text = "[[waypoint]]\nx_m = 1\ny_m = 2\n[fence]\ncorners = [[0, 0], [4, 0], [4, 3]]"
-    assert read_text(text, "").fence == Polygon(corners=((0.0, 0.0), (4.0, 0.0), (4.0, 3.0)))
+    assert read_toml(text, "").fence == Polygon(corners=((0.0, 0.0), (4.0, 0.0), (4.0, 3.0)))
 
 
 @each(
@@ -108,7 +107,7 @@ def test_errors_of_all_tables_are_listed_together() -> None:
 
 def test_every_error_of_a_waypoint_is_listed() -> None:
     with pytest.raises(MissionError) as caught:
-        read_text('[[waypoint]]\nx_m = "a"\nhold_s = -1\nhld_s = 3\n', "m.toml")
+        read_toml('[[waypoint]]\nx_m = "a"\nhold_s = -1\nhld_s = 3\n', "m.toml")
     assert [(problem.where, problem.line) for problem in caught.value.problems] == [
         ("waypoint[0].y_m", 1),
         ("waypoint[0].x_m", 2),
@@ -119,10 +118,10 @@ def test_every_error_of_a_waypoint_is_listed() -> None:
 
 @given(missions(st.none() | homes, thousandths(200, 180_000)))
 def test_what_is_written_reads_back_as_the_same_mission(mission: Mission) -> None:
-    assert read_text(text_of(mission), "m.toml") == mission
+    assert read_toml(toml_text(mission), "m.toml") == mission
 
 
 @given(st.text(alphabet="[]{}=.,\"'\n #waypointfencex_m0-9einaf") | st.text())
 def test_any_text_is_a_mission_or_refused_with_a_reason(text: str) -> None:
-    said = refusal_of(lambda: read_text(text, "m.toml"))
+    said = refusal_of(lambda: read_toml(text, "m.toml"))
     assert not said or said.startswith("m.toml:")

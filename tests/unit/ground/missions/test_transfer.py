@@ -19,8 +19,8 @@ from ground.missions.transfer import (
     Transfer,
     Upload,
     Verdict,
+    items_of,
 )
-from ground.missions.wire import items_of
 from protocol.wire.enums import AckResult, MissionType
 from protocol.wire.message import Message
 from protocol.wire.messages import (

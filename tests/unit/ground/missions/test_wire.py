@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.missions.mission import Circle, Fence, Mission, Polygon, Waypoint
-from ground.missions.wire import fence_items_of, fence_of, items_of, waypoints_of
+from ground.missions.transfer import fence_items_of, fence_of, items_of, waypoints_of
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.enums import Command
 from protocol.wire.messages import MissionItemInt

@@ -12,9 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from ground.recording.dual_log import DualLog
 from ground.recording.log_reader import open_log
-from ground.recording.log_writer import LogFile
+from ground.recording.log_writer import DualLog, LogFile
 from tests.support.ground.recording.made import START_US, WORLD_TEXT, PublishedFrame, run
 from tests.support.until import PATIENCE_S
 
@@ -124,7 +123,7 @@ import sys
 import threading
 from datetime import UTC, datetime
 from pathlib import Path
-from ground.recording.dual_log import DualLog
+from ground.recording.log_writer import DualLog
 from tests.support.ground.recording.made import run
 dual_log = DualLog.new(Path(sys.argv[1]), "r1", datetime(2026, 3, 4, 12, 0, 5, tzinfo=UTC), 0)
 round_number, frames_sent = 0, list(run())

@@ -2,8 +2,7 @@
 
 from msgspec.structs import replace
 
-from ground.recording.bookmarks import Mark, changes, outcome
-from ground.recording.summary import outcome_of
+from ground.recording.summary import Mark, changes, outcome, outcome_of
 from protocol.wire.enums import GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import NavigatorStatus
 from protocol.wire.reasons import Reason

@@ -3,8 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from ground.recording.log_index import MAX_TIME_NS, LogIndex
-from ground.recording.log_reader import LoggedFrame
+from ground.recording.log_reader import MAX_TIME_NS, LoggedFrame, LogIndex
 from protocol.topics import CLOCK, WHEELS
 from protocol.wire.messages import SystemTime
 from tests.support.ground.recording.made import TopicEncoder, wheels

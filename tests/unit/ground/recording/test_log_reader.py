@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ground.recording.log_reader import LoggedFrame, key_of, open_log, robot_in
-from ground.recording.mcap.writer import McapFormat
+from ground.recording.mcap_file import McapFormat
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import Heartbeat, MissionCurrent, ParamRequestList
 from runtime.errors import UserError

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from ground.recording.log_reader import TlogReader, read
 from ground.recording.log_writer import FRAME_COST, LogFile, LogWriter, new_log
-from ground.recording.tlog import TlogReader, read
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import Statustext
 

@@ -11,13 +11,28 @@ from zipfile import ZipFile
 import pytest
 
 from ground.client.operations import NoProgress
-from ground.recording.catalogue import newest, recordings_in
-from ground.recording.dual_log import DualLog
-from ground.recording.log_index import LogIndex
-from ground.recording.log_reader import LoggedFrame, is_locked, is_running, open_log
-from ground.recording.log_writer import LogFile
-from ground.recording.parts import SUFFIXES, files_of, number_of, part_of, parts_of, run_of
-from ground.recording.retention import Retention, part_bytes, size_of, size_of_run
+from ground.recording.catalogue import (
+    Retention,
+    newest,
+    part_bytes,
+    recordings_in,
+    size_of,
+    size_of_run,
+)
+from ground.recording.log_reader import (
+    SUFFIXES,
+    LoggedFrame,
+    LogIndex,
+    files_of,
+    is_locked,
+    is_running,
+    number_of,
+    open_log,
+    part_of,
+    parts_of,
+    run_of,
+)
+from ground.recording.log_writer import DualLog, LogFile
 from ground.recording.summary import summary_of
 from ground.reports.share import Share
 from runtime.errors import UserError

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from ground.launch.recording_session import DEFAULT_KEEP, byte_limit
+from ground.recording.catalogue import LOW_BYTES, Retention, size_in, size_text
 from ground.recording.log_writer import new_log
-from ground.recording.retention import LOW_BYTES, Retention, size_in, size_text
 from ground.user.folders import recordings_folder
 from runtime.errors import UserError
 from tests.support.each import each

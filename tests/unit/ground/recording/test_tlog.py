@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.recording.tlog import Record, TlogReader, frame_size, is_whole_frame, record_bytes
+from ground.recording.log_reader import Record, TlogReader, frame_size, is_whole_frame, record_bytes
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import Statustext, WheelTicks
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from ground.client.presence import PresentProcesses, explain_silence
-from ground.reports.doctor_findings import DAY_S, Observed, Stream, examine, lines
+from ground.reports.doctor import DAY_S, Observed, Stream, examine, lines
 from protocol.bus.certificate import MAKE_NEW, RENEW, WAIT, CertificateStatus
 from protocol.topics import CLOCK, HEARTBEAT, MISSION, OPERATOR, SONAR, TEXT, TOPICS, Role, Topic
 from protocol.wire.enums import GoalState, Mode, Navigator, Vehicle

@@ -13,10 +13,9 @@ from ground.cli.main import main
 from ground.client.operations import NoProgress
 from ground.console.parser import read
 from ground.missions.mission import Polygon
-from ground.missions.wire import fence_items_of
+from ground.missions.transfer import fence_items_of
 from ground.recording.log_reader import open_log
-from ground.recording.tables.series import collect_series
-from ground.recording.tables.time_axis import TimeAxis
+from ground.recording.tables import TimeAxis, collect_series
 from ground.reports.plot import Plot
 from protocol.topics import ANSWERED, COMMANDED, SONAR, STATUS
 from protocol.wire.enums import MissionType
@@ -122,7 +121,7 @@ def test_of_very_many_echoes_a_part_is_drawn(
     """Keep pictures of two hours small enough to open."""
     log, drawn = mcap(tmp_path / "a.mcap", frames), []
     for most in (4000, 10):
-        monkeypatch.setattr("ground.reports.figure.map_axes.MAX_ECHOES", most)
+        monkeypatch.setattr("ground.reports.figure.MAX_ECHOES", most)
         out = tmp_path / f"{most}.svg"
         assert main(["plot", str(log), "--out", str(out)]) == 0
         drawn.append(out.read_text().count("<use "))

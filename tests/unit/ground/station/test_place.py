@@ -2,7 +2,7 @@
 
 from math import isnan
 
-from ground.map.legend import NO_PLACE, entries
+from ground.map.drawing import NO_PLACE, entries
 from ground.station.history.telemetry_history import TelemetryHistory
 from tests.support.ground.station.play import Play
 

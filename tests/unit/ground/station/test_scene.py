@@ -2,7 +2,7 @@
 
 import pytest
 
-from ground.map.ellipse import CHI2_2
+from ground.map.pen import CHI2_2
 from ground.station.scene import TRAIL_POINTS, thinned
 from protocol.topics import WORLD, Role
 from protocol.wire.enums import GoalState, Mode

@@ -1,6 +1,6 @@
 """The colour of a state is never that of health after a stop, and old reasons are not shown."""
 
-from ground.text.state_roles import present_reason, state_role, vehicle_role
+from ground.text.status_parts import present_reason, state_role, vehicle_role
 from protocol.wire.enums import GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import NavigatorStatus
 from protocol.wire.reasons import Reason

@@ -1,6 +1,6 @@
 """Long texts arrive in pieces and are shown whole."""
 
-from ground.text.statustext import StatustextAssembler
+from ground.text.wording import StatustextAssembler
 from protocol.wire.enums import Severity
 from protocol.wire.messages import Statustext
 from protocol.wire.statustext import MAX_PIECES, PIECE_BYTES, pieces_of

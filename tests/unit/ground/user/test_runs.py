@@ -10,8 +10,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from ground.user.processes import start_of
-from ground.user.runs import Run, RunFile, age_text, read_runs
+from ground.user.runs import Run, RunFile, age_text, read_runs, start_of
 from tests.support.each import each
 from tests.support.ground.runs import run_here
 

@@ -9,8 +9,7 @@ from ground.app import start
 from ground.app.appearance import appearance_of
 from ground.cli.main import main, parse
 from ground.cli.options import common_of
-from ground.user.edit_settings import set_setting, unset_setting
-from ground.user.settings import Settings, load_settings, settings_file
+from ground.user.settings import Settings, load_settings, set_setting, settings_file, unset_setting
 from runtime.errors import ConfigError, UserError
 from tests.support.ground.runs import written
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from ground.missions.mission import Circle, Fence
-from ground.missions.wire import fence_items_of
+from ground.missions.transfer import fence_items_of
 from protocol.topics import ANSWERED, COMMANDED, WHEELS
 from protocol.wire.enums import MissionType
 from protocol.wire.message import Message

@@ -6,7 +6,7 @@ from shutil import which
 
 import pytest
 
-from ground.recording import build_info
+from ground.recording import metadata
 from runtime.cli import compiled
 from study.runner.rows import ROOT, code, code_digest, machine
 from tests.support.study.made import CODE
@@ -66,7 +66,7 @@ def test_commit_is_that_of_the_checkout() -> None:
 def test_compiled_installation_reports_its_compiled_commit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, listed: str, known: str, dirty: bool
 ) -> None:
-    monkeypatch.setattr(build_info, "ROOT", tmp_path)
+    monkeypatch.setattr(metadata, "ROOT", tmp_path)
     monkeypatch.setattr(compiled, "commit", lambda: listed)
     code.cache_clear()
     try:

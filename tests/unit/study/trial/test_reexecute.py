@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from ground.recording.tlog import record_bytes
+from ground.recording.log_reader import record_bytes
 from protocol.topics import (
     ANSWERED,
     COMMANDED,

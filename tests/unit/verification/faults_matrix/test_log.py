@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from ground.recording.tlog import record_bytes
+from ground.recording.log_reader import record_bytes
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import Severity
 from protocol.wire.messages import Statustext, WheelTicks

@@ -13,7 +13,7 @@ from typing import Any, Self
 
 import pytest
 
-from ground.recording.mcap.writer import McapFormat
+from ground.recording.mcap_file import McapFormat
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import Severity
 from protocol.wire.messages import CycleReport, SonarScan, Statustext, WheelCommand

@@ -23,7 +23,7 @@ from ground.client.operations import (
     UploadMission,
 )
 from ground.missions.mission import Circle, Mission, Polygon, Waypoint
-from ground.missions.wire import fence_items_of, items_of
+from ground.missions.transfer import fence_items_of, items_of
 from protocol.topics import MISSION
 from protocol.wire.enums import Command, MissionState, MissionType
 from protocol.wire.message import Message

@@ -13,7 +13,7 @@ from ground.client.operations.lost_drive import (
 from ground.client.operations.resuming import NothingToResume, Resumed
 from ground.client.results import Accepted, Refused
 from ground.missions.mission import Waypoint
-from ground.missions.wire import items_of
+from ground.missions.transfer import items_of
 from protocol.topics import MISSION, MISSION_SERVICE, STATUS
 from protocol.wire.enums import Command, GoalState, MissionState, MissionType, Mode, Vehicle
 from protocol.wire.messages import (

@@ -6,7 +6,7 @@ from gateways.mavlink.coordinates import PER_DEG
 from gateways.mavlink.mavlink_dialect import MavMessage
 from ground.client.goal import Destination
 from ground.client.operations import Goto, Restart, ReturnHome
-from ground.missions.geography import to_global
+from ground.missions.qgroundcontrol import to_global
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.reasons import Reason
 from tests.support.each import each

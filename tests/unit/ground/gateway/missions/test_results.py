@@ -1,7 +1,7 @@
 from gateways.mavlink.missions.plan_answers import ACCEPTED, PART_RESULTS, refusal_of
 from gateways.mavlink.robot_port import Answered
 from ground.client.results import Refused
-from ground.missions.items import ItemPart
+from ground.missions.qgroundcontrol import ItemPart
 from protocol.wire.reasons import Reason, reason_text
 from tests.support.each import each
 

@@ -9,11 +9,10 @@ from hypothesis import strategies as st
 
 from gateways.mavlink.mavlink_dialect import mavlink
 from gateways.mavlink.missions.plan_items import item_in, usual
-from ground.missions import plan_file
-from ground.missions.geography import to_local
-from ground.missions.items import Item, waypoint_of
+from ground.missions import qgroundcontrol
 from ground.missions.mission import Home, Polygon, Waypoint
-from ground.missions.wire import items_of
+from ground.missions.qgroundcontrol import Item, to_local, waypoint_of
+from ground.missions.transfer import items_of
 from tests.support.gateway.fake_port import ORIGIN
 from tests.support.gateway.mission_bench import (
     E7,
@@ -38,7 +37,7 @@ TOUR = (
 
 def test_uploaded_mission_equals_that_of_the_plan_file() -> None:
     plan = planned(*TOUR, fence=FENCED)
-    read = plan_file.read_text(json.dumps(plan), "tour.plan").mission
+    read = qgroundcontrol.read_plan(json.dumps(plan), "tour.plan").mission
     bench = MissionBench()
     assert upload(bench, messages_of(plan)).results == [0]
     assert bench.waypoints == read.waypoints
@@ -47,7 +46,7 @@ def test_uploaded_mission_equals_that_of_the_plan_file() -> None:
 
 def test_uploaded_fence_equals_that_of_the_plan_file() -> None:
     plan = planned(*TOUR, fence=FENCED)
-    read = plan_file.read_text(json.dumps(plan), "tour.plan").mission
+    read = qgroundcontrol.read_plan(json.dumps(plan), "tour.plan").mission
     (corners,) = [shape["polygon"] for shape in plan["geoFence"]["polygons"]]
     places = [(round(latitude * E7), round(longitude * E7)) for latitude, longitude in corners]
     facts: dict[str, Any] = {"command": 5001, "param1": float(len(places)), "mission_type": FENCE}
@@ -79,7 +78,7 @@ def test_item_of_a_plan_and_of_mavlink_is_the_same_waypoint(
 def test_float_items_are_exact_to_a_metre_only() -> None:
     """MISSION_ITEM has 24 bits for a place: the mission is near, and not the same."""
     bench, plan = MissionBench(), planned(*TOUR, fence=FENCED)
-    exact = plan_file.read_text(json.dumps(plan), "tour.plan").mission.waypoints
+    exact = qgroundcontrol.read_plan(json.dumps(plan), "tour.plan").mission.waypoints
     assert upload(bench, messages_of(plan), form=as_float).results == [0]
     assert bench.waypoints != exact
     for one, other in zip(bench.waypoints, exact, strict=True):

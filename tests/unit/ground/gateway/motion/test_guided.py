@@ -8,7 +8,7 @@ from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from ground.client.goal import Destination
 from ground.client.operations import Goto, SetMode, SetParameter
 from ground.client.operations.parameters import ParameterChanged
-from ground.missions.geography import to_global
+from ground.missions.qgroundcontrol import to_global
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.reasons import Reason
 from tests.support.each import each

@@ -7,7 +7,7 @@ from gateways.mavlink.coordinates import PER_DEG
 from gateways.mavlink.mavlink_dialect import MavMessage
 from gateways.mavlink.motion.setpoints import SetpointError, Velocity, attitude_of, setpoint_of
 from ground.client.goal import Destination
-from ground.missions.geography import to_global
+from ground.missions.qgroundcontrol import to_global
 from tests.support.each import each
 from tests.support.gateway.fake_port import ORIGIN
 from tests.support.gateway.messages import SPEEDS, attitude, global_target, local_target

@@ -6,7 +6,7 @@ import pytest
 
 from gateways.mavlink import telemetry_messages
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
-from ground.missions.geography import to_global
+from ground.missions.qgroundcontrol import to_global
 from tests.support.each import each
 from tests.support.gateway.fake_port import ORIGIN, Bench
 from tests.support.gateway.telemetry import everything, odometry

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from ground.recording.mcap.writer import McapFormat
+from ground.recording.mcap_file import McapFormat
 from protocol.topics import ENCODING
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import AvoidanceDecision, Statustext

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.recording.playback.playback_bus import ReplayBus
+from ground.recording.playback import ReplayBus
 from ground.station.station import Station
 from protocol.topics import (
     ANSWERED,

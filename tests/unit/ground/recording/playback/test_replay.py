@@ -7,7 +7,7 @@ import pytest
 
 from ground.cli.main import main, parse
 from ground.cli.observe.replay import show_lines
-from ground.recording.playback.playback_bus import ReplayBus
+from ground.recording.playback import ReplayBus
 from ground.text.output import Output
 from protocol.topics import MARK
 from protocol.wire.enums import Severity

@@ -12,10 +12,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.recording.log_reader import open_log
-from ground.recording.tables.files import write_csv
-from ground.recording.tables.message_fields import fields_of, shortest_single
-from ground.recording.tables.rows import LONG, long_rows, wide_columns, wide_rows
-from ground.recording.tables.time_axis import TimeAxis
+from ground.recording.tables import (
+    LONG,
+    TimeAxis,
+    fields_of,
+    long_rows,
+    shortest_single,
+    wide_columns,
+    wide_rows,
+    write_csv,
+)
 from protocol.topics import COMMANDED, CYCLE, HEARTBEAT, ODOMETRY, TELEOP, TEXT, WHEELS
 from protocol.wire.enums import Severity
 from protocol.wire.messages import CycleReport, Statustext, Teleop

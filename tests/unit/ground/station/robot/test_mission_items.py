@@ -7,7 +7,7 @@ import pytest
 
 from ground.map.scene import Disc, Outline
 from ground.missions.mission import Circle, Fence, Polygon, Waypoint
-from ground.missions.wire import fence_items_of, items_of
+from ground.missions.transfer import fence_items_of, items_of
 from ground.station.robot.mission_items import MissionItems, downloaded
 from protocol.topics import ANSWERED, COMMANDED, MISSION, MISSION_SERVICE
 from protocol.wire.enums import MissionType

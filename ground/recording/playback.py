@@ -2,6 +2,8 @@
 
 The caller polls `advance`; frames are delivered in the caller's thread. Requests to the robot fail:
 only recorded facts are answered.
+
+Position in a recording, stopped or moving at a speed, which also serves as a clock.
 """
 
 import json
@@ -12,10 +14,8 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
 from ground.client.parameter_rows import rows_in
-from ground.recording.bookmarks import Mark, marks_in
-from ground.recording.log_index import LogIndex
-from ground.recording.log_reader import open_log
-from ground.recording.playback.playback_clock import Timeline
+from ground.recording.log_reader import LogIndex, open_log
+from ground.recording.summary import Mark, marks_in
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.topics import (
     ANSWERED,
@@ -39,6 +39,71 @@ from protocol.wire.messages import ParamValue
 from runtime.clock import Clock
 from runtime.errors import LocalError, NoAnswerError, UserError
 from runtime.units import NS_PER_S
+
+SLOWEST: Final = 0.0625
+FASTEST: Final = 64.0
+
+
+class Timeline:
+    """`position_ns` counts from the first frame; `now_ns` is the same instant in UTC."""
+
+    def __init__(self, clock: Clock, start_ns: int, duration_ns: int) -> None:
+        self._clock = clock
+        self._start_ns = start_ns
+        self.duration_ns = duration_ns
+        self.speed = 1.0
+        self.playing = False
+        self._anchor_ns = 0
+        self._since_ns = 0
+
+    @property
+    def position_ns(self) -> int:
+        """Position in ns; playing stops at the end."""
+        if not self.playing:
+            return self._anchor_ns
+        passed_ns = self._clock.now_ns() - self._since_ns
+        position_ns = self.clamped(self._anchor_ns + round(passed_ns * self.speed))
+        if position_ns >= self.duration_ns:
+            self._anchor_ns, self.playing = self.duration_ns, False
+        return position_ns
+
+    @property
+    def position_s(self) -> float:
+        """Position in s."""
+        return self.position_ns / NS_PER_S
+
+    def play(self, speed: float | None = None) -> None:
+        """Play from the present position; the speed is limited to the supported range."""
+        self.move_to(self.position_ns)
+        if speed is not None:
+            self.speed = min(max(speed, SLOWEST), FASTEST)
+        self.playing = True
+
+    def pause(self) -> None:
+        """Stop at the present position."""
+        self.move_to(self.position_ns)
+        self.playing = False
+
+    def move_to(self, position_ns: int) -> None:
+        """Move to a position in ns."""
+        self._anchor_ns = self.clamped(position_ns)
+        self._since_ns = self._clock.now_ns()
+
+    def clamped(self, position_ns: int) -> int:
+        """Return the nearest position inside the recording."""
+        return min(max(position_ns, 0), self.duration_ns)
+
+    def now_ns(self) -> int:
+        """Return the position in UTC."""
+        return self._start_ns + self.position_ns
+
+    def cpu_ns(self) -> int:
+        """Return the processor time of the real clock."""
+        return self._clock.cpu_ns()
+
+    def sleep_until(self, deadline_ns: int) -> None:
+        """Return at once: a recording is polled."""
+
 
 M = TypeVar("M", bound=Message)
 Handler = Callable[[str, bytes, int], None]

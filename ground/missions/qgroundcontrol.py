@@ -1,0 +1,632 @@
+"""Read and write QGroundControl's `.plan`: JSON with items, a fence and a planned home.
+
+Source: docs.qgroundcontrol.com, "Plan File Format", version 1.
+
+Read and write `.waypoints`: lines of twelve numbers under `QGC WPL 110`; item 0 is home.
+
+Source: mavlink.io, "File Formats"; item 0 is home as in Mission Planner and ArduPilot.
+
+Convert items of `.plan` and `.waypoints` files to waypoints and back.
+
+A yaw of 0 is what every program writes for "none": it is read as any heading, and north is written
+as 360.
+
+Convert items of a foreign file to waypoints; unsupported ones are rejected or dropped.
+
+Convert latitude and longitude to the metres of a mission and back, around its home.
+
+x points east and y north in the plane that touches the WGS 84 ellipsoid at the home. A place on
+Earth is the point of the ellipsoid below or above a point of that plane (EPSG method 9840, the
+orthographic projection), so both maps are exact: over 1 km they differ from distances on the ground
+by less than 0.1 mm. The error of both conversions together is far less than the 0.1 mm of the wire
+format.
+"""
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from enum import IntEnum
+from functools import lru_cache
+from math import atan2, cos, degrees, hypot, isfinite, isnan, nan, radians, sin, sqrt
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple, TypeVar
+
+import msgspec
+
+from ground.missions.mission import (
+    Circle,
+    Fence,
+    Home,
+    Mission,
+    MissionError,
+    Polygon,
+    Problem,
+    Waypoint,
+    fault_of,
+)
+from protocol.wire.enums import (
+    FRAME_GLOBAL,
+    FRAME_GLOBAL_INT,
+    FRAME_GLOBAL_RELATIVE_ALT,
+    FRAME_GLOBAL_RELATIVE_ALT_INT,
+    FRAME_GLOBAL_TERRAIN_ALT,
+    FRAME_GLOBAL_TERRAIN_ALT_INT,
+    FRAME_LOCAL_ENU,
+    FRAME_LOCAL_FLU,
+    TYPE_GROUND_ROVER,
+    Command,
+)
+from runtime.config import parse
+from runtime.errors import ConfigError, UserError
+from runtime.files import value_in
+
+SEMI_MAJOR_M: Final = 6_378_137.0
+FLATTENING: Final = 1 / 298.257223563
+ECCENTRICITY_2: Final = FLATTENING * (2 - FLATTENING)
+NEAR_COSINE: Final = cos(radians(5.0))
+"""A position more than 5 degrees from its home has no exact metres, only an approximate
+distance."""
+
+
+class Plane(NamedTuple):
+    """The plane at a home: sine and cosine of its latitude, and its radius of curvature east."""
+
+    sine: float
+    cosine: float
+    radius_m: float
+
+
+@lru_cache(maxsize=16)
+def _plane(latitude_deg: float) -> Plane:
+    latitude = radians(latitude_deg)
+    sine = sin(latitude)
+    return Plane(sine, cos(latitude), SEMI_MAJOR_M / sqrt(1 - ECCENTRICITY_2 * sine * sine))
+
+
+def to_local(home: Home, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
+    """Return x and y in metres.
+
+    A position more than 5 degrees away has an approximate distance, far beyond the limit of a
+    mission.
+    """
+    plane, place = _plane(home.latitude_deg), _plane(latitude_deg)
+    east_deg = (longitude_deg - home.longitude_deg + 180.0) % 360.0 - 180.0
+    turn = cos(radians(east_deg))
+    if place.sine * plane.sine + place.cosine * plane.cosine * turn < NEAR_COSINE:
+        north_m = SEMI_MAJOR_M * radians(latitude_deg - home.latitude_deg)
+        return on_the_wire(SEMI_MAJOR_M * radians(east_deg) * plane.cosine), on_the_wire(north_m)
+    x_m = place.radius_m * place.cosine * sin(radians(east_deg))
+    polar_m = (1 - ECCENTRICITY_2) * (place.radius_m * place.sine - plane.radius_m * plane.sine)
+    # The difference of the distances from the axis, in a form without cancellation near the home.
+    half = sin(radians(east_deg / 2))
+    outward_m = place.radius_m * place.cosine - plane.radius_m * plane.cosine
+    outward_m -= 2 * place.radius_m * place.cosine * half * half
+    return on_the_wire(x_m), on_the_wire(polar_m * plane.cosine - outward_m * plane.sine)
+
+
+def to_global(home: Home, x_m: float, y_m: float) -> tuple[float, float]:
+    """Return latitude and longitude in degrees; x and y are at most FARTHEST_M."""
+    plane = _plane(home.latitude_deg)
+    drop_m = _drop(plane, x_m, y_m)
+    outward_m = plane.radius_m * plane.cosine - y_m * plane.sine - drop_m * plane.cosine
+    polar_m = (1 - ECCENTRICITY_2) * plane.radius_m * plane.sine
+    polar_m += y_m * plane.cosine - drop_m * plane.sine
+    axis_m = hypot(outward_m, x_m)
+    latitude_deg = degrees(atan2(polar_m, (1 - ECCENTRICITY_2) * axis_m))
+    longitude_deg = home.longitude_deg + degrees(atan2(x_m, outward_m))
+    return latitude_deg, (longitude_deg + 180.0) % 360.0 - 180.0
+
+
+def _drop(plane: Plane, x_m: float, y_m: float) -> float:
+    """Return the depth of the ellipsoid below a point of the plane.
+
+    With the ellipsoid as X^2 + Y^2 + Z^2 / (1 - e^2) = a^2, the depth solves the quadratic equation
+    square * depth^2 - 2 * slope * depth + gap = 0; the smaller root is the near side.
+    """
+    stretch = 1 / (1 - ECCENTRICITY_2)
+    square = plane.cosine * plane.cosine + plane.sine * plane.sine * stretch
+    slope = plane.radius_m + y_m * plane.sine * plane.cosine * (stretch - 1)
+    gap = x_m * x_m + y_m * y_m * (plane.sine * plane.sine + plane.cosine * plane.cosine * stretch)
+    return gap / (slope + sqrt(slope * slope - square * gap))
+
+
+def on_the_wire(metres: float) -> float:
+    """Round a length to 0.1 mm, the resolution of the wire.
+
+    A length beyond the range of the wire is returned unchanged; range checks reject it.
+    """
+    tenths = metres * 1e4
+    return round(tenths) / 1e4 if isfinite(tenths) else metres
+
+
+def heading_of(yaw_deg: float) -> float:
+    """Convert a compass angle to a heading (counter-clockwise from east), -180 to 180 deg."""
+    return 180.0 - (yaw_deg + 90.0) % 360.0
+
+
+def yaw_of(heading_deg: float) -> float:
+    """Convert a heading to a compass angle in (0, 360] deg; 0 would mean "none"."""
+    return 360.0 - (heading_deg - 90.0) % 360.0
+
+
+GLOBAL_FRAMES: Final = (
+    FRAME_GLOBAL,
+    FRAME_GLOBAL_RELATIVE_ALT,
+    FRAME_GLOBAL_INT,
+    FRAME_GLOBAL_RELATIVE_ALT_INT,
+    FRAME_GLOBAL_TERRAIN_ALT,
+    FRAME_GLOBAL_TERRAIN_ALT_INT,
+)
+LOCAL_FRAMES: Final = (FRAME_LOCAL_ENU, FRAME_LOCAL_FLU)
+DIGITS: Final = 6
+NAMES: Final[Mapping[int, str]] = MappingProxyType(
+    {
+        17: "loiter for ever",
+        18: "loiter in circles",
+        19: "loiter for a time",
+        20: "return to launch",
+        21: "land",
+        22: "take off",
+        82: "spline waypoint",
+        92: "enable guided mode",
+        93: "delay",
+        112: "wait a time",
+        114: "wait for a distance",
+        115: "turn to a yaw",
+        177: "jump",
+        178: "change speed",
+        179: "set home",
+        183: "set servo",
+        189: "start of landing",
+        195: "region of interest",
+        201: "region of interest",
+        203: "trigger the camera",
+        205: "turn the gimbal",
+        206: "trigger the camera by distance",
+        211: "gripper",
+        2000: "take pictures",
+        2500: "take video",
+    }
+)
+
+
+class Item(NamedTuple):
+    """One item; `number` as counted in its file, `params` are MAVLink's seven."""
+
+    number: int
+    command: int
+    frame: int
+    params: tuple[float, ...]
+
+
+class ItemPart(IntEnum):
+    """The part of an item that the robot cannot execute."""
+
+    COMMAND = 0
+    PARAM1 = 1
+    PARAM2 = 2
+    PARAM3 = 3
+    PARAM4 = 4
+    PARAM5 = 5
+    PARAM6 = 6
+    PARAM7 = 7
+    FRAME = 8
+    SHAPE = 9  # of a fence
+
+
+PARTS: Final = MappingProxyType(
+    {
+        "hold_s": ItemPart.PARAM1,
+        "position_tolerance_m": ItemPart.PARAM2,
+        "heading_tolerance_deg": ItemPart.PARAM3,
+        "heading_deg": ItemPart.PARAM4,
+        "x_m": ItemPart.PARAM5,
+        "y_m": ItemPart.PARAM6,
+    }
+)
+"""The parameter of the item for each key of a waypoint."""
+
+
+class UnsupportedItemError(UserError):
+    """The robot cannot execute this item, because of a `part` of it."""
+
+    def __init__(self, words: str, part: ItemPart = ItemPart.COMMAND) -> None:
+        super().__init__(words)
+        self.part = part
+
+
+def waypoint_of(item: Item, home: Home | None) -> Waypoint:
+    """Return the waypoint of an item; UnsupportedItemError gives the reason if there is none."""
+    if item.command not in (Command.NAV_WAYPOINT, Command.SIDESTEP_NAV_POSE):
+        name = NAMES.get(item.command, "unknown")
+        raise UnsupportedItemError(
+            f"command {item.command} ({name}): the robot only drives to waypoints"
+        )
+    if len(item.params) != 7:
+        raise UnsupportedItemError(f"has {len(item.params)} parameters, an item has 7")
+    x_m, y_m = place_in(item, home)
+    hold_s, second, third, angle_deg = item.params[:4]
+    posed = item.command == Command.SIDESTEP_NAV_POSE
+    if not posed and third and isfinite(third):
+        raise UnsupportedItemError(
+            f"param3 {third:g} (pass beside the waypoint): the robot drives to it", ItemPart.PARAM3
+        )
+    table: dict[str, float] = {"x_m": x_m, "y_m": y_m, "hold_s": _number(hold_s)}
+    if second and isfinite(second):
+        table["position_tolerance_m"] = _number(second)
+    if posed and third and isfinite(third):
+        table["heading_tolerance_deg"] = _number(third)
+    if posed and not isnan(angle_deg):
+        table["heading_deg"] = _number(angle_deg)
+    elif not posed and angle_deg and not isnan(angle_deg):
+        table["heading_deg"] = _number(heading_of(angle_deg))
+    return _checked(table)
+
+
+def _checked(table: dict[str, float]) -> Waypoint:
+    try:
+        return parse(table, Waypoint, file="")
+    except ConfigError as error:
+        value = table.get(error.key)
+        shown_value = "" if value is None else f" {value:g}"
+        words, part = f"{error.key}{shown_value}: {error.reason}", PARTS[error.key]
+        raise UnsupportedItemError(words, part) from error
+
+
+def place_in(item: Item, home: Home | None) -> tuple[float, float]:
+    """Return the x and y of an item; UnsupportedItemError if its position is missing or invalid."""
+    first, second = item.params[4:6]
+    if not (isfinite(first) and isfinite(second)):
+        part = ItemPart.PARAM6 if isfinite(first) else ItemPart.PARAM5
+        raise UnsupportedItemError("has no place", part)
+    if item.frame in LOCAL_FRAMES:
+        return on_the_wire(first), on_the_wire(second)
+    if item.frame not in GLOBAL_FRAMES:
+        raise UnsupportedItemError(
+            f"frame {item.frame}: use a global one, or local east-north-up (4)", ItemPart.FRAME
+        )
+    if not first and not second:
+        words = "latitude and longitude are 0: it has no place of its own"
+        raise UnsupportedItemError(words, ItemPart.PARAM5)
+    if home is None:
+        words = "latitude and longitude need a home: --home LATITUDE LONGITUDE"
+        raise UnsupportedItemError(words, ItemPart.FRAME)
+    if abs(first) > 90.0 or abs(second) > 180.0:
+        words = f"({first:g}, {second:g}) is not a latitude and longitude"
+        raise UnsupportedItemError(words, ItemPart.PARAM5 if abs(first) > 90 else ItemPart.PARAM6)
+    return to_local(home, first, second)
+
+
+def _number(value: float) -> float:
+    """Round off the remains of single precision and of angle conversion."""
+    return round(value, DIGITS)
+
+
+def item_of(number: int, waypoint: Waypoint, home: Home) -> Item:
+    """Return a NAV_WAYPOINT, which every program understands."""
+    yaw_deg = nan if waypoint.heading_deg is None else round(yaw_of(waypoint.heading_deg), DIGITS)
+    place = to_global(home, waypoint.x_m, waypoint.y_m)
+    first = (waypoint.hold_s, waypoint.position_tolerance_m, 0.0, yaw_deg)
+    return Item(number, Command.NAV_WAYPOINT, FRAME_GLOBAL_RELATIVE_ALT, (*first, *place, 0.0))
+
+
+def home_at(latitude_deg: float, longitude_deg: float) -> Home:
+    """Return a home; UserError when its latitude or longitude is out of range."""
+    try:
+        return msgspec.convert({"latitude_deg": latitude_deg, "longitude_deg": longitude_deg}, Home)
+    except msgspec.ValidationError as error:
+        why = "latitude -85 to 85 and longitude -180 to 180"
+        raise UserError(f"no home at ({latitude_deg:g}, {longitude_deg:g}): {why}") from error
+
+
+def lost(waypoints: Sequence[Waypoint]) -> list[str]:
+    """Return what a NAV_WAYPOINT cannot hold, in words."""
+    usual = Waypoint(x_m=0.0, y_m=0.0).heading_tolerance_deg
+    listed = enumerate(waypoints, start=1)
+    numbers = [at for at, one in listed if one.heading_tolerance_deg != usual]
+    return [f"the heading tolerance of waypoint {at}" for at in numbers]
+
+
+DROP = "take it out, or use --drop to go without it"
+
+
+class Foreign(NamedTuple):
+    """A mission of another program's file, and what was dropped from it, in words."""
+
+    mission: Mission
+    dropped: tuple[str, ...] = ()
+
+
+class PlanFilter:
+    """Accepts supported items and collects the others; `drop` omits those."""
+
+    def __init__(self, file: str, *, drop: bool) -> None:
+        self._file = file
+        self._drop = drop
+        self._refused: list[Problem] = []
+
+    def waypoints(self, items: Iterable[Item | Problem], home: Home | None) -> list[Waypoint]:
+        """Return the waypoints; a Problem is an item that could not be parsed."""
+        found = []
+        for item in items:
+            if isinstance(item, Problem):
+                self._refused.append(item)
+                continue
+            try:
+                found.append(waypoint_of(item, home))
+            except UnsupportedItemError as error:
+                self.refuse(f"item {item.number}", str(error))
+        return found
+
+    def refuse(self, where: str, reason: str) -> None:
+        """Note an item or a part that is not supported."""
+        self._refused.append(Problem(where, reason, "" if self._drop else DROP))
+
+    def result(self, mission: Mission) -> Foreign:
+        """Return the mission; MissionError for rejected items or without any waypoint."""
+        if self._refused and not self._drop:
+            raise MissionError(self._file, self._refused)
+        if not mission.waypoints:
+            problem = Problem("", "no waypoint is left", "the mission needs at least one")
+            raise MissionError(self._file, [*self._refused, problem])
+        dropped = tuple(f"{problem.where}: {problem.reason}" for problem in self._refused)
+        return Foreign(mission, dropped)
+
+
+T = TypeVar("T")
+PLAN_VERSION: Final = 1
+PART_VERSION: Final = 2
+FIRMWARE_ARDUPILOT: Final = 3
+ALTITUDE_RELATIVE: Final = 1
+
+
+def read_plan(text: str, file: str, *, home: Home | None = None, drop: bool = False) -> Foreign:
+    """Return the mission of a plan; `home` replaces the plan's own."""
+    plan = _object(text, file)
+    body = plan.get("mission")
+    if plan.get("fileType") != "Plan" or not isinstance(body, dict):
+        problem = Problem("fileType", "this is not a plan", "save it as a .plan in QGroundControl")
+        raise MissionError(file, [problem])
+    home = home or _plan_home(body.get("plannedHomePosition"), file)
+    sieve = PlanFilter(file, drop=drop)
+    listed = body.get("items")
+    waypoints = sieve.waypoints(_plan_items(listed if isinstance(listed, list) else [], drop), home)
+    fence = _fence(plan.get("geoFence"), home, sieve)
+    points = plan.get("rallyPoints")
+    if isinstance(points, dict) and points.get("points"):
+        sieve.refuse("rallyPoints", "the robot does not support rally points")
+    return sieve.result(Mission(waypoints=tuple(waypoints), fence=fence, home=home))
+
+
+def _object(text: str, file: str) -> dict[str, Any]:
+    try:
+        plan = value_in(text)
+    except ValueError as error:
+        problem = Problem("", f"is not JSON: {error}", "save it again in QGroundControl")
+        raise MissionError(file, [problem]) from error
+    return plan if isinstance(plan, dict) else {}
+
+
+def _plan_home(place: object, file: str) -> Home | None:
+    numbers = _plan_numbers(place)
+    if len(numbers) < 2 or not any(numbers[:2]):
+        return None
+    try:
+        return home_at(*numbers[:2])
+    except UserError as error:
+        problem = Problem("plannedHomePosition", str(error), "or use --home")
+        raise MissionError(file, [problem]) from error
+
+
+def _plan_items(listed: list[Any], drop: bool) -> Iterator[Item | Problem]:
+    """Yield the items, numbered from 1 as in QGroundControl."""
+    for number, one in enumerate(listed, start=1):
+        kind = one.get("type") if isinstance(one, dict) else None
+        if kind != "SimpleItem":
+            pattern = one.get("complexItemType", "") if isinstance(one, dict) else ""
+            words = f"{kind} {pattern}".strip() if kind else "not an item"
+            reason = f"{words}: the robot only drives to waypoints"
+            yield Problem(f"item {number}", reason, "" if drop else DROP)
+            continue
+        command, frame = one.get("command"), one.get("frame")
+        numbers = tuple(_plan_numbers(one.get("params")))
+        yield Item(number, _whole(command), _whole(frame), numbers)
+
+
+def _whole(value: object) -> int:
+    return value if isinstance(value, int) and not isinstance(value, bool) else -1
+
+
+def _plan_numbers(values: object) -> list[float]:
+    """Return numbers; null and anything else becomes NaN, as in MAVLink."""
+    if not isinstance(values, list):
+        return []
+    return [_plan_number(value) for value in values]
+
+
+def _plan_number(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return nan
+    try:
+        return float(value)
+    except OverflowError:
+        return nan
+
+
+def _fence(part: object, home: Home | None, sieve: PlanFilter) -> Fence | None:
+    """Return the circle or polygon to stay in; other shapes are rejected."""
+    shapes = list(_shapes(part))
+    for where, shape in shapes:
+        if not shape.get("inclusion", True):
+            sieve.refuse(where, "keeps the robot out: only a fence to stay in is supported")
+    inside = [(where, shape) for where, shape in shapes if shape.get("inclusion", True)]
+    for where, _ in inside[1:]:
+        sieve.refuse(where, "is a second fence: only one is supported")
+    if not inside:
+        return None
+    where, shape = inside[0]
+    if home is None:
+        sieve.refuse(where, "latitude and longitude need a home: --home LATITUDE LONGITUDE")
+        return None
+    fence = _circle(shape, home) if "circle" in shape else _polygon(shape, home)
+    fault = fault_of(fence.corners) if isinstance(fence, Polygon) else ""
+    if fence is None or fault:
+        sieve.refuse(where, fault or "cannot be read")
+        return None
+    return fence
+
+
+def _shapes(part: object) -> Iterator[tuple[str, dict[str, Any]]]:
+    for kind in ("circles", "polygons"):
+        listed = part.get(kind) if isinstance(part, dict) else None
+        for at, shape in enumerate(listed if isinstance(listed, list) else []):
+            yield f"geoFence.{kind}[{at}]", shape if isinstance(shape, dict) else {}
+
+
+def _circle(shape: dict[str, Any], home: Home) -> Circle | None:
+    circle = shape["circle"]
+    centre = _plan_numbers(circle.get("center")) if isinstance(circle, dict) else []
+    radius_m = _plan_number(circle.get("radius")) if isinstance(circle, dict) else nan
+    if len(centre) < 2 or not all(map(isfinite, (*centre[:2], radius_m))):
+        return None
+    x_m, y_m = to_local(home, *centre[:2])
+    return _fitting({"x_m": x_m, "y_m": y_m, "radius_m": radius_m}, Circle)
+
+
+def _polygon(shape: dict[str, Any], home: Home) -> Polygon | None:
+    listed = shape.get("polygon")
+    corners = [_plan_numbers(one)[:2] for one in listed] if isinstance(listed, list) else []
+    if any(len(corner) != 2 or not all(map(isfinite, corner)) for corner in corners):
+        return None
+    return _fitting({"corners": [to_local(home, *corner) for corner in corners]}, Polygon)
+
+
+def _fitting(table: dict[str, Any], schema: type[T]) -> T | None:
+    """Return None when a value is out of range."""
+    try:
+        return msgspec.convert(table, schema)
+    except msgspec.ValidationError:
+        return None
+
+
+def plan_text(mission: Mission, home: Home) -> str:
+    """Return a plan for a rover as QGroundControl writes it."""
+    items = [_item(item_of(at, one, home)) for at, one in enumerate(mission.waypoints, start=1)]
+    plan = {
+        "fileType": "Plan",
+        "geoFence": _fence_part(mission.fence, home),
+        "groundStation": "Sidestep",
+        "mission": {
+            "cruiseSpeed": 0.3,
+            "firmwareType": FIRMWARE_ARDUPILOT,
+            "globalPlanAltitudeMode": ALTITUDE_RELATIVE,
+            "hoverSpeed": 0.3,
+            "items": items,
+            "plannedHomePosition": [home.latitude_deg, home.longitude_deg, 0.0],
+            "vehicleType": TYPE_GROUND_ROVER,
+            "version": PART_VERSION,
+        },
+        "rallyPoints": {"points": [], "version": PART_VERSION},
+        "version": PLAN_VERSION,
+    }
+    return json.dumps(plan, indent=4, allow_nan=False) + "\n"
+
+
+def _item(item: Item) -> dict[str, object]:
+    return {
+        "AMSLAltAboveTerrain": None,
+        "Altitude": 0,
+        "AltitudeMode": ALTITUDE_RELATIVE,
+        "autoContinue": True,
+        "command": Command.NAV_WAYPOINT,
+        "doJumpId": item.number,
+        "frame": item.frame,
+        "params": [value if isfinite(value) else None for value in item.params],
+        "type": "SimpleItem",
+    }
+
+
+def _fence_part(fence: Fence | None, home: Home) -> dict[str, object]:
+    circles: list[object] = []
+    polygons: list[object] = []
+    if isinstance(fence, Circle):
+        centre = list(to_global(home, fence.x_m, fence.y_m))
+        circle = {"center": centre, "radius": fence.radius_m}
+        circles.append({"circle": circle, "inclusion": True, "version": 1})
+    elif fence is not None:
+        corners = [list(to_global(home, *corner)) for corner in fence.corners]
+        polygons.append({"inclusion": True, "polygon": corners, "version": 1})
+    return {"circles": circles, "polygons": polygons, "version": PART_VERSION}
+
+
+HEADER: Final = "QGC WPL 110"
+FIELDS: Final = 12
+
+
+def read_waypoints(
+    text: str, file: str, *, home: Home | None = None, drop: bool = False
+) -> Foreign:
+    """Return the mission of a file; `home` replaces its item 0."""
+    lines = text.lstrip("\ufeff").splitlines()
+    if not lines or lines[0].split() != HEADER.split():
+        problem = Problem("", f"the first line is not {HEADER!r}", "save it as QGC WPL 110", 1)
+        raise MissionError(file, [problem])
+    first, *rest = _line_items(lines, file) or [
+        Item(0, Command.NAV_WAYPOINT, FRAME_GLOBAL, (0.0,) * 7)
+    ]
+    if first.command != Command.NAV_WAYPOINT or first.frame not in GLOBAL_FRAMES:
+        problem = Problem("item 0", "is not home", "write home as item 0: NAV_WAYPOINT, frame 0")
+        raise MissionError(file, [problem])
+    home = home or _line_home(first, file)
+    sieve = PlanFilter(file, drop=drop)
+    waypoints = sieve.waypoints(rest, home)
+    return sieve.result(Mission(waypoints=tuple(waypoints), home=home))
+
+
+def _line_items(lines: list[str], file: str) -> list[Item]:
+    items, problems = [], []
+    for line, text in enumerate(lines[1:], start=2):
+        if not text.strip() or text.startswith("#"):
+            continue
+        numbers = list(_line_numbers(text))
+        whole = [int(number) if isfinite(number) else -1 for number in numbers[:4]]
+        if len(numbers) != FIELDS or whole != numbers[:4]:
+            reason = f"is not {FIELDS} numbers, the first four of them whole"
+            problems.append(Problem("", reason, "correct the line", line))
+        else:
+            items.append(Item(whole[0], whole[3], whole[2], tuple(numbers[4:11])))
+    if problems:
+        raise MissionError(file, problems)
+    return items
+
+
+def _line_numbers(text: str) -> Iterator[float]:
+    """Yield the numbers of a line, NaN for anything else; no line may begin with NaN."""
+    for word in text.split():
+        try:
+            yield float(word)
+        except ValueError:
+            yield nan
+
+
+def _line_home(item: Item, file: str) -> Home | None:
+    latitude_deg, longitude_deg = item.params[4:6]
+    if not latitude_deg and not longitude_deg:
+        return None
+    try:
+        return home_at(latitude_deg, longitude_deg)
+    except UserError as error:
+        raise MissionError(file, [Problem("item 0", str(error), "or use --home")]) from error
+
+
+def waypoints_text(mission: Mission, home: Home) -> str:
+    """Return the text of a file; the format has no fence."""
+    place = (0.0, 0.0, 0.0, 0.0, home.latitude_deg, home.longitude_deg, 0.0)
+    items = [Item(0, Command.NAV_WAYPOINT, FRAME_GLOBAL, place)]
+    items += [item_of(at, one, home) for at, one in enumerate(mission.waypoints, start=1)]
+    return "\n".join([HEADER, *map(_line, items)]) + "\n"
+
+
+def _line(item: Item) -> str:
+    current = int(not item.number)
+    numbers = [repr(value) if isfinite(value) else "nan" for value in item.params]
+    return "\t".join(map(str, (item.number, current, item.frame, item.command, *numbers, 1)))

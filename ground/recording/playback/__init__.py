@@ -1,1 +1,0 @@
-"""Play a recording in place of a live bus."""

@@ -1,1 +1,0 @@
-"""Turn recordings into tables and figures."""

@@ -1,1 +1,0 @@
-"""Draw a recorded run with matplotlib."""
