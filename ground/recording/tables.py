@@ -52,13 +52,13 @@ class FieldValue(NamedTuple):
 
 def fields_of(message: Message) -> Iterator[FieldValue]:
     """Yield the fields of a message; each element of an array is a field."""
-    for field in LAYOUT[type(message).__name__].fields:
-        value, kind = getattr(message, field.name), kind_of(field)
-        if field.is_text or not field.length:
-            yield FieldValue(field.name, kind, text_of(field, value))
+    for item in LAYOUT[type(message).__name__].fields:
+        value, kind = getattr(message, item.name), kind_of(item)
+        if item.is_text or not item.length:
+            yield FieldValue(item.name, kind, text_of(item, value))
         else:
             for index, element in enumerate(value):
-                yield FieldValue(f"{field.name}[{index}]", kind, text_of(field, element))
+                yield FieldValue(f"{item.name}[{index}]", kind, text_of(item, element))
 
 
 def kind_of(field: Field) -> str:
