@@ -7,7 +7,7 @@ from ground.app.chrome.button_row import Button, buttons_width
 from ground.app.chrome.tabs import ASCII_MARKS, MARKS
 from ground.app.panels.aged import live
 from ground.app.widgets.rows import Row, Span, faint, row
-from ground.station.roster import Attention, RosterEntry
+from ground.station.fleet import Attention, RosterEntry
 from ground.text.status_parts import CAUTION, DANGER, NEUTRAL, state_role
 
 ENTRY: Final = 18

@@ -5,8 +5,8 @@ from typing import Final, NamedTuple
 from ground.app.lists.table import Column
 from ground.app.panels.aged import number
 from ground.app.panels.streams import ROLES, age, rate
+from ground.station.fleet import RosterEntry
 from ground.station.link.streams import StreamRow
-from ground.station.roster import RosterEntry
 from ground.station.station import Station
 
 LOSS: Final = 1.0

@@ -28,8 +28,7 @@ from ground.app.widgets.command_line import (
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, cut, row
 from ground.app.widgets.still import StillContainer, StillRow, StillWidget
-from ground.station.station import Station
-from ground.station.view import PLACE_BY_HAND, PLACE_FROM_TRUTH
+from ground.station.station import PLACE_BY_HAND, PLACE_FROM_TRUTH, Station
 from protocol.wire.enums import Vehicle
 
 Action = Callable[[], object]

@@ -17,8 +17,7 @@ from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.app.widgets.sparklines import FRESH_S, SPARKLINES, Sparkline
 from ground.map.canvas import Canvas
-from ground.station.history.message_series import numeric_fields
-from ground.station.history.time_series import SERIES, Series
+from ground.station.history.time_series import SERIES, Series, numeric_fields
 from ground.station.station import Station
 
 WINDOWS_S: Final = (15.0, 30.0, 60.0, 120.0, 300.0, 600.0)

@@ -10,7 +10,7 @@ from ground.app.stops.stop_watch import STOPPED, is_known
 from ground.app.widgets.rows import Row, Span, cut, row
 from ground.client.operations.lost_drive import LostDrive, has_failed, lost_drive
 from ground.client.telemetry import Age
-from ground.station.roster import RosterEntry
+from ground.station.fleet import RosterEntry
 from ground.station.station import Station
 from ground.text.status_parts import STOPS
 from protocol.topics import MISSION, ODOMETRY, STATUS

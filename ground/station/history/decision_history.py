@@ -7,7 +7,7 @@ from contextlib import suppress
 from itertools import islice, takewhile
 from typing import Final, NamedTuple, TypeVar
 
-from ground.station.history.inbox import ReceivedFrame
+from ground.station.history.event_log import ReceivedFrame
 from protocol.topics import CYCLE, DECISION, STATUS
 from protocol.wire.codec import decode
 from protocol.wire.message import Message

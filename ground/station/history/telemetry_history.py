@@ -1,16 +1,19 @@
-"""Keep the history of a robot's telemetry: values over time, trail, echoes and marks."""
+"""Keep the history of a robot's telemetry: values over time, trail, echoes and marks.
 
+Store which sonars recently had no reading, so that their display does not flicker.
+"""
+
+from collections import deque
 from collections.abc import Callable
+from functools import reduce
 from math import inf, sqrt
+from operator import and_
 from typing import Any, Final
 
 from ground.client.status_line import knows_place
 from ground.client.telemetry import Age, Telemetry
-from ground.station.history.goal_progress import GoalProgress
-from ground.station.history.last_drive import LastDrive
-from ground.station.history.message_series import MessageSeries
-from ground.station.history.sonar_gaps import SonarGaps
-from ground.station.history.time_series import SeriesTable
+from ground.station.history.goal_progress import GoalProgress, LastDrive
+from ground.station.history.time_series import MessageSeries, SeriesTable
 from ground.station.history.trail import AgedEchoes, BoundaryMarks, DrivenPath, EchoGrid
 from protocol.topics import CYCLE, DECISION, ODOMETRY, SONAR, STATUS, Topic
 from protocol.wire.messages import (
@@ -21,6 +24,27 @@ from protocol.wire.messages import (
     SonarScan,
 )
 from runtime.units import NS_PER_S
+
+HELD: Final = 10
+"""A sonar counts as silent until it has had a reading in this number of consecutive scans."""
+ALL: Final = 0xFF
+
+
+class SonarGaps:
+    """Stores which sonars were valid in the last scans."""
+
+    def __init__(self) -> None:
+        self._valid: deque[int] = deque(maxlen=HELD)
+
+    def add(self, scan: SonarScan) -> None:
+        """Add the next scan."""
+        self._valid.append(scan.valid)
+
+    @property
+    def silent(self) -> int:
+        """A bit for each sonar, 1 if one of the last scans has no reading of it."""
+        return ALL & ~reduce(and_, self._valid, ALL)
+
 
 MAX_APART_S: Final = 0.25
 """A scan and a pose further apart in time do not locate an echo."""

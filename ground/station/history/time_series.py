@@ -1,8 +1,19 @@
-"""Keep values over time: the last minute in full, ten minutes thinned without losing peaks."""
+"""Keep values over time: the last minute in full, ten minutes thinned without losing peaks.
+
+Keep chosen numeric fields of messages over time.
+"""
 
 from collections import deque
-from math import isnan, nan
-from typing import Final
+from collections.abc import Iterable, Mapping
+from functools import cache
+from math import isfinite, isnan, nan
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple
+
+from ground.client.telemetry import Age, Telemetry, age_of
+from protocol.topics import TOPICS, Topic
+from protocol.wire.message import LAYOUT, Message
+from runtime.units import NS_PER_S
 
 SERIES: Final = (
     "speed",
@@ -81,3 +92,81 @@ class SeriesTable(dict[str, Series]):
 
     def __init__(self) -> None:
         super().__init__({name: Series() for name in SERIES})
+
+
+UNITS: Final = (
+    ("_m_s", "m/s"), ("_rad_s", "rad/s"), ("_rad2", "rad²"), ("_m_rad", "m rad"), ("_m2", "m²"),
+    ("_rad", "rad"), ("_mm", "mm"), ("_us", "µs"), ("_ms", "ms"), ("_ns", "ns"), ("_hz", "Hz"),
+    ("_m", "m"), ("_s", "s"),
+)  # fmt: skip
+"""Ends of field names and their units, the longest first."""
+
+
+class MessageField(NamedTuple):
+    """A number in the messages of a topic; `element` is the position in an array."""
+
+    topic: Topic[Any]
+    name: str
+    element: int | None
+
+    @property
+    def key(self) -> str:
+        """The name of its series."""
+        place = "" if self.element is None else f"[{self.element}]"
+        return f"{self.topic.path} {self.name}{place}"
+
+    @property
+    def unit(self) -> str:
+        """The unit, by the end of the name."""
+        return next((unit for end, unit in UNITS if self.name.endswith(end)), "")
+
+    def value_in(self, message: Message) -> float:
+        """Return the value; NaN if the message is of another type or the value is not finite."""
+        found: Any = getattr(message, self.name, None)
+        if found is None:
+            return nan
+        value = float(found if self.element is None else found[self.element])
+        return value if isfinite(value) else nan
+
+
+@cache
+def numeric_fields() -> Mapping[str, MessageField]:
+    """Return the numeric fields of all topics by their key."""
+    found = (
+        MessageField(topic, field.name, element)
+        for topic in TOPICS
+        for message in topic.messages
+        for field in LAYOUT[message.__name__].fields
+        if not field.is_text
+        for element in (range(field.length) if field.length else (None,))
+    )
+    return MappingProxyType({one.key: one for one in found})
+
+
+class MessageSeries:
+    """Series of the fields that were chosen; each begins when it is chosen."""
+
+    def __init__(self, telemetry: Telemetry, began_ns: int) -> None:
+        self.series: dict[str, Series] = {}
+        self._telemetry = telemetry
+        self._began_ns = began_ns
+        self._taken_ns: dict[str, int] = {}
+
+    def watch(self, keys: Iterable[str]) -> None:
+        """Keep these fields from now on, and drop all others."""
+        wanted = [key for key in keys if key in numeric_fields()]
+        self.series = {key: self.series.get(key) or Series() for key in wanted}
+
+    def poll(self, now_ns: int) -> None:
+        """Add the newest values; a stream that stops leaves a gap."""
+        for key, series in self.series.items():
+            field = numeric_fields()[key]
+            newest = self._telemetry.latest(field.topic)
+            if newest is None:
+                continue
+            message, arrived_ns = newest
+            if self._taken_ns.get(key) != arrived_ns:
+                self._taken_ns[key] = arrived_ns
+                series.add((arrived_ns - self._began_ns) / NS_PER_S, field.value_in(message))
+            elif age_of(field.topic, now_ns - arrived_ns) is Age.GONE:
+                series.gap()

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from typing import Any, Final, NamedTuple
 
 from ground.client.telemetry import Age, Telemetry
-from ground.station.history.inbox import ReceivedFrame
+from ground.station.history.event_log import ReceivedFrame
 from protocol.topics import Role, Topic
 from protocol.wire.codec import is_frame
 from runtime.units import NS_PER_S

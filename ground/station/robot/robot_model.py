@@ -9,10 +9,9 @@ from ground.client.requests import NAMED_NS, replaced_by
 from ground.client.telemetry import Telemetry
 from ground.station.bus_protocols import ReadableBus, Token
 from ground.station.history.decision_history import DecisionHistory
-from ground.station.history.inbox import Inbox, ReceivedFrame
+from ground.station.history.event_log import Inbox, ReceivedFrame
 from ground.station.history.telemetry_history import TelemetryHistory
-from ground.station.link.presence_log import LineBudget, PresenceLog
-from ground.station.link.restarts import RestartNotice, Restarts
+from ground.station.link.processes import LineBudget, PresenceLog, RestartNotice, Restarts
 from ground.station.link.streams import Streams
 from ground.station.robot.mission_items import MissionItems
 from ground.text.status_parts import driving

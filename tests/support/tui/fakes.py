@@ -12,17 +12,16 @@ from ground.console.app_commands import AppCommand
 from ground.console.completion import Assistance, Candidate, assist
 from ground.console.spelling import line_of
 from ground.map.scene import MapScene, MapTarget
+from ground.station.fleet import Attention, RosterEntry, by_attention
 from ground.station.history.decision_history import Moment
 from ground.station.history.event_log import EventLog, LogLine
 from ground.station.history.goal_progress import GoalProgress
-from ground.station.history.message_series import MessageSeries
-from ground.station.history.time_series import SeriesTable
+from ground.station.history.time_series import MessageSeries, SeriesTable
 from ground.station.link.loss import Loss
 from ground.station.link.streams import StreamRow
 from ground.station.robot.background_requests import JobResult
 from ground.station.robot.lease_state import LeaseView
 from ground.station.robot.robot_stop import StopRecord
-from ground.station.roster import Attention, RosterEntry, by_attention
 from ground.station.station import Station
 from ground.station.world import WorldFacts
 from protocol.topics import (

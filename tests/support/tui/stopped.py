@@ -5,8 +5,8 @@ from math import radians
 from msgspec.structs import replace
 
 from ground.client.telemetry import Age, AgedMessage
+from ground.station.fleet import Attention, RosterEntry
 from ground.station.robot.robot_stop import StopRecord
-from ground.station.roster import Attention, RosterEntry
 from protocol.topics import ODOMETRY, STATUS
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.messages import NavigatorStatus, PlanarOdometry

@@ -4,8 +4,8 @@ from ground.app.chrome.button_row import ButtonRow, buttons_width
 from ground.app.chrome.roster import fits_beside, roster_buttons
 from ground.app.widgets.rows import words_of
 from ground.client.telemetry import Age, AgedMessage
-from ground.station.roster import Attention, RosterEntry, attention_of
-from ground.station.roster import words_of as state_words
+from ground.station.fleet import Attention, RosterEntry, attention_of
+from ground.station.fleet import words_of as state_words
 from protocol.wire.enums import GoalState, Vehicle
 from tests.support.each import each
 from tests.support.ground.station.said import Robot

@@ -1,7 +1,7 @@
 """The screen of the links: processes, streams, every robot."""
 
+from ground.station.fleet import Attention, RosterEntry
 from ground.station.robot.lease_state import LeaseView
-from ground.station.roster import Attention, RosterEntry
 from protocol.topics import GATEWAY, MCU, STATUS, Role
 from protocol.wire.enums import Vehicle
 from protocol.wire.messages import GatewayStatus

@@ -2,7 +2,7 @@
 
 from ground.app.screens.plots import PlotsScreen, TimeSpan, axis_row
 from ground.app.widgets.rows import words_of
-from ground.station.history.message_series import MessageSeries, numeric_fields
+from ground.station.history.time_series import MessageSeries, numeric_fields
 from protocol.topics import ODOMETRY, SONAR, STATUS
 from tests.support.tui.fakes import FakeStation, S
 from tests.support.tui.pilot import Stage, play, staged

@@ -86,13 +86,13 @@ def _lease_of_a_program() -> Patches:
 
 def _constant_limit() -> Patches:
     """Promise a stop after 1.5 s, whatever the robot's parameter is."""
-    texts = import_module("ground.station.link.loss_texts")
+    texts = import_module("ground.station.link.loss")
     original = texts._without_operator
 
     def without_operator(status: Any, op_lost_ms: Any) -> str:
         return str(original(status, 1500.0))
 
-    return {"ground.station.link.loss_texts._without_operator": without_operator}
+    return {"ground.station.link.loss._without_operator": without_operator}
 
 
 def _stale_answer() -> Patches:

@@ -3,9 +3,8 @@
 from math import isfinite
 
 from ground.app.widgets.sparklines import FRESH_S
-from ground.station.fleet import KEPT_NS
+from ground.station.fleet import KEPT_NS, Attention
 from ground.station.link.loss import LossKind
-from ground.station.roster import Attention
 from protocol.bus.network import MAX_ROBOTS, Hub
 from protocol.topics import PARAMETER, PARAMETERS, STATUS, STOP, TEXT, Role
 from protocol.wire.enums import GoalState, Vehicle

@@ -3,7 +3,7 @@
 import tracemalloc
 
 from ground.station.history.decision_history import DecisionHistory, Frames
-from ground.station.history.inbox import Inbox, ReceivedFrame
+from ground.station.history.event_log import Inbox, ReceivedFrame
 from protocol.topics import DECISION
 from protocol.wire.codec import Encoder
 from tests.support.ground.station.play import Play, S

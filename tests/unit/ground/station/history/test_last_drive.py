@@ -4,7 +4,7 @@ from math import nan
 
 import msgspec
 
-from ground.station.history.last_drive import LastDrive
+from ground.station.history.goal_progress import LastDrive
 from protocol.wire.enums import GoalState
 from protocol.wire.messages import NavigatorStatus, PlanarOdometry
 from protocol.wire.reasons import Reason

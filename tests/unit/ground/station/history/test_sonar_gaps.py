@@ -1,6 +1,6 @@
 """Test that a sonar with gaps is shown as silent without blinking."""
 
-from ground.station.history.sonar_gaps import HELD, SonarGaps
+from ground.station.history.telemetry_history import HELD, SonarGaps
 from ground.station.history.trail import ranges_m
 from protocol.wire.messages import SonarScan
 

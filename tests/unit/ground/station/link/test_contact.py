@@ -1,6 +1,6 @@
 """The age of a loss counts from the last message of what is lost, not from an earlier loss."""
 
-from ground.station.link.contact import CHANGED_NS, ONSET_NS, Contact
+from ground.station.link.link_monitor import CHANGED_NS, ONSET_NS, Contact
 from ground.station.link.loss import LossKind
 from tests.support.each import each
 

@@ -1,6 +1,6 @@
 """Connections and disconnections are logged once, but not those of this station."""
 
-from ground.station.link.presence_log import BURST, PresenceLog
+from ground.station.link.processes import BURST, PresenceLog
 from protocol.bus.bus import Presence
 from protocol.topics import Role
 from protocol.wire.enums import Severity

@@ -1,6 +1,6 @@
 """A restart is shown for a while, with the cause that the robot reports."""
 
-from ground.station.link.restarts import NEAR_NS, RESTART_PREFIXES, SHOWN_NS, RestartNotice
+from ground.station.link.processes import NEAR_NS, RESTART_PREFIXES, SHOWN_NS, RestartNotice
 from protocol.topics import TEXT, Role
 from protocol.wire.enums import Severity
 from robot.file_writer import Directory

@@ -1,6 +1,6 @@
 """A restart is counted once, whichever of its two signs comes first."""
 
-from ground.station.link.restarts import Restarts
+from ground.station.link.processes import Restarts
 
 
 def test_second_token_is_a_restart() -> None:
