@@ -30,7 +30,7 @@ CHOSEN: Final = ROOT / "tests" / "brief.txt"
 PRODUCT: Final = ("runtime", "protocol", "robot", "firmware", "plant", "ground", "study")
 ONBOARD: Final = "firmware/onboard/"
 """Runs under MicroPython only."""
-OWN_PROCESS: Final = ("ground.app.input.browser_driver", "ground.launch.sidestep_process")
+OWN_PROCESS: Final = ("ground.app.input.driver", "ground.launch.sidestep_process")
 """Imported only where they are the program: tests with processes run them."""
 RECORDS: Final = "SIDESTEP_BRIEF_RECORDS"
 BUDGET_S: Final = 70.0

@@ -1,4 +1,7 @@
-"""Define the app: screens, keys and a timer around a station."""
+"""Define the app: screens, keys and a timer around a station.
+
+Run slow jobs in daemon threads, so that neither the screen nor the exit waits for them.
+"""
 
 import os
 from collections import Counter
@@ -6,6 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import Thread
 from time import monotonic_ns
 from typing import TYPE_CHECKING, ClassVar, Final, TypeVar
 
@@ -17,36 +22,34 @@ from textual.filter import LineFilter
 from textual.timer import Timer
 from textual.widgets import Input
 
-from ground.app.appearance import Appearance
-from ground.app.background import BackgroundJobs
+from ground.app.appearance import TEXTUAL_THEMES, Appearance
 from ground.app.chrome.tabs import LOG, UnreadWarnings
 from ground.app.chrome.tutorial import Tutorial
 from ground.app.commands.command_sink import CommandSink
 from ground.app.commands.robot_keys import RobotKeys
 from ground.app.frame_rate import Drawable, FrameRate
-from ground.app.input.default_keys import KeyBinding, Layer
 from ground.app.input.key_queue import KeyQueue
-from ground.app.input.keymap import Keymap, shown
-from ground.app.input.textual_bindings import bindings_of, names_of
+from ground.app.input.keymap import KeyBinding, Keymap, Layer, bindings_of, names_of, shown
 from ground.app.panels.status import SIMULATION, SessionInfo
-from ground.app.playback.recording_reader import RecordingReader
+from ground.app.playback.player import RecordingReader
 from ground.app.screens import SCREENS, screen_of
 from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.stops.alerts import Alerts
 from ground.app.stops.band import Band, BandKeys, is_in_emergency_stop, stop_band
-from ground.app.textual_themes import THEMES
-from ground.app.widgets.printable import Printable
+from ground.app.widgets.lines import Printable
 from ground.client.telemetry import Age
 from ground.client.time_factor import TimeFactor
 from ground.station.station import Station
 from protocol.topics import HEARTBEAT, TRUTH, Role
 from protocol.wire.enums import Severity
+from runtime.errors import LocalError, RemoteError
 
 if TYPE_CHECKING:
     from ground.app.playback.player import Player
     from ground.app.screens.choice import Choice
     from ground.launch.launcher import Stack
     from ground.launch.recording_session import RecordingSession
+
 
 T = TypeVar("T")
 POLL_HZ: Final = 20.0
@@ -103,7 +106,7 @@ class GroundApp(App[int]):
         self.palette_uses: Counter[str] = Counter()
         self._robot_keys = RobotKeys(self)
         self._alerts = Alerts(self, quiet=self.appearance.quiet_bell)
-        for theme in THEMES:
+        for theme in TEXTUAL_THEMES:
             self.register_theme(theme)
         self.theme = self.appearance.theme
         self.remember_theme: Callable[[str], None] = lambda _: None
@@ -396,3 +399,34 @@ class GroundApp(App[int]):
         """Run the action with this id, and redraw."""
         self.doable()[id]()
         self.redraw()
+
+
+class BackgroundJobs:
+    """Runs jobs in threads and hands their results over in the thread that polls."""
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._note = say
+        self._ready: SimpleQueue[Callable[[], None]] = SimpleQueue()
+
+    def begin(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
+        """Start a job. `done` gets its result; expected errors go to the log instead."""
+
+        def work() -> None:
+            try:
+                found = job()
+            except (LocalError, RemoteError, OSError) as error:
+                words = str(error)
+                self._ready.put(lambda: self._note(words))
+                return
+            self._ready.put(lambda: done(found))
+
+        Thread(target=work, daemon=True).start()
+
+    def poll(self) -> None:
+        """Hand over the results of finished jobs."""
+        while True:
+            try:
+                callback = self._ready.get_nowait()
+            except Empty:
+                return
+            callback()

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from ground.app.lists.list_filter import ListFilter
-from ground.app.lists.table import Column, Heads
+from ground.app.lists.table import Column, Heads, ListFilter
 from ground.app.panels.log import log_rows, pieces_of
 from ground.app.widgets.rows import Row
 from ground.station.history.event_log import EventLog, LogLine

@@ -7,8 +7,8 @@ from threading import Event
 
 import pytest
 
-from ground.app.background import BackgroundJobs
-from ground.app.output_capture import capture_output
+from ground.app.app import BackgroundJobs
+from ground.app.start import capture_output
 from runtime.errors import UserError
 from tests.support.until import until
 

@@ -4,7 +4,7 @@ import os
 from threading import Thread
 
 from ground.app.frame_rate import MAX_DIVISOR, RECOVERY_NS, FrameRate
-from ground.app.output_capture import TerminalText
+from ground.app.start import TerminalText
 from tests.support.until import until
 
 MS = 1_000_000

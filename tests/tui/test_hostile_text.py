@@ -6,7 +6,7 @@ import pytest
 from rich.segment import Segment
 from textual.color import Color
 
-from ground.app.widgets.printable import Printable
+from ground.app.widgets.lines import Printable
 from ground.client.telemetry import Age
 from ground.console.completion import Assistance, Candidate
 from ground.station.link.loss import Loss, LossKind

@@ -6,12 +6,11 @@ from textual.filter import NoColor
 from textual.geometry import Size
 
 from ground.app.appearance import default_theme, is_ascii_terminal
-from ground.app.panels.drive_layout import drive_layout
 from ground.app.screens import SCREENS
+from ground.app.screens.drive import drive_layout
 from ground.app.screens.log import LogScreen
 from ground.app.widgets.command_line import CommandLine, printable
-from ground.app.widgets.lines import Lines
-from ground.app.widgets.printable import Printable
+from ground.app.widgets.lines import Lines, Printable
 from tests.support.each import each
 from tests.support.tui.fakes import FakeStation
 from tests.support.tui.pilot import Stage, play, staged

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Any, Final
 from unittest.mock import patch
 
-from ground.app.input.default_keys import KEYS, Layer
+from ground.app.input.keymap import KEYS, Layer
 from ground.client.results import answer_row
 from ground.missions.mission import Circle, Home, Waypoint
 from plant.corpus.generate import EVERY_FAMILY

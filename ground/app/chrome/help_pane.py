@@ -13,8 +13,11 @@ def show_help(app: "GroundApp", word: str = "", *, commands: bool = False) -> No
 
     Raise UserError when the command is unknown.
     """
-    from ground.app.chrome.help_rows import COMMANDS, sections  # rarely needed, so imported late
-    from ground.app.screens.help import HelpScreen
+    from ground.app.screens.help import (  # rarely needed, so imported late
+        COMMANDS,
+        HelpScreen,
+        sections,
+    )
 
     mono = app.theme == MONO
     parts = sections(app.keys_now(), word, ascii_only=app.ascii_only, is_mono=mono)

@@ -1,16 +1,22 @@
-"""Define the actions that every screen has: commands to the robot, and changes of the screen."""
+"""Define the actions that every screen has: commands to the robot, and changes of the screen.
+
+Put the run that is shown into one archive, in a thread.
+
+Save pictures of the screen in the state folder.
+"""
 
 from collections.abc import Mapping
 from functools import partial
+from itertools import count
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from ground.app.chrome.help_pane import show_help
-from ground.app.chrome.next_keys import mission_is_ready, unsent
-from ground.app.chrome.pictures import saved_picture
+from ground.app.chrome.key_bar import mission_is_ready, unsent
 from ground.app.commands.leaving import Leaving
-from ground.app.commands.sharing import share_run
 from ground.app.commands.stop_keys import StopKeys
 from ground.app.panels.status import NAMES as NAVIGATOR_NAMES
+from ground.app.playback.app_interface import AppInterface
 from ground.app.screens import SCREENS
 from ground.app.screens.app_screen import Action
 from ground.app.screens.choice import Choice
@@ -26,12 +32,52 @@ from ground.client.vocabulary import (
 )
 from ground.console.app_commands import Undo
 from ground.text.theme_names import THEMES
+from ground.user.folders import state_folder
 from protocol.topics import STATUS
 from protocol.wire.enums import Mode
 from protocol.wire.messages import NavigatorStatus
 
 if TYPE_CHECKING:
     from ground.app.app import GroundApp
+    from ground.app.playback.player import Player
+    from ground.launch.recording_session import RecordingSession
+
+
+NOTHING: Final = "nothing is recorded here, so there is no run to share"
+
+
+def share_run(
+    app: AppInterface, player: "Player | None", recording: "RecordingSession | None"
+) -> None:
+    """Write the archive of the played recording, else of this session's; the log says where."""
+    file = player.path if player is not None else None if recording is None else recording.file
+    if file is None:
+        app.note(NOTHING)
+        return
+    app.note(f"shares {file.name}")
+    app.run_in_background(lambda: archive(file), app.note)
+
+
+def archive(file: Path) -> str:
+    """Write the archive and return the message with its path; UserError if that fails."""
+    from ground.client.operations import NoProgress
+    from ground.reports.share import Share  # imports the plots; rarely needed
+
+    return f"shared: {Share(file=str(file)).run(NoProgress()).text}"
+
+
+def saved_picture(svg: str) -> str:
+    """Save a picture under the next free name; return its path, or the error, in words."""
+    folder = state_folder() / "pictures"
+    names = (folder / f"sidestep-{number}.svg" for number in count(1))
+    path = next(path for path in names if not path.exists())
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        path.write_text(svg, encoding="utf-8")
+    except OSError as error:
+        return f"{path}: {error.strerror}"
+    return f"saved {path}"
+
 
 PLAIN: Final[tuple[Operation[Outcome], ...]] = (
     operations.Hold(),

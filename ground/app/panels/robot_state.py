@@ -1,24 +1,449 @@
-"""Make the side panel of the Drive screen: what the robot does, where it is, what it senses."""
+"""Make the side panel of the Drive screen: what the robot does, where it is, what it senses.
 
-from math import cos, degrees, hypot, isfinite, sin
+Show the progress of the mission, and the draft of a mission.
+
+Say in one sentence what the robot does and why, renewed slowly enough to be read.
+
+Show the sonars from left to right as columns: name, bar, range in metres.
+
+Show the board that runs the control core, if there is one: its modelled time and its memory.
+
+Show the way to the goal: distance, time driven, time left, share done, and the waypoint.
+
+Show in one row whether link, senses, control loop and recording are well.
+"""
+
+from math import cos, degrees, hypot, inf, isfinite, sin
+from textwrap import wrap
 from typing import Final, NamedTuple
 
-from ground.app.panels.aged import aged, live, number, role_of
-from ground.app.panels.board import board_rows
-from ground.app.panels.health import health_rows
-from ground.app.panels.mission import draft_rows, mission_rows
-from ground.app.panels.progress import progress_rows
-from ground.app.panels.sentence import RENEWED_NS, Sentence
-from ground.app.panels.sonar import sonar_rows
-from ground.app.widgets.rows import Row, Span, cut, head, row
-from ground.app.widgets.sparklines import spark_rows
-from ground.client.status_line import PLACE_UNKNOWN, knows_place
+from ground.app.panels.aged import MISSING, aged, live, number, role_of
+from ground.app.widgets.bars import HEIGHTS, bar, spark_rows
+from ground.app.widgets.rows import Row, Span, cut, faint, head, row, width_of
+from ground.client.status_line import PLACE_UNKNOWN, doing, knows_place
+from ground.client.telemetry import Age, AgedMessage
+from ground.explain.explanation import headline
+from ground.map.scene import MapTarget
 from ground.station.history.telemetry_history import uncertainty_m
 from ground.station.station import Station
-from protocol.topics import ODOMETRY, STATUS, TRUTH
-from protocol.wire.enums import GoalState
-from protocol.wire.messages import GroundTruth, NavigatorStatus, PlanarOdometry
+from ground.text.status_parts import state_role
+from ground.text.wording import SONARS
+from protocol.outcome import LOST, doubt_of, doubt_words, goal_end, mission_state
+from protocol.topics import CYCLE, DECISION, HEARTBEAT, MCU, MISSION, ODOMETRY, SONAR, STATUS, TRUTH
+from protocol.wire.enums import GoalState, MissionState
+from protocol.wire.messages import (
+    AvoidanceDecision,
+    CycleReport,
+    GroundTruth,
+    McuStatus,
+    MissionStatus,
+    NavigatorStatus,
+    PlanarOdometry,
+    SonarScan,
+)
+from protocol.wire.reasons import reason_text
 from runtime.units import NS_PER_S
+
+MOST: Final = 6
+
+
+def mission_rows(station: Station) -> list[Row]:
+    """Return the state and the items around the current one; no rows without a mission."""
+    seen = station.seen(MISSION)
+    status = seen.message
+    if not isinstance(status, MissionStatus) or status.state == MissionState.NONE:
+        return []
+    items = list(enumerate(station.mission_items))
+    first = max(0, min(status.current - 1, len(items) - MOST))
+    return [
+        row(head("mission "), aged(seen, mission_words, "mission")),
+        *(item_row(number, item, status.current) for number, item in items[first : first + MOST]),
+    ]
+
+
+def draft_rows(count: int) -> list[Row]:
+    """Return how many waypoints wait to be sent; no rows when there are none."""
+    waypoints = f"{count} waypoint{'' if count == 1 else 's'}"
+    return [row(head("draft   "), Span(f"{waypoints}, W sends", "draft"))] if count else []
+
+
+def item_row(number: int, item: MapTarget, current: int) -> Row:
+    """Return the row of an item, counted from 1.
+
+    Completed items are faint, the current one is marked.
+    """
+    heading = item.heading_rad
+    deg = "any" if heading is None else f"{degrees(heading):z.0f}°"
+    words = f"{number + 1:>3}  {item.x_m:z6.2f} {item.y_m:z6.2f}  {deg:>5}"
+    role = "faint" if number < current else "mission" if number == current else "text"
+    return row(Span("▶" if number == current else " ", "mission"), Span(words, role))
+
+
+def mission_words(status: MissionStatus) -> str:
+    """Return state, current item, hold time and reason as text."""
+    state = mission_state(status.state, status.reason)
+    hold = f", holds {status.hold_left_ms / 1000:.0f} s" if status.hold_left_ms else ""
+    why = f": {reason_text(status.reason)}" if status.reason else ""
+    return f"{state} {status.current + 1}/{status.count}{hold}{why}"
+
+
+RENEWED_NS: Final = NS_PER_S // 2
+GAP: Final = "  "
+LEAST: Final = 8
+
+
+class Sentence:
+    """Keeps the sentence for half a second, unless the robot's state or branch changes."""
+
+    def __init__(self) -> None:
+        self._key: tuple[object, ...] = ()
+        self._text = ""
+
+    def rows(self, station: Station, width: int, most: int) -> list[Row]:
+        """Return the state, then the sentence wrapped to exactly `most` rows."""
+        seen = station.seen(STATUS)
+        status: NavigatorStatus | None = live(seen)
+        if status is None:
+            first = row(head("state "), aged(seen, lambda _: MISSING))
+            return [first, *(() for _ in range(most - 1))]
+        state = doing(status).upper()
+        decision: AvoidanceDecision | None = live(station.seen(DECISION))
+        text = self._renewed(station, decision, status)
+        lines = wrap(
+            f"{state}{GAP}{text}", max(LEAST, width), max_lines=max(1, most), placeholder="…"
+        )
+        begin, rest = lines[0][: len(state)], lines[0][len(state) :]
+        role = role_of(seen)
+        first = row(Span(begin, state_role(status)), Span(rest, role))
+        rows = [first, *(row(Span(line, role)) for line in lines[1:])]
+        return [*rows, *(() for _ in range(most - len(rows)))]
+
+    def _renewed(
+        self, station: Station, decision: AvoidanceDecision | None, status: NavigatorStatus
+    ) -> str:
+        branch = None if decision is None else decision.branch
+        state = (status.vehicle, status.mode, status.goal, status.vehicle_reason)
+        key = (station.robot, state, branch, station.now_ns // RENEWED_NS)
+        if key != self._key:
+            self._key, self._text = key, headline(decision, status)
+        return self._text
+
+
+LEAST_CELL: Final = 4
+MOST_CELL: Final = 8
+LABEL: Final = 6
+BESIDE: Final = "│"
+DEAD: Final = "dead"
+NO_ECHO: Final = "none"
+LEFT_TO_RIGHT: Final = tuple(reversed(range(len(SONARS))))
+
+
+class Limits:
+    """The distances in metres that a range is compared with, as the robot itself has them."""
+
+    def __init__(self, station: Station) -> None:
+        decision: AvoidanceDecision | None = live(station.seen(DECISION))
+        self.zone_m = decision.zone_m if decision is not None else -inf
+        stop_m = station.limit("guard_stop_m")
+        self.stop_m = -inf if stop_m is None else stop_m
+        self.longest_m = station.limit("sonar_max_m")
+        """The farthest range; None while it is unknown: then there are no bars."""
+
+    def role(self, range_m: float) -> str:
+        """Return the role of a range."""
+        if range_m < self.stop_m:
+            return "danger"
+        return "caution" if range_m < self.zone_m else "ok"
+
+    def marks(self, range_m: float) -> str:
+        """Return `!` for an echo in the zone, `!!` where the guard stops."""
+        return {"danger": "!!", "caution": "!"}.get(self.role(range_m), "")
+
+
+def sonar_rows(station: Station, width: int, bars: int) -> list[Row]:
+    """Return the names, `bars` rows of bars, and the ranges.
+
+    A sonar that gave no reading in one of the last scans is `dead`, in a colour that does not mean
+    health.
+    """
+    seen, limits = station.seen(SONAR), Limits(station)
+    scan: SonarScan | None = live(seen)
+    labelled = width >= LABEL + 1 + (LEAST_CELL + 1) * len(SONARS)
+    label = LABEL if labelled else 0
+    cell = max(LEAST_CELL, min(MOST_CELL, (width - label - 1) // len(SONARS)))
+    silent = station.silent_sonars
+    ranges = [None if scan is None else range_of(scan, sonar, silent) for sonar in LEFT_TO_RIGHT]
+    titles = ["sonar", *("" for _ in range(bars)), "m"]
+    if bars > 1:
+        titles[1] = f"{number(limits.longest_m, 'g')} m"
+    rows = [
+        [head(f"{SONARS[sonar]:^{cell}}") for sonar in LEFT_TO_RIGHT],
+        *(
+            [bar_span(one, level, bars, cell, limits, seen) for one in ranges]
+            for level in reversed(range(bars))
+        ),
+        [value_span(one, cell, limits, seen, marked=not bars) for one in ranges],
+    ]
+    return [
+        row(*((head(f"{title:<{label}}"),) if label else ()), *spans[:4], faint(BESIDE), *spans[4:])
+        for title, spans in zip(titles, rows, strict=True)
+    ]
+
+
+def bar_span(
+    range_m: float | None, level: int, bars: int, cell: int, limits: Limits, seen: AgedMessage
+) -> Span:
+    """Return the part of a bar in one row; the lowest row, level 0, has the marks."""
+    if range_m is None:
+        return faint(f"{'·' if level == 0 else '':^{cell}}")
+    if range_m == inf or limits.longest_m is None:
+        return faint(f"{'·':^{cell}}")
+    eighths = max(1, round(min(1.0, range_m / limits.longest_m) * bars * len(HEIGHTS)))
+    here = min(len(HEIGHTS), eighths - level * len(HEIGHTS))
+    glyph = HEIGHTS[here - 1] if here > 0 else " "
+    marks = limits.marks(range_m) if level == 0 else ""
+    indent = (cell - 1) // 2
+    text = f"{' ' * indent}{glyph}{marks}".ljust(cell)[:cell]
+    return Span(text, role_of(seen, limits.role(range_m)))
+
+
+def value_span(
+    range_m: float | None, cell: int, limits: Limits, seen: AgedMessage, *, marked: bool
+) -> Span:
+    """Return a range in metres; `>3` without an echo within 3 m, `dead` without a reading."""
+    if live(seen) is None:
+        return faint(f"{MISSING:^{cell}}")
+    if range_m is None:
+        return Span(f"{DEAD:^{cell}}", "dead")
+    if range_m == inf:
+        none = NO_ECHO if limits.longest_m is None else f">{limits.longest_m:g}"
+        return faint(f"{none:^{cell}}")
+    text = f"{range_m:.2f}"
+    if cell == LEAST_CELL:
+        text = text[1:] if range_m < 1.0 and text[0] == "0" else f"{range_m:.1f}"
+    role = limits.role(range_m)
+    marks = limits.marks(range_m) if marked else ""
+    text = f"{text}{marks}" if len(text + marks) <= cell else f"{text}{marks[:1]}"
+    return Span(f"{text:^{cell}}", role_of(seen, role if role != "ok" else "text"))
+
+
+def range_of(scan: SonarScan, sonar: int, silent: int) -> float | None:
+    """Return a range in metres: inf without an echo, None when the sonar gives no reading."""
+    bit = 1 << sonar
+    if silent & bit or not scan.valid & bit:
+        return None
+    return scan.range_mm[sonar] / 1000 if scan.echo & bit else inf
+
+
+def dead_sonars(station: Station) -> list[str]:
+    """Return the names of the sonars without a reading, from left to right."""
+    if live(station.seen(SONAR)) is None:
+        return []
+    return [SONARS[sonar] for sonar in LEFT_TO_RIGHT if station.silent_sonars >> sonar & 1]
+
+
+US_PER_MS: Final = 1000.0
+BYTES_PER_KB: Final = 1000.0
+
+
+def board_rows(station: Station) -> list[Row]:
+    """Return one row for the side panel; none if no board was ever seen."""
+    seen = station.seen(MCU)
+    if not isinstance(seen.message, McuStatus):
+        return []
+    return [row(head(f"{name_of(seen.message)} "), aged(seen, short_words))]
+
+
+def board_details(station: Station) -> list[Row]:
+    """Return the rows of the Links screen; none if no board was ever seen."""
+    seen = station.seen(MCU)
+    if not isinstance(seen.message, McuStatus):
+        return []
+    status: McuStatus | None = live(seen)
+    first = row(head(f" {name_of(seen.message)}  "), aged(seen, time_words))
+    if status is None:
+        return [first]
+    memory = Span(f"         {memory_words(status)}, ", role_of(seen))
+    noise = "caution" if status.skipped_bytes else "text"
+    return [first, row(memory, Span(f"{status.skipped_bytes} bytes skipped", role_of(seen, noise)))]
+
+
+def name_of(status: McuStatus) -> str:
+    """Return the kind of the board."""
+    return "MCU (emulated)" if status.emulated else "MCU"
+
+
+def short_words(status: McuStatus) -> str:
+    """Return the modelled time until the wheel command, and the RAM in use."""
+    return f"{ms(status.command_us)} ms  {kilobytes(status.ram_bytes)} kB"
+
+
+def time_words(status: McuStatus) -> str:
+    """Return the modelled times, compared with the control period."""
+    command, busy = ms(status.command_us), ms(status.busy_us)
+    return f"command after {command} ms, done after {busy} of {ms(status.budget_us)} ms (modelled)"
+
+
+def memory_words(status: McuStatus) -> str:
+    """Return the RAM in use at most, of that which the image has."""
+    return f"RAM {kilobytes(status.ram_bytes)} of {kilobytes(status.ram_size_bytes)} kB"
+
+
+def ms(time_us: int) -> str:
+    """Return a time in milliseconds."""
+    return f"{time_us / US_PER_MS:.1f}"
+
+
+def kilobytes(count: int) -> str:
+    """Return a number of bytes in kilobytes."""
+    return f"{count / BYTES_PER_KB:.1f}"
+
+
+LEAST_BAR: Final = 8
+FULL: Final = 40
+"""From so many columns on, the time driven is named."""
+UNDER_WAY: Final = (MissionState.RUNNING, MissionState.HOLDING, MissionState.PAUSED)
+ENDED: Final = (GoalState.REACHED, GoalState.STUCK, GoalState.ABORTED)
+
+
+def progress_rows(station: Station, width: int) -> list[Row]:
+    """Return the distance with the times, and a bar with the share of the way."""
+    seen = station.seen(STATUS)
+    status: NavigatorStatus | None = live(seen)
+    if status is None:
+        return [row(head("to go "), aged(seen, lambda _: "")), bar_row(None, (), width, "faint")]
+    if status.goal in (GoalState.NONE, GoalState.REFUSED) or not status.goal_id:
+        return [row(faint("no goal")), bar_row(None, (), width, "faint")]
+    share = station.progress.share
+    waypoint = waypoint_words(station)
+    after = (Span(f"  {waypoint}", "mission"),) if waypoint else ()
+    return [
+        row(head("to go "), *way_spans(station, status, seen, width)),
+        bar_row(share, after, width, role_of(seen, "goal")),
+    ]
+
+
+def way_spans(station: Station, status: NavigatorStatus, seen: AgedMessage, width: int) -> Row:
+    """Return distance, time driven and time left; the outcome when the goal has ended."""
+    role = role_of(seen)
+    driven = f"{driven_s(status):.1f} s"
+    if status.goal in ENDED:
+        words = f"{end_words(status)} {driven}{doubt_after(station, status)}"
+        return row(Span(f"{number(status.goal_distance_m)} m  {words}", role))
+    left_s = station.progress.left_s
+    left = MISSING if left_s is None else f"~{left_s:.0f}"
+    return row(
+        Span(f"{number(status.goal_distance_m, '5.2f')} m ", role),
+        Span(f"{driven:>7} {'driven ' if width >= FULL else ''}", role_of(seen, "faint")),
+        Span(f"{left:>4} s left", role),
+    )
+
+
+def end_words(status: NavigatorStatus) -> str:
+    """Return how the goal ended, as the beginning of a duration."""
+    end = goal_end(status.goal, status.goal_reason)
+    return "reached in" if end == "reached" else f"{end} after"
+
+
+def doubt_after(station: Station, status: NavigatorStatus) -> str:
+    """Return the doubt about the position of a robot that is lost, else an empty text."""
+    pose: PlanarOdometry | None = live(station.seen(ODOMETRY))
+    if goal_end(status.goal, status.goal_reason) != LOST:
+        return ""
+    return f", {doubt_words(None if pose is None else doubt_of(pose))}"
+
+
+def bar_row(share: float | None, after: Row, width: int, role: str) -> Row:
+    """Return a bar in the whole width, with the share in percent and what follows it."""
+    percent = f" {MISSING if share is None else f'{100.0 * share:.0f}':>3} %"
+    cells = max(LEAST_BAR, width - len(percent) - width_of(after))
+    return row(Span(bar(share or 0.0, cells), role), Span(percent, role), *after)
+
+
+def driven_s(status: NavigatorStatus) -> float:
+    """Return how long the goal has been driven to, by the robot's clock."""
+    until_ns = status.goal_ended_ns or status.time_ns
+    return (until_ns - status.goal_started_ns) / NS_PER_S
+
+
+def waypoint_words(station: Station) -> str:
+    """Return which waypoint of the mission is under way; empty without a running mission."""
+    status = live(station.seen(MISSION))
+    if not isinstance(status, MissionStatus) or status.state not in UNDER_WAY:
+        return ""
+    return f"waypoint {min(status.current + 1, status.count)} of {status.count}"
+
+
+GOOD_PERCENT: Final = 99.0
+MARKS: Final = {"ok": "●", "caution": "▲", "danger": "○", "faint": "○"}
+
+
+class Health(NamedTuple):
+    """A part of the system: its state as a role, and its details for wide panels."""
+
+    name: str
+    role: str
+    detail: str
+
+
+def health_rows(station: Station, recording: str, width: int) -> list[Row]:
+    """Return the row; details are left out where they do not fit."""
+    parts = [link(station), senses(station), loop(station), recorder(recording)]
+    for detailed in (True, False):
+        spans: list[Span] = []
+        for part in parts:
+            mark = Span(f"{MARKS[part.role]} ", part.role)
+            is_known = detailed and part.detail
+            spans += [
+                mark,
+                Span(part.name),
+                faint(f" {part.detail}" if is_known else ""),
+                Span("  "),
+            ]
+        found = row(*spans[:-1])
+        if width_of(found) <= width:
+            break
+    return [found]
+
+
+def link(station: Station) -> Health:
+    """Judge the link by the heartbeat and the share of received frames."""
+    percent, trip_ms = station.link_percent, station.round_trip_ms
+    if station.seen(HEARTBEAT).age is Age.GONE:
+        return Health("link", "danger", MISSING)
+    good = percent is not None and percent >= GOOD_PERCENT
+    detail = f"{number(trip_ms, '3.0f')} ms" if station.live else ""
+    return Health("link", "ok" if good or not station.live else "caution", detail)
+
+
+def senses(station: Station) -> Health:
+    """Judge the sonars by their age, and by those that give no reading."""
+    cycle: CycleReport | None = live(station.seen(CYCLE))
+    dead = dead_sonars(station)
+    if station.seen(SONAR).age is Age.GONE:
+        return Health("senses", "danger", MISSING)
+    if dead:
+        return Health("senses", "caution", f"{', '.join(dead)} dead")
+    age = "" if cycle is None else f"{cycle.sense_age_us / 1000:3.0f} ms"
+    return Health("senses", "ok", age)
+
+
+def loop(station: Station) -> Health:
+    """Judge the control loop by the most expensive cycle of the last second."""
+    cycle: CycleReport | None = live(station.seen(CYCLE))
+    if cycle is None:
+        return Health("loop", "danger", MISSING)
+    worst = station.worst_cycle or cycle
+    over = sum(worst.stage_us) > worst.budget_us
+    return Health("loop", "caution" if over else "ok", f"{cycle.missed} missed")
+
+
+def recorder(words: str) -> Health:
+    """Judge the recording by its word in the status line; `!` marks one that does not grow."""
+    if not words:
+        return Health("rec", "faint", "off")
+    return Health("rec", "danger" if words.endswith("!") else "ok", "")
+
 
 MM_PER_M: Final = 1000.0
 SAME_CLOCK_S: Final = 0.25

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from ground.app.commands.command_sink import CommandSink
-from ground.app.input.default_keys import KeyBinding
+from ground.app.input.keymap import KeyBinding
 from ground.app.panels.status import SessionInfo
 from ground.app.stops.band import Band
 from ground.station.station import Station

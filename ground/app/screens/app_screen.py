@@ -9,14 +9,12 @@ from textual.app import ComposeResult
 from textual.screen import Screen
 from textual.widgets import Input
 
-from ground.app.chrome.answers import AnswerLine
+from ground.app.chrome.answers import AnswerLine, MessagePlace
 from ground.app.chrome.button_row import ButtonRow, buttons_width
-from ground.app.chrome.key_bar import key_buttons
-from ground.app.chrome.messages import MessagePlace
-from ground.app.chrome.next_keys import NextKey, next_keys
+from ground.app.chrome.key_bar import NextKey, key_buttons, next_keys
 from ground.app.chrome.roster import fits_beside, roster_buttons
 from ground.app.chrome.tabs import tab_buttons
-from ground.app.input.default_keys import KeyBinding, Layer
+from ground.app.input.keymap import KeyBinding, Layer
 from ground.app.panels.status import status_row
 from ground.app.playback.app_interface import AppInterface
 from ground.app.widgets.command_line import (
@@ -27,7 +25,7 @@ from ground.app.widgets.command_line import (
 )
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, cut, row
-from ground.app.widgets.still import StillContainer, StillRow, StillWidget
+from ground.app.widgets.strip_widget import StillContainer, StillRow, StillWidget
 from ground.station.station import PLACE_BY_HAND, PLACE_FROM_TRUTH, Station
 from protocol.wire.enums import Vehicle
 

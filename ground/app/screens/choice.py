@@ -10,7 +10,7 @@ from textual.containers import Vertical
 from textual.screen import ModalScreen
 from textual.widgets import Input
 
-from ground.app.lists.list_filter import ListFilter, filter_spans, hidden_spans, nothing_row
+from ground.app.lists.table import ListFilter, filter_spans, hidden_spans, nothing_row
 from ground.app.widgets.command_line import TypedLine
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, cut, faint, row

@@ -1,34 +1,121 @@
-"""Show the Drive screen: map, values, log, and goals by cursor, command line or teleop."""
+"""Show the Drive screen: map, values, log, and goals by cursor, command line or teleop.
+
+Share the Drive screen between the map, the values and the log.
+
+Explain the present decision, and earlier ones that changed the direction.
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, ClassVar, Final
+from math import ceil
+from textwrap import wrap
+from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple
 
 from textual.app import ComposeResult
 from textual.containers import Grid
 
-from ground.app.chrome.next_keys import TELEOP, NextKey, cursor_keys, unsent
-from ground.app.input.default_keys import Layer
-from ground.app.input.map_cursor import MapCursor
-from ground.app.input.map_menu import MapMenu
+from ground.app.chrome.key_bar import TELEOP, NextKey, cursor_keys, unsent
+from ground.app.input.keymap import Layer
+from ground.app.input.map_cursor import MapCursor, MapMenu
 from ground.app.input.teleop_keys import TeleopKeys
-from ground.app.panels.drive_layout import drive_layout
 from ground.app.panels.log import latest_rows
 from ground.app.panels.robot_state import SidePanel
-from ground.app.panels.why import turn_rows
 from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.map import MapWidget
-from ground.app.widgets.rows import faint, row
-from ground.app.widgets.still import StillColumn, StillGrid
-from ground.explain.turns import Why
+from ground.app.widgets.rows import Row, Span, faint, head, row
+from ground.app.widgets.strip_widget import StillColumn, StillGrid
+from ground.explain.explanation import NAMES, Explanation, explain
+from ground.explain.turns import Why, explained
+from ground.map.canvas import DOTS_HIGH, DOTS_WIDE
 from ground.map.scene import LAYERS, MapTarget
+from ground.map.view import MARGIN_DOTS
+from ground.station.history.decision_history import Moment
+from ground.station.station import Station
 from runtime.errors import UserError
+from runtime.units import NS_PER_S
 
 if TYPE_CHECKING:
     from ground.ghost.ghost import GhostRunner
+
+
+LEAST_SIDE: Final = 34
+LEAST_WIDE_SIDE: Final = 44
+"""The least columns of the values, border included."""
+WIDE: Final = 110
+LEAST_ROWS_BESIDE: Final = 22
+"""From so many columns and rows on, the log is beside the map."""
+LEAST_MAP: Final = 24
+LOG: Final = 4
+LOG_BESIDE: Final = 7
+TALL: Final = 27
+TALL_LOG: Final = 10
+EXPLAINED: Final = 11
+"""Rows of the log, its border included; the last is with an explanation instead of the log."""
+
+Size = tuple[float, float]
+
+
+class DriveLayout(NamedTuple):
+    """Columns of the map, and rows of the lower part; `beside`: the map has all rows."""
+
+    map_columns: int
+    lower_rows: int
+    beside: bool
+
+
+def drive_layout(
+    columns: int, rows: int, floor_m: Size | None, *, explaining: bool = False
+) -> DriveLayout:
+    """Return the layout that leaves a map of this floor as little empty space as possible."""
+    beside = columns >= WIDE and rows >= LEAST_ROWS_BESIDE
+    lower = LOG_BESIDE if beside else TALL_LOG if rows >= TALL else LOG
+    lower = max(lower, EXPLAINED) if explaining else lower
+    map_rows = rows if beside else rows - lower
+    room = columns - (LEAST_WIDE_SIDE if beside else LEAST_SIDE)
+    wanted = room if floor_m is None else columns_for(floor_m, map_rows)
+    return DriveLayout(max(LEAST_MAP, min(wanted, room)), lower, beside)
+
+
+def columns_for(floor_m: Size, rows: int) -> int:
+    """Return the columns that a map of so many rows fills with this floor, legend excluded."""
+    width_m, height_m = floor_m
+    if not (width_m > 0.0 and height_m > 0.0):
+        return LEAST_MAP
+    down = DOTS_HIGH * (rows - 1) - 2 * MARGIN_DOTS
+    return ceil((max(1, down) * width_m / height_m + 2 * MARGIN_DOTS) / DOTS_WIDE)
+
+
+def now_rows(moment: Moment | None, width: int) -> list[Row]:
+    """Explain the present decision."""
+    if moment is None:
+        return [row(faint("no decision received"))]
+    found = explain(moment.decision, moment.status, moment.cycle, moment.previous)
+    return explanation_rows(found, width)
+
+
+def turn_rows(why: Why, back: int, station: Station, width: int) -> list[Row]:
+    """Explain the turning point that is `back` turns ago, and show how long ago it was."""
+    turned = why.at(back)
+    if turned is None:
+        return [row(faint("the robot has not turned yet"))]
+    ago_s = (station.now_ns - turned.at_ns) / NS_PER_S
+    first = row(Span(f"{ago_s:.1f} s ago: ", "accent"), Span(turned.point.words, "caution"))
+    return [first, *explanation_rows(explained(turned, station), width)]
+
+
+def explanation_rows(found: Explanation, width: int) -> list[Row]:
+    """Wrap an explanation to a width in columns."""
+    rows = [row(Span(line, "accent")) for line in wrap(found.headline, max(8, width))]
+    for line in found.lines:
+        name, text = line[:NAMES], line[NAMES:]
+        for piece in wrap(text, max(8, width - NAMES)) or [""]:
+            rows.append(row(head(name), piece))
+            name = " " * NAMES
+    return rows
+
 
 ZOOM: Final = 1.25
 TELEOP_PROMPT: Final = "TELEOP arrows or WASD drive, esc ends"

@@ -5,14 +5,13 @@ from functools import partial
 from typing import Any, Final, NamedTuple
 
 from ground.app.commands.second_press import SecondPress
-from ground.app.input.default_keys import Layer
+from ground.app.input.keymap import Layer
 from ground.app.lists.table import Column, Table
 from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.app_screen import Action
 from ground.app.screens.list_screen import ListScreen
+from ground.app.screens.worlds import change_world, query_worlds
 from ground.app.widgets.rows import Row, Span, faint, head, row
-from ground.app.world_change import change_world
-from ground.app.worlds import query_worlds
 from ground.console.completion import Assistance, Candidate
 from ground.launch.launcher import PROCESS_FAULTS
 from ground.launch.scenario import Scenario

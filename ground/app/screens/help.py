@@ -1,16 +1,141 @@
-"""Show the help in a pane that scrolls."""
+"""Show the help in a pane that scrolls.
 
-from collections.abc import Sequence
-from typing import ClassVar, Final
+Write the help: examples, active keys, marks of the map, names in the panels, and commands.
+"""
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import ClassVar, Final, NamedTuple
 
 from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.screen import ModalScreen
 
-from ground.app.chrome.help_rows import Section
+from ground.app.input.keymap import KeyBinding, shown
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, faint, row
+from ground.console.help import help_text, summaries
+from ground.map.canvas import DOTTED, HEADINGS, MARKS
+from runtime.cli.verb_table import VERBS
+
+COMMANDS: Final = "commands, typed after :"
+NAMES: Final = 20
+EXAMPLES: Final = (
+    ("g 3 1 enter", "drive to x 3 m, y 1 m"),
+    ("g 3 1 90 enter", "the same, and end with a heading of 90°"),
+    ("G arrows enter", "drive to a place on the map"),
+    ("G w arrows w W W", "draft two waypoints, send them, start the mission"),
+    ("space", "emergency stop; D D clears it, a arms, r goes on"),
+    ("t arrows esc", "drive by hand"),
+    (": help goto", "all about one command"),
+)
+MEANINGS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "seen": "walls and obstacles that the sonars have found",
+        "seen late": "the same, found some time ago",
+        "goal": "the goal; a line shows its heading",
+        "virtual": "virtual goal: where the navigator steers to pass an obstacle",
+        "cursor": "the cursor (G, or a click)",
+        "hit": "here the robot met an obstacle and began to follow it",
+        "leave": "here it left the obstacle again",
+        "waypoint": "a waypoint of the robot's mission",
+        "draft": "a waypoint that was not sent yet (W sends)",
+        "other": "another robot",
+        "mover": "a moving obstacle",
+        "dead sonar": "beside the robot: the sonar in this direction gives no reading",
+        "lost": "the place of the robot is unknown",
+        "reached": "a ghost: ended at the goal",
+        "collided": "a ghost: collided",
+        "unreachable": "a ghost: it proved that no way leads to the goal",
+        "ghost lost": "a ghost: lost, with neither a way nor a proof",
+        "stuck": "a ghost: stuck",
+        "ended": "a ghost: ended otherwise",
+        "bar left": "the scale: this length in metres",
+    }
+)
+"""The meaning of each mark of the map."""
+NOTHING_TO_SAY: Final = ("bar", "bar right")
+PANELS: Final = (
+    ("L79 ... R79", "the eight sonars by their direction: 79° left to 79° right"),
+    ("! and !!", "nearer than the avoidance zone; nearer than the guard stops"),
+    (">3", "no echo within 3 m, the range of the sonars"),
+    ("--", "no value, or one that is too old"),
+    ("dead", "no reading in one of the last scans"),
+    ("~23 s left", "by the robot's clock: simulated seconds in a simulation, as `driven`"),
+    ("γ", "how far the navigator turns the goal's direction, in degrees"),
+    ("σ or ±", "doubt of the position, one standard deviation"),
+    ("t+", "time since the drive to the goal began"),
+    ("cycle≤", "longest control cycle of the last second, of its budget"),
+    ("late≤", "latest start of a control cycle in the last second"),
+    ("r o n g w", "parts of the cycle in µs: read, odometry, navigate, guard, write"),
+    ("SIM 0.8x", "simulated time runs at 0.8 of real time"),
+    ("▲2 at 4 Log", "warnings since the log was last shown"),
+)
+
+
+class Section(NamedTuple):
+    """A part of the help with its title."""
+
+    title: str
+    rows: list[Row]
+
+
+def sections(
+    keys: Sequence[KeyBinding],
+    word: str = "",
+    *,
+    ascii_only: bool = False,
+    is_mono: bool = False,
+) -> list[Section]:
+    """Return all parts. With a `word`, its command comes first; UserError when there is none."""
+    lead = [Section(word, command_rows(word))] if word else []
+    return [
+        *lead,
+        Section("examples", table(EXAMPLES)),
+        *key_sections(keys),
+        Section("marks on the map", table(mark_pairs(ascii_only=ascii_only, is_mono=is_mono))),
+        Section("names in the panels", table(PANELS)),
+        Section(COMMANDS, table(tuple(summaries().items()))),
+    ]
+
+
+def key_sections(keys: Sequence[KeyBinding]) -> list[Section]:
+    """Return the active keys, one section for each layer."""
+    layers = dict.fromkeys(key.layer for key in keys)
+    return [
+        Section(
+            f"keys: {layer.value}",
+            table([(shown(key.keys), key.description) for key in keys if key.layer is layer]),
+        )
+        for layer in layers
+    ]
+
+
+def mark_pairs(*, ascii_only: bool, is_mono: bool) -> list[tuple[str, str]]:
+    """Return each mark with its meaning, as the map draws it now; the robot first."""
+    form = int(ascii_only)
+    robot = ("> ^ < v" if ascii_only else " ".join(HEADINGS[form][::2]), "the robot, by heading")
+    marks = {name: MARKS[name][form] for name in MEANINGS}
+    meanings = dict(MEANINGS)
+    if not (ascii_only or is_mono):  # echoes are dots, and their age is a shade
+        marks["seen"] = DOTTED
+        meanings["seen"] += "; fainter: some time ago"
+        del meanings["seen late"]
+    return [robot, *((marks[name], meaning) for name, meaning in meanings.items())]
+
+
+def table(pairs: Sequence[tuple[str, str]]) -> list[Row]:
+    """Return rows of two columns."""
+    return [row(Span(f" {left:>{NAMES}}", "key"), Span(f"  {right}")) for left, right in pairs]
+
+
+def command_rows(word: str) -> list[Row]:
+    """Return usage, arguments and example of a command. Raise UserError when it is unknown."""
+    rows = [row(f"  {line}") for line in help_text(word).splitlines()]
+    example = VERBS[word].example if word in VERBS else ""
+    return [*rows, row("  example: ", Span(f":{example}", "key"))] if example else rows
+
 
 WIDTH: Final = 90
 HOW: Final = "   arrows scroll, tab: next part, esc closes"

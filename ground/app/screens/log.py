@@ -7,17 +7,15 @@ from typing import ClassVar, Final
 from textual import events
 from textual.app import ComposeResult
 
-from ground.app.chrome.next_keys import NextKey
+from ground.app.chrome.key_bar import NextKey
 from ground.app.filtered_log import FilteredLog
-from ground.app.input.default_keys import Layer
-from ground.app.lists.column_heads import ColumnHeads
-from ground.app.lists.list_filter import nothing_row
+from ground.app.input.keymap import Layer
+from ground.app.lists.table import ColumnHeads, nothing_row
 from ground.app.panels.log import lead_of
 from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.app_screen import Action
 from ground.app.screens.list_screen import ScrolledScreen
-from ground.app.widgets.lines import Lines
-from ground.app.widgets.log_view import LogView
+from ground.app.widgets.lines import Lines, LogView
 from ground.app.widgets.rows import Row, Span, faint, row, words_of
 from ground.station.history.event_log import LogLine
 from protocol.wire.enums import Severity

@@ -5,7 +5,7 @@ from functools import partial
 from math import isclose
 from typing import Final
 
-from ground.app.input.default_keys import Layer
+from ground.app.input.keymap import Layer
 from ground.app.lists.table import Column, Table
 from ground.app.panels.aged import number
 from ground.app.playback.app_interface import AppInterface

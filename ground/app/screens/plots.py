@@ -9,13 +9,13 @@ from textual import events
 from textual.app import ComposeResult
 from textual.containers import Grid
 
-from ground.app.input.default_keys import Layer
+from ground.app.input.keymap import Layer
 from ground.app.panels.aged import MISSING, number
 from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.app_screen import Action, AppScreen
+from ground.app.widgets.bars import FRESH_S, SPARKLINES, Sparkline
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, faint, head, row
-from ground.app.widgets.sparklines import FRESH_S, SPARKLINES, Sparkline
 from ground.map.canvas import Canvas
 from ground.station.history.time_series import SERIES, Series, numeric_fields
 from ground.station.station import Station

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Final
 
 from textual.app import ComposeResult
 
-from ground.app.chrome.next_keys import CURSOR, REPLAY, NextKey
-from ground.app.input.default_keys import Layer
+from ground.app.chrome.key_bar import CURSOR, REPLAY, NextKey
+from ground.app.input.keymap import Layer
 from ground.app.playback.player import Player
 from ground.app.playback.read_only_app import ReadOnlyApp
 from ground.app.screens.app_screen import Action

@@ -1,8 +1,15 @@
-"""Show the Worlds screen: preview a world, and start it if this app started the processes."""
+"""Show the Worlds screen: preview a world, and start it if this app started the processes.
+
+Change the world: end all processes, start those of the other world, and drive to its goal.
+
+Read facts about worlds: from the plant, and from the outcomes of the study.
+"""
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from textwrap import wrap
 from typing import Any, Final
 
@@ -10,23 +17,81 @@ from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 
 from ground.app.commands.second_press import SecondPress
-from ground.app.input.default_keys import Layer
-from ground.app.lists.column_heads import ColumnHeads
-from ground.app.lists.table import Column, Table
+from ground.app.input.keymap import Layer
+from ground.app.lists.table import Column, ColumnHeads, Table
 from ground.app.panels.aged import number
 from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.app_screen import Action
 from ground.app.screens.list_screen import ListScreen
-from ground.app.widgets.lines import Lines
-from ground.app.widgets.list_view import ListView
+from ground.app.widgets.lines import Lines, ListView
 from ground.app.widgets.map import MapWidget
 from ground.app.widgets.rows import Row, Span, faint, head, row
-from ground.app.world_change import change_world
-from ground.app.worlds import Reached, query_worlds, read_reached_counts
-from ground.launch.scenario import Scenario
+from ground.launch.child_command import command
+from ground.launch.scenario import Scenario, world_facts
 from ground.map.scene import MapScene
 from ground.station.scene import preview_of
 from ground.station.world import parse_world
+
+
+def change_world(interface: AppInterface, scenario: Scenario, what: str) -> None:
+    """Restart the processes that this app started with a scenario; `what` goes to the log.
+
+    The end of the old processes is not reported as a loss. The robots are armed and drive to the
+    goals of the new world, as at the first start. Changes of the old robots cannot be undone in the
+    new ones, and a mission draft belongs to its world.
+    """
+    stack = interface.stack
+    if stack is None:
+        return
+    interface.commands.begin_world(keeps_draft=scenario.name == stack.scenario.name)
+    interface.note(f"{scenario.name}: {what}")
+    stack.restarted(scenario, partial(interface.station.begin_again, stack.scenario.robots))
+    interface.run_in_background(stack.drive_to_goals, partial(report, interface, scenario))
+
+
+def report(interface: AppInterface, scenario: Scenario, refusals: list[str]) -> None:
+    """Report the goals of the new world, or the refusals."""
+    goals = ", ".join(str(one.goal) for one in scenario.scenario_robots)
+    interface.note(f"{scenario.name}: to {goals} with {scenario.navigator}")
+    for refusal in refusals:
+        interface.note(f"{scenario.name}: goal refused: {refusal}")
+
+
+OUTCOMES: Final = Path(__file__).parents[3] / "docs" / "evidence" / "outcomes.md"
+NOISE: Final = "default"
+COLUMNS: Final = 10
+"""World, navigator, noise, seven columns of results, and the outcomes of ten seeds."""
+
+Reached = dict[str, dict[str, int]]
+
+
+def query_worlds(*words: str) -> dict[str, Any]:
+    """Return the JSON of `sidestep worlds`. Raise UserError with its message when it fails."""
+    return world_facts(command(["worlds", *words, "--json"], os.getpid()))
+
+
+def read_reached_counts(path: Path = OUTCOMES) -> Reached:
+    """Return, by world and navigator, how many of ten seeds reached the goal with default noise.
+
+    Empty without a source tree, which contains the outcomes of the study.
+    """
+    found: Reached = {}
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return found
+    for line in lines:
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if len(cells) == COLUMNS and cells[2] == NOISE:
+            found.setdefault(cells[0], {})[cells[1].replace(",", "")] = reached_count(cells[-1])
+    return found
+
+
+def reached_count(ends: str) -> int:
+    """Return 7 for `7 reached, 3 stuck`."""
+    counts = (end.partition(" ") for end in ends.split(", "))
+    return sum(int(count) for count, _, how in counts if how == "reached")
+
 
 START_WITHIN_S: Final = 3.0
 REACHED: Final = "reached of 10 seeds: "

@@ -1,8 +1,15 @@
-"""Draw bars and sparklines in eighths of a cell."""
+"""Draw bars and sparklines in eighths of a cell.
+
+Show the last minute as sparklines, each with its present value and its range.
+"""
 
 from collections.abc import Iterable, Sequence
-from math import isfinite, nan
-from typing import Final
+from math import inf, isfinite, nan
+from typing import Final, NamedTuple
+
+from ground.app.panels.aged import MISSING, number
+from ground.app.widgets.rows import Row, Span, faint, head, row
+from ground.station.station import Station
 
 EIGHTHS: Final = " ▏▎▍▌▋▊▉█"
 HEIGHTS: Final = "▁▂▃▄▅▆▇█"
@@ -66,3 +73,66 @@ def binned(
         if 0 <= place < cells and not (peak and bins[place] > value):
             bins[place] = value
     return bins
+
+
+WINDOW_S: Final = 60.0
+FRESH_S: Final = 1.0
+
+
+class Sparkline(NamedTuple):
+    """A series of the history, with its label, unit and colour.
+
+    With `peak`, the greatest of the values in a bin is shown, so that the value is readable.
+    """
+
+    series: str
+    label: str
+    unit: str
+    role: str
+    form: str = ".2f"
+    factor: float = 1.0
+    peak: bool = False
+
+
+SPARKLINES: Final = (
+    Sparkline("speed", "speed", "m/s", "goal"),
+    Sparkline("nearest_range", "near", "m", "echo"),
+    Sparkline("uncertainty_m", "doubt", "mm", "ellipse", ".0f", 1000.0),
+    Sparkline("cycle_us", "loop", "ms", "mission", ".2f", 0.001, peak=True),
+    Sparkline("goal_distance", "to go", "m", "virtual"),
+    Sparkline("late_us", "late", "ms", "mission", ".2f", 0.001, peak=True),
+)
+LABEL: Final = 6
+VALUE: Final = 9
+ENDS: Final = 11
+
+
+def spark_rows(station: Station, width: int, most: int) -> list[Row]:
+    """Return the rows of the first `most` sparklines."""
+    return [figure_row(station, figure, width) for figure in SPARKLINES[:most]]
+
+
+def figure_row(station: Station, figure: Sparkline, width: int) -> Row:
+    """Return label, value, sparkline and range of the last minute."""
+    series, now_s = station.history[figure.series], station.time_s
+    points = series.points(now_s - WINDOW_S)
+    cells = max(1, width - LABEL - VALUE - ENDS)
+    values = binned(points, cells, now_s, WINDOW_S, peak=figure.peak)
+    time_s, newest = series.last or (-inf, nan)
+    fresh = now_s - time_s <= FRESH_S and isfinite(newest)
+    peaks = [one for one in values if isfinite(one)] if figure.peak else []
+    value = (peaks or [newest])[-1] * figure.factor if fresh else None
+    there = [one * figure.factor for one in values if isfinite(one)]
+    ends = (
+        f"{number(min(there), figure.form)}..{number(max(there), figure.form)}"
+        if there
+        else MISSING
+    )
+    words = f"{number(value, figure.form)} {figure.unit}"
+    role = figure.role if fresh else "faint"
+    return row(
+        head(f"{figure.label:<{LABEL}}"),
+        Span(f"{words:<{VALUE}}", role),
+        Span(spark(values, cells), role),
+        faint(f"{ends:>{ENDS}}"),
+    )

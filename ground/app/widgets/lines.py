@@ -1,16 +1,29 @@
-"""Show rows of text, and draw only those that have changed."""
+"""Show rows of text, and draw only those that have changed.
 
-from collections.abc import Iterable
+Show a list with one chosen row; only the rows in sight are drawn.
+
+Show a part of a long list of lines that grows.
+
+Remove control characters from every row before the terminal gets it.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
 from itertools import zip_longest
+from typing import TypeVar
 
+from rich.cells import cell_len
 from rich.segment import Segment
 from rich.style import Style
+from textual import events
+from textual.color import Color
+from textual.filter import LineFilter
 from textual.geometry import Region
 from textual.strip import Strip
 
 from ground.app.widgets.role_colours import styles_of
-from ground.app.widgets.rows import Row, in_ascii
+from ground.app.widgets.rows import Row, cut, in_ascii
 from ground.app.widgets.strip_widget import StripWidget
+from runtime.cli.terminal import REPLACEMENT
 
 
 class Lines(StripWidget):
@@ -91,3 +104,119 @@ def strip_of(row: Row, theme: str, ground: Style, *, ascii_only: bool) -> Strip:
             if text
         ]
     )
+
+
+T = TypeVar("T")
+
+
+class ListView(Lines, can_focus=True):
+    """A list; `at` is the index of the chosen row, which stays in sight."""
+
+    def __init__(self, *, id: str | None = None) -> None:
+        super().__init__(id=id)
+        self.at = 0
+        self._top = 0
+        self._count = 0
+
+    def window(self, items: Sequence[T], paint: Callable[[T, bool], Row]) -> None:
+        """Draw the part of the list in sight."""
+        self._count = len(items)
+        self.move(0)
+        height = max(1, self.size.height)
+        self._top = max(0, min(self._top, self.at, self._count - height))
+        self._top = max(self._top, self.at - height + 1)
+        shown = enumerate(items[self._top : self._top + height], start=self._top)
+        width = self.size.width
+        self.show(cut(paint(item, number == self.at), width) for number, item in shown)
+
+    @property
+    def hidden(self) -> tuple[int, int]:
+        """The numbers of rows above and below those in sight."""
+        return self._top, max(0, self._count - self._top - max(1, self.size.height))
+
+    def move(self, rows: int) -> None:
+        """Move the choice by rows, up to the ends."""
+        self.at = max(0, min(self._count - 1, self.at + rows))
+
+    def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
+        """Move the choice up."""
+        event.stop()
+        self.move(-1)
+
+    def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
+        """Move the choice down."""
+        event.stop()
+        self.move(1)
+
+    def on_click(self, event: events.Click) -> None:
+        """Choose the row that was clicked."""
+        self.at = self._top + event.y
+        self.move(0)
+
+
+class LogView(Lines, can_focus=True):
+    """Shows the newest lines while `following`, else the part that was scrolled to.
+
+    Only the lines in sight are turned into rows.
+    """
+
+    def __init__(self, *, id: str | None = None) -> None:
+        super().__init__(id=id)
+        self.following = True
+        self._top = 0
+        self._count = 0
+
+    def window(self, lines: Sequence[T], paint: Callable[[T], Row]) -> None:
+        """Draw the lines in sight."""
+        self._count = len(lines)
+        last_top = max(0, self._count - self.size.height)
+        self._top = last_top if self.following else max(0, min(self._top, last_top))
+        self.show(map(paint, lines[self._top : self._top + self.size.height]))
+
+    def move(self, rows: int) -> None:
+        """Scroll by rows; at the end, follow the newest line again."""
+        last_top = max(0, self._count - self.size.height)
+        self._top = max(0, min(last_top, self._top + rows))
+        self.following = self._top >= last_top
+
+    def go(self, line: int) -> None:
+        """Scroll so that this line is in the middle."""
+        self._top = max(0, line - self.size.height // 2)
+        self.following = False
+
+    def reveal(self, line: int) -> None:
+        """Scroll as little as possible so that this line is in sight."""
+        self._top = max(min(self._top, line), line - self.size.height + 1)
+        self.following = False
+
+    def line_at(self, y: int) -> int:
+        """Return the line that is drawn in a row."""
+        return self._top + y
+
+    def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
+        """Scroll up."""
+        event.stop()
+        self.move(-3)
+
+    def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
+        """Scroll down."""
+        event.stop()
+        self.move(3)
+
+
+class Printable(LineFilter):
+    """Replaces each unprintable character by as many cells as Textual counted for it.
+
+    Textual passes the rows of all widgets, its own included, through this filter.
+    """
+
+    def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
+        """Return the segments without control characters."""
+        if all(segment.text.isprintable() for segment in segments):
+            return segments
+        return [Segment(cleaned(text), style, control) for text, style, control in segments]
+
+
+def cleaned(text: str) -> str:
+    """Return the text without control characters."""
+    return "".join(one if one.isprintable() else REPLACEMENT * cell_len(one) for one in text)

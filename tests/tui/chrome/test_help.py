@@ -2,7 +2,7 @@
 
 import pytest
 
-from ground.app.chrome.help_rows import MEANINGS, NOTHING_TO_SAY, mark_pairs, sections
+from ground.app.screens.help import MEANINGS, NOTHING_TO_SAY, mark_pairs, sections
 from ground.app.widgets.rows import words_of
 from ground.map.canvas import MARKS
 from ground.map.drawing import seen_mark

@@ -3,10 +3,9 @@
 import msgspec
 
 from ground.app.chrome.button_row import ButtonRow
-from ground.app.chrome.next_keys import next_keys
-from ground.app.input.default_keys import KEYS
-from ground.app.input.keymap import Keymap
-from ground.app.stops.next_keys import next_steps
+from ground.app.chrome.key_bar import next_keys
+from ground.app.input.keymap import KEYS, Keymap
+from ground.app.stops.band import next_steps
 from ground.app.widgets.rows import words_of
 from ground.map.scene import MapTarget
 from protocol.topics import MISSION, STATUS

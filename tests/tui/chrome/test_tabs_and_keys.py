@@ -3,8 +3,7 @@
 from ground.app.chrome.button_row import Button, buttons_width
 from ground.app.chrome.key_bar import key_buttons
 from ground.app.chrome.tabs import UnreadWarnings, tab_buttons
-from ground.app.input.default_keys import Layer
-from ground.app.input.keymap import Keymap
+from ground.app.input.keymap import Keymap, Layer
 from ground.app.widgets.rows import words_of
 from ground.station.history.event_log import EventLog, LogLine
 from protocol.wire.enums import Severity

@@ -5,8 +5,7 @@ from textual.command import CommandList, DiscoveryHit, Hit
 from textual.content import Content
 
 from ground.app.commands.palette import CommandPalette
-from ground.app.input.default_keys import KEYS, Layer
-from ground.app.input.keymap import Keymap, keymap_of
+from ground.app.input.keymap import KEYS, Keymap, Layer, keymap_of
 from ground.app.screens import SCREENS
 from ground.app.screens.drive import DriveScreen
 from ground.app.widgets.command_line import CommandLine

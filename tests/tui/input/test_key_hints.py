@@ -1,7 +1,6 @@
 """A refusal in the app names keys: those of the keymap in force."""
 
-from ground.app.input.key_hints import key_hints
-from ground.app.input.keymap import Keymap, keymap_of
+from ground.app.input.keymap import Keymap, key_hints, keymap_of
 from ground.client.results import Refused
 from ground.client.vocabulary import HINTS
 from protocol.wire.reasons import Reason

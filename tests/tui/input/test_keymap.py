@@ -4,10 +4,17 @@ from pathlib import Path
 
 import pytest
 
-from ground.app.chrome.next_keys import CURSOR
-from ground.app.input.default_keys import KEYS, Layer
-from ground.app.input.keymap import Keymap, as_toml, clashes, keymap_of, load
-from ground.app.input.textual_bindings import bindings_of
+from ground.app.chrome.key_bar import CURSOR
+from ground.app.input.keymap import (
+    KEYS,
+    Keymap,
+    Layer,
+    as_toml,
+    bindings_of,
+    clashes,
+    keymap_of,
+    load,
+)
 from runtime.errors import ConfigError
 
 BELOW = (Layer.ROBOT, Layer.FLEET, Layer.STATION)

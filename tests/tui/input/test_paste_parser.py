@@ -8,14 +8,14 @@ from textual import events
 from textual._ansi_sequences import ANSI_SEQUENCES_KEYS, IGNORE_SEQUENCE
 from textual._xterm_parser import XTermParser
 
-from ground.app.input.driver import InputParser
-from ground.app.input.paste_parser import (
+from ground.app.input.driver import (
     END,
     HELD_S,
     LONGEST_KEY,
     MAX_LENGTH,
     SILENT_S,
     START,
+    InputParser,
     InputPiece,
     PasteParser,
 )

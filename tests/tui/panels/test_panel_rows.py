@@ -5,14 +5,18 @@ from math import inf, nan
 from msgspec.structs import replace
 
 from ground.app.panels.aged import number
-from ground.app.panels.mission import mission_rows
-from ground.app.panels.progress import progress_rows
-from ground.app.panels.robot_state import FORMS, SidePanel, form_for
-from ground.app.panels.sonar import dead_sonars, sonar_rows
+from ground.app.panels.robot_state import (
+    FORMS,
+    SidePanel,
+    dead_sonars,
+    form_for,
+    mission_rows,
+    progress_rows,
+    sonar_rows,
+)
 from ground.app.panels.status import SessionInfo, status_row
-from ground.app.widgets.bars import bar, binned, spark
+from ground.app.widgets.bars import SPARKLINES, bar, binned, figure_row, spark
 from ground.app.widgets.rows import Row, cut, in_ascii, row, width_of, words_of
-from ground.app.widgets.sparklines import SPARKLINES, figure_row
 from ground.client.goal import Destination
 from ground.client.status_line import goal_line, metres
 from ground.map.scene import MapTarget

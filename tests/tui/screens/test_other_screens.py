@@ -8,10 +8,15 @@ from textual.app import ScreenStackError
 from ground.app.app import GroundApp
 from ground.app.screens import SCREENS, screen_of
 from ground.app.screens.faults import FaultsScreen, InjectableFault, fault_of
-from ground.app.screens.worlds import WorldsScreen, looked_up
+from ground.app.screens.worlds import (
+    WorldsScreen,
+    change_world,
+    looked_up,
+    query_worlds,
+    reached_count,
+    read_reached_counts,
+)
 from ground.app.widgets.map import MapWidget
-from ground.app.world_change import change_world
-from ground.app.worlds import query_worlds, reached_count, read_reached_counts
 from ground.client.parameter import Parameter
 from ground.map.scene import MapTarget
 from runtime.errors import UserError

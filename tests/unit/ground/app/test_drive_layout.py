@@ -1,6 +1,6 @@
 """Test how the Drive screen is shared, above all that square worlds fill the map."""
 
-from ground.app.panels.drive_layout import LEAST_MAP, drive_layout
+from ground.app.screens.drive import LEAST_MAP, drive_layout
 from ground.map.canvas import DOTS_HIGH, DOTS_WIDE
 from ground.map.view import View
 from tests.support.each import each

@@ -2,7 +2,7 @@
 
 from math import isfinite
 
-from ground.app.widgets.sparklines import FRESH_S
+from ground.app.widgets.bars import FRESH_S
 from ground.station.fleet import KEPT_NS, Attention
 from ground.station.link.loss import LossKind
 from protocol.bus.network import MAX_ROBOTS, Hub

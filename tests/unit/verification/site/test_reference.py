@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.app.input.default_keys import KEYS
+from ground.app.input.keymap import KEYS
 from protocol.outcome import OUTCOMES, REPLACED
 from protocol.wire.reasons import REASON_TEXTS
 from robot.parameter_table import SPECS

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.app.lists.list_filter import ListFilter
+from ground.app.lists.table import ListFilter
 from tests.support.each import each
 
 COLUMNS = ("name", "unit")

@@ -14,7 +14,7 @@ from textual.widget import Widget
 
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import row
-from ground.app.widgets.still import StillContainer
+from ground.app.widgets.strip_widget import StillContainer
 
 
 class PlainLines(Lines):
