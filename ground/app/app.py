@@ -31,8 +31,9 @@ from ground.app.frame_rate import Drawable, FrameRate
 from ground.app.input.key_queue import KeyQueue
 from ground.app.input.keymap import KeyBinding, Keymap, Layer, bindings_of, names_of, shown
 from ground.app.panels.status import SIMULATION, SessionInfo
+from ground.app.playback.app_interface import AppControl
 from ground.app.playback.player import RecordingReader
-from ground.app.screens import SCREENS, screen_of
+from ground.app.screens import SCREENS
 from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.stops.alerts import Alerts
 from ground.app.stops.band import Band, BandKeys, is_in_emergency_stop, stop_band
@@ -62,6 +63,44 @@ def palette() -> "type[Provider]":
     from ground.app.commands.palette import CommandPalette
 
     return CommandPalette
+
+
+def screen_of(name: str, app: AppControl) -> AppScreen:
+    """Return a new screen by its name; its module is imported when it is first shown."""
+    match name:
+        case "drive":
+            from ground.app.screens.drive import DriveScreen
+
+            return DriveScreen(app)
+        case "plots":
+            from ground.app.screens.plots import PlotsScreen
+
+            return PlotsScreen(app)
+        case "params":
+            from ground.app.screens.params import ParamsScreen
+
+            return ParamsScreen(app)
+        case "log":
+            from ground.app.screens.log import LogScreen
+
+            return LogScreen(app)
+        case "links":
+            from ground.app.screens.links import LinksScreen
+
+            return LinksScreen(app)
+        case "worlds":
+            from ground.app.screens.worlds import WorldsScreen
+
+            return WorldsScreen(app)
+        case "faults":
+            from ground.app.screens.faults import FaultsScreen
+
+            return FaultsScreen(app)
+        case "replay":
+            from ground.app.screens.replay import ReplayScreen
+
+            return ReplayScreen(app)
+    raise ValueError(f"no screen: {name}")
 
 
 class GroundApp(App[int]):
@@ -123,7 +162,7 @@ class GroundApp(App[int]):
         if self.appearance.hz:
             self.set_interval(1.0 / POLL_HZ, self.sample)
 
-    # Implementation of AppInterface, for the screens.
+    # Implementation of AppControl, for the screens, keys and commands.
 
     @property
     def station(self) -> Station:

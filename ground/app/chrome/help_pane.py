@@ -1,14 +1,10 @@
 """Open the help above the screen that is shown."""
 
-from typing import TYPE_CHECKING
-
+from ground.app.playback.app_interface import AppControl
 from ground.app.widgets.map import MONO
 
-if TYPE_CHECKING:
-    from ground.app.app import GroundApp
 
-
-def show_help(app: "GroundApp", word: str = "", *, commands: bool = False) -> None:
+def show_help(app: AppControl, word: str = "", *, commands: bool = False) -> None:
     """Open the help at one command, at the list of `commands`, or at its begin.
 
     Raise UserError when the command is unknown.

@@ -1,16 +1,14 @@
 """Leave the app; while a robot drives, only at the second press."""
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from ground.app.commands.second_press import SecondPress
+from ground.app.playback.app_interface import AppControl
 from ground.client.telemetry import Age
 from ground.station.station import Station
 from ground.text.status_parts import GOAL_MODES
 from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus
-
-if TYPE_CHECKING:
-    from ground.app.app import GroundApp
 
 WITHIN_S: Final = 5.0
 
@@ -18,7 +16,7 @@ WITHIN_S: Final = 5.0
 class Leaving:
     """Performs the keys that leave the app or look as if they did."""
 
-    def __init__(self, app: "GroundApp") -> None:
+    def __init__(self, app: AppControl) -> None:
         self._app = app
         self._pressed = SecondPress(lambda: app.station.time_s, WITHIN_S)
 

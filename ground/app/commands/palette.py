@@ -1,18 +1,40 @@
 """Define the command palette: active keys, themes, and all words of the command line."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 
-from ground.app.input.keymap import shown
+from ground.app.commands.command_sink import CommandSink
+from ground.app.input.keymap import KeyBinding, shown
+from ground.app.screens.app_screen import AppScreen
 from ground.console.app_commands import SetTheme
 from ground.console.help import summaries
 from ground.text.theme_names import THEMES
 
-if TYPE_CHECKING:
-    from ground.app.app import GroundApp
+
+@runtime_checkable
+class PaletteApp(Protocol):
+    """The app as its palette sees it."""
+
+    palette_uses: Counter[str]
+    """How often each entry was used."""
+    commands: CommandSink
+
+    @property
+    def base_screen(self) -> AppScreen | None:
+        """The screen below any dialogs."""
+
+    def keys_now(self) -> list[KeyBinding]:
+        """Return the keys of the base screen."""
+
+    def run_chosen(self, id: str) -> None:
+        """Run an action chosen from a list."""
+
+    def begin_line(self, text: str) -> None:
+        """Let the operator continue typing a command."""
 
 
 class PaletteEntry(NamedTuple):
@@ -72,9 +94,7 @@ def literal(text: str) -> str:
     return text.replace("[", r"\[")
 
 
-def ground_app(app: object) -> "GroundApp":
-    """Return the app with its own type."""
-    from ground.app.app import GroundApp
-
-    assert isinstance(app, GroundApp), "the palette needs the ground station's app"
+def ground_app(app: object) -> PaletteApp:
+    """Return the app as the palette needs it."""
+    assert isinstance(app, PaletteApp), "the palette needs the ground station's app"
     return app

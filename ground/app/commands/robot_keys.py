@@ -9,14 +9,14 @@ from collections.abc import Mapping
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from ground.app.chrome.help_pane import show_help
 from ground.app.chrome.key_bar import mission_is_ready, unsent
 from ground.app.commands.leaving import Leaving
 from ground.app.commands.stop_keys import StopKeys
 from ground.app.panels.status import NAMES as NAVIGATOR_NAMES
-from ground.app.playback.app_interface import AppInterface
+from ground.app.playback.app_interface import AppControl
 from ground.app.screens import SCREENS
 from ground.app.screens.app_screen import Action
 from ground.app.screens.choice import Choice
@@ -37,20 +37,15 @@ from protocol.topics import STATUS
 from protocol.wire.enums import Mode
 from protocol.wire.messages import NavigatorStatus
 
-if TYPE_CHECKING:
-    from ground.app.app import GroundApp
-    from ground.app.playback.player import Player
-    from ground.launch.recording_session import RecordingSession
-
-
 NOTHING: Final = "nothing is recorded here, so there is no run to share"
 
 
-def share_run(
-    app: AppInterface, player: "Player | None", recording: "RecordingSession | None"
-) -> None:
+def share_run(app: AppControl) -> None:
     """Write the archive of the played recording, else of this session's; the log says where."""
-    file = player.path if player is not None else None if recording is None else recording.file
+    if app.player is not None:
+        file: Path | None = app.player.path
+    else:
+        file = None if app.recording is None else app.recording.file
     if file is None:
         app.note(NOTHING)
         return
@@ -93,7 +88,7 @@ PLAIN: Final[tuple[Operation[Outcome], ...]] = (
 class RobotKeys:
     """Performs the actions of keys on the app."""
 
-    def __init__(self, app: "GroundApp") -> None:
+    def __init__(self, app: AppControl) -> None:
         self._app = app
         self._stop_keys = StopKeys(app)
         self._leaving = Leaving(app)
@@ -230,7 +225,7 @@ class RobotKeys:
 
     def share(self) -> None:
         """Put the run that is shown into one archive."""
-        share_run(self._app, self._app.player, self._app.recording)
+        share_run(self._app)
 
     def next_theme(self) -> None:
         """Switch to the next theme."""

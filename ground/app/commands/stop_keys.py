@@ -1,16 +1,14 @@
 """Perform the keys of the emergency stop: the selected robot, all robots, and its release."""
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from ground.app.commands.second_press import SecondPress
 from ground.app.panels.aged import live
+from ground.app.playback.app_interface import AppInterface
 from ground.app.stops.band import is_in_emergency_stop
 from ground.client.operations import ClearEmergencyStop
 from protocol.topics import STATUS
-
-if TYPE_CHECKING:
-    from ground.app.app import GroundApp
 
 ALL_WITHIN_S: Final = 1.0
 """A second press within this time stops all robots."""
@@ -20,7 +18,7 @@ CLEAR_WITHIN_S: Final = 2.0
 class StopKeys:
     """Performs the stop keys. Nothing here waits, and nothing rejects a stop."""
 
-    def __init__(self, app: "GroundApp") -> None:
+    def __init__(self, app: AppInterface) -> None:
         self._app = app
 
         def time_s() -> float:

@@ -1,19 +1,17 @@
 """Give the replay screen an app without commands to the robot."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from ground.app.commands.command_sink import CommandSink
 from ground.app.panels.status import SessionInfo
+from ground.app.playback.app_interface import AppControl
 from ground.app.playback.player import Player
 from ground.client.operations import Abort, Disarm, Hold, Operation, StopAll, StopNow
 from ground.client.results import Outcome
 from ground.console.app_commands import AppCommand, Undo
 from ground.map.scene import MapTarget
 from ground.station.station import Station
-
-if TYPE_CHECKING:
-    from ground.app.app import GroundApp
 
 STOPS: Final = ("hold", "abort", "disarm", "estop", "stop")
 REFUSED: Final = "this is a replay: press 1 to command the robot"
@@ -73,7 +71,7 @@ class ReadOnlyCommands:
 class ReadOnlyApp:
     """The app's interface without robot commands; shows the app's station without a recording."""
 
-    def __init__(self, app: "GroundApp") -> None:
+    def __init__(self, app: AppControl) -> None:
         self._app = app
         self.commands = ReadOnlyCommands(app.commands, self.note)
         self.ascii_only, self.stack = app.ascii_only, app.stack

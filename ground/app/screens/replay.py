@@ -3,12 +3,13 @@
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from textual.app import ComposeResult
 
 from ground.app.chrome.key_bar import CURSOR, REPLAY, NextKey
 from ground.app.input.keymap import Layer
+from ground.app.playback.app_interface import AppControl
 from ground.app.playback.player import Player
 from ground.app.playback.read_only_app import ReadOnlyApp
 from ground.app.screens.app_screen import Action
@@ -21,9 +22,6 @@ from ground.user.folders import recordings_folder
 from protocol.outcome import WIDEST
 from runtime.errors import UserError
 
-if TYPE_CHECKING:
-    from ground.app.app import GroundApp
-
 FAR_S: Final = 10.0
 NO_RECORDING: Final = " no recording is open: press o to choose one, or type: replay FILE"
 MAX_LISTED: Final = 18
@@ -34,7 +32,7 @@ class ReplayScreen(DriveScreen):
 
     key_layer = Layer.REPLAY
 
-    def __init__(self, app: "GroundApp") -> None:
+    def __init__(self, app: AppControl) -> None:
         super().__init__(ReadOnlyApp(app))
         self._app_below = app
 

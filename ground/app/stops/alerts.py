@@ -1,16 +1,13 @@
 """Call the operator: ring the terminal's bell and show a message, once for each event."""
 
 from collections.abc import Collection, Sequence
-from typing import TYPE_CHECKING, Final, Literal, NamedTuple
+from typing import Final, NamedTuple
 
+from ground.app.playback.app_interface import AppControl, Loudness
 from ground.app.stops.stop_watch import EventKind, StopEvent, StopWatch
 from runtime.units import NS_PER_S
 
-if TYPE_CHECKING:
-    from ground.app.app import GroundApp
-
-Severity = Literal["information", "warning", "error"]
-SEVERITIES: Final[dict[EventKind, Severity]] = {
+SEVERITIES: Final[dict[EventKind, Loudness]] = {
     EventKind.EMERGENCY_STOP: "error",
     EventKind.FAILSAFE: "warning",
     EventKind.REACHED: "information",
@@ -35,7 +32,7 @@ class Alerts:
     Robots with the same event share a message and a ring, as after a stop of all.
     """
 
-    def __init__(self, app: "GroundApp", *, quiet: bool) -> None:
+    def __init__(self, app: AppControl, *, quiet: bool) -> None:
         self.watch = StopWatch()
         self._app = app
         self._quiet = quiet
