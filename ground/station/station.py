@@ -1,7 +1,4 @@
-"""Run a ground station without a screen: poll it, then read its state.
-
-Show the state of the selected robot at the last poll.
-"""
+"""Define the ground station without a screen: poll it, then read the state of its robots."""
 
 from collections.abc import Callable, Collection
 from contextlib import suppress
@@ -58,22 +55,87 @@ from runtime.units import NS_PER_S
 Point = tuple[float, float]
 PLACE_BY_HAND: Final = "pose set X Y DEG"
 PLACE_FROM_TRUTH: Final = "pose truth"
+CLOSING_S: Final = 2.0
+REPLAYED: Final = "a replay accepts no commands"
+STOPPED: Final = "an emergency stop came first"
+RESTARTED: Final = "other processes are started"
+PROCESSES: Final = frozenset((Role.ROBOT.value, Role.PLANT.value))
 
 
-class StationView:
-    """View of the selected robot; the station selects it.
+class Station:
+    """Everything an operator sees of one or several robots, with the operations to command them.
 
-    `answer` is the last line that the station itself added to the log, such as a command's outcome.
+    No method waits: requests run in threads, and their results are in the log after a later `poll`.
+    All methods are called from one thread. With a bus that only receives (a played recording) the
+    station only shows; after a jump back in the recording, create a new station.
     """
 
     answer: LogLine | None = None
+    """The last line that the station itself added to the log, such as a command's outcome."""
 
-    def __init__(self, robot: str, now_ns: int, world: WorldFacts | None, fleet: Fleet) -> None:
+    def __init__(
+        self,
+        bus: ReadableBus,
+        robot: str,
+        clock: Clock,
+        world: WorldFacts | None = None,
+        *,
+        name: str = "operator",
+        workers: Callable[[str], RequestWorker] = RequestThread,
+    ) -> None:
+        """Create a station; `name` is shown to others while it holds a lease."""
+        self.log = EventLog(began_s=time_ns() / NS_PER_S if isinstance(bus, LiveBus) else None)
+        self._bus = bus
+        self._clock = clock
         self._robot = robot
         self._given_world = world
-        self._began_ns = self._now_ns = now_ns
+        self._began_ns = self._now_ns = clock.now_ns()
         self._present = PresentProcesses(frozenset())
-        self._fleet = fleet
+        self._fleet = Fleet(bus, clock, workers, self._add_line)
+        self._ended: frozenset[tuple[str, str]] = frozenset()
+        self._worker = workers("requests")
+        self._commanding = CommandQueue(bus, clock, self._worker, self.note, name)
+        if isinstance(bus, LiveBus):
+            bus.watch(lambda _who, _came: None)
+        self.select(robot)
+
+    def poll(self) -> None:
+        """Process everything once, and send heartbeats while the lease is held.
+
+        Call it at most 20 times a second. Heartbeats are sent here only: an app that hangs stops
+        being the operator.
+        """
+        self._now_ns = now_ns = self._clock.now_ns()
+        present = tuple(
+            token for token in self._bus.present() if (token.role, token.zid) not in self._ended
+        )
+        self._present = present_processes(present)
+        self._watch(now_ns)
+        self._fleet.poll(present, self._robot, now_ns)
+        self._commanding.poll(now_ns)
+        for session in self._fleet.sessions.values():
+            session.beat(now_ns)
+
+    def close(self) -> None:
+        """Give the lease back and end the threads, within 2 s; call it in a thread."""
+        deadline_s = monotonic() + CLOSING_S
+        self._worker.close(deadline_s - CLOSING_S / 2)
+        for robot, session in self._fleet.sessions.items():
+            if session.holding.is_used:
+                self._commanding.leave(robot, session.holding)
+        self._fleet.close(deadline_s)
+
+    @property
+    def robot(self) -> str:
+        """Name of the robot that is shown and commanded."""
+        return self._robot
+
+    def robots(self) -> list[str]:
+        """Return the names of all robots that are present or were seen, r2 before r10."""
+        names = {*self._fleet.models, *self._fleet.unwatched[:MAX_ROBOTS]}
+        return sorted(names, key=name_key)
+
+    # The state of the selected robot at the last poll.
 
     @property
     def _model(self) -> RobotModel:
@@ -300,80 +362,7 @@ class StationView:
         scene = without_place(scene) if self.place_remedy else scene
         return replace(scene, others=others_of(others, self._now_ns))
 
-
-CLOSING_S: Final = 2.0
-REPLAYED: Final = "a replay accepts no commands"
-STOPPED: Final = "an emergency stop came first"
-RESTARTED: Final = "other processes are started"
-PROCESSES: Final = frozenset((Role.ROBOT.value, Role.PLANT.value))
-
-
-class Station(StationView):
-    """Everything an operator sees of one or several robots, with the operations to command them.
-
-    No method waits: requests run in threads, and their results are in the log after a later `poll`.
-    All methods are called from one thread. With a bus that only receives (a played recording) the
-    station only shows; after a jump back in the recording, create a new station.
-    """
-
-    def __init__(
-        self,
-        bus: ReadableBus,
-        robot: str,
-        clock: Clock,
-        world: WorldFacts | None = None,
-        *,
-        name: str = "operator",
-        workers: Callable[[str], RequestWorker] = RequestThread,
-    ) -> None:
-        """Create a station; `name` is shown to others while it holds a lease."""
-        self.log = EventLog(began_s=time_ns() / NS_PER_S if isinstance(bus, LiveBus) else None)
-        fleet = Fleet(bus, clock, workers, self._add_line)
-        super().__init__(robot, clock.now_ns(), world, fleet)
-        self._bus = bus
-        self._clock = clock
-        self._ended: frozenset[tuple[str, str]] = frozenset()
-        self._worker = workers("requests")
-        self._commanding = CommandQueue(bus, clock, self._worker, self.note, name)
-        if isinstance(bus, LiveBus):
-            bus.watch(lambda _who, _came: None)
-        self.select(robot)
-
-    def poll(self) -> None:
-        """Process everything once, and send heartbeats while the lease is held.
-
-        Call it at most 20 times a second. Heartbeats are sent here only: an app that hangs stops
-        being the operator.
-        """
-        self._now_ns = now_ns = self._clock.now_ns()
-        present = tuple(
-            token for token in self._bus.present() if (token.role, token.zid) not in self._ended
-        )
-        self._present = present_processes(present)
-        self._watch(now_ns)
-        self._fleet.poll(present, self._robot, now_ns)
-        self._commanding.poll(now_ns)
-        for session in self._fleet.sessions.values():
-            session.beat(now_ns)
-
-    def close(self) -> None:
-        """Give the lease back and end the threads, within 2 s; call it in a thread."""
-        deadline_s = monotonic() + CLOSING_S
-        self._worker.close(deadline_s - CLOSING_S / 2)
-        for robot, session in self._fleet.sessions.items():
-            if session.holding.is_used:
-                self._commanding.leave(robot, session.holding)
-        self._fleet.close(deadline_s)
-
-    @property
-    def robot(self) -> str:
-        """Name of the robot that is shown and commanded."""
-        return self._robot
-
-    def robots(self) -> list[str]:
-        """Return the names of all robots that are present or were seen, r2 before r10."""
-        names = {*self._fleet.models, *self._fleet.unwatched[:MAX_ROBOTS]}
-        return sorted(names, key=name_key)
+    # Selection and operation of robots.
 
     def _watch(self, now_ns: int) -> None:
         """Watch robots that have appeared."""
