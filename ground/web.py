@@ -1,14 +1,9 @@
-"""Check the token of each request before textual-serve, which has no authentication, handles it.
+"""Serve the ground station to browsers (`sidestep ground --web`) until SIGINT or SIGTERM.
 
-The browser sends the token once, in the address, and gets a cookie with a random session id. So the
-address bar, a referrer and other services on this host, to which browsers send the cookie, never
-see the token. A web socket is opened only from a page of this server.
-
-Read the address and the token under which browsers open the ground station.
-
-Run textual-serve behind the access check.
-
-Serve the ground station to browsers (`sidestep ground --web`) until SIGINT or SIGTERM.
+textual-serve has no authentication, so the token of each request is checked before. The browser
+sends the token once, in the address, and gets a cookie with a random session id. So the address
+bar, a referrer and other services on this host, to which browsers send the cookie, never see the
+token. A web socket is opened only from a page of this server.
 """
 
 import argparse

@@ -1,6 +1,6 @@
 """Define the app: screens, keys and a timer around a station.
 
-Run slow jobs in daemon threads, so that neither the screen nor the exit waits for them.
+Slow jobs run in daemon threads, so that neither the screen nor the exit waits for them.
 """
 
 import os

@@ -1,6 +1,7 @@
-"""Determine the appearance of the app: from its options, the user's settings, the terminal.
+"""Determine the appearance of the app, and define its five themes for Textual.
 
-Define the five themes for Textual; colours by role are in `ground.app.widgets.role_colours`.
+Options come first, then the user's settings, then the terminal. Colours by role are in
+`ground.app.widgets.role_colours`.
 """
 
 import argparse

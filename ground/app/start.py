@@ -1,6 +1,6 @@
 """Open the app over a connected link, and restore the terminal at the end.
 
-Redirect all output but that of the app to a log file, while the app is open.
+While it is open, all output but that of the app goes to a log file.
 """
 
 import asyncio

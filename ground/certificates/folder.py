@@ -1,8 +1,7 @@
-"""The folder of `keys new`: for each role a certificate, its key and a configuration file.
+"""Write and check the folder of `keys new`: a certificate, key and configuration for each role.
 
-Operators and robots also have a file of secrets for the stop datagram.
-
-Checks each certificate of a folder: its role, its expiry and its faults.
+Operators and robots also have a file of secrets for the stop datagram. The check names the role,
+the expiry and the faults of each certificate.
 """
 
 import os

@@ -1,10 +1,7 @@
-"""Explain the decision of one tick as a headline and lines of numbers.
+"""Explain the decision of one tick as a headline and lines of numbers, and find turning points.
 
-Write one line: what the robot does with its wheels, and why.
-
-Name the numbers of the dialect; an unknown one stays a number.
-
-Find the turning points of a run: changes of branch, side or guard.
+The headline says what the robot does with its wheels, and why. An unknown number of the dialect
+stays a number. A turning point is a change of branch, side or guard.
 """
 
 from collections.abc import Iterator, Mapping

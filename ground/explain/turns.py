@@ -1,7 +1,4 @@
-"""Keep the last turning points of the shown robot, to explain why it turned.
-
-Explain at any instant of a recording why the robot turned.
-"""
+"""Explain why a robot turned: its last turning points, live or at an instant of a recording."""
 
 from bisect import bisect_left, bisect_right
 from collections import deque

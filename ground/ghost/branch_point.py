@@ -1,10 +1,6 @@
-"""Describe the instant of a run from which another navigator continues.
+"""Describe the instant of a run from which another navigator continues: live or of a recording.
 
-Parse the output of a ghost's process: its path tick by tick, then its result.
-
-Read the present state of a simulated robot from the robot and its plant.
-
-Start ghosts from a recording, and measure the rest of the recorded drive.
+Parse the output of a ghost's process, too: its path tick by tick, then its result.
 """
 
 import json

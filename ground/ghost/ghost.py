@@ -1,10 +1,7 @@
-"""Run another navigator from an instant of a run in a separate process.
+"""Run other navigators from an instant of a run, each in a process, and report them in the log.
 
-Create and start it in a thread that stays alive: Linux ends a child with its starting thread.
-
-Run several ghosts, at most one per core at the same time.
-
-Run ghosts from the present instant of a station and report them in its log.
+At most one per core runs at the same time. A thread that stays alive creates and starts them: Linux
+ends a child with its starting thread.
 """
 
 import os

@@ -1,13 +1,7 @@
 """A drawing in a grid of character cells: 2 x 4 dots and one role in each, marks and text above.
 
 Dots count from the top left corner, x to the right and y downwards. Dots and cells outside the
-canvas are skipped without an error.
-
-Define the characters of the map, for each pattern of dots in a cell and for each mark.
-
-Define the roles of what is drawn on the map.
-
-A cell has one role: the one drawn last, in the order given here.
+canvas are skipped without an error. The role of a cell is the one drawn last.
 """
 
 import re

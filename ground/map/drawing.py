@@ -1,17 +1,8 @@
 """Draw a scene on a canvas, layer by layer; later layers cover earlier ones.
 
-Static layers and traces are separate, so that a caller that draws many frames draws each of them
-only when it has changed.
-
-Name the marks of the map that are on it now, the most important first.
-
-Cache the layers below the robot, and draw only changed layers again.
-
-Draw what does not move with the robot: walls, fence, mission and its draft, ghosts.
-
-Draw what changes with every frame: the robot, its sonars, its goal, and other moving things.
-
-Describe a place on the map in words, and measure between two places.
+What does not move with the robot (walls, fence, mission, draft, ghosts) is drawn again only when it
+has changed; the robot, its sonars, its goal and other moving things, in every frame. Marks and
+places of the map are described in words, too.
 """
 
 from collections.abc import Callable, Collection, Iterable, Sequence

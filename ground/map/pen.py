@@ -1,8 +1,6 @@
-"""Draw in metres on a canvas.
+"""Draw in metres on a canvas: lines, shapes, marks, and the ellipse that contains the robot.
 
 A point with a NaN or an infinity is left out and interrupts a line.
-
-Compute the ellipse that contains the robot with probability 1 - OUTSIDE.
 """
 
 from collections.abc import Iterable, Sequence

@@ -1,6 +1,6 @@
 """Read and write mission files: `.toml`, and `.plan` and `.waypoints` of QGroundControl.
 
-Read and write TOML mission files: `[[waypoint]]` tables, optional `[fence]` and `[home]`.
+A `.toml` file has `[[waypoint]]` tables, and optionally `[fence]` and `[home]`.
 """
 
 import re

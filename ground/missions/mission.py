@@ -1,11 +1,8 @@
-"""Describe a mission: poses in order, and the fence around them.
+"""Describe a mission: poses in order, and the fence around them; list the problems of both.
 
 Positions are metres in the robot's own frame, x forward and y left of its start pose. Headings are
-degrees, counter-clockwise from x.
-
-Check the corners of a fence: at least three, distinct, without crossing sides.
-
-List the problems of a mission file: file, line, key or item, reason and fix.
+degrees, counter-clockwise from x. A fence has at least three distinct corners, without crossing
+sides.
 """
 
 from collections.abc import Mapping, Sequence

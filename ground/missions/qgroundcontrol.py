@@ -1,19 +1,9 @@
-"""Read and write QGroundControl's `.plan`: JSON with items, a fence and a planned home.
+"""Read and write QGroundControl's files: `.plan` (JSON) and `.waypoints` (lines of numbers).
 
-Source: docs.qgroundcontrol.com, "Plan File Format", version 1.
-
-Read and write `.waypoints`: lines of twelve numbers under `QGC WPL 110`; item 0 is home.
-
-Source: mavlink.io, "File Formats"; item 0 is home as in Mission Planner and ArduPilot.
-
-Convert items of `.plan` and `.waypoints` files to waypoints and back.
-
-A yaw of 0 is what every program writes for "none": it is read as any heading, and north is written
-as 360.
-
-Convert items of a foreign file to waypoints; unsupported ones are rejected or dropped.
-
-Convert latitude and longitude to the metres of a mission and back, around its home.
+Sources: docs.qgroundcontrol.com, "Plan File Format", version 1; mavlink.io, "File Formats". Item 0
+of `.waypoints` is home, as in Mission Planner and ArduPilot. Unsupported items are rejected or
+dropped. A yaw of 0 is what every program writes for "none": it is read as any heading, and north is
+written as 360.
 
 x points east and y north in the plane that touches the WGS 84 ellipsoid at the home. A place on
 Earth is the point of the ellipsoid below or above a point of that plane (EPSG method 9840, the

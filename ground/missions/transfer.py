@@ -1,8 +1,7 @@
 """Run MAVLink's mission protocol without I/O: each request is repeated until answered.
 
-The answers decide the next step, so a repeated or late answer does no harm.
-
-Convert mission and fence to wire items: tenths of a millimetre in the robot's frame.
+The answers decide the next step, so a repeated or late answer does no harm. Items on the wire are
+tenths of a millimetre in the robot's frame.
 """
 
 from collections.abc import Sequence

@@ -1,9 +1,8 @@
-"""Find recordings: those in a folder, the newest first, and the one that a user names.
+"""Find recordings, the newest first, and delete the oldest ones beyond a limit.
 
-Delete the oldest recordings beyond a limit, but never a file that is being written.
-
-A recorder holds a lock on its files, which identifies those of all recorders on this machine. Of a
-run that is being recorded, the oldest parts are deleted.
+A file that is being written is never deleted: a recorder holds a lock on its files, which
+identifies those of all recorders on this machine. Of a run that is being recorded, the oldest parts
+are deleted.
 """
 
 import re

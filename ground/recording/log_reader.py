@@ -1,20 +1,15 @@
 """Read all frames of a recording of either kind: time of arrival, key and bytes.
 
-A truncated file yields the frames before the cut, and `damage` describes the loss.
+A truncated file yields the frames before the cut, and `damage` describes the loss. A `.tlog` is
+records of a big-endian time in us (8 bytes) and one MAVLink frame.
 
-The parts of a run: a recorder begins a new pair of files every so often.
+A recorder begins a new pair of files every so often. The first pair has the name of the run; the
+later ones add `.part002` and so on. Whoever names one of them means the run. Retention may have
+deleted the oldest.
 
-The first pair has the name of the run; the later ones add `.part002` and so on. Whoever names one
-of them means the run. Retention may have deleted the oldest.
-
-Read a `.tlog`: records of a big-endian time in us (8 bytes) and one MAVLink frame.
-
-A truncated file is read up to the cut; the reader reports the loss.
-
-Hold a whole recording in compact form in memory, so that any instant is found at once.
-
-Time starts at 0 with the first frame. It is the time of arrival in wall time. In lockstep, which
-runs as fast as the machine can, it is the stamp of the plant's clock.
+The index holds a whole recording in compact form, so that any instant is found at once. Time starts
+at 0 with the first frame. It is the time of arrival in wall time; in lockstep, which runs as fast
+as the machine can, it is the stamp of the plant's clock.
 """
 
 import fcntl

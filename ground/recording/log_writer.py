@@ -1,14 +1,12 @@
-"""Write frames to the end of a file in whole batches, without delaying the senders.
+"""Write a run to a `.tlog` and an MCAP file, without delaying the senders.
+
+Every MAVLink tool reads a `.tlog`. Both are continued in a next part when they are large or old, so
+that retention can delete the beginning of a long run.
 
 A batch is one `write`, so a kill leaves whole records and at most one partial record. While the
 disk is full or hangs, frames wait in bounded memory; beyond the limit the newest are dropped and
 counted. When a flush to the disk fails, all data since the last good flush count as lost: the
 kernel may have dropped them, and the next flush reports success.
-
-Write one run to two files: a `.tlog`, which every MAVLink tool reads, and an MCAP file.
-
-Both are continued in a next part when they are large or old, so that retention can delete the
-beginning of a long run.
 """
 
 import fcntl

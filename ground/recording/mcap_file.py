@@ -1,19 +1,12 @@
-"""Derive the topic path of a frame from its message and its sender.
+"""Write frames to an MCAP file, and read one that may be truncated or damaged anywhere.
 
-Split a frame into its channel messages: raw, message as JSON, and drawings.
-
-Files and live viewers get the same messages.
-
-Read the frames of an MCAP file that may be truncated or damaged anywhere.
+A frame becomes a raw message, the message as JSON, and drawings for Foxglove and Lichtblick; live
+viewers get the same. Replay and re-execution need the raw frames only.
 
 Whole records are found by their own lengths, so the size of the loss is known. A frame lies in its
 channel as it was on the bus. Its key follows from message and sender, as in a `.tlog`; where it
 does not, the key precedes the frame in a separate channel. Older recordings hold key and frame in
 one JSON text.
-
-Write frames to an MCAP file: raw, decoded as JSON, and drawn for Foxglove and Lichtblick.
-
-Viewers show the drawings; replay and re-execution need the raw frames only.
 """
 
 import struct

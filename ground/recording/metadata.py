@@ -1,7 +1,4 @@
-"""Request what a recording holds besides frames: the world and the parameters, once each.
-
-Identify the build that records: its version, and the commit if it is known.
-"""
+"""Gather what a recording holds besides frames: the world, the parameters, and the build."""
 
 import os
 import subprocess

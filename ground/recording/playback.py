@@ -1,9 +1,7 @@
-"""Play a recording through the interface of a bus, on its own timeline.
+"""Play a recording through the interface of a bus, on a timeline that stops or moves at a speed.
 
 The caller polls `advance`; frames are delivered in the caller's thread. Requests to the robot fail:
 only recorded facts are answered.
-
-Position in a recording, stopped or moving at a speed, which also serves as a clock.
 """
 
 import json

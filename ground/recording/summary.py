@@ -1,6 +1,6 @@
-"""Summarise a recording without reading all of it: its begin, its end and its facts.
+"""Summarise a recording: its begin, its end, its facts, and the bookmarks of the run.
 
-Find the bookmarks of a run: goals, outcomes, failsafes and the operator's marks.
+Bookmarks are goals, outcomes, failsafes and the operator's marks. Not all of a file is read.
 """
 
 import os

@@ -1,19 +1,12 @@
-"""Write a table as CSV, or as Parquet if pyarrow is installed.
+"""Turn a recording into a table (CSV, or Parquet with pyarrow) or into time series for plots.
 
-List the fields of a message, each with the shortest text of its exact value.
+A long table has a row per value. A wide one has a row per instant of a fixed grid: a column holds
+the last value that arrived, and is empty when that value is older than its topic's stale-after
+time. An event is in one row only, the next one after its arrival. Where stamps jump, as after a
+restart of the plant, another grid begins. A number is the shortest text of its exact value.
 
-Turn a recording into a table: long (a row per value) or wide (a row per instant).
-
-A wide table is sampled on a fixed grid. A column holds the last value that arrived, and is empty
-when that value is older than its topic's stale-after time. An event is in one row only, the next
-one after its arrival. Where stamps jump, as after a restart of the plant, another grid begins.
-
-Gather time series of a run from a recording, for plots.
-
-Put all messages of a recording on one time axis: seconds of the robot's stamps.
-
-A message without a stamp gets the newest stamp before it. Stamps of operators belong to another
-clock and are ignored.
+All messages are on one time axis: seconds of the robot's stamps. A message without a stamp gets the
+newest stamp before it. Stamps of operators belong to another clock and are ignored.
 """
 
 import csv

@@ -1,8 +1,6 @@
 """`doctor`: listen for a moment, call every service, and report faults and remedies.
 
-Faults that `doctor` finds, from liveliness tokens and the age of each stream, with remedies.
-
-Each finding names a fault and its remedy. Nothing here does I/O.
+Faults are found in liveliness tokens and in the age of each stream, without I/O.
 """
 
 from collections.abc import Iterable, Iterator, Sequence

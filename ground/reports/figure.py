@@ -1,10 +1,7 @@
-"""Draw the path of a run over its world.
+"""Draw the map of a run and its ranges, speeds and position error over time on one figure.
 
-Put the map and the plots of a run on one figure, and write it to a file.
-
-Define the sizes and colours of a figure: one for the screen, one for a column of a paper.
-
-Draw ranges, speeds and the position error of a run over time, one axis for each unit.
+There are sizes and colours for the screen, and for a column of a paper. Plots have one axis for
+each unit.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,6 +1,6 @@
-"""Watch every robot that appears, and replace robots that are long gone when there are too many.
+"""Watch every robot that appears, and list them, those that need attention first.
 
-List all watched robots, those that need attention first.
+Robots that are long gone are replaced when there are too many.
 """
 
 from collections import defaultdict

@@ -1,8 +1,7 @@
-"""A status line made of parts, shortened to the width of the terminal; old values are marked.
+"""Make a status line of parts, shortened to the width of the terminal; old values are marked.
 
-Decide what a robot's status means for the display: the colour of its state, and its reason.
-
-The side panel, the status line, the roster and the stop band all use these functions.
+The colour of a state and its reason are decided here for the side panel, the status line, the
+roster and the stop band.
 """
 
 from collections.abc import Iterable, Sequence

@@ -1,6 +1,6 @@
-"""Directions and distances in words; a value that is not finite is shown as missing.
+"""Put directions and distances in words, and join the pieces of a long STATUSTEXT message.
 
-Joins the pieces of a long STATUSTEXT message.
+A value that is not finite is shown as missing.
 """
 
 from math import degrees, inf, isfinite, pi, remainder

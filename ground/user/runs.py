@@ -1,9 +1,8 @@
 """Runtime files: each `up` writes where it runs, so that other commands find it.
 
 A file is readable only by its user, and is written as a whole. It is removed at the end of the run.
-The file of a run that was killed is recognised by its process, and removed by the next reader.
-
-Identify a process for longer than its id, which the system gives to another process later.
+The file of a run that was killed is recognised by its process, and removed by the next reader. A
+process is identified for longer than its id, which the system gives to another one later.
 """
 
 import os

@@ -1,6 +1,6 @@
-"""The user's settings, in `~/.config/sidestep/config.toml`: appearance, keys, contexts.
+"""Read the user's settings, in `~/.config/sidestep/config.toml`: appearance, keys, contexts.
 
-Change one setting in the user's file, and keep its comments and order.
+One setting can be changed; comments and order of the file stay.
 """
 
 import json

@@ -1,7 +1,4 @@
-"""Show the last answer for a few seconds, on every screen, beside the command line.
-
-Place Textual's messages, and show only as many as fit.
-"""
+"""Show the last answer beside the command line for a few seconds, and place Textual's messages."""
 
 from typing import Any, Final
 

@@ -1,6 +1,6 @@
-"""Make the key bar: the keys of the present screen, each with its name.
+"""Make the key bar: the keys of the present screen, those that the operator needs next first.
 
-Find the keys that the operator needs next, by the state of the robot and of the draft.
+The state of the robot and of the draft decides which those are.
 """
 
 from collections.abc import Mapping, Sequence

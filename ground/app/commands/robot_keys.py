@@ -1,9 +1,4 @@
-"""Define the actions that every screen has: commands to the robot, and changes of the screen.
-
-Put the run that is shown into one archive, in a thread.
-
-Save pictures of the screen in the state folder.
-"""
+"""Define the actions that every screen has: commands to the robot, and changes of the screen."""
 
 from collections.abc import Mapping
 from functools import partial

@@ -1,14 +1,8 @@
-"""Define Textual's drivers with a parser that no malformed input can stop.
+"""Define drivers of Textual, for a terminal and a browser, that no malformed input can stop.
 
-Define Textual's driver for a browser, with our input parser.
-
-Split input into text and whole escape sequences (ECMA-48, and XTerm's own).
-
-Textual's parser splits unknown sequences into letters, which would be keys of the app.
-
-Separate keys from pasted text in a terminal's input, also when the end of a paste is lost.
-
-Textual's parser waits for the end of a paste for ever, and makes keys of an escape within it.
+Input is split into text and whole escape sequences (ECMA-48, and XTerm's own): Textual's parser
+makes letters of unknown ones, which would be keys of the app. It also waits for the end of a paste
+for ever; here a paste whose end is lost ends, and an escape within it makes no keys.
 """
 
 import os

@@ -1,13 +1,7 @@
-"""Combine the table of keys with the user's file: ids are stable, keys can be changed.
+"""Define the table of keys, and combine it with the user's file: ids are stable, keys can change.
 
-Define the table of keys: a stable id, default keys, and the layer where they are active.
-
-Name the keys and commands of the app that remedy a refusal, with the keymap in force.
-
-Turn the keymap into Textual's bindings.
-
-All bindings belong to the app, so that each key is handled after the one before has changed the
-focus.
+Each id has default keys and the layer where they are active. All bindings of Textual belong to the
+app, so that each key is handled after the one before has changed the focus.
 """
 
 import json

@@ -1,7 +1,4 @@
-"""Move, turn and use the goal cursor on the map by keys.
-
-Offer what can be done at a place of the map: by a right click, or by a key at the cursor.
-"""
+"""Move and turn the goal cursor on the map, and offer what can be done at its place."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace

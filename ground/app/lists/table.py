@@ -1,9 +1,4 @@
-"""Lay out a list as columns with heads, filtered by words and sorted by one column.
-
-Show the heads of a table; a click on one sorts by its column.
-
-Filter the rows of a list by typed words.
-"""
+"""Lay out a list as columns, filtered by typed words and sorted by a click on a column's head."""
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass

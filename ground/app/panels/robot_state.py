@@ -1,16 +1,7 @@
 """Make the side panel of the Drive screen: what the robot does, where it is, what it senses.
 
-Show the progress of the mission, and the draft of a mission.
-
-Say in one sentence what the robot does and why, renewed slowly enough to be read.
-
-Show the sonars from left to right as columns: name, bar, range in metres.
-
-Show the board that runs the control core, if there is one: its modelled time and its memory.
-
-Show the way to the goal: distance, time driven, time left, share done, and the waypoint.
-
-Show in one row whether link, senses, control loop and recording are well.
+It has a sentence that changes slowly enough to be read, the way to the goal, the mission and its
+draft, the sonars, the board that runs the control core, and the health of all parts in one row.
 """
 
 from math import cos, degrees, hypot, inf, isfinite, sin

@@ -1,6 +1,6 @@
 """Play a recording to a station: it plays, steps and seeks, also backwards.
 
-Read a recording in the background, because a large one takes seconds.
+A large recording takes seconds to read, so it is read in the background.
 """
 
 from collections.abc import Callable

@@ -1,8 +1,7 @@
 """Show the Drive screen: map, values, log, and goals by cursor, command line or teleop.
 
-Share the Drive screen between the map, the values and the log.
-
-Explain the present decision, and earlier ones that changed the direction.
+Its layout follows the size of the screen. It explains the present decision, and earlier ones that
+changed the direction.
 """
 
 from collections.abc import Mapping

@@ -1,7 +1,4 @@
-"""Show the help in a pane that scrolls.
-
-Write the help: examples, active keys, marks of the map, names in the panels, and commands.
-"""
+"""Show the help: examples, active keys, marks of the map, names in the panels, and commands."""
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType

@@ -1,10 +1,6 @@
 """Show the Links screen: streams of all robots, and processes, loss and lease of the selected.
 
-Show the cost of the control cycle and of its stages, for the Links screen.
-
-Show the rate and age of a received topic.
-
-Define the rows and columns of the Links screen: each robot, and each of its streams.
+It also shows the cost of the control cycle and of its stages.
 """
 
 from typing import Final, NamedTuple

@@ -1,8 +1,7 @@
 """Show the Worlds screen: preview a world, and start it if this app started the processes.
 
-Change the world: end all processes, start those of the other world, and drive to its goal.
-
-Read facts about worlds: from the plant, and from the outcomes of the study.
+To change the world, all processes end, those of the other world start, and the robot drives to its
+goal. The facts about a world come from the plant, and from the outcomes of the study.
 """
 
 import json

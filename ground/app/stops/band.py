@@ -1,7 +1,4 @@
-"""Make the band that says which robot has stopped, why, and which keys go on.
-
-Say which keys lead from a stop back to driving, with the keymap in force.
-"""
+"""Make the band that says which robot has stopped, why, and which keys lead back to driving."""
 
 from collections.abc import Callable, Sequence
 from textwrap import wrap

@@ -1,7 +1,4 @@
-"""Draw bars and sparklines in eighths of a cell.
-
-Show the last minute as sparklines, each with its present value and its range.
-"""
+"""Draw bars in eighths of a cell, and the last minute of values as sparklines with their range."""
 
 from collections.abc import Iterable, Sequence
 from math import inf, isfinite, nan

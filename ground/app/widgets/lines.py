@@ -1,10 +1,6 @@
-"""Show rows of text, and draw only those that have changed.
+"""Show rows, lists with a chosen row, and growing logs, and draw only what is in sight and changed.
 
-Show a list with one chosen row; only the rows in sight are drawn.
-
-Show a part of a long list of lines that grows.
-
-Remove control characters from every row before the terminal gets it.
+The terminal gets no control characters of them.
 """
 
 from collections.abc import Callable, Iterable, Sequence

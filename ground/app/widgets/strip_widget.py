@@ -1,8 +1,7 @@
-"""Draw a widget from its strips, without Textual's general method where that is possible.
+"""Draw widgets from their strips, without Textual's general method where that is possible.
 
-Cache the strips of containers, which draw only background and border.
-
-Textual draws each container below a changed widget, although the children cover it.
+Containers draw only background and border, so their strips are cached: Textual draws each container
+below a changed widget, although the children cover it.
 """
 
 from textual.color import Color

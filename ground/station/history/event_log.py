@@ -1,7 +1,4 @@
-"""Log events as lines in a bounded, searchable ring.
-
-Pass frames from the bus's threads to the station in a bounded ring.
-"""
+"""Keep events as lines in a bounded, searchable ring, and take frames from the bus's threads."""
 
 from collections import deque
 from collections.abc import Callable, Iterator

@@ -1,7 +1,4 @@
-"""Measure the progress to the goal: distance at its start, share driven, time left.
-
-Follow a robot's last goal, to report at exit how it ended.
-"""
+"""Measure the progress to the goal: distance at its start, share driven, time left, and outcome."""
 
 from collections import deque
 from math import hypot, isfinite

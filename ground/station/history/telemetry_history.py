@@ -1,7 +1,4 @@
-"""Keep the history of a robot's telemetry: values over time, trail, echoes and marks.
-
-Store which sonars recently had no reading, so that their display does not flicker.
-"""
+"""Keep the history of a robot's telemetry: values, trail, echoes, marks and silent sonars."""
 
 from collections import deque
 from collections.abc import Callable

@@ -1,6 +1,6 @@
 """Keep values over time: the last minute in full, ten minutes thinned without losing peaks.
 
-Keep chosen numeric fields of messages over time.
+The values are those of the station, and numeric fields of messages that were chosen.
 """
 
 from collections import deque

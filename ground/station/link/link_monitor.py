@@ -1,7 +1,4 @@
-"""Monitor the link to one robot: what is lost, and what must be read after a loss.
-
-Track whether the robot can be commanded: a loss, its end, and what must be read after it.
-"""
+"""Monitor the link to one robot: a loss, its end, and what must be read before it is commanded."""
 
 from enum import Enum
 from typing import Any, Final, NamedTuple

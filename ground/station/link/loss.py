@@ -1,7 +1,4 @@
-"""Classify losses into six kinds, each with its cause and the robot's response.
-
-Describe each loss in words: its cause and the robot's own response.
-"""
+"""Classify losses into six kinds, and describe the cause and the robot's own response in words."""
 
 from enum import Enum
 from typing import Final, NamedTuple

@@ -1,6 +1,6 @@
-"""Count restarts of a process, detected by a new token or by a counter that starts again.
+"""Log processes that connect and disconnect, and count their restarts.
 
-Log processes that connect and disconnect.
+A restart is a new token, or a counter that starts again.
 """
 
 from collections.abc import Iterable
