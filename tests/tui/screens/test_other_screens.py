@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from textual.app import ScreenStackError
 
-from ground.app.app import GroundApp
-from ground.app.screens import SCREENS, screen_of
+from ground.app.app import GroundApp, screen_of
+from ground.app.screens import SCREENS
 from ground.app.screens.faults import FaultsScreen, InjectableFault, fault_of
 from ground.app.screens.worlds import (
     WorldsScreen,
@@ -255,7 +255,7 @@ def test_keys_act_before_a_screen_has_its_widgets(
         async with staged() as stage:
             shown = stage.app.base_screen
             assert shown is not None
-            coming = screen_of(name, shown.interface)
+            coming = screen_of(name, stage.app)
             monkeypatch.setattr(type(stage.app), "base_screen", coming)
             assert coming.key_layers()
             assert "estop" in stage.app.doable()
