@@ -22,6 +22,7 @@ from textual.filter import LineFilter
 from textual.timer import Timer
 from textual.widgets import Input
 
+from ground.app.app_interface import AppControl
 from ground.app.appearance import TEXTUAL_THEMES, Appearance
 from ground.app.chrome.tabs import LOG, UnreadWarnings
 from ground.app.chrome.tutorial import Tutorial
@@ -31,7 +32,6 @@ from ground.app.frame_rate import Drawable, FrameRate
 from ground.app.input.key_queue import KeyQueue
 from ground.app.input.keymap import KeyBinding, Keymap, Layer, bindings_of, names_of, shown
 from ground.app.panels.status import SIMULATION, SessionInfo
-from ground.app.playback.app_interface import AppControl
 from ground.app.playback.player import RecordingReader
 from ground.app.screens import SCREENS
 from ground.app.screens.app_screen import Action, AppScreen

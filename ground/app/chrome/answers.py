@@ -8,7 +8,7 @@ from textual.message import Message
 from textual.screen import Screen
 from textual.widgets._toast import ToastRack
 
-from ground.app.playback.app_interface import AppInterface
+from ground.app.app_interface import AppInterface
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, cut, faint, row, width_of
 from ground.station.history.event_log import LogLine

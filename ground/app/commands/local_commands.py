@@ -4,7 +4,7 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from ground.app.chrome.help_pane import show_help
+from ground.app.screens.help import show_help
 from ground.console import app_commands
 from ground.map.scene import LAYERS
 from ground.recording.catalogue import recording_named

@@ -1,23 +1,25 @@
-"""Define the actions that every screen has: commands to the robot, and changes of the screen."""
+"""Define the actions that every screen has: stops, commands to the robot, and leaving the app."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import Final
 
-from ground.app.chrome.help_pane import show_help
+from ground.app.app_interface import AppControl, AppInterface
 from ground.app.chrome.key_bar import mission_is_ready, unsent
-from ground.app.commands.leaving import Leaving
-from ground.app.commands.stop_keys import StopKeys
+from ground.app.input.key_queue import SecondPress
+from ground.app.panels.aged import live
 from ground.app.panels.status import NAMES as NAVIGATOR_NAMES
-from ground.app.playback.app_interface import AppControl
 from ground.app.screens import SCREENS
 from ground.app.screens.app_screen import Action
 from ground.app.screens.choice import Choice
+from ground.app.screens.help import show_help
+from ground.app.stops.band import is_in_emergency_stop
 from ground.client import operations
-from ground.client.operations import Operation
+from ground.client.operations import ClearEmergencyStop, Operation
 from ground.client.results import Outcome
+from ground.client.telemetry import Age
 from ground.client.vocabulary import (
     MODE_SUMMARIES,
     NAVIGATOR_SUMMARIES,
@@ -26,11 +28,119 @@ from ground.client.vocabulary import (
     USUAL_NAVIGATOR,
 )
 from ground.console.app_commands import Undo
+from ground.station.station import Station
+from ground.text.status_parts import GOAL_MODES
 from ground.text.theme_names import THEMES
 from ground.user.folders import state_folder
 from protocol.topics import STATUS
-from protocol.wire.enums import Mode
+from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus
+
+LEAVE_WITHIN_S: Final = 5.0
+
+
+class Leaving:
+    """Performs the keys that leave the app or look as if they did."""
+
+    def __init__(self, app: AppControl) -> None:
+        self._app = app
+        self._pressed = SecondPress(lambda: app.station.time_s, LEAVE_WITHIN_S)
+
+    def quit(self) -> None:
+        """Leave at once when all robots stand, else at the second press."""
+        driving = robots_that_drive(self._app.station)
+        if not driving or self._pressed.is_second():
+            self._app.exit(0)
+            return
+        drive = "drives" if len(driving) == 1 else "drive"
+        ends = "; that ends the simulation" if self._app.stack is not None else ""
+        key = self._app.key_shown("quit")
+        self._say(
+            f"{' '.join(driving)} {drive}: {key} again within {LEAVE_WITHIN_S:g} s leaves{ends}",
+        )
+
+    def explain(self) -> None:
+        """Say which key leaves."""
+        self._say(f"{self._app.key_shown('quit')} quits")
+
+    def _say(self, words: str) -> None:
+        self._app.note(words)
+        self._app.notify(words, severity="warning", timeout=LEAVE_WITHIN_S, markup=False)
+
+
+def robots_that_drive(station: Station) -> list[str]:
+    """Return the robots that drive to a goal or by hand; none in a recording."""
+    if not station.live:
+        return []
+    return [
+        entry.robot
+        for entry in station.roster()
+        if entry.status.age is not Age.GONE
+        and isinstance(status := entry.status.message, NavigatorStatus)
+        and drives(status)
+    ]
+
+
+def drives(status: NavigatorStatus) -> bool:
+    """Return whether a robot is armed, and drives to a goal or by hand."""
+    if status.vehicle != Vehicle.ACTIVE:
+        return False
+    under_way = GoalState.ACCEPTED <= status.goal <= GoalState.ALIGNING
+    return status.mode == Mode.MANUAL or (status.mode in GOAL_MODES and under_way)
+
+
+ALL_WITHIN_S: Final = 1.0
+"""A second press within this time stops all robots."""
+CLEAR_WITHIN_S: Final = 2.0
+
+
+class StopKeys:
+    """Performs the stop keys. Nothing here waits, and nothing rejects a stop."""
+
+    def __init__(self, app: AppInterface) -> None:
+        self._app = app
+
+        def time_s() -> float:
+            return app.station.time_s
+
+        self._stopping = SecondPress(time_s, ALL_WITHIN_S)
+        self._clearing = SecondPress(time_s, CLEAR_WITHIN_S)
+
+    def actions(self) -> Mapping[str, Callable[[], object]]:
+        """Return the actions by the id of their key."""
+        return {
+            **dict.fromkeys(("estop", "estop-here"), self.stop),
+            "estop-all": self.stop_all,
+            "clear-estop": self.clear,
+        }
+
+    def stop(self) -> None:
+        """Stop the selected robot; at the second press within a second, all robots."""
+        if self._stopping.is_second():
+            self.stop_all()
+        else:
+            self._app.station.estop()
+
+    def stop_all(self) -> None:
+        """Stop all robots that are known."""
+        self._app.station.estop_all()
+
+    def clear(self) -> None:
+        """Release the emergency stop of the selected robot at the second press.
+
+        A robot whose state is not known may be in one.
+        """
+        station = self._app.station
+        robot = station.robot
+        if live(station.seen(STATUS)) is not None and not is_in_emergency_stop(station):
+            self._app.note(f"{robot} is not in E-STOP: nothing to clear")
+            return
+        if self._clearing.is_second(robot):
+            self._app.commands.perform(ClearEmergencyStop())
+            return
+        key = self._app.key_shown("clear-estop")
+        self._app.note(f"press {key} again within {CLEAR_WITHIN_S:g} s to clear E-STOP of {robot}")
+
 
 NOTHING: Final = "nothing is recorded here, so there is no run to share"
 

@@ -2,10 +2,13 @@
 
 Textual passes a key to the task of a widget, and its effect follows later. Without this queue, a
 key that was typed early would go to the screen that was open before.
+
+Let a key with a large effect act only at its second press.
 """
 
 from collections import deque
-from collections.abc import Awaitable
+from collections.abc import Awaitable, Callable
+from math import inf
 from typing import Any, Final, Protocol, TypeAlias, runtime_checkable
 
 from textual import events
@@ -87,3 +90,23 @@ class KeyQueue:
 def is_ready(screen: Screen[Any]) -> bool:
     """Return whether a screen has its widgets, and the palette the focus on its line."""
     return screen.is_mounted and not (isinstance(screen, CommandPalette) and screen.focused is None)
+
+
+class SecondPress:
+    """Notes the first press of a key; the second within `within_s` acts.
+
+    `time_s` returns the time. A press for another `subject` counts as a first one.
+    """
+
+    def __init__(self, time_s: Callable[[], float], within_s: float) -> None:
+        self._time_s = time_s
+        self._within_s = within_s
+        self._pressed_s = -inf
+        self._subject = ""
+
+    def is_second(self, subject: str = "") -> bool:
+        """Note a press; return whether it is the second one."""
+        now_s = self._time_s()
+        second = subject == self._subject and 0.0 <= now_s - self._pressed_s <= self._within_s
+        self._pressed_s, self._subject = -inf if second else now_s, subject
+        return second

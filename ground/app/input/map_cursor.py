@@ -6,7 +6,7 @@ from functools import partial
 from math import floor, log10
 from typing import Final
 
-from ground.app.playback.app_interface import AppInterface
+from ground.app.app_interface import AppInterface
 from ground.app.screens.choice import Choice
 from ground.client.goal import Destination, destination
 from ground.client.operations import Goto

@@ -5,8 +5,8 @@ from functools import partial
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
+from ground.app.app_interface import AppInterface
 from ground.app.panels.aged import live
-from ground.app.playback.app_interface import AppInterface
 from protocol.topics import STATUS
 from protocol.wire.enums import Mode
 from runtime.units import NS_PER_MS

@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from typing import Final
 
+from ground.app.app_interface import AppControl
 from ground.app.commands.command_sink import CommandSink
 from ground.app.panels.status import SessionInfo
-from ground.app.playback.app_interface import AppControl
 from ground.app.playback.player import Player
 from ground.client.operations import Abort, Disarm, Hold, Operation, StopAll, StopNow
 from ground.client.results import Outcome

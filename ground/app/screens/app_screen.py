@@ -9,6 +9,7 @@ from textual.app import ComposeResult
 from textual.screen import Screen
 from textual.widgets import Input
 
+from ground.app.app_interface import AppInterface
 from ground.app.chrome.answers import AnswerLine, MessagePlace
 from ground.app.chrome.button_row import ButtonRow, buttons_width
 from ground.app.chrome.key_bar import NextKey, key_buttons, next_keys
@@ -16,7 +17,6 @@ from ground.app.chrome.roster import fits_beside, roster_buttons
 from ground.app.chrome.tabs import tab_buttons
 from ground.app.input.keymap import KeyBinding, Layer
 from ground.app.panels.status import status_row
-from ground.app.playback.app_interface import AppInterface
 from ground.app.widgets.command_line import (
     Assist,
     CommandLine,

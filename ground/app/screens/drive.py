@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple
 from textual.app import ComposeResult
 from textual.containers import Grid
 
+from ground.app.app_interface import AppInterface
 from ground.app.chrome.key_bar import TELEOP, NextKey, cursor_keys, unsent
 from ground.app.input.keymap import Layer
 from ground.app.input.map_cursor import MapCursor, MapMenu
 from ground.app.input.teleop_keys import TeleopKeys
 from ground.app.panels.log import latest_rows
 from ground.app.panels.robot_state import SidePanel
-from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.map import MapWidget

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any, Final, NamedTuple
 
-from ground.app.commands.second_press import SecondPress
+from ground.app.app_interface import AppInterface
+from ground.app.input.key_queue import SecondPress
 from ground.app.input.keymap import Layer
 from ground.app.lists.table import Column, Table
-from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.app_screen import Action
 from ground.app.screens.list_screen import ListScreen
 from ground.app.screens.worlds import change_world, query_worlds

@@ -9,8 +9,10 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.screen import ModalScreen
 
+from ground.app.app_interface import AppControl
 from ground.app.input.keymap import KeyBinding, shown
 from ground.app.widgets.lines import Lines
+from ground.app.widgets.map import MONO
 from ground.app.widgets.rows import Row, Span, faint, row
 from ground.console.help import help_text, summaries
 from ground.map.canvas import DOTTED, HEADINGS, MARKS
@@ -206,3 +208,14 @@ class HelpScreen(ModalScreen[None]):
         """Scroll down."""
         event.stop()
         self.action_move(3)
+
+
+def show_help(app: AppControl, word: str = "", *, commands: bool = False) -> None:
+    """Open the help at one command, at the list of `commands`, or at its begin.
+
+    Raise UserError when the command is unknown.
+    """
+
+    mono = app.theme == MONO
+    parts = sections(app.keys_now(), word, ascii_only=app.ascii_only, is_mono=mono)
+    app.push_screen(HelpScreen(parts, word or (COMMANDS if commands else "")))

@@ -5,11 +5,11 @@ It also shows the cost of the control cycle and of its stages.
 
 from typing import Final, NamedTuple
 
+from ground.app.app_interface import AppInterface
 from ground.app.lists.table import Column, Table
 from ground.app.panels.aged import MISSING, aged, live, number, role_of
 from ground.app.panels.robot_state import board_details
 from ground.app.panels.status import stop_role
-from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.list_screen import ListScreen
 from ground.app.widgets.bars import bar
 from ground.app.widgets.rows import Row, Span, faint, head, row

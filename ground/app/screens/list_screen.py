@@ -8,10 +8,10 @@ from typing import ClassVar, Final, Generic, TypeVar
 from textual.app import ComposeResult
 from textual.widgets import Input
 
+from ground.app.app_interface import AppInterface
 from ground.app.chrome.key_bar import FILTER, FILTERED, NextKey
 from ground.app.input.keymap import Layer
 from ground.app.lists.table import ColumnHeads, Table, filter_spans, hidden_spans, nothing_row
-from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.widgets.lines import Lines, ListView, LogView
 from ground.app.widgets.rows import Row

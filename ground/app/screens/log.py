@@ -7,12 +7,12 @@ from typing import ClassVar, Final
 from textual import events
 from textual.app import ComposeResult
 
+from ground.app.app_interface import AppInterface
 from ground.app.chrome.key_bar import NextKey
 from ground.app.filtered_log import FilteredLog
 from ground.app.input.keymap import Layer
 from ground.app.lists.table import ColumnHeads, nothing_row
 from ground.app.panels.log import lead_of
-from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.app_screen import Action
 from ground.app.screens.list_screen import ScrolledScreen
 from ground.app.widgets.lines import Lines, LogView

@@ -5,10 +5,10 @@ from functools import partial
 from math import isclose
 from typing import Final
 
+from ground.app.app_interface import AppInterface
 from ground.app.input.keymap import Layer
 from ground.app.lists.table import Column, Table
 from ground.app.panels.aged import number
-from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.app_screen import Action
 from ground.app.screens.list_screen import ListScreen
 from ground.app.widgets.rows import Row, Span, faint, head, row

@@ -9,9 +9,9 @@ from textual import events
 from textual.app import ComposeResult
 from textual.containers import Grid
 
+from ground.app.app_interface import AppInterface
 from ground.app.input.keymap import Layer
 from ground.app.panels.aged import MISSING, number
-from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.widgets.bars import FRESH_S, SPARKLINES, Sparkline
 from ground.app.widgets.lines import Lines

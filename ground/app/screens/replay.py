@@ -7,9 +7,9 @@ from typing import Final
 
 from textual.app import ComposeResult
 
+from ground.app.app_interface import AppControl
 from ground.app.chrome.key_bar import CURSOR, REPLAY, NextKey
 from ground.app.input.keymap import Layer
-from ground.app.playback.app_interface import AppControl
 from ground.app.playback.player import Player
 from ground.app.playback.read_only_app import ReadOnlyApp
 from ground.app.screens.app_screen import Action

@@ -15,11 +15,11 @@ from typing import Any, Final
 from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 
-from ground.app.commands.second_press import SecondPress
+from ground.app.app_interface import AppInterface
+from ground.app.input.key_queue import SecondPress
 from ground.app.input.keymap import Layer
 from ground.app.lists.table import Column, ColumnHeads, Table
 from ground.app.panels.aged import number
-from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.app_screen import Action
 from ground.app.screens.list_screen import ListScreen
 from ground.app.widgets.lines import Lines, ListView

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Sequence
 from typing import Final, NamedTuple
 
-from ground.app.playback.app_interface import AppControl, Loudness
+from ground.app.app_interface import AppControl, Loudness
 from ground.app.stops.stop_watch import EventKind, StopEvent, StopWatch
 from runtime.units import NS_PER_S
 
