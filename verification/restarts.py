@@ -22,7 +22,8 @@ from unittest.mock import patch
 from ground.cli.main import parse
 from ground.cli.run.up import connect, free_endpoint
 from ground.client.link import Link, open_link
-from ground.client.operations import Arm, ClearEmergencyStop, Session, StopNow
+from ground.client.operations.commands import Arm, ClearEmergencyStop, StopNow
+from ground.client.operations.session import Session
 from ground.client.results import Refused
 from ground.launch.child_command import command
 from ground.launch.launcher import Stack

@@ -11,7 +11,8 @@ from benchmarks.ground_station.fleet import DRAWN, PATIENCE_S, DrivingFleet, dri
 from benchmarks.ground_station.stage import SIZES
 from ground.client.connection import Common
 from ground.client.link import Link
-from ground.client.operations import ClearAll, Session
+from ground.client.operations.all_robots import ClearAll
+from ground.client.operations.session import Session
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
 from protocol.topics import TRUTH, Role

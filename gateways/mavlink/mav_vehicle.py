@@ -13,7 +13,8 @@ from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.operator_control import OperatorControl
 from gateways.mavlink.robot_port import KEEPS_FENCE, Answered, Done, RobotPort, Snapshot
 from gateways.mavlink.signing import WATCHING
-from ground.client.operations import ClearFence, Operation
+from ground.client.operations.fences import ClearFence
+from ground.client.operations.session import Operation
 from ground.missions.mission import Home
 from protocol.wire.enums import Mode, Severity
 from protocol.wire.enums import Vehicle as State

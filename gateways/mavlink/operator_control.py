@@ -15,8 +15,8 @@ from typing import Any, Final, NamedTuple
 from gateways.mavlink.mav_service import Outbox, Sender
 from gateways.mavlink.mavlink_dialect import mavlink
 from gateways.mavlink.robot_port import OVERTAKEN, STOPS, Answered, Done, RobotPort, Snapshot
-from ground.client.operations import Operation
 from ground.client.operations.lease_holder import is_ours
+from ground.client.operations.session import Operation
 from ground.client.requests import HeartbeatTimer
 from ground.client.results import Accepted, Refused
 from protocol.wire.enums import LeaseAction, Severity

@@ -19,8 +19,12 @@ from gateways.mavlink.parameter_table import (
     table_of,
 )
 from gateways.mavlink.robot_port import Answered
-from ground.client.operations import SetParameter, ShowParameters
-from ground.client.operations.parameters import ParameterChanged, ParameterTable
+from ground.client.operations.parameters import (
+    ParameterChanged,
+    ParameterTable,
+    SetParameter,
+    ShowParameters,
+)
 from runtime.units import NS_PER_MS, NS_PER_S
 
 FRESH_NS: Final = NS_PER_S

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple, Protocol
 
-from ground.client.operations import Abort, Disarm, Hold, Operation
+from ground.client.operations.commands import Abort, Disarm, Hold
+from ground.client.operations.session import Operation
 from ground.client.results import Outcome, Refused
 from protocol.wire.enums import LeaseAction, Vehicle
 from protocol.wire.messages import (

@@ -5,11 +5,11 @@ from functools import partial
 from ground.cli.observe.live_line import follow
 from ground.cli.options import common_of
 from ground.client.link import UnansweredError, open_link
-from ground.client.operations import Operation, Session
 from ground.client.operations.all_robots import StopAll
 from ground.client.operations.commands import PlainCommand, StopNow
 from ground.client.operations.floor import floor_of
 from ground.client.operations.leases import take
+from ground.client.operations.session import Operation, Session
 from ground.client.results import Accepted, Outcome
 from ground.grammar.looking import WatchWords
 from ground.grammar.words import FromFile, Offline, Words

@@ -10,7 +10,7 @@ from itertools import chain
 from types import MappingProxyType
 from typing import Final, NoReturn
 
-from ground.client.operations import Operation
+from ground.client.operations.session import Operation
 from ground.client.results import Outcome
 from ground.console.aliases import ALIASES, PAIRS, expanded
 from ground.console.app_commands import LOCAL, AppArguments, AppCommand

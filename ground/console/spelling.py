@@ -3,16 +3,12 @@
 from math import degrees
 
 from ground.client.goal import Destination
-from ground.client.operations import (
-    ClearAll,
-    Goto,
-    Operation,
-    SetFence,
-    SetMode,
-    SetNavigator,
-    SetParameter,
-    StopAll,
-)
+from ground.client.operations.all_robots import ClearAll, StopAll
+from ground.client.operations.commands import SetMode, SetNavigator
+from ground.client.operations.fences import SetFence
+from ground.client.operations.goals import Goto
+from ground.client.operations.parameters import SetParameter
+from ground.client.operations.session import Operation
 from ground.client.results import Outcome
 from ground.client.vocabulary import SIDES
 from ground.console.app_commands import AppCommand, SetTheme, Undo

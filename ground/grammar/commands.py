@@ -5,10 +5,18 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from ground.client import operations
-from ground.client.operations import Operation
-from ground.client.operations.commands import STOP_S, PlainCommand
-from ground.client.operations.leases import IDLE_S
+from ground.client.operations.all_robots import ClearAll, StopAll
+from ground.client.operations.commands import (
+    COMMANDS,
+    STOP_S,
+    Mark,
+    PlainCommand,
+    SetMode,
+    SetNavigator,
+    StopNow,
+)
+from ground.client.operations.leases import IDLE_S, ChangeLease, ShowLease
+from ground.client.operations.session import Operation
 from ground.client.results import Outcome
 from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.grammar.words import Words, add_common, add_seize, seconds
@@ -16,7 +24,7 @@ from protocol.wire.enums import LeaseAction, Mode
 from runtime.errors import UserError
 
 PLAIN: Final[Mapping[str, type[PlainCommand]]] = MappingProxyType(
-    {command.verb: command for command in operations.COMMANDS}
+    {command.verb: command for command in COMMANDS}
 )
 LEASE_ACTIONS: Final = ("take", "release", "seize", "show")
 ALL: Final = "all"
@@ -65,9 +73,9 @@ class ModeWords(LeasedCommandWords):
         parser.add_argument("mode", type=str.lower, choices=names, help=", ".join(names))
         super().declare(parser)
 
-    def operation(self) -> operations.SetMode:
+    def operation(self) -> SetMode:
         """Return the operation for the parsed arguments."""
-        return operations.SetMode(mode=Mode[self.mode.upper()], timeout_s=self.timeout)
+        return SetMode(mode=Mode[self.mode.upper()], timeout_s=self.timeout)
 
 
 class NavigatorWords(LeasedCommandWords):
@@ -89,11 +97,11 @@ class NavigatorWords(LeasedCommandWords):
         )
         super().declare(parser)
 
-    def operation(self) -> operations.SetNavigator:
+    def operation(self) -> SetNavigator:
         """Return the operation for the parsed arguments."""
         side = 0 if self.side is None else SIDES[self.side]
         navigator = NAVIGATORS[self.navigator]
-        return operations.SetNavigator(navigator=navigator, side=side, timeout_s=self.timeout)
+        return SetNavigator(navigator=navigator, side=side, timeout_s=self.timeout)
 
 
 class AllWords(Words):
@@ -130,7 +138,7 @@ class ClearWords(LeasedCommandWords, AllWords):
     def operation(self) -> Operation[Outcome]:
         """Return the operation for the parsed arguments."""
         if self.is_for_all:
-            return operations.ClearAll(timeout_s=self.timeout)
+            return ClearAll(timeout_s=self.timeout)
         return super().operation()
 
 
@@ -147,12 +155,12 @@ class StopWords(AllWords):
         help = f"repeat until the robot's status shows it, for at most (default {STOP_S:g})"
         parser.add_argument("--timeout", type=seconds, metavar="S", help=help)
 
-    def operation(self) -> operations.StopNow | operations.StopAll:
+    def operation(self) -> StopNow | StopAll:
         """Return the operation for the parsed arguments."""
         timeout_s = STOP_S if self.timeout is None else self.timeout
         if self.is_for_all:
-            return operations.StopAll(timeout_s=timeout_s)
-        return operations.StopNow(timeout_s=timeout_s)
+            return StopAll(timeout_s=timeout_s)
+        return StopNow(timeout_s=timeout_s)
 
 
 class LeaseWords(Words):
@@ -175,12 +183,12 @@ class LeaseWords(Words):
         )
         add_common(parser)
 
-    def operation(self) -> operations.ShowLease | operations.ChangeLease:
+    def operation(self) -> ShowLease | ChangeLease:
         """Return the operation for the parsed arguments."""
         if self.action == "show":
-            return operations.ShowLease()
+            return ShowLease()
         action = LeaseAction[self.action.upper()]
-        return operations.ChangeLease(action=action, name=self.name, for_s=self.hold)
+        return ChangeLease(action=action, name=self.name, for_s=self.hold)
 
 
 class MarkWords(Words):
@@ -194,6 +202,6 @@ class MarkWords(Words):
         parser.add_argument("text", nargs="+", metavar="TEXT", help="the remark")
         add_common(parser)
 
-    def operation(self) -> operations.Mark:
+    def operation(self) -> Mark:
         """Return the operation for the parsed arguments."""
-        return operations.Mark(remark=" ".join(self.text))
+        return Mark(remark=" ".join(self.text))

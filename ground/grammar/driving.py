@@ -9,8 +9,9 @@ from ground.client.goal import (
     Destination,
     destination,
 )
-from ground.client.operations import DriveByHand, Goto
 from ground.client.operations.floor import EXAMPLE
+from ground.client.operations.goals import Goto
+from ground.client.operations.teleop import DriveByHand
 from ground.grammar.words import Words, add_anyway, add_common, add_seize, positive, seconds
 from protocol.options import finite
 from runtime.errors import UserError

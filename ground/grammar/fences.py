@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import ClassVar
 
 from ground.client.connection import within
-from ground.client.operations import ClearFence, Operation, SetFence, ShowFence, TransferOutcome
-from ground.client.operations.session import Session
+from ground.client.operations.fences import ClearFence, SetFence, ShowFence
+from ground.client.operations.missions import TransferOutcome
+from ground.client.operations.session import Operation, Session
 from ground.client.results import Outcome
 from ground.grammar.words import Words, add_common, add_seize, positive
 from ground.missions.files import ENDINGS, read_fence

@@ -7,9 +7,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Final
 
-from ground.client import operations
-from ground.client.operations import Operation, Progress, TransferOutcome
-from ground.client.operations.session import Session
+from ground.client.operations.commands import Abort, Hold, Resume
+from ground.client.operations.missions import (
+    ClearMission,
+    DownloadMission,
+    FetchMission,
+    JumpTo,
+    ShowMissionStatus,
+    StartMission,
+    TransferOutcome,
+    UploadMission,
+)
+from ground.client.operations.session import Operation, Progress, Session
 from ground.client.results import Outcome, Success
 from ground.grammar.words import Words, add_anyway, add_common, add_json, add_seize
 from ground.missions import files
@@ -52,12 +61,10 @@ class UploadMissionFile:
     source: MissionFile
     anyway: bool = False
 
-    def read(self) -> operations.UploadMission:
+    def read(self) -> UploadMission:
         """Read the file."""
         found = self.source.read()
-        return operations.UploadMission(
-            mission=found.mission, dropped=found.dropped, anyway=self.anyway
-        )
+        return UploadMission(mission=found.mission, dropped=found.dropped, anyway=self.anyway)
 
     def perform(self, session: Session) -> TransferOutcome:
         """Read the file and upload the mission."""
@@ -162,15 +169,15 @@ class MissionWords(Words):
             "check": lambda: CheckMission(source=self._source()),
             "convert": lambda: CheckMission(source=self._source(), out=self.out),
             "upload": lambda: UploadMissionFile(source=self._source(), anyway=self.anyway),
-            "download": lambda: operations.DownloadMission(file=self.file, home=self._home()),
-            "list": operations.FetchMission,
-            "start": lambda: operations.StartMission(item=self.item),
-            "pause": operations.Hold,
-            "resume": operations.Resume,
-            "abort": operations.Abort,
-            "jump": lambda: operations.JumpTo(item=self.item or 1),
-            "status": operations.ShowMissionStatus,
-            "clear": operations.ClearMission,
+            "download": lambda: DownloadMission(file=self.file, home=self._home()),
+            "list": FetchMission,
+            "start": lambda: StartMission(item=self.item),
+            "pause": Hold,
+            "resume": Resume,
+            "abort": Abort,
+            "jump": lambda: JumpTo(item=self.item or 1),
+            "status": ShowMissionStatus,
+            "clear": ClearMission,
         }
         return meanings[self.action]()
 

@@ -4,14 +4,14 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from ground.client.operations import (
+from ground.client.operations.parameters import (
     LoadParameters,
-    Operation,
     ResetParameter,
     SaveParameters,
     SetParameter,
     ShowParameters,
 )
+from ground.client.operations.session import Operation
 from ground.client.results import Outcome
 from ground.client.vocabulary import value_in_words
 from ground.grammar.words import Words, add_common, add_seize

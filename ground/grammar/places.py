@@ -2,7 +2,8 @@
 
 import argparse
 
-from ground.client.operations import Operation, SetPose, SetTruePose
+from ground.client.operations.place import SetPose, SetTruePose
+from ground.client.operations.session import Operation
 from ground.client.results import Outcome
 from ground.grammar.words import Words, add_anyway, add_common, add_seize, seconds
 from protocol.options import finite

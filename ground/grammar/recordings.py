@@ -2,7 +2,7 @@
 
 import argparse
 
-from ground.client.operations import Operation
+from ground.client.operations.session import Operation
 from ground.client.results import Outcome
 from ground.grammar.looking import moment
 from ground.grammar.words import Words, add_common, add_json

@@ -11,7 +11,9 @@ from gateways.mavlink.mavlink_dialect import MavMessage, MissionCount, mavlink
 from gateways.mavlink.services import face_of
 from ground.client.connection import Common
 from ground.client.link import Link
-from ground.client.operations import Arm, Operation, Session, StartMission, UploadMission
+from ground.client.operations.commands import Arm
+from ground.client.operations.missions import StartMission, UploadMission
+from ground.client.operations.session import Operation, Session
 from ground.client.results import Outcome
 from ground.missions import qgroundcontrol
 from ground.missions.mission import Waypoint

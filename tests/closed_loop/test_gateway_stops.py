@@ -11,7 +11,10 @@ from gateways.mavlink.mavlink_dialect import RESULT_NOT_IN_CONTROL, mavlink
 from ground.client.connection import Common
 from ground.client.goal import Destination
 from ground.client.link import Link
-from ground.client.operations import Arm, ChangeLease, Goto, Operation, Session
+from ground.client.operations.commands import Arm
+from ground.client.operations.goals import Goto
+from ground.client.operations.leases import ChangeLease
+from ground.client.operations.session import Operation, Session
 from protocol.bus.bus import open_bus
 from protocol.topics import Role
 from protocol.wire.enums import LeaseAction, Mode

@@ -12,7 +12,7 @@ from typing import Any, Final
 from mcap.writer import CompressionType, Writer
 
 from ground.cli.observe.replay import lines
-from ground.client.operations import NoProgress
+from ground.client.operations.session import NoProgress
 from ground.explain.turns import Recorded as Decided
 from ground.ghost.branch_point import GhostRecording, changed_in
 from ground.map.canvas import Canvas

@@ -20,18 +20,15 @@ from gateways.mavlink.missions.plan_items import (
     usual,
 )
 from gateways.mavlink.robot_port import Answered
-from ground.client.operations import (
-    ClearFence,
+from ground.client.operations.fences import ClearFence, FenceShown, SetFence, ShowFence
+from ground.client.operations.missions import (
     ClearMission,
-    FenceShown,
     FetchMission,
     MissionFetched,
-    Operation,
-    SetFence,
-    ShowFence,
     TransferOutcome,
     UploadMission,
 )
+from ground.client.operations.session import Operation
 from ground.missions.mission import Fence, Mission, Waypoint
 from ground.missions.qgroundcontrol import (
     Item,

@@ -24,7 +24,8 @@ from gateways.mavlink.mavlink_dialect import MavMessage, MissionCurrent, mavlink
 from gateways.mavlink.missions.plan_answers import ClientKey, key_of, refusal_of
 from gateways.mavlink.missions.plan_kinds import FenceKind, MissionKind
 from gateways.mavlink.robot_port import Answered, Done
-from ground.client.operations import ClearFence, JumpTo, SetFence
+from ground.client.operations.fences import ClearFence, SetFence
+from ground.client.operations.missions import JumpTo
 from ground.missions.mission import Fence
 from protocol.wire.enums import MissionState, Mode
 from protocol.wire.messages import MissionStatus

@@ -9,16 +9,10 @@ from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage
 from gateways.mavlink.robot_port import OVERTAKEN, Answered, Done
 from ground.client.goal import Destination
-from ground.client.operations import (
-    Abort,
-    Goto,
-    Hold,
-    Operation,
-    ReturnHome,
-    Session,
-    SetMode,
-    StartMission,
-)
+from ground.client.operations.commands import Abort, Hold, ReturnHome, SetMode
+from ground.client.operations.goals import Goto
+from ground.client.operations.missions import StartMission
+from ground.client.operations.session import Operation, Session
 from ground.client.requests import ATTEMPTS, GaveUp
 from ground.client.results import Accepted, Answer, Outcome, Refused
 from protocol.wire.enums import MissionState, Mode

@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from ground.client.operations import Operation
+from ground.client.operations.session import Operation
 from ground.client.results import Outcome
 from ground.console.app_commands import AppCommand
 from ground.console.completion import Assistance

@@ -16,8 +16,19 @@ from ground.app.screens.app_screen import Action
 from ground.app.screens.choice import Choice
 from ground.app.screens.help import show_help
 from ground.app.stops.band import is_in_emergency_stop
-from ground.client import operations
-from ground.client.operations import ClearEmergencyStop, Operation
+from ground.client.operations.commands import (
+    Abort,
+    Arm,
+    ClearEmergencyStop,
+    Disarm,
+    Hold,
+    Resume,
+    ReturnHome,
+    SetMode,
+    SetNavigator,
+)
+from ground.client.operations.missions import FetchMission, StartMission
+from ground.client.operations.session import Operation
 from ground.client.results import Outcome
 from ground.client.telemetry import Age
 from ground.client.vocabulary import (
@@ -160,7 +171,7 @@ def share_run(app: AppControl) -> None:
 
 def archive(file: Path) -> str:
     """Write the archive and return the message with its path; UserError if that fails."""
-    from ground.client.operations import NoProgress
+    from ground.client.operations.session import NoProgress
     from ground.reports.share import Share  # imports the plots; rarely needed
 
     return f"shared: {Share(file=str(file)).run(NoProgress()).text}"
@@ -180,12 +191,12 @@ def saved_picture(svg: str) -> str:
 
 
 PLAIN: Final[tuple[Operation[Outcome], ...]] = (
-    operations.Hold(),
-    operations.Resume(),
-    operations.Abort(),
-    operations.Arm(),
-    operations.Disarm(),
-    operations.ReturnHome(),
+    Hold(),
+    Resume(),
+    Abort(),
+    Arm(),
+    Disarm(),
+    ReturnHome(),
 )
 """Operations whose key has the verb as its id."""
 
@@ -236,7 +247,7 @@ class RobotKeys:
         ]
 
         def take(name: str) -> None:
-            self._app.commands.perform(operations.SetMode(mode=modes[name]))
+            self._app.commands.perform(SetMode(mode=modes[name]))
 
         self._app.choose("mode", choices, take)
 
@@ -244,7 +255,7 @@ class RobotKeys:
         """Let the operator choose the navigator."""
 
         def take(name: str) -> None:
-            self._app.commands.perform(operations.SetNavigator(navigator=NAVIGATORS[name]))
+            self._app.commands.perform(SetNavigator(navigator=NAVIGATORS[name]))
 
         status = self._status()
         current = None if status is None else status.navigator
@@ -262,9 +273,7 @@ class RobotKeys:
         navigator = NAVIGATORS[NAVIGATOR_NAMES.get(number, USUAL_NAVIGATOR)]
 
         def pass_on(side: str) -> None:
-            self._app.commands.perform(
-                operations.SetNavigator(navigator=navigator, side=SIDES[side])
-            )
+            self._app.commands.perform(SetNavigator(navigator=navigator, side=SIDES[side]))
 
         choices = [Choice(side, is_current=SIDES[side] == current) for side in SIDES]
         self._app.choose("side to pass on", choices, pass_on)
@@ -298,9 +307,9 @@ class RobotKeys:
         if unsent(commands.draft_items, station):
             commands.run_line("wp upload")
         elif mission_is_ready(station):
-            commands.perform(operations.StartMission())
+            commands.perform(StartMission())
         else:
-            commands.perform(operations.FetchMission())
+            commands.perform(FetchMission())
 
     # The ground station itself.
 

@@ -9,17 +9,11 @@ from typing import Final
 from ground.app.commands.undo import Change, UndoList, inverse_of
 from ground.client.connection import Common
 from ground.client.link import Link
-from ground.client.operations import (
-    ChangeLease,
-    ClearAll,
-    ClearEmergencyStop,
-    Operation,
-    Session,
-    SetMode,
-    StopAll,
-    StopNow,
-)
+from ground.client.operations.all_robots import ClearAll, StopAll
+from ground.client.operations.commands import ClearEmergencyStop, SetMode, StopNow
 from ground.client.operations.floor import Floor, floor_in
+from ground.client.operations.leases import ChangeLease
+from ground.client.operations.session import Operation, Session
 from ground.client.operations.teleop import TeleopSender
 from ground.client.requests import ATTEMPTS, GaveUp
 from ground.client.results import Answer, Outcome, Refused

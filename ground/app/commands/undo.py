@@ -5,18 +5,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple, TypeAlias
 
-from ground.client.operations import (
-    ClearFence,
-    Operation,
+from ground.client.operations.fences import ClearFence, FenceShown, SetFence, ShowFence
+from ground.client.operations.parameters import (
     ParametersLoaded,
     ResetParameter,
-    SetFence,
     SetParameter,
-    ShowFence,
+    fetch,
+    set_values,
 )
-from ground.client.operations.fences import FenceShown
-from ground.client.operations.parameters import fetch, set_values
-from ground.client.operations.session import Session
+from ground.client.operations.session import Operation, Session
 from ground.client.parameter import Parameter
 from ground.client.results import Outcome
 from ground.grammar.fences import SetFenceOfFile

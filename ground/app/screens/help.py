@@ -215,7 +215,6 @@ def show_help(app: AppControl, word: str = "", *, commands: bool = False) -> Non
 
     Raise UserError when the command is unknown.
     """
-
     mono = app.theme == MONO
     parts = sections(app.keys_now(), word, ascii_only=app.ascii_only, is_mono=mono)
     app.push_screen(HelpScreen(parts, word or (COMMANDS if commands else "")))

@@ -1,6 +1,6 @@
 """The public names of `import sidestep`: the asyncio client, its values, events and errors."""
 
-from ground.client import operations
+from ground.client.api import operations
 from ground.client.api.events import (
     Event,
     EventStream,
@@ -14,15 +14,12 @@ from ground.client.api.events import (
 from ground.client.api.robot import Robot, connect
 from ground.client.api.streams import ClosedError, Stream
 from ground.client.link import UnansweredError
-from ground.client.operations import (
-    AllAnswered,
-    DriveEnded,
-    GoalEnded,
-    MissionEnded,
-    ParameterChanged,
-    Stopped,
-    TransferOutcome,
-)
+from ground.client.operations.all_robots import AllAnswered
+from ground.client.operations.commands import Stopped
+from ground.client.operations.goals import GoalEnded
+from ground.client.operations.missions import MissionEnded, TransferOutcome
+from ground.client.operations.parameters import ParameterChanged
+from ground.client.operations.teleop import DriveEnded
 from ground.client.parameter import Parameter
 from ground.client.results import Accepted, Outcome, Refused, RefusedError, agreed
 from ground.missions.mission import Circle, Mission, Polygon, Waypoint

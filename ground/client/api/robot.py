@@ -31,37 +31,36 @@ from ground.client.connection import LONGEST_S, Common, common, within
 from ground.client.emergency_stop import EmergencyStop, new_press
 from ground.client.goal import HEADING_TOLERANCE_DEG, POSITION_TOLERANCE_M, destination
 from ground.client.link import ALIVE, Link, UnansweredError, open_link
-from ground.client.operations import (
+from ground.client.operations.all_robots import AllAnswered, StopAll
+from ground.client.operations.commands import (
+    STOP_S,
     Abort,
-    AllAnswered,
     Arm,
     ClearEmergencyStop,
     Disarm,
-    DriveByHand,
-    DriveEnded,
-    GoalEnded,
-    Goto,
     Hold,
-    JumpTo,
     Mark,
     Marked,
-    Operation,
     Resume,
     ReturnHome,
-    Session,
     SetMode,
     SetNavigator,
-    SetPose,
-    SetTruePose,
-    StartMission,
-    StopAll,
     Stopped,
 )
-from ground.client.operations.commands import STOP_S
-from ground.client.operations.goals import send_goal
+from ground.client.operations.goals import GoalEnded, Goto, send_goal
 from ground.client.operations.lease_holder import is_ours
 from ground.client.operations.leases import ask_lease, give_back, operator_name
-from ground.client.operations.teleop import TeleopSender, lost_control, set_mode, take_manual
+from ground.client.operations.missions import JumpTo, StartMission
+from ground.client.operations.place import SetPose, SetTruePose
+from ground.client.operations.session import Operation, Session
+from ground.client.operations.teleop import (
+    DriveByHand,
+    DriveEnded,
+    TeleopSender,
+    lost_control,
+    set_mode,
+    take_manual,
+)
 from ground.client.requests import ATTEMPTS, GaveUp, GoalEnd, GoalWatch, HeartbeatTimer
 from ground.client.results import Answer, Outcome, Refused
 from ground.client.status_line import reason_of, state_of

@@ -5,24 +5,35 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Final, Protocol, TypeVar
 
-from ground.client import operations
 from ground.client.api.streams import TopicStreams
 from ground.client.connection import within
 from ground.client.link import Link
-from ground.client.operations import (
-    FenceShown,
-    LeaseShown,
+from ground.client.operations.commands import Hold, Resume
+from ground.client.operations.fences import ClearFence, FenceShown, SetFence, ShowFence
+from ground.client.operations.leases import LeaseShown, ShowLease
+from ground.client.operations.missions import (
+    ClearMission,
+    FetchMission,
+    JumpTo,
     MissionEnded,
     MissionFetched,
     MissionProgress,
-    Operation,
+    ShowMissionStatus,
+    StartMission,
+    TransferOutcome,
+    UploadMission,
+)
+from ground.client.operations.parameters import (
+    LoadParameters,
     ParameterChanged,
     ParametersLoaded,
     ParametersSaved,
-    Session,
+    ResetParameter,
+    SaveParameters,
+    SetParameter,
     ShowParameters,
-    TransferOutcome,
 )
+from ground.client.operations.session import Operation, Session
 from ground.client.parameter import Parameter
 from ground.client.requests import SILENCE_NS
 from ground.client.results import Answer, Outcome, Refused
@@ -99,22 +110,22 @@ class Parameters:
         UserError if the robot has no such parameter.
         """
         within(value, -FLT_MAX, FLT_MAX, name, "the parameter's own unit")
-        changed = await self._robot.perform(operations.SetParameter(name=name, value=value))
+        changed = await self._robot.perform(SetParameter(name=name, value=value))
         if isinstance(changed, ParameterChanged) and changed.reason == Reason.UNKNOWN_PARAMETER:
             raise UserError(changed.refusal)
         return changed
 
     async def reset(self, name: str) -> ParameterChanged | Refused:
         """Set one parameter to its default value."""
-        return await self._robot.perform(operations.ResetParameter(name=name))
+        return await self._robot.perform(ResetParameter(name=name))
 
     async def load(self, file: str | Path) -> ParametersLoaded | Refused:
         """Set all values of a TOML file; none unless all are allowed (ConfigError)."""
-        return await self._robot.perform(operations.LoadParameters(file=Path(file)))
+        return await self._robot.perform(LoadParameters(file=Path(file)))
 
     async def save(self, file: str | Path) -> ParametersSaved | Refused:
         """Write the parameters that differ from their defaults to a TOML file."""
-        return await self._robot.perform(operations.SaveParameters(file=Path(file)))
+        return await self._robot.perform(SaveParameters(file=Path(file)))
 
 
 class Missions:
@@ -130,14 +141,14 @@ class Missions:
         """
         if not isinstance(mission, Mission):
             mission = files.read(Path(mission)).mission
-        return await self._robot.perform(operations.UploadMission(mission=mission))
+        return await self._robot.perform(UploadMission(mission=mission))
 
     async def fetch(self) -> Mission | None:
         """Return the robot's mission; None if it has none.
 
         Raises RemoteError if the robot does not send it.
         """
-        found = await self._robot.perform(operations.FetchMission())
+        found = await self._robot.perform(FetchMission())
         if isinstance(found, MissionFetched):
             return found.mission
         if isinstance(found, TransferOutcome) and found.is_none:
@@ -146,7 +157,7 @@ class Missions:
 
     async def start(self, item: int | None = None) -> Answer:
         """Drive the mission from an item (from 1) on, in AUTO; arm a robot in standby."""
-        return await self._robot.perform(operations.StartMission(item=item))
+        return await self._robot.perform(StartMission(item=item))
 
     async def run(self, item: int | None = None) -> MissionEnded | Refused:
         """Start the mission and wait for its end, which is `ok` if all items were reached.
@@ -159,30 +170,30 @@ class Missions:
             return MissionEnded(await self._ended(began_ns))
 
         return await self._robot.drive_until(
-            operations.StartMission(item=item).perform,
+            StartMission(item=item).perform,
             follow,
-            lambda link: link.command(operations.Hold.parts.command, 0.0),
+            lambda link: link.command(Hold.parts.command, 0.0),
         )
 
     async def pause(self) -> Answer:
         """Stop; `resume` continues."""
-        return await self._robot.perform(operations.Hold())
+        return await self._robot.perform(Hold())
 
     async def resume(self) -> Answer:
         """Continue after a pause."""
-        return await self._robot.perform(operations.Resume())
+        return await self._robot.perform(Resume())
 
     async def jump(self, item: int) -> Answer:
         """Continue with another item, from 1."""
-        return await self._robot.perform(operations.JumpTo(item=item))
+        return await self._robot.perform(JumpTo(item=item))
 
     async def clear(self) -> TransferOutcome | Refused:
         """Delete the mission from the robot."""
-        return await self._robot.perform(operations.ClearMission())
+        return await self._robot.perform(ClearMission())
 
     async def status(self) -> MissionProgress:
         """Return the progress; RemoteError if the robot publishes no mission status."""
-        return accepted(await self._robot.perform(operations.ShowMissionStatus()))
+        return accepted(await self._robot.perform(ShowMissionStatus()))
 
     async def _ended(self, began_ns: int) -> MissionStatus:
         """Wait until a mission that was running has ended."""
@@ -212,15 +223,15 @@ class Fences:
 
     async def set(self, fence: Fence) -> TransferOutcome | Refused:
         """Keep the robot inside a `Circle` or `Polygon` (metres, in its own frame)."""
-        return await self._robot.perform(operations.SetFence(fence=fence))
+        return await self._robot.perform(SetFence(fence=fence))
 
     async def clear(self) -> TransferOutcome | Refused:
         """Remove the fence."""
-        return await self._robot.perform(operations.ClearFence())
+        return await self._robot.perform(ClearFence())
 
     async def get(self) -> Fence | None:
         """Return the robot's fence, None if it has none; RemoteError if it is not sent."""
-        found = await self._robot.perform(operations.ShowFence())
+        found = await self._robot.perform(ShowFence())
         if isinstance(found, FenceShown):
             return found.fence
         raise RemoteError(found.text)
@@ -249,7 +260,7 @@ class Leases:
 
     async def show(self) -> LeaseShown:
         """Return the lease; RemoteError if the robot publishes no lease status."""
-        return accepted(await self._robot.perform(operations.ShowLease()))
+        return accepted(await self._robot.perform(ShowLease()))
 
 
 def accepted(outcome: Out | Refused) -> Out:

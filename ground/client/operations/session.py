@@ -8,7 +8,7 @@ from ground.client.link import Link
 from ground.client.operations.floor import Floor
 from ground.client.operations.lease_holder import refusing_holder
 from ground.client.requests import ATTEMPTS, BEAT_NS, Request
-from ground.client.results import Accepted, Answer
+from ground.client.results import Accepted, Answer, Outcome
 from ground.text.status_parts import Part
 from protocol.topics import STATUS
 from protocol.wire.enums import Command, Vehicle
@@ -17,6 +17,7 @@ from protocol.wire.reasons import Reason
 from runtime.units import NS_PER_S
 
 R = TypeVar("R", bound=Request)
+O_co = TypeVar("O_co", bound=Outcome, covariant=True)
 RETRY_NS: Final = 2_000_000_000
 STATUS_NS: Final = 1_000_000_000
 
@@ -132,6 +133,24 @@ class Session:
             self.link.clock.sleep_until(self.link.clock.now_ns() + BEAT_NS // 4)
             return Accepted(0)
         return None
+
+
+class Operation(Protocol[O_co]):
+    """Something that an operator can do with a robot."""
+
+    @property
+    def verb(self) -> str:
+        """The name of the operation on the command line."""
+
+    @property
+    def moves(self) -> bool:
+        """True if it can move the robot or change how it moves."""
+
+    def perform(self, session: Session) -> O_co:
+        """Carry it out and return the outcome.
+
+        Raises UserError, RemoteError or UnansweredError if there is no outcome.
+        """
 
 
 def patience_ns(timeout_s: float | None) -> int | None:

@@ -16,7 +16,8 @@ import pytest
 from ground.client.connection import Common, given
 from ground.client.emergency_stop import FRESH_NS, EmergencyStop, StopWays
 from ground.client.link import Link, open_link
-from ground.client.operations import StopAll, StopNow
+from ground.client.operations.all_robots import StopAll
+from ground.client.operations.commands import StopNow
 from ground.client.stop_datagrams import StopDatagrams
 from ground.client.stop_ways import (
     MOST_BYTES,

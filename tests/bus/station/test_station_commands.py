@@ -8,7 +8,7 @@ import pytest
 
 from ground.client.connection import Common
 from ground.client.link import Link
-from ground.client.operations import Session
+from ground.client.operations.session import Session
 from ground.console.app_commands import AppCommand
 from ground.console.parser import read
 from ground.station.robot.background_requests import Job, JobResult

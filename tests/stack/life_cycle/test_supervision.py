@@ -14,7 +14,10 @@ import pytest
 from ground.cli.run.up import goal_runs_of
 from ground.client.goal import destination
 from ground.client.link import open_link
-from ground.client.operations import Arm, ClearEmergencyStop, Goto, Session, SetTruePose, StopNow
+from ground.client.operations.commands import Arm, ClearEmergencyStop, StopNow
+from ground.client.operations.goals import Goto
+from ground.client.operations.place import SetTruePose
+from ground.client.operations.session import Session
 from ground.client.results import Refused
 from ground.launch import child_command
 from ground.launch.child_processes import ChildExitError

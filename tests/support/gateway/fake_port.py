@@ -8,7 +8,7 @@ from gateways.mavlink.mav_service import MavService, Sender
 from gateways.mavlink.mav_vehicle import Face, MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage
 from gateways.mavlink.robot_port import Answered, Done, Snapshot
-from ground.client.operations import Operation
+from ground.client.operations.session import Operation
 from ground.client.results import Accepted, Outcome, Refused
 from ground.missions.mission import Home
 from protocol.wire.enums import LeaseAction

@@ -13,16 +13,13 @@ from gateways.mavlink.mav_vehicle import Face
 from gateways.mavlink.mavlink_dialect import MavMessage, MissionCount, mavlink
 from gateways.mavlink.services import missions_of
 from gateways.mavlink.streams import StreamScheduler
-from ground.client.operations import (
+from ground.client.operations.fences import ClearFence, FenceShown, SetFence, ShowFence
+from ground.client.operations.missions import (
     AnnounceItems,
-    ClearFence,
     ClearMission,
-    FenceShown,
     FetchMission,
     JumpTo,
     MissionFetched,
-    SetFence,
-    ShowFence,
     TransferOutcome,
     UploadMission,
 )

@@ -8,8 +8,7 @@ from gateways.mavlink.mav_service import Sender
 from gateways.mavlink.mav_vehicle import Face
 from gateways.mavlink.mavlink_dialect import MavMessage
 from gateways.mavlink.services import parameters_and_files
-from ground.client.operations import ShowParameters
-from ground.client.operations.parameters import ParameterTable
+from ground.client.operations.parameters import ParameterTable, ShowParameters
 from ground.client.parameter import parameters_in
 from robot.core.parameters import DEFAULTS
 from robot.parameter_table import described, with_value

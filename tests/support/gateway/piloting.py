@@ -3,7 +3,7 @@
 from typing import Any
 
 from gateways.mavlink.services import face_of
-from ground.client.operations import Operation
+from ground.client.operations.session import Operation
 from protocol.wire.enums import MissionState, Mode, Vehicle
 from tests.support.gateway.fake_port import Bench
 from tests.support.gateway.messages import mission_status

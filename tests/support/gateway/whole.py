@@ -13,7 +13,10 @@ from gateways.mavlink.robot_port import Done
 from gateways.mavlink.services import face_of
 from gateways.mavlink.signing import SigningGuard
 from gateways.mavlink.traffic_recorder import TrafficRecorder
-from ground.client.operations import FetchMission, Operation, ShowFence, ShowParameters
+from ground.client.operations.fences import ShowFence
+from ground.client.operations.missions import FetchMission
+from ground.client.operations.parameters import ShowParameters
+from ground.client.operations.session import Operation
 from protocol.wire.messages import GatewayStatus
 from runtime.clock import Clock
 from tests.support.gateway.fake_port import ORIGIN, FakePort

@@ -5,7 +5,7 @@ from typing import Any
 
 from ground.client.connection import Common
 from ground.client.link import Link
-from ground.client.operations import Session
+from ground.client.operations.session import Session
 from ground.client.requests import NO_COMMAND, Request, command_of
 from ground.text.status_parts import Part, in_words
 from protocol.bus.network import Network

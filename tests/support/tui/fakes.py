@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection
 from typing import Any
 
-from ground.client.operations import Operation
+from ground.client.operations.session import Operation
 from ground.client.parameter import Parameter
 from ground.client.presence import PresentProcesses
 from ground.client.results import Outcome

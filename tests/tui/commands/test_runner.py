@@ -9,7 +9,8 @@ import pytest
 from ground.app.commands.runner import CommandRunner, refuse
 from ground.client.connection import Common
 from ground.client.goal import destination
-from ground.client.operations import ClearEmergencyStop, Goto, StopNow
+from ground.client.operations.commands import ClearEmergencyStop, StopNow
+from ground.client.operations.goals import Goto
 from ground.console.app_commands import AppCommand, SetTheme, ShowHelp
 from ground.console.history import History
 from ground.console.parser import read

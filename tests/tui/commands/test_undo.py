@@ -11,16 +11,15 @@ from ground.app.commands.local_commands import LocalCommands
 from ground.app.commands.runner import CommandRunner
 from ground.app.commands.undo import MAX_CHANGES, Change, UndoList, inverse_of
 from ground.client.connection import Common
-from ground.client.operations import (
-    ClearFence,
-    Hold,
+from ground.client.operations import parameters
+from ground.client.operations.commands import Hold
+from ground.client.operations.fences import ClearFence, FenceShown, SetFence
+from ground.client.operations.parameters import (
+    ParameterChanged,
+    ParametersLoaded,
     ResetParameter,
-    SetFence,
     SetParameter,
-    parameters,
 )
-from ground.client.operations.fences import FenceShown
-from ground.client.operations.parameters import ParameterChanged, ParametersLoaded
 from ground.client.operations.session import Session
 from ground.client.parameter import Parameter
 from ground.client.results import Accepted

@@ -10,20 +10,16 @@ from gateways.mavlink.mav_vehicle import Face, MavVehicle
 from gateways.mavlink.robot_port import Answered, Done, Snapshot
 from gateways.mavlink.services import face_of
 from gateways.mavlink.signing import SigningGuard
-from ground.client.operations import (
-    ClearFence,
+from ground.client.operations.fences import ClearFence, FenceShown, SetFence, ShowFence
+from ground.client.operations.missions import (
     ClearMission,
-    FenceShown,
     FetchMission,
     MissionFetched,
-    Operation,
-    SetFence,
-    ShowFence,
-    ShowParameters,
     TransferOutcome,
     UploadMission,
 )
-from ground.client.operations.parameters import ParameterTable
+from ground.client.operations.parameters import ParameterTable, ShowParameters
+from ground.client.operations.session import Operation
 from ground.client.parameter import parameters_in
 from ground.client.results import Accepted, Outcome, Refused
 from ground.missions.mission import Circle, Mission, Waypoint

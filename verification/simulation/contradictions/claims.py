@@ -10,7 +10,9 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final, NamedTuple
 
 from gateways.mavlink.mavlink_dialect import mavlink
-from ground.client.operations import GoalEnded, MissionEnded, Stopped
+from ground.client.operations.commands import Stopped
+from ground.client.operations.goals import GoalEnded
+from ground.client.operations.missions import MissionEnded
 from ground.client.results import Accepted, Refused
 from ground.station.robot.lease_state import LeaseView
 from protocol.outcome import Outcome

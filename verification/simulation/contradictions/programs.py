@@ -19,25 +19,21 @@ from ground.client.api import Mission, Robot, Waypoint, connect
 from ground.client.connection import Common
 from ground.client.goal import destination
 from ground.client.link import Link, open_link
-from ground.client.operations import (
+from ground.client.operations.commands import (
     Abort,
     Arm,
-    ChangeLease,
     ClearEmergencyStop,
     Disarm,
-    DriveByHand,
-    Goto,
     Hold,
-    Operation,
     Resume,
-    Session,
     SetMode,
-    ShowLease,
-    StartMission,
     StopNow,
-    UploadMission,
 )
-from ground.client.operations.leases import operator_name
+from ground.client.operations.goals import Goto
+from ground.client.operations.leases import ChangeLease, ShowLease, operator_name
+from ground.client.operations.missions import StartMission, UploadMission
+from ground.client.operations.session import Operation, Session
+from ground.client.operations.teleop import DriveByHand
 from ground.client.results import Outcome, Refused
 from ground.client.vocabulary import HINTS
 from ground.launch.fleet_run import FleetRun, goal_runs_of

@@ -11,7 +11,7 @@ from unittest.mock import patch
 
 import zenoh
 
-from ground.client.operations import Stopped
+from ground.client.operations.commands import Stopped
 from ground.recording.summary import outcome_of
 from robot.core import states
 from robot.core.values import Pose

@@ -13,7 +13,7 @@ from ground.client.connection import Common
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.goal import destination, goal_request
 from ground.client.link import Link
-from ground.client.operations import COMMANDS
+from ground.client.operations.commands import COMMANDS
 from ground.client.operations.leases import ask_lease
 from ground.client.operations.teleop import TeleopSender
 from ground.client.requests import BEAT_NS, is_saving

@@ -1,7 +1,7 @@
 """An accepted command prints what is so now."""
 
 from ground.cli.operate import effect_of
-from ground.client.operations import COMMANDS, Arm
+from ground.client.operations.commands import COMMANDS, Arm
 from ground.client.results import Accepted, Refused
 from protocol.wire.reasons import Reason
 from tests.support.each import each

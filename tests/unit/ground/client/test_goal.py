@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.client.goal import destination, from_robot, goal_request
-from ground.client.operations import Goto
+from ground.client.operations.goals import Goto
 from ground.grammar.driving import GotoWords
 from ground.grammar.words import positive, seconds
 from protocol.wire.codec import Encoder, decode

@@ -9,16 +9,12 @@ from hypothesis import strategies as st
 
 from ground.cli import main as cli
 from ground.client.goal import destination
-from ground.client.operations import (
-    ChangeLease,
-    FetchMission,
-    Goto,
-    Hold,
-    Operation,
-    SetMode,
-    SetNavigator,
-    SetParameter,
-)
+from ground.client.operations.commands import Hold, SetMode, SetNavigator
+from ground.client.operations.goals import Goto
+from ground.client.operations.leases import ChangeLease
+from ground.client.operations.missions import FetchMission
+from ground.client.operations.parameters import SetParameter
+from ground.client.operations.session import Operation
 from ground.client.results import Outcome
 from ground.console.app_commands import (
     LOCAL,

@@ -5,7 +5,7 @@ from gateways.mavlink.mav_service import WATCHER, Sender
 from gateways.mavlink.mavlink_dialect import mavlink
 from gateways.mavlink.operator_control import BUSY, MAX_TAKING, SILENCE_NS
 from gateways.mavlink.robot_port import OVERTAKEN, Answered, Done
-from ground.client.operations import Arm, Hold, Resume
+from ground.client.operations.commands import Arm, Hold, Resume
 from ground.client.results import Accepted, Refused
 from protocol.wire.enums import LeaseAction
 from protocol.wire.messages import LeaseStatus

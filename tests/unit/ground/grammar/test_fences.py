@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.client.operations import SetFence
-from ground.client.operations.fences import in_words
+from ground.client.operations.fences import SetFence, in_words
 from ground.grammar.fences import FenceWords, SetFenceOfFile, outlined
 from ground.missions.mission import Circle, Fence, Polygon
 from runtime.errors import UserError

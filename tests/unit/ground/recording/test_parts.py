@@ -10,7 +10,7 @@ from zipfile import ZipFile
 
 import pytest
 
-from ground.client.operations import NoProgress
+from ground.client.operations.session import NoProgress
 from ground.recording.catalogue import (
     Retention,
     newest,

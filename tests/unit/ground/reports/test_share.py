@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from ground.cli.main import main
-from ground.client.operations import NoProgress
+from ground.client.operations.session import NoProgress
 from ground.console.parser import read
 from ground.reports.share import Drive, Share, changed_parameters
 from protocol.topics import DECISION, STATUS

@@ -9,7 +9,8 @@ import pytest
 from ground.client import link as links
 from ground.client.connection import Common
 from ground.client.link import Link, UnansweredError
-from ground.client.operations import AllAnswered, ClearAll, Session, StopAll
+from ground.client.operations.all_robots import AllAnswered, ClearAll, StopAll
+from ground.client.operations.session import Session
 from ground.console.spelling import line_of
 from protocol.bus.bus import Presence
 from protocol.bus.network import Network

@@ -3,18 +3,18 @@
 import pytest
 
 from ground.client.link import UnansweredError
-from ground.client.operations import (
+from ground.client.operations.commands import (
     COMMANDS,
     Arm,
     ClearEmergencyStop,
     Hold,
     Mark,
-    Operation,
     Restart,
     SetMode,
     SetNavigator,
     StopNow,
 )
+from ground.client.operations.session import Operation
 from ground.client.requests import ATTEMPTS
 from ground.client.results import Accepted, Outcome, Refused, RefusedError, agreed
 from protocol.topics import STATUS, STOP

@@ -6,8 +6,10 @@ import pytest
 
 from ground.cli.main import parse
 from ground.client.goal import destination, goal_request
-from ground.client.operations import Goto, Session, UploadMission
 from ground.client.operations.floor import Floor, floor_in, floor_of
+from ground.client.operations.goals import Goto
+from ground.client.operations.missions import UploadMission
+from ground.client.operations.session import Session
 from ground.missions.mission import Mission, Waypoint
 from protocol.wire.enums import Mode
 from protocol.wire.messages import GoalRequest

@@ -6,7 +6,7 @@ import pytest
 from msgspec.structs import replace
 
 from ground.client.goal import destination
-from ground.client.operations import GoalEnded, Goto
+from ground.client.operations.goals import GoalEnded, Goto
 from ground.client.results import Refused, RefusedError
 from protocol.topics import LEASE, STATUS
 from protocol.wire.enums import Command, GoalState, LeaseAction, Mode, Vehicle

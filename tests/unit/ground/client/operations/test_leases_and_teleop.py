@@ -6,14 +6,15 @@ from math import nan
 import pytest
 from msgspec.structs import replace
 
-from ground.client.operations import ChangeLease, DriveByHand, DriveEnded, ShowLease
 from ground.client.operations.leases import (
+    ChangeLease,
+    ShowLease,
     leased,
     operator_name,
     shortened,
     terminal_name,
 )
-from ground.client.operations.teleop import SETTLE_NS, lost_control
+from ground.client.operations.teleop import SETTLE_NS, DriveByHand, DriveEnded, lost_control
 from ground.client.results import Refused, RefusedError
 from protocol.topics import LEASE, OPERATOR, STATUS
 from protocol.wire.enums import Command, LeaseAction, Mode, Vehicle

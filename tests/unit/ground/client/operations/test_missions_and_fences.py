@@ -6,8 +6,8 @@ import msgspec
 import pytest
 
 from ground.client.link import UnansweredError
-from ground.client.operations import (
-    ClearFence,
+from ground.client.operations.fences import ClearFence, SetFence, ShowFence
+from ground.client.operations.missions import (
     ClearMission,
     DownloadMission,
     FetchMission,
@@ -15,8 +15,6 @@ from ground.client.operations import (
     MissionFetched,
     MissionProgress,
     MissionWritten,
-    SetFence,
-    ShowFence,
     ShowMissionStatus,
     StartMission,
     TransferOutcome,

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from ground.client.link import UnansweredError
-from ground.client.operations import (
+from ground.client.operations.parameters import (
+    SAVING_NS,
     LoadParameters,
     ParameterChanged,
     ResetParameter,
@@ -14,7 +15,6 @@ from ground.client.operations import (
     SetParameter,
     ShowParameters,
 )
-from ground.client.operations.parameters import SAVING_NS
 from protocol.wire.messages import CommandAck, ParamSet, ParamValue
 from protocol.wire.reasons import Reason
 from runtime.errors import ConfigError, RemoteError, UserError

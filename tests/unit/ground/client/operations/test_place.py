@@ -5,8 +5,9 @@ from math import inf, isnan, nan, radians
 import pytest
 
 from ground.client.goal import destination
-from ground.client.operations import Goto, SetPose, SetTruePose
 from ground.client.operations.floor import Floor, floor_in
+from ground.client.operations.goals import Goto
+from ground.client.operations.place import SetPose, SetTruePose
 from ground.client.operations.session import Session
 from ground.client.results import Accepted, Refused
 from ground.client.status_line import knows_place, pose_of

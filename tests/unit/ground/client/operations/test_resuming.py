@@ -3,7 +3,7 @@
 from math import nan, radians
 
 from ground.client.goal import Destination
-from ground.client.operations import Resume
+from ground.client.operations.commands import Resume
 from ground.client.operations.lost_drive import (
     LostGoal,
     LostMission,

@@ -1,7 +1,6 @@
 """A request is repeated after a remedy: a robot in standby is armed, a stopped robot is not."""
 
-from ground.client.operations import Session
-from ground.client.operations.session import RETRY_NS
+from ground.client.operations.session import RETRY_NS, Session
 from ground.client.results import Refused
 from protocol.topics import STATUS
 from protocol.wire.enums import Command, Vehicle

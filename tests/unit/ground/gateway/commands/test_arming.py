@@ -4,7 +4,7 @@ import pytest
 
 from gateways.mavlink.mav_service import WATCHER
 from gateways.mavlink.services import face_of
-from ground.client.operations import Arm, ClearEmergencyStop, Disarm
+from ground.client.operations.commands import Arm, ClearEmergencyStop, Disarm
 from protocol.wire.enums import Vehicle
 from protocol.wire.reasons import Reason
 from tests.support.gateway.fake_port import CLIENT, OTHER, Bench

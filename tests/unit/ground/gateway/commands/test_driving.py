@@ -5,18 +5,10 @@ import pytest
 
 from gateways.mavlink.mavlink_dialect import mavlink
 from gateways.mavlink.motion.pilot import EnterGuided
-from ground.client.operations import (
-    Arm,
-    Hold,
-    Operation,
-    ResetParameter,
-    Resume,
-    ReturnHome,
-    SetMode,
-    SetParameter,
-    StartMission,
-)
-from ground.client.operations.parameters import ParameterChanged
+from ground.client.operations.commands import Arm, Hold, Resume, ReturnHome, SetMode
+from ground.client.operations.missions import StartMission
+from ground.client.operations.parameters import ParameterChanged, ResetParameter, SetParameter
+from ground.client.operations.session import Operation
 from protocol.wire.enums import MissionState, Mode, Vehicle
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason

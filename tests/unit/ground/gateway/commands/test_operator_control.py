@@ -12,7 +12,7 @@ from gateways.mavlink.mav_vehicle import Face
 from gateways.mavlink.mavlink_dialect import RESULT_NOT_IN_CONTROL, MavMessage, mavlink
 from gateways.mavlink.operator_control import SILENCE_NS
 from gateways.mavlink.streams import StreamScheduler
-from ground.client.operations import Arm
+from ground.client.operations.commands import Arm
 from protocol.wire.enums import LeaseAction
 from protocol.wire.messages import LeaseStatus
 from tests.support.gateway.fake_port import CLIENT, IDENTITY, OTHER, Bench

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from gateways.mavlink.mav_service import Sender
 from gateways.mavlink.mavlink_dialect import MavMessage
-from ground.client.operations import Arm, Hold
+from ground.client.operations.commands import Arm, Hold
 from protocol.wire.enums import GoalState, MissionState, Mode, Vehicle
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason

@@ -6,7 +6,7 @@ from gateways.mavlink.commands.command_protocol import MAX_STOPS, MAX_WAITING, R
 from gateways.mavlink.mav_service import WATCHER
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.services import face_of
-from ground.client.operations import Arm, Disarm, Hold, SetMode
+from ground.client.operations.commands import Arm, Disarm, Hold, SetMode
 from ground.client.results import Refused
 from protocol.wire.enums import Mode
 from protocol.wire.reasons import Reason

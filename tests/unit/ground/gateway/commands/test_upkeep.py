@@ -5,7 +5,8 @@ import pytest
 from gateways.mavlink.coordinates import PER_DEG
 from gateways.mavlink.mavlink_dialect import MavMessage
 from ground.client.goal import Destination
-from ground.client.operations import Goto, Restart, ReturnHome
+from ground.client.operations.commands import Restart, ReturnHome
+from ground.client.operations.goals import Goto
 from ground.missions.qgroundcontrol import to_global
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.reasons import Reason

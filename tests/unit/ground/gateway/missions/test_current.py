@@ -4,7 +4,7 @@ from typing import Any
 import pytest
 
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
-from ground.client.operations import JumpTo
+from ground.client.operations.missions import JumpTo
 from protocol.wire.enums import MissionState, Mode
 from tests.support.gateway.fake_port import CLIENT, OTHER
 from tests.support.gateway.messages import acks, command, command_int, words

@@ -3,7 +3,7 @@ from typing import Any
 import pytest
 
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
-from ground.client.operations import FetchMission
+from ground.client.operations.missions import FetchMission
 from ground.missions.mission import Home, Waypoint
 from tests.support.gateway.fake_port import CLIENT, ORIGIN
 from tests.support.gateway.messages import words

@@ -6,7 +6,7 @@ import pytest
 from gateways.mavlink.mav_service import WATCHER
 from gateways.mavlink.mavlink_dialect import MavMessage, MissionCount, mavlink
 from gateways.mavlink.missions.plan_uploads import LAST_REQUESTS, RETRY_NS, TIMEOUT_NS
-from ground.client.operations import ClearMission, UploadMission
+from ground.client.operations.missions import ClearMission, UploadMission
 from ground.missions.transfer import Verdict
 from protocol.wire.enums import Severity
 from protocol.wire.reasons import Reason

@@ -6,8 +6,9 @@ from gateways.mavlink.coordinates import PER_DEG
 from gateways.mavlink.mav_service import WATCHER
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from ground.client.goal import Destination
-from ground.client.operations import Goto, SetMode, SetParameter
-from ground.client.operations.parameters import ParameterChanged
+from ground.client.operations.commands import SetMode
+from ground.client.operations.goals import Goto
+from ground.client.operations.parameters import ParameterChanged, SetParameter
 from ground.missions.qgroundcontrol import to_global
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.reasons import Reason

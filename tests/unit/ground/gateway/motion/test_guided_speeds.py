@@ -4,7 +4,7 @@ import pytest
 
 from gateways.mavlink.mavlink_dialect import MavMessage
 from gateways.mavlink.motion.pilot import BeginDrive, DriveBegun, DriveOver, EndDrive
-from ground.client.operations import Goto
+from ground.client.operations.goals import Goto
 from protocol.wire.enums import Mode
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason

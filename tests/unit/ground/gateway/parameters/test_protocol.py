@@ -8,8 +8,7 @@ import pytest
 from gateways.mavlink.mav_service import LINE_SHARE
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.parameter_protocol import MAX_PENDING, PASSES, VALUE_BYTES
-from ground.client.operations import SetParameter
-from ground.client.operations.parameters import ParameterChanged
+from ground.client.operations.parameters import ParameterChanged, SetParameter
 from ground.client.results import Refused
 from protocol.wire.enums import LeaseAction
 from protocol.wire.reasons import Reason

@@ -13,7 +13,7 @@ from gateways.mavlink.mavlink_dialect import (
 )
 from gateways.mavlink.services import face_of
 from gateways.mavlink.streams import STREAMS
-from ground.client.operations import ShowParameters
+from ground.client.operations.parameters import ShowParameters
 from protocol.wire.enums import Mode
 from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, Bench

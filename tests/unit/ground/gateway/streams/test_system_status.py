@@ -8,7 +8,7 @@ import pytest
 from gateways.mavlink import telemetry_messages
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.services import face_of
-from ground.client.operations import FenceShown, ShowFence
+from ground.client.operations.fences import FenceShown, ShowFence
 from ground.missions.mission import Circle
 from protocol.wire.enums import Vehicle
 from protocol.wire.reasons import Reason
