@@ -10,10 +10,18 @@ from typing import Final, NamedTuple
 
 from ground.client.parameter import Parameter
 from ground.client.vocabulary import MODE_SUMMARIES, NAVIGATOR_SUMMARIES
-from ground.console.aliases import ALIASES, PAIRS, expanded
 from ground.console.app_commands import LOCAL
-from ground.console.parser import COMMANDS, parser_for, verbs, words_of_group
-from ground.console.tokenizer import MAX_LENGTH, last_word
+from ground.console.parser import (
+    ALIASES,
+    COMMANDS,
+    MAX_LENGTH,
+    PAIRS,
+    expanded,
+    last_word,
+    parser_for,
+    verbs,
+    words_of_group,
+)
 from ground.map.scene import LAYERS
 from ground.text.theme_names import THEMES
 from runtime.cli.completion import files, options_of, place_in, positionals_of

@@ -1,8 +1,7 @@
 """The command `help`: all commands in a line each, or one command with its arguments."""
 
-from ground.console.aliases import ALIASES, expanded
 from ground.console.app_commands import LOCAL
-from ground.console.parser import COMMANDS, parser_for, usage_of
+from ground.console.parser import ALIASES, COMMANDS, expanded, parser_for, usage_of
 from runtime.cli.verb_table import command_of
 
 

@@ -1,9 +1,7 @@
-"""Parses a typed command into the operation that the shell would run for the same words.
-
-Nothing here prints or exits: UserError holds the reason and the remedy.
-"""
+"""Parse a typed line into the operation that the shell would run for the same words."""
 
 import argparse
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
 from itertools import chain
@@ -12,10 +10,8 @@ from typing import Final, NoReturn
 
 from ground.client.operations.session import Operation
 from ground.client.results import Outcome
-from ground.console.aliases import ALIASES, PAIRS, expanded
 from ground.console.app_commands import LOCAL, AppArguments, AppCommand
 from ground.console.argument_errors import in_words
-from ground.console.tokenizer import words_of
 from ground.grammar.missions import MissionWords
 from ground.grammar.words import common_verbs
 from ground.grammar.words import words_of as words_class
@@ -24,6 +20,69 @@ from protocol.options import numbers_kept
 from runtime.cli.parsers import subcommands_of
 from runtime.cli.verb_table import GROUPS, VERBS, command_of
 from runtime.errors import UserError
+
+MAX_LENGTH: Final = 1000
+
+
+def words_of(text: str) -> list[str]:
+    """Return the words of a command; UserError if the line cannot be split."""
+    if len(text) > MAX_LENGTH:
+        raise UserError(f"a command has at most {MAX_LENGTH} characters, not {len(text)}")
+    line = text.replace("\t", " ").strip().removeprefix(":").strip()
+    if odd := next((letter for letter in line if not letter.isprintable()), ""):
+        raise UserError(f"{odd!r} cannot be part of a command: one line of plain text")
+    try:
+        return shlex.split(line)
+    except ValueError:
+        raise UserError("unbalanced quote: close it, or put \\ before it") from None
+
+
+def last_word(text: str) -> tuple[list[str], str]:
+    """Return the words before the one being typed, and that one, empty after a blank."""
+    for closing in ("", "'", '"'):
+        try:
+            words = shlex.split(f"{text}{closing}")
+        except ValueError:
+            continue
+        if words and (closing or text[-1:] not in (" ", "\t")):
+            return words[:-1], words[-1]
+        return words, ""
+    return [], text
+
+
+ALIASES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "goal": ("goto",),
+        "algo": ("navigator",),
+        "set": ("param", "set"),
+        "get": ("param", "get"),
+        "stop": ("estop",),
+        "q": ("quit",),
+        "exit": ("quit",),
+        "?": ("help",),
+    }
+)
+PAIRS: Final[Mapping[tuple[str, ...], tuple[str, ...]]] = MappingProxyType(
+    {tuple(command_of(word).split()): (word,) for word, verb in VERBS.items() if verb.is_grouped}
+    | {
+        ("mode", "rtl"): ("rtl",),
+        ("mission", "restart"): ("mission", "start", "1"),
+        ("record", "mark"): ("mark",),
+        ("rec", "start"): ("record", "start"),
+        ("rec", "stop"): ("record", "stop"),
+        ("wp", "upload"): ("mission", "upload", "-"),
+    }
+)
+
+
+def expanded(words: Sequence[str]) -> list[str]:
+    """Replace a short word by the words of the command line."""
+    pair = PAIRS.get(tuple(word.lower() for word in words[:2]))
+    if pair is not None:
+        return [*pair, *words[2:]]
+    first, *rest = words
+    return [*ALIASES.get(first, (first,)), *rest]
+
 
 UNAVAILABLE: Final[Mapping[str, str]] = MappingProxyType(
     {

@@ -18,14 +18,12 @@ from ground.client.operations.teleop import TeleopSender
 from ground.client.requests import ATTEMPTS, GaveUp
 from ground.client.results import Answer, Outcome, Refused
 from ground.client.vocabulary import HINTS
-from ground.console.aliases import expanded
 from ground.console.app_commands import AppCommand, Undo
 from ground.console.argument_errors import shown
 from ground.console.completion import Assistance, Candidate, assist
 from ground.console.history import History
-from ground.console.parser import COMMANDS, read
+from ground.console.parser import COMMANDS, expanded, read, words_of
 from ground.console.spelling import line_of
-from ground.console.tokenizer import words_of
 from ground.map.scene import MapTarget
 from ground.missions.draft import AddWaypoint, Draft, Edit
 from ground.missions.mission import Mission

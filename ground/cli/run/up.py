@@ -1,12 +1,13 @@
-"""`up`: start plant and robots as processes, send the goals, print the outcomes."""
+"""`up`: start plant and robots as processes, tell other commands where, print the outcomes."""
 
 import argparse
 import json
 import os
 import socket
 import subprocess
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -24,27 +25,16 @@ from ground.launch.child_command import command
 from ground.launch.fleet_run import FleetRun, as_json, in_words
 from ground.launch.goal_run import GoalRun
 from ground.launch.launcher import Stack
-from ground.launch.recording_session import (
-    RecordingSession,
-    add_recording,
-    folder_of,
-)
-from ground.launch.run_announcement import announced
-from ground.launch.scenario import (
-    CLOCKS,
-    PACED,
-    Scenario,
-    scenario_of,
-    world_facts,
-    world_query,
-)
-from ground.launch.tls_configs import ground_file
+from ground.launch.recording_session import RecordingSession, add_recording, folder_of
+from ground.launch.scenario import CLOCKS, PACED, Scenario, scenario_of, world_facts, world_query
+from ground.launch.tls_configs import ground_file, locked
 from ground.recording.catalogue import size_of_run
 from ground.recording.log_reader import parts_of
 from ground.text.output import Output
 from ground.text.status_parts import Part
 from ground.text.status_parts import in_words as in_line
 from ground.user.folders import recordings_folder
+from ground.user.runs import RunFile, reason_of, this_run
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import MAX_ROBOTS
 from protocol.options import finite, whole
@@ -332,3 +322,43 @@ def speed(text: str) -> str:
         return f"{positive(text):g}"
     except argparse.ArgumentTypeError as error:
         raise argparse.ArgumentTypeError(f"{error}: give a number above 0, or max") from error
+
+
+@contextmanager
+def announced(stack: Stack, output: Output) -> Iterator[None]:
+    """Print the endpoint, and keep a runtime file until the block is left.
+
+    The run goes on without a file that cannot be written.
+    """
+    since = datetime.now(UTC)
+    endpoint = locked(stack.scenario.locks, stack.endpoint)
+    file = RunFile(stack.scenario.name)
+    failed = False
+
+    def write() -> None:
+        nonlocal failed
+        scenario = stack.scenario
+        run = this_run(
+            endpoint=endpoint,
+            robots=list(scenario.robots),
+            world=scenario.name,
+            locks=scenario.locks,
+            record=scenario.record,
+            recordings=[str(log.with_suffix(".mcap")) for log in stack.recordings()],
+            processes=stack.processes(),
+            since=since,
+            stop_at=stack.stop_at,
+        )
+        try:
+            file.write(run)
+        except OSError as error:
+            if not failed:
+                output.note(f"other commands need --connect {endpoint}: {reason_of(error)}")
+            failed = True
+
+    output.note(f"endpoint {endpoint}; in another terminal: sidestep ground, or sidestep ps")
+    stack.on_change = write
+    try:
+        yield
+    finally:
+        file.remove()

@@ -1,7 +1,7 @@
 """Short words replace verbs of the command line, and only those."""
 
-from ground.console.aliases import ALIASES, PAIRS, expanded
 from ground.console.app_commands import LOCAL
+from ground.console.parser import ALIASES, PAIRS, expanded
 from runtime.cli.verb_table import VERBS
 from tests.support.each import each
 

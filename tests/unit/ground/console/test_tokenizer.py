@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.console.tokenizer import MAX_LENGTH, last_word, words_of
+from ground.console.parser import MAX_LENGTH, last_word, words_of
 from runtime.errors import UserError
 from tests.support.each import each
 
