@@ -1,4 +1,8 @@
-"""Parse a typed line into the operation that the shell would run for the same words."""
+"""Parse a typed line into the operation that the shell would run for the same words.
+
+Short words stand for words of the command line. Nothing here prints or exits: UserError holds the
+reason and the remedy.
+"""
 
 import argparse
 import shlex

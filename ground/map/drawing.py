@@ -7,7 +7,7 @@ places of the map are described in words, too.
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from itertools import pairwise
-from math import atan2, cos, degrees, hypot, inf, isfinite, pi, sin
+from math import atan2, cos, degrees, dist, hypot, inf, isfinite, pi, sin
 from typing import Final
 
 from ground.map.canvas import DOTS_WIDE, DOTTED, MARKS, Canvas
@@ -182,11 +182,6 @@ def dotted(pen: Pen, shape: Shape, role: str) -> None:
         pen.dotted(a, b, role, EDGE_SPACING)
 
 
-def distance_m(a: Point, b: Point) -> float:
-    """Return the distance between two points."""
-    return hypot(b[0] - a[0], b[1] - a[1])
-
-
 CONE_SPACING: Final = 3
 LINE_SPACING: Final = 4
 NOSE_DOTS: Final = 5.0
@@ -254,7 +249,7 @@ def draw_sonars(pen: Pen, scene: MapScene) -> None:
 def draw_virtual(pen: Pen, scene: MapScene) -> None:
     """Draw the virtual goal and a line to it, unless it is the goal itself."""
     at, robot = scene.virtual_goal, scene.robot
-    if at is None or (scene.goal and distance_m(at, (scene.goal.x_m, scene.goal.y_m)) < 1e-6):
+    if at is None or (scene.goal and dist(at, (scene.goal.x_m, scene.goal.y_m)) < 1e-6):
         return
     if robot is not None:
         pen.dotted((robot.x_m, robot.y_m), at, "virtual", LINE_SPACING)
@@ -270,7 +265,7 @@ def draw_goal(pen: Pen, scene: MapScene) -> None:
     at, robot = (goal.x_m, goal.y_m), scene.robot
     draw_heading(pen, goal, "goal")
     pen.mark(at, "goal", "goal", "goal", heads_right(goal))
-    away_m = None if robot is None else distance_m((robot.x_m, robot.y_m), at)
+    away_m = None if robot is None else dist((robot.x_m, robot.y_m), at)
     pen.off_map(at, "goal", "goal" if away_m is None else f"goal {away_m:.1f} m")
 
 

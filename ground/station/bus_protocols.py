@@ -3,8 +3,7 @@
 from collections.abc import Callable, Iterable
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
-from ground.client.emergency_stop import MessagePublisher as MessagePublisher
-from ground.client.emergency_stop import ServiceCaller
+from ground.client.emergency_stop import MessagePublisher, ServiceCaller
 from ground.client.presence import LivelinessToken
 from ground.client.telemetry import MailboxSource
 from protocol.bus.mailbox import Mailbox

@@ -212,7 +212,9 @@ class RobotKeys:
     def actions(self) -> Mapping[str, Action]:
         """Return the actions by id."""
         app = self._app
-        screens = {f"screen-{number}": partial(self.go, name) for name, number in SCREENS.items()}
+        screens = {
+            f"screen-{number}": partial(app.switch_mode, name) for name, number in SCREENS.items()
+        }
         return {
             **{one.verb: partial(app.commands.perform, one) for one in PLAIN},
             **self._stop_keys.actions(),
@@ -227,10 +229,10 @@ class RobotKeys:
             "robot-next": partial(self.select_by, 1),
             "jump": self.choose_screen,
             "palette": app.action_command_palette,
-            "help": self.help,
+            "help": partial(show_help, app),
             "copy": self.copy,
             "shot": self.save_screenshot,
-            "share": self.share,
+            "share": partial(share_run, app),
             "theme": self.next_theme,
             "quit": self._leaving.quit,
             "quit-hint": self._leaving.explain,
@@ -313,18 +315,14 @@ class RobotKeys:
 
     # The ground station itself.
 
-    def go(self, screen: str) -> None:
-        """Show a screen."""
-        self._app.switch_mode(screen)
-
     def choose_screen(self) -> None:
         """Let the operator choose a screen."""
         names = [f"{number} {name}" for name, number in SCREENS.items()]
-        self._app.choose("screen", names, lambda choice: self.go(choice.split()[1]))
 
-    def help(self) -> None:
-        """Show the help."""
-        show_help(self._app)
+        def go(choice: str) -> None:
+            self._app.switch_mode(choice.split()[1])
+
+        self._app.choose("screen", names, go)
 
     def copy(self) -> None:
         """Copy the last command to the clipboard, as a line for a shell."""
@@ -336,10 +334,6 @@ class RobotKeys:
     def save_screenshot(self) -> None:
         """Save the screen as an SVG file in the folder of pictures."""
         self._app.note(saved_picture(self._app.export_screenshot()))
-
-    def share(self) -> None:
-        """Put the run that is shown into one archive."""
-        share_run(self._app)
 
     def next_theme(self) -> None:
         """Switch to the next theme."""

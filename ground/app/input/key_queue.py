@@ -1,9 +1,8 @@
 """Handle keys and pastes in order: each after the effect of the ones before it.
 
 Textual passes a key to the task of a widget, and its effect follows later. Without this queue, a
-key that was typed early would go to the screen that was open before.
-
-Let a key with a large effect act only at its second press.
+key that was typed early would go to the screen that was open before. A key with a large effect acts
+only at its second press.
 """
 
 from collections import deque

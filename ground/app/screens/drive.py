@@ -26,12 +26,11 @@ from ground.app.widgets.lines import Lines
 from ground.app.widgets.map import MapWidget
 from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.app.widgets.strip_widget import StillColumn, StillGrid
-from ground.explain.explanation import NAMES, Explanation, explain
+from ground.explain.explanation import NAMES, Explanation
 from ground.explain.turns import Why, explained
 from ground.map.canvas import DOTS_HIGH, DOTS_WIDE
 from ground.map.scene import LAYERS, MapTarget
 from ground.map.view import MARGIN_DOTS
-from ground.station.history.decision_history import Moment
 from ground.station.station import Station
 from runtime.errors import UserError
 from runtime.units import NS_PER_S
@@ -85,14 +84,6 @@ def columns_for(floor_m: Size, rows: int) -> int:
         return LEAST_MAP
     down = DOTS_HIGH * (rows - 1) - 2 * MARGIN_DOTS
     return ceil((max(1, down) * width_m / height_m + 2 * MARGIN_DOTS) / DOTS_WIDE)
-
-
-def now_rows(moment: Moment | None, width: int) -> list[Row]:
-    """Explain the present decision."""
-    if moment is None:
-        return [row(faint("no decision received"))]
-    found = explain(moment.decision, moment.status, moment.cycle, moment.previous)
-    return explanation_rows(found, width)
 
 
 def turn_rows(why: Why, back: int, station: Station, width: int) -> list[Row]:

@@ -2,9 +2,9 @@
 
 from typing import Final
 
+from ground.client.emergency_stop import MessagePublisher
 from ground.client.link import ALIVE
 from ground.client.requests import HeartbeatTimer
-from ground.station.bus_protocols import MessagePublisher
 from ground.station.robot.lease_state import UNKNOWN, lease_from
 from protocol.wire.messages import Heartbeat, LeaseStatus
 from runtime.units import NS_PER_MS, NS_PER_S

@@ -1,6 +1,7 @@
 """Watch and operate one robot: link and e-stop; when selected, lease and heartbeat, too."""
 
-from ground.station.bus_protocols import LiveBus, MessagePublisher
+from ground.client.emergency_stop import MessagePublisher
+from ground.station.bus_protocols import LiveBus
 from ground.station.link.link_monitor import HubState, LinkMonitor
 from ground.station.link.loss import Loss, LossKind
 from ground.station.reader import Reader

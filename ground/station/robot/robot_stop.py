@@ -4,8 +4,8 @@ from collections import deque
 from typing import Final, NamedTuple
 
 from ground.client import stop_ways
-from ground.client.emergency_stop import EmergencyStop, StopOutcome, outcome_words
-from ground.station.bus_protocols import LiveBus, MessagePublisher
+from ground.client.emergency_stop import EmergencyStop, MessagePublisher, StopOutcome, outcome_words
+from ground.station.bus_protocols import LiveBus
 from ground.station.robot.background_requests import JobResult, RequestWorker
 from ground.station.robot.robot_model import AddLine, RobotModel
 from protocol.topics import STATUS, STOP
