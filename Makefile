@@ -109,9 +109,9 @@ up: setup
 	@exec "$(BIN)/sidestep" up $(ARGS)
 
 # The compiled modules are kept for all checkouts, by the content of their sources; see
-# verification/built.py.
+# checks/built.py.
 compiled: setup
-	@"$(BIN)/python" -m verification.built compiled build/compiled
+	@"$(BIN)/python" -m checks.built compiled build/compiled
 
 # Several times as fast as with pure Python, with the same results.
 study: compiled
@@ -119,7 +119,7 @@ study: compiled
 
 # Needs packages of Debian, which it names when they are missing.
 firmware: setup
-	@exec "$(BIN)/python" -m verification.built firmware $(ARGS)
+	@exec "$(BIN)/python" -m checks.built firmware $(ARGS)
 
 bench: setup
 	@exec "$(BIN)/sidestep" bench $(ARGS)
@@ -127,17 +127,17 @@ bench: setup
 # Hours; it continues where it was interrupted. ARGS="figures compiled" measures only these pages,
 # ARGS="--max-minutes 20" those that take at most so long, and ARGS=--list shows all.
 evidence: setup
-	@exec "$(BIN)/python" -m verification.evidence --measure $(ARGS)
+	@exec "$(BIN)/python" -m checks.evidence --measure $(ARGS)
 
-# The steps are in verification/gate.py. With CI set a skipped test fails.
+# The steps are in checks/gate.py. With CI set a skipped test fails.
 test: setup
 	@PATH="$(BIN):$$PATH"
-	exec "$(BIN)/python" -m verification.gate $(if $(ARGS),room,test) $(ARGS) $(if $(CI),--no-skips)
+	exec "$(BIN)/python" -m checks.gate $(if $(ARGS),room,test) $(ARGS) $(if $(CI),--no-skips)
 
 # Everything: `test`, then the rest; ARGS=rest leaves out what `make test` has run.
 gate: setup
 	@PATH="$(BIN):$$PATH"
-	exec "$(BIN)/python" -m verification.gate $(or $(ARGS),gate) $(if $(CI),--no-skips)
+	exec "$(BIN)/python" -m checks.gate $(or $(ARGS),gate) $(if $(CI),--no-skips)
 
 # It keeps the packages it fetches in build/afresh, and nothing else.
 gate-afresh:
@@ -145,7 +145,7 @@ gate-afresh:
 
 # About a quarter of an hour; writes tests/brief.txt.
 brief: setup
-	@exec "$(BIN)/python" -m verification.brief $(ARGS)
+	@exec "$(BIN)/python" -m checks.brief $(ARGS)
 
 # A client that cannot be installed is skipped with the reason, and fails with CI set. Each client
 # drives a robot in real time: four at once are not late on two cores.
@@ -155,54 +155,54 @@ interop: setup
 
 # From the results of `make interop`.
 clients-table: setup
-	@exec "$(BIN)/python" -m verification.site.clients_table
+	@exec "$(BIN)/python" -m checks.site.clients_table
 
 rows-table: setup
-	@exec "$(BIN)/python" -m verification.site.rows_table
+	@exec "$(BIN)/python" -m checks.site.rows_table
 
 # Some minutes; ARGS="--module guard" tries one module.
 mutation: setup
-	@exec "$(BIN)/python" -m verification.mutation $(ARGS)
+	@exec "$(BIN)/python" -m checks.mutation $(ARGS)
 
 # About half an hour; ARGS="--python FILE" adds an interpreter, of another C library for instance,
 # and ARGS="--page docs/evidence/same-bits.md" writes the page.
 same-bits: setup
-	@exec "$(BIN)/python" -m verification.same_bits --libraries --compiled $(ARGS)
+	@exec "$(BIN)/python" -m checks.same_bits --libraries --compiled $(ARGS)
 
 # About half an hour; it continues where it was interrupted. ARGS="--minutes 10" ends earlier.
 same-bits-mcu: setup
-	@"$(BIN)/python" -m verification.built firmware
-	exec "$(BIN)/python" -m verification.same_bits.board $(ARGS)
+	@"$(BIN)/python" -m checks.built firmware
+	exec "$(BIN)/python" -m checks.same_bits.board $(ARGS)
 
 # Some minutes; after a change of constraints.txt or of what pyproject.toml wants. The lists hold the
 # files that pip chooses, of the index that it is configured for.
 hashes: setup
-	@exec "$(BIN)/python" -m verification.hashes
+	@exec "$(BIN)/python" -m checks.hashes
 
 generate: setup
 	@exec "$(BIN)/python" -m protocol.dialect.generate
 
 docs: setup
-	@exec "$(BIN)/python" -m verification.site
+	@exec "$(BIN)/python" -m checks.site
 
 prose: setup
-	@exec "$(BIN)/python" -m verification.language $(ARGS)
+	@exec "$(BIN)/python" -m checks.language $(ARGS)
 
 # Pages run for minutes in real time; ARGS="docs/tutorial/mission.md" or ARGS="screens" for a part.
 refresh: setup
 	@exec "$(BIN)/python" -m tests.support.docs.refresh $(ARGS)
 
 pictures: setup
-	@exec "$(BIN)/python" -m verification.site.pictures
+	@exec "$(BIN)/python" -m checks.site.pictures
 
 generate-docs: setup
-	@"$(BIN)/python" -m verification.site.protocol_page >docs/reference/protocol.md.new
+	@"$(BIN)/python" -m checks.site.protocol_page >docs/reference/protocol.md.new
 	mv docs/reference/protocol.md.new docs/reference/protocol.md
-	"$(BIN)/python" -m verification.mode_model --document >docs/evidence/state-diagram.md.new
+	"$(BIN)/python" -m checks.model --document >docs/evidence/state-diagram.md.new
 	mv docs/evidence/state-diagram.md.new docs/evidence/state-diagram.md
-	"$(BIN)/python" -m verification.mutation --document >docs/evidence/mutants.md.new
+	"$(BIN)/python" -m checks.mutation --document >docs/evidence/mutants.md.new
 	mv docs/evidence/mutants.md.new docs/evidence/mutants.md
-	"$(BIN)/python" -m benchmarks.board.page >docs/evidence/microcontroller.md.new
+	"$(BIN)/python" -m checks.site.microcontroller_page >docs/evidence/microcontroller.md.new
 	mv docs/evidence/microcontroller.md.new docs/evidence/microcontroller.md
 
 clean:

@@ -340,7 +340,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             TEST,
             "measure speed and cost",
             "bench latency",
-            "benchmarks.__main__",
+            "checks.__main__",
         ),
         "plant": Verb(
             RUN,

@@ -1,7 +1,7 @@
 """Figures that other tools measured, read from the JSON files beside their pages.
 
-`python -m study.people` writes those of crowds, `python -m verification.published_maps` those of
-published maps, and `python -m benchmarks.board.measure` the cost on the emulated board.
+`python -m study.people` writes those of crowds, `python -m checks.published_maps` those of
+published maps, and `python -m checks.speed.board.measure` the cost on the emulated board.
 """
 
 from dataclasses import dataclass, field

@@ -6,19 +6,19 @@ from pathlib import Path
 
 import pytest
 
-from plant.world.file import load
-from protocol.bus.bus import open_bus
-from protocol.bus.network import Network
-from protocol.topics import Role
-from tests.support.until import PATIENCE_S, until
-from verification.flood.strangers import Strangers
-from verification.harness.processes import (
+from checks.flood.strangers import Strangers
+from checks.harness.processes import (
     free_port,
     made_keys,
     robot_process,
     sidestep,
     tls_of,
 )
+from plant.world.file import load
+from protocol.bus.bus import open_bus
+from protocol.bus.network import Network
+from protocol.topics import Role
+from tests.support.until import PATIENCE_S, until
 
 RATE_HZ = 100.0
 CALLS = 300

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 import hatch_build
+from checks.built import ROOT, wheel
 from runtime.cli import compiled
 from tests.support.compiled.installation import installed, run_python
 from tests.support.compiled.trials import is_compiled, outcomes
-from verification.built import ROOT, wheel
 
 TRIALS = ("-m", "tests.support.compiled.trials")
 CORE = "robot/core/brain.py"

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from verification.same_bits import __main__ as command
-from verification.same_bits.__main__ import attempt, compared, differences, run
-from verification.same_bits.older import unpack
-from verification.same_bits.record import Record, Row, page_of, read, write
-from verification.same_bits.trials import Result, result_of, trial_of
-from verification.same_bits.variants import Variant, of_processors, requirements
+from checks.same_bits import __main__ as command
+from checks.same_bits.__main__ import attempt, compared, differences, run
+from checks.same_bits.older import unpack
+from checks.same_bits.record import Record, Row, page_of, read, write
+from checks.same_bits.trials import Result, result_of, trial_of
+from checks.same_bits.variants import Variant, of_processors, requirements
 
 TRIALS = 6
 """`make same-bits` runs a thousand."""
@@ -117,7 +117,7 @@ def test_differing_values_are_counted(monkeypatch: pytest.MonkeyPatch, tmp_path:
 
 def test_an_older_commit_is_unpacked_with_the_trials(tmp_path: Path) -> None:
     root = unpack("HEAD", tmp_path / "older")
-    assert (root / "verification/same_bits/trials.py").exists()
+    assert (root / "checks/same_bits/trials.py").exists()
     assert len(run(Variant("older", sys.executable), 1, root)) == 1
 
 

@@ -4,6 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import nan
 
+from checks.faults.intruders import second_robot
+from checks.faults.lockstep import BreakableInProcess
+from checks.faults.table import FAULTS
 from protocol.wire.enums import Command, GoalState, Mode, Vehicle
 from protocol.wire.reasons import Reason
 from robot.core.safety import failsafe
@@ -12,9 +15,6 @@ from robot.core.values import Pose
 from tests.support.each import each
 from tests.support.harness import STOPPING_S, Stack
 from tests.support.until import until
-from verification.faults_matrix.intruders import second_robot
-from verification.faults_matrix.lockstep import BreakableInProcess
-from verification.faults_matrix.table import FAULTS
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from checks.fuzz import main as fuzz
+from checks.fuzz.hunt import TARGETS, limited, watch
+from checks.fuzz.target import FuzzTarget
 from tests.support.each import each
-from verification.fuzz import main as fuzz
-from verification.fuzz.hunt import TARGETS, limited, watch
-from verification.fuzz.target import FuzzTarget
 
 FEW = settings().max_examples // 10
 BEYOND = 10_000

@@ -5,10 +5,10 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from checks.fuzz.hunt import TARGETS, limited, watch
+from checks.fuzz.logs import TICK_MESSAGES, bomb
+from checks.fuzz.messages import packed
 from protocol.wire.messages import PlanarOdometry
-from verification.fuzz.hunt import TARGETS, limited, watch
-from verification.fuzz.logs import TICK_MESSAGES, bomb
-from verification.fuzz.messages import packed
 
 DOTTED = b"a" + b".a" * 60_000 + b" = 1"
 LONG = b"[parameters]\nd_obs_m = " + b"9" * 5000

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from checks.fuzz import hunt as fuzz_hunt
+from checks.fuzz import main as fuzz
+from checks.fuzz.hunt import TARGETS, Finding, FuzzTally, hunt
+from checks.fuzz.main import Block, keep, report_of, share_out
+from checks.fuzz.target import FuzzTarget
 from runtime.errors import RemoteError, UserError
-from verification.fuzz import hunt as fuzz_hunt
-from verification.fuzz import main as fuzz
-from verification.fuzz.hunt import TARGETS, Finding, FuzzTally, hunt
-from verification.fuzz.main import Block, keep, report_of, share_out
-from verification.fuzz.target import FuzzTarget
 
 
 def of(run: Callable[[bytes, Path], object], weight: int = 20) -> FuzzTarget:

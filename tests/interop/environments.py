@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from verification.built import BuildError, environment
+from checks.built import BuildError, environment
 
 PINS: Final = Path(__file__).with_name("pins")
 

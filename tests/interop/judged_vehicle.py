@@ -9,9 +9,9 @@ from typing import Any, Final, NamedTuple
 
 import pytest
 
+from checks.built import ROOT
 from tests.interop.vehicle import free_udp_port
 from tests.support.stack.processes import Crew, Running
-from verification.built import ROOT
 
 YARD: Final = """
 name = "yard"

@@ -6,8 +6,8 @@ import subprocess
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from checks.built import ROOT
 from tests.interop.vehicle import RobotOnAir
-from verification.built import ROOT
 
 SCENARIO_S: Final = 270.0
 """Less than what faulthandler leaves a test."""

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from checks.built import BuildError
 from tests.interop.clients.steps import STEPS
 from tests.interop.environments import python_of
 from tests.interop.scenario import CLIENTS, Client, keep, read, run
 from tests.interop.vehicle import LINES, robot_on_air
-from verification.built import BuildError
 
 pytestmark = pytest.mark.interop
 

@@ -6,9 +6,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
+from checks.relay.impairment import PERFECT, POOR, Impairment
+from checks.relay.udp_relay import UdpRelay
 from tests.support.stack.processes import Crew, Running
-from verification.relay.impairment import PERFECT, POOR, Impairment
-from verification.relay.udp_relay import UdpRelay
 
 LINES: dict[str, Impairment] = {"clean": PERFECT, "poor": POOR}
 RECORDING_BYTES = 9_001

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from checks import built
 from firmware import build
 from firmware.board import QEMU, Board
-from verification import built
 
 
 @pytest.fixture(scope="session")

@@ -12,9 +12,9 @@ from typing import Final
 
 import pytest
 
-from benchmarks.board.counted import counted
-from benchmarks.board.measure import build, report_of, summary
-from benchmarks.board.results import Build, excesses
+from checks.speed.board.counted import counted
+from checks.speed.board.measure import build, report_of, summary
+from checks.speed.board.results import Build, excesses
 from firmware.board import Board
 from firmware.host import BoardCore
 from plant.sim.simulation import Plant

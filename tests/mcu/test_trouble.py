@@ -5,6 +5,7 @@ from time import monotonic
 
 import pytest
 
+from checks.board.breakable_board import hang
 from firmware.board import RESTART, Board, BoardError, BoardMismatchError, Emulator
 from firmware.image import core_hash
 from protocol.wire.enums import ResetCause
@@ -14,7 +15,6 @@ from robot.core import reasons, states
 from robot.core.parameters import DEFAULTS
 from runtime.errors import UserError
 from tests.mcu.rolling import drive_off, tick
-from verification.board.breakable_board import hang
 
 pytestmark = pytest.mark.mcu
 

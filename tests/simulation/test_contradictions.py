@@ -2,18 +2,18 @@
 
 from typing import Final, NamedTuple
 
-from tests.support.each import each
-from verification.simulation.contradictions.defects import DEFECTS
-from verification.simulation.contradictions.draw import draw_persons
-from verification.simulation.contradictions.run import (
+from checks.simulation.contradictions.defects import DEFECTS
+from checks.simulation.contradictions.draw import draw_persons
+from checks.simulation.contradictions.run import (
     APP,
     NOTEBOOK,
     UP,
     contradictions_of,
     observe,
 )
-from verification.simulation.events import Argument, Event, EventScenario
-from verification.simulation.hosts.gateway_side import GATEWAY
+from checks.simulation.events import Argument, Event, EventScenario
+from checks.simulation.hosts.gateway_side import GATEWAY
+from tests.support.each import each
 
 SAME_PERSON, OTHER = "ada-t1", "bea-t2"
 FIRST, SECOND = "client-255", "client-254"

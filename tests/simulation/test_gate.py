@@ -4,11 +4,11 @@ from functools import partial
 
 import pytest
 
-from verification.simulation.campaign import run_seeds, search_defect
-from verification.simulation.draw import draw_scenario
-from verification.simulation.events import to_json
-from verification.simulation.shrink import shrink
-from verification.simulation.simulation import run
+from checks.simulation.campaign import run_seeds, search_defect
+from checks.simulation.draw import draw_scenario
+from checks.simulation.events import to_json
+from checks.simulation.shrink import shrink
+from checks.simulation.simulation import run
 
 SEEDS = 500
 PART = 20

@@ -1,9 +1,9 @@
 """The gateway and its two clients in the simulation: they drive, stop, and are lost."""
 
+from checks.simulation.draw import GATEWAY_EVERY, draw_scenario
+from checks.simulation.events import Argument, Event, EventScenario
+from checks.simulation.simulation import RunResult, run
 from tests.support.each import each
-from verification.simulation.draw import GATEWAY_EVERY, draw_scenario
-from verification.simulation.events import Argument, Event, EventScenario
-from verification.simulation.simulation import RunResult, run
 
 FIRST, SECOND = "client-255", "client-254"
 DRIVES = (1500, "client", FIRST, "drive", 33.0, 30.0)

@@ -2,13 +2,13 @@
 
 from typing import Any, Final
 
+from checks.simulation.contradictions.claims import Observer
+from checks.simulation.contradictions.journal import Journal, Said, Shown
+from checks.simulation.contradictions.truth import AnsweredRequest, RobotRow, Truth
+from checks.simulation.hosts.scheduler import Scheduler
 from protocol.wire.enums import Command, GoalState, MissionState, Mode, Vehicle
 from protocol.wire.messages import CommandRequest
 from tests.support.each import each
-from verification.simulation.contradictions.claims import Observer
-from verification.simulation.contradictions.journal import Journal, Said, Shown
-from verification.simulation.contradictions.truth import AnsweredRequest, RobotRow, Truth
-from verification.simulation.hosts.scheduler import Scheduler
 
 ADA, BEA = "ada-nb", "bea-t2"
 STEP_NS: Final = 100_000_000

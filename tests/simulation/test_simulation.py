@@ -3,14 +3,14 @@
 import subprocess
 import sys
 
+from checks.simulation.draw import draw_scenario
+from checks.simulation.events import Event, EventScenario, from_json, to_json
+from checks.simulation.simulation import run
 from tests.support.each import each
-from verification.simulation.draw import draw_scenario
-from verification.simulation.events import Event, EventScenario, from_json, to_json
-from verification.simulation.simulation import run
 
 PRINTS_DIGEST = """
-from verification.simulation.draw import draw_scenario
-from verification.simulation.simulation import run
+from checks.simulation.draw import draw_scenario
+from checks.simulation.simulation import run
 print(*[run(draw_scenario(seed)).digest for seed in (1, 2, 3)])
 """
 

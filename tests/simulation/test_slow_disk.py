@@ -2,9 +2,9 @@
 
 import pytest
 
-from verification.simulation.events import Argument, Event, EventScenario
-from verification.simulation.hosts.operators import OperatorRequest, RequestHistory
-from verification.simulation.simulation import run
+from checks.simulation.events import Argument, Event, EventScenario
+from checks.simulation.hosts.operators import OperatorRequest, RequestHistory
+from checks.simulation.simulation import run
 
 S = 1_000_000_000
 

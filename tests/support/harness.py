@@ -9,11 +9,11 @@ with Stack("box") as stack:
 
 from math import degrees, hypot, radians, remainder
 
+from checks.harness.bus_calls import OPERATOR_BEAT
+from checks.harness.inprocess import InProcess, reason_in
+from checks.harness.peers import FRAME_S
 from protocol.topics import Topic
 from protocol.wire.message import Message
-from verification.harness.bus_calls import OPERATOR_BEAT
-from verification.harness.inprocess import InProcess, reason_in
-from verification.harness.peers import FRAME_S
 
 __all__ = ["OPERATOR_BEAT", "Stack", "reason_in"]
 STOPPING_S = 0.40

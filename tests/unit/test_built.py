@@ -8,8 +8,8 @@ from time import time
 
 import pytest
 
-from verification import built as cache
-from verification.built import ROOT, BuildError, built, environment, key_of
+from checks import built as cache
+from checks.built import ROOT, BuildError, built, environment, key_of
 
 MakesCounted = tuple[list[Path], Callable[[Path], None]]
 

@@ -9,8 +9,8 @@ ROOT: Final = Path(__file__).resolve().parents[2]
 MARKER: Final = re.compile(rb"^(?:<{7}|>{7}) \S", re.MULTILINE)
 SUFFIXES: Final = {".c", ".h", ".json", ".md", ".py", ".toml", ".xml", ".yml"}
 FOLDERS: Final = (
-    *("benchmarks", "docs", "examples", "ground", "plant", "protocol"),
-    *("robot", "runtime", "study", "tests", "verification"),
+    *("checks/speed", "docs", "examples", "ground", "plant", "protocol"),
+    *("robot", "runtime", "study", "tests", "checks"),
 )
 
 

@@ -13,9 +13,9 @@ from packaging.markers import default_environment
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from checks.hashes import FOLDER, LISTS, MACHINES, RUNTIME, needed, wanted_in
 from tests.support.each import each
 from tests.unit.test_packaging import ROOT, pins
-from verification.hashes import FOLDER, LISTS, MACHINES, RUNTIME, needed, wanted_in
 
 ENTRY = re.compile(r"([a-z0-9-]+)==(\S+)((?: \\\n    --hash=sha256:[0-9a-f]{64})+)\n")
 

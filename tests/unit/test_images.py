@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from checks.built import ROOT
 from tests.support.compose import images
-from verification.built import ROOT
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ from typing import Final, Literal
 
 import pytest
 
+from checks.harness.tcp_proxy import TcpProxy
 from ground.station.link.streams import StreamCounter
 from ground.text.wording import aged
 from protocol.bus.bus import Bus, open_bus
@@ -20,7 +21,6 @@ from protocol.wire.messages import Statustext, WheelTicks
 from tests.support.bus.nets import TOPOLOGIES, Topology, net, prefixes
 from tests.support.keyring import Keyring
 from tests.support.until import PATIENCE_S, until
-from verification.harness.tcp_proxy import TcpProxy
 
 pytestmark = pytest.mark.stack
 

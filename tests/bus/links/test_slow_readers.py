@@ -13,6 +13,7 @@ import pytest
 import zenoh
 from zenoh.handlers import Callback
 
+from checks.flood.relay import SlowRelay
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
 from protocol.bus.services import ServiceRequest
@@ -23,7 +24,6 @@ from protocol.wire.messages import Statustext
 from tests.support.bus.nets import net
 from tests.support.keyring import Keyring
 from tests.support.until import until
-from verification.flood.relay import SlowRelay
 
 pytestmark = pytest.mark.stack
 

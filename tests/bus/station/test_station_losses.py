@@ -2,13 +2,13 @@
 
 import pytest
 
+from checks.harness.tcp_proxy import TcpProxy
 from ground.station.link.loss import LossKind
 from protocol.topics import LEASE_SERVICE, Role
 from protocol.wire.enums import AckResult, LeaseAction
 from protocol.wire.messages import CommandAck, LeaseRequest
 from tests.support.bus.lively import Lively, watching
 from tests.support.until import PATIENCE_S
-from verification.harness.tcp_proxy import TcpProxy
 
 pytestmark = pytest.mark.stack
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
+from checks.harness.tcp_proxy import TcpProxy
 from ground.cli.main import main
 from protocol.bus import bus as bus_module
 from protocol.bus.audit import audited_connections
@@ -22,7 +23,6 @@ from protocol.wire.messages import CommandRequest, WheelTicks
 from tests.support.bus.robots import PlayedRobot
 from tests.support.keyring import Keyring
 from tests.support.until import PATIENCE_S, until
-from verification.harness.tcp_proxy import TcpProxy
 
 PRESS = CommandRequest(request_id=7, param1=1.0, param2=0.0, command=Command.DO_FLIGHTTERMINATION)
 TICKS = WheelTicks(time_ns=1, seq=1, left=2, right=-3, bumper=0, expired=0)

@@ -13,6 +13,7 @@ import pytest
 import zenoh
 
 import sidestep
+from checks.harness.terminal import Terminal
 from protocol.bus.services import ServiceRequest
 from protocol.topics import DECISION, LEASE, TEXT, WORLD
 from protocol.wire.enums import Severity
@@ -22,7 +23,6 @@ from tests.support.bus.robots import PlayedRobot, played
 from tests.support.hostile import OWNED, raw_in
 from tests.support.hostile import TEXT as HOSTILE
 from tests.support.until import PATIENCE_S
-from verification.harness.terminal import Terminal
 
 ROOT = Path(__file__).parents[3]
 PARAMETERS = [

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from verification.first_ten_minutes import STEPS, main
+from checks.first_ten_minutes import STEPS, main
 
 pytestmark = [
     pytest.mark.stack,

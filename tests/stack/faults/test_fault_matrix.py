@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from verification.faults_matrix.table import FAULTS
+from checks.faults.table import FAULTS
 
 pytestmark = pytest.mark.stack
 
@@ -20,7 +20,7 @@ docs/evidence/faults.md."""
 
 
 def bench(*words: str, within_s: float = 240.0) -> tuple[int, str, str]:
-    line = [sys.executable, "-m", "benchmarks", "faults", *words]
+    line = [sys.executable, "-m", "checks/speed", "faults", *words]
     done = subprocess.run(line, capture_output=True, text=True, timeout=within_s, check=False)
     return done.returncode, done.stdout, done.stderr
 

@@ -4,10 +4,10 @@ import argparse
 
 import pytest
 
+from checks.endurance import main as soak
+from checks.endurance import report as soak_report
+from checks.endurance.supervised import PLANT, SUPERVISOR
 from runtime.units import NS_PER_S
-from verification.soak import main as soak
-from verification.soak import report as soak_report
-from verification.soak.supervised import PLANT, SUPERVISOR
 
 PATIENCE_S = 60.0
 

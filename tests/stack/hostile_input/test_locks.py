@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
+from checks.flood.main import peak_mb
 from ground.certificates.folder import make
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network, Tls
@@ -23,7 +24,6 @@ from runtime.errors import AccessDeniedError
 from tests.support.keyring import DAY, NOW, Keyring
 from tests.support.stack.processes import Crew, Running
 from tests.support.until import until
-from verification.flood.main import peak_mb
 
 pytestmark = pytest.mark.stack
 EACH = 10

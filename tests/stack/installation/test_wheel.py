@@ -13,7 +13,7 @@ from typing import Final
 
 import pytest
 
-from verification import built
+from checks import built
 
 pytestmark = pytest.mark.stack
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from checks.restarts import kept_stops
 from tests.support.stack.processes import Crew
-from verification.restarts import kept_stops
 
 pytestmark = pytest.mark.stack
 

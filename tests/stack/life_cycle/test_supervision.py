@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from checks.restarts import NO_PAUSE, ArrivalTimes, running
 from ground.cli.run.up import goal_runs_of
 from ground.client.goal import destination
 from ground.client.link import open_link
@@ -34,7 +35,6 @@ from tests.support.stack.process_table import children_of
 from tests.support.stack.processes import Crew, Witness, moved_not, real_time
 from tests.support.stack.spoilt import Sabotage
 from tests.support.until import until
-from verification.restarts import NO_PAUSE, ArrivalTimes, running
 
 pytestmark = pytest.mark.stack
 

@@ -4,12 +4,12 @@ import argparse
 
 import pytest
 
-from benchmarks import codec, core, digest, jitter, latency, mtls, robot, trial
-from benchmarks.__main__ import Benchmark
-from benchmarks.lockstep import breakdown
-from benchmarks.lockstep import main as lockstep
-from verification.flood import main as flood
-from verification.harness.figures import Figure
+from checks.__main__ import Benchmark
+from checks.flood import main as flood
+from checks.harness.figures import Figure
+from checks.speed import codec, core, digest, jitter, latency, mtls, robot, trial
+from checks.speed.lockstep import breakdown
+from checks.speed.lockstep import main as lockstep
 
 pytestmark = pytest.mark.stack
 

@@ -13,7 +13,7 @@ from tests.support.until import until
 
 pytestmark = pytest.mark.stack
 
-TOOL = (sys.executable, "-m", "verification.first_drives")
+TOOL = (sys.executable, "-m", "checks.first_drives")
 DRIVES_S = 240.0
 NAME = "short.toml"
 SHORT = """
@@ -28,7 +28,7 @@ def busy_processes(running: Running) -> list[int]:
     found = []
     for pid in children_of(running.process.pid):
         try:
-            found += [pid] if "verification.first_drives.busy" in cmdline(pid) else []
+            found += [pid] if "checks.first_drives.busy" in cmdline(pid) else []
         except (FileNotFoundError, ProcessLookupError):
             continue
     return found

@@ -4,8 +4,8 @@ import argparse
 
 import pytest
 
-from benchmarks.ground_station import main as ground
-from verification.harness.figures import Figure
+from checks.harness.figures import Figure
+from checks.speed.ground_station import main as ground
 
 pytestmark = pytest.mark.stack
 

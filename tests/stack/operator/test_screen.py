@@ -3,8 +3,8 @@
 import pyte
 import pytest
 
+from checks.harness.terminal import Terminal
 from tests.support.until import until
-from verification.harness.terminal import Terminal
 
 pytestmark = pytest.mark.stack
 

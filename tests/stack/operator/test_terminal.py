@@ -14,12 +14,12 @@ from typing import NamedTuple
 
 import pytest
 
+from checks.harness.bus_calls import ask_until_accepted, command_request
 from protocol.topics import COMMAND
 from protocol.wire.enums import Command, Vehicle
 from tests.support.stack.processes import Crew, Running, Witness
 from tests.support.stack.tmux import Tmux
 from tests.support.until import PATIENCE_S, until
-from verification.harness.bus_calls import ask_until_accepted, command_request
 
 pytestmark = [
     pytest.mark.stack,

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import hatch_build
-from verification.built import ROOT, install_compiled
+from checks.built import ROOT, install_compiled
 
 
 def installed(shared: Path) -> Path:

@@ -14,9 +14,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
+from checks.built import cache, key_of
 from tests.support.compose.compose import BUILD_S, ROOT, Compose, docker, tried
 from tests.support.until import until
-from verification.built import cache, key_of
 
 SETUP_S: Final = 300.0
 """Time for the engine and the base image in CI, where both may be set up at this moment."""

@@ -2,8 +2,8 @@
 
 from argparse import ArgumentParser
 
-from benchmarks import arrival
-from benchmarks.arrival import PEER, arrive
+from checks.speed import arrival
+from checks.speed.arrival import PEER, arrive
 from tests.support.each import each
 
 

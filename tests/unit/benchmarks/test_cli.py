@@ -7,16 +7,16 @@ from types import ModuleType
 
 import pytest
 
-from benchmarks.__main__ import BENCHMARKS, benchmark_of, main
+from checks.__main__ import BENCHMARKS, benchmark_of, main
+from checks.harness.figures import Figure, Report
 from tests.support.each import each
-from verification.harness.figures import Figure, Report
 
 
 class Stub(ModuleType):
     """A benchmark with a fixed result."""
 
     def __init__(self, value: float) -> None:
-        super().__init__("benchmarks.core")
+        super().__init__("checks.speed.core")
         self.value = value
 
     def add_options(self, parser: ArgumentParser) -> None:
@@ -30,7 +30,7 @@ class Stub(ModuleType):
 @pytest.fixture
 def stub(monkeypatch: pytest.MonkeyPatch) -> Stub:
     module = Stub(10.0)
-    monkeypatch.setitem(sys.modules, "benchmarks.core", module)
+    monkeypatch.setitem(sys.modules, "checks.speed.core", module)
     return module
 
 

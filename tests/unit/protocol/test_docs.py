@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 import pytest
 
 import sidestep
+from checks.site import protocol_page
 from ground.missions import files as mission_file
 from plant.world import file as world_file
 from protocol.topics import Role, Service, Topic
@@ -18,7 +19,6 @@ from robot.parameter_table import SPECS
 from runtime import config
 from runtime.cli.verb_table import VERBS, command_of, find
 from tests.support.each import each
-from verification.site import protocol_page
 
 ROOT = Path(__file__).parents[3]
 DOCS = ROOT / "docs"

@@ -6,6 +6,7 @@ from typing import Any, get_type_hints
 
 import pytest
 
+from checks.simulation.invariants.limits import is_free
 from protocol.topics import SERVICES, Role
 from protocol.wire.enums import Command, LeaseAction, Mode
 from protocol.wire.message import Message
@@ -21,7 +22,6 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import Reason
 from robot.vehicle import Vehicle
 from tests.support.robot.vehicles import Desk
-from verification.simulation.invariants.limits import is_free
 
 ADA, BOB = "ada/1", "bob/2"
 FREE_COMMANDS = {

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
+from checks.power_cut import ReorderingDisk, content_of
 from runtime import files
-from verification.power_cut import ReorderingDisk, content_of
 
 HOME = Path("/state")
 FILE = HOME / "fence.json"

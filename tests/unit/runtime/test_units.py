@@ -14,8 +14,8 @@ PACKAGES = [
     "gateways",
     "vehicle_check",
     "study",
-    "benchmarks",
-    "verification",
+    "checks/speed",
+    "checks",
 ]
 WRITTEN_DOWN = re.compile(
     r"^(NS_PER_\w+|MS|SECOND)\b.*= *[\d(]|\b[a-z]\w* [*/] 1e9\b", re.MULTILINE

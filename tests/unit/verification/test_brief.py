@@ -1,6 +1,6 @@
 """The choice of the tests of `make test`."""
 
-from verification.brief import FileRecord, choose, modules
+from checks.brief import FileRecord, choose, modules
 
 TOUCHING = {"a.py": {("a.py", 2), ("a.py", 3)}, "b.py": {("b.py", 2)}, "c.py": {("c.py", 2)}}
 
@@ -42,4 +42,4 @@ def test_rest_of_the_budget_buys_the_most_lines() -> None:
 def test_modules_are_those_of_the_product() -> None:
     names = {path.as_posix() for path in modules()}
     assert "robot/core/brain.py" in names
-    assert not any(name.startswith(("tests/", "verification/")) for name in names)
+    assert not any(name.startswith(("tests/", "checks/")) for name in names)

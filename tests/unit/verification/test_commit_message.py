@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from checks.commit_message import advice, problems
 from tests.support.each import each
-from verification.commit_message import advice, problems
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -60,7 +60,7 @@ def test_hook_refuses_a_bad_message(message: str, code: int, tmp_path: Path) -> 
     file = tmp_path / "COMMIT_EDITMSG"
     file.write_text(message)
     done = subprocess.run(
-        ["python3", ROOT / "verification" / "commit_message.py", file],
+        ["python3", ROOT / "checks" / "commit_message.py", file],
         capture_output=True,
         text=True,
         check=False,

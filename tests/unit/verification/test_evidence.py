@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.each import each
-from verification import evidence
-from verification.evidence import (
+from checks import evidence
+from checks.evidence import (
     BEGIN,
     EVIDENCE,
     FOLDER,
@@ -31,6 +30,7 @@ from verification.evidence import (
     with_mark,
     with_origin_of,
 )
+from tests.support.each import each
 
 ROOT = Path(__file__).resolve().parents[3]
 PAGE = Evidence("speed", "Speed", "how fast", "`measure`", ("code",), 1, (Step(("true",)),))
@@ -139,7 +139,7 @@ def test_page_names_its_commit_unless_a_test_compares_it(page: Evidence) -> None
 
 def test_committed_index_shows_what_the_pages_name() -> None:
     text = (ROOT / FOLDER / "index.md").read_text(encoding="utf-8")
-    assert index(ROOT) in text, "python -m verification.evidence --mark"
+    assert index(ROOT) in text, "python -m checks.evidence --mark"
 
 
 def test_commands_of_the_study_are_those_of_its_page() -> None:

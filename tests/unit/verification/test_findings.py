@@ -5,9 +5,9 @@ from shutil import copyfile
 
 import pytest
 
+from checks.findings import WORLDS, failing, main, name_of
 from runtime.errors import UserError
 from study.falsify.findings import read_finding
-from verification.findings import WORLDS, failing, main, name_of
 
 SOURCE = min(WORLDS.glob("paper/bug-a-*.toml"))
 

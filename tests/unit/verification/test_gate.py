@@ -8,9 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.each import each
-from tests.support.until import until
-from verification.gate import (
+from checks.gate import (
     BRIEF,
     BRIEF_PROCESSES,
     EXIT_INTERRUPTED,
@@ -23,6 +21,8 @@ from verification.gate import (
     find_tests,
     rest_phases,
 )
+from tests.support.each import each
+from tests.support.until import until
 
 PASSES = Step("passes", (sys.executable, "-c", "print('3 passed, 1 skipped in 0.1s')"), 1)
 FAILS = Step("fails", (sys.executable, "-c", "raise SystemExit('badly')"), 1)
@@ -37,7 +37,7 @@ until(other.exists)
 INTERRUPTED = """
 import sys
 from pathlib import Path
-from verification.gate import Gate, Step
+from checks.gate import Gate, Step
 WAITS = '''
 import signal, sys
 from pathlib import Path

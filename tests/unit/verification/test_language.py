@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from checks.language import Text, grade, habits, main, running_text, syllables, texts_of
 from tests.support.each import each
-from verification.language import Text, grade, habits, main, running_text, syllables, texts_of
 
 
 @each(

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from checks.power_cut import ReorderingDisk, State, restore
 from protocol.wire.enums import Command, MissionType
 from protocol.wire.messages import MissionClearAll, MissionItemInt, ParamSet, ParamValue
 from protocol.wire.reasons import Reason
@@ -16,7 +17,6 @@ from robot.storage import Store
 from runtime import files
 from tests.support.robot.mission.items import circle, line, upload
 from tests.support.robot.vehicles import Desk
-from verification.power_cut import ReorderingDisk, State, restore
 
 HOME = Path("/state/of/r1")
 Held = tuple[float, str, str, bool]

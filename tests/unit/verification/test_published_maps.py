@@ -4,12 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from protocol.outcome import LOST, UNREACHABLE
-from protocol.world import Circle
-from study.report.evidence import MapResult, read_evidence
-from tests.support.each import each
-from verification import published_maps
-from verification.published_maps import (
+from checks import published_maps
+from checks.published_maps import (
     MapSet,
     Run,
     barn_worlds,
@@ -20,6 +16,10 @@ from verification.published_maps import (
     table,
     with_table,
 )
+from protocol.outcome import LOST, UNREACHABLE
+from protocol.world import Circle
+from study.report.evidence import MapResult, read_evidence
+from tests.support.each import each
 
 CYLINDER = """
 <model name='unit_cylinder_{n}'>

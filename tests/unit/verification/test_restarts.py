@@ -2,9 +2,9 @@
 
 import pytest
 
+from checks.restarts import Recovery, held_after_cut, of
 from robot.emergency_stop import KeptStop
 from tests.support.each import each
-from verification.restarts import Recovery, held_after_cut, of
 
 TOOK = [Recovery(0.5, 0.7), Recovery(0.6, 2.0)]
 

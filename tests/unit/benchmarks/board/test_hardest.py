@@ -2,8 +2,8 @@
 
 import sys
 
-from benchmarks.board.hardest import MEASURED, bytecodes, search
-from benchmarks.board.scenarios import Scenario, run_scenario
+from checks.speed.board.hardest import MEASURED, bytecodes, search
+from checks.speed.board.scenarios import Scenario, run_scenario
 from robot.hosting import InProcessCore
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.board.memory_size import heap_bytes, lengths
+from checks.speed.board.memory_size import heap_bytes, lengths
 from robot.core.values import Pose
 
 

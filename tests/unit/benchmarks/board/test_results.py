@@ -4,8 +4,10 @@ from pathlib import Path
 
 import msgspec
 
-from benchmarks.board import float32, page, results
-from benchmarks.board.results import (
+from checks.same_bits import board
+from checks.site import microcontroller_page
+from checks.speed.board import float32, results
+from checks.speed.board.results import (
     CEILINGS,
     FLASH_BYTES,
     RAM_BYTES,
@@ -17,7 +19,6 @@ from benchmarks.board.results import (
 from plant.world.file import shipped
 from study.trial.trial import NAVIGATORS
 from tests.support.each import each
-from verification.same_bits import board
 
 ROOT = Path(__file__).resolve().parents[4]
 
@@ -80,7 +81,7 @@ def test_single_precision_was_driven_with_every_navigator() -> None:
 
 def test_page_is_made_from_the_committed_results() -> None:
     committed = ROOT / "docs" / "evidence" / "microcontroller.md"
-    assert committed.read_text(encoding="utf-8") == page.document()
+    assert committed.read_text(encoding="utf-8") == microcontroller_page.document()
 
 
 def test_results_are_written_as_they_are_read(tmp_path: Path) -> None:

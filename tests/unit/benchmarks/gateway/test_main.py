@@ -6,14 +6,14 @@ from time import time_ns
 
 import pytest
 
-from benchmarks.gateway import flood, main, slow_line, timeouts
-from benchmarks.gateway.client import PER_S, Arrival, stamp_now
-from benchmarks.gateway.flood import FloodRun
-from benchmarks.gateway.flood_sender import KINDS as FLOODS
-from benchmarks.gateway.flood_sender import SUPPLY, supply_of
-from benchmarks.gateway.forged_frames import KINDS, Forger, NoFile, command, sign
-from benchmarks.gateway.goto import first_ns
-from benchmarks.gateway.stage import position_target
+from checks.speed.gateway import flood, main, slow_line, timeouts
+from checks.speed.gateway.client import PER_S, Arrival, stamp_now
+from checks.speed.gateway.flood import FloodRun
+from checks.speed.gateway.flood_sender import KINDS as FLOODS
+from checks.speed.gateway.flood_sender import SUPPLY, supply_of
+from checks.speed.gateway.forged_frames import KINDS, Forger, NoFile, command, sign
+from checks.speed.gateway.goto import first_ns
+from checks.speed.gateway.stage import position_target
 from gateways.mavlink.framing import Deframer, MavFrame
 from gateways.mavlink.mavlink_dialect import mavlink
 from gateways.mavlink.motion.setpoints import Velocity, attitude_of, setpoint_of

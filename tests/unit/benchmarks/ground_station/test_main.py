@@ -4,12 +4,12 @@ from argparse import ArgumentParser
 
 import pytest
 
-from benchmarks.ground_station import main as ground
-from benchmarks.ground_station.app_memory import sizes_mb
-from benchmarks.ground_station.reaction import first, held, stopped
+from checks.harness.terminal import Terminal
+from checks.speed.ground_station import main as ground
+from checks.speed.ground_station.app_memory import sizes_mb
+from checks.speed.ground_station.reaction import first, held, stopped
 from protocol.wire.message import Message
 from protocol.wire.messages import WheelCommand
-from verification.harness.terminal import Terminal
 
 
 def wheels(speed_mrad_s: int) -> Message:

@@ -6,10 +6,10 @@ from functools import partial
 import pytest
 from rich.text import Text
 
-from benchmarks.map_drawing import main as benchmark
-from benchmarks.map_drawing.plotext import PlotextMap
-from benchmarks.map_drawing.scene import driving_trails, moving_trails, recorded_canvas, segments
-from benchmarks.map_drawing.stage import measure_frames
+from checks.speed.map_drawing import main as benchmark
+from checks.speed.map_drawing.plotext import PlotextMap
+from checks.speed.map_drawing.scene import driving_trails, moving_trails, recorded_canvas, segments
+from checks.speed.map_drawing.stage import measure_frames
 from ground.app.widgets.map import MapWidget
 
 

@@ -1,16 +1,16 @@
 """The memory of the navigators stays within bounds.
 
-What a tick costs on the board is measured there: `benchmarks/board`.
+What a tick costs on the board is measured there: `checks/speed/board`.
 """
 
 from random import Random
 
 import pytest
 
-from benchmarks.board.memory_size import lengths
-from benchmarks.board.results import STATE_BYTES
-from benchmarks.board.scenarios import CarriedBody, EnclosedBody, ScenarioBody
-from benchmarks.board.state_size import state_bytes
+from checks.speed.board.memory_size import lengths
+from checks.speed.board.results import STATE_BYTES
+from checks.speed.board.scenarios import CarriedBody, EnclosedBody, ScenarioBody
+from checks.speed.board.state_size import state_bytes
 from robot.core import states
 from robot.core.motion import HALT
 from robot.core.navigators.registry import NAVIGATORS as REGISTERED

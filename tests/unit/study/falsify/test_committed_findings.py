@@ -7,12 +7,12 @@ import pytest
 from _pytest.mark.structures import ParameterSet
 
 import study.falsify
+from checks.findings import renewed
 from plant.shortest_path import shortest_path_m
 from study.falsify.findings import read_finding
 from study.falsify.properties import LETTERS
 from study.falsify.shrink import walls_in
 from tests.support.each import each
-from verification.findings import renewed
 
 WORLDS = Path(study.falsify.__file__).parent / "worlds"
 OPEN, FIXED, PAPER = (sorted((WORLDS / name).glob("*.toml")) for name in ("open", "fixed", "paper"))
@@ -89,7 +89,7 @@ def test_failing_finding_ends_as_its_file_states(file: Path) -> None:
     stored, now = read_finding(file), renewed(file)
     assert now is not None, "it holds now: move the file to fixed/"
     assert (now.kind, now.sentence, now.world.name) == (stored.kind, stored.sentence, file.stem), (
-        "run `python -m verification.findings`"
+        "run `python -m checks.findings`"
     )
     assert now == stored
     assert f"<title>{escape(stored.sentence)}</title>" in file.with_suffix(".svg").read_text()

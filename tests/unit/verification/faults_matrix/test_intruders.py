@@ -2,12 +2,12 @@
 
 from math import isinf, isnan
 
+from checks.faults.intruders import READ, RECEIVED, extremes, extremes_of, turns
 from protocol.topics import STOP
 from protocol.wire.codec import decode
 from protocol.wire.message import LAYOUT
 from protocol.wire.messages import CommandRequest, SonarScan, Teleop, WheelTicks
 from tests.support.each import each
-from verification.faults_matrix.intruders import READ, RECEIVED, extremes, extremes_of, turns
 
 
 @each("kind", [SonarScan, WheelTicks, Teleop, CommandRequest])

@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
+from checks.faults.log import lost_from, missing
 from ground.recording.log_reader import record_bytes
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import Severity
 from protocol.wire.messages import Statustext, WheelTicks
 from tests.support.each import each
-from verification.faults_matrix.log import lost_from, missing
 
 UTC_2026_US = 1_795_000_000_000_000
 

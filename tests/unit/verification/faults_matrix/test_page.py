@@ -2,9 +2,9 @@
 
 from typing import Any
 
-from verification.faults_matrix.page import page
-from verification.faults_matrix.results import Repetition, Results
-from verification.faults_matrix.table import FAULTS
+from checks.faults.page import page
+from checks.faults.results import Repetition, Results
+from checks.faults.table import FAULTS
 
 
 def page_of(*repetitions: Repetition, before: str = "") -> str:

@@ -1,8 +1,8 @@
 """The power cut of the fault matrix passes this robot and fails one that loses renames."""
 
+from checks.faults import power_cuts
+from checks.power_cut import ReorderingDisk
 from tests.support.each import each
-from verification.faults_matrix import power_cuts
-from verification.power_cut import ReorderingDisk
 
 
 @each("number", range(4))

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
+from checks.faults.actions import PlainAct
+from checks.faults.results import Repetition, Results
+from checks.faults.table import FAULTS, FaultCase, Must, Way, goes_on, stops
 from protocol.wire.reasons import Reason
 from tests.support.each import each
-from verification.faults_matrix.actions import PlainAct
-from verification.faults_matrix.results import Repetition, Results
-from verification.faults_matrix.table import FAULTS, FaultCase, Must, Way, goes_on, stops
 
 STOP = stops("a stop", PlainAct.EMERGENCY_STOP, 0.25, Reason.SCAN_LOST)
 DEATH = FaultCase(

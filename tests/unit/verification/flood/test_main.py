@@ -1,15 +1,15 @@
 """`bench flood`: the figures of an emergency stop, and the payloads of the attackers."""
 
+from checks.flood.acknowledgements import SLICE_NS, StopStatus, unfounded
+from checks.flood.kinds import KINDS, Captured, id_in
+from checks.flood.main import FloodRun, figures_of
+from checks.flood.operator import StopTimes
+from checks.flood.payloads import forbidden, forged_command, frames, questions, wheels
 from protocol.topics import OPERATOR, PREFIX, key_parts
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import CycleReport
 from robot.lease import needs_no_lease
 from runtime.units import UINT32
-from verification.flood.acknowledgements import SLICE_NS, StopStatus, unfounded
-from verification.flood.kinds import KINDS, Captured, id_in
-from verification.flood.main import FloodRun, figures_of
-from verification.flood.operator import StopTimes
-from verification.flood.payloads import forbidden, forged_command, frames, questions, wheels
 
 EVE = "eve/0123"
 

@@ -3,10 +3,10 @@
 import tomllib
 from pathlib import Path
 
+from checks.flood.operator import StopTimes
+from checks.flood.stop_ways import APP, ESTOP, Row, configuration, figures_of, notes_of
 from protocol.wire.codec import Encoder
 from tests.unit.verification.flood.test_main import report
-from verification.flood.operator import StopTimes
-from verification.flood.stop_ways import APP, ESTOP, Row, configuration, figures_of, notes_of
 
 STOOD = StopTimes(90.0, 120.0, 5000.0)
 

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from checks.harness.figures import Figure, Report, digits, percentile, ratios
 from tests.support.each import each
-from verification.harness.figures import Figure, Report, digits, percentile, ratios
 
 finite = st.floats(-1e9, 1e9)
 

@@ -2,9 +2,9 @@
 
 import pytest
 
+from checks.harness import motion
+from checks.harness.motion import HOLDS, Seen
 from protocol.wire.messages import GroundTruth
-from verification.harness import motion
-from verification.harness.motion import HOLDS, Seen
 
 
 def seen(*speeds_m_s: float, touching: tuple[int, ...] = ()) -> list[Seen]:

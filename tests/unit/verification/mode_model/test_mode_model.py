@@ -6,6 +6,18 @@ from typing import Any
 
 import pytest
 
+from checks.model import memento
+from checks.model.diagram import DRAWINGS, HEADER, section
+from checks.model.events import failsafe_causes, name_of
+from checks.model.explorer import endless, explore
+from checks.model.invariants import (
+    INVARIANTS,
+    rule_of,
+    stop_takes_effect_at_once,
+)
+from checks.model.parts import ModelPart, parts
+from checks.model.requests import REQUESTS, VARIANTS
+from checks.model.world import ADA, ModelWorld
 from protocol.wire.messages import GoalRequest
 from robot import vehicle
 from robot.commands import HANDLERS
@@ -18,18 +30,6 @@ from robot.lease import Lease
 from robot.mission import Mission
 from robot.parameter_service import ParameterService
 from robot.process import SERVICES
-from verification.mode_model import memento
-from verification.mode_model.diagram import DRAWINGS, HEADER, section
-from verification.mode_model.events import failsafe_causes, name_of
-from verification.mode_model.explorer import endless, explore
-from verification.mode_model.invariants import (
-    INVARIANTS,
-    rule_of,
-    stop_takes_effect_at_once,
-)
-from verification.mode_model.parts import ModelPart, parts
-from verification.mode_model.requests import REQUESTS, VARIANTS
-from verification.mode_model.world import ADA, ModelWorld
 
 DOCUMENT = Path(__file__).parents[4] / "docs" / "evidence" / "state-diagram.md"
 PARTS = {part.name: part for part in parts()}

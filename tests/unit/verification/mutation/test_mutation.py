@@ -7,13 +7,13 @@ from textwrap import dedent
 
 import pytest
 
+from checks.mutation import equivalent, forks
+from checks.mutation.equivalent import EquivalentMutants, mistakes
+from checks.mutation.forks import MutantVerdict
+from checks.mutation.mutants import Identity, mutants_of
+from checks.mutation.page import page
+from checks.mutation.targets import TARGETS
 from tests.support.each import each
-from verification.mutation import equivalent, forks
-from verification.mutation.equivalent import EquivalentMutants, mistakes
-from verification.mutation.forks import MutantVerdict
-from verification.mutation.mutants import Identity, mutants_of
-from verification.mutation.page import page
-from verification.mutation.targets import TARGETS
 
 ROOT = Path(__file__).parents[4]
 
@@ -132,9 +132,9 @@ def pytest_collection_finish():
 TRY = """
 import sys
 from pathlib import Path
-from verification.mutation import forks
-from verification.mutation.mutants import mutants_of
-from verification.mutation.runner import MutationTarget, verdicts
+from checks.mutation import forks
+from checks.mutation.mutants import mutants_of
+from checks.mutation.runner import MutationTarget, verdicts
 forks.EXTRA_CPU_S = 1
 root = Path.cwd()
 target = MutationTarget(root / "lamp.py", root, ("test_lamp.py",))

@@ -4,9 +4,9 @@ import socket
 from collections.abc import Sequence
 from itertools import pairwise
 
+from checks.relay.impairment import OVERTAKEN_NS, PERFECT, POOR, ImpairedLine, Impairment
+from checks.relay.udp_relay import UdpRelay
 from runtime.units import NS_PER_MS
-from verification.relay.impairment import OVERTAKEN_NS, PERFECT, POOR, ImpairedLine, Impairment
-from verification.relay.udp_relay import UdpRelay
 
 COUNT = 2000
 FAR_NS = 1 << 62

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from verification.site.clients_table import BEGIN, END, WORDS, main
+from checks.site.clients_table import BEGIN, END, WORDS, main
 
 
 def result(client: str, line: str, failed: str = "", seconds: float = 1.0) -> str:

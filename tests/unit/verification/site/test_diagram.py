@@ -4,8 +4,8 @@ from xml.etree import ElementTree
 
 import pytest
 
+from checks.site.diagram import MAX_DRAWN, Box, box_diagram, edge, fence, state_diagram
 from tests.support.each import each
-from verification.site.diagram import MAX_DRAWN, Box, box_diagram, edge, fence, state_diagram
 
 BOXES = """
 title: Two <boxes>

@@ -4,15 +4,15 @@ from pathlib import Path
 
 import pytest
 
+from checks.findings import WORLDS
+from checks.site import findings_page
 from study.falsify.findings import read_finding
-from verification.findings import WORLDS
-from verification.site import findings_page
 
 
 def test_page_shows_the_findings_in_the_tree() -> None:
     page = findings_page.PAGE.read_text(encoding="utf-8")
     assert findings_page.with_tables(page, WORLDS) == page, (
-        "run `python -m verification.site.findings_page`"
+        "run `python -m checks.site.findings_page`"
     )
     for file in WORLDS.rglob("*.toml"):
         assert f"findings/{file.parent.name}/{file.stem}.svg" in page

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from checks.site.links import problems, target
 from tests.support.each import each
-from verification.site.links import problems, target
 
 LINK = '<a href="{}">next</a>'
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from checks.site.outcomes_table import document, main, rows_of, with_summary
 from plant.world.file import shipped
 from tests.support.each import each
-from verification.site.outcomes_table import document, main, rows_of, with_summary
 
 TABLE = Path(__file__).parents[4] / "docs" / "evidence" / "outcomes.md"
 NAMES = ("bug, left", "bug, right", "vgm", "bug1", "bug2", "distbug", "vgm_memory")

@@ -1,8 +1,8 @@
 """The table of who can do what says what the rules do, and no more."""
 
+from checks.site import permissions_page
+from checks.site.permissions_page import COLUMNS, rows
 from tests.support.each import each
-from verification.site import permissions_page
-from verification.site.permissions_page import COLUMNS, rows
 
 OPERATORS = {"`ground`", "`ground-NAME`"}
 COMMANDERS = OPERATORS | {"`gateway`"}

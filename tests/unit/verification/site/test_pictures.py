@@ -4,11 +4,7 @@ import re
 from pathlib import Path
 from xml.etree import ElementTree
 
-from plant.world.file import load
-from study.report.drives import drive_trial
-from study.trial.trial import Trial, run_trial
-from tests.support.each import each
-from verification.site.pictures import (
+from checks.site.pictures import (
     FOLDER,
     NAVIGATORS,
     PANEL_PX,
@@ -18,7 +14,11 @@ from verification.site.pictures import (
     moving,
     panels,
 )
-from verification.site.proof_picture import RULES, TITLE, ChainRecorder, ring, rings
+from checks.site.proof_picture import RULES, TITLE, ChainRecorder, ring, rings
+from plant.world.file import load
+from study.report.drives import drive_trial
+from study.trial.trial import Trial, run_trial
+from tests.support.each import each
 
 PICTURES = sorted(FOLDER.glob("*.svg"))
 SVG = "{http://www.w3.org/2000/svg}"

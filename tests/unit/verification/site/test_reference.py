@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from checks.site.reference import GENERATORS, GROUPS, name_of, parser_parts, table
 from ground.app.input.keymap import KEYS
 from protocol.outcome import OUTCOMES, REPLACED
 from protocol.wire.reasons import REASON_TEXTS
 from robot.parameter_table import SPECS
 from runtime.cli.verb_table import VERBS, command_of
 from tests.support.each import each
-from verification.site.reference import GENERATORS, GROUPS, name_of, parser_parts, table
 
 DOCS = Path(__file__).resolve().parents[4] / "docs"
 ASKED = re.compile(r"^<!-- generated: (.+) -->$", re.MULTILINE)

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from checks.site import rows_table
 from vehicle_check.judge import rows
-from verification.site import rows_table
 
 
 def write(folder: Path, line: str, *found: tuple[int, str, str]) -> None:

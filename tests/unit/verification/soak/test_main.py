@@ -13,20 +13,20 @@ from typing import Any, Self
 
 import pytest
 
+from checks.endurance import main as soak
+from checks.endurance import supervised
+from checks.endurance.drift import SETTLE_S, student, trend
+from checks.endurance.faults import CUT, KILLED, STOPPED, faults, schedule
+from checks.endurance.fleet import Size, size_of
+from checks.endurance.fleet_telemetry import RobotTelemetry
+from checks.endurance.report import Course, report_of
+from checks.endurance.supervised import KILL_NS
+from checks.harness.figures import Figure
 from ground.recording.mcap_file import McapFormat
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import Severity
 from protocol.wire.messages import CycleReport, SonarScan, Statustext, WheelCommand
 from tests.support.each import each
-from verification.harness.figures import Figure
-from verification.soak import main as soak
-from verification.soak import supervised
-from verification.soak.drift import SETTLE_S, student, trend
-from verification.soak.faults import CUT, KILLED, STOPPED, faults, schedule
-from verification.soak.fleet import Size, size_of
-from verification.soak.fleet_telemetry import RobotTelemetry
-from verification.soak.report import Course, report_of
-from verification.soak.supervised import KILL_NS
 
 ROLES = sorted({*KILLED, *STOPPED, *CUT, "ground r1"})
 HALF_AN_HOUR_S = 1800.0

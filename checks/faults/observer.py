@@ -1,0 +1,253 @@
+"""An observer of truth at the plant and of other topics at the router, despite cut links."""
+
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from math import isclose, nan
+from pathlib import Path
+from time import monotonic_ns
+from typing import Any, Final, NamedTuple, Self
+
+from checks.harness.bus_calls import arm_request, command_request, is_accepted
+from checks.harness.motion import Seen
+from ground.client.emergency_stop import EmergencyStop
+from ground.client.requests import is_saving
+from ground.missions.mission import Circle, Waypoint
+from ground.missions.transfer import fence_items_of, items_of
+from protocol.bus.bus import Bus, open_bus
+from protocol.bus.network import Network, Tls
+from protocol.topics import (
+    COMMAND,
+    CYCLE,
+    MISSION_SERVICE,
+    PARAMETER,
+    STATUS,
+    STOP,
+    TRUTH,
+    Role,
+    Service,
+    Topic,
+)
+from protocol.wire.codec import decode
+from protocol.wire.enums import PARAM_TYPE_REAL32, Command, Vehicle
+from protocol.wire.message import Message
+from protocol.wire.messages import (
+    GroundTruth,
+    MissionCount,
+    MissionItemInt,
+    MissionVerdict,
+    NavigatorStatus,
+    ParamSet,
+    ParamValue,
+)
+from protocol.wire.reasons import Reason
+from runtime.clock import WallClock
+from runtime.errors import NoAnswerError, RemoteError
+from runtime.units import NS_PER_S
+
+DIAL_S: Final = 20.0
+GIVE_UP_NS: Final = 10_000_000_000
+ROBOT: Final = "r1"
+CHANGED_S: Final = 4.5
+"""Time between two changes of an operator: saving on the slowest disk takes 4 s."""
+
+TUNED: Final = "d_obs_m"
+"""A parameter that an operator may set while the robot drives."""
+
+
+class Received(NamedTuple):
+    """A message and its monotonic arrival time."""
+
+    message: Any
+    at_ns: int
+
+
+class BusObserver:
+    """Connects when entered, and keeps all truths, statuses and cycle reports."""
+
+    def __init__(self, router: str, truth: str, tls: Tls | None = None) -> None:
+        self._endpoints = (router, truth)
+        self._tls = tls
+        self._scope = ExitStack()
+        self.truths: list[Received] = []
+        self.statuses: list[Received] = []
+        self.cycles: list[Received] = []
+
+    def __enter__(self) -> Self:
+        router, truth = self._endpoints
+        self._bus = self._listen(router, STATUS, self.statuses)
+        self._stream(self._bus, CYCLE, self.cycles)
+        self._stop = self._bus.publisher(STOP)
+        self._listen(truth, TRUTH, self.truths)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._scope.close()
+
+    def join(self, role: Role) -> Bus:
+        """Open one more bus at the router in this role."""
+        return self._open(self._endpoints[0], role)
+
+    def _open(self, endpoint: str, role: Role) -> Bus:
+        network = Network(
+            mode="client", connect=(endpoint,), tls=self._tls, connect_timeout_s=DIAL_S
+        )
+        return self._scope.enter_context(open_bus(network, role, ROBOT))
+
+    def _listen(self, endpoint: str, topic: Topic[Any], into: list[Received]) -> Bus:
+        bus = self._open(endpoint, Role.GROUND)
+        self._stream(bus, topic, into)
+        return bus
+
+    def _stream(self, bus: Bus, topic: Topic[Any], into: list[Received]) -> None:
+        def keep(_key: str, frame: bytes, arrived_ns: int) -> None:
+            try:
+                into.append(Received(decode(frame).message, arrived_ns))
+            except RemoteError:
+                return
+
+        bus.stream(topic, keep)
+
+    @property
+    def status(self) -> NavigatorStatus | None:
+        """The newest status; None before the first."""
+        newest: NavigatorStatus | None = self.statuses[-1].message if self.statuses else None
+        return newest
+
+    @property
+    def speed_m_s(self) -> float:
+        """The newest true speed; 0 before the first sample."""
+        return float(self.truths[-1].message.speed_m_s) if self.truths else 0.0
+
+    def is_in(self, *vehicle: Vehicle) -> bool:
+        """Return whether the robot reports one of these states."""
+        return self.status is not None and self.status.vehicle in vehicle
+
+    def known_ns(self, since_ns: int) -> int | None:
+        """Return when the robot first reported, after a time, that it does not drive."""
+        later = (one for one in tuple(self.statuses) if one.at_ns >= since_ns)
+        return next((one.at_ns for one in later if one.message.vehicle != Vehicle.ACTIVE), None)
+
+    def seen(self, since_ns: int) -> list[Seen]:
+        """Return the truths after a time and the one before, timed by the plant's stamps.
+
+        A delayed sample is not later for that.
+        """
+        received = tuple(self.truths)
+        early = [one for one in received if one.at_ns < since_ns]
+        offset_ns = min((one.at_ns - one.message.time_ns for one in early), default=0)
+        return list(after(received, offset_ns, since_ns))
+
+    def missed_ticks(self, since_ns: int) -> int:
+        """Return the control periods missed since a time; RuntimeError without reports."""
+        early = [one.message.missed for one in tuple(self.cycles) if one.at_ns < since_ns]
+        if not early or self.cycles[-1].at_ns < since_ns:
+            raise RuntimeError("the robot did not report its cycles")
+        return int(self.cycles[-1].message.missed) - int(early[-1])
+
+    def estop(self) -> None:
+        """Request the emergency stop."""
+        self._ask(COMMAND, command_request(monotonic_ns(), Command.DO_FLIGHTTERMINATION, 1.0))
+
+    def press(self) -> None:
+        """Press the app's stop; RuntimeError when it is not acknowledged."""
+        stop = EmergencyStop(self._bus, self._stop, ROBOT, WallClock(), self._newest)
+        outcome = stop.run(give_up_ns=GIVE_UP_NS)
+        if not outcome.acknowledged:
+            raise RuntimeError(f"the stop was not acknowledged: {outcome.why}")
+
+    def _newest(self) -> tuple[NavigatorStatus, int] | None:
+        return self.statuses[-1] if self.statuses else None
+
+    def is_refused_arming(self) -> bool:
+        """Return whether the robot refuses to arm; RuntimeError when it arms."""
+        try:
+            answer = self._bus.ask(COMMAND, arm_request(monotonic_ns()), 2.0)
+        except NoAnswerError:
+            return False
+        if is_accepted(answer):
+            raise RuntimeError("the robot armed without a readable fence")
+        return True
+
+    def set(self, name: str, value: float) -> bool:
+        """Set a parameter and return whether it is in force, saved or not yet."""
+        request = ParamSet(param_value=value, param_id=name, param_type=PARAM_TYPE_REAL32)
+        answer = self._ask(PARAMETER, request)
+        return isinstance(answer, ParamValue) or is_saving(answer)
+
+    def upload(self, items: Sequence[MissionItemInt]) -> bool:
+        """Send a mission or a fence and return whether it is in force, saved or not yet."""
+        kind = items[0].mission_type
+        answer = self._ask(MISSION_SERVICE, MissionCount(count=len(items), mission_type=kind))
+        for item in items:
+            answer = self._ask(MISSION_SERVICE, item)
+        accepted = isinstance(answer, MissionVerdict) and answer.reason == Reason.NONE
+        return accepted or is_saving(answer)
+
+    def _ask(self, service: Service, request: Message) -> Message | bytes:
+        try:
+            return self._bus.ask(service, request, 2.0)
+        except NoAnswerError as error:
+            raise RuntimeError(str(error)) from error
+
+
+class Changes:
+    """Changes of parameter, mission and fence while the robot drives, in turn.
+
+    Each change has a new value, so that each writes a file.
+    """
+
+    def __init__(self, observer: BusObserver, state: Path) -> None:
+        self._observer = observer
+        self._state = state
+        self._count = 0
+        self._wanted: dict[str, float] = {}
+
+    def make(self, since_s: float) -> None:
+        """Make the next change if it is due; RuntimeError when the robot refuses it."""
+        if since_s < self._count * CHANGED_S:
+            return
+        further_m = self._count / 100
+        name = ("parameters", "mission", "fence")[self._count % 3]
+        self._count += 1
+        if name == "parameters":
+            self._wanted[name] = 0.31 + further_m / 10
+            done = self._observer.set(TUNED, self._wanted[name])
+        elif name == "mission":
+            items = items_of([Waypoint(x_m=1.0 + further_m, y_m=2.0)])
+            self._wanted[name] = items[0].x
+            done = self._observer.upload(items)
+        else:
+            self._wanted[name] = 9.0 + further_m
+            fence = Circle(x_m=2.0, y_m=2.0, radius_m=self._wanted[name])
+            done = self._observer.upload(fence_items_of(fence))
+        if not done:
+            raise RuntimeError(f"the robot refused change {self._count} of {name}")
+
+    def are_saved(self) -> bool:
+        """Return whether the robot's files hold the newest value of each change."""
+        return all(
+            isclose(self._saved(name), wanted, rel_tol=1e-6)
+            for name, wanted in self._wanted.items()
+        )
+
+    def _saved(self, name: str) -> float:
+        path = self._state / f"{name}.json"
+        if not path.exists():
+            return nan
+        found = json.loads(path.read_text(encoding="utf-8"))
+        key = {"parameters": TUNED, "mission": "x", "fence": "param1"}[name]
+        return float((found if name == "parameters" else found[0])[key])
+
+
+def after(received: tuple[Received, ...], offset_ns: int, since_ns: int) -> Iterator[Seen]:
+    """Yield the truths after a time, and the last one before it."""
+    last: Seen | None = None
+    for message, _ in received:
+        assert isinstance(message, GroundTruth)
+        one = Seen((message.time_ns + offset_ns - since_ns) / NS_PER_S, message)
+        if one.at_s > 0.0:
+            if last is not None and last.at_s <= 0.0:
+                yield last
+            yield one
+        last = one

@@ -1,0 +1,353 @@
+"""Run one repetition in wall time: router, plant, robot, goto and recorder as real processes.
+
+The processes connect to the router through TCP proxies that can be cut. Network disturbances,
+faults of the body, a hang with the GIL held and an exception are caused in the process itself, on a
+signal. The plant listens too, so that the truth is received even when the network is cut.
+"""
+
+import resource
+import signal
+from collections.abc import Mapping
+from contextlib import ExitStack
+from random import Random
+from time import monotonic_ns, time_ns
+from typing import Final
+
+from checks.faults.actions import (
+    Act,
+    Cut,
+    FillDisk,
+    Flood,
+    Hang,
+    Kill,
+    KillLateOperator,
+    PlainAct,
+    SlowDisk,
+)
+from checks.faults.fault_commands import PATHS, injections_of
+from checks.faults.intruders import IMPOSTOR, ExtremeSender, Impostor
+from checks.faults.log import Lost, lost_from
+from checks.faults.observer import TUNED, BusObserver, Changes
+from checks.faults.processes import ProcessGroup
+from checks.faults.results import Repetition, reason_name
+from checks.faults.table import FaultCase, Must, Way
+from checks.flood.attack import Access, Attack
+from checks.harness import motion
+from checks.harness.motion import PERIOD_S
+from checks.harness.processes import tls_of
+from checks.harness.until import until
+from plant.world.file import SHIPPED_DIR, load
+from protocol.outcome import start_arguments
+from protocol.topics import Role
+from protocol.wire.enums import GoalState, Vehicle
+from runtime.config import totals_arguments
+from runtime.units import NS_PER_S
+
+CORRIDOR, BOX = "corridor", "box"
+PLACES: Final[Mapping[str, tuple[str, ...]]] = {CORRIDOR: ("5.5", "3"), BOX: ("3.0", "2.75")}
+"""Destinations: through the bends, or past the corner of the box."""
+FAST_M_S: Final = 0.2
+SET_OFF_S: Final = 1.5
+HEALS_S: Final = 0.6
+WATCHED_S: Final = 2.5
+RUNS_OUT_S: Final = 0.5
+LONGEST_S: Final = {True: 15.0, False: 300.0}
+SAVED_S: Final = 20.0
+"""Time until the newest changes are saved on a slow disk."""
+WRAPPING: Final = dict.fromkeys(("left_start_ticks", "right_start_ticks"), 2**31 - 2500)
+"""Encoders that are about to wrap."""
+ATTEMPTS: Final = 3
+ENDED: Final = (GoalState.REACHED, GoalState.STUCK, GoalState.ABORTED, GoalState.REFUSED)
+
+
+class NotDrivingError(RuntimeError):
+    """A busy machine kept the robot from driving before the fault."""
+
+
+class WallTimeDrill:
+    """A driving robot as real processes, one fault, and the observed reaction."""
+
+    def __init__(self, fault: FaultCase, number: int) -> None:
+        self._fault, self._number = fault, number
+        self._stops = fault.must_stop
+        self._random = Random(f"{fault.name} {number}")
+        self._world = CORRIDOR if self._stops else BOX
+        locked = fault.act is PlainAct.IMPERSONATE_ROUTER
+        self._processes = ProcessGroup(injections_of(fault.act, number), locked=locked)
+        self._at_ns = self._healed_ns = 0
+        self._killed_utc_ns: int | None = None
+        self._sender: ExtremeSender | None = None
+        self._impostor: Impostor | None = None
+        self._changes: Changes | None = None
+        self._turns_sent = 0
+
+    def run(self) -> Repetition:
+        """Drive, cause the fault and return the reaction."""
+        with ExitStack() as scope:
+            processes = scope.enter_context(self._processes)
+            tls = None if processes.keys is None else tls_of(processes.keys, "ground")
+            self._observer = BusObserver(processes.router, processes.truth, tls)
+            try:
+                self._begin(scope)
+                scope.enter_context(self._observer)
+                self._set_off()
+            except RuntimeError as error:
+                raise NotDrivingError(
+                    f"{error}; {self._processes.last_output('ground')}"
+                ) from error
+            self._at_ns = monotonic_ns()
+            self._act(self._fault.act)
+            until(self._over, "the end of the observation", 2.0 * LONGEST_S[self._stops])
+            if self._changes is not None:
+                until(self._changes.are_saved, "all changes saved", SAVED_S)
+            self._check_impostor()
+            lost = self._logged()
+            return self._found(lost)
+
+    def _begin(self, scope: ExitStack) -> None:
+        processes, start = self._processes, load(self._world).start
+        processes.start("router", "router", "--listen", processes.router)
+        processes.await_output("router", "router at")
+        place = [*start_arguments(start.x_m, start.y_m, start.heading_rad)]
+        if self._fault.act is PlainAct.WRAP_ENCODERS:
+            place += totals_arguments(WRAPPING)
+        state = ("--state", str(processes.folder / "state"))
+        processes.start_behind_proxy("robot", "robot", "--start", *place, *state)
+        options = ("--noise", "default", "--seed", str(self._number))
+        listens = () if processes.truth == processes.router else ("--listen", processes.truth)
+        plant = ("plant", "--world", self._file(), *options)
+        processes.start_behind_proxy("plant", *plant, *listens)
+        processes.start(
+            "recorder", "record", str(processes.folder / "log"), "--connect", processes.router
+        )
+        for role, words in (("robot", "ready"), ("plant", "plant: "), ("recorder", "recording")):
+            processes.await_output(role, words)
+        match self._fault.act:
+            case KillLateOperator():
+                processes.send("robot", signal.SIGUSR1)
+            case PlainAct.IMPERSONATE_ROUTER:
+                assert processes.keys is not None
+                self._impostor = scope.enter_context(Impostor(processes.keys))
+            case Flood(kind):
+                self._attack = scope.enter_context(Attack(kind, Access(processes.router)))
+
+    def _file(self) -> str:
+        """Return the name of the world, or a copy of it with encoders that are about to wrap."""
+        if self._fault.act is not PlainAct.WRAP_ENCODERS:
+            return self._world
+        text = (SHIPPED_DIR / f"{self._world}.toml").read_text(encoding="utf-8")
+        path = self._processes.folder / f"{self._world}.toml"
+        wrapping = "".join(f"{name} = {ticks}\n" for name, ticks in WRAPPING.items())
+        path.write_text(f"{text}\n[robot]\n{wrapping}", encoding="utf-8")
+        return str(path)
+
+    def _set_off(self) -> None:
+        observer, waits = self._observer, not isinstance(self._fault.act, FillDisk | SlowDisk)
+        until(lambda: observer.is_in(Vehicle.STANDBY) and observer.truths, "a robot in STANDBY")
+        if self._fault.at_rest:
+            return
+        if self._fault.act is PlainAct.SECOND_ROBOT:
+            self._second = observer.join(Role.ROBOT)
+        goto = ("goto", *PLACES[self._world], *(() if waits else ("--no-wait",)))
+        self._processes.start_behind_proxy("ground", *goto)
+        until(lambda: observer.speed_m_s > FAST_M_S, "driving")
+        moment_ns = monotonic_ns() + round(self._random.uniform(0.0, SET_OFF_S) * NS_PER_S)
+        until(lambda: monotonic_ns() >= moment_ns, "the time of the fault")
+        if not observer.is_in(Vehicle.ACTIVE):
+            raise RuntimeError("the robot stopped before the fault")
+
+    def _act(self, act: Act) -> None:
+        processes = self._processes
+        match act:
+            case Kill(role):
+                self._killed_utc_ns = time_ns()
+                processes.kill(role)
+            case Hang(role, gil=False):
+                processes.send(role, signal.SIGSTOP)
+            case Cut(one, other) if "router" in (one, other):
+                processes.proxies[one if other == "router" else other].cut()
+            case PlainAct.IMPERSONATE_ROUTER:
+                assert self._impostor is not None
+                processes.proxies["robot"].redirect(self._impostor.endpoint)
+            case PlainAct.EMERGENCY_STOP:
+                self._observer.estop()
+            case KillLateOperator():
+                processes.kill("ground")
+            case Flood(pressed=pressed):
+                self._attack.go()
+                if pressed:
+                    self._observer.press()
+            case SlowDisk():
+                processes.send("robot", signal.SIGUSR1)
+                self._changes = Changes(self._observer, processes.folder / "state")
+            case PlainAct.WRAP_ENCODERS:
+                """The world starts with counters that are about to wrap."""
+            case _:
+                self._impair(act)
+
+    def _impair(self, act: Act) -> None:
+        """Take a resource from a process, let another process interfere, or signal an injection."""
+        processes = self._processes
+        match act:
+            case PlainAct.UNREADABLE_FENCE:
+                processes.kill("robot")
+                (processes.folder / "state" / "fence.json").write_text("[{", encoding="utf-8")
+            case PlainAct.SECOND_ROBOT:
+                self._second.announce()
+            case PlainAct.EXTREME_FRAMES:
+                self._sender = ExtremeSender(self._observer.join(Role.GROUND))
+            case FillDisk(role):
+                processes.limit(role, resource.RLIMIT_FSIZE, 1)
+                self._observer.set(TUNED, 0.31)
+            case PlainAct.NO_MEMORY:
+                processes.limit("robot", resource.RLIMIT_AS, processes.memory("robot"))
+            case PlainAct.BUSY_PROCESSOR:
+                processes.burn()
+            case _:
+                for role in injections_of(act, 0):
+                    processes.send(role, signal.SIGUSR1)
+
+    def _heal(self, act: Act) -> None:
+        """End the fault, if it has an end; restart a process that hangs for good."""
+        processes = self._processes
+        match act:
+            case Kill("recorder"):
+                """The log stays as the recorder left it."""
+            case Hang(role, gil=False):
+                processes.send(role, signal.SIGCONT)
+            case PlainAct.IMPERSONATE_ROUTER:
+                processes.proxies["robot"].redirect(processes.router)
+            case Flood():
+                self._attack.hold()
+            case PlainAct.UNREADABLE_FENCE:
+                processes.start("robot")
+                until(self._observer.is_refused_arming, "an answer to arming")
+            case Kill(role) | Hang(role):
+                processes.kill(role)
+                processes.start(role)
+            case Cut(one, other) if "router" in (one, other):
+                processes.proxies[one if other == "router" else other].restore()
+            case _:
+                """This fault does not end."""
+
+    def _over(self) -> bool:
+        now_s = self._since(monotonic_ns())
+        self._heal_in_time(now_s)
+        self._send_extremes(now_s)
+        if self._changes is not None:
+            self._changes.make(now_s)
+        if self._impostor is not None:
+            self._impostor.send()
+        if now_s > LONGEST_S[self._stops]:
+            return True
+        if self._stops:
+            return bool(self._healed_ns) and now_s > self._since(self._healed_ns) + WATCHED_S
+        status = self._observer.status
+        return status is not None and status.goal in ENDED and now_s > WATCHED_S
+
+    def _send_extremes(self, now_s: float) -> None:
+        """Send new extreme frames each period; RuntimeError when that has ended a process."""
+        if self._sender is None:
+            return
+        if now_s < self._turns_sent * PERIOD_S:
+            self._sender.repeat(lambda _, put: put())
+            return
+        self._turns_sent += 1
+        self._sender.take_turn(lambda _, put: put())
+        if not all(map(self._processes.is_running, ("router", "robot", "plant"))):
+            raise RuntimeError(f"a process ended: {self._processes.last_output('robot')}")
+
+    def _heal_in_time(self, now_s: float) -> None:
+        if self._healed_ns:
+            return
+        again_s = getattr(self._fault.act, "again_s", None)
+        if again_s is None and self._stops:
+            stands_s = self._known_s() if self._fault.must is Must.SAY else self._stood_s()
+            again_s = None if stands_s is None else stands_s + HEALS_S
+        if again_s is not None and now_s > again_s:
+            self._healed_ns = monotonic_ns()
+            self._heal(self._fault.act)
+
+    def _since(self, at_ns: int) -> float:
+        return (at_ns - self._at_ns) / NS_PER_S
+
+    def _known_s(self) -> float | None:
+        known_ns = self._observer.known_ns(self._at_ns)
+        return None if known_ns is None else self._since(known_ns)
+
+    def _stood_s(self) -> float | None:
+        return motion.stood_s(self._observer.seen(self._at_ns))
+
+    def _check_impostor(self) -> None:
+        """Raise RuntimeError when the robot has not reported the impostor."""
+        expected = self._fault.act is PlainAct.IMPERSONATE_ROUTER
+        if expected and IMPOSTOR not in self._processes.output("robot"):
+            end = self._processes.last_output("robot")
+            raise RuntimeError(f"the robot reported no impostor: {end}")
+
+    def _logged(self) -> Lost | None:
+        """End the recorder and return what its log lacks; None without a log."""
+        processes = self._processes
+        if processes.is_running("recorder"):
+            processes.send("recorder", signal.SIGINT)
+            processes.await_end("recorder")
+        act = self._fault.act
+        role = (
+            act.role
+            if isinstance(act, Kill | Hang)
+            else "robot"
+            if act is PlainAct.UNREADABLE_FENCE
+            else ""
+        )
+        again = PATHS.get(role, ())
+        logs = sorted((processes.folder / "log").glob("*.tlog"))
+        return lost_from(logs[0], again) if logs else None
+
+    def _found(self, lost: Lost | None) -> Repetition:
+        seen, status = self._observer.seen(self._at_ns), self._observer.status
+        visible = self._fault.must is not Must.SAY
+        killed_ns = self._killed_utc_ns if self._fault.act == Kill("recorder") else None
+        return Repetition(
+            fault=self._fault.name,
+            way=Way.WALL.value,
+            number=self._number,
+            known_s=self._known_s(),
+            stood_s=motion.stood_s(seen) if visible else None,
+            distance_m=motion.distance_m(seen) if self._stops and visible else None,
+            reason=self._reason(),
+            reached=status is not None and status.goal == GoalState.REACHED,
+            contacts=motion.contacts(seen),
+            touched_s=motion.touched_s(seen),
+            moved_again=motion.moved_again(seen) if visible else self._drove_on(),
+            logged=lost.logged if lost else None,
+            lost=lost.samples if lost else None,
+            lost_events=lost.events if lost else None,
+            unlogged_s=(killed_ns - lost.last_ns) / NS_PER_S if lost and killed_ns else None,
+            missed_ticks=self._observer.missed_ticks(self._at_ns) if self._changes else None,
+        )
+
+    def _reason(self) -> str:
+        """Return why the robot does not drive; for a restarted robot, the reason before that."""
+        later = [one.message for one in tuple(self._observer.statuses) if one.at_ns >= self._at_ns]
+        stopped = [one.vehicle_reason for one in later if one.vehicle != Vehicle.ACTIVE]
+        return reason_name(next(filter(None, stopped), later[-1].goal_reason if later else 0))
+
+    def _drove_on(self) -> bool:
+        """Return whether the robot moves after the plant is back."""
+        back_ns = self._healed_ns + round(RUNS_OUT_S * NS_PER_S)
+        later = [one for one in tuple(self._observer.truths) if one.at_ns > back_ns]
+        return any(not motion.Seen(0.0, one.message).still for one in later)
+
+
+def run(fault: FaultCase, number: int) -> Repetition:
+    """Run a repetition; repeat it if the robot never drove. A failure becomes `trouble`."""
+    why = ""
+    for _ in range(ATTEMPTS):
+        try:
+            return WallTimeDrill(fault, number).run()
+        except NotDrivingError as error:
+            why = str(error)
+        except Exception as error:
+            why = f"{type(error).__name__}: {error}"
+            break
+    return Repetition(fault=fault.name, way=Way.WALL.value, number=number, trouble=why[:200])

@@ -1,0 +1,160 @@
+"""Run one first drive, without a screen or with the app on a terminal, and read its outcome."""
+
+import json
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from threading import Event
+from time import monotonic
+from typing import Final, NamedTuple
+
+from checks.harness.terminal import Terminal
+from ground.launch.child_command import command
+from ground.user.runs import Run, read_runs
+from protocol.bus.bus import Bus, open_bus
+from protocol.bus.network import Network
+from protocol.topics import RUN, STATUS, Role
+from protocol.wire.enums import GoalState, RunAction
+from protocol.wire.messages import NavigatorStatus, RunRequest, RunScore
+from runtime.errors import LocalError, NoAnswerError, RemoteError
+from runtime.units import NS_PER_S
+
+WAYS: Final = ("headless", "app")
+SIZE: Final = (80, 24)
+START_S: Final = 60.0
+DRIVE_S: Final = 600.0
+ASK_S: Final = 5.0
+POLL_S: Final = 0.1
+STOPPED: Final = "stopped"
+
+
+class Job(NamedTuple):
+    """A drive to be done: its world, and `headless` or `app`."""
+
+    world: str
+    way: str
+
+
+class Drive(NamedTuple):
+    """A drive that was done; `simulated_s` and `wall_s` are 0 without an end of the goal."""
+
+    job: Job
+    outcome: str
+    digest: str = ""
+    simulated_s: float = 0.0
+    wall_s: float = 0.0
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the goal was reached."""
+        return self.outcome == GoalState.REACHED.name.lower()
+
+    @property
+    def factor(self) -> float:
+        """Simulated time over wall time."""
+        return self.simulated_s / self.wall_s if self.wall_s else 0.0
+
+
+def driven(job: Job, stopping: Event) -> Drive:
+    """Do one drive in a folder of its own, which is kept when the drive has no outcome."""
+    way = {"headless": headless, "app": with_app}[job.way]
+    folder = Path(tempfile.mkdtemp(prefix="first-drive-"))
+    try:
+        drive = way(job, folder, stopping)
+    except (LocalError, RemoteError, RuntimeError) as error:
+        return Drive(job, f"no outcome: {error}; see {folder}")
+    shutil.rmtree(folder)
+    return drive
+
+
+def headless(job: Job, folder: Path, stopping: Event) -> Drive:
+    """Drive without a screen, and read the outcome that is printed."""
+    words = command(["up", "--headless", "--world", job.world, "--json"], os.getpid())
+    environment = {**os.environ, "XDG_STATE_HOME": str(folder)}
+    with subprocess.Popen(
+        words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment, text=True,
+        start_new_session=True,
+    ) as process:  # fmt: skip
+        try:
+            await_condition(lambda: process.poll() is not None, DRIVE_S, "the end", stopping)
+        finally:
+            process.terminate()
+        assert process.stdout is not None
+        found = json.loads(process.stdout.read() or '{"outcome": "no outcome"}')
+    if "digest" not in found:
+        return Drive(job, str(found.get("reason", found.get("outcome"))))
+    return Drive(job, found["outcome"], found["digest"], found["time_s"], found["wall_s"])
+
+
+def with_app(job: Job, folder: Path, stopping: Event) -> Drive:
+    """Drive with the app on a terminal; ask the plant for the score as a second client."""
+    environment = {"XDG_STATE_HOME": str(folder)}
+    with Terminal(("up", "--world", job.world), SIZE, environment) as terminal:
+        runs = folder / "sidestep" / "run"
+        try:
+            await_condition(partial(has_run, runs), START_S, "a runtime file", stopping)
+            return observed(job, read_runs(runs).found[0].run, stopping)
+        except Exception:
+            (folder / "screen").write_text(terminal.text(), encoding="utf-8")
+            raise
+
+
+def has_run(folder: Path) -> bool:
+    """Return whether `up` has written its runtime file."""
+    return bool(read_runs(folder).found)
+
+
+def observed(job: Job, run: Run, stopping: Event) -> Drive:
+    """Follow the goal of a run to its end, and ask the plant for the score."""
+    network = Network(mode="client", connect=(run.endpoint,), connect_timeout_s=START_S)
+    with open_bus(network, Role.GROUND, run.robots[0]) as bus:
+        statuses = bus.mailbox(STATUS)
+        first: list[tuple[int, int]] = []
+
+        def newest() -> NavigatorStatus | None:
+            seen = statuses.latest()
+            if seen is not None and not first and seen[0].goal_id:
+                first.append((seen[0].time_ns, seen[1]))
+            return None if seen is None else seen[0]
+
+        def ended() -> bool:
+            status = newest()
+            return status is not None and status.goal >= GoalState.REACHED
+
+        await_condition(ended, DRIVE_S, "the end of the goal", stopping)
+        seen = statuses.latest()
+        assert seen is not None
+        status, arrived_ns = seen
+        scores: list[RunScore] = []
+        ask = partial(ask_score, bus, status.goal_ended_ns, scores)
+        await_condition(ask, START_S, "the plant's score", stopping)
+    simulated_ns, wall_ns = status.time_ns - first[0][0], arrived_ns - first[0][1]
+    return Drive(
+        job, GoalState(status.goal).name.lower(), bytes(scores[0].digest).hex(),
+        simulated_ns / NS_PER_S, wall_ns / NS_PER_S,
+    )  # fmt: skip
+
+
+def ask_score(bus: Bus, until_ns: int, scores: list[RunScore]) -> bool:
+    """Ask the plant for the score; return whether it is now in `scores`."""
+    with suppress(NoAnswerError):
+        answer = bus.ask(RUN, RunRequest(until_ns=until_ns, action=RunAction.SCORE), ASK_S)
+        scores += [answer] if isinstance(answer, RunScore) else []
+    return bool(scores)
+
+
+def await_condition(
+    condition: Callable[[], bool], within_s: float, what: str, stopping: Event
+) -> None:
+    """Wait for a condition; RuntimeError when it does not hold in time or all is to end."""
+    deadline_s = monotonic() + within_s
+    while not condition():
+        if monotonic() > deadline_s:
+            raise RuntimeError(f"{what} did not come within {within_s:g} s")
+        if stopping.wait(POLL_S):
+            raise RuntimeError(STOPPED)

@@ -1,0 +1,279 @@
+"""Measure whether a robot under attack still stops at once and keeps its control period.
+
+Each kind of attack is a run of its own, on an open bus and with access control, there with the
+certificates of a viewer, of another robot and of another operator at a time. Attackers are
+processes. In each run an operator holds the lease and drives; then the operator presses the
+emergency stop of the app repeatedly. Measured is the time from the key to wheels at rest, by the
+plant's samples. Strangers without a certificate, which only keep new sessions out, call from an
+address of their own; there each stop is that of a fresh `estop`, from the start of its process on.
+
+Attacks that may rightfully stop the robot, or that use the operator's name, pause while the robot
+sets off and resume when the key is pressed. The attackers run on this machine at a lower priority:
+elsewhere they would not take the robot's processor.
+"""
+
+import argparse
+import sys
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import monotonic
+from typing import Final
+
+from checks.flood.acknowledgements import StopStatus, unfounded
+from checks.flood.attack import Access, Attack
+from checks.flood.kinds import ACTED, KINDS
+from checks.flood.operator import DrivingOperator, StopTimes
+from checks.flood.strangers import RATES_HZ, SOURCE, Strangers
+from checks.harness.figures import Figure, Report, percentile
+from checks.harness.observer import Observer, observed
+from checks.harness.processes import cpu_s, made_keys, resident_mb
+from checks.harness.until import until
+from protocol.topics import CYCLE, STATUS
+from protocol.wire.codec import decode
+from protocol.wire.enums import Vehicle
+from protocol.wire.messages import CycleReport, NavigatorStatus
+
+ALONE: Final = "none"
+STOPS: Final = "stops"
+OPEN, LOCKED = "open", "locked"
+OPERATORS: Final = ("anna", "eve")
+OPERATOR: Final = "ground-anna"
+ROLES: Final = ("viewer", "robot-r2", "ground-eve")
+STOP_AT_MOST_MS: Final = 250.0
+FRESH_AT_MOST_MS: Final = 1000.0
+KIB_PER_MB: Final = 1024
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `bench flood`."""
+    kinds = (ALONE, *KINDS, *RATES_HZ)
+    text = f"kinds of attack ({', '.join(kinds)})"
+    parser.add_argument("--kinds", nargs="+", choices=kinds, default=kinds, help=text, metavar="K")
+    doors = (OPEN, LOCKED)
+    parser.add_argument("--doors", nargs="+", choices=doors, default=doors, help="(both)")
+    text = f"roles whose certificates the attackers have ({', '.join(ROLES)})"
+    parser.add_argument("--roles", nargs="+", default=ROLES, help=text, metavar="R")
+    parser.add_argument("--seconds", type=float, default=5.0, help="driving time of each run (5)")
+    parser.add_argument("--presses", type=int, default=3, metavar="N", help="stops per run (3)")
+    parser.add_argument("--rate", type=float, metavar="HZ", help="rate per attacker (its kind's)")
+    parser.add_argument("--world", default="forest_medium")
+    parser.add_argument("--realtime", action="store_true", help="robot scheduled SCHED_FIFO")
+
+
+def measure(options: argparse.Namespace) -> Report:
+    """Run each kind of attack and report its figures."""
+    figures: list[Figure] = []
+    notes: list[str] = []
+    with TemporaryDirectory(prefix="sidestep-flood-") as folder:
+        keys = made_keys(Path(folder) / "keys", OPERATORS) if LOCKED in options.doors else None
+        for door in options.doors:
+            for kind in options.kinds:
+                if door == OPEN and kind in KINDS and KINDS[kind].locked_only:
+                    continue
+                name = f"{door}, {kind}"
+                print(f"{name} ...", file=sys.stderr, flush=True)
+                found = run(options, kind, keys if door == LOCKED else None)
+                figures += figures_of(name, found)
+                notes += notes_of(name, found)
+    return Report(benchmark="flood", figures=tuple(figures), notes=tuple(notes))
+
+
+@dataclass(slots=True)
+class FloodRun:
+    """The robot's cycle reports, the cost of its process and its emergency stops in a run."""
+
+    judged: bool = False
+    pauses: bool = False
+    broken: str = ""
+    reports: list[CycleReport] = field(default_factory=list)
+    shown: list[StopStatus] = field(default_factory=list)
+    cpu_percent: float = 0.0
+    resident_mb: float = 0.0
+    grown_mb: float = 0.0
+    presses: list[StopTimes] = field(default_factory=list)
+    stopped: list[str] = field(default_factory=list)
+    attacks: list[Attack] = field(default_factory=list)
+    strangers: Strangers | None = None
+
+    @property
+    def answers(self) -> Counter[str]:
+        """The answers to all attackers, by outcome."""
+        found = Counter[str]()
+        for attack in self.attacks:
+            found.update({word: n for word, n in attack.summary.items() if isinstance(n, int)})
+        return found
+
+    @property
+    def missed(self) -> int:
+        """The number of control periods that were missed."""
+        return self.reports[-1].missed - self.reports[0].missed
+
+    @property
+    def ticks(self) -> int:
+        """The number of control periods."""
+        return self.reports[-1].tick - self.reports[0].tick
+
+    def late_ms(self, share: float) -> float:
+        """Return a percentile of the lateness of ticks."""
+        return percentile([report.late_us / 1e3 for report in self.reports], share)
+
+
+def run(options: argparse.Namespace, kind: str, keys: Path | None) -> FloodRun:
+    """Drive under attack for a time, then press the emergency stop repeatedly."""
+    flags = ["--realtime"] if options.realtime else []
+    with (
+        observed(options.world, *flags, keys=keys, operator="ground-anna") as observer,
+        ExitStack() as scope,
+    ):
+        found = FloodRun()
+        for topic in (CYCLE, STATUS):
+            observer.bus.stream(topic, partial(note, found), observer.robot)
+        if kind in RATES_HZ:
+            rate_hz = RATES_HZ[kind] if options.rate is None else options.rate
+            found.strangers = Strangers(observer.endpoint, kind, rate_hz, SOURCE)
+        elif kind != ALONE:
+            found.judged, found.pauses = KINDS[kind].judged, KINDS[kind].pauses
+            for access in accesses(observer, keys, options.roles):
+                attack = Attack(kind, access, options.rate)
+                found.attacks.append(scope.enter_context(attack))
+        operator = DrivingOperator(observer)
+        operator.take_lease()
+        operator.set_off()
+        until(lambda: found.reports, "cycle reports")
+        found.reports.clear()
+        before_mb, begun_s, begun_cpu_s = peak_mb(observer.pid), monotonic(), cpu_s(observer.pid)
+        if found.strangers is not None:
+            scope.enter_context(found.strangers)
+        words = ["--connect", observer.endpoint, "--id", observer.robot]
+        words += [] if keys is None else ["--config", str(keys / f"{OPERATOR}.toml")]
+        try:
+            flood(found, operator, options.seconds)
+            for _ in range(options.presses):
+                found.presses.append(press(found, operator, words))
+        except RuntimeError as error:  # report what was measured until then
+            found.broken = str(error)
+        spent_s = cpu_s(observer.pid) - begun_cpu_s
+        found.cpu_percent = 100.0 * spent_s / (monotonic() - begun_s)
+        found.resident_mb = resident_mb(observer.pid)
+        found.grown_mb = peak_mb(observer.pid) - before_mb
+        found.stopped = [] if found.pauses else operator.stopped
+    return found
+
+
+def accesses(observer: Observer, keys: Path | None, roles: Sequence[str]) -> Iterator[Access]:
+    """Yield the access of each attacker: one without a certificate, or one per role."""
+    if keys is None:
+        yield Access(observer.endpoint)
+        return
+    for role in roles:
+        yield Access(observer.endpoint, keys, role)
+
+
+def note(found: FloodRun, _key: str, frame: bytes, arrived_ns: int) -> None:
+    """Keep a cycle report or a status."""
+    message = decode(frame).message
+    if isinstance(message, CycleReport):
+        found.reports.append(message)
+    elif isinstance(message, NavigatorStatus):
+        found.shown.append(StopStatus(arrived_ns, message.vehicle == Vehicle.EMERGENCY_STOP))
+
+
+def flood(found: FloodRun, operator: DrivingOperator, seconds: float) -> None:
+    """Attack for a time; the robot drives, or is only observed if the attack must pause."""
+    switch(found, on=True)
+    if found.pauses:
+        operator.wait(seconds)
+        switch(found, on=False)
+        operator.clear()
+    else:
+        operator.drive(seconds)
+
+
+def press(found: FloodRun, operator: DrivingOperator, words: Sequence[str]) -> StopTimes:
+    """Set off, press the emergency stop and clear it.
+
+    Strangers can only keep new sessions out. So the stop is that of a fresh `estop` with these
+    words then.
+    """
+    operator.set_off()
+    if found.strangers is not None:
+        times = operator.press_freshly(words)
+        operator.clear()
+        return times
+    if found.pauses:
+        switch(found, on=True)
+    times = operator.press()
+    if found.pauses:
+        switch(found, on=False)
+    operator.clear()
+    return times
+
+
+def switch(found: FloodRun, *, on: bool) -> None:
+    """Resume or pause all attacks."""
+    for attack in found.attacks:
+        attack.go() if on else attack.hold()
+
+
+def peak_mb(pid: int) -> float:
+    """Return the peak resident memory of a process in MiB."""
+    status = Path(f"/proc/{pid}/status").read_text(encoding="utf-8")
+    return int(status.partition("VmHWM:")[2].split()[0]) / KIB_PER_MB
+
+
+def figures_of(name: str, found: FloodRun) -> Iterator[Figure]:
+    """Yield the figures of a run."""
+    attacked = bool(found.attacks) or found.strangers is not None
+    key, at_most_ms = "key", STOP_AT_MOST_MS
+    if found.strangers is not None:
+        key, at_most_ms = "start of estop", FRESH_AT_MOST_MS
+    stood_ms = [one.stood_ms for one in found.presses if one.stood_ms is not None]
+    if stood_ms:
+        yield Figure(name=f"{name}: {key} to standstill", unit="ms", values=tuple(stood_ms))
+        worst = f"{name}: {key} to standstill, worst of {len(stood_ms)}"
+        yield figure(worst, max(stood_ms), at_most_ms, "ms")
+    answered_ms = [one.acknowledged_ms for one in found.presses if one.acknowledged_ms is not None]
+    if answered_ms:
+        named = f"{name}: {key} to acknowledgement"
+        yield Figure(name=named, unit="ms", values=tuple(answered_ms))
+    never = len(found.presses) - min(len(stood_ms), len(answered_ms))
+    yield figure(f"{name}: never stopped or acknowledged", never, 0.0)
+    yield figure(f"{name}: operator had to give up", bool(found.broken), 0.0)
+    false = sum(one.is_false_acknowledgement for one in found.presses)
+    yield figure(f"{name}: false acknowledgements", false, 0.0)
+    if any(attack.kind == STOPS for attack in found.attacks):
+        answers = found.answers[ACTED]
+        unmet = sum(unfounded(attack.accepted, found.shown) for attack in found.attacks)
+        yield figure(f"{name}: false acknowledgements to attackers, of {answers}", unmet, 0.0)
+    yield figure(f"{name}: ticks missed of {found.ticks}", found.missed, 0.0)
+    if attacked and not found.pauses:
+        yield figure(f"{name}: unexpected stops", len(found.stopped), 0.0)
+    if found.judged:
+        yield figure(f"{name}: forged commands acted upon", found.answers[ACTED], 0.0)
+    yield figure(f"{name}: late, worst", found.late_ms(1.0), None, "ms")
+    yield figure(f"{name}: CPU of one core", found.cpu_percent, None, "%")
+    yield figure(f"{name}: resident", found.resident_mb, None, "MB")
+    yield figure(f"{name}: grown", found.grown_mb, None, "MB")
+
+
+def figure(name: str, value: float, at_most: float | None = None, unit: str = "") -> Figure:
+    """Return a figure with a single value."""
+    return Figure(name=name, unit=unit, values=(float(value),), at_most=at_most)
+
+
+def notes_of(name: str, found: FloodRun) -> Iterator[str]:
+    """Yield what the attackers sent and received, and why the robot stopped unexpectedly."""
+    for attack in found.attacks:
+        counts = ", ".join(f"{word} {n}" for word, n in attack.summary.items())
+        yield f"{name}, {attack.access.role or 'no certificate'}: {counts or attack.errors}"
+    if found.strangers is not None:
+        yield f"{name}: {found.strangers.called} connections"
+    if found.broken:
+        yield f"{name}: {found.broken}"
+    for words in dict.fromkeys(found.stopped):
+        yield f"{name}, stopped: {words}"

@@ -1,0 +1,156 @@
+"""Robot and plant as real processes, and an observer on their bus that keeps the robot driving."""
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from itertools import count, cycle
+from math import hypot
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import monotonic_ns
+from typing import Any, Final
+
+from checks.harness.bus_calls import (
+    arm_request,
+    ask_until_accepted,
+    auto_goal_request,
+    command_request,
+)
+from checks.harness.processes import ROBOT, robot_process, sidestep
+from checks.harness.until import until
+from plant.world.file import load
+from protocol.bus.bus import Bus, open_bus
+from protocol.outcome import wire_goal
+from protocol.topics import COMMAND, DRIVE, RUN, STATUS, TRUTH, Role, Service, Topic
+from protocol.wire.codec import decode
+from protocol.wire.enums import Command, GoalState, RunAction
+from protocol.wire.message import Message
+from protocol.wire.messages import GroundTruth, NavigatorStatus, RunRequest, WheelCommand
+from protocol.world import World
+
+PATIENCE_S: Final = 30.0
+SET_OFF_S: Final = 3.0
+SET_OFFS: Final = 10
+KEPT: Final = 2000
+
+
+class Observer:
+    """Keeps statuses, wheel commands and true states with their times of arrival."""
+
+    def __init__(self, bus: Bus, world: World, endpoint: str, folder: Path) -> None:
+        """Subscribe; `folder` holds the files that programs write to a user's home."""
+        self.bus, self.world, self.endpoint, self.folder = bus, world, endpoint, folder
+        self.robot = ROBOT
+        self.pid = 0
+        """Process id of the robot."""
+        self.statuses: deque[tuple[NavigatorStatus, int]] = deque(maxlen=KEPT)
+        self.wheels: deque[tuple[WheelCommand, int]] = deque(maxlen=KEPT)
+        self.truths: deque[tuple[GroundTruth, int]] = deque(maxlen=KEPT)
+        self._requests = count(monotonic_ns())
+        kept: Final[tuple[tuple[Topic[Any], deque[Any]], ...]] = (
+            (STATUS, self.statuses),
+            (DRIVE, self.wheels),
+            (TRUTH, self.truths),
+        )
+        for topic, into in kept:
+            bus.stream(topic, keeper(topic, into), ROBOT)
+
+    @property
+    def status(self) -> NavigatorStatus:
+        """The newest status."""
+        return self.statuses[-1][0]
+
+    @property
+    def speed_m_s(self) -> float:
+        """The newest true speed; 0 before the first sample."""
+        return self.truths[-1][0].speed_m_s if self.truths else 0.0
+
+    @property
+    def on_its_way(self) -> bool:
+        """True if the robot has a goal that has not ended."""
+        return GoalState.ACCEPTED <= self.status.goal <= GoalState.ALIGNING
+
+    def ask(
+        self, service: Service, request: Callable[[int], Message], within_s: float = PATIENCE_S
+    ) -> None:
+        """Repeat a request until it is accepted; RuntimeError when it is not in time."""
+        ask_until_accepted(
+            self.bus, service, lambda: request(next(self._requests)), self.robot, within_s
+        )
+
+    def drive_to(self, x_m: float, y_m: float) -> None:
+        """Arm, and drive to a place without an operator.
+
+        On a busy machine the robot may be late and stop in between: then it is armed again.
+        """
+        goal = wire_goal(x_m, y_m, None, 0.1, 0.1)
+        for _ in range(SET_OFFS):
+            self.ask(COMMAND, arm_request)
+            with suppress(RuntimeError):
+                self.ask(COMMAND, lambda number: auto_goal_request(number, goal), SET_OFF_S)
+                return
+        raise RuntimeError(f"{self.robot} was stopped {SET_OFFS} times before it could set off")
+
+    def hold(self) -> None:
+        """Stop the robot and hold its goal."""
+        self.ask(COMMAND, lambda number: command_request(number, Command.DO_PAUSE_CONTINUE))
+
+    def pause(self) -> None:
+        """Pause simulated time."""
+        pause = RunRequest(action=RunAction.PAUSE, until_ns=0)
+        self.ask(RUN, lambda _: pause)
+
+
+def keeper(topic: Topic[Any], into: deque[tuple[Any, int]]) -> Callable[[str, bytes, int], None]:
+    """Return a callback that keeps the messages of a topic and ignores other frames."""
+
+    def keep(_key: str, frame: bytes, arrived_ns: int) -> None:
+        message = decode(frame).message
+        if isinstance(message, topic.messages):
+            into.append((message, arrived_ns))
+
+    return keep
+
+
+@contextmanager
+def observed(
+    file: str, *flags: str, keys: Path | None = None, operator: str = "ground"
+) -> Iterator[Observer]:
+    """Start robot and plant in a world and observe them, without a ground station.
+
+    With `keys`, a folder of `sidestep keys new`, access is controlled, and the observer has the
+    certificate of the role `operator`.
+    """
+    world = load(file)
+    with ExitStack() as scope:
+        robot = scope.enter_context(robot_process(world, *flags, keys=keys, client=operator))
+        (endpoint,) = robot.network.connect
+        locked = () if keys is None else ("--config", str(keys / "plant.toml"))
+        plant = ("--world", file, "--robots", ROBOT, "--connect", endpoint, *locked)
+        scope.enter_context(sidestep("run", "plant", *plant, ready="plant:"))
+        folder = Path(scope.enter_context(TemporaryDirectory()))
+        bus = scope.enter_context(open_bus(robot.network, Role.GROUND, ROBOT))
+        observer = Observer(bus, world, endpoint, folder)
+        observer.pid = robot.pid
+        until(lambda: observer.truths and observer.statuses, "truth and status")
+        yield observer
+
+
+class Shuttle:
+    """Keeps the robot driving between the start of its world and the goal."""
+
+    def __init__(self, observer: Observer) -> None:
+        start, goal = observer.world.start, observer.world.goal
+        self._observer = observer
+        self._places = cycle([(goal.x_m, goal.y_m), (start.x_m, start.y_m)])
+
+    def keep_driving(self) -> None:
+        """Set off again if the last goal has ended."""
+        if not self._observer.on_its_way:
+            self._observer.drive_to(*next(self._places))
+            until(lambda: self._observer.on_its_way, "on its way")
+
+
+def apart_m(one: GroundTruth, other: GroundTruth) -> float:
+    """Return the distance between two true positions."""
+    return hypot(one.x_m - other.x_m, one.y_m - other.y_m)

@@ -1,0 +1,305 @@
+"""Measure the recovery from a kill: until `up` has restarted a process and all are received again.
+
+The time counts from the signal. It includes the start of a Python process, and for a hub the next
+connection attempt of its clients.
+
+An emergency stop outlives the process: the robot is killed, or frozen until `up` ends it, as soon
+as it has reported that the stop is on the disk, or the power is cut on a disk in memory. The robot
+that is started then must be stopped, and must refuse to arm.
+"""
+
+import argparse
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from random import Random
+from tempfile import TemporaryDirectory
+from typing import Final, NamedTuple
+from unittest.mock import patch
+
+from checks.faults.power_cuts import HOME, set_value, upload_fence
+from checks.harness.figures import Figure, Report
+from checks.power_cut import ReorderingDisk, State, restore
+from ground.cli.main import parse
+from ground.cli.run.up import connect, free_endpoint
+from ground.client.link import Link, open_link
+from ground.client.operations.commands import Arm, ClearEmergencyStop, StopNow
+from ground.client.operations.session import Session
+from ground.client.results import Refused
+from ground.launch.child_command import command
+from ground.launch.launcher import Stack
+from ground.launch.restart_policy import RestartPolicy
+from ground.launch.scenario import WALL, scenario_of, world_facts, world_query
+from ground.text.wording import StatustextAssembler
+from protocol.bus.bus import Bus
+from protocol.bus.session import listens
+from protocol.topics import STATUS, TEXT, TRUTH
+from protocol.wire.codec import decode
+from protocol.wire.enums import Command
+from protocol.wire.enums import Vehicle as VehicleState
+from protocol.wire.messages import CommandRequest, NavigatorStatus
+from protocol.wire.reasons import Reason
+from robot.core.parameters import DEFAULTS
+from robot.emergency_stop import SAVED, emergency_stop
+from robot.storage import Store
+from robot.vehicle import Vehicle
+from runtime import files
+from runtime.clock import WallClock
+from runtime.errors import RemoteError
+from runtime.units import NS_PER_MS, NS_PER_S
+
+ECHO_NS: Final = 100 * NS_PER_MS
+"""Samples that arrive this soon after a kill were sent before it."""
+LOOK_NS: Final = 2 * NS_PER_MS
+PATIENCE_NS: Final = 15_000 * NS_PER_MS
+HANG_NS: Final = 60 * NS_PER_S
+SETTLED_NS: Final = 700 * NS_PER_MS
+ROUTER_S: Final = 1.0
+SAVED_MS: Final = 1000.0
+RESTARTED: Final = "restarted: the previous run"
+NO_PAUSE: Final = RestartPolicy(pause_ns=0, limit=1_000_000)
+ROLES: Final = (("robot r1", False), ("plant", False), ("robot r1", True), ("router", True))
+
+
+class Recovery(NamedTuple):
+    """Seconds from the kill until the hub listens, and until robot and plant are received."""
+
+    listens_s: float
+    received_s: float
+
+
+class ArrivalTimes:
+    """The newest arrival times of samples of robot and plant."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._arrived_ns = {STATUS.path: 0, TRUTH.path: 0}
+        for topic in (STATUS, TRUTH):
+            bus.stream(topic, partial(self._record, topic.path))
+
+    def _record(self, path: str, _key: str, _frame: bytes, at_ns: int) -> None:
+        self._arrived_ns[path] = at_ns
+
+    def both_since(self, since_ns: int) -> bool:
+        """Return whether both were received after that time."""
+        return min(self._arrived_ns.values()) > since_ns
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `bench restarts`."""
+    parser.add_argument("--repetitions", type=int, default=20)
+    help = "repetitions of each way to end a robot in its emergency stop (default 3)"
+    parser.add_argument("--stops", type=int, default=3, help=help)
+
+
+def measure(options: argparse.Namespace) -> Report:
+    """Kill each process repeatedly, and report the recovery times."""
+    figures: list[Figure] = []
+    for role, router in ROLES:
+        with running(router=router) as (stack, arrivals, clock):
+            took = [recovered(stack, arrivals, clock, role) for _ in range(options.repetitions)]
+        name = role.partition(" ")[0] + (" behind a router" if router and role != "router" else "")
+        figures += of(name, took, ROUTER_S if role == "router" else None)
+    figures += kept_stops(options.stops)
+    return Report(
+        benchmark="restarts",
+        figures=tuple(figures),
+        notes=("SIGKILL; publishing: the robot's status and the plant's truth, from outside",),
+    )
+
+
+def of(name: str, took: list[Recovery], most_s: float | None) -> list[Figure]:
+    """Return the figures of a process; `most_s` limits the time after its restart."""
+    received = tuple(one.received_s for one in took)
+    found = [Figure(name=f"{name}, kill to all publishing", unit="s", values=received)]
+    if most_s is not None:
+        healing = tuple(one.received_s - one.listens_s for one in took)
+        found.append(
+            Figure(
+                name=f"{name}, listening to all publishing",
+                unit="s",
+                values=healing,
+                at_most=most_s,
+            )
+        )
+    return found
+
+
+@contextmanager
+def running(
+    *, router: bool, policy: RestartPolicy = NO_PAUSE, clock_name: str = WALL
+) -> Iterator[tuple[Stack, ArrivalTimes, WallClock]]:
+    """Run robot and plant at rest, supervised as by `up` but without a restart limit."""
+    clock = WallClock()
+    words = ["up", "--clock", clock_name, "--world", "open", *(["--router"] if router else [])]
+    options = parse(words)
+    scenario = scenario_of(options, world_facts(command(world_query(options), os.getpid())))
+    with Stack(options, scenario, free_endpoint(), clock, policy) as stack:
+        stack.start()
+        with connect(stack.common, clock, stack.check) as bus:
+            arrivals = ArrivalTimes(bus)
+            await_both(stack, arrivals, clock, clock.now_ns())
+            stack.supervise(bus)
+            yield stack, arrivals, clock
+
+
+def recovered(stack: Stack, arrivals: ArrivalTimes, clock: WallClock, role: str) -> Recovery:
+    """Kill a process and return its recovery."""
+    settled_ns = clock.now_ns() + SETTLED_NS
+    while clock.now_ns() < settled_ns:
+        stack.check()
+        clock.sleep_until(clock.now_ns() + LOOK_NS)
+    killed_ns = clock.now_ns()
+    stack.inject_fault(role, "end")
+    if role == "router":
+        for there in (False, True):
+            while listens(stack.common.endpoint) is not there:
+                stack.check()
+                clock.sleep_until(clock.now_ns() + LOOK_NS)
+    listens_ns = clock.now_ns()
+    received_ns = await_both(stack, arrivals, clock, killed_ns + ECHO_NS)
+    return Recovery((listens_ns - killed_ns) / NS_PER_S, (received_ns - killed_ns) / NS_PER_S)
+
+
+def await_both(
+    stack: Stack,
+    arrivals: ArrivalTimes,
+    clock: WallClock,
+    since_ns: int,
+    patience_ns: int = PATIENCE_NS,
+) -> int:
+    """Wait until both were received after a time, and return that time."""
+    while not arrivals.both_since(since_ns):
+        stack.check()
+        if clock.now_ns() - since_ns > patience_ns:
+            raise RemoteError(f"robot or plant not received within {patience_ns / NS_PER_S:g} s")
+        clock.sleep_until(clock.now_ns() + LOOK_NS)
+    return clock.now_ns()
+
+
+def kept_stops(repetitions: int) -> list[Figure]:
+    """Return how many stops outlived kills, hangs and power cuts, and how long saving them took."""
+    held: dict[str, int] = {}
+    saved_ms: list[float] = []
+    with running(router=False) as (stack, arrivals, clock), open_link(stack.common) as link:
+        witness = StopWitness(stack, link, arrivals, clock)
+        for what, fault in (("kills", "end"), ("hangs", "hang")):
+            held[what] = 0
+            for _ in range(repetitions):
+                saved_ms.append(witness.stop() / NS_PER_MS)
+                held[what] += witness.held_after(fault)
+                witness.release()
+    held["power cuts"] = sum(map(held_after_cut, range(repetitions)))
+    figures = [
+        Figure(
+            name=f"emergency stops that outlive {what}",
+            unit=f"of {repetitions}",
+            values=(float(count),),
+            at_least=float(repetitions),
+        )
+        for what, count in held.items()
+    ]
+    told = Figure(
+        name="press to the report that the stop is saved", unit="ms", values=tuple(saved_ms)
+    )
+    slowest = Figure(
+        name="the slowest of them", unit="ms", values=(max(saved_ms),), at_most=SAVED_MS
+    )
+    return [*figures, told, slowest]
+
+
+class StopWitness:
+    """An operator who stops the robot and sees what becomes of it."""
+
+    def __init__(self, stack: Stack, link: Link, arrivals: ArrivalTimes, clock: WallClock) -> None:
+        self._stack, self._arrivals, self._clock = stack, arrivals, clock
+        self._session = Session(link)
+        self._link = link
+        self._texts: list[str] = []
+        self._status: NavigatorStatus | None = None
+        assembler = StatustextAssembler()
+
+        def take(_key: str, frame: bytes, _at_ns: int) -> None:
+            message = decode(frame).message
+            if isinstance(message, NavigatorStatus):
+                self._status = message
+            elif words := assembler.receive(message):
+                self._texts.append(words)
+
+        for topic in (STATUS, TEXT):
+            link.bus.stream(topic, take)
+
+    def stop(self) -> int:
+        """Stop the robot; return the time in ns until it has reported that the stop is saved."""
+        self._texts.clear()
+        pressed_ns = self._clock.now_ns()
+        if not StopNow().perform(self._session).ok:
+            raise RemoteError("the robot did not acknowledge its emergency stop")
+        self._await(lambda: SAVED in self._texts, SAVED)
+        return self._clock.now_ns() - pressed_ns
+
+    def held_after(self, fault: str) -> bool:
+        """End the robot in this way; return whether the next one is stopped and stays so."""
+        self._texts.clear()
+        hurt_ns = self._clock.now_ns()
+        self._stack.inject_fault("robot r1", fault)
+        self._await(lambda: any(RESTARTED in words for words in self._texts), RESTARTED)
+        await_both(self._stack, self._arrivals, self._clock, hurt_ns + ECHO_NS, HANG_NS)
+        refused = Arm().perform(self._session)
+        reason = refused.reason if isinstance(refused, Refused) else Reason.NONE
+        status = self._status
+        is_stopped = status is not None and status.vehicle == VehicleState.EMERGENCY_STOP
+        return is_stopped and reason == Reason.EMERGENCY_STOPPED
+
+    def release(self) -> None:
+        """Release the stop."""
+        if not ClearEmergencyStop().perform(self._session).ok:
+            raise RemoteError("the robot did not release its emergency stop")
+
+    def _await(self, condition: Callable[[], object], what: str) -> None:
+        deadline_ns = self._clock.now_ns() + HANG_NS
+        while not condition():
+            self._stack.check()
+            while self._stack.next_event():
+                pass
+            if self._clock.now_ns() > deadline_ns:
+                raise RemoteError(f"not within {HANG_NS / NS_PER_S:g} s: {what}")
+            self._clock.sleep_until(self._clock.now_ns() + LOOK_NS)
+
+
+def held_after_cut(number: int) -> bool:
+    """Cut the power after a stop, while other state is saved; return whether each state keeps it.
+
+    The number draws what is saved before and after the stop, and the disk operation of the cut.
+    """
+    random, disk = Random(f"stop {number}"), ReorderingDisk()
+    with patch.object(files, "os", disk), TemporaryDirectory() as folder:
+        vehicle = Vehicle(DEFAULTS, Store(HOME))
+        for request_id in range(random.randrange(3)):
+            vehicle.receive(emergency_stop(request_id), 0)
+            vehicle.receive(clearing(request_id), 0)
+            set_value(vehicle, round(random.uniform(0.3, 0.5), 3))
+        vehicle.receive(emergency_stop(7), 0)
+        saved = len(disk.cuts)
+        for _ in range(random.randrange(4)):
+            change = random.choice((set_value, upload_fence))
+            change(vehicle, round(random.uniform(0.3, 0.5), 3))
+        states = disk.cuts[random.randrange(saved - 1, len(disk.cuts))]
+        return all(
+            is_stopped_after(state, Path(folder) / str(index)) for index, state in enumerate(states)
+        )
+
+
+def clearing(request_id: int) -> CommandRequest:
+    """Return the request that releases a stop."""
+    command = Command.SIDESTEP_CLEAR_EMERGENCY_STOP
+    return CommandRequest(request_id=100 + request_id, command=command, param1=0.0, param2=0.0)
+
+
+def is_stopped_after(state: State, folder: Path) -> bool:
+    """Return whether a robot that is started after a power cut is stopped."""
+    restore(state, folder)
+    vehicle = Vehicle(DEFAULTS, Store(folder / str(HOME).removeprefix("/")))
+    vehicle.restore()
+    return vehicle.stopped

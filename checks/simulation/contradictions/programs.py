@@ -1,0 +1,482 @@
+"""The programs of persons: the product's own, with what they say noted.
+
+A command of a shell is a process of its own, as in a terminal. A notebook is an asyncio program
+with the Python API. The app is the ground station's model, polled, with band and log. `up` follows
+the goal of its run. Each program has a host whose name begins with its person.
+"""
+
+import asyncio
+from collections.abc import Callable, Coroutine, Sequence
+from dataclasses import replace
+from functools import partial
+from math import degrees, inf
+from typing import Any, Final
+
+from greenlet import GreenletExit
+
+from checks.simulation.contradictions.journal import Deed, Ended, Journal, Shown
+from checks.simulation.contradictions.truth import person_of
+from checks.simulation.events import Argument
+from checks.simulation.hosts.event_loop import SimulatedLoop
+from checks.simulation.hosts.operators import DIALS
+from checks.simulation.hosts.scheduler import Host, Scheduler, Task, current_host
+from checks.simulation.hosts.threads import SimulatedClock
+from ground.app.stops.band import BandKeys, stop_band
+from ground.client.api import Mission, Robot, Waypoint, connect
+from ground.client.connection import Common
+from ground.client.goal import destination
+from ground.client.link import Link, open_link
+from ground.client.operations.commands import (
+    Abort,
+    Arm,
+    ClearEmergencyStop,
+    Disarm,
+    Hold,
+    Resume,
+    SetMode,
+    StopNow,
+)
+from ground.client.operations.goals import Goto
+from ground.client.operations.leases import ChangeLease, ShowLease, operator_name
+from ground.client.operations.missions import StartMission, UploadMission
+from ground.client.operations.session import Operation, Session
+from ground.client.operations.teleop import DriveByHand
+from ground.client.results import Outcome, Refused
+from ground.client.vocabulary import HINTS
+from ground.launch.fleet_run import FleetRun, goal_runs_of
+from ground.launch.scenario import Scenario, ScenarioRobot
+from ground.station.robot.background_requests import JobResult
+from ground.station.station import Station
+from ground.text.status_parts import Part, in_words
+from protocol.bus.bus import Bus, open_bus
+from protocol.bus.network import Network
+from protocol.topics import Role
+from protocol.wire.enums import LeaseAction, Mode
+from runtime.errors import LocalError, RemoteError
+from runtime.units import NS_PER_MS, NS_PER_S
+
+INTERRUPTED: Final = 130
+"""Exit code of a command that Ctrl-C has ended."""
+
+POLL_NS: Final = 50 * NS_PER_MS
+WIDTH, HEIGHT = 200, 50
+Arguments = tuple[Argument, ...]
+
+
+def common_here(*_: object, **more: Any) -> Common:
+    """Return how the program of the running host reaches the robot."""
+    return Common(network=network_of(person_of(current_host().name)), robot="r1", **more)
+
+
+def network_of(person: str) -> Network:
+    """Return the network of a person's programs."""
+    return replace(DIALS, person=person)
+
+
+def open_bus_here(network: Network, role: Role, robot: str) -> Bus:
+    """Open a bus with the clock of the running host."""
+    return open_bus(network, role, robot, current_host().now_ns)
+
+
+class Program:
+    """A program of a person."""
+
+    def __init__(self, scheduler: Scheduler, name: str, journal: Journal) -> None:
+        self.name = name
+        self.host = Host(scheduler, name)
+        self.host.alive = False
+        self.journal = journal
+        self.scheduler = scheduler
+        self.starts = 0
+
+    def new_host(self) -> Host:
+        """Return the host of a new process."""
+        self.starts += 1
+        seconds = 700 + 13 * self.starts + len(self.name)
+        self.host = Host(self.scheduler, self.name, seconds * NS_PER_S)
+        return self.host
+
+    def do(self, verb: str, arguments: Arguments) -> None:
+        """Do what a person asks."""
+        raise NotImplementedError
+
+    def cancel(self) -> None:
+        """End early what is under way."""
+
+    def kill(self) -> None:
+        """Kill the process."""
+        if self.host.alive:
+            self.host.alive = False
+            if (session := self.session) is not None:
+                session.close()
+            self.host.kill()
+            self.journal.killed(self.name)
+
+    @property
+    def session(self) -> Any:
+        """The session on the bus, or None."""
+        return None
+
+    def errors(self) -> list[Host]:
+        """Return the hosts whose code may have failed."""
+        return [self.host]
+
+
+class Telling:
+    """The progress display of a command: each new text is a word."""
+
+    live = False
+
+    def __init__(self, journal: Journal, deed: Deed) -> None:
+        self._journal, self._deed = journal, deed
+
+    def note(self, text: str) -> None:
+        """Say a note."""
+        self._journal.say(self._deed.program, Shown("note", text), self._deed)
+
+    def line(self, parts: Sequence[Part]) -> None:
+        """Say the status line."""
+        self._journal.say(self._deed.program, Shown("line", in_words(parts)), self._deed)
+
+
+def operation_of(verb: str, arguments: Arguments) -> Operation[Outcome]:
+    """Return the operation of a verb, as a person types it."""
+    return OPERATIONS[verb](*arguments)
+
+
+def goto(x_m: float, y_m: float, timeout_s: float = 0.0) -> Operation[Outcome]:
+    """Return the operation of `goto X Y --timeout S`."""
+    return Goto(goal=destination([x_m, y_m]), timeout_s=timeout_s or None)
+
+
+def mission_at(*places: float) -> Mission:
+    """Return a mission with these stops."""
+    stops = zip(places[::2], places[1::2], strict=True)
+    return Mission(waypoints=tuple(Waypoint(x_m=x_m, y_m=y_m) for x_m, y_m in stops))
+
+
+OPERATIONS: Final[dict[str, Callable[..., Operation[Outcome]]]] = {
+    "goto": goto,
+    "drive": lambda speed_m_s, turn_rad_s, for_s: DriveByHand(
+        speed_m_s=speed_m_s, turn_deg_s=degrees(turn_rad_s), for_s=for_s
+    ),
+    "upload": lambda *places: UploadMission(mission=mission_at(*places)),
+    "start": lambda: StartMission(),
+    "arm": Arm,
+    "disarm": Disarm,
+    "hold": Hold,
+    "resume": Resume,
+    "abort": Abort,
+    "mode": lambda name: SetMode(mode=Mode[name]),
+    "estop": StopNow,
+    "clear": ClearEmergencyStop,
+    "take": lambda: ChangeLease(action=LeaseAction.TAKE, for_s=2.0),
+    "seize": lambda: ChangeLease(action=LeaseAction.SEIZE, for_s=2.0),
+    "release": lambda: ChangeLease(action=LeaseAction.RELEASE),
+    "lease": ShowLease,
+}
+
+
+class Shell(Program):
+    """A terminal: each command is a process, and several may run at once."""
+
+    def __init__(self, scheduler: Scheduler, name: str, journal: Journal) -> None:
+        super().__init__(scheduler, name, journal)
+        self._running: dict[Host, tuple[Deed, Task]] = {}
+        self._hosts: list[Host] = []
+
+    def do(self, verb: str, arguments: Arguments) -> None:
+        """Run a command."""
+        host = self.new_host()
+        host.name = f"{self.name}.{self.starts}"
+        deed = self.journal.begin(host.name, verb, arguments)
+        self._running[host] = deed, host.spawn(partial(self._run, deed))
+        self._hosts.append(host)
+
+    def _run(self, deed: Deed) -> None:
+        try:
+            ended = self._perform(deed)
+        except GreenletExit:
+            raise
+        except KeyboardInterrupt:
+            ended = Ended(INTERRUPTED)
+        except (RemoteError, LocalError) as error:
+            ended = Ended(getattr(error, "exit_code", 1), None, str(error))
+        self.journal.end(deed, ended)
+        self._running.pop(current_host(), None)
+
+    def _perform(self, deed: Deed) -> Ended:
+        operation = operation_of(deed.verb, deed.arguments)
+        with open_link(common_here()) as link:
+            outcome = operation.perform(Session(link, Telling(self.journal, deed)))
+            self.journal.say(deed.program, outcome, deed)
+            return Ended(0 if outcome.ok else 1, outcome)
+
+    def cancel(self) -> None:
+        """Press Ctrl-C for the newest command."""
+        for deed, task in reversed(self._running.values()):
+            if deed.cancelled_ns is None:
+                self.journal.cancel(deed)
+                task.interrupt(KeyboardInterrupt())
+                return
+
+    def kill(self) -> None:
+        """Close the terminal."""
+        for host in list(self._running):
+            host.kill()
+            self.journal.killed(host.name)
+        self._running.clear()
+
+    def errors(self) -> list[Host]:
+        """Return the hosts of all commands."""
+        return self._hosts
+
+
+class Notebook(Program):
+    """A program with the Python API; `then` cancels what is under way and begins at once."""
+
+    def __init__(self, scheduler: Scheduler, name: str, journal: Journal) -> None:
+        super().__init__(scheduler, name, journal)
+        self._loop: SimulatedLoop | None = None
+        self._robot: Robot | None = None
+        self._leaving: asyncio.Event | None = None
+        self._under_way: list[tuple[Deed, asyncio.Task[None]]] = []
+
+    def start(self) -> None:
+        """Start the program."""
+        if not self.host.alive:
+            self.new_host().spawn(self._main)
+
+    def _main(self) -> None:
+        loop = self._loop = SimulatedLoop()
+        self._robot, self._under_way = None, []
+        loop.run(self._program())
+
+    async def _program(self) -> None:
+        self._leaving = asyncio.Event()
+        async with connect() as robot:
+            self._robot = robot
+            await self._leaving.wait()
+            self._robot = None
+
+    def do(self, verb: str, arguments: Arguments) -> None:
+        """Run a cell, which does not wait for its end."""
+        if self.host.alive and self._loop is not None and self._robot is not None:
+            self.host.call(self._loop.call_soon_threadsafe, self._begin, verb, arguments)
+
+    def _begin(self, verb: str, arguments: Arguments) -> None:
+        robot, leaving = self._robot, self._leaving
+        if robot is None or leaving is None:
+            return
+        if verb == "then":
+            self._cancel_newest()
+            verb, arguments = str(arguments[0]), arguments[1:]
+        if verb == "cancel":
+            self._cancel_newest()
+        elif verb == "leave":
+            for deed, _ in self._under_way:
+                self.journal.cancel(deed)
+            leaving.set()
+        else:
+            deed = self.journal.begin(self.name, verb, arguments)
+            work = asyncio.get_running_loop().create_task(self._perform(robot, deed))
+            self._under_way.append((deed, work))
+
+    def _cancel_newest(self) -> None:
+        self._under_way = [one for one in self._under_way if not one[1].done()]
+        for deed, work in reversed(self._under_way):
+            if deed.cancelled_ns is None:
+                self.journal.cancel(deed)
+                work.cancel()
+                return
+
+    async def _perform(self, robot: Robot, deed: Deed) -> None:
+        try:
+            value: Any = await CELLS[deed.verb](robot, *deed.arguments)
+        except asyncio.CancelledError:
+            value = "cancelled"
+        except TimeoutError:
+            value = "time limit"
+        except (RemoteError, LocalError) as error:
+            value = error
+        self.journal.end(deed, value)
+
+    def cancel(self) -> None:
+        """Cancel the newest task."""
+        self.do("cancel", ())
+
+    @property
+    def session(self) -> Any:
+        """The session of the client."""
+        return None if self._robot is None else self._robot._link.bus._session
+
+
+async def limited(robot: Robot, x_m: float, y_m: float, limit_s: float) -> object:
+    """Drive with a time limit of asyncio."""
+    return await asyncio.wait_for(robot.goto(x_m, y_m), limit_s)
+
+
+async def drive_mission(robot: Robot, *places: float) -> object:
+    """Upload a mission and drive it to its end."""
+    uploaded = await robot.mission.upload(mission_at(*places))
+    return await robot.mission.run() if uploaded.ok else uploaded
+
+
+CELLS: Final[dict[str, Callable[..., Coroutine[Any, Any, Any]]]] = {
+    "goto": lambda robot, x_m, y_m, timeout_s=0.0: robot.goto(
+        x_m, y_m, timeout_s=timeout_s or None
+    ),
+    "limited": limited,
+    "drive": lambda robot, speed_m_s, turn_rad_s, for_s: robot.drive(
+        speed_m_s, degrees(turn_rad_s), for_s=for_s
+    ),
+    "mission": drive_mission,
+    "arm": Robot.arm,
+    "disarm": Robot.disarm,
+    "hold": Robot.hold,
+    "resume": Robot.resume,
+    "abort": Robot.abort,
+    "estop": Robot.emergency_stop,
+    "clear": Robot.clear_emergency_stop,
+    "take": lambda robot: robot.lease.take(),
+    "seize": lambda robot: robot.lease.seize(),
+    "release": lambda robot: robot.lease.give_back(),
+    "lease": lambda robot: robot.lease.show(),
+}
+
+
+class App(Program):
+    """The ground station without its screen: it shows lease, loss, band and log."""
+
+    station: Station | None = None
+
+    def start(self) -> None:
+        """Start the app."""
+        if not self.host.alive:
+            self.new_host().spawn(self._main)
+
+    def _main(self) -> None:
+        common, clock = common_here(), SimulatedClock()
+        bus = open_bus_here(common.network, Role.GROUND, "r1")
+        live: Any = bus
+        station = self.station = Station(live, "r1", clock, name=operator_name(None))
+        self._common, self._clock, self._bus = common, clock, bus
+        self._shown: dict[str, object] = {}
+        self._lines, self._since_ns, self._vehicle = 0, None, None
+        while True:
+            station.poll()
+            self._tell(station)
+            clock.sleep_until(clock.now_ns() + POLL_NS)
+
+    def do(self, verb: str, arguments: Arguments) -> None:
+        """Type a command."""
+        station = self.station
+        if station is None or not self.host.alive:
+            return
+        deed = self.journal.begin(self.name, verb, arguments)
+        self.host.call(self._type, station, deed)
+
+    def _type(self, station: Station, deed: Deed) -> None:
+        if deed.verb == "estop":
+            station.estop()
+        elif deed.verb in ("take", "seize"):
+            station.take_lease(seize=deed.verb == "seize")
+        elif deed.verb == "release":
+            station.release_lease()
+        else:
+            verbs = ("upload", "start") if deed.verb == "mission" else (deed.verb,)
+            for verb in verbs:
+                operation = operation_of(verb, deed.arguments if verb != "start" else ())
+                if isinstance(operation, ClearEmergencyStop):
+                    operation = replace(operation, stop_ids=station.stops_known("r1"))
+                job = partial(self._perform, operation, deed)
+                station.submit(str(deed), job, moves=operation.moves)
+
+    def _perform(self, operation: Operation[Outcome], deed: Deed) -> JobResult:
+        link = Link(self._bus, self._common, self._clock)
+        outcome = operation.perform(Session(link, attended=True))
+        self.journal.end(deed, outcome)
+        text = outcome.in_words(HINTS) if isinstance(outcome, Refused) else outcome.text
+        return JobResult(outcome.ok, text)
+
+    def _tell(self, station: Station) -> None:
+        """Say everything that is shown and has changed; a loss and a band count the time."""
+        for line in station.log.since(self._lines):
+            self.journal.say(self.name, Shown("log", line.text))
+        self._lines = station.log.total
+        loss = station.loss()
+        band = stop_band(station, None, BandKeys(lambda action: action), WIDTH, HEIGHT)
+        rows = " ".join("".join(span.text for span in one) for one in band.rows)
+        shown: dict[str, object] = {
+            "lease": station.lease._replace(lapses_s=0.0),
+            "loss": Shown("loss", "" if loss is None else loss.words),
+            "band": Shown("band", " ".join(rows.split())),
+        }
+        for part, value in shown.items():
+            if self._shown.get(part) != value:
+                self._shown[part] = value
+                self.journal.say(self.name, value)
+
+    @property
+    def session(self) -> Any:
+        """The session of the station."""
+        return None if self.station is None else self._bus._session
+
+
+class Up(Program):
+    """`up --headless`, whose processes are the simulated ones: it drives to its goal and ends."""
+
+    def do(self, verb: str, arguments: Arguments) -> None:
+        """Start it; the verb is `up`."""
+        if not self.host.alive:
+            deed = self.journal.begin(self.name, verb, arguments)
+            self.new_host().spawn(partial(self._main, deed))
+
+    def _main(self, deed: Deed) -> None:
+        x_m, y_m = (float(one) for one in deed.arguments[:2])
+        goal = destination([x_m, y_m])
+        facts = {
+            "goal": {
+                "x_m": inf,
+                "y_m": inf,
+                "heading_deg": None,
+                "position_tolerance_m": 0.1,
+                "heading_tolerance_deg": 5.0,
+            },
+            "noise": {"level": "default"},
+        }
+        scenario = Scenario(
+            world="plain",
+            name="plain",
+            facts=facts,
+            scenario_robots=(ScenarioRobot(robot="r1", start=(30.0, 30.0, 0.0), goal=goal),),
+            navigator="bug2",
+            side="left",
+            seed=0,
+            noise=None,
+            speed="1",
+            router=False,
+            record=None,
+            timeout_s=100.0,
+            clock="wall",
+        )
+        common, clock = common_here(), SimulatedClock()
+        bus = self._bus = open_bus_here(common.network, Role.GROUND, "r1")
+        runs = goal_runs_of(scenario, common, bus, clock, lambda: None)
+        run = FleetRun(runs, clock, lambda: None, partial(self._line, deed))
+        try:
+            (outcome,) = run.run(lockstep=False)
+            ended = Ended(0 if outcome.reached else 1, outcome)
+        except (RemoteError, LocalError) as error:
+            ended = Ended(getattr(error, "exit_code", 1), None, str(error))
+        self.journal.end(deed, ended)
+        bus.close()
+        self.host.alive = False
+
+    def _line(self, deed: Deed, parts: Sequence[Part]) -> None:
+        self.journal.say(self.name, Shown("line", in_words(parts)), deed)
+
+    @property
+    def session(self) -> Any:
+        """The session of `up`."""
+        return self._bus._session

@@ -1,0 +1,239 @@
+"""Guided goto: from the client's send to the first wheel command, beside the bus's own.
+
+The robot starts to drive at a tick of its 50 ms grid. So each way sends at the same phases of the
+grid, spread evenly and in random order, and both alternate.
+"""
+
+import argparse
+from collections.abc import Iterable
+from contextlib import suppress
+from itertools import cycle
+from random import Random
+from statistics import mean
+from threading import Event, Thread
+from time import monotonic_ns
+from typing import Final, Self
+
+from checks.harness.figures import Figure, percentile
+from checks.harness.until import until
+from checks.speed.gateway.client import Client
+from checks.speed.gateway.stage import Air, Figures, on_air, position_target
+from gateways.mavlink.mavlink_dialect import REQUEST_OPERATOR_CONTROL
+from gateways.mavlink.motion.pilot import EnterGuided
+from ground.client.connection import Common
+from ground.client.goal import Destination
+from ground.client.link import Link
+from ground.client.operations.commands import Arm, Hold
+from ground.client.operations.goals import Goto
+from ground.client.operations.leases import ask_lease
+from ground.client.operations.session import Operation, Session
+from ground.client.results import Outcome
+from protocol.bus.bus import open_bus
+from protocol.bus.network import Network
+from protocol.topics import Role
+from protocol.wire.enums import LeaseAction, Mode
+from protocol.wire.messages import WheelCommand
+from runtime.clock import WallClock
+from runtime.units import PERIOD_NS
+
+OVER_BUS_AT_MOST_MS: Final = 5.0
+BEAT_S: Final = 0.2
+AGAIN_S: Final = 0.05
+TRIES: Final = 40
+BLOCKS: Final = 4
+SETS_OFF_S: Final = 2.0
+MAX_LOST: Final = 10
+NEAR_M: Final = 0.2
+
+
+class BusOperator:
+    """The typed client of the bus; it beats while it holds the lease."""
+
+    def __init__(self, link: Link) -> None:
+        self._session = Session(link, attended=True)
+        self._link = link
+        self._holds, self._over = Event(), Event()
+        self._thread = Thread(target=self._beat, daemon=True)
+
+    def take(self) -> None:
+        """Take the lease as soon as it is free, choose GUIDED and arm."""
+        for _ in range(TRIES):
+            if ask_lease(self._link, LeaseAction.TAKE, "bench").ok:
+                break
+            self._over.wait(AGAIN_S)
+        self._link.beat()
+        self._holds.set()
+        self.perform(EnterGuided())
+        self.perform(Arm())
+
+    def goto(self, x_m: float, y_m: float) -> int:
+        """Send a goal; return the time before."""
+        at_ns = monotonic_ns()
+        self.perform(Goto(goal=Destination(x_m=x_m, y_m=y_m, heading_rad=None), arms=False))
+        return at_ns
+
+    def release(self) -> None:
+        """Stop, and give back the lease."""
+        self.perform(Hold())
+        self._holds.clear()
+        ask_lease(self._link, LeaseAction.RELEASE, "bench")
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def perform(self, operation: Operation[Outcome]) -> None:
+        """Carry out an operation; again if the first heartbeat has not arrived yet."""
+        for _ in range(TRIES):
+            outcome = operation.perform(self._session)
+            if outcome.ok:
+                return
+            self._over.wait(AGAIN_S)
+        raise RuntimeError(f"{operation.verb}: {outcome}")
+
+    def _beat(self) -> None:
+        while not self._over.wait(BEAT_S):
+            if self._holds.is_set():
+                self._link.beat()
+
+
+class GatewayOperator:
+    """The client of the gateway."""
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+
+    def take(self) -> None:
+        """Take control by choosing GUIDED, once the robot is seen to hold, and arm."""
+        newest = self._client.newest
+        until(lambda: newest["HEARTBEAT"].custom_mode == Mode.HOLD, "mode HOLD in the heartbeat")
+        self._client.set_mode(Mode.GUIDED)
+        self._client.arm()
+
+    def goto(self, x_m: float, y_m: float) -> int:
+        """Send a position target; return the time before."""
+        return self._client.send(position_target(x_m, y_m))
+
+    def release(self) -> None:
+        """Stop, and give back control."""
+        self._client.set_mode(Mode.HOLD)
+        self._client.command(REQUEST_OPERATOR_CONTROL, 0.0)
+
+
+class Race:
+    """Times both ways in turn."""
+
+    def __init__(self, air: Air, operators: tuple[GatewayOperator, BusOperator]) -> None:
+        self.lost: list[str] = []
+        self._air = air
+        self._operators = operators
+        start, goal = air.observer.world.start, air.observer.world.goal
+        self._places = cycle([(goal.x_m, goal.y_m), (start.x_m, start.y_m)])
+
+    def drive_to_the_middle(self) -> None:
+        """Drive to where both places are far away."""
+        operator, world = self._operators[0], self._air.observer.world
+        place = [(world.start.x_m + world.goal.x_m) / 2, (world.start.y_m + world.goal.y_m) / 2]
+        operator.take()
+        operator.goto(*place)
+        until(lambda: abs(self._air.observer.truths[-1][0].x_m - place[0]) < NEAR_M, "the middle")
+        operator.release()
+
+    def block(self, goals: int, random: Random) -> tuple[list[float], list[float]]:
+        """Return the times in ms by the gateway and by the bus."""
+        phases = [(number + random.random()) / goals * PERIOD_NS for number in range(goals)]
+        orders = [random.sample(phases, goals) for _ in self._operators]
+        found: tuple[list[float], list[float]] = ([], [])
+        for pair in zip(*orders, strict=True):
+            place = next(self._places)
+            for way in random.sample((0, 1), 2):
+                took_ms = self._one(self._operators[way], pair[way], place)
+                while took_ms is None:
+                    took_ms = self._one(self._operators[way], pair[way], place)
+                found[way].append(took_ms)
+        return found
+
+    def _one(
+        self, operator: GatewayOperator | BusOperator, phase_ns: float, place: tuple[float, float]
+    ) -> float | None:
+        """Return the time in ms; None if the robot did not set off, as after a late tick."""
+        wheels = self._air.observer.wheels
+        operator.take()
+        self._air.await_standing()
+        until(lambda: is_zero(wheels[-1][0]), "no wheel command")
+        newest_ns = wheels[-1][1]
+        WallClock().sleep_until(newest_ns + 2 * PERIOD_NS + round(phase_ns))
+        sent_ns = operator.goto(*place)
+        with suppress(RuntimeError):
+            until(lambda: first_ns(wheels, sent_ns) is not None, "a wheel command", SETS_OFF_S)
+        first = first_ns(wheels, sent_ns)
+        status = self._air.observer.status
+        operator.release()
+        if first is None:
+            self.lost.append(f"{type(operator).__name__} {status}")
+            if len(self.lost) > MAX_LOST:
+                raise RuntimeError(f"the robot does not set off: {self.lost}")
+            return None
+        return (first - sent_ns) / 1e6
+
+
+def is_zero(command: WheelCommand) -> bool:
+    """Return whether a wheel command stops both wheels."""
+    return command.left_mrad_s == 0 and command.right_mrad_s == 0
+
+
+def first_ns(wheels: Iterable[tuple[WheelCommand, int]], after_ns: int) -> int | None:
+    """Return when the first wheel command that turns a wheel has arrived, None if none has."""
+    rows = tuple(wheels)
+    return next((at_ns for one, at_ns in rows if at_ns > after_ns and not is_zero(one)), None)
+
+
+def goto_figures(options: argparse.Namespace) -> Figures:
+    """Measure both ways in turn, in blocks."""
+    random = Random(1)
+    goals = max(1, options.goals // BLOCKS)
+    with on_air() as air, Client(air.line()) as client:
+        client.await_vehicle()
+        network = Network(mode="client", connect=(air.observer.endpoint,))
+        common = Common(network=network, robot=air.observer.robot)
+        with (
+            open_bus(network, Role.GROUND, air.observer.robot) as bus,
+            BusOperator(Link(bus, common, WallClock())) as bus_operator,
+        ):
+            race = Race(air, (GatewayOperator(client), bus_operator))
+            race.drive_to_the_middle()
+            race.block(2, random)
+            blocks = [race.block(goals, random) for _ in range(BLOCKS)]
+    return figures_of(blocks), [
+        f"{BLOCKS} blocks of {goals} goals by each way, in turn; from before the send of"
+        " SET_POSITION_TARGET_LOCAL_NED, or from before `Goto` of the typed client, to the arrival"
+        " of the first wheel command that turns a wheel; both at the same phases of the robot's"
+        " grid of 50 ms",
+        *(f"not set off, repeated: {one}" for one in race.lost),
+    ]
+
+
+def figures_of(blocks: list[tuple[list[float], list[float]]]) -> list[Figure]:
+    """Return the medians of each way in each block, and their differences."""
+    found = []
+    by_gateway, by_bus = ([one[way] for one in blocks] for way in (0, 1))
+    for name, share in (("p50", 0.5), ("p90", 0.9)):
+        ours = tuple(percentile(times, share) for times in by_gateway)
+        bus = tuple(percentile(times, share) for times in by_bus)
+        found += [
+            Figure(
+                name=f"goto to wheel command, over the bus's own, {name}",
+                unit="ms",
+                values=tuple(a - b for a, b in zip(ours, bus, strict=True)),
+                at_most=OVER_BUS_AT_MOST_MS if share == 0.5 else None,
+            ),
+            Figure(name=f"by the gateway, {name}", unit="ms", values=ours),
+            Figure(name=f"by the bus, {name}", unit="ms", values=bus),
+        ]
+    means = tuple(mean(a) - mean(b) for a, b in blocks)
+    found.append(Figure(name="over the bus's own, mean", unit="ms", values=means))
+    return found

@@ -1,0 +1,220 @@
+"""Connected until ready: heartbeat, all parameters, the mission and the home, with lost frames.
+
+The client asks for all three at once. It repeats a request without an answer after a second, as
+MAVProxy and the loops of mavutil scripts do. Parameters come as the file of MAVProxy and Mission
+Planner, by pymavlink's own FTP client, or as the list of PARAM_VALUE.
+"""
+
+import argparse
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from queue import Empty, SimpleQueue
+from threading import Event
+from time import monotonic
+from typing import Any, Final
+
+from pymavlink import mavftp
+
+from checks.harness.figures import Figure
+from checks.harness.until import until
+from checks.relay.impairment import PERFECT, POOR, Impairment
+from checks.relay.udp_relay import UdpRelay
+from checks.speed.gateway.client import GROUND_STATION, Client, UdpLine
+from checks.speed.gateway.stage import Air, Figures, on_air
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
+
+SILENCE_S: Final = 1.0
+AT_ONCE: Final = 50
+"""Missing parameters asked for at once, as by DroneKit."""
+ITEMS: Final = 5
+PATIENCE_S: Final = 60.0
+APART_S: Final = 1.0
+"""The gateway keeps a silent client for 10 s, and at most 16 of them."""
+LOSSY: Final = Impairment(loss=0.2)
+LINES: Final = (
+    ("loopback", PERFECT, 2.0),
+    ("20 % loss", LOSSY, 5.0),
+    ("20 % loss, 50 ms, reordered", POOR, None),
+)
+FILE: Final = "@PARAM/param.pck?withdefaults=1"
+
+
+class Newcomer:
+    """A client that has to read everything."""
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+        self._files: SimpleQueue[MavMessage] = SimpleQueue()
+        self._values: dict[int, float] = {}
+        self._count = 0
+        self._items: dict[int, MavMessage] = {}
+        self.source_system, self.source_component = GROUND_STATION, 190
+        self.mav = self
+        client.takes = self._take
+
+    def ready_s(self, *, by_file: bool) -> float:
+        """Read everything at once; return the time since the first heartbeat was sent."""
+        begun_s = monotonic()
+        parameters = self._read_file if by_file else self._read_list
+        with self._client, ThreadPoolExecutor(3) as pool:
+            self._client.await_vehicle()
+            jobs = [pool.submit(one) for one in (parameters, self._mission, self._home)]
+            return max(job.result() for job in jobs) - begun_s
+
+    def _read_list(self) -> float:
+        """Return when all have come, as do the other readers."""
+
+        def ask() -> None:
+            if not self._count:
+                self._client.send(mavlink.MAVLink_param_request_list_message(1, 1))
+            missing = [one for one in range(self._count) if one not in self._values]
+            for index in missing[:AT_ONCE]:
+                self._client.send(mavlink.MAVLink_param_request_read_message(1, 1, b"", index))
+
+        repeat(ask, lambda: self._count and len(self._values) == self._count, self._progress)
+        return monotonic()
+
+    def _read_file(self) -> float:
+        found: list[float] = []
+
+        def keep(file: Any) -> None:
+            if file is not None and mavftp.MAVFTP.ftp_param_decode(file.read()) is not None:
+                found.append(monotonic())
+
+        while not found:
+            reader = mavftp.MAVFTP(self, 1, 1)
+            reader.cmd_get([FILE], callback=keep)
+            reader.process_ftp_reply("OpenFileRO", timeout=PATIENCE_S)
+        return found[0]
+
+    def _mission(self) -> float:
+        def begin() -> None:
+            self._client.send(mavlink.MAVLink_mission_request_list_message(1, 1))
+
+        repeat(begin, lambda: "MISSION_COUNT" in self._client.newest)
+        wanted = range(self._client.newest["MISSION_COUNT"].count)
+
+        def ask() -> None:
+            for number in wanted:
+                if number not in self._items:
+                    request = mavlink.MAVLink_mission_request_int_message(1, 1, number)
+                    self._client.send(request)
+
+        repeat(ask, lambda: len(self._items) == len(wanted), lambda: len(self._items))
+        if len(wanted) != ITEMS + 1:
+            raise RuntimeError(f"{len(wanted)} items instead of the home and {ITEMS}")
+        self._client.send(mavlink.MAVLink_mission_ack_message(1, 1, 0))
+        return monotonic()
+
+    def _home(self) -> float:
+        def ask() -> None:
+            number = float(mavlink.MAVLINK_MSG_ID_HOME_POSITION)
+            command = mavlink.MAV_CMD_REQUEST_MESSAGE
+            rest = (number, *(0.0,) * 6)
+            self._client.send(mavlink.MAVLink_command_long_message(1, 1, command, 0, *rest))
+
+        repeat(ask, lambda: "HOME_POSITION" in self._client.newest)
+        return monotonic()
+
+    def _progress(self) -> int:
+        return len(self._values)
+
+    def _take(self, message: MavMessage) -> None:
+        match message.get_type():
+            case "PARAM_VALUE":
+                self._count = message.param_count
+                self._values[message.param_index] = message.param_value
+            case "MISSION_ITEM_INT":
+                self._items[message.seq] = message
+            case "FILE_TRANSFER_PROTOCOL":
+                self._files.put(message)
+
+    def file_transfer_protocol_send(
+        self, network: int, system: int, component: int, payload: bytes
+    ) -> None:
+        """Send a request of pymavlink's FTP client."""
+        self._client.send(
+            mavlink.MAVLink_file_transfer_protocol_message(
+                network, system, component, list(payload)
+            )
+        )
+
+    def recv_match(self, type: object = None, timeout: float = 0.0) -> MavMessage | None:
+        """Return the next reply to pymavlink's FTP client."""
+        with suppress(Empty):
+            return self._files.get(timeout=timeout)
+        return None
+
+
+def repeat(
+    ask: Callable[[], object],
+    is_done: Callable[[], object],
+    progress: Callable[[], int] = lambda: 0,
+) -> None:
+    """Ask, and again when nothing has come for a second, until it is done."""
+    deadline_s, pause = monotonic() + PATIENCE_S, Event()
+    asked_s, seen = 0.0, -1
+    while not is_done():
+        now_s = monotonic()
+        if now_s > deadline_s:
+            raise RuntimeError(f"not ready within {PATIENCE_S:g} s")
+        if progress() != seen:
+            asked_s, seen = (now_s if asked_s else 0.0), progress()
+        if now_s - asked_s >= SILENCE_S:
+            asked_s = now_s
+            ask()
+        pause.wait(0.002)
+
+
+def ready_figures(options: argparse.Namespace) -> Figures:
+    """Connect many times over each line, by each way to read parameters."""
+    figures, pause = [], Event()
+    with on_air() as air:
+        with Client(air.line()) as client:
+            upload(client)
+        for name, impairment, at_most_s in LINES:
+            for way, by_file in (("FTP", True), ("list", False)):
+                times = []
+                for run in range(options.connections):
+                    times.append(connected_s(air, impairment, run, by_file=by_file))
+                    pause.wait(max(0.0, APART_S - times[-1]))
+                title = f"ready, parameters by {way}, {name}"
+                figures += [
+                    Figure(name=title, unit="s", values=tuple(times), at_most=at_most_s),
+                    Figure(name=f"{title}, worst", unit="s", values=(max(times),)),
+                ]
+    return figures, [
+        f"ready: heartbeat, all parameters, a mission of {ITEMS} items, home;"
+        f" {options.connections} new clients each; a request that is silent for {SILENCE_S:g} s is"
+        " repeated; loss in each direction",
+    ]
+
+
+def connected_s(air: Air, impairment: Impairment, seed: int, *, by_file: bool) -> float:
+    """Connect a new client over a line; return the time until it is ready."""
+    with UdpRelay(("127.0.0.1", air.port), impairment, seed) as relay:
+        return Newcomer(Client(UdpLine(relay.port))).ready_s(by_file=by_file)
+
+
+def upload(client: Client) -> None:
+    """Write a mission that the clients will read."""
+    client.await_vehicle()
+    until(lambda: "GLOBAL_POSITION_INT" in client.newest, "a position")
+    place = client.newest["GLOBAL_POSITION_INT"]
+
+    def answer(message: MavMessage) -> None:
+        if message.get_type() in ("MISSION_REQUEST", "MISSION_REQUEST_INT"):
+            frame, waypoint = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, 16
+            client.send(
+                mavlink.MAVLink_mission_item_int_message(
+                    1, 1, message.seq, frame, waypoint, 0, 1, 0.0, 0.0, 0.0, 0.0,
+                    place.lat, place.lon + 50 * message.seq, 0.0,
+                )
+            )  # fmt: skip
+
+    client.takes = answer
+    client.send(mavlink.MAVLink_mission_count_message(1, 1, ITEMS + 1))
+    until(lambda: "MISSION_ACK" in client.newest, "MISSION_ACK")
+    if client.newest["MISSION_ACK"].type != mavlink.MAV_MISSION_ACCEPTED:
+        raise RuntimeError(f"no mission: {client.texts[-3:]}")
