@@ -1,4 +1,4 @@
-"""`python -m benchmarks NAME`: run a benchmark."""
+"""`python -m checks NAME`: run a benchmark."""
 
 import argparse
 import importlib

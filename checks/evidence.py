@@ -146,7 +146,7 @@ EVIDENCE: Final = (
         8,
         (
             Step(
-                ("python", "-m", "checks/speed", "compiled", "--page", f"{FOLDER}/compiled.md"),
+                ("python", "-m", "checks", "compiled", "--page", f"{FOLDER}/compiled.md"),
                 may_miss=True,
             ),
         ),
@@ -293,7 +293,7 @@ EVIDENCE: Final = (
         (
             Step(
                 (
-                    *("python", "-m", "checks/speed", "faults", "--keep", "{work}/faults.jsonl"),
+                    *("python", "-m", "checks", "faults", "--keep", "{work}/faults.jsonl"),
                     *("--page", f"{FOLDER}/faults.md"),
                 ),
                 may_miss=True,

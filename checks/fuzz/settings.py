@@ -24,7 +24,8 @@ from robot.core.parameters import DEFAULTS
 from robot.parameter_table import adjusted, described
 from robot.run import Settings
 from robot.storage import FILE_NAME, Store
-from runtime.config import FOLDER, Calibration, load, load_shared
+from runtime.config import FOLDER, Calibration, load_shared
+from runtime.config import load as load_settings
 from study.cli.calibrate import SIDE_M, from_log
 from study.runner.store import FILE as SETTLED
 from study.runner.store import RESULTS, SCHEMA, differences, find, settings_in
@@ -74,7 +75,7 @@ def settings(path: Path) -> None:
 
 def calibration(path: Path) -> None:
     """Read a calibration and its parameters."""
-    adjusted(DEFAULTS, load(path, Calibration).parameters, str(path))
+    adjusted(DEFAULTS, load_settings(path, Calibration).parameters, str(path))
 
 
 def runs(path: Path) -> None:

@@ -11,7 +11,8 @@ import numpy as np
 from checks.fuzz.target import FuzzTarget
 from checks.fuzz.words import JSON_WORDS, TOML_WORDS, from_file, json_bombs, toml_bombs
 from plant.imports.importer import ImportOptions, import_worlds
-from plant.world.file import SHIPPED_DIR, load, loads
+from plant.world.file import SHIPPED_DIR, loads
+from plant.world.file import load as load_world
 from plant.world.writer import dumps
 from protocol.world import as_json
 
@@ -41,12 +42,14 @@ def shipped() -> Sequence[bytes]:
 
 def as_texts() -> Sequence[bytes]:
     """Return worlds as JSON."""
-    return [json.dumps(as_json(load(name), None)).encode() for name in ("box", "moving", "door")]
+    return [
+        json.dumps(as_json(load_world(name), None)).encode() for name in ("box", "moving", "door")
+    ]
 
 
 def read_world(path: Path) -> None:
     """Read a world and write it; a small one must read back as the same world."""
-    found = load(path)
+    found = load_world(path)
     text = dumps(found)
     if len(found.obstacles) < FEW_OBSTACLES and dumps(loads(text)) != text:
         raise AssertionError("the written world differs from the one that was read")

@@ -15,7 +15,8 @@ from plant.process.robot_link import RobotLink
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.bus.bus import Bus, open_bus
-from protocol.bus.network import Mode, Network
+from protocol.bus.network import Mode as NetworkMode
+from protocol.bus.network import Network
 from protocol.topics import (
     CYCLE,
     OPERATOR,
@@ -192,7 +193,7 @@ class Peers:
         """Open a bus: the hub (the router, or the robot without one) listens, others connect."""
         hub = "router" if self._router else "robot"
         if name == hub:
-            mode: Mode = "router" if self._router else "peer"
+            mode: NetworkMode = "router" if self._router else "peer"
             network = Network(mode=mode, listen=(self._hub,), prefix=self._prefix)
         else:
             network = self.client_network

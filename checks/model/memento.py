@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 Contents: TypeAlias = list[tuple[Callable[[Any], None], Any]]
 """The content of each object at the time of capture, after the function that restores it."""
 
-PACKAGES: Final = ("robot.", "protocol.bus.mailbox.", "verification.")
+PACKAGES: Final = ("robot.", "protocol.bus.mailbox.", "checks.")
 """Modules whose classes hold state; instances of all other classes count as values."""
 
 PERCEPTION: Final = "robot.core."

@@ -1,4 +1,4 @@
-"""`python -m checks.site.figures_page NAME...`: run benchmarks, renew their sections on a page of evidence.
+"""`python -m checks.site.figures_page NAME...`: run benchmarks, renew their sections on a page.
 
 Each benchmark runs in a process of its own, so that none affects another, and its section is
 written at once. The sections are between two marks; those of other benchmarks stay. Missed
@@ -56,7 +56,7 @@ def with_section(page: str, name: str, text: str) -> str:
 
 def measured(arguments: Sequence[str]) -> dict[str, Any] | None:
     """Return the report of one benchmark; None, with a message on stderr, if it failed."""
-    command = [sys.executable, "-m", "checks/speed", *arguments, "--json"]
+    command = [sys.executable, "-m", "checks", *arguments, "--json"]
     done = subprocess.run(command, stdout=subprocess.PIPE, check=False)
     try:
         report: dict[str, Any] = json.loads(done.stdout)

@@ -36,7 +36,8 @@ of an LPC1768 ([how to run it](../how-to/microcontroller.md)). Emulation shows t
 instructions and the memory. It does not show time: the cycles are modelled at 96 MHz from the
 upper figures in the table of the processor's manual, with the waiting times of the flash. The
 entry and the exit of interrupts, and the transfer of bytes on the serial line, take no modelled
-time (`checks/speed/board/cycles.c`). No silicon was used, so the model has not been compared with it.
+time (`checks/speed/board/cycles.c`). No silicon was used, so the model has not been compared with
+it.
 """
 DIGESTS = """
 ## The same trajectory, to the last bit

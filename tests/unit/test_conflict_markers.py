@@ -9,8 +9,8 @@ ROOT: Final = Path(__file__).resolve().parents[2]
 MARKER: Final = re.compile(rb"^(?:<{7}|>{7}) \S", re.MULTILINE)
 SUFFIXES: Final = {".c", ".h", ".json", ".md", ".py", ".toml", ".xml", ".yml"}
 FOLDERS: Final = (
-    *("checks/speed", "docs", "examples", "ground", "plant", "protocol"),
-    *("robot", "runtime", "study", "tests", "checks"),
+    *("checks", "docs", "examples", "ground", "plant", "protocol"),
+    *("robot", "runtime", "study", "tests"),
 )
 
 

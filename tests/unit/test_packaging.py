@@ -19,7 +19,7 @@ FLOORS = [
     *PROJECT["project"]["dependencies"],
     *PROJECT["project"]["optional-dependencies"]["dev"],
 ]
-CHECKOUT_ONLY = {"checks/speed", "checks", "examples", "tests"}
+CHECKOUT_ONLY = {"checks", "examples", "tests"}
 PIN = re.compile(r"(?P<name>[A-Za-z0-9._-]+)==(?P<version>[A-Za-z0-9.]+)")
 
 

@@ -5,10 +5,10 @@ a socket that no process reads.
 """
 
 import argparse
+import socket
 import sys
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from socket import AF_INET, SOCK_DGRAM, socket
 from threading import Event
 from time import monotonic
 from typing import Final
@@ -72,7 +72,7 @@ def run(options: argparse.Namespace, kind: str, peers: int, *, is_dummy: bool) -
         driver = Driver(client, air)
         driver.take()
         driver.drive(SETTLE_S)
-        dummy = scope.enter_context(socket(AF_INET, SOCK_DGRAM))
+        dummy = scope.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         dummy.bind(("127.0.0.1", 0))
         port = dummy.getsockname()[1] if is_dummy else air.port
         before_mb, missed, ticks = peak_mb(air.pid), air.missed, air.ticks

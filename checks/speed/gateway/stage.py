@@ -1,12 +1,12 @@
 """A robot and its plant, observed on their bus, and a gateway that clients reach on loopback."""
 
+import socket
 from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from itertools import cycle
 from pathlib import Path
-from socket import AF_INET, SOCK_DGRAM, socket
 from tempfile import TemporaryDirectory
 from threading import Event
 from typing import Final
@@ -89,7 +89,7 @@ def on_air(*words: str, endpoints: Sequence[str] = (), world: str = WORLD) -> It
 
 def free_udp_port() -> int:
     """Return a loopback port that no process uses at the moment."""
-    with socket(AF_INET, SOCK_DGRAM) as probe:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]
     return port

@@ -14,7 +14,6 @@ PACKAGES = [
     "gateways",
     "vehicle_check",
     "study",
-    "checks/speed",
     "checks",
 ]
 WRITTEN_DOWN = re.compile(
