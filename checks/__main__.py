@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple, Protocol, cast
 
-from checks.harness import machine
+from checks.harness import figures
 from checks.harness.figures import Report
 from runtime.cli.parsers import new_parser
 
@@ -90,11 +90,11 @@ BENCHMARKS = {
         "the MAVLink gateway: latency, cost, slow line, forgery, time-outs, readiness, floods",
     ),
     "restarts": BenchmarkEntry(
-        "checks.restarts",
+        "checks.faults.restarts",
         "time from killing a process of `up` until robot and plant publish again",
     ),
     "faults": BenchmarkEntry(
-        "checks.faults.main",
+        "checks.faults.fault_matrix",
         "reaction of the robot to faults: the fault matrix (docs/evidence/faults.md)",
     ),
     "fuzz": BenchmarkEntry(
@@ -102,7 +102,7 @@ BENCHMARKS = {
         "invalid inputs for every decoder: none may crash, hang or use much memory",
     ),
     "flood": BenchmarkEntry(
-        "checks.flood.main",
+        "checks.flood.under_attack",
         "a robot under each kind of attack: key to wheels at zero, missed ticks, memory",
     ),
     "stop_ways": BenchmarkEntry(
@@ -144,9 +144,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parser(benchmark).parse_args(arguments)
     if benchmark is None:  # for mypy: argparse has refused the name
         return 2
-    load_before = machine.load()
+    load_before = figures.machine_load()
     report = benchmark.measure(options)
-    report = replace(report, machine=machine.described(load_before))
+    report = replace(report, machine=figures.describe_machine(load_before))
     print(json.dumps(report.as_json()) if options.json else report.text())
     return 0 if report.met else 1
 

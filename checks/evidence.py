@@ -24,7 +24,7 @@ from typing import Final, NamedTuple
 
 import msgspec
 
-from checks.harness import machine
+from checks.harness import figures
 from study.report.page import with_text
 
 ROOT: Final = Path(__file__).resolve().parents[1]
@@ -632,7 +632,7 @@ class Campaign:
         """Name the present commit on pages that were measured by hand; return the exit code."""
         commit = self._clean_head()
         for page in pages:
-            self._name_commit(page, commit, described(machine.load()))
+            self._name_commit(page, commit, described(figures.machine_load()))
         return 0
 
     def _clean_head(self) -> str:
@@ -665,7 +665,7 @@ class Campaign:
 
     def _measure(self, page: Evidence) -> str:
         """Measure a page from the step that was interrupted; return what failed, or nothing."""
-        work, load = self._work(page), machine.load()
+        work, load = self._work(page), figures.machine_load()
         if page.name not in self._state.begun:
             rmtree(work, ignore_errors=True)
             self._put_aside(page)
@@ -800,7 +800,9 @@ def commands_under(text: str, heading: str) -> Iterator[Step]:
 
 def described(load_before: float) -> str:
     """Return machine and load in words."""
-    return ", ".join(f"{name} {value}" for name, value in machine.described(load_before).items())
+    return ", ".join(
+        f"{name} {value}" for name, value in figures.describe_machine(load_before).items()
+    )
 
 
 def chosen(table: Sequence[Evidence], names: Sequence[str], minutes: float) -> list[Evidence]:

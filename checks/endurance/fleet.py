@@ -7,8 +7,8 @@ from typing import Final, NamedTuple, Self
 
 from checks.endurance.faults import CUT, SoakFault
 from checks.endurance.supervised import Supervised
-from checks.flood.attack import Access, Attack
-from checks.harness.tcp_proxy import TcpProxy
+from checks.flood.attackers import Access, Attack
+from checks.harness.relays import TcpProxy
 from ground.cli.main import parse
 from ground.cli.run.up import free_endpoint
 from ground.launch.child_command import command

@@ -7,9 +7,9 @@ from math import inf, nan
 from pathlib import Path
 from typing import Any, Final, Self, TypeAlias
 
-from checks.flood.kinds import Attacker, frames, questions, wheels
+from checks.flood.attack_kinds import Attacker, frames, questions, wheels
 from checks.harness.bus_calls import await_subscribers
-from checks.harness.inprocess import InProcess
+from checks.harness.in_process import InProcess
 from checks.harness.processes import free_port, tls_of
 from checks.harness.until import until
 from protocol.bus.bus import Bus

@@ -3,45 +3,138 @@
 The processes connect to the router through TCP proxies that can be cut. Network disturbances,
 faults of the body, a hang with the GIL held and an exception are caused in the process itself, on a
 signal. The plant listens too, so that the truth is received even when the network is cut.
+
+The faults that a process must be able to inject into itself, as `fault_hook` reads them.
+
+Find the frames that a recorder's log lacks, by the sequence numbers of each key.
 """
 
 import resource
 import signal
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
+from dataclasses import asdict
+from pathlib import Path
 from random import Random
 from time import monotonic_ns, time_ns
-from typing import Final
+from typing import Any, Final, NamedTuple
 
-from checks.faults.actions import (
+from checks.faults.bus_observer import TUNED, BusObserver, Changes
+from checks.faults.cases import (
     Act,
+    BodyFault,
     Cut,
+    DelayOperator,
+    Disturb,
+    DropOneWay,
+    FaultCase,
     FillDisk,
     Flood,
     Hang,
+    JumpClock,
     Kill,
     KillLateOperator,
+    Must,
     PlainAct,
     SlowDisk,
+    Way,
 )
-from checks.faults.fault_commands import PATHS, injections_of
 from checks.faults.intruders import IMPOSTOR, ExtremeSender, Impostor
-from checks.faults.log import Lost, lost_from
-from checks.faults.observer import TUNED, BusObserver, Changes
-from checks.faults.processes import ProcessGroup
+from checks.faults.process_group import ProcessGroup
 from checks.faults.results import Repetition, reason_name
-from checks.faults.table import FaultCase, Must, Way
-from checks.flood.attack import Access, Attack
+from checks.flood.attackers import Access, Attack
 from checks.harness import motion
 from checks.harness.motion import PERIOD_S
 from checks.harness.processes import tls_of
 from checks.harness.until import until
+from ground.recording.log_reader import open_log
 from plant.world.file import SHIPPED_DIR, load
 from protocol.outcome import start_arguments
-from protocol.topics import Role
+from protocol.topics import TOPICS, Role, path_of
 from protocol.wire.enums import GoalState, Vehicle
 from runtime.config import totals_arguments
 from runtime.units import NS_PER_S
+
+PATHS: Final[Mapping[str, tuple[str, ...]]] = {
+    "robot": ("tlm/", "drive/"),
+    "plant": ("sense/", "truth/"),
+    "ground": ("op/",),
+}
+"""The topics that each process publishes."""
+ENDS: Final = ("robot", "plant")
+
+
+def injections_of(act: Act, seed: int) -> dict[str, Mapping[str, Any]]:
+    """Return the injections that an act needs, by role."""
+    match act:
+        case Hang(role, gil=True):
+            return {role: {"hang": {}}}
+        case PlainAct.RAISE_IN_CORE:
+            return {"robot": {"raise": {}}}
+        case JumpClock(seconds):
+            return {"robot": {"jump": {"s": seconds}}}
+        case Disturb(trouble):
+            return {role: {"trouble": asdict(trouble) | {"seed": seed}} for role in ENDS}
+        case DropOneWay(receiver, sender):
+            return {receiver: {"trouble": {"loss": 1.0, "paths": PATHS[sender]}}}
+        case DelayOperator(delay_ms) | KillLateOperator(delay_ms):
+            return {"robot": {"trouble": {"delay_ms": delay_ms, "paths": PATHS["ground"]}}}
+        case SlowDisk(fsync_s):
+            return {"robot": {"fsync": {"s": fsync_s}}}
+        case BodyFault():
+            return {"plant": {"sense": asdict(act)}}
+        case Cut(one, other) if "router" not in (one, other):
+            links = [link for link in ((one, other), (other, one)) if link[0] != "ground"]
+            return {to: {"trouble": {"loss": 1.0, "paths": PATHS[source]}} for to, source in links}
+        case _:
+            return {}
+
+
+SEQUENCE_AT: Final = 4
+"""Position of the sequence byte in a MAVLink 2 frame; each publisher counts its own frames."""
+TURN: Final = 256
+EVENTS: Final = frozenset(topic.path for topic in TOPICS if not topic.rate_hz)
+
+
+class Lost(NamedTuple):
+    """Numbers of logged frames and of missing samples and events, and the last frame's UTC time."""
+
+    logged: int
+    samples: int
+    events: int
+    last_ns: int
+
+
+def lost_from(path: Path, restarted: tuple[str, ...] = ()) -> Lost:
+    """Count what a log lacks, except for keys that begin with one of `restarted`.
+
+    The senders of those keys began a new count, so their losses cannot be counted.
+    """
+    sequences: dict[str, list[int]] = {}
+    last_ns = count = 0
+    for frame in open_log(path):
+        count += 1
+        last_ns = max(last_ns, frame.time_ns)
+        topic = path_of(frame.key)
+        if not topic.startswith(restarted):
+            sequences.setdefault(topic, []).append(frame.frame[SEQUENCE_AT])
+    gaps = {topic: missing(numbers) for topic, numbers in sequences.items()}
+    events = sum(gap for topic, gap in gaps.items() if topic in EVENTS)
+    return Lost(count, sum(gaps.values()) - events, events, last_ns)
+
+
+def missing(numbers: Iterable[int]) -> int:
+    """Count the gaps in numbers that wrap after 255 and may be out of order."""
+    newest: int | None = None
+    there = set()
+    for number in numbers:
+        if newest is None:
+            newest = number
+        ahead = (number - newest + TURN // 2) % TURN - TURN // 2
+        there.add(newest + ahead)
+        newest = max(newest, newest + ahead)
+    return max(there) - min(there) + 1 - len(there) if there else 0
+
 
 CORRIDOR, BOX = "corridor", "box"
 PLACES: Final[Mapping[str, tuple[str, ...]]] = {CORRIDOR: ("5.5", "3"), BOX: ("3.0", "2.75")}

@@ -17,7 +17,7 @@ from typing import Final
 
 from checks.first_drives.busy import busy, use_normal_priority
 from checks.first_drives.drives import WAYS, Drive, Job, driven
-from checks.harness.machine import load as machine_load
+from checks.harness.figures import machine_load as machine_load
 from plant.world.file import load
 from study.trial.trial import Trial, run_trial
 

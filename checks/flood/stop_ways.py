@@ -32,21 +32,21 @@ from typing import Any, Final
 
 import zenoh
 
-from checks.flood.attack import Access, Attack
-from checks.flood.main import (
+from checks.flood.attackers import DATAGRAMS, RATES_HZ, SOURCE, Access, Attack, Strangers
+from checks.flood.under_attack import (
     FRESH_AT_MOST_MS,
     LOCKED,
     OPEN,
-    OPERATOR,
+    OPERATOR_NAME,
     OPERATORS,
+    DrivingOperator,
+    StopTimes,
     figure,
 )
-from checks.flood.operator import DrivingOperator, StopTimes
-from checks.flood.strangers import DATAGRAMS, RATES_HZ, SOURCE, Strangers
 from checks.harness.figures import Figure, Report
 from checks.harness.observer import Observer, observed
 from checks.harness.processes import free_port, made_keys, sidestep, tls_of
-from checks.harness.tcp_proxy import TcpProxy
+from checks.harness.relays import TcpProxy
 from checks.harness.terminal import Terminal
 from checks.harness.until import until
 from protocol.bus.bus import open_bus
@@ -257,7 +257,7 @@ def driving(options: argparse.Namespace, folder: Path, keys: Path | None) -> Ite
     with (
         Router(keys) as router,
         observed(
-            options.world, "--connect", router.endpoint, keys=keys, operator=OPERATOR
+            options.world, "--connect", router.endpoint, keys=keys, operator=OPERATOR_NAME
         ) as observer,
     ):
         operator = DrivingOperator(observer)
@@ -308,8 +308,8 @@ def configuration(keys: Path | None, robot: str, endpoint: str) -> str:
     """Return the operator's configuration file with the robot's address for stop datagrams."""
     text = f'robot = "{robot}"\n[network]\n'
     if keys:
-        text = (keys / f"{OPERATOR}.toml").read_text(encoding="utf-8")
-        for name in ("ca.pem", f"{OPERATOR}.pem", f"{OPERATOR}.key"):
+        text = (keys / f"{OPERATOR_NAME}.toml").read_text(encoding="utf-8")
+        for name in ("ca.pem", f"{OPERATOR_NAME}.pem", f"{OPERATOR_NAME}.key"):
             text = text.replace(f'"{name}"', f'"{keys / name}"')
     return f'{text}\n[network.stop_at]\n{robot} = "{endpoint.partition("/")[2]}"\n'
 
@@ -387,7 +387,7 @@ def app_at(scene: Scene, endpoint: str) -> Iterator[Terminal]:
 @contextmanager
 def idle_session(scene: Scene, endpoint: str) -> Iterator[str]:
     """Open a session of the operator by the router; yield its id as soon as it hears the robot."""
-    tls = tls_of(scene.keys, OPERATOR) if scene.keys else None
+    tls = tls_of(scene.keys, OPERATOR_NAME) if scene.keys else None
     network = Network(mode="client", connect=(endpoint,), tls=tls, connect_timeout_s=PATIENCE_S)
     with open_bus(network, Role.GROUND, scene.observer.robot) as bus:
         box = bus.mailbox(STATUS)

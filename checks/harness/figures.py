@@ -1,8 +1,15 @@
-"""A measured figure with its repetitions and threshold, and the report of a benchmark."""
+"""A measured figure with its repetitions and threshold, and the report of a benchmark.
 
+The machine that a figure was measured on, and its load.
+"""
+
+import os
+import platform
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import ceil
+from pathlib import Path
 from statistics import median
 
 
@@ -129,3 +136,33 @@ def percentile(values: list[float], share: float) -> float:
 def ratios(over: list[float], under: list[float]) -> tuple[float, ...]:
     """Divide pair by pair, so that a load that slows both measurements of a pair cancels out."""
     return tuple(a / b for a, b in zip(over, under, strict=True))
+
+
+CPUINFO = Path("/proc/cpuinfo")
+
+
+def machine_model() -> str:
+    """Return the name of the processor."""
+    if CPUINFO.exists():
+        for line in CPUINFO.read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+def machine_load() -> float:
+    """Return the number of runnable processes, ours included, averaged over the last minute."""
+    return os.getloadavg()[0]
+
+
+def describe_machine(load_before: float) -> dict[str, object]:
+    """Return processor, cores, Python and load, and real-time scheduling if in use."""
+    found: dict[str, object] = {
+        "cpu": machine_model(),
+        "cores": len(os.sched_getaffinity(0)),
+        "python": ".".join(map(str, sys.version_info[:3])),
+        "load": f"{load_before:.1f} -> {machine_load():.1f}",
+    }
+    if os.sched_getscheduler(0) in (os.SCHED_RR, os.SCHED_FIFO):
+        found["scheduling"] = "real-time, ahead of other work"
+    return found

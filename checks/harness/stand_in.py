@@ -1,6 +1,8 @@
 """A substitute for plant and operator that keeps a real robot process driving.
 
 It publishes through the plant's own robot link, so a measurement sees what a plant would see.
+
+Wall-clock pacing at the control rate, for a program in the place of the plant.
 """
 
 from collections.abc import Iterator
@@ -10,13 +12,7 @@ from itertools import count, cycle
 from threading import Event
 from time import monotonic_ns
 
-from checks.harness.bus_calls import (
-    arm_request,
-    auto_goal_request,
-    await_subscribers,
-    is_accepted,
-)
-from checks.harness.pace import paced
+from checks.harness.bus_calls import arm_request, auto_goal_request, await_subscribers, is_accepted
 from checks.harness.processes import ROBOT, RobotProcess
 from plant.model.configuration import noise_of
 from plant.process.robot_link import RobotLink
@@ -28,7 +24,21 @@ from protocol.wire.enums import GoalState
 from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest
 from protocol.wire.reasons import Reason
 from protocol.world import World
+from runtime.clock import WallClock, ticks
+from runtime.units import CONTROL_HZ
 from study.trial.trial import wire_goal_of
+
+
+def paced(count: int) -> Iterator[int]:
+    """Yield the monotonic time in ns at which each of `count` ticks was due."""
+    for tick, _ in zip(ticks(WallClock(), CONTROL_HZ), range(count), strict=False):
+        yield tick.due_ns
+
+
+def wait_until(deadline_ns: int) -> None:
+    """Sleep until a monotonic time."""
+    WallClock().sleep_until(deadline_ns)
+
 
 ANSWER_WITHIN_S = 0.04
 READY_WITHIN_S = 10.0

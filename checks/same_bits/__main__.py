@@ -19,7 +19,7 @@ from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from pathlib import Path
 
-from checks.harness import machine
+from checks.harness import figures
 from checks.same_bits.functions import VALUES, values_of
 from checks.same_bits.older import unpack
 from checks.same_bits.record import Functions, Row, read, write
@@ -148,7 +148,9 @@ def keep(
     """Add the result of a variant to the page and to the JSON beside it."""
     record = read(options.page.with_suffix(".json"))
     if not options.control:
-        record.machine = ", ".join(f"{k} {v}" for k, v in machine.described(machine.load()).items())
+        record.machine = ", ".join(
+            f"{k} {v}" for k, v in figures.describe_machine(figures.machine_load()).items()
+        )
         record.ends = described(ends)
     record.add(
         Row(

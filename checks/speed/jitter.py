@@ -9,9 +9,8 @@ from collections.abc import Callable
 from time import monotonic_ns
 
 from checks.harness.figures import Figure, Report, percentile
-from checks.harness.pace import paced
 from checks.harness.processes import ROBOT, robot_process
-from checks.harness.stand_in import driving
+from checks.harness.stand_in import driving, paced
 from plant.world.file import load
 from protocol.topics import CYCLE
 from protocol.wire.codec import decode

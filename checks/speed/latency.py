@@ -10,9 +10,8 @@ ours runs in lockstep, with the clock's frame and the telemetry of every tick on
 import argparse
 
 from checks.harness.figures import Figure, Report, percentile
-from checks.harness.pace import paced, wait_until
 from checks.harness.processes import robot_process
-from checks.harness.stand_in import PlantStandIn, driving
+from checks.harness.stand_in import PlantStandIn, driving, paced, wait_until
 from checks.speed.pingpong import PingPong, ping_pong
 from plant.world.file import load
 from protocol.wire.codec import Encoder

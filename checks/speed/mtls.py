@@ -14,9 +14,8 @@ from tempfile import TemporaryDirectory
 from typing import Final
 
 from checks.harness.figures import Figure, Report, percentile, ratios
-from checks.harness.pace import paced, wait_until
 from checks.harness.processes import ROBOT, cpu_s, robot_process
-from checks.harness.stand_in import PlantStandIn, driving
+from checks.harness.stand_in import PlantStandIn, driving, paced, wait_until
 from plant.world.file import load
 from runtime.units import NS_PER_S, PERIOD_NS
 

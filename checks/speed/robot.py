@@ -10,9 +10,8 @@ import sys
 from time import monotonic
 
 from checks.harness.figures import Figure, Report
-from checks.harness.pace import paced
 from checks.harness.processes import cpu_s, resident_mb, robot_process
-from checks.harness.stand_in import PlantStandIn, driving
+from checks.harness.stand_in import PlantStandIn, driving, paced
 from plant.world.file import load
 from protocol.bus.bus import open_bus
 from protocol.world import World

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from checks.flood.strangers import Strangers
+from checks.flood.attackers import Strangers
 from checks.harness.processes import (
     free_port,
     made_keys,

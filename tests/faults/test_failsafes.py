@@ -4,9 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import nan
 
+from checks.faults.cases import FAULTS
 from checks.faults.intruders import second_robot
-from checks.faults.lockstep import BreakableInProcess
-from checks.faults.table import FAULTS
+from checks.faults.simulated_time import BreakableInProcess
 from protocol.wire.enums import Command, GoalState, Mode, Vehicle
 from protocol.wire.reasons import Reason
 from robot.core.safety import failsafe

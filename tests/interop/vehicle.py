@@ -6,8 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from checks.relay.impairment import PERFECT, POOR, Impairment
-from checks.relay.udp_relay import UdpRelay
+from checks.harness.relays import PERFECT, POOR, Impairment, UdpRelay
 from tests.support.stack.processes import Crew, Running
 
 LINES: dict[str, Impairment] = {"clean": PERFECT, "poor": POOR}

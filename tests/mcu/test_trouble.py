@@ -5,7 +5,7 @@ from time import monotonic
 
 import pytest
 
-from checks.board.breakable_board import hang
+from checks.faults.breakable_board import hang
 from firmware.board import RESTART, Board, BoardError, BoardMismatchError, Emulator
 from firmware.image import core_hash
 from protocol.wire.enums import ResetCause

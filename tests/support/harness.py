@@ -10,8 +10,7 @@ with Stack("box") as stack:
 from math import degrees, hypot, radians, remainder
 
 from checks.harness.bus_calls import OPERATOR_BEAT
-from checks.harness.inprocess import InProcess, reason_in
-from checks.harness.peers import FRAME_S
+from checks.harness.in_process import FRAME_S, InProcess, reason_in
 from protocol.topics import Topic
 from protocol.wire.message import Message
 

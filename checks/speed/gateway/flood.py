@@ -13,7 +13,7 @@ from threading import Event
 from time import monotonic
 from typing import Final
 
-from checks.flood.main import peak_mb
+from checks.flood.under_attack import peak_mb
 from checks.harness.figures import Figure
 from checks.harness.motion import stood_s
 from checks.harness.processes import cpu_s

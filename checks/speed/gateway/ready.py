@@ -17,9 +17,8 @@ from typing import Any, Final
 from pymavlink import mavftp
 
 from checks.harness.figures import Figure
+from checks.harness.relays import PERFECT, POOR, Impairment, UdpRelay
 from checks.harness.until import until
-from checks.relay.impairment import PERFECT, POOR, Impairment
-from checks.relay.udp_relay import UdpRelay
 from checks.speed.gateway.client import GROUND_STATION, Client, UdpLine
 from checks.speed.gateway.stage import Air, Figures, on_air
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink

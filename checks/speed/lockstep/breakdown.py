@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 from typing import Final, NamedTuple
 
 from checks.harness.figures import Figure, Report
-from checks.harness.stack import GoalDriver, Run, stack
+from checks.harness.lockstep_stack import GoalDriver, Run, stack
 from plant.world.file import load
 from protocol.topics import CLOCK, DRIVE
 from runtime.units import NS_PER_US

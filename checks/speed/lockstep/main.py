@@ -10,7 +10,7 @@ from statistics import median
 from typing import NamedTuple
 
 from checks.harness.figures import Figure, Report
-from checks.harness.stack import lockstep_run
+from checks.harness.lockstep_stack import lockstep_run
 from checks.speed.latency import sizes, trip_us
 from checks.speed.pingpong import PingPong, ping_pong
 from plant.world.file import load

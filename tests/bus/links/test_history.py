@@ -9,7 +9,7 @@ from typing import Final, Literal
 
 import pytest
 
-from checks.harness.tcp_proxy import TcpProxy
+from checks.harness.relays import TcpProxy
 from ground.station.link.streams import StreamCounter
 from ground.text.wording import aged
 from protocol.bus.bus import Bus, open_bus

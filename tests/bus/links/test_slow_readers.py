@@ -13,7 +13,7 @@ import pytest
 import zenoh
 from zenoh.handlers import Callback
 
-from checks.flood.relay import SlowRelay
+from checks.harness.relays import SlowRelay
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
 from protocol.bus.services import ServiceRequest

@@ -2,7 +2,7 @@
 
 import pytest
 
-from checks.harness.tcp_proxy import TcpProxy
+from checks.harness.relays import TcpProxy
 from ground.station.link.loss import LossKind
 from protocol.topics import LEASE_SERVICE, Role
 from protocol.wire.enums import AckResult, LeaseAction

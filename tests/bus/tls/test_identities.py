@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from checks.harness.tcp_proxy import TcpProxy
+from checks.harness.relays import TcpProxy
 from ground.cli.main import main
 from protocol.bus import bus as bus_module
 from protocol.bus.audit import audited_connections

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from checks.faults.table import FAULTS
+from checks.faults.cases import FAULTS
 
 pytestmark = pytest.mark.stack
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from checks.flood.main import peak_mb
+from checks.flood.under_attack import peak_mb
 from ground.certificates.folder import make
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network, Tls

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from checks.restarts import kept_stops
+from checks.faults.restarts import kept_stops
 from tests.support.stack.processes import Crew
 
 pytestmark = pytest.mark.stack

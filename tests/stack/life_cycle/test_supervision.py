@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from checks.restarts import NO_PAUSE, ArrivalTimes, running
+from checks.faults.restarts import NO_PAUSE, ArrivalTimes, running
 from ground.cli.run.up import goal_runs_of
 from ground.client.goal import destination
 from ground.client.link import open_link

@@ -5,7 +5,7 @@ import argparse
 import pytest
 
 from checks.__main__ import Benchmark
-from checks.flood import main as flood
+from checks.flood import under_attack as flood
 from checks.harness.figures import Figure
 from checks.speed import codec, core, digest, jitter, latency, mtls, robot, trial
 from checks.speed.lockstep import breakdown

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from checks.power_cut import ReorderingDisk, content_of
+from checks.faults.power_cuts import ReorderingDisk, content_of
 from runtime import files
 
 HOME = Path("/state")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from checks.power_cut import ReorderingDisk, State, restore
+from checks.faults.power_cuts import ReorderingDisk, State, restore
 from protocol.wire.enums import Command, MissionType
 from protocol.wire.messages import MissionClearAll, MissionItemInt, ParamSet, ParamValue
 from protocol.wire.reasons import Reason

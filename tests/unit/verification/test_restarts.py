@@ -2,7 +2,7 @@
 
 import pytest
 
-from checks.restarts import Recovery, held_after_cut, of
+from checks.faults.restarts import Recovery, held_after_cut, of
 from robot.emergency_stop import KeptStop
 from tests.support.each import each
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from checks.faults.log import lost_from, missing
+from checks.faults.wall_time import lost_from, missing
 from ground.recording.log_reader import record_bytes
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import Severity

@@ -2,9 +2,8 @@
 
 from typing import Any
 
-from checks.faults.page import page
-from checks.faults.results import Repetition, Results
-from checks.faults.table import FAULTS
+from checks.faults.cases import FAULTS
+from checks.faults.results import Repetition, Results, page
 
 
 def page_of(*repetitions: Repetition, before: str = "") -> str:

@@ -1,7 +1,7 @@
 """The power cut of the fault matrix passes this robot and fails one that loses renames."""
 
 from checks.faults import power_cuts
-from checks.power_cut import ReorderingDisk
+from checks.faults.power_cuts import ReorderingDisk
 from tests.support.each import each
 
 

@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from checks.faults.actions import PlainAct
+from checks.faults.cases import FAULTS, FaultCase, Must, PlainAct, Way, goes_on, stops
 from checks.faults.results import Repetition, Results
-from checks.faults.table import FAULTS, FaultCase, Must, Way, goes_on, stops
 from protocol.wire.reasons import Reason
 from tests.support.each import each
 

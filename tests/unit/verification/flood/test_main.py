@@ -1,10 +1,19 @@
 """`bench flood`: the figures of an emergency stop, and the payloads of the attackers."""
 
-from checks.flood.acknowledgements import SLICE_NS, StopStatus, unfounded
-from checks.flood.kinds import KINDS, Captured, id_in
-from checks.flood.main import FloodRun, figures_of
-from checks.flood.operator import StopTimes
-from checks.flood.payloads import forbidden, forged_command, frames, questions, wheels
+from checks.flood.attack_kinds import (
+    KINDS,
+    SLICE_NS,
+    Captured,
+    StopStatus,
+    broken_frames,
+    forbidden,
+    forged_command,
+    forged_questions,
+    forged_wheels,
+    id_in,
+    unfounded,
+)
+from checks.flood.under_attack import FloodRun, StopTimes, figures_of
 from protocol.topics import OPERATOR, PREFIX, key_parts
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import CycleReport
@@ -51,18 +60,18 @@ def test_unacknowledged_stop_is_reported() -> None:
 
 def test_payloads_carry_sender_names_that_the_robot_parses() -> None:
     senders = set()
-    for payload in (*frames(EVE), *questions(EVE)):
+    for payload in (*broken_frames(EVE), *forged_questions(EVE)):
         parts = key_parts(f"{PREFIX}/r1/{payload.path}")
         assert parts is not None
         senders.add(parts.operator)
     assert senders == {"", EVE, "eve/0123456789abcdef"}
-    assert any(payload.path.startswith(f"{OPERATOR.path}/") for payload in frames(EVE))
+    assert any(payload.path.startswith(f"{OPERATOR.path}/") for payload in broken_frames(EVE))
 
 
 def test_forged_wheel_commands_answer_past_and_future_senses() -> None:
-    answered = {command.sense_seq for command in wheels(70)}
+    answered = {command.sense_seq for command in forged_wheels(70)}
     assert {0, 70, 71, UINT32} <= answered
-    assert {command.epoch for command in wheels(70)} == {0, UINT32}
+    assert {command.epoch for command in forged_wheels(70)} == {0, UINT32}
 
 
 def test_request_id_is_read_from_captured_sample() -> None:

@@ -3,8 +3,8 @@
 import tomllib
 from pathlib import Path
 
-from checks.flood.operator import StopTimes
 from checks.flood.stop_ways import APP, ESTOP, Row, configuration, figures_of, notes_of
+from checks.flood.under_attack import StopTimes
 from protocol.wire.codec import Encoder
 from tests.unit.verification.flood.test_main import report
 

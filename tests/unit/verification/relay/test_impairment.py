@@ -4,8 +4,7 @@ import socket
 from collections.abc import Sequence
 from itertools import pairwise
 
-from checks.relay.impairment import OVERTAKEN_NS, PERFECT, POOR, ImpairedLine, Impairment
-from checks.relay.udp_relay import UdpRelay
+from checks.harness.relays import OVERTAKEN_NS, PERFECT, POOR, ImpairedLine, Impairment, UdpRelay
 from runtime.units import NS_PER_MS
 
 COUNT = 2000

@@ -19,9 +19,8 @@ from tempfile import TemporaryDirectory
 from typing import Final, NamedTuple
 from unittest.mock import patch
 
-from checks.faults.power_cuts import HOME, set_value, upload_fence
+from checks.faults.power_cuts import HOME, ReorderingDisk, State, restore, set_value, upload_fence
 from checks.harness.figures import Figure, Report
-from checks.power_cut import ReorderingDisk, State, restore
 from ground.cli.main import parse
 from ground.cli.run.up import connect, free_endpoint
 from ground.client.link import Link, open_link

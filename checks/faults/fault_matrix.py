@@ -12,11 +12,10 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from checks.faults import lockstep, wall_time
-from checks.faults.page import page
-from checks.faults.results import Repetition, Results
-from checks.faults.table import FAULTS, FaultCase, Way
-from checks.harness import machine
+from checks.faults import simulated_time, wall_time
+from checks.faults.cases import FAULTS, FaultCase, Way
+from checks.faults.results import Repetition, Results, page
+from checks.harness import figures as machine
 from checks.harness.figures import Figure, Report
 from runtime.errors import UserError
 
@@ -57,7 +56,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def measure(options: argparse.Namespace) -> Report:
     """Run the repetitions that are missing and report all; UserError for an unknown fault."""
     faults = chosen(options.only)
-    load_before = machine.load()
+    load_before = machine.machine_load()
     if options.afresh:
         options.keep.unlink(missing_ok=True)
     results = Results(None) if options.short else Results.kept_in(options.keep)
@@ -66,7 +65,7 @@ def measure(options: argparse.Namespace) -> Report:
         for one in done(jobs, workers, short=options.short):
             results.add(one)
             print_verdict(one)
-    about = machine.described(load_before)
+    about = machine.describe_machine(load_before)
     if options.page is not None:
         before = options.page.read_text(encoding="utf-8") if options.page.exists() else ""
         options.page.write_text(page(results, about, before), encoding="utf-8")
@@ -112,7 +111,7 @@ def done(jobs: list[PlannedRepetition], workers: int, *, short: bool) -> Iterato
 def one(job: PlannedRepetition, short: bool) -> Repetition:
     """Run a repetition; `short` drives a shorter way in simulated time."""
     if job.way is Way.LOCKSTEP:
-        return lockstep.run(BY_NAME[job.fault], job.number, short=short)
+        return simulated_time.run(BY_NAME[job.fault], job.number, short=short)
     return wall_time.run(BY_NAME[job.fault], job.number)
 
 

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Final, Self
 
-from checks.board.fault import BoardFault
+from checks.faults.cases import BoardFault
 from firmware.board import RESTART, Board, Emulator, SerialLine
 from firmware.host import BoardCore
 from firmware.image import IMAGE

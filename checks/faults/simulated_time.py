@@ -11,26 +11,28 @@ from dataclasses import replace
 from random import Random
 from typing import Final, NamedTuple
 
-from checks.board.breakable_board import BreakableBoard
-from checks.board.fault import BoardFault
 from checks.faults import power_cuts
-from checks.faults.actions import (
+from checks.faults.breakable_board import BreakableBoard
+from checks.faults.cases import (
     Act,
+    BoardFault,
     BodyFault,
     Cut,
     DelayOperator,
     Disturb,
     DropOneWay,
+    FaultCase,
     Hang,
     JumpClock,
     Kill,
+    Must,
     PlainAct,
+    Way,
 )
 from checks.faults.intruders import ExtremeSender, second_robot
 from checks.faults.results import Repetition, reason_name
-from checks.faults.table import FaultCase, Must, Way
 from checks.harness import motion
-from checks.harness.inprocess import InProcess
+from checks.harness.in_process import InProcess
 from checks.harness.motion import PERIOD_S, Seen
 from firmware.board import BoardError
 from plant.world.file import load

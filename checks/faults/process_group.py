@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import IO, Any, Final, Self
 
 from checks.harness.processes import free_port, made_keys
-from checks.harness.tcp_proxy import TcpProxy
+from checks.harness.relays import TcpProxy
 from checks.harness.until import PATIENCE_S, until
 from ground.launch.child_command import command
 from runtime.cli.verb_table import with_present_name

@@ -1,40 +1,224 @@
-"""The kinds of attack: what an attacker sends repeatedly, and at which rate."""
+"""The payloads of `bench flood`: replayed, broken, forged and oversized samples and queries.
+
+The kinds of attack: what an attacker sends repeatedly, and at which rate.
+
+Check that each stop acknowledged to an attacker put the robot into EMERGENCY_STOP.
+"""
 
 import secrets
+from bisect import bisect_left
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from itertools import cycle
+from random import Random
 from time import monotonic_ns
 from typing import Any, Final, NamedTuple
 
 import zenoh
 from zenoh.handlers import Callback
 
-from checks.flood import payloads
-from checks.flood.acknowledgements import slice_of
-from checks.flood.payloads import Payload
+from checks.harness.bus_calls import OPERATOR_BEAT, auto_goal_request
 from protocol.bus.network import Network
+from protocol.bus.robot_clock import time_bytes
 from protocol.bus.session import configured
+from protocol.outcome import wire_goal
 from protocol.topics import (
     ANSWERED,
     COMMAND,
     COMMANDED,
     DRIVE,
     ENCODING,
+    LEASE_SERVICE,
     OPERATOR,
+    PARAMETER,
     PARAMETERS,
     SONAR,
     STOP,
     STOP_SERVICE,
     TELEOP,
     TEXT,
+    WHEELS,
+    Service,
+    Topic,
 )
 from protocol.wire.codec import Encoder, decode
-from protocol.wire.enums import AckResult, Command
-from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest, SonarScan
+from protocol.wire.enums import AckResult, Command, LeaseAction, Mode
+from protocol.wire.message import Message
+from protocol.wire.messages import (
+    CommandAck,
+    CommandRequest,
+    GoalRequest,
+    LeaseRequest,
+    ParamSet,
+    SonarScan,
+    Teleop,
+    WheelCommand,
+    WheelTicks,
+)
 from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError
+from runtime.units import PERIOD_NS, UINT32
+
+OVERSIZED: Final = 2_000_000
+GOOD_FOR_NS: Final = 1_000_000_000
+
+FULL_MRAD_S: Final = 9000
+SCAN: Final = SonarScan(
+    time_ns=1_000_000, seq=1, range_mm=(50,) * 8, ping_age_us=(9,) * 8, valid=255, echo=255
+)
+TICKS: Final = WheelTicks(time_ns=1_000_000, seq=1, left=7, right=-9, bumper=7, expired=0)
+STEER: Final = Teleop(time_ns=1, seq=1, speed_mm_s=300, yaw_rate_mrad_s=0, ttl_ms=500)
+
+SAMPLES: Final[tuple[tuple[Topic[Any], Message], ...]] = (
+    (SONAR, SCAN),
+    (WHEELS, TICKS),
+    (TELEOP, STEER),
+    (OPERATOR, OPERATOR_BEAT),
+)
+COMMANDS: Final = (  # that need the lease; whoever may command may also abort
+    Command.COMPONENT_ARM_DISARM,
+    Command.DO_SET_MODE,
+    Command.DO_PAUSE_CONTINUE,
+    Command.NAV_RETURN_TO_LAUNCH,
+    Command.MISSION_START,
+    Command.SIDESTEP_SET_NAVIGATOR,
+    Command.SIDESTEP_CLEAR_EMERGENCY_STOP,
+)
+
+
+class Payload(NamedTuple):
+    """A sample to publish or a query to send; `path` is the key below the robot's.
+
+    `stamped`: with the robot's time, of now for a sample, of a second from now for a request.
+    """
+
+    path: str
+    content: bytes
+    encoding: str = ENCODING
+    stamped: bool = False
+
+    def attachment(self, ahead_ns: int = 0) -> bytes | None:
+        """Return the time of sending, if stamped; one machine has one monotonic clock."""
+        return time_bytes(monotonic_ns() + ahead_ns) if self.stamped else None
+
+
+def named(topic: Topic[Any] | Service, operator: str) -> str:
+    """Return the path on which an operator publishes or asks."""
+    return f"{topic.path}/{operator}" if topic.of_operators and operator else topic.path
+
+
+def names_of(operator: str) -> tuple[str, ...]:
+    """Return the operator names of an attacker: none, its own, a forged and a malformed one."""
+    return "", operator, "eve/0123456789abcdef", "Not an/identity/at all"
+
+
+def broken_frames(operator: str) -> list[Payload]:
+    """Return frames that are replayed, corrupted, cut, random or of another protocol version."""
+    random, found = Random(1), []
+    for topic, message in SAMPLES:
+        frame = Encoder(1, 25).encode(message)
+        bad = frame[:-1] + bytes([frame[-1] ^ 1])
+        others = (frame[:-3], frame + b"\0", random.randbytes(60), b"", b"\xfd" * 300)
+        for path in dict.fromkeys(named(topic, name) for name in names_of(operator)):
+            found += [Payload(path, one, stamped=True) for one in (frame, bad, *others)]
+            found.append(Payload(path, frame, "application/mavlink2;sidestep@1"))
+    return found
+
+
+def forged_questions(operator: str) -> list[Payload]:
+    """Return commands that need the lease, malformed queries and an oversized one."""
+    random, found = Random(2), []
+    encoder = Encoder(255, 190)
+    for service, message in forbidden():
+        frame = encoder.encode(message)
+        for name in names_of(operator):
+            path = named(service, name)
+            found.append(Payload(path, frame, stamped=True))
+            found.append(Payload(path, frame))
+            found.append(Payload(path, frame[:-1], stamped=True))
+            found.append(Payload(path, random.randbytes(40), ""))
+    found.append(Payload(PARAMETERS.path, b"", ""))
+    found.append(Payload(named(COMMAND, operator), b"\xfd" * OVERSIZED))
+    return found
+
+
+def forbidden() -> list[tuple[Service, Message]]:
+    """Return requests that only the holder of the lease may send."""
+    found: list[tuple[Service, Message]] = [(COMMAND, forged_command(n, n)) for n in COMMANDS]
+    return [
+        *found,
+        (COMMAND, forged_goal(99)),
+        (PARAMETER, ParamSet(param_id="v_max_m_s", param_value=0.01, param_type=9)),
+        (LEASE_SERVICE, LeaseRequest(request_id=98, action=LeaseAction.TAKE, name="mallory")),
+        (LEASE_SERVICE, LeaseRequest(request_id=97, action=LeaseAction.RELEASE, name="mallory")),
+    ]
+
+
+def forged_command(request_id: int, command: int, param1: float = 1.0) -> CommandRequest:
+    """Return a command of an attacker."""
+    return CommandRequest(request_id=request_id, param1=param1, param2=Mode.GUIDED, command=command)
+
+
+def forged_goal(request_id: int) -> GoalRequest:
+    """Return a goal of an attacker."""
+    return auto_goal_request(request_id, wire_goal(0.0, 0.0, None, 0.05, 0.009999))
+
+
+def forged_wheels(answered: int) -> Iterable[WheelCommand]:
+    """Yield wheel commands at full speed in answer to future, newest and past senses.
+
+    `answered` is the newest sequence number of the senses.
+    """
+    for sense_seq in (UINT32, UINT32 - 1, answered + 100, answered + 1, answered, 0):
+        for ttl_ms in (65_535, 150):
+            for number in (UINT32, 0):
+                yield WheelCommand(
+                    time_ns=monotonic_ns(),
+                    seq=number,
+                    epoch=number,
+                    sense_seq=sense_seq & UINT32,
+                    left_mrad_s=FULL_MRAD_S,
+                    right_mrad_s=FULL_MRAD_S,
+                    ttl_ms=ttl_ms,
+                )
+
+
+SLICE_NS: Final = PERIOD_NS
+"""Answers are counted by the slice of time in which they arrived."""
+
+EARLY_NS: Final = 2 * PERIOD_NS
+LATE_NS: Final = 3 * PERIOD_NS
+"""Tolerance around a slice: statuses come once a tick, and another process receives them."""
+
+
+class StopStatus(NamedTuple):
+    """The arrival time of a status, and whether it showed EMERGENCY_STOP."""
+
+    at_ns: int
+    stopped: bool
+
+
+def slice_of(at_ns: int) -> int:
+    """Return the number of the time slice that contains a monotonic time."""
+    return at_ns // SLICE_NS
+
+
+def unfounded(accepted: Mapping[int, int], shown: Sequence[StopStatus]) -> int:
+    """Return how many acknowledgements, counted by slice, no status of that time confirms.
+
+    `shown` is in the order of arrival. The first status after that time also counts, because a busy
+    machine may delay it. Without any status the acknowledgements are unfounded.
+    """
+    times_ns = [one.at_ns for one in shown]
+    found = 0
+    for number, answers in accepted.items():
+        first = bisect_left(times_ns, number * SLICE_NS - EARLY_NS)
+        last = bisect_left(times_ns, (number + 1) * SLICE_NS + LATE_NS)
+        if not any(one.stopped for one in shown[first : last + 1]):
+            found += answers
+    return found
+
 
 ROBOT: Final = "r1"
 ACTED: Final = "acted upon"
@@ -87,7 +271,7 @@ class Attacker:
 
     def ask(self, payload: Payload) -> None:
         """Send a payload as a query."""
-        attachment = payload.attachment(payloads.GOOD_FOR_NS)
+        attachment = payload.attachment(GOOD_FOR_NS)
         self._get(payload.path, payload.content, payload.encoding, attachment)
 
     def replay_query(self, sample: "Captured") -> None:
@@ -196,13 +380,13 @@ Send = Callable[[], object]
 
 def frames(attacker: Attacker) -> Send:
     """Return a sender of replayed, broken and forged frames."""
-    supply = cycle(payloads.frames(attacker.operator))
+    supply = cycle(broken_frames(attacker.operator))
     return lambda: attacker.put(next(supply))
 
 
 def questions(attacker: Attacker) -> Send:
     """Return a sender of forged and malformed requests."""
-    supply = cycle(payloads.questions(attacker.operator))
+    supply = cycle(forged_questions(attacker.operator))
     return lambda: attacker.ask(next(supply))
 
 
@@ -215,16 +399,16 @@ def stops(attacker: Attacker) -> Send:
 
     def send() -> None:
         request_id = secrets.choice(used) if secrets.randbits(1) else secrets.randbits(64)
-        frame = encoder.encode(payloads.forged_command(request_id, Command.DO_FLIGHTTERMINATION))
+        frame = encoder.encode(forged_command(request_id, Command.DO_FLIGHTTERMINATION))
         match next(ways):
             case "put":
-                attacker.put(Payload(payloads.named(STOP, operator), frame, stamped=True))
+                attacker.put(Payload(named(STOP, operator), frame, stamped=True))
             case "broken":
-                attacker.put(Payload(payloads.named(STOP, operator), frame[:-3]))
+                attacker.put(Payload(named(STOP, operator), frame[:-3]))
             case "ask":
-                attacker.ask(Payload(payloads.named(STOP_SERVICE, operator), frame))
+                attacker.ask(Payload(named(STOP_SERVICE, operator), frame))
             case _:
-                attacker.ask(Payload(payloads.named(COMMAND, operator), frame, stamped=True))
+                attacker.ask(Payload(named(COMMAND, operator), frame, stamped=True))
 
     return send
 
@@ -248,7 +432,7 @@ def replays(attacker: Attacker) -> Send:
 def collisions(attacker: Attacker) -> Send:
     """Return a sender of used ids with other commands, under its own and their owners' names."""
     used, owned = deque([1], KEPT), deque[tuple[str, int]](maxlen=NEWEST)
-    encoder, commands = Encoder(255, 190), cycle(payloads.COMMANDS)
+    encoder, commands = Encoder(255, 190), cycle(COMMANDS)
 
     def learn(captured: Captured) -> None:
         used.append(id_in(captured))
@@ -265,8 +449,8 @@ def collisions(attacker: Attacker) -> Send:
         owner, known = attacker.operator, secrets.choice(used)
         if owned and secrets.randbits(1):
             owner, known = secrets.choice(owned)
-        frame = encoder.encode(payloads.forged_command(known, next(commands), 3.0))
-        attacker.ask(Payload(payloads.named(COMMAND, owner), frame, stamped=True))
+        frame = encoder.encode(forged_command(known, next(commands), 3.0))
+        attacker.ask(Payload(named(COMMAND, owner), frame, stamped=True))
 
     return send
 
@@ -278,7 +462,7 @@ def readers(attacker: Attacker) -> Send:
 
 def history(attacker: Attacker) -> Send:
     """Return a sender of queries for all histories, and of requests that lengthen them."""
-    supply, topics = cycle(payloads.questions(attacker.operator)[:16]), cycle(HISTORIES)
+    supply, topics = cycle(forged_questions(attacker.operator)[:16]), cycle(HISTORIES)
     turns = cycle(range(FETCHES))
 
     def send() -> None:
@@ -316,7 +500,7 @@ def wheels(attacker: Attacker) -> Send:
 
     def supply() -> Any:
         while True:
-            yield from payloads.wheels(newest[0])
+            yield from forged_wheels(newest[0])
 
     commands = supply()
     return lambda: attacker.put(Payload(DRIVE.path, encoder.encode(next(commands))))

@@ -1,1 +1,0 @@
-"""An emulated board that a check can break."""

@@ -1,1 +1,0 @@
-"""A UDP relay that loses, delays and reorders datagrams in both directions."""
