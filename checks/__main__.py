@@ -110,11 +110,11 @@ BENCHMARKS = {
         "stops under all attacks at once and without a link: app and fresh estop to wheels at zero",
     ),
     "simulate": BenchmarkEntry(
-        "checks.simulate",
+        "checks.simulation.campaign",
         "the whole stack on simulated time, network and disk: faults by seed, invariants",
     ),
     "contradictions": BenchmarkEntry(
-        "checks.speed.contradictions",
+        "checks.simulation.contradictions.bench",
         "the words of two persons' programs, compared with what was: outcomes, leases, texts",
     ),
     "digest": BenchmarkEntry(

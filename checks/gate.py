@@ -113,7 +113,7 @@ def brief_phases(extra: Sequence[str]) -> list[Phase]:
                 Step("format", (*PYTHON, "ruff", "format", "--check", "."), 1),
                 Step("lint", (*PYTHON, "ruff", "check", "."), 1),
                 Step("import contracts", (lint_imports,), 3),
-                Step("branch coverage", (*PYTHON, "checks.branch_coverage"), 8),
+                Step("branch coverage", (*PYTHON, "checks.mutation.kernel"), 8),
                 tests("brief tests", ELSEWHERE, checked, 70),
             ],
         ],

@@ -7,9 +7,7 @@ import sys
 import time
 from itertools import groupby
 
-from checks.model.diagram import document
-from checks.model.explorer import Exploration, endless, explore
-from checks.model.parts import parts
+from checks.model.exploration import Exploration, document, endless, explore, parts
 
 
 def main(arguments: list[str]) -> int:

@@ -2,7 +2,7 @@
 
 from typing import Any, Final, NamedTuple
 
-from checks.model.world import (
+from checks.model.model_world import (
     ADA,
     ADAS_OTHER,
     BOB,

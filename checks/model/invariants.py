@@ -3,10 +3,19 @@
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
-from checks.model.events import EventOutcome, ModelEvent
+from checks.model.events import (
+    ARM,
+    CLEAR,
+    LOOKS,
+    RESTS,
+    SEIZE,
+    STOPS,
+    WORLD,
+    EventOutcome,
+    ModelEvent,
+)
 from checks.model.facts import EVERYBODY, LIVE, StateFacts
-from checks.model.requests import ARM, CLEAR, LOOKS, RESTS, SEIZE, STOPS, WORLD
-from checks.model.world import PARAMS, STRANGER
+from checks.model.model_world import PARAMS, STRANGER
 from protocol.wire.enums import GoalState
 from robot.core import reasons
 from robot.core.safety.failsafe import ROWS

@@ -12,12 +12,11 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from checks.mutation import equivalent
+from checks.mutation import mutants as equivalent
 from checks.mutation.forks import MutantVerdict
-from checks.mutation.mutants import Identity, Mutant, mutants_of
-from checks.mutation.page import page
+from checks.mutation.kernel import TARGETS
+from checks.mutation.mutants import Identity, Mutant, mutants_of, page
 from checks.mutation.runner import BrokenTestsError, MutationTarget, verdicts
-from checks.mutation.targets import TARGETS
 
 ROOT = Path(__file__).resolve().parents[2]
 ROW = "{:28} {:>7} {:>7} {:>8} {:>10} {:>9} {:>7} {:>6}"

@@ -164,7 +164,7 @@ def _steered_after_seizure() -> Patches:
 
 
 def _disk_in_the_loop() -> Patches:
-    return {"checks.simulation.hosts.robot_side.WriterThread": InlineWriter}
+    return {"checks.simulation.hosts.robot_and_plant.WriterThread": InlineWriter}
 
 
 def _directory_not_synced() -> Patches:

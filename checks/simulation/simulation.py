@@ -7,30 +7,26 @@ from typing import Final, NamedTuple
 
 import zenoh
 
-from checks.simulation.actions import OPERATORS, STATION
-from checks.simulation.coverage import Coverage
 from checks.simulation.defects import with_defect
+from checks.simulation.event_kinds import OPERATORS, STATION
 from checks.simulation.events import Event, EventScenario
-from checks.simulation.hosts import robot_side
+from checks.simulation.hosts import robot_and_plant
 from checks.simulation.hosts.attacker import OWN_NAME, SimulatedAttacker
-from checks.simulation.hosts.gateway_side import GATEWAY, GatewaySide
-from checks.simulation.hosts.hub import (
+from checks.simulation.hosts.bus import (
     SimulatedHub,
+    SimulatedNetwork,
     SimulatedQuery,
     SimulatedSample,
+    SimulatedSession,
     path_of,
 )
-from checks.simulation.hosts.mavlink_clients import CLIENTS, SimulatedClient
-from checks.simulation.hosts.network import SimulatedNetwork
-from checks.simulation.hosts.operators import RequestHistory, SimulatedOperator
-from checks.simulation.hosts.plant_side import WORLDS, PlantSide
-from checks.simulation.hosts.robot_side import RobotSide
-from checks.simulation.hosts.scheduler import Host, Scheduler, current_host
-from checks.simulation.hosts.session import SimulatedSession
-from checks.simulation.hosts.station_side import StationOperator
+from checks.simulation.hosts.mavlink import CLIENTS, GATEWAY, GatewaySide, SimulatedClient
+from checks.simulation.hosts.operators import RequestHistory, SimulatedOperator, StationOperator
+from checks.simulation.hosts.robot_and_plant import WORLDS, PlantSide, RobotSide
 from checks.simulation.hosts.substitutes import SeededSecrets, SessionOpener, substituted
+from checks.simulation.hosts.virtual_time import Host, Scheduler, current_host
 from checks.simulation.invariants.oracle import Oracle
-from checks.simulation.invariants.shared import Violation
+from checks.simulation.invariants.run_state import Coverage, Violation
 from protocol.bus.network import Network
 from robot.core import states
 from robot.core.values import Pose
@@ -68,7 +64,7 @@ class Simulation:
         self.oracle = Oracle(scheduler, self.history)
         self._zids = {one: Random(f"{one}zids {scenario.seed}") for one in ("", GATEWAY)}
         world = WORLDS[0] if random.random() < 0.8 else WORLDS[1]
-        params = robot_side.robot_params(random.choice(NAVIGATORS))
+        params = robot_and_plant.robot_params(random.choice(NAVIGATORS))
         start = Pose(world.start.x_m, world.start.y_m, world.start.heading_rad)
         self.world = world
         self.robot = RobotSide(
@@ -149,7 +145,7 @@ class Simulation:
 
     def apply(self, event: Event) -> None:
         """Apply an event."""
-        from checks.simulation.faults import FAULTS
+        from checks.simulation.event_kinds import FAULTS
 
         FAULTS[event.kind].apply(self, event)
 

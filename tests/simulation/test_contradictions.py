@@ -2,17 +2,17 @@
 
 from typing import Final, NamedTuple
 
-from checks.simulation.contradictions.defects import DEFECTS
-from checks.simulation.contradictions.draw import draw_persons
-from checks.simulation.contradictions.run import (
+from checks.simulation.contradictions.persons import (
     APP,
+    DEFECTS,
     NOTEBOOK,
     UP,
     contradictions_of,
+    draw_persons,
     observe,
 )
 from checks.simulation.events import Argument, Event, EventScenario
-from checks.simulation.hosts.gateway_side import GATEWAY
+from checks.simulation.hosts.mavlink import GATEWAY
 from tests.support.each import each
 
 SAME_PERSON, OTHER = "ada-t1", "bea-t2"

@@ -1,6 +1,6 @@
 """The gateway and its two clients in the simulation: they drive, stop, and are lost."""
 
-from checks.simulation.draw import GATEWAY_EVERY, draw_scenario
+from checks.simulation.draw_scenario import GATEWAY_EVERY, draw_scenario
 from checks.simulation.events import Argument, Event, EventScenario
 from checks.simulation.simulation import RunResult, run
 from tests.support.each import each

@@ -3,9 +3,15 @@
 from typing import Any, Final
 
 from checks.simulation.contradictions.claims import Observer
-from checks.simulation.contradictions.journal import Journal, Said, Shown
-from checks.simulation.contradictions.truth import AnsweredRequest, RobotRow, Truth
-from checks.simulation.hosts.scheduler import Scheduler
+from checks.simulation.contradictions.truth import (
+    AnsweredRequest,
+    Journal,
+    RobotRow,
+    Said,
+    Shown,
+    Truth,
+)
+from checks.simulation.hosts.virtual_time import Scheduler
 from protocol.wire.enums import Command, GoalState, MissionState, Mode, Vehicle
 from protocol.wire.messages import CommandRequest
 from tests.support.each import each

@@ -3,13 +3,13 @@
 import subprocess
 import sys
 
-from checks.simulation.draw import draw_scenario
+from checks.simulation.draw_scenario import draw_scenario
 from checks.simulation.events import Event, EventScenario, from_json, to_json
 from checks.simulation.simulation import run
 from tests.support.each import each
 
 PRINTS_DIGEST = """
-from checks.simulation.draw import draw_scenario
+from checks.simulation.draw_scenario import draw_scenario
 from checks.simulation.simulation import run
 print(*[run(draw_scenario(seed)).digest for seed in (1, 2, 3)])
 """

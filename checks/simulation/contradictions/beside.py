@@ -26,16 +26,21 @@ from typing import Any, Final
 from checks.harness.processes import free_port
 from checks.harness.until import until
 from checks.simulation.contradictions.claims import contradictions
-from checks.simulation.contradictions.draw import CELLS, SHELL, draw
-from checks.simulation.contradictions.draw import SENT as SENT_BY_STATIONS
-from checks.simulation.contradictions.journal import Deed, Ended, Journal, Shown
-from checks.simulation.contradictions.mavlink_station import Ack
+from checks.simulation.contradictions.persons import CELLS, NOTEBOOK, SHELL, TERMINALS, UP, draw
+from checks.simulation.contradictions.persons import SENT as SENT_BY_STATIONS
 from checks.simulation.contradictions.programs import CELLS as CELL
-from checks.simulation.contradictions.programs import Arguments
-from checks.simulation.contradictions.run import NOTEBOOK, TERMINALS, UP
-from checks.simulation.contradictions.truth import AnsweredRequest, RobotRow, Truth
-from checks.simulation.hosts.mavlink_clients import CLIENTS, command, reposition
-from checks.simulation.invariants.shared import Violation
+from checks.simulation.contradictions.programs import Ack, Arguments
+from checks.simulation.contradictions.truth import (
+    AnsweredRequest,
+    Deed,
+    Ended,
+    Journal,
+    RobotRow,
+    Shown,
+    Truth,
+)
+from checks.simulation.hosts.mavlink import CLIENTS, command, reposition
+from checks.simulation.invariants.run_state import Violation
 from gateways.mavlink.clients import NoFile
 from gateways.mavlink.mavlink_dialect import mavlink
 from ground.client.api import connect

@@ -9,19 +9,23 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final, NamedTuple
 
-from checks.simulation.contradictions.journal import Deed, Ended, Journal, Said, Shown
-from checks.simulation.contradictions.mavlink_station import Ack
+from checks.simulation.contradictions.programs import Ack
 from checks.simulation.contradictions.truth import (
     AnsweredRequest,
+    Deed,
+    Ended,
     GoalTruth,
+    Journal,
     RobotRow,
+    Said,
+    Shown,
     Truth,
     distance_m,
     person_of,
     place_of,
 )
-from checks.simulation.hosts.gateway_side import GATEWAY
-from checks.simulation.invariants.shared import Violation
+from checks.simulation.hosts.mavlink import GATEWAY
+from checks.simulation.invariants.run_state import Violation
 from gateways.mavlink.mavlink_dialect import mavlink
 from ground.client.operations.commands import Stopped
 from ground.client.operations.goals import GoalEnded

@@ -8,7 +8,7 @@ import stat
 from random import Random
 from typing import Any, Final
 
-from checks.simulation.hosts.scheduler import Host, current_host, current_task
+from checks.simulation.hosts.virtual_time import Host, current_host, current_task
 
 NO_SPACE: Final = 28
 IO_ERROR: Final = 5

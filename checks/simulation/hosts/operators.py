@@ -2,6 +2,11 @@
 
 An operator is a process with two threads of work: one runs its actions in turn, the other its
 emergency stops, which do not wait. Its heartbeat has a thread of its own, as in `lease take`.
+
+An operator at the ground station: its model without the screen, polled 20 times a second.
+
+Lease, heartbeat, emergency stop and requests are the station's own. The requests do what the
+command line does.
 """
 
 from collections import deque
@@ -10,8 +15,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from checks.simulation.events import Argument
-from checks.simulation.hosts.scheduler import Host, Scheduler
-from checks.simulation.hosts.threads import SimulatedClock, SimulatedQueue
+from checks.simulation.hosts.virtual_time import Host, Scheduler, SimulatedClock, SimulatedQueue
 from ground.client.connection import Common
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.goal import destination, goal_request
@@ -23,6 +27,8 @@ from ground.client.requests import BEAT_NS, is_saving
 from ground.client.results import Answer, Refused
 from ground.missions.mission import Circle, Polygon, Waypoint
 from ground.missions.transfer import Clear, Upload, Verdict, fence_items_of, items_of
+from ground.station.robot.background_requests import JobResult
+from ground.station.station import Station
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import MISSION_SERVICE, PARAMETER, STATUS, STOP, Role
@@ -311,3 +317,70 @@ ACTIONS: Final[dict[str, Callable[..., bool]]] = {
     "fence": SimulatedOperator.fence,
     "mission": SimulatedOperator.mission,
 }
+
+
+POLL_NS: Final = 50_000_000
+ACKNOWLEDGED: Final = "E-STOP acknowledged"
+STILL: Final = ("param", "fence")
+"""Actions that do not move the robot, for which the station takes no lease."""
+
+
+class StationOperator(SimulatedOperator):
+    """An operator whose answers appear in the station's log."""
+
+    _station: Station | None = None
+    _press: OperatorRequest | None = None
+    _lines_before = 0
+
+    def _main(self) -> None:
+        bus = open_bus(self.dials, Role.GROUND, "r1", self.host.now_ns)
+        clock = SimulatedClock()
+        link = Link(bus, Common(network=self.dials, robot="r1"), clock)
+        actions = self._actions = SimulatedQueue()
+        live: Any = bus
+        station = self._station = Station(live, "r1", clock, name=self.name)
+        self._press = None
+        self.link = link
+        while self._early:
+            actions.put(self._early.popleft())
+        while True:
+            if not station.busy and actions.qsize():
+                self._act(station, link, *actions.get_nowait())
+            station.poll()
+            self._see_stop(station)
+            clock.sleep_until(clock.now_ns() + POLL_NS)
+
+    def _act(
+        self, station: Station, link: Link, action: str, arguments: tuple[Argument, ...]
+    ) -> None:
+        if action == "lease":
+            if arguments[0] == "RELEASE":
+                station.release_lease()
+            else:
+                station.take_lease(seize=arguments[0] == "SEIZE")
+            return
+
+        def job() -> JobResult:
+            return JobResult(ACTIONS[action](self, link, *arguments), action)
+
+        station.submit(action, job, moves=action not in STILL)
+
+    def _stop(self) -> None:
+        """Press the station's emergency stop, which repeats until acknowledged or given up."""
+        station = self._station
+        if station is None:
+            return
+        station.estop()
+        if self._press is None:
+            self._lines_before = station.log.total
+            self._press = self._begin("stop", None)
+
+    def _see_stop(self, station: Station) -> None:
+        press = self._press
+        if press is None or station.stopping:
+            return
+        self._press = None
+        acknowledged = any(
+            ACKNOWLEDGED in line.text for line in station.log.since(self._lines_before)
+        )
+        self._end(press, True if acknowledged else None)

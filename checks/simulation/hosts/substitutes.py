@@ -11,8 +11,7 @@ from importlib import import_module
 from typing import Any, Final
 
 from checks.simulation.hosts.disk import SimulatedOs
-from checks.simulation.hosts.scheduler import current_host
-from checks.simulation.hosts.threads import (
+from checks.simulation.hosts.virtual_time import (
     SimulatedClock,
     SimulatedPool,
     SimulatedQueue,
@@ -21,6 +20,7 @@ from checks.simulation.hosts.threads import (
     SimulatedThreading,
     SimulatedTime,
     SimulatedWakeUp,
+    current_host,
 )
 from ground.client.emergency_stop import NO_WAYS
 from protocol.bus.network import Hub

@@ -1,25 +1,41 @@
-"""Invariants of commanding: heartbeats, manual control and the lease, by the time of sending."""
+"""Invariants of commanding: heartbeats, manual control and the lease, by the time of sending.
 
-from typing import TYPE_CHECKING
+Invariants of requests: authority, deadlines and true acknowledgements.
 
+Invariants of the gateway: what reaches the robot by it must come from the client in control.
+
+Frames of clients are noted at the gateway's door, requests at the robot's. The client in control is
+the one whose name the granted lease bears.
+"""
+
+from collections import defaultdict
+from typing import Final, NamedTuple
+
+from checks.simulation.hosts.operators import OperatorRequest
 from checks.simulation.invariants import limits
-from checks.simulation.invariants.shared import NEVER, RunState
-from protocol.topics import operator_in
+from checks.simulation.invariants.run_state import NEVER, RunState
+from protocol.topics import TELEOP, operator_in
 from protocol.wire.codec import decode
-from protocol.wire.enums import LeaseAction, Mode
+from protocol.wire.enums import AckResult, Command, LeaseAction, Mode
 from protocol.wire.message import Message
-from protocol.wire.messages import LeaseRequest, Teleop
-from robot.core import states
+from protocol.wire.messages import (
+    CommandAck,
+    CommandRequest,
+    GoalRequest,
+    LeaseRequest,
+    MissionVerdict,
+    Teleop,
+)
+from robot.commands import is_stop
+from robot.core import reasons, states
 from robot.core.modes import Machine, goal_is_active
 from robot.lease import Holder
+from robot.vehicle import Answer, Vehicle
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS
 
-if TYPE_CHECKING:
-    from robot.vehicle import Vehicle
-
 HEARTBEAT = "op/heartbeat/"
-TELEOP = "op/teleop/"
+TELEOP_TOPIC = "op/teleop/"
 FORMER = "former drivers"
 """Stands for them, as far as their frames still count in a drive that another one took over."""
 
@@ -60,8 +76,8 @@ class CommandingInvariants:
             newest(self._beat_ns, operator, sent_ns)
             if self._holder and person_in(operator) == self._person:
                 self._kept(self._facts.now_ns - sent_ns)
-        elif path.startswith(TELEOP):
-            self._steered(operator_in(path.removeprefix(TELEOP)), frame, sent_ns)
+        elif path.startswith(TELEOP_TOPIC):
+            self._steered(operator_in(path.removeprefix(TELEOP_TOPIC)), frame, sent_ns)
 
     def _steered(self, operator: str, frame: bytes, sent_ns: int) -> None:
         try:
@@ -257,3 +273,275 @@ def person_in(operator: str) -> str:
 def newest(times_ns: dict[str, int], name: str, time_ns: int) -> None:
     """Record a time, unless a newer one is known."""
     times_ns[name] = max(times_ns.get(name, NEVER), time_ns)
+
+
+class AnsweredRequest(NamedTuple):
+    """A request that the robot has answered."""
+
+    time_ns: int
+    request: Message
+    ok: bool
+    operator: str
+
+
+class RequestInvariants:
+    """Compares the answers to operators with the actions of the robot."""
+
+    def __init__(self, facts: RunState, presence: CommandingInvariants) -> None:
+        self._facts = facts
+        self._presence = presence
+        self._acted: defaultdict[int, list[AnsweredRequest]] = defaultdict(list)
+        self._stopped_ns: list[int] = []
+        self.commanded = False
+        """True if a command was accepted since the last tick."""
+
+    def received(self, vehicle: Vehicle, request: Message, answer: Answer, operator: str) -> None:
+        """Record and check an answered request."""
+        facts, machine, now_ns = self._facts, vehicle.state.machine, self._facts.now_ns
+        ok = accepted(answer)
+        facts.coverage.requests += 1
+        facts.coverage.accepted += ok
+        if isinstance(request, CommandRequest | GoalRequest) and ok:
+            self.commanded = True
+        if isinstance(request, CommandRequest) and ok:
+            if request.command == Command.DO_FLIGHTTERMINATION:
+                self._stopped_ns.append(now_ns)
+                if machine.vehicle != states.EMERGENCY_STOP:
+                    facts.fail(
+                        "acknowledged stop is effective",
+                        f"a stop was accepted in vehicle state {machine.vehicle}",
+                    )
+            elif request.command == Command.SIDESTEP_SET_POSE:
+                facts.is_placed = True
+            elif request.command == Command.COMPONENT_ARM_DISARM and request.param1:
+                facts.armed_ns = now_ns
+        if ok:
+            self._presence.accepted(request, operator)
+        holder = vehicle.lease.holder
+        alien = holder is not None and person_in(holder.operator) != person_in(operator)
+        if alien and not limits.is_free(request):
+            self._check_refused(request, answer, operator)
+        elif reason_of(answer) == reasons.LEASE_HELD and not isinstance(request, LeaseRequest):
+            facts.fail(
+                "who may command is not refused",
+                f"{type(request).__name__} of {operator or 'an unnamed operator'}",
+            )
+        if isinstance(request, GoalRequest) and ok and not request.from_robot:
+            self._check_goal(machine, request)
+        number = number_of(request)
+        if number and not is_stop(request):
+            self._late(number, request)
+            self._acted[number].append(AnsweredRequest(now_ns, request, ok, operator))
+
+    def _check_refused(self, request: Message, answer: Answer, operator: str) -> None:
+        """Check that the lease is asked first: whoever has none is refused for nothing else.
+
+        A request about the lease itself may be refused for what it asks.
+        """
+        about_lease = isinstance(request, LeaseRequest) and not accepted(answer)
+        if not about_lease and reason_of(answer) != reasons.LEASE_HELD:
+            what = "accepted" if accepted(answer) else "refused for another reason than the lease"
+            self._facts.fail(
+                "only the lease holder commands",
+                f"{type(request).__name__} of {operator or 'an unnamed operator'} {what}",
+            )
+
+    def _check_goal(self, machine: Machine, goal: GoalRequest) -> None:
+        fence = machine.fence
+        if fence is None:
+            return
+        out_m = limits.outside_m(*fence, goal.x_mm / 1000, goal.y_mm / 1000)
+        if out_m > limits.BORDER_M:
+            self._facts.fail("inside the fence", f"accepted a goal {out_m:.2f} m outside the fence")
+
+    def _late(self, number: int, request: Message) -> None:
+        """Check that no request is executed after its operator gave it up."""
+        facts = self._facts
+        asked = facts.history.by_id.get(number)
+        if asked is None or asked.ended_ns is None or asked.answered is not None:
+            return
+        if asked.request != request:  # another operator uses the number
+            return
+        allowed_ns = limits.GIVEN_UP_NS if asked.killed else limits.ROUNDING_NS
+        age_ns = facts.now_ns - asked.ended_ns
+        if age_ns > allowed_ns and facts.now_ns > facts.unsure_until_ns:
+            facts.fail(
+                "no request acts after its deadline",
+                f"{asked.action} acted on {age_ns // NS_PER_MS} ms after it was given up",
+            )
+
+    def ended(self, asked: OperatorRequest) -> None:
+        """Check that an acknowledged request was executed."""
+        if not asked.answered or asked.ended_ns is None:
+            return
+        if asked.action == "stop":
+            if not any(ns >= asked.asked_ns for ns in self._stopped_ns):
+                self._facts.fail("acknowledged stop is effective", "no stop was acted on")
+        elif asked.request is not None and number_of(asked.request):
+            self._check_executed(asked, asked.request)
+
+    def _check_executed(self, asked: OperatorRequest, request: Message) -> None:
+        """Check that the robot has executed exactly this request."""
+        for one in self._acted[number_of(request)]:
+            if one.ok and one.request == request and one.time_ns >= asked.asked_ns:
+                return
+        self._facts.fail("acknowledged request is executed", f"{asked.action}: {request}")
+
+
+def number_of(request: Message) -> int:
+    """Return the id of a request; 0 for one without."""
+    number: int = getattr(request, "request_id", 0)
+    return number
+
+
+def reason_of(answer: Answer) -> int | None:
+    """Return the reason in an answer; None for one that has none."""
+    if isinstance(answer, CommandAck):
+        return answer.result_param2
+    return answer.reason if isinstance(answer, MissionVerdict) else None
+
+
+def accepted(answer: object) -> bool:
+    """Return whether an answer accepts a request."""
+    if isinstance(answer, CommandAck):
+        return answer.result == AckResult.ACCEPTED
+    if isinstance(answer, MissionVerdict):
+        return answer.reason == reasons.OK
+    return True
+
+
+COMMANDS: Final = "only the client in control commands"
+PRESENT: Final = "client in control is present"
+RELEASED: Final = "only a later clear releases a stop"
+NAME: Final = "MAVLink "
+ANSWER: Final = "answer"
+"""The kind of an answer to PING."""
+PATIENCE_NS: Final = 7_000 * NS_PER_MS
+"""The silence after which a client that has answered no PING is gone, if frames were lost."""
+CAUSES: Final = {
+    Command.COMPONENT_ARM_DISARM: ("arm", "clear"),
+    Command.DO_SET_MODE: ("mode", "goto", "steer"),
+    Command.DO_PAUSE_CONTINUE: ("continue",),
+    Command.MISSION_START: ("mode", "continue"),
+    Command.NAV_RETURN_TO_LAUNCH: ("mode",),
+    Command.SIDESTEP_CLEAR_EMERGENCY_STOP: ("clear",),
+}
+"""The frames of a client that may lead to a command."""
+
+GOALS: Final = ("goto", "continue")
+STOPPING: Final = (Command.COMPONENT_ARM_DISARM, Command.DO_PAUSE_CONTINUE)
+"""Commands that only stop the robot if their first parameter is 0: they need no control."""
+
+
+class ClientInvariants:
+    """Follows frames of clients to the robot; `operator` is the gateway's identity."""
+
+    def __init__(self, facts: RunState) -> None:
+        self._facts = facts
+        self.operator = ""
+        self._sent_ns: dict[tuple[int, str], int] = {}
+        """Newest arrival at the gateway, by client and kind of frame."""
+        self._heard_ns: dict[int, int] = {}
+        self._named, self._named_ns = 0, NEVER
+        """The client that the newest lease granted to the gateway names."""
+        self._lost_ns: dict[int, int] = {}
+        """When each client lost control to another one."""
+        self._reached: set[str] = set()
+        self._asked: set[Message] = set()
+        """What the gateway has sent: on an open bus another process may use its identity."""
+
+    def asked(self, frame: bytes) -> None:
+        """Note a request that leaves the gateway."""
+        self._asked.add(decode(frame).message)
+
+    def arrived(self, client: int, kind: str) -> None:
+        """Note a frame that has arrived at the gateway."""
+        self._sent_ns[client, kind] = self._heard_ns[client] = self._facts.now_ns
+
+    def _reach(self, situation: str) -> None:
+        """Count a situation once per run."""
+        if situation not in self._reached:
+            self._reached.add(situation)
+            self._facts.coverage.reached[situation] += 1
+
+    def put(self, path: str, frame: bytes) -> None:
+        """Check a frame that leaves the gateway: speeds follow the client's own frames."""
+        if not path.startswith(f"{TELEOP.path}/"):
+            return
+        teleop = decode(frame).message
+        if isinstance(teleop, Teleop) and (teleop.speed_mm_s or teleop.yaw_rate_mrad_s):
+            self._reach("steered by a client")
+            self._caused(("steer",), limits.CLIENT_STEERED_NS, "speeds")
+
+    def received(self, request: Message, answer: Answer, operator: str) -> None:
+        """Check a request of the gateway that the robot has answered."""
+        if operator != self.operator or request not in self._asked or not accepted(answer):
+            return
+        if isinstance(request, LeaseRequest):
+            if request.action in (LeaseAction.TAKE, LeaseAction.SEIZE):
+                self._grant(int(request.name.removeprefix(NAME)))
+        elif isinstance(request, GoalRequest):
+            self._caused(GOALS, limits.CLIENT_ASKED_NS, "a goal")
+        elif isinstance(request, CommandRequest) and not stops(request):
+            kinds = CAUSES.get(Command(request.command), ())
+            self._caused(kinds, limits.CLIENT_ASKED_NS, Command(request.command).name)
+            if request.command == Command.SIDESTEP_CLEAR_EMERGENCY_STOP:
+                self._reach("cleared by a client")
+                self._clear()
+
+    def _grant(self, client: int) -> None:
+        now_ns = self._facts.now_ns
+        if now_ns - self._heard_ns.get(client, NEVER) > limits.CLIENT_ASKED_NS:
+            self._facts.fail(COMMANDS, f"the lease for client {client}, which has sent nothing")
+        if self._named != client:
+            self._lost_ns[self._named] = now_ns
+            self._lost_ns.pop(client, None)
+        self._named, self._named_ns, self._heard_ns[client] = client, now_ns, now_ns
+        self._reach("control by a client")
+
+    def _caused(self, kinds: tuple[str, ...], within_ns: int, what: str) -> None:
+        """Check that a client has asked for this while it was in control."""
+        now_ns = self._facts.now_ns
+        for (client, kind), at_ns in self._sent_ns.items():
+            is_owner = client == self._named or self._lost_ns.get(client, NEVER) >= at_ns
+            if kind in kinds and is_owner and now_ns - at_ns <= within_ns:
+                return
+        words = f"{what}, for which client {self._named}, the one in control, has not asked"
+        self._facts.fail(COMMANDS, words)
+
+    def _clear(self) -> None:
+        """Check that no stop has passed the gateway since the clear, by links that are sound."""
+        facts = self._facts
+        clear_ns = max(self._sent_ns.get((one, "clear"), NEVER) for one in self._heard_ns)
+        stop_ns = max(self._sent_ns.get((one, "stop"), NEVER) for one in self._heard_ns)
+        if facts.sound_since_ns < clear_ns < stop_ns <= facts.now_ns - limits.LINK_NS:
+            late_ms = (stop_ns - clear_ns) // NS_PER_MS
+            facts.fail(RELEASED, f"by a client's clear that arrived {late_ms} ms before a stop")
+
+    def cycled(self, vehicle: Vehicle) -> None:
+        """Check after each tick that a robot that needs its operator has not lost the client."""
+        facts, machine, holder = self._facts, vehicle.state.machine, vehicle.lease.holder
+        needs = machine.mode == states.MANUAL or (
+            machine.mode == states.GUIDED and goal_is_active(machine)
+        )
+        if holder is None or holder.operator != self.operator or machine.vehicle != states.ACTIVE:
+            is_lost = machine.vehicle_reason == reasons.OPERATOR_LOST
+            if is_lost and machine.vehicle == states.FAILSAFE and self._named:
+                self._reach("client in control lost")
+            return
+        if not needs or facts.now_ns <= facts.unsure_until_ns:
+            return
+        silent_ns = facts.now_ns - self._heard_ns.get(self._named, NEVER)
+        has_answered = self._sent_ns.get((self._named, ANSWER), NEVER) >= self._named_ns
+        gone_ns = limits.CLIENT_SILENT_NS if has_answered else PATIENCE_NS
+        lost_ns = gone_ns + limits.operator_lost_ns(vehicle.params.op_lost_ms)
+        if silent_ns > lost_ns + limits.LINK_NS + limits.TICK_NS + limits.ROUNDING_NS:
+            words = f"the robot is armed {silent_ns // NS_PER_MS} ms after client {self._named}"
+            facts.fail(PRESENT, f"{words} was last heard")
+
+
+def stops(request: CommandRequest) -> bool:
+    """Return whether a command only stops the robot."""
+    if request.command in (Command.DO_FLIGHTTERMINATION, Command.SIDESTEP_ABORT_GOAL):
+        return True
+    return request.command in STOPPING and request.param1 == 0.0

@@ -8,18 +8,18 @@ from hashlib import blake2b
 from struct import pack
 from typing import Any
 
-from checks.simulation.hosts.gateway_side import GATEWAY
+from checks.simulation.hosts.mavlink import GATEWAY
 from checks.simulation.hosts.operators import RequestHistory
-from checks.simulation.hosts.robot_side import RobotSide
-from checks.simulation.hosts.scheduler import Host, Scheduler
-from checks.simulation.invariants.clients import ClientInvariants
-from checks.simulation.invariants.commanding import CommandingInvariants
-from checks.simulation.invariants.persistence import PersistenceInvariants
-from checks.simulation.invariants.requests import RequestInvariants
-from checks.simulation.invariants.robot_loop import LoopInvariants
-from checks.simulation.invariants.shared import RunState
-from checks.simulation.invariants.stops import StopInvariants
-from checks.simulation.invariants.wheels import WheelInvariants
+from checks.simulation.hosts.robot_and_plant import RobotSide
+from checks.simulation.hosts.virtual_time import Host, Scheduler
+from checks.simulation.invariants.commanding import (
+    ClientInvariants,
+    CommandingInvariants,
+    RequestInvariants,
+)
+from checks.simulation.invariants.persistence import PersistenceInvariants, StopInvariants
+from checks.simulation.invariants.robot_loop import LoopInvariants, WheelInvariants
+from checks.simulation.invariants.run_state import RunState
 from plant.sim.simulation import Plant
 from protocol.topics import STATUS
 from protocol.wire.enums import Mode

@@ -6,18 +6,15 @@ from typing import Any
 
 import pytest
 
-from checks.model import memento
-from checks.model.diagram import DRAWINGS, HEADER, section
-from checks.model.events import failsafe_causes, name_of
-from checks.model.explorer import endless, explore
+from checks.model import model_world
+from checks.model.events import REQUESTS, VARIANTS, failsafe_causes, name_of
+from checks.model.exploration import DRAWINGS, HEADER, ModelPart, endless, explore, parts, section
 from checks.model.invariants import (
     INVARIANTS,
     rule_of,
     stop_takes_effect_at_once,
 )
-from checks.model.parts import ModelPart, parts
-from checks.model.requests import REQUESTS, VARIANTS
-from checks.model.world import ADA, ModelWorld
+from checks.model.model_world import ADA, ModelWorld
 from protocol.wire.messages import GoalRequest
 from robot import vehicle
 from robot.commands import HANDLERS
@@ -67,26 +64,26 @@ def test_requests_change_no_perception() -> None:
     for part in parts():
         for event in part.events:
             if event.keeps_perception:
-                before = memento.capture(world)
+                before = model_world.capture(world)
                 event.act(world)
-                assert contents(memento.capture(world)) == contents(before), event.by
-                memento.restore(before, perception=True)
+                assert contents(model_world.capture(world)) == contents(before), event.by
+                model_world.restore(before, perception=True)
 
 
-def contents(captured: memento.Memento) -> list[object]:
+def contents(captured: model_world.Memento) -> list[object]:
     return [what for _, what in captured.perception]
 
 
 def test_memento_restores_a_world() -> None:
     world = ModelWorld()
     world.tick()
-    before = memento.capture(world)
+    before = model_world.capture(world)
     for event in PARTS["modes"].events:
         if event.enabled(world):
             event.act(world)
     assert world.vehicle.state.machine.vehicle != states.STANDBY
-    memento.restore(before, perception=True)
-    after = memento.capture(world)
+    model_world.restore(before, perception=True)
+    after = model_world.capture(world)
     assert [what for _, what in after.control] == [what for _, what in before.control]
     assert contents(after) == contents(before)
 

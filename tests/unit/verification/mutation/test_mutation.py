@@ -7,12 +7,10 @@ from textwrap import dedent
 
 import pytest
 
-from checks.mutation import equivalent, forks
-from checks.mutation.equivalent import EquivalentMutants, mistakes
+from checks.mutation import forks, mutants
 from checks.mutation.forks import MutantVerdict
-from checks.mutation.mutants import Identity, mutants_of
-from checks.mutation.page import page
-from checks.mutation.targets import TARGETS
+from checks.mutation.kernel import TARGETS
+from checks.mutation.mutants import EquivalentMutants, Identity, mistakes, mutants_of, page
 from tests.support.each import each
 
 ROOT = Path(__file__).parents[4]
@@ -218,7 +216,7 @@ def test_list_of_equivalents_is_checked(
 
 
 def test_every_listed_mutant_exists_in_the_source() -> None:
-    listed = {identity for entry in equivalent.load() for identity in entry.identities}
+    listed = {identity for entry in mutants.load() for identity in entry.identities}
     assert {identity.module for identity in listed} <= TARGETS.keys()
     there = {one.identity for module in TARGETS for one in mutants_of(ROOT / module, ROOT)}
     assert listed - there == set(), "stale: the code has changed"
@@ -254,4 +252,4 @@ def test_page_lists_each_equivalent_mutant_with_its_reason() -> None:
 
 def test_page_of_equivalent_mutants_is_up_to_date() -> None:
     committed = (ROOT / "docs" / "evidence" / "mutants.md").read_text(encoding="utf-8")
-    assert committed == page(TARGETS, equivalent.load()), "make generate-docs"
+    assert committed == page(TARGETS, mutants.load()), "make generate-docs"

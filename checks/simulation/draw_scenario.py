@@ -4,8 +4,9 @@ from collections.abc import Callable
 from random import Random
 from typing import Final
 
-from checks.simulation.actions import (
+from checks.simulation.event_kinds import (
     CLIENT_ACTIONS,
+    FAULTS,
     OPERATORS,
     STATION,
     Arguments,
@@ -13,11 +14,10 @@ from checks.simulation.actions import (
     draw_driving,
     draw_operate,
     place,
+    span_ms,
 )
 from checks.simulation.events import Event, EventScenario
-from checks.simulation.faults import FAULTS, span_ms
-from checks.simulation.hosts.gateway_side import GATEWAY
-from checks.simulation.hosts.mavlink_clients import CLIENTS
+from checks.simulation.hosts.mavlink import CLIENTS, GATEWAY
 from runtime.units import NS_PER_MS, NS_PER_S
 
 DURATION_NS: Final = 20 * NS_PER_S

@@ -11,13 +11,11 @@ options are those of `bench simulate`. With `--beside` the programs are processe
 import argparse
 from typing import Final
 
-from checks import simulate
 from checks.harness.figures import Figure, Report
+from checks.simulation import campaign
 from checks.simulation.campaign import Campaign
 from checks.simulation.contradictions.beside import beside_up
-from checks.simulation.contradictions.defects import DEFECTS
-from checks.simulation.contradictions.draw import draw_persons
-from checks.simulation.contradictions.run import observe
+from checks.simulation.contradictions.persons import DEFECTS, draw_persons, observe
 from runtime.units import NS_PER_S
 
 CONTRADICTIONS: Final = Campaign(
@@ -28,7 +26,7 @@ BESIDE_S: Final = 60.0
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of `bench contradictions`."""
-    simulate.add_options(parser, CONTRADICTIONS)
+    campaign.add_options(parser, CONTRADICTIONS)
     parser.add_argument(
         "--beside",
         nargs="?",
@@ -42,7 +40,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def measure(options: argparse.Namespace) -> Report:
     """Run one scenario, many seeds, the search for defects, or programs beside a real `up`."""
     if options.beside is None:
-        return simulate.measure(options, CONTRADICTIONS)
+        return campaign.measure(options, CONTRADICTIONS)
     found, journal = beside_up(options.seed or 0, options.beside)
     return Report(
         benchmark=CONTRADICTIONS.name,
