@@ -172,7 +172,7 @@ same-bits: setup
 # About half an hour; it continues where it was interrupted. ARGS="--minutes 10" ends earlier.
 same-bits-mcu: setup
 	@"$(BIN)/python" -m checks.built firmware
-	exec "$(BIN)/python" -m checks.same_bits.board $(ARGS)
+	exec "$(BIN)/python" -m checks.same_bits.on_board $(ARGS)
 
 # Some minutes; after a change of constraints.txt or of what pyproject.toml wants. The lists hold the
 # files that pip chooses, of the index that it is configured for.

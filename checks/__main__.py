@@ -74,7 +74,7 @@ BENCHMARKS = {
         "a frame of the map on 100 x 40 cells, compared with textual-plotext",
     ),
     "soak": BenchmarkEntry(
-        "checks.endurance.main",
+        "checks.endurance.soak",
         "long run of a fleet with faults: memory growth, latency drift, lost messages",
     ),
     "ground": BenchmarkEntry(
@@ -98,7 +98,7 @@ BENCHMARKS = {
         "reaction of the robot to faults: the fault matrix (docs/evidence/faults.md)",
     ),
     "fuzz": BenchmarkEntry(
-        "checks.fuzz.main",
+        "checks.fuzz.hunt",
         "invalid inputs for every decoder: none may crash, hang or use much memory",
     ),
     "flood": BenchmarkEntry(
@@ -118,7 +118,7 @@ BENCHMARKS = {
         "the words of two persons' programs, compared with what was: outcomes, leases, texts",
     ),
     "digest": BenchmarkEntry(
-        "checks.speed.digest",
+        "checks.same_bits.run_modes",
         "equal trajectories in every mode of running, another one for another seed",
     ),
 }

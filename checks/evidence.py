@@ -164,8 +164,8 @@ EVIDENCE: Final = (
         "published-maps",
         "Published maps",
         "`vgm_memory` in the maps of two other benchmarks",
-        "`python -m checks.published_maps`",
-        (*DRIVES, "checks/published_maps.py"),
+        "`python -m checks.site.published_maps`",
+        (*DRIVES, "checks/site/published_maps.py"),
         15,
         (
             Step(("make", "compiled")),
@@ -175,7 +175,7 @@ EVIDENCE: Final = (
             ),
             Step(
                 (
-                    *("python", "-P", "-m", "checks.published_maps"),
+                    *("python", "-P", "-m", "checks.site.published_maps"),
                     *("--barn", "{work}/nav-competition-icra2022/jackal_helper/worlds/BARN"),
                     *("--moving-ai", "{work}/pibt2/map"),
                     *("--output", f"{FOLDER}/published-maps.json"),
@@ -275,7 +275,7 @@ EVIDENCE: Final = (
         90,
         (
             Step(("make", "firmware")),
-            Step(("python", "-m", "checks.same_bits.board")),
+            Step(("python", "-m", "checks.same_bits.on_board")),
             Step(("python", "-m", "checks.speed.board.measure")),
             Step(("python", "-m", "checks.speed.board.float32", "--output", "{work}/float32.json")),
             Step(("cp", "{work}/float32.json", f"{FOLDER}/microcontroller/float32.json")),

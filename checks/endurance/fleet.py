@@ -1,16 +1,33 @@
-"""The fleet of a soak: the processes of `up`, two operators and a recorder; some behind proxies."""
+"""The fleet of a soak: the processes of `up`, two operators and a recorder; some behind proxies.
+
+The faults of a soak and their times: each once per round, in an order drawn by seed.
+
+Telemetry of the fleet: delay from senses to commands, missed ticks, silent robots.
+
+Keep a robot driving whatever happens to it, even after it has lost its position.
+
+Each goal is relative to the estimated position: straight on after a goal was reached, else in
+another direction. So a robot that was restarted on its way continues like the others.
+"""
 
 import os
+import signal
+from collections import deque
+from collections.abc import Iterator
 from contextlib import ExitStack, suppress
+from math import cos, sin
 from pathlib import Path
+from random import Random
 from typing import Final, NamedTuple, Self
 
-from checks.endurance.faults import CUT, SoakFault
 from checks.endurance.supervised import Supervised
 from checks.flood.attackers import Access, Attack
+from checks.harness.bus_calls import arm_request, is_accepted
 from checks.harness.relays import TcpProxy
 from ground.cli.main import parse
 from ground.cli.run.up import free_endpoint
+from ground.client.goal import Destination, goal_request
+from ground.client.requests import RequestIds
 from ground.launch.child_command import command
 from ground.launch.child_processes import Children
 from ground.launch.restart_policy import RestartSchedule
@@ -24,8 +41,77 @@ from ground.launch.scenario import (
 from ground.launch.supervisor import Supervisor
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
-from protocol.topics import Role
+from protocol.topics import COMMAND, CYCLE, DRIVE, ODOMETRY, SONAR, STATUS, Role
+from protocol.wire.codec import decode
+from protocol.wire.enums import GoalState, Mode, Vehicle
+from protocol.wire.message import Message
+from protocol.wire.messages import (
+    CycleReport,
+    NavigatorStatus,
+    PlanarOdometry,
+    SonarScan,
+    WheelCommand,
+)
 from runtime.clock import Clock
+from runtime.errors import RemoteError
+from runtime.units import NS_PER_S
+
+RESTS: Final = 0.15
+"""Share of a run at its end, at most half a minute, without faults."""
+LONGEST_REST_S: Final = 30.0
+PACE_S: Final = 20.0
+FEWEST: Final = 5
+FLOOD_HZ: Final = 1000.0
+
+
+class SoakFault(NamedTuple):
+    """A fault of a process: signals at its begin and end, a cut link, or a flood of frames.
+
+    Without a signal the link of `role` is cut for `lasts_s`, or an attacker puts `flood_hz` frames
+    a second on the keys of r1, some of them forged.
+    """
+
+    name: str
+    role: str
+    first: signal.Signals | None
+    then: signal.Signals | None = None
+    lasts_s: float = 0.0
+    flood_hz: float = 0.0
+
+
+KILLED: Final = ("robot r2", "plant", "router", "ground r2")
+STOPPED: Final = ("robot r3", "plant")
+CUT: Final = ("robot r1", "recorder r1")
+"""These processes are never killed, so that their growth over the whole run can be measured."""
+
+
+def faults(roles: list[str]) -> list[SoakFault]:
+    """Return all faults of these roles."""
+    found = [SoakFault(f"{role} killed", role, signal.SIGKILL) for role in KILLED]
+    found += [
+        SoakFault(f"{role} stopped for 2 s", role, signal.SIGSTOP, signal.SIGCONT, 2.0)
+        for role in STOPPED
+    ]
+    found += [SoakFault(f"{role} cut off for 4 s", role, None, None, 4.0) for role in CUT]
+    found.append(SoakFault(f"flood of {FLOOD_HZ:g} frames/s", "router", None, None, 3.0, FLOOD_HZ))
+    return [fault for fault in found if fault.role in roles]
+
+
+def schedule(
+    faults: list[SoakFault], seconds: float, seed: int
+) -> Iterator[tuple[float, SoakFault]]:
+    """Yield the faults with their times in seconds from the beginning."""
+    random = Random(seed)
+    end_s = seconds - min(LONGEST_REST_S, RESTS * seconds)
+    pace_s = min(PACE_S, seconds / (FEWEST + 1))
+    at_s = pace_s
+    while faults:
+        for fault in random.sample(faults, len(faults)):
+            if at_s + fault.lasts_s > end_s:
+                return
+            yield at_s, fault
+            at_s += pace_s * random.uniform(0.8, 1.2)
+
 
 LISTENS_S: Final = 15.0
 PAGE_MB: Final = os.sysconf("SC_PAGESIZE") / 1e6
@@ -147,3 +233,125 @@ def size_of(pid: int) -> Size | None:
     except (OSError, IndexError):
         return None
     return Size(pages * PAGE_MB, files, threads)
+
+
+REMEMBERED: Final = 64
+
+
+class RobotTelemetry:
+    """The streams of one robot as they arrive; filled in the bus's thread."""
+
+    def __init__(self, began_ns: int) -> None:
+        self._began_ns = began_ns
+        self._scans: deque[tuple[int, int]] = deque(maxlen=REMEMBERED)
+        self._tick: CycleReport | None = None
+        self.status: NavigatorStatus | None = None
+        self.pose: PlanarOdometry | None = None
+        self._arrived_ns = {SonarScan: 0, NavigatorStatus: 0}
+        self.delays_ms: list[tuple[float, float]] = []
+        """Arrival of a command in s from the beginning, and its delay after the scan."""
+        self.ticks: list[tuple[float, int]] = []
+        """Arrival of a report, and the ticks missed since the report before."""
+
+    def record(self, _key: str, frame: bytes, at_ns: int) -> None:
+        """Record a frame; unreadable frames are ignored."""
+        with suppress(RemoteError):
+            self._record(decode(frame).message, at_ns)
+
+    def _record(self, message: Message, at_ns: int) -> None:
+        at_s = (at_ns - self._began_ns) / NS_PER_S
+        if isinstance(message, SonarScan):
+            self._scans.append((message.seq, at_ns))
+            self._arrived_ns[SonarScan] = at_ns
+        elif isinstance(message, WheelCommand):
+            self.delays_ms += [
+                (at_s, (at_ns - scan_ns) / 1e6)
+                for seq, scan_ns in self._scans
+                if seq == message.sense_seq
+            ][-1:]
+        elif isinstance(message, CycleReport):
+            before, self._tick = self._tick, message
+            if before is not None and message.tick > before.tick:
+                self.ticks.append((at_s, message.missed - before.missed))
+        elif isinstance(message, PlanarOdometry):
+            self.pose = message
+        elif isinstance(message, NavigatorStatus):
+            self.status = message
+            self._arrived_ns[NavigatorStatus] = at_ns
+
+    def silent_since(self, at_ns: int) -> bool:
+        """Return whether no status or no scan has arrived since then."""
+        return min(self._arrived_ns.values()) <= at_ns
+
+
+def subscribe(bus: Bus, robots: tuple[str, ...], began_ns: int) -> dict[str, RobotTelemetry]:
+    """Record the telemetry of all robots from now on."""
+    found = {robot: RobotTelemetry(began_ns) for robot in robots}
+    for robot, telemetry in found.items():
+        for topic in (SONAR, DRIVE, CYCLE, STATUS, ODOMETRY):
+            bus.stream(topic, telemetry.record, robot)
+    return found
+
+
+PATIENCE_S: Final = 0.2
+EVERY_NS: Final = 1_000_000_000
+STEP_M: Final = 1.2
+BACK_RAD: Final = 2.6
+"""Not quite back, so that the robot does not drive to and fro between two walls."""
+LONGEST_NS: Final = 12_000_000_000
+UNDER_WAY: Final = (
+    GoalState.ACCEPTED,
+    GoalState.DRIVING,
+    GoalState.AVOIDING,
+    GoalState.ALIGNING,
+)
+
+
+class GoalSender:
+    """Sends the next goal when the last has ended or takes too long; arms the robot if needed."""
+
+    def __init__(self, bus: Bus, robot: str) -> None:
+        self.robot = robot
+        self.goals = self.reached = 0
+        self._bus = bus
+        self._ids = RequestIds()
+        self._due_ns = 0
+        self._given_ns = 0
+        self._turn_rad = 0.0
+
+    def poll(self, telemetry: RobotTelemetry, now_ns: int) -> None:
+        """Send a goal if one is due, at most once a second and not while the robot is silent."""
+        status, pose = telemetry.status, telemetry.pose
+        if status is None or pose is None or now_ns < self._due_ns:
+            return
+        self._due_ns = now_ns + EVERY_NS
+        if telemetry.silent_since(now_ns - EVERY_NS):
+            return
+        under_way = status.vehicle == Vehicle.ACTIVE and status.goal in UNDER_WAY
+        if under_way and now_ns - self._given_ns < LONGEST_NS:
+            return
+        arrived = status.goal == GoalState.REACHED
+        begins = self._given_ns == 0
+        self.reached += arrived and not begins
+        self._turn_rad = 0.0 if arrived or begins else self._turn_rad + BACK_RAD
+        if status.vehicle != Vehicle.ACTIVE:
+            self._ask(arm_request(self._ids.next()))
+        if self._ask(self._goal(pose)):
+            self.goals += 1
+            self._given_ns = now_ns
+
+    def _goal(self, pose: PlanarOdometry) -> Message:
+        heading_rad = pose.heading_rad + self._turn_rad
+        there = Destination(
+            x_m=pose.x_m + STEP_M * cos(heading_rad),
+            y_m=pose.y_m + STEP_M * sin(heading_rad),
+            heading_rad=None,
+        )
+        return goal_request(there.on_the_wire(), self._ids.next(), Mode.AUTO, from_robot=True)
+
+    def _ask(self, request: Message) -> bool:
+        """Send a request and return whether it was accepted."""
+        try:
+            return is_accepted(self._bus.ask(COMMAND, request, PATIENCE_S, robot=self.robot))
+        except RemoteError:
+            return False

@@ -11,10 +11,8 @@ from typing import Any, Final
 
 from mcap.writer import CompressionType, Writer
 
-from checks.fuzz.messages import packed, pieces
-from checks.fuzz.target import REFUSALS, FuzzTarget
-from checks.fuzz.wire import ARM, GOAL, SCAN, TEXT, TICKS
-from checks.fuzz.words import JSON_WORDS
+from checks.fuzz.target import JSON_WORDS, REFUSALS, FuzzTarget
+from checks.fuzz.wire import ARM, GOAL, SCAN, TEXT, TICKS, packed, pieces
 from ground.cli.observe.replay import lines
 from ground.client.operations.session import NoProgress
 from ground.explain.turns import Recorded as Decided

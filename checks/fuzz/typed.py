@@ -9,8 +9,7 @@ from typing import Final
 from aiohttp import web
 from aiohttp.test_utils import make_mocked_request
 
-from checks.fuzz.target import REFUSALS, FuzzTarget
-from checks.fuzz.words import from_file
+from checks.fuzz.target import REFUSALS, FuzzTarget, from_file
 from ground.cli.verbs import VERBS
 from ground.console.completion import complete
 from ground.console.parser import read

@@ -1,12 +1,18 @@
-"""Input from the bus: frames, samples, requests, senses, and answers to requests."""
+"""Input from the bus: frames, samples, requests, senses, and answers to requests.
+
+Read any bytes as a row of messages, each in a readable frame.
+
+So the content of the fields is fuzzed, not the frame around them.
+"""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import nan
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
-from checks.fuzz.messages import packed, pieces
+from fastcrc.crc16 import mcrf4xx
+
 from checks.fuzz.target import FuzzTarget
 from checks.harness.bus_calls import arm_request, auto_goal_request, command_request
 from ground.client.operations.parameters import table
@@ -16,10 +22,10 @@ from ground.station.world import parse_world
 from plant.world.file import load
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.outcome import wire_goal
-from protocol.topics import ENCODING, TOPICS, operator_in
-from protocol.wire.codec import Encoder, decode
+from protocol.topics import COMPONENT, ENCODING, SERVICES, TOPICS, Role, operator_in
+from protocol.wire.codec import CHECKSUM, HEAD, MAGIC_BYTE, WIRE_OF_TYPE, Encoder, decode
 from protocol.wire.enums import FRAME_LOCAL_FLU, Command, LeaseAction, MissionType
-from protocol.wire.message import Message, check
+from protocol.wire.message import Message, Wire, check
 from protocol.wire.messages import (
     LeaseRequest,
     MissionCount,
@@ -40,6 +46,66 @@ from robot.storage import Store
 from robot.vehicle import Vehicle
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS
+
+MOST: Final = 60
+STEP_NS: Final = 5_000_000
+
+
+class MessageKind(NamedTuple):
+    """A message type with its sender."""
+
+    message: type[Message]
+    sender: Role
+
+
+PUBLISHED: Final = tuple(
+    MessageKind(one, topic.publisher) for topic in TOPICS for one in topic.messages
+)
+REQUESTED: Final = tuple(
+    MessageKind(one, Role.GROUND) for service in SERVICES for one in service.requests
+)
+KINDS: Final = (*PUBLISHED, *REQUESTED)
+NUMBER_OF: Final = {kind.message: number for number, kind in reversed(list(enumerate(KINDS)))}
+
+
+class TimedMessage(NamedTuple):
+    """A message, its frame, and the time since the message before."""
+
+    message: Message
+    frame: bytes
+    after_ns: int
+
+
+def packed(*messages: Message, after: int = 10) -> bytes:
+    """Return the bytes that `pieces` reads as these messages."""
+    return b"".join(
+        bytes((NUMBER_OF[type(one)], after)) + WIRE_OF_TYPE[type(one)].pack(one) for one in messages
+    )
+
+
+def pieces(data: bytes) -> Iterator[TimedMessage]:
+    """Yield messages; each begins with a byte for its kind and one for the time since the last."""
+    at = 0
+    for sequence in range(MOST):
+        if at + 2 > len(data):
+            return
+        kind, after = KINDS[data[at] % len(KINDS)], data[at + 1]
+        wire = WIRE_OF_TYPE[kind.message]
+        frame = frame_of(wire, data[at + 2 : at + 2 + wire.size], kind.sender, sequence)
+        at += 2 + wire.size
+        try:
+            yield TimedMessage(decode(frame).message, frame, after * STEP_NS)
+        except RemoteError:  # text that is not UTF-8
+            continue
+
+
+def frame_of(wire: Wire, payload: bytes, sender: Role, sequence: int) -> bytes:
+    """Return the frame of a payload, with a valid checksum."""
+    payload = payload.rstrip(b"\0") or b"\0"
+    low, high = wire.number_low, wire.number_high
+    body = HEAD(len(payload), 0, 0, sequence & 0xFF, 1, COMPONENT[sender], low, high) + payload
+    return MAGIC_BYTE + body + CHECKSUM(mcrf4xx(body + wire.crc_extra))
+
 
 PERIOD_MS: Final = 50
 FULL_MRAD_S: Final = 200_000

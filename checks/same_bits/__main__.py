@@ -21,10 +21,9 @@ from pathlib import Path
 
 from checks.harness import figures
 from checks.same_bits.functions import VALUES, values_of
-from checks.same_bits.older import unpack
 from checks.same_bits.record import Functions, Row, read, write
 from checks.same_bits.trials import Result, result_of
-from checks.same_bits.variants import ROOT, Variant, compiled, of_libraries, of_processors
+from checks.same_bits.variants import ROOT, Variant, compiled, of_libraries, of_processors, unpack
 
 SECONDS_PER_TRIAL = 30.0
 FUNCTIONS_S = 300.0

@@ -2,6 +2,8 @@
 
 The lowest supported libraries are those named in pyproject.toml, the newest those of the package
 index. Each pair of a Python and a set of libraries has a virtual environment of its own.
+
+An older commit with the trials of this one, as a control.
 """
 
 import os
@@ -9,8 +11,10 @@ import re
 import shutil
 import subprocess
 import sys
+import tarfile
 import tomllib
 from collections.abc import Mapping
+from io import BytesIO
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final, NamedTuple
@@ -148,3 +152,30 @@ def _libraries(python: str) -> str:
     return subprocess.run(
         [python, "-c", code], capture_output=True, text=True, check=True
     ).stdout.strip()
+
+
+BROUGHT: Final = (
+    "checks/same_bits/__init__.py",
+    "checks/same_bits/trials.py",
+    "plant/model/draws.py",
+)
+"""Files that the trials need and an older commit lacks. Draws only choose the trials there."""
+
+
+def unpack(commit: str, folder: Path) -> Path:
+    """Unpack a commit into a folder with what the trials need; return the folder.
+
+    Raises subprocess.CalledProcessError for an unknown commit.
+    """
+    archive = subprocess.run(["git", "archive", commit], cwd=ROOT, capture_output=True, check=True)
+    shutil.rmtree(folder, ignore_errors=True)
+    with tarfile.open(fileobj=BytesIO(archive.stdout)) as tar:
+        # An attribute, not an argument: Python before 3.11.4, as in Debian 12, has no filters.
+        tar.extraction_filter = getattr(tarfile, "data_filter", None)
+        tar.extractall(folder)
+    for name in BROUGHT:
+        target = folder / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if not target.exists():
+            shutil.copyfile(ROOT / name, target)
+    return folder

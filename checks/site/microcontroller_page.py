@@ -5,8 +5,8 @@ from collections.abc import Iterator, Sequence
 from statistics import median
 
 from checks.evidence import with_origin_of
-from checks.same_bits import board
-from checks.same_bits.board import Comparison
+from checks.same_bits import on_board
+from checks.same_bits.on_board import Comparison
 from checks.speed.board import float32, hardest, state_size
 from checks.speed.board.results import (
     CEILINGS,
@@ -105,7 +105,7 @@ with both is {double_mm:.1f} mm with double and {single_mm:.1f} mm with single p
 
 def document() -> str:
     """Return the page; it names the same measured commit as before."""
-    costs, compared = read(), board.read(board.RESULTS)
+    costs, compared = read(), on_board.read(on_board.RESULTS)
     parts = [*digests(compared), *budget(costs), *memory(costs), *search(costs), *single()]
     return with_origin_of(HEAD + "\n".join(parts) + "\n", PAGE.read_text(encoding="utf-8"))
 

@@ -1,6 +1,6 @@
 """Figures that other tools measured, read from the JSON files beside their pages.
 
-`python -m study.people` writes those of crowds, `python -m checks.published_maps` those of
+`python -m study.people` writes those of crowds, `python -m checks.site.published_maps` those of
 published maps, and `python -m checks.speed.board.measure` the cost on the emulated board.
 """
 

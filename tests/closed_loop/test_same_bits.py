@@ -7,10 +7,9 @@ import pytest
 
 from checks.same_bits import __main__ as command
 from checks.same_bits.__main__ import attempt, compared, differences, run
-from checks.same_bits.older import unpack
 from checks.same_bits.record import Record, Row, page_of, read, write
 from checks.same_bits.trials import Result, result_of, trial_of
-from checks.same_bits.variants import Variant, of_processors, requirements
+from checks.same_bits.variants import Variant, of_processors, requirements, unpack
 
 TRIALS = 6
 """`make same-bits` runs a thousand."""

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from checks.fuzz import main as fuzz
+from checks.fuzz import hunt as fuzz
 from checks.fuzz.hunt import TARGETS, limited, watch
 from checks.fuzz.target import FuzzTarget
 from tests.support.each import each

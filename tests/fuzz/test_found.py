@@ -7,7 +7,7 @@ import pytest
 
 from checks.fuzz.hunt import TARGETS, limited, watch
 from checks.fuzz.logs import TICK_MESSAGES, bomb
-from checks.fuzz.messages import packed
+from checks.fuzz.wire import packed
 from protocol.wire.messages import PlanarOdometry
 
 DOTTED = b"a" + b".a" * 60_000 + b" = 1"

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from checks.fuzz import hunt as fuzz
 from checks.fuzz import hunt as fuzz_hunt
-from checks.fuzz import main as fuzz
-from checks.fuzz.hunt import TARGETS, Finding, FuzzTally, hunt
-from checks.fuzz.main import Block, keep, report_of, share_out
+from checks.fuzz.hunt import TARGETS, Block, Finding, FuzzTally, hunt, keep, report_of, share_out
 from checks.fuzz.target import FuzzTarget
 from runtime.errors import RemoteError, UserError
 

@@ -19,7 +19,7 @@ from statistics import median
 from time import monotonic
 from typing import Final
 
-from checks.same_bits.board import SHOWN, image_hash
+from checks.same_bits.on_board import SHOWN, image_hash
 from checks.speed.board import hardest
 from checks.speed.board.counted import CountedBoard, counted, milliseconds
 from checks.speed.board.results import COSTS, Build, Cost, Costs, excesses, read, write

@@ -10,8 +10,7 @@ from threading import Event, Thread
 from time import monotonic_ns
 from typing import Final
 
-from checks.endurance.drive import GoalSender
-from checks.endurance.fleet_telemetry import RobotTelemetry
+from checks.endurance.fleet import GoalSender, RobotTelemetry
 from checks.harness.figures import Figure
 from checks.harness.terminal import Terminal
 from checks.harness.until import until

@@ -4,8 +4,8 @@ import argparse
 
 import pytest
 
-from checks.endurance import main as soak
-from checks.endurance import report as soak_report
+from checks.endurance import soak
+from checks.endurance import soak as soak_report
 from checks.endurance.supervised import PLANT, SUPERVISOR
 from runtime.units import NS_PER_S
 

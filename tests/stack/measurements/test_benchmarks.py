@@ -7,7 +7,8 @@ import pytest
 from checks.__main__ import Benchmark
 from checks.flood import under_attack as flood
 from checks.harness.figures import Figure
-from checks.speed import codec, core, digest, jitter, latency, mtls, robot, trial
+from checks.same_bits import run_modes
+from checks.speed import codec, core, jitter, latency, mtls, robot, trial
 from checks.speed.lockstep import breakdown
 from checks.speed.lockstep import main as lockstep
 
@@ -76,7 +77,7 @@ def test_robot_is_measured_by_the_kernels_account() -> None:
 
 
 def test_a_run_over_the_bus_is_the_run_in_process_to_the_last_bit() -> None:
-    report = digest.measure(argparse.Namespace(worlds=["open"]))
+    report = run_modes.measure(argparse.Namespace(worlds=["open"]))
     assert report.met, report.text()
 
 

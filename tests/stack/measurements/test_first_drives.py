@@ -28,7 +28,7 @@ def busy_processes(running: Running) -> list[int]:
     found = []
     for pid in children_of(running.process.pid):
         try:
-            found += [pid] if "checks.first_drives.busy" in cmdline(pid) else []
+            found += [pid] if "checks.harness.busy" in cmdline(pid) else []
         except (FileNotFoundError, ProcessLookupError):
             continue
     return found

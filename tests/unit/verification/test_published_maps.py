@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from checks import published_maps
-from checks.published_maps import (
+from checks.site import published_maps
+from checks.site.published_maps import (
     MapSet,
     Run,
     barn_worlds,

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from checks.same_bits.board import Compared, Comparison, Drive, all_drives, read, write
+from checks.same_bits.on_board import Compared, Comparison, Drive, all_drives, read, write
 
 
 def result(drive: Drive, image: str, time_s: float, on_board: str = "same") -> Compared:

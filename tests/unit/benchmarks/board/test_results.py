@@ -4,7 +4,7 @@ from pathlib import Path
 
 import msgspec
 
-from checks.same_bits import board
+from checks.same_bits import on_board
 from checks.site import microcontroller_page
 from checks.speed.board import float32, results
 from checks.speed.board.results import (
@@ -68,7 +68,7 @@ def test_ceilings_leave_room_in_the_period() -> None:
 
 
 def test_committed_digests_are_equal_for_every_drive() -> None:
-    compared = board.read(board.RESULTS)
+    compared = on_board.read(on_board.RESULTS)
     assert compared.missing() == []
     assert compared.differing() == []
 

@@ -1,7 +1,7 @@
 """The table of who can do what says what the rules do, and no more."""
 
-from checks.site import permissions_page
-from checks.site.permissions_page import COLUMNS, rows
+from checks.site import protocol_page
+from checks.site.protocol_page import COLUMNS, rows
 from tests.support.each import each
 
 OPERATORS = {"`ground`", "`ground-NAME`"}
@@ -14,7 +14,7 @@ def able(says: str) -> set[str]:
     """What the table calls the certificates that can do this; on an open bus everybody can."""
     (row,) = [row for row in rows() if row[0].startswith(says)]
     assert row[1] == "yes"
-    cells = zip(permissions_page.head()[2:], row[2:], strict=True)
+    cells = zip(protocol_page.head()[2:], row[2:], strict=True)
     return {name for name, cell in cells if cell == "yes"}
 
 

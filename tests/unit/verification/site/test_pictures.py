@@ -8,13 +8,17 @@ from checks.site.pictures import (
     FOLDER,
     NAVIGATORS,
     PANEL_PX,
+    RULES,
     THEMES,
+    TITLE,
     WORLDS,
+    ChainRecorder,
     beside,
     moving,
     panels,
+    ring,
+    rings,
 )
-from checks.site.proof_picture import RULES, TITLE, ChainRecorder, ring, rings
 from plant.world.file import load
 from study.report.drives import drive_trial
 from study.trial.trial import Trial, run_trial

@@ -13,13 +13,18 @@ from typing import Any, Self
 
 import pytest
 
-from checks.endurance import main as soak
-from checks.endurance import supervised
-from checks.endurance.drift import SETTLE_S, student, trend
-from checks.endurance.faults import CUT, KILLED, STOPPED, faults, schedule
-from checks.endurance.fleet import Size, size_of
-from checks.endurance.fleet_telemetry import RobotTelemetry
-from checks.endurance.report import Course, report_of
+from checks.endurance import soak, supervised
+from checks.endurance.fleet import (
+    CUT,
+    KILLED,
+    STOPPED,
+    RobotTelemetry,
+    Size,
+    faults,
+    schedule,
+    size_of,
+)
+from checks.endurance.soak import SETTLE_S, Course, report_of, student, trend
 from checks.endurance.supervised import KILL_NS
 from checks.harness.figures import Figure
 from ground.recording.mcap_file import McapFormat

@@ -25,7 +25,7 @@ def use_normal_priority() -> None:
 @contextmanager
 def busy(processes: int) -> Iterator[list[int]]:
     """Run so many busy processes; yield their process ids."""
-    words = [sys.executable, "-m", "checks.first_drives.busy", str(os.getpid())]
+    words = [sys.executable, "-m", "checks.harness.busy", str(os.getpid())]
     started: list[subprocess.Popen[bytes]] = []
     try:
         started.extend(

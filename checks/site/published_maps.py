@@ -1,6 +1,6 @@
 """Drive maps of two published benchmarks, and print a row of results for each.
 
-`python -m checks.published_maps --barn DIR --moving-ai DIR` reads the files `world_N.world`
+`python -m checks.site.published_maps --barn DIR --moving-ai DIR` reads the files `world_N.world`
 of the BARN challenge and the `.map` files of Moving AI. Neither is part of this project: both are
 in public repositories (see docs/evidence/published-maps.md). `sidestep study report --evidence`
 reads the file that `--output` writes.

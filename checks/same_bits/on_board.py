@@ -1,4 +1,4 @@
-"""`python -m checks.same_bits.board`: compare trials in process and on the emulated board.
+"""`python -m checks.same_bits.on_board`: compare trials in process and on the emulated board.
 
 Every shipped world is driven with every navigator and noise level. The results are written after
 each trial. A trial that has a result of the same image is not repeated, so a run can be interrupted
@@ -108,7 +108,7 @@ def all_drives() -> Iterator[Drive]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the missing drives and return the exit code."""
-    command = "python -m checks.same_bits.board"
+    command = "python -m checks.same_bits.on_board"
     parser = argparse.ArgumentParser(prog=command, description=__doc__)
     parser.add_argument("--results", type=Path, default=RESULTS, metavar="FILE")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), metavar="N")

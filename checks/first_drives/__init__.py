@@ -1,1 +1,0 @@
-"""First drives of a new user beside busy processes."""

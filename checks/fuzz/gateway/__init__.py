@@ -1,1 +1,0 @@
-"""Input from MAVLink clients: any bytes, complete frames, and the traffic of several clients."""
