@@ -26,11 +26,11 @@ BENCHMARKS = {
         "a trial in one process, x real time, compared with ir-sim",
     ),
     "compiled": BenchmarkEntry(
-        "checks.speed.compiled.main",
+        "checks.speed.compiled",
         "a trial with compiled modules, in pure Python, and of ir-sim, stage by stage",
     ),
     "core": BenchmarkEntry(
-        "checks.speed.core",
+        "checks.speed.control_step",
         "CPU time of one step of the control core",
     ),
     "codec": BenchmarkEntry(
@@ -38,11 +38,11 @@ BENCHMARKS = {
         "encode and decode, compared with pymavlink",
     ),
     "lockstep": BenchmarkEntry(
-        "checks.speed.lockstep.main",
+        "checks.speed.lockstep",
         "plant, robot and ground over Zenoh at full speed, compared with a trial and a ping-pong",
     ),
     "breakdown": BenchmarkEntry(
-        "checks.speed.lockstep.breakdown",
+        "checks.speed.tick_breakdown",
         "where the time of a tick in lockstep goes: stages, CPU time of threads, switches, frames",
     ),
     "latency": BenchmarkEntry(
@@ -54,7 +54,7 @@ BENCHMARKS = {
         "closed loop with mutual TLS and access control, compared with an open bus",
     ),
     "robot": BenchmarkEntry(
-        "checks.speed.robot",
+        "checks.speed.robot_process",
         "the robot process at 20 Hz: CPU, memory, growth, import time",
     ),
     "jitter": BenchmarkEntry(
@@ -62,7 +62,7 @@ BENCHMARKS = {
         "wall-clock driving: missed ticks and lateness, with and without SCHED_FIFO",
     ),
     "nees": BenchmarkEntry(
-        "checks.speed.odometry.nees",
+        "checks.speed.odometry",
         "consistency of the odometry's covariance with its errors, per noise level",
     ),
     "arrival": BenchmarkEntry(
@@ -70,7 +70,7 @@ BENCHMARKS = {
         "pose and last turn at the goal in the open, compared with go-then-align",
     ),
     "map": BenchmarkEntry(
-        "checks.speed.map_drawing.main",
+        "checks.speed.map_drawing",
         "a frame of the map on 100 x 40 cells, compared with textual-plotext",
     ),
     "soak": BenchmarkEntry(
@@ -78,15 +78,15 @@ BENCHMARKS = {
         "long run of a fleet with faults: memory growth, latency drift, lost messages",
     ),
     "ground": BenchmarkEntry(
-        "checks.speed.ground_station.main",
+        "checks.speed.ground_station.app_figures",
         "the app on a terminal: CPU, bytes, first paint, key to robot, a flood of log lines",
     ),
     "stop_all": BenchmarkEntry(
-        "checks.speed.ground_station.stop_all",
+        "checks.speed.ground_station.fleet",
         "stop of all robots: key in the terminal to the last wheel standing",
     ),
     "gateway": BenchmarkEntry(
-        "checks.speed.gateway.main",
+        "checks.speed.gateway.gateway_figures",
         "the MAVLink gateway: latency, cost, slow line, forgery, time-outs, readiness, floods",
     ),
     "restarts": BenchmarkEntry(

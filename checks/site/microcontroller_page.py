@@ -7,7 +7,7 @@ from statistics import median
 from checks.evidence import with_origin_of
 from checks.same_bits import on_board
 from checks.same_bits.on_board import Comparison
-from checks.speed.board import float32, hardest, state_size
+from checks.speed.board import float32, memory_size, scenarios
 from checks.speed.board.results import (
     CEILINGS,
     FLASH_BYTES,
@@ -79,7 +79,7 @@ scenarios of {ticks} ticks each, counted in this process by `checks/speed/board/
 SEARCH = """
 ## Search for the worst tick
 
-`checks/speed/board/hardest.py` runs synthetic scenarios: in half of them the robot is enclosed in a
+`checks/speed/board/scenarios.py` runs synthetic scenarios: in half of them the robot is enclosed in a
 small uneven room with its goal outside, in the other half it is carried among random echoes; the
 fence is the most expensive one. {searched} ticks of each navigator ran in this process, and the
 {measured} scenarios with the most bytecodes in a tick were measured on the board. A tick in which
@@ -165,7 +165,7 @@ def budget(costs: Costs) -> Iterator[str]:
 
 def memory(costs: Costs) -> Iterator[str]:
     """Yield the section of the memory."""
-    yield MEMORY.format(scenarios=state_size.SCENARIOS, ticks=state_size.TICKS)
+    yield MEMORY.format(scenarios=memory_size.SCENARIOS, ticks=memory_size.TICKS)
     made, all_costs = costs.build, [*costs.drives, *costs.hardest]
     for navigator, rows in by_navigator(all_costs):
         figures = [
@@ -192,7 +192,7 @@ def memory(costs: Costs) -> Iterator[str]:
 
 def search(costs: Costs) -> Iterator[str]:
     """Yield the section of the search."""
-    yield SEARCH.format(searched=costs.searched, measured=hardest.MEASURED)
+    yield SEARCH.format(searched=costs.searched, measured=scenarios.MEASURED)
     for cost in costs.hardest:
         yield (
             f"| {cost.navigator} | {cost.world.removeprefix('search ')} "

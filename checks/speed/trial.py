@@ -10,7 +10,7 @@ from pathlib import Path
 from time import process_time
 
 from checks.harness.figures import Figure, Report, ratios
-from checks.speed.irsim import peer as irsim_peer
+from checks.speed import irsim as irsim_peer
 from plant.world.file import load
 from protocol.world import World
 from study.trial.trial import Trial, run_trial

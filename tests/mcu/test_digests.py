@@ -12,8 +12,7 @@ from typing import Final
 
 import pytest
 
-from checks.speed.board.counted import counted
-from checks.speed.board.measure import build, report_of, summary
+from checks.speed.board.measure import build, counted, report_of, summary
 from checks.speed.board.results import Build, excesses
 from firmware.board import Board
 from firmware.host import BoardCore

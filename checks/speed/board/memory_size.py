@@ -5,9 +5,17 @@ attribute, whatever its `__slots__`. A list is 16 bytes and a word per item, a t
 per item, a bytearray 16 and its bytes. A float is a block. An int up to 30 bits takes nothing, a
 longer one two blocks. Numbers and strings of the program are in flash. Every float counts
 separately, although two names may share one.
+
+Size of the state that a navigator keeps from tick to tick, as on the heap of the board.
+
+The scenarios of the search run in this process, and `memory_size` counts the objects of the
+navigator after every tick. The result is the largest state found.
 """
 
-from typing import Any
+from typing import Any, Final
+
+from checks.speed.board.scenarios import Scenario, run_scenario
+from robot.hosting import InProcessCore
 
 BOX_BYTES = 16
 WORD_BYTES = 4
@@ -84,3 +92,19 @@ def is_long(value: int) -> bool:
 def rounded(size_bytes: int) -> int:
     """Return a size in whole blocks of the heap."""
     return -(-size_bytes // BOX_BYTES) * BOX_BYTES
+
+
+SCENARIOS: Final = 4
+TICKS: Final = 80
+
+
+def state_bytes(navigator: str, scenarios: int = SCENARIOS, ticks: int = TICKS) -> int:
+    """Return the largest state of a navigator in bytes."""
+    most = 0
+    for number in range(scenarios):
+        scenario = Scenario(navigator, number)
+        core = InProcessCore(scenario.params())
+        estimate = {id(core.state.odometry)}  # the robot's, which a proof only reads
+        for _ in run_scenario(core, scenario.body(), ticks):
+            most = max(most, heap_bytes(core.state.memory, set(estimate)))
+    return most

@@ -4,20 +4,30 @@ In half of the scenarios the robot is enclosed in a small irregular room with it
 it follows close walls on all sides. In the other half it is moved externally while every echo
 changes with every tick. Its fence is expensive to check. The same numbers give the same scenario
 for a core in this process and for one on a board.
+
+Search for expensive ticks of the core, by the bytecodes that CPython executes in it.
+
+The search runs synthetic scenarios in this process, which is fast, and ranks them by their tick
+with the most bytecodes. The cost of the first ones is then measured on the board. The result is the
+worst tick found, not an upper bound.
 """
 
+import sys
 from collections.abc import Iterator
 from math import cos, hypot, pi, sin
+from pathlib import Path
 from random import Random
-from typing import Final, NamedTuple
+from types import FrameType
+from typing import Any, Final, NamedTuple
 
+from robot import core
 from robot.core import reasons, states
 from robot.core.brain import ignore
 from robot.core.modes import goal_is_active
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.safety.fence import MAX_CORNERS, Fence
 from robot.core.values import BEARINGS, SONARS, Goal, Inputs, Outputs, Pose, Scan, Wheels
-from robot.hosting import Core
+from robot.hosting import Core, InProcessCore
 from study.trial.core_loop import ARM
 from study.trial.trial import NAVIGATORS
 
@@ -162,3 +172,52 @@ def random_goal(pose: Pose, body: ScenarioBody) -> Goal:
     distance_m, at_rad = body.random.choice(GOALS_M), body.random.uniform(-pi, pi)
     x_m, y_m = pose.x_m + distance_m * cos(at_rad), pose.y_m + distance_m * sin(at_rad)
     return Goal(x_m, y_m, body.random.uniform(-pi, pi), 0.02, 0.05)
+
+
+SCENARIOS: Final = 24
+TICKS: Final = 200
+MEASURED: Final = 2
+"""Scenarios of each navigator that are measured on the board."""
+SOURCES: Final = str(Path(core.__file__).parent)
+
+
+class BytecodeCounter:
+    """Counts the bytecodes that are executed in the modules of the core."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def enter(self, frame: FrameType, event: str, argument: Any) -> Any:
+        """Trace the bytecodes of a function of the core; called by `sys.settrace`."""
+        if not frame.f_code.co_filename.startswith(SOURCES):
+            return None
+        frame.f_trace_opcodes, frame.f_trace_lines = True, False
+        return self.trace
+
+    def trace(self, frame: FrameType, event: str, argument: Any) -> Any:
+        """Count a bytecode."""
+        self.count += event == "opcode"
+        return self.trace
+
+
+def search(navigator: str, count: int = SCENARIOS, ticks: int = TICKS) -> list[tuple[str, int]]:
+    """Return the scenarios whose worst ticks execute the most bytecodes."""
+    numbers = range(count)
+    worst = {number: bytecodes(Scenario(navigator, number), ticks) for number in numbers}
+    ranked = sorted(numbers, key=lambda number: -worst[number])
+    return [(navigator, number) for number in ranked[:MEASURED]]
+
+
+def bytecodes(scenario: Scenario, ticks: int) -> int:
+    """Return the bytecodes of the worst tick of a scenario; its first tick is left out."""
+    counter, most = BytecodeCounter(), 0
+    core = InProcessCore(scenario.params())
+    before = sys.gettrace()
+    sys.settrace(counter.enter)
+    try:
+        for tick in run_scenario(core, scenario.body(), ticks):
+            most = max(most, counter.count if tick else 0)
+            counter.count = 0
+    finally:
+        sys.settrace(before)
+    return most

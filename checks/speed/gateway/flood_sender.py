@@ -14,7 +14,7 @@ from itertools import cycle
 from random import Random
 from typing import Any, Final, Self
 
-from checks.speed.gateway.forged_frames import NoFile, command, commands
+from checks.speed.gateway.forgery import NoFile, command, commands
 from gateways.mavlink.mavlink_dialect import mavlink
 from runtime.clock import WallClock
 from runtime.units import NS_PER_S

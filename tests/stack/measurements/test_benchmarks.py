@@ -8,9 +8,17 @@ from checks.__main__ import Benchmark
 from checks.flood import under_attack as flood
 from checks.harness.figures import Figure
 from checks.same_bits import run_modes
-from checks.speed import codec, core, jitter, latency, mtls, robot, trial
-from checks.speed.lockstep import breakdown
-from checks.speed.lockstep import main as lockstep
+from checks.speed import (
+    codec,
+    control_step,
+    jitter,
+    latency,
+    lockstep,
+    mtls,
+    robot_process,
+    tick_breakdown,
+    trial,
+)
 
 pytestmark = pytest.mark.stack
 
@@ -29,7 +37,7 @@ def test_codec_compares_the_same_bytes() -> None:
 
 
 def test_core_times_the_given_number_of_steps() -> None:
-    found = figures(core, "--world", "open", "--steps", "500", "--repetitions", "1")
+    found = figures(control_step, "--world", "open", "--steps", "500", "--repetitions", "1")
     assert 0 < found["brain.step, median of 500"].median <= found["brain.step, worst of 500"].median
 
 
@@ -45,8 +53,8 @@ def test_lockstep_drives_to_the_end_of_the_goal() -> None:
 
 
 def test_breakdown_of_a_tick_names_where_its_time_goes() -> None:
-    found = figures(breakdown, "--world", "open", "--repetitions", "1")
-    stages = [found[name].median for name, _ in breakdown.STAGES]
+    found = figures(tick_breakdown, "--world", "open", "--repetitions", "1")
+    stages = [found[name].median for name, _ in tick_breakdown.STAGES]
     assert min(stages) > 0
     assert found["tick"].median == pytest.approx(sum(stages))
     assert found["plant: frames put"].median == pytest.approx(4, abs=0.1)
@@ -71,7 +79,7 @@ def test_jitter_reads_the_robots_own_reports() -> None:
 
 def test_robot_is_measured_by_the_kernels_account() -> None:
     words = ["--world", "open", "--seconds", "1", "--repetitions", "1", "--hours", "0.02"]
-    found = figures(robot, *words)
+    found = figures(robot_process, *words)
     assert found["resident"].median > 1
     assert "growth over 0.02 simulated h" in found
 

@@ -5,7 +5,7 @@ import argparse
 import pytest
 
 from checks.harness.figures import Figure
-from checks.speed.ground_station import main as ground
+from checks.speed.ground_station import app_figures as ground
 
 pytestmark = pytest.mark.stack
 

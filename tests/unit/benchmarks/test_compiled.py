@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from checks.speed.compiled.main import Measured, figures_of, page, table
-from checks.speed.compiled.stages import measured
+from checks.speed.compiled import Measured, figures_of, page, table
+from checks.speed.stages import measured
 
 PACES = {"compiled": 10.0, "pure": 2.0, "before": 1.0}
 

@@ -2,8 +2,7 @@
 
 import sys
 
-from checks.speed.board.hardest import MEASURED, bytecodes, search
-from checks.speed.board.scenarios import Scenario, run_scenario
+from checks.speed.board.scenarios import MEASURED, Scenario, bytecodes, run_scenario, search
 from robot.hosting import InProcessCore
 
 

@@ -6,14 +6,13 @@ from time import time_ns
 
 import pytest
 
-from checks.speed.gateway import flood, main, slow_line, timeouts
-from checks.speed.gateway.client import PER_S, Arrival, stamp_now
-from checks.speed.gateway.flood import FloodRun
+from checks.speed.gateway import frame_flood, gateway_figures, reactions
 from checks.speed.gateway.flood_sender import KINDS as FLOODS
 from checks.speed.gateway.flood_sender import SUPPLY, supply_of
-from checks.speed.gateway.forged_frames import KINDS, Forger, NoFile, command, sign
-from checks.speed.gateway.goto import first_ns
-from checks.speed.gateway.stage import position_target
+from checks.speed.gateway.forgery import KINDS, Forger, NoFile, command, sign
+from checks.speed.gateway.frame_flood import FloodRun
+from checks.speed.gateway.reactions import first_ns
+from checks.speed.gateway.stage import PER_S, Arrival, position_target, stamp_now
 from gateways.mavlink.framing import Deframer, MavFrame
 from gateways.mavlink.mavlink_dialect import mavlink
 from gateways.mavlink.motion.setpoints import Velocity, attitude_of, setpoint_of
@@ -55,9 +54,9 @@ def owners(*stamps: int) -> list[bytes]:
 
 def test_every_part_can_be_selected() -> None:
     parser = ArgumentParser()
-    main.add_options(parser)
+    gateway_figures.add_options(parser)
     assert parser.parse_args(["--parts", "goto", "cost"]).parts == ["goto", "cost"]
-    assert set(parser.parse_args([]).parts) == set(main.PARTS)
+    assert set(parser.parse_args([]).parts) == set(gateway_figures.PARTS)
 
 
 def test_first_wheel_command_that_turns_after_the_send_counts() -> None:
@@ -72,10 +71,10 @@ def test_position_target_is_the_place_in_the_robots_world() -> None:
 
 
 def test_setpoints_drive_ahead() -> None:
-    assert setpoint_of(timeouts.velocity(1.0), None, HOME) == Velocity(0.4)
-    assert attitude_of(timeouts.attitude(0.5), 0.4).speed_m_s == pytest.approx(0.2)
-    assert timeouts.stick(-1.0).z == -1000
-    assert timeouts.channels(1.0).chan3_raw == 2000
+    assert setpoint_of(reactions.velocity(1.0), None, HOME) == Velocity(0.4)
+    assert attitude_of(reactions.attitude(0.5), 0.4).speed_m_s == pytest.approx(0.2)
+    assert reactions.stick(-1.0).z == -1000
+    assert reactions.channels(1.0).chan3_raw == 2000
 
 
 @each("kind", KINDS)
@@ -113,7 +112,7 @@ def test_flood_holds_no_command_that_all_may_give() -> None:
 def test_most_bytes_of_any_second_are_found() -> None:
     times_s = (0.0, 0.5, 1.2, 1.3, 1.4, 3.0)
     arrivals = [Arrival(round(at_s * NS_PER_S), 0, 100) for at_s in times_s]
-    assert slow_line.most_in_a_second(arrivals) == 400
+    assert gateway_figures.most_in_a_second(arrivals) == 400
 
 
 def test_slow_line_that_is_silent_for_long_misses() -> None:
@@ -121,7 +120,7 @@ def test_slow_line_that_is_silent_for_long_misses() -> None:
     arrivals = [Arrival(at_s * NS_PER_S, number, 21) for at_s in (0, 1, 4)]
     longest = next(
         one
-        for one in slow_line.figures_of("line", arrivals)
+        for one in gateway_figures.figures_of("line", arrivals)
         if one.name == "line: between HEARTBEAT, longest"
     )
     assert longest.values == (3.0,)
@@ -129,5 +128,5 @@ def test_slow_line_that_is_silent_for_long_misses() -> None:
 
 
 def test_missed_tick_in_a_flood_misses() -> None:
-    figures = flood.figures_of("mixed", FloodRun(missed=1, ticks=100, stops_ms=[80.0]))
+    figures = frame_flood.figures_of("mixed", FloodRun(missed=1, ticks=100, stops_ms=[80.0]))
     assert [one.name for one in figures if one.met is False] == ["mixed: ticks missed of 100"]

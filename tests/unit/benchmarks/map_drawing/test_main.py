@@ -6,10 +6,15 @@ from functools import partial
 import pytest
 from rich.text import Text
 
-from checks.speed.map_drawing import main as benchmark
-from checks.speed.map_drawing.plotext import PlotextMap
-from checks.speed.map_drawing.scene import driving_trails, moving_trails, recorded_canvas, segments
-from checks.speed.map_drawing.stage import measure_frames
+from checks.speed import map_drawing as benchmark
+from checks.speed.map_drawing import (
+    PlotextMap,
+    driving_trails,
+    measure_frames,
+    moving_trails,
+    recorded_canvas,
+    segments,
+)
 from ground.app.widgets.map import MapWidget
 
 

@@ -7,10 +7,9 @@ from random import Random
 
 import pytest
 
-from checks.speed.board.memory_size import lengths
+from checks.speed.board.memory_size import lengths, state_bytes
 from checks.speed.board.results import STATE_BYTES
 from checks.speed.board.scenarios import CarriedBody, EnclosedBody, ScenarioBody
-from checks.speed.board.state_size import state_bytes
 from robot.core import states
 from robot.core.motion import HALT
 from robot.core.navigators.registry import NAVIGATORS as REGISTERED

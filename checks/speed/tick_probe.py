@@ -1,4 +1,4 @@
-"""`python -m checks.speed.lockstep.probe FILE ARGS...`: run `sidestep ARGS...` with time stamps.
+"""`python -m checks.speed.tick_probe FILE ARGS...`: run `sidestep ARGS...` with time stamps.
 
 Each process of the closed loop notes when it passes the points below, on the monotonic clock that
 all processes of a computer share. FILE receives them as JSON when the process ends. A note costs

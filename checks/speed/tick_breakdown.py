@@ -124,7 +124,7 @@ def run_once(name: str, *, all_topics: bool) -> Breakdown:
         files = {role: Path(folder, role) for role in ("plant", "robot")}
 
         def program(role: str) -> tuple[str, ...]:
-            return "checks.speed.lockstep.probe", str(files[role])
+            return "checks.speed.tick_probe", str(files[role])
 
         with stack(name, trial, router=False, program=program) as processes:
             pids = {**processes.pids, "ground": os.getpid()}

@@ -1,4 +1,10 @@
-"""Connected until ready: heartbeat, all parameters, the mission and the home, with lost frames.
+"""Figures of the MAVLink gateway, each measured in one run beside what it is compared with.
+
+CPU time and memory of the gateway: one robot that drives, one client, default rates.
+
+The profile for 57,600 baud: bytes per second and regular streams, while parameters are read.
+
+Connected until ready: heartbeat, all parameters, the mission and the home, with lost frames.
 
 The client asks for all three at once. It repeats a request without an answer after a second, as
 MAVProxy and the loops of mavutil scripts do. Parameters come as the file of MAVProxy and Mission
@@ -6,22 +12,156 @@ Planner, by pymavlink's own FTP client, or as the list of PARAM_VALUE.
 """
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from itertools import pairwise
 from queue import Empty, SimpleQueue
-from threading import Event
+from threading import Event, Thread
 from time import monotonic
 from typing import Any, Final
 
 from pymavlink import mavftp
 
-from checks.harness.figures import Figure
+from checks.harness.figures import Figure, Report
+from checks.harness.processes import cpu_s, resident_mb
 from checks.harness.relays import PERFECT, POOR, Impairment, UdpRelay
 from checks.harness.until import until
-from checks.speed.gateway.client import GROUND_STATION, Client, UdpLine
-from checks.speed.gateway.stage import Air, Figures, on_air
+from checks.speed.gateway import forgery, frame_flood, reactions
+from checks.speed.gateway.stage import (
+    GROUND_STATION,
+    Air,
+    Arrival,
+    Client,
+    Driver,
+    Figures,
+    Line,
+    PseudoLine,
+    UdpLine,
+    on_air,
+)
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
+from runtime.units import NS_PER_S
+
+CPU_AT_MOST: Final = 3.0
+RESIDENT_AT_MOST_MB: Final = 60.0
+SETTLES_BEFORE_COST_S: Final = 5.0
+
+
+def cost_figures(options: argparse.Namespace) -> Figures:
+    """Measure while the robot drives."""
+    shares, sizes, rates, kb = [], [], [], []
+    with on_air() as air, Client(air.line()) as client:
+        driver = Driver(client, air)
+        driver.take()
+        driver.drive(SETTLES_BEFORE_COST_S)
+        for _ in range(options.repetitions):
+            begun_s = cpu_s(air.pid)
+            client.arrivals.clear()
+            driver.drive(options.seconds)
+            took_s = (client.arrivals[-1].at_ns - client.arrivals[0].at_ns) / NS_PER_S
+            shares.append(100.0 * (cpu_s(air.pid) - begun_s) / took_s)
+            sizes.append(resident_mb(air.pid))
+            rates.append(len(client.arrivals) / took_s)
+            kb.append(sum(one.size for one in client.arrivals) / took_s / 1e3)
+    figures = [
+        Figure(name="CPU of one core", unit="%", values=tuple(shares), at_most=CPU_AT_MOST),
+        Figure(name="resident", unit="MB", values=tuple(sizes), at_most=RESIDENT_AT_MOST_MB),
+        Figure(name="messages to the client", unit="Hz", values=tuple(rates)),
+        Figure(name="bytes to the client", unit="kB/s", values=tuple(kb)),
+    ]
+    return figures, [f"cost: one robot that drives, one client; each reading {options.seconds:g} s"]
+
+
+AT_MOST_KB_S: Final = 4.5
+BAUD: Final = 57_600
+LINE_SETTLES_S: Final = 3.0
+AGAIN_S: Final = 4.0
+"""The client asks for all parameters again after this time."""
+GAP_AT_MOST_S: Final = {
+    mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.5,
+    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 0.6,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE: 0.6,
+    mavlink.MAVLINK_MSG_ID_SYS_STATUS: 2.0,
+}
+"""The streams that a person watches, and the longest time without one of each."""
+
+
+def line_figures(options: argparse.Namespace) -> Figures:
+    """Measure over a serial line, and over UDP with `--low-rate`."""
+    figures = []
+    serial = PseudoLine()
+    with on_air(endpoints=(f"serial:{serial.device}:{BAUD},accept",)) as air:
+        figures += on_line("serial line", air, serial, options)
+    with on_air("--low-rate") as air:
+        figures += on_line("UDP, --low-rate", air, air.line(), options)
+    return figures, [
+        f"slow line: the robot drives; the client reads all parameters every {AGAIN_S:g} s; the"
+        " serial line is a pseudo-terminal, which carries bytes faster than a line of 57,600 baud",
+        "any second: the largest sum of all windows of one second",
+    ]
+
+
+def on_line(name: str, air: Air, line: Line, options: argparse.Namespace) -> list[Figure]:
+    """Drive, read parameters repeatedly, and count the received bytes."""
+    over = Event()
+    with Client(line) as client:
+        driver = Driver(client, air)
+        driver.take()
+        reader = Thread(target=read_parameters, args=(client, over), daemon=True)
+        reader.start()
+        driver.drive(LINE_SETTLES_S)
+        client.arrivals.clear()
+        driver.drive(options.seconds)
+        over.set()
+        reader.join()
+        arrivals = tuple(client.arrivals)
+    return figures_of(name, arrivals)
+
+
+def read_parameters(client: Client, over: Event) -> None:
+    """Ask for all parameters again and again."""
+    while not over.wait(AGAIN_S):
+        client.send(mavlink.MAVLink_param_request_list_message(1, 1))
+
+
+def figures_of(name: str, arrivals: Sequence[Arrival]) -> list[Figure]:
+    """Return the rates and the gaps of what has arrived."""
+    seconds = (arrivals[-1].at_ns - arrivals[0].at_ns) / NS_PER_S
+    mean_kb = sum(one.size for one in arrivals[1:]) / seconds / 1e3
+    parameters = sum(one.number == mavlink.MAVLINK_MSG_ID_PARAM_VALUE for one in arrivals)
+    found = [
+        Figure(name=f"{name}: mean", unit="kB/s", values=(mean_kb,), at_most=AT_MOST_KB_S),
+        Figure(name=f"{name}: any second", unit="kB/s", values=(most_in_a_second(arrivals) / 1e3,)),
+        Figure(name=f"{name}: parameters", unit="", values=(float(parameters),), at_least=1.0),
+    ]
+    for number, at_most_s in GAP_AT_MOST_S.items():
+        times_ns = [one.at_ns for one in arrivals if one.number == number]
+        gaps = tuple((b - a) / NS_PER_S for a, b in pairwise(times_ns)) or (float("inf"),)
+        kind = mavlink.mavlink_map[number].msgname
+        found += [
+            Figure(name=f"{name}: between {kind}", unit="s", values=gaps),
+            Figure(
+                name=f"{name}: between {kind}, longest",
+                unit="s",
+                values=(max(gaps),),
+                at_most=at_most_s,
+            ),
+        ]
+    return found
+
+
+def most_in_a_second(arrivals: Sequence[Arrival]) -> int:
+    """Return the largest number of bytes in a window of one second."""
+    most = first = inside = 0
+    for one in arrivals:
+        inside += one.size
+        while one.at_ns - arrivals[first].at_ns >= NS_PER_S:
+            inside -= arrivals[first].size
+            first += 1
+        most = max(most, inside)
+    return most
+
 
 SILENCE_S: Final = 1.0
 AT_ONCE: Final = 50
@@ -217,3 +357,37 @@ def upload(client: Client) -> None:
     until(lambda: "MISSION_ACK" in client.newest, "MISSION_ACK")
     if client.newest["MISSION_ACK"].type != mavlink.MAV_MISSION_ACCEPTED:
         raise RuntimeError(f"no mission: {client.texts[-3:]}")
+
+
+PARTS: Final = {
+    "goto": reactions.goto_figures,
+    "cost": cost_figures,
+    "line": line_figures,
+    "forgery": forgery.forgery_figures,
+    "timeouts": reactions.timeout_figures,
+    "ready": ready_figures,
+    "flood": frame_flood.flood_figures,
+}
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this benchmark."""
+    parser.add_argument("--parts", nargs="+", choices=list(PARTS), default=list(PARTS))
+    parser.add_argument("--goals", type=int, default=200, help="of goto, by each way")
+    parser.add_argument("--seconds", type=float, default=60.0, help="of each reading: cost, line")
+    parser.add_argument("--repetitions", type=int, default=3, help="of the reading of the cost")
+    parser.add_argument("--rounds", type=int, default=9, help="of all kinds of forgery")
+    parser.add_argument("--forged", type=int, default=32, help="frames of each kind in a round")
+    parser.add_argument("--stops", type=int, default=20, help="of each kind of setpoint")
+    parser.add_argument("--connections", type=int, default=20, help="until ready, of each kind")
+    parser.add_argument(
+        "--kinds", nargs="+", choices=frame_flood.ALL, default=frame_flood.ALL, help="of flood"
+    )
+    parser.add_argument("--rate", type=float, default=10_000.0, help="frames a second of a flood")
+    parser.add_argument("--drive", type=float, default=15.0, help="seconds of each flood")
+    parser.add_argument("--presses", type=int, default=3, help="emergency stops in each flood")
+
+
+def measure(options: argparse.Namespace) -> Report:
+    """Measure the selected parts."""
+    return Report.of("gateway", (PARTS[name](options) for name in options.parts))

@@ -18,10 +18,9 @@ from checks.harness.figures import Figure
 from checks.harness.motion import stood_s
 from checks.harness.processes import cpu_s
 from checks.harness.until import until
-from checks.speed.gateway.client import Client
 from checks.speed.gateway.flood_sender import KINDS, MIXED, Flood
-from checks.speed.gateway.stage import Air, Driver, Figures, on_air
-from checks.speed.gateway.timeouts import since
+from checks.speed.gateway.reactions import since
+from checks.speed.gateway.stage import Air, Client, Driver, Figures, on_air
 from gateways.mavlink.mavlink_dialect import mavlink
 
 CROWD: Final = 16

@@ -19,7 +19,7 @@ from typing import Any, Final
 
 from checks.built import ROOT, install_compiled
 from checks.harness.figures import Figure, Report, digits, ratios
-from checks.speed.irsim import peer as irsim_peer
+from checks.speed import irsim as irsim_peer
 from plant.world.file import load
 
 STAGES: Final = Path(__file__).with_name("stages.py")

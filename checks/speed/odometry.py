@@ -1,23 +1,35 @@
-"""Consistency of the estimated covariance: normalised estimation error squared over many drives.
+"""Consistency of the odometry's covariance: normalised estimation error squared over many drives.
+
+Per noise level, a robot calibrated for it drives straight, in curves, stop-and-go and among
+obstacles. The expected means are 3 for the pose and 2 for the position, within their 95 % bounds.
+Noise `none` is compared with its ellipse only: its errors, fractions of encoder ticks, are bounded.
+
+Consistency of the estimated covariance: normalised estimation error squared over many drives.
 
 The error of the pose at the end of a drive, measured in its own covariance, must be distributed as
 chi-square. So the mean over the drives lies within known bounds (Bar-Shalom, Li and Kirubarajan,
 Estimation with Applications to Tracking and Navigation, 5.4.2).
+
+Place trunks at random on a floor, with a passage between any two.
 """
 
+import argparse
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from math import sqrt
+from functools import partial
+from math import dist, sqrt
+from os import cpu_count
 from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from checks.speed.odometry.tree_placement import grow
-from plant.model.configuration import noise_of
+from checks.harness.figures import Figure, Report
+from plant.model.configuration import LEVELS, noise_of
 from plant.sim.simulation import Plant
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
-from protocol.world import GoalPose, Start, World
+from protocol.world import Circle, GoalPose, Point, Start, World
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.perception import odometry as odometries
 from robot.core.perception.odometry import Odometry
@@ -29,6 +41,37 @@ from study.calibration import covariance_of
 from study.intervals import CHI2_2, Z_TWO_SIDED
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial
+
+MIN_THICKNESS_M: Final = 0.05
+MAX_THICKNESS_M: Final = 0.15
+PASSAGE_M: Final = 0.40
+CLEARING_M: Final = 0.50
+MAX_THROWS: Final = 100_000
+
+
+def grow(count: int, size_m: Point, clearings: tuple[Point, ...], seed: int) -> tuple[Circle, ...]:
+    """Return `count` trunks in millimetre steps, clear of `clearings`; ValueError if too many."""
+    random = np.random.default_rng(seed)
+    trunks: list[Circle] = []
+    for _ in range(MAX_THROWS):
+        radius_m = round(float(random.uniform(MIN_THICKNESS_M, MAX_THICKNESS_M)), 3)
+        margin_m = radius_m + PASSAGE_M
+        x_m, y_m = (round(float(random.uniform(margin_m, side - margin_m)), 3) for side in size_m)
+        trunk = Circle(x_m=x_m, y_m=y_m, radius_m=radius_m)
+        if _fits(trunk, trunks, clearings):
+            trunks.append(trunk)
+        if len(trunks) == count:
+            return tuple(trunks)
+    raise ValueError(f"{count} trunks do not fit on {size_m[0]:g} x {size_m[1]:g} m")
+
+
+def _fits(trunk: Circle, trunks: list[Circle], clearings: tuple[Point, ...]) -> bool:
+    here = (trunk.x_m, trunk.y_m)
+    return all(dist(here, point) >= trunk.radius_m + CLEARING_M for point in clearings) and all(
+        dist(here, (other.x_m, other.y_m)) >= trunk.radius_m + other.radius_m + PASSAGE_M
+        for other in trunks
+    )
+
 
 KINDS: Final = ("straight", "curves", "stop and go", "obstacles")
 FLOOR_M: Final = 40.0
@@ -164,3 +207,56 @@ def error_of(plant: Plant, odometry: Odometry) -> Array:
     truth, pose = plant.truth(), odometry.pose
     turn_rad = wrap(truth.heading_rad - pose.heading_rad)
     return np.array([truth.x_m - pose.x_m, truth.y_m - pose.y_m, turn_rad])
+
+
+DRIVES = 400
+MIN_INSIDE = 0.93
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this benchmark."""
+    parser.add_argument("--drives", type=int, default=DRIVES, help=f"per noise level ({DRIVES})")
+    parser.add_argument("--noise", nargs="+", choices=LEVELS, default=list(LEVELS))
+    parser.add_argument("--seed", type=int, default=0, help="of the first drive (0)")
+    parser.add_argument("--jobs", type=int, default=cpu_count())
+
+
+def measure(options: argparse.Namespace) -> Report:
+    """Measure all noise levels."""
+    figures: list[Figure] = []
+    notes: list[str] = []
+    each = -(-options.drives // len(KINDS))
+    with ProcessPoolExecutor(options.jobs) as pool:
+        for place, level in enumerate(options.noise):
+            first = options.seed + 100_000 * place
+            errors: list[tuple[Array, Array]] = []
+            for kind in KINDS:
+                run = partial(drive, kind, level)
+                ended = list(pool.map(run, range(first, first + each), chunksize=8))
+                errors += ended
+                notes.append(note_of(level, kind, ended))
+            figures += figures_of(level, consistency_of(errors))
+    return Report(benchmark="nees", figures=tuple(figures), notes=tuple(notes))
+
+
+def note_of(level: str, kind: str, ended: Sequence[tuple[Array, Array]]) -> str:
+    """Return a note on one kind of drive."""
+    found = consistency_of(ended)
+    return (
+        f"{level}, {kind}: pose {found.pose:.2f}, position {found.position:.2f},"
+        f" {100.0 * found.inside:.1f} % inside, {found.drives} drives"
+    )
+
+
+def figures_of(level: str, found: Consistency) -> Iterator[Figure]:
+    """Yield a figure for each of the two bounds, as a figure has one threshold."""
+    for name, mean, (low, high) in (
+        ("pose, 3 expected", found.pose, found.pose_bounds),
+        ("position, 2 expected", found.position, found.position_bounds),
+    ):
+        whole = f"{level}: NEES of the {name}"
+        held = level != "none"
+        yield Figure(name=whole, unit="", values=(mean,), at_least=low if held else None)
+        yield Figure(name=whole, unit="", values=(mean,), at_most=high if held else None)
+    name = f"{level}: true position inside its 95 % ellipse"
+    yield Figure(name=name, unit="", values=(found.inside,), at_least=MIN_INSIDE)

@@ -1,1 +1,0 @@
-"""Compiled and pure trials, compared with each other and with ir-sim."""
