@@ -15,8 +15,7 @@ from typing import Final, NamedTuple
 from checks.faults import simulated_time, wall_time
 from checks.faults.cases import FAULTS, FaultCase, Way
 from checks.faults.results import Repetition, Results, page
-from checks.harness import figures as machine
-from checks.harness.figures import Figure, Report
+from checks.harness.figures import Figure, Report, describe_machine, machine_load
 from runtime.errors import UserError
 
 KEPT: Final = Path("faults.jsonl")
@@ -56,7 +55,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def measure(options: argparse.Namespace) -> Report:
     """Run the repetitions that are missing and report all; UserError for an unknown fault."""
     faults = chosen(options.only)
-    load_before = machine.machine_load()
+    load_before = machine_load()
     if options.afresh:
         options.keep.unlink(missing_ok=True)
     results = Results(None) if options.short else Results.kept_in(options.keep)
@@ -65,7 +64,7 @@ def measure(options: argparse.Namespace) -> Report:
         for one in done(jobs, workers, short=options.short):
             results.add(one)
             print_verdict(one)
-    about = machine.describe_machine(load_before)
+    about = describe_machine(load_before)
     if options.page is not None:
         before = options.page.read_text(encoding="utf-8") if options.page.exists() else ""
         options.page.write_text(page(results, about, before), encoding="utf-8")

@@ -1,6 +1,6 @@
 """One power cut of a robot that saves: check that acknowledged changes survive it.
 
-The disk is simulated (`checks/faults/power_cuts.py`). A parameter and the fence are changed in turn.
+The disk is simulated (`ReorderingDisk`). A parameter and the fence are changed in turn.
 The number of the repetition draws the disk operation after which the power is cut. A robot is
 started from each state that a file system which reorders writes may leave then.
 

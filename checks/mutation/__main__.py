@@ -12,10 +12,9 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from checks.mutation import mutants as equivalent
 from checks.mutation.forks import MutantVerdict
 from checks.mutation.kernel import TARGETS
-from checks.mutation.mutants import Identity, Mutant, mutants_of, page
+from checks.mutation.mutants import FILE, Identity, Mutant, load, mistakes, mutants_of, page
 from checks.mutation.runner import BrokenTestsError, MutationTarget, verdicts
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -40,7 +39,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--document", action="store_true", help="print docs/evidence/mutants.md")
     options = parser.parse_args(arguments)
     if options.document:
-        print(page(TARGETS, equivalent.load()), end="")
+        print(page(TARGETS, load()), end="")
         return 0
     chosen = [module for module in TARGETS if not options.module or matches(module, options.module)]
     if not chosen:
@@ -65,7 +64,7 @@ def matches(module: str, words: Sequence[str]) -> bool:
 
 def report(modules: Sequence[str], jobs: int) -> int:
     """Try the mutants of some modules and print the result; return the exit code."""
-    entries = equivalent.load()
+    entries = load()
     listed = {identity for entry in entries for identity in entry.identities}
     alive: list[Mutant] = []
     print(HEADER, flush=True)
@@ -80,10 +79,10 @@ def report(modules: Sequence[str], jobs: int) -> int:
     unexplained = [one for one in alive if one.identity not in listed]
     for mutant in unexplained:
         print(f"\nSURVIVED line {mutant.line}: {mutant.identity}")
-    mistakes = equivalent.mistakes(entries, modules, (one.identity for one in alive))
-    for mistake in mistakes:
-        print(f"\n{equivalent.FILE.name}: {mistake}")
-    return 1 if unexplained or mistakes else 0
+    wrong = mistakes(entries, modules, (one.identity for one in alive))
+    for mistake in wrong:
+        print(f"\n{FILE.name}: {mistake}")
+    return 1 if unexplained or wrong else 0
 
 
 SURVIVED = MutantVerdict.SURVIVED

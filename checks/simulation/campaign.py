@@ -11,8 +11,10 @@ Shrink a failing scenario: fewer events, a shorter run, the same invariant viola
 """
 
 import argparse
+import gc
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -20,11 +22,13 @@ from time import process_time
 from typing import Final, NamedTuple
 
 from checks.harness.figures import Figure, Report
-from checks.simulation.defects import DEFECTS, Defect
+from checks.simulation.defects import DEFECTS, Defect, with_defect
 from checks.simulation.draw_scenario import draw_scenario
+from checks.simulation.event_kinds import apply_event
 from checks.simulation.events import Event, EventScenario, from_json, to_json
+from checks.simulation.hosts.substitutes import substituted
 from checks.simulation.invariants.run_state import Coverage
-from checks.simulation.simulation import RunResult, run
+from checks.simulation.simulation import RunResult, Simulation
 from runtime.units import NS_PER_S
 
 CHUNK: Final = 20
@@ -33,6 +37,21 @@ CHUNKS_EACH: Final = 10
 
 MOST_HUNTED: Final = 2000
 """A defect that was put back must be found within this many seeds."""
+
+
+def run(scenario: EventScenario, defect: str = "") -> RunResult:
+    """Run a scenario with everything simulated that would block.
+
+    `defect` names a row of `defects.DEFECTS`: a fixed defect that is put back.
+    """
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        with substituted(), with_defect(defect) if defect else nullcontext():
+            return Simulation(scenario, apply_event).run()
+    finally:
+        if collects:
+            gc.enable()
 
 
 class BatchResult(NamedTuple):

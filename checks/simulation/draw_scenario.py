@@ -7,8 +7,6 @@ from typing import Final
 from checks.simulation.event_kinds import (
     CLIENT_ACTIONS,
     FAULTS,
-    OPERATORS,
-    STATION,
     Arguments,
     draw_client,
     draw_driving,
@@ -16,7 +14,7 @@ from checks.simulation.event_kinds import (
     place,
     span_ms,
 )
-from checks.simulation.events import Event, EventScenario
+from checks.simulation.events import OPERATORS, STATION, Event, EventScenario
 from checks.simulation.hosts.mavlink import CLIENTS, GATEWAY
 from runtime.units import NS_PER_MS, NS_PER_S
 

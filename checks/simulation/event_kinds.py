@@ -7,23 +7,16 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from random import Random
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
-from checks.simulation.events import Argument, Event
+from checks.simulation.events import OPERATORS, Argument, Event
 from checks.simulation.hosts.attacker import ATTACKS
 from checks.simulation.hosts.bus import Impairment
 from checks.simulation.hosts.mavlink import CLIENTS
+from checks.simulation.simulation import Simulation
 from runtime.units import NS_PER_MS, PERIOD_NS
 
-if TYPE_CHECKING:
-    from checks.simulation.simulation import Simulation
-
-
 Arguments = tuple[Argument, ...]
-STATION: Final = "station"
-"""The operator that uses the ground station instead of the command line."""
-
-OPERATORS: Final = ("operator-a", "operator-b", "operator-c", STATION)
 
 
 def draw_operate(random: Random, first: str = OPERATORS[0]) -> Arguments:
@@ -161,11 +154,11 @@ class EventKind(NamedTuple):
 
     weight: int
     draw: Callable[[Random], Arguments]
-    apply: Callable[["Simulation", Event], None]
+    apply: Callable[[Simulation, Event], None]
 
 
 def after(
-    simulation: "Simulation", delay_ms: int, action: Callable[..., object], *arguments: Any
+    simulation: Simulation, delay_ms: int, action: Callable[..., object], *arguments: Any
 ) -> int:
     """Call `action` after a delay, and return that time."""
     when_ns = simulation.scheduler.now_ns + delay_ms * NS_PER_MS
@@ -203,7 +196,7 @@ def draw_rough(random: Random) -> Arguments:
     )
 
 
-def apply_rough(simulation: "Simulation", event: Event) -> None:
+def apply_rough(simulation: Simulation, event: Event) -> None:
     """Disturb a link."""
     source, target, group, loss, double, swap, delay_ms, jitter_ms, for_ms = event.arguments
     impairment = Impairment(
@@ -218,14 +211,14 @@ def apply_rough(simulation: "Simulation", event: Event) -> None:
     impair(simulation, event, [(str(source), str(target))], impairment, int(for_ms), late_ms)
 
 
-def apply_queue(simulation: "Simulation", event: Event) -> None:
+def apply_queue(simulation: Simulation, event: Event) -> None:
     """Let the delay of a link grow slowly, so that frames arrive ever later but are not lost."""
     source, target, growth, for_ms = event.arguments
     impairment = Impairment(growth=float(growth), since_ns=simulation.scheduler.now_ns)
     impair(simulation, event, [(str(source), str(target))], impairment, int(for_ms), 4400)
 
 
-def apply_cut(simulation: "Simulation", event: Event) -> None:
+def apply_cut(simulation: Simulation, event: Event) -> None:
     """Cut a link in one or both directions."""
     source, target, both, for_ms = event.arguments
     links = [(str(source), str(target))]
@@ -235,7 +228,7 @@ def apply_cut(simulation: "Simulation", event: Event) -> None:
 
 
 def impair(
-    simulation: "Simulation",
+    simulation: Simulation,
     event: Event,
     links: list[tuple[str, str]],
     impairment: Impairment,
@@ -258,7 +251,7 @@ def draw_link(random: Random) -> Arguments:
     return random.choice(OPERATORS), how, for_ms
 
 
-def apply_link(simulation: "Simulation", event: Event) -> None:
+def apply_link(simulation: Simulation, event: Event) -> None:
     """Break an operator's link.
 
     `broken`: it comes back. `taken`: the robot accepts connections, but another process has taken
@@ -286,7 +279,7 @@ def apply_link(simulation: "Simulation", event: Event) -> None:
 
 
 def await_replaced(
-    simulation: "Simulation", name: str, session: Any, within_ns: int, *, again: bool = False
+    simulation: Simulation, name: str, session: Any, within_ns: int, *, again: bool = False
 ) -> None:
     """Note that an operator is not heard until its session is replaced.
 
@@ -306,7 +299,7 @@ def await_replaced(
 # Processes.
 
 
-def restart_robot(simulation: "Simulation", back_ms: int) -> None:
+def restart_robot(simulation: Simulation, back_ms: int) -> None:
     """Start the killed robot again after a time."""
     back_ns = after(simulation, back_ms, simulation.start_robot)
     simulation.oracle.facts.held_up(back_ns + 1000 * NS_PER_MS)
@@ -318,7 +311,7 @@ def draw_kill(random: Random) -> Arguments:
     return random.choice(("robot", "robot", "plant", *OPERATORS)), back_ms
 
 
-def apply_kill(simulation: "Simulation", event: Event) -> None:
+def apply_kill(simulation: Simulation, event: Event) -> None:
     """Kill a process and restart it."""
     name, back_ms = str(event.arguments[0]), int(event.arguments[1])
     if name == "robot":
@@ -336,7 +329,7 @@ def draw_restart(random: Random) -> Arguments:
     return random.choice(("killed", "hung", "without power")), random.choice((100, 300, 1000))
 
 
-def apply_restart(simulation: "Simulation", event: Event) -> None:
+def apply_restart(simulation: Simulation, event: Event) -> None:
     """End the robot as its supervisor or the lack of power would, and start it again."""
     how, back_ms = str(event.arguments[0]), int(event.arguments[1])
     if how == "hung":
@@ -355,7 +348,7 @@ def apply_restart(simulation: "Simulation", event: Event) -> None:
     restart_robot(simulation, back_ms)
 
 
-def apply_stand(simulation: "Simulation", event: Event) -> None:
+def apply_stand(simulation: Simulation, event: Event) -> None:
     """Let the plant's clock stand still for a while, in lockstep."""
     facts = simulation.oracle.facts
     simulation.plant.stand(still=True)
@@ -367,7 +360,7 @@ def apply_stand(simulation: "Simulation", event: Event) -> None:
     facts.unsure(until_ns + STOOD_NS)
 
 
-def apply_suspend(simulation: "Simulation", event: Event) -> None:
+def apply_suspend(simulation: Simulation, event: Event) -> None:
     """Suspend a process for a while."""
     name, for_ms = str(event.arguments[0]), int(event.arguments[1])
     host, facts = simulation.host(name), simulation.oracle.facts
@@ -379,12 +372,12 @@ def apply_suspend(simulation: "Simulation", event: Event) -> None:
         facts.awake_ns = until_ns
 
 
-def apply_hang(simulation: "Simulation", event: Event) -> None:
+def apply_hang(simulation: Simulation, event: Event) -> None:
     """Let the robot's loop hang while its bus continues."""
     simulation.robot.hang_ns += int(event.arguments[0]) * NS_PER_MS
 
 
-def apply_busy(simulation: "Simulation", event: Event) -> None:
+def apply_busy(simulation: Simulation, event: Event) -> None:
     """Let each tick of the robot take longer, in wall time and in CPU time."""
     late_ms, for_ms = int(event.arguments[0]), int(event.arguments[1])
     robot = simulation.robot
@@ -392,7 +385,7 @@ def apply_busy(simulation: "Simulation", event: Event) -> None:
     after(simulation, for_ms, end_busy, simulation)
 
 
-def end_busy(simulation: "Simulation") -> None:
+def end_busy(simulation: Simulation) -> None:
     """Let ticks take their usual time again."""
     simulation.robot.late_ns, simulation.robot.stage_cost_ns = 0, 100_000
 
@@ -400,7 +393,7 @@ def end_busy(simulation: "Simulation") -> None:
 # Disk.
 
 
-def apply_slow_disk(simulation: "Simulation", event: Event) -> None:
+def apply_slow_disk(simulation: Simulation, event: Event) -> None:
     """Slow down each fsync for a while."""
     disk = simulation.robot.disk
     disk.slow_ns = int(event.arguments[0]) * NS_PER_MS
@@ -408,7 +401,7 @@ def apply_slow_disk(simulation: "Simulation", event: Event) -> None:
     disturb_disk(simulation, until_ns + QUEUED_SYNCS * disk.slow_ns)
 
 
-def apply_failing_disk(simulation: "Simulation", event: Event) -> None:
+def apply_failing_disk(simulation: Simulation, event: Event) -> None:
     """Let writes fail for a while."""
     disk = simulation.robot.disk
     disk.failing = True
@@ -417,20 +410,20 @@ def apply_failing_disk(simulation: "Simulation", event: Event) -> None:
     )
 
 
-def disturb_disk(simulation: "Simulation", until_ns: int) -> None:
+def disturb_disk(simulation: Simulation, until_ns: int) -> None:
     """Note that nothing needs to be on the disk in time until then."""
     facts = simulation.oracle.facts
     facts.disk_until_ns = max(facts.disk_until_ns, until_ns)
 
 
-def apply_power_cut(simulation: "Simulation", event: Event) -> None:
+def apply_power_cut(simulation: Simulation, event: Event) -> None:
     """Cut the power of the robot's machine and start it again."""
     simulation.robot.kill()
     simulation.robot.disk.cut_power(event.salt)
     restart_robot(simulation, int(event.arguments[0]))
 
 
-def apply_rot(simulation: "Simulation", event: Event) -> None:
+def apply_rot(simulation: Simulation, event: Event) -> None:
     """Damage a file while the robot does not run."""
     name, back_ms = str(event.arguments[0]), int(event.arguments[1])
     simulation.robot.kill()
@@ -442,7 +435,7 @@ def apply_rot(simulation: "Simulation", event: Event) -> None:
 # Clocks.
 
 
-def apply_sleep(simulation: "Simulation", event: Event) -> None:
+def apply_sleep(simulation: Simulation, event: Event) -> None:
     """Suspend an operator's machine, and its clock with it; one that stands sleeps no deeper."""
     name, for_ms = str(event.arguments[0]), int(event.arguments[1])
     if simulation.host(name).suspended:
@@ -458,7 +451,7 @@ def draw_clock(random: Random) -> Arguments:
     return random.choice(("robot", "plant", *OPERATORS)), step_ms
 
 
-def apply_clock(simulation: "Simulation", event: Event) -> None:
+def apply_clock(simulation: Simulation, event: Event) -> None:
     """Let a machine's clock jump ahead, as after its virtual machine was moved."""
     name, step_ms = str(event.arguments[0]), int(event.arguments[1])
     step(simulation, name, step_ms * NS_PER_MS)
@@ -466,7 +459,7 @@ def apply_clock(simulation: "Simulation", event: Event) -> None:
         simulation.oracle.facts.held_up(simulation.scheduler.now_ns + 500 * NS_PER_MS)
 
 
-def step(simulation: "Simulation", name: str, by_ns: int) -> None:
+def step(simulation: Simulation, name: str, by_ns: int) -> None:
     """Step a clock; operators do not know the robot's clock until they measure it again."""
     facts, now_ns = simulation.oracle.facts, simulation.scheduler.now_ns
     simulation.host(name).clock_offset_ns += by_ns
@@ -475,7 +468,7 @@ def step(simulation: "Simulation", name: str, by_ns: int) -> None:
     facts.unsure(max(now_ns, facts.sound_since_ns) + MEASURED_NS)
 
 
-def apply_wall_clock(simulation: "Simulation", event: Event) -> None:
+def apply_wall_clock(simulation: Simulation, event: Event) -> None:
     """Set the robot's wall clock; its monotonic clock continues."""
     by_ns = int(event.arguments[0]) * 1000 * NS_PER_MS
     simulation.robot.wall_step_ns += by_ns
@@ -504,7 +497,7 @@ def draw_attack(random: Random) -> Arguments:
     return kind, random.choice((1, 5, 50, 200)), random.choice((0, 1, 5, 20, 100))
 
 
-def apply_attack(simulation: "Simulation", event: Event) -> None:
+def apply_attack(simulation: Simulation, event: Event) -> None:
     """Begin an attack."""
     kind, count, gap_ms, *more = event.arguments
     simulation.attacker.attack(str(kind), int(count), int(gap_ms), event.salt, tuple(more))
@@ -513,13 +506,13 @@ def apply_attack(simulation: "Simulation", event: Event) -> None:
 # Operators.
 
 
-def apply_operate(simulation: "Simulation", event: Event) -> None:
+def apply_operate(simulation: Simulation, event: Event) -> None:
     """Let an operator act."""
     name, action, *arguments = event.arguments
     simulation.operators[str(name)].do(str(action), tuple(arguments))
 
 
-def apply_client(simulation: "Simulation", event: Event) -> None:
+def apply_client(simulation: Simulation, event: Event) -> None:
     """Let a client of the gateway act."""
     name, action, *arguments = event.arguments
     simulation.clients[str(name)].do(str(action), tuple(arguments))
@@ -530,7 +523,7 @@ def draw_crossing(random: Random) -> Arguments:
     return (*random.sample(OPERATORS[:3], 2), random.choice((1, 3, 10, 20, 40)))
 
 
-def apply_crossing(simulation: "Simulation", event: Event) -> None:
+def apply_crossing(simulation: Simulation, event: Event) -> None:
     """Let an operator clear the stop and another press it, within one tick of the robot."""
     first, second, gap_ms = event.arguments
     clears, presses = simulation.operators[str(first)], simulation.operators[str(second)]
@@ -540,7 +533,7 @@ def apply_crossing(simulation: "Simulation", event: Event) -> None:
     after(simulation, int(gap_ms), presses.do, "stop", ())
 
 
-def apply_come(simulation: "Simulation", event: Event) -> None:
+def apply_come(simulation: Simulation, event: Event) -> None:
     """Start an operator that takes the lease or only sends heartbeats."""
     name, lease = str(event.arguments[0]), int(event.arguments[1])
     operator = simulation.operators[name]
@@ -550,7 +543,7 @@ def apply_come(simulation: "Simulation", event: Event) -> None:
         operator.do("lease", ("TAKE",))
 
 
-def apply_leave(simulation: "Simulation", event: Event) -> None:
+def apply_leave(simulation: Simulation, event: Event) -> None:
     """Kill an operator's process for good."""
     simulation.operators[str(event.arguments[0])].kill()
 
@@ -593,3 +586,8 @@ FAULTS: Final[Mapping[str, EventKind]] = MappingProxyType(
         "client": EventKind(0, draw_client, apply_client),
     }
 )
+
+
+def apply_event(simulation: Simulation, event: Event) -> None:
+    """Apply an event of a scenario."""
+    FAULTS[event.kind].apply(simulation, event)

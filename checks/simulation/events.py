@@ -1,12 +1,17 @@
 """Scenarios as data: the same list of events gives the same run."""
 
-from typing import NamedTuple, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 import msgspec
 
 from runtime.units import NS_PER_MS
 
 Argument: TypeAlias = int | float | str
+
+STATION: Final = "station"
+"""The operator that uses the ground station instead of the command line."""
+
+OPERATORS: Final = ("operator-a", "operator-b", "operator-c", STATION)
 
 
 class Event(NamedTuple):

@@ -1,15 +1,12 @@
-"""Run a scenario, and return a violation or none and a reproducible digest."""
+"""A run of a scenario: all processes, a violation or none, and a reproducible digest."""
 
-import gc
-from contextlib import nullcontext
+from collections.abc import Callable
 from random import Random
 from typing import Final, NamedTuple
 
 import zenoh
 
-from checks.simulation.defects import with_defect
-from checks.simulation.event_kinds import OPERATORS, STATION
-from checks.simulation.events import Event, EventScenario
+from checks.simulation.events import OPERATORS, STATION, Event, EventScenario
 from checks.simulation.hosts import robot_and_plant
 from checks.simulation.hosts.attacker import OWN_NAME, SimulatedAttacker
 from checks.simulation.hosts.bus import (
@@ -23,7 +20,7 @@ from checks.simulation.hosts.bus import (
 from checks.simulation.hosts.mavlink import CLIENTS, GATEWAY, GatewaySide, SimulatedClient
 from checks.simulation.hosts.operators import RequestHistory, SimulatedOperator, StationOperator
 from checks.simulation.hosts.robot_and_plant import WORLDS, PlantSide, RobotSide
-from checks.simulation.hosts.substitutes import SeededSecrets, SessionOpener, substituted
+from checks.simulation.hosts.substitutes import SeededSecrets, SessionOpener
 from checks.simulation.hosts.virtual_time import Host, Scheduler, current_host
 from checks.simulation.invariants.oracle import Oracle
 from checks.simulation.invariants.run_state import Coverage, Violation
@@ -52,9 +49,12 @@ class RunResult(NamedTuple):
 
 
 class Simulation:
-    """All processes of a run, on which the events of the scenario act."""
+    """All processes of a run, on which `apply` lets the events of the scenario act."""
 
-    def __init__(self, scenario: EventScenario) -> None:
+    def __init__(
+        self, scenario: EventScenario, apply: Callable[["Simulation", Event], None]
+    ) -> None:
+        self._apply = apply
         random = Random(f"setting {scenario.seed}")
         self.scenario = scenario
         self.scheduler = scheduler = Scheduler()
@@ -125,7 +125,7 @@ class Simulation:
         self.start_robot()
         self.plant.start()
         for event in scenario.events:
-            scheduler.at(event.time_ns, self.apply, event)
+            scheduler.at(event.time_ns, self._apply, self, event)
         step_ns = 50 * NS_PER_MS
         try:
             for now_ns in range(step_ns, scenario.duration_ns + 1, step_ns):
@@ -142,12 +142,6 @@ class Simulation:
             scheduler.now_ns,
             self.oracle.facts.coverage,
         )
-
-    def apply(self, event: Event) -> None:
-        """Apply an event."""
-        from checks.simulation.event_kinds import FAULTS
-
-        FAULTS[event.kind].apply(self, event)
 
     # Called by events.
 
@@ -247,18 +241,3 @@ class Simulation:
 def stream() -> str:
     """Return the stream of random numbers of the running host: the gateway has one of its own."""
     return GATEWAY if current_host().name == GATEWAY else ""
-
-
-def run(scenario: EventScenario, defect: str = "") -> RunResult:
-    """Run a scenario with everything simulated that would block.
-
-    `defect` names a row of `defects.DEFECTS`: a fixed defect that is put back.
-    """
-    collects = gc.isenabled()
-    gc.disable()
-    try:
-        with substituted(), with_defect(defect) if defect else nullcontext():
-            return Simulation(scenario).run()
-    finally:
-        if collects:
-            gc.enable()

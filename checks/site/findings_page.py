@@ -4,9 +4,7 @@ The files in `study/falsify/worlds` have all that it shows. After a change of th
 `python -m checks.findings`.
 """
 
-import argparse
-import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
@@ -30,14 +28,10 @@ FOLDERS: Final = {
 }
 
 
-def main(argv: Sequence[str] | None = None) -> int:
+def write_page(file: Path = PAGE) -> None:
     """Rewrite the tables of the page."""
-    parser = argparse.ArgumentParser(prog="python -m checks.site.findings_page")
-    parser.add_argument("--page", type=Path, default=PAGE)
-    options = parser.parse_args(argv)
-    page = options.page.read_text(encoding="utf-8")
-    options.page.write_text(with_tables(page, WORLDS), encoding="utf-8")
-    return 0
+    page = file.read_text(encoding="utf-8")
+    file.write_text(with_tables(page, WORLDS), encoding="utf-8")
 
 
 def with_tables(page: str, worlds: Path) -> str:
@@ -90,7 +84,3 @@ def found_by(finding: Finding) -> str:
     if finding.found.startswith(FIRST):
         return f"*first*{finding.found.removeprefix(FIRST)}"
     return finding.found or "a later search"
-
-
-if __name__ == "__main__":
-    sys.exit(main())

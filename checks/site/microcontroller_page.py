@@ -79,8 +79,8 @@ scenarios of {ticks} ticks each, counted in this process by `checks/speed/board/
 SEARCH = """
 ## Search for the worst tick
 
-`checks/speed/board/scenarios.py` runs synthetic scenarios: in half of them the robot is enclosed in a
-small uneven room with its goal outside, in the other half it is carried among random echoes; the
+`checks/speed/board/scenarios.py` runs synthetic scenarios: in half of them the robot is enclosed in
+a small uneven room with its goal outside, in the other half it is carried among random echoes; the
 fence is the most expensive one. {searched} ticks of each navigator ran in this process, and the
 {measured} scenarios with the most bytecodes in a tick were measured on the board. A tick in which
 the host sends a goal includes that request. The search gives the worst tick found, not a bound.

@@ -14,7 +14,7 @@ from typing import Any
 from protocol.world import Circle, Obstacle, Polygon, World
 
 REQUIREMENT = "ir-sim>=2.10"
-DRIVER = Path(__file__).with_name("driver.py")
+DRIVER = Path(__file__).with_name("irsim_driver.py")
 PERIOD_S = 0.05
 RAYS = 40
 

@@ -4,10 +4,9 @@ from functools import partial
 
 import pytest
 
-from checks.simulation.campaign import run_seeds, search_defect, shrink
+from checks.simulation.campaign import run, run_seeds, search_defect, shrink
 from checks.simulation.draw_scenario import draw_scenario
 from checks.simulation.events import to_json
-from checks.simulation.simulation import run
 
 SEEDS = 500
 PART = 20

@@ -2,9 +2,9 @@
 
 import pytest
 
+from checks.simulation.campaign import run
 from checks.simulation.events import Argument, Event, EventScenario
 from checks.simulation.hosts.operators import OperatorRequest, RequestHistory
-from checks.simulation.simulation import run
 
 S = 1_000_000_000
 

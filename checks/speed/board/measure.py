@@ -27,10 +27,9 @@ from time import monotonic
 from typing import Final
 
 from checks.same_bits.on_board import SHOWN, image_hash
-from checks.speed.board import scenarios as hardest
 from checks.speed.board.memory_size import state_bytes
 from checks.speed.board.results import COSTS, Build, Cost, Costs, excesses, read, write
-from checks.speed.board.scenarios import Scenario, run_scenario
+from checks.speed.board.scenarios import SCENARIOS, TICKS, Scenario, run_scenario, search
 from firmware.board import Board, Emulator
 from firmware.host import BoardCore
 from firmware.image import IMAGE, OUTPUT
@@ -240,7 +239,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--limit", type=float, default=LIMIT_S, help="simulated seconds of a drive")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), metavar="N")
     parser.add_argument("--minutes", type=float, default=1e6, help="start no drive after this time")
-    parser.add_argument("--scenarios", type=int, default=hardest.SCENARIOS, help="to search")
+    parser.add_argument("--scenarios", type=int, default=SCENARIOS, help="to search")
     parser.add_argument("--output", type=Path, default=COSTS, metavar="FILE")
     options = parser.parse_args(argv)
     last_s = monotonic() + 60.0 * options.minutes
@@ -252,10 +251,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             )
             write(costs, options.output)
         if not costs.hardest:
-            costs.searched = options.scenarios * hardest.TICKS
-            found = pool.map(partial(hardest.search, count=options.scenarios), NAVIGATORS)
+            costs.searched = options.scenarios * TICKS
+            found = pool.map(partial(search, count=options.scenarios), NAVIGATORS)
             picked = [one for scenarios in found for one in scenarios]
-            scenarios = [pool.submit(measure_scenario, *one, hardest.TICKS) for one in picked]
+            scenarios = [pool.submit(measure_scenario, *one, TICKS) for one in picked]
             keep(costs, costs.hardest, scenarios, options.output)
         done = {(cost.world, cost.navigator) for cost in costs.drives}
         todo = [one for one in product(shipped(), NAVIGATORS) if one not in done]

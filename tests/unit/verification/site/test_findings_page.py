@@ -24,7 +24,7 @@ def test_tables_are_written_between_their_marks(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     marks = findings_page.BEGIN, findings_page.END
     page.write_text(f"text\n{marks[0]}old\n{marks[1]}more\n", encoding="utf-8")
-    assert findings_page.main(["--page", str(page)]) == 0
+    findings_page.write_page(page)
     text = page.read_text(encoding="utf-8")
     assert text.startswith(f"text\n{marks[0]}")
     assert text.endswith(f"{marks[1]}more\n")
