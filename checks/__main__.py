@@ -22,15 +22,15 @@ class BenchmarkEntry(NamedTuple):
 
 BENCHMARKS = {
     "trial": BenchmarkEntry(
-        "checks.speed.trial",
+        "checks.speed.trials",
         "a trial in one process, x real time, compared with ir-sim",
     ),
     "compiled": BenchmarkEntry(
-        "checks.speed.compiled",
+        "checks.speed.trials",
         "a trial with compiled modules, in pure Python, and of ir-sim, stage by stage",
     ),
     "core": BenchmarkEntry(
-        "checks.speed.control_step",
+        "checks.speed.trials",
         "CPU time of one step of the control core",
     ),
     "codec": BenchmarkEntry(
@@ -42,7 +42,7 @@ BENCHMARKS = {
         "plant, robot and ground over Zenoh at full speed, compared with a trial and a ping-pong",
     ),
     "breakdown": BenchmarkEntry(
-        "checks.speed.tick_breakdown",
+        "checks.speed.lockstep",
         "where the time of a tick in lockstep goes: stages, CPU time of threads, switches, frames",
     ),
     "latency": BenchmarkEntry(
@@ -50,7 +50,7 @@ BENCHMARKS = {
         "sensor sample published to wheel command received, compared with a ping-pong",
     ),
     "mtls": BenchmarkEntry(
-        "checks.speed.mtls",
+        "checks.speed.robot_process",
         "closed loop with mutual TLS and access control, compared with an open bus",
     ),
     "robot": BenchmarkEntry(
@@ -58,15 +58,15 @@ BENCHMARKS = {
         "the robot process at 20 Hz: CPU, memory, growth, import time",
     ),
     "jitter": BenchmarkEntry(
-        "checks.speed.jitter",
+        "checks.speed.robot_process",
         "wall-clock driving: missed ticks and lateness, with and without SCHED_FIFO",
     ),
     "nees": BenchmarkEntry(
-        "checks.speed.odometry",
+        "checks.speed.accuracy",
         "consistency of the odometry's covariance with its errors, per noise level",
     ),
     "arrival": BenchmarkEntry(
-        "checks.speed.arrival",
+        "checks.speed.accuracy",
         "pose and last turn at the goal in the open, compared with go-then-align",
     ),
     "map": BenchmarkEntry(
@@ -114,7 +114,7 @@ BENCHMARKS = {
         "the whole stack on simulated time, network and disk: faults by seed, invariants",
     ),
     "contradictions": BenchmarkEntry(
-        "checks.simulation.contradictions.bench",
+        "checks.simulation.contradictions.observe",
         "the words of two persons' programs, compared with what was: outcomes, leases, texts",
     ),
     "digest": BenchmarkEntry(

@@ -313,7 +313,7 @@ EVIDENCE: Final = (
         "falsifier",
         "Falsifier",
         "worlds in which a navigator failed, and the last search for more",
-        "`sidestep falsify`, `python -m checks.findings`, `python -m checks.site.findings_page`",
+        "`sidestep falsify`, `python -m checks.site.findings`, `python -m checks.site.findings`",
         DRIVES,
         180,
     ),

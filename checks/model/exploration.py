@@ -35,8 +35,15 @@ from checks.model.events import (
     transfers,
     while_held,
 )
-from checks.model.facts import LIVE, Abstract, StateFacts, facts
-from checks.model.invariants import INVARIANTS, Transition, rule_of
+from checks.model.invariants import (
+    INVARIANTS,
+    LIVE,
+    Abstract,
+    StateFacts,
+    Transition,
+    facts,
+    rule_of,
+)
 from checks.model.model_world import (
     ADA,
     ADAS_OTHER,

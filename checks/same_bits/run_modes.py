@@ -7,7 +7,7 @@ bit-identical. Another seed must give another digest, otherwise equality would p
 import argparse
 
 from checks.harness.figures import Figure, Report
-from checks.harness.lockstep_stack import lockstep_run
+from checks.harness.processes import lockstep_run
 from plant.world.file import load
 from study.trial.trial import Trial, run_trial
 

@@ -10,7 +10,7 @@ from importlib import import_module
 from typing import Any, Final, NamedTuple
 from unittest.mock import patch
 
-from checks.simulation.hosts.disk import SimulatedOs
+from checks.simulation.hosts.substitutes import SimulatedOs
 from protocol.wire.enums import Command
 from robot.core import reasons, states
 from robot.file_writer import InlineWriter

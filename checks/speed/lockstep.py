@@ -3,17 +3,33 @@
 Wall time counts from the start of simulated time to the message that the goal has ended. The lower
 bound is the tick of a trial in one process, plus one round trip of a bare Zenoh ping-pong: the same
 computation, and the same two messages. The three are measured in turn.
+
+Where the time of a tick goes: stages of the closed loop, CPU time of threads, switches, frames.
+
+The stages follow one another and add up to the time per tick; ticks of unusual duration are left
+out. Work beside them, such as the robot's telemetry after its wheel command, shows only in the CPU
+times.
 """
 
 import argparse
-from statistics import median
-from typing import NamedTuple
+import json
+import os
+from bisect import bisect_left
+from collections import Counter
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from statistics import mean, median
+from tempfile import TemporaryDirectory
+from typing import Final, NamedTuple
 
 from checks.harness.figures import Figure, Report
-from checks.harness.lockstep_stack import lockstep_run
+from checks.harness.processes import GoalDriver, Run, lockstep_run, stack
 from checks.speed.latency import sizes, trip_us
 from checks.speed.pingpong import PingPong, ping_pong
 from plant.world.file import load
+from protocol.topics import CLOCK, DRIVE
+from runtime.units import NS_PER_US
 from study.trial.trial import Trial, run_trial
 
 AT_LEAST = 100.0
@@ -34,21 +50,21 @@ class Costs(NamedTuple):
         return self.lockstep_us / (self.trial_us + self.round_trip_us)
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_lockstep_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of this benchmark."""
     parser.add_argument("--worlds", nargs="+", default=["forest_medium", "forest_dense"])
     parser.add_argument("--repetitions", type=int, default=5)
     parser.add_argument("--router", action="store_true", help="use a router instead of the hub")
 
 
-def measure(options: argparse.Namespace) -> Report:
+def measure_lockstep(options: argparse.Namespace) -> Report:
     """Measure the time per tick in each world."""
     figures: list[Figure] = []
     with ping_pong(*sizes()) as pings:
         for name in options.worlds:
             trial = Trial(world=load(name))
             runs = [
-                run_once(name, trial, pings, router=options.router)
+                run_beside_peers(name, trial, pings, router=options.router)
                 for _ in range(options.repetitions)
             ]
             figures += figures_of(name, runs, router=options.router)
@@ -56,7 +72,7 @@ def measure(options: argparse.Namespace) -> Report:
     return Report(benchmark="lockstep", figures=tuple(figures), notes=(way,))
 
 
-def run_once(name: str, trial: Trial, pings: PingPong, *, router: bool) -> Costs:
+def run_beside_peers(name: str, trial: Trial, pings: PingPong, *, router: bool) -> Costs:
     """Measure the three processes, the trial and the ping-pong, in turn."""
     run = lockstep_run(name, trial, router=router)
     alone = run_trial(trial)
@@ -94,3 +110,191 @@ def figures_of(name: str, runs: list[Costs], *, router: bool) -> list[Figure]:
             values=tuple(run.round_trip_us for run in runs),
         ),
     ]
+
+
+STAGES: Final = (
+    ("plant: make and put the sensor frames", f"sent {CLOCK.path}"),
+    ("Zenoh: plant to robot", f"arrived {CLOCK.path}"),
+    ("robot: hand-over to the control thread", "cycle"),
+    ("robot: requests and inputs", "step"),
+    ("robot: core", "stepped"),
+    ("robot: encode the wheel command", f"put {DRIVE.path}"),
+    ("Zenoh: robot to plant", f"arrived {DRIVE.path}"),
+    ("plant: hand-over to its loop", "advance"),
+    ("plant: advance one period", "publish"),
+)
+"""Each stage ends at the point of the second column; the first begins at `publish`."""
+
+Notes = list[tuple[str, int]]
+
+
+class Cost(NamedTuple):
+    """CPU time in ns and context switches of a thread."""
+
+    cpu_ns: int
+    switches: int
+
+
+class Usage(NamedTuple):
+    """Costs of the main thread of a process, and of its other threads together."""
+
+    main: Cost
+    others: Cost
+
+
+class Breakdown(NamedTuple):
+    """One run: us per stage, usage per process, and notes of plant and robot."""
+
+    run: Run
+    stages_us: list[float]
+    usages: dict[str, Usage]
+    notes: dict[str, Notes]
+
+
+def add_breakdown_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this benchmark."""
+    parser.add_argument("--world", default="forest_medium")
+    parser.add_argument("--repetitions", type=int, default=3)
+    parser.add_argument(
+        "--all-topics", action="store_true", help="subscribe to all topics, as a recorder does"
+    )
+
+
+def measure_breakdown(options: argparse.Namespace) -> Report:
+    """Measure the stages of some runs in one world."""
+    runs = [
+        run_with_notes(options.world, all_topics=options.all_topics)
+        for _ in range(options.repetitions)
+    ]
+    figures = [
+        Figure(name="tick", unit="us", values=tuple(sum(run.stages_us) for run in runs)),
+        *(
+            Figure(name=name, unit="us", values=tuple(run.stages_us[index] for run in runs))
+            for index, (name, _) in enumerate(STAGES)
+        ),
+        *usage_figures(runs),
+        *(
+            Figure(
+                name=f"{name}: frames put",
+                unit="/tick",
+                values=tuple(frames_per_tick(run, name) for run in runs),
+            )
+            for name in ("plant", "robot")
+        ),
+    ]
+    topics = "all topics" if options.all_topics else "the robot's status"
+    notes = (f"{options.world}; the ground process subscribes to {topics}",)
+    return Report(benchmark="breakdown", figures=tuple(figures), notes=notes)
+
+
+def usage_figures(runs: list[Breakdown]) -> Iterator[Figure]:
+    """Yield CPU time and context switches per tick of the threads of each process."""
+    for name in runs[0].usages:
+        for part, label in (("main", "main thread"), ("others", "other threads")):
+            costs: list[Cost] = [getattr(run.usages[name], part) for run in runs]
+            ticks = [run.run.score.ticks for run in runs]
+            pairs = list(zip(costs, ticks, strict=True))
+            yield Figure(
+                name=f"{name}: CPU, {label}",
+                unit="us/tick",
+                values=tuple(cost.cpu_ns / NS_PER_US / count for cost, count in pairs),
+            )
+            yield Figure(
+                name=f"{name}: context switches, {label}",
+                unit="/tick",
+                values=tuple(cost.switches / count for cost, count in pairs),
+            )
+
+
+def run_with_notes(name: str, *, all_topics: bool) -> Breakdown:
+    """Drive to the goal of a world with probes in plant and robot."""
+    trial = Trial(world=load(name))
+    with TemporaryDirectory() as folder:
+        files = {role: Path(folder, role) for role in ("plant", "robot")}
+
+        def program(role: str) -> tuple[str, ...]:
+            return "checks.speed.tick_probe", str(files[role])
+
+        with stack(name, trial, router=False, program=program) as processes:
+            pids = {**processes.pids, "ground": os.getpid()}
+            before: dict[str, Usage] = {}
+            if all_topics:
+                processes.bus.stream_all(lambda _key, _frame, _ns: None)
+            driver = GoalDriver(processes.bus)
+            run = driver.drive(trial.world, lambda: before.update(usages(pids)))
+            after = usages(pids)
+        notes = {role: read_notes(file) for role, file in files.items()}
+    used = {role: difference(after[role], before[role]) for role in pids}
+    return Breakdown(run, stages_us(notes), used, notes)
+
+
+def read_notes(file: Path) -> Notes:
+    """Return the notes of a process."""
+    return [(point, time_ns) for point, time_ns in json.loads(file.read_text(encoding="utf-8"))]
+
+
+def stages_us(notes: dict[str, Notes]) -> list[float]:
+    """Return the mean duration of each stage, over the middle half of the ticks by duration."""
+    begins = [time_ns for point, time_ns in notes["plant"] if point == "publish"]
+    ordered = sorted((time_ns, point) for role in notes for point, time_ns in notes[role])
+    times = [time_ns for time_ns, _ in ordered]
+    ticks: list[list[float]] = []
+    for begin_ns, end_ns in pairwise(begins):
+        passed = ordered[bisect_left(times, begin_ns) : bisect_left(times, end_ns)]
+        found = points_ns([(point, time_ns) for time_ns, point in passed], end_ns)
+        if found is not None:
+            ends = pairwise([begin_ns, *found])
+            ticks.append([(after - before) / NS_PER_US for before, after in ends])
+    ticks.sort(key=sum)
+    middle = ticks[len(ticks) // 4 : 3 * len(ticks) // 4]
+    return [mean(column) for column in zip(*middle, strict=True)]
+
+
+def points_ns(passed: Notes, end_ns: int) -> list[int] | None:
+    """Return the ends of the stages of one tick, none before the previous; None if one lacks.
+
+    A frame may arrive before its sender's call returns: the sender's stage then ends on arrival.
+    """
+    counts = Counter(point for point, _ in passed)
+    wanted = [point for _, point in STAGES[:-1]]
+    if any(counts[point] != 1 for point in wanted):
+        return None
+    time_of = dict(passed)
+    ends = [*(time_of[point] for point in wanted), end_ns]
+    for index in range(len(ends) - 2, -1, -1):
+        ends[index] = min(ends[index], ends[index + 1])
+    return ends
+
+
+def frames_per_tick(run: Breakdown, role: str) -> float:
+    """Return the number of frames that a process puts per tick."""
+    points = Counter(point for point, _ in run.notes[role])
+    puts = sum(count for point, count in points.items() if point.startswith("put "))
+    return puts / points["publish" if role == "plant" else "cycle"]
+
+
+def usages(pids: dict[str, int]) -> dict[str, Usage]:
+    """Return what the threads of each process have used so far."""
+    found = {}
+    for role, pid in pids.items():
+        costs = {int(task.name): cost_of(task) for task in Path(f"/proc/{pid}/task").iterdir()}
+        main = costs.pop(pid)
+        others = Cost(
+            sum(cost.cpu_ns for cost in costs.values()),
+            sum(cost.switches for cost in costs.values()),
+        )
+        found[role] = Usage(main, others)
+    return found
+
+
+def cost_of(task: Path) -> Cost:
+    """Return CPU time and context switches of one thread."""
+    cpu_ns = int((task / "schedstat").read_text(encoding="utf-8").split()[0])
+    lines = (task / "status").read_text(encoding="utf-8").splitlines()
+    return Cost(cpu_ns, sum(int(line.split()[1]) for line in lines if "ctxt_switches" in line))
+
+
+def difference(after: Usage, before: Usage) -> Usage:
+    """Return CPU time and context switches between two measurements."""
+    pairs = zip(after, before, strict=True)
+    return Usage(*(Cost(a.cpu_ns - b.cpu_ns, a.switches - b.switches) for a, b in pairs))

@@ -2,20 +2,40 @@
 
 CPU and memory are the kernel's figures of the process. Growth is measured in lockstep, where ten
 simulated hours take minutes: `--hours 10`.
+
+Missed ticks and lateness at wall-clock speed, as reported by the robot.
+
+Lateness counts from the arrival of the scan that starts the tick. The lateness of the substitute
+plant that publishes the scans is reported too, since it is caused by the machine.
+
+Cost of mutual TLS and access control in the closed loop, compared with an open bus.
+
+Three robot processes run 20 times a second and a third of a period apart, so that all meet the same
+load. Each has a substitute for plant and operator. One is open, one is locked with mutual TLS and
+access control on every sample, and one also logs rejected clients, as is the default. Their order
+rotates with each block.
 """
 
 import argparse
 import subprocess
 import sys
-from time import monotonic
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import monotonic, monotonic_ns
+from typing import Final
 
-from checks.harness.figures import Figure, Report
-from checks.harness.processes import cpu_s, resident_mb, robot_process
-from checks.harness.stand_in import PlantStandIn, driving, paced
+from checks.harness.figures import Figure, Report, percentile, ratios
+from checks.harness.processes import ROBOT, cpu_s, resident_mb, robot_process
+from checks.harness.stand_in import PlantStandIn, driving, paced, wait_until
 from plant.world.file import load
 from protocol.bus.bus import open_bus
+from protocol.topics import CYCLE
+from protocol.wire.codec import decode
+from protocol.wire.messages import CycleReport
 from protocol.world import World
-from runtime.units import CONTROL_HZ
+from runtime.units import CONTROL_HZ, NS_PER_S, PERIOD_NS
 
 CPU_AT_MOST, RSS_AT_MOST, IMPORT_AT_MOST, GROWTH_AT_MOST = 5.0, 60.0, 0.3, 1.0
 IMPORTING = "import time; t = time.perf_counter(); import robot.run; print(time.perf_counter() - t)"
@@ -24,7 +44,7 @@ SAMPLES = 40
 LOCKSTEP_PATIENCE_S = 5.0
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_robot_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of this benchmark."""
     parser.add_argument("--world", default="forest_medium")
     parser.add_argument("--seconds", type=float, default=15.0, help="per repetition, at 20 Hz")
@@ -32,7 +52,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--hours", type=float, default=1.0, help="simulated, for growth; 0: none")
 
 
-def measure(options: argparse.Namespace) -> Report:
+def measure_robot(options: argparse.Namespace) -> Report:
     """Measure import time, CPU, memory and growth."""
     world = load(options.world)
     figures = [
@@ -111,3 +131,189 @@ def over_hours(world: World, hours: float) -> tuple[Figure, str]:
     )
     shown = ", ".join(f"{size:.1f}" for size in sizes[:: SAMPLES // 10])
     return growth, f"resident at each tenth, MB: {shown}; {pace:.0f} x real time"
+
+
+SHARES = {"p50": 0.5, "p99": 0.99, "max": 1.0}
+
+
+def add_jitter_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this benchmark."""
+    parser.add_argument("--world", default="forest_medium")
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--repetitions", type=int, default=1)
+
+
+def measure_jitter(options: argparse.Namespace) -> Report:
+    """Measure with normal scheduling and with SCHED_FIFO."""
+    figures: list[Figure] = []
+    notes: list[str] = []
+    for name, flags in (("normal", []), ("SCHED_FIFO", ["--realtime"])):
+        runs = [TimedDrive(load(options.world), flags) for _ in range(options.repetitions)]
+        for run in runs:
+            run.go(options.seconds)
+        figures += jitter_figures(name, runs)
+        notes += {f"{name}: {line}" for run in runs for line in run.output if "warning" in line}
+    return Report(benchmark="jitter", figures=tuple(figures), notes=tuple(notes))
+
+
+class TimedDrive:
+    """A robot process that drives for some time, and its cycle reports."""
+
+    def __init__(self, world: World, flags: list[str]) -> None:
+        self._world = world
+        self._flags = flags
+        self.output: list[str] = []
+        self.published_late_us: list[float] = []
+        self.reports: list[CycleReport] = []
+
+    def go(self, seconds: float) -> None:
+        """Drive for this many seconds."""
+        frames: list[bytes] = []
+        with (
+            robot_process(self._world, *self._flags) as robot,
+            driving(self._world, robot, lockstep=False) as standin,
+        ):
+            standin.bus.stream(CYCLE, lambda _key, frame, _ns: frames.append(frame), ROBOT)
+            for due_ns in paced(round(seconds * CONTROL_HZ)):
+                self.published_late_us.append((monotonic_ns() - due_ns) / 1e3)
+                standin.tick()
+            self.output = robot.output
+        messages = (decode(frame).message for frame in frames)
+        self.reports = [message for message in messages if isinstance(message, CycleReport)]
+
+    def late_us(self, share: float) -> float:
+        """Return a quantile of the lateness."""
+        return percentile([float(report.late_us) for report in self.reports], share)
+
+    @property
+    def missed(self) -> int:
+        """Missed ticks between the first and the last report; the start-up is excluded."""
+        return self.reports[-1].missed - self.reports[0].missed
+
+    @property
+    def overruns(self) -> int:
+        """Ticks over budget between the first and the last report."""
+        return self.reports[-1].overruns - self.reports[0].overruns
+
+
+def jitter_figures(name: str, runs: list[TimedDrive]) -> list[Figure]:
+    """Return the figures of the drives."""
+
+    def each(value: Callable[[TimedDrive], float]) -> tuple[float, ...]:
+        return tuple(value(run) for run in runs)
+
+    figures = [
+        Figure(
+            name=f"{name}, missed ticks",
+            unit="",
+            values=each(lambda run: run.missed),
+            at_most=0.0,
+        ),
+        Figure(name=f"{name}, over budget", unit="", values=each(lambda run: run.overruns)),
+        Figure(name=f"{name}, ticks", unit="", values=each(lambda run: len(run.reports))),
+    ]
+    for word, share in SHARES.items():
+        late = tuple(run.late_us(share) for run in runs)
+        figures.append(Figure(name=f"{name}, late {word}", unit="us", values=late))
+    own = each(lambda run: percentile(run.published_late_us, 1.0))
+    figures.append(Figure(name=f"{name}, the substitute plant late, max", unit="us", values=own))
+    return figures
+
+
+MAX_RATIO: Final = 1.10
+WARM_UP: Final = 60
+SHARE_OF_TURN: Final = 0.9  # of the time until the next robot's turn
+KINDS: Final = ("open", "locked", "logging")
+VALID: Final = timedelta(days=1)
+
+
+def add_mtls_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this benchmark."""
+    parser.add_argument("--world", default="forest_medium")
+    parser.add_argument("--blocks", type=int, default=24)
+    parser.add_argument("--ticks", type=int, default=200, help="in each block")
+
+
+def measure_mtls(options: argparse.Namespace) -> Report:
+    """Measure the three robots in turn."""
+    world = load(options.world)
+    with (
+        TemporaryDirectory(prefix="sidestep-") as folder,
+        robot_process(world) as plain,
+        robot_process(
+            world, keys=made_keys(Path(folder) / "silent", logs_refusals=False)
+        ) as locked,
+        robot_process(
+            world, keys=made_keys(Path(folder) / "logging", logs_refusals=True)
+        ) as logging,
+        driving(world, plain, lockstep=False) as open_plant,
+        driving(world, locked, lockstep=False) as locked_plant,
+        driving(world, logging, lockstep=False) as logging_plant,
+    ):
+        pids = (plain.pid, locked.pid, logging.pid)
+        robots = (open_plant, locked_plant, logging_plant)
+        turns_in_turn(robots, WARM_UP, first=0)
+        before = [cpu_s(pid) for pid in pids]
+        blocks = [
+            turns_in_turn(robots, options.ticks, first=block) for block in range(options.blocks)
+        ]
+        spent = [cpu_s(pid) - was for pid, was in zip(pids, before, strict=True)]
+    ticks = options.blocks * options.ticks
+    lost = [
+        sum(options.ticks - len(block[robot]) for block in blocks) for robot in range(len(KINDS))
+    ]
+    figures = [*mtls_figures(blocks, "p50", 0.5, MAX_RATIO), *mtls_figures(blocks, "p99", 0.99)]
+    figures += [
+        Figure(name=f"CPU of the robot per tick, {name}", unit="us", values=(cpu / ticks * 1e6,))
+        for name, cpu in zip(KINDS, spent, strict=True)
+    ]
+    missing = ", ".join(f"{count} {name}" for name, count in zip(KINDS, lost, strict=True))
+    notes = (
+        f"{options.blocks} blocks of {options.ticks} ticks at 20 Hz, in turn",
+        f"commands not in time: {missing}",
+    )
+    return Report(benchmark="mtls", figures=tuple(figures), notes=notes)
+
+
+def made_keys(folder: Path, *, logs_refusals: bool) -> Path:
+    """Make certificates for this run."""
+    from ground.certificates.folder import make  # its library is optional for other benchmarks
+
+    now = datetime.now(UTC)
+    make(folder, [ROBOT], {}, now - VALID, now + VALID)
+    if not logs_refusals:
+        with (folder / f"robot-{ROBOT}.toml").open("a", encoding="utf-8") as config:
+            config.write("tell_refusals = false\n")
+    return folder
+
+
+def turns_in_turn(robots: Sequence[PlantStandIn], ticks: int, *, first: int) -> list[list[float]]:
+    """Return the times in us from samples to command of each robot."""
+    took: list[list[float]] = [[] for _ in robots]
+    share_ns = PERIOD_NS // len(robots)
+    for due_ns in paced(ticks):
+        for place in range(len(robots)):
+            wait_until(due_ns + place * share_ns)
+            robot = (first + place) % len(robots)
+            ns = robots[robot].tick(patience_s=share_ns * SHARE_OF_TURN / NS_PER_S)
+            if ns is not None:
+                took[robot].append(ns / 1e3)
+    return took
+
+
+def mtls_figures(
+    blocks: Sequence[Sequence[list[float]]], name: str, share: float, at_most: float | None = None
+) -> list[Figure]:
+    """Return the ratios, of which that of mutual TLS has a threshold, and their terms."""
+    values = [[percentile(block[robot], share) for block in blocks] for robot in range(len(KINDS))]
+    plain, locked, logging = values
+    locked_ratio = f"locked / open, {name}"
+    logging_ratio = f"locked with log of refusals / open, {name}"
+    return [
+        Figure(name=locked_ratio, unit="x", values=ratios(locked, plain), at_most=at_most),
+        Figure(name=logging_ratio, unit="x", values=ratios(logging, plain)),
+        *(
+            Figure(name=f"sense to command, {kind}, {name}", unit="us", values=tuple(found))
+            for kind, found in zip(KINDS, values, strict=True)
+        ),
+    ]

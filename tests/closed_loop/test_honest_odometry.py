@@ -7,7 +7,7 @@ from math import inf
 import numpy as np
 import pytest
 
-from checks.speed.odometry import KINDS, consistency_of, drive, error_of
+from checks.speed.accuracy import KINDS, consistency_of, drive, error_of
 from plant.model.configuration import LEVELS
 from plant.sim.simulation import Plant
 from protocol.world import Circle, GoalPose, Polygon, Setting, Start, World

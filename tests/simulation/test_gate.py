@@ -4,8 +4,7 @@ from functools import partial
 
 import pytest
 
-from checks.simulation.campaign import run, run_seeds, search_defect, shrink
-from checks.simulation.draw_scenario import draw_scenario
+from checks.simulation.campaign import draw_scenario, run, run_seeds, search_defect, shrink
 from checks.simulation.events import to_json
 
 SEEDS = 500

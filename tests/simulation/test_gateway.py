@@ -1,7 +1,6 @@
 """The gateway and its two clients in the simulation: they drive, stop, and are lost."""
 
-from checks.simulation.campaign import run
-from checks.simulation.draw_scenario import GATEWAY_EVERY, draw_scenario
+from checks.simulation.campaign import GATEWAY_EVERY, draw_scenario, run
 from checks.simulation.events import Argument, Event, EventScenario
 from checks.simulation.simulation import RunResult
 from tests.support.each import each

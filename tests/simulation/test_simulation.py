@@ -3,13 +3,12 @@
 import subprocess
 import sys
 
-from checks.simulation.campaign import run
-from checks.simulation.draw_scenario import draw_scenario
+from checks.simulation.campaign import draw_scenario, run
 from checks.simulation.events import Event, EventScenario, from_json, to_json
 from tests.support.each import each
 
 PRINTS_DIGEST = """
-from checks.simulation.draw_scenario import draw_scenario
+from checks.simulation.campaign import draw_scenario
 from checks.simulation.campaign import run
 print(*[run(draw_scenario(seed)).digest for seed in (1, 2, 3)])
 """

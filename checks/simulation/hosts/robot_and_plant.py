@@ -6,7 +6,7 @@ The plant's process in the simulation: real world, robot link, requests and loop
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final, Protocol
 
-from checks.simulation.hosts.disk import DISKS, SimulatedDisk, SimulatedPath
+from checks.simulation.hosts.substitutes import DISKS, SimulatedDisk, SimulatedPath
 from checks.simulation.hosts.virtual_time import Host, Scheduler, SimulatedClock, current_task
 from plant.model.configuration import Noise
 from plant.process.loop import Process, RequestQueue, Wake

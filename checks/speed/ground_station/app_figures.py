@@ -26,7 +26,7 @@ from checks.harness.figures import Figure, Report
 from checks.harness.observer import Observer, Shuttle, observed
 from checks.harness.terminal import Spent, Terminal
 from checks.harness.until import until
-from checks.speed.ground_station import app_memory, fleet, key_latency
+from checks.speed.ground_station import app_memory, app_terminal, fleet
 from checks.speed.ground_station.app_terminal import (
     SIZES,
     AdjustableTerminal,
@@ -189,7 +189,7 @@ def took_s(line: str, bytecode: Path) -> float:
 PARTS: Final = {
     "paint": paint_figures,
     "cost": cost_figures,
-    "keys": key_latency.key_figures,
+    "keys": app_terminal.key_figures,
     "crowd": app_memory.long_run_figures,
     "fleet": fleet.fleet_figures,
 }

@@ -8,17 +8,10 @@ from checks.__main__ import Benchmark
 from checks.flood import under_attack as flood
 from checks.harness.figures import Figure
 from checks.same_bits import run_modes
-from checks.speed import (
-    codec,
-    control_step,
-    jitter,
-    latency,
-    lockstep,
-    mtls,
-    robot_process,
-    tick_breakdown,
-    trial,
-)
+from checks.speed import codec, latency, lockstep, robot_process, trials
+from checks.speed import lockstep as tick_breakdown
+from checks.speed import robot_process as jitter
+from checks.speed import robot_process as mtls
 
 pytestmark = pytest.mark.stack
 
@@ -37,12 +30,12 @@ def test_codec_compares_the_same_bytes() -> None:
 
 
 def test_core_times_the_given_number_of_steps() -> None:
-    found = figures(control_step, "--world", "open", "--steps", "500", "--repetitions", "1")
+    found = figures(trials, "--world", "open", "--steps", "500", "--repetitions", "1")
     assert 0 < found["brain.step, median of 500"].median <= found["brain.step, worst of 500"].median
 
 
 def test_trial_runs_without_its_peer() -> None:
-    found = figures(trial, "--worlds", "open", "--repetitions", "1", "--no-peer")
+    found = figures(trials, "--worlds", "open", "--repetitions", "1", "--no-peer")
     assert found["open, real time"].median > 1
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from checks.harness.lockstep_stack import lockstep_run
+from checks.harness.processes import lockstep_run
 from plant.world.file import load
 from study.trial.trial import Trial, run_trial
 from tests.support.stack.processes import Crew

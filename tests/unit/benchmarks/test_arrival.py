@@ -2,8 +2,8 @@
 
 from argparse import ArgumentParser
 
-from checks.speed import arrival
-from checks.speed.arrival import PEER, arrive
+from checks.speed import accuracy
+from checks.speed.accuracy import PEER, arrive
 from tests.support.each import each
 
 
@@ -24,8 +24,8 @@ def test_without_pose_controller_the_robot_turns_last() -> None:
 
 def test_only_the_robot_is_compared_with_thresholds() -> None:
     parser = ArgumentParser()
-    arrival.add_options(parser)
-    report = arrival.measure(parser.parse_args(["--poses", "2", "--noises", "none"]))
+    accuracy.add_arrival_options(parser)
+    report = accuracy.measure_arrival(parser.parse_args(["--poses", "2", "--noises", "none"]))
     judged = {figure.name: figure.met for figure in report.figures if figure.met is not None}
     assert judged == {
         "none: not reached": True,

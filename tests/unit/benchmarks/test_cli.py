@@ -16,7 +16,7 @@ class Stub(ModuleType):
     """A benchmark with a fixed result."""
 
     def __init__(self, value: float) -> None:
-        super().__init__("checks.speed.control_step")
+        super().__init__("checks.speed.trials")
         self.value = value
 
     def add_options(self, parser: ArgumentParser) -> None:
@@ -30,7 +30,7 @@ class Stub(ModuleType):
 @pytest.fixture
 def stub(monkeypatch: pytest.MonkeyPatch) -> Stub:
     module = Stub(10.0)
-    monkeypatch.setitem(sys.modules, "checks.speed.control_step", module)
+    monkeypatch.setitem(sys.modules, "checks.speed.trials", module)
     return module
 
 

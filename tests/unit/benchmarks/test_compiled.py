@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from checks.speed.compiled import Measured, figures_of, page, table
 from checks.speed.stages import measured
+from checks.speed.trials import Measured, compiled_figures, page, table
 
 PACES = {"compiled": 10.0, "pure": 2.0, "before": 1.0}
 
@@ -29,7 +29,7 @@ def test_ratios_are_those_of_neighbours_and_digests_are_compared() -> None:
         "pure": [reply(500.0), reply(1000.0, "other")],
         "ir-sim": [50.0, 100.0],
     }
-    figures = {figure.name: figure for figure in figures_of("w", found)}
+    figures = {figure.name: figure for figure in compiled_figures("w", found)}
     assert figures["w, compiled / pure"].values == (4.0, 4.0)
     assert figures["w, compiled / ir-sim"].values == (40.0, 40.0)
     assert figures["w, pure / ir-sim"].met
@@ -43,6 +43,6 @@ def test_the_table_shows_each_stage_of_each_child() -> None:
     assert lines[2] == "| stage | before, us | pure, us | compiled, us |"
     assert "| core | 30.0 | 15.0 | 3.0 |" in lines
     assert lines[-1] == "| whole trial | 50.0 | 25.0 | 5.0 |"
-    text = page(["## w"], list(figures_of("w", found)))
+    text = page(["## w"], list(compiled_figures("w", found)))
     assert "| w, compiled | 10 x | 10 to 10 | 2000 |" in text
     assert text.endswith("\n## w\n")

@@ -1,6 +1,6 @@
 """The breakdown of a tick in stages."""
 
-from checks.speed.tick_breakdown import STAGES, Cost, Usage, difference, points_ns, stages_us
+from checks.speed.lockstep import STAGES, Cost, Usage, difference, points_ns, stages_us
 
 TICK_NS = 100_000
 POINTS = [point for _, point in STAGES[:-1]]

@@ -3,7 +3,7 @@
 import json
 from math import pi
 
-from checks.speed.irsim import PERIOD_S, RAYS, scene_of
+from checks.speed.trials import PERIOD_S, RAYS, scene_of
 from protocol.world import Circle, GoalPose, Polygon, Polyline, Start, World
 
 CORNERS = ((1.0, 1.0), (2.0, 1.0), (2.0, 2.0))

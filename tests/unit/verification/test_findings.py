@@ -5,7 +5,7 @@ from shutil import copyfile
 
 import pytest
 
-from checks.findings import WORLDS, failing, main, name_of
+from checks.site.findings import WORLDS, failing, main, name_of
 from runtime.errors import UserError
 from study.falsify.findings import read_finding
 

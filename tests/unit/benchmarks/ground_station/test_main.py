@@ -7,7 +7,7 @@ import pytest
 from checks.harness.terminal import Terminal
 from checks.speed.ground_station import app_figures as ground
 from checks.speed.ground_station.app_memory import sizes_mb
-from checks.speed.ground_station.key_latency import first, held, stopped
+from checks.speed.ground_station.app_terminal import first, held, stopped
 from protocol.wire.message import Message
 from protocol.wire.messages import WheelCommand
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from checks.speed.odometry import KINDS, Array, bounds, consistency_of, speeds_of
+from checks.speed.accuracy import KINDS, Array, bounds, consistency_of, speeds_of
 from tests.support.each import each
 
 

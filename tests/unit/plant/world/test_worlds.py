@@ -5,7 +5,7 @@ from math import dist
 
 import pytest
 
-from checks.speed.odometry import PASSAGE_M, grow
+from checks.speed.accuracy import PASSAGE_M, grow
 from plant.model.configuration import Body
 from plant.shortest_path import shortest_path_m
 from plant.world.file import SHIPPED_DIR, load, shipped

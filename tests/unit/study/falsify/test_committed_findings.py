@@ -7,7 +7,7 @@ import pytest
 from _pytest.mark.structures import ParameterSet
 
 import study.falsify
-from checks.findings import renewed
+from checks.site.findings import renewed
 from plant.shortest_path import shortest_path_m
 from study.falsify.findings import read_finding
 from study.falsify.properties import LETTERS
@@ -89,7 +89,7 @@ def test_failing_finding_ends_as_its_file_states(file: Path) -> None:
     stored, now = read_finding(file), renewed(file)
     assert now is not None, "it holds now: move the file to fixed/"
     assert (now.kind, now.sentence, now.world.name) == (stored.kind, stored.sentence, file.stem), (
-        "run `python -m checks.findings`"
+        "run `python -m checks.site.findings`"
     )
     assert now == stored
     assert f"<title>{escape(stored.sentence)}</title>" in file.with_suffix(".svg").read_text()

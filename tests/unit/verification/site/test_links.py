@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from checks.site.links import problems, target
+from checks.site.__main__ import problems, target
 from tests.support.each import each
 
 LINK = '<a href="{}">next</a>'
