@@ -14,24 +14,28 @@ from runtime.cli.parsers import new_parser
 
 
 class BenchmarkEntry(NamedTuple):
-    """The module of a benchmark and what it measures."""
+    """The module of a benchmark and what it measures; `part` names one of several in a module."""
 
     module: str
     title: str
+    part: str = ""
 
 
 BENCHMARKS = {
     "trial": BenchmarkEntry(
         "checks.speed.trials",
         "a trial in one process, x real time, compared with ir-sim",
+        "TRIAL",
     ),
     "compiled": BenchmarkEntry(
         "checks.speed.trials",
         "a trial with compiled modules, in pure Python, and of ir-sim, stage by stage",
+        "COMPILED",
     ),
     "core": BenchmarkEntry(
         "checks.speed.trials",
         "CPU time of one step of the control core",
+        "STEP",
     ),
     "codec": BenchmarkEntry(
         "checks.speed.codec",
@@ -40,10 +44,12 @@ BENCHMARKS = {
     "lockstep": BenchmarkEntry(
         "checks.speed.lockstep",
         "plant, robot and ground over Zenoh at full speed, compared with a trial and a ping-pong",
+        "LOCKSTEP",
     ),
     "breakdown": BenchmarkEntry(
         "checks.speed.lockstep",
         "where the time of a tick in lockstep goes: stages, CPU time of threads, switches, frames",
+        "BREAKDOWN",
     ),
     "latency": BenchmarkEntry(
         "checks.speed.latency",
@@ -52,22 +58,27 @@ BENCHMARKS = {
     "mtls": BenchmarkEntry(
         "checks.speed.robot_process",
         "closed loop with mutual TLS and access control, compared with an open bus",
+        "MTLS",
     ),
     "robot": BenchmarkEntry(
         "checks.speed.robot_process",
         "the robot process at 20 Hz: CPU, memory, growth, import time",
+        "ROBOT_PROCESS",
     ),
     "jitter": BenchmarkEntry(
         "checks.speed.robot_process",
         "wall-clock driving: missed ticks and lateness, with and without SCHED_FIFO",
+        "JITTER",
     ),
     "nees": BenchmarkEntry(
         "checks.speed.accuracy",
         "consistency of the odometry's covariance with its errors, per noise level",
+        "NEES",
     ),
     "arrival": BenchmarkEntry(
         "checks.speed.accuracy",
         "pose and last turn at the goal in the open, compared with go-then-align",
+        "ARRIVAL",
     ),
     "map": BenchmarkEntry(
         "checks.speed.map_drawing",
@@ -127,10 +138,10 @@ BENCHMARKS = {
 class Benchmark(Protocol):
     """The interface of a benchmark module."""
 
-    def add_options(self, parser: argparse.ArgumentParser) -> None:
+    def add_options(self, parser: argparse.ArgumentParser, /) -> None:
         """Add the options of this benchmark."""
 
-    def measure(self, options: argparse.Namespace) -> Report:
+    def measure(self, options: argparse.Namespace, /) -> Report:
         """Run the benchmark and return its figures."""
 
 
@@ -165,7 +176,9 @@ def benchmark_of(arguments: Sequence[str]) -> Benchmark | None:
     """Return the module of the first benchmark name among the arguments, or None."""
     for word in arguments:
         if word in BENCHMARKS:
-            return cast(Benchmark, importlib.import_module(BENCHMARKS[word].module))
+            entry = BENCHMARKS[word]
+            module = importlib.import_module(entry.module)
+            return cast(Benchmark, getattr(module, entry.part) if entry.part else module)
     return None
 
 

@@ -133,7 +133,7 @@ EVIDENCE: Final = (
         "A tick in lockstep",
         "where the time of a tick over the bus goes",
         "`sidestep bench breakdown`, `sidestep bench lockstep`",
-        (*STACK, "checks/speed/lockstep"),
+        (*STACK, "checks/speed/lockstep.py"),
         3,
         benched("lockstep", TICK),
     ),
@@ -142,7 +142,7 @@ EVIDENCE: Final = (
         "Compiled modules",
         "trials compiled, in pure Python and of ir-sim, stage by stage",
         "`sidestep bench compiled --page FILE`",
-        (*DRIVES, "hatch_build.py", "checks/speed/compiled", "checks/speed/irsim"),
+        (*DRIVES, "hatch_build.py", "checks/speed/trials.py", "checks/speed/irsim_driver.py"),
         8,
         (
             Step(
@@ -313,7 +313,7 @@ EVIDENCE: Final = (
         "falsifier",
         "Falsifier",
         "worlds in which a navigator failed, and the last search for more",
-        "`sidestep falsify`, `python -m checks.site.findings`, `python -m checks.site.findings`",
+        "`sidestep falsify`, `python -m checks.site.findings`",
         DRIVES,
         180,
     ),

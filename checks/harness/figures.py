@@ -3,14 +3,16 @@
 The machine that a figure was measured on, and its load.
 """
 
+import argparse
 import os
 import platform
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from math import ceil
 from pathlib import Path
 from statistics import median
+from typing import NamedTuple
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,6 +118,13 @@ class Report:
             "notes": list(self.notes),
             "machine": self.machine,
         }
+
+
+class BenchmarkFunctions(NamedTuple):
+    """A benchmark among several of its module: how it adds its options, and how it measures."""
+
+    add_options: Callable[[argparse.ArgumentParser], None]
+    measure: Callable[[argparse.Namespace], Report]
 
 
 def digits(value: float) -> str:

@@ -1,13 +1,9 @@
 """`python -m checks.site.findings`: drive the committed findings again and rewrite their files.
 
 Run it after a change of the core: the findings that still fail get the present sentence, kind of
-end, file name and picture. Those in `fixed` keep what was found. The page of the findings follows
-by `python -m checks.site.findings`.
-
-`python -m checks.site.findings`: the committed findings of the falsifier as a table.
-
-The files in `study/falsify/worlds` have all that it shows. After a change of the core first run
-`python -m checks.site.findings`.
+end, file name and picture. Those in `fixed` keep what was found. Then the table of the findings on
+docs/evidence/falsifier.md is written, which has nothing but what the files have; `--page` only
+writes that.
 """
 
 import argparse
@@ -106,12 +102,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "files", nargs="*", type=Path, help="files of findings (all that still fail by default)"
     )
+    parser.add_argument("--page", action="store_true", help="only write the table of the page")
     options = parser.parse_args(argv)
+    if options.page:
+        write_page()
+        return 0
     holding = 0
     for file in options.files or failing(WORLDS):
         new = renewed(file)
         holding += new is None
         print(f"{file}: {'holds now, move it to fixed/' if new is None else rewrite(file, new)}")
+    if not options.files:
+        write_page()
     return int(holding > 0)
 
 

@@ -31,7 +31,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from checks.harness.figures import Figure, Report, percentile
+from checks.harness.figures import BenchmarkFunctions, Figure, Report, percentile
 from plant.model.configuration import LEVELS, noise_of
 from plant.sim.simulation import Plant
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
@@ -400,3 +400,7 @@ def nees_figures(level: str, found: Consistency) -> Iterator[Figure]:
         yield Figure(name=whole, unit="", values=(mean,), at_most=high if held else None)
     name = f"{level}: true position inside its 95 % ellipse"
     yield Figure(name=name, unit="", values=(found.inside,), at_least=MIN_INSIDE)
+
+
+ARRIVAL = BenchmarkFunctions(add_arrival_options, measure_arrival)
+NEES = BenchmarkFunctions(add_nees_options, measure_nees)

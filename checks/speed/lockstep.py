@@ -23,7 +23,7 @@ from statistics import mean, median
 from tempfile import TemporaryDirectory
 from typing import Final, NamedTuple
 
-from checks.harness.figures import Figure, Report
+from checks.harness.figures import BenchmarkFunctions, Figure, Report
 from checks.harness.processes import GoalDriver, Run, lockstep_run, stack
 from checks.speed.latency import sizes, trip_us
 from checks.speed.pingpong import PingPong, ping_pong
@@ -298,3 +298,7 @@ def difference(after: Usage, before: Usage) -> Usage:
     """Return CPU time and context switches between two measurements."""
     pairs = zip(after, before, strict=True)
     return Usage(*(Cost(a.cpu_ns - b.cpu_ns, a.switches - b.switches) for a, b in pairs))
+
+
+LOCKSTEP = BenchmarkFunctions(add_lockstep_options, measure_lockstep)
+BREAKDOWN = BenchmarkFunctions(add_breakdown_options, measure_breakdown)

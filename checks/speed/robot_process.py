@@ -26,7 +26,7 @@ from tempfile import TemporaryDirectory
 from time import monotonic, monotonic_ns
 from typing import Final
 
-from checks.harness.figures import Figure, Report, percentile, ratios
+from checks.harness.figures import BenchmarkFunctions, Figure, Report, percentile, ratios
 from checks.harness.processes import ROBOT, cpu_s, resident_mb, robot_process
 from checks.harness.stand_in import PlantStandIn, driving, paced, wait_until
 from plant.world.file import load
@@ -317,3 +317,8 @@ def mtls_figures(
             for kind, found in zip(KINDS, values, strict=True)
         ),
     ]
+
+
+ROBOT_PROCESS = BenchmarkFunctions(add_robot_options, measure_robot)
+JITTER = BenchmarkFunctions(add_jitter_options, measure_jitter)
+MTLS = BenchmarkFunctions(add_mtls_options, measure_mtls)

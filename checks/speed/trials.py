@@ -34,7 +34,7 @@ from time import process_time, thread_time_ns
 from typing import Any, Final
 
 from checks.built import ROOT, install_compiled
-from checks.harness.figures import Figure, Report, digits, percentile, ratios
+from checks.harness.figures import BenchmarkFunctions, Figure, Report, digits, percentile, ratios
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.wire.messages import SonarScan, WheelTicks
@@ -461,3 +461,8 @@ def page(tables: Sequence[str], figures: Sequence[Figure], before: Path | None =
         least = "" if one.at_least is None else f"{one.at_least:g}"
         rows.append(f"| {one.name} | {digits(one.median)} {one.unit} | {spread} | {least} |")
     return "\n\n".join([head, "\n".join(rows), *tables]) + "\n"
+
+
+TRIAL = BenchmarkFunctions(add_trial_options, measure_trials)
+COMPILED = BenchmarkFunctions(add_compiled_options, measure_compiled)
+STEP = BenchmarkFunctions(add_step_options, measure_steps)

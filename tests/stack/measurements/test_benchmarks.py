@@ -9,9 +9,6 @@ from checks.flood import under_attack as flood
 from checks.harness.figures import Figure
 from checks.same_bits import run_modes
 from checks.speed import codec, latency, lockstep, robot_process, trials
-from checks.speed import lockstep as tick_breakdown
-from checks.speed import robot_process as jitter
-from checks.speed import robot_process as mtls
 
 pytestmark = pytest.mark.stack
 
@@ -30,24 +27,24 @@ def test_codec_compares_the_same_bytes() -> None:
 
 
 def test_core_times_the_given_number_of_steps() -> None:
-    found = figures(trials, "--world", "open", "--steps", "500", "--repetitions", "1")
+    found = figures(trials.STEP, "--world", "open", "--steps", "500", "--repetitions", "1")
     assert 0 < found["brain.step, median of 500"].median <= found["brain.step, worst of 500"].median
 
 
 def test_trial_runs_without_its_peer() -> None:
-    found = figures(trials, "--worlds", "open", "--repetitions", "1", "--no-peer")
+    found = figures(trials.TRIAL, "--worlds", "open", "--repetitions", "1", "--no-peer")
     assert found["open, real time"].median > 1
 
 
 def test_lockstep_drives_to_the_end_of_the_goal() -> None:
-    found = figures(lockstep, "--worlds", "open", "--repetitions", "1")
+    found = figures(lockstep.LOCKSTEP, "--worlds", "open", "--repetitions", "1")
     assert found["open, real time"].median > 0
     assert found["open, tick / (trial's tick + round trip)"].median > 0
 
 
 def test_breakdown_of_a_tick_names_where_its_time_goes() -> None:
-    found = figures(tick_breakdown, "--world", "open", "--repetitions", "1")
-    stages = [found[name].median for name, _ in tick_breakdown.STAGES]
+    found = figures(lockstep.BREAKDOWN, "--world", "open", "--repetitions", "1")
+    stages = [found[name].median for name, _ in lockstep.STAGES]
     assert min(stages) > 0
     assert found["tick"].median == pytest.approx(sum(stages))
     assert found["plant: frames put"].median == pytest.approx(4, abs=0.1)
@@ -59,20 +56,20 @@ def test_latency_sees_an_answer_to_every_tick() -> None:
 
 
 def test_a_locked_robot_answers_beside_an_open_one() -> None:
-    found = figures(mtls, "--world", "open", "--blocks", "1", "--ticks", "10")
+    found = figures(robot_process.MTLS, "--world", "open", "--blocks", "1", "--ticks", "10")
     assert found["locked / open, p50"].median > 0
     assert found["locked with log of refusals / open, p50"].median > 0
 
 
 def test_jitter_reads_the_robots_own_reports() -> None:
-    found = figures(jitter, "--world", "open", "--seconds", "1")
+    found = figures(robot_process.JITTER, "--world", "open", "--seconds", "1")
     assert found["normal, ticks"].median > 0
     assert found["SCHED_FIFO, ticks"].median > 0
 
 
 def test_robot_is_measured_by_the_kernels_account() -> None:
     words = ["--world", "open", "--seconds", "1", "--repetitions", "1", "--hours", "0.02"]
-    found = figures(robot_process, *words)
+    found = figures(robot_process.ROBOT_PROCESS, *words)
     assert found["resident"].median > 1
     assert "growth over 0.02 simulated h" in found
 

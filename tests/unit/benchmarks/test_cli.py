@@ -16,7 +16,7 @@ class Stub(ModuleType):
     """A benchmark with a fixed result."""
 
     def __init__(self, value: float) -> None:
-        super().__init__("checks.speed.trials")
+        super().__init__("checks.speed.codec")
         self.value = value
 
     def add_options(self, parser: ArgumentParser) -> None:
@@ -24,13 +24,13 @@ class Stub(ModuleType):
 
     def measure(self, options: Namespace) -> Report:
         figure = Figure(name="n", unit="x", values=(self.value * options.steps,), at_least=10.0)
-        return Report(benchmark="core", figures=(figure,))
+        return Report(benchmark="codec", figures=(figure,))
 
 
 @pytest.fixture
 def stub(monkeypatch: pytest.MonkeyPatch) -> Stub:
     module = Stub(10.0)
-    monkeypatch.setitem(sys.modules, "checks.speed.trials", module)
+    monkeypatch.setitem(sys.modules, "checks.speed.codec", module)
     return module
 
 
@@ -43,20 +43,20 @@ def test_every_name_in_the_table_is_a_benchmark(name: str) -> None:
 
 
 def test_missed_threshold_is_exit_code_1(stub: Stub, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["core"]) == 0
+    assert main(["codec"]) == 0
     stub.value = 9.0
-    assert main(["core"]) == 1
+    assert main(["codec"]) == 1
     assert "MISSED" in capsys.readouterr().out
 
 
 def test_json_contains_the_machine(stub: Stub, capsys: pytest.CaptureFixture[str]) -> None:
-    main(["core", "--json", "--steps", "3"])
+    main(["codec", "--json", "--steps", "3"])
     report = json.loads(capsys.readouterr().out)
     assert report["figures"][0]["median"] == 30.0
     assert {"cpu", "cores", "python", "load"} <= set(report["machine"])
 
 
-@pytest.mark.parametrize("arguments", [[], ["nonsense"], ["core", "--nonsense"]])
+@pytest.mark.parametrize("arguments", [[], ["nonsense"], ["codec", "--nonsense"]])
 def test_wrong_usage_is_exit_code_2(stub: Stub, arguments: list[str]) -> None:
     with pytest.raises(SystemExit) as refused:
         main(arguments)

@@ -11,7 +11,9 @@ from study.falsify.findings import read_finding
 
 def test_page_shows_the_findings_in_the_tree() -> None:
     page = findings_page.PAGE.read_text(encoding="utf-8")
-    assert findings_page.with_tables(page, WORLDS) == page, "run `python -m checks.site.findings`"
+    assert findings_page.with_tables(page, WORLDS) == page, (
+        "run `python -m checks.site.findings --page`"
+    )
     for file in WORLDS.rglob("*.toml"):
         assert f"findings/{file.parent.name}/{file.stem}.svg" in page
         assert file.with_suffix(".svg").exists()
