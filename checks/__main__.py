@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import NamedTuple, Protocol, cast
 
 from checks.harness import figures
-from checks.harness.figures import Report
+from checks.harness.figures import BenchmarkReport
 from runtime.cli.parsers import new_parser
 
 
@@ -141,7 +141,7 @@ class Benchmark(Protocol):
     def add_options(self, parser: argparse.ArgumentParser, /) -> None:
         """Add the options of this benchmark."""
 
-    def measure(self, options: argparse.Namespace, /) -> Report:
+    def measure(self, options: argparse.Namespace, /) -> BenchmarkReport:
         """Run the benchmark and return its figures."""
 
 

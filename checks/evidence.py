@@ -48,7 +48,7 @@ HEADING: Final = re.compile(r"^# .*\n", re.MULTILINE)
 PROMPT: Final = re.compile(r"^\$ ((?:.*\\\n)*.*)$", re.MULTILINE)
 
 
-class Step(NamedTuple):
+class MeasuringStep(NamedTuple):
     """A command of a measurement; `{work}` in its words is a folder that only this one uses.
 
     `may_miss`: exit code 1 means a missed threshold if the command has written its page.
@@ -60,7 +60,7 @@ class Step(NamedTuple):
     in_work: bool = False
 
 
-class Evidence(NamedTuple):
+class EvidencePage(NamedTuple):
     """A page, the paths whose commits make it old, and how it is measured again.
 
     A page has either `steps`; or `with_page`, the page whose measurement writes this one, too; or
@@ -73,7 +73,7 @@ class Evidence(NamedTuple):
     again: str
     sources: tuple[str, ...] = ()
     minutes: float = 0.0
-    steps: tuple[Step, ...] = ()
+    steps: tuple[MeasuringStep, ...] = ()
     console: tuple[str, str] | None = None
     """A page and its heading, whose commands are the steps."""
     data: tuple[str, ...] = ()
@@ -110,25 +110,25 @@ GATEWAY: Final = ("gateway",)
 """Benchmarks of four pages. `compiled` and `faults` write pages of their own."""
 
 
-def benched(page: str, names: Sequence[str]) -> tuple[Step, ...]:
+def benched(page: str, names: Sequence[str]) -> tuple[MeasuringStep, ...]:
     """Return one step for each benchmark, so that an interrupted page loses only one."""
     output = ("--output", f"{FOLDER}/{page}.md")
     return tuple(
-        Step(("python", "-m", "checks.site.figures_page", name, *output)) for name in names
+        MeasuringStep(("python", "-m", "checks.site.figures_page", name, *output)) for name in names
     )
 
 
 EVIDENCE: Final = (
-    Evidence(
+    EvidencePage(
         "outcomes",
         "Outcomes",
         "each navigator in each shipped world",
         "`python -m checks.site.outcomes_table`",
         (*DRIVES, "checks/site/outcomes_table.py"),
         6,
-        (Step(("python", "-m", "checks.site.outcomes_table")),),
+        (MeasuringStep(("python", "-m", "checks.site.outcomes_table")),),
     ),
-    Evidence(
+    EvidencePage(
         "lockstep",
         "A tick in lockstep",
         "where the time of a tick over the bus goes",
@@ -137,7 +137,7 @@ EVIDENCE: Final = (
         3,
         benched("lockstep", TICK),
     ),
-    Evidence(
+    EvidencePage(
         "compiled",
         "Compiled modules",
         "trials compiled, in pure Python and of ir-sim, stage by stage",
@@ -145,13 +145,13 @@ EVIDENCE: Final = (
         (*DRIVES, "hatch_build.py", "checks/speed/trials.py", "checks/speed/irsim_driver.py"),
         8,
         (
-            Step(
+            MeasuringStep(
                 ("python", "-m", "checks", "compiled", "--page", f"{FOLDER}/compiled.md"),
                 may_miss=True,
             ),
         ),
     ),
-    Evidence(
+    EvidencePage(
         "figures",
         "Figures",
         "speed and cost of the programs",
@@ -160,7 +160,7 @@ EVIDENCE: Final = (
         11,
         benched("figures", FIGURES),
     ),
-    Evidence(
+    EvidencePage(
         "published-maps",
         "Published maps",
         "`vgm_memory` in the maps of two other benchmarks",
@@ -168,12 +168,14 @@ EVIDENCE: Final = (
         (*DRIVES, "checks/site/published_maps.py"),
         15,
         (
-            Step(("make", "compiled")),
+            MeasuringStep(("make", "compiled")),
             *(
-                Step(("git", "clone", "--depth", "1", f"https://github.com/{name}"), in_work=True)
+                MeasuringStep(
+                    ("git", "clone", "--depth", "1", f"https://github.com/{name}"), in_work=True
+                )
                 for name in ("Daffan/nav-competition-icra2022", "Kei18/pibt2")
             ),
-            Step(
+            MeasuringStep(
                 (
                     *("python", "-P", "-m", "checks.site.published_maps"),
                     *("--barn", "{work}/nav-competition-icra2022/jackal_helper/worlds/BARN"),
@@ -186,7 +188,7 @@ EVIDENCE: Final = (
         ),
         data=(f"{FOLDER}/published-maps.json",),
     ),
-    Evidence(
+    EvidencePage(
         "mavlink-rows",
         "MAVLink rows",
         "results of `sidestep mavlink check` on three lines",
@@ -194,18 +196,18 @@ EVIDENCE: Final = (
         ("runtime", "protocol", "gateways/mavlink", "vehicle_check", "robot"),
         12,
         (
-            Step(
+            MeasuringStep(
                 (
                     *("python", "-m", "pytest", "-q", "-m", "interop", "--no-skips"),
                     "tests/interop/test_judge.py",
                 )
             ),
-            Step(("python", "-m", "checks.site.rows_table")),
+            MeasuringStep(("python", "-m", "checks.site.rows_table")),
         ),
         data=(f"{FOLDER}/mavlink",),
         file="docs/reference/mavlink-rows.md",
     ),
-    Evidence(
+    EvidencePage(
         "mavlink-gateway",
         "MAVLink gateway",
         "latency, cost, slow line, forgery, time-outs, readiness, floods",
@@ -214,7 +216,7 @@ EVIDENCE: Final = (
         40,
         benched("mavlink-gateway", GATEWAY),
     ),
-    Evidence(
+    EvidencePage(
         "people",
         "Pedestrians",
         "contacts of all navigators in crowds, beside a robot that stands and an omniscient one",
@@ -222,12 +224,12 @@ EVIDENCE: Final = (
         DRIVES,
         45,
         (
-            Step(("make", "compiled")),
-            Step(("python", "-P", "-m", "study.people"), is_compiled=True),
+            MeasuringStep(("make", "compiled")),
+            MeasuringStep(("python", "-P", "-m", "study.people"), is_compiled=True),
         ),
         data=(f"{FOLDER}/people.json",),
     ),
-    Evidence(
+    EvidencePage(
         "same-bits",
         "Same bits",
         "digests of a thousand random trials in each variant of processor features, C library,"
@@ -236,7 +238,7 @@ EVIDENCE: Final = (
         (*DRIVES, "constraints.txt", "checks/same_bits"),
         45,
         (
-            Step(
+            MeasuringStep(
                 (
                     *("python", "-m", "checks.same_bits", "--libraries", "--compiled"),
                     *("--page", f"{FOLDER}/same-bits.md"),
@@ -245,7 +247,7 @@ EVIDENCE: Final = (
         ),
         data=(f"{FOLDER}/same-bits.json",),
     ),
-    Evidence(
+    EvidencePage(
         "study",
         "Study",
         "all navigators in generated worlds, with statistics; also as"
@@ -257,7 +259,7 @@ EVIDENCE: Final = (
         data=(f"{FOLDER}/study", f"{FOLDER}/contacts", "README.md"),
         file=f"{FOLDER}/study/report.md",
     ),
-    Evidence(
+    EvidencePage(
         "contacts",
         "Contacts by own motion",
         "each contact of the study that the robot caused, drawn and explained",
@@ -265,7 +267,7 @@ EVIDENCE: Final = (
         DRIVES,
         with_page="study",
     ),
-    Evidence(
+    EvidencePage(
         "microcontroller",
         "Microcontroller",
         "digests, cost, memory and single precision on the emulated board",
@@ -274,16 +276,18 @@ EVIDENCE: Final = (
         ("robot/core", "firmware", "robot/hosting", "plant/sim", "checks/speed/board"),
         90,
         (
-            Step(("make", "firmware")),
-            Step(("python", "-m", "checks.same_bits.on_board")),
-            Step(("python", "-m", "checks.speed.board.measure")),
-            Step(("python", "-m", "checks.speed.board.float32", "--output", "{work}/float32.json")),
-            Step(("cp", "{work}/float32.json", f"{FOLDER}/microcontroller/float32.json")),
-            Step(("make", "generate-docs")),
+            MeasuringStep(("make", "firmware")),
+            MeasuringStep(("python", "-m", "checks.same_bits.on_board")),
+            MeasuringStep(("python", "-m", "checks.speed.board.measure")),
+            MeasuringStep(
+                ("python", "-m", "checks.speed.board.float32", "--output", "{work}/float32.json")
+            ),
+            MeasuringStep(("cp", "{work}/float32.json", f"{FOLDER}/microcontroller/float32.json")),
+            MeasuringStep(("make", "generate-docs")),
         ),
         data=(f"{FOLDER}/microcontroller",),
     ),
-    Evidence(
+    EvidencePage(
         "faults",
         "Fault matrix",
         "reaction of the robot to faults, with times and distances",
@@ -291,7 +295,7 @@ EVIDENCE: Final = (
         (*STACK, "checks/faults"),
         110,
         (
-            Step(
+            MeasuringStep(
                 (
                     *("python", "-m", "checks", "faults", "--keep", "{work}/faults.jsonl"),
                     *("--page", f"{FOLDER}/faults.md"),
@@ -300,7 +304,7 @@ EVIDENCE: Final = (
             ),
         ),
     ),
-    Evidence(
+    EvidencePage(
         "long-figures",
         "Figures that take longer",
         "growth, access control, crowds of log lines, floods, restarts, soak, odometry, arrival",
@@ -309,7 +313,7 @@ EVIDENCE: Final = (
         190,
         benched("long-figures", LONG_FIGURES),
     ),
-    Evidence(
+    EvidencePage(
         "falsifier",
         "Falsifier",
         "worlds in which a navigator failed, and the last search for more",
@@ -317,7 +321,7 @@ EVIDENCE: Final = (
         DRIVES,
         180,
     ),
-    Evidence(
+    EvidencePage(
         "tutorial",
         "Tutorial in a new container",
         "time and result of README and tutorial, page by page",
@@ -325,7 +329,7 @@ EVIDENCE: Final = (
         ("README.md", "docs/tutorial", "Makefile", *STACK),
         10,
     ),
-    Evidence(
+    EvidencePage(
         "long-runs",
         "Long runs and floods",
         "restarts, soak, floods, odometry, arrival, docker",
@@ -333,7 +337,7 @@ EVIDENCE: Final = (
         STACK,
         240,
     ),
-    Evidence(
+    EvidencePage(
         "ground-station",
         "Ground station and first drive",
         "defects and habits of a review, with the state of each",
@@ -341,7 +345,7 @@ EVIDENCE: Final = (
         ("ground", "runtime/cli"),
         120,
     ),
-    Evidence(
+    EvidencePage(
         "upstream",
         "Findings for upstream",
         "defects of libraries, with programs that show them",
@@ -349,14 +353,14 @@ EVIDENCE: Final = (
         ("protocol/bus",),
         5,
     ),
-    Evidence(
+    EvidencePage(
         "state-diagram",
         "State diagrams",
         "all states that the robot's code can reach",
         "`make generate-docs`",
         test="tests/unit/verification/mode_model/test_mode_model.py",
     ),
-    Evidence(
+    EvidencePage(
         "mutants",
         "Equivalent mutants",
         "changes of the code that no test can detect, with the reasons",
@@ -366,7 +370,7 @@ EVIDENCE: Final = (
 )
 
 
-class Origin(NamedTuple):
+class MeasuredCommit(NamedTuple):
     """The commit that a page names."""
 
     date: str
@@ -375,7 +379,7 @@ class Origin(NamedTuple):
     """Whether it was measured there. Otherwise the commit added the figures."""
 
 
-class Age(Enum):
+class PageAge(Enum):
     """Whether a page is old."""
 
     FRESH = "fresh"
@@ -384,20 +388,20 @@ class Age(Enum):
     UNKNOWN = "unknown"
 
 
-class Status(NamedTuple):
+class PageStatus(NamedTuple):
     """The age of a page, in words, too, and the number of commits to its sources."""
 
-    page: Evidence
-    age: Age
+    page: EvidencePage
+    age: PageAge
     words: str
     commits: int = 0
     is_marked: bool = False
 
 
-def origin_of(text: str) -> Origin | None:
+def origin_of(text: str) -> MeasuredCommit | None:
     """Return the commit that a page names; None if it names none."""
     found = LINE.search(block_of(text))
-    return found and Origin(found["date"], found["commit"], found["how"] == "Measured")
+    return found and MeasuredCommit(found["date"], found["commit"], found["how"] == "Measured")
 
 
 def block_of(text: str) -> str:
@@ -420,12 +424,12 @@ def with_origin_of(text: str, old: str) -> str:
     return with_block(text, found.strip().split("\n\n")) if found else text
 
 
-def with_mark(text: str, status: Status) -> str:
+def with_mark(text: str, status: PageStatus) -> str:
     """Return the page with the word "Stale" if it is, else without."""
     line = LINE.search(block_of(text))
     if line is None:
         return text
-    if status.age is not Age.STALE:
+    if status.age is not PageAge.STALE:
         return with_block(text, [line[0]]) if STALE.search(block_of(text)) else text
     commits = status.commits // 100 * 100
     warning = (
@@ -435,7 +439,7 @@ def with_mark(text: str, status: Status) -> str:
     return with_block(text, [line[0], warning])
 
 
-class History:
+class CommitHistory:
     """The commits of a checkout, asked of git."""
 
     def __init__(self, root: Path) -> None:
@@ -482,50 +486,50 @@ class History:
         return done.stdout.strip() if done.returncode == 0 else None
 
 
-def statuses(root: Path, table: Sequence[Evidence] = EVIDENCE) -> Iterator[Status]:
+def statuses(root: Path, table: Sequence[EvidencePage] = EVIDENCE) -> Iterator[PageStatus]:
     """Yield the status of each page."""
-    history = History(root)
+    history = CommitHistory(root)
     for page in table:
         if page.test:
-            yield Status(page, Age.DERIVED, f"compared by {page.test}")
+            yield PageStatus(page, PageAge.DERIVED, f"compared by {page.test}")
             continue
         file = root / page.path
         text = file.read_text(encoding="utf-8") if file.exists() else ""
         yield status_of(page, text, history)
 
 
-def status_of(page: Evidence, text: str, history: History) -> Status:
+def status_of(page: EvidencePage, text: str, history: CommitHistory) -> PageStatus:
     """Return the status of a measured page with this text."""
     marked = bool(STALE.search(block_of(text)))
     origin = origin_of(text)
     if origin is None:
-        return Status(page, Age.UNKNOWN, "the page names no commit", is_marked=marked)
+        return PageStatus(page, PageAge.UNKNOWN, "the page names no commit", is_marked=marked)
     if history.missing:
-        return Status(page, Age.UNKNOWN, history.missing, is_marked=marked)
+        return PageStatus(page, PageAge.UNKNOWN, history.missing, is_marked=marked)
     commits = history.commits_since(origin.commit, page.sources)
     if commits is None:
         words = f"commit {origin.commit} is not in the history"
-        return Status(page, Age.UNKNOWN, words, is_marked=marked)
-    age = Age.STALE if commits > LIMIT else Age.FRESH
+        return PageStatus(page, PageAge.UNKNOWN, words, is_marked=marked)
+    age = PageAge.STALE if commits > LIMIT else PageAge.FRESH
     words = f"{commits} commits to its sources since {origin.commit} of {origin.date}"
-    return Status(page, age, words, commits, marked)
+    return PageStatus(page, age, words, commits, marked)
 
 
-def brief(found: Sequence[Status]) -> Iterator[str]:
+def brief(found: Sequence[PageStatus]) -> Iterator[str]:
     """Yield what a reader of the gate should know."""
 
-    def names(wanted: Sequence[Status]) -> str:
+    def names(wanted: Sequence[PageStatus]) -> str:
         return ", ".join(one.page.name for one in wanted)
 
-    stale = [one for one in found if one.age is Age.STALE]
+    stale = [one for one in found if one.age is PageAge.STALE]
     repair = "`python -m checks.evidence --mark` corrects it"
     if stale:
         yield f"evidence: {len(stale)} of {len(found)} pages are stale: {names(stale)}"
     if unmarked := [one for one in stale if not one.is_marked]:
         yield f"evidence: stale and not marked: {names(unmarked)}; {repair}"
-    if wrong := [one for one in found if one.is_marked and one.age is Age.FRESH]:
+    if wrong := [one for one in found if one.is_marked and one.age is PageAge.FRESH]:
         yield f"evidence: marked as stale, but fresh: {names(wrong)}; {repair}"
-    unknown = [one for one in found if one.age is Age.UNKNOWN]
+    unknown = [one for one in found if one.age is PageAge.UNKNOWN]
     for words in dict.fromkeys(one.words for one in unknown):
         same = [one for one in unknown if one.words == words]
         yield f"evidence: of unknown age ({words}): {names(same)}"
@@ -533,11 +537,11 @@ def brief(found: Sequence[Status]) -> Iterator[str]:
         yield f"evidence: none of {len(found)} pages is stale"
 
 
-def mark(root: Path, table: Sequence[Evidence] = EVIDENCE) -> Iterator[str]:
+def mark(root: Path, table: Sequence[EvidencePage] = EVIDENCE) -> Iterator[str]:
     """Write or remove the word "Stale", renew the index, and yield each page that changed."""
     for one in statuses(root, table):
         file = root / one.page.path
-        if one.age in (Age.STALE, Age.FRESH) and replaced(
+        if one.age in (PageAge.STALE, PageAge.FRESH) and replaced(
             file, with_mark(file.read_text(encoding="utf-8"), one)
         ):
             yield f"{one.page.path}: {one.age.value}"
@@ -553,7 +557,7 @@ def replaced(file: Path, text: str) -> bool:
     return True
 
 
-def write_index(root: Path, table: Sequence[Evidence] = EVIDENCE) -> bool:
+def write_index(root: Path, table: Sequence[EvidencePage] = EVIDENCE) -> bool:
     """Renew the table of the index, if there is one; return whether it changed."""
     file = root / FOLDER / "index.md"
     if not file.exists():
@@ -562,7 +566,7 @@ def write_index(root: Path, table: Sequence[Evidence] = EVIDENCE) -> bool:
     return replaced(file, with_text(text, BEGIN, END, f"\n{index(root, table)}\n\n"))
 
 
-def index(root: Path, table: Sequence[Evidence] = EVIDENCE) -> str:
+def index(root: Path, table: Sequence[EvidencePage] = EVIDENCE) -> str:
     """Return the table of all pages, as the pages name their commits and marks."""
     lines = ["| page | content | measured | measured again by | minutes |", "|---|---|---|---|---|"]
     for page in table:
@@ -574,7 +578,7 @@ def index(root: Path, table: Sequence[Evidence] = EVIDENCE) -> str:
     return "\n".join(lines)
 
 
-def measured_cell(root: Path, page: Evidence) -> str:
+def measured_cell(root: Path, page: EvidencePage) -> str:
     """Return date and commit of a page for the index."""
     if page.test:
         return "derived, compared by a test"
@@ -587,7 +591,7 @@ def measured_cell(root: Path, page: Evidence) -> str:
     return f"{how}{origin.date}, `{origin.commit}`{stale}"
 
 
-class State(msgspec.Struct):
+class CampaignState(msgspec.Struct):
     """How far the measurements of a commit have come; kept between calls."""
 
     commit: str = ""
@@ -597,18 +601,18 @@ class State(msgspec.Struct):
     done: list[str] = []
 
 
-class Campaign:
+class EvidenceCampaign:
     """Measures pages one after the other and remembers how far it has come."""
 
-    def __init__(self, root: Path, table: Sequence[Evidence] = EVIDENCE) -> None:
+    def __init__(self, root: Path, table: Sequence[EvidencePage] = EVIDENCE) -> None:
         self.root = root
         self.table = table
-        self.history = History(root)
+        self.history = CommitHistory(root)
         self.failed: list[str] = []
         self._file = root / STATE
-        self._state = State()
+        self._state = CampaignState()
 
-    def run(self, pages: Sequence[Evidence], is_afresh: bool = False) -> int:
+    def run(self, pages: Sequence[EvidencePage], is_afresh: bool = False) -> int:
         """Measure the pages; return the exit code."""
         self._resume(self._clean_head(), is_afresh)
         automatic = [page for page in pages if page.is_automatic]
@@ -628,7 +632,7 @@ class Campaign:
             print(f"evidence: FAILED, the old page is kept: {line}", file=sys.stderr)
         return 1 if self.failed else 0
 
-    def name_commits(self, pages: Sequence[Evidence]) -> int:
+    def name_commits(self, pages: Sequence[EvidencePage]) -> int:
         """Name the present commit on pages that were measured by hand; return the exit code."""
         commit = self._clean_head()
         for page in pages:
@@ -645,7 +649,7 @@ class Campaign:
             )
         return head
 
-    def _name_commit(self, page: Evidence, commit: str, about: str) -> None:
+    def _name_commit(self, page: EvidencePage, commit: str, about: str) -> None:
         """Name a commit on a page and on those of the same measurement."""
         line = f"Measured on {datetime.now(UTC):%Y-%m-%d} at commit `{commit}`, {about}."
         for one in (page, *(one for one in self.table if one.with_page == page.name)):
@@ -656,14 +660,14 @@ class Campaign:
     def _resume(self, head: str, is_afresh: bool) -> None:
         """Go on with the commit of the last call, unless the code has changed since."""
         if self._file.exists() and not is_afresh:
-            found = msgspec.json.decode(self._file.read_bytes(), type=State)
+            found = msgspec.json.decode(self._file.read_bytes(), type=CampaignState)
             if not self.history.changes_since(found.commit):
                 self._state = found
                 return
-        self._state = State(commit=head)
+        self._state = CampaignState(commit=head)
         self._keep()
 
-    def _measure(self, page: Evidence) -> str:
+    def _measure(self, page: EvidencePage) -> str:
         """Measure a page from the step that was interrupted; return what failed, or nothing."""
         work, load = self._work(page), figures.machine_load()
         if page.name not in self._state.begun:
@@ -686,7 +690,7 @@ class Campaign:
         self._keep()
         return ""
 
-    def _run(self, page: Evidence, step: Step) -> str:
+    def _run(self, page: EvidencePage, step: MeasuringStep) -> str:
         """Run a step and return why it failed, or nothing."""
         work, file = self._work(page), self.root / page.path
         words = [word.replace("{work}", str(work)) for word in step.words]
@@ -711,7 +715,7 @@ class Campaign:
             return ""
         return f"exit code {code}"
 
-    def _steps(self, page: Evidence) -> tuple[Step, ...]:
+    def _steps(self, page: EvidencePage) -> tuple[MeasuringStep, ...]:
         """Return the steps of a page; those of another page run in the work folder."""
         if page.console is None:
             return page.steps
@@ -721,27 +725,27 @@ class Campaign:
                 link.symlink_to(self.root / name)
         file, heading = page.console
         text = (self.root / file).read_text(encoding="utf-8")
-        return (Step(("make", "compiled")), *commands_under(text, heading))
+        return (MeasuringStep(("make", "compiled")), *commands_under(text, heading))
 
-    def _work(self, page: Evidence) -> Path:
+    def _work(self, page: EvidencePage) -> Path:
         return self._file.parent / page.name
 
-    def _log(self, page: Evidence) -> Path:
+    def _log(self, page: EvidencePage) -> Path:
         return self._work(page).with_suffix(".log")
 
-    def _files(self, page: Evidence) -> Iterator[Path]:
+    def _files(self, page: EvidencePage) -> Iterator[Path]:
         """Yield what a measurement may write."""
         pages = [page, *(one for one in self.table if one.with_page == page.name)]
         for name in (*(one.path for one in pages), *page.data):
             if (self.root / name).exists():
                 yield Path(name)
 
-    def _put_aside(self, page: Evidence) -> None:
+    def _put_aside(self, page: EvidencePage) -> None:
         aside = self._work(page) / "before"
         for file in self._files(page):
             copied(self.root / file, aside / file)
 
-    def _put_back(self, page: Evidence) -> None:
+    def _put_back(self, page: EvidencePage) -> None:
         """Restore the old page, and begin with its first step in the next call."""
         aside = self._work(page) / "before"
         for file in self._files(page):
@@ -788,14 +792,14 @@ def copied(source: Path, target: Path) -> None:
         copy2(source, target)
 
 
-def commands_under(text: str, heading: str) -> Iterator[Step]:
+def commands_under(text: str, heading: str) -> Iterator[MeasuringStep]:
     """Yield the console commands in a section of a page, with compiled modules."""
     section = text.partition(f"## {heading}\n")[2].partition("\n## ")[0]
     for found in PROMPT.finditer(section):
         words = found[1].replace("\\\n", " ").split()
         program = words[:1] if words[0] == "sidestep" else words[2:3]
         rest = words[1:] if words[0] == "sidestep" else words[3:]
-        yield Step(("python", "-P", "-m", *program, *rest), is_compiled=True, in_work=True)
+        yield MeasuringStep(("python", "-P", "-m", *program, *rest), is_compiled=True, in_work=True)
 
 
 def described(load_before: float) -> str:
@@ -805,7 +809,9 @@ def described(load_before: float) -> str:
     )
 
 
-def chosen(table: Sequence[Evidence], names: Sequence[str], minutes: float) -> list[Evidence]:
+def chosen(
+    table: Sequence[EvidencePage], names: Sequence[str], minutes: float
+) -> list[EvidencePage]:
     """Return the pages with these names that take at most so long; raise KeyError for others.
 
     A page that is measured with another one stands for that one.
@@ -816,7 +822,7 @@ def chosen(table: Sequence[Evidence], names: Sequence[str], minutes: float) -> l
     return [page for page in found if page.minutes <= minutes]
 
 
-def listing(table: Sequence[Evidence]) -> Iterator[str]:
+def listing(table: Sequence[EvidencePage]) -> Iterator[str]:
     """Yield one line for each page, with the expected minutes and the command."""
     for page in table:
         if page.test:
@@ -849,9 +855,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options.list:
         print(*listing(pages), sep="\n")
     elif options.measure:
-        return ended(lambda: Campaign(ROOT).run(pages, options.afresh))
+        return ended(lambda: EvidenceCampaign(ROOT).run(pages, options.afresh))
     elif options.measured:
-        return ended(lambda: Campaign(ROOT).name_commits(pages if options.names else []))
+        return ended(lambda: EvidenceCampaign(ROOT).name_commits(pages if options.names else []))
     elif options.mark:
         for line in mark(ROOT):
             print(line)
@@ -859,7 +865,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(*brief(list(statuses(ROOT))), sep="\n")
     else:
         for one in statuses(ROOT, pages):
-            note = "" if one.is_marked == (one.age is Age.STALE) else "; its mark is wrong"
+            note = "" if one.is_marked == (one.age is PageAge.STALE) else "; its mark is wrong"
             print(f"{one.page.name:16} {one.age.value:8} {one.words}{note}")
     return 0
 

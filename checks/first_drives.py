@@ -49,17 +49,17 @@ POLL_S: Final = 0.1
 STOPPED: Final = "stopped"
 
 
-class Job(NamedTuple):
+class FirstDriveJob(NamedTuple):
     """A drive to be done: its world, and `headless` or `app`."""
 
     world: str
     way: str
 
 
-class Drive(NamedTuple):
+class FirstDrive(NamedTuple):
     """A drive that was done; `simulated_s` and `wall_s` are 0 without an end of the goal."""
 
-    job: Job
+    job: FirstDriveJob
     outcome: str
     digest: str = ""
     simulated_s: float = 0.0
@@ -76,19 +76,19 @@ class Drive(NamedTuple):
         return self.simulated_s / self.wall_s if self.wall_s else 0.0
 
 
-def driven(job: Job, stopping: Event) -> Drive:
+def driven(job: FirstDriveJob, stopping: Event) -> FirstDrive:
     """Do one drive in a folder of its own, which is kept when the drive has no outcome."""
     way = {"headless": headless, "app": with_app}[job.way]
     folder = Path(tempfile.mkdtemp(prefix="first-drive-"))
     try:
         drive = way(job, folder, stopping)
     except (LocalError, RemoteError, RuntimeError) as error:
-        return Drive(job, f"no outcome: {error}; see {folder}")
+        return FirstDrive(job, f"no outcome: {error}; see {folder}")
     shutil.rmtree(folder)
     return drive
 
 
-def headless(job: Job, folder: Path, stopping: Event) -> Drive:
+def headless(job: FirstDriveJob, folder: Path, stopping: Event) -> FirstDrive:
     """Drive without a screen, and read the outcome that is printed."""
     words = command(["up", "--headless", "--world", job.world, "--json"], os.getpid())
     environment = {**os.environ, "XDG_STATE_HOME": str(folder)}
@@ -103,11 +103,11 @@ def headless(job: Job, folder: Path, stopping: Event) -> Drive:
         assert process.stdout is not None
         found = json.loads(process.stdout.read() or '{"outcome": "no outcome"}')
     if "digest" not in found:
-        return Drive(job, str(found.get("reason", found.get("outcome"))))
-    return Drive(job, found["outcome"], found["digest"], found["time_s"], found["wall_s"])
+        return FirstDrive(job, str(found.get("reason", found.get("outcome"))))
+    return FirstDrive(job, found["outcome"], found["digest"], found["time_s"], found["wall_s"])
 
 
-def with_app(job: Job, folder: Path, stopping: Event) -> Drive:
+def with_app(job: FirstDriveJob, folder: Path, stopping: Event) -> FirstDrive:
     """Drive with the app on a terminal; ask the plant for the score as a second client."""
     environment = {"XDG_STATE_HOME": str(folder)}
     with Terminal(("up", "--world", job.world), SIZE, environment) as terminal:
@@ -125,7 +125,7 @@ def has_run(folder: Path) -> bool:
     return bool(read_runs(folder).found)
 
 
-def observed(job: Job, run: Run, stopping: Event) -> Drive:
+def observed(job: FirstDriveJob, run: Run, stopping: Event) -> FirstDrive:
     """Follow the goal of a run to its end, and ask the plant for the score."""
     network = Network(mode="client", connect=(run.endpoint,), connect_timeout_s=START_S)
     with open_bus(network, Role.GROUND, run.robots[0]) as bus:
@@ -150,7 +150,7 @@ def observed(job: Job, run: Run, stopping: Event) -> Drive:
         ask = partial(ask_score, bus, status.goal_ended_ns, scores)
         await_condition(ask, START_S, "the plant's score", stopping)
     simulated_ns, wall_ns = status.time_ns - first[0][0], arrived_ns - first[0][1]
-    return Drive(
+    return FirstDrive(
         job, GoalState(status.goal).name.lower(), bytes(scores[0].digest).hex(),
         simulated_ns / NS_PER_S, wall_ns / NS_PER_S,
     )  # fmt: skip
@@ -192,9 +192,9 @@ def parser() -> argparse.ArgumentParser:
     return parser
 
 
-def jobs_of(drives: int, worlds: Sequence[str], ways: Sequence[str]) -> list[Job]:
+def jobs_of(drives: int, worlds: Sequence[str], ways: Sequence[str]) -> list[FirstDriveJob]:
     """Return so many jobs, which take the worlds and the ways in turn."""
-    kinds = [Job(world, way) for world in worlds for way in ways]
+    kinds = [FirstDriveJob(world, way) for world in worlds for way in ways]
     return [kinds[number % len(kinds)] for number in range(drives)]
 
 
@@ -208,7 +208,7 @@ def main(arguments: Sequence[str]) -> int:
     jobs = jobs_of(options.drives, options.worlds, options.ways)
     stopping = Event()
 
-    def done(job: Job) -> Drive:
+    def done(job: FirstDriveJob) -> FirstDrive:
         drive = driven(job, stopping)
         verdict = "same digest" if drive.digest == trials[job.world] else "OTHER DIGEST"
         print(
@@ -231,7 +231,7 @@ def main(arguments: Sequence[str]) -> int:
     return 0 if all(right) else 1
 
 
-def table(drives: Sequence[Drive], trials: dict[str, str], processes: int) -> str:
+def table(drives: Sequence[FirstDrive], trials: dict[str, str], processes: int) -> str:
     """Return a row for each world and way, and one for all."""
     lines = [
         f"{len(drives)} first drives beside {processes} busy processes on "
@@ -246,7 +246,7 @@ def table(drives: Sequence[Drive], trials: dict[str, str], processes: int) -> st
     return "\n".join([*lines, *rows, table_row("all", "", drives, trials)])
 
 
-def table_row(world: str, way: str, drives: Sequence[Drive], trials: dict[str, str]) -> str:
+def table_row(world: str, way: str, drives: Sequence[FirstDrive], trials: dict[str, str]) -> str:
     """Return the row of some drives."""
     equal = sum(drive.digest == trials[drive.job.world] for drive in drives)
     factors = [drive.factor for drive in drives]

@@ -23,7 +23,7 @@ PATIENCE_S: Final = 60.0
 POLL_S: Final = 0.1
 
 
-class Step(NamedTuple):
+class TutorialStep(NamedTuple):
     """The words that must be on the screen, then the keys that they ask for, by tmux's names."""
 
     name: str
@@ -32,23 +32,25 @@ class Step(NamedTuple):
 
 
 STEPS: Final = (
-    Step("first goal", ("1 Drive", "TUTORIAL 1 of 8", "space E-STOP", "? Help"), ()),
-    Step("own goal", ("TUTORIAL 2 of 8", "press g, type 1 1", "g Goal"), ("g", "1 1", "Enter")),
-    Step("driving", ("goal 1 1: ok", "h Hold", "x Abort"), ()),
-    Step("cursor", ("TUTORIAL 3 of 8", "G shows a cursor", "goal REACHED"), ("G",)),
-    Step("first waypoint", ("enter Go", "w Waypoint", "Move"), (*["Up"] * 4, "w")),
-    Step("second waypoint", ("waypoint 1:", "W Send 1 waypoint"), (*["Right"] * 4, "w")),
-    Step("send", ("TUTORIAL 4 of 8", "press W", "W Send 2 waypoints"), ("W",)),
-    Step("start", ("TUTORIAL 5 of 8", "W Start mission"), ("W",)),
-    Step("stop", ("TUTORIAL 6 of 8", "press space", "space E-STOP"), ("Space",)),
-    Step("clear", ("TUTORIAL 7 of 8", "EMERGENCY STOP", "D D Clear E-STOP"), ("D", "D")),
-    Step("arm", ("TUTORIAL 8 of 8", "DISARMED", "a arm"), ("a",)),
-    Step("help", ("TUTORIAL  all done", "ARMED", "? Help"), ("?",)),
-    Step("end", ("examples", "esc closes"), ("Escape",)),
+    TutorialStep("first goal", ("1 Drive", "TUTORIAL 1 of 8", "space E-STOP", "? Help"), ()),
+    TutorialStep(
+        "own goal", ("TUTORIAL 2 of 8", "press g, type 1 1", "g Goal"), ("g", "1 1", "Enter")
+    ),
+    TutorialStep("driving", ("goal 1 1: ok", "h Hold", "x Abort"), ()),
+    TutorialStep("cursor", ("TUTORIAL 3 of 8", "G shows a cursor", "goal REACHED"), ("G",)),
+    TutorialStep("first waypoint", ("enter Go", "w Waypoint", "Move"), (*["Up"] * 4, "w")),
+    TutorialStep("second waypoint", ("waypoint 1:", "W Send 1 waypoint"), (*["Right"] * 4, "w")),
+    TutorialStep("send", ("TUTORIAL 4 of 8", "press W", "W Send 2 waypoints"), ("W",)),
+    TutorialStep("start", ("TUTORIAL 5 of 8", "W Start mission"), ("W",)),
+    TutorialStep("stop", ("TUTORIAL 6 of 8", "press space", "space E-STOP"), ("Space",)),
+    TutorialStep("clear", ("TUTORIAL 7 of 8", "EMERGENCY STOP", "D D Clear E-STOP"), ("D", "D")),
+    TutorialStep("arm", ("TUTORIAL 8 of 8", "DISARMED", "a arm"), ("a",)),
+    TutorialStep("help", ("TUTORIAL  all done", "ARMED", "? Help"), ("?",)),
+    TutorialStep("end", ("examples", "esc closes"), ("Escape",)),
 )
 
 
-class Window:
+class TmuxWindow:
     """A tmux server of its own with one window, in which a command runs."""
 
     def __init__(self, folder: Path, command: str) -> None:
@@ -81,7 +83,7 @@ class Window:
         return shown
 
 
-def walk(window: Window, screens: Path | None) -> None:
+def walk(window: TmuxWindow, screens: Path | None) -> None:
     """Take all steps. Raise RuntimeError with the screen that does not show what it must."""
     for number, step in enumerate(STEPS, start=1):
         shown = window.shows(step.before)
@@ -106,7 +108,7 @@ def main(arguments: Sequence[str]) -> int:
         state = f"XDG_STATE_HOME={folder} XDG_CONFIG_HOME={folder} PYTHONPATH={ROOT}"
         words = f"-m sidestep tutorial --speed {options.speed:g}"
         command = f"env -u COLUMNS -u LINES {state} {sys.executable} {words}"
-        window = Window(Path(folder), command)
+        window = TmuxWindow(Path(folder), command)
         try:
             walk(window, screens)
         finally:

@@ -71,7 +71,7 @@ real time have met."""
 MAX_CLOSING: Final = 20
 
 
-class Step(NamedTuple):
+class GateStep(NamedTuple):
     """A command, its name, and the seconds it takes on two cores without other programs."""
 
     name: str
@@ -79,13 +79,13 @@ class Step(NamedTuple):
     expected_s: float
 
 
-Lane = Sequence[Step]
+Lane = Sequence[GateStep]
 Phase = Sequence[Lane]
 
 
-def tests(name: str, marker: str, words: Sequence[str], expected_s: float) -> Step:
+def tests(name: str, marker: str, words: Sequence[str], expected_s: float) -> GateStep:
     """Return a step that runs the tests with these markers."""
-    return Step(name, (*PYTEST, "-m", marker, *words), expected_s)
+    return GateStep(name, (*PYTEST, "-m", marker, *words), expected_s)
 
 
 def brief_files() -> list[str]:
@@ -106,14 +106,14 @@ def brief_phases(extra: Sequence[str]) -> list[Phase]:
     return [
         [
             [
-                Step("types", types, 30),
+                GateStep("types", types, 30),
                 tests("processes", "stack and brief", ("-n", "2", *extra, *BRIEF_PROCESSES), 12),
             ],
             [
-                Step("format", (*PYTHON, "ruff", "format", "--check", "."), 1),
-                Step("lint", (*PYTHON, "ruff", "check", "."), 1),
-                Step("import contracts", (lint_imports,), 3),
-                Step("branch coverage", (*PYTHON, "checks.mutation.kernel"), 8),
+                GateStep("format", (*PYTHON, "ruff", "format", "--check", "."), 1),
+                GateStep("lint", (*PYTHON, "ruff", "check", "."), 1),
+                GateStep("import contracts", (lint_imports,), 3),
+                GateStep("branch coverage", (*PYTHON, "checks.mutation.kernel"), 8),
                 tests("brief tests", ELSEWHERE, checked, 70),
             ],
         ],
@@ -135,11 +135,11 @@ def rest_phases(extra: Sequence[str]) -> list[Phase]:
         [
             [tests("tests", ELSEWHERE, computing, 210)],
             [
-                Step("images", (*PYTHON, "tests.support.compose.images"), 20),
-                Step("MAVLink clients", (*PYTHON, "tests.interop.environments", *extra), 8),
+                GateStep("images", (*PYTHON, "tests.support.compose.images"), 20),
+                GateStep("MAVLink clients", (*PYTHON, "tests.interop.environments", *extra), 8),
                 tests("tests with the firmware", "mcu", ("-n", "2", *extra, "tests/mcu"), 40),
-                Step("documentation", (*PYTHON, "checks.site"), 15),
-                Step("mutation of the stop", mutation, 8),
+                GateStep("documentation", (*PYTHON, "checks.site"), 15),
+                GateStep("mutation of the stop", mutation, 8),
             ],
         ],
         [
@@ -168,7 +168,7 @@ mutation test. `make gate` runs everything; it needs Docker and, of Debian's pac
 python3-dev, tmux, chromium, gcc-arm-none-eabi, libnewlib-dev and qemu-system-arm."""
 
 
-class Progress:
+class GateProgress:
     """The share that is done and the time that is left, from what steps report.
 
     pytest writes the number of its finished tests to a file (tests/conftest.py). The remaining
@@ -177,15 +177,15 @@ class Progress:
 
     def __init__(self, phases: Sequence[Phase]) -> None:
         self._steps = [step for lanes in phases for lane in lanes for step in lane]
-        self._running: dict[Step, tuple[float, Path]] = {}
-        self._ended: set[Step] = set()
+        self._running: dict[GateStep, tuple[float, Path]] = {}
+        self._ended: set[GateStep] = set()
         self._began_s = monotonic()
 
-    def begin(self, step: Step, report: Path) -> None:
+    def begin(self, step: GateStep, report: Path) -> None:
         """Take note that a step has started, and of the file in which it counts."""
         self._running[step] = (monotonic(), report)
 
-    def end(self, step: Step) -> None:
+    def end(self, step: GateStep) -> None:
         """Take note that a step has ended."""
         self._running.pop(step, None)
         self._ended.add(step)
@@ -252,7 +252,7 @@ class Gate:
         shutil.rmtree(self._logs, ignore_errors=True)
         self._logs.mkdir()
         began_s, over = monotonic(), Event()
-        progress = Progress(phases)
+        progress = GateProgress(phases)
         shown = Thread(target=self._show, args=(progress, over), daemon=True)
         shown.start()
         for lanes in phases:
@@ -277,7 +277,7 @@ class Gate:
         self._print(f"{self._name}: all passed ({took_s:.0f} s)")
         return 0
 
-    def _run_lane(self, lane: Lane, progress: Progress, end: Event) -> None:
+    def _run_lane(self, lane: Lane, progress: GateProgress, end: Event) -> None:
         for step in lane:
             if self._stopping:
                 break
@@ -300,7 +300,7 @@ class Gate:
             for end in ends:
                 end.wait(max(0.0, deadline_s - monotonic()))
 
-    def _run_step(self, step: Step, progress: Progress) -> None:
+    def _run_step(self, step: GateStep, progress: GateProgress) -> None:
         stem = re.sub(r"\W+", "-", step.name)
         log, report = self._logs / f"{stem}.log", self._logs / f"{stem}.count"
         began_s = monotonic()
@@ -338,7 +338,7 @@ class Gate:
             f"FAILED {took}  {step.name}: exit code {code}, output in {log}"
         )
 
-    def _show(self, progress: Progress, over: Event) -> None:
+    def _show(self, progress: GateProgress, over: Event) -> None:
         printed_s = monotonic()
         while not over.wait(TICK_S):
             if self._changing:

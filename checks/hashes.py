@@ -34,7 +34,7 @@ LISTS: Final[Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]] = {
 HEAD: Final = "# `make hashes` writes this, from constraints.txt and pyproject.toml."
 
 
-class File(NamedTuple):
+class PinnedFile(NamedTuple):
     """What pip chose of one package for one Python and machine."""
 
     version: str
@@ -42,7 +42,7 @@ class File(NamedTuple):
     requires: tuple[Requirement, ...]
 
 
-def chosen(python: str, machine: str) -> dict[str, File]:
+def chosen(python: str, machine: str) -> dict[str, PinnedFile]:
     """Return the file of each package of constraints.txt, by its name, as pip chooses it."""
     tags = [f"manylinux_2_{minor}_{machine}" for minor in range(GLIBC, 4, -1)]
     tags += [f"{old}_{machine}" for old in ("manylinux2014", "manylinux2010", "manylinux1")]
@@ -57,7 +57,7 @@ def chosen(python: str, machine: str) -> dict[str, File]:
         subprocess.run([sys.executable, "-m", "pip", *words], check=True)
         report = json.loads(Path(folder, "report.json").read_bytes())
     return {
-        canonicalize_name(one["metadata"]["name"]): File(
+        canonicalize_name(one["metadata"]["name"]): PinnedFile(
             one["metadata"]["version"],
             one["download_info"]["archive_info"]["hashes"]["sha256"],
             tuple(map(Requirement, one["metadata"].get("requires_dist", ()))),

@@ -125,7 +125,7 @@ class Size(NamedTuple):
     threads: float
 
 
-class Fleet:
+class SoakFleet:
     """The processes of `up` with a router; those that end are restarted as `up` restarts them."""
 
     def __init__(self, world: str, robots: int, seed: int, folder: Path, clock: Clock) -> None:

@@ -27,16 +27,16 @@ from tempfile import TemporaryDirectory
 from typing import Final, NamedTuple
 
 from checks.endurance.fleet import (
-    Fleet,
     GoalSender,
     RobotTelemetry,
     Size,
     SoakFault,
+    SoakFleet,
     faults,
     schedule,
     subscribe,
 )
-from checks.harness.figures import Figure, Report, digits, percentile
+from checks.harness.figures import BenchmarkReport, Figure, digits, percentile
 from ground.recording.catalogue import recordings_in
 from ground.recording.log_reader import open_log
 from protocol.topics import ANSWERED, COMMANDED, TEXT, path_of
@@ -186,7 +186,7 @@ class Course:
         return any(one.silent_since(at_ns) for one in self.telemetry.values())
 
 
-def report_of(course: Course) -> Report:
+def report_of(course: Course) -> BenchmarkReport:
     """Return the report of a soak."""
     figures = [*growths(course), *delays(course), *ticks(course), *healing(course)]
     notes = [
@@ -196,7 +196,7 @@ def report_of(course: Course) -> Report:
         *course.given_up,
         *table(course),
     ]
-    return Report(benchmark="soak", figures=tuple(figures), notes=tuple(notes))
+    return BenchmarkReport(benchmark="soak", figures=tuple(figures), notes=tuple(notes))
 
 
 def counted(course: Course) -> str:
@@ -322,12 +322,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def measure(options: argparse.Namespace) -> Report:
+def measure(options: argparse.Namespace) -> BenchmarkReport:
     """Run the soak; Ctrl-C or SIGTERM ends it early, with a report of what was measured."""
     clock = WallClock()
     with TemporaryDirectory(prefix="sidestep-soak-") as folder, interruptible():
         course = Course(robots=options.robots)
-        fleet = Fleet(options.world, options.robots, options.seed, Path(folder), clock)
+        fleet = SoakFleet(options.world, options.robots, options.seed, Path(folder), clock)
         with fleet:
             soak = Soak(fleet, course, clock, options.minutes * 60.0, options.seed)
             try:
@@ -371,7 +371,7 @@ class Soak:
     """A run: it checks the fleet ten times a second and samples it once a second."""
 
     def __init__(
-        self, fleet: Fleet, course: Course, clock: Clock, seconds: float, seed: int
+        self, fleet: SoakFleet, course: Course, clock: Clock, seconds: float, seed: int
     ) -> None:
         self._fleet = fleet
         self._course = course

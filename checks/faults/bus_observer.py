@@ -55,7 +55,7 @@ TUNED: Final = "d_obs_m"
 """A parameter that an operator may set while the robot drives."""
 
 
-class Received(NamedTuple):
+class ReceivedSample(NamedTuple):
     """A message and its monotonic arrival time."""
 
     message: Any
@@ -69,9 +69,9 @@ class BusObserver:
         self._endpoints = (router, truth)
         self._tls = tls
         self._scope = ExitStack()
-        self.truths: list[Received] = []
-        self.statuses: list[Received] = []
-        self.cycles: list[Received] = []
+        self.truths: list[ReceivedSample] = []
+        self.statuses: list[ReceivedSample] = []
+        self.cycles: list[ReceivedSample] = []
 
     def __enter__(self) -> Self:
         router, truth = self._endpoints
@@ -94,15 +94,15 @@ class BusObserver:
         )
         return self._scope.enter_context(open_bus(network, role, ROBOT))
 
-    def _listen(self, endpoint: str, topic: Topic[Any], into: list[Received]) -> Bus:
+    def _listen(self, endpoint: str, topic: Topic[Any], into: list[ReceivedSample]) -> Bus:
         bus = self._open(endpoint, Role.GROUND)
         self._stream(bus, topic, into)
         return bus
 
-    def _stream(self, bus: Bus, topic: Topic[Any], into: list[Received]) -> None:
+    def _stream(self, bus: Bus, topic: Topic[Any], into: list[ReceivedSample]) -> None:
         def keep(_key: str, frame: bytes, arrived_ns: int) -> None:
             try:
-                into.append(Received(decode(frame).message, arrived_ns))
+                into.append(ReceivedSample(decode(frame).message, arrived_ns))
             except RemoteError:
                 return
 
@@ -240,7 +240,7 @@ class Changes:
         return float((found if name == "parameters" else found[0])[key])
 
 
-def after(received: tuple[Received, ...], offset_ns: int, since_ns: int) -> Iterator[Seen]:
+def after(received: tuple[ReceivedSample, ...], offset_ns: int, since_ns: int) -> Iterator[Seen]:
     """Yield the truths after a time, and the last one before it."""
     last: Seen | None = None
     for message, _ in received:

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 from checks.faults import simulated_time, wall_time
 from checks.faults.cases import FAULTS, FaultCase, Way
 from checks.faults.results import Repetition, Results, page
-from checks.harness.figures import Figure, Report, describe_machine, machine_load
+from checks.harness.figures import BenchmarkReport, Figure, describe_machine, machine_load
 from runtime.errors import UserError
 
 KEPT: Final = Path("faults.jsonl")
@@ -52,7 +52,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cores", type=int, default=cores, metavar="N", help=argparse.SUPPRESS)
 
 
-def measure(options: argparse.Namespace) -> Report:
+def measure(options: argparse.Namespace) -> BenchmarkReport:
     """Run the repetitions that are missing and report all; UserError for an unknown fault."""
     faults = chosen(options.only)
     load_before = machine_load()
@@ -121,7 +121,7 @@ def print_verdict(one: Repetition) -> None:
     print(f"{one.way:8} {one.number:2} {one.fault}: {how}", file=sys.stderr, flush=True)
 
 
-def report(faults: Iterable[FaultCase], results: Results) -> Report:
+def report(faults: Iterable[FaultCase], results: Results) -> BenchmarkReport:
     """Report the rows that miss their limit, and the stopping times of all."""
     figures, notes, missing = [], [], 0
     for fault in faults:
@@ -135,4 +135,4 @@ def report(faults: Iterable[FaultCase], results: Results) -> Report:
                 name = f"{fault.name}, {way.value}"
                 figures.append(Figure(name=name, unit="ms", values=stood_ms))
     rows = Figure(name="rows that miss their limit", unit="", values=(missing,), at_most=0.0)
-    return Report(benchmark="faults", figures=(rows, *figures), notes=tuple(notes))
+    return BenchmarkReport(benchmark="faults", figures=(rows, *figures), notes=tuple(notes))

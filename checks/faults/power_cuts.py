@@ -40,7 +40,7 @@ Change: TypeAlias = tuple[str | None, str | None, int]
 """A change of names in a directory: the removed name, the added name and its file."""
 
 
-class File:
+class DiskFile:
     """The content of a file now, and each content that it may have after a cut."""
 
     def __init__(self) -> None:
@@ -107,7 +107,7 @@ class ReorderingDisk:
         """Create an empty, durable directory `home`."""
         self.path = self
         self.cuts: list[frozenset[State]] = []
-        self._nodes: list[File | Folder] = [Folder()]
+        self._nodes: list[DiskFile | Folder] = [Folder()]
         self._open: dict[int, int] = {}
         for folder in (*reversed(PurePath(home).parents), PurePath(home)):
             if folder != PurePath("/"):
@@ -132,11 +132,11 @@ class ReorderingDisk:
         if number is None:
             if not flags & os.O_CREAT:
                 raise FileNotFoundError(ENOENT, "No such file or directory", str(path))
-            number = self._new(path, File())
+            number = self._new(path, DiskFile())
         node = self._nodes[number]
         if isinstance(node, Folder) and flags & os.O_WRONLY:
             raise IsADirectoryError(EISDIR, "Is a directory", str(path))
-        if isinstance(node, File) and flags & os.O_TRUNC and node.content:
+        if isinstance(node, DiskFile) and flags & os.O_TRUNC and node.content:
             node.write(b"")
             self._done()
         handle = 3 + max(self._open, default=0)
@@ -146,7 +146,7 @@ class ReorderingDisk:
     def write(self, handle: int, data: bytes) -> int:
         """Append to a file."""
         node = self._nodes[self._open[handle]]
-        assert isinstance(node, File)
+        assert isinstance(node, DiskFile)
         node.write(node.content + data)
         self._done()
         return len(data)
@@ -192,7 +192,7 @@ class ReorderingDisk:
         """Return the content of a file now."""
         number = self._find(path)
         node = None if number is None else self._nodes[number]
-        assert isinstance(node, File)
+        assert isinstance(node, DiskFile)
         return node.content
 
     # States after a cut.
@@ -219,7 +219,7 @@ class ReorderingDisk:
         else:
             yield from ({path: content} for content in sorted(node.after_cut))
 
-    def _new(self, path: PurePath, node: File | Folder) -> int:
+    def _new(self, path: PurePath, node: DiskFile | Folder) -> int:
         self._nodes.append(node)
         number = len(self._nodes) - 1
         self._folder(path.parent).change(None, path.name, number)

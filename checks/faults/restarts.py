@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 from unittest.mock import patch
 
 from checks.faults.power_cuts import HOME, ReorderingDisk, State, restore, set_value, upload_fence
-from checks.harness.figures import Figure, Report
+from checks.harness.figures import BenchmarkReport, Figure
 from ground.cli.main import parse
 from ground.cli.run.up import connect, free_endpoint
 from ground.client.link import Link, open_link
@@ -92,7 +92,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--stops", type=int, default=3, help=help)
 
 
-def measure(options: argparse.Namespace) -> Report:
+def measure(options: argparse.Namespace) -> BenchmarkReport:
     """Kill each process repeatedly, and report the recovery times."""
     figures: list[Figure] = []
     for role, router in ROLES:
@@ -101,7 +101,7 @@ def measure(options: argparse.Namespace) -> Report:
         name = role.partition(" ")[0] + (" behind a router" if router and role != "router" else "")
         figures += of(name, took, ROUTER_S if role == "router" else None)
     figures += kept_stops(options.stops)
-    return Report(
+    return BenchmarkReport(
         benchmark="restarts",
         figures=tuple(figures),
         notes=("SIGKILL; publishing: the robot's status and the plant's truth, from outside",),

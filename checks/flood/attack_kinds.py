@@ -515,7 +515,7 @@ def id_in(captured: Captured) -> int:
     return 0
 
 
-class Kind(NamedTuple):
+class AttackKind(NamedTuple):
     """A kind of attack: what is sent, and at which rate.
 
     `pauses`: the attack pauses while the operator commands the robot, because it may rightfully
@@ -534,16 +534,22 @@ class Kind(NamedTuple):
     """An open bus has no protection against it."""
 
 
-KINDS: Final[Mapping[str, Kind]] = {
-    "frames": Kind(frames, 10_000.0, "replayed, broken and forged senses and operator frames"),
-    "questions": Kind(questions, 500.0, "forged commands, nonsense, megabytes", judged=True),
-    "connections": Kind(frames, 50.0, "200 connections", sessions=200),
-    "stops": Kind(stops, 3000.0, "emergency stops in every way", pauses=True),
-    "replays": Kind(replays, 1000.0, "samples and queries of operators, replayed", pauses=True),
-    "collisions": Kind(collisions, 500.0, "known ids, other commands", pauses=True, judged=True),
-    "readers": Kind(readers, 200.0, "long answers, read at 20 kB/s", bytes_per_s=20_000.0),
-    "history": Kind(history, 500.0, "the histories of all events"),
-    "puts": Kind(puts, 170.0, "puts on keys of 60 kB"),
-    "wheels": Kind(wheels, 2000.0, "wheel commands"),
-    "patterns": Kind(patterns, 200.0, "hostile patterns", sessions=2, locked_only=True),
+KINDS: Final[Mapping[str, AttackKind]] = {
+    "frames": AttackKind(
+        frames, 10_000.0, "replayed, broken and forged senses and operator frames"
+    ),
+    "questions": AttackKind(questions, 500.0, "forged commands, nonsense, megabytes", judged=True),
+    "connections": AttackKind(frames, 50.0, "200 connections", sessions=200),
+    "stops": AttackKind(stops, 3000.0, "emergency stops in every way", pauses=True),
+    "replays": AttackKind(
+        replays, 1000.0, "samples and queries of operators, replayed", pauses=True
+    ),
+    "collisions": AttackKind(
+        collisions, 500.0, "known ids, other commands", pauses=True, judged=True
+    ),
+    "readers": AttackKind(readers, 200.0, "long answers, read at 20 kB/s", bytes_per_s=20_000.0),
+    "history": AttackKind(history, 500.0, "the histories of all events"),
+    "puts": AttackKind(puts, 170.0, "puts on keys of 60 kB"),
+    "wheels": AttackKind(wheels, 2000.0, "wheel commands"),
+    "patterns": AttackKind(patterns, 200.0, "hostile patterns", sessions=2, locked_only=True),
 }

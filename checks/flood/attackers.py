@@ -23,7 +23,7 @@ from time import monotonic
 from types import MappingProxyType
 from typing import Final, Self
 
-from checks.flood.attack_kinds import KINDS, Attacker, Kind, Send
+from checks.flood.attack_kinds import KINDS, Attacker, AttackKind, Send
 from checks.harness.processes import tls_of
 from checks.harness.relays import SlowRelay, address_of
 from protocol.bus.network import Network
@@ -238,7 +238,7 @@ def run_attack(send: Send, rate_hz: float, control: AttackControl) -> int:
     return total
 
 
-def open_sessions(kind: Kind, access: Access, scope: ExitStack) -> list[Attacker]:
+def open_sessions(kind: AttackKind, access: Access, scope: ExitStack) -> list[Attacker]:
     """Open the sessions of an attack, through a slow relay if its kind reads slowly."""
     endpoint = access.endpoint
     if kind.bytes_per_s:

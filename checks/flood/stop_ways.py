@@ -43,7 +43,7 @@ from checks.flood.under_attack import (
     StopTimes,
     figure,
 )
-from checks.harness.figures import Figure, Report
+from checks.harness.figures import BenchmarkReport, Figure
 from checks.harness.observer import Observer, observed
 from checks.harness.processes import free_port, made_keys, sidestep, tls_of
 from checks.harness.relays import TcpProxy
@@ -94,7 +94,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=1, help="of the moments of the attacks (1)")
 
 
-def measure(options: argparse.Namespace) -> Report:
+def measure(options: argparse.Namespace) -> BenchmarkReport:
     """Press the stop in each row of the table and report its figures."""
     figures: list[Figure] = []
     notes: list[str] = []
@@ -110,11 +110,11 @@ def measure(options: argparse.Namespace) -> Report:
             print(f"  {len(row.presses)} presses: {met}", file=sys.stderr, flush=True)
             figures += found
             notes += notes_of(name, row)
-    return Report(benchmark="stop_ways", figures=tuple(figures), notes=tuple(notes))
+    return BenchmarkReport(benchmark="stop_ways", figures=tuple(figures), notes=tuple(notes))
 
 
 @dataclass(slots=True)
-class Row:
+class StopRow:
     """The presses of a row, the robot's cycle reports and the reasons of other stops.
 
     `repeated` is why a press had to be repeated: there was none, or the robot stood already.
@@ -208,7 +208,7 @@ class TakenId:
 
 
 @dataclass(slots=True, kw_only=True)
-class Scene:
+class AttackScene:
     """A robot that drives, the router that it dials, and the operator's files."""
 
     observer: Observer
@@ -232,9 +232,11 @@ class Scene:
         return Access(self.router.endpoint, self.keys, VIEWER if self.keys else "")
 
 
-def run(options: argparse.Namespace, folder: Path, keys: Path | None, link: str, way: str) -> Row:
+def run(
+    options: argparse.Namespace, folder: Path, keys: Path | None, link: str, way: str
+) -> StopRow:
     """Press the stop repeatedly by one way; return what was seen, also of a row that failed."""
-    row = Row()
+    row = StopRow()
     try:
         with (
             driving(options, folder, keys) as scene,
@@ -252,7 +254,7 @@ def run(options: argparse.Namespace, folder: Path, keys: Path | None, link: str,
 
 
 @contextmanager
-def driving(options: argparse.Namespace, folder: Path, keys: Path | None) -> Iterator[Scene]:
+def driving(options: argparse.Namespace, folder: Path, keys: Path | None) -> Iterator[AttackScene]:
     """Run a robot behind a router, and an operator that has its lease."""
     with (
         Router(keys) as router,
@@ -262,7 +264,7 @@ def driving(options: argparse.Namespace, folder: Path, keys: Path | None) -> Ite
     ):
         operator = DrivingOperator(observer)
         operator.take_lease()
-        scene = Scene(
+        scene = AttackScene(
             observer=observer,
             operator=operator,
             router=router,
@@ -275,7 +277,7 @@ def driving(options: argparse.Namespace, folder: Path, keys: Path | None) -> Ite
 
 
 @contextmanager
-def under_attack(scene: Scene, row: Row, *, patterns: bool) -> Iterator[None]:
+def under_attack(scene: AttackScene, row: StopRow, *, patterns: bool) -> Iterator[None]:
     """Let strangers call at robot and router, and viewers declare hostile patterns there."""
     endpoints = (scene.router.endpoint, scene.observer.endpoint)
     with ExitStack() as scope:
@@ -290,7 +292,7 @@ def under_attack(scene: Scene, row: Row, *, patterns: bool) -> Iterator[None]:
         row.called = sum(one.called for one in strangers)
 
 
-def press_all(scene: Scene, row: Row, press: "Press", presses: int) -> None:
+def press_all(scene: AttackScene, row: StopRow, press: "Press", presses: int) -> None:
     """Press the stop so often at a robot that drives."""
     while len(row.presses) < presses and len(row.repeated) <= presses:
         try:
@@ -319,7 +321,7 @@ Press = Callable[[str], StopTimes]
 
 
 @contextmanager
-def pressing(scene: Scene, row: Row, link: str, way: str) -> Iterator[Press]:
+def pressing(scene: AttackScene, row: StopRow, link: str, way: str) -> Iterator[Press]:
     """Yield what presses the stop once and clears it."""
     operator, router = scene.operator, scene.router
 
@@ -375,7 +377,7 @@ def pressing(scene: Scene, row: Row, link: str, way: str) -> Iterator[Press]:
 
 
 @contextmanager
-def app_at(scene: Scene, endpoint: str) -> Iterator[Terminal]:
+def app_at(scene: AttackScene, endpoint: str) -> Iterator[Terminal]:
     """Run the app until the block ends; it hears the robot."""
     words = ("ground", "--id", scene.observer.robot, "--connect", endpoint, "--config", scene.file)
     environment = {"XDG_STATE_HOME": str(scene.folder)}
@@ -385,7 +387,7 @@ def app_at(scene: Scene, endpoint: str) -> Iterator[Terminal]:
 
 
 @contextmanager
-def idle_session(scene: Scene, endpoint: str) -> Iterator[str]:
+def idle_session(scene: AttackScene, endpoint: str) -> Iterator[str]:
     """Open a session of the operator by the router; yield its id as soon as it hears the robot."""
     tls = tls_of(scene.keys, OPERATOR_NAME) if scene.keys else None
     network = Network(mode="client", connect=(endpoint,), tls=tls, connect_timeout_s=PATIENCE_S)
@@ -408,12 +410,12 @@ def operator_beside(observer: Observer) -> str:
     return found[0]
 
 
-def beating(scene: Scene, condition: Callable[[], object], what: str) -> None:
+def beating(scene: AttackScene, condition: Callable[[], object], what: str) -> None:
     """Wait for a condition and send the operator's heartbeats meanwhile."""
     until(lambda: scene.operator.send_heartbeat() or condition(), what, PATIENCE_S)
 
 
-def figures_of(name: str, way: str, wanted: int, row: Row) -> Iterator[Figure]:
+def figures_of(name: str, way: str, wanted: int, row: StopRow) -> Iterator[Figure]:
     """Yield the figures of a row."""
     begins = BEGINS[way]
     stood_ms = [one.stood_ms for one in row.presses if one.stood_ms is not None]
@@ -437,7 +439,7 @@ def figures_of(name: str, way: str, wanted: int, row: Row) -> Iterator[Figure]:
         )
 
 
-def notes_of(name: str, row: Row) -> Iterator[str]:
+def notes_of(name: str, row: StopRow) -> Iterator[str]:
     """Yield what the attackers did, and why the robot stopped unexpectedly."""
     yield (
         f"{name}: {row.called} calls of strangers, {row.taken} tries to take an id, router killed"

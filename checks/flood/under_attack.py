@@ -33,7 +33,7 @@ from typing import Final, NamedTuple
 from checks.flood.attack_kinds import ACTED, KINDS, StopStatus, unfounded
 from checks.flood.attackers import RATES_HZ, SOURCE, Access, Attack, Strangers
 from checks.harness.bus_calls import OPERATOR_BEAT, arm_request, command_request
-from checks.harness.figures import Figure, Report, percentile
+from checks.harness.figures import BenchmarkReport, Figure, percentile
 from checks.harness.motion import HOLDS, PERIOD_S, Seen, stood_s
 from checks.harness.observer import Observer, observed
 from checks.harness.processes import cpu_s, made_keys, resident_mb
@@ -287,7 +287,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--realtime", action="store_true", help="robot scheduled SCHED_FIFO")
 
 
-def measure(options: argparse.Namespace) -> Report:
+def measure(options: argparse.Namespace) -> BenchmarkReport:
     """Run each kind of attack and report its figures."""
     figures: list[Figure] = []
     notes: list[str] = []
@@ -302,7 +302,7 @@ def measure(options: argparse.Namespace) -> Report:
                 found = run(options, kind, keys if door == LOCKED else None)
                 figures += figures_of(name, found)
                 notes += notes_of(name, found)
-    return Report(benchmark="flood", figures=tuple(figures), notes=tuple(notes))
+    return BenchmarkReport(benchmark="flood", figures=tuple(figures), notes=tuple(notes))
 
 
 @dataclass(slots=True)

@@ -94,7 +94,7 @@ MISSION_ANSWERS: Final[dict[type, Outcome]] = {
 }
 
 
-class SimulatedRobot:
+class AnsweringRobot:
     """A robot whose answers depend on the flags of the last message."""
 
     name = "r1"
@@ -165,9 +165,9 @@ LIST: Final = robots_list()
 
 def new_face(
     folder: Path | None = None, guard: SigningGuard | None = None
-) -> tuple[Face, SimulatedRobot]:
+) -> tuple[Face, AnsweringRobot]:
     """Return a vehicle with two clients."""
-    robot = SimulatedRobot()
+    robot = AnsweringRobot()
     face = face_of(MavVehicle(1, robot, DEFAULT_ORIGIN, 0), folder, guard)
     for client in (1, 2):
         face.join(client)

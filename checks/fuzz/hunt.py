@@ -44,7 +44,7 @@ from checks.fuzz.logs import LOGS
 from checks.fuzz.target import FuzzTarget
 from checks.fuzz.typed import TYPED
 from checks.fuzz.wire import WIRE
-from checks.harness.figures import Figure, Report
+from checks.harness.figures import BenchmarkReport, Figure
 from runtime.errors import UserError
 
 GATEWAY: Final = (
@@ -74,7 +74,7 @@ class CpuTimeError(BaseException):
     """An input took too much CPU time. A BaseException, so that decoders do not catch it."""
 
 
-class Finding(NamedTuple):
+class FuzzFinding(NamedTuple):
     """A defect and its input; `where` is the same for the same defect."""
 
     target: str
@@ -92,7 +92,7 @@ class FuzzTally:
     inputs: int = 0
     accepted: int = 0
     cpu_s: float = 0.0
-    finds: list[Finding] = field(default_factory=list)
+    finds: list[FuzzFinding] = field(default_factory=list)
 
 
 def hunt(name: str, seed: int, begin: int, end: int) -> FuzzTally:
@@ -108,7 +108,7 @@ def hunt(name: str, seed: int, begin: int, end: int) -> FuzzTally:
             what, where = try_input(target, data, Path(folder), tally)
             tally.inputs += 1
             if what:
-                tally.finds.append(Finding(name, index, what, where, data))
+                tally.finds.append(FuzzFinding(name, index, what, where, data))
     tally.cpu_s = cpu_s() - begun_s
     faulthandler.cancel_dump_traceback_later()
     return tally
@@ -217,7 +217,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--again", type=Path, metavar="FILE", help="run a kept input")
 
 
-def measure(options: argparse.Namespace) -> Report:
+def measure(options: argparse.Namespace) -> BenchmarkReport:
     """Run a kept input, or hunt and report."""
     if options.again is not None:
         return run_again(options.again)
@@ -230,7 +230,7 @@ def measure(options: argparse.Namespace) -> Report:
     return report_of(tallies, finds, options.inputs if options.seconds is None else None)
 
 
-def run_again(file: Path) -> Report:
+def run_again(file: Path) -> BenchmarkReport:
     """Run an input that was kept; its errors are raised, for `sidestep --traceback`."""
     name = file.name.rpartition("-")[0]
     if name not in TARGETS:
@@ -238,7 +238,7 @@ def run_again(file: Path) -> Report:
     with TemporaryDirectory() as folder:
         accepted = TARGETS[name].accepts(file.read_bytes(), Path(folder))
     figure = Figure(name=f"{name}, accepted", unit="", values=(float(accepted),))
-    return Report(benchmark="fuzz", figures=(figure,))
+    return BenchmarkReport(benchmark="fuzz", figures=(figure,))
 
 
 class Block(NamedTuple):
@@ -301,12 +301,12 @@ def collect(
             yield process
         except BrokenProcessPool:
             where = f"inputs {one.begin} to {one.end}"
-            find = Finding(one.name, one.begin, "the process died", where, b"")
+            find = FuzzFinding(one.name, one.begin, "the process died", where, b"")
             tallies.append(FuzzTally(one.name, finds=[find]))
             yield new_process()
 
 
-def keep(finds: Sequence[Finding], folder: Path | None) -> None:
+def keep(finds: Sequence[FuzzFinding], folder: Path | None) -> None:
     """Write one input of each defect."""
     if folder is None or not finds:
         return
@@ -315,7 +315,9 @@ def keep(finds: Sequence[Finding], folder: Path | None) -> None:
         (folder / f"{find.target}-{find.number}").write_bytes(find.data)
 
 
-def report_of(tallies: Sequence[FuzzTally], finds: Sequence[Finding], wanted: int | None) -> Report:
+def report_of(
+    tallies: Sequence[FuzzTally], finds: Sequence[FuzzFinding], wanted: int | None
+) -> BenchmarkReport:
     """Return the report of a hunt."""
     inputs, accepted, cpu_s = Counter[str](), Counter[str](), Counter[str]()
     for tally in tallies:
@@ -336,4 +338,4 @@ def report_of(tallies: Sequence[FuzzTally], finds: Sequence[Finding], wanted: in
     for (target, where), find in first.items():
         times = sum(n for key, n in counts.items() if key[:2] == (target, where))
         notes.append(f"FOUND {times} x {target} {find.number}: {where}: {find.what}")
-    return Report(benchmark="fuzz", figures=tuple(figures), notes=tuple(notes))
+    return BenchmarkReport(benchmark="fuzz", figures=tuple(figures), notes=tuple(notes))

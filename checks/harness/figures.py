@@ -79,7 +79,7 @@ Measured = tuple[list[Figure], list[str]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Report:
+class BenchmarkReport:
     """The figures of a benchmark, with notes and the machine that ran it."""
 
     benchmark: str
@@ -88,7 +88,7 @@ class Report:
     machine: dict[str, object] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, benchmark: str, parts: Iterable[Measured]) -> "Report":
+    def of(cls, benchmark: str, parts: Iterable[Measured]) -> "BenchmarkReport":
         """Return the report of a benchmark in several parts."""
         measured = list(parts)
         figures = tuple(figure for found, _ in measured for figure in found)
@@ -124,7 +124,7 @@ class BenchmarkFunctions(NamedTuple):
     """A benchmark among several of its module: how it adds its options, and how it measures."""
 
     add_options: Callable[[argparse.ArgumentParser], None]
-    measure: Callable[[argparse.Namespace], Report]
+    measure: Callable[[argparse.Namespace], BenchmarkReport]
 
 
 def digits(value: float) -> str:

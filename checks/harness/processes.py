@@ -86,7 +86,7 @@ def sidestep(
                 started.join()
 
 
-class RobotProcess(NamedTuple):
+class StartedRobot(NamedTuple):
     """A `sidestep run robot` process, and the network settings that reach it."""
 
     pid: int
@@ -97,7 +97,7 @@ class RobotProcess(NamedTuple):
 @contextmanager
 def robot_process(
     world: World, *options: str, keys: Path | None = None, client: str = "router"
-) -> Iterator[RobotProcess]:
+) -> Iterator[StartedRobot]:
     """Run a robot at the start of a world.
 
     With `keys`, a folder of `sidestep keys new`, access is controlled, and `client` is the role
@@ -121,7 +121,7 @@ def robot_process(
     with sidestep(*arguments, ready="ready") as robot:
         tls = tls_of(keys, client) if keys else None
         network = Network(mode="client", connect=(endpoint,), tls=tls)
-        yield RobotProcess(robot.pid, robot.output, network)
+        yield StartedRobot(robot.pid, robot.output, network)
 
 
 def tls_of(keys: Path, role: str) -> Tls:
@@ -166,7 +166,7 @@ ACCEPTED_S = 100.0
 STATUS_S = 60.0
 
 
-class Run(NamedTuple):
+class LockstepRun(NamedTuple):
     """A run to the end of its goal: the plant's score, and the wall time it took."""
 
     score: RunScore
@@ -183,7 +183,7 @@ class Run(NamedTuple):
         return self.score.ticks * 0.05 / self.wall_s
 
 
-def lockstep_run(file: str, trial: Trial, *, router: bool = False) -> Run:
+def lockstep_run(file: str, trial: Trial, *, router: bool = False) -> LockstepRun:
     """Run a trial over the bus instead of in one process; `file` names the file of its world."""
     with stack(file, trial, router=router) as processes:
         return GoalDriver(processes.bus).drive(trial.world)
@@ -255,7 +255,7 @@ class GoalDriver:
         self._frames: SimpleQueue[bytes] = SimpleQueue()
         bus.stream(STATUS, lambda _key, frame, _ns: self._frames.put(frame))
 
-    def drive(self, world: World, started: Callable[[], None] = lambda: None) -> Run:
+    def drive(self, world: World, started: Callable[[], None] = lambda: None) -> LockstepRun:
         """Drive to the goal of a world and return its score; call `started` at its beginning."""
         goal = wire_goal_of(world)
         self._ask(COMMAND, arm_request)
@@ -268,7 +268,7 @@ class GoalDriver:
         score = self._bus.ask(RUN, RunRequest(action=RunAction.SCORE, until_ns=ended_ns), 2.0)
         if not isinstance(score, RunScore):
             raise RuntimeError(f"the plant returned no score: {score!r}")
-        return Run(score, wall_s)
+        return LockstepRun(score, wall_s)
 
     def _end_of_goal(self) -> int:
         while True:

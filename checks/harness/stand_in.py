@@ -13,7 +13,7 @@ from threading import Event
 from time import monotonic_ns
 
 from checks.harness.bus_calls import arm_request, auto_goal_request, await_subscribers, is_accepted
-from checks.harness.processes import ROBOT, RobotProcess
+from checks.harness.processes import ROBOT, StartedRobot
 from plant.model.configuration import noise_of
 from plant.process.robot_link import RobotLink
 from plant.sim.simulation import Plant
@@ -132,7 +132,7 @@ class PlantStandIn:
 
 
 @contextmanager
-def driving(world: World, robot: RobotProcess, *, lockstep: bool) -> Iterator[PlantStandIn]:
+def driving(world: World, robot: StartedRobot, *, lockstep: bool) -> Iterator[PlantStandIn]:
     """Run a plant and keep its robot driving."""
     with (
         open_bus(robot.network, Role.PLANT, ROBOT) as bus,

@@ -27,7 +27,7 @@ UNWANTED: Final = ("COLUMNS", "LINES", "NO_COLOR", "PYTHONDONTWRITEBYTECODE", "P
 """Set in test environments, but not by users."""
 
 
-class Reading(NamedTuple):
+class TerminalReading(NamedTuple):
     """CPU time and bytes written by a process until now."""
 
     at_ns: int
@@ -108,10 +108,10 @@ class Terminal:
         os.write(self._end, keys.encode())
         return at_ns
 
-    def reading(self) -> Reading:
+    def reading(self) -> TerminalReading:
         """Read the CPU time and the number of bytes written."""
         with self._lock:
-            return Reading(monotonic_ns(), cpu_s(self.pid), self._written)
+            return TerminalReading(monotonic_ns(), cpu_s(self.pid), self._written)
 
     def spent(self, seconds: float) -> Spent:
         """Return load and output rate over the next so many seconds."""

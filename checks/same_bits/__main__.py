@@ -21,8 +21,8 @@ from pathlib import Path
 
 from checks.harness import figures
 from checks.same_bits.functions import VALUES, values_of
-from checks.same_bits.record import Functions, Row, read, write
-from checks.same_bits.trials import Result, result_of
+from checks.same_bits.record import Functions, VariantRow, read, write
+from checks.same_bits.trials import TrialDigest, result_of
 from checks.same_bits.variants import ROOT, Variant, compiled, of_libraries, of_processors, unpack
 
 SECONDS_PER_TRIAL = 30.0
@@ -71,7 +71,7 @@ def variants_of(options: argparse.Namespace) -> list[Variant]:
     return variants
 
 
-def run(variant: Variant, trials: int, root: Path = ROOT) -> list[Result]:
+def run(variant: Variant, trials: int, root: Path = ROOT) -> list[TrialDigest]:
     """Run the trials in a variant; raise RuntimeError with its output if it fails."""
     words = ("checks.same_bits.trials", str(trials))
     return [result_of(line) for line in output(variant, words, SECONDS_PER_TRIAL * trials, root)]
@@ -113,7 +113,7 @@ def output(
     return child.stdout.splitlines()
 
 
-def attempt(variant: Variant, trials: int, root: Path = ROOT) -> list[Result] | str:
+def attempt(variant: Variant, trials: int, root: Path = ROOT) -> list[TrialDigest] | str:
     """Run the trials in a variant; return an error message if it cannot."""
     try:
         return run(variant, trials, root)
@@ -122,7 +122,7 @@ def attempt(variant: Variant, trials: int, root: Path = ROOT) -> list[Result] | 
 
 
 def compared(
-    variant: Variant, usual: Sequence[Result], found: Sequence[Result] | str
+    variant: Variant, usual: Sequence[TrialDigest], found: Sequence[TrialDigest] | str
 ) -> list[str] | None:
     """Print and return the trials whose digests differ in a variant; None if it could not run."""
     if isinstance(found, str):
@@ -135,7 +135,7 @@ def compared(
     return differing
 
 
-def differences(usual: Sequence[Result], found: Sequence[Result]) -> list[str]:
+def differences(usual: Sequence[TrialDigest], found: Sequence[TrialDigest]) -> list[str]:
     """Return the settings of trials whose digests differ or are missing."""
     digests = {result.number: result.digest for result in found}
     return [one.settings for one in usual if digests.get(one.number) != one.digest]
@@ -152,7 +152,7 @@ def keep(
         )
         record.ends = described(ends)
     record.add(
-        Row(
+        VariantRow(
             variant=variant.name,
             trials=ends.total(),
             differing=differing,

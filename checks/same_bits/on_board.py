@@ -35,7 +35,7 @@ SHOWN: Final = 12
 """Digits of a hash that are kept in the results."""
 
 
-class Drive(NamedTuple):
+class BoardDrive(NamedTuple):
     """World, navigator and noise of a drive."""
 
     world: str
@@ -65,9 +65,9 @@ class Compared(msgspec.Struct, frozen=True):
     core: str
 
     @property
-    def drive(self) -> Drive:
+    def drive(self) -> BoardDrive:
         """World, navigator and noise."""
-        return Drive(self.world, self.navigator, self.noise)
+        return BoardDrive(self.world, self.navigator, self.noise)
 
     @property
     def is_equal(self) -> bool:
@@ -75,13 +75,13 @@ class Compared(msgspec.Struct, frozen=True):
         return self.digest == self.on_board
 
 
-class Comparison(msgspec.Struct):
+class BoardComparison(msgspec.Struct):
     """The newest result of each drive."""
 
     seed: int
     drives: list[Compared]
 
-    def missing(self) -> list[Drive]:
+    def missing(self) -> list[BoardDrive]:
         """Return the drives that have no result."""
         done = {one.drive for one in self.drives}
         return [drive for drive in all_drives() if drive not in done]
@@ -90,7 +90,7 @@ class Comparison(msgspec.Struct):
         """Return the results with two digests."""
         return [one for one in self.drives if not one.is_equal]
 
-    def todo(self, image: str) -> list[Drive]:
+    def todo(self, image: str) -> list[BoardDrive]:
         """Return the drives without an equal result of an image, in the order of the run."""
         old = [one for one in self.drives if not one.is_equal or one.image != image]
         old.sort(key=lambda one: (one.is_equal, one.time_s))
@@ -101,9 +101,9 @@ class Comparison(msgspec.Struct):
         self.drives = [other for other in self.drives if other.drive != one.drive] + [one]
 
 
-def all_drives() -> Iterator[Drive]:
+def all_drives() -> Iterator[BoardDrive]:
     """Yield all drives."""
-    return (Drive(*words) for words in product(shipped(), NAVIGATORS, NOISES))
+    return (BoardDrive(*words) for words in product(shipped(), NAVIGATORS, NOISES))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -129,9 +129,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 1 if differing or missing else 0
 
 
-def resumed(path: Path) -> Comparison:
+def resumed(path: Path) -> BoardComparison:
     """Return the results in a file, if there are any."""
-    return read(path) if path.exists() else Comparison(SEED, [])
+    return read(path) if path.exists() else BoardComparison(SEED, [])
 
 
 def image_hash() -> str:
@@ -141,7 +141,7 @@ def image_hash() -> str:
     return sha256(IMAGE.elf.read_bytes()).hexdigest()[:SHOWN]
 
 
-def compared(drive: Drive, image: str, last_s: float) -> Compared | None:
+def compared(drive: BoardDrive, image: str, last_s: float) -> Compared | None:
     """Run a drive in this process and on the board; None if it is too late to start."""
     if monotonic() > last_s:
         return None
@@ -155,12 +155,12 @@ def compared(drive: Drive, image: str, last_s: float) -> Compared | None:
     return Compared(*drive, expected.outcome, expected.time_s, expected.digest, digest, image, core)
 
 
-def read(path: Path) -> Comparison:
+def read(path: Path) -> BoardComparison:
     """Return the results in a file."""
-    return msgspec.json.decode(path.read_bytes(), type=Comparison)
+    return msgspec.json.decode(path.read_bytes(), type=BoardComparison)
 
 
-def write(path: Path, comparison: Comparison) -> None:
+def write(path: Path, comparison: BoardComparison) -> None:
     """Replace a file by the results, in the order of the drives."""
     comparison.drives.sort(key=lambda one: one.drive)
     new = path.with_suffix(".new")

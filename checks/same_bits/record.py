@@ -10,7 +10,7 @@ EXAMPLES: Final = 3
 HEAD: Final = "| variant | trials | digests that differ | commit | date |\n|---|---|---|---|---|"
 
 
-class Row(msgspec.Struct, frozen=True):
+class VariantRow(msgspec.Struct, frozen=True):
     """One variant: number of trials, and those that differ from the usual environment."""
 
     variant: str
@@ -30,18 +30,18 @@ class Functions(msgspec.Struct, frozen=True):
     differing: dict[str, int]
 
 
-class Record(msgspec.Struct):
+class BitsRecord(msgspec.Struct):
     """All variants compared so far, and where."""
 
     machine: str = ""
     ends: str = ""
     """How the trials ended, with their numbers."""
-    rows: list[Row] = []
+    rows: list[VariantRow] = []
     functions: list[Functions] = []
     notes: list[str] = []
     """Remarks written by hand in the JSON file."""
 
-    def add(self, row: Row) -> None:
+    def add(self, row: VariantRow) -> None:
         """Add a row; it replaces the one of the same variant."""
         key = (row.variant, row.control)
         self.rows = [one for one in self.rows if (one.variant, one.control) != key]
@@ -53,19 +53,21 @@ class Record(msgspec.Struct):
         self.functions.append(found)
 
 
-def read(path: Path) -> Record:
+def read(path: Path) -> BitsRecord:
     """Return the record in a file, an empty one if there is none."""
-    return msgspec.json.decode(path.read_bytes(), type=Record) if path.exists() else Record()
+    return (
+        msgspec.json.decode(path.read_bytes(), type=BitsRecord) if path.exists() else BitsRecord()
+    )
 
 
-def write(record: Record, page: Path) -> None:
+def write(record: BitsRecord, page: Path) -> None:
     """Write the page, and the record as JSON beside it."""
     text = msgspec.json.format(msgspec.json.encode(record), indent=1)
     page.with_suffix(".json").write_bytes(text + b"\n")
     page.write_text(page_of(record), encoding="utf-8")
 
 
-def page_of(record: Record) -> str:
+def page_of(record: BitsRecord) -> str:
     """Return the page of evidence."""
     rows = [row for row in record.rows if not row.control]
     control = [row for row in record.rows if row.control]
@@ -112,7 +114,7 @@ def table_of_functions(found: Sequence[Functions]) -> str:
     return "\n".join([head, *lines])
 
 
-def table(rows: Iterable[Row]) -> str:
+def table(rows: Iterable[VariantRow]) -> str:
     """Return the table of rows."""
     lines = (
         f"| {row.variant} | {row.trials} | {len(row.differing)} | `{row.commit}` | {row.date} |"
@@ -121,7 +123,7 @@ def table(rows: Iterable[Row]) -> str:
     return "\n".join([HEAD, *lines])
 
 
-def examples(rows: Sequence[Row]) -> list[str]:
+def examples(rows: Sequence[VariantRow]) -> list[str]:
     """Return a paragraph with some trials that differ, if there are any."""
     found = dict.fromkeys(name for row in rows for name in row.differing[:EXAMPLES])
     names = ", ".join(f"`{name}`" for name in [*found][:EXAMPLES])

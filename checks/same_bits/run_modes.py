@@ -6,7 +6,7 @@ bit-identical. Another seed must give another digest, otherwise equality would p
 
 import argparse
 
-from checks.harness.figures import Figure, Report
+from checks.harness.figures import BenchmarkReport, Figure
 from checks.harness.processes import lockstep_run
 from plant.world.file import load
 from study.trial.trial import Trial, run_trial
@@ -17,7 +17,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--worlds", nargs="+", default=["box", "forest_medium"])
 
 
-def measure(options: argparse.Namespace) -> Report:
+def measure(options: argparse.Namespace) -> BenchmarkReport:
     """Compare the digests of all modes."""
     figures: list[Figure] = []
     notes: list[str] = []
@@ -35,7 +35,7 @@ def measure(options: argparse.Namespace) -> Report:
             for way, digest in found.items()
         ]
         notes += [f"{name}, {way}: {digest}" for way, digest in found.items()]
-    return Report(benchmark="digest", figures=tuple(figures), notes=tuple(notes))
+    return BenchmarkReport(benchmark="digest", figures=tuple(figures), notes=tuple(notes))
 
 
 OTHER = "hub, another seed"

@@ -18,7 +18,7 @@ LAST_START_S: Final = 60
 WORLDS: Final = 10**6
 
 
-class Result(NamedTuple):
+class TrialDigest(NamedTuple):
     """A trial by number, the digest of its trajectory, its settings and its outcome."""
 
     number: int
@@ -31,10 +31,10 @@ class Result(NamedTuple):
         return "\t".join((str(self.number), *self[1:]))
 
 
-def result_of(line: str) -> Result:
+def result_of(line: str) -> TrialDigest:
     """Return the result in a printed line; raise ValueError for a malformed line."""
     number, digest, settings, outcome = line.split("\t")
-    return Result(int(number), digest, settings, outcome)
+    return TrialDigest(int(number), digest, settings, outcome)
 
 
 def trial_of(number: int) -> Trial:
@@ -52,13 +52,13 @@ def trial_of(number: int) -> Trial:
     )
 
 
-def results(numbers: Sequence[int]) -> Iterator[Result]:
+def results(numbers: Sequence[int]) -> Iterator[TrialDigest]:
     """Run trials and yield their results."""
     for number in numbers:
         trial = trial_of(number)
         ended = run_trial(trial)
         settings = f"{trial.world.name} {trial.navigator} {trial.side} {trial.noise} {trial.seed}"
-        yield Result(number, ended.digest, settings, ended.outcome)
+        yield TrialDigest(number, ended.digest, settings, ended.outcome)
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from random import Random
 from time import process_time
 from typing import Final, NamedTuple
 
-from checks.harness.figures import Figure, Report
+from checks.harness.figures import BenchmarkReport, Figure
 from checks.simulation.defects import DEFECTS, Defect, with_defect
 from checks.simulation.event_kinds import (
     CLIENT_ACTIONS,
@@ -450,7 +450,7 @@ def add_options(parser: argparse.ArgumentParser, campaign: Campaign = SIMULATE) 
     parser.add_argument("--no-shrink", action="store_true", help="keep the events as drawn")
 
 
-def measure(options: argparse.Namespace, campaign: Campaign = SIMULATE) -> Report:
+def measure(options: argparse.Namespace, campaign: Campaign = SIMULATE) -> BenchmarkReport:
     """Run one scenario, many seeds, or the search for defects."""
     if options.defects is not None:
         return _report_of_defects(options, campaign)
@@ -474,7 +474,7 @@ def _show_progress(done: list[BatchResult], wanted: int) -> None:
 
 def _report_of_many(
     options: argparse.Namespace, campaign: Campaign, done: list[BatchResult]
-) -> Report:
+) -> BenchmarkReport:
     failed = [result for part in done for result in part.failed]
     cpu_s, simulated_ns = sum(p.cpu_s for p in done), sum(p.simulated_ns for p in done)
     coverage = Coverage()
@@ -486,7 +486,7 @@ def _report_of_many(
     if len(failed) > MAX_SHOWN:
         others = ", ".join(str(result.scenario.seed) for result in failed[MAX_SHOWN:][:50])
         notes.append(f"other seeds that violate: {others}")
-    return Report(
+    return BenchmarkReport(
         benchmark=campaign.name,
         figures=(
             Figure(name="seeds", unit="", values=(sum(part.seeds for part in done),)),
@@ -502,13 +502,15 @@ def _report_of_many(
     )
 
 
-def _report_of_one(options: argparse.Namespace, campaign: Campaign, result: RunResult) -> Report:
+def _report_of_one(
+    options: argparse.Namespace, campaign: Campaign, result: RunResult
+) -> BenchmarkReport:
     failed = result.violation is not None
     figures = [Figure(name="violations", unit="", values=(int(failed),), at_most=0)]
     if options.replay == AGAIN:
         same = campaign.run(result.scenario, "").digest == result.digest
         figures.append(Figure(name="runs that differ", unit="", values=(int(not same),), at_most=0))
-    return Report(
+    return BenchmarkReport(
         benchmark=campaign.name,
         figures=tuple(figures),
         notes=(
@@ -518,7 +520,7 @@ def _report_of_one(options: argparse.Namespace, campaign: Campaign, result: RunR
     )
 
 
-def _report_of_defects(options: argparse.Namespace, campaign: Campaign) -> Report:
+def _report_of_defects(options: argparse.Namespace, campaign: Campaign) -> BenchmarkReport:
     """Report how many seeds find each defect, and by which invariant."""
     names = options.defects or tuple(campaign.defects)
     figures, notes = [], []
@@ -535,7 +537,7 @@ def _report_of_defects(options: argparse.Namespace, campaign: Campaign) -> Repor
                 name=f"seeds until {name} is found", unit="", values=(seeds,), at_most=MOST_HUNTED
             )
         )
-    return Report(benchmark=campaign.name, figures=tuple(figures), notes=tuple(notes))
+    return BenchmarkReport(benchmark=campaign.name, figures=tuple(figures), notes=tuple(notes))
 
 
 def explain(result: RunResult, options: argparse.Namespace, campaign: Campaign) -> list[str]:

@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 
 from checks.simulation.events import OPERATORS, Argument, Event
 from checks.simulation.hosts.attacker import ATTACKS
-from checks.simulation.hosts.bus import Impairment
+from checks.simulation.hosts.bus import LinkImpairment
 from checks.simulation.hosts.mavlink import CLIENTS
 from checks.simulation.simulation import Simulation
 from runtime.units import NS_PER_MS, PERIOD_NS
@@ -149,7 +149,7 @@ QUEUED_SYNCS: Final = 12
 TOPIC_GROUPS: Final = ("", "sense/", "drive/", "op/", "tlm/", "srv/", "op/heartbeat")
 
 
-class EventKind(NamedTuple):
+class ScenarioEventKind(NamedTuple):
     """`weight` is the relative frequency; `draw` returns the arguments."""
 
     weight: int
@@ -199,7 +199,7 @@ def draw_rough(random: Random) -> Arguments:
 def apply_rough(simulation: Simulation, event: Event) -> None:
     """Disturb a link."""
     source, target, group, loss, double, swap, delay_ms, jitter_ms, for_ms = event.arguments
-    impairment = Impairment(
+    impairment = LinkImpairment(
         loss=float(loss),
         duplicate=float(double),
         reorder=float(swap),
@@ -214,7 +214,7 @@ def apply_rough(simulation: Simulation, event: Event) -> None:
 def apply_queue(simulation: Simulation, event: Event) -> None:
     """Let the delay of a link grow slowly, so that frames arrive ever later but are not lost."""
     source, target, growth, for_ms = event.arguments
-    impairment = Impairment(growth=float(growth), since_ns=simulation.scheduler.now_ns)
+    impairment = LinkImpairment(growth=float(growth), since_ns=simulation.scheduler.now_ns)
     impair(simulation, event, [(str(source), str(target))], impairment, int(for_ms), 4400)
 
 
@@ -224,14 +224,14 @@ def apply_cut(simulation: Simulation, event: Event) -> None:
     links = [(str(source), str(target))]
     if both:
         links.append((str(target), str(source)))
-    impair(simulation, event, links, Impairment(loss=1.0), int(for_ms), 0)
+    impair(simulation, event, links, LinkImpairment(loss=1.0), int(for_ms), 0)
 
 
 def impair(
     simulation: Simulation,
     event: Event,
     links: list[tuple[str, str]],
-    impairment: Impairment,
+    impairment: LinkImpairment,
     for_ms: int,
     late_ms: int,
 ) -> None:
@@ -548,42 +548,44 @@ def apply_leave(simulation: Simulation, event: Event) -> None:
     simulation.operators[str(event.arguments[0])].kill()
 
 
-FAULTS: Final[Mapping[str, EventKind]] = MappingProxyType(
+FAULTS: Final[Mapping[str, ScenarioEventKind]] = MappingProxyType(
     {
-        "come": EventKind(0, lambda r: (r.choice(OPERATORS), r.randrange(2)), apply_come),
-        "operate": EventKind(0, draw_operate, apply_operate),
-        "leave": EventKind(2, lambda r: (r.choice(OPERATORS),), apply_leave),
-        "rough": EventKind(8, draw_rough, apply_rough),
-        "queue": EventKind(
+        "come": ScenarioEventKind(0, lambda r: (r.choice(OPERATORS), r.randrange(2)), apply_come),
+        "operate": ScenarioEventKind(0, draw_operate, apply_operate),
+        "leave": ScenarioEventKind(2, lambda r: (r.choice(OPERATORS),), apply_leave),
+        "rough": ScenarioEventKind(8, draw_rough, apply_rough),
+        "queue": ScenarioEventKind(
             5,
             lambda r: (*pair(r), r.choice((0.2, 0.5, 0.8)), r.choice((2000, 4000, 8000))),
             apply_queue,
         ),
-        "cut": EventKind(6, lambda r: (*pair(r), r.randrange(2), span_ms(r)), apply_cut),
-        "kill": EventKind(4, draw_kill, apply_kill),
-        "suspend": EventKind(4, lambda r: (r.choice(HOSTS), span_ms(r)), apply_suspend),
-        "hang": EventKind(3, lambda r: (span_ms(r),), apply_hang),
-        "busy": EventKind(2, lambda r: (r.choice((5, 15, 30, 60, 90)), span_ms(r)), apply_busy),
-        "slow disk": EventKind(
+        "cut": ScenarioEventKind(6, lambda r: (*pair(r), r.randrange(2), span_ms(r)), apply_cut),
+        "kill": ScenarioEventKind(4, draw_kill, apply_kill),
+        "suspend": ScenarioEventKind(4, lambda r: (r.choice(HOSTS), span_ms(r)), apply_suspend),
+        "hang": ScenarioEventKind(3, lambda r: (span_ms(r),), apply_hang),
+        "busy": ScenarioEventKind(
+            2, lambda r: (r.choice((5, 15, 30, 60, 90)), span_ms(r)), apply_busy
+        ),
+        "slow disk": ScenarioEventKind(
             2, lambda r: (r.choice((30, 100, 250, 1000)), span_ms(r) * 4), apply_slow_disk
         ),
-        "failing disk": EventKind(1, lambda r: (span_ms(r) * 2,), apply_failing_disk),
-        "rot": EventKind(
+        "failing disk": ScenarioEventKind(1, lambda r: (span_ms(r) * 2,), apply_failing_disk),
+        "rot": ScenarioEventKind(
             2, lambda r: (r.choice(("fence", "fence", "mission", "parameters")), 300), apply_rot
         ),
-        "sleep": EventKind(2, lambda r: (r.choice(OPERATORS), span_ms(r)), apply_sleep),
-        "clock": EventKind(2, draw_clock, apply_clock),
-        "wall clock": EventKind(
+        "sleep": ScenarioEventKind(2, lambda r: (r.choice(OPERATORS), span_ms(r)), apply_sleep),
+        "clock": ScenarioEventKind(2, draw_clock, apply_clock),
+        "wall clock": ScenarioEventKind(
             1, lambda r: (r.choice((-86_400, -5, 5, 86_400)),), apply_wall_clock
         ),
-        "attack": EventKind(6, draw_attack, apply_attack),
-        "crossing": EventKind(2, draw_crossing, apply_crossing),
-        "restart": EventKind(2, draw_restart, apply_restart),
-        "link": EventKind(0, draw_link, apply_link),
-        "stand": EventKind(0, lambda r: (r.choice((1500, 2500, 4000)),), apply_stand),
-        "power cut": EventKind(2, lambda r: (r.choice((100, 500, 2000)),), apply_power_cut),
-        "gateway": EventKind(0, lambda _: (), lambda run, _: run.start_gateway()),
-        "client": EventKind(0, draw_client, apply_client),
+        "attack": ScenarioEventKind(6, draw_attack, apply_attack),
+        "crossing": ScenarioEventKind(2, draw_crossing, apply_crossing),
+        "restart": ScenarioEventKind(2, draw_restart, apply_restart),
+        "link": ScenarioEventKind(0, draw_link, apply_link),
+        "stand": ScenarioEventKind(0, lambda r: (r.choice((1500, 2500, 4000)),), apply_stand),
+        "power cut": ScenarioEventKind(2, lambda r: (r.choice((100, 500, 2000)),), apply_power_cut),
+        "gateway": ScenarioEventKind(0, lambda _: (), lambda run, _: run.start_gateway()),
+        "client": ScenarioEventKind(0, draw_client, apply_client),
     }
 )
 

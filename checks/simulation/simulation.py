@@ -23,7 +23,7 @@ from checks.simulation.hosts.robot_and_plant import WORLDS, PlantSide, RobotSide
 from checks.simulation.hosts.substitutes import SeededSecrets, SessionOpener
 from checks.simulation.hosts.virtual_time import Host, Scheduler, current_host
 from checks.simulation.invariants.oracle import Oracle
-from checks.simulation.invariants.run_state import Coverage, Violation
+from checks.simulation.invariants.run_state import Coverage, InvariantViolation
 from protocol.bus.network import Network
 from robot.core import states
 from robot.core.values import Pose
@@ -42,7 +42,7 @@ class RunResult(NamedTuple):
     """The end of a run."""
 
     scenario: EventScenario
-    violation: Violation | None
+    violation: InvariantViolation | None
     digest: str
     simulated_ns: int
     coverage: Coverage

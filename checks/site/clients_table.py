@@ -48,7 +48,7 @@ WORDS: Final = {
 }
 
 
-class Run(NamedTuple):
+class ClientRun(NamedTuple):
     """A run of a scenario: the seconds of each step, None for one that failed."""
 
     client: str
@@ -84,19 +84,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def run_of(line: str) -> Run:
+def run_of(line: str) -> ClientRun:
     """Return the run in a line of the results."""
     found = json.loads(line)
     steps = {one["step"]: one["seconds"] if one["passed"] else None for one in found["steps"]}
-    return Run(found["client"], found["line"], steps)
+    return ClientRun(found["client"], found["line"], steps)
 
 
-def with_tables(page: str, runs: Sequence[Run]) -> str:
+def with_tables(page: str, runs: Sequence[ClientRun]) -> str:
     """Return the page with new tables between its marks."""
     return with_text(page, BEGIN, END, f"\n{summary(runs)}\n{by_step(runs)}\n")
 
 
-def summary(runs: Sequence[Run]) -> str:
+def summary(runs: Sequence[ClientRun]) -> str:
     """Return the table of clients: complete runs, and the time until the clients were ready."""
     rows = []
     for client, name in NAMES.items():
@@ -112,7 +112,7 @@ def summary(runs: Sequence[Run]) -> str:
     return table(heads, rows)
 
 
-def by_step(runs: Sequence[Run]) -> str:
+def by_step(runs: Sequence[ClientRun]) -> str:
     """Return the table of steps: the median time with each client, clean and with loss."""
     rows = []
     for step, words in WORDS.items():
@@ -127,7 +127,7 @@ def by_step(runs: Sequence[Run]) -> str:
     return table(["seconds, clean / 20 % loss", *NAMES.values()], rows)
 
 
-def seconds_of(runs: Sequence[Run], step: str) -> str:
+def seconds_of(runs: Sequence[ClientRun], step: str) -> str:
     """Return the median time of a step; a dash without runs, and `failed` if one failed."""
     times = [run.steps.get(step) for run in runs]
     known = [one for one in times if one is not None]

@@ -6,7 +6,7 @@ from statistics import median
 
 from checks.evidence import with_origin_of
 from checks.same_bits import on_board
-from checks.same_bits.on_board import Comparison
+from checks.same_bits.on_board import BoardComparison
 from checks.speed.board import float32, memory_size, scenarios
 from checks.speed.board.results import (
     CEILINGS,
@@ -110,7 +110,7 @@ def document() -> str:
     return with_origin_of(HEAD + "\n".join(parts) + "\n", PAGE.read_text(encoding="utf-8"))
 
 
-def digests(compared: Comparison) -> Iterator[str]:
+def digests(compared: BoardComparison) -> Iterator[str]:
     """Yield the section of the digests."""
     yield DIGESTS.format(seed=compared.seed)
     images = sorted({(one.image, one.core) for one in compared.drives})

@@ -64,7 +64,7 @@ class MapSet(NamedTuple):
     worlds: Sequence[World]
 
 
-class Run(NamedTuple):
+class MapRun(NamedTuple):
     """Result of one trial."""
 
     arrived: bool
@@ -117,7 +117,7 @@ def windows(directory: Path) -> Iterator[World]:
                 continue
 
 
-def drive(level: str, world: World) -> Run:
+def drive(level: str, world: World) -> MapRun:
     """Run one trial with `vgm_memory`."""
     seed = seed_of(digest_of(world), 0)
     outcome = run_trial(Trial(world=world, seed=seed, noise=level, timeout_s=time_for(world)))
@@ -125,10 +125,10 @@ def drive(level: str, world: World) -> Run:
     arrived = outcome.reached and not touched
     way_m, fastest_m_s = outcome.shortest_path_m, DEFAULTS.v_max_m_s
     score = published_score(arrived, outcome.time_s, way_m, fastest_m_s) or 0.0
-    return Run(arrived, touched, outcome.outcome, score)
+    return MapRun(arrived, touched, outcome.outcome, score)
 
 
-def result(maps: MapSet, level: str, runs: Sequence[Run]) -> MapResult:
+def result(maps: MapSet, level: str, runs: Sequence[MapRun]) -> MapResult:
     """Return the counts and the mean score of the trials in a set of maps."""
     scores = [run.score for run in runs]
     span = mean_interval(scores)

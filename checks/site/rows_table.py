@@ -26,14 +26,14 @@ END: Final = "<!-- end: make rows-table -->\n"
 LINES: Final = {"udp": "UDP", "loss": "UDP, 20 % loss", "tcp": "TCP"}
 
 
-class Result(NamedTuple):
+class RowResult(NamedTuple):
     """The status of a row, and its evidence."""
 
     status: str
     evidence: str
 
 
-Results = Mapping[int, Result]
+Results = Mapping[int, RowResult]
 """The results of one line, by the number of the row."""
 
 
@@ -67,7 +67,7 @@ def results_of(path: Path) -> Results:
     if not path.exists():
         return {}
     found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    return {one["row"]: Result(one["status"], one["evidence"]) for one in found["rows"]}
+    return {one["row"]: RowResult(one["status"], one["evidence"]) for one in found["rows"]}
 
 
 def with_table(page: str, found: Mapping[str, Results]) -> str:

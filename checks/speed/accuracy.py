@@ -31,7 +31,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from checks.harness.figures import BenchmarkFunctions, Figure, Report, percentile
+from checks.harness.figures import BenchmarkFunctions, BenchmarkReport, Figure, percentile
 from plant.model.configuration import LEVELS, noise_of
 from plant.sim.simulation import Plant
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
@@ -60,7 +60,7 @@ PEER: Final[Mapping[str, float]] = {"pose_from_m": 0.0}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Arrival:
+class PoseArrival:
     """Errors, time and path of one drive; `ratio` is path length over distance."""
 
     reached: bool
@@ -78,7 +78,7 @@ def add_arrival_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--navigator", choices=NAVIGATORS, default=USUAL_NAVIGATOR)
 
 
-def measure_arrival(options: argparse.Namespace) -> Report:
+def measure_arrival(options: argparse.Namespace) -> BenchmarkReport:
     """Measure arrivals with the pose controller and with go-then-align."""
     figures: list[Figure] = []
     for noise in options.noises:
@@ -92,7 +92,7 @@ def measure_arrival(options: argparse.Namespace) -> Report:
         f" {options.navigator}",
         "position and heading as estimated; default tolerances 0.05 m and 3 deg",
     )
-    return Report(benchmark="arrival", figures=tuple(figures), notes=notes)
+    return BenchmarkReport(benchmark="arrival", figures=tuple(figures), notes=notes)
 
 
 def between(seed: int) -> World:
@@ -135,7 +135,7 @@ def arrive(
     noise: str,
     navigator: str = USUAL_NAVIGATOR,
     parameters: Mapping[str, float] | None = None,
-) -> Arrival:
+) -> PoseArrival:
     """Drive from one random pose to the other."""
     world, recorder = between(seed), ArrivalRecorder()
     trial = Trial(
@@ -144,7 +144,7 @@ def arrive(
     outcome = run_trial(trial, recorder)
     (x_m, y_m, heading_rad), goal, start = recorder.pose, world.goal, world.start
     assert goal.heading_rad is not None
-    return Arrival(
+    return PoseArrival(
         reached=outcome.reached,
         position_m=hypot(x_m - goal.x_m, y_m - goal.y_m),
         heading_deg=degrees(abs(remainder(heading_rad - goal.heading_rad, 2.0 * pi))),
@@ -154,7 +154,9 @@ def arrive(
     )
 
 
-def arrival_figures(label: str, arrivals: list[Arrival], *, with_limits: bool) -> Iterator[Figure]:
+def arrival_figures(
+    label: str, arrivals: list[PoseArrival], *, with_limits: bool
+) -> Iterator[Figure]:
     """Yield the figures; only the robot's own controller is compared with the thresholds."""
     turned = [one.turned_deg for one in arrivals]
     ratios = [one.ratio for one in arrivals]
@@ -361,7 +363,7 @@ def add_nees_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--jobs", type=int, default=cpu_count())
 
 
-def measure_nees(options: argparse.Namespace) -> Report:
+def measure_nees(options: argparse.Namespace) -> BenchmarkReport:
     """Measure all noise levels."""
     figures: list[Figure] = []
     notes: list[str] = []
@@ -376,7 +378,7 @@ def measure_nees(options: argparse.Namespace) -> Report:
                 errors += ended
                 notes.append(note_of(level, kind, ended))
             figures += nees_figures(level, consistency_of(errors))
-    return Report(benchmark="nees", figures=tuple(figures), notes=tuple(notes))
+    return BenchmarkReport(benchmark="nees", figures=tuple(figures), notes=tuple(notes))
 
 
 def note_of(level: str, kind: str, ended: Sequence[tuple[Array, Array]]) -> str:

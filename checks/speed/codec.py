@@ -9,7 +9,7 @@ from collections.abc import Callable
 from time import process_time
 from typing import Any
 
-from checks.harness.figures import Figure, Report, ratios
+from checks.harness.figures import BenchmarkReport, Figure, ratios
 from protocol.dialect.generate import oracle
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.message import Message
@@ -36,7 +36,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rounds", type=int, default=400, help="of all messages, per repetition")
 
 
-def measure(options: argparse.Namespace) -> Report:
+def measure(options: argparse.Namespace) -> BenchmarkReport:
     """Measure both codecs in turn."""
     samples = sample_messages()
     frames = [Encoder(SYSTEM, COMPONENT).encode(cls(**values)) for cls, values in samples]
@@ -65,7 +65,7 @@ def measure(options: argparse.Namespace) -> Report:
     figures += [Figure(name=name, unit="us", values=tuple(cost)) for name, cost in costs.items()]
     crc = "fastcrc" if oracle().mcrf4xx else "pure Python, not comparable: install fastcrc"
     notes = (f"{len(samples)} messages, frames byte-identical; pymavlink's checksum: {crc}",)
-    return Report(benchmark="codec", figures=tuple(figures), notes=notes)
+    return BenchmarkReport(benchmark="codec", figures=tuple(figures), notes=notes)
 
 
 class PymavlinkCodec:

@@ -9,7 +9,7 @@ ours runs in lockstep, with the clock's frame and the telemetry of every tick on
 
 import argparse
 
-from checks.harness.figures import Figure, Report, percentile
+from checks.harness.figures import BenchmarkReport, Figure, percentile
 from checks.harness.processes import robot_process
 from checks.harness.stand_in import PlantStandIn, driving, paced, wait_until
 from checks.speed.pingpong import PingPong, ping_pong
@@ -32,7 +32,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--realtime", action="store_true", help="run the robot with SCHED_FIFO")
 
 
-def measure(options: argparse.Namespace) -> Report:
+def measure(options: argparse.Namespace) -> BenchmarkReport:
     """Measure latency and ping-pong in turn, and both back to back."""
     world = load(options.world)
     flags = ["--realtime"] if options.realtime else []
@@ -64,7 +64,7 @@ def measure(options: argparse.Namespace) -> Report:
         "ours includes samples, decoding, core and encoding; the floor only passes bytes",
         *(line for line in robot.output if "warning" in line),
     )
-    return Report(benchmark="latency", figures=tuple(figures), notes=notes)
+    return BenchmarkReport(benchmark="latency", figures=tuple(figures), notes=notes)
 
 
 def in_lockstep(world: World, ticks: int) -> list[float]:

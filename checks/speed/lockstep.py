@@ -23,8 +23,8 @@ from statistics import mean, median
 from tempfile import TemporaryDirectory
 from typing import Final, NamedTuple
 
-from checks.harness.figures import BenchmarkFunctions, Figure, Report
-from checks.harness.processes import GoalDriver, Run, lockstep_run, stack
+from checks.harness.figures import BenchmarkFunctions, BenchmarkReport, Figure
+from checks.harness.processes import GoalDriver, LockstepRun, lockstep_run, stack
 from checks.speed.latency import sizes, trip_us
 from checks.speed.pingpong import PingPong, ping_pong
 from plant.world.file import load
@@ -37,7 +37,7 @@ AT_MOST = 1.5
 ROUND_TRIPS = 1000
 
 
-class Costs(NamedTuple):
+class TickCosts(NamedTuple):
     """Wall times in us: a tick of the three processes, a tick of a trial, a bare round trip."""
 
     lockstep_us: float
@@ -57,7 +57,7 @@ def add_lockstep_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--router", action="store_true", help="use a router instead of the hub")
 
 
-def measure_lockstep(options: argparse.Namespace) -> Report:
+def measure_lockstep(options: argparse.Namespace) -> BenchmarkReport:
     """Measure the time per tick in each world."""
     figures: list[Figure] = []
     with ping_pong(*sizes()) as pings:
@@ -69,20 +69,20 @@ def measure_lockstep(options: argparse.Namespace) -> Report:
             ]
             figures += figures_of(name, runs, router=options.router)
     way = "by a router, two hops" if options.router else "the robot is the hub, one hop"
-    return Report(benchmark="lockstep", figures=tuple(figures), notes=(way,))
+    return BenchmarkReport(benchmark="lockstep", figures=tuple(figures), notes=(way,))
 
 
-def run_beside_peers(name: str, trial: Trial, pings: PingPong, *, router: bool) -> Costs:
+def run_beside_peers(name: str, trial: Trial, pings: PingPong, *, router: bool) -> TickCosts:
     """Measure the three processes, the trial and the ping-pong, in turn."""
     run = lockstep_run(name, trial, router=router)
     alone = run_trial(trial)
     round_trip_us = median(trip_us(pings) for _ in range(ROUND_TRIPS))
-    return Costs(
+    return TickCosts(
         run.wall_s * 1e6 / run.score.ticks, alone.wall_s * 1e6 / alone.ticks, round_trip_us
     )
 
 
-def figures_of(name: str, runs: list[Costs], *, router: bool) -> list[Figure]:
+def figures_of(name: str, runs: list[TickCosts], *, router: bool) -> list[Figure]:
     """Return the figures of one world. Only the three processes without a router have limits."""
     paces = tuple(50_000.0 / run.lockstep_us for run in runs)
     return [
@@ -128,7 +128,7 @@ STAGES: Final = (
 Notes = list[tuple[str, int]]
 
 
-class Cost(NamedTuple):
+class ThreadCost(NamedTuple):
     """CPU time in ns and context switches of a thread."""
 
     cpu_ns: int
@@ -138,14 +138,14 @@ class Cost(NamedTuple):
 class Usage(NamedTuple):
     """Costs of the main thread of a process, and of its other threads together."""
 
-    main: Cost
-    others: Cost
+    main: ThreadCost
+    others: ThreadCost
 
 
 class Breakdown(NamedTuple):
     """One run: us per stage, usage per process, and notes of plant and robot."""
 
-    run: Run
+    run: LockstepRun
     stages_us: list[float]
     usages: dict[str, Usage]
     notes: dict[str, Notes]
@@ -160,7 +160,7 @@ def add_breakdown_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def measure_breakdown(options: argparse.Namespace) -> Report:
+def measure_breakdown(options: argparse.Namespace) -> BenchmarkReport:
     """Measure the stages of some runs in one world."""
     runs = [
         run_with_notes(options.world, all_topics=options.all_topics)
@@ -184,14 +184,14 @@ def measure_breakdown(options: argparse.Namespace) -> Report:
     ]
     topics = "all topics" if options.all_topics else "the robot's status"
     notes = (f"{options.world}; the ground process subscribes to {topics}",)
-    return Report(benchmark="breakdown", figures=tuple(figures), notes=notes)
+    return BenchmarkReport(benchmark="breakdown", figures=tuple(figures), notes=notes)
 
 
 def usage_figures(runs: list[Breakdown]) -> Iterator[Figure]:
     """Yield CPU time and context switches per tick of the threads of each process."""
     for name in runs[0].usages:
         for part, label in (("main", "main thread"), ("others", "other threads")):
-            costs: list[Cost] = [getattr(run.usages[name], part) for run in runs]
+            costs: list[ThreadCost] = [getattr(run.usages[name], part) for run in runs]
             ticks = [run.run.score.ticks for run in runs]
             pairs = list(zip(costs, ticks, strict=True))
             yield Figure(
@@ -279,7 +279,7 @@ def usages(pids: dict[str, int]) -> dict[str, Usage]:
     for role, pid in pids.items():
         costs = {int(task.name): cost_of(task) for task in Path(f"/proc/{pid}/task").iterdir()}
         main = costs.pop(pid)
-        others = Cost(
+        others = ThreadCost(
             sum(cost.cpu_ns for cost in costs.values()),
             sum(cost.switches for cost in costs.values()),
         )
@@ -287,17 +287,19 @@ def usages(pids: dict[str, int]) -> dict[str, Usage]:
     return found
 
 
-def cost_of(task: Path) -> Cost:
+def cost_of(task: Path) -> ThreadCost:
     """Return CPU time and context switches of one thread."""
     cpu_ns = int((task / "schedstat").read_text(encoding="utf-8").split()[0])
     lines = (task / "status").read_text(encoding="utf-8").splitlines()
-    return Cost(cpu_ns, sum(int(line.split()[1]) for line in lines if "ctxt_switches" in line))
+    return ThreadCost(
+        cpu_ns, sum(int(line.split()[1]) for line in lines if "ctxt_switches" in line)
+    )
 
 
 def difference(after: Usage, before: Usage) -> Usage:
     """Return CPU time and context switches between two measurements."""
     pairs = zip(after, before, strict=True)
-    return Usage(*(Cost(a.cpu_ns - b.cpu_ns, a.switches - b.switches) for a, b in pairs))
+    return Usage(*(ThreadCost(a.cpu_ns - b.cpu_ns, a.switches - b.switches) for a, b in pairs))
 
 
 LOCKSTEP = BenchmarkFunctions(add_lockstep_options, measure_lockstep)

@@ -29,7 +29,7 @@ from textual.pilot import Pilot
 from textual.widget import Widget
 from textual_plotext import PlotextPlot
 
-from checks.harness.figures import Figure, Report, ratios
+from checks.harness.figures import BenchmarkReport, Figure, ratios
 from ground.app.widgets.map import MapWidget
 from ground.map.canvas import Canvas, Dot
 from ground.map.drawing import draw
@@ -244,7 +244,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--frames", type=int, default=100, help="of ours, per repetition")
 
 
-def measure(options: argparse.Namespace) -> Report:
+def measure(options: argparse.Namespace) -> BenchmarkReport:
     """Measure both in turn."""
     hard, easy = moving_trails(options.frames), driving_trails(options.frames)
     plotext = [recorded_canvas(scene, *SIZE) for scene in hard[: max(10, options.frames // 4)]]
@@ -254,7 +254,7 @@ def measure(options: argparse.Namespace) -> Report:
         theirs.append(peer(plotext))
         driving.append(ours(easy))
     count = segments(plotext[0])
-    return Report(
+    return BenchmarkReport(
         benchmark="map",
         figures=figures(moving, driving, theirs),
         notes=(

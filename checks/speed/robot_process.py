@@ -26,7 +26,7 @@ from tempfile import TemporaryDirectory
 from time import monotonic, monotonic_ns
 from typing import Final
 
-from checks.harness.figures import BenchmarkFunctions, Figure, Report, percentile, ratios
+from checks.harness.figures import BenchmarkFunctions, BenchmarkReport, Figure, percentile, ratios
 from checks.harness.processes import ROBOT, cpu_s, resident_mb, robot_process
 from checks.harness.stand_in import PlantStandIn, driving, paced, wait_until
 from plant.world.file import load
@@ -52,7 +52,7 @@ def add_robot_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--hours", type=float, default=1.0, help="simulated, for growth; 0: none")
 
 
-def measure_robot(options: argparse.Namespace) -> Report:
+def measure_robot(options: argparse.Namespace) -> BenchmarkReport:
     """Measure import time, CPU, memory and growth."""
     world = load(options.world)
     figures = [
@@ -69,7 +69,7 @@ def measure_robot(options: argparse.Namespace) -> Report:
         growth, note = over_hours(world, options.hours)
         figures.append(growth)
         notes.append(note)
-    return Report(benchmark="robot", figures=tuple(figures), notes=tuple(notes))
+    return BenchmarkReport(benchmark="robot", figures=tuple(figures), notes=tuple(notes))
 
 
 def import_s() -> float:
@@ -143,7 +143,7 @@ def add_jitter_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--repetitions", type=int, default=1)
 
 
-def measure_jitter(options: argparse.Namespace) -> Report:
+def measure_jitter(options: argparse.Namespace) -> BenchmarkReport:
     """Measure with normal scheduling and with SCHED_FIFO."""
     figures: list[Figure] = []
     notes: list[str] = []
@@ -153,7 +153,7 @@ def measure_jitter(options: argparse.Namespace) -> Report:
             run.go(options.seconds)
         figures += jitter_figures(name, runs)
         notes += {f"{name}: {line}" for run in runs for line in run.output if "warning" in line}
-    return Report(benchmark="jitter", figures=tuple(figures), notes=tuple(notes))
+    return BenchmarkReport(benchmark="jitter", figures=tuple(figures), notes=tuple(notes))
 
 
 class TimedDrive:
@@ -234,7 +234,7 @@ def add_mtls_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--ticks", type=int, default=200, help="in each block")
 
 
-def measure_mtls(options: argparse.Namespace) -> Report:
+def measure_mtls(options: argparse.Namespace) -> BenchmarkReport:
     """Measure the three robots in turn."""
     world = load(options.world)
     with (
@@ -272,7 +272,7 @@ def measure_mtls(options: argparse.Namespace) -> Report:
         f"{options.blocks} blocks of {options.ticks} ticks at 20 Hz, in turn",
         f"commands not in time: {missing}",
     )
-    return Report(benchmark="mtls", figures=tuple(figures), notes=notes)
+    return BenchmarkReport(benchmark="mtls", figures=tuple(figures), notes=notes)
 
 
 def made_keys(folder: Path, *, logs_refusals: bool) -> Path:

@@ -31,7 +31,7 @@ from study.trial.trial import Trial, params_of, run_trial, start_of, wire_goal_o
 REPETITIONS = 5
 
 
-class Tick(NamedTuple):
+class RecordedTick(NamedTuple):
     """Time, senses, pose and commands of one tick."""
 
     now_ns: int
@@ -42,21 +42,23 @@ class Tick(NamedTuple):
     clearance_m: float
 
 
-def recorded(trial: Trial) -> list[Tick]:
+def recorded(trial: Trial) -> list[RecordedTick]:
     """Return all ticks of a trial."""
-    ticks: list[Tick] = []
+    ticks: list[RecordedTick] = []
 
     def watch(plant: Plant, _: CoreLoop, outputs: Outputs) -> None:
         truth = plant.truth()
         pose = (truth.x_m, truth.y_m, truth.heading_rad)
         commands = (outputs.left_mrad_s, outputs.right_mrad_s)
-        ticks.append(Tick(plant.now_ns, plant.senses(), pose, *commands, truth.clearance_m))
+        ticks.append(RecordedTick(plant.now_ns, plant.senses(), pose, *commands, truth.clearance_m))
 
     run_trial(trial, watch)
     return ticks
 
 
-def stages(world: World, trial: Trial, ticks: list[Tick]) -> dict[str, Callable[[], object]]:
+def stages(
+    world: World, trial: Trial, ticks: list[RecordedTick]
+) -> dict[str, Callable[[], object]]:
     """Return a function per stage that runs it for all ticks."""
     body, noise = body_of(world), noise_of(world, trial.noise)
     caster = Caster(still(world), body.sonar_max_m + body.radius_m, noise.incidence_limit_rad)

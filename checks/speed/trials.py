@@ -34,7 +34,14 @@ from time import process_time, thread_time_ns
 from typing import Any, Final
 
 from checks.built import ROOT, install_compiled
-from checks.harness.figures import BenchmarkFunctions, Figure, Report, digits, percentile, ratios
+from checks.harness.figures import (
+    BenchmarkFunctions,
+    BenchmarkReport,
+    Figure,
+    digits,
+    percentile,
+    ratios,
+)
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.wire.messages import SonarScan, WheelTicks
@@ -177,7 +184,7 @@ def add_trial_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def measure_trials(options: argparse.Namespace) -> Report:
+def measure_trials(options: argparse.Namespace) -> BenchmarkReport:
     """Measure trials and ir-sim in each world."""
     figures: list[Figure] = []
     notes: list[str] = []
@@ -190,7 +197,7 @@ def measure_trials(options: argparse.Namespace) -> Report:
                 pairs = list(trial_paces_in_turn(world, peer, options.repetitions))
                 notes.append(f"{name}: {len(world.obstacles)} obstacles; ir-sim {peer.version}")
         figures += trial_figures(name, pairs)
-    return Report(benchmark="trial", figures=tuple(figures), notes=tuple(notes))
+    return BenchmarkReport(benchmark="trial", figures=tuple(figures), notes=tuple(notes))
 
 
 def trial_paces_in_turn(
@@ -234,7 +241,7 @@ def add_step_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--repetitions", type=int, default=5)
 
 
-def measure_steps(options: argparse.Namespace) -> Report:
+def measure_steps(options: argparse.Namespace) -> BenchmarkReport:
     """Measure the steps of a recorded drive."""
     world = load(options.world)
     inputs = recorded(Trial(world=world, navigator=options.navigator))
@@ -264,7 +271,7 @@ def measure_steps(options: argparse.Namespace) -> Report:
         "CPU time of the thread; garbage collector on after gc.freeze(), as on the robot",
         f"reading the clock costs {percentile(idle_us(), 0.5):.2f} us of each",
     )
-    return Report(benchmark="core", figures=tuple(figures), notes=notes)
+    return BenchmarkReport(benchmark="core", figures=tuple(figures), notes=notes)
 
 
 def recorded(trial: Trial) -> list[Inputs]:
@@ -332,7 +339,7 @@ Measured = dict[str, list[Any]]
 """Replies of each child, by its name."""
 
 
-class Child:
+class StagesChild:
     """A process that measures trials with the packages of one folder."""
 
     def __init__(self, process: "subprocess.Popen[str]") -> None:
@@ -349,7 +356,7 @@ class Child:
 
 
 @contextmanager
-def running_stages(folder: Path) -> Iterator[Child]:
+def running_stages(folder: Path) -> Iterator[StagesChild]:
     """Start a child with the packages of a folder."""
     with subprocess.Popen(
         [sys.executable, "-P", STAGES],
@@ -359,7 +366,7 @@ def running_stages(folder: Path) -> Iterator[Child]:
         stdout=subprocess.PIPE,
         text=True,
     ) as process:
-        yield Child(process)
+        yield StagesChild(process)
         process.kill()
 
 
@@ -373,7 +380,7 @@ def add_compiled_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--page", type=Path, help="write the table of stages to this file")
 
 
-def measure_compiled(options: argparse.Namespace) -> Report:
+def measure_compiled(options: argparse.Namespace) -> BenchmarkReport:
     """Measure each world."""
     figures: list[Figure] = []
     tables: list[str] = []
@@ -389,11 +396,11 @@ def measure_compiled(options: argparse.Namespace) -> Report:
             tables.append(table(world, found))
     if options.page:
         options.page.write_text(page(tables, figures, options.before), encoding="utf-8")
-    return Report(benchmark="compiled", figures=tuple(figures))
+    return BenchmarkReport(benchmark="compiled", figures=tuple(figures))
 
 
 def stages_in_turn(
-    world: str, children: Mapping[str, Child], options: argparse.Namespace
+    world: str, children: Mapping[str, StagesChild], options: argparse.Namespace
 ) -> Measured:
     """Measure a world with every child, and ir-sim's pace, some times in turn."""
     found: Measured = {name: [] for name in (*children, "ir-sim")}

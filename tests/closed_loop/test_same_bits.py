@@ -7,8 +7,8 @@ import pytest
 
 from checks.same_bits import __main__ as command
 from checks.same_bits.__main__ import attempt, compared, differences, run
-from checks.same_bits.record import Record, Row, page_of, read, write
-from checks.same_bits.trials import Result, result_of, trial_of
+from checks.same_bits.record import BitsRecord, VariantRow, page_of, read, write
+from checks.same_bits.trials import TrialDigest, result_of, trial_of
 from checks.same_bits.variants import Variant, of_processors, requirements, unpack
 
 TRIALS = 6
@@ -19,23 +19,25 @@ VARIANTS = of_processors(sys.executable)[::-1]
 
 
 @pytest.fixture(scope="module")
-def usual() -> list[Result]:
+def usual() -> list[TrialDigest]:
     return run(Variant("usual", sys.executable), TRIALS)
 
 
 @pytest.mark.sweep(len(VARIANTS))
 @pytest.mark.parametrize("variant", VARIANTS, ids=lambda variant: variant.name)
-def test_no_digest_differs(variant: Variant, usual: list[Result]) -> None:
+def test_no_digest_differs(variant: Variant, usual: list[TrialDigest]) -> None:
     assert differences(usual, run(variant, TRIALS)) == []
 
 
-def test_the_trials_differ_from_each_other(usual: list[Result]) -> None:
+def test_the_trials_differ_from_each_other(usual: list[TrialDigest]) -> None:
     assert len(usual) == len({result.digest for result in usual}) == TRIALS
     assert len({trial_of(number).world.name for number in range(TRIALS)}) == TRIALS
 
 
 def test_a_difference_and_a_missing_trial_are_found() -> None:
-    same, other, missing = (Result(k, f"digest {k}", f"trial {k}", "reached") for k in range(3))
+    same, other, missing = (
+        TrialDigest(k, f"digest {k}", f"trial {k}", "reached") for k in range(3)
+    )
     assert differences([same, other, missing], [same, other._replace(digest="0")]) == [
         "trial 1",
         "trial 2",
@@ -43,12 +45,12 @@ def test_a_difference_and_a_missing_trial_are_found() -> None:
 
 
 def test_a_result_survives_its_line() -> None:
-    result = Result(7, "ab", "box vgm left none 3", "timeout")
+    result = TrialDigest(7, "ab", "box vgm left none 3", "timeout")
     assert result_of(result.line()) == result
 
 
 def test_a_variant_that_cannot_run_counts_as_different(
-    usual: list[Result], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    usual: list[TrialDigest], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     absent = Variant("absent", str(tmp_path / "python"))
     broken = Variant("broken", sys.executable, {"PYTHONHASHSEED": "x"})
@@ -70,7 +72,7 @@ def test_the_page_and_its_json_keep_every_variant(
 ) -> None:
     page = tmp_path / "page.md"
     arguments = ["--trials", "1", "--page", str(page)]
-    monkeypatch.setattr(command, "run", lambda *_: [Result(0, "digest", "box", "reached")])
+    monkeypatch.setattr(command, "run", lambda *_: [TrialDigest(0, "digest", "box", "reached")])
     for name in ("first", "second", "first"):
         variant = Variant(name, sys.executable)
         monkeypatch.setattr(command, "of_processors", lambda _python, one=variant: [one])
@@ -84,9 +86,9 @@ def test_the_page_and_its_json_keep_every_variant(
 
 
 def test_the_page_counts_differences_and_keeps_the_control_apart(tmp_path: Path) -> None:
-    record = Record(machine="one", ends="3 reached")
-    record.add(Row("new", 3, ["trial 1"], "abc", "2026-01-01"))
-    record.add(Row("old", 3, ["trial 1", "trial 2"], "def", "2026-01-01", control=True))
+    record = BitsRecord(machine="one", ends="3 reached")
+    record.add(VariantRow("new", 3, ["trial 1"], "abc", "2026-01-01"))
+    record.add(VariantRow("old", 3, ["trial 1", "trial 2"], "def", "2026-01-01", control=True))
     text = page_of(record)
     assert "1 of 3 digests differ." in text
     assert text.index("| new | 3 | 1 |") < text.index("## Control") < text.index("| old | 3 | 2 |")

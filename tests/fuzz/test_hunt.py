@@ -10,7 +10,16 @@ import pytest
 
 from checks.fuzz import hunt as fuzz
 from checks.fuzz import hunt as fuzz_hunt
-from checks.fuzz.hunt import TARGETS, Block, Finding, FuzzTally, hunt, keep, report_of, share_out
+from checks.fuzz.hunt import (
+    TARGETS,
+    Block,
+    FuzzFinding,
+    FuzzTally,
+    hunt,
+    keep,
+    report_of,
+    share_out,
+)
 from checks.fuzz.target import FuzzTarget
 from runtime.errors import RemoteError, UserError
 
@@ -95,8 +104,8 @@ def test_one_input_per_defect_is_kept_and_reproducible(
     tmp_path: Path,
 ) -> None:
     finds = [
-        Finding("world", 7, "KeyError", "a.py:1", b"x = 1"),
-        Finding("world", 9, "Key", "a.py:1", b"y"),
+        FuzzFinding("world", 7, "KeyError", "a.py:1", b"x = 1"),
+        FuzzFinding("world", 9, "Key", "a.py:1", b"y"),
     ]
     keep(finds, tmp_path)
     assert [file.name for file in tmp_path.iterdir()] == ["world-7"]
@@ -109,7 +118,7 @@ def test_one_input_per_defect_is_kept_and_reproducible(
 
 
 def test_report_lists_each_defect_with_its_count() -> None:
-    finds = [Finding("world", n, "KeyError: 'a'", "a.py:1 KeyError", b"") for n in (4, 8)]
+    finds = [FuzzFinding("world", n, "KeyError: 'a'", "a.py:1 KeyError", b"") for n in (4, 8)]
     report = report_of([FuzzTally("world", inputs=10, accepted=2, finds=finds)], finds, 10)
     assert not report.met
     assert "FOUND 2 x world 4: a.py:1 KeyError: KeyError: 'a'" in report.notes

@@ -2,13 +2,13 @@
 
 from typing import Any, Final
 
-from checks.simulation.contradictions.claims import Observer
+from checks.simulation.contradictions.claims import ClaimsObserver
 from checks.simulation.contradictions.truth import (
-    AnsweredRequest,
     Journal,
+    RequestTruth,
     RobotRow,
     Said,
-    Shown,
+    ShownText,
     Truth,
 )
 from checks.simulation.hosts.virtual_time import Scheduler
@@ -18,7 +18,7 @@ from tests.support.each import each
 
 ADA, BEA = "ada-nb", "bea-t2"
 STEP_NS: Final = 100_000_000
-FAILED: Final = Shown("log", "mission FAILED: bumper contact")
+FAILED: Final = ShownText("log", "mission FAILED: bumper contact")
 RUNS: Final = {"mission_state": MissionState.RUNNING, "goal_state": GoalState.DRIVING}
 ENDS: Final = {"mission_state": MissionState.FAILED, "goal_state": GoalState.ABORTED}
 ABORT: Final = Command.SIDESTEP_ABORT_GOAL
@@ -51,7 +51,7 @@ class Story:
         param1, param2, *_ = (*params, 0.0, 0.0)
         asked = CommandRequest(request_id=at, command=command, param1=param1, param2=param2)
         self.truth.answered.append(
-            AnsweredRequest(self.row.ns, program, "", asked, True, 0, before, at)
+            RequestTruth(self.row.ns, program, "", asked, True, 0, before, at)
         )
 
     def starts_mission(self, program: str) -> None:
@@ -65,14 +65,14 @@ class Story:
         self.journal.cancel(deed)
         self.accepts(deed.program, ABORT, **ENDS)
 
-    def wrong_in(self, words: Shown) -> list[str]:
+    def wrong_in(self, words: ShownText) -> list[str]:
         """Return what is wrong in words that are shown now."""
         said = Said(self.scheduler.now_ns, ADA, words)
-        return [why for _, why in Observer(self.truth, self.journal).judge(said)]
+        return [why for _, why in ClaimsObserver(self.truth, self.journal).judge(said)]
 
     def uncaused(self) -> list[str]:
         """Return the stops that have no cause."""
-        return [one.words for one in Observer(self.truth, self.journal).judge_end()]
+        return [one.words for one in ClaimsObserver(self.truth, self.journal).judge_end()]
 
 
 BY_HAND: Final = (Command.DO_SET_MODE, 1.0, Mode.MANUAL)

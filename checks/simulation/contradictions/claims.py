@@ -11,21 +11,21 @@ from typing import Any, Final, NamedTuple
 
 from checks.simulation.contradictions.programs import Ack
 from checks.simulation.contradictions.truth import (
-    AnsweredRequest,
     Deed,
     Ended,
     GoalTruth,
     Journal,
+    RequestTruth,
     RobotRow,
     Said,
-    Shown,
+    ShownText,
     Truth,
     distance_m,
     person_of,
     place_of,
 )
 from checks.simulation.hosts.mavlink import GATEWAY
-from checks.simulation.invariants.run_state import Violation
+from checks.simulation.invariants.run_state import InvariantViolation
 from gateways.mavlink.mavlink_dialect import mavlink
 from ground.client.operations.commands import Stopped
 from ground.client.operations.goals import GoalEnded
@@ -68,20 +68,20 @@ class Recorded(NamedTuple):
 
 def contradictions(
     truth: Truth, journal: Journal, errors: Iterable[tuple[str, BaseException]]
-) -> tuple[Violation, ...]:
+) -> tuple[InvariantViolation, ...]:
     """Return all contradictions of a run, in the order of their times."""
     found = [
-        Violation("no program ends by itself", truth.now_ns, f"{name}: {error!r}")
+        InvariantViolation("no program ends by itself", truth.now_ns, f"{name}: {error!r}")
         for name, error in errors
     ]
-    observer = Observer(truth, journal)
+    observer = ClaimsObserver(truth, journal)
     known: set[tuple[str, str, Deed | None]] = set()
     for said in journal.words:
         for rule, why in observer.judge(said):
             if (key := (rule, said.program, said.deed)) not in known:  # a line repeats its claim
                 known.add(key)
                 words = f"{said.program} said {words_of(said)}: {why}"
-                found.append(Violation(rule, said.ns, words))
+                found.append(InvariantViolation(rule, said.ns, words))
     found += observer.judge_end()
     return tuple(sorted(found, key=lambda one: one.time_ns))
 
@@ -105,7 +105,7 @@ def text_of(value: Any) -> str:
     return str(text() if callable(text) else text)
 
 
-class Observer:
+class ClaimsObserver:
     """Compares words with the truth."""
 
     def __init__(self, truth: Truth, journal: Journal) -> None:
@@ -368,11 +368,11 @@ class Observer:
 
     # What is missing or has no cause.
 
-    def judge_end(self) -> list[Violation]:
+    def judge_end(self) -> list[InvariantViolation]:
         """Return ends of goals that nobody said, and stops that nobody asked for."""
         return [*self._unsaid(), *self._uncaused()]
 
-    def _unsaid(self) -> Iterator[Violation]:
+    def _unsaid(self) -> Iterator[InvariantViolation]:
         now_ns = self.truth.now_ns
         for deed in self.journal.deeds:
             if deed.verb not in GOAL_VERBS or deed.ended_ns is not None:
@@ -386,14 +386,14 @@ class Observer:
                 and self.truth.silent_ns(deed.program, now_ns) < SEEN_NS
             ):
                 words = f"{deed.program} still waits for the end of «{deed}»"
-                yield Violation("an end is said", goal.end.ns + SAID_NS, words)
+                yield InvariantViolation("an end is said", goal.end.ns + SAID_NS, words)
 
     def _is_told(self, deed: Deed) -> bool:
         """Return whether the status line of `up` shows the end of its goal, while others drive."""
         lines = (said.value for said in reversed(self.journal.words) if said.deed is deed)
-        return any(isinstance(line, Shown) and TOLD.search(line.text) for line in lines)
+        return any(isinstance(line, ShownText) and TOLD.search(line.text) for line in lines)
 
-    def _uncaused(self) -> Iterator[Violation]:
+    def _uncaused(self) -> Iterator[InvariantViolation]:
         """Yield accepted stops of a goal or drive that no person has asked for.
 
         A program that ends early, or whose time is up, may stop what it has begun, nothing else.
@@ -404,9 +404,9 @@ class Observer:
                     f"{one.program} has sent «{asked_words(one)}», which ended {what}; "
                     "nobody has asked for that"
                 )
-                yield Violation("what stops has a cause", one.ns, words)
+                yield InvariantViolation("what stops has a cause", one.ns, words)
 
-    def _stops(self, one: AnsweredRequest) -> str:
+    def _stops(self, one: RequestTruth) -> str:
         """Return what a request has ended; empty if nothing."""
         before, after = one.before, self.truth.rows[one.at]
         if not isinstance(one.request, CommandRequest):
@@ -426,7 +426,7 @@ class Observer:
         asked = next((one for one in self.truth.answered if one.number == goal_id), None)
         return "?" if asked is None else f"«{asked_words(asked)}» of {asked.program}"
 
-    def _is_caused(self, one: AnsweredRequest) -> bool:
+    def _is_caused(self, one: RequestTruth) -> bool:
         """Return whether a person has asked for a stop, or for the end of what it has ended."""
         if one.is_command(Command.DO_FLIGHTTERMINATION):  # it names no operator
             pressed = (deed for deed in self.journal.deeds if deed.verb in ("estop", "stop"))
@@ -444,7 +444,7 @@ class Observer:
                 return True
         return not by_gateway and self._ends_its_own(one)
 
-    def _ends_its_own(self, one: AnsweredRequest) -> bool:
+    def _ends_its_own(self, one: RequestTruth) -> bool:
         """Return whether a request ends what a deed of the same program has begun, at its end."""
         before = one.before
         for deed in self.journal.deeds:
@@ -482,13 +482,13 @@ def ends_of(row: RobotRow) -> tuple[str, ...]:
     return SUMMARIES[row.goal_state]
 
 
-def ends_mission(one: AnsweredRequest) -> bool:
+def ends_mission(one: RequestTruth) -> bool:
     """Return whether an accepted request ends a mission: by another drive, or by a stop."""
     is_stop = any(one.is_command(*words) for words in ENDS_MISSION)
     return is_stop or one.begins_drive or isinstance(one.request, GoalRequest)
 
 
-def asked_words(one: AnsweredRequest) -> str:
+def asked_words(one: RequestTruth) -> str:
     """Return a request in words."""
     if isinstance(one.request, GoalRequest):
         x_m, y_m = place_of(one.request)
@@ -576,7 +576,7 @@ STOPS_OF_MAVLINK: Final = (
 )
 
 
-def silent(observer: Observer, said: Said, found: re.Match[str]) -> str:
+def silent(observer: ClaimsObserver, said: Said, found: re.Match[str]) -> str:
     """Judge that nothing of the robot has arrived for some time.
 
     The end of a goal is said after its clean-up, during which the robot may be heard again.
@@ -590,7 +590,7 @@ def silent(observer: Observer, said: Said, found: re.Match[str]) -> str:
     return f"a message of the robot arrived {truth.silent_ns(said.program, ns) // NS_PER_MS} ms ago"
 
 
-def not_shown(observer: Observer, said: Said, _found: re.Match[str]) -> str:
+def not_shown(observer: ClaimsObserver, said: Said, _found: re.Match[str]) -> str:
     """Judge that no status has shown the goal."""
     deed = said.deed
     goal = None if deed is None else observer.goal_of(deed, said.ns)
@@ -600,7 +600,7 @@ def not_shown(observer: Observer, said: Said, _found: re.Match[str]) -> str:
     return f"it was shown {(said.ns - shown_ns) // NS_PER_MS} ms before"
 
 
-def commands(observer: Observer, said: Said, found: re.Match[str]) -> str:
+def commands(observer: ClaimsObserver, said: Said, found: re.Match[str]) -> str:
     """Judge that another operator commands the robot."""
     name = (found[1] or "").strip()
     if (own := OWN_SYSTEM.get(said.program)) and name == own:
@@ -613,7 +613,7 @@ def commands(observer: Observer, said: Said, found: re.Match[str]) -> str:
     return observer.held_by_another(said.program, name, since_ns - SEEN_NS, said.ns, verb)
 
 
-def in_command(observer: Observer, said: Said, found: re.Match[str]) -> str:
+def in_command(observer: ClaimsObserver, said: Said, found: re.Match[str]) -> str:
     """Judge that somebody is in command now."""
     name = found[1]
     is_so: Condition = lambda row: row.holder_name == name  # noqa: E731
@@ -622,7 +622,7 @@ def in_command(observer: Observer, said: Said, found: re.Match[str]) -> str:
     return f"it was {observer.truth.at(said.ns).holder_name or 'nobody'}"
 
 
-def you_command(observer: Observer, said: Said, _found: re.Match[str]) -> str:
+def you_command(observer: ClaimsObserver, said: Said, _found: re.Match[str]) -> str:
     """Judge that this program's person is in command."""
     truth, person = observer.truth, person_of(said.program)
     if truth.ever(said.ns - LEASE_NS, said.ns, lambda row: truth.has_lease(row, person)):
@@ -630,18 +630,18 @@ def you_command(observer: Observer, said: Said, _found: re.Match[str]) -> str:
     return f"it was {truth.at(said.ns).holder_name or 'nobody'}"
 
 
-def operator_limit(observer: Observer, said: Said, found: re.Match[str]) -> str:
+def operator_limit(observer: ClaimsObserver, said: Said, found: re.Match[str]) -> str:
     """Judge the time after which the robot stops without its operator."""
     limit_s = observer.truth.at(said.ns).op_lost_ms / 1000
     return "" if float(found[1]) == limit_s else f"op_lost_ms of the robot is {limit_s:g} s"
 
 
-def failed_mission(observer: Observer, said: Said, _found: re.Match[str]) -> str:
+def failed_mission(observer: ClaimsObserver, said: Said, _found: re.Match[str]) -> str:
     """Judge that a mission has failed."""
     return observer.wanted_end(said.ns - SEEN_NS, said.ns)
 
 
-def who_stopped(observer: Observer, said: Said, found: re.Match[str]) -> str:
+def who_stopped(observer: ClaimsObserver, said: Said, found: re.Match[str]) -> str:
     """Judge who has pressed the emergency stop that is shown."""
     rows = observer.truth.between(said.ns - SEEN_NS, said.ns)
     if not any(row.is_stopped for row in rows):
@@ -657,13 +657,13 @@ def who_stopped(observer: Observer, said: Said, found: re.Match[str]) -> str:
     )
 
 
-def standing(observer: Observer, said: Said, _found: re.Match[str]) -> str:
+def standing(observer: ClaimsObserver, said: Said, _found: re.Match[str]) -> str:
     """Judge that the wheels stand."""
     slowest = min(abs(row.speed_m_s) for row in observer.truth.between(said.ns - SEEN_NS, said.ns))
     return "" if slowest < 0.03 else f"the robot moves at {slowest:.2f} m/s"
 
 
-def told(observer: Observer, said: Said, found: re.Match[str]) -> str:
+def told(observer: ClaimsObserver, said: Said, found: re.Match[str]) -> str:
     """Judge that the goal of `up` has ended, and that an operator drives."""
     deed, truth = said.deed, observer.truth
     goal = None if deed is None else observer.goal_of(deed, said.ns)
@@ -680,7 +680,7 @@ def told(observer: Observer, said: Said, found: re.Match[str]) -> str:
 
 
 OWN_SYSTEM: Final = {"client-255": "MAVLink 255", "client-254": "MAVLink 254"}
-Claim = Callable[[Observer, Said, "re.Match[str]"], str]
+Claim = Callable[[ClaimsObserver, Said, "re.Match[str]"], str]
 CLAIMS: Final[tuple[tuple[re.Pattern[str], Claim], ...]] = (
     (re.compile(r"no message from the robot for ([\d.]+) s"), silent),
     (re.compile(r"waiting for the robot to show this goal"), not_shown),
@@ -696,7 +696,7 @@ CLAIMS: Final[tuple[tuple[re.Pattern[str], Claim], ...]] = (
 )
 """What a text claims, and how each is judged."""
 
-RULES: Final[tuple[tuple[type[Any], str, Callable[[Observer, Said, Any], str]], ...]] = (
+RULES: Final[tuple[tuple[type[Any], str, Callable[[ClaimsObserver, Said, Any], str]], ...]] = (
     (
         GoalEnded,
         "an outcome is of the goal that was asked for",
@@ -711,14 +711,14 @@ RULES: Final[tuple[tuple[type[Any], str, Callable[[Observer, Said, Any], str]], 
             else ""
         ),
     ),
-    (Ended, "an exit code is of the goal that was asked for", Observer.code),
-    (Refused, "a refusal has a reason", Observer.refused),
-    (Accepted, "what is accepted is so", Observer.accepted),
-    (Ack, "what is acknowledged is so", Observer.acknowledged),
-    (Stopped, "what is accepted is so", Observer.stopped),
-    (LeaseView, "a lease is shown as it is", Observer.lease),
-    (Recorded, "a recording ends as it ended", Observer.recorded),
-    (MissionEnded, "a mission ends as it ended", Observer.mission),
-    (object, "a text is true", Observer.text),
+    (Ended, "an exit code is of the goal that was asked for", ClaimsObserver.code),
+    (Refused, "a refusal has a reason", ClaimsObserver.refused),
+    (Accepted, "what is accepted is so", ClaimsObserver.accepted),
+    (Ack, "what is acknowledged is so", ClaimsObserver.acknowledged),
+    (Stopped, "what is accepted is so", ClaimsObserver.stopped),
+    (LeaseView, "a lease is shown as it is", ClaimsObserver.lease),
+    (Recorded, "a recording ends as it ended", ClaimsObserver.recorded),
+    (MissionEnded, "a mission ends as it ended", ClaimsObserver.mission),
+    (object, "a text is true", ClaimsObserver.text),
 )
 """By the type of a word: the rule."""

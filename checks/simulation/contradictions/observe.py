@@ -33,7 +33,7 @@ from random import Random
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
-from checks.harness.figures import Figure, Report
+from checks.harness.figures import BenchmarkReport, Figure
 from checks.harness.processes import free_port
 from checks.harness.until import until
 from checks.simulation import campaign
@@ -54,16 +54,16 @@ from checks.simulation.contradictions.persons import SENT as SENT_BY_STATIONS
 from checks.simulation.contradictions.programs import CELLS as CELL
 from checks.simulation.contradictions.programs import Ack, Arguments
 from checks.simulation.contradictions.truth import (
-    AnsweredRequest,
     Deed,
     Ended,
     Journal,
+    RequestTruth,
     RobotRow,
-    Shown,
+    ShownText,
     Truth,
 )
 from checks.simulation.hosts.mavlink import CLIENTS, command, reposition
-from checks.simulation.invariants.run_state import Violation
+from checks.simulation.invariants.run_state import InvariantViolation
 from gateways.mavlink.clients import NoFile
 from gateways.mavlink.mavlink_dialect import mavlink
 from ground.client.api import connect
@@ -181,7 +181,7 @@ class TruthOfBus(Truth):
             program = self._program(lambda deed: deed.verb == "drive")
         if request is not None:
             at = len(self.rows) - 1
-            self.answered.append(AnsweredRequest(row.ns, program, "", request, True, 0, before, at))
+            self.answered.append(RequestTruth(row.ns, program, "", request, True, 0, before, at))
 
     def _program(self, condition: Callable[[Deed], bool]) -> str:
         found = (deed for deed in reversed(self._journal.deeds) if condition(deed))
@@ -218,7 +218,7 @@ def place_in(deed: Deed) -> tuple[int, int] | None:
     return round(x_m * 1000), round(y_m * 1000)
 
 
-class Terminal:
+class PersonsTerminal:
     """A terminal of a person: each command is a process of `sidestep`."""
 
     def __init__(self, name: str, journal: Journal, environment: Mapping[str, str]) -> None:
@@ -253,7 +253,7 @@ class Terminal:
     def _read(self, deed: Deed, process: "subprocess.Popen[str]") -> None:
         out, told = process.communicate()
         for line in told.splitlines():
-            self._journal.say(deed.program, Shown("note", line), deed)
+            self._journal.say(deed.program, ShownText("note", line), deed)
         row: dict[str, Any] = {}
         with suppress(ValueError):
             row = json.loads(out)
@@ -425,7 +425,7 @@ class RealStation:
             ack = Ack(message.command, params, message.result, since_ns)
             self._journal.say(self._name, ack)
         elif kind == "STATUSTEXT":
-            self._journal.say(self._name, Shown("text", message.text.rstrip("\0")))
+            self._journal.say(self._name, ShownText("text", message.text.rstrip("\0")))
 
     def close(self) -> None:
         """Be silent from now on."""
@@ -445,7 +445,7 @@ SENT: Final[dict[str, Callable[..., tuple[float, ...]]]] = {
 """The commands of a MAVLink station: number and parameters."""
 
 
-def beside_up(seed: int, seconds: float) -> tuple[tuple[Violation, ...], Journal]:
+def beside_up(seed: int, seconds: float) -> tuple[tuple[InvariantViolation, ...], Journal]:
     """Run `up` and the programs of persons for some time; return the contradictions."""
     with TemporaryDirectory(prefix="sidestep-") as folder, ExitStack() as ends:
         world = Path(folder) / "plain.toml"
@@ -463,7 +463,7 @@ def beside_up(seed: int, seconds: float) -> tuple[tuple[Violation, ...], Journal
             bus.stream(topic, truth.take, "r1")
         until(lambda: len(truth.rows) > 1, "a status arrives")
         programs: dict[str, Any] = {
-            name: Terminal(name, journal, os.environ) for name in TERMINALS[:2]
+            name: PersonsTerminal(name, journal, os.environ) for name in TERMINALS[:2]
         }
         programs[NOTEBOOK] = RealNotebook(NOTEBOOK, journal, where.endpoint)
         programs[STATION] = RealStation(STATION, journal, port)
@@ -524,7 +524,7 @@ def running_up(journal: Journal, world: str, port: int) -> Iterator["subprocess.
         assert process.stderr is not None
         assert process.stdout is not None
         for line in process.stderr:
-            journal.say(UP, Shown("line", line.rstrip()), deed)
+            journal.say(UP, ShownText("line", line.rstrip()), deed)
         outcome = None
         with suppress(ValueError):
             outcome = outcome_in(json.loads(process.stdout.read()))
@@ -562,12 +562,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def measure(options: argparse.Namespace) -> Report:
+def measure(options: argparse.Namespace) -> BenchmarkReport:
     """Run one scenario, many seeds, the search for defects, or programs beside a real `up`."""
     if options.beside is None:
         return campaign.measure(options, CONTRADICTIONS)
     found, journal = beside_up(options.seed or 0, options.beside)
-    return Report(
+    return BenchmarkReport(
         benchmark=CONTRADICTIONS.name,
         figures=(
             Figure(name="deeds beside a real `up`", unit="", values=(len(journal.deeds),)),

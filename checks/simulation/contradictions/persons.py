@@ -24,7 +24,7 @@ from checks.simulation.contradictions.programs import (
     App,
     MavlinkStation,
     Notebook,
-    Program,
+    PersonsProgram,
     Shell,
     Up,
     common_here,
@@ -33,7 +33,7 @@ from checks.simulation.contradictions.programs import (
 from checks.simulation.contradictions.truth import (
     Journal,
     ListeningNetwork,
-    Shown,
+    ShownText,
     Truth,
     person_of,
 )
@@ -53,7 +53,7 @@ from checks.simulation.hosts.virtual_time import (
     SimulatedThread,
     current_host,
 )
-from checks.simulation.invariants.run_state import Coverage, Violation
+from checks.simulation.invariants.run_state import Coverage, InvariantViolation
 from checks.simulation.simulation import RunResult
 from ground.client.operations.commands import Stopped
 from ground.recording.summary import outcome_of
@@ -443,7 +443,7 @@ class PersonsRun:
             scheduler, "plant", world, lambda _: None, lambda: None, lockstep=False
         )
         self.truth.plant = lambda: self.plant.plant
-        programs: list[Program] = [
+        programs: list[PersonsProgram] = [
             App(scheduler, APP, self.journal),
             Notebook(scheduler, NOTEBOOK, self.journal),
             Up(scheduler, UP, self.journal),
@@ -458,7 +458,7 @@ class PersonsRun:
         self.programs = {program.name: program for program in programs}
         self.gateway.answer = self._answer
         self.gateway.arrived = lambda _system, _kind: None
-        self.found: tuple[Violation, ...] = ()
+        self.found: tuple[InvariantViolation, ...] = ()
         self._lines_down: set[str] = set()
 
     def run(self) -> RunResult:
@@ -508,14 +508,14 @@ class PersonsRun:
         program.start()
 
     @staticmethod
-    def _cancel(program: Program) -> None:
+    def _cancel(program: PersonsProgram) -> None:
         program.cancel()
 
     @staticmethod
-    def _kill(program: Program) -> None:
+    def _kill(program: PersonsProgram) -> None:
         program.kill()
 
-    def _cut(self, program: Program, for_ns: int) -> None:
+    def _cut(self, program: PersonsProgram, for_ns: int) -> None:
         """Cut a program's line to the robot for a while."""
         session, name = program.session, program.host.name
         if session is None or not program.host.alive:
@@ -561,7 +561,7 @@ class PersonsRun:
             self.journal.say("recorder", Recorded(outcome_of(self.truth.last_status)))
         app: Any = self.programs[APP]
         if app.host.alive and app.station is not None:
-            self.journal.say(APP, Shown("last drive", app.station.last_drives()["r1"]))
+            self.journal.say(APP, ShownText("last drive", app.station.last_drives()["r1"]))
 
     def _errors(self) -> list[tuple[str, BaseException]]:
         hosts = [self.robot.host, self.plant.host, self.gateway.host]
@@ -649,7 +649,7 @@ def observe(scenario: EventScenario, defect: str = "") -> RunResult:
         return PersonsRun(scenario).run()
 
 
-def contradictions_of(scenario: EventScenario, defect: str = "") -> tuple[Violation, ...]:
+def contradictions_of(scenario: EventScenario, defect: str = "") -> tuple[InvariantViolation, ...]:
     """Run a scenario and return all contradictions, in the order of their times."""
     with simulated(defect):
         run = PersonsRun(scenario)

@@ -17,7 +17,7 @@ from typing import Any, Final, NamedTuple
 
 from greenlet import GreenletExit
 
-from checks.simulation.contradictions.truth import Deed, Ended, Journal, Shown, person_of
+from checks.simulation.contradictions.truth import Deed, Ended, Journal, ShownText, person_of
 from checks.simulation.events import Argument
 from checks.simulation.hosts.bus import SimulatedNetwork
 from checks.simulation.hosts.mavlink import ACTIONS, GatewaySide, SimulatedClient
@@ -88,7 +88,7 @@ def open_bus_here(network: Network, role: Role, robot: str) -> Bus:
     return open_bus(network, role, robot, current_host().now_ns)
 
 
-class Program:
+class PersonsProgram:
     """A program of a person."""
 
     def __init__(self, scheduler: Scheduler, name: str, journal: Journal) -> None:
@@ -142,11 +142,11 @@ class Telling:
 
     def note(self, text: str) -> None:
         """Say a note."""
-        self._journal.say(self._deed.program, Shown("note", text), self._deed)
+        self._journal.say(self._deed.program, ShownText("note", text), self._deed)
 
     def line(self, parts: Sequence[Part]) -> None:
         """Say the status line."""
-        self._journal.say(self._deed.program, Shown("line", in_words(parts)), self._deed)
+        self._journal.say(self._deed.program, ShownText("line", in_words(parts)), self._deed)
 
 
 def operation_of(verb: str, arguments: Arguments) -> Operation[Outcome]:
@@ -187,7 +187,7 @@ OPERATIONS: Final[dict[str, Callable[..., Operation[Outcome]]]] = {
 }
 
 
-class Shell(Program):
+class Shell(PersonsProgram):
     """A terminal: each command is a process, and several may run at once."""
 
     def __init__(self, scheduler: Scheduler, name: str, journal: Journal) -> None:
@@ -242,7 +242,7 @@ class Shell(Program):
         return self._hosts
 
 
-class Notebook(Program):
+class Notebook(PersonsProgram):
     """A program with the Python API; `then` cancels what is under way and begins at once."""
 
     def __init__(self, scheduler: Scheduler, name: str, journal: Journal) -> None:
@@ -355,7 +355,7 @@ CELLS: Final[dict[str, Callable[..., Coroutine[Any, Any, Any]]]] = {
 }
 
 
-class App(Program):
+class App(PersonsProgram):
     """The ground station without its screen: it shows lease, loss, band and log."""
 
     station: Station | None = None
@@ -412,15 +412,15 @@ class App(Program):
     def _tell(self, station: Station) -> None:
         """Say everything that is shown and has changed; a loss and a band count the time."""
         for line in station.log.since(self._lines):
-            self.journal.say(self.name, Shown("log", line.text))
+            self.journal.say(self.name, ShownText("log", line.text))
         self._lines = station.log.total
         loss = station.loss()
         band = stop_band(station, None, BandKeys(lambda action: action), WIDTH, HEIGHT)
         rows = " ".join("".join(span.text for span in one) for one in band.rows)
         shown: dict[str, object] = {
             "lease": station.lease._replace(lapses_s=0.0),
-            "loss": Shown("loss", "" if loss is None else loss.words),
-            "band": Shown("band", " ".join(rows.split())),
+            "loss": ShownText("loss", "" if loss is None else loss.words),
+            "band": ShownText("band", " ".join(rows.split())),
         }
         for part, value in shown.items():
             if self._shown.get(part) != value:
@@ -433,7 +433,7 @@ class App(Program):
         return None if self.station is None else self._bus._session
 
 
-class Up(Program):
+class Up(PersonsProgram):
     """`up --headless`, whose processes are the simulated ones: it drives to its goal and ends."""
 
     def do(self, verb: str, arguments: Arguments) -> None:
@@ -484,7 +484,7 @@ class Up(Program):
         self.host.alive = False
 
     def _line(self, deed: Deed, parts: Sequence[Part]) -> None:
-        self.journal.say(self.name, Shown("line", in_words(parts)), deed)
+        self.journal.say(self.name, ShownText("line", in_words(parts)), deed)
 
     @property
     def session(self) -> Any:
@@ -507,7 +507,7 @@ class Ack(NamedTuple):
     """When the command was sent."""
 
 
-class Client(SimulatedClient):
+class StationClient(SimulatedClient):
     """The client of the simulation, of which commands and answers are noted."""
 
     def __init__(
@@ -549,11 +549,11 @@ class Client(SimulatedClient):
         text, has_more = body[1 : 1 + TEXT_BYTES], body[TEXT_BYTES] and any(body[TEXT_BYTES + 1 :])
         self._text += text.partition(b"\0")[0].decode(errors="replace")
         if not has_more:
-            self._station.say(Shown("text", self._text))
+            self._station.say(ShownText("text", self._text))
             self._text = ""
 
 
-class MavlinkStation(Program):
+class MavlinkStation(PersonsProgram):
     """A station; `restart` ends it and starts it again with the same ids, at a new port."""
 
     def __init__(
@@ -566,7 +566,7 @@ class MavlinkStation(Program):
     ) -> None:
         super().__init__(scheduler, name, journal)
         self._network, self._gateway = network, gateway
-        self._client: Client | None = None
+        self._client: StationClient | None = None
 
     @property
     def peer(self) -> str:
@@ -577,7 +577,7 @@ class MavlinkStation(Program):
         """Start the station."""
         if not self.host.alive:
             self.new_host()
-            self._client = Client(self, self._network, self._gateway)
+            self._client = StationClient(self, self._network, self._gateway)
             self._client.start()
 
     def do(self, verb: str, arguments: Arguments) -> None:

@@ -88,7 +88,7 @@ class RobotRow(NamedTuple):
         return self.is_armed and self.mode == Mode.MANUAL
 
 
-class AnsweredRequest(NamedTuple):
+class RequestTruth(NamedTuple):
     """A request that the robot has answered, and its state before and after."""
 
     ns: int
@@ -128,9 +128,9 @@ class GoalTruth(NamedTuple):
     `by` is the request that replaced it.
     """
 
-    asked: AnsweredRequest
+    asked: RequestTruth
     end: RobotRow | None
-    by: AnsweredRequest | None
+    by: RequestTruth | None
 
     @property
     def place(self) -> tuple[float, float]:
@@ -143,7 +143,7 @@ class Truth:
 
     def __init__(self, scheduler: Scheduler) -> None:
         self.rows: list[RobotRow] = []
-        self.answered: list[AnsweredRequest] = []
+        self.answered: list[RequestTruth] = []
         self.programs: dict[str, str] = {}
         """The host of each session on the bus."""
         self.plant: Callable[[], Plant | None] = lambda: None
@@ -204,7 +204,7 @@ class Truth:
         at = len(self.rows)
         self.rows.append(after)
         self.answered.append(
-            AnsweredRequest(self.now_ns, program, operator, request, ok, reason, before, at)
+            RequestTruth(self.now_ns, program, operator, request, ok, reason, before, at)
         )
 
     def cycled(self, side: RobotSide, tick: Tick) -> None:
@@ -309,7 +309,7 @@ class Truth:
         goals = (one for one in self.answered if isinstance(one.request, GoalRequest))
         return any(one.program == program and one.ns >= since_ns and not one.ok for one in goals)
 
-    def _goal(self, asked: AnsweredRequest) -> GoalTruth:
+    def _goal(self, asked: RequestTruth) -> GoalTruth:
         for row in self.rows[asked.at :]:
             if row.goal_id == asked.number and row.goal_state >= GoalState.REACHED:
                 return GoalTruth(asked, row, None)
@@ -318,7 +318,7 @@ class Truth:
                 return GoalTruth(asked, row, by)
         return GoalTruth(asked, None, None)
 
-    def driven_after(self, by: AnsweredRequest) -> AnsweredRequest:
+    def driven_after(self, by: RequestTruth) -> RequestTruth:
         """Return the first goal since this one that lasted to the end of a tick, if any did.
 
         The robot has not driven to one that was replaced in its own tick.
@@ -327,20 +327,20 @@ class Truth:
             by = following
         return by
 
-    def drive_at(self, ns: int) -> AnsweredRequest | None:
+    def drive_at(self, ns: int) -> RequestTruth | None:
         """Return the request that began the newest drive by hand."""
         return self._newest(lambda one: one.begins_drive and one.ns <= ns)
 
-    def drive_before(self, ended: AnsweredRequest) -> AnsweredRequest | None:
+    def drive_before(self, ended: RequestTruth) -> RequestTruth | None:
         """Return the request that began the drive by hand which another request has ended."""
         return self._newest(lambda one: one.begins_drive and one.at < ended.at)
 
-    def mission_before(self, ended: AnsweredRequest) -> AnsweredRequest | None:
+    def mission_before(self, ended: RequestTruth) -> RequestTruth | None:
         """Return the request that began the mission which another request has ended."""
         start = Command.MISSION_START
         return self._newest(lambda one: one.ok and one.is_command(start) and one.at < ended.at)
 
-    def _newest(self, wanted: Callable[[AnsweredRequest], bool]) -> AnsweredRequest | None:
+    def _newest(self, wanted: Callable[[RequestTruth], bool]) -> RequestTruth | None:
         return next(filter(wanted, reversed(self.answered)), None)
 
 
@@ -433,7 +433,7 @@ class Ended:
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class ShownText:
     """A text that a program shows; `where` names the part of it."""
 
     where: str

@@ -25,7 +25,7 @@ GROWN_NS: Final = 4_000 * NS_PER_MS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Impairment:
+class LinkImpairment:
     """The disturbance of a link; shares are from 0 to 1.
 
     `paths` are the prefixes of the topics it affects; all, if empty. With `growth` the delay has
@@ -50,14 +50,14 @@ class SimulatedLink:
     """The link from one host to another."""
 
     def __init__(self) -> None:
-        self.impairments: tuple[tuple[Impairment, Random], ...] = ()
+        self.impairments: tuple[tuple[LinkImpairment, Random], ...] = ()
         self.delay_ns = USUAL_DELAY_NS
 
-    def add(self, impairment: Impairment, salt: int) -> None:
+    def add(self, impairment: LinkImpairment, salt: int) -> None:
         """Add an impairment."""
         self.impairments = (*self.impairments, (impairment, Random(salt)))
 
-    def remove(self, impairment: Impairment) -> None:
+    def remove(self, impairment: LinkImpairment) -> None:
         """Remove an impairment."""
         self.impairments = tuple(
             (one, random) for one, random in self.impairments if one is not impairment

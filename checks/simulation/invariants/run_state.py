@@ -65,7 +65,7 @@ class Coverage:
 NEVER = -(1 << 62)
 
 
-class Violation(NamedTuple):
+class InvariantViolation(NamedTuple):
     """The violated invariant, the time, and the observation."""
 
     invariant: str
@@ -77,7 +77,7 @@ class RunState:
     """The state of a run; `violation` is the first one, or None."""
 
     def __init__(self, scheduler: Scheduler, history: RequestHistory) -> None:
-        self.violation: Violation | None = None
+        self.violation: InvariantViolation | None = None
         self.coverage = Coverage()
         self.history = history
         self.robot: RobotSide | None = None
@@ -141,7 +141,7 @@ class RunState:
     def fail(self, invariant: str, words: str) -> None:
         """Record a violation, unless there is one already."""
         if self.violation is None:
-            self.violation = Violation(invariant, self.now_ns, words)
+            self.violation = InvariantViolation(invariant, self.now_ns, words)
 
     def worst(self, what: str, took_ns: int) -> None:
         """Record the duration of a reaction, for the report of the longest ones."""

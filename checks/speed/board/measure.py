@@ -29,7 +29,7 @@ from typing import Final
 from checks.same_bits.on_board import SHOWN, image_hash
 from checks.speed.board.memory_size import state_bytes
 from checks.speed.board.results import COSTS, Build, Cost, Costs, excesses, read, write
-from checks.speed.board.scenarios import SCENARIOS, TICKS, Scenario, run_scenario, search
+from checks.speed.board.scenarios import SCENARIOS, TICKS, TickScenario, run_scenario, search
 from firmware.board import Board, Emulator
 from firmware.host import BoardCore
 from firmware.image import IMAGE, OUTPUT
@@ -164,7 +164,7 @@ def measure_drive(
 
 def measure_scenario(navigator: str, number: int, ticks: int) -> Cost:
     """Measure one scenario of the search on a board."""
-    scenario = Scenario(navigator, number)
+    scenario = TickScenario(navigator, number)
     ours = InProcessCore(scenario.params())
     expected = [ours.state.odometry.pose for _ in run_scenario(ours, scenario.body(), ticks)]
     reports, driven = [], []

@@ -14,7 +14,7 @@ navigator after every tick. The result is the largest state found.
 
 from typing import Any, Final
 
-from checks.speed.board.scenarios import Scenario, run_scenario
+from checks.speed.board.scenarios import TickScenario, run_scenario
 from robot.hosting import InProcessCore
 
 BOX_BYTES = 16
@@ -102,7 +102,7 @@ def state_bytes(navigator: str, scenarios: int = SCENARIOS, ticks: int = TICKS) 
     """Return the largest state of a navigator in bytes."""
     most = 0
     for number in range(scenarios):
-        scenario = Scenario(navigator, number)
+        scenario = TickScenario(navigator, number)
         core = InProcessCore(scenario.params())
         estimate = {id(core.state.odometry)}  # the robot's, which a proof only reads
         for _ in run_scenario(core, scenario.body(), ticks):

@@ -126,7 +126,7 @@ class EnclosedBody(ScenarioBody):
         return distance_m < self.room_m * (1.0 + bulge)
 
 
-class Scenario(NamedTuple):
+class TickScenario(NamedTuple):
     """A navigator, and the number that gives body, samples and goals."""
 
     navigator: str
@@ -203,12 +203,12 @@ class BytecodeCounter:
 def search(navigator: str, count: int = SCENARIOS, ticks: int = TICKS) -> list[tuple[str, int]]:
     """Return the scenarios whose worst ticks execute the most bytecodes."""
     numbers = range(count)
-    worst = {number: bytecodes(Scenario(navigator, number), ticks) for number in numbers}
+    worst = {number: bytecodes(TickScenario(navigator, number), ticks) for number in numbers}
     ranked = sorted(numbers, key=lambda number: -worst[number])
     return [(navigator, number) for number in ranked[:MEASURED]]
 
 
-def bytecodes(scenario: Scenario, ticks: int) -> int:
+def bytecodes(scenario: TickScenario, ticks: int) -> int:
     """Return the bytecodes of the worst tick of a scenario; its first tick is left out."""
     counter, most = BytecodeCounter(), 0
     core = InProcessCore(scenario.params())

@@ -97,7 +97,7 @@ def supply_of(kind: str) -> list[bytes]:
     return [next(source) for _ in range(SUPPLY) for source in sources]
 
 
-class Flood:
+class FrameFlood:
     """A running sender, at a lower priority: a real one would use another machine."""
 
     def __init__(self, kind: str, rate_hz: float, peers: int, port: int) -> None:

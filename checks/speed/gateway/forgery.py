@@ -23,9 +23,9 @@ from checks.speed.gateway.stage import (
     GROUND_STATION,
     PER_S,
     Air,
-    Client,
     Figures,
     Line,
+    MavlinkClient,
     on_air,
     position_target,
     stamp_now,
@@ -234,10 +234,10 @@ class Witness:
             self.refused = message.refused
 
 
-class Trial:
+class ForgeryTrial:
     """Attacks and the owner's own commands in turn."""
 
-    def __init__(self, air: Air, owner: Client, key: bytes) -> None:
+    def __init__(self, air: Air, owner: MavlinkClient, key: bytes) -> None:
         self._owner, self._air = owner, air
         self._witness = Witness(air)
         self._pause = Event()
@@ -295,12 +295,12 @@ def forgery_figures(options: argparse.Namespace) -> Figures:
         required = ("udpin:127.0.0.1:{port},require",)
         with (
             on_air("--signing-keys", str(path), endpoints=required) as air,
-            Client(air.line(), key=raw) as owner,
+            MavlinkClient(air.line(), key=raw) as owner,
         ):
             owner.await_vehicle()
             until(lambda: "GLOBAL_POSITION_INT" in owner.newest, "a position")
             before = air.observer.truths[-1][0]
-            trial = Trial(air, owner, raw)
+            trial = ForgeryTrial(air, owner, raw)
             for number in range(options.rounds):
                 trial.round(STATES[number % len(STATES)], options.forged)
             refused = trial.close()
@@ -319,7 +319,7 @@ def names(modes: Iterable[Mode]) -> str:
     return ", ".join(mode.name for mode in modes)
 
 
-def figures_of(trial: Trial, refused: int, moved_m: float, *, is_same: bool) -> list[Figure]:
+def figures_of(trial: ForgeryTrial, refused: int, moved_m: float, *, is_same: bool) -> list[Figure]:
     """Return the numbers of frames sent and of commands carried out."""
     sent = sum(trial.sent.values())
     found = [

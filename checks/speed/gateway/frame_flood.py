@@ -18,9 +18,9 @@ from checks.harness.figures import Figure
 from checks.harness.motion import stood_s
 from checks.harness.processes import cpu_s
 from checks.harness.until import until
-from checks.speed.gateway.flood_sender import KINDS, MIXED, Flood
+from checks.speed.gateway.flood_sender import KINDS, MIXED, FrameFlood
 from checks.speed.gateway.reactions import since
-from checks.speed.gateway.stage import Air, Client, Driver, Figures, on_air
+from checks.speed.gateway.stage import Air, Driver, Figures, MavlinkClient, on_air
 from gateways.mavlink.mavlink_dialect import mavlink
 
 CROWD: Final = 16
@@ -31,7 +31,7 @@ STOP_S: Final = 20.0
 
 
 @dataclass
-class FloodRun:
+class FrameFloodRun:
     """A drive in a flood."""
 
     missed: int = 0
@@ -62,12 +62,12 @@ def flood_figures(options: argparse.Namespace) -> Figures:
     ]
 
 
-def run(options: argparse.Namespace, kind: str, peers: int, *, is_dummy: bool) -> FloodRun:
+def run(options: argparse.Namespace, kind: str, peers: int, *, is_dummy: bool) -> FrameFloodRun:
     """Drive, then stop several times, in a flood at the gateway or at another socket."""
-    found = FloodRun()
+    found = FrameFloodRun()
     with ExitStack() as scope:
         air = scope.enter_context(on_air())
-        client = scope.enter_context(Client(air.line()))
+        client = scope.enter_context(MavlinkClient(air.line()))
         driver = Driver(client, air)
         driver.take()
         driver.drive(SETTLE_S)
@@ -76,7 +76,7 @@ def run(options: argparse.Namespace, kind: str, peers: int, *, is_dummy: bool) -
         port = dummy.getsockname()[1] if is_dummy else air.port
         before_mb, missed, ticks = peak_mb(air.pid), air.missed, air.ticks
         begun_s, begun_cpu_s = monotonic(), cpu_s(air.pid)
-        flood = Flood(kind, options.rate, peers, port)
+        flood = FrameFlood(kind, options.rate, peers, port)
         with flood:
             flood.go()
             driver.drive(options.drive)
@@ -92,7 +92,7 @@ def run(options: argparse.Namespace, kind: str, peers: int, *, is_dummy: bool) -
     return found
 
 
-def stop_ms(air: Air, client: Client) -> float:
+def stop_ms(air: Air, client: MavlinkClient) -> float:
     """Send the emergency stop as the owner; return the time in ms until the wheels stand."""
     sent_ns = client.command(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 1.0)
     until(lambda: stood_s(since(air, sent_ns)) is not None, "wheels at rest", STOP_S)
@@ -100,7 +100,7 @@ def stop_ms(air: Air, client: Client) -> float:
     return (stood_s(since(air, sent_ns)) or 0.0) * 1e3
 
 
-def figures_of(name: str, found: FloodRun) -> list[Figure]:
+def figures_of(name: str, found: FrameFloodRun) -> list[Figure]:
     """Return the figures of a run."""
     stops = tuple(found.stops_ms)
     return [

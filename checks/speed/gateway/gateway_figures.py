@@ -23,7 +23,7 @@ from typing import Any, Final
 
 from pymavlink import mavftp
 
-from checks.harness.figures import Figure, Report
+from checks.harness.figures import BenchmarkReport, Figure
 from checks.harness.processes import cpu_s, resident_mb
 from checks.harness.relays import PERFECT, POOR, Impairment, UdpRelay
 from checks.harness.until import until
@@ -31,11 +31,11 @@ from checks.speed.gateway import forgery, frame_flood, reactions
 from checks.speed.gateway.stage import (
     GROUND_STATION,
     Air,
-    Arrival,
-    Client,
     Driver,
     Figures,
+    FrameArrival,
     Line,
+    MavlinkClient,
     PseudoLine,
     UdpLine,
     on_air,
@@ -51,7 +51,7 @@ SETTLES_BEFORE_COST_S: Final = 5.0
 def cost_figures(options: argparse.Namespace) -> Figures:
     """Measure while the robot drives."""
     shares, sizes, rates, kb = [], [], [], []
-    with on_air() as air, Client(air.line()) as client:
+    with on_air() as air, MavlinkClient(air.line()) as client:
         driver = Driver(client, air)
         driver.take()
         driver.drive(SETTLES_BEFORE_COST_S)
@@ -105,7 +105,7 @@ def line_figures(options: argparse.Namespace) -> Figures:
 def on_line(name: str, air: Air, line: Line, options: argparse.Namespace) -> list[Figure]:
     """Drive, read parameters repeatedly, and count the received bytes."""
     over = Event()
-    with Client(line) as client:
+    with MavlinkClient(line) as client:
         driver = Driver(client, air)
         driver.take()
         reader = Thread(target=read_parameters, args=(client, over), daemon=True)
@@ -119,13 +119,13 @@ def on_line(name: str, air: Air, line: Line, options: argparse.Namespace) -> lis
     return figures_of(name, arrivals)
 
 
-def read_parameters(client: Client, over: Event) -> None:
+def read_parameters(client: MavlinkClient, over: Event) -> None:
     """Ask for all parameters again and again."""
     while not over.wait(AGAIN_S):
         client.send(mavlink.MAVLink_param_request_list_message(1, 1))
 
 
-def figures_of(name: str, arrivals: Sequence[Arrival]) -> list[Figure]:
+def figures_of(name: str, arrivals: Sequence[FrameArrival]) -> list[Figure]:
     """Return the rates and the gaps of what has arrived."""
     seconds = (arrivals[-1].at_ns - arrivals[0].at_ns) / NS_PER_S
     mean_kb = sum(one.size for one in arrivals[1:]) / seconds / 1e3
@@ -151,7 +151,7 @@ def figures_of(name: str, arrivals: Sequence[Arrival]) -> list[Figure]:
     return found
 
 
-def most_in_a_second(arrivals: Sequence[Arrival]) -> int:
+def most_in_a_second(arrivals: Sequence[FrameArrival]) -> int:
     """Return the largest number of bytes in a window of one second."""
     most = first = inside = 0
     for one in arrivals:
@@ -182,7 +182,7 @@ FILE: Final = "@PARAM/param.pck?withdefaults=1"
 class Newcomer:
     """A client that has to read everything."""
 
-    def __init__(self, client: Client) -> None:
+    def __init__(self, client: MavlinkClient) -> None:
         self._client = client
         self._files: SimpleQueue[MavMessage] = SimpleQueue()
         self._values: dict[int, float] = {}
@@ -310,7 +310,7 @@ def ready_figures(options: argparse.Namespace) -> Figures:
     """Connect many times over each line, by each way to read parameters."""
     figures, pause = [], Event()
     with on_air() as air:
-        with Client(air.line()) as client:
+        with MavlinkClient(air.line()) as client:
             upload(client)
         for name, impairment, at_most_s in LINES:
             for way, by_file in (("FTP", True), ("list", False)):
@@ -333,10 +333,10 @@ def ready_figures(options: argparse.Namespace) -> Figures:
 def connected_s(air: Air, impairment: Impairment, seed: int, *, by_file: bool) -> float:
     """Connect a new client over a line; return the time until it is ready."""
     with UdpRelay(("127.0.0.1", air.port), impairment, seed) as relay:
-        return Newcomer(Client(UdpLine(relay.port))).ready_s(by_file=by_file)
+        return Newcomer(MavlinkClient(UdpLine(relay.port))).ready_s(by_file=by_file)
 
 
-def upload(client: Client) -> None:
+def upload(client: MavlinkClient) -> None:
     """Write a mission that the clients will read."""
     client.await_vehicle()
     until(lambda: "GLOBAL_POSITION_INT" in client.newest, "a position")
@@ -388,6 +388,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--presses", type=int, default=3, help="emergency stops in each flood")
 
 
-def measure(options: argparse.Namespace) -> Report:
+def measure(options: argparse.Namespace) -> BenchmarkReport:
     """Measure the selected parts."""
-    return Report.of("gateway", (PARTS[name](options) for name in options.parts))
+    return BenchmarkReport.of("gateway", (PARTS[name](options) for name in options.parts))

@@ -19,7 +19,7 @@ from typing import Final, NamedTuple, Self
 from checks.harness.figures import Figure, percentile
 from checks.harness.motion import PERIOD_S, Seen, stood_s
 from checks.harness.until import until
-from checks.speed.gateway.stage import FORCED, Air, Client, Figures, on_air, position_target
+from checks.speed.gateway.stage import FORCED, Air, Figures, MavlinkClient, on_air, position_target
 from gateways.mavlink.mavlink_dialect import REQUEST_OPERATOR_CONTROL, MavMessage, mavlink
 from gateways.mavlink.motion.pilot import EnterGuided
 from ground.client.connection import Common
@@ -106,7 +106,7 @@ class BusOperator:
 class GatewayOperator:
     """The client of the gateway."""
 
-    def __init__(self, client: Client) -> None:
+    def __init__(self, client: MavlinkClient) -> None:
         self._client = client
 
     def take(self) -> None:
@@ -198,7 +198,7 @@ def goto_figures(options: argparse.Namespace) -> Figures:
     """Measure both ways in turn, in blocks."""
     random = Random(1)
     goals = max(1, options.goals // BLOCKS)
-    with on_air() as air, Client(air.line()) as client:
+    with on_air() as air, MavlinkClient(air.line()) as client:
         client.await_vehicle()
         network = Network(mode="client", connect=(air.observer.endpoint,))
         common = Common(network=network, robot=air.observer.robot)
@@ -305,7 +305,7 @@ SETPOINTS: Final[Mapping[str, Setpoint]] = {
 def timeout_figures(options: argparse.Namespace) -> Figures:
     """Let each kind of setpoint end several times, at random phases."""
     figures, random = [], Random(1)
-    with on_air() as air, Client(air.line()) as client:
+    with on_air() as air, MavlinkClient(air.line()) as client:
         client.await_vehicle()
         client.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0, FORCED)
         for name, setpoint in SETPOINTS.items():
@@ -329,7 +329,7 @@ def timeout_figures(options: argparse.Namespace) -> Figures:
     ]
 
 
-def after_ms(air: Air, client: Client, setpoint: Setpoint, phase: float) -> float:
+def after_ms(air: Air, client: MavlinkClient, setpoint: Setpoint, phase: float) -> float:
     """Drive, fall silent, and return the time in ms from the time-out to wheels at rest."""
     pause = Event()
     client.set_mode(setpoint.mode)

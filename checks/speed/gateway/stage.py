@@ -112,7 +112,7 @@ def received(descriptor: int, within_s: float) -> bytes:
         return b""
 
 
-class Arrival(NamedTuple):
+class FrameArrival(NamedTuple):
     """When a message arrived, its id, and the size of its frame."""
 
     at_ns: int
@@ -120,7 +120,7 @@ class Arrival(NamedTuple):
     size: int
 
 
-class Client:
+class MavlinkClient:
     """Receives in a thread, and sends a heartbeat each second there.
 
     `newest` holds the newest message of each type, `arrivals` the times of all, `texts` those of
@@ -133,7 +133,7 @@ class Client:
     ) -> None:
         self.line = line
         self.newest: dict[str, Any] = {}
-        self.arrivals: list[Arrival] = []
+        self.arrivals: list[FrameArrival] = []
         self.texts: list[str] = []
         self.sent: list[bytes] | None = None
         self.takes: Callable[[MavMessage], object] = lambda _: None
@@ -230,7 +230,7 @@ class Client:
 
     def _take(self, message: MavMessage, at_ns: int) -> None:
         kind = message.get_type()
-        self.arrivals.append(Arrival(at_ns, message.get_msgId(), len(message.get_msgbuf())))
+        self.arrivals.append(FrameArrival(at_ns, message.get_msgId(), len(message.get_msgbuf())))
         self.newest[kind] = message
         if kind == "STATUSTEXT":
             self.texts.append(message.text)
@@ -318,7 +318,7 @@ def free_udp_port() -> int:
 class Driver:
     """A client that keeps the robot driving to and fro in GUIDED, between start and goal."""
 
-    def __init__(self, client: Client, air: Air) -> None:
+    def __init__(self, client: MavlinkClient, air: Air) -> None:
         self._client, self._air = client, air
         start, goal = air.observer.world.start, air.observer.world.goal
         self._places = cycle([(goal.x_m, goal.y_m), (start.x_m, start.y_m)])

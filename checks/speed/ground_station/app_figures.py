@@ -22,7 +22,7 @@ from threading import Event, Thread
 from time import monotonic_ns
 from typing import Final
 
-from checks.harness.figures import Figure, Report
+from checks.harness.figures import BenchmarkReport, Figure
 from checks.harness.observer import Observer, Shuttle, observed
 from checks.harness.terminal import Spent, Terminal
 from checks.harness.until import until
@@ -210,6 +210,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--presses-after", type=int, default=20, help="of keys after these lines")
 
 
-def measure(options: argparse.Namespace) -> Report:
+def measure(options: argparse.Namespace) -> BenchmarkReport:
     """Measure the selected parts."""
-    return Report.of("ground", (PARTS[name](options) for name in options.parts))
+    return BenchmarkReport.of("ground", (PARTS[name](options) for name in options.parts))

@@ -15,7 +15,7 @@ from time import monotonic_ns
 from typing import Final
 
 from checks.endurance.fleet import GoalSender, RobotTelemetry
-from checks.harness.figures import Figure, Report
+from checks.harness.figures import BenchmarkReport, Figure
 from checks.harness.motion import Seen, standing_from, stood_s
 from checks.harness.terminal import Terminal
 from checks.harness.until import until
@@ -192,7 +192,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--presses", type=int, default=200, help="of the key that stops all (200)")
 
 
-def measure(options: argparse.Namespace) -> Report:
+def measure(options: argparse.Namespace) -> BenchmarkReport:
     """Press the key while all robots drive, and wait until each stands; release and repeat."""
     worst_ms: list[float] = []
     of_robot: dict[str, list[float]] = {}
@@ -212,7 +212,7 @@ def measure(options: argparse.Namespace) -> Report:
                 worst_ms.append(max(took_ms.values()))
                 for robot, ms in took_ms.items():
                     of_robot.setdefault(robot, []).append(ms)
-    return Report(
+    return BenchmarkReport(
         benchmark="stop_all",
         figures=tuple(figures_of(worst_ms, of_robot)),
         notes=notes_of(fleet, options.presses),

@@ -8,7 +8,7 @@ from types import ModuleType
 import pytest
 
 from checks.__main__ import BENCHMARKS, benchmark_of, main
-from checks.harness.figures import Figure, Report
+from checks.harness.figures import BenchmarkReport, Figure
 from tests.support.each import each
 
 
@@ -22,9 +22,9 @@ class Stub(ModuleType):
     def add_options(self, parser: ArgumentParser) -> None:
         parser.add_argument("--steps", type=int, default=1)
 
-    def measure(self, options: Namespace) -> Report:
+    def measure(self, options: Namespace) -> BenchmarkReport:
         figure = Figure(name="n", unit="x", values=(self.value * options.steps,), at_least=10.0)
-        return Report(benchmark="codec", figures=(figure,))
+        return BenchmarkReport(benchmark="codec", figures=(figure,))
 
 
 @pytest.fixture

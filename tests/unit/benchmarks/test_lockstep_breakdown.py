@@ -1,6 +1,6 @@
 """The breakdown of a tick in stages."""
 
-from checks.speed.lockstep import STAGES, Cost, Usage, difference, points_ns, stages_us
+from checks.speed.lockstep import STAGES, ThreadCost, Usage, difference, points_ns, stages_us
 
 TICK_NS = 100_000
 POINTS = [point for _, point in STAGES[:-1]]
@@ -42,5 +42,8 @@ def test_stage_ends_at_the_latest_when_the_next_one_does() -> None:
 
 
 def test_usage_is_the_difference_of_two_readings() -> None:
-    before, after = Usage(Cost(5, 1), Cost(7, 2)), Usage(Cost(50, 11), Cost(17, 3))
-    assert difference(after, before) == Usage(Cost(45, 10), Cost(10, 1))
+    before, after = (
+        Usage(ThreadCost(5, 1), ThreadCost(7, 2)),
+        Usage(ThreadCost(50, 11), ThreadCost(17, 3)),
+    )
+    assert difference(after, before) == Usage(ThreadCost(45, 10), ThreadCost(10, 1))

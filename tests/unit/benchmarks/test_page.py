@@ -6,10 +6,10 @@ import pytest
 
 from checks.__main__ import BENCHMARKS
 from checks.evidence import EVIDENCE, FIGURES, GATEWAY, LONG_FIGURES, ROOT, TICK
-from checks.harness.figures import Figure, Report
+from checks.harness.figures import BenchmarkReport, Figure
 from checks.site import figures_page
 
-REPORT = Report(
+REPORT = BenchmarkReport(
     benchmark="codec",
     figures=(
         Figure(name="ratio", unit="x", values=(4.0, 3.0, 5.0), at_least=3.0),

@@ -13,12 +13,12 @@ from checks.evidence import (
     EVIDENCE,
     FOLDER,
     LIMIT,
-    Age,
-    Campaign,
-    Evidence,
-    Origin,
-    Status,
-    Step,
+    EvidenceCampaign,
+    EvidencePage,
+    MeasuredCommit,
+    MeasuringStep,
+    PageAge,
+    PageStatus,
     brief,
     chosen,
     commands_under,
@@ -33,9 +33,11 @@ from checks.evidence import (
 from tests.support.each import each
 
 ROOT = Path(__file__).resolve().parents[3]
-PAGE = Evidence("speed", "Speed", "how fast", "`measure`", ("code",), 1, (Step(("true",)),))
-BY_HAND = Evidence("soak", "Soak", "how long", "`soak`", ("code",), 9)
-DERIVED = Evidence("states", "States", "all", "`make`", test="tests/test_states.py")
+PAGE = EvidencePage(
+    "speed", "Speed", "how fast", "`measure`", ("code",), 1, (MeasuringStep(("true",)),)
+)
+BY_HAND = EvidencePage("soak", "Soak", "how long", "`soak`", ("code",), 9)
+DERIVED = EvidencePage("states", "States", "all", "`make`", test="tests/test_states.py")
 TABLE = (PAGE, BY_HAND, DERIVED)
 
 
@@ -69,7 +71,7 @@ class Repository:
         (self.root / name).parent.mkdir(parents=True, exist_ok=True)
         (self.root / name).write_text(text, encoding="utf-8")
 
-    def read(self, page: Evidence = PAGE) -> str:
+    def read(self, page: EvidencePage = PAGE) -> str:
         return (self.root / page.path).read_text(encoding="utf-8")
 
     def commit(self) -> str:
@@ -92,7 +94,7 @@ class Repository:
         )
         self.git("reset", "-q", "--hard")
 
-    def statuses(self) -> dict[str, Status]:
+    def statuses(self) -> dict[str, PageStatus]:
         return {one.page.name: one for one in statuses(self.root, TABLE)}
 
     def brief(self) -> str:
@@ -129,7 +131,7 @@ def test_every_source_of_a_page_exists() -> None:
 
 
 @each("page", EVIDENCE)
-def test_page_names_its_commit_unless_a_test_compares_it(page: Evidence) -> None:
+def test_page_names_its_commit_unless_a_test_compares_it(page: EvidencePage) -> None:
     if page.test:
         assert page.path.rpartition("/")[2] in (ROOT / page.test).read_text(encoding="utf-8")
     else:
@@ -156,13 +158,16 @@ def test_commands_of_the_study_are_those_of_its_page() -> None:
 @each(
     ("text", "found"),
     [
-        (line("abcdef12"), Origin("2026-11-24", "abcdef12", True)),
-        (line("abcdef12", "Figures added"), Origin("2026-11-24", "abcdef12", False)),
-        ("Measured on 2026-11-24 at commit `abcdef12`.", Origin("2026-11-24", "abcdef12", True)),
+        (line("abcdef12"), MeasuredCommit("2026-11-24", "abcdef12", True)),
+        (line("abcdef12", "Figures added"), MeasuredCommit("2026-11-24", "abcdef12", False)),
+        (
+            "Measured on 2026-11-24 at commit `abcdef12`.",
+            MeasuredCommit("2026-11-24", "abcdef12", True),
+        ),
         ("Measured on 2026-11-24.", None),
     ],
 )
-def test_line_of_a_page_is_read(text: str, found: Origin | None) -> None:
+def test_line_of_a_page_is_read(text: str, found: MeasuredCommit | None) -> None:
     assert origin_of(with_block("# Page\n\ntext\n", [text])) == found
     assert origin_of(f"# Page\n\n{text}\n") is None
 
@@ -185,11 +190,11 @@ def test_only_commits_to_its_sources_make_a_page_stale(made: Repository) -> None
     made.commit_code(LIMIT)
     made.commit_code(9, "other.py")
     found = made.statuses()
-    assert (found["speed"].age, found["speed"].commits) == (Age.FRESH, LIMIT)
-    assert found["states"].age is Age.DERIVED
+    assert (found["speed"].age, found["speed"].commits) == (PageAge.FRESH, LIMIT)
+    assert found["states"].age is PageAge.DERIVED
     assert made.brief() == "evidence: none of 3 pages is stale"
     made.commit_code(1)
-    assert made.statuses()["speed"].age is Age.STALE
+    assert made.statuses()["speed"].age is PageAge.STALE
 
 
 def test_stale_pages_are_marked_until_they_are_measured(made: Repository) -> None:
@@ -216,7 +221,7 @@ def test_stale_pages_are_marked_until_they_are_measured(made: Repository) -> Non
 
 
 def test_mark_does_not_change_with_every_commit(made: Repository) -> None:
-    status = Status(PAGE, Age.STALE, "", 1_234)
+    status = PageStatus(PAGE, PageAge.STALE, "", 1_234)
     text = with_mark(made.read(), status)
     assert "more than 1,200 commits" in text
     assert with_mark(text, status._replace(commits=1_299)) == text
@@ -224,9 +229,9 @@ def test_mark_does_not_change_with_every_commit(made: Repository) -> None:
 
 
 def test_unknown_commit_keeps_the_mark(made: Repository) -> None:
-    made.write(PAGE.path, with_mark(made.read(), Status(PAGE, Age.STALE, "", 400)))
+    made.write(PAGE.path, with_mark(made.read(), PageStatus(PAGE, PageAge.STALE, "", 400)))
     made.write(PAGE.path, made.read().replace(made.first, "1234567890"))
-    assert made.statuses()["speed"].age is Age.UNKNOWN
+    assert made.statuses()["speed"].age is PageAge.UNKNOWN
     assert "commit 1234567890 is not in the history): speed" in made.brief()
     text = made.read()
     list(mark(made.root, TABLE))
@@ -264,7 +269,7 @@ def test_only_the_named_or_short_pages_are_measured() -> None:
 
 def test_page_measured_by_hand_gets_the_present_commit(made: Repository) -> None:
     made.commit_code(1)
-    assert Campaign(made.root, TABLE).name_commits([BY_HAND]) == 0
+    assert EvidenceCampaign(made.root, TABLE).name_commits([BY_HAND]) == 0
     head = made.git("rev-parse", "--short=8", "HEAD")
     assert f"at commit `{head}`, cpu " in made.read(BY_HAND)
     assert made.first in made.read()
@@ -292,10 +297,10 @@ def campaign(made: Repository, *steps: str, may_miss: bool = False) -> Callable[
     made.write("code/step.py", SCRIPT)
     made.commit()
     words = ("python", "code/step.py")
-    all_steps = tuple(Step((*words, name, "{work}"), may_miss=may_miss) for name in steps)
+    all_steps = tuple(MeasuringStep((*words, name, "{work}"), may_miss=may_miss) for name in steps)
     page = PAGE._replace(steps=all_steps)
     table = (page, BY_HAND, DERIVED)
-    return lambda: Campaign(made.root, table).run(table)
+    return lambda: EvidenceCampaign(made.root, table).run(table)
 
 
 def calls(made: Repository) -> str:

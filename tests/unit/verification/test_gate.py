@@ -15,8 +15,8 @@ from checks.gate import (
     EXIT_REFUSED,
     ROOT,
     Gate,
-    Progress,
-    Step,
+    GateProgress,
+    GateStep,
     brief_phases,
     find_tests,
     rest_phases,
@@ -24,8 +24,8 @@ from checks.gate import (
 from tests.support.each import each
 from tests.support.until import until
 
-PASSES = Step("passes", (sys.executable, "-c", "print('3 passed, 1 skipped in 0.1s')"), 1)
-FAILS = Step("fails", (sys.executable, "-c", "raise SystemExit('badly')"), 1)
+PASSES = GateStep("passes", (sys.executable, "-c", "print('3 passed, 1 skipped in 0.1s')"), 1)
+FAILS = GateStep("fails", (sys.executable, "-c", "raise SystemExit('badly')"), 1)
 MEETS = """
 import sys
 from pathlib import Path
@@ -54,7 +54,7 @@ first = Step("first", (sys.executable, "-c", WAITS, {}, {}), 1)
 second = Step("second", (sys.executable, "-c", "open(" + repr({}) + ", 'w')"), 1)
 sys.exit(Gate("make test", Path({})).run([[[first, second]]]))
 """
-LAST = Step("last", (sys.executable, "-c", ""), 1)
+LAST = GateStep("last", (sys.executable, "-c", ""), 1)
 
 
 @pytest.fixture
@@ -63,9 +63,9 @@ def gate(tmp_path: Path) -> Gate:
     return Gate("make gate", tmp_path / "logs")
 
 
-def meeting(mine: Path, other: Path) -> Step:
+def meeting(mine: Path, other: Path) -> GateStep:
     """Return a step that ends only when another one runs at the same time."""
-    return Step("meeting", (sys.executable, "-c", MEETS, str(mine), str(other)), 1)
+    return GateStep("meeting", (sys.executable, "-c", MEETS, str(mine), str(other)), 1)
 
 
 def test_lanes_of_a_phase_run_at_the_same_time(
@@ -105,7 +105,7 @@ def test_failed_step_is_printed_whole_and_the_next_ones_run(
 def test_step_that_cannot_start_has_failed_and_the_next_ones_run(
     gate: Gate, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    assert gate.run([[[Step("missing", ("no-such-program",), 1), LAST]]]) == 1
+    assert gate.run([[[GateStep("missing", ("no-such-program",), 1), LAST]]]) == 1
     out = capfd.readouterr().out
     assert "missing: [Errno 2] No such file or directory: 'no-such-program'" in out
     assert "  last" in out
@@ -130,8 +130,8 @@ def test_interrupt_waits_for_the_steps_and_starts_no_other(
 
 
 def test_progress_counts_tests_and_weighs_steps(tmp_path: Path) -> None:
-    long, short = Step("long", (), 30.0), Step("short", (), 10.0)
-    progress, report = Progress([[[long], [short]]]), tmp_path / "count"
+    long, short = GateStep("long", (), 30.0), GateStep("short", (), 10.0)
+    progress, report = GateProgress([[[long], [short]]]), tmp_path / "count"
     assert progress.line() == "  0%, ...: "
     progress.begin(short, tmp_path / "none")
     progress.end(short)

@@ -6,8 +6,8 @@ import pytest
 
 from checks.site import published_maps
 from checks.site.published_maps import (
+    MapRun,
     MapSet,
-    Run,
     barn_worlds,
     cells,
     cylinders,
@@ -31,15 +31,15 @@ CYLINDER = """
 PLACES = ((-4.0, 0.0), (0.0, 9.5))
 EVIDENCE = Path(__file__).resolve().parents[3] / "docs" / "evidence"
 RUNS = (
-    *[Run(True, False, "reached", 0.5)] * 95,
-    Run(False, True, "collided", 0.0),
-    Run(False, False, UNREACHABLE, 0.0),
-    Run(False, False, LOST, 0.0),
-    *[Run(False, False, "timeout", 0.0)] * 2,
+    *[MapRun(True, False, "reached", 0.5)] * 95,
+    MapRun(False, True, "collided", 0.0),
+    MapRun(False, False, UNREACHABLE, 0.0),
+    MapRun(False, False, LOST, 0.0),
+    *[MapRun(False, False, "timeout", 0.0)] * 2,
 )
 
 
-def judged(maps: str, noise: str, runs: tuple[Run, ...] = RUNS) -> MapResult:
+def judged(maps: str, noise: str, runs: tuple[MapRun, ...] = RUNS) -> MapResult:
     return result(MapSet(maps, 1.0, ()), noise, runs)
 
 

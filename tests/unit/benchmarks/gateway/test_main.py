@@ -10,9 +10,9 @@ from checks.speed.gateway import frame_flood, gateway_figures, reactions
 from checks.speed.gateway.flood_sender import KINDS as FLOODS
 from checks.speed.gateway.flood_sender import SUPPLY, supply_of
 from checks.speed.gateway.forgery import KINDS, Forger, NoFile, command, sign
-from checks.speed.gateway.frame_flood import FloodRun
+from checks.speed.gateway.frame_flood import FrameFloodRun
 from checks.speed.gateway.reactions import first_ns
-from checks.speed.gateway.stage import PER_S, Arrival, position_target, stamp_now
+from checks.speed.gateway.stage import PER_S, FrameArrival, position_target, stamp_now
 from gateways.mavlink.framing import Deframer, MavFrame
 from gateways.mavlink.mavlink_dialect import mavlink
 from gateways.mavlink.motion.setpoints import Velocity, attitude_of, setpoint_of
@@ -111,13 +111,13 @@ def test_flood_holds_no_command_that_all_may_give() -> None:
 
 def test_most_bytes_of_any_second_are_found() -> None:
     times_s = (0.0, 0.5, 1.2, 1.3, 1.4, 3.0)
-    arrivals = [Arrival(round(at_s * NS_PER_S), 0, 100) for at_s in times_s]
+    arrivals = [FrameArrival(round(at_s * NS_PER_S), 0, 100) for at_s in times_s]
     assert gateway_figures.most_in_a_second(arrivals) == 400
 
 
 def test_slow_line_that_is_silent_for_long_misses() -> None:
     number = mavlink.MAVLINK_MSG_ID_HEARTBEAT
-    arrivals = [Arrival(at_s * NS_PER_S, number, 21) for at_s in (0, 1, 4)]
+    arrivals = [FrameArrival(at_s * NS_PER_S, number, 21) for at_s in (0, 1, 4)]
     longest = next(
         one
         for one in gateway_figures.figures_of("line", arrivals)
@@ -128,5 +128,5 @@ def test_slow_line_that_is_silent_for_long_misses() -> None:
 
 
 def test_missed_tick_in_a_flood_misses() -> None:
-    figures = frame_flood.figures_of("mixed", FloodRun(missed=1, ticks=100, stops_ms=[80.0]))
+    figures = frame_flood.figures_of("mixed", FrameFloodRun(missed=1, ticks=100, stops_ms=[80.0]))
     assert [one.name for one in figures if one.met is False] == ["mixed: ticks missed of 100"]

@@ -3,7 +3,7 @@
 import tomllib
 from pathlib import Path
 
-from checks.flood.stop_ways import APP, ESTOP, Row, configuration, figures_of, notes_of
+from checks.flood.stop_ways import APP, ESTOP, StopRow, configuration, figures_of, notes_of
 from checks.flood.under_attack import StopTimes
 from protocol.wire.codec import Encoder
 from tests.unit.verification.flood.test_main import report
@@ -12,7 +12,7 @@ STOOD = StopTimes(90.0, 120.0, 5000.0)
 
 
 def missed(way: str, *presses: StopTimes, wanted: int = 2) -> list[str]:
-    found = figures_of("x", way, wanted, Row(presses=list(presses)))
+    found = figures_of("x", way, wanted, StopRow(presses=list(presses)))
     return [figure.name for figure in found if figure.met is False]
 
 
@@ -31,7 +31,7 @@ def test_lost_press_and_one_that_was_never_made_are_missed() -> None:
 
 
 def test_ticks_are_counted_from_the_first_report_to_the_newest() -> None:
-    row, encoder = Row(presses=[STOOD]), Encoder(1, 1)
+    row, encoder = StopRow(presses=[STOOD]), Encoder(1, 1)
     for tick, lost in ((5, 2), (7, 2), (25, 6)):
         row.note("", encoder.encode(report(tick, lost)), 0)
     figures = {figure.name: figure.median for figure in figures_of("x", APP, 1, row)}
@@ -39,7 +39,7 @@ def test_ticks_are_counted_from_the_first_report_to_the_newest() -> None:
 
 
 def test_note_names_why_presses_were_repeated() -> None:
-    row = Row(called=9, taken=2, killed=1)
+    row = StopRow(called=9, taken=2, killed=1)
     row.repeat("stuck")
     row.repeat("stuck")
     assert list(notes_of("x", row)) == [

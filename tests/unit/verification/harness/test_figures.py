@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from checks.harness.figures import Figure, Report, digits, percentile, ratios
+from checks.harness.figures import BenchmarkReport, Figure, digits, percentile, ratios
 from tests.support.each import each
 
 finite = st.floats(-1e9, 1e9)
@@ -48,12 +48,14 @@ def test_missing_values_are_an_error() -> None:
 
 def test_report_is_met_if_every_figure_is() -> None:
     good, bad, free = figure(1.0, most=2.0), figure(3.0, most=2.0), figure(9.0)
-    assert Report(benchmark="b", figures=(good, free)).met
-    assert not Report(benchmark="b", figures=(good, bad)).met
+    assert BenchmarkReport(benchmark="b", figures=(good, free)).met
+    assert not BenchmarkReport(benchmark="b", figures=(good, bad)).met
 
 
 def test_report_is_written_as_json() -> None:
-    report = Report(benchmark="b", figures=(figure(1.0),), notes=("n",), machine={"cores": 2})
+    report = BenchmarkReport(
+        benchmark="b", figures=(figure(1.0),), notes=("n",), machine={"cores": 2}
+    )
     read = json.loads(json.dumps(report.as_json()))
     assert read["figures"][0]["median"] == 1.0
     assert read["met"] is True
@@ -63,8 +65,8 @@ def test_report_is_written_as_json() -> None:
 
 def test_report_of_parts_keeps_their_order() -> None:
     first, second = (Figure(name=name, unit="ms", values=(1.0,)) for name in ("first", "second"))
-    report = Report.of("two", [([first], ["note"]), ([second], [])])
-    assert report == Report(benchmark="two", figures=(first, second), notes=("note",))
+    report = BenchmarkReport.of("two", [([first], ["note"]), ([second], [])])
+    assert report == BenchmarkReport(benchmark="two", figures=(first, second), notes=("note",))
 
 
 def test_percentiles_are_measured_values() -> None:
