@@ -1,4 +1,4 @@
-"""The command line: verbs, exit codes, and one JSON object in every case."""
+"""The command line: verbs, exit codes, one JSON object in every case, and answers to commands."""
 
 import argparse
 import json
@@ -11,8 +11,12 @@ import pytest
 
 from ground.cli import main as cli
 from ground.cli.main import Interrupted, main
+from ground.cli.operate import effect_of
 from ground.cli.verbs import VERBS, LoadedVerb
+from ground.client.operations.commands import COMMANDS, Arm
+from ground.client.results import Accepted, Refused
 from ground.text.output import Output
+from protocol.wire.reasons import Reason
 from runtime.cli.verb_table import command_of
 from runtime.errors import NoAnswerError, UserError
 from tests.support.each import each
@@ -169,3 +173,16 @@ def test_a_signal_ends_the_verb_and_the_handlers_are_put_back(
 def test_what_is_not_finite_becomes_null(capsys: pytest.CaptureFixture[str]) -> None:
     Output(as_json=True).result({"a": float("nan"), "b": [float("inf"), 1], "c": {"d": (2.5,)}}, "")
     assert json.loads(capsys.readouterr().out) == {"a": None, "b": [None, 1], "c": {"d": [2.5]}}
+
+
+def test_an_accepted_command_names_its_effect() -> None:
+    assert effect_of(Arm(), Accepted(14_000_000)) == ": motors armed"
+
+
+def test_a_refused_command_has_none() -> None:
+    assert effect_of(Arm(), Refused(Reason.NO_GOAL, 1)) == ""
+
+
+@each("command", COMMANDS)
+def test_every_plain_command_has_an_effect(command: type[Arm]) -> None:
+    assert effect_of(command(), Accepted(1)) != ""

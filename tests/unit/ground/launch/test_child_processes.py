@@ -1,4 +1,4 @@
-"""Child processes never outlive their parent; an unexpected exit is reported with its output."""
+"""Child processes: recognised, never outliving their parent, and the cause of each exit."""
 
 import os
 import signal
@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.launch.child_command import command
+from ground.launch.child_command import command, role_of
 from ground.launch.child_processes import (
     STOP_STEPS,
     TERMINATING_SIGNALS,
@@ -19,6 +19,7 @@ from ground.launch.child_processes import (
     defer_signals,
     exit_description,
 )
+from ground.launch.supervisor import MAX_CAUSE_CHARS, cause_of
 from runtime.clock import WallClock
 from tests.support.each import each
 from tests.support.stack.process_table import alive
@@ -258,3 +259,71 @@ def test_output_file_of_a_child_is_bounded(monkeypatch: pytest.MonkeyPatch) -> N
 
 def size_of(child: Child) -> int:
     return os.fstat(child.output.fileno()).st_size
+
+
+@each(
+    ("words", "role"),
+    [
+        (["run", "robot", "--id", "r2", "--connect", "tcp/h:1"], "robot r2"),
+        (["rec", "start", "runs", "--connect", "tcp/h:1", "--id", "r1"], "recorder r1"),
+        (["run", "plant", "--world", "box"], "plant"),
+        (["run", "router", "--listen", "tcp/h:1"], "router"),
+        (["nonsense"], "sidestep"),
+        (["run", "robot", "--id"], "robot"),
+    ],
+)
+def test_the_role_names_the_robot(words: list[str], role: str) -> None:
+    assert role_of(words) == role
+
+
+def test_the_command_line_shows_the_verb_and_no_program_text() -> None:
+    python, safe, script, parent, *verb = command(["robot", "--id", "r2"], 7)
+    assert (python, safe, parent) == (sys.executable, "-P", "7")
+    assert Path(script).name == "sidestep_process.py"
+    assert verb == ["run", "robot", "--id", "r2"]
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux has such names")
+def test_the_process_has_the_name_of_its_role(tmp_path: Path) -> None:
+    (tmp_path / "json.py").write_text("raise SystemExit(9)")
+    words = command(["completion", "bash"], os.getpid())
+    done = subprocess.run(words, capture_output=True, cwd=tmp_path, check=False)
+    assert done.returncode == 0
+    code = (
+        "import sys; from ground.launch.child_command import set_process_name;"
+        " set_process_name('robot r1 and more');"
+        " print(open('/proc/self/comm').read(), end='')"
+    )
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert shown.stdout == "robot r1 and mo\n"
+
+
+INTERNAL_ERROR = (
+    "robot r1: ready, disarmed\n"
+    "sidestep run robot: internal error: ZeroDivisionError: as wanted (/x/brain.py:3)\n"
+    "for the traceback: sidestep --traceback robot ..."
+)
+
+RESTARTED = "robot r1: ready, disarmed\nrobot r1: ends for a restart on request\n"
+
+
+@each(
+    ("role", "code", "words", "expected"),
+    [
+        ("robot r1", -9, "robot r1: ready", "was killed (signal SIGKILL)"),
+        ("robot r1", -14, "", "hung (its loop did not run for 5 s)"),
+        ("robot r1", 1, INTERNAL_ERROR, "ended by a core exception (ZeroDivisionError: as wanted"),
+        ("plant", 1, INTERNAL_ERROR, "ended by an exception (ZeroDivisionError: as wanted"),
+        ("plant", 2, "  there is one already\n\n", "(exit code 2: there is one already)"),
+        ("robot r1", 0, "", "exited unexpectedly (exit code 0)"),
+        ("robot r1", 0, RESTARTED, "ended for a restart on request"),
+    ],
+)
+def test_cause_combines_exit_code_and_output(
+    role: str, code: int, words: str, expected: str
+) -> None:
+    assert expected in cause_of(role, code, words)
+
+
+def test_cause_is_limited_in_length() -> None:
+    assert len(cause_of("plant", 3, "x" * 5000)) == MAX_CAUSE_CHARS

@@ -1,8 +1,8 @@
-"""Test the supervision of a recording by its file: it grows or an alarm is raised."""
+"""The supervision of a recording by its file, and which files belong to a run."""
 
 import os
 from argparse import Namespace
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,12 +10,61 @@ import pytest
 
 from ground.cli.main import parse
 from ground.client.connection import Common
+from ground.launch.recorder_files import RecorderFiles
 from ground.launch.recording_session import RecordingSession, folder_of
 from ground.user.folders import recordings_folder
 from protocol.bus.network import Network
 from runtime.clock import ManualClock
 from runtime.errors import UserError
-from tests.support.ground.recording.recorders import printing_children
+from tests.support.ground.recording.recorders import PrintingChildren, printing_children
+
+FOLDER = Path("a folder of r1 and .mcap")
+FIRST, SECOND = (FOLDER / f"20261123T10000{second}Z-r1.tlog" for second in (1, 2))
+
+
+@pytest.fixture
+def children() -> Iterator[PrintingChildren]:
+    with printing_children() as found:
+        yield found
+
+
+def test_files_of_all_recorders_are_known_after_a_restart(children: PrintingChildren) -> None:
+    files = RecorderFiles()
+    children.start("robot r1", [])
+    children.print_name(SECOND)
+    children.start("recorder r1", [])
+    files.update(children, FOLDER)
+    assert (files.all, files.newest("r1")) == ([], None), "it has printed nothing yet"
+    children.print_name(FIRST, before="only 0.5 GB free\n")
+    files.update(children, FOLDER)
+    assert files.newest("r1") == FIRST
+    children.stop()
+    children.start("recorder r1", [])
+    files.update(children, FOLDER)
+    assert files.newest("r1") == FIRST, "until the new recorder has created its own"
+    children.print_name(SECOND)
+    files.update(children, FOLDER)
+    assert (files.newest("r1"), files.all) == (SECOND, [FIRST, SECOND])
+
+
+def test_each_robot_has_its_own_file(children: PrintingChildren) -> None:
+    files = RecorderFiles()
+    arm = FOLDER / "20261123T100001Z-left-arm.1.tlog"
+    for log in (FIRST, arm):
+        children.start("recorder", [])
+        children.print_name(log)
+    files.update(children, FOLDER)
+    assert (files.newest("left-arm"), files.newest("r1"), files.newest("r2")) == (arm, FIRST, None)
+
+
+def test_output_that_another_thread_has_closed_is_no_error(children: PrintingChildren) -> None:
+    files = RecorderFiles()
+    children.start("recorder r1", [])
+    children.print_name(FIRST)
+    children.snapshot()[0].output.close()
+    files.update(children, FOLDER)
+    assert files.all == []
+
 
 S = 1_000_000_000
 COMMON = Common(network=Network(mode="client", connect=("tcp/127.0.0.1:1",)), robot="r1")

@@ -1,16 +1,102 @@
-"""Exited and hung processes are restarted, reported, and void the trials that need them."""
+"""The supervisor: exited and hung processes are reported and restarted, up to a limit."""
 
 import signal
 from collections.abc import Sequence
 
+from hypothesis import given
+from hypothesis import strategies as st
+
 from ground.launch.child_processes import ChildExit, Children
-from ground.launch.hang_detector import PACED_SILENT_NS, SILENT_NS, SLOW_NS, HangDetector
+from ground.launch.hang_detector import (
+    PACED_SILENT_NS,
+    ROUTER,
+    SILENT_NS,
+    SLOW_NS,
+    STARTING_NS,
+    HangDetector,
+)
 from ground.launch.restart_policy import RestartPolicy, RestartSchedule
 from ground.launch.supervisor import RESTART_WAIT_NS, SETTLED_NS, Supervisor
 from runtime.clock import ManualClock
+from runtime.units import NS_PER_MS, NS_PER_S
 from tests.support.each import each
 
-ROBOT, PLANT = "robot r1", "plant"
+ROLE = "robot r1"
+KILLED_REASON = "was killed (signal SIGKILL)"
+
+
+def exits(schedule: RestartSchedule, *at_ns: int) -> list[str]:
+    return [schedule.record_exit(ROLE, KILLED_REASON, now_ns) for now_ns in at_ns]
+
+
+def test_first_restart_is_immediate() -> None:
+    schedule = RestartSchedule([ROLE])
+    (words,) = exits(schedule, 7)
+    assert words == "the robot r1 process was killed (signal SIGKILL); restarting"
+    assert schedule.due(7) == [(ROLE, KILLED_REASON)]
+    assert schedule.due(8) == []
+
+
+def test_restart_delay_doubles_up_to_a_limit() -> None:
+    schedule = RestartSchedule([ROLE], RestartPolicy(limit=9))
+    waited = []
+    for _ in range(8):
+        schedule.record_exit(ROLE, KILLED_REASON, 0)
+        waited.append(next(ms for ms in range(0, 3000, 100) if schedule.due(ms * NS_PER_MS)))
+    assert waited == [0, 200, 400, 800, 1600, 2000, 2000, 2000]
+
+
+def test_message_names_the_restart_delay() -> None:
+    schedule = RestartSchedule([ROLE])
+    assert exits(schedule, 0, 1)[1].endswith("restarting in 0.2 s")
+
+
+def test_sixth_exit_within_a_minute_is_final() -> None:
+    schedule = RestartSchedule([ROLE, "plant"])
+    words = exits(schedule, *(second * NS_PER_S for second in range(6)))
+    assert (
+        words[5]
+        == f"GIVEN UP: the robot r1 process {KILLED_REASON}, 6 times within 60 s; it stays stopped"
+    )
+    assert schedule.given_up == {ROLE: words[5]}
+    schedule.due(5 * NS_PER_S)
+    assert schedule.due(1000 * NS_PER_S) == []
+
+
+def test_old_exits_do_not_count() -> None:
+    schedule = RestartSchedule([ROLE])
+    exits(schedule, *(second * NS_PER_S for second in range(5)))
+    (words,) = exits(schedule, 64 * NS_PER_S + 1)
+    assert words.endswith("restarting")
+    assert not schedule.given_up
+
+
+def test_exits_count_per_role() -> None:
+    schedule = RestartSchedule([ROLE, "plant"])
+    exits(schedule, 0, 1, 2, 3, 4)
+    schedule.record_exit("plant", "was stopped", 5)
+    assert ("plant", "was stopped") in schedule.due(5)
+    assert not schedule.given_up
+
+
+@given(st.lists(st.integers(0, 20 * NS_PER_S), max_size=60))
+def test_no_minute_has_more_restarts_than_the_limit(gaps_ns: list[int]) -> None:
+    schedule, now_ns, restarts = RestartSchedule([ROLE]), 0, []
+    for gap_ns in gaps_ns:
+        now_ns += gap_ns
+        if schedule.given_up:
+            break
+        schedule.record_exit(ROLE, KILLED_REASON, now_ns)
+        now_ns += 2 * NS_PER_S  # the longest pause
+        restarts += [now_ns for _ in schedule.due(now_ns)]
+    window_ns = 60 * NS_PER_S
+    for begun_ns in restarts:
+        within = [at_ns for at_ns in restarts if begun_ns <= at_ns < begun_ns + window_ns]
+        assert len(within) <= 6
+
+
+ROBOT = "robot r1"
+PLANT = "plant"
 NEEDED = (ROBOT, PLANT)
 SECOND = 1_000_000_000
 KILLED = "the robot r1 process was killed (signal SIGKILL)"
@@ -153,3 +239,138 @@ def test_void_run_is_final_after_a_wait(back: bool) -> None:
     void = stage.supervisor.void(NEEDED, RESTART_WAIT_NS + 1)
     assert void is not None
     assert void.is_final
+
+
+MS = 1_000_000
+SECOND_NS = 1000 * MS
+
+
+class Link:
+    """A link that is up or down."""
+
+    def __init__(self) -> None:
+        self.is_up = True
+
+    def __call__(self) -> bool:
+        return self.is_up
+
+
+class Watched(HangDetector):
+    """A detector that is polled ten times a second."""
+
+    def until(self, now_ns: int, *beating: str) -> list[str]:
+        """Return the roles reported until then, while `beating` keep sending."""
+        found = []
+        for at_ns in (*range(self._last_check_ns, now_ns, 100 * MS), now_ns):
+            for role in beating:
+                self.note_message(role, at_ns)
+            found += self.silent(at_ns)
+        return found
+
+
+def detector_of(hub: str, link: Link | None = None) -> Watched:
+    """Return a detector whose roles all sent a message at one second."""
+    detector = Watched(hub, [ROBOT, PLANT], link or Link(), SECOND_NS - 200 * MS)
+    for role in (ROBOT, PLANT):
+        detector.note_message(role, SECOND_NS)
+    return detector
+
+
+QUIET_NS = SECOND_NS + SILENT_NS
+
+
+def test_process_with_messages_is_not_silent() -> None:
+    detector = detector_of(ROBOT)
+    assert detector.until(QUIET_NS) == []
+    assert detector.until(60 * SECOND_NS, ROBOT, PLANT) == []
+
+
+def test_silent_plant_is_reported_once() -> None:
+    assert detector_of(ROBOT).until(60 * SECOND_NS, ROBOT) == [PLANT]
+
+
+def test_silence_of_all_is_attributed_to_the_hub() -> None:
+    assert detector_of(ROBOT).until(QUIET_NS + 1) == [ROBOT]
+
+
+def test_router_without_link_is_reported() -> None:
+    link = Link()
+    link.is_up = False
+    detector = detector_of(ROUTER, link)
+    assert detector.until(QUIET_NS) == []
+    assert detector.until(QUIET_NS + 1) == [ROUTER]
+
+
+def test_silent_robot_behind_a_router_is_reported() -> None:
+    assert detector_of(ROUTER).until(QUIET_NS + 1, PLANT) == [ROBOT]
+
+
+def test_hub_restart_grants_time_to_reconnect() -> None:
+    detector = detector_of(ROBOT)
+    detector.note_exit(ROBOT)
+    assert detector.until(60 * SECOND_NS) == []
+    detector.note_start(ROBOT, 60 * SECOND_NS)
+    assert detector.until(60 * SECOND_NS + STARTING_NS) == []
+    assert detector.until(60 * SECOND_NS + STARTING_NS + 1, ROBOT) == [PLANT]
+
+
+def test_started_process_has_limited_time_to_report() -> None:
+    detector = detector_of(ROBOT)
+    detector.note_exit(PLANT)
+    detector.note_start(PLANT, 2 * SECOND_NS)
+    assert detector.until(2 * SECOND_NS + STARTING_NS, ROBOT) == []
+    assert detector.until(2 * SECOND_NS + STARTING_NS + 1, ROBOT) == [PLANT]
+
+
+def test_own_suspension_restarts_the_silence() -> None:
+    detector = detector_of(ROBOT)
+    assert detector.silent(30 * SECOND_NS) == []
+    assert detector.until(30 * SECOND_NS + SILENT_NS) == []
+    assert detector.until(30 * SECOND_NS + SILENT_NS + 1) == [ROBOT]
+
+
+def test_stale_message_is_no_sign_of_life() -> None:
+    detector = detector_of(ROBOT)
+    detector.note_exit(ROBOT)
+    detector.note_message(ROBOT, 2 * SECOND_NS)
+    assert detector.last_message_ns(ROBOT) is None
+    detector.note_start(ROBOT, 2 * SECOND_NS)
+    detector.note_message(ROBOT, 2 * SECOND_NS + MS)
+    assert detector.last_message_ns(ROBOT) is None
+    detector.note_message(ROBOT, 3 * SECOND_NS)
+    assert detector.last_message_ns(ROBOT) == 3 * SECOND_NS
+
+
+def test_silence_of_a_starved_process_is_not_a_hang() -> None:
+    queued = {"main": 0}
+    detector = Watched(
+        ROBOT, [ROBOT], lambda: True, SECOND_NS - 200 * MS, queued_ns=lambda _: dict(queued)
+    )
+    detector.note_message(ROBOT, SECOND_NS)
+    for _ in range(40):  # 4 s, of which it waits 3 s for a processor
+        queued["main"] += 75 * MS
+        assert detector.until(detector._last_check_ns + 100 * MS) == []
+    assert detector.until(SECOND_NS + SILENT_NS + 3 * SECOND_NS) == [ROBOT]
+
+
+def test_wait_for_a_processor_before_a_message_is_no_excuse() -> None:
+    queued = {"main": 100 * SECOND_NS}
+    detector = Watched(
+        ROBOT, [ROBOT], lambda: True, SECOND_NS - 200 * MS, queued_ns=lambda _: queued
+    )
+    detector.note_message(ROBOT, SECOND_NS)
+    assert detector.until(QUIET_NS + 1) == [ROBOT]
+
+
+def test_hang_of_a_process_whose_other_threads_wait_is_found() -> None:
+    queued = {"main": 0}
+    detector = Watched(
+        ROBOT, [ROBOT], lambda: True, SECOND_NS - 200 * MS, queued_ns=lambda _: dict(queued)
+    )
+    detector.note_message(ROBOT, SECOND_NS)
+    ended: list[str] = []
+    while not ended and detector._last_check_ns < SECOND_NS + 6 * SILENT_NS:
+        queued["main"] += 100 * MS
+        ended = detector.until(detector._last_check_ns + 100 * MS)
+    assert ended == [ROBOT]
+    assert detector._last_check_ns >= SECOND_NS + 5 * SILENT_NS

@@ -1,12 +1,13 @@
-"""Transfers step by step: lost frames are asked for again, and what is out of turn does no harm."""
+"""Missions on the wire: lost frames are asked for again, and places come back as typed."""
 
 from collections.abc import Iterator
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.client.requests import GaveUp
-from ground.missions.mission import Waypoint
+from ground.missions.mission import Circle, Fence, Mission, Polygon, Waypoint
 from ground.missions.transfer import (
     ATTEMPTS,
     MAX_ITEMS,
@@ -19,9 +20,13 @@ from ground.missions.transfer import (
     Transfer,
     Upload,
     Verdict,
+    fence_items_of,
+    fence_of,
     items_of,
+    waypoints_of,
 )
-from protocol.wire.enums import AckResult, MissionType
+from protocol.wire.codec import Encoder, decode
+from protocol.wire.enums import AckResult, Command, MissionType
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandAck,
@@ -33,7 +38,9 @@ from protocol.wire.messages import (
     MissionVerdict,
 )
 from protocol.wire.reasons import Reason
+from runtime.errors import RemoteError
 from tests.support.each import each
+from tests.support.ground.missions.made_up import fences, missions, thousandths
 
 MISSION = MissionType.MISSION
 ITEMS = items_of([Waypoint(x_m=float(at), y_m=0.0) for at in range(3)])
@@ -227,3 +234,47 @@ def test_a_robot_that_announces_too_many_items_is_left_alone() -> None:
     download.due(0)
     download.receive(MissionCount(count=MAX_ITEMS + 1, mission_type=MISSION), 0)
     assert download.outcome == GaveUp("4097 items are announced, at most 4096")
+
+
+def sent(items: list[MissionItemInt]) -> list[MissionItemInt]:
+    """Return the items as they arrive, rounded to single precision."""
+    encoder = Encoder(255, 190)
+    arrived = [decode(encoder.encode(item)).message for item in items]
+    assert all(isinstance(item, MissionItemInt) for item in arrived)
+    return [item for item in arrived if isinstance(item, MissionItemInt)]
+
+
+def rounded(waypoint: Waypoint) -> tuple[object, ...]:
+    """Holds of a day have fewer digits in single precision."""
+    heading = None if waypoint.heading_deg is None else round(waypoint.heading_deg, 3)
+    tolerances = (waypoint.position_tolerance_m, waypoint.heading_tolerance_deg)
+    return (waypoint.x_m, waypoint.y_m, heading, *(round(value, 3) for value in tolerances))
+
+
+@given(missions(st.none(), thousandths(200, 180_000)))
+def test_waypoints_arrive_as_they_were_typed(mission: Mission) -> None:
+    arrived = waypoints_of(sent(items_of(mission.waypoints)))
+    assert [rounded(one) for one in arrived] == [rounded(one) for one in mission.waypoints]
+    for one, other in zip(arrived, mission.waypoints, strict=True):
+        assert one.hold_s == pytest.approx(other.hold_s, rel=1e-6)
+
+
+@given(fences)
+def test_a_fence_arrives_as_it_was_drawn(fence: Fence) -> None:
+    arrived = fence_of(sent(fence_items_of(fence)))
+    if isinstance(fence, Polygon):
+        assert arrived == fence
+    else:
+        assert isinstance(arrived, Circle)
+        assert (arrived.x_m, arrived.y_m) == (fence.x_m, fence.y_m)
+        assert arrived.radius_m == pytest.approx(fence.radius_m, rel=1e-6)
+
+
+def test_what_is_no_pose_and_no_fence_of_ours_is_the_robot_s_fault() -> None:
+    (corner,) = fence_items_of(Circle(x_m=0.0, y_m=0.0, radius_m=1.0))
+    with pytest.raises(RemoteError, match="item 1 of the robot is not a pose: command 5003"):
+        waypoints_of([corner])
+    with pytest.raises(RemoteError, match="of an unknown kind"):
+        fence_of(items_of([Waypoint(x_m=0.0, y_m=0.0)]))
+    assert fence_of([]) is None
+    assert corner.command == Command.NAV_FENCE_CIRCLE_INCLUSION

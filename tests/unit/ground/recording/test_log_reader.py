@@ -1,17 +1,159 @@
-"""Both formats give the same frames, whole or truncated, and report losses."""
+"""Recordings as they are read: both formats, whole or damaged, by an index of time."""
 
+import io
 import os
 import random
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import accumulate
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from msgspec.structs import replace
 
-from ground.recording.log_reader import LoggedFrame, key_of, open_log, robot_in
+from ground.recording.log_reader import (
+    MAX_TIME_NS,
+    LoggedFrame,
+    LogIndex,
+    Record,
+    TlogReader,
+    frame_size,
+    is_whole_frame,
+    key_of,
+    open_log,
+    record_bytes,
+    robot_in,
+)
 from ground.recording.mcap_file import McapFormat
+from ground.recording.summary import Mark, changes, outcome, outcome_of
+from protocol.topics import CLOCK, WHEELS
 from protocol.wire.codec import Encoder
-from protocol.wire.messages import Heartbeat, MissionCurrent, ParamRequestList
+from protocol.wire.enums import GoalState, Mode, Navigator, Vehicle
+from protocol.wire.messages import (
+    Heartbeat,
+    MissionCurrent,
+    NavigatorStatus,
+    ParamRequestList,
+    Statustext,
+    SystemTime,
+    WheelTicks,
+)
+from protocol.wire.reasons import Reason
 from runtime.errors import UserError
-from tests.support.ground.recording.made import PublishedFrame, mcap, mcap_of_before, run, tlog
+from tests.support.each import each
+from tests.support.ground.recording.made import (
+    PublishedFrame,
+    TopicEncoder,
+    mcap,
+    mcap_of_before,
+    run,
+    tlog,
+    wheels,
+)
+
+START_US = 1_790_000_000_000_000
+
+
+def frames(count: int) -> list[bytes]:
+    encoder = Encoder(1, 1)
+    return [
+        encoder.encode(
+            WheelTicks(time_ns=n, seq=n, left=n, right=-n, bumper=0, expired=0)
+            if n % 2
+            else Statustext(severity=6, text="x" * n)
+        )
+        for n in range(count)
+    ]
+
+
+def log(count: int) -> list[bytes]:
+    return [record_bytes(START_US + n * 1000, frame) for n, frame in enumerate(frames(count))]
+
+
+def reading(data: bytes) -> tuple[list[Record], TlogReader]:
+    reader = TlogReader(io.BytesIO(data))
+    return list(reader), reader
+
+
+def test_written_records_are_read_back() -> None:
+    records, reader = reading(b"".join(log(20)))
+    assert [record.frame for record in records] == frames(20)
+    assert [record.time_us for record in records] == [START_US + n * 1000 for n in range(20)]
+    assert reader.damage() == ""
+
+
+def test_truncated_tlog_is_read_to_the_cut() -> None:
+    written = log(8)
+    data, ends = b"".join(written), [0, *accumulate(map(len, written))]
+    for cut in range(len(data) + 1):
+        records, reader = reading(data[:cut])
+        survivors = max(index for index, end in enumerate(ends) if end <= cut)
+        assert len(records) == survivors, f"cut at {cut}"
+        assert reader.lost_bytes == cut - ends[survivors]
+        assert bool(reader.damage()) == (cut not in ends)
+
+
+def test_damage_loses_only_its_own_record() -> None:
+    written = log(10)
+    written[4] = written[4][:8] + b"\0" * (len(written[4]) - 8)
+    records, reader = reading(b"".join(written))
+    assert len(records) == 9
+    assert reader.gaps == 1
+    assert "one place" in reader.damage()
+
+
+def test_partial_record_loses_only_itself() -> None:
+    written = log(4)
+    records, _ = reading(written[0] + written[1][:13] + written[2] + written[3])
+    assert frames(4)[3] in [record.frame for record in records]
+    assert len(records) >= 2
+
+
+@given(st.binary(max_size=400))
+def test_noise_raises_nothing(noise: bytes) -> None:
+    records, reader = reading(noise)
+    used = sum(8 + len(record.frame) for record in records)
+    assert used + reader.lost_bytes == len(noise)
+
+
+@given(st.integers(0, 7), st.binary(min_size=1, max_size=60))
+def test_noise_between_records_keeps_the_rest(place: int, noise: bytes) -> None:
+    written = log(40)
+    records, _ = reading(b"".join(written[:place]) + noise + b"".join(written[place:]))
+    assert frames(40)[-1] == records[-1].frame
+
+
+@pytest.mark.parametrize("size", [10_000])
+def test_long_log_is_read_in_pieces(size: int) -> None:
+    encoder = Encoder(1, 1)
+    tick = WheelTicks(time_ns=1, seq=1, left=1, right=1, bumper=1, expired=1)
+    data = b"".join(record_bytes(START_US + n, encoder.encode(tick)) for n in range(size))
+    assert len(reading(data)[0]) == size
+
+
+def test_frame_size_is_in_its_header() -> None:
+    (frame,) = frames(1)
+    assert is_whole_frame(frame)
+    assert not is_whole_frame(frame[:-1])
+    assert not is_whole_frame(frame + b"\0")
+    assert not is_whole_frame(b"")
+    assert frame_size(bytes([0xFD, 4, 1])) == 10 + 4 + 2 + 13
+
+
+def test_bytes_between_records_are_counted_exactly() -> None:
+    """Skip junk, even when it resembles the start of a frame."""
+    first, second = log(2)
+    for junk in (b"\xfd", b"\xfd" * 40, b"x" * 300, bytes(range(256)) * 3, first[:-1]):
+        records, reader = reading(first + junk + second)
+        assert [record.frame for record in records] == frames(2)
+        assert (reader.lost_bytes, reader.gaps) == (len(junk), 1)
+
+
+def test_large_file_without_records_is_read_quickly() -> None:
+    records, reader = reading(bytes(30_000_000))
+    assert (records, reader.lost_bytes) == ([], 30_000_000)
 
 
 @pytest.fixture
@@ -178,3 +320,111 @@ def test_renamed_file_and_other_prefix_keep_the_robot(
     assert log.robot == "r7"
     assert [frame.key for frame in log] == [one.key for one in run(2, "r7")]
     assert open_log(path, "r9").robot == "r9"
+
+
+S = 1_000_000_000
+
+
+@dataclass
+class Log:
+    """A recording of the given frames."""
+
+    frames: list[LoggedFrame]
+    robot: str = "r1"
+    facts: dict[str, str] = field(default_factory=dict)
+    records: int = 0
+    share: float = 1.0
+    lost_bytes: int = 0
+
+    def __iter__(self) -> Iterator[LoggedFrame]:
+        return iter(self.frames)
+
+    def damage(self) -> str:
+        return ""
+
+
+def ticks_at(*times_ns: int) -> list[LoggedFrame]:
+    """Return wheel ticks with these times of arrival."""
+    frames_sent = [TopicEncoder().publish(WHEELS, wheels(n, n), 0) for n in range(len(times_ns))]
+    return [
+        LoggedFrame(at_ns, one.key, one.frame)
+        for at_ns, one in zip(times_ns, frames_sent, strict=True)
+    ]
+
+
+def beats_of(*times_us: int) -> list[LoggedFrame]:
+    """Return frames of the plant's clock."""
+    frames_sent = [
+        TopicEncoder().publish(CLOCK, SystemTime(time_unix_usec=at_us, time_boot_ms=0), 0)
+        for at_us in times_us
+    ]
+    return [LoggedFrame(S, one.key, one.frame) for one in frames_sent]
+
+
+def times_of(frames: list[LoggedFrame]) -> list[int]:
+    log_index = LogIndex(Log(frames))
+    return [log_index[place].time_ns for place in range(len(log_index))]
+
+
+def test_time_never_decreases() -> None:
+    assert times_of(ticks_at(5 * S, 8 * S, 6 * S, 9 * S)) == [0, 3 * S, 3 * S, 4 * S]
+
+
+def test_damaged_time_is_limited() -> None:
+    assert times_of(ticks_at(1, 2**64 - 1, 3)) == [0, MAX_TIME_NS, MAX_TIME_NS]
+    assert times_of(beats_of(0, 2**64 - 1, 50_000)) == [0, MAX_TIME_NS, MAX_TIME_NS]
+
+
+def test_times_include_unreadable_frames() -> None:
+    frames = ticks_at(S, 2 * S, 4 * S)
+    frames[1] = frames[1]._replace(frame=b"nonsense")
+    log_index = LogIndex(Log(frames))
+    assert log_index.times_ns(WHEELS.path) == [0, S, 3 * S]
+    assert [at_ns for at_ns, _ in log_index.on(WHEELS.path)] == [0, 3 * S]
+
+
+def status(goal: int, reason: int = Reason.NONE) -> NavigatorStatus:
+    return NavigatorStatus(
+        time_ns=0, goal_started_ns=0, goal_ended_ns=0, goal_id=7, goal_x_m=1.0, goal_y_m=2.0,
+        goal_heading_rad=0.0, goal_distance_m=3.0, vehicle=Vehicle.ACTIVE, mode=Mode.AUTO,
+        goal=goal, vehicle_reason=0, goal_reason=reason, navigator=Navigator.VGM, side=1,
+    )  # fmt: skip
+
+
+@each(
+    ("reason", "end", "mark"),
+    [
+        (Reason.UNREACHABLE, "unreachable", "UNREACHABLE: a closed boundary"),
+        (Reason.LOST, "lost", "LOST: found no way"),
+        (Reason.BLOCKED, "stuck", "STUCK: has not moved"),
+    ],
+)
+def test_goal_given_up_is_named_by_its_reason(reason: Reason, end: str, mark: str) -> None:
+    ended = status(GoalState.STUCK, reason)
+    assert outcome_of(ended) == end
+    assert outcome(ended).startswith(mark)
+
+
+def test_other_goal_states_keep_their_names() -> None:
+    assert outcome(status(GoalState.REACHED)) == "REACHED"
+    assert outcome(status(99, Reason.BUMPER)) == "goal state 99: bumper contact"
+    assert outcome_of(status(GoalState.DRIVING)) == "driving"
+
+
+def test_goal_that_another_one_replaces_has_an_end() -> None:
+    first, over = status(GoalState.DRIVING), status(GoalState.REACHED)
+    other = replace(first, goal_id=8, goal_x_m=4.0)
+    third = replace(first, goal_id=9, goal_x_m=5.0)
+    statuses = [
+        (0, first),
+        (10**9, other),
+        (2 * 10**9, replace(over, goal_id=8)),
+        (3 * 10**9, third),
+    ]
+    assert changes(statuses) == [
+        Mark(0.0, "goal", "goal 1.00 2.00"),
+        Mark(1.0, "outcome", "REPLACED: by the goal 4.00 2.00"),
+        Mark(1.0, "goal", "goal 4.00 2.00"),
+        Mark(2.0, "outcome", "REACHED"),
+        Mark(3.0, "goal", "goal 5.00 2.00"),
+    ]

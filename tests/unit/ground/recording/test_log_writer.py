@@ -1,21 +1,43 @@
-"""The log writer keeps whole records on a failing disk, and counts dropped frames."""
+"""Recordings as they are written: whole records on a failing disk, both formats, and metadata."""
 
 import errno
+import gc
 import io
+import json
 import os
+import resource
 import signal
 import subprocess
 import sys
 import threading
+import tracemalloc
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
+from mcap.reader import make_reader
 
-from ground.recording.log_reader import TlogReader, read
-from ground.recording.log_writer import FRAME_COST, LogFile, LogWriter, new_log
+from ground.recording.log_reader import TlogReader, open_log, read
+from ground.recording.log_writer import FRAME_COST, DualLog, LogFile, LogWriter, new_log
+from ground.recording.mcap_file import McapFormat
+from ground.recording.metadata import MetadataReader
+from protocol.topics import ENCODING, PARAMETERS, WORLD, Service
 from protocol.wire.codec import Encoder
-from protocol.wire.messages import Statustext
+from protocol.wire.message import Message
+from protocol.wire.messages import AvoidanceDecision, Statustext
+from runtime.errors import NoAnswerError
+from tests.support.ground.recording.json_schema import problem
+from tests.support.ground.recording.made import (
+    START_US,
+    WORLD_TEXT,
+    PublishedFrame,
+    decision,
+    mcap,
+    run,
+)
+from tests.support.until import PATIENCE_S
 
 OFFSET_NS = 1_790_000_000_000_000_000
 NOON = datetime(2026, 3, 4, 12, 0, 5, tzinfo=UTC)
@@ -259,3 +281,404 @@ def test_killed_writer_keeps_flushed_frames(tmp_path: Path) -> None:
                 flushed = int(writer.stdout.readline())
             writer.send_signal(signal.SIGKILL)
         assert len(list(read(path))) >= flushed
+
+
+FOXGLOVE: dict[str, set[str]] = {
+    "foxglove.PoseInFrame": {"timestamp", "frame_id", "pose"},
+    "foxglove.PosesInFrame": {"timestamp", "frame_id", "poses"},
+    "foxglove.SceneUpdate": {"deletions", "entities"},
+    "foxglove.FrameTransform": {
+        *("timestamp", "parent_frame_id", "child_frame_id"),
+        *("translation", "rotation"),
+    },
+    "foxglove.Log": {"timestamp", "level", "message", "name", "file", "line"},
+    "foxglove.PointCloud": {
+        *("timestamp", "frame_id", "pose"),
+        *("point_stride", "fields", "data"),
+    },
+}
+"""Fields that the viewers expect: https://docs.foxglove.dev/docs/sdk/schemas."""
+ENTITY = {
+    *("timestamp", "frame_id", "id", "lifetime", "frame_locked", "metadata"),
+    *("arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models"),
+}
+
+
+class Found:
+    """A file as the MCAP library reads it, checksums included."""
+
+    def __init__(self, path: Path) -> None:
+        reader = make_reader(io.BytesIO(path.read_bytes()), validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None
+        self.summary = summary
+        self.by_topic: dict[str, list[Any]] = {}
+        self.schemas: dict[str, dict[str, Any]] = {}
+        self.names: dict[str, str] = {}
+        self.frames: list[bytes] = []
+        for schema, channel, message in reader.iter_messages():
+            if schema is None:
+                assert channel.message_encoding == ENCODING
+                self.frames.append(message.data)
+                continue
+            assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
+            self.by_topic.setdefault(channel.topic, []).append(json.loads(message.data))
+            self.schemas[channel.topic] = json.loads(schema.data)
+            self.names[channel.topic] = schema.name
+        self.metadata = {one.name: one.metadata for one in reader.iter_metadata()}
+
+
+@pytest.fixture
+def frames_sent() -> list[PublishedFrame]:
+    return list(run())
+
+
+@pytest.fixture
+def found(tmp_path: Path, frames_sent: list[PublishedFrame]) -> Found:
+    return Found(mcap(tmp_path / "a.mcap", frames_sent))
+
+
+def test_messages_match_the_schema_of_their_channel(found: Found) -> None:
+    for topic, messages in found.by_topic.items():
+        schema = found.schemas[topic]
+        assert schema["title"] == found.names[topic]
+        problems = [problem(schema, message, topic) for message in messages]
+        assert problems == [""] * len(messages)
+
+
+def test_drawings_use_foxglove_schema_names(found: Found) -> None:
+    drawn = {topic: name for topic, name in found.names.items() if name.startswith("foxglove.")}
+    assert set(drawn.values()) == set(FOXGLOVE)
+    for topic, name in drawn.items():
+        assert all(set(message) == FOXGLOVE[name] for message in found.by_topic[topic])
+    for update in (*found.by_topic["/world"], *found.by_topic["/sonar/rays"]):
+        assert all(set(entity) == ENTITY for entity in update["entities"])
+
+
+def test_every_message_is_also_decoded(found: Found, frames_sent: list[PublishedFrame]) -> None:
+    decoded = found.by_topic["/tlm/odometry/PlanarOdometry"]
+    assert [one["x_m"] for one in decoded][:2] == [0.6000000238418579, 0.6000000238418579]
+    assert found.frames == [one.frame for one in frames_sent]
+    (goal,) = found.by_topic["/tlm/commanded/GoalRequest"]
+    assert goal["x_mm"] == 5400
+
+
+def test_header_names_robot_and_build(found: Found) -> None:
+    assert found.metadata["sidestep"]["robot"] == "r1"
+    assert found.metadata["sidestep"]["commit"] == "c0ffee"
+    assert json.loads(found.metadata["world"]["json"])["name"] == "made"
+
+
+def test_each_batch_is_one_chunk(found: Found, frames_sent: list[PublishedFrame]) -> None:
+    assert len(found.summary.chunk_indexes) == len(frames_sent) // 30 + 1
+
+
+def test_json_has_null_for_values_that_are_not_finite() -> None:
+    form = McapFormat("r1", {})
+    nowhere = decision(0, (float("nan"), float("inf")))
+    form.add("sidestep/r1/tlm/decision", Encoder(1, 1).encode(nowhere), 1)
+    reader = make_reader(io.BytesIO(form.end()))
+    (shown,) = [
+        json.loads(message.data)
+        for _, channel, message in reader.iter_messages()
+        if AvoidanceDecision.__name__ in channel.topic
+    ]
+    assert shown["virtual_x_m"] is None
+    assert shown["virtual_y_m"] is None
+    assert shown["nearest_range_m"] == pytest.approx(0.8)
+
+
+def test_unknown_message_is_kept_raw() -> None:
+    foreign = bytes([0xFD, 1, 0, 0, 0, 1, 1, 0x11, 0x22, 0x33, 7, 0, 0])
+    form = McapFormat("r1", {})
+    form.add("sidestep/r1/tlm/new", foreign, 1)
+    reader = make_reader(io.BytesIO(form.end()))
+    assert [channel.topic for _, channel, _ in reader.iter_messages()] == [
+        "/mavlink/key",
+        "/mavlink",
+    ]
+
+
+def test_cached_sample_keeps_its_publish_time() -> None:
+    form = McapFormat("r1", {})
+    frame = Encoder(1, 1).encode(Statustext(severity=6, text="earlier"))
+    form.add("sidestep/r1/tlm/text", frame, 5_000_000, 2_000_000)
+    reader = make_reader(io.BytesIO(form.end()))
+    for _, _, message in reader.iter_messages():
+        assert (message.log_time, message.publish_time) == (5_000_000_000, 2_000_000_000)
+
+
+def test_index_entries_stay_small_in_memory(
+    frames_sent: list[PublishedFrame],
+) -> None:
+    """Limit the growth to half a kilobyte a batch, which is 3.5 MB an hour."""
+    form = McapFormat("r1", {})
+
+    def batches(count: int) -> None:
+        for _ in range(count):
+            for one in frames_sent[:70]:
+                form.add(one.key, one.frame, one.time_us)
+            form.batch()
+        gc.collect()
+
+    tracemalloc.start()
+    try:
+        batches(20)
+        before, _ = tracemalloc.get_traced_memory()
+        batches(100)
+        after, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert (after - before) / 100 < 500
+
+
+def test_messages_of_a_topic_are_numbered(tmp_path: Path) -> None:
+    data = mcap(tmp_path / "a.mcap", list(run(20))).read_bytes()
+    numbers: dict[str, list[int]] = {}
+    for _, channel, message in make_reader(io.BytesIO(data)).iter_messages(log_time_order=False):
+        numbers.setdefault(channel.topic, []).append(message.sequence)
+    assert len(numbers["/mavlink"]) > 100
+    assert all(found == list(range(len(found))) for found in numbers.values())
+
+
+def test_foreign_keys_create_no_channels() -> None:
+    """Create no channel for keys of operator sessions or of foreign publishers."""
+    form = McapFormat("r1", {})
+    text = Encoder(1, 1).encode(Statustext(severity=6, text="x"))
+    for number in range(500):
+        form.add(f"sidestep/r1/op/mark/open/{number:x}", text, number)
+        form.add(f"sidestep/r1/strange/{number}", text, number)
+    assert len(form._channels) == 4  # raw, its key, the mark, and the log of the viewer
+    assert len(form._splitter._drawer._texts) <= 64
+
+
+def dual_log_in(folder: Path) -> DualLog:
+    return DualLog.new(folder, "r1", NOON, 0)
+
+
+def fed(dual_log: DualLog, frames_sent: list[PublishedFrame]) -> None:
+    for number, one in enumerate(frames_sent, 1):
+        dual_log.take(one.key, one.frame, one.time_us * 1000)
+        if number % 10 == 0:
+            dual_log.flush(number // 10, sync_every=4)
+
+
+def test_both_files_hold_the_same_frames(tmp_path: Path) -> None:
+    dual_log, frames_sent = dual_log_in(tmp_path), list(run())
+    dual_log.add_fact("world", WORLD_TEXT)
+    fed(dual_log, frames_sent)
+    assert dual_log.close()
+    tlog, mcap = (track.path for track in dual_log.tracks)
+    assert (tlog.name, mcap.name) == ("20260304T120005Z-r1.tlog", "20260304T120005Z-r1.mcap")
+    assert list(open_log(tlog)) == list(open_log(mcap))
+    assert len(list(open_log(mcap))) == len(frames_sent)
+    log = open_log(mcap)
+    list(log)
+    assert json.loads(log.facts["world"])["name"] == "made"
+
+
+def test_temporarily_full_disk_loses_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dual_log, frames_sent = dual_log_in(tmp_path), list(run())
+    fed(dual_log, frames_sent[:100])
+    real_append = LogFile.append
+
+    def full(log: LogFile, batch: bytes) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(LogFile, "append", full)
+    fed(dual_log, frames_sent[100:200])
+    assert dual_log.error == "No space left on device"
+    monkeypatch.setattr(LogFile, "append", real_append)
+    fed(dual_log, frames_sent[200:])
+    assert dual_log.close()
+    assert dual_log.error == ""
+    for track in dual_log.tracks:
+        log = open_log(track.path)
+        assert len(list(log)) == len(frames_sent)
+        assert log.damage() == ""
+
+
+def test_slow_disk_delays_no_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    requested, done = threading.Event(), threading.Event()
+
+    def slow(_log: LogFile) -> None:
+        requested.set()
+        done.wait(PATIENCE_S)
+
+    monkeypatch.setattr(LogFile, "sync", slow)
+    dual_log, frames_sent = dual_log_in(tmp_path), list(run())
+    fed(dual_log, frames_sent[:100])
+    assert requested.wait(PATIENCE_S)
+    fed(dual_log, frames_sent[100:])
+    dual_log.flush(2, sync_every=4)
+    for track in dual_log.tracks:
+        assert len(list(open_log(track.path))) == len(frames_sent)
+    done.set()
+    assert dual_log.close()
+
+
+def test_frames_during_close_are_in_no_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Frames that arrive while the first file is flushed are not in the second one either."""
+    dual_log, frames_sent = dual_log_in(tmp_path), list(run())
+    fed(dual_log, frames_sent[:10])
+
+    def arrive(_log: LogFile) -> None:
+        for one in frames_sent[10:20]:
+            dual_log.take(one.key, one.frame, one.time_us * 1000)
+
+    monkeypatch.setattr(LogFile, "sync", arrive)
+    assert dual_log.close()
+    assert [len(list(open_log(track.path))) for track in dual_log.tracks] == [10, 10]
+
+
+def test_failed_flush_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    reported = threading.Event()
+
+    def broken(_log: LogFile) -> None:
+        reported.set()
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr(LogFile, "sync", broken)
+    dual_log = dual_log_in(tmp_path)
+    dual_log.flush(4, sync_every=4)
+    assert reported.wait(PATIENCE_S)
+    dual_log.close()
+    assert dual_log.error == "Input/output error"
+
+
+DUAL_WRITER = """
+import sys
+import threading
+from datetime import UTC, datetime
+from pathlib import Path
+from ground.recording.log_writer import DualLog
+from tests.support.ground.recording.made import run
+dual_log = DualLog.new(Path(sys.argv[1]), "r1", datetime(2026, 3, 4, 12, 0, 5, tzinfo=UTC), 0)
+round_number, frames_sent = 0, list(run())
+while True:
+    for one in frames_sent[:50]:
+        dual_log.take(one.key, one.frame, one.time_us * 1000)
+    round_number += 1
+    dual_log.flush(round_number, sync_every=1000)
+    print(min(track.writer.written for track in dual_log.tracks), dual_log.error, flush=True)
+"""
+
+
+def writer(folder: Path) -> "subprocess.Popen[str]":
+    return subprocess.Popen(
+        [sys.executable, "-c", DUAL_WRITER, str(folder)], stdout=subprocess.PIPE, text=True
+    )
+
+
+def test_killed_writer_keeps_flushed_frames_in_both_files(tmp_path: Path) -> None:
+    for attempt in range(3):
+        folder = tmp_path / str(attempt)
+        with writer(folder) as process:
+            assert process.stdout is not None
+            for _ in range(2 + 7 * attempt):
+                flushed = int(process.stdout.readline())
+            process.send_signal(signal.SIGKILL)
+        for path in sorted(folder.iterdir()):
+            assert len(list(open_log(path))) >= flushed > 0
+
+
+def test_full_disk_leaves_whole_records(tmp_path: Path) -> None:
+    """Remove a partially written batch; the file is limited to 40 kB."""
+    with writer(tmp_path) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (40_000, 40_000))
+        frames_sent = next(line for line in process.stdout if "File too large" in line)
+        process.kill()
+    assert int(frames_sent.split()[0]) > 0
+    for path in tmp_path.iterdir():
+        log = open_log(path)
+        assert len(list(log)) > 0
+        assert log.lost_bytes == 0
+        assert path.stat().st_size <= 40_000
+
+
+def test_stamps_are_those_of_the_frames(tmp_path: Path) -> None:
+    dual_log = dual_log_in(tmp_path)
+    fed(dual_log, list(run(2)))
+    dual_log.close()
+    for track in dual_log.tracks:
+        assert next(iter(open_log(track.path))).time_ns == START_US * 1000
+
+
+S = 1_000_000_000
+
+
+class Stage:
+    """A bus that serves the given answers."""
+
+    def __init__(self) -> None:
+        self.answers: dict[str, Message | bytes] = {}
+        self.requested: list[str] = []
+        self.needs_s = 0.0
+
+    def ask(
+        self,
+        service: Service,
+        message: Message | None = None,
+        timeout_s: float = 0.5,
+        robot: str | None = None,
+    ) -> Message | bytes:
+        assert (message, robot) == (None, "r1")
+        self.requested.append(service.path)
+        if service.path not in self.answers:
+            raise NoAnswerError("no process answers")
+        if self.needs_s > timeout_s:
+            raise NoAnswerError("no answer in time")
+        return self.answers[service.path]
+
+
+def test_each_fact_is_returned_once() -> None:
+    stage = Stage()
+    facts = MetadataReader(stage, "r1")
+    assert facts.poll(0) == {}
+    stage.answers[PARAMETERS.path] = b"[]"
+    assert facts.poll(1 * S) == {"parameters": "[]"}
+    stage.answers[WORLD.path] = b"{}"
+    assert facts.poll(10 * S) == {"world": "{}"}
+    stage.requested.clear()
+    assert facts.poll(100 * S) == {}
+    assert stage.requested == []
+
+
+def test_missing_facts_are_requested_at_the_end() -> None:
+    stage = Stage()
+    facts = MetadataReader(stage, "r1")
+    assert facts.poll(0) == {}
+    stage.answers = {PARAMETERS.path: b"[]", WORLD.path: b"{}"}
+    assert facts.poll(S // 10) == {}  # not due
+    assert facts.request_missing() == {"parameters": "[]", "world": "{}"}
+    assert facts.request_missing() == {}
+
+
+def test_a_busy_machine_and_the_end_of_a_recording_get_more_time() -> None:
+    for busy, needs_s in ((4.0, 0.7), (1.0, 0.9)):
+        stage = Stage()
+        stage.answers, stage.needs_s = {PARAMETERS.path: b"[]", WORLD.path: b"{}"}, needs_s
+        facts = MetadataReader(stage, "r1", partial(float, busy))
+        found = facts.poll(0)
+        assert len(found) == (2 if busy > 1.0 else 0)
+        assert len(found | facts.request_missing()) == 2
+
+
+def test_requests_are_rate_limited() -> None:
+    stage = Stage()
+    facts = MetadataReader(stage, "r1")
+    for tick in range(240):
+        facts.poll(tick * S // 4)
+    assert len(stage.requested) < 40
+
+
+def test_malformed_answer_is_ignored() -> None:
+    stage = Stage()
+    stage.answers = {WORLD.path: b"\xff\xfe", PARAMETERS.path: Statustext(severity=1, text="no")}
+    assert MetadataReader(stage, "r1").poll(0) == {}

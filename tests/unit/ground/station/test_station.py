@@ -1,4 +1,4 @@
-"""The state of the station for its screen, and bounds on its memory."""
+"""The state of the station for its screen, for any input, live or over a recording."""
 
 from collections import Counter
 from math import isnan
@@ -7,8 +7,14 @@ from time import time
 from typing import Any, TypeVar
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from ground.client.telemetry import Age
+from ground.map.canvas import Canvas
+from ground.map.drawing import draw
+from ground.map.view import View
+from ground.station.robot.lease_state import LeaseView
 from ground.station.station import Station
 from protocol.bus.mailbox import Mailbox
 from protocol.topics import (
@@ -23,13 +29,15 @@ from protocol.topics import (
     Topic,
 )
 from protocol.wire.codec import Encoder
-from protocol.wire.enums import GoalState, Severity
+from protocol.wire.enums import GoalState, Navigator, Severity
 from protocol.wire.message import Message
 from protocol.wire.messages import MissionStatus, ParamValue, Statustext
 from runtime.clock import ManualClock
 from runtime.errors import UserError
-from tests.support.ground.station.play import PARAMS, Inline, Play
+from tests.support.ground.station.play import PARAMS, Inline, Play, S
+from tests.support.ground.station.said import Robot
 from tests.support.played_bus import Handler, PlayedBus
+from tests.support.protocol.made_up import messages_of
 
 M = TypeVar("M", bound=Message)
 
@@ -315,3 +323,138 @@ def test_goal_whose_end_may_have_been_missed_is_not_replaced() -> None:
     play.delivered, play.robot.goal_id = True, 9
     play.forward(2.0)
     assert play.texts("replaced") == []
+
+
+PublishedFrame = tuple[Topic[Any], Message]
+
+
+def said(topic: Topic[Any]) -> st.SearchStrategy[PublishedFrame]:
+    """Return a strategy for any message of this topic."""
+    kinds = st.sampled_from(topic.messages).flatmap(messages_of)
+    return kinds.map(lambda message: (topic, message))
+
+
+anything = st.lists(st.sampled_from(TOPICS).flatmap(said), min_size=1, max_size=30)
+noise = st.lists(st.tuples(st.sampled_from(TOPICS), st.binary(max_size=60)), max_size=30)
+
+
+def look_at_all(play: Play) -> None:
+    station = play.station
+    station.poll()
+    scene = station.scene()
+    draw(scene, View.fit(scene.box(), 20, 10), Canvas(20, 10))
+    loss = station.loss()
+    words = [station.lease.words, station.waiting_for, station.parameters_words, station.refusal()]
+    words += [line.text for line in station.log]
+    words += [] if loss is None else [loss.banner(station.now_ns)]
+    assert all(text.isprintable() for text in words)
+    station.streams()
+    station.moment()
+
+
+@settings(deadline=None, max_examples=40)
+@given(anything)
+def test_any_message_leaves_the_station_running(messages: list[PublishedFrame]) -> None:
+    play = Play().forward(0.2)
+    for topic, message in messages:
+        play.bus.say(topic, message)
+        play.clock.advance(20_000_000)
+    look_at_all(play)
+    play.forward(2.0)
+    look_at_all(play)
+
+
+@settings(deadline=None, max_examples=40)
+@given(noise)
+def test_any_bytes_leave_the_station_running(frames: list[tuple[Topic[Any], bytes]]) -> None:
+    play = Play().forward(0.2)
+    for topic, frame in frames:
+        play.bus.say_frame(topic, frame)
+    look_at_all(play)
+    assert play.station.loss() is None
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.binary(max_size=200))
+def test_any_answer_leaves_the_station_running(answer: bytes) -> None:
+    play = Play()
+    for path in play.bus.answers:
+        play.bus.answers[path] = lambda _: answer
+    play.forward(1.0)
+    look_at_all(play)
+    assert not play.station.ready
+
+
+LIST = b"""[{"name": "navigator", "value": 6, "default": 6, "unit": ""},
+ {"name": "side", "value": 1, "default": 1, "unit": ""}]"""
+
+
+def values(play: Play) -> dict[str, float]:
+    return {one.name: one.value for one in play.station.parameters or ()}
+
+
+def test_parameters_follow_the_navigator_of_the_status() -> None:
+    play = Play()
+    play.bus.answers["srv/parameters"] = lambda _: LIST
+    play.forward(3.0)
+    assert values(play)["navigator"] == Navigator.VGM
+    changed = [one.name for one in play.station.parameters or () if not one.is_default]
+    assert "navigator" in changed
+
+
+class ReceivingBus:
+    """A bus that only receives, like one that plays a recording."""
+
+    def __init__(self, bus: PlayedBus) -> None:
+        self.mailbox = bus.mailbox
+        self.stream = bus.stream
+        self.present = bus.present
+        self.ask = bus.ask
+
+
+class Replay:
+    """The recording of a robot, played by the test."""
+
+    def __init__(self) -> None:
+        self.clock = ManualClock(1000 * S)
+        self.bus = PlayedBus(self.clock)
+        self.robot = Robot()
+        self.station = Station(ReceivingBus(self.bus), "r1", self.clock)
+
+    def forward(self, seconds: float) -> None:
+        for _ in range(round(seconds * 20)):
+            for topic, message in self.robot.said():
+                self.bus.say(topic, message)
+            self.station.poll()
+            self.clock.advance(50_000_000)
+
+
+def test_recording_is_shown_but_not_commanded() -> None:
+    replay = Replay()
+    replay.forward(2.0)
+    station = replay.station
+    assert not station.live
+    assert not station.ready
+    assert station.loss() is None
+    assert station.seen(STATUS).age is Age.LIVE
+    assert len(station.history["speed"].points()) == 40
+    assert station.moment() is not None
+    station.estop()
+    station.take_lease()
+    station.reread()
+    assert station.refusal() == "a replay accepts no commands"
+    assert (station.stopping, station.lease, station.round_trip_ms) == ("", LeaseView(), None)
+    assert station.lease.words == "free"
+    assert station.parameters_words == "not in the recording"
+    assert len(station.log.find("a replay accepts")) == 2
+    assert {line.clock_s for line in station.log} == {None}
+    station.close()
+
+
+def test_recording_provides_world_and_parameters() -> None:
+    play = Play()
+    station = Station(ReceivingBus(play.bus), "r1", play.clock)
+    assert station.world is not None
+    assert station.world.name == "box"
+    assert station.parameters_words == "5"
+    assert station.scene().size_m == (6.0, 4.0)
