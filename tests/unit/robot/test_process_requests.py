@@ -1,39 +1,37 @@
-"""Requests at the process: bounded queues, operators and deadlines."""
+"""Requests at the process: bounded queues, operators, deadlines, and arbitrary ones."""
 
 from collections.abc import Iterator
+from typing import Final
 
-from protocol.topics import (
-    ANSWERED,
-    COMMANDED,
-    LEASE_SERVICE,
-    PARAMETER,
-    PARAMETERS,
-    TEXT,
-)
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from protocol.topics import ANSWERED, COMMANDED, LEASE_SERVICE, PARAMETER, PARAMETERS, TEXT
+from protocol.wire.codec import Encoder
 from protocol.wire.enums import AckResult, Command, LeaseAction, Mode
+from protocol.wire.message import Message, check
 from protocol.wire.messages import (
     CommandAck,
     CommandRequest,
+    GoalRequest,
+    LeaseRequest,
+    MissionClearAll,
+    MissionCount,
+    MissionItemInt,
+    MissionRequestInt,
     MissionRequestList,
     ParamRequestRead,
+    ParamSet,
+    Teleop,
 )
 from protocol.wire.reasons import Reason
 from robot.core import states
 from robot.process import MAX_HALTED, MAX_PERSONS, MAX_WAITING
 from runtime.clock import Tick
 from tests.support.each import each
-from tests.support.robot.processes import (
-    ADA,
-    BOB,
-    Request,
-    Rig,
-    S,
-    driving,
-    hold,
-    lease,
-    press,
-)
-from tests.support.robot.vehicles import MS, goal
+from tests.support.protocol.made_up import any_message, messages_of
+from tests.support.robot.processes import ADA, BOB, Request, Rig, S, driving, hold, lease, press
+from tests.support.robot.vehicles import MS, Desk, goal
 
 RESTART = CommandRequest(
     request_id=9, command=Command.PREFLIGHT_REBOOT_SHUTDOWN, param1=1.0, param2=0.0
@@ -306,3 +304,39 @@ def test_restart_of_an_armed_robot_is_refused() -> None:
     rig.process.run(ticks(rig, 5))
     assert request.reasons == [Reason.ARMED]
     assert rig.ticks == 6
+
+
+LIKELY: Final[tuple[type[Message], ...]] = (
+    CommandRequest,
+    GoalRequest,
+    LeaseRequest,
+    MissionCount,
+    MissionItemInt,
+    MissionRequestInt,
+    MissionClearAll,
+    ParamSet,
+)
+requests = st.one_of(any_message, st.sampled_from(LIKELY).flatmap(messages_of))
+askers = st.sampled_from(["", "ada", "bob"])
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(requests, askers), max_size=30), messages_of(Teleop))
+def test_any_request_gets_an_answer_that_can_be_sent(
+    asked: list[tuple[Message, str]], teleop: Message
+) -> None:
+    desk = Desk()
+    desk.arm()
+    encoder = Encoder(1, 1)
+    assert isinstance(teleop, Teleop)
+    for request, operator in asked:
+        encoder.encode(desk.vehicle.receive(request, desk.now_ns, operator))
+        desk.vehicle.receive_teleop(teleop, desk.now_ns)
+        desk.step()
+        for message in (
+            desk.vehicle.lease_status(desk.now_ns, desk.now_ns),
+            desk.vehicle.mission_status(desk.now_ns, desk.now_ns),
+            *desk.vehicle.texts(),
+        ):
+            if message is not None:
+                check(message)

@@ -1,4 +1,4 @@
-"""The robot process: its services, the messages of a period, and its end."""
+"""The robot process: its services, the messages and stamps of a period, and its end."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -36,29 +36,68 @@ from protocol.wire.messages import (
     Heartbeat,
     ParamSet,
     ParamValue,
+    SonarScan,
     Teleop,
     WheelCommand,
+    WheelTicks,
 )
 from protocol.wire.reasons import Reason
 from robot.commands import acknowledge
-from robot.core import states
+from robot.core import reasons, states
 from robot.core.brain import GUARD, NAVIGATE, ODOMETRY, READ, TICK_US
-from robot.core.values import Inputs
+from robot.core.modes import start_goal
+from robot.core.parameters import DEFAULTS
+from robot.core.values import Goal, Inputs
 from robot.process import SERVICES
+from robot.senses import Senses
 from robot.storage import Store
+from robot.vehicle import Vehicle as RobotVehicle
 from runtime.clock import Tick
 from runtime.errors import LocalError
+from tests.support.boxes import Wireless
 from tests.support.each import each
 from tests.support.robot.held_writer import HeldWriter
-from tests.support.robot.processes import (
-    ADA,
-    BRAKE,
-    Rig,
-    driving,
-    hold,
-    speeds,
-)
+from tests.support.robot.processes import ADA, BRAKE, Rig, driving, hold, speeds
 from tests.support.robot.vehicles import MS
+
+PERIOD = 50 * MS
+
+
+def scan(number: int) -> SonarScan:
+    """Return a scan sent a period after the previous one."""
+    stamp = number * PERIOD
+    nothing, age = (4000,) * 8, (0,) * 8
+    return SonarScan(
+        time_ns=stamp, seq=number, range_mm=nothing, ping_age_us=age, valid=255, echo=0
+    )
+
+
+def stamps_ms(scans: list[tuple[int, int]]) -> list[int]:
+    """Return the stamps of ticks a period apart, each with its newest scan and arrival in ms."""
+    bus = Wireless()
+    senses, vehicle = Senses(bus, lockstep=False), RobotVehicle(DEFAULTS, Store(None))
+    found = []
+    for number, (sent, arrived_ms) in enumerate(scans):
+        bus.boxes["sense/sonar"].newest = (scan(sent), arrived_ms * MS)
+        senses.read(Tick(number, number * PERIOD, 0, 0), number * PERIOD, vehicle)
+        found.append(senses.stamp_ns // MS)
+    return found
+
+
+def test_stamp_is_that_of_the_scan() -> None:
+    assert stamps_ms([(40, 0), (41, 50), (42, 100)]) == [2000, 2050, 2100]
+
+
+def test_without_a_scan_stamp_advances_with_time() -> None:
+    assert stamps_ms([(40, 0), (40, 0), (41, 75), (43, 150)]) == [2000, 2050, 2075, 2150]
+
+
+def test_late_scan_does_not_decrease_the_stamp() -> None:
+    assert stamps_ms([(40, 0), (40, 0), (40, 0), (41, 145)]) == [2000, 2050, 2100, 2100]
+
+
+def test_restarted_plant_decreases_the_stamp() -> None:
+    assert stamps_ms([(40, 0), (41, 50), (2, 100)]) == [2000, 2050, 100]
 
 
 def test_all_services_the_stop_and_the_clock_are_served() -> None:
@@ -331,3 +370,57 @@ def test_the_brake_is_the_first_and_only_command_of_the_end() -> None:
     rig.process.run(iter(()))
     assert isinstance(rig.bus.sent[0], WheelCommand)
     assert len(rig.sent(DRIVE)) == before + 1
+
+
+PERIOD_NS = 50_000_000
+LOST = "position lost: sensor stream restarted"
+
+
+def read(stamps: list[int], *, lockstep: bool) -> RobotVehicle:
+    """Return an armed robot with a goal that has received these wheel ticks."""
+    bus, vehicle = Wireless(), RobotVehicle(DEFAULTS, Store(None))
+    senses = Senses(bus, lockstep=lockstep)
+    machine = vehicle.state.machine
+    machine.vehicle = states.ACTIVE
+    start_goal(machine, Goal(3.0, 1.0, None, 0.05, 0.05), states.AUTO, 0)
+    vehicle.texts()
+    for number, stamp in enumerate(stamps):
+        now_ns = number * PERIOD_NS
+        ticks = WheelTicks(
+            time_ns=stamp * PERIOD_NS, seq=stamp, left=0, right=0, bumper=0, expired=0
+        )
+        bus.boxes["sense/wheels"].newest = (ticks, now_ns)
+        senses.read(Tick(number, now_ns, 0, 0), now_ns, vehicle)
+    return vehicle
+
+
+def announced(vehicle: RobotVehicle) -> list[str]:
+    return [text.text for text in vehicle.texts() if text.severity == Severity.ERROR]
+
+
+def test_restarted_sensors_stop_the_robot_with_a_text() -> None:
+    vehicle = read([*range(100, 120), *range(10)], lockstep=False)
+    machine = vehicle.state.machine
+    assert (machine.vehicle, machine.vehicle_reason) == (states.FAILSAFE, reasons.TICKS_LOST)
+    assert machine.goal_state == states.ABORTED
+    assert "".join(announced(vehicle)).startswith(LOST)
+    assert not machine.placed
+
+
+def test_increasing_counts_keep_the_robot_driving() -> None:
+    vehicle = read([*range(100, 120)], lockstep=False)
+    assert vehicle.state.machine.vehicle == states.ACTIVE
+    assert vehicle.state.machine.placed
+    assert announced(vehicle) == []
+
+
+def test_in_lockstep_restarted_sensors_are_ignored() -> None:
+    vehicle = read([*range(100, 120), *range(10)], lockstep=True)
+    assert vehicle.state.machine.vehicle == states.ACTIVE
+
+
+def test_wrapped_tick_count_is_no_restart() -> None:
+    stamps = [number & 0xFFFFFFFF for number in range((1 << 32) - 10, (1 << 32) + 10)]
+    vehicle = read(stamps, lockstep=False)
+    assert vehicle.state.machine.vehicle == states.ACTIVE
+    assert announced(vehicle) == []

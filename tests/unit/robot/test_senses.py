@@ -1,23 +1,33 @@
-"""Inputs of a tick: fresh sensor frames, and operators' frames by their sending time."""
+"""Inputs of a tick: fresh sensor frames, their ages, and operators' frames by sending time."""
 
 from typing import cast
 
+from hypothesis import given
+from hypothesis import strategies as st
+
 from protocol.bus.bus import Bus
 from protocol.topics import OPERATOR, SONAR, TELEOP, WHEELS
+from protocol.wire.limits import MAX_TELEOP_TTL_MS
 from protocol.wire.messages import Heartbeat, SonarScan, Teleop, WheelTicks
+from robot.commands import TeleopInput, operator_twist
 from robot.core.parameters import DEFAULTS
-from robot.core.values import Inputs
+from robot.core.values import Inputs, Twist
 from robot.lease import Holder
-from robot.senses import Senses, is_restarted, newer, sending_order
+from robot.process import CycleMeter
+from robot.senses import MAX_SENDERS, DelayFilter, Senses, is_restarted, newer, sending_order
 from robot.storage import Store
 from robot.vehicle import Vehicle
 from runtime.clock import ManualClock, Tick
 from runtime.lockstep import LockstepClock
 from runtime.sequence import MAX_LATE_TICKS, Order
 from runtime.units import PERIOD_NS, UINT32
+from tests.support.boxes import Wireless
+from tests.support.bus.robots import BEAT as ROBOTS_BEAT
 from tests.support.each import each
-from tests.support.robot.processes import ADA, BOB, ServedBus
-from tests.support.robot.vehicles import MS
+from tests.support.robot.processes import ADA as PROCESSES_ADA
+from tests.support.robot.processes import BOB as PROCESSES_BOB
+from tests.support.robot.processes import ServedBus
+from tests.support.robot.vehicles import MS, Desk
 
 S = 1_000 * MS
 BEAT = Heartbeat(type=6, autopilot=8, base_mode=0, custom_mode=0, system_status=4)
@@ -53,10 +63,10 @@ class SensesRig:
         tick = Tick(0, now_ns if due_ns is None else due_ns, 0, 0)
         return self.senses.read(tick, now_ns, self.vehicle)
 
-    def beat(self, late_ns: int | None = 0, operator: str = ADA) -> None:
+    def beat(self, late_ns: int | None = 0, operator: str = PROCESSES_ADA) -> None:
         self.bus.say_as(OPERATOR, BEAT, operator, late_ns)
 
-    def steer(self, late_ns: int | None = 0, operator: str = ADA) -> None:
+    def steer(self, late_ns: int | None = 0, operator: str = PROCESSES_ADA) -> None:
         self.bus.say_as(TELEOP, STEER, operator, late_ns)
 
     @property
@@ -127,7 +137,7 @@ def test_first_heartbeat_too_old_is_ignored(late_ns: int, age_ms: int | None) ->
     assert rig.read().operator_age_ms == age_ms
 
 
-@each(("late_ns", "operator"), [(None, ADA), (0, ""), (None, "")])
+@each(("late_ns", "operator"), [(None, PROCESSES_ADA), (0, ""), (None, "")])
 def test_frame_without_sender_or_sending_time_is_ignored(
     late_ns: int | None, operator: str
 ) -> None:
@@ -142,7 +152,7 @@ def test_frames_from_before_a_seizure_are_ignored() -> None:
     rig = SensesRig()
     rig.beat()
     rig.steer()
-    rig.vehicle.lease._holder = Holder(BOB, "Bob")
+    rig.vehicle.lease._holder = Holder(PROCESSES_BOB, "Bob")
     assert rig.read().operator_age_ms is None
     assert not rig.steered
 
@@ -298,3 +308,181 @@ def test_first_sample_counts_as_newer() -> None:
     assert not is_restarted(one, None)
     assert not is_restarted(None, one)
     assert sending_order(one, None) is sending_order(None, one) is Order.NEWER
+
+
+SCAN = SonarScan(time_ns=0, seq=7, range_mm=(9,) * 8, ping_age_us=(0,) * 8, valid=255, echo=255)
+TICKS = WheelTicks(time_ns=0, seq=7, left=0, right=0, bumper=0, expired=0)
+
+
+def test_scan_age_is_never_negative() -> None:
+    bus, vehicle = Wireless(), Vehicle(DEFAULTS, Store(None))
+    senses = Senses(bus, lockstep=False)
+    bus.boxes["sense/sonar"].newest = (SCAN, 171 * MS)
+    bus.boxes["sense/wheels"].newest = (TICKS, 171 * MS)
+    inputs = senses.read(Tick(0, 100 * MS, 0, 0), 100 * MS, vehicle)
+    assert senses.scan_age_ms == 0
+    assert inputs.scan is not None
+    assert min(inputs.scan.age_ms) == 0
+
+
+def test_heartbeat_age_is_never_negative() -> None:
+    vehicle = Vehicle(DEFAULTS, Store(None))
+    vehicle.receive_heartbeat(171 * MS)
+    assert vehicle.operator_age_ms(100 * MS) == 0
+
+
+def test_tick_lateness_is_never_negative() -> None:
+    meter = CycleMeter(ManualClock(), period_ns=50 * MS, enforced=True)
+    meter.begin(Tick(1, 0, -5_000 * MS, 0))
+    assert meter.report(0, sense_age_us=0, rejected=0).late_us == 0
+
+
+def test_operator_age_is_that_of_its_heartbeat() -> None:
+    bus, vehicle = Wireless(), Vehicle(DEFAULTS, Store(None))
+    senses = Senses(bus, lockstep=False)
+    bus.boxes["op/heartbeat"].newest = (ROBOTS_BEAT, 60 * MS)
+    senses.read(Tick(0, 100 * MS, 0, 0), 100 * MS, vehicle)
+    assert vehicle.operator_age_ms(100 * MS) == 40
+
+
+ADA = "ada/1"
+BOB = "bob/2"
+
+
+def late(delays: DelayFilter, delay_ms: float, at_ns: int, sender: str = ADA) -> bool:
+    """Return whether a frame with this delay is late when it arrives at this time."""
+    return delays.is_late(sender, at_ns - round(delay_ms * MS), at_ns)
+
+
+def used_to(delay_ms: float, sender: str = ADA) -> DelayFilter:
+    """Return a filter for a sender with this delay at second 0."""
+    delays = DelayFilter()
+    assert not late(delays, delay_ms, 0, sender)
+    return delays
+
+
+@each("delay_ms", [-5_000.0, 0.0, 3_000.0])
+def test_first_frame_sets_the_usual_delay(delay_ms: float) -> None:
+    """Clocks may differ, so the usual delay may have any value, even a negative one."""
+    delays = used_to(delay_ms)
+    assert not late(delays, delay_ms + 200.0, 1 * S)
+    assert late(delays, delay_ms + 200.000_001, 1 * S)
+
+
+def test_faster_frame_sets_a_new_usual_delay() -> None:
+    delays = used_to(300.0)
+    assert not late(delays, 50.0, 1 * S)
+    assert late(delays, 300.0, 2 * S)
+
+
+def test_a_late_frame_changes_nothing_for_the_next() -> None:
+    delays = used_to(50.0)
+    for second in (1, 2, 3):
+        assert late(delays, 900.0, second * S)
+    assert not late(delays, 250.0, 4 * S)
+
+
+def test_longer_delay_is_usual_after_two_time_spans() -> None:
+    delays = used_to(50.0)
+    for at_ms in range(100, 10_000, 100):
+        assert late(delays, 300.0, at_ms * MS), at_ms
+    assert not late(delays, 300.0, 10_000 * MS)
+    assert not late(delays, 500.0, 10_100 * MS)
+    assert late(delays, 500.001, 10_200 * MS)
+
+
+def test_a_span_lasts_five_seconds_to_the_nanosecond() -> None:
+    delays = used_to(50.0)
+    assert late(delays, 300.0, 5 * S - 1)
+    assert late(delays, 300.0, 5 * S)
+    assert late(delays, 300.0, 10 * S - 1)
+    assert not late(delays, 300.0, 10 * S)
+
+
+def test_minimum_of_the_previous_span_counts() -> None:
+    delays = used_to(300.0)
+    assert not late(delays, 50.0, 4 * S)
+    assert late(delays, 300.0, 5 * S)
+    assert late(delays, 300.0, 9 * S)
+
+
+def test_senders_have_delays_of_their_own() -> None:
+    delays = used_to(50.0)
+    assert not late(delays, 2_000.0, 1 * S, BOB)
+    assert not late(delays, 2_200.0, 1 * S, BOB)
+    assert late(delays, 300.0, 1 * S, ADA)
+
+
+def test_the_sixteen_newest_senders_are_kept() -> None:
+    assert MAX_SENDERS == 16
+    delays = used_to(0.0)
+    for number in range(15):
+        late(delays, 0.0, 0, f"op/{number}")
+    assert late(delays, 300.0, 1, ADA), "its frame makes it the newest sender"
+    for number in range(15, 30):
+        late(delays, 0.0, 1, f"op/{number}")
+    assert late(delays, 300.0, 2, ADA)
+    for number in range(30, 46):
+        late(delays, 0.0, 3, f"op/{number}")
+    assert not late(delays, 300.0, 4, ADA), "forgotten, so this is its first"
+
+
+@given(st.lists(st.integers(0, 190), min_size=1, max_size=50), st.integers(-(10**6), 10**6))
+def test_jitter_of_less_than_200_ms_makes_no_frame_late(
+    jitters_ms: list[int], offset_ms: int
+) -> None:
+    delays = DelayFilter()
+    assert not any(
+        late(delays, offset_ms + jitter_ms, at * 300 * MS)
+        for at, jitter_ms in enumerate(jitters_ms)
+    )
+
+
+def frame(ttl_ms: int, speed_mm_s: int = 200, yaw_rate_mrad_s: int = -500) -> Teleop:
+    return Teleop(
+        time_ns=0, seq=1, speed_mm_s=speed_mm_s, yaw_rate_mrad_s=yaw_rate_mrad_s, ttl_ms=ttl_ms
+    )
+
+
+def test_no_twist_before_the_first_frame() -> None:
+    assert TeleopInput().newest(0) is None
+    assert operator_twist(None) is None
+
+
+@given(
+    st.integers(0, MAX_TELEOP_TTL_MS),
+    st.integers(0, 10**15),
+    st.integers(0, 2 * MAX_TELEOP_TTL_MS * MS),
+)
+def test_a_frame_counts_until_its_time_is_over(ttl_ms: int, arrived_ns: int, age_ns: int) -> None:
+    handle = TeleopInput()
+    assert handle.receive(frame(ttl_ms), arrived_ns) == ""
+    steered = handle.newest(arrived_ns + age_ns) is not None
+    assert steered == (age_ns < ttl_ms * MS)
+
+
+def test_newer_frame_replaces_one_with_a_later_expiry() -> None:
+    handle = TeleopInput()
+    assert handle.receive(frame(MAX_TELEOP_TTL_MS, speed_mm_s=200), 0) == ""
+    handle.receive(frame(100, speed_mm_s=50), 10 * MS)
+    assert operator_twist(handle.newest(100 * MS)) == Twist(0.05, -0.5)
+    assert handle.newest(110 * MS) is None
+
+
+@each("ttl_ms", [MAX_TELEOP_TTL_MS + 1, 65_535])
+def test_frame_with_too_long_ttl_is_ignored_and_reported_once(ttl_ms: int) -> None:
+    handle = TeleopInput()
+    assert f"at most {MAX_TELEOP_TTL_MS}" in handle.receive(frame(ttl_ms), 0)
+    assert handle.receive(frame(ttl_ms), 1) == ""
+    assert handle.newest(2) is None
+    assert handle.receive(frame(100), 3) == ""
+    assert f"at most {MAX_TELEOP_TTL_MS}" in handle.receive(frame(ttl_ms), 4)
+
+
+def test_vehicle_announces_an_ignored_frame() -> None:
+    desk = Desk()
+    desk.vehicle.texts()
+    for _ in range(3):
+        desk.vehicle.receive_teleop(frame(900), 0)
+    announced = "".join(text.text for text in desk.vehicle.texts())
+    assert announced == f"teleop ignored: valid for 900 ms, at most {MAX_TELEOP_TTL_MS} are allowed"
