@@ -19,24 +19,18 @@ from coverage import Coverage
 
 TARGETS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {
-        "robot/core/safety/guard.py": ("tests/unit/robot/core/safety/test_guard.py",),
+        "robot/core/safety/guard.py": ("tests/unit/robot/core/test_guard.py",),
         "robot/core/safety/failsafe.py": (
-            "tests/unit/robot/core/safety/test_failsafe.py",
+            "tests/unit/robot/core/test_failsafe.py",
             "tests/unit/robot/core/test_place.py",
         ),
         "robot/core/modes.py": (
-            "tests/unit/robot/core/test_machine.py",
-            "tests/unit/robot/core/test_modes_in_detail.py",
             "tests/unit/robot/core/test_modes.py",
-            "tests/unit/robot/core/safety/test_fence.py",
-            "tests/unit/robot/core/safety/test_lost_fence.py",
+            "tests/unit/robot/core/test_fence.py",
             "tests/unit/robot/core/test_place.py",
         ),
         "robot/core/place.py": ("tests/unit/robot/core/test_place.py",),
-        "robot/core/perception/stall.py": (
-            "tests/unit/robot/core/perception/test_stall.py",
-            "tests/unit/robot/core/perception/test_watches.py",
-        ),
+        "robot/core/perception/stall.py": ("tests/unit/robot/core/test_stall.py",),
         "robot/lease.py": ("tests/unit/robot/test_lease.py",),
         "robot/commands.py": (
             "tests/unit/robot/test_senses.py",

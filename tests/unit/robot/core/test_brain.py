@@ -1,4 +1,6 @@
-from math import pi
+"""A tick of the core: the parts together, MANUAL, and arrival."""
+
+from math import inf, nan, pi
 
 import pytest
 from hypothesis import given, settings
@@ -7,7 +9,8 @@ from hypothesis import strategies as st
 from robot.core import brain, modes, reasons, states
 from robot.core import brain as budget
 from robot.core.parameters import DEFAULTS
-from robot.core.values import Goal, Inputs, Scan, Wheels
+from robot.core.state import State
+from robot.core.values import Goal, Inputs, Pose, Scan, Twist, Wheels
 from tests.support.each import each
 from tests.support.robot.core.driving import AHEAD, Driven, armed, driving
 
@@ -230,3 +233,147 @@ def test_unequal_wheels_get_speeds_for_a_straight_line() -> None:
     assert outputs.left_mrad_s / outputs.right_mrad_s == pytest.approx(1.02, rel=2e-3)
     assert outputs.left_mrad_s * 0.033e-3 <= DEFAULTS.wheel_max_m_s
     assert abs(driven.state.odometry.pose.heading_rad) < 0.01
+
+
+WALL_AHEAD = Scan((100,) * 8, (25, 0) * 4, 0xFF, 0xFF)
+
+
+def manual() -> Driven:
+    driven = armed()
+    assert modes.set_mode(driven.machine, driven.state.trail, states.MANUAL, 0) == reasons.OK
+    return driven
+
+
+def test_robot_follows_the_operator_within_its_acceleration() -> None:
+    driven = manual()
+    driven.state.manual = Twist(0.2, 0.0)
+    first = driven.tick().twist.speed_m_s
+    assert 0.0 < first <= DEFAULTS.accel_m_s2 * DEFAULTS.period_s + 1e-12
+    driven.forward(0.5)
+    assert driven.outputs.twist == Twist(0.2, 0.0)
+    driven.state.manual = Twist(-0.1, 0.0)
+    driven.forward(0.5)
+    assert driven.outputs.twist == Twist(-0.1, 0.0)
+    driven.state.manual = Twist(0.0, 1.0)
+    driven.forward(0.5)
+    assert driven.outputs.twist == Twist(0.0, 1.0)
+
+
+def test_without_teleop_the_wheels_stop_in_that_tick() -> None:
+    driven = manual()
+    driven.state.manual = Twist(0.3, 0.5)
+    driven.forward(1.0)
+    driven.state.manual = None
+    driven.tick()
+    assert driven.stands
+
+
+def test_teleop_needs_manual_mode_and_arming() -> None:
+    driven = armed()
+    driven.state.manual = Twist(0.2, 0.0)
+    assert driven.forward(0.5).stands, "in HOLD"
+    driven = manual()
+    driven.state.manual = Twist(0.2, 0.0)
+    modes.disarm(driven.machine, 0)
+    assert driven.forward(0.5).stands
+
+
+def test_guard_stops_teleop_before_a_wall() -> None:
+    driven = manual()
+    driven.scan = WALL_AHEAD
+    driven.state.manual = Twist(0.3, 0.0)
+    driven.forward(0.2)
+    assert driven.outputs.guard == reasons.SLOWED
+    driven.scan = WALL_AHEAD._replace(range_mm=(40,) * 8)
+    driven.forward(0.1)
+    assert driven.outputs.guard == reasons.OBSTACLE_AHEAD
+    assert driven.stands
+
+
+@given(st.floats(-40.0, 40.0), st.floats(-40.0, 40.0))
+def test_whatever_is_wanted_wheels_and_robot_keep_their_limits(
+    speed_m_s: float, yaw_rate_rad_s: float
+) -> None:
+    driven = manual()
+    driven.state.manual = Twist(speed_m_s, yaw_rate_rad_s)
+    for _ in range(20):
+        twist = driven.tick().twist
+        assert abs(twist.speed_m_s) <= DEFAULTS.v_max_m_s + 1e-9
+        assert abs(twist.yaw_rate_rad_s) <= DEFAULTS.yaw_max_rad_s + 1e-9
+
+
+@each("twist", [Twist(nan, 0.0), Twist(0.0, nan), Twist(0.0, inf)])
+def test_teleop_with_nan_turns_no_wheel(twist: Twist) -> None:
+    driven = manual()
+    driven.state.manual = twist
+    driven.tick()
+    assert driven.stands
+
+
+TOLERANCE_M = 0.05
+AWAY_M = 0.16
+"""Distance to the goal: beyond the tolerance, but nearer than an echo at NEAR_M."""
+NEAR_M = 0.07
+SIGMA_M = 0.10
+
+
+def standing(
+    *,
+    nearest_m: float = NEAR_M,
+    sigma_m: float = SIGMA_M,
+    heading_rad: float = 0.6 * pi,
+    arrived: bool = False,
+) -> State:
+    """Return a robot at the origin with an echo at its side and a doubt about its position."""
+    state = State(DEFAULTS)
+    state.odometry.pose = Pose(0.0, 0.0, heading_rad)
+    state.odometry.pxx = state.odometry.pyy = sigma_m * sigma_m
+    state.ring.nearest_m = nearest_m
+    state.arrived = arrived
+    return state
+
+
+def arrives(state: State, away_m: float = AWAY_M) -> bool:
+    goal = Goal(away_m, 0.0, None, TOLERANCE_M, pi)
+    return brain.has_arrived(state, goal, away_m, DEFAULTS)
+
+
+def test_robot_arrives_beside_an_obstacle_if_it_may_stand_on_the_goal() -> None:
+    assert arrives(standing())
+
+
+def test_robot_that_knows_its_position_does_not_arrive_beside_the_goal() -> None:
+    assert not arrives(standing(sigma_m=0.0))
+    assert not arrives(standing(sigma_m=0.06))
+    assert arrives(standing(sigma_m=0.07))
+
+
+def test_robot_with_a_large_doubt_does_not_arrive_beside_the_goal() -> None:
+    assert not arrives(standing(sigma_m=0.13))
+
+
+def test_robot_drives_on_while_the_goal_lies_ahead() -> None:
+    assert not arrives(standing(heading_rad=0.25 * pi))
+    assert arrives(standing(heading_rad=0.75 * pi))
+
+
+def test_no_wall_may_lie_between_robot_and_goal() -> None:
+    assert not arrives(standing(nearest_m=0.03))
+    assert not arrives(standing(), DEFAULTS.radius_m + NEAR_M + 0.001)
+
+
+@each("nearest_m", [0.13, 1.0, inf])
+def test_robot_in_the_open_drives_to_the_goal(nearest_m: float) -> None:
+    assert not arrives(standing(nearest_m=nearest_m))
+
+
+def test_arrival_beside_an_obstacle_lasts_while_the_robot_turns() -> None:
+    turned = standing(nearest_m=inf, heading_rad=0.0, arrived=True)
+    assert arrives(turned)
+    assert not arrives(turned, 0.25)
+
+
+def test_arrival_without_doubt_is_revoked_beyond_three_tolerances() -> None:
+    sure = standing(sigma_m=0.0, arrived=True)
+    assert arrives(sure, 3.0 * TOLERANCE_M - 1e-6)
+    assert not arrives(sure, 3.0 * TOLERANCE_M + 1e-6)

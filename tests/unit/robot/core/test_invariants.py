@@ -1,23 +1,30 @@
-"""Invariants of every navigator for any inputs.
+"""Every navigator for any inputs: invariants, mirrored scenes, and bounded memory."""
 
-Outputs are total, finite and bounded. The robot never drives forward into a near echo. Equal inputs
-give equal outputs, and mirrored inputs give mirrored outputs.
-"""
-
-from math import atan2, cos, inf, isfinite, nan, pi, sin
+from collections.abc import Sequence
+from math import atan2, cos, hypot, inf, isfinite, nan, pi, sin
+from random import Random
+from unittest.mock import patch
 
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
+from checks.speed.board.memory_size import lengths, state_bytes
+from checks.speed.board.results import STATE_BYTES
+from checks.speed.board.scenarios import CarriedBody, EnclosedBody, ScenarioBody
 from robot.core import states
-from robot.core.navigators import paper
+from robot.core.motion import HALT
+from robot.core.navigators import pace, paper
 from robot.core.navigators.pace import DITHER_RAD, WEAVE_RAD
 from robot.core.navigators.registry import NAVIGATORS, Navigator, new_memory
+from robot.core.navigators.registry import NAVIGATORS as REGISTERED
 from robot.core.parameters import DEFAULTS
+from robot.core.perception import sonar_ring as rings
 from robot.core.perception.sonar_ring import FRONT
 from robot.core.values import BEARINGS, SONARS, Decision, Goal, Outputs, Pose, wrap
+from study.trial.trial import NAVIGATORS as TRIAL_NAVIGATORS
+from tests.support.each import each
 from tests.support.robot.core.rings import seen
 from tests.support.robot.core.stories import (
     ALL,
@@ -28,6 +35,7 @@ from tests.support.robot.core.stories import (
     goals,
     mirrored,
     mirrored_goal,
+    reversed_bits,
     sound,
 )
 
@@ -240,3 +248,114 @@ def test_static_scene_is_mirrored_by_float_navigators(
     one, other = Driver(navigator, goal, side), Driver(navigator, mirrored_goal(goal), -side)
     for _ in range(times):
         check_mirror(one, other, tick._replace(rolled=(0, 0)))
+
+
+JOLTS = 16
+LOOKS = 24
+nearby = st.one_of(st.integers(20, 300), st.integers(20, 3000))
+scenes = st.tuples(*[nearby] * SONARS)
+
+
+def looked_at(
+    pose: Pose, goal: Goal, range_mm: Sequence[int], echo: int, turn: int
+) -> tuple[int, float, float]:
+    """Return the choice of vgm_memory for a static scene, starting with this ping group."""
+    memory, ring = new_memory(states.VGM_MEMORY, states.LEFT), seen(range_mm, echo)
+    memory.phase = turn
+    # The way weaves and bends to and fro; the first bend is always on the same side.
+    straight = [patch.object(pace, name, return_value=0.0) for name in ("weave", "dither", "sweep")]
+    with straight[0], straight[1], straight[2]:
+        for _ in range(LOOKS):
+            decision = NAVIGATORS[states.VGM_MEMORY].step(memory, pose, ring, goal, DEFAULTS)
+    return decision.branch, decision.rotation_rad, decision.speed_limit_m_s
+
+
+def is_like(
+    one: tuple[int, float, float], other: tuple[int, float, float], off_rad: float, off_m_s: float
+) -> bool:
+    return (
+        one[0] == other[0]
+        and abs(wrap(one[1] - other[1])) <= off_rad
+        and abs(one[2] - other[2]) <= off_m_s
+    )
+
+
+def is_on_the_verge(pose: Pose, goal: Goal, range_mm: Sequence[int], echo: int) -> bool:
+    """Return whether a small change of the scene, or the first ping group, changes the choice."""
+    here = looked_at(pose, goal, range_mm, echo, 0)
+    for k in range(JOLTS):
+        most_mm = 1 + k // 8 * 2
+        jolted_mm = [
+            max(20, range_mm[i] + (most_mm if (k * 37 + i * 11) % 16 < 8 else -most_mm))
+            for i in range(SONARS)
+        ]
+        turned_rad = 0.003 if k & 1 else -0.003
+        jolted = Pose(
+            pose.x_m + 0.002 * cos(k), pose.y_m + 0.002 * sin(k), pose.heading_rad + turned_rad
+        )
+        if not is_like(here, looked_at(jolted, goal, jolted_mm, echo, k % 4), 0.03, 0.01):
+            return True
+    return False
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(
+    st.builds(Pose, st.floats(-3, 3), st.floats(-3, 3), st.floats(-3, 3)),
+    scenes,
+    st.integers(0, ALL),
+    goals,
+)
+def test_static_scene_is_mirrored_by_vgm_memory(
+    pose: Pose, range_mm: tuple[int, ...], echo: int, goal: Goal
+) -> None:
+    """Integers round down on both sides of the axis.
+
+    The even ping group is the mirror image of the odd one, and points lose weight in the order of
+    their arrival. So the mirrored memory starts with the other group, the tolerance is that of the
+    rounding, and scenes on the limit between two choices are excluded.
+    """
+    assume(hypot(goal.x_m - pose.x_m, goal.y_m - pose.y_m) > 0.1)
+    assume(not is_on_the_verge(pose, goal, range_mm, echo))
+    twin = Pose(pose.x_m, -pose.y_m, -pose.heading_rad)
+    echo_twin = reversed_bits(echo)
+    branch, rotation_rad, speed_m_s = looked_at(
+        twin, mirrored_goal(goal), range_mm[::-1], echo_twin, 1
+    )
+    swapped = {states.PASS_LEFT: states.PASS_RIGHT, states.PASS_RIGHT: states.PASS_LEFT}
+    theirs = swapped.get(branch, branch), -rotation_rad, speed_m_s
+    assert is_like(looked_at(pose, goal, range_mm, echo, 0), theirs, 0.05, 0.02)
+
+
+AWAY = Goal(9.0, 4.0, None, 0.05, 0.05)
+
+
+def test_every_registered_navigator_has_a_name() -> None:
+    assert set(TRIAL_NAVIGATORS.values()) == set(REGISTERED)
+
+
+@each("name", TRIAL_NAVIGATORS)
+def test_memory_of_a_navigator_is_within_its_limit(name: str) -> None:
+    assert 0 < state_bytes(name) <= STATE_BYTES
+
+
+@pytest.mark.parametrize("kind", [EnclosedBody, CarriedBody])
+@pytest.mark.parametrize("name", TRIAL_NAVIGATORS)
+def test_memory_never_grows(name: str, kind: type[ScenarioBody]) -> None:
+    """Run 1000 ticks with one memory, whatever it decides, without a machine that would end it."""
+    number, ring = TRIAL_NAVIGATORS[name], rings.Ring()
+    memory, body = new_memory(number, states.LEFT), body_of(kind)
+    before = lengths(memory)
+    for tick in range(1000):
+        rings.update(ring, body.scan(), 50 * tick, DEFAULTS)
+        pose = Pose(body.x_m, body.y_m, wrap(body.heading_rad))
+        decision = REGISTERED[number].step(memory, pose, ring, AWAY, DEFAULTS)
+        turn_rad = wrap(decision.goal_bearing_rad + decision.rotation_rad)
+        yaw = max(-900, min(900, int(3000 * turn_rad)))
+        speed = 3000 if abs(turn_rad) < 0.5 and ring.front_m > 0.1 else 0
+        body.drive(Outputs(speed - 3 * yaw, speed + 3 * yaw, 0, HALT, None))
+        assert lengths(memory) == before
+
+
+def body_of(kind: type[ScenarioBody]) -> ScenarioBody:
+    assert kind in (EnclosedBody, CarriedBody)
+    return (EnclosedBody if kind is EnclosedBody else CarriedBody)(DEFAULTS, Random(3), 3)

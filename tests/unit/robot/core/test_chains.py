@@ -1,4 +1,4 @@
-"""Chains of echoes: what is linked, and what the robot fits through."""
+"""Chains of remembered echoes: what is linked, what the robot fits through, and changes."""
 
 from math import cos, hypot, pi, sin
 from typing import NamedTuple
@@ -7,13 +7,19 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from plant.corpus.generate import generate
 from robot.core import states
+from robot.core.navigators import loops, vgm_memory
 from robot.core.navigators import proof as chains
+from robot.core.navigators.loops import MAX_CHANGES, MAX_DETOUR_CHANGES
 from robot.core.navigators.proof import JUMP_MM, LEAD, REACH_M, SLACK_MM, TAIL, Chain
+from robot.core.navigators.vgm_following import Memory
 from robot.core.values import BEARINGS, HALF_CONE, SONARS, Pose
+from study.trial.core_loop import Behaviour
+from study.trial.trial import Trial, run_trial
 from tests.support.each import each
 from tests.support.robot.core.rings import HERE, RADIUS_MM, SILENT, Wall, ring, seen_from
-from tests.support.robot.core.vgm_memory import SIDES
+from tests.support.robot.core.vgm_memory import SIDES as VGM_MEMORY_SIDES
 
 WIDTH_M = 0.001 * 2 * RADIUS_MM
 SLACK_M = 0.001 * SLACK_MM
@@ -132,7 +138,7 @@ def test_even_sonars_were_pinged_halfway() -> None:
     assert (chain.left_x_mm[7], chain.left_y_mm[7]) == pytest.approx((40, 220), abs=1)
 
 
-@SIDES
+@VGM_MEMORY_SIDES
 def test_chain_begins_at_the_followed_flank(side: int) -> None:
     chain = Chain()
     look(chain, {1: 100, 3: 300, 6: 100})
@@ -142,14 +148,14 @@ def test_chain_begins_at_the_followed_flank(side: int) -> None:
         assert (chain.x_mm[end], chain.y_mm[end]) == (chain.x_mm[flank], chain.y_mm[flank])
 
 
-@SIDES
+@VGM_MEMORY_SIDES
 def test_chain_does_not_begin_without_an_echo(side: int) -> None:
     chain = Chain()
     chains.look(chain, SILENT, HERE, HERE, RADIUS_MM)
     assert not chains.begin(chain, side)
 
 
-@SIDES
+@VGM_MEMORY_SIDES
 def test_chain_meets_its_first_arc_only_near_it(side: int) -> None:
     chain, flank = Chain(), 0 if side == states.LEFT else 7
     look(chain, {flank: 100})
@@ -205,7 +211,7 @@ def wall_with_gap(gap_m: float, aside_m: float, side: int) -> list[Wall]:
     return [(-2.0, y_m, 0.0, y_m), (gap_m, y_m, 2.0, y_m)]
 
 
-@SIDES
+@VGM_MEMORY_SIDES
 @given(st.floats(0.30, 0.8), st.floats(0.03, 0.2))
 def test_chain_does_not_lead_past_a_gap_for_the_robot(
     side: int, width_m: float, aside_m: float
@@ -215,9 +221,75 @@ def test_chain_does_not_lead_past_a_gap_for_the_robot(
     assert ended_m < 0.5 * width_m
 
 
-@SIDES
+@VGM_MEMORY_SIDES
 @pytest.mark.parametrize("width_m", [0.0, 0.08])
 def test_chain_follows_a_wall_also_past_a_narrow_gap(side: int, width_m: float) -> None:
     ended_m = end_after(wall_with_gap(width_m, 0.06, side), -0.6, 1.4, side)
     assert ended_m is not None
     assert ended_m > 1.2
+
+
+LEFT, RIGHT = states.LEFT, states.RIGHT
+BRANCHES = {LEFT: states.PASS_LEFT, RIGHT: states.PASS_RIGHT}
+SIDES = st.sampled_from([LEFT, RIGHT])
+
+
+def after(sides: list[int]) -> int:
+    """Return the state after obstacles were passed on these sides."""
+    passed = 0
+    for side in sides:
+        passed = loops.counted(passed, side)
+    return passed
+
+
+@given(st.lists(SIDES, min_size=1, max_size=40))
+def test_state_holds_last_side_and_number_of_changes(sides: list[int]) -> None:
+    passed = after(sides)
+    changed = sum(sides[k] != sides[k - 1] for k in range(1, len(sides)))
+    assert abs(passed) == 1 + changed
+    assert loops.last(passed) == sides[-1]
+
+
+@given(st.lists(SIDES, max_size=200))
+def test_wanted_sides_change_at_most_as_often_as_allowed(wanted: list[int]) -> None:
+    passed, taken = 0, []
+    for side in wanted:
+        taken.append(loops.kept(passed, side, MAX_CHANGES))
+        passed = loops.counted(passed, taken[-1])
+    assert sum(taken[k] != taken[k - 1] for k in range(1, len(taken))) <= MAX_CHANGES
+
+
+def test_detours_keep_their_side_before_boundaries_do() -> None:
+    passed = after([LEFT, RIGHT] * 2 + [LEFT])
+    assert abs(passed) - 1 > MAX_DETOUR_CHANGES
+    assert loops.kept(passed, RIGHT, MAX_DETOUR_CHANGES) == LEFT
+    assert loops.kept(passed, RIGHT, MAX_CHANGES) == RIGHT
+
+
+def test_any_side_is_taken_before_the_first_obstacle() -> None:
+    assert [loops.kept(0, side, MAX_CHANGES) for side in (LEFT, RIGHT)] == [LEFT, RIGHT]
+
+
+def test_navigator_latches_both_sides_after_the_last_change() -> None:
+    memory = Memory()
+    memory.side = memory.aside = RIGHT
+    for k in range(MAX_CHANGES + 1):
+        assert loops.are_left(memory.passed)
+        vgm_memory.count_side(memory, BRANCHES[LEFT if k % 2 == 0 else RIGHT])
+    assert not loops.are_left(memory.passed)
+    assert (memory.side, memory.aside) == (LEFT, LEFT)
+
+
+def test_branches_that_pass_nothing_do_not_count() -> None:
+    memory = Memory()
+    for branch in (states.TO_GOAL, states.GIVE_UP, states.LOST, states.NO_BRANCH):
+        vgm_memory.count_side(memory, branch)
+    assert memory.passed == 0
+
+
+def test_trial_with_many_obstacles_stays_within_the_limit() -> None:
+    """Drive through a lattice in which the side would change 7 times without a limit."""
+    watch, world = Behaviour(), generate("post_lattice", 1, 8102)
+    outcome = run_trial(Trial(world=world, noise="none", timeout_s=900.0), watch)
+    assert outcome.reached
+    assert 0 < watch.side_changes <= MAX_CHANGES

@@ -1,9 +1,15 @@
-from math import inf, pi
+"""Motion: the controller, its pace, the trail, and plane geometry."""
+
+from itertools import pairwise
+from math import cos, degrees, inf, isnan, nan, pi, sin
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
+from robot.core import motion
+from robot.core import motion as trails
+from robot.core.motion import LIMIT, PASSED_M, SPACING_M, Trail, into, limited, ramp, toward
 from robot.core.navigators import pace
 from robot.core.navigators.open_headings import FREE_MM
 from robot.core.navigators.pace import (
@@ -24,7 +30,7 @@ from robot.core.navigators.pace import (
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.echoes import FADE_TURNS
 from robot.core.perception.sonar_ring import SATURATED_M, Ring
-from robot.core.values import BEARINGS, SONARS
+from robot.core.values import BEARINGS, COSINES, SINES, SONARS, Twist, wrap
 from tests.support.each import each
 from tests.support.robot.core.rings import SILENT, Ranges, heard
 
@@ -264,3 +270,186 @@ def test_a_slow_way_sweeps_the_cones_as_long_to_one_side_as_to_the_other() -> No
     assert {abs(one) for one in sweeps} == {DITHER_RAD}
     assert sweeps[:DITHER_TURNS] == [sweeps[0]] * DITHER_TURNS
     assert sweeps[DITHER_TURNS] == -sweeps[0]
+
+
+distances = st.floats(0.001, 20.0)
+bearings = st.floats(-pi, pi)
+twists = st.tuples(st.floats(-0.3, 0.3), st.floats(-2.5, 2.5)).map(
+    lambda pair: Twist(*limited(*pair, DEFAULTS))
+)
+
+
+def rim_m_s(speed: float, yaw: float) -> float:
+    return abs(speed) + 0.5 * DEFAULTS.track_m * abs(yaw)
+
+
+@given(distances, bearings)
+def test_lyapunov_function_of_position_controller_never_grows(rho: float, alpha: float) -> None:
+    speed, yaw = toward(rho, alpha, DEFAULTS)
+    rho_dot, alpha_dot = -speed * cos(alpha), -yaw + speed * sin(alpha) / rho
+    assert rho * rho_dot + alpha * alpha_dot <= 1e-9
+    assert speed >= 0.0
+
+
+@given(distances, st.floats(-1.5, 1.5), bearings)
+def test_lyapunov_function_of_pose_controller_never_grows(
+    rho: float, alpha: float, theta: float
+) -> None:
+    speed, yaw = into(rho, alpha, theta, DEFAULTS)
+    sight_dot = speed * sin(alpha) / rho
+    rho_dot, alpha_dot = -speed * cos(alpha), -yaw + sight_dot
+    v_dot = rho * rho_dot + alpha * alpha_dot + DEFAULTS.pose_h * theta * sight_dot
+    assert v_dot <= 1e-9
+
+
+@given(distances, st.floats(pi / 2, pi))
+def test_with_the_goal_behind_it_turns_on_the_spot(rho: float, alpha: float) -> None:
+    for side in (alpha, -alpha):
+        for speed, yaw in (toward(rho, side, DEFAULTS), into(rho, side, 1.0, DEFAULTS)):
+            assert speed == 0.0
+            assert yaw * side > 0.0
+
+
+def test_at_the_goal_nothing_is_divided_by_zero() -> None:
+    assert toward(0.0, 0.0, DEFAULTS)[0] == pytest.approx(0.0, abs=1e-5)
+    assert into(0.0, 0.0, 0.0, DEFAULTS)[1] == 0.0
+
+
+@given(st.floats(-5, 5), st.floats(-50, 50))
+def test_limits_hold_and_the_curvature_stays(speed: float, yaw: float) -> None:
+    slower, gentler = limited(speed, yaw, DEFAULTS)
+    assert rim_m_s(slower, gentler) <= DEFAULTS.wheel_max_m_s + 1e-9
+    assert abs(gentler) <= DEFAULTS.yaw_max_rad_s + 1e-9
+    assert slower * yaw == pytest.approx(gentler * speed, abs=1e-9)
+
+
+@given(twists, twists)
+@example(Twist(-0.25, 0.0), Twist(0.015625, 2.5 - 0.15625))  # turns fast and is to reverse
+def test_no_wheel_accelerates_faster_than_it_can(wanted: Twist, last: Twist) -> None:
+    now = ramp(wanted, last, DEFAULTS)
+    change = rim_m_s(now.speed_m_s - last.speed_m_s, now.yaw_rate_rad_s - last.yaw_rate_rad_s)
+    assert change <= DEFAULTS.accel_m_s2 * DEFAULTS.period_s + 1e-9
+    assert rim_m_s(*now) <= DEFAULTS.wheel_max_m_s + 1e-9
+
+
+@given(st.floats(0.0, 0.3), st.floats(-2.5, 2.5), st.floats(-2.5, 2.5))
+def test_a_stop_comes_before_a_turn(speed_m_s: float, yaw_rad_s: float, now_rad_s: float) -> None:
+    can_m_s = DEFAULTS.accel_m_s2 * DEFAULTS.period_s
+    now = ramp(Twist(0.0, yaw_rad_s), Twist(speed_m_s, now_rad_s), DEFAULTS)
+    assert now.speed_m_s == pytest.approx(max(speed_m_s - can_m_s, 0.0), abs=1e-9)
+
+
+@each(("wanted_m_s", "turns"), [(-0.2, False), (0.0, False), (0.01, True), (0.29, True)])
+def test_only_a_stop_or_a_reversal_delays_a_turn(wanted_m_s: float, turns: bool) -> None:
+    """A robot that slows down in order to turn turns at once."""
+    now = ramp(Twist(wanted_m_s, 2.0), Twist(0.3, 0.0), DEFAULTS)
+    assert (now.yaw_rate_rad_s > 0.0) is turns
+    assert now.speed_m_s < 0.3
+
+
+@given(twists, twists)
+def test_the_ramp_arrives(wanted: Twist, last: Twist) -> None:
+    for _ in range(12):
+        last = ramp(wanted, last, DEFAULTS)
+    assert last == wanted
+
+
+@given(st.floats(-pi, pi))
+def test_the_last_turn_ends_without_passing_the_end(error: float) -> None:
+    for _ in range(400):
+        yaw = motion.align(error, DEFAULTS)
+        assert abs(yaw) <= DEFAULTS.yaw_max_rad_s
+        after = error - yaw * DEFAULTS.period_s
+        assert abs(after) <= abs(error)
+        assert after * error >= 0.0
+        error = after
+    assert abs(error) < 1e-3
+
+
+def test_the_last_turn_is_slow_but_not_too_slow() -> None:
+    assert motion.align(0.05, DEFAULTS) == DEFAULTS.align_min_rad_s
+    assert motion.align(-0.4, DEFAULTS) == pytest.approx(-1.0)
+
+
+def test_infinite_input_gives_no_finite_looking_command() -> None:
+    assert toward(inf, 0.0, DEFAULTS)[0] == pytest.approx(DEFAULTS.v_max_m_s)
+
+
+def walked(distance_m: float) -> Trail:
+    trail = Trail()
+    for k in range(int(distance_m / 0.015) + 1):
+        trails.drop_crumb(trail, k * 0.015, 0.0)
+    return trail
+
+
+def newest_m(trail: Trail) -> float:
+    return trail.xs_m[trail.count - 1]
+
+
+def test_crumbs_are_a_spacing_apart() -> None:
+    trail = walked(5.0)
+    used_m = trail.xs_m[: trail.count]
+    gaps = [b - a for a, b in pairwise(used_m)]
+    assert len(gaps) == 19
+    assert all(SPACING_M <= gap < SPACING_M + 0.02 for gap in gaps)
+
+
+@given(st.floats(0.0, 400.0))
+def test_trail_is_bounded_and_begins_at_the_start(far_m: float) -> None:
+    trail = walked(far_m)
+    assert 1 <= trail.count <= LIMIT
+    assert (trail.xs_m[0], trail.ys_m[0]) == (0.0, 0.0)
+    assert far_m - newest_m(trail) <= 2 * trail.spacing_m + 0.02
+
+
+def test_crumbs_are_taken_up_from_the_newest_and_the_start_stays() -> None:
+    trail = walked(1.0)
+    before_m = newest_m(trail)
+    assert not trails.pass_crumb(trail, before_m + PASSED_M + 0.01, 0.0)
+    assert trails.pass_crumb(trail, before_m + PASSED_M - 0.01, 0.0)
+    assert newest_m(trail) < before_m
+    while trails.pass_crumb(trail, newest_m(trail), 0.0):
+        pass
+    assert (trail.count, newest_m(trail)) == (1, 0.0)
+
+
+def test_lists_of_the_trail_never_change_their_length() -> None:
+    trail = Trail()
+    xs_m, ys_m = trail.xs_m, trail.ys_m
+    for k in range(10 * LIMIT):
+        trails.drop_crumb(trail, float(k * LIMIT), 0.0)
+        assert trail.xs_m is xs_m
+        assert trail.ys_m is ys_m
+        assert len(xs_m) == len(ys_m) == LIMIT
+    trails.pass_crumb(trail, newest_m(trail), 0.0)
+    assert len(xs_m) == len(ys_m) == LIMIT
+
+
+@given(st.floats(-1e6, 1e6))
+def test_wrapped_angle_has_the_same_direction(angle_rad: float) -> None:
+    wrapped_rad = wrap(angle_rad)
+    assert -pi < wrapped_rad <= pi
+    assert cos(wrapped_rad) == pytest.approx(cos(angle_rad), abs=1e-9)
+    assert sin(wrapped_rad) == pytest.approx(sin(angle_rad), abs=1e-9)
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_whatever_the_size_the_result_is_within_half_a_turn(angle_rad: float) -> None:
+    assert -pi < wrap(angle_rad) <= pi
+
+
+def test_half_a_turn_is_counted_to_the_left() -> None:
+    assert wrap(pi) == pi
+    assert wrap(-pi) == pi
+    assert wrap(3 * pi) == pytest.approx(pi)
+
+
+@each("nowhere", [nan, inf, -inf])
+def test_infinite_angle_becomes_nan(nowhere: float) -> None:
+    assert isnan(wrap(nowhere))
+
+
+def test_eight_cones_tile_the_half_circle_from_right_to_left() -> None:
+    bearings = [degrees(bearing) for bearing in BEARINGS]
+    assert bearings == pytest.approx([-78.75, -56.25, -33.75, -11.25, 11.25, 33.75, 56.25, 78.75])
+    assert pytest.approx([1.0] * 8) == [c * c + s * s for c, s in zip(COSINES, SINES, strict=True)]

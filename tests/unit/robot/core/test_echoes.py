@@ -1,12 +1,17 @@
-from math import cos, hypot, pi, sin
+"""Sonars: the ring, echoes over time, frozen sensors, and inputs made of messages."""
+
+from math import cos, hypot, inf, pi, sin
+from typing import NamedTuple
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robot.core.parameters import DEFAULTS
 from robot.core.perception import echoes as echo_decay
 from robot.core.perception import echoes as memory
 from robot.core.perception import sonar_ring
+from robot.core.perception import sonar_ring as rings
 from robot.core.perception.echoes import (
     BRADS,
     CIRCLE,
@@ -29,8 +34,18 @@ from robot.core.perception.echoes import (
     THROUGH_MM,
     Echoes,
 )
-from robot.core.perception.sonar_ring import Ring
-from robot.core.values import BEARINGS, SONARS, Pose
+from robot.core.perception.sonar_ring import FrozenSonar, Ring
+from robot.core.values import (
+    BEARINGS,
+    SONARS,
+    Pose,
+    Scan,
+    Wheels,
+    goal_of,
+    now_ms_of,
+    scan_of,
+    wheels_of,
+)
 from tests.support.each import each
 from tests.support.robot.core.rings import (
     HERE,
@@ -40,7 +55,243 @@ from tests.support.robot.core.rings import (
     any_ranges,
     heard,
     ring,
+    scan,
 )
+
+
+def drive(
+    sonars: FrozenSonar, one: Scan, ticks: int, moved_m: float = 0.015, turned: float = 0.0
+) -> None:
+    for _ in range(ticks):
+        sonar_ring.watch(sonars, one, moved_m, turned, DEFAULTS)
+
+
+def test_echoes_that_ignore_a_turn_are_frozen() -> None:
+    sonars = FrozenSonar()
+    drive(sonars, scan({2: 1500, 6: 800}), ticks=12, turned=0.02)
+    assert sonars.verdict
+    drive(sonars, scan({2: 1501, 6: 800}), ticks=1)
+    assert not sonars.verdict
+
+
+def test_an_echo_close_ahead_that_does_not_come_closer_is_frozen() -> None:
+    sonars = FrozenSonar()
+    drive(sonars, scan({3: 350}), ticks=6)
+    assert not sonars.verdict
+    drive(sonars, scan({3: 350}), ticks=3)
+    assert sonars.verdict
+
+
+def test_a_straight_corridor_without_noise_is_not_frozen() -> None:
+    sonars = FrozenSonar()
+    drive(sonars, scan({0: 280, 7: 280, 1: 313, 6: 320, 2: 446, 5: 470}), ticks=200)
+    assert not sonars.verdict
+
+
+def test_standing_still_and_empty_space_are_not_frozen() -> None:
+    standing, empty = FrozenSonar(), FrozenSonar()
+    drive(standing, scan({3: 200}), ticks=200, moved_m=0.0)
+    drive(empty, scan({}), ticks=200, turned=0.1)
+    assert not standing.verdict
+    assert not empty.verdict
+
+
+def test_noisy_sonars_that_fall_silent_in_a_corridor_are_frozen() -> None:
+    sonars = FrozenSonar()
+    for k in range(8):
+        drive(sonars, scan({0: 280 + k % 3, 7: 280}), ticks=1, moved_m=0.0)
+    drive(sonars, scan({0: 280, 7: 280}), ticks=9)
+    assert sonars.verdict
+
+
+def test_circling_a_disc_is_not_frozen_turning_beside_it_is() -> None:
+    circling, turning = FrozenSonar(), FrozenSonar()
+    drive(circling, scan({0: 150, 1: 210, 2: 390}), ticks=200, turned=-0.02)
+    drive(turning, scan({0: 150, 1: 210, 2: 390}), ticks=40, moved_m=0.004, turned=-0.04)
+    assert not circling.verdict
+    assert turning.verdict
+
+
+def test_an_echo_ahead_that_stops_coming_closer_is_frozen() -> None:
+    sonars = FrozenSonar()
+    for k in range(5):
+        drive(sonars, scan({0: 1880, 3: 900 - 15 * k, 7: 1880}), ticks=1)
+    drive(sonars, scan({0: 1880, 3: 840, 7: 1880}), ticks=5)
+    assert not sonars.verdict
+    drive(sonars, scan({0: 1880, 3: 840, 7: 1880}), ticks=3)
+    assert sonars.verdict
+
+
+def test_echo_ahead_that_never_closed_may_be_a_wall() -> None:
+    sonars = FrozenSonar()
+    drive(sonars, scan({0: 1880, 3: 2017, 4: 2017, 7: 1880}), ticks=40)
+    assert not sonars.verdict
+
+
+def test_alternating_echoes_that_then_stay_are_frozen() -> None:
+    noisy, smooth = FrozenSonar(), FrozenSonar()
+    for k in range(8):
+        drive(noisy, scan({0: 900 + 8 * (k % 2)}), ticks=1)
+        drive(smooth, scan({0: 900 + 8 * k}), ticks=1)
+    drive(noisy, scan({0: 900}), ticks=8)
+    drive(smooth, scan({0: 900}), ticks=8)
+    assert noisy.verdict
+    assert not smooth.verdict
+
+
+def test_a_missing_scan_is_not_judged() -> None:
+    sonars = FrozenSonar()
+    sonar_ring.watch(sonars, None, 1.0, 1.0, DEFAULTS)
+    assert not sonars.verdict
+
+
+def test_on_a_bend_only_a_close_echo_ahead_must_change() -> None:
+    close, far = FrozenSonar(), FrozenSonar()
+    drive(close, scan({2: 300, 3: 350}), ticks=8, turned=0.012)
+    drive(far, scan({2: 300}), ticks=8, turned=0.012)
+    assert close.verdict
+    assert not far.verdict
+
+
+def swinging(turned_rad: float) -> FrozenSonar:
+    """Drive on while an echo alternates by 12 mm, and then no longer does."""
+    sonars = FrozenSonar()
+    for k in range(12):
+        drive(sonars, scan({0: 280, 2: 500 + 12 * (k % 2), 7: 280}), ticks=1, turned=turned_rad)
+    drive(sonars, scan({0: 280, 2: 500, 7: 280}), ticks=9)
+    return sonars
+
+
+def test_echoes_of_a_wavering_robot_are_not_noise() -> None:
+    assert swinging(0.0).verdict
+    assert not swinging(0.01).verdict
+
+
+class TicksLike(NamedTuple):
+    time_ns: int
+    left: int
+    right: int
+    bumper: int
+
+
+class ScanLike(NamedTuple):
+    range_mm: tuple[int, ...]
+    ping_age_us: tuple[int, ...]
+    valid: int
+    echo: int
+
+
+GROUPS_US = (25_000, 0) * 4
+mm = st.integers(-(2**31), 2**31 - 1)
+
+
+def test_stamp_is_truncated_to_milliseconds() -> None:
+    assert [now_ms_of(ns) for ns in (0, 999_999, 1_000_000, 50_000_000)] == [0, 0, 1, 50]
+
+
+def test_wheels_pass_unchanged_whichever_way_they_turned() -> None:
+    ticks = TicksLike(150_900_000, -(2**31), 2**31 - 1, 5)
+    assert wheels_of(ticks) == Wheels(-(2**31), 2**31 - 1, 5, 150)
+
+
+def test_the_two_ping_groups_keep_their_ages() -> None:
+    ranges_mm = (20, 300, 3000, 0, 65535, 1, 2, 3)
+    scan = scan_of(ScanLike(ranges_mm, GROUPS_US, 0b1110_1111, 0b0000_1111), 0)
+    assert scan == Scan(ranges_mm, (25, 0) * 4, 0b1110_1111, 0b0000_1111)
+
+
+def test_a_scan_that_is_used_again_has_older_pings() -> None:
+    scan = scan_of(ScanLike((1,) * 8, GROUPS_US, 255, 255), 100)
+    assert scan.age_ms == (125, 100) * 4
+
+
+def test_a_goal_arrives_in_metres_and_radians() -> None:
+    goal = goal_of(5400, -20, round(pi * 1e6), 0, 50, 52_360)
+    assert (goal.x_m, goal.y_m, goal.position_tolerance_m) == (5.4, -0.02, 0.05)
+    assert goal.heading_rad is not None
+    assert abs(goal.heading_rad - pi) < 1e-6
+    assert goal.heading_tolerance_rad == 0.05236
+
+
+def test_a_free_heading_is_none_and_not_zero() -> None:
+    assert goal_of(0, 0, 0, 1, 50, 52_360).heading_rad is None
+    assert goal_of(0, 0, 0, 0, 50, 52_360).heading_rad == 0.0
+
+
+@given(mm, mm, st.integers(-3_141_593, 3_141_593), st.integers(0, 65535))
+def test_what_the_wire_carries_comes_back_exactly(x: int, y: int, urad: int, tol: int) -> None:
+    goal = goal_of(x, y, urad, 0, tol, 1)
+    assert goal.heading_rad is not None
+    assert round(goal.x_m * 1000) == x
+    assert round(goal.y_m * 1000) == y
+    assert round(goal.heading_rad * 1e6) == urad
+    assert round(goal.position_tolerance_m * 1000) == tol
+
+
+OPEN = (0,) * 8
+
+
+def seen(one: Scan, now_ms: int = 0) -> Ring:
+    ring = Ring()
+    rings.update(ring, one, now_ms, DEFAULTS)
+    return ring
+
+
+def test_before_the_first_scan_everything_is_missing() -> None:
+    ring = Ring()
+    rings.update(ring, None, 0, DEFAULTS)
+    assert ring.range_m == [None] * 8
+    assert (ring.fresh, ring.nearest, ring.nearest_m) == (0, -1, inf)
+    assert rings.bearing_rad(ring) is None
+
+
+def test_no_echo_is_infinitely_far_and_not_missing() -> None:
+    ring = seen(scan({}))
+    assert ring.range_m == [inf] * 8
+    assert ring.fresh == 8
+    assert rings.bearing_rad(ring) is None
+
+
+def test_the_nearest_echo_and_its_bearing() -> None:
+    ring = seen(scan({1: 900, 6: 400, 3: 1200}))
+    assert (ring.nearest, ring.nearest_m) == (6, 0.4)
+    assert rings.bearing_rad(ring) == BEARINGS[6]
+    assert ring.front_m == 1.2
+
+
+def test_a_dead_sonar_is_missing_and_the_others_are_not() -> None:
+    ring = seen(scan({3: 500}, valid=0xFF & ~(1 << 3)))
+    assert ring.range_m[3] is None
+    assert ring.fresh == 7
+    assert ring.nearest == -1
+
+
+def test_each_sonar_grows_stale_by_the_age_of_its_own_ping() -> None:
+    ring = seen(scan({0: 500, 1: 600}))
+    rings.update(ring, None, 125, DEFAULTS)
+    assert ring.range_m[:2] == [0.5, 0.6]
+    rings.update(ring, None, 130, DEFAULTS)  # group A was pinged 25 ms before the stamp
+    assert ring.range_m[:2] == [None, 0.6]
+    rings.update(ring, None, 151, DEFAULTS)
+    assert ring.fresh == 0
+
+
+def test_echo_at_zero_or_beyond_the_range_is_impossible() -> None:
+    for impossible_mm in (0, 3301, 65535):
+        ring = seen(scan({4: impossible_mm}))
+        assert ring.impossible
+        assert ring.range_m[4] is None
+    rings.update(ring, scan({4: 3000}), 50, DEFAULTS)
+    assert not ring.impossible
+    assert not seen(scan({4: 3200})).impossible  # noise at the far end
+
+
+@given(st.lists(st.one_of(st.none(), st.integers(1, 3000)), min_size=8, max_size=8))
+def test_the_nearest_is_never_farther_than_any_echo(ranges_mm: list[int | None]) -> None:
+    echoes = {i: mm for i, mm in enumerate(ranges_mm) if mm is not None}
+    ring = seen(scan(echoes))
+    assert ring.nearest_m == min(echoes.values(), default=inf) / 1000
+    assert ring.nearest_m <= ring.front_m
 
 
 def look(
