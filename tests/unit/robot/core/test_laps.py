@@ -160,10 +160,10 @@ def ends(proof: Proof) -> tuple[int, int]:
 
 def test_lap_is_open_until_it_has_passed_the_mark() -> None:
     length_m = 2.0 * pi * INSIDE_M
-    for laps, found in ((0.95, OPEN), (1.0, OPEN), (1.3, SEPARATED)):
+    for turns, found in ((0.95, OPEN), (1.0, OPEN), (1.3, SEPARATED)):
         proof = Proof()
         way = (INSIDE_M, 1, states.LEFT, (3.0, 0.0), around())
-        assert lap(proof, *way, [], laps=laps) == found
+        assert lap(proof, *way, [], laps=turns) == found
     assert 1000.0 * length_m > MIN_LAP_MM
     past_mm = hypot(
         *(a - b for a, b in zip(chains.middle(proof.chain, TAIL), ends(proof), strict=True))

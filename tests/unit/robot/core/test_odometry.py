@@ -130,8 +130,8 @@ def test_sample_that_is_missing_adds_no_motion_aside() -> None:
     assert (odometry.left_m, odometry.right_m, odometry.moved_m) == (0.0, 0.0, 0.0)
     as_arc.left_m = as_arc.right_m = 0.0
     sample = wheels(odometry.left + 90, odometry.right + 30, odometry.at_ms + 100)
-    for each in (odometry, as_arc):
-        odometries.update(each, sample, DEFAULTS)
+    for updated in (odometry, as_arc):
+        odometries.update(updated, sample, DEFAULTS)
     assert odometry.pose == as_arc.pose
 
 
