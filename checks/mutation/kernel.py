@@ -51,13 +51,13 @@ TARGETS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "runtime/sequence.py": ("tests/unit/runtime/test_sequence.py",),
         "robot/emergency_stop.py": ("tests/unit/robot/test_stop_latch.py",),
         "protocol/stop_datagram.py": ("tests/unit/protocol/test_stop_datagram.py",),
-        "protocol/bus/mailbox.py": ("tests/unit/protocol/bus/test_mailbox.py",),
-        "protocol/bus/robot_clock.py": ("tests/unit/protocol/bus/test_robot_clock.py",),
+        "protocol/bus/mailbox.py": ("tests/unit/protocol/test_bus_mailbox.py",),
+        "protocol/bus/robot_clock.py": ("tests/unit/protocol/test_bus_clock.py",),
         "plant/process/robot_link.py": (
             "tests/unit/plant/process/test_command_gate.py",
             "tests/unit/plant/process/test_robot_link.py",
         ),
-        "protocol/wire/codec.py": ("tests/unit/protocol/wire/test_codec_by_example.py",),
+        "protocol/wire/codec.py": ("tests/unit/protocol/test_wire_codec.py",),
     }
 )
 """Source files with their tests, the module's own first."""
