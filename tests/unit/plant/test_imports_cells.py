@@ -1,25 +1,154 @@
-"""Shortest paths over many cells and in the corpus, compared with a search on a fine grid.
+"""Maps of cells: rectangles, outlines and shortest routes."""
 
-The judge is Dijkstra over a fine grid: its moves in eight directions are at most 8.3 % longer than
-the straight line, never shorter.
-"""
-
+from collections import deque
 from heapq import heappop, heappush
 from itertools import pairwise
 from math import asin, atan2, ceil, dist, hypot, inf, sqrt
 
 import numpy as np
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
 
 from plant.corpus import FAMILIES, GRID_FAMILIES, generate
-from plant.imports.cells import Cells, Mask
+from plant.imports.cells import MAX_POINTS, Cells, Mask, labelled, outlines, standing
 from plant.imports.importer import ImportedWorld, Places, grid_world
 from plant.model.configuration import Body
 from plant.model.draws import Draws
-from plant.model.geometry import clearance_m, moves
+from plant.model.geometry import area_m2, clearance_m, crossing_edges, folded_corner, inside, moves
 from plant.shortest_path import near_path, shortest_path_m
 from protocol.world import Point, World
 from tests.support.each import each
+
+masks = hnp.arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 9)))
+
+
+def flooded(mask: Mask, row: int, column: int) -> set[tuple[int, int]]:
+    """Return the connected region of a mask around a cell, by a slow flood fill."""
+    reached, todo = {(row, column)}, deque([(row, column)])
+    while todo:
+        r, c = todo.popleft()
+        for there in ((r + 1, c), (r - 1, c), (r, c + 1), (r, c - 1)):
+            inside = 0 <= there[0] < mask.shape[0] and 0 <= there[1] < mask.shape[1]
+            if inside and mask[there] and there not in reached:
+                reached.add(there)
+                todo.append(there)
+    return reached
+
+
+@given(masks)
+def test_connected_cells_share_one_label(mask: Mask) -> None:
+    labels = labelled(mask)
+    assert ((labels > 0) == mask).all()
+    assert set(labels[mask].tolist()) == set(range(1, labels.max(initial=0) + 1))
+    for row, column in np.argwhere(mask).tolist():
+        same = {(r, c) for r, c in np.argwhere(labels == labels[row, column]).tolist()}
+        assert same == flooded(mask, row, column)
+
+
+@given(masks, st.floats(0.0, 2.5))
+def test_place_is_clear_far_from_blocked_cells_and_rim(mask: Mask, room_m: float) -> None:
+    clear = standing(Cells(mask, 1.0), room_m)
+    blocked = np.argwhere(np.pad(mask, 4, constant_values=True)) - 4
+    for row, column in np.ndindex(mask.shape):
+        gaps_m = [
+            hypot(max(0.0, abs(row - r) - 0.5), max(0.0, abs(column - c) - 0.5))
+            for r, c in blocked.tolist()
+        ]
+        expected = not mask[row, column] and min(gaps_m) >= room_m - 1e-9
+        assert clear[row, column] == expected
+
+
+@given(masks)
+def test_trimming_keeps_all_free_cells_in_place(mask: Mask) -> None:
+    whole = Cells(mask, 0.5, corner=(10.0, 20.0), yaw_rad=0.3)
+    part = whole.trimmed()
+    assert (~part.blocked).sum() == (~mask).sum()
+    if mask.all():
+        return
+    for rim in (part.blocked[0], part.blocked[-1], part.blocked[:, 0], part.blocked[:, -1]):
+        assert not rim.all()
+    # A free cell is at the same place of the map's frame as before.
+    row, column = np.argwhere(~part.blocked)[0].tolist()
+    x_m, y_m = part.centre(row, column)
+    c, s = np.cos(0.3), np.sin(0.3)
+    place = (part.corner[0] + c * x_m - s * y_m, part.corner[1] + s * x_m + c * y_m)
+    old_x, old_y = whole.on_floor(place)
+    assert not mask[int(old_y / 0.5), int(old_x / 0.5)]
+    assert np.allclose(part.on_floor(place), (x_m, y_m), atol=2e-6)
+
+
+@given(masks, st.integers(1, 12), st.integers(0, 99))
+def test_window_is_a_part_of_the_map(mask: Mask, side: int, seed: int) -> None:
+    whole = Cells(mask, 1.0)
+    part = whole.window(Draws(str(seed)), side)
+    assert part.blocked.shape == (min(side, whole.rows), min(side, whole.columns))
+    column, row = (round(value) for value in part.corner)
+    expected = mask[row : row + part.rows, column : column + part.columns]
+    assert (part.blocked == expected).all()
+
+
+@settings(max_examples=30)
+@given(masks, st.integers(1, 4))
+def test_finer_cells_cover_the_same_floor(mask: Mask, parts: int) -> None:
+    fine = Cells(mask, 0.6).finer(parts)
+    assert fine.size_m == Cells(mask, 0.6).size_m
+    assert (fine.blocked[::parts, ::parts] == mask).all()
+    assert fine.blocked.sum() == mask.sum() * parts**2
+
+
+RING = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], dtype=bool)
+PINCHED = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 0]], dtype=bool)
+
+
+@settings(max_examples=200, deadline=None)
+@given(masks)
+@example(RING)
+@example(PINCHED)
+@example(PINCHED[::-1])
+@example(np.kron(RING, RING).astype(bool))
+def test_outlines_cover_exactly_the_blocked_cells(mask: Mask) -> None:
+    polygons = outlines(Cells(mask, 1.0))
+    assert sum(area_m2(one.points_m) for one in polygons) == pytest.approx(mask.sum())
+    for row, column in np.ndindex(mask.shape):
+        covering = sum(inside((column + 0.5, row + 0.5), one.points_m) for one in polygons)
+        assert covering == mask[row, column]
+
+
+@settings(max_examples=200, deadline=None)
+@given(masks)
+@example(PINCHED)
+def test_each_outline_is_valid_in_a_world(mask: Mask) -> None:
+    for polygon in outlines(Cells(mask, 0.4)):
+        assert 4 <= len(polygon.points_m) <= MAX_POINTS
+        assert crossing_edges(polygon.points_m) is None
+        assert folded_corner(polygon.points_m) is None
+
+
+def test_block_is_one_polygon_of_four_points() -> None:
+    (polygon,) = outlines(Cells(np.ones((40, 60), dtype=bool), 0.05))
+    assert set(polygon.points_m) == {(0.0, 0.0), (3.0, 0.0), (3.0, 2.0), (0.0, 2.0)}
+
+
+def test_hole_needs_one_cut() -> None:
+    mask = np.ones((9, 9), dtype=bool)
+    mask[3:6, 3:6] = False
+    assert len(outlines(Cells(mask, 1.0))) == 2
+
+
+def test_blocks_meeting_at_a_corner_give_two_touching_polygons() -> None:
+    first, second = outlines(Cells(np.eye(2, dtype=bool), 1.0))
+    assert set(first.points_m) & set(second.points_m) == {(1.0, 1.0)}
+
+
+def test_outline_with_too_many_points_is_split() -> None:
+    mask = np.ones((2, 101), dtype=bool)
+    mask[1, ::2] = False
+    polygons = outlines(Cells(mask, 1.0))
+    assert max(len(one.points_m) for one in polygons) <= MAX_POINTS
+    assert sum(area_m2(one.points_m) for one in polygons) == mask.sum()
+
 
 RADIUS_M = Body().radius_m
 PITCH_M = 0.07
