@@ -48,7 +48,7 @@ TARGETS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
             "tests/unit/robot/test_senses.py",
             "tests/unit/robot/test_process.py",
         ),
-        "runtime/sequence.py": ("tests/unit/runtime/test_sequence.py",),
+        "runtime/sequence.py": ("tests/unit/runtime/test_clock.py",),
         "robot/emergency_stop.py": ("tests/unit/robot/test_stop_latch.py",),
         "protocol/stop_datagram.py": ("tests/unit/protocol/test_stop_datagram.py",),
         "protocol/bus/mailbox.py": ("tests/unit/protocol/test_bus_mailbox.py",),

@@ -1,6 +1,8 @@
-"""Completion: `sidestep complete` answers from the parsers, and the scripts pass its answers on."""
+"""The table of verbs, its examples, and completion."""
 
+import argparse
 import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -9,16 +11,18 @@ import pytest
 
 from ground.user.settings import settings_file
 from plant.world.file import shipped
+from protocol.options import numbers_kept
 from runtime.cli.completion import SCRIPTS, complete, completions
 from runtime.cli.completion import main as print_script
-from runtime.cli.verb_table import GROUPS, VERBS, command_of
+from runtime.cli.parsers import PLACE, parser_of, program_parsers, subcommands_of
+from runtime.cli.verb_table import GROUPS, VERBS, Call, command_of, find, with_present_name
 from tests.support.each import each
 from tests.support.ground.runs import written
 
-ROOT = Path(__file__).parents[4]
+ROOT = Path(__file__).parents[3]
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Work in a folder with a recording, a world, a table and a folder."""
     for name in ("drive.mcap", "door.toml", "drive.csv"):
@@ -32,6 +36,7 @@ def words_for(line: str) -> list[str]:
     return [found.partition("\t")[0] for found in completions(line.split(" "))]
 
 
+@pytest.mark.usefixtures("folder")
 @each(
     ("line", "found"),
     [
@@ -75,10 +80,12 @@ def test_words_that_fit(line: str, found: list[str]) -> None:
     assert sorted(words_for(line)) == sorted(found)
 
 
+@pytest.mark.usefixtures("folder")
 def test_every_world_is_offered_in_the_order_of_the_list() -> None:
     assert words_for("run plant --world ")[: len(shipped())] == shipped()
 
 
+@pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize(
     ("line", "found"),
     [
@@ -106,17 +113,20 @@ def test_running_systems_and_contexts_are_offered(
         file.remove()
 
 
+@pytest.mark.usefixtures("folder")
 def test_first_word_is_a_group_or_a_short_verb_with_its_summary() -> None:
     short = {word: verb.summary for word, verb in VERBS.items() if not verb.is_grouped}
     rows = dict(line.split("\t") for line in completions([""]))
     assert rows == dict(GROUPS) | short
 
 
+@pytest.mark.usefixtures("folder")
 @each("word", VERBS)
 def test_options_of_every_verb_are_offered(word: str) -> None:
     assert "--help" in words_for(f"{command_of(word)} --")
 
 
+@pytest.mark.usefixtures("folder")
 def test_errors_print_nothing(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -128,6 +138,7 @@ def test_errors_print_nothing(
     assert capsys.readouterr() == ("", "")
 
 
+@pytest.mark.usefixtures("folder")
 def test_verbs_are_completed_without_loading_their_packages() -> None:
     code = (
         "import sys, sidestep; sidestep.main(['complete', '--', 'rec', '']);"
@@ -140,6 +151,7 @@ def test_verbs_are_completed_without_loading_their_packages() -> None:
     assert done.stdout.splitlines()[-1] == "set()"
 
 
+@pytest.mark.usefixtures("folder")
 @each("shell", SCRIPTS)
 def test_script_of_each_shell_is_printed(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert print_script([shell]) == 0
@@ -155,6 +167,7 @@ complete -p sidestep
 """
 
 
+@pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize(
     ("words", "found"),
     [
@@ -183,3 +196,75 @@ def test_bash_completes_with_the_script(words: list[str], found: list[str], fold
     *replies, registered = done.stdout.splitlines()
     assert (replies, done.stderr) == (found, "")
     assert registered == "complete -o default -F _sidestep sidestep"
+
+
+SUBCOMMANDS = [(word, name) for word, verb in VERBS.items() for name in verb.subcommands]
+
+
+@each("word", VERBS)
+def test_example_is_accepted_by_the_parser(word: str) -> None:
+    call = find(shlex.split(VERBS[word].example))
+    assert call is not None
+    assert (call.word, call.is_old) == (word, False)
+    found = parser_of(word).parse_args(numbers_kept(call.arguments))
+    assert isinstance(found, argparse.Namespace)
+
+
+@each(("word", "name"), SUBCOMMANDS)
+def test_example_of_a_subcommand_is_accepted(word: str, name: str) -> None:
+    words = shlex.split(VERBS[word].subcommands[name].example)
+    assert words[:2] == [word, name]
+    program = program_parsers(word).get(name)
+    parser, rest = (parser_of(word), words[1:]) if program is None else (program, words[2:])
+    assert parser.parse_args(numbers_kept(rest)) is not None
+
+
+@each(
+    ("line", "advice"),
+    [
+        ("teleop --for 1 -- 0.2 0 --json", f"unrecognized arguments: --json; {PLACE}"),
+        ("teleop --jsn 0.2 0", "unrecognized arguments: --jsn; did you mean '--json'?"),
+        ("teleop 0.2 0 --zzz", "unrecognized arguments: --zzz"),
+    ],
+)
+def test_an_option_that_is_not_taken_is_never_proposed_again(
+    line: str, advice: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    word, *arguments = line.split()
+    with pytest.raises(SystemExit):
+        parser_of(word).parse_args(arguments)
+    assert capsys.readouterr().err.endswith(f"{advice}\n")
+
+
+@each("word", VERBS)
+def test_parsers_have_the_subcommands_of_the_table(word: str) -> None:
+    below = {*subcommands_of(parser_of(word)), *program_parsers(word)}
+    assert below == VERBS[word].subcommands.keys()
+
+
+@each("word", VERBS)
+def test_verb_is_found_by_its_present_name(word: str) -> None:
+    name = command_of(word).split()
+    assert find([*name, "--json"]) == Call(word, ["--json"])
+    assert with_present_name([word, "--json"]) == [*name, "--json"]
+    assert with_present_name([*name, "--json"]) == [*name, "--json"]
+
+
+def test_grouped_verb_is_found_by_its_old_name() -> None:
+    assert find(["record", "runs"]) == Call("record", ["runs"], is_old=True)
+
+
+@each("words", [[], ["rec"], ["start"], ["rec", "sing"], ["container"]])
+def test_other_words_are_no_verb(words: list[str]) -> None:
+    assert find(words) is None
+    assert with_present_name(words) == words
+
+
+def test_no_group_has_the_name_of_a_verb() -> None:
+    assert not GROUPS.keys() & VERBS.keys()
+
+
+def test_summary_of_a_group_names_its_verbs() -> None:
+    for group, summary in GROUPS.items():
+        names = [command_of(word).split()[1] for word in VERBS if VERBS[word].section == group]
+        assert summary.partition(": ")[2].split(", ") == names
