@@ -358,14 +358,14 @@ EVIDENCE: Final = (
         "State diagrams",
         "all states that the robot's code can reach",
         "`make generate-docs`",
-        test="tests/unit/verification/mode_model/test_mode_model.py",
+        test="tests/unit/checks/test_mode_model.py",
     ),
     EvidencePage(
         "mutants",
         "Equivalent mutants",
         "changes of the code that no test can detect, with the reasons",
         "`make mutation`, `make generate-docs`",
-        test="tests/unit/verification/mutation/test_mutation.py",
+        test="tests/unit/checks/test_mutation.py",
     ),
 )
 
