@@ -200,7 +200,7 @@ def test_room_has_the_tests_that_mirror_it(path: str, tests: list[str]) -> None:
 @each(
     ("path", "why"),
     [
-        ("ground/clinet", "no such folder or module; the rooms are benchmarks, ground, plant,"),
+        ("ground/clinet", "no such folder or module; the rooms are checks, gateways, ground,"),
         ("tests/nothing", "no such file or folder"),
         ("docs", "docs has no tests of its own in tests/unit; name its folder"),
     ],
