@@ -16,7 +16,7 @@ from gateways.mavlink.endpoints import ReceivedBytes, opened
 from tests.support.gateway.telemetry import everything
 from tests.support.gateway.whole import CommandedPort, WholeGateway
 from tests.support.stack.browser import SEEN_S, browsing, chromium
-from tests.unit.ground.gateway.test_trouble import ARM, CLEAR, HEARTBEAT, STOP, frame_of
+from tests.unit.gateways.mavlink.test_trouble import ARM, CLEAR, HEARTBEAT, STOP, frame_of
 
 pytestmark = [
     pytest.mark.stack,

@@ -1,13 +1,11 @@
-"""The control loop and the simulation use only operations with the same result on every machine.
-
-The C library's elementary functions, numpy's, products of matrices and sums that a library adds up
-in an order of its own may differ in the last bit between machines and versions. The rule holds for
-the robot, the plant with its worlds and noise, the evaluation of a run and the trial around them.
-"""
+"""Rules for sources: the same bits on every machine, large imports, no markers of merges."""
 
 import ast
+import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
+from typing import Final
 
 from tests.support.each import each
 
@@ -182,3 +180,85 @@ def test_each_forbidden_operation_is_found(text: str, complaint: str) -> None:
 def test_allowed_operations_are_not_reported() -> None:
     text = "from math import pi, sqrt\nimport numpy as np\ny = np.maximum.reduce(x) * 2**31"
     assert complaints(text) == set()
+
+
+PACKAGES = (
+    "protocol",
+    "robot",
+    "firmware",
+    "plant",
+    "ground",
+    "gateways",
+    "vehicle_check",
+    "study",
+)
+MAY_IMPORT = {
+    "zenoh": ("protocol/bus/",),
+    "pymunk": ("plant/sim/physics.py",),
+    "pymavlink": (
+        "gateways/mavlink/mavlink_dialect.py",
+        "vehicle_check/mavlink_frames.py",
+        "protocol/dialect/",
+    ),
+    "textual": ("ground/app", "ground/app/widgets"),
+    "numpy": ("plant/", "study/"),
+}
+
+
+@cache
+def imports_of(file: Path) -> set[str]:
+    """Return the top-level names of all imports of a file, nested ones included."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            found.add(node.module.partition(".")[0])
+    return found
+
+
+def importers_of(library: str) -> list[str]:
+    files = [file for package in PACKAGES for file in (ROOT / package).rglob("*.py")]
+    return sorted(
+        file.relative_to(ROOT).as_posix() for file in files if library in imports_of(file)
+    )
+
+
+def test_each_library_is_imported_only_where_it_belongs() -> None:
+    strangers = {
+        library: [file for file in importers_of(library) if not file.startswith(allowed)]
+        for library, allowed in MAY_IMPORT.items()
+    }
+    assert strangers == {library: [] for library in MAY_IMPORT}
+
+
+def test_import_rules_cover_files_with_imports() -> None:
+    assert "plant/sim/physics.py" in importers_of("pymunk")
+    assert any(file.startswith("protocol/bus/") for file in importers_of("zenoh"))
+
+
+MARKER: Final = re.compile(rb"^(?:<{7}|>{7}) \S", re.MULTILINE)
+SUFFIXES: Final = {".c", ".h", ".json", ".md", ".py", ".toml", ".xml", ".yml"}
+FOLDERS: Final = (
+    *("checks", "docs", "examples", "ground", "plant", "protocol"),
+    *("robot", "runtime", "study", "tests"),
+)
+
+
+def marked(root: Path) -> Iterator[Path]:
+    """Yield the text files below a folder that contain a marker."""
+    for path in root.rglob("*"):
+        if path.suffix in SUFFIXES and MARKER.search(path.read_bytes()):
+            yield path
+
+
+def test_no_file_has_an_unresolved_merge() -> None:
+    top = [path for path in ROOT.glob("*.md") if MARKER.search(path.read_bytes())]
+    assert [*top, *(path for name in FOLDERS for path in marked(ROOT / name))] == []
+
+
+def test_an_unresolved_merge_is_found(tmp_path: Path) -> None:
+    page, whole = tmp_path / "page.md", tmp_path / "whole.md"
+    page.write_text(f"one\n{'<' * 7} HEAD\ntwo\n{'=' * 7}\nthree\n{'>' * 7} other\n")
+    whole.write_text(f"{'<' * 8} a heading\n{'=' * 7}\n")
+    assert list(marked(tmp_path)) == [page]

@@ -1,14 +1,20 @@
-"""Test that requests need the token, and that pages of other sites are refused."""
+"""The app in a browser: tokens, foreign pages, addresses, and its command line."""
 
 import asyncio
+import socket
 from asyncio.subprocess import Process
 from collections.abc import Awaitable, Callable
+from contextlib import closing
+from pathlib import Path
 from typing import Any
 
 import pytest
 from aiohttp import CookieJar, web
 from aiohttp.test_utils import TestClient, TestServer
+from hypothesis import given
+from hypothesis import strategies as st
 
+from ground.cli.main import parse
 from ground.web import (
     MAX_BROWSERS,
     MAX_SESSIONS,
@@ -16,8 +22,13 @@ from ground.web import (
     Address,
     WebAccess,
     WebServer,
+    address_of,
     is_same_origin,
+    refuse_taken,
+    token_of,
+    words_of,
 )
+from runtime.errors import UserError
 from tests.support.each import each
 from tests.support.until import PATIENCE_S
 
@@ -188,3 +199,109 @@ def test_tokens_are_compared_in_full() -> None:
 )
 def test_origin_of_a_request(origin: str | None, host: str, fits: bool) -> None:
     assert is_same_origin(origin, host) is fits
+
+
+@each(
+    ("text", "found"),
+    [
+        ("", Address("127.0.0.1", 8770)),
+        ("9000", Address("127.0.0.1", 9000)),
+        (":9000", Address("127.0.0.1", 9000)),
+        ("0.0.0.0", Address("0.0.0.0", 8770)),
+        ("0.0.0.0:80", Address("0.0.0.0", 80)),
+        ("ground.local:9000", Address("ground.local", 9000)),
+        ("[::1]:9000", Address("::1", 9000)),
+    ],
+)
+def test_address_is_completed_with_defaults(text: str, found: Address) -> None:
+    assert address_of(text) == found
+
+
+@each("text", ["127.0.0.1:0", "1:99999", "0", "a b:80", "http://x:80", "x:/80"])
+def test_malformed_address_is_refused(text: str) -> None:
+    with pytest.raises(UserError, match="--web"):
+        address_of(text)
+
+
+@given(st.text(max_size=40))
+def test_any_text_is_an_address_or_refused(text: str) -> None:
+    try:
+        found = address_of(text)
+    except UserError:
+        return
+    assert found.host
+    assert 0 < found.port < 65536
+
+
+def test_url_carries_the_token() -> None:
+    assert Address("127.0.0.1", 80).url("abc") == "http://127.0.0.1:80/?token=abc"
+    assert Address("::1", 80).url("abc") == "http://[::1]:80/?token=abc"
+
+
+def test_only_loopback_is_local() -> None:
+    assert Address("127.0.0.1", 1).local
+    assert Address("localhost", 1).local
+    assert not Address("0.0.0.0", 1).local
+
+
+def test_each_start_has_a_new_token() -> None:
+    tokens = {token_of(None) for _ in range(20)}
+    assert len(tokens) == 20
+    assert min(map(len, tokens)) >= 24
+
+
+def test_token_is_read_from_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "token"
+    file.write_text("0123456789abcdef-_\n")
+    assert token_of(str(file)) == "0123456789abcdef-_"
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"short", b"0123456789abcde;", "0123456789abcdef\u00e4".encode()]
+)
+def test_short_or_untypable_token_is_refused(tmp_path: Path, content: bytes) -> None:
+    file = tmp_path / "token"
+    file.write_bytes(content)
+    with pytest.raises(UserError, match="--token-file"):
+        token_of(str(file))
+
+
+def test_missing_token_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="nowhere: No such file"):
+        token_of(str(tmp_path / "nowhere"))
+
+
+@each(
+    "words",
+    [
+        [],
+        ["--id", "r2", "--connect", "tcp/127.0.0.1:7000"],
+        ["--theme", "light", "--hz", "5.0", "--ascii"],
+        ["--record", "logs", "--keys", "keys.toml", "--config", "all.toml"],
+        ["--no-record"],
+    ],
+)
+def test_browsers_get_the_options_of_the_command_line(words: list[str]) -> None:
+    wanted = parse(["ground", *words])
+    given = parse(words_of(parse(["ground", "--web", "9000", "--token-file", "t", *words])))
+    assert vars(given) == vars(wanted)
+    assert given.web is None
+
+
+def test_every_other_option_is_passed_on() -> None:
+    own = {"verb", "web", "token_file", "json", "plain"}
+    words = ["--connect", "c", "--id", "i", "--config", "f", "--record", "d", "--theme", "dark"]
+    full = parse(["ground", "--web", "1", *words, "--hz", "2", "--keys", "k", "--ascii"])
+    again = parse(words_of(full))
+    assert {name for name in vars(full) if vars(full)[name] != vars(again)[name]} <= own
+    assert again.keys == Path("k")
+
+
+def test_address_in_use_is_refused() -> None:
+    with closing(socket.socket()) as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(UserError, match=f"{port}.*choose another port"):
+            refuse_taken(Address("127.0.0.1", port))
+    refuse_taken(Address("127.0.0.1", port))
