@@ -1,17 +1,141 @@
-"""Test that each key id runs its action on the screens where it is active."""
+"""Keys: their table, the action of each on its screens, hints, and the menu of a place."""
+
+from pathlib import Path
 
 import pytest
 from textual.command import CommandList, DiscoveryHit, Hit
 from textual.content import Content
 
+from ground.app.chrome.key_bar import CURSOR
 from ground.app.commands.palette import CommandPalette
-from ground.app.input.keymap import KEYS, Keymap, Layer, keymap_of
+from ground.app.input.keymap import (
+    KEYS,
+    Keymap,
+    Layer,
+    as_toml,
+    bindings_of,
+    clashes,
+    key_hints,
+    keymap_of,
+    load,
+)
 from ground.app.screens import SCREENS
 from ground.app.screens.drive import DriveScreen
 from ground.app.widgets.command_line import CommandLine
+from ground.client.results import Refused
+from ground.client.vocabulary import HINTS
+from ground.map.drawing import described, measured
+from ground.map.scene import Disc, MapScene, Outline
+from protocol.wire.reasons import Reason
+from runtime.errors import ConfigError
+from tests.support.each import each
 from tests.support.tui.fakes import FakeStation
 from tests.support.tui.pilot import Stage, play, staged
 from tests.support.tui.underway import driving
+
+BELOW = (Layer.ROBOT, Layer.FLEET, Layer.STATION)
+
+
+def of(text: str, tmp_path: Path) -> Keymap:
+    path = tmp_path / "keys.toml"
+    path.write_text(text, encoding="utf-8")
+    return load(path)
+
+
+def test_ids_are_unique() -> None:
+    ids = [key.id for key in KEYS]
+    assert len(ids) == len(set(ids))
+
+
+def test_active_ids_never_share_a_key() -> None:
+    assert clashes(Keymap()) == []
+
+
+def test_only_cursor_and_teleop_hide_keys_of_the_robot() -> None:
+    below = {word for key in Keymap().of(*BELOW) for word in key.keys}
+    for layer in set(Layer) - {Layer.CURSOR, Layer.TELEOP, *BELOW}:
+        if layer in (Layer.TYPING, Layer.FILTER):  # keys type text there
+            continue
+        taken = {word for key in Keymap().of(layer) for word in key.keys}
+        assert not taken & below, layer
+
+
+def test_file_changes_a_key(tmp_path: Path) -> None:
+    keymap = of('[keys]\nhold = ["P", "f5"]\n', tmp_path)
+    assert keymap["hold"].keys == ("P", "f5")
+    assert keymap["resume"].keys == ("r",)
+
+
+def test_empty_list_removes_a_key(tmp_path: Path) -> None:
+    assert of("[keys]\nrtl = []\n", tmp_path)["rtl"].keys == ()
+
+
+def test_misspelt_id_is_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"keys\.holdd.*did you mean 'hold'"):
+        of('[keys]\nholdd = "P"\n', tmp_path)
+
+
+def test_unknown_table_is_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"kees.*did you mean 'keys'"):
+        of('[kees]\nhold = "P"\n', tmp_path)
+
+
+@pytest.mark.parametrize("value", ["3", "true", '[""]', "[1]", '""'])
+def test_malformed_key_is_refused(value: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="not a key"):
+        of(f"[keys]\nhold = {value}\n", tmp_path)
+
+
+def test_used_key_is_refused_with_its_owner(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="'space' is already used by estop-here"):
+        of('[keys]\nhold = "space"\n', tmp_path)
+
+
+def test_two_ids_may_swap_keys(tmp_path: Path) -> None:
+    keymap = of('[keys]\nhold = "r"\nresume = "h"\n', tmp_path)
+    assert (keymap["hold"].keys, keymap["resume"].keys) == (("r",), ("h",))
+
+
+def test_stop_key_that_types_a_character_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="cannot be used on the command line"):
+        of('[keys]\nestop = "!"\n', tmp_path)
+
+
+def test_value_instead_of_a_table_is_refused() -> None:
+    with pytest.raises(ConfigError, match="not a table"):
+        keymap_of({"keys": 3}, file="x")
+
+
+def test_each_key_becomes_a_binding_of_its_id() -> None:
+    bindings = bindings_of(Keymap())
+    found = {binding.id for _, binding in bindings}
+    assert found == {key.id for key in KEYS}
+    assert all(binding.priority for _, binding in bindings)
+
+
+def test_control_space_is_bound_as_terminals_send_it() -> None:
+    keys = [key for key, binding in bindings_of(Keymap()) if binding.id == "estop"]
+    assert keys == ["f12", "ctrl+space", "ctrl+@"]
+
+
+def test_more_special_layer_hides_a_key() -> None:
+    found = {key.id: key.keys for key in Keymap().of(Layer.CURSOR, Layer.ROBOT)}
+    assert "m" in found["map-menu"]
+    assert "mode" not in found
+
+
+def test_cursor_hides_only_robot_keys_that_the_key_bar_names_anew() -> None:
+    keymap, named = Keymap(), {one.id for one in CURSOR}
+    robot = {word for key in keymap.of(Layer.ROBOT, Layer.FLEET) for word in key.keys}
+    hidden = {word: key.id for key in keymap.of(Layer.CURSOR) for word in key.keys if word in robot}
+    assert hidden == {"m": "map-menu"}
+    assert set(hidden.values()) <= named
+
+
+def test_printed_keymap_can_be_loaded(tmp_path: Path) -> None:
+    changed = of('[keys]\nhold = ["P", "\\\\"]\n', tmp_path)
+    assert of(as_toml(changed), tmp_path).keys == changed.keys
+
 
 LINES = {
     "hold": "hold",
@@ -257,3 +381,88 @@ def test_palette_word_starts_a_command_line() -> None:
             assert stage.app.screen.query_one(CommandLine).value == "param "
 
     play(story)
+
+
+def test_refusal_names_the_key_in_force() -> None:
+    assert Refused(Reason.NOT_ARMED, 0).in_words(key_hints(Keymap())).endswith("(`a` arm)")
+    other = keymap_of({"keys": {"arm": "f5", "goal": []}}, file="keys.toml")
+    hints = key_hints(other)
+    assert Refused(Reason.NOT_ARMED, 0).in_words(hints).endswith("(`f5` arm)")
+    assert Reason.NO_GOAL not in hints
+
+
+def test_refusal_without_a_key_names_the_command() -> None:
+    words = Refused(Reason.OUTSIDE_FENCE, 0).in_words(key_hints(Keymap()))
+    assert words.endswith("(`:fence show`)")
+
+
+def test_refusals_in_the_app_name_no_shell_command() -> None:
+    hints = key_hints(Keymap())
+    assert "G" in hints[Reason.NO_MISSION]
+    assert hints[Reason.NO_MISSION].endswith("`:mission upload FILE`")
+    assert hints.keys() >= HINTS.keys()
+    assert [words for words in hints.values() if "sidestep " in words] == []
+
+
+ROOM = Outline(((0.0, 0.0), (6.0, 0.0), (6.0, 4.0), (0.0, 4.0)))
+BOX = Outline(((2.0, 1.0), (3.0, 1.0), (3.0, 2.0), (2.0, 2.0)))
+
+
+def test_right_click_offers_to_drive_there() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.pilot.click("#map", offset=(12, 6), button=3)
+            await stage.redraw()
+            assert "go here" in stage.words("choices")
+            assert "measure to here" not in stage.words("choices")
+            await stage.press("enter")
+            assert len(stage.commands.given) == 1
+            assert stage.commands.given[0].startswith("goal ")
+
+    play(story)
+
+
+@each(("number", "line"), [("1", "goal"), ("2", "wp add")])
+def test_key_at_the_cursor_opens_the_menu(number: str, line: str) -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("G", "m", number)
+            assert stage.commands.given[0].startswith(line)
+
+    play(story)
+
+
+def test_menu_measures_and_looks() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("G", "m", "4", "L", "m", "5")
+            assert "m at 0° between both places" in stage.log()
+            await stage.press("m", "3")
+            assert "from the robot" in stage.words("answer")
+            await stage.press("m", "5")
+            assert "obstacle" in stage.words("answer")
+
+    play(story)
+
+
+@each(
+    ("place", "words"),
+    [
+        ((2.5, 1.5), "2.5 1.5: in an obstacle"),
+        ((3.1, 1.5), "3.1 1.5: at an obstacle 0.10 m away"),
+        ((5.0, 2.0), "5 2: nearest obstacle 0.80 m away, older echo"),
+        ((4.5, 3.0), "4.5 3: in an obstacle"),
+    ],
+)
+def test_look_names_what_is_there(place: tuple[float, float], words: str) -> None:
+    pillar = Disc(4.5, 3.0, 0.3179)
+    scene = MapScene(obstacles=(ROOM, BOX, pillar), seen_old=((5.1, 2.0),))
+    assert described(scene, place, 0.15) == words
+
+
+def test_look_at_an_empty_map() -> None:
+    assert described(MapScene(), (1.0, 2.0), 0.1) == "1 2: nothing known"
+
+
+def test_heading_of_a_measurement_is_counter_clockwise_from_x() -> None:
+    assert measured((1.0, 1.0), (1.0, 3.0)) == "2.00 m at 90°"

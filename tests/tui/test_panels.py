@@ -1,4 +1,4 @@
-"""Test the rows of the panels for values that are live, late or missing."""
+"""Panels: rows of live, late and missing values, stopped robots, and the last turn."""
 
 from math import inf, nan
 
@@ -15,19 +15,89 @@ from ground.app.panels.robot_state import (
     sonar_rows,
 )
 from ground.app.panels.status import SessionInfo, status_row
+from ground.app.screens.links import process_rows
 from ground.app.widgets.bars import SPARKLINES, bar, binned, figure_row, spark
-from ground.app.widgets.rows import Row, cut, in_ascii, row, width_of, words_of
+from ground.app.widgets.rows import Row, Span, cut, in_ascii, row, width_of, words_of
 from ground.client.goal import Destination
 from ground.client.status_line import goal_line, metres
 from ground.map.scene import MapTarget
 from ground.station.history.goal_progress import GoalProgress
 from protocol.topics import DECISION, MCU, MISSION, ODOMETRY, STATUS, TRUTH
-from protocol.wire.enums import GoalState, MissionState, Vehicle
-from protocol.wire.messages import MissionStatus, PlanarOdometry
-from protocol.wire.reasons import Reason
+from protocol.wire.enums import Branch, GoalState, MissionState, Mode, Vehicle
+from protocol.wire.messages import MissionStatus, NavigatorStatus, PlanarOdometry
+from protocol.wire.reasons import Reason, reason_text
 from tests.support.each import each
-from tests.support.tui.fakes import MS, FakeStation
+from tests.support.ground.explain.decisions import decided
+from tests.support.tui.fakes import MS, FakeStation, S
+from tests.support.tui.pilot import play, staged
 from tests.support.tui.underway import drive_messages, driving, mcu_status, parameter, status
+
+
+def shown(**changes: int) -> FakeStation:
+    station = driving(FakeStation())
+    now_ns = station.clock.now_ns()
+    message: NavigatorStatus = replace(status(now_ns), **changes)
+    station.air.put(STATUS, message, now_ns)
+    return station
+
+
+def rows_of_stopped(station: FakeStation) -> list[Row]:
+    return SidePanel().rows(station, 16, 60)
+
+
+def role_of(rows: list[Row], words: str) -> str:
+    return next(span.role for one in rows for span in one if span.text.strip() == words)
+
+
+@each(
+    ("vehicle", "name", "short", "role"),
+    [
+        (Vehicle.EMERGENCY_STOP, "EMERGENCY STOP", "E-STOP", "danger"),
+        (Vehicle.FAILSAFE, "FAILSAFE", "FAILSAFE", "caution"),
+    ],
+)
+@each("goal", [GoalState.NONE, GoalState.REACHED, GoalState.ABORTED])
+def test_stopped_robot_has_the_colour_of_its_vehicle_state(
+    vehicle: Vehicle, name: str, short: str, role: str, goal: GoalState
+) -> None:
+    station = shown(vehicle=vehicle, goal=goal)
+    assert role_of(rows_of_stopped(station), name) == role
+    status_line = [status_row(station, SessionInfo(), 120)]
+    assert role_of(status_line, short) == role
+    assert role_of(status_line, "▲") == role
+
+
+@each(
+    ("vehicle", "mark", "role"),
+    [
+        (Vehicle.EMERGENCY_STOP, "▲", "danger"),
+        (Vehicle.FAILSAFE, "▲", "caution"),
+        (Vehicle.ACTIVE, "●", "ok"),
+        (Vehicle.STANDBY, "●", "ok"),
+    ],
+)
+def test_mark_of_a_stopped_robot_is_no_mark_of_health(
+    vehicle: Vehicle, mark: str, role: str
+) -> None:
+    station = shown(vehicle=vehicle)
+    assert status_row(station, SessionInfo(), 120)[0] == Span(mark, role)
+    assert role_of(process_rows(station), "● present") == role
+    station.stopping_now = "E-STOP not acknowledged"
+    assert status_row(station, SessionInfo(), 120)[0] == Span("▲", "danger")
+
+
+@each("mode", [Mode.AUTO, Mode.HOLD, Mode.MANUAL])
+def test_reason_of_the_last_stop_disappears_when_armed_again(mode: Mode) -> None:
+    station = shown(
+        vehicle=Vehicle.ACTIVE, mode=mode, goal=GoalState.ABORTED, goal_reason=Reason.BUDGET
+    )
+    assert reason_text(Reason.BUDGET) not in " ".join(map(words_of, rows_of_stopped(station)))
+
+
+def test_reason_is_shown_while_the_robot_is_stopped() -> None:
+    station = shown(vehicle=Vehicle.FAILSAFE, vehicle_reason=Reason.BUDGET)
+    text = " ".join(map(words_of, rows_of_stopped(station)))
+    assert "control loop too slow (computer busy)" in text
 
 
 def side_rows(station: FakeStation, height: int = 16, width: int = 33) -> list[Row]:
@@ -317,3 +387,67 @@ def test_backward_speed_below_a_centimetre_is_zero_in_every_line() -> None:
     assert "-0.00" not in side(station)
     line = goal_line(station.telemetry, station.now_ns, 0)
     assert "0.00 m/s" in [part.text for part in line]
+
+
+TURNS = (Branch.TO_GOAL, Branch.PASS_RIGHT, Branch.PASS_LEFT)
+
+
+def turned(ago_ns: int = 2 * S) -> FakeStation:
+    """Return a station whose robot passed on the right, and `ago_ns` before now on the left."""
+    station = driving(FakeStation())
+    last_ns = station.now_ns - ago_ns
+    station.decisions_now = [
+        (last_ns + (tick - 2) * 50 * MS, decided(time_ns=tick * 50 * MS, branch=branch))
+        for tick, branch in enumerate(TURNS)
+    ]
+    return station
+
+
+def test_key_explains_the_last_turn_and_closes_again() -> None:
+    async def story() -> None:
+        async with staged((110, 30), station=turned()) as stage:
+            await stage.press("e")
+            text = stage.words("why-below")
+            assert "2.0 s ago: changes the side: passes on the right" in text
+            assert "so it passes on the left" in " ".join(text.split())
+            await stage.press("e")
+            assert not stage.app.screen.has_class("-explaining")
+
+    play(story)
+
+
+def test_other_key_explains_earlier_turns() -> None:
+    async def story() -> None:
+        async with staged((110, 30), station=turned()) as stage:
+            for _ in range(4):
+                await stage.press("E")
+            assert "goes for the goal -> passes on the right" in stage.words("why-below")
+
+    play(story)
+
+
+def test_robot_without_turns_has_no_explanation() -> None:
+    async def story() -> None:
+        async with staged((110, 30)) as stage:
+            await stage.press("e")
+            assert "the robot has not turned yet" in stage.words("why-below")
+
+    play(story)
+
+
+def test_turns_are_collected_on_other_screens() -> None:
+    async def story() -> None:
+        station = turned()
+        async with staged((110, 30), station=station) as stage:
+            await stage.press("4")
+            station.decisions_now.append(
+                (station.now_ns - S, decided(time_ns=150 * MS, branch=Branch.TO_GOAL))
+            )
+            station.decisions_now.append(
+                (station.now_ns - S + 50 * MS, decided(time_ns=200 * MS, branch=Branch.TO_GOAL))
+            )
+            await stage.press("1", "e")
+            turn = "1.0 s ago: passes on the left -> goes for the goal"
+            await stage.until_shown("why-below", turn)
+
+    play(story)

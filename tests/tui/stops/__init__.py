@@ -1,1 +1,0 @@
-"""Test the band, the bell and the confirmations around a stop."""

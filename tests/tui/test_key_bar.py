@@ -1,0 +1,328 @@
+"""Tab bar, key bar and last answer: what fits, what comes next, and what a click does."""
+
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from ground.app.chrome.answers import SHOWN_S, answer_row
+from ground.app.chrome.button_row import Button, ButtonRow, buttons_width
+from ground.app.chrome.key_bar import key_buttons, next_keys
+from ground.app.chrome.tabs import UnreadWarnings, tab_buttons
+from ground.app.input.keymap import KEYS, Keymap, Layer
+from ground.app.screens import SCREENS
+from ground.app.start import is_first_start
+from ground.app.stops.band import next_steps
+from ground.app.widgets.rows import width_of, words_of
+from ground.map.scene import MapTarget
+from ground.station.history.event_log import EventLog, LogLine
+from protocol.topics import MISSION, STATUS
+from protocol.wire.enums import GoalState, MissionState, Mode, Severity, Vehicle
+from protocol.wire.messages import MissionStatus
+from protocol.wire.reasons import Reason
+from tests.support.each import each
+from tests.support.tui.fakes import FakeStation, S
+from tests.support.tui.pilot import play, staged
+from tests.support.tui.underway import driving, status
+
+
+@each("width", [0, 1, 20, 40, 80, 160])
+def test_key_bar_fits_and_begins_with_the_stop(width: int) -> None:
+    keys = Keymap().of(Layer.STOP, Layer.DRIVE, Layer.ROBOT, Layer.FLEET, Layer.STATION)
+    left, right = key_buttons(keys, width)
+    if width >= 40:
+        assert buttons_width([*left, *right]) <= width
+        assert words(left).startswith(" space E-STOP")
+        assert words(right).endswith("? Help ")
+
+
+def words(buttons: list[Button]) -> str:
+    return "".join(words_of(one.row) for one in buttons)
+
+
+@each(
+    ("width", "text"),
+    [
+        (200, " 1 Drive  2 Plots ▌3 Params▐ 4 Log ▲2  5 Links  6 Worlds  7 Faults  8 Replay "),
+        (80, " 1 Drive  2 Plots ▌3 Params▐ 4 Log ▲2  5 Links  6 Worlds  7 Faults  8 Replay "),
+        (40, " 1  2 ▌3 Params▐ 4 ▲2  5  6  7  8 "),
+        (20, "▌3 Params▐"),
+        (3, "▌3 Params▐"),
+    ],
+)
+def test_tabs_are_shortened_but_name_the_present_screen(width: int, text: str) -> None:
+    assert words(tab_buttons("params", 2, width)) == text
+
+
+def test_tabs_mark_the_present_screen_in_ascii() -> None:
+    assert words(tab_buttons("drive", 0, 80, ascii_only=True)).startswith("[1 Drive] 2 Plots  3")
+
+
+def test_warnings_are_unread_until_the_log_is_shown() -> None:
+    unread, log = UnreadWarnings(), EventLog()
+    for severity in (Severity.WARNING, Severity.INFO, Severity.CRITICAL):
+        log.add(LogLine(0.0, severity, "r1", "text"))
+    unread.look(log, reading=False)
+    unread.look(log, reading=False)
+    assert unread.count == 2
+    unread.look(log, reading=True)
+    log.add(LogLine(1.0, Severity.WARNING, "r1", "text"))
+    unread.look(log, reading=False)
+    assert unread.count == 1
+
+
+def test_click_on_a_tab_shows_its_screen() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.pilot.click("#tabs", offset=(stage.words("tabs").index("Links"), 0))
+            await stage.redraw()
+            assert stage.app.current_mode == "links"
+            assert "▌5 Links▐" in stage.words("tabs")
+
+    play(story)
+
+
+def test_click_on_the_stop_in_the_key_bar_stops() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.pilot.click("#keybar", offset=(stage.words("keybar").index("E-STOP"), 0))
+            assert stage.station.stops == 1
+
+    play(story)
+
+
+def test_warnings_are_counted_on_the_tab_of_the_log() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            stage.station.note("refused", Severity.WARNING)
+            await stage.redraw()
+            assert "4 Log ▲1" in stage.words("tabs")
+            await stage.press("4", "1")
+            assert "▲" not in stage.words("tabs")
+
+    play(story)
+
+
+@each("size", [(20, 5), (40, 12), (80, 24), (200, 60)])
+def test_tab_bar_leaves_room_on_a_low_terminal(size: tuple[int, int]) -> None:
+    async def story() -> None:
+        async with staged(size) as stage:
+            assert stage.app.screen.query_one("#tabs").display == (size[1] >= 10)
+            assert stage.app.screen.query_one("#keybar").region.bottom == size[1]
+
+    play(story)
+
+
+WAYS = (MapTarget(1.0, 2.0), MapTarget(3.0, 4.0, 0.0))
+
+
+def station_in(vehicle: Vehicle, goal: GoalState, mode: Mode) -> FakeStation:
+    station = driving(FakeStation())
+    now_ns = station.now_ns
+    message = msgspec.structs.replace(status(now_ns, goal, vehicle), mode=mode)
+    station.air.put(STATUS, message, now_ns)
+    return station
+
+
+@each(
+    ("vehicle", "goal", "mode", "begins"),
+    [
+        (Vehicle.EMERGENCY_STOP, GoalState.ABORTED, Mode.HOLD, "D D Clear E-STOP"),
+        (Vehicle.FAILSAFE, GoalState.ABORTED, Mode.HOLD, "a Arm  r Go on  g Goal"),
+        (Vehicle.FAILSAFE, GoalState.NONE, Mode.HOLD, "a Arm  g Goal"),
+        (Vehicle.STANDBY, GoalState.ABORTED, Mode.HOLD, "a Arm  r Go on  g Goal"),
+        (Vehicle.ACTIVE, GoalState.ABORTED, Mode.HOLD, "r Go on  g Goal"),
+        (Vehicle.ACTIVE, GoalState.AVOIDING, Mode.GUIDED, "h Hold  x Abort  e Why"),
+        (Vehicle.ACTIVE, GoalState.DRIVING, Mode.HOLD, "r Resume  x Abort  g Goal"),
+        (Vehicle.ACTIVE, GoalState.REACHED, Mode.GUIDED, "g Goal  G Cursor  a Arm"),
+    ],
+)
+def test_key_bar_follows_the_state(
+    vehicle: Vehicle, goal: GoalState, mode: Mode, begins: str
+) -> None:
+    async def story() -> None:
+        async with staged(station=station_in(vehicle, goal, mode)) as stage:
+            assert stage.words("keybar").startswith(f" space E-STOP  {begins} ")
+
+    play(story)
+
+
+def test_key_bar_follows_cursor_teleop_and_typing() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("G")
+            assert stage.words("keybar").startswith(
+                " space E-STOP  enter Go  w Waypoint  ↑↓←→ Move "
+            )
+            await stage.press("escape", "t")
+            assert stage.words("keybar").startswith(" space E-STOP  esc End  ↑ Forward ")
+            assert "esc ends" in stage.words("prompt")
+            await stage.press("escape")
+            assert not stage.commands.teleop
+            await stage.press(":")
+            assert stage.words("keybar").startswith(" f12 E-STOP  tab Complete ")
+
+    play(story)
+
+
+def test_way_out_of_a_stop_comes_before_the_keys_of_the_cursor() -> None:
+    async def story() -> None:
+        station = station_in(Vehicle.EMERGENCY_STOP, GoalState.ABORTED, Mode.HOLD)
+        async with staged(station=station) as stage:
+            await stage.press("G")
+            assert stage.words("keybar").startswith(" space E-STOP  D D Clear E-STOP ")
+
+    play(story)
+
+
+def test_one_key_sends_starts_and_lists_the_mission() -> None:
+    async def story() -> None:
+        station = station_in(Vehicle.STANDBY, GoalState.NONE, Mode.HOLD)
+        async with staged(station=station) as stage:
+            stage.commands.draft_items = WAYS
+            await stage.redraw()
+            assert stage.words("keybar").startswith(" space E-STOP  W Send 2 waypoints ")
+            await stage.press("W")
+            station.items_now = WAYS
+            ready = MissionStatus(
+                time_ns=station.now_ns, hold_left_ms=0, state=MissionState.READY, current=0,
+                count=2, reason=0, mission_id=1,
+            )  # fmt: skip
+            station.air.put(MISSION, ready, station.now_ns)
+            await stage.redraw()
+            assert stage.words("keybar").startswith(" space E-STOP  W Start mission ")
+            await stage.press("W")
+            running = msgspec.structs.replace(ready, state=MissionState.RUNNING)
+            station.air.put(MISSION, running, station.now_ns)
+            await stage.press("W")
+            assert stage.commands.given == ["wp upload", "mission start", "mission list"]
+
+    play(story)
+
+
+def test_waypoint_ends_the_heading_of_the_cursor() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("G", ">", "w", "right", "w")
+            first, second = stage.commands.given
+            assert len(first.split()) == len(second.split()) + 1
+
+    play(story)
+
+
+@each("opening", ["v", "ctrl+p", "?"])
+def test_below_a_dialog_the_key_bar_names_only_keys_that_work(opening: str) -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            screen = stage.app.screen
+            await stage.press(opening)
+            rows = screen.query_one("#keybar", ButtonRow).rows
+            words = " ".join(words_of(one) for one in rows).split()
+            assert words[:2] == ["f12", "E-STOP"]
+            assert not {"Hold", "Abort", "space"} & set(words)
+            await stage.press("escape")
+            assert stage.words("keybar").startswith(" space E-STOP ")
+
+    play(story)
+
+
+KEY = Keymap()
+ANY_KEY = {one.id for one in KEYS}
+
+
+@each("vehicle", Vehicle)
+@each("mode", Mode)
+def test_every_state_and_mode_has_a_next_key(vehicle: Vehicle, mode: Mode) -> None:
+    for goal in GoalState:
+        found = next_keys(station_in(vehicle, goal, mode), ())
+        assert found
+        assert {one.id for one in found} <= ANY_KEY
+
+
+@each("reason", [one for one in Reason if 30 <= one < 60])
+def test_every_failsafe_leads_to_driving(reason: Reason) -> None:
+    stopped = msgspec.structs.replace(
+        status(0, GoalState.ABORTED, Vehicle.FAILSAFE), vehicle_reason=reason
+    )
+    keys = [step.key for step in next_steps(stopped, None, lambda id: KEY[id].keys[0])]
+    first = {Reason.FENCE_BREACHED: [":fence off"], Reason.FENCE_UNCHECKED: ["i"]}
+    assert keys == [*first.get(reason, []), "a", "g"]
+
+
+def test_unchecked_fence_asks_for_the_place() -> None:
+    station = station_in(Vehicle.FAILSAFE, GoalState.NONE, Mode.HOLD)
+    shown = status(station.now_ns, GoalState.NONE, Vehicle.FAILSAFE)
+    shown = msgspec.structs.replace(shown, vehicle_reason=Reason.FENCE_UNCHECKED)
+    station.air.put(STATUS, shown, station.now_ns)
+    assert [one.id for one in next_keys(station, ())] == ["place", "arm", "goal"]
+
+
+@pytest.mark.usefixtures("worlds")
+def test_refusal_is_shown_on_every_screen_for_some_seconds() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            for key in map(str, SCREENS.values()):
+                await stage.press(key)
+                stage.station.note(f"set side 0.{key}: not a whole number", Severity.WARNING)
+                await stage.redraw()
+                assert f"▲ set side 0.{key}: not a whole number" in stage.words("answer"), key
+                stage.station.clock.advance(round((SHOWN_S + 0.1) * S))
+                await stage.redraw()
+                assert stage.words("answer") == "", key
+
+    play(story)
+
+
+def test_answer_is_shown_while_the_explanation_covers_the_log() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("e", "y")
+            assert "no command to copy yet" in stage.words("answer")
+            await stage.press("escape")
+            assert stage.app.screen.query_one("#log").display
+            await stage.press("escape")
+            assert stage.app.screen.query_one("#log").display
+
+    play(story)
+
+
+def test_answer_leaves_room_to_type_and_a_click_begins_a_line() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            stage.station.note("x" * 200)
+            await stage.redraw()
+            await stage.pilot.click("#answer")
+            await stage.type("goal 3 1")
+            await stage.redraw()
+            assert stage.app.screen.query_one("#command").size.width >= 37
+            assert stage.words("answer").endswith("…")
+            await stage.press("enter")
+            assert stage.commands.given == ["goal 3 1"]
+
+    play(story)
+
+
+@each("width", [20, 40, 80])
+def test_cut_answer_names_the_log(width: int) -> None:
+    answer = LogLine(0.0, Severity.WARNING, "ground", "x" * 200)
+    shown = answer_row(answer, width)
+    assert width_of(shown) == width
+    assert words_of(shown).endswith("… see Log" if width >= 40 else "…")
+    assert "…" not in words_of(answer_row(answer._replace(text="short"), width))
+
+
+def test_hints_are_shown_on_the_first_start_until_there_is_an_answer(tmp_path: Path) -> None:
+    assert is_first_start(tmp_path / "state")
+    assert not is_first_start(tmp_path / "state")
+
+    async def story() -> None:
+        async with staged() as stage:
+            assert stage.words("answer") == ""
+            stage.app.is_first_start = True
+            await stage.redraw()
+            assert stage.words("answer") == "  g sets a goal  space stops  ? shows all keys"
+            stage.station.note("goal 3 1: ok 14 ms")
+            await stage.redraw()
+            assert stage.words("answer") == " goal 3 1: ok 14 ms"
+
+    play(story)
