@@ -162,7 +162,7 @@ with BUDGET or TICKS_LOST instead of the expected reason.
   `tests/compose` cuts, pauses and kills real containers.
 - "Router impersonated" runs with access control: the process in the router's place has the key of
   another robot, enforces no access rules, and sends everything that could make the robot drive.
-  `tests/bus/tls/test_impostor.py` covers an impostor at the start. `sidestep bench flood` attacks a
+  `tests/bus/test_access.py` covers an impostor at the start. `sidestep bench flood` attacks a
   robot with access control.
 - A robot that hangs with the GIL held, or that was killed, is restarted.
 - In the rows of the emulated board, simulated time pauses while the robot waits for the board, at

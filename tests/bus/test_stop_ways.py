@@ -1,18 +1,24 @@
-"""Each further way of a stop is sufficient alone, beside a session that reaches nobody."""
+"""Each way of a stop is sufficient alone, and a key press reaches the bus by few calls."""
 
+import asyncio
 import json
 import os
 import socket
 import stat
+import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from threading import Event, Thread
+from types import FrameType
 
 import pytest
 
+from ground.app.app import GroundApp
+from ground.app.appearance import Appearance
+from ground.app.commands.runner import CommandRunner
 from ground.client.connection import Common, given
 from ground.client.emergency_stop import FRESH_NS, EmergencyStop, StopWays
 from ground.client.link import Link, open_link
@@ -28,11 +34,17 @@ from ground.client.stop_ways import (
     stem_of,
     ways_of,
 )
+from ground.console.history import History
+from ground.station.robot.background_requests import RequestThread
+from protocol.bus.bus import Bus
+from protocol.bus.services import Requester
 from protocol.stop_datagram import OPEN_SECRET, press_in, sealed_answer
+from protocol.topics import COMMAND
 from protocol.wire.enums import Vehicle
 from protocol.wire.message import Message
 from runtime.clock import WallClock
 from runtime.errors import RemoteError
+from tests.support.bus.lively import Lively, watching
 from tests.support.bus.robots import PlayedRobot
 from tests.support.until import PATIENCE_S, until
 
@@ -46,7 +58,7 @@ class Unheard:
         """Lose a message."""
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture
 def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return the user's folder: with a path that is too long for a local socket."""
     folder = tmp_path / ("long" * 30)
@@ -72,6 +84,7 @@ def alone(ways: StopWays) -> EmergencyStop:
     return EmergencyStop(None, None, "r1", CLOCK, lambda: None, ways)
 
 
+@pytest.mark.usefixtures("state")
 def test_a_stop_uses_the_open_session_of_another_program(
     robot: PlayedRobot, common: Common
 ) -> None:
@@ -84,6 +97,7 @@ def test_a_stop_uses_the_open_session_of_another_program(
     assert robot.stop_id == stop.request_id
 
 
+@pytest.mark.usefixtures("state")
 def test_the_socket_is_for_this_user_and_ends_with_its_program(common: Common) -> None:
     with served(common):
         (path,) = socket_folder().iterdir()
@@ -92,6 +106,7 @@ def test_the_socket_is_for_this_user_and_ends_with_its_program(common: Common) -
     assert list(socket_folder().iterdir()) == []
 
 
+@pytest.mark.usefixtures("state")
 def test_the_socket_of_a_killed_program_is_removed(common: Common) -> None:
     with served(common):
         (path,) = socket_folder().iterdir()
@@ -104,6 +119,7 @@ def test_the_socket_of_a_killed_program_is_removed(common: Common) -> None:
         assert ways.stopped_by(5) == ""
 
 
+@pytest.mark.usefixtures("state")
 @pytest.mark.parametrize("how", ["others may write", "another user", "no folder"])
 def test_a_folder_that_others_can_write_to_is_not_believed(
     how: str, common: Common, monkeypatch: pytest.MonkeyPatch
@@ -132,6 +148,7 @@ def test_a_folder_that_others_can_write_to_is_not_believed(
         assert str(folder) in server.why
 
 
+@pytest.mark.usefixtures("state")
 def test_a_stop_by_its_own_session_is_not_called_by_a_new_one(
     robot: PlayedRobot, common: Common
 ) -> None:
@@ -140,6 +157,7 @@ def test_a_stop_by_its_own_session_is_not_called_by_a_new_one(
     assert "by a new session" not in stopped.text
 
 
+@pytest.mark.usefixtures("state")
 @pytest.mark.parametrize(
     "words",
     [
@@ -170,6 +188,7 @@ def test_no_other_words_on_the_socket_have_an_effect(
     assert robot.stop_id == 9
 
 
+@pytest.mark.usefixtures("state")
 def test_programs_at_other_endpoints_are_not_asked(common: Common) -> None:
     others = given("tcp/127.0.0.1:1", "r1", None)
     assert stem_of(common) != stem_of(others)
@@ -178,6 +197,7 @@ def test_programs_at_other_endpoints_are_not_asked(common: Common) -> None:
         assert ways.stopped_by(5) == ""
 
 
+@pytest.mark.usefixtures("state")
 def test_a_stop_that_is_not_acknowledged_opens_a_fresh_session(
     robot: PlayedRobot, common: Common
 ) -> None:
@@ -191,6 +211,7 @@ def test_a_stop_that_is_not_acknowledged_opens_a_fresh_session(
     assert robot.vehicle is Vehicle.EMERGENCY_STOP
 
 
+@pytest.mark.usefixtures("state")
 def test_beside_a_bus_that_is_played_there_is_no_other_way() -> None:
     ways = ways_of(object(), "r1")
     stop = alone(ways)
@@ -219,6 +240,7 @@ class Blocked:
         raise RemoteError("it has hung")
 
 
+@pytest.mark.usefixtures("state")
 def test_a_bus_that_blocks_does_not_hold_up_the_datagrams() -> None:
     bus = Blocked()
     with played_robot() as (robot, dialled):
@@ -233,6 +255,7 @@ def test_a_bus_that_blocks_does_not_hold_up_the_datagrams() -> None:
         assert len(received) == 5, "each with a time of its own"
 
 
+@pytest.mark.usefixtures("state")
 def test_a_repetition_ends_with_its_stop() -> None:
     with played_robot() as (robot, dialled), closing(SideWays(dialled, None)) as ways:
         ways.press(7)
@@ -243,6 +266,7 @@ def test_a_repetition_ends_with_its_stop() -> None:
         until(lambda: robot.recv(200)[-40:-32] == (8).to_bytes(8, "little"))
 
 
+@pytest.mark.usefixtures("state")
 def test_a_repetition_ends_with_the_answer_of_the_robot() -> None:
     """A later clear of another operator must not be undone while the own bus hangs."""
     with played_robot() as (robot, dialled), closing(SideWays(dialled, None)) as ways:
@@ -257,6 +281,7 @@ def test_a_repetition_ends_with_the_answer_of_the_robot() -> None:
         assert ways._repeating is None
 
 
+@pytest.mark.usefixtures("state")
 def test_a_system_without_another_thread_sends_each_press(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(_: Thread) -> None:
         raise RuntimeError("can't start new thread")
@@ -269,6 +294,7 @@ def test_a_system_without_another_thread_sends_each_press(monkeypatch: pytest.Mo
         assert robot.recv(200) != robot.recv(200), "each with a time of its own"
 
 
+@pytest.mark.usefixtures("state")
 def test_one_of_several_addresses_is_enough(common: Common) -> None:
     with closing(StopDatagrams(common.network, "r1", None)) as datagrams:
         datagrams._literal.insert(0, (socket.AF_INET, ("255.255.255.255", 9)))  # not permitted
@@ -279,6 +305,7 @@ def test_one_of_several_addresses_is_enough(common: Common) -> None:
         assert "no datagram could be sent to 255.255.255.255" in datagrams.why
 
 
+@pytest.mark.usefixtures("state")
 def test_a_stop_that_another_part_has_delivered_tries_no_further() -> None:
     nobody = given("tcp/127.0.0.1:1", "r1", None)
     stopped = StopNow(timeout_s=50.0).perform_alone(nobody, opens=False, is_met=lambda: True)
@@ -286,6 +313,7 @@ def test_a_stop_that_another_part_has_delivered_tries_no_further() -> None:
     assert stopped.stop.tries == 1
 
 
+@pytest.mark.usefixtures("state")
 def test_a_robot_known_by_name_that_nobody_reaches_fails_the_stop_of_all(
     robot: PlayedRobot, common: Common
 ) -> None:
@@ -295,9 +323,65 @@ def test_a_robot_known_by_name_that_nobody_reaches_fails_the_stop_of_all(
     assert robot.vehicle is Vehicle.EMERGENCY_STOP
 
 
+@pytest.mark.usefixtures("state")
 def test_the_stop_of_all_reaches_a_robot_whose_name_nobody_gave(
     robot: PlayedRobot, common: Common
 ) -> None:
     unnamed = replace(common, robot="r7")
     outcome = StopAll(timeout_s=50.0).perform_alone(unnamed)
     assert {name: one.ok for name, one in outcome.of} == {"r1": True}
+
+
+ROOT = Path(__file__).resolve().parents[2]
+LIMIT = 15
+ACTION = "app.action_do"
+
+
+def calls(frame: FrameType | None) -> list[str]:
+    """Functions of the product on a stack, the innermost first."""
+    found = []
+    while frame is not None:
+        path = Path(frame.f_code.co_filename)
+        if path.is_relative_to(ROOT / "ground") or path.is_relative_to(ROOT / "protocol"):
+            found.append(f"{path.stem}.{frame.f_code.co_name}")
+        frame = frame.f_back
+    return found
+
+
+def test_key_reaches_the_bus_in_fifteen_calls(monkeypatch: pytest.MonkeyPatch) -> None:
+    to_thread: list[str] = []
+    to_bus: list[str] = []
+    start, put = RequestThread.start, Requester._put
+
+    def started(self: RequestThread, job: object) -> bool:
+        found = calls(sys._getframe().f_back)
+        if not to_bus and ACTION in found:  # outside of it is only what brings keys into order
+            to_thread[:] = [*found[: found.index(ACTION) + 1], "start"]
+        return start(self, job)  # type: ignore[arg-type]
+
+    def asked(self: Requester, service: object, *how: object, **named: object) -> object:
+        if service is COMMAND:
+            to_bus[:] = [*calls(sys._getframe().f_back), "put"]
+        return put(self, service, *how, **named)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(RequestThread, "start", started)
+    monkeypatch.setattr(Requester, "_put", asked)
+    with Lively() as stack, stack.going(), watching(stack) as seen:
+        seen.until_ready()
+        bus = seen.station._bus
+        assert isinstance(bus, Bus)
+        common = Common(network=bus.network, robot="r1")
+        clock = WallClock()
+        commands = CommandRunner(lambda: seen.station, bus, common, clock, History())
+        app = GroundApp(seen.station, commands, None, Appearance(hz=0.0))
+
+        async def press() -> None:
+            async with app.run_test() as pilot, asyncio.timeout(PATIENCE_S):
+                await pilot.press("h")
+                while not to_bus:
+                    await pilot.pause(0.02)
+
+        asyncio.run(press())
+        seen.until(lambda: not seen.station.busy)
+    assert to_thread
+    assert len(to_thread) + len(to_bus) <= LIMIT, " ".join(to_thread + to_bus)
