@@ -48,10 +48,9 @@ CONTAINERS: Final = "compose"
 CLIENTS: Final = "interop and brief"
 """Real clients on a clean line. `make interop` has the rest."""
 BRIEF_PROCESSES: Final = (
-    "tests/stack/life_cycle/test_up.py",
-    "tests/stack/operator/test_mavlink.py",
-    "tests/stack/operator/test_screen.py",
-    "tests/stack/reproduction/test_same_trajectory.py",
+    "tests/stack/test_up.py",
+    "tests/stack/test_operator.py",
+    "tests/stack/test_reproduction.py",
 )
 """The files with processes of `make test`: those of their tests that are marked `brief`."""
 INTERRUPTED_S: Final = 30.0

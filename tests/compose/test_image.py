@@ -101,7 +101,7 @@ def test_measurements_run_in_the_image_with_the_tree(checkout: Compose) -> None:
 
 
 def test_the_tests_run_in_the_image_with_the_tree(checkout: Compose) -> None:
-    modules = ("tests/bus/test_refusals.py", "tests/stack/operator/test_terminal.py")
+    modules = ("tests/bus/test_refusals.py", "tests/stack/test_operator.py")
     chosen = ("-k", "valid_certificate or poor and environment0")
     done = checkout.tries("run", "--rm", "-T", "tests", "-q", *modules, *chosen)
     assert (done.code, "2 passed" in done.said) == (0, True), done.said

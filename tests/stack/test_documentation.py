@@ -1,13 +1,33 @@
-"""The first change of CONTRIBUTING.md: in a clone each command prints what the page shows."""
+"""Pages are followed: tutorial, guides, the first change, and the first ten minutes."""
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from checks.first_ten_minutes import STEPS, main
 from tests.support.docs.console import Command, matches, steps_of
-from tests.support.docs.session import ROOT, Session
+from tests.support.docs.session import ROOT, Session, session
+
+DOCS = ROOT / "docs"
+PAGES = sorted([*(DOCS / "tutorial").glob("*.md"), *(DOCS / "how-to").glob("*.md")])
+COMMANDS = {page: [step for step in steps_of(page) if isinstance(step, Command)] for page in PAGES}
+RUN_HERE = [page for page in PAGES if any(step.runner is None for step in COMMANDS[page])]
+
+
+@pytest.mark.stack
+@pytest.mark.parametrize("page", RUN_HERE, ids=lambda page: page.stem)
+def test_commands_print_what_the_page_shows(page: Path, tmp_path: Path) -> None:
+    with session(tmp_path) as shell:
+        for step in steps_of(page):
+            printed = shell.run(step)
+            if isinstance(step, Command) and printed is not None:
+                place = f"{page.relative_to(ROOT)}:{step.line}: {step.words}"
+                text = "\n".join(printed)
+                assert matches(step.output, printed, is_exact=step.is_exact), f"{place}\n{text}"
+
 
 PAGE = ROOT / "CONTRIBUTING.md"
 OUTER = ("MAKEFLAGS", "MAKELEVEL", "CI", "PYTEST_ADDOPTS")
@@ -60,3 +80,12 @@ def test_first_change_prints_what_the_page_shows(tmp_path: Path) -> None:
             text = "\n".join((f"{PAGE.name}:{step.line}: {step.words}", *printed))
             assert matches(step.output, printed, is_exact=step.is_exact), text
     assert git(checkout, "rev-parse", "HEAD~1") == before, f"{PAGE.name} commits no change"
+
+
+@pytest.mark.stack
+@pytest.mark.skipif(shutil.which("tmux") is None, reason="no tmux on this machine")
+def test_every_step_shows_what_it_must(tmp_path: Path) -> None:
+    assert main(["--screens", str(tmp_path), "--speed", "3"]) == 0
+    screens = sorted(tmp_path.iterdir())
+    assert len(screens) == len(STEPS)
+    assert "E-STOP" in screens[0].read_text()

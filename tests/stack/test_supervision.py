@@ -1,17 +1,24 @@
-"""`up` restarts processes that exit or hang; the new one stays stopped and gives the cause."""
+"""Processes that are restarted, interrupted, killed or slow: what they keep and say."""
 
+import fcntl
+import json
 import os
+import pty
 import signal
+import subprocess
+import sys
+import termios
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from itertools import cycle, product
 from pathlib import Path
+from threading import Event, Thread
 
 import pytest
 
-from checks.faults.restarts import NO_PAUSE, ArrivalTimes, running
+from checks.faults.restarts import NO_PAUSE, ArrivalTimes, kept_stops, running
 from ground.cli.run.up import goal_runs_of
 from ground.client.goal import destination
 from ground.client.link import open_link
@@ -21,6 +28,7 @@ from ground.client.operations.place import SetTruePose
 from ground.client.operations.session import Session
 from ground.client.results import Refused
 from ground.launch import child_command
+from ground.launch.child_command import command
 from ground.launch.child_processes import ChildExitError
 from ground.launch.fleet_run import FleetRun
 from ground.launch.launcher import Stack
@@ -31,10 +39,10 @@ from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.reasons import Reason
 from runtime.clock import WallClock
 from runtime.watchdog import HANGS
-from tests.support.stack.process_table import children_of
-from tests.support.stack.processes import Crew, Witness, moved_not, real_time
+from tests.support.stack.process_table import alive, children_of, cmdline, frames_in
+from tests.support.stack.processes import Crew, Running, Witness, departs, moved_not, real_time
 from tests.support.stack.spoilt import Sabotage
-from tests.support.until import until
+from tests.support.until import PATIENCE_S, until
 
 pytestmark = pytest.mark.stack
 
@@ -282,3 +290,255 @@ def test_hanging_robot_ends_itself_and_the_next_reports_it(
         third.send(signal.SIGTERM)
         assert third.ends() == 0
         assert "again" not in crew.robot(*state).said
+
+
+AT_ONCE_S = 2.0
+ENDED_BY = {"watch", "ground", "goto"}  # they have not done what they were asked to
+OWN_TERMINAL = f"""
+import fcntl, os, sys
+fcntl.ioctl(0, {termios.TIOCSCTTY}, 0)
+os.execv(sys.argv[1], sys.argv[1:])
+"""
+
+
+@contextmanager
+def everybody(folder: Path) -> Iterator[tuple[dict[str, Running], Witness]]:
+    """Start every kind of process and a driving robot; yield them in the order of their end."""
+    with Crew() as crew, Crew(router=True) as other:
+        plant, robot = crew.plant(waits=False), crew.robot()
+        with Witness(crew.endpoint) as witness:
+            witness.ready()
+            found = {
+                "watch": crew.dialling("watch"),
+                "ground": crew.dialling("ground"),
+                "record": crew.dialling("record", str(folder)),
+                "goto": departs(crew, witness, "goto", "5.4", "2"),
+            }
+            until(lambda: written(folder) > 2000, what="a log")
+            found["watch"].says("r1")
+            found["ground"].says("r1")
+            yield {**found, "plant": plant, "robot": robot, "router": other.router}, witness
+
+
+def written(folder: Path) -> int:
+    return sum(log.stat().st_size for log in folder.glob("*.tlog"))
+
+
+def ends_well(name: str, running: Running, number: signal.Signals, within_s: float) -> None:
+    assert running.ends(within_s) == (128 + number if name in ENDED_BY else 0), running.said
+    assert "Traceback" not in running.said
+
+
+@pytest.mark.parametrize(
+    ("number", "within_s"),
+    [
+        pytest.param(signal.SIGINT, AT_ONCE_S, marks=pytest.mark.realtime),
+        (signal.SIGTERM, PATIENCE_S),
+    ],
+)
+def test_each_process_ends_in_time(tmp_path: Path, number: signal.Signals, within_s: float) -> None:
+    with everybody(tmp_path) as (processes, _):
+        for name, running in processes.items():
+            running.send(number)
+            ends_well(name, running, number, within_s)
+    assert frames_in(tmp_path) > 20
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_sent_while_a_verb_ends_change_nothing(number: signal.Signals) -> None:
+    with Crew() as crew:
+        crew.plant(waits=False)
+        crew.robot()
+        watching = crew.dialling("watch")
+        watching.says("r1")
+        for _ in range(2000):
+            watching.send(number)
+            with suppress(subprocess.TimeoutExpired):
+                watching.process.wait(0.001)
+        assert watching.ends() == 128 + number
+        assert watching.said.count("sidestep watch: interrupted") == 1
+        assert "Traceback" not in watching.said
+
+
+@pytest.mark.parametrize(
+    ("number", "within_s"),
+    [
+        (signal.SIGKILL, PATIENCE_S),
+        pytest.param(signal.SIGSTOP, AT_ONCE_S, marks=pytest.mark.realtime),
+    ],
+)
+def test_they_end_although_their_hub_is_gone_or_hangs(
+    tmp_path: Path, number: signal.Signals, within_s: float
+) -> None:
+    with everybody(tmp_path) as (processes, witness):
+        processes.pop("robot").send(number)
+        until(witness.bus.lost, what="the link to be given up")
+        for running in processes.values():
+            running.send(signal.SIGINT)
+        for name, running in processes.items():
+            ends_well(name, running, signal.SIGINT, within_s)
+    assert frames_in(tmp_path) > 20
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("role", ["plant", "robot"])
+def test_process_that_still_connects_ends_too(role: str, number: signal.Signals) -> None:
+    with Crew() as crew:
+        dialling = crew.dialling(role)
+        until(lambda: opening(dialling), what="dialling")
+        dialling.send(number)
+        assert dialling.ends() in (130, -signal.SIGTERM)
+        assert "Traceback" not in dialling.said
+
+
+def opening(running: Running) -> bool:
+    """Zenoh's threads are there, so it is being opened."""
+    return len(list(Path(f"/proc/{running.process.pid}/task").iterdir())) > 2
+
+
+@pytest.mark.parametrize("children", [1, 2, 3])
+def test_up_ends_at_any_moment_of_its_start(tmp_path: Path, children: int) -> None:
+    with Crew() as crew:
+        up = crew.start("up", "--json", "--record", str(tmp_path))
+        until(lambda: len(children_of(up.process.pid)) >= children, what="children")
+        started = children_of(up.process.pid)
+        up.send(signal.SIGINT)
+        assert up.ends() == 130
+        assert not [pid for pid in started if alive(pid)]
+        assert "Traceback" not in up.said
+
+
+def test_ctrl_c_in_a_terminal_ends_up_and_all_it_started(tmp_path: Path) -> None:
+    """The terminal sends SIGINT to the whole process group."""
+    ours, theirs = pty.openpty()
+    words = command(["up", "--headless", "--record", str(tmp_path)], os.getpid())
+    with Crew() as crew, os.fdopen(ours, "wb", buffering=0) as keyboard:
+        up = crew.execute(sys.executable, "-c", OWN_TERMINAL, *words, terminal=theirs)
+        os.close(theirs)
+        fcntl.fcntl(ours, fcntl.F_SETFL, os.O_NONBLOCK)
+        screen = bytearray()
+        until(lambda: b" m/s" in read(ours, screen), what="the live line")
+        until(lambda: written(tmp_path) > 2000, what="a log")
+        started = children_of(up.process.pid)
+        keyboard.write(b"\x03")
+        assert up.ends() == 130
+        assert b"interrupted" in read(ours, screen)
+        assert b"Traceback" not in screen
+    assert len(started) == 3
+    assert not [pid for pid in started if alive(pid)]
+    assert frames_in(tmp_path) > 20
+
+
+def read(terminal: int, screen: bytearray) -> bytearray:
+    with suppress(BlockingIOError, OSError):  # nothing new, or the other end is closed
+        screen += os.read(terminal, 1 << 16)
+    return screen
+
+
+TOUR = """
+[[waypoint]]
+x_m = 1.2
+y_m = 2.0
+
+[fence]
+circle = { x_m = 1.0, y_m = 2.0, radius_m = 1.5 }
+"""
+
+
+def test_a_robot_that_was_killed_has_its_fence_and_its_mission_again(tmp_path: Path) -> None:
+    tour, state = tmp_path / "tour.toml", tmp_path / "state"
+    tour.write_text(TOUR)
+    with Crew() as crew:
+        robot = crew.robot("--state", str(state))
+        assert crew.run("mission", "upload", str(tour))[0] == 0
+        robot.send(signal.SIGKILL)
+        robot.ends()
+        robot = crew.robot("--state", str(state))
+        robot.says("robot r1: fence restored")
+        robot.says("robot r1: mission restored, 1 item, not started")
+        code, said = crew.run("fence", "show")
+        assert (code, said.strip()) == (0, "circle of 1.5 m around (1, 2)")
+        code, said = crew.run("mission", "status")
+        assert (code, said.strip()) == (0, "ready, item 1 of 1")
+        assert crew.run("fence", "off")[0] == 0
+    with Crew() as crew:
+        robot = crew.robot("--state", str(state))
+        robot.says("mission restored")
+        assert "fence" not in robot.said
+
+
+def test_stop_outlives_a_kill_a_hang_and_a_power_cut() -> None:
+    """`bench restarts --stops 50` is the long form."""
+    assert [figure.name for figure in kept_stops(1) if figure.met is False] == []
+
+
+SUSPENDED_S, RUNNING_S = 0.4, 0.05
+"""After each suspension, the plant makes up for a few ticks only."""
+TRIAL = ("--world", "u_trap", "--timeout", "3", "--json")
+
+
+def robot_of(up: Running) -> int | None:
+    with suppress(FileNotFoundError, ProcessLookupError):
+        found = [pid for pid in children_of(up.process.pid) if " robot --" in cmdline(pid)]
+        return found[0] if found else None
+    return None
+
+
+@contextmanager
+def slowed(pid: int) -> Iterator[None]:
+    """Suspend a process again and again, as a busy computer does."""
+    over = Event()
+
+    def suspend_and_resume() -> None:
+        with suppress(ProcessLookupError):
+            while not over.wait(RUNNING_S):
+                os.kill(pid, signal.SIGSTOP)
+                over.wait(SUSPENDED_S)
+                os.kill(pid, signal.SIGCONT)
+
+    thread = Thread(target=suspend_and_resume)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
+def result_of(running: Running, within_s: float) -> dict[str, object]:
+    running.ends(within_s)
+    found: dict[str, object] = json.loads(running.said.splitlines()[-1])
+    return found
+
+
+def test_slow_robot_slows_the_simulation_and_changes_nothing() -> None:
+    with Crew() as crew:
+        up = crew.start("up", "--headless", *TRIAL)
+        until(lambda: robot_of(up), what="the robot")
+        robot = robot_of(up)
+        assert robot is not None
+        up.says("u_trap: to")
+        with slowed(robot):
+            slow = result_of(up, 120.0)
+        alone, said = result_of(crew.start("trial", *TRIAL), 120.0), up.said
+    assert slow["outcome"] == alone["outcome"] == "timeout", said
+    assert slow["digest"] == alone["digest"]
+    assert float(str(slow["wall_s"])) > 3.5
+    assert "x, computer busy" in said
+
+
+def test_stop_does_not_wait_for_simulated_time() -> None:
+    """Suspend the plant: no tick comes, and the stop is acknowledged between two ticks."""
+    with Crew(lockstep=True) as crew:
+        robot, plant = crew.robot(), crew.plant()
+        with Witness(crew.endpoint) as witness:
+            witness.ready()
+            crew.dialling("goto", "5.4", "2")
+            witness.driving()
+            plant.send(signal.SIGSTOP)
+            stopped = crew.dialling("estop", "--json")
+            assert stopped.ends() == 0, stopped.said
+            plant.send(signal.SIGCONT)
+            until(lambda: witness.status.vehicle == Vehicle.EMERGENCY_STOP, what="E-STOP")
+            until(witness.standing, what="standing")
+        assert robot.process.poll() is None

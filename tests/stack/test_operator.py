@@ -1,5 +1,6 @@
-"""The app in tmux beside real processes, driven by keys alone, and what a terminal may do to it."""
+"""An operator at a terminal, a shell, and a MAVLink client."""
 
+import os
 import re
 import shutil
 import signal
@@ -10,23 +11,24 @@ from functools import partial
 from itertools import cycle
 from pathlib import Path
 from secrets import randbits
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import pyte
 import pytest
 
 from checks.harness.bus_calls import ask_until_accepted, command_request
-from protocol.topics import COMMAND
-from protocol.wire.enums import Command, Vehicle
-from tests.support.stack.processes import Crew, Running, Witness
+from checks.harness.terminal import Terminal
+from gateways.mavlink.mavlink_dialect import mavlink
+from ground.missions.files import read
+from protocol.topics import COMMAND, MISSION
+from protocol.wire.enums import Command, MissionState, Mode, Vehicle
+from protocol.wire.messages import MissionStatus
+from tests.support.stack.mavlink_client import LOCAL, MavlinkClient, free_port
+from tests.support.stack.processes import Crew, Running, Witness, departs
 from tests.support.stack.tmux import Tmux
 from tests.support.until import PATIENCE_S, until
 
-pytestmark = [
-    pytest.mark.stack,
-    pytest.mark.skipif(shutil.which("tmux") is None, reason="no tmux on this machine"),
-]
-
-SIDESTEP = Path(__file__).parents[3] / "sidestep.py"
+SIDESTEP = Path(__file__).parents[2] / "sidestep.py"
 USUAL = (80, 24)
 READY = "read: ready"
 KEYS = "ctrl+p Palette  ? Help"
@@ -91,6 +93,8 @@ def opened(
         yield tmux
 
 
+@pytest.mark.stack
+@pytest.mark.skipif(shutil.which("tmux") is None, reason="no tmux on this machine")
 def test_a_goal_by_the_cursor_a_navigator_an_estop_and_a_mission_by_keys_alone(
     own_stack: Simulated,
     tmp_path: Path,
@@ -163,6 +167,8 @@ def fly(tmux: Tmux) -> None:
         tmux.shows(f"ground {line}: ", answer)
 
 
+@pytest.mark.stack
+@pytest.mark.skipif(shutil.which("tmux") is None, reason="no tmux on this machine")
 @pytest.mark.parametrize("environment", [{"NO_COLOR": "1", "LC_ALL": "C"}, {"TERM": "linux"}])
 def test_a_poor_terminal_shows_it_too(
     stack: Simulated, tmp_path: Path, environment: dict[str, str]
@@ -179,6 +185,8 @@ def test_a_poor_terminal_shows_it_too(
         assert tmux.ends() == 0
 
 
+@pytest.mark.stack
+@pytest.mark.skipif(shutil.which("tmux") is None, reason="no tmux on this machine")
 @pytest.mark.parametrize("size", [(1, 1), (300, 90)])
 def test_it_fits_any_terminal(stack: Simulated, tmp_path: Path, size: tuple[int, int]) -> None:
     with opened(stack, tmp_path, size) as tmux:
@@ -193,6 +201,8 @@ def test_it_fits_any_terminal(stack: Simulated, tmp_path: Path, size: tuple[int,
         assert tmux.ends() == 0
 
 
+@pytest.mark.stack
+@pytest.mark.skipif(shutil.which("tmux") is None, reason="no tmux on this machine")
 def test_a_storm_of_sizes_leaves_it_as_it_was(own_stack: Simulated, tmp_path: Path) -> None:
     with opened(own_stack, tmp_path) as tmux:
         tmux.shows(READY, KEYS)
@@ -204,6 +214,8 @@ def test_a_storm_of_sizes_leaves_it_as_it_was(own_stack: Simulated, tmp_path: Pa
         drive_to_the_cursor(tmux)
 
 
+@pytest.mark.stack
+@pytest.mark.skipif(shutil.which("tmux") is None, reason="no tmux on this machine")
 def test_garbage_that_is_pasted_moves_nothing_and_breaks_nothing(
     stack: Simulated, tmp_path: Path
 ) -> None:
@@ -232,6 +244,8 @@ HOSTILE = {
 }
 
 
+@pytest.mark.stack
+@pytest.mark.skipif(shutil.which("tmux") is None, reason="no tmux on this machine")
 @pytest.mark.parametrize("texts", HOSTILE.values(), ids=HOSTILE)
 def test_whatever_is_pasted_presses_no_key_and_the_next_key_counts(
     stack: Simulated, tmp_path: Path, texts: tuple[str, ...]
@@ -248,6 +262,8 @@ def test_whatever_is_pasted_presses_no_key_and_the_next_key_counts(
             assert f"ground {word}" not in screen
 
 
+@pytest.mark.stack
+@pytest.mark.skipif(shutil.which("tmux") is None, reason="no tmux on this machine")
 def test_a_paste_that_never_ends_and_bytes_that_are_no_text_swallow_no_key(
     stack: Simulated, tmp_path: Path
 ) -> None:
@@ -264,6 +280,8 @@ def test_a_paste_that_never_ends_and_bytes_that_are_no_text_swallow_no_key(
         tmux.shows("E-STOP acknowledged")
 
 
+@pytest.mark.stack
+@pytest.mark.skipif(shutil.which("tmux") is None, reason="no tmux on this machine")
 def test_nothing_but_the_app_writes_to_the_terminal(own_stack: Simulated, tmp_path: Path) -> None:
     """The robot is the hub: its end closes the link, about which libraries log much."""
     with opened(own_stack, tmp_path) as tmux:
@@ -291,3 +309,176 @@ def frame(screen: str) -> list[str]:
     rule, prompt, keys = (lines[at] for at in (-6, -2, -1))
     assert set(rule) == {"─"}
     return [rule, prompt, keys[: len(FIRST_KEY)], keys[-len(KEYS) :]]
+
+
+SIZE = (100, 30)
+
+
+class Screen:
+    """An emulated terminal: what the app has drawn on it until now."""
+
+    def __init__(self, terminal: Terminal) -> None:
+        self._terminal, self._fed = terminal, 0
+        self._screen = pyte.Screen(*SIZE)
+        self._stream = pyte.Stream(self._screen)
+
+    def __str__(self) -> str:
+        text = self._terminal.text().rstrip("\ufffd")  # of a character only a part was read
+        self._stream.feed(text[self._fed :])
+        self._fed = len(text)
+        return "\n".join(self._screen.display)
+
+    def shows(self, *words: str) -> None:
+        """Wait until all these words are on the screen."""
+        until(
+            lambda: all(word in str(self) for word in words),
+            what=lambda: f"{words}:\n{self}",
+            poll_s=0.05,
+        )
+
+
+@pytest.mark.stack
+@pytest.mark.brief
+def test_drive_is_drawn_to_its_end_and_space_stops_the_robot() -> None:
+    with Terminal(("up", "--speed", "10"), SIZE) as terminal:
+        screen = Screen(terminal)
+        screen.shows("● r1", "AUTO", "goal", "pose", "space E-STOP")
+        screen.shows("REACHED", "reached in", "100 %")
+        terminal.type(" ")
+        screen.shows("EMERGENCY")
+        assert "Traceback" not in terminal.text()
+
+
+DRIVE_S = 60.0
+TOUR = """
+[[waypoint]]
+x_m = 0.8
+y_m = 2.0
+hold_s = 0.3
+
+[[waypoint]]
+x_m = 1.0
+y_m = 2.0
+
+[fence.circle]
+x_m = 1
+y_m = 2
+radius_m = 2
+"""
+
+
+@pytest.fixture(scope="module")
+def scene() -> Iterator[tuple[Crew, Witness]]:
+    """Start a robot in standby in a world, and an observer; each test leaves it at rest."""
+    with Crew(lockstep=True) as crew:
+        crew.robot()
+        crew.plant()
+        with Witness(crew.endpoint) as witness:
+            witness.ready()
+            yield crew, witness
+
+
+def done(crew: Crew, *words: str, code: int = 0) -> str:
+    """Run a verb, require its exit code, and return its output."""
+    ended, said = crew.run(*words)
+    assert ended == code, said
+    assert "Traceback" not in said
+    return said
+
+
+@pytest.mark.stack
+def test_a_mission_is_driven_from_a_file_and_comes_back_as_one(
+    scene: tuple[Crew, Witness], tmp_path: Path
+) -> None:
+    path, back = tmp_path / "tour.toml", tmp_path / "back.toml"
+    path.write_text(TOUR)
+    crew, witness = scene
+    mission = witness.bus.mailbox(MISSION, "r1")
+
+    def over() -> bool:
+        newest = mission.latest()
+        status = newest[0] if newest else None
+        return isinstance(status, MissionStatus) and status.state == MissionState.DONE
+
+    done(crew, "mission", "upload", str(path))
+    done(crew, "arm")
+    done(crew, "mission", "start")
+    until(over, DRIVE_S, "the mission is done")
+    assert done(crew, "mission", "status") == "done, item 2 of 2\n"
+    assert "outside of the fence" in done(crew, "goto", "5", "2", code=1)
+    done(crew, "mission", "download", str(back))
+    assert read(back) == read(path)
+    done(crew, "fence", "off")
+
+
+@pytest.mark.stack
+def test_second_operator_sees_the_first_and_may_stop_the_robot(
+    scene: tuple[Crew, Witness], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    crew, witness = scene
+    goto = departs(crew, witness, "goto", "5.4", "2")
+    monkeypatch.setenv("SIDESTEP_PERSON", "ben")
+    assert "another operator commands the robot: " in done(crew, "goto", "1", "1", code=1)
+    done(crew, "hold")
+    monkeypatch.delenv("SIDESTEP_PERSON")
+    until(witness.standing)
+    assert "commands r1" in done(crew, "lease", "show")
+    done(crew, "estop")
+    until(witness.standing)
+    assert goto.ends() == 1
+    assert done(crew, "lease", "show") == "no operator holds the lease\n"
+    done(crew, "clear-estop")
+
+
+@pytest.mark.stack
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_teleop_robot_stops_when_its_operator_exits(
+    scene: tuple[Crew, Witness], number: signal.Signals
+) -> None:
+    crew, witness = scene
+    hand = crew.dialling("teleop", "0.3", "20")
+    until(lambda: witness.truth.speed_m_s > 0.1)
+    assert witness.status.mode == Mode.MANUAL
+    hand.send(number)
+    until(witness.standing, what="standing")
+    assert hand.ends() == (130 if number is signal.SIGINT else -number)
+
+
+SLOW_DRIVE = ("up", "--headless", "--speed", "0.3")
+"""So that it lasts until a busy computer has started the gateway again."""
+
+
+def gateway_of(parent: int) -> int:
+    """Return the process id of the gateway that `up` has started."""
+    children = Path(f"/proc/{parent}/task/{parent}/children").read_text().split()
+    lines = {int(child): Path(f"/proc/{child}/cmdline").read_bytes() for child in children}
+    (found,) = (child for child, line in lines.items() if b"gateway" in line)
+    return found
+
+
+def is_driving(heartbeat: Any) -> bool:
+    armed = heartbeat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+    return bool(armed) and heartbeat.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+
+
+@pytest.mark.stack
+@pytest.mark.brief
+def test_client_of_up_sees_the_drive_and_stops_it() -> None:
+    port = free_port()
+    with Crew() as crew:
+        up = crew.start(*SLOW_DRIVE, "--mavlink", f"udpin:{LOCAL}:{port}")
+        client = MavlinkClient(port)
+        client.next("HEARTBEAT", is_driving)
+        first = client.next("GLOBAL_POSITION_INT")
+        second = client.next("GLOBAL_POSITION_INT", lambda one: one.lon != first.lon)
+        gateway = gateway_of(up.process.pid)
+        os.kill(gateway, signal.SIGKILL)
+        up.says("the gateway process was killed (signal SIGKILL); restarting")
+        client.next("HEARTBEAT", is_driving)
+        client.next("GLOBAL_POSITION_INT", lambda one: one.lon != second.lon)
+        assert gateway_of(up.process.pid) != gateway
+        assert client.command(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 1.0) == 0
+        client.link.close()
+        assert up.ends() == 1
+        assert "emergency stop" in up.said
+        assert "Traceback" not in up.said, up.said
