@@ -226,7 +226,7 @@ OUTSIDE = Spoilt(
 
 @pytest.mark.parametrize("spoilt", [UNKNOWN, OUTSIDE], ids=["structure", "geometry"])
 def test_it_is_refused_with_file_key_reason_and_fix(spoilt: Spoilt, tmp_path: Path) -> None:
-    """All kinds of mistakes are in tests/unit/plant/world."""
+    """All kinds of mistakes are in tests/unit/plant/test_world_files.py."""
     file, log = tmp_path / "spoilt.toml", tmp_path / "log"
     file.write_text(spoilt.text, encoding="utf-8")
     with Crew() as crew, socket.create_server(("127.0.0.1", 0)) as hub:
