@@ -1,14 +1,11 @@
-"""`docker compose up`: a robot that drives, seen in a browser, with few rights; then its failures.
-
-One stack serves all tests of this file, in their order. The first ones change nothing, the others
-pause, cut off and kill containers while the robot drives, and the last one stops the stack. In a
-fault the robot is observed at the router, by its address on the network of the containers.
-"""
+"""`docker compose up`: the image, a robot that drives, failures, and refused settings."""
 
 import asyncio
 import json
+import re
+import socket
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import closing, suppress
 from math import hypot
 from pathlib import Path
 from shutil import which
@@ -23,7 +20,8 @@ from protocol.wire.enums import Command, GoalState, Mode, Vehicle
 from protocol.wire.messages import CommandRequest, GoalRequest
 from protocol.wire.reasons import Reason
 from runtime.errors import NoAnswerError
-from tests.support.compose.compose import POLL_S, ROOT, Compose, docker, project
+from tests.support.compose import images
+from tests.support.compose.compose import POLL_S, ROOT, Compose, Done, docker, project, tried
 from tests.support.compose.web import asked, token_in
 from tests.support.stack.browser import DRAWN, browsing, chromium, drawn, keep, sees
 from tests.support.stack.processes import Witness, moved_not
@@ -340,3 +338,136 @@ def test_stop_ends_all_containers_normally(
     assert codes == dict.fromkeys(PARTS, 0)
     for last in ("router ends", "plant: ends", "robot r1: ends", "ground station ends"):
         assert last in said.decode(), said.decode()
+
+
+@pytest.fixture(scope="module")
+def refusing(image: str) -> Iterator[Compose]:
+    """Provide one project for all wrong settings: nothing of it stays up."""
+    with project(image) as compose:
+        yield compose
+
+
+@pytest.mark.parametrize(
+    ("settings", "part", "words"),
+    [
+        ({"WORLD": "atlantis"}, "robot", "atlantis"),
+        ({"ROBOTS": "0"}, "plant", "--robots: 0 is not within 1 to 20"),
+        ({"NOISE": "loud"}, "plant", "--noise: invalid choice: 'loud'"),
+    ],
+)
+def test_a_setting_that_cannot_be_is_named(
+    refusing: Compose, settings: dict[str, str], part: str, words: str
+) -> None:
+    refusing.settings = settings
+    # Under the name that `up` gives, by which a robot finds its number.
+    named = ("--name", refusing.container(part))
+    done = refusing.tries("run", "--rm", "-T", "--no-deps", *named, part)
+    assert (done.code, words in done.said) == (2, True), done.said
+    assert "Traceback" not in done.said
+
+
+def test_a_port_that_is_taken_is_named(refusing: Compose) -> None:
+    with closing(socket.socket()) as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = str(taken.getsockname()[1])
+        refusing.settings = {"PORT": port}
+        done = refusing.tries("up", "-d", "--no-build", "--no-deps", "web")
+    assert done.code != 0
+    assert port in done.said
+    assert "in use" in done.said or "allocated" in done.said
+
+
+MOST_MB: Final = 500
+SECRETS: Final = re.compile(r"-----BEGIN|token=|password|index-url|index_url|://[^ ]*@", re.I)
+MISSING: Final = """
+from importlib.metadata import distributions, requires, version
+import re
+for distribution in distributions():
+    for wanted in distribution.requires or ():
+        if "extra ==" not in wanted and "python_version" not in wanted:
+            version(re.match(r"[A-Za-z0-9._-]+", wanted)[0])
+print("complete")
+"""
+UNCOMPILED: Final = """
+from pathlib import Path
+import sys
+places = [Path(path) for path in sys.path if path.startswith("/opt")]
+modules = [file for place in places for file in place.rglob("*.py")]
+bare = [file for file in modules
+        if not list((file.parent / "__pycache__").glob(file.stem + ".cpython-*.pyc"))]
+print(len(modules), *bare)
+"""
+
+
+def within(image: str, *words: str) -> Done:
+    """Run a program of the image without network and privileges."""
+    alone = ("--rm", "--read-only", "--network=none", "--cap-drop=ALL", "--entrypoint", words[0])
+    return tried(
+        ["docker", "run", *alone, image, *words[1:]], {"PATH": "/usr/local/bin:/usr/bin"}, 60
+    )
+
+
+def python(image: str, script: str) -> str:
+    done = within(image, "python", "-c", script)
+    assert done.code == 0, done.said
+    return done.said
+
+
+def test_it_is_small(image: str) -> None:
+    size_mb = json.loads(docker("image", "inspect", image))[0]["Size"] / 1e6
+    assert size_mb < MOST_MB, f"{size_mb:.0f} MB"
+
+
+def test_image_runs_as_an_unprivileged_user(image: str) -> None:
+    assert within(image, "id", "-u").said.strip() == "10001"
+    assert within(image, "sidestep", "--version").said.startswith("sidestep 0.")
+
+
+def test_all_that_its_packages_want_is_there(image: str) -> None:
+    assert python(image, MISSING).strip() == "complete"
+
+
+def test_what_only_makes_and_tests_it_is_not(image: str) -> None:
+    modules = ("sidestep", "pip", "pytest", "mypy", "hatchling")
+    script = f"from importlib.util import find_spec; print(*filter(find_spec, {modules}))"
+    assert python(image, script).strip() == "sidestep"
+
+
+def test_its_modules_are_compiled(image: str) -> None:
+    modules, *bare = python(image, UNCOMPILED).split()
+    assert int(modules) > 1000
+    assert bare == []
+
+
+def test_no_secret_is_in_its_history_or_its_settings(image: str) -> None:
+    history = docker("history", "--no-trunc", "--format", "{{.CreatedBy}}", image)
+    assert "useradd" in history
+    assert not SECRETS.search(history)
+    assert not SECRETS.search(docker("image", "inspect", image))
+
+
+def test_no_key_is_in_its_files(image: str) -> None:
+    places = ("/opt/sidestep", "/etc/sidestep", "/home", "/keys", "/state", "/root", "/run")
+    sought = ("(", "-name", "*.key", "-o", "-name", "*.pem", "-o", "-name", "pip.conf", ")")
+    done = within(image, "find", *places, *sought, "-type", "f")
+    assert [line for line in done.said.splitlines() if line.startswith("/")] == []
+
+
+@pytest.fixture(scope="module")
+def checkout(image: str) -> Iterator[Compose]:
+    """Build the image with the tree and the tools."""
+    with project(images.image("tests")) as compose:
+        yield compose
+
+
+def test_measurements_run_in_the_image_with_the_tree(checkout: Compose) -> None:
+    done = checkout.tries("run", "--rm", "-T", "bench", "codec")
+    assert done.code == 0, done.said
+
+
+def test_the_tests_run_in_the_image_with_the_tree(checkout: Compose) -> None:
+    modules = ("tests/bus/test_refusals.py", "tests/stack/test_operator.py")
+    chosen = ("-k", "valid_certificate or poor and environment0")
+    done = checkout.tries("run", "--rm", "-T", "tests", "-q", *modules, *chosen)
+    assert (done.code, "2 passed" in done.said) == (0, True), done.said

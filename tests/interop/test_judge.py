@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.interop.judged_vehicle import keep, two_robots, verdicts
+from tests.interop.vehicle import keep, two_robots, verdicts
 
 pytestmark = pytest.mark.interop
 WITHIN_S = 270.0

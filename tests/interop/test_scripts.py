@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from tests.interop.clients.scene import Call, Place, goal
 from tests.interop.clients.shaped_client import (
     SCRIPTS,
     USER_S,
@@ -17,7 +16,7 @@ from tests.interop.clients.shaped_client import (
     matches,
     ordered_lengths,
 )
-from tests.interop.clients.steps import STEPS, StepError
+from tests.interop.clients.steps import STEPS, Call, Place, StepError, goal
 from tests.interop.environments import clients, pins_of
 from tests.interop.scenario import CLIENTS, read
 

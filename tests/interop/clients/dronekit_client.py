@@ -19,18 +19,22 @@ from dronekit import (  # noqa: E402
 )
 
 from tests.interop.clients.pilot import Station, item, mavlink  # noqa: E402
-from tests.interop.clients.scene import (  # noqa: E402
+from tests.interop.clients.steps import (  # noqa: E402  # noqa: E402
     FLIGHT_TERMINATION,
+    LONG_S,
     PARAMETER,
     VALUE,
     Call,
     Place,
+    StepError,
+    Steps,
     called,
     fence,
     goal,
+    repeat,
     route,
+    until,
 )
-from tests.interop.clients.steps import LONG_S, StepError, Steps, repeat, until  # noqa: E402
 
 FENCE: int = mavlink.MAV_MISSION_TYPE_FENCE
 CORNER: int = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION

@@ -13,23 +13,21 @@ from pathlib import Path
 from typing import Final
 
 from tests.interop.clients.pilot import Pilot
-from tests.interop.clients.scene import (
+from tests.interop.clients.steps import (
+    LONG_S,
     PARAMETER,
+    PATIENCE_S,
     VALUE,
     Call,
     Place,
+    StepError,
+    Steps,
     called,
     fence,
     goal,
-    route,
-)
-from tests.interop.clients.steps import (
-    LONG_S,
-    PATIENCE_S,
-    StepError,
-    Steps,
     pause,
     repeat,
+    route,
     until,
 )
 

@@ -15,18 +15,23 @@ from mavsdk.plugins.mission import Mission, MissionItem, MissionPlan
 from mavsdk.plugins.param import Param
 from mavsdk.plugins.telemetry import FlightMode, Telemetry
 
-from tests.interop.clients.scene import (
+from tests.interop.clients.steps import (
     EMERGENCY,
+    LONG_S,
     PARAMETER,
+    PATIENCE_S,
     VALUE,
     Call,
     Place,
+    StepError,
+    Steps,
     called,
     fence,
     goal,
+    repeat,
     route,
+    until,
 )
-from tests.interop.clients.steps import LONG_S, PATIENCE_S, StepError, Steps, repeat, until
 
 TRIES = 6
 NOT_A_NUMBER = float("nan")

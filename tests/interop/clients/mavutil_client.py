@@ -6,18 +6,19 @@ from typing import Any
 from pymavlink import mavparm
 
 from tests.interop.clients.pilot import GLOBAL, Pilot, item, mavlink
-from tests.interop.clients.scene import (
+from tests.interop.clients.steps import (
     FLIGHT_TERMINATION,
     PARAMETER,
     VALUE,
     Call,
     Place,
+    StepError,
+    Steps,
     called,
     fence,
     goal,
     route,
 )
-from tests.interop.clients.steps import StepError, Steps
 
 FENCE: int = mavlink.MAV_MISSION_TYPE_FENCE
 CORNER: int = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION

@@ -8,8 +8,15 @@ from typing import Any, Final
 
 from pymavlink import mavutil
 
-from tests.interop.clients.scene import EMERGENCY, Place
-from tests.interop.clients.steps import PATIENCE_S, StepError, pause, repeat, until
+from tests.interop.clients.steps import (
+    EMERGENCY,
+    PATIENCE_S,
+    Place,
+    StepError,
+    pause,
+    repeat,
+    until,
+)
 
 mavlink: Final = mavutil.mavlink
 GROUND_STATION: Final = (255, 190)

@@ -17,8 +17,17 @@ from typing import Any, Final
 from pymavlink import mavftp
 
 from tests.interop.clients.pilot import Pilot, item, mavlink
-from tests.interop.clients.scene import Call, Place, called, fence, goal, route
-from tests.interop.clients.steps import StepError, Steps, repeat
+from tests.interop.clients.steps import (
+    Call,
+    Place,
+    StepError,
+    Steps,
+    called,
+    fence,
+    goal,
+    repeat,
+    route,
+)
 
 SCRIPTS: Final = Path(__file__).parents[1] / "shaped"
 FENCE: Final = mavlink.MAV_MISSION_TYPE_FENCE

@@ -1,0 +1,356 @@
+"""The gateway in closed loop: a plan is driven, the robot is stopped, the gateway dies."""
+
+import json
+import re
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+from gateways.mavlink.bus_port import BusPort
+from gateways.mavlink.mav_vehicle import MavVehicle
+from gateways.mavlink.mavlink_dialect import (
+    RESULT_NOT_IN_CONTROL,
+    MavMessage,
+    MissionCount,
+    mavlink,
+)
+from gateways.mavlink.services import face_of
+from ground.client.connection import Common
+from ground.client.goal import Destination
+from ground.client.link import ALIVE, Link
+from ground.client.operations.commands import Arm
+from ground.client.operations.goals import Goto
+from ground.client.operations.leases import ChangeLease
+from ground.client.operations.missions import StartMission, UploadMission
+from ground.client.operations.session import Operation, Session
+from ground.client.results import Outcome
+from ground.missions import qgroundcontrol
+from ground.missions.mission import Waypoint
+from protocol.bus.bus import open_bus
+from protocol.topics import Role
+from protocol.wire.enums import GoalState, LeaseAction, MissionState, Mode
+from protocol.wire.enums import Vehicle as VehicleState
+from protocol.wire.reasons import Reason
+from robot.lease import LAPSE_S
+from runtime.clock import WallClock
+from tests.support.each import each
+from tests.support.gateway.fake_port import CLIENT, ORIGIN
+from tests.support.gateway.messages import acks, command, words
+from tests.support.gateway.mission_bench import messages_of, of_type, planned
+from tests.support.harness import Stack
+from tests.support.until import until
+
+PLAN = planned(
+    Waypoint(x_m=1.0, y_m=2.0, hold_s=0.3),
+    Waypoint(x_m=1.3, y_m=1.6, heading_deg=-33.3, position_tolerance_m=0.07),
+)
+
+
+def link_of(stack: Stack, role: Role) -> Link:
+    return Link(stack.join(role), Common(network=stack.client_network, robot="r1"), WallClock())
+
+
+def flown(stack: Stack) -> str:
+    """Drive the mission that has been started to its end, and return the digest."""
+    stack.until(lambda: stack.vehicle.mission.state == MissionState.DONE)
+    return stack.digest()
+
+
+def is_over(stack: Stack, answer: Future[Outcome]) -> bool:
+    """Let the robot answer, without a tick; return whether the operation has ended."""
+    assert stack.robot is not None
+    stack.robot.idle()
+    return answer.done()
+
+
+def flown_by_operations() -> str:
+    """Read the plan, upload, arm and start as the app does."""
+    with Stack("open") as stack, ThreadPoolExecutor(1) as pool:
+        session = Session(link_of(stack, Role.GROUND), attended=True)
+        mission = qgroundcontrol.read_plan(json.dumps(PLAN), "tour.plan").mission
+        steps: list[Operation[Any]] = [UploadMission(mission=mission), Arm()]
+        for operation in (*steps, StartMission(item=0)):
+            answer = pool.submit(operation.perform, session)
+            until(partial(is_over, stack, answer))
+            assert answer.result().ok
+        return flown(stack)
+
+
+class Client:
+    """A MAVLink client of a robot, without sockets between it and the gateway."""
+
+    def __init__(self, stack: Stack) -> None:
+        self._stack = stack
+        self._port = BusPort(link_of(stack, Role.GROUND), lambda: None)
+        now_ns = stack.clock.now_ns()
+        self._face = face_of(MavVehicle(1, self._port, ORIGIN, now_ns))
+        self._face.due(now_ns)
+
+    def send(self, message: MavMessage, answer: str) -> MavMessage:
+        """Send a message; return the first answer of this type, without a tick of the robot."""
+        found: list[MavMessage] = []
+        self._face.receive(message, CLIENT, self._stack.clock.now_ns())
+
+        def is_answered() -> bool:
+            assert self._stack.robot is not None
+            self._stack.robot.idle()
+            self._port.deliver()
+            sent = [one.message for one in self._face.vehicle.outbox.take()]
+            found.extend(of_type(sent, answer))
+            return bool(found)
+
+        until(is_answered)
+        return found[0]
+
+    def close(self) -> None:
+        self._port.close()
+
+
+def flown_by_mavlink() -> str:
+    """Upload the plan, arm and start as a ground station does."""
+    with Stack("open") as stack:
+        client, items = Client(stack), messages_of(PLAN)
+        message = MissionCount(1, 1, len(items), 0)
+        for item in items:
+            asked = client.send(message, "MISSION_REQUEST")
+            assert asked.seq == item.seq
+            message = item
+        assert client.send(message, "MISSION_ACK").type == mavlink.MAV_MISSION_ACCEPTED
+        for number in (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_MISSION_START):
+            param1 = 1 if number == mavlink.MAV_CMD_COMPONENT_ARM_DISARM else 0
+            answer = client.send(command(number, param1), "COMMAND_ACK")
+            assert acks([answer]) == [(number, mavlink.MAV_RESULT_ACCEPTED)]
+        client.close()
+        return flown(stack)
+
+
+def test_mavlink_and_our_operations_give_the_same_trajectory() -> None:
+    assert flown_by_mavlink() == flown_by_operations()
+
+
+ARM = 400
+SET_MODE = 176
+REPOSITION = 192
+START = 300
+GUIDED, AUTO = 15, 10
+LOST_S = 1.5
+
+
+class Gateway:
+    """A gateway and its client, which live while the test lets them."""
+
+    def __init__(self, stack: Stack) -> None:
+        self._stack = stack
+        self.port = BusPort(link_of(stack, Role.GROUND), lambda: None)
+        beats = self.port._heartbeats
+        self.port.heartbeat = lambda: stack.send(beats.key, lambda: beats.put(ALIVE))  # type: ignore[method-assign]
+        self.face = face_of(MavVehicle(1, self.port, ORIGIN, stack.clock.now_ns()))
+        self.face.join(CLIENT.client)
+        self.sent: list[MavMessage] = []
+
+    def round(self) -> None:
+        self.face.vehicle.control.heard(CLIENT, self._stack.clock.now_ns())
+        self.port.deliver()
+        self.face.due(self._stack.clock.now_ns())
+        self.sent += [one.message for one in self.face.vehicle.outbox.take()]
+
+    def ask(self, message: MavMessage, answer: str = "COMMAND_ACK") -> MavMessage:
+        """Send a message; return the first answer of this type."""
+        self.sent.clear()
+        self.face.receive(message, CLIENT, self._stack.clock.now_ns())
+
+        def is_answered() -> bool:
+            if self.port._waiting and self._stack.robot is not None:
+                self._stack.robot.idle()  # simulated time waits for the threads of the port
+            else:
+                self._stack.cycle()
+            self.round()
+            return bool(of_type(self.sent, answer))
+
+        until(is_answered)
+        return of_type(self.sent, answer)[0]
+
+    def command(self, number: int, *params: float) -> int:
+        """Send a command; return its result a tick later, as the robot then knows its operator."""
+        result = acks([self.ask(command(number, *params))])[0][1]
+        self._stack.cycle()
+        self.round()
+        return result
+
+    def lives(self, seconds: float) -> None:
+        """Let time pass."""
+        for _ in range(round(seconds * 20)):
+            self._stack.cycle()
+            self.round()
+
+    def is_live(self) -> bool:
+        self.round()
+        return self.face.vehicle.snapshot.is_live
+
+    def drives(self) -> bool:
+        self.round()
+        return self._stack.driving()
+
+
+@contextmanager
+def stack_with_gateway() -> Iterator[tuple[Stack, Gateway]]:
+    with Stack("open") as stack:
+        stack.operator = False  # the gateway is the only one
+        gateway = Gateway(stack)
+        stack.until(gateway.is_live)
+        yield stack, gateway
+        gateway.port.close()
+
+
+def goto(gateway: Gateway) -> int:
+    place = (ORIGIN.latitude_deg + 0.00003, ORIGIN.longitude_deg + 0.00003)
+    return gateway.command(REPOSITION, -1, 1, 0, 0, *place)
+
+
+def test_guided_goal_ends_and_clients_of_a_new_gateway_go_on() -> None:
+    with stack_with_gateway() as (stack, gateway):
+        assert gateway.command(ARM, 1) == 0
+        assert gateway.command(SET_MODE, 1, GUIDED) == 0
+        assert goto(gateway) == 0
+        stack.until(gateway.drives)
+        gone_s = stack.until(lambda: stack.goal_state == GoalState.ABORTED, within_s=5.0)
+        assert LOST_S - 0.3 <= gone_s <= LOST_S + 0.2
+        assert stack.vehicle.state.machine.goal_reason == Reason.OPERATOR_LOST
+        stack.until(stack.standing)
+
+        newer = Gateway(stack)
+        stack.forward(LAPSE_S + 0.5)
+        newer.round()
+        (heartbeat, *_) = of_type(newer.sent, "HEARTBEAT")
+        assert heartbeat.system_status == mavlink.MAV_STATE_CRITICAL
+        assert newer.command(ARM, 1) == 0
+        assert stack.state == VehicleState.ACTIVE
+        assert newer.command(SET_MODE, 1, GUIDED) == 0
+        assert goto(newer) == 0
+        stack.until(newer.drives)
+        newer.port.close()
+
+
+def test_clients_learn_of_a_silence_and_go_on_after_it() -> None:
+    with stack_with_gateway() as (stack, gateway):
+        assert gateway.command(ARM, 1) == 0
+        assert gateway.command(SET_MODE, 1, GUIDED) == 0
+        assert goto(gateway) == 0
+        stack.until(gateway.drives)
+        gateway.sent.clear()
+        beat = gateway.port.heartbeat
+        gateway.port.heartbeat = lambda: None  # type: ignore[method-assign]
+        stack.cycle()  # the robot reads the last heartbeat; one read later would count as new
+        stack.hanging = frozenset({"robot"})
+        gateway.lives(5.0)
+        (*_, heartbeat) = of_type(gateway.sent, "HEARTBEAT")
+        assert heartbeat.system_status == mavlink.MAV_STATE_UNINIT
+        assert heartbeat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+        assert "no telemetry arrives from the robot" in words(gateway.sent)
+        began_ns = stack.clock.now_ns()
+        assert gateway.command(ARM, 1) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+        assert stack.clock.now_ns() - began_ns <= 200_000_000
+
+        stack.hanging, gateway.port.heartbeat = frozenset(), beat  # type: ignore[method-assign]
+        gateway.sent.clear()
+        gateway.lives(3.0)
+        # It counts from the last telemetry, which threads of the bus may have delivered late.
+        assert re.search(r"telemetry arrives again, after [45] s", words(gateway.sent))
+        (*_, heartbeat) = of_type(gateway.sent, "HEARTBEAT")
+        assert heartbeat.system_status == mavlink.MAV_STATE_CRITICAL
+        assert gateway.command(ARM, 1) == 0
+        assert gateway.command(SET_MODE, 1, GUIDED) == 0
+        assert goto(gateway) == 0
+        stack.until(gateway.drives)
+
+
+def test_mission_goes_on_to_its_end() -> None:
+    with stack_with_gateway() as (stack, gateway):
+        items = messages_of(PLAN)
+        message = MissionCount(1, 1, len(items), 0)
+        for item in items:
+            assert gateway.ask(message, "MISSION_REQUEST").seq == item.seq
+            message = item
+        assert gateway.ask(message, "MISSION_ACK").type == mavlink.MAV_MISSION_ACCEPTED
+        assert gateway.command(ARM, 1) == 0
+        assert gateway.command(START, 0) == 0
+        stack.until(gateway.drives)
+        stack.until(lambda: stack.vehicle.mission.state == MissionState.DONE)
+
+
+PAUSE = 193
+RTL = 20
+CONTROL = 32100
+ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
+FAR = Destination(x_m=6.0, y_m=2.0, heading_rad=None)
+IN_TIME_NS = 100_000_000
+
+
+@contextmanager
+def app(stack: Stack, person: str) -> Iterator[Callable[[Operation[Any]], None]]:
+    """Return what performs the operations of another person, who has the lease."""
+    network = replace(stack.client_network, person=person)
+    with open_bus(network, Role.GROUND, "r1") as bus, ThreadPoolExecutor(1) as pool:
+        session = Session(
+            Link(bus, Common(network=network, robot="r1"), WallClock()), attended=True
+        )
+
+        def perform(operation: Operation[Any]) -> None:
+            answer = pool.submit(operation.perform, session)
+            until(partial(is_over, stack, answer))
+            assert answer.result().ok, answer.result().text
+
+        perform(ChangeLease(action=LeaseAction.TAKE, name=person))
+        yield perform
+
+
+def is_at_rest(stack: Stack) -> bool:
+    machine = stack.vehicle.state.machine
+    return machine.mode == Mode.HOLD or machine.vehicle == VehicleState.STANDBY
+
+
+@each("stop", [(SET_MODE, 1, Mode.HOLD), (PAUSE, 0), (ARM, 0), (ARM, 0, 21196)])
+def test_client_without_control_stops_the_robot_in_time(stop: tuple[float, ...]) -> None:
+    with stack_with_gateway() as (stack, gateway), app(stack, "ada") as ada:
+        ada(Arm())
+        ada(Goto(goal=FAR, wait=False))
+        stack.until(gateway.drives)
+        began_ns = stack.clock.now_ns()
+        number, *params = stop
+        assert gateway.command(int(number), *params) == ACCEPTED
+        assert stack.clock.now_ns() - began_ns <= IN_TIME_NS
+        stack.until(partial(is_at_rest, stack))
+        stack.until(stack.standing)
+        assert gateway.face.vehicle.control.owner is None, "it has stopped, and taken nothing"
+        assert stack.vehicle.lease.holder is not None
+        assert stack.vehicle.lease.holder.name == "ada"
+
+
+def test_client_without_control_moves_nothing() -> None:
+    with stack_with_gateway() as (stack, gateway), app(stack, "ada") as ada:
+        ada(Arm())
+        gateway.lives(0.2)
+        moves = (ARM, 1), (SET_MODE, 1, Mode.MANUAL), (SET_MODE, 1, Mode.AUTO), (START,), (RTL,)
+        for number, *params in (*moves, (PAUSE, 1), (178, 1, 0.5, -1)):
+            assert gateway.command(number, *params) == RESULT_NOT_IN_CONTROL
+            assert "another operator commands the robot" in words(gateway.sent)
+            gateway.lives(1.1)
+        assert goto(gateway) == RESULT_NOT_IN_CONTROL
+        assert gateway.command(CONTROL, 1, 0, 10) == mavlink.MAV_RESULT_FAILED
+        assert stack.standing()
+
+
+def test_gateway_after_a_restart_commands_at_once() -> None:
+    """It is the same person, so the lease of the one before is its own."""
+    with stack_with_gateway() as (stack, gateway):
+        assert gateway.command(ARM, 1) == ACCEPTED
+        newer = Gateway(stack)
+        stack.until(newer.is_live)
+        assert newer.command(ARM, 1) == ACCEPTED
+        assert newer.command(SET_MODE, 1, Mode.GUIDED) == ACCEPTED
+        assert goto(newer) == ACCEPTED
+        stack.until(newer.drives)
+        newer.port.close()
