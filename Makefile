@@ -190,7 +190,7 @@ prose: setup
 
 # Pages run for minutes in real time; ARGS="docs/tutorial/mission.md" or ARGS="screens" for a part.
 refresh: setup
-	@exec "$(BIN)/python" -m tests.support.docs.refresh $(ARGS)
+	@exec "$(BIN)/python" -m tests.support.refresh $(ARGS)
 
 pictures: setup
 	@exec "$(BIN)/python" -m checks.site.pictures

@@ -325,7 +325,7 @@ EVIDENCE: Final = (
         "tutorial",
         "Tutorial in a new container",
         "time and result of README and tutorial, page by page",
-        "`python -m tests.support.docs.walk`",
+        "`python -m tests.support.walk`",
         ("README.md", "docs/tutorial", "Makefile", *STACK),
         10,
     ),

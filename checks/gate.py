@@ -134,7 +134,7 @@ def rest_phases(extra: Sequence[str]) -> list[Phase]:
         [
             [tests("tests", ELSEWHERE, computing, 210)],
             [
-                GateStep("images", (*PYTHON, "tests.support.compose.images"), 20),
+                GateStep("images", (*PYTHON, "tests.support.images"), 20),
                 GateStep("MAVLink clients", (*PYTHON, "tests.interop.environments", *extra), 8),
                 tests("tests with the firmware", "mcu", ("-n", "2", *extra, "tests/mcu"), 40),
                 GateStep("documentation", (*PYTHON, "checks.site"), 15),

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 from ground.cli.main import main
-from tests.support.bus.robots import PlayedRobot, Say, played
+from tests.support.played_robot import PlayedRobot, Say, played
 
 
 @pytest.fixture

@@ -38,10 +38,17 @@ from protocol.topics import (
 from protocol.wire.enums import Command, Vehicle
 from protocol.wire.messages import CommandRequest, WheelTicks
 from runtime.errors import AccessDeniedError
-from tests.support.bus.locked import SESSION, Intruder, Locked, Watchful, locked
-from tests.support.bus.nets import TOPOLOGIES, Topology
-from tests.support.bus.robots import PlayedRobot
-from tests.support.keyring import Keyring
+from tests.support.networks import (
+    SESSION,
+    TOPOLOGIES,
+    Intruder,
+    Keyring,
+    Locked,
+    Topology,
+    Watchful,
+    locked,
+)
+from tests.support.played_robot import PlayedRobot
 from tests.support.until import PATIENCE_S, until
 
 PRESS = CommandRequest(request_id=7, param1=1.0, param2=0.0, command=Command.DO_FLIGHTTERMINATION)

@@ -15,8 +15,8 @@ from protocol.topics import STATUS
 from protocol.wire.enums import Command, LeaseAction, MissionState
 from protocol.wire.messages import CommandRequest, GoalRequest
 from sidestep import GoalState, Mode, Reason, Robot, Vehicle
-from tests.support.bus.lively import Paced, dials
-from tests.support.bus.robots import PlayedRobot
+from tests.support.played_robot import PlayedRobot
+from tests.support.stacks import Paced, dials
 from tests.support.until import PATIENCE_S
 
 Stage = tuple[PlayedRobot, str]

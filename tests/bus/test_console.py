@@ -36,11 +36,11 @@ from protocol.wire.reasons import Reason
 from protocol.wire.statustext import pieces_of
 from runtime.clock import WallClock
 from runtime.errors import RemoteError, UserError
-from tests.support.bus.robots import PlayedRobot, played
 from tests.support.ground.client import Notes
-from tests.support.ground.console.spoken import SPOKEN
+from tests.support.ground.spoken import SPOKEN
 from tests.support.hostile import OWNED, raw_in
 from tests.support.hostile import TEXT as HOSTILE
+from tests.support.played_robot import PlayedRobot, played
 from tests.support.until import PATIENCE_S
 
 ROOT = Path(__file__).parents[2]

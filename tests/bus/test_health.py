@@ -14,9 +14,9 @@ from ground.client import connection
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import HEARTBEAT, Role
-from tests.support.bus.lively import Lively
-from tests.support.bus.nets import net
-from tests.support.bus.robots import played
+from tests.support.networks import net
+from tests.support.played_robot import played
+from tests.support.stacks import Lively
 
 pytestmark = pytest.mark.stack
 

@@ -32,8 +32,7 @@ from protocol.topics import MARK, TEXT, TOPICS, WHEELS, Role
 from protocol.wire.codec import decode
 from protocol.wire.enums import Severity
 from protocol.wire.messages import Statustext, WheelTicks
-from tests.support.bus.nets import TOPOLOGIES, Topology, net, prefixes
-from tests.support.keyring import Keyring
+from tests.support.networks import TOPOLOGIES, Keyring, Topology, net, prefixes
 from tests.support.until import PATIENCE_S, until
 
 CUT_S: Final = 3.0

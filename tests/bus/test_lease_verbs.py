@@ -10,11 +10,9 @@ from protocol.topics import LEASE, PARAMETER
 from protocol.wire.enums import Command, LeaseAction, Mode, Vehicle
 from protocol.wire.messages import GoalRequest, LeaseStatus, ParamSet
 from protocol.wire.reasons import Reason
-from tests.support.bus.robots import PlayedRobot, Say
-from tests.support.harness import Stack, reason_in
-from tests.support.interrupt import interrupt_when
-from tests.support.operators import Operator, stops
-from tests.support.until import until
+from tests.support.played_robot import PlayedRobot, Say
+from tests.support.stacks import Operator, Stack, reason_in, stops
+from tests.support.until import interrupt_when, until
 
 
 @pytest.mark.stack

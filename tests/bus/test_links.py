@@ -27,7 +27,7 @@ from runtime.errors import (
     PeerHangsError,
     UserError,
 )
-from tests.support.bus.nets import TOPOLOGIES, Topology, net
+from tests.support.networks import TOPOLOGIES, Topology, net
 from tests.support.until import PATIENCE_S, until
 
 ANY_PORT = Network(mode="peer", listen=("tcp/127.0.0.1:0",))

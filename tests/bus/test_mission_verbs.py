@@ -13,9 +13,8 @@ from protocol.topics import MISSION_SERVICE
 from protocol.wire.enums import Command, GoalState, MissionState, MissionType, Vehicle
 from protocol.wire.messages import CommandRequest, MissionClearAll, MissionCount, MissionStatus
 from protocol.wire.reasons import Reason
-from tests.support.bus.robots import PlayedRobot, Say
-from tests.support.harness import STOPPING_S, Stack
-from tests.support.operators import Operator, fence, stops
+from tests.support.played_robot import PlayedRobot, Say
+from tests.support.stacks import STOPPING_S, Operator, Stack, fence, stops
 
 MISSION = """
 [[waypoint]]

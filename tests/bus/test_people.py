@@ -15,7 +15,7 @@ from protocol.wire.enums import MissionState
 from protocol.wire.messages import SonarScan
 from robot.core.navigators.registry import NAVIGATORS
 from sidestep import GoalState, Mode, Reason, Robot
-from tests.support.bus.lively import PERIOD_S, Lively, Paced, dials
+from tests.support.stacks import PERIOD_S, Lively, Paced, dials
 from tests.support.until import PATIENCE_S
 
 pytestmark = pytest.mark.stack

@@ -30,10 +30,9 @@ from protocol.wire.codec import decode
 from protocol.wire.messages import Heartbeat, NavigatorStatus, Statustext
 from runtime.clock import WallClock
 from runtime.errors import UserError
-from tests.support.bus.robots import PlayedRobot, played
-from tests.support.ground.recording.made import WORLD_TEXT
-from tests.support.interrupt import interrupt_when
-from tests.support.until import PATIENCE_S, until
+from tests.support.ground.made_recordings import WORLD_TEXT
+from tests.support.played_robot import PlayedRobot, played
+from tests.support.until import PATIENCE_S, interrupt_when, until
 
 
 @pytest.fixture

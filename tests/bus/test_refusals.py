@@ -17,7 +17,7 @@ from protocol.bus.certificate import NO_TLS, RENEW, WAIT
 from protocol.bus.network import Network, Tls
 from protocol.topics import Role
 from runtime.errors import AccessDeniedError, KeysError, PeerHangsError, UserError
-from tests.support.keyring import Keyring
+from tests.support.networks import Keyring
 from tests.support.until import until
 
 LISTENER = """
@@ -29,7 +29,7 @@ from protocol.bus.audit import audited_connections
 from protocol.bus.session import configured
 from protocol.bus.network import Network
 from protocol.topics import Role
-from tests.support.keyring import Keyring
+from tests.support.networks import Keyring
 
 def caught():
     # Bytes of the files in memory that this process has open.

@@ -38,8 +38,7 @@ from study.trial.reexecution import (
     reexecute,
     refuse_unless_whole,
 )
-from tests.support.harness import Stack
-from tests.support.operators import drive_about
+from tests.support.stacks import Stack, drive_about
 
 M = TypeVar("M", bound=Message)
 Heard: TypeAlias = Sequence[Mapping[int, Message]]

@@ -51,8 +51,7 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from runtime.errors import LocalError, NoAnswerError, UserError
-from tests.support.bus.nets import TOPOLOGIES, Topology, net
-from tests.support.keyring import Keyring
+from tests.support.networks import TOPOLOGIES, Keyring, Topology, net
 from tests.support.until import PATIENCE_S, until
 
 ARM = CommandRequest(request_id=1, command=Command.COMPONENT_ARM_DISARM, param1=1.0, param2=0.0)

@@ -23,10 +23,10 @@ from protocol.topics import COMMAND, LEASE_SERVICE, ODOMETRY, STATUS, STOP, TOPI
 from protocol.wire.enums import AckResult, Command, LeaseAction, Mode, Vehicle
 from protocol.wire.messages import CommandAck, CommandRequest, LeaseRequest
 from runtime.clock import WallClock
-from tests.support.bus.lively import Lively, Watching
-from tests.support.bus.lively import watching as lively_watching
-from tests.support.bus.nets import Net, net
-from tests.support.ground.station.said import Robot
+from tests.support.ground.station import Robot
+from tests.support.networks import Net, net
+from tests.support.stacks import Lively, Watching
+from tests.support.stacks import watching as lively_watching
 from tests.support.until import PATIENCE_S, until
 
 pytestmark = pytest.mark.stack

@@ -44,8 +44,8 @@ from protocol.wire.enums import Vehicle
 from protocol.wire.message import Message
 from runtime.clock import WallClock
 from runtime.errors import RemoteError
-from tests.support.bus.lively import Lively, watching
-from tests.support.bus.robots import PlayedRobot
+from tests.support.played_robot import PlayedRobot
+from tests.support.stacks import Lively, watching
 from tests.support.until import PATIENCE_S, until
 
 CLOCK = WallClock()

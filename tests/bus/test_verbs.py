@@ -25,9 +25,8 @@ from protocol.wire.codec import Encoder
 from protocol.wire.enums import Command, GoalState, LeaseAction, Mode, Vehicle
 from protocol.wire.messages import CommandRequest, GoalRequest
 from protocol.wire.reasons import Reason
-from tests.support.bus.robots import BEAT, PlayedRobot, Say, played
-from tests.support.interrupt import interrupt_when
-from tests.support.until import PATIENCE_S, until
+from tests.support.played_robot import BEAT, PlayedRobot, Say, played
+from tests.support.until import PATIENCE_S, interrupt_when, until
 
 
 @pytest.mark.parametrize(

@@ -19,8 +19,7 @@ from checks.same_bits.variants import Variant, of_processors, requirements, unpa
 from runtime.cli import compiled
 from study.trial.trial import NAVIGATORS
 from tests.support import digests
-from tests.support.compiled.installation import installed, run_python
-from tests.support.compiled.trials import is_compiled, outcomes
+from tests.support.compiled import installed, is_compiled, outcomes, run_python
 from tests.support.digests import Run
 from tests.support.each import each
 
@@ -198,7 +197,7 @@ def test_lowest_libraries_are_those_of_the_project() -> None:
     assert {"numpy", "pymunk"} <= set(newest)
 
 
-COMPILED_TRIALS = ("-m", "tests.support.compiled.trials")
+COMPILED_TRIALS = ("-m", "tests.support.compiled")
 CORE = "robot/core/brain.py"
 
 

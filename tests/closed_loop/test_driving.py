@@ -23,8 +23,8 @@ from robot.core.values import Goal, Outputs, wrap
 from study.trial.core_loop import Behaviour, CoreLoop
 from study.trial.trial import NAVIGATORS as TRIAL_NAVIGATORS
 from study.trial.trial import SIDES, Trial, run_trial
-from tests.support.closed_loop.toy import Toy, box, drive_to
 from tests.support.each import each
+from tests.support.toy import Toy, box, drive_to
 
 LIMIT_MRAD_S = DEFAULTS.wheel_max_m_s / DEFAULTS.wheel_radius_m * 1000
 STEP_MRAD_S = DEFAULTS.accel_m_s2 * DEFAULTS.period_s / DEFAULTS.wheel_radius_m * 1000

@@ -37,10 +37,9 @@ from protocol.wire.reasons import Reason
 from robot.lease import LAPSE_S
 from runtime.clock import WallClock
 from tests.support.each import each
-from tests.support.gateway.fake_port import CLIENT, ORIGIN
-from tests.support.gateway.messages import acks, command, words
-from tests.support.gateway.mission_bench import messages_of, of_type, planned
-from tests.support.harness import Stack
+from tests.support.gateway.benches import messages_of, of_type, planned
+from tests.support.gateway.fake_port import CLIENT, ORIGIN, acks, command, words
+from tests.support.stacks import Stack
 from tests.support.until import until
 
 PLAN = planned(

@@ -6,7 +6,7 @@ from plant.world.file import load
 from protocol.wire.enums import Command, GoalState, Mode, Vehicle
 from protocol.wire.reasons import Reason
 from study.trial.trial import Trial, run_trial
-from tests.support.harness import Stack
+from tests.support.stacks import Stack
 
 
 @pytest.mark.sweep(4)

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from tests.support.compose import images
+from tests.support import images
 
 
 @pytest.fixture(scope="session")

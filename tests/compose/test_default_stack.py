@@ -20,9 +20,18 @@ from protocol.wire.enums import Command, GoalState, Mode, Vehicle
 from protocol.wire.messages import CommandRequest, GoalRequest
 from protocol.wire.reasons import Reason
 from runtime.errors import NoAnswerError
-from tests.support.compose import images
-from tests.support.compose.compose import POLL_S, ROOT, Compose, Done, docker, project, tried
-from tests.support.compose.web import asked, token_in
+from tests.support import images
+from tests.support.compose import (
+    POLL_S,
+    ROOT,
+    Compose,
+    Done,
+    asked,
+    docker,
+    project,
+    token_in,
+    tried,
+)
 from tests.support.stack.browser import DRAWN, browsing, chromium, drawn, keep, sees
 from tests.support.stack.processes import Witness, moved_not
 from tests.support.stack.tmux import Tmux

@@ -12,8 +12,8 @@ import pytest
 
 from gateways.mavlink.mavlink_dialect import mavlink
 from protocol.wire.enums import Vehicle
-from tests.support.compose.compose import LAST_WORDS, POLL_S, Compose, docker, project
-from tests.support.stack.mavlink_client import MavlinkClient, free_port
+from tests.support.compose import LAST_WORDS, POLL_S, Compose, docker, project
+from tests.support.stack.processes import MavlinkClient, free_port
 from tests.support.until import until
 
 pytestmark = pytest.mark.compose

@@ -44,11 +44,10 @@ from robot.storage import Store
 from robot.vehicle import Vehicle as RobotVehicle
 from runtime.clock import Tick, WallClock
 from runtime.units import PERIOD_NS
-from tests.support.attacks.attacker import EVE, Attacker, Reply, answered, attacked, order
-from tests.support.bus.nets import Net, net
+from tests.support.attacker import EVE, Attacker, Reply, answered, attacked, order
 from tests.support.each import each
-from tests.support.harness import Stack
-from tests.support.operators import Operator
+from tests.support.networks import Net, net
+from tests.support.stacks import Operator, Stack
 from tests.support.until import PATIENCE_S, until
 
 STANDS_S = 0.2

@@ -18,8 +18,7 @@ from robot.core.values import Pose
 from runtime.clock import ManualClock
 from runtime.units import PERIOD_NS
 from tests.support.each import each
-from tests.support.harness import STOPPING_S, Stack
-from tests.support.operators import Operator
+from tests.support.stacks import STOPPING_S, Operator, Stack
 from tests.support.until import until
 
 

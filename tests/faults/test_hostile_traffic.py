@@ -15,7 +15,7 @@ from protocol.wire.reasons import Reason
 from robot.emergency_stop import StopLatch
 from robot.process import MAX_ANSWERED, MAX_WAITING
 from tests.support.each import each
-from tests.support.harness import Stack
+from tests.support.stacks import Stack
 
 GOOD = Encoder(1, 25).encode(WheelTicks(time_ns=1, seq=1, left=5, right=5, bumper=0, expired=0))
 BROKEN = (b"", b"\x00", GOOD[:-1], GOOD[:9], b"\xff" * 300, GOOD[:-1] + b"\x00", b"\xfd rubbish")

@@ -16,8 +16,15 @@ from ground.recording.log_reader import TlogReader
 from protocol.wire.codec import decode
 from protocol.wire.message import Message
 from protocol.wire.messages import GroundTruth, Statustext, WheelCommand
-from tests.support.stack.process_table import alive, children_of, cmdline
-from tests.support.stack.processes import Crew, Running, Witness, moved_not
+from tests.support.stack.processes import (
+    Crew,
+    Running,
+    Witness,
+    alive,
+    children_of,
+    cmdline,
+    moved_not,
+)
 from tests.support.until import until
 
 pytestmark = pytest.mark.mcu

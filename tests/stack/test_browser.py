@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 
 from gateways.mavlink.endpoints import ReceivedBytes, opened
-from tests.support.gateway.telemetry import everything
+from tests.support.gateway.fake_port import everything
 from tests.support.gateway.whole import CommandedPort, WholeGateway
 from tests.support.stack.browser import SEEN_S, Page, browsing, chromium, keep, sees
 from tests.support.stack.processes import Crew, Running, Witness, free_endpoint

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from checks.first_ten_minutes import STEPS, main
-from tests.support.docs.console import Command, matches, steps_of
-from tests.support.docs.session import ROOT, Session, session
+from tests.support.pages import ROOT, Command, Session, matches, session, steps_of
 
 DOCS = ROOT / "docs"
 PAGES = sorted([*(DOCS / "tutorial").glob("*.md"), *(DOCS / "how-to").glob("*.md")])

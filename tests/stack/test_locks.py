@@ -25,7 +25,7 @@ from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest, LeaseRequest
 from protocol.wire.reasons import Reason
 from runtime.errors import AccessDeniedError
-from tests.support.keyring import DAY, NOW, Keyring
+from tests.support.networks import DAY, NOW, Keyring
 from tests.support.stack.processes import Crew, Running, free_endpoint
 from tests.support.until import until
 

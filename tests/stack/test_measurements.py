@@ -14,8 +14,7 @@ from checks.harness.figures import Figure
 from checks.same_bits import run_modes
 from checks.speed import codec, latency, lockstep, robot_process, trials
 from checks.speed.ground_station import app_figures as ground
-from tests.support.stack.process_table import ROOT, alive, children_of, cmdline
-from tests.support.stack.processes import Crew, Running
+from tests.support.stack.processes import ROOT, Crew, Running, alive, children_of, cmdline
 from tests.support.until import until
 
 pytestmark = pytest.mark.stack

@@ -23,8 +23,15 @@ from ground.missions.files import read
 from protocol.topics import COMMAND, MISSION
 from protocol.wire.enums import Command, MissionState, Mode, Vehicle
 from protocol.wire.messages import MissionStatus
-from tests.support.stack.mavlink_client import LOCAL, MavlinkClient, free_port
-from tests.support.stack.processes import Crew, Running, Witness, departs
+from tests.support.stack.processes import (
+    LOCAL,
+    Crew,
+    MavlinkClient,
+    Running,
+    Witness,
+    departs,
+    free_port,
+)
 from tests.support.stack.tmux import Tmux
 from tests.support.until import PATIENCE_S, until
 

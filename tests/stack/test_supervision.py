@@ -39,8 +39,18 @@ from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.reasons import Reason
 from runtime.clock import WallClock
 from runtime.watchdog import HANGS
-from tests.support.stack.process_table import alive, children_of, cmdline, frames_in
-from tests.support.stack.processes import Crew, Running, Witness, departs, moved_not, real_time
+from tests.support.stack.processes import (
+    Crew,
+    Running,
+    Witness,
+    alive,
+    children_of,
+    cmdline,
+    departs,
+    frames_in,
+    moved_not,
+    real_time,
+)
 from tests.support.stack.spoilt import Sabotage
 from tests.support.until import PATIENCE_S, until
 

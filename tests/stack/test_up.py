@@ -19,8 +19,16 @@ from ground.user.runs import read_runs
 from protocol.outcome import Outcome
 from protocol.wire.codec import decode
 from protocol.wire.messages import Statustext
-from tests.support.stack.process_table import ROOT, alive, children_of, cmdline, frames_in
-from tests.support.stack.processes import Crew, Running, real_time
+from tests.support.stack.processes import (
+    ROOT,
+    Crew,
+    Running,
+    alive,
+    children_of,
+    cmdline,
+    frames_in,
+    real_time,
+)
 from tests.support.stack.tmux import Tmux
 from tests.support.until import until
 

@@ -1,10 +1,10 @@
-"""A bus that a test plays: no sockets, no threads; the clock is the test's."""
+"""Buses that a test plays: no sockets, no threads; mailboxes hold what the test puts in."""
 
 from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
-from protocol.bus.bus import Presence
-from protocol.bus.mailbox import Mailbox, Sample
+from protocol.bus.bus import Bus, Presence
+from protocol.bus.mailbox import Mailbox, Origin, Sample
 from protocol.bus.network import Hub
 from protocol.topics import ENCODING, Role, Service, Topic
 from protocol.wire.codec import Encoder, decode
@@ -155,3 +155,52 @@ class PlayedBus:
 
     def kept_out(self) -> str:
         return self.shut
+
+
+class Box(Mailbox[Any]):
+    """Holds what the test puts in."""
+
+    newest: tuple[Any, int] | None = None
+    sender = "open/0a"
+    delay_ns = 0
+    """How long before its arrival a frame of an operator was sent."""
+
+    def latest(self) -> tuple[Any, int] | None:
+        return self.newest
+
+    def received(self) -> list[tuple[Any, Origin]]:
+        if self.newest is None:
+            return []
+        message, arrived_ns = self.newest
+        return [(message, Origin(self.sender, arrived_ns - self.delay_ns, arrived_ns))]
+
+
+class Wireless(Bus):
+    """One mailbox for each topic; nothing is opened."""
+
+    def __init__(self) -> None:
+        self.boxes: dict[str, Box] = {}
+
+    def mailbox(self, topic: Topic[Any], *_: Any, **__: Any) -> Box:
+        return self.boxes.setdefault(topic.path, Box(topic))
+
+
+class Air:
+    """One mailbox for each topic."""
+
+    def __init__(self) -> None:
+        self.boxes: dict[str, Mailbox[Any]] = {}
+        self._encoder = Encoder(1, 1)
+
+    def mailbox(
+        self,
+        topic: Topic[Any],
+        robot: str | None = None,
+        notify: Callable[[int], None] | None = None,
+        *,
+        take: Callable[[str, bytes, int], None] | None = None,
+    ) -> Mailbox[Any]:
+        return self.boxes.setdefault(topic.path, Mailbox(topic, notify))
+
+    def put(self, topic: Topic[Any], message: Message, at_ns: int) -> None:
+        self.boxes[topic.path].store(Sample(ENCODING, self._encoder.encode(message)), at_ns)

@@ -1,5 +1,8 @@
-"""Wait for a condition that threads or other processes bring about."""
+"""Wait for a condition that others bring about, and interrupt this process once it holds."""
 
+import os
+import signal
+import threading
 import time
 from collections.abc import Callable
 from threading import Event
@@ -33,3 +36,15 @@ def until(
             raise AssertionError(f"not within {within_s} s: {what() if callable(what) else what}")
         pause.wait(max(poll_s, min(SHARE * waited_s, RARELY_S)))
     return time.monotonic() - started_s
+
+
+def interrupt_when(condition: Callable[[], object], number: signal.Signals = signal.SIGINT) -> None:
+    """Send this process a signal as soon as the condition holds, or when it does not in time."""
+
+    def wait() -> None:
+        try:
+            until(condition)
+        finally:
+            os.kill(os.getpid(), number)
+
+    threading.Thread(target=wait, daemon=True).start()

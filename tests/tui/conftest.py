@@ -4,8 +4,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.tui.plant_side import FAULTS, WORLD
-from tests.support.tui.settle import hasten
+from tests.support.tui.pilot import FAULTS, WORLD, hasten
 
 
 @pytest.fixture(autouse=True)

@@ -33,13 +33,9 @@ from runtime.clock import ManualClock
 from runtime.errors import UserError
 from tests.support.each import each
 from tests.support.ground.client import ScriptedBus, status
-from tests.support.ground.station.play import WORLD_TEXT
-from tests.support.tui.fakes import FakeCommandSink, FakeStation
-from tests.support.tui.pilot import Stage, play, staged
-from tests.support.tui.plant_side import SynchronousApp
-from tests.support.tui.recording import recorded
-from tests.support.tui.stopped import STOP_ID, stopped
-from tests.support.tui.underway import driving
+from tests.support.ground.station import WORLD_TEXT
+from tests.support.tui.fakes import STOP_ID, FakeCommandSink, FakeStation, driving, stopped
+from tests.support.tui.pilot import Stage, SynchronousApp, play, recorded, staged
 
 ELSEWHERE = "tcp/10.0.0.7:7447"
 

@@ -14,9 +14,8 @@ from ground.map.scene import MapTarget
 from ground.station.link.loss import Loss, LossKind
 from protocol.topics import ODOMETRY, STATUS, TRUTH
 from tests.support.each import each
-from tests.support.tui.fakes import MS, FakeStation, S
+from tests.support.tui.fakes import MS, FakeStation, S, drive_messages, driving, status
 from tests.support.tui.pilot import NAMES, Stage, play, staged
-from tests.support.tui.underway import drive_messages, driving, status
 
 
 def drive_of(stage: Stage) -> DriveScreen:

@@ -21,9 +21,8 @@ from protocol.wire.enums import GoalState, MissionState, Mode, Severity, Vehicle
 from protocol.wire.messages import MissionStatus
 from protocol.wire.reasons import Reason
 from tests.support.each import each
-from tests.support.tui.fakes import FakeStation, S
+from tests.support.tui.fakes import FakeStation, S, driving, status
 from tests.support.tui.pilot import play, staged
-from tests.support.tui.underway import driving, status
 
 
 @each("width", [0, 1, 20, 40, 80, 160])

@@ -29,9 +29,8 @@ from ground.map.scene import Disc, MapScene, Outline
 from protocol.wire.reasons import Reason
 from runtime.errors import ConfigError
 from tests.support.each import each
-from tests.support.tui.fakes import FakeStation
+from tests.support.tui.fakes import FakeStation, driving
 from tests.support.tui.pilot import Stage, play, staged
-from tests.support.tui.underway import driving
 
 BELOW = (Layer.ROBOT, Layer.FLEET, Layer.STATION)
 

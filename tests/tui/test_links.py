@@ -12,11 +12,9 @@ from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.messages import GatewayStatus
 from runtime.units import NS_PER_S
 from tests.support.each import each
-from tests.support.ground.station.said import Robot
-from tests.support.tui.fakes import NOTHING, FakeStation
+from tests.support.ground.station import Robot
+from tests.support.tui.fakes import NOTHING, FakeStation, driving, mcu_status, stopped_status
 from tests.support.tui.pilot import play, staged
-from tests.support.tui.stopped import stopped_status
-from tests.support.tui.underway import driving, mcu_status
 
 
 def test_links_show_processes_and_streams() -> None:

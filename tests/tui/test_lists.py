@@ -14,11 +14,8 @@ from ground.app.widgets.rows import words_of
 from ground.station.history.event_log import EventLog, LogLine
 from protocol.wire.enums import Severity, Vehicle
 from tests.support.each import each
-from tests.support.tui.fakes import FakeStation, S
-from tests.support.tui.pilot import Stage, play, staged
-from tests.support.tui.plant_side import FakeStack, on
-from tests.support.tui.stopped import stopped
-from tests.support.tui.underway import driving, parameter
+from tests.support.tui.fakes import FakeStation, S, driving, parameter, stopped
+from tests.support.tui.pilot import FakeStack, Stage, on, play, staged
 
 MANY = [Choice(f"run-{number}", f"file {number}") for number in range(1, 60)]
 

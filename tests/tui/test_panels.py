@@ -27,10 +27,18 @@ from protocol.wire.enums import Branch, GoalState, MissionState, Mode, Vehicle
 from protocol.wire.messages import MissionStatus, NavigatorStatus, PlanarOdometry
 from protocol.wire.reasons import Reason, reason_text
 from tests.support.each import each
-from tests.support.ground.explain.decisions import decided
-from tests.support.tui.fakes import MS, FakeStation, S
+from tests.support.ground.decisions import decided
+from tests.support.tui.fakes import (
+    MS,
+    FakeStation,
+    S,
+    drive_messages,
+    driving,
+    mcu_status,
+    parameter,
+    status,
+)
 from tests.support.tui.pilot import play, staged
-from tests.support.tui.underway import drive_messages, driving, mcu_status, parameter, status
 
 
 def shown(**changes: int) -> FakeStation:

@@ -20,11 +20,9 @@ from ground.user.folders import recordings_folder
 from protocol.world import GoalPose, Start, World, as_json
 from runtime.clock import ManualClock
 from runtime.errors import UserError
-from tests.support.ground.recording.recorders import written
-from tests.support.tui.fakes import FakeCommandSink, FakeStation, S
-from tests.support.tui.pilot import Stage, play, staged
-from tests.support.tui.recording import recorded
-from tests.support.tui.underway import driving
+from tests.support.ground.made_recordings import written
+from tests.support.tui.fakes import FakeCommandSink, FakeStation, S, driving
+from tests.support.tui.pilot import Stage, play, recorded, staged
 from tests.support.until import PATIENCE_S
 
 

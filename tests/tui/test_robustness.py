@@ -28,9 +28,8 @@ from protocol.topics import HEARTBEAT, Role
 from protocol.wire.enums import Severity
 from tests.support.each import each
 from tests.support.hostile import LETTERS, OWNED, TEXT, raw_in
-from tests.support.tui.fakes import MS, FakeCommandSink, FakeStation
+from tests.support.tui.fakes import MS, FakeCommandSink, FakeStation, driving, parameter
 from tests.support.tui.pilot import Stage, play, staged
-from tests.support.tui.underway import driving, parameter
 from tests.support.until import until
 
 TINY = ((1, 1), (2, 1), (1, 24), (20, 5), (40, 12), (59, 17), (300, 90))

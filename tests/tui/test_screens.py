@@ -25,10 +25,15 @@ from ground.station.history.time_series import MessageSeries, numeric_fields
 from protocol.topics import ODOMETRY, SONAR, STATUS
 from runtime.errors import UserError
 from tests.support.each import each
-from tests.support.tui.fakes import FakeCommandSink, FakeStation, S
-from tests.support.tui.pilot import Stage, play, staged
-from tests.support.tui.plant_side import FakeStack, on
-from tests.support.tui.underway import drive_messages, driving, parameter
+from tests.support.tui.fakes import (
+    FakeCommandSink,
+    FakeStation,
+    S,
+    drive_messages,
+    driving,
+    parameter,
+)
+from tests.support.tui.pilot import FakeStack, Stage, on, play, staged
 
 
 def parameters() -> tuple[Parameter, ...]:

@@ -25,13 +25,16 @@ from protocol.wire.enums import MissionState, Vehicle
 from protocol.wire.messages import MissionStatus
 from protocol.wire.reasons import Reason, reason_text
 from runtime.clock import ManualClock
-from tests.support.tui.fakes import MS, FakeCommandSink, FakeStation, S
-from tests.support.tui.pilot import Stage, play, staged
-from tests.support.tui.plant_side import FakeStack, on
-from tests.support.tui.recording import recorded
-from tests.support.tui.snapshots import ACTUAL, compare
-from tests.support.tui.stopped import stopped
-from tests.support.tui.underway import drive_messages, driving
+from tests.support.tui.fakes import (
+    MS,
+    FakeCommandSink,
+    FakeStation,
+    S,
+    drive_messages,
+    driving,
+    stopped,
+)
+from tests.support.tui.pilot import ACTUAL, FakeStack, Stage, compare, on, play, recorded, staged
 
 SIZES = ((80, 24), (120, 40), (200, 60), (40, 12))
 THEMES = ("dark", "light", "mono")

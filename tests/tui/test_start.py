@@ -14,9 +14,8 @@ from ground.app.app import BackgroundJobs, GroundApp
 from ground.app.appearance import Appearance
 from ground.app.start import capture_output
 from runtime.errors import UserError
-from tests.support.tui.fakes import FakeCommandSink, FakeStation
+from tests.support.tui.fakes import FakeCommandSink, FakeStation, driving
 from tests.support.tui.pilot import play, staged
-from tests.support.tui.underway import driving
 from tests.support.until import PATIENCE_S, until
 
 

@@ -15,10 +15,8 @@ from ground.app.screens import SCREENS
 from ground.app.screens.drive import DriveScreen
 from protocol.wire.enums import Vehicle
 from tests.support.each import each
-from tests.support.tui.fakes import MS, S
+from tests.support.tui.fakes import MS, S, driving, stopped
 from tests.support.tui.pilot import Stage, play, staged
-from tests.support.tui.stopped import stopped
-from tests.support.tui.underway import driving
 
 SCREEN_KEYS = {name: str(number) for name, number in SCREENS.items()}
 

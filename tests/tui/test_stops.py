@@ -18,11 +18,17 @@ from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus
 from protocol.wire.reasons import Reason
 from tests.support.each import each
-from tests.support.tui.fakes import FakeCommandSink, FakeStation
+from tests.support.tui.fakes import (
+    FakeCommandSink,
+    FakeStation,
+    driving,
+    entry,
+    status,
+    stopped,
+    stopped_status,
+)
+from tests.support.tui.fakes import show as stopped_show
 from tests.support.tui.pilot import Stage, play, staged
-from tests.support.tui.stopped import entry, stopped, stopped_status
-from tests.support.tui.stopped import show as stopped_show
-from tests.support.tui.underway import driving, status
 
 KINDS = [(Vehicle.EMERGENCY_STOP, "EMERGENCY STOP r1", "alarm", "-estop"),
          (Vehicle.FAILSAFE, "FAILSAFE r1", "failsafe", "-failsafe")]  # fmt: skip

@@ -32,9 +32,8 @@ from protocol.bus.network import Network
 from protocol.options import DEFAULT_ENDPOINT
 from runtime.clock import ManualClock
 from runtime.errors import UserError
-from tests.support.tui.fakes import FakeStation
+from tests.support.tui.fakes import FakeStation, driving, parameter
 from tests.support.tui.pilot import play, staged
-from tests.support.tui.underway import driving, parameter
 
 CIRCLE = Circle(x_m=1.0, y_m=2.0, radius_m=3.0)
 

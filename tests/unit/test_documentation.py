@@ -49,10 +49,10 @@ from runtime.watchdog import HUNG_S
 from study.cli.study_run import parser
 from study.intervals import CHI2_2, CONFIDENCE, CONFIDENT
 from study.runner.plan import DETOUR_FACTOR, MIN_TIMEOUT_S, UNREACHABLE_TIMEOUT_S
-from tests.support.docs.console import Command, File, Stop, matches, renewed, steps, steps_of
-from tests.support.docs.refresh import main
-from tests.support.docs.session import ROOT as SESSION_ROOT
 from tests.support.each import each
+from tests.support.pages import ROOT as SESSION_ROOT
+from tests.support.pages import Command, File, Stop, matches, renewed, steps, steps_of
+from tests.support.refresh import main
 
 PAGE = """\
 Text.

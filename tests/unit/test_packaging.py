@@ -24,7 +24,7 @@ import hatch_build
 from checks.built import ROOT as BUILT_ROOT
 from checks.hashes import FOLDER, LISTS, MACHINES, RUNTIME, needed, wanted_in
 from runtime.cli.packages import PACKAGES
-from tests.support.compose import images
+from tests.support import images
 from tests.support.each import each
 
 

@@ -14,16 +14,16 @@ from ground.cli.main import main
 from ground.cli.observe import mavlink
 from runtime.errors import RemoteError, UserError
 from tests.support.each import each
-from tests.support.vehicle_check.ardupilot import ArduPilotLike, OneConnection
 from tests.support.vehicle_check.broken import (
+    ArduPilotLike,
     CarelessVehicle,
     GarbageVehicle,
     MuteVehicle,
+    OneConnection,
     YesVehicle,
 )
-from tests.support.vehicle_check.core import Core, Peer
+from tests.support.vehicle_check.core import Core, MemoryNetwork, Peer
 from tests.support.vehicle_check.good import GoodVehicle, SigningVehicle
-from tests.support.vehicle_check.memory_network import MemoryNetwork
 from vehicle_check import ground_stations as networks
 from vehicle_check import judge as vehicle_check_judge
 from vehicle_check.judge import CheckOutcome, Judged, judge, rows

@@ -1,20 +1,117 @@
-"""A robot port for tests: they set the telemetry and answer the requests."""
+"""A robot port for tests, its telemetry, the messages of clients, and driving them."""
 
 from collections import deque
 from collections.abc import Callable
+from itertools import count
+from math import radians
 from typing import Any
 
 from gateways.mavlink.mav_service import MavService, Sender
 from gateways.mavlink.mav_vehicle import Face, MavVehicle
-from gateways.mavlink.mavlink_dialect import MavMessage
+from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.robot_port import Answered, Done, Snapshot
+from gateways.mavlink.services import face_of
 from ground.client.operations.session import Operation
 from ground.client.results import Accepted, Outcome, Refused
 from ground.missions.mission import Home
-from protocol.wire.enums import LeaseAction
-from protocol.wire.messages import Statustext
+from protocol.wire.enums import GoalState, LeaseAction, MissionState, Mode, Navigator, Vehicle
+from protocol.wire.messages import (
+    CycleReport,
+    MissionStatus,
+    NavigatorStatus,
+    PlanarOdometry,
+    SonarScan,
+    Statustext,
+    WheelTicks,
+)
 from protocol.wire.reasons import Reason
-from tests.support.gateway.telemetry import READ
+
+HEADING_RAD = radians(135.0)
+
+READ = {"sonar_max_m": 3.0, "m_per_tick": 0.0002}
+"""Parameters without which no ranges and distances are sent, as the gateway has read them."""
+
+
+def odometry(**changes: float) -> PlanarOdometry:
+    values: dict[str, Any] = {
+        "time_ns": 5,
+        "x_m": 3.0,
+        "y_m": 4.0,
+        "heading_rad": HEADING_RAD,
+        "speed_m_s": 0.2,
+        "yaw_rate_rad_s": 0.5,
+        "cov_xx_m2": 0.04,
+        "cov_xy_m2": 0.0,
+        "cov_xh_m_rad": 0.001,
+        "cov_yy_m2": 0.01,
+        "cov_yh_m_rad": 0.002,
+        "cov_hh_rad2": 0.003,
+    }
+    return PlanarOdometry(**values | changes)
+
+
+def status(**changes: Any) -> NavigatorStatus:
+    values: dict[str, Any] = {
+        "time_ns": 5,
+        "goal_started_ns": 0,
+        "goal_ended_ns": 0,
+        "goal_id": 0,
+        "goal_x_m": 0.0,
+        "goal_y_m": 0.0,
+        "goal_heading_rad": 0.0,
+        "goal_distance_m": 0.0,
+        "vehicle": Vehicle.STANDBY,
+        "mode": Mode.HOLD,
+        "goal": GoalState.NONE,
+        "vehicle_reason": 0,
+        "goal_reason": 0,
+        "navigator": Navigator.VGM,
+        "side": 1,
+    }
+    return NavigatorStatus(**values | changes)
+
+
+def scan(valid: int = 0xFF, **echoes_mm: int) -> SonarScan:
+    """Return a scan; `s3=500` is an echo of sonar 3."""
+    range_mm, echo = [0] * 8, 0
+    for name, here_mm in echoes_mm.items():
+        range_mm[int(name[1:])] = here_mm
+        echo |= 1 << int(name[1:])
+    ages = (0,) * 8
+    return SonarScan(
+        time_ns=5, seq=1, range_mm=tuple(range_mm), ping_age_us=ages, valid=valid, echo=echo
+    )
+
+
+def wheels(left: int = 0, right: int = 0) -> WheelTicks:
+    return WheelTicks(time_ns=5, seq=1, left=left, right=right, bumper=0, expired=0)
+
+
+def cycle(**changes: Any) -> CycleReport:
+    values: dict[str, Any] = {
+        "time_ns": 5,
+        "tick": 1,
+        "missed": 0,
+        "overruns": 0,
+        "rejected": 0,
+        "late_us": 0,
+        "sense_age_us": 0,
+        "budget_us": 20_000,
+        "stage_us": (100, 200, 300, 400, 0),
+    }
+    return CycleReport(**values | changes)
+
+
+def everything() -> dict[str, Any]:
+    """Return what `FakePort.telemetry` takes: all streams are fresh."""
+    return {
+        "status": status(),
+        "odometry": odometry(),
+        "scan": scan(s3=500, s7=1200),
+        "wheels": wheels(5000, 10_000),
+        "cycle": cycle(),
+    }
+
 
 IDENTITY = "gateway/5"
 ORIGIN = Home(latitude_deg=47.3769, longitude_deg=8.5417)
@@ -112,3 +209,153 @@ class Bench:
             self.face.due(self.now_ns)
             found += self.sent()
         return found
+
+
+SYSTEM, COMPONENT = 1, 1
+SEQUENCE = count(1)
+
+
+def numbered(message: MavMessage, sequence: int | None = None) -> MavMessage:
+    """Return a message with the next frame number of its client, or a given one."""
+    message._header.seq = (next(SEQUENCE) if sequence is None else sequence) & 0xFF
+    return message
+
+
+def command(number: int, *params: float, confirmation: int = 0) -> MavMessage:
+    """Return a COMMAND_LONG; parameters that are not given are 0."""
+    values = (*params, *(0.0,) * (7 - len(params)))
+    return numbered(
+        mavlink.MAVLink_command_long_message(SYSTEM, COMPONENT, number, confirmation, *values)
+    )
+
+
+def command_int(
+    number: int,
+    *params: float,
+    x: int = 0,
+    y: int = 0,
+    z: float = 0.0,
+    frame: int = mavlink.MAV_FRAME_GLOBAL,
+) -> MavMessage:
+    """Return a COMMAND_INT."""
+    values = (*params, *(0.0,) * (4 - len(params)))
+    return numbered(
+        mavlink.MAVLink_command_int_message(
+            SYSTEM, COMPONENT, frame, number, 0, 0, *values, x, y, z
+        )
+    )
+
+
+def mission_status(state: MissionState, current: int = 0, items: int = 3) -> MissionStatus:
+    """Return the status of a mission."""
+    return MissionStatus(
+        time_ns=0, mission_id=1, hold_left_ms=0, count=items, current=current, state=state, reason=0
+    )
+
+
+def acks(messages: list[MavMessage]) -> list[tuple[int, int]]:
+    """Return command and result of each COMMAND_ACK."""
+    return [(m.command, m.result) for m in messages if m.get_type() == "COMMAND_ACK"]
+
+
+def words(messages: list[MavMessage]) -> str:
+    """Return the texts of all STATUSTEXTs, pieces joined."""
+    texts = (m for m in messages if m.get_type() == "STATUSTEXT")
+    return "".join(m.text.decode() if isinstance(m.text, bytes) else m.text for m in texts)
+
+
+SPEEDS = 0xDC7
+"""A type_mask that ignores all but the velocity."""
+PLACE = 0xDF8
+"""A type_mask that ignores all but the position."""
+
+
+def local_target(
+    frame: int = 1,
+    mask: int = SPEEDS,
+    x: float = 0.0,
+    y: float = 0.0,
+    vx: float = 0.0,
+    vy: float = 0.0,
+    yaw: float = 0.0,
+    yaw_rate: float = 0.0,
+) -> MavMessage:
+    """Return a SET_POSITION_TARGET_LOCAL_NED."""
+    return numbered(
+        mavlink.MAVLink_set_position_target_local_ned_message(
+            0, SYSTEM, COMPONENT, frame, mask, x, y, 0, vx, vy, 0, 0, 0, 0, yaw, yaw_rate
+        )
+    )
+
+
+def global_target(lat: int, lon: int, frame: int = 6, mask: int = PLACE) -> MavMessage:
+    """Return a SET_POSITION_TARGET_GLOBAL_INT."""
+    return numbered(
+        mavlink.MAVLink_set_position_target_global_int_message(
+            0, SYSTEM, COMPONENT, frame, mask, lat, lon, 0, 0, 0, 0, 0, 0, 0, 0, 0
+        )
+    )
+
+
+def attitude(
+    thrust: float = 0.0, rate: float = 0.0, mask: int = 0, q: tuple[float, ...] = (1, 0, 0, 0)
+) -> MavMessage:
+    """Return a SET_ATTITUDE_TARGET."""
+    return numbered(
+        mavlink.MAVLink_set_attitude_target_message(
+            0, SYSTEM, COMPONENT, mask, list(q), 0, 0, rate, thrust
+        )
+    )
+
+
+def manual_control(z: int = 0, y: int = 0, x: int = 0, r: int = 0, target: int = 1) -> MavMessage:
+    """Return a MANUAL_CONTROL."""
+    return numbered(mavlink.MAVLink_manual_control_message(target, x, y, z, r, 0))
+
+
+def rc_override(*channels: int, upper: int = 0) -> MavMessage:
+    """Return an RC_CHANNELS_OVERRIDE; channels that are not given are left."""
+    lower = (*channels, *(0xFFFF,) * (8 - len(channels)))
+    return numbered(
+        mavlink.MAVLink_rc_channels_override_message(SYSTEM, COMPONENT, *lower, *(upper,) * 10)
+    )
+
+
+LIMITS = {"v_max_m_s": 0.8, "yaw_max_rad_s": 2.0}
+
+
+def driving_bench(mode: Mode = Mode.HOLD, vehicle: Vehicle = Vehicle.ACTIVE) -> Bench:
+    """Return a bench whose robot publishes everything, at (3, 4), looking east."""
+    bench = Bench()
+    bench.face = face_of(bench.vehicle)
+    bench.vehicle.parameters |= LIMITS
+    show(bench, mode, vehicle=vehicle)
+    return bench
+
+
+def show(
+    bench: Bench,
+    mode: Mode = Mode.HOLD,
+    mission: MissionState = MissionState.NONE,
+    vehicle: Vehicle = Vehicle.ACTIVE,
+) -> None:
+    """Let the robot publish a state, and a round pass."""
+    bench.port.telemetry |= everything() | {
+        "status": status(vehicle=vehicle, mode=mode),
+        "mission": mission_status(mission),
+        "odometry": odometry(heading_rad=0.0),
+    }
+    bench.after(0.02)
+
+
+def performed(bench: Bench) -> list[Operation[Any]]:
+    """Return the operations since the last call."""
+    done = list(bench.port.performed)
+    bench.port.performed.clear()
+    return done
+
+
+def accept_all(bench: Bench) -> None:
+    """Let the robot accept all that it is asked."""
+    while bench.port.waiting:
+        bench.port.answer()

@@ -1,4 +1,4 @@
-"""A run driven here and recorded here: what the recorder would have got from the bus."""
+"""Runs driven and recorded here, shown by a station, and compared with ghosts."""
 
 import json
 from collections.abc import Iterator
@@ -6,7 +6,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ground.client.goal import Destination
+from ground.ghost.ghost import Ghost
 from ground.recording.log_reader import LoggedFrame, record_bytes
+from ground.recording.playback import ReplayBus
+from ground.station.station import Station
+from ground.station.world import parse_world
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.outcome import Outcome
@@ -18,6 +23,7 @@ from protocol.world import as_json
 from robot import telemetry
 from robot.core.values import Outputs
 from robot.vehicle import Vehicle
+from runtime.clock import ManualClock
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial, wire_goal_of
 
@@ -95,3 +101,47 @@ def recorded(trial: Trial) -> tuple[Recording, Outcome]:
 
 def box(navigator: str = "vgm", side: str = "left") -> tuple[Recording, Outcome]:
     return recorded(Trial(world=load("box"), navigator=navigator, side=side, noise="none"))
+
+
+WORLD = parse_world(json.dumps(as_json(load("box"), None)))
+
+
+class Show:
+    """A played recording at one of its instants."""
+
+    def __init__(self, run: Recording, folder: Path, at_s: float, world: bool = True) -> None:
+        log = Path(run.written(folder / "20260101T000000Z-r1.tlog"))
+        self.bus = ReplayBus(log, ManualClock())
+        self._world = WORLD if world else None
+        self.open()
+        self.go(at_s)
+
+    def open(self) -> None:
+        """Return a new station, as after every rewind."""
+        self.station = Station(self.bus, "r1", self.bus.timeline, self._world)
+
+    def go(self, at_s: float) -> None:
+        self.bus.seek(at_s)
+        self.station.poll()
+
+
+def driven(trial: Trial) -> tuple[Outcome, list[tuple[float, float]]]:
+    """Outcome of a run, and the true position in each tick."""
+    places: list[tuple[float, float]] = []
+
+    def watch(plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
+        truth = plant.truth()
+        places.append((truth.x_m, truth.y_m))
+
+    return run_trial(trial, watch), places
+
+
+def ghost_in(world: str, navigator: str = "vgm_memory", **more: Any) -> Ghost:
+    start = load(world).start
+    pose = (start.x_m, start.y_m, start.heading_rad)
+    return Ghost(world, pose, 0.0, goal_in(world), navigator, **more)
+
+
+def goal_in(world: str) -> Destination:
+    goal = load(world).goal
+    return Destination(x_m=goal.x_m, y_m=goal.y_m, heading_rad=goal.heading_rad)

@@ -1,4 +1,4 @@
-"""A robot process on a bus that a test plays: requests, senses and time come from the test."""
+"""A robot process on a played bus, and a disk whose pace a test sets."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
@@ -6,16 +6,7 @@ from typing import Any, TypeVar, cast
 from protocol.bus.bus import Bus
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.bus.services import ServiceRequest
-from protocol.topics import (
-    COMMAND,
-    DRIVE,
-    ENCODING,
-    SONAR,
-    WHEELS,
-    Role,
-    Service,
-    Topic,
-)
+from protocol.topics import COMMAND, DRIVE, ENCODING, SONAR, WHEELS, Role, Service, Topic
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import Command
 from protocol.wire.message import Message
@@ -29,6 +20,7 @@ from protocol.wire.messages import (
 )
 from robot.core.parameters import DEFAULTS
 from robot.emergency_stop import emergency_stop
+from robot.file_writer import Done, Job, do
 from robot.process import CycleMeter, RobotProcess
 from robot.senses import Senses
 from robot.storage import Store
@@ -36,8 +28,47 @@ from robot.vehicle import Vehicle
 from runtime.clock import ManualClock, Tick
 from runtime.units import PERIOD_NS
 from tests.support.played_bus import Handler, PlayedBus, PlayedPublisher
-from tests.support.robot.held_writer import Question
 from tests.support.robot.vehicles import MS, goal
+
+
+class HeldWriter:
+    """Writes nothing until `finish` is called."""
+
+    def __init__(self) -> None:
+        self.waiting: list[Job] = []
+        self._done: list[Done] = []
+
+    def submit(self, job: Job) -> None:
+        self.waiting.append(job)
+
+    def done(self) -> list[Done]:
+        done, self._done = self._done, []
+        return done
+
+    def close(self, patience_s: float) -> None:
+        """Mark the end of the loop."""
+        if patience_s > 0.0:
+            self.finish()
+
+    def finish(self, error: OSError | None = None) -> None:
+        """Let the jobs there are come to their end: written, or failed with this error."""
+        for job in self.waiting:
+            self._done.append(do(job) if error is None else Done(job, error))
+        self.waiting = []
+
+
+class Question(ServiceRequest):
+    """A request as the bus would hand it on; what is answered is kept."""
+
+    def __init__(self, message: Message | None, operator: str = "ada/1") -> None:
+        self.message = message
+        self.operator = operator
+        self.answers: list[Message | bytes] = []
+
+    def reply(self, answer: Message | bytes) -> bool:
+        self.answers.append(answer)
+        return True
+
 
 M = TypeVar("M", bound=Message)
 ADA, BOB = "ada/1", "bob/2"

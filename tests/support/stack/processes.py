@@ -1,10 +1,4 @@
-"""Real processes of the stack, started as a person would, never left behind, and a witness.
-
-with Crew() as crew:
-    crew.start_stack()
-    with Witness(crew.endpoint) as witness:
-        witness.until(lambda: witness.standing)
-"""
+"""Real processes of the stack, a witness, their table, and a MAVLink ground station."""
 
 import os
 import signal
@@ -18,9 +12,13 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import IO, Self
+from typing import IO, Any, Self
 
+from pymavlink import mavutil
+
+from gateways.mavlink.mavlink_dialect import mavlink
 from ground.launch.child_command import command
+from ground.recording.log_reader import TlogReader
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
 from protocol.topics import CYCLE, DRIVE, STATUS, TEXT, TRUTH, Role
@@ -326,3 +324,60 @@ def open_patiently(network: Network, robot: str) -> Bus:
 
     until(opened, what="somebody to listen")
     return found[0]
+
+
+def alive(pid: int) -> bool:
+    """Is it there and not merely waiting to be reaped?"""
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    return state != "Z"
+
+
+ROOT = Path(__file__).parents[3]
+
+
+def children_of(pid: int) -> list[int]:
+    return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def cmdline(pid: int) -> str:
+    return Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode()
+
+
+def frames_in(folder: Path) -> int:
+    (log,) = folder.glob("*.tlog")
+    with log.open("rb") as source:
+        reader = TlogReader(source)
+        for record in reader:
+            decode(record.frame)
+    assert reader.lost_bytes < 300, "more than the record that was being written is lost"
+    return reader.records
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind((LOCAL, 0))
+        return int(probe.getsockname()[1])
+
+
+class MavlinkClient:
+    """Sends heartbeats, and waits for messages of system 1."""
+
+    def __init__(self, port: int) -> None:
+        self.link: Any = mavutil.mavlink_connection(f"udpout:{LOCAL}:{port}", source_system=255)
+
+    def next(self, kind: str, accepts: Callable[[Any], bool] = lambda _: True) -> Any:
+        until_s = time.monotonic() + PATIENCE_S
+        while time.monotonic() < until_s:
+            self.link.mav.heartbeat_send(mavlink.MAV_TYPE_GCS, 8, 0, 0, 4)
+            found = self.link.recv_match(type=kind, blocking=True, timeout=1.0)
+            if found is not None and accepts(found):
+                return found
+        raise AssertionError(f"no {kind} within {PATIENCE_S:g} s")
+
+    def command(self, number: int, *params: float) -> int:
+        values = (*params, *(0.0,) * (7 - len(params)))
+        self.link.mav.command_long_send(1, 1, number, 0, *values)
+        return int(self.next("COMMAND_ACK", lambda ack: ack.command == number).result)

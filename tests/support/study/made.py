@@ -1,5 +1,9 @@
-"""Small studies for tests: simple worlds, their tasks, and rows without a drive."""
+"""Small studies for tests: worlds, tasks, rows, and workers that fail."""
 
+import multiprocessing
+import os
+import signal
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -78,3 +82,41 @@ class Watch:
 
     def __call__(self) -> float:
         return self.now_s
+
+
+class Deadly(dict[str, float]):
+    """Settings that kill the process that reads them, a number of times; each leaves a mark."""
+
+    def __init__(self, marks: Path, times: int) -> None:
+        super().__init__()
+        self.marks, self.times = marks, times
+
+    def keys(self) -> Any:
+        if multiprocessing.parent_process() is not None:
+            killed = len(list(self.marks.iterdir()))
+            if killed < self.times:
+                (self.marks / str(killed)).touch()
+                os.kill(os.getpid(), signal.SIGKILL)
+        return super().keys()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.keys())  # otherwise dict() would bypass keys()
+
+
+class Faulty(dict[str, float]):
+    """Settings that raise when read."""
+
+    def keys(self) -> Any:
+        raise RuntimeError("the floor gave way")
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.keys())  # otherwise dict() would bypass keys()
+
+
+def deadly(marks: Path, times: int, name: str = "deadly") -> World:
+    marks.mkdir(exist_ok=True)
+    return replace(floor(name), robot=Deadly(marks, times))
+
+
+def faulty(name: str = "faulty") -> World:
+    return replace(floor(name), robot=Faulty())

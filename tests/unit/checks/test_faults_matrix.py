@@ -37,8 +37,7 @@ from robot.mission import MissionStore, text_of
 from robot.storage import Store
 from runtime import files
 from tests.support.each import each
-from tests.support.robot.mission.items import circle, line, upload
-from tests.support.robot.vehicles import Desk
+from tests.support.robot.vehicles import Desk, circle, line, upload
 
 UTC_2026_US = 1_795_000_000_000_000
 

@@ -19,7 +19,7 @@ from protocol.wire.message import Message
 from protocol.wire.messages import Statustext
 from protocol.wire.statustext import pieces_of
 from tests.support.each import each
-from tests.support.ground.recording.made import WORLD_TEXT, decision, odometry, scan, status, truth
+from tests.support.ground.made_recordings import WORLD_TEXT, decision, odometry, scan, status, truth
 
 OF_FOXGLOVE = "foxglove."
 BASIC = ("time", "duration")

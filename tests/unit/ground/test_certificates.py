@@ -20,7 +20,7 @@ from protocol.bus.certificate import own_certificate
 from protocol.bus.network import Tls
 from protocol.stop_datagram import load_secrets
 from runtime.errors import UserError
-from tests.support.keyring import DAY, NOW, Keyring
+from tests.support.networks import DAY, NOW, Keyring
 
 NAMES = ("router", "plant", "ground", "viewer", "recorder", "gateway", "robot-r1", "robot-r2")
 STOPPED_BY_DATAGRAM = ("ground", "gateway", "robot-r1", "robot-r2")

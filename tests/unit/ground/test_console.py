@@ -41,7 +41,7 @@ from protocol.wire.enums import LeaseAction, Mode, Navigator
 from runtime.cli.verb_table import VERBS
 from runtime.errors import UserError
 from tests.support.each import each
-from tests.support.ground.console.spoken import SPOKEN
+from tests.support.ground.spoken import SPOKEN
 
 GRACE_S = 1.0
 

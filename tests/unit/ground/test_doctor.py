@@ -14,7 +14,7 @@ from protocol.wire.reasons import Reason
 from runtime.cli.packages import Conflict
 from tests.support.each import each
 from tests.support.ground.client import CYCLE
-from tests.support.ground.station.said import Robot
+from tests.support.ground.station import Robot
 
 MS = 1_000_000
 ALL_PRESENT = PresentProcesses(frozenset({("r1", "robot"), ("r1", "plant")}))

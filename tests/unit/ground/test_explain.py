@@ -19,8 +19,7 @@ from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStat
 from protocol.wire.reasons import Reason, reason_text
 from study.trial.trial import NAVIGATORS
 from tests.support.each import each
-from tests.support.ground.explain.decisions import cycle, decided, standing, turning_points
-from tests.support.ground.explain.drives import WORLDS, drive
+from tests.support.ground.decisions import WORLDS, cycle, decided, drive, standing, turning_points
 from tests.support.ground.recordings import BEGAN_NS, Recording, box
 
 TO_GOAL: dict[str, float] = {"branch": Branch.TO_GOAL, "rotation_rad": 0.0}

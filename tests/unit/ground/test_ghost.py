@@ -59,10 +59,17 @@ from runtime.errors import UserError
 from study.cli.trial import goal_of, parser, start_of
 from study.trial.trial import NAVIGATORS, Trial, wire_goal_of
 from tests.support.each import each
-from tests.support.ground.explain.decisions import standing
-from tests.support.ground.ghost.runs import driven, ghost_in, goal_in
-from tests.support.ground.recordings import Recording, box, recorded
-from tests.support.ground.shown import WORLD, Show
+from tests.support.ground.decisions import standing
+from tests.support.ground.recordings import (
+    WORLD,
+    Recording,
+    Show,
+    box,
+    driven,
+    ghost_in,
+    goal_in,
+    recorded,
+)
 from tests.support.until import until
 
 ROOT = Path(__file__).parents[3]
@@ -236,7 +243,7 @@ def test_failed_process_start_is_reported() -> None:
 PARENT = """
 import sys
 from ground.launch.child_command import command
-from tests.support.ground.ghost.runs import ghost_in
+from tests.support.ground.recordings import ghost_in
 endless = ["router", "--listen", "tcp/127.0.0.1:0"]
 ghost = ghost_in("box", command_of=lambda words, parent: command(endless, parent))
 ghost.start()

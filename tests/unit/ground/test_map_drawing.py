@@ -26,8 +26,7 @@ from ground.map.pen import ellipse
 from ground.map.scene import LAYERS, MapScene, MapTarget, RobotMark
 from ground.map.view import View
 from tests.support.each import each
-from tests.support.ground.map.rooms import EVERYTHING, ROOM
-from tests.support.ground.map.scenes import ANY, SCENES
+from tests.support.ground.map_scenes import ANY, EVERYTHING, ROOM, SCENES
 
 
 @given(SCENES, st.integers(0, 60), st.integers(0, 20), st.booleans())

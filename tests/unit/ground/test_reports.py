@@ -29,7 +29,7 @@ from protocol.topics import ANSWERED, COMMANDED, DECISION, SONAR, STATUS
 from protocol.wire.enums import GoalState, MissionType
 from protocol.wire.message import Message
 from protocol.wire.messages import MissionCount, MissionVerdict
-from tests.support.ground.recording.made import (
+from tests.support.ground.made_recordings import (
     PERIOD_US,
     START_US,
     PublishedFrame,

@@ -12,9 +12,8 @@ from protocol.wire.codec import decode
 from protocol.wire.enums import Branch
 from protocol.wire.messages import AvoidanceDecision
 from protocol.wire.reasons import Reason
-from tests.support.ground.explain.decisions import decided, turning_points
-from tests.support.ground.recordings import Recording, box
-from tests.support.ground.shown import Show
+from tests.support.ground.decisions import decided, turning_points
+from tests.support.ground.recordings import Recording, Show, box
 
 
 @pytest.fixture(scope="module")

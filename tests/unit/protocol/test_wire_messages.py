@@ -45,8 +45,14 @@ from robot.core.values import goal_of
 from runtime.errors import LocalError, RemoteError, UserError
 from study.intervals import CHI2_2 as OF_THE_STUDY
 from tests.support.each import each
-from tests.support.protocol.made_up import any_message, messages_of, wire_values
-from tests.support.protocol.oracle import frame_by_pymavlink, read_by_pymavlink, value_read
+from tests.support.messages import (
+    any_message,
+    frame_by_pymavlink,
+    messages_of,
+    read_by_pymavlink,
+    value_read,
+    wire_values,
+)
 
 SCAN = SonarScan(time_ns=0, seq=0, range_mm=(0,) * 8, ping_age_us=(0,) * 8, valid=0, echo=0)
 

@@ -22,9 +22,9 @@ from protocol.world import (
     world_in,
 )
 from tests.support.each import each
-from tests.support.ground.station.play import WORLD_TEXT
+from tests.support.ground.station import WORLD_TEXT
 from tests.support.hostile import TEXT, raw_in
-from tests.support.plant.world_texts import GOOD
+from tests.support.plant.files import GOOD
 
 OVERRIDES = """
 [robot]

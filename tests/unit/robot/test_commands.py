@@ -47,8 +47,7 @@ from robot.hosting import InProcessCore
 from robot.mission import Mission
 from robot.vehicle import Vehicle
 from tests.support.each import each
-from tests.support.robot.mission.items import line
-from tests.support.robot.vehicles import Desk, goal
+from tests.support.robot.vehicles import Desk, goal, line
 
 ADA = "ada/1"
 ADAS_OTHER = "ada/3"

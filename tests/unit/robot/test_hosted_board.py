@@ -47,7 +47,7 @@ from robot.storage import Store
 from robot.vehicle import Vehicle
 from runtime.errors import UserError
 from tests.support.each import each
-from tests.support.robot.mcu.hosted import Hosted, hosted_board
+from tests.support.robot.hosted import Hosted, hosted_board
 
 PARAMS = DEFAULTS._replace(v_max_m_s=0.25, progress_ms=60_000)
 COMMANDS = (

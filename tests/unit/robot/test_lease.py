@@ -24,8 +24,7 @@ from protocol.wire.reasons import Reason
 from robot.core import states
 from robot.lease import IDLE_NS, LAPSE_NS, Lease
 from tests.support.each import each
-from tests.support.robot.mission.items import item, upload
-from tests.support.robot.vehicles import MS, Desk, goal
+from tests.support.robot.vehicles import MS, Desk, goal, item, upload
 
 ADA, ADAS_OTHER, ADAS_THIRD, BOB = "ada/1", "ada/2", "ada/3", "bob/0"
 S = 1_000 * MS

@@ -12,7 +12,8 @@ from protocol.wire.reasons import Reason
 from robot.core import states
 from runtime.units import UINT32
 from tests.support.each import each
-from tests.support.robot.mission.items import (
+from tests.support.robot.vehicles import (
+    Desk,
     circle,
     estop,
     item,
@@ -26,7 +27,6 @@ from tests.support.robot.mission.items import (
     upload,
     x_m,
 )
-from tests.support.robot.vehicles import Desk
 
 
 def test_a_mission_goes_from_stop_to_stop_without_an_operator() -> None:

@@ -20,8 +20,7 @@ from robot.core import reasons
 from robot.file_writer import Directory
 from robot.mission import MAX_ITEMS, NO_ITEM, MissionStore, Request, Transfers
 from tests.support.each import each
-from tests.support.robot.mission.items import circle, corners, item, line, ready, start, upload
-from tests.support.robot.vehicles import Desk
+from tests.support.robot.vehicles import Desk, circle, corners, item, line, ready, start, upload
 
 
 def held(desk: Desk, kind: int = MissionType.MISSION) -> list[str]:

@@ -54,10 +54,9 @@ from robot.storage import Store
 from robot.vehicle import Vehicle as RobotVehicle
 from runtime.clock import Tick
 from runtime.errors import LocalError
-from tests.support.boxes import Wireless
 from tests.support.each import each
-from tests.support.robot.held_writer import HeldWriter
-from tests.support.robot.processes import ADA, BRAKE, Rig, driving, hold, speeds
+from tests.support.played_bus import Wireless
+from tests.support.robot.processes import ADA, BRAKE, HeldWriter, Rig, driving, hold, speeds
 from tests.support.robot.vehicles import MS
 
 PERIOD = 50 * MS

@@ -29,7 +29,7 @@ from robot.core import states
 from robot.process import MAX_HALTED, MAX_PERSONS, MAX_WAITING
 from runtime.clock import Tick
 from tests.support.each import each
-from tests.support.protocol.made_up import any_message, messages_of
+from tests.support.messages import any_message, messages_of
 from tests.support.robot.processes import ADA, BOB, Request, Rig, S, driving, hold, lease, press
 from tests.support.robot.vehicles import MS, Desk, goal
 

@@ -19,11 +19,11 @@ from robot.emergency_stop import emergency_stop
 from robot.process import SHOWN_NS
 from robot.storage import Store
 from tests.support.each import each
-from tests.support.robot.held_writer import HeldWriter
 from tests.support.robot.processes import (
     ADA,
     BOB,
     BRAKE,
+    HeldWriter,
     Request,
     Rig,
     arm,

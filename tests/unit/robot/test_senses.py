@@ -21,9 +21,9 @@ from runtime.clock import ManualClock, Tick
 from runtime.lockstep import LockstepClock
 from runtime.sequence import MAX_LATE_TICKS, Order
 from runtime.units import PERIOD_NS, UINT32
-from tests.support.boxes import Wireless
-from tests.support.bus.robots import BEAT as ROBOTS_BEAT
 from tests.support.each import each
+from tests.support.played_bus import Wireless
+from tests.support.played_robot import BEAT as ROBOTS_BEAT
 from tests.support.robot.processes import ADA as PROCESSES_ADA
 from tests.support.robot.processes import BOB as PROCESSES_BOB
 from tests.support.robot.processes import ServedBus

@@ -21,7 +21,7 @@ from robot.emergency_stop import RESTORED, RETRY_NS, SAVED, TEXT, StopLatch, eme
 from robot.storage import Store
 from runtime import files
 from tests.support.each import each
-from tests.support.robot.held_writer import HeldWriter
+from tests.support.robot.processes import HeldWriter
 from tests.support.robot.vehicles import MS, Desk, goal
 
 ADA, BOB, STRANGER = "ada/1", "bob/2", ""

@@ -33,9 +33,8 @@ from robot.vehicle import Vehicle
 from runtime.errors import UserError
 from runtime.watchdog import Watchdog
 from tests.support.each import each
-from tests.support.robot.held_writer import HeldWriter
-from tests.support.robot.mission.items import circle, upload
-from tests.support.robot.vehicles import Desk
+from tests.support.robot.processes import HeldWriter
+from tests.support.robot.vehicles import Desk, circle, upload
 
 
 def test_what_was_saved_is_in_force_after_a_restart(tmp_path: Path) -> None:

@@ -29,8 +29,7 @@ from robot.core.values import Pose
 from robot.storage import Store
 from robot.vehicle import Vehicle
 from tests.support.each import each
-from tests.support.robot.mission.items import ready, start
-from tests.support.robot.vehicles import MS, Desk, goal
+from tests.support.robot.vehicles import MS, Desk, goal, ready, start
 
 
 def restarted() -> Desk:

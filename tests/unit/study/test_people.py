@@ -47,8 +47,8 @@ from study.people.encounters import (
     tracked,
 )
 from study.trial.trial import Trial, run_trial
-from tests.support.docs.session import ROOT
 from tests.support.each import each
+from tests.support.pages import ROOT
 
 BUG, MEMORY = "bug:right", "vgm_memory:left"
 SERIES = TrialSeries("crowd", "default", 5, 4, (BUG, MEMORY))

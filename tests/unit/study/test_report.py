@@ -49,7 +49,7 @@ from study.report.trials import (
 from study.runner.store import SCHEMA, commands_of, compact, table_of, write_table
 from tests.support.each import each
 from tests.support.study.made import floor
-from tests.support.study.report.made import (
+from tests.support.study.reports import (
     GAVE_UP,
     LOST,
     SHUT,

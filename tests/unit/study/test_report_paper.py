@@ -63,7 +63,7 @@ from study.runner.rows import TrialRow
 from study.runner.store import SCHEMA
 from tests.support.each import each
 from tests.support.study.made import floor
-from tests.support.study.report.made import COLLIDED, GAVE_UP, LOST, SHUT, STUCK, drive, row, trials
+from tests.support.study.reports import COLLIDED, GAVE_UP, LOST, SHUT, STUCK, drive, row, trials
 
 NONE = trials_of(SCHEMA.empty_table())
 DETOUR_FACTOR: Sequence[Pose] = [

@@ -43,8 +43,19 @@ from study.runner.store import rows_of, table_of
 from study.runner.workers import Pool
 from study.trial.trial import run_trial
 from tests.support.each import each
-from tests.support.study.made import CODE, Watch, boxed, context_of, floor, ids, rows, spoil, tasks
-from tests.support.study.trouble import deadly, faulty
+from tests.support.study.made import (
+    CODE,
+    Watch,
+    boxed,
+    context_of,
+    deadly,
+    faulty,
+    floor,
+    ids,
+    rows,
+    spoil,
+    tasks,
+)
 
 MAX_EXAMPLES = max(5, tuned().max_examples // 20)
 

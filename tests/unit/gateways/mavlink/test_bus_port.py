@@ -28,7 +28,7 @@ from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest
 from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
-from tests.support.gateway.telemetry import cycle, status
+from tests.support.gateway.fake_port import cycle, status
 from tests.support.ground.client import ack, lease_of
 from tests.support.played_bus import PlayedBus
 from tests.support.until import PATIENCE_S, until

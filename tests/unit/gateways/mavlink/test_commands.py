@@ -19,18 +19,25 @@ from protocol.wire.enums import GoalState, MissionState, Mode, Vehicle
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason
 from tests.support.each import each
-from tests.support.gateway.fake_port import CLIENT, ORIGIN, OTHER, Bench
-from tests.support.gateway.messages import (
+from tests.support.gateway.fake_port import (
+    CLIENT,
+    ORIGIN,
+    OTHER,
     PLACE,
+    Bench,
+    accept_all,
     acks,
     command,
     command_int,
+    driving_bench,
     local_target,
     numbered,
+    odometry,
+    performed,
+    show,
+    status,
     words,
 )
-from tests.support.gateway.piloting import accept_all, driving_bench, performed, show
-from tests.support.gateway.telemetry import odometry, status
 
 ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
 SET_MODE = mavlink.MAV_CMD_DO_SET_MODE

@@ -24,18 +24,23 @@ from ground.client.operations.session import Operation
 from protocol.wire.enums import MissionState, Mode, Vehicle
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason
-from tests.support.gateway.fake_port import CLIENT, OTHER, Bench
-from tests.support.gateway.messages import (
+from tests.support.gateway.fake_port import (
+    CLIENT,
+    LIMITS,
+    OTHER,
+    Bench,
     acks,
     command,
+    driving_bench,
+    everything,
     local_target,
     manual_control,
+    performed,
     rc_override,
+    status,
     words,
 )
-from tests.support.gateway.piloting import LIMITS, driving_bench, performed
-from tests.support.gateway.piloting import show as piloting_show
-from tests.support.gateway.telemetry import everything, status
+from tests.support.gateway.fake_port import show as piloting_show
 
 ACCEPTED = 0
 LATER = 1

@@ -8,9 +8,7 @@ from ground.client.operations.fences import ClearFence, SetFence
 from ground.missions.mission import Circle, Polygon
 from ground.missions.transfer import Verdict
 from protocol.wire.reasons import Reason
-from tests.support.gateway.fake_port import CLIENT, OTHER
-from tests.support.gateway.messages import acks, command, words
-from tests.support.gateway.mission_bench import (
+from tests.support.gateway.benches import (
     ALL,
     FENCE,
     HERE,
@@ -19,7 +17,7 @@ from tests.support.gateway.mission_bench import (
     of_type,
     upload,
 )
-from tests.support.gateway.telemetry import status
+from tests.support.gateway.fake_port import CLIENT, OTHER, acks, command, status, words
 
 ACCEPTED, ERROR, FRAME, UNSUPPORTED, NO_SPACE, INVALID, PARAM1 = 0, 1, 2, 3, 4, 5, 6
 DENIED = 14

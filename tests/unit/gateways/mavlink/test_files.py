@@ -15,19 +15,18 @@ from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from protocol.wire.enums import Vehicle
 from robot.parameter_table import SPECS
 from tests.support.each import each
-from tests.support.gateway.fake_port import CLIENT, OTHER
-from tests.support.gateway.file_client import (
+from tests.support.gateway.benches import (
+    ParameterBench,
     Reply,
     SimulatedLink,
     asked,
     client_on,
     failure,
+    of_type,
     replies,
     replies_in,
 )
-from tests.support.gateway.messages import words
-from tests.support.gateway.parameter_bench import ParameterBench, of_type
-from tests.support.gateway.telemetry import status
+from tests.support.gateway.fake_port import CLIENT, OTHER, status, words
 
 NAME = "20261123T131200Z-r1.tlog"
 PATH = f"/recordings/{NAME}".encode()

@@ -33,9 +33,7 @@ from ground.user.mavlink_keys import KeyRing, new_key, write_keys
 from protocol.bus.network import Network, Tls, gateway_here
 from runtime.errors import ConfigError, UserError
 from tests.support.each import each
-from tests.support.gateway.fake_port import CLIENT, Bench
-from tests.support.gateway.messages import acks, command
-from tests.support.gateway.telemetry import everything
+from tests.support.gateway.fake_port import CLIENT, Bench, acks, command, everything
 from tests.support.gateway.whole import CommandedPort, StepClock, WholeGateway
 
 MS = 1_000_000

@@ -19,21 +19,27 @@ from protocol.wire.enums import Command, Mode, Vehicle
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason
 from tests.support.each import each
-from tests.support.gateway.fake_port import CLIENT, ORIGIN, OTHER, Bench
-from tests.support.gateway.messages import (
+from tests.support.gateway.fake_port import (
+    CLIENT,
+    ORIGIN,
+    OTHER,
     PLACE,
     SPEEDS,
+    Bench,
+    accept_all,
     acks,
     attitude,
     command,
     command_int,
+    driving_bench,
     global_target,
     local_target,
     numbered,
+    odometry,
+    performed,
+    show,
     words,
 )
-from tests.support.gateway.piloting import accept_all, driving_bench, performed, show
-from tests.support.gateway.telemetry import odometry
 from tests.support.ground.client import Stage
 
 ACCEPTED = 0

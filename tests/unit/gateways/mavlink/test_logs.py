@@ -22,9 +22,8 @@ from ground.recording.log_writer import LogFile
 from protocol.wire.enums import Vehicle
 from runtime.errors import UserError
 from tests.support.each import each
-from tests.support.gateway.fake_port import CLIENT, ORIGIN, OTHER
-from tests.support.gateway.parameter_bench import ParameterBench, of_type
-from tests.support.gateway.telemetry import odometry, status
+from tests.support.gateway.benches import ParameterBench, of_type
+from tests.support.gateway.fake_port import CLIENT, ORIGIN, OTHER, odometry, status
 from tests.support.gateway.whole import SilentPort, WholeGateway
 from tests.support.until import PATIENCE_S, until
 

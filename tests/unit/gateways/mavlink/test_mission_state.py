@@ -9,9 +9,7 @@ from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from ground.client.operations.missions import FetchMission, JumpTo
 from ground.missions.mission import Home, Waypoint
 from protocol.wire.enums import MissionState, Mode
-from tests.support.gateway.fake_port import CLIENT, ORIGIN, OTHER
-from tests.support.gateway.messages import acks, command, command_int, words
-from tests.support.gateway.mission_bench import (
+from tests.support.gateway.benches import (
     ALL,
     FENCE,
     HERE,
@@ -23,6 +21,7 @@ from tests.support.gateway.mission_bench import (
     of_type,
     upload,
 )
+from tests.support.gateway.fake_port import CLIENT, ORIGIN, OTHER, acks, command, command_int, words
 
 ACCEPTED, ERROR, UNSUPPORTED, SEQUENCE = 0, 1, 3, 13
 WAYPOINTS = (

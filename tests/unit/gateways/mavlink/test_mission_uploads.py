@@ -24,9 +24,7 @@ from ground.missions.transfer import Verdict, items_of
 from protocol.wire.enums import Severity
 from protocol.wire.reasons import Reason, reason_text
 from tests.support.each import each
-from tests.support.gateway.fake_port import CLIENT, ORIGIN, OTHER
-from tests.support.gateway.messages import words
-from tests.support.gateway.mission_bench import (
+from tests.support.gateway.benches import (
     E7,
     FENCE,
     MISSION,
@@ -42,6 +40,7 @@ from tests.support.gateway.mission_bench import (
     single,
     upload,
 )
+from tests.support.gateway.fake_port import CLIENT, ORIGIN, OTHER, words
 
 ACCEPTED = 0
 ERROR = 1

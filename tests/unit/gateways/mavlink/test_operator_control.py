@@ -21,8 +21,7 @@ from protocol.wire.enums import LeaseAction
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason
 from tests.support.each import each
-from tests.support.gateway.fake_port import CLIENT, IDENTITY, OTHER, Bench
-from tests.support.gateway.messages import acks, command, words
+from tests.support.gateway.fake_port import CLIENT, IDENTITY, OTHER, Bench, acks, command, words
 
 CONTROL = 32100
 ACCEPTED, DENIED, FAILED = 0, 2, 4

@@ -30,10 +30,16 @@ from protocol.wire.reasons import Reason
 from robot.parameter_table import SPECS
 from robot.parameter_table import TABLE as PARAMETER_TABLE_TABLE
 from tests.support.each import each
-from tests.support.gateway.fake_port import CLIENT, OTHER
-from tests.support.gateway.file_client import SimulatedLink, asked, client_on, replies
-from tests.support.gateway.parameter_bench import ParameterBench, of_type, robot_table
-from tests.support.gateway.telemetry import status
+from tests.support.gateway.benches import (
+    ParameterBench,
+    SimulatedLink,
+    asked,
+    client_on,
+    of_type,
+    replies,
+    robot_table,
+)
+from tests.support.gateway.fake_port import CLIENT, OTHER, status
 
 LIST = mavlink.MAVLink_param_request_list_message(1, 0)
 ALL = len(PARAMETER_TABLE_TABLE) + 36

@@ -38,9 +38,7 @@ from protocol.wire.enums import Vehicle as VehicleState
 from runtime.errors import ConfigError, UserError
 from runtime.units import NS_PER_S
 from tests.support.each import each
-from tests.support.gateway.fake_port import CLIENT, Bench
-from tests.support.gateway.messages import acks, command, words
-from tests.support.gateway.telemetry import status
+from tests.support.gateway.fake_port import CLIENT, Bench, acks, command, status, words
 from tests.support.until import PATIENCE_S, until
 
 KEY, OLD, WRONG = b"k" * 32, b"o" * 32, b"w" * 32

@@ -28,10 +28,17 @@ from protocol.wire.enums import Mode, Severity, Vehicle
 from protocol.wire.messages import Statustext
 from protocol.wire.statustext import pieces_of
 from tests.support.each import each
-from tests.support.gateway.fake_port import CLIENT, ORIGIN, OTHER, Bench
-from tests.support.gateway.messages import command, words
-from tests.support.gateway.parameter_bench import robot_table
-from tests.support.gateway.telemetry import everything, status
+from tests.support.gateway.benches import robot_table
+from tests.support.gateway.fake_port import (
+    CLIENT,
+    ORIGIN,
+    OTHER,
+    Bench,
+    command,
+    everything,
+    status,
+    words,
+)
 
 SLOW_BYTES_S = 4500
 EVERY = mavlink.MAV_DATA_STREAM_ALL

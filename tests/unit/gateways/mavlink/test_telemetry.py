@@ -19,9 +19,17 @@ from ground.missions.qgroundcontrol import to_global
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.reasons import Reason
 from tests.support.each import each
-from tests.support.gateway.fake_port import CLIENT, ORIGIN, Bench
-from tests.support.gateway.telemetry import everything, odometry, scan, status, wheels
-from tests.support.ground.missions.made_up import homes
+from tests.support.gateway.fake_port import (
+    CLIENT,
+    ORIGIN,
+    Bench,
+    everything,
+    odometry,
+    scan,
+    status,
+    wheels,
+)
+from tests.support.ground.missions import homes
 
 angles = st.floats(-50.0, 50.0)
 kilometre = st.floats(-1000.0, 1000.0)

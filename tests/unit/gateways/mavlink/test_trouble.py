@@ -19,9 +19,8 @@ from ground.user.mavlink_keys import KeyRing, SigningKey
 from protocol.wire.enums import Vehicle
 from protocol.wire.reasons import Reason
 from tests.support.each import each
-from tests.support.gateway.messages import SYSTEM, acks, command, words
-from tests.support.gateway.mission_bench import line_of
-from tests.support.gateway.telemetry import everything, status
+from tests.support.gateway.benches import line_of
+from tests.support.gateway.fake_port import SYSTEM, acks, command, everything, status, words
 from tests.support.gateway.whole import CommandedPort, WholeGateway
 from tests.support.until import PATIENCE_S, until
 

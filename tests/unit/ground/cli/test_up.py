@@ -17,7 +17,7 @@ from ground.text.output import Output
 from ground.text.status_parts import Part
 from runtime.clock import ManualClock
 from tests.support.each import each
-from tests.support.ground.answering import captured_output
+from tests.support.ground.client import captured_output
 from tests.support.ground.runs import ENDPOINT, written
 
 

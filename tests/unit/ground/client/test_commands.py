@@ -30,10 +30,8 @@ from protocol.wire.messages import CommandRequest, GoalRequest
 from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError, UserError
 from tests.support.each import each
-from tests.support.ground.answering import AnsweringLink
-from tests.support.ground.client import ANSWER_NS, HELD, Notes, Stage, status
-from tests.support.ground.station.play import WORLD_TEXT
-from tests.support.ground.station.said import Robot
+from tests.support.ground.client import ANSWER_NS, HELD, AnsweringLink, Notes, Stage, status
+from tests.support.ground.station import WORLD_TEXT, Robot
 
 
 def test_agreement_is_accepted_with_the_time_it_took() -> None:

@@ -48,7 +48,7 @@ from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError, UserError
 from tests.support.each import each
 from tests.support.ground.client import HELD, STANDBY, Stage, lease_of, status
-from tests.support.ground.station.play import WORLD_TEXT
+from tests.support.ground.station import WORLD_TEXT
 
 
 def typed(*words: str) -> Goto:

@@ -42,10 +42,10 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason, reason_text
 from runtime.clock import ManualClock
-from tests.support.air import Air
 from tests.support.each import each
 from tests.support.ground.client import ScriptedBus, lease_of
 from tests.support.ground.client import status as client_status
+from tests.support.played_bus import Air
 
 MS = 1_000_000
 

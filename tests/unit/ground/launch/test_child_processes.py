@@ -22,7 +22,7 @@ from ground.launch.child_processes import (
 from ground.launch.supervisor import MAX_CAUSE_CHARS, cause_of
 from runtime.clock import WallClock
 from tests.support.each import each
-from tests.support.stack.process_table import alive
+from tests.support.stack.processes import alive
 from tests.support.until import PATIENCE_S, until
 
 ROOT = Path(__file__).parents[4]

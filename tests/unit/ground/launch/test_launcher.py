@@ -39,7 +39,7 @@ from runtime.clock import ManualClock
 from runtime.config import calibration_of
 from runtime.errors import UserError
 from tests.support.each import each
-from tests.support.keyring import DAY, NOW
+from tests.support.networks import DAY, NOW
 
 SCENARIO_ENDPOINT = "tcp/127.0.0.1:7001"
 

@@ -16,7 +16,7 @@ from ground.user.folders import recordings_folder
 from protocol.bus.network import Network
 from runtime.clock import ManualClock
 from runtime.errors import UserError
-from tests.support.ground.recording.recorders import PrintingChildren, printing_children
+from tests.support.ground.made_recordings import PrintingChildren, printing_children
 
 FOLDER = Path("a folder of r1 and .mcap")
 FIRST, SECOND = (FOLDER / f"20261123T10000{second}Z-r1.tlog" for second in (1, 2))

@@ -15,7 +15,7 @@ from ground.missions.mission import Circle, Home, Mission, MissionError, Polygon
 from ground.missions.qgroundcontrol import home_at
 from runtime.errors import UserError
 from tests.support.each import each
-from tests.support.ground.missions.made_up import homes, missions, refusal_of, thousandths
+from tests.support.ground.missions import homes, missions, refusal_of, thousandths
 
 HOME = Home(latitude_deg=47.4, longitude_deg=8.5)
 USUAL = st.just(3.0)

@@ -17,7 +17,7 @@ from ground.missions.mission import FARTHEST_M, Circle, Fence, Home, Polygon, Wa
 from ground.missions.qgroundcontrol import heading_of, to_global, to_local, yaw_of
 from runtime.errors import UserError
 from tests.support.each import each
-from tests.support.ground.missions.made_up import homes, metres, polygons, refusal_of
+from tests.support.ground.missions import homes, metres, polygons, refusal_of
 
 
 def say(draft: Draft, text: str) -> str:

@@ -40,7 +40,7 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError
 from tests.support.each import each
-from tests.support.ground.missions.made_up import fences, missions, thousandths
+from tests.support.ground.missions import fences, missions, thousandths
 
 MISSION = MissionType.MISSION
 ITEMS = items_of([Waypoint(x_m=float(at), y_m=0.0) for at in range(3)])

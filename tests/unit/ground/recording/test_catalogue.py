@@ -47,8 +47,14 @@ from ground.reports.share import Share
 from ground.user.folders import recordings_folder
 from runtime.errors import UserError
 from tests.support.each import each
-from tests.support.ground.recording.made import WORLD_TEXT, PublishedFrame, mcap, run, tlog
-from tests.support.ground.recording.recorders import written
+from tests.support.ground.made_recordings import (
+    WORLD_TEXT,
+    PublishedFrame,
+    mcap,
+    run,
+    tlog,
+    written,
+)
 from tests.support.until import until
 
 OLD, MIDDLE, NEW = (f"20261123T10000{second}Z-r1" for second in (1, 2, 3))

@@ -43,7 +43,7 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import Reason
 from runtime.errors import UserError
 from tests.support.each import each
-from tests.support.ground.recording.made import (
+from tests.support.ground.made_recordings import (
     PublishedFrame,
     TopicEncoder,
     mcap,

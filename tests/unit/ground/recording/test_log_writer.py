@@ -28,13 +28,13 @@ from protocol.wire.codec import Encoder
 from protocol.wire.message import Message
 from protocol.wire.messages import AvoidanceDecision, Statustext
 from runtime.errors import NoAnswerError
-from tests.support.ground.recording.json_schema import problem
-from tests.support.ground.recording.made import (
+from tests.support.ground.made_recordings import (
     START_US,
     WORLD_TEXT,
     PublishedFrame,
     decision,
     mcap,
+    problem,
     run,
 )
 from tests.support.until import PATIENCE_S
@@ -556,7 +556,7 @@ import threading
 from datetime import UTC, datetime
 from pathlib import Path
 from ground.recording.log_writer import DualLog
-from tests.support.ground.recording.made import run
+from tests.support.ground.made_recordings import run
 dual_log = DualLog.new(Path(sys.argv[1]), "r1", datetime(2026, 3, 4, 12, 0, 5, tzinfo=UTC), 0)
 round_number, frames_sent = 0, list(run())
 while True:

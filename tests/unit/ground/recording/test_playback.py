@@ -31,7 +31,7 @@ from protocol.wire.reasons import Reason
 from protocol.wire.statustext import pieces_of
 from runtime.clock import ManualClock
 from runtime.errors import LocalError, NoAnswerError, UserError
-from tests.support.ground.recording.made import (
+from tests.support.ground.made_recordings import (
     PERIOD_US,
     START_US,
     PublishedFrame,

@@ -28,7 +28,7 @@ from protocol.topics import COMMANDED, CYCLE, HEARTBEAT, ODOMETRY, TELEOP, TEXT,
 from protocol.wire.enums import Severity
 from protocol.wire.messages import CycleReport, Statustext, Teleop
 from runtime.errors import UserError
-from tests.support.ground.recording.made import (
+from tests.support.ground.made_recordings import (
     BEAT,
     GOAL,
     PERIOD_US,

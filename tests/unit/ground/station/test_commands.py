@@ -23,7 +23,7 @@ from protocol.wire.messages import CommandAck, CommandRequest, LeaseRequest
 from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError, UserError
 from tests.support.each import each
-from tests.support.ground.station.play import Inline, Play, silent
+from tests.support.ground.station import Inline, Play, silent
 from tests.support.until import PATIENCE_S, until
 
 

@@ -11,8 +11,7 @@ from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.messages import Statustext
 from protocol.wire.statustext import pieces_of
 from tests.support.each import each
-from tests.support.ground.station.play import Play
-from tests.support.ground.station.said import Robot
+from tests.support.ground.station import Play, Robot
 
 S = 1_000_000_000
 

@@ -27,8 +27,7 @@ from protocol.wire.enums import Command, GoalState, Mode, Vehicle
 from protocol.wire.messages import ParamValue
 from protocol.wire.reasons import Reason
 from tests.support.each import each
-from tests.support.ground.station.play import Play
-from tests.support.ground.station.said import BEAT
+from tests.support.ground.station import BEAT, Play
 
 
 def unlinked_router(play: Play) -> None:

@@ -18,7 +18,7 @@ from robot.file_writer import Directory
 from robot.run import report_previous_run
 from robot.storage import PreviousRun
 from tests.support.each import each
-from tests.support.ground.station.play import Play, S
+from tests.support.ground.station import Play, S
 
 
 def test_robot_restart_is_detected_and_data_read_again() -> None:

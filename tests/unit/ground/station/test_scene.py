@@ -35,8 +35,7 @@ from protocol.world import Circle, as_json
 from runtime.clock import ManualClock
 from runtime.errors import RemoteError
 from tests.support.each import each
-from tests.support.ground.station.play import WORLD_TEXT, Play
-from tests.support.ground.station.said import Robot
+from tests.support.ground.station import WORLD_TEXT, Play, Robot
 from tests.support.hostile import TEXT, raw_in
 from tests.support.played_bus import PlayedBus
 
@@ -322,7 +321,7 @@ def test_trail_and_echoes_of_a_lost_place_are_dropped() -> None:
 
 def test_other_robot_without_a_place_is_not_on_the_map() -> None:
     from protocol.topics import Role
-    from tests.support.ground.station.said import Robot
+    from tests.support.ground.station import Robot
 
     play = Play()
     other = Robot("r2", x_m=3.0)

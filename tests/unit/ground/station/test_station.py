@@ -34,10 +34,9 @@ from protocol.wire.message import Message
 from protocol.wire.messages import MissionStatus, ParamValue, Statustext
 from runtime.clock import ManualClock
 from runtime.errors import UserError
-from tests.support.ground.station.play import PARAMS, Inline, Play, S
-from tests.support.ground.station.said import Robot
+from tests.support.ground.station import PARAMS, Inline, Play, Robot, S
+from tests.support.messages import messages_of
 from tests.support.played_bus import Handler, PlayedBus
-from tests.support.protocol.made_up import messages_of
 
 M = TypeVar("M", bound=Message)
 

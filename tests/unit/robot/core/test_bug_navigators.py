@@ -18,10 +18,22 @@ from robot.core.parameters import DEFAULTS
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import BEARINGS, HALF_CONE, Decision, Goal, Pose, wrap
 from tests.support.each import each
-from tests.support.robot.core.courses import BEHIND_THE_TRAP, BOX_AROUND_THE_GOAL, DISC, FAR, U_TRAP
-from tests.support.robot.core.courses import GOAL as COURSES_GOAL
-from tests.support.robot.core.rings import HERE as RINGS_HERE
-from tests.support.robot.core.rings import Disc, Wall, clearance_m, ring, rolled, seen_from, walk_to
+from tests.support.robot.rings import (
+    BEHIND_THE_TRAP,
+    BOX_AROUND_THE_GOAL,
+    DISC,
+    FAR,
+    U_TRAP,
+    Disc,
+    Wall,
+    clearance_m,
+    ring,
+    rolled,
+    seen_from,
+    walk_to,
+)
+from tests.support.robot.rings import GOAL as COURSES_GOAL
+from tests.support.robot.rings import HERE as RINGS_HERE
 
 AHEAD = Goal(5.0, 0.0, None, 0.05, 0.05)
 HERE = Pose(0.0, 0.0, 0.0)

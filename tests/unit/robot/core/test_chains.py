@@ -18,8 +18,8 @@ from robot.core.values import BEARINGS, HALF_CONE, SONARS, Pose
 from study.trial.core_loop import Behaviour
 from study.trial.trial import Trial, run_trial
 from tests.support.each import each
-from tests.support.robot.core.rings import HERE, RADIUS_MM, SILENT, Wall, ring, seen_from
-from tests.support.robot.core.vgm_memory import SIDES as VGM_MEMORY_SIDES
+from tests.support.robot.rings import HERE, RADIUS_MM, SILENT, Wall, ring, seen_from
+from tests.support.robot.rings import SIDES as VGM_MEMORY_SIDES
 
 WIDTH_M = 0.001 * 2 * RADIUS_MM
 SLACK_M = 0.001 * SLACK_MM

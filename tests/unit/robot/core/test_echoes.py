@@ -47,7 +47,7 @@ from robot.core.values import (
     wheels_of,
 )
 from tests.support.each import each
-from tests.support.robot.core.rings import (
+from tests.support.robot.rings import (
     HERE,
     RADIUS_MM,
     SILENT,

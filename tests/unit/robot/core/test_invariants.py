@@ -25,8 +25,7 @@ from robot.core.perception.sonar_ring import FRONT
 from robot.core.values import BEARINGS, SONARS, Decision, Goal, Outputs, Pose, wrap
 from study.trial.trial import NAVIGATORS as TRIAL_NAVIGATORS
 from tests.support.each import each
-from tests.support.robot.core.rings import seen
-from tests.support.robot.core.stories import (
+from tests.support.robot.driving import (
     ALL,
     PERIOD_MS,
     Driver,
@@ -38,6 +37,7 @@ from tests.support.robot.core.stories import (
     reversed_bits,
     sound,
 )
+from tests.support.robot.rings import seen
 
 LIMIT_MRAD_S = DEFAULTS.wheel_max_m_s / DEFAULTS.wheel_radius_m * 1000.0
 numbers = st.sampled_from(sorted(NAVIGATORS))

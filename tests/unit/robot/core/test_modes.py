@@ -15,7 +15,7 @@ from robot.core.safety import failsafe
 from robot.core.safety.fence import Fence
 from robot.core.values import Goal, Pose
 from tests.support.each import each
-from tests.support.robot.core.driving import AHEAD, Driven, armed, driving
+from tests.support.robot.driving import AHEAD, Driven, armed, driving
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
 ELSEWHERE = Fence((10.0,), (0.0,), 1.0)

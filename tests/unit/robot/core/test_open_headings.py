@@ -38,7 +38,7 @@ from robot.core.perception.echoes import (
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import BEARINGS, Pose
 from tests.support.each import each
-from tests.support.robot.core.rings import HERE, RADIUS_MM, SILENT, Ranges, any_ranges, heard, ring
+from tests.support.robot.rings import HERE, RADIUS_MM, SILENT, Ranges, any_ranges, heard, ring
 
 SLIM_MM = RADIUS_MM + SQUEEZE_MM
 sides = st.sampled_from([1, -1])

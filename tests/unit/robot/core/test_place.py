@@ -11,7 +11,7 @@ from robot.core.perception.odometry import Odometry
 from robot.core.safety.fence import Fence
 from robot.core.values import Pose, Wheels
 from tests.support.each import each
-from tests.support.robot.core.driving import AHEAD, Driven, armed, driving
+from tests.support.robot.driving import AHEAD, Driven, armed, driving
 
 AROUND = Fence((0.0,), (0.0,), 5.0)
 GIVEN = Pose(1.5, -2.0, 0.5)

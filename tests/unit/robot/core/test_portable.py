@@ -11,8 +11,11 @@ from pathlib import Path
 import pytest
 
 from tests.support.each import each
-from tests.support.robot.core.sources import CORE, FILES
 from tests.support.until import PATIENCE_S
+
+CORE = Path(__file__).parents[4] / "robot" / "core"
+FILES = sorted(CORE.rglob("*.py"))
+
 
 NAMES = [".".join(file.relative_to(CORE).with_suffix("").parts) for file in FILES]
 """Return the modules of the core, such as `brain` and `safety.guard`."""

@@ -21,18 +21,21 @@ from robot.core.perception.echoes import MAX_WEIGHT, REACH_M, SURE
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import SONARS, Goal, Pose, Scan, wrap
 from tests.support.each import each
-from tests.support.robot.core.driving import driving
-from tests.support.robot.core.rings import (
+from tests.support.robot.driving import driving
+from tests.support.robot.rings import (
+    GOAL_AHEAD,
     HERE,
     RADIUS_MM,
+    SIDES,
     SILENT,
     Disc,
     Wall,
     clearance_m,
     ring,
+    stand,
+    step,
     walk_to,
 )
-from tests.support.robot.core.vgm_memory import GOAL, SIDES, stand, step
 
 PASSING = {states.PASS_LEFT, states.PASS_RIGHT}
 
@@ -108,7 +111,7 @@ def test_virtual_goal_is_the_rotated_goal(
 @SIDES
 def test_obstacle_is_passed_on_the_side_of_less_rotation(side: int) -> None:
     discs: list[Disc] = [(1.5, -0.22 * side, 0.3)]
-    walk = walk_to(states.VGM_MEMORY, GOAL, [], discs)
+    walk = walk_to(states.VGM_MEMORY, GOAL_AHEAD, [], discs)
     assert walk.arrived
     assert walk.branches & PASSING == {branch_of(side)}
     assert max(side * pose.y_m for pose in walk.poses) > 0.1
@@ -182,7 +185,7 @@ TRAP: list[Wall] = [(0.8, 0.5, 2.0, 0.5), (2.0, 0.5, 2.0, -0.5), (2.0, -0.5, 0.8
 
 
 def test_a_trap_is_entered_and_left() -> None:
-    walk = walk_to(states.VGM_MEMORY, GOAL, TRAP, [])
+    walk = walk_to(states.VGM_MEMORY, GOAL_AHEAD, TRAP, [])
     assert walk.arrived
     assert max(pose.x_m for pose in walk.poses if abs(pose.y_m) < 0.4) > 1.5
     assert min(clearance_m(pose, TRAP) for pose in walk.poses) > 0.03
@@ -190,7 +193,7 @@ def test_a_trap_is_entered_and_left() -> None:
 
 def test_a_disc_is_passed_by_a_small_detour() -> None:
     discs: list[Disc] = [(1.5, 0.02, 0.25)]
-    walk = walk_to(states.VGM_MEMORY, GOAL, [], discs)
+    walk = walk_to(states.VGM_MEMORY, GOAL_AHEAD, [], discs)
     assert walk.arrived
     assert max(abs(pose.y_m) for pose in walk.poses) < 0.7
     assert min(clearance_m(pose, [], discs) for pose in walk.poses) > 0.03
@@ -198,7 +201,7 @@ def test_a_disc_is_passed_by_a_small_detour() -> None:
 
 def test_a_goal_just_before_a_wall_is_driven_to() -> None:
     wall: list[Wall] = [(3.2, -1.0, 3.2, 1.0)]
-    assert walk_to(states.VGM_MEMORY, GOAL, wall, []).arrived
+    assert walk_to(states.VGM_MEMORY, GOAL_AHEAD, wall, []).arrived
 
 
 def test_shut_in_robot_turns_and_finally_drops_its_echoes() -> None:
@@ -356,7 +359,7 @@ def heading_for(goal: Goal, side: int) -> Memory:
 @SIDES
 def test_islands_lead_back_to_the_goal_a_limited_number_of_times(side: int) -> None:
     """Circle to the right around an island on the right."""
-    memory = heading_for(GOAL, side)
+    memory = heading_for(GOAL_AHEAD, side)
     close_loop(memory, -side, 0)
     assert not memory.following
     close_loop(memory, -side, 0, times=ISLANDS - 1)
@@ -370,7 +373,7 @@ def test_islands_lead_back_to_the_goal_a_limited_number_of_times(side: int) -> N
 @pytest.mark.parametrize(("round_goal", "x_cm"), [(True, 300), (False, 0)])
 def test_open_loops_between_robot_and_goal_end_lost(side: int, round_goal: bool, x_cm: int) -> None:
     """Around the goal, or along the inside of a boundary that excludes it, each time reversed."""
-    memory = heading_for(GOAL, side)
+    memory = heading_for(GOAL_AHEAD, side)
     for k in range(MAX_LOOPS):
         assert not memory.lost
         assert memory.side == (side if k % 2 == 0 else -side)
@@ -383,7 +386,7 @@ def test_open_loops_between_robot_and_goal_end_lost(side: int, round_goal: bool,
 
 @SIDES
 def test_one_loop_without_a_gap_waits_for_the_proof(side: int) -> None:
-    memory = heading_for(GOAL, side)
+    memory = heading_for(GOAL_AHEAD, side)
     memory.following = memory.awaits_proof = memory.proof.is_valid = True
     memory.loops.count = 4
     vgm_following.close_loop(memory)
@@ -395,7 +398,7 @@ def test_one_loop_without_a_gap_waits_for_the_proof(side: int) -> None:
 @SIDES
 @pytest.mark.parametrize(("is_valid", "gap"), [(False, NO_GAP), (True, WAITING), (True, SPENT)])
 def test_a_loop_without_a_chain_does_not_wait(side: int, is_valid: bool, gap: int) -> None:
-    memory = heading_for(GOAL, side)
+    memory = heading_for(GOAL_AHEAD, side)
     memory.awaits_proof = True
     memory.proof.is_valid, memory.proof.gap = is_valid, gap
     assert not proofs.may_close(memory.proof)
@@ -410,7 +413,7 @@ BOX += [(3.6, 0.6, 2.4, 0.6), (2.4, 0.6, 2.4, -0.6)]
 
 
 def test_a_walled_in_goal_is_proved_unreachable() -> None:
-    walk = walk_to(states.VGM_MEMORY, GOAL, BOX, [], seconds=240.0)
+    walk = walk_to(states.VGM_MEMORY, GOAL_AHEAD, BOX, [], seconds=240.0)
     assert walk.gave_up
     assert min(clearance_m(pose, BOX) for pose in walk.poses) > 0.03
 
@@ -418,13 +421,13 @@ def test_a_walled_in_goal_is_proved_unreachable() -> None:
 @each("gap_m", [0.20, 0.25, 0.27])
 def test_a_post_close_to_the_box_does_not_hinder_the_proof(gap_m: float) -> None:
     """The robot of 0.24 m neither passes the gap nor is certain that it cannot."""
-    walk = walk_to(states.VGM_MEMORY, GOAL, BOX, [(3.0, 0.8 + gap_m, 0.2)], seconds=240.0)
+    walk = walk_to(states.VGM_MEMORY, GOAL_AHEAD, BOX, [(3.0, 0.8 + gap_m, 0.2)], seconds=240.0)
     assert walk.gave_up
 
 
 def test_a_walled_in_robot_proves_the_goal_unreachable() -> None:
     around = [(x0 - 3.0, y0, x1 - 3.0, y1) for x0, y0, x1, y1 in BOX]
-    walk = walk_to(states.VGM_MEMORY, GOAL, around, [], seconds=240.0)
+    walk = walk_to(states.VGM_MEMORY, GOAL_AHEAD, around, [], seconds=240.0)
     assert walk.gave_up
 
 
@@ -439,7 +442,7 @@ def test_proof_sees_the_covariance_of_the_odometry() -> None:
 
 
 def test_repeated_goal_starts_like_a_new_memory() -> None:
-    memory = heading_for(GOAL, states.LEFT)
+    memory = heading_for(GOAL_AHEAD, states.LEFT)
     fresh = Memory()
     stand(fresh, SILENT, 1)
     close_loop(memory, 1, 0)
@@ -452,7 +455,7 @@ def test_repeated_goal_starts_like_a_new_memory() -> None:
 
 
 def test_a_lap_that_separates_nothing_ends_at_the_next_gap_as_a_loop() -> None:
-    memory = heading_for(GOAL, states.LEFT)
+    memory = heading_for(GOAL_AHEAD, states.LEFT)
     memory.following = memory.proof.is_valid = True
     for loop in range(1, MAX_LOOPS + 1):
         memory.proof.is_valid, memory.proof.gap, memory.awaits_proof = True, SPENT, False

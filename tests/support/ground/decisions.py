@@ -1,0 +1,122 @@
+"""Decisions of a robot: made for a test, or of real drives of every navigator."""
+
+from collections.abc import Iterable
+from itertools import pairwise
+from math import radians
+from typing import NamedTuple
+
+from ground.explain.explanation import TurningPoint, turning_point
+from plant.sim.simulation import Plant
+from plant.world.file import load
+from protocol.wire.enums import Branch, GoalState, Mode, Navigator, Vehicle
+from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStatus
+from robot import telemetry
+from robot.core.values import Outputs
+from robot.vehicle import Vehicle as RobotVehicle
+from study.trial.core_loop import CoreLoop
+from study.trial.trial import Trial, run_trial
+
+
+def decided(**changes: float) -> AvoidanceDecision:
+    """Return a decision to pass an obstacle at the left on its right, with `changes`."""
+    fields: dict[str, float] = {
+        "time_ns": 10_000_000_000,
+        "nearest_bearing_rad": radians(33.75),
+        "nearest_range_m": 0.21,
+        "zone_m": 0.30,
+        "goal_bearing_rad": radians(10.0),
+        "rotation_rad": radians(-66.0),
+        "virtual_x_m": 4.25,
+        "virtual_y_m": 1.5,
+        "speed_m_s": 0.12,
+        "yaw_rate_rad_s": radians(-80.0),
+        "branch": Branch.PASS_RIGHT,
+        "guard": 0,
+    }
+    return AvoidanceDecision(**(fields | changes))  # type: ignore[arg-type]
+
+
+def standing(**changes: float) -> NavigatorStatus:
+    """Return a status of a drive to a goal in AUTO with vgm, with `changes`."""
+    fields: dict[str, float] = {
+        "time_ns": 10_000_000_000,
+        "goal_started_ns": 0,
+        "goal_ended_ns": 0,
+        "goal_id": 1,
+        "goal_x_m": 5.0,
+        "goal_y_m": 2.0,
+        "goal_heading_rad": float("nan"),
+        "goal_distance_m": 3.2,
+        "vehicle": Vehicle.ACTIVE,
+        "mode": Mode.AUTO,
+        "goal": GoalState.AVOIDING,
+        "vehicle_reason": 0,
+        "goal_reason": 0,
+        "navigator": Navigator.VGM,
+        "side": 1,
+    }
+    return NavigatorStatus(**(fields | changes))  # type: ignore[arg-type]
+
+
+def cycle(**changes: int) -> CycleReport:
+    fields: dict[str, int] = {
+        "time_ns": 10_000_000_000,
+        "tick": 200,
+        "missed": 0,
+        "overruns": 0,
+        "rejected": 0,
+        "late_us": 400,
+        "sense_age_us": 1500,
+        "budget_us": 10_000,
+    }
+    return CycleReport(**(fields | changes), stage_us=(50, 100, 200, 40, 10))
+
+
+def turning_points(decisions: Iterable[AvoidanceDecision]) -> list[TurningPoint]:
+    """Return the turning points in the order of the run, without the first decision."""
+    found = (turning_point(before, after) for before, after in pairwise(decisions))
+    return [point for point in found if point is not None]
+
+
+WORLDS = ("box", "u_trap", "forest_medium")
+TIMEOUT_S = 60.0
+
+
+class Moment(NamedTuple):
+    """One tick; `yaw_rate_rad_s` is what the wheels made of it until the next one."""
+
+    decision: AvoidanceDecision
+    status: NavigatorStatus
+    yaw_rate_rad_s: float
+
+
+class Recording:
+    """Observes a trial and stores what the robot would have published."""
+
+    def __init__(self) -> None:
+        self._told: list[tuple[AvoidanceDecision, NavigatorStatus]] = []
+        self._yaw_rates: list[float] = []
+
+    def __call__(self, plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
+        state, now_ns = onboard.state, plant.now_ns
+        zone_m = RobotVehicle.zone_m.fget(onboard)  # type: ignore[attr-defined]
+        self._told.append(
+            (
+                telemetry.decision(outputs, zone_m, now_ns),
+                telemetry.status(state, 1, now_ns, onboard.now_ms),
+            )
+        )
+        self._yaw_rates.append(plant.truth().yaw_rate_rad_s)
+
+    def moments(self) -> list[Moment]:
+        """Return all ticks but the last, whose successor is unknown."""
+        return [
+            Moment(*told, yaw) for told, yaw in zip(self._told, self._yaw_rates[1:], strict=False)
+        ]
+
+
+def drive(world: str, navigator: str, noise: str = "none") -> list[Moment]:
+    recording = Recording()
+    trial = Trial(world=load(world), navigator=navigator, noise=noise, timeout_s=TIMEOUT_S)
+    run_trial(trial, recording)
+    return recording.moments()

@@ -1,0 +1,385 @@
+"""A robot, a plant and a station on a played bus; a test owns time and sets messages."""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from math import inf, nan
+from typing import Any, Self
+
+from ground.station.robot.background_requests import Job, JobResult, outcome_of
+from ground.station.station import Station
+from ground.station.world import WorldFacts
+from protocol.bus.network import Hub
+from protocol.topic import person_of
+from protocol.topics import (
+    COMMAND,
+    CYCLE,
+    DECISION,
+    DRIVE,
+    HEARTBEAT,
+    INPUTS,
+    LEASE,
+    LEASE_SERVICE,
+    MISSION,
+    ODOMETRY,
+    OPERATOR,
+    PARAMETER,
+    PARAMETERS,
+    SONAR,
+    STATUS,
+    STOP,
+    TEXT,
+    TRUTH,
+    WHEELS,
+    WORLD,
+    Role,
+    Topic,
+)
+from protocol.wire.codec import Encoder
+from protocol.wire.enums import AckResult, Branch, GoalState, LeaseAction, Mode, Navigator, Vehicle
+from protocol.wire.message import Message
+from protocol.wire.messages import (
+    AvoidanceDecision,
+    CommandAck,
+    CommandRequest,
+    CycleReport,
+    GroundTruth,
+    Heartbeat,
+    LeaseRequest,
+    LeaseStatus,
+    MissionStatus,
+    NavigatorStatus,
+    ParamValue,
+    PlanarOdometry,
+    SonarScan,
+    Statustext,
+    TickInputs,
+    WheelCommand,
+    WheelTicks,
+)
+from protocol.wire.reasons import Reason
+from protocol.wire.statustext import pieces_of
+from robot.commands import acknowledge
+from runtime.clock import ManualClock
+from runtime.errors import NoAnswerError
+from runtime.units import PERIOD_NS
+from tests.support.played_bus import PlayedBus
+
+BEAT = Heartbeat(
+    type=10, autopilot=3, base_mode=1, custom_mode=0, system_status=3, mavlink_version=3
+)
+
+
+@dataclass
+class Lease:
+    """The robot's side of it, as short as it can be."""
+
+    holder: str = ""
+    name: str = ""
+    lapses_ms: int = 3000
+    drive_id: int = 0
+    driver: str = ""
+
+
+@dataclass
+class Robot:
+    """Messages of each period of 50 ms; each part can be switched off."""
+
+    name: str = "r1"
+    loop: bool = True
+    senses: bool = True
+    flags: int = 3
+    tick: int = 0
+    time_ns: int = 0
+    x_m: float = 0.0
+    placed: bool = True
+    vehicle: Vehicle = Vehicle.ACTIVE
+    vehicle_reason: Reason = Reason.NONE
+    mode: Mode = Mode.GUIDED
+    goal: GoalState = GoalState.NONE
+    goal_id: int = 0
+    goal_x_m: float = 5.0
+    stop_id: int = 0
+    rotation_rad: float = 0.0
+    lease: Lease = field(default_factory=Lease)
+
+    def said(self) -> list[tuple[Topic[Any], Message]]:
+        found: list[tuple[Topic[Any], Message]] = []
+        if self.senses:
+            found += [(WHEELS, self.wheels()), (SONAR, self.scan()), (TRUTH, self.truth())]
+        if self.loop:
+            found += self._looped()
+            self.tick += 1
+        self.time_ns += PERIOD_NS
+        return found
+
+    def _looped(self) -> list[tuple[Topic[Any], Message]]:
+        found: list[tuple[Topic[Any], Message]] = [
+            (DRIVE, WheelCommand(time_ns=self.time_ns, seq=self.tick, sense_seq=self.tick,
+                                 left_mrad_s=0, right_mrad_s=0, ttl_ms=150)),
+            (ODOMETRY, self.odometry()),
+            (STATUS, self.status()),
+            (DECISION, self.decision()),
+            (CYCLE, self.cycle()),
+            (INPUTS, self.inputs()),
+        ]  # fmt: skip
+        if self.tick % 4 == 0:
+            found.append((HEARTBEAT, BEAT))
+        if self.tick % 10 == 0:
+            found += [(LEASE, self.lease_status()), (MISSION, self.mission())]
+        return found
+
+    def wheels(self) -> WheelTicks:
+        return WheelTicks(time_ns=self.time_ns, seq=self.tick, left=0, right=0, bumper=0, expired=0)
+
+    def scan(self) -> SonarScan:
+        return SonarScan(
+            time_ns=self.time_ns,
+            seq=self.tick,
+            range_mm=(1000,) * 8,
+            ping_age_us=(0,) * 8,
+            valid=0b0111_1111,
+            echo=0b0000_1111,
+        )
+
+    def truth(self) -> GroundTruth:
+        return GroundTruth(
+            time_ns=self.time_ns, seq=self.tick, x_m=self.x_m, y_m=0.0, heading_rad=0.0,
+            speed_m_s=0.0, yaw_rate_rad_s=0.0, clearance_m=1.0, contact=0,
+        )  # fmt: skip
+
+    def odometry(self) -> PlanarOdometry:
+        known = 0.0 if self.placed else nan
+        return PlanarOdometry(
+            time_ns=self.time_ns, x_m=self.x_m, y_m=0.0, heading_rad=0.0, speed_m_s=0.25,
+            yaw_rate_rad_s=0.0, cov_xx_m2=0.04 + known, cov_xy_m2=known, cov_xh_m_rad=known,
+            cov_yy_m2=0.01 + known, cov_yh_m_rad=known, cov_hh_rad2=known,
+        )  # fmt: skip
+
+    def status(self) -> NavigatorStatus:
+        return NavigatorStatus(
+            time_ns=self.time_ns, goal_started_ns=0, goal_ended_ns=0,
+            goal_id=self.goal_id, stop_id=self.stop_id,
+            goal_x_m=self.goal_x_m, goal_y_m=1.0, goal_heading_rad=nan, goal_distance_m=4.0,
+            vehicle=self.vehicle, mode=self.mode, goal=self.goal,
+            vehicle_reason=self.vehicle_reason, goal_reason=Reason.NONE,
+            navigator=Navigator.VGM, side=1,
+        )  # fmt: skip
+
+    def decision(self) -> AvoidanceDecision:
+        return AvoidanceDecision(
+            time_ns=self.time_ns, nearest_bearing_rad=nan, nearest_range_m=inf, zone_m=0.3,
+            goal_bearing_rad=0.0, rotation_rad=self.rotation_rad, virtual_x_m=nan, virtual_y_m=nan,
+            speed_m_s=0.2, yaw_rate_rad_s=0.0, branch=Branch.TO_GOAL, guard=Reason.NONE,
+        )  # fmt: skip
+
+    def cycle(self) -> CycleReport:
+        return CycleReport(
+            time_ns=self.time_ns, tick=self.tick, missed=0, overruns=0, rejected=0, late_us=90,
+            sense_age_us=0, budget_us=5000, stage_us=(1, 2, 3, 4, 5),
+        )  # fmt: skip
+
+    def inputs(self) -> TickInputs:
+        return TickInputs(
+            time_ns=self.time_ns, now_ms=0, tick=self.tick, wheels_seq=0, scan_seq=0, requests=0,
+            scan_age_ms=0, operator_age_ms=0, flags=self.flags, speed_mm_s=0, yaw_rate_mrad_s=0,
+        )  # fmt: skip
+
+    def lease_status(self) -> LeaseStatus:
+        held = bool(self.lease.holder)
+        lease = self.lease
+        return LeaseStatus(
+            time_ns=self.time_ns, lapses_ms=lease.lapses_ms * held, held=held, holder=lease.holder,
+            name=lease.name, drive_id=lease.drive_id, driver=lease.driver,
+        )  # fmt: skip
+
+    def mission(self) -> MissionStatus:
+        return MissionStatus(
+            time_ns=self.time_ns, mission_id=0, hold_left_ms=0, count=0, current=0, state=0,
+            reason=0,
+        )  # fmt: skip
+
+
+S = 1_000_000_000
+PARAMS = {"d_obs_m": 0.3, "side": 1, "op_lost_ms": 1500, "accel_m_s2": 1.25, "v_max_m_s": 0.25}
+WORLD_TEXT = b"""{"name": "box", "size_m": [6.0, 4.0], "walls": true,
+ "start": {"x_m": 0.6, "y_m": 2.0, "heading_deg": 90.0},
+ "goal": {"x_m": 5.4, "y_m": 2.0, "heading_deg": null, "position_tolerance_m": 0.05},
+ "obstacles": [{"polygon_m": [[2, 1], [3, 1], [3, 2]]},
+  {"wall_m": [[0, 3], [2, 3]], "thickness_m": 0.02},
+  {"circle_m": {"x": 4, "y": 3, "radius": 0.25}},
+  {"circle_m": {"x": 1, "y": 1, "radius": 0.1}, "path_m": [[1, 1], [1, 3]], "speed_m_s": 0.5}],
+ "robot": {"radius_m": 0.15}}"""
+
+
+class Inline:
+    """A lane without a thread: the job runs at once, or when the test calls `work`."""
+
+    def __init__(self, *, waits: bool = False) -> None:
+        self.busy = False
+        self.waits = waits
+        self._job: Job | None = None
+        self._outcome: JobResult | None = None
+
+    def start(self, job: Job) -> bool:
+        if self.busy:
+            return False
+        self.busy, self._job = True, job
+        if not self.waits:
+            self.work()
+        return True
+
+    def work(self) -> None:
+        if self._job is not None:
+            self._outcome, self._job = outcome_of(self._job), None
+
+    def done(self) -> JobResult | None:
+        outcome, self._outcome = self._outcome, None
+        if outcome is not None:
+            self.busy = False
+        return outcome
+
+    def close(self, deadline_s: float) -> None:
+        self.busy = False
+
+
+class Play:
+    """`forward` lets time go by in periods of 50 ms; the station is polled in each."""
+
+    def __init__(
+        self, world: WorldFacts | None = None, workers: Callable[[str], Inline] | None = None
+    ) -> None:
+        self.clock = ManualClock(1000 * S)
+        self.bus = PlayedBus(self.clock)
+        self.robots = [Robot()]
+        self.delivered = True
+        self.workers: dict[str, Inline] = {}
+        self.commands: list[CommandRequest] = []
+        self.refuses = Reason.NONE
+        self.params: dict[str, float] = dict(PARAMS)
+        self.bus.come(Role.ROBOT)
+        self.bus.come(Role.PLANT)
+        for name in ("r1", "r2"):
+            self.bus.publisher(STOP, name).heard = partial(self._press, name)
+        self._worker = workers or (lambda _name: Inline())
+        self._serve()
+        self.station = Station(
+            self.bus, "r1", self.clock, world, name="anna", workers=self._make_lane
+        )
+
+    @property
+    def robot(self) -> Robot:
+        return self.robots[0]
+
+    @property
+    def beats(self) -> int:
+        """Return the number of heartbeats that the station sent for r1."""
+        return len(self.bus.publisher(OPERATOR, "r1").said)
+
+    def forward(self, seconds: float, *, poll: bool = True) -> Self:
+        for _ in range(round(seconds * 20)):
+            for robot in self.robots:
+                for topic, message in robot.said():
+                    (self.bus.say if self.delivered else self.bus.lose)(topic, message, robot.name)
+            if poll:
+                self.station.poll()
+            self.clock.advance(PERIOD_NS)
+        return self
+
+    def texts(self, words: str = "") -> list[str]:
+        return [line.text for line in self.station.log.find(words)]
+
+    # What happens to others.
+
+    def die(self) -> None:
+        self.robot.loop = False
+        self.bus.go(Role.ROBOT)
+        self.bus.answers.clear()
+
+    def hang(self) -> None:
+        self.robot.loop = False
+        self.bus.answers.clear()
+
+    def revive(self) -> None:
+        self.robot.loop = self.robot.senses = self.delivered = True
+        self.bus.linked_by = Hub.PEER
+        self.bus.come(Role.ROBOT)
+        self.bus.come(Role.PLANT)
+        self._serve()
+
+    def cut(self, hub: Hub) -> None:
+        """Let no process answer; `outcome` is the result of a call."""
+        self.delivered = False
+        self.bus.linked_by = hub
+        self.bus.answers.clear()
+        self.bus.go(Role.ROBOT)
+        self.bus.go(Role.PLANT)
+
+    def say(self, text: str, severity: int = 6) -> None:
+        for piece in pieces_of(text, 7, severity):
+            self.bus.say(TEXT, piece)
+
+    def say_earlier(self, text: str, age_ns: int) -> None:
+        """Deliver a text that was published `age_s` ago and is fetched now."""
+        frame = Encoder(1, 1).encode(Statustext(severity=6, text=text, id=0, chunk_seq=0))
+        self.bus.say_frame(TEXT, frame, age_ns=age_ns)
+
+    def _press(self, name: str, request: Message) -> None:
+        """Deliver an emergency stop if the robot can be reached and its loop runs."""
+        if not (self.robot.loop and self.delivered):
+            return
+        assert isinstance(request, CommandRequest)
+        self.commands.append(request)
+        self.robot.vehicle, self.robot.stop_id = Vehicle.EMERGENCY_STOP, request.request_id
+        self.bus.say(STATUS, self.robot.status(), name)
+
+    # The robot's services.
+
+    def _make_lane(self, name: str) -> Inline:
+        return self.workers.setdefault(name, self._worker(name))
+
+    def _serve(self) -> None:
+        self.bus.answers |= {
+            PARAMETERS.path: lambda _: listed(self.params),
+            PARAMETER.path: lambda _: ParamValue(
+                param_id="radius_m", param_value=0.12, param_type=9, param_count=2, param_index=0
+            ),
+            WORLD.path: lambda _: WORLD_TEXT,
+            LEASE_SERVICE.path: self._lease,
+            COMMAND.path: self._command,
+        }
+
+    def _lease(self, request: Message | None) -> Message:
+        assert isinstance(request, LeaseRequest)
+        lease = self.robot.lease
+        is_theirs = lease.holder and person_of(lease.holder) != person_of(self.bus.operator)
+        if request.action in (LeaseAction.RELEASE, LeaseAction.LEAVE):
+            lease.holder = lease.name = ""
+        elif request.action == LeaseAction.TAKE and is_theirs:
+            return refused(Reason.LEASE_HELD)
+        else:
+            lease.holder, lease.name = self.bus.operator, request.name
+        return CommandAck(command=0, result=AckResult.ACCEPTED, result_param2=0)
+
+    def _command(self, request: Message | None) -> Message:
+        assert isinstance(request, CommandRequest)
+        self.commands.append(request)
+        if self.refuses:
+            return refused(self.refuses)
+        return acknowledge(request, Reason.NONE)
+
+
+def listed(params: dict[str, float]) -> bytes:
+    """Return a robot's answer to the request for its parameters."""
+    rows = [{"name": name, "value": value, "default": value} for name, value in params.items()]
+    return json.dumps(rows).encode()
+
+
+def refused(reason: Reason) -> CommandAck:
+    return CommandAck(command=0, result=AckResult.DENIED, result_param2=reason)
+
+
+def silent(_: Message | None) -> Message:
+    """Provide a service that never answers."""
+    raise NoAnswerError("no answer within 0.25 s")

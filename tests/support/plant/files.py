@@ -1,0 +1,134 @@
+"""World files and files of foreign formats: valid, made invalid, and their messages."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import pytest
+
+from plant.model.errors import WorldError, WorldProblem
+from plant.world.file import loads
+
+GOOD = """\
+name = "test"
+size_m = [6.0, 4.0]
+start = { x_m = 0.6, y_m = 2.0, heading_deg = 90.0 }
+goal = { x_m = 5.4, y_m = 2.0, heading_deg = -90.0 }
+
+[[obstacle]]
+polygon_m = [[2.0, 1.0], [3.0, 1.0], [3.0, 1.5], [2.0, 1.5]]
+
+[[obstacle]]
+circle_m = { x = 4.0, y = 3.0, radius = 0.25 }
+
+[[obstacle]]
+wall_m = [[1.0, 3.0], [2.0, 3.0], [2.5, 2.5]]
+thickness_m = 0.05
+
+[[obstacle]]
+circle_m = { x = 3.5, y = 0.5, radius = 0.15 }
+path_m = [[3.5, 0.5], [3.5, 3.5]]
+speed_m_s = 0.1
+"""
+POLYGON_LINE = 7
+ROBOT_AT = "{ x_m = %s, y_m = %s, heading_deg = 0.0 }"
+
+
+def with_line(number: int, line: str, text: str = GOOD) -> str:
+    """Return the text with one line replaced, counted from 1; an empty line keeps the numbering."""
+    lines = text.split("\n")
+    lines[number - 1] = line
+    return "\n".join(lines)
+
+
+def polygon(points: str) -> str:
+    return with_line(POLYGON_LINE, f"polygon_m = {points}")
+
+
+def start(table: str) -> str:
+    return with_line(3, f"start = {table}")
+
+
+def goal(table: str) -> str:
+    return with_line(4, f"goal = {table}")
+
+
+def more(text: str) -> str:
+    """Return the valid world with lines added from line 20 on."""
+    return GOOD + text
+
+
+class Bad(NamedTuple):
+    """An invalid file, and the line, key and parts of reason and fix in its message."""
+
+    story: str
+    text: str
+    line: int
+    key: str
+    reason: str
+    fix: str
+
+
+def refusal(text: str) -> WorldError:
+    with pytest.raises(WorldError) as caught:
+        loads(text, "bad.toml")
+    return caught.value
+
+
+def assert_told(bad: Bad, alone: bool) -> None:
+    """Require file, line, key, reason and fix in the error; no other problem if `alone`."""
+    error = refusal(bad.text)
+    lines = str(error).split("\n")
+    about_key = [line for line in lines if f": {bad.key}: " in line] or lines
+    place, _, rest = about_key[0].partition(f": {bad.key}: ")
+    reason, _, fix = rest.partition("; fix: ")
+    assert place == f"bad.toml:{bad.line}"
+    assert bad.reason in reason
+    assert bad.fix in fix
+    assert not alone or len(error.problems) == 1, str(error)
+
+
+MAP = """\
+type octile
+height 5
+width 8
+map
+........
+.@@@@T..
+.O....W.
+.@.GS...
+........
+"""
+SCEN = (
+    "version 1\n0\tmaps/hand.map\t8\t5\t0\t0\t7\t4\t9.0\n1\tmaps/hand.map\t8\t5\t3\t3\t0\t4\t4.2\n"
+)
+YAML = """\
+image: hand.pgm
+resolution: 0.5   # metres per pixel
+origin: [-1.0, -2.0, 0.0]
+negate: 0
+occupied_thresh: 0.65
+free_thresh: 0.196
+"""
+# Ten by six: a black frame, a black block, and unknown grey in a corner.
+ROWS = (
+    (0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
+    (0, 254, 254, 254, 254, 254, 254, 254, 205, 0),
+    (0, 254, 254, 254, 254, 254, 254, 254, 254, 0),
+    (0, 254, 254, 254, 0, 0, 254, 254, 254, 0),
+    (0, 254, 254, 254, 254, 254, 254, 254, 254, 0),
+    (0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
+)
+P5 = b"P5\n# made by hand\n10 6\n255\n" + bytes(value for row in ROWS for value in row)
+P2 = ("P2\n10 6\n255\n" + "\n".join(" ".join(map(str, row)) for row in ROWS) + "\n").encode()
+
+
+def refused(make: Callable[[], object]) -> WorldProblem:
+    """Return the only problem that is reported, with file, reason and fix."""
+    with pytest.raises(WorldError) as caught:
+        make()
+    (problem,) = caught.value.problems
+    assert problem.file
+    assert problem.key
+    assert problem.reason
+    assert problem.fix
+    return problem

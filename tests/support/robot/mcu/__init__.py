@@ -1,1 +1,0 @@
-"""The firmware's main loop on CPython, in place of an emulated board."""

@@ -1,0 +1,179 @@
+"""Rings of sonars and courses of obstacles, and vgm_memory in front of them."""
+
+from collections.abc import Sequence
+from math import cos, hypot, inf, pi, sin, sqrt
+from typing import NamedTuple
+
+import pytest
+from hypothesis import strategies as st
+
+from robot.core import states
+from robot.core.navigators import registry, vgm_memory
+from robot.core.navigators.vgm_following import Memory
+from robot.core.parameters import DEFAULTS
+from robot.core.perception import sonar_ring as rings
+from robot.core.perception.sonar_ring import Ring
+from robot.core.values import BEARINGS, HALF_CONE, SONARS, Decision, Goal, Pose, Scan, wrap
+from tests.support.robot.driving import AGES, ALL
+
+Wall = tuple[float, float, float, float]
+Disc = tuple[float, float, float]
+RAYS = 9
+RADIUS_MM = 120
+HERE = Pose(0.0, 0.0, 0.0)
+
+Ranges = list[float | None]
+some_range = st.one_of(st.none(), st.just(inf), st.floats(0.02, 3.0))
+any_ranges = st.lists(some_range, min_size=SONARS, max_size=SONARS)
+
+
+def ring(echoes: dict[int, int]) -> Ring:
+    """Just measured: echoes in millimetres by sonar, none from the others."""
+    seen = Ring()
+    ranges = tuple(echoes.get(i, 0) for i in range(8))
+    rings.update(seen, Scan(ranges, (0,) * 8, 0xFF, sum(1 << i for i in echoes)), 0, DEFAULTS)
+    return seen
+
+
+def heard(range_m: Ranges) -> Ring:
+    """Ranges in metres: inf without an echo, None where the sonar has measured nothing."""
+    seen = Ring()
+    seen.range_m = range_m
+    seen.nearest_m = min([m for m in range_m if m is not None], default=inf)
+    return seen
+
+
+SILENT = ring({})
+
+
+def seen_from(pose: Pose, walls: list[Wall], discs: list[Disc] | None = None) -> Ring:
+    """Walls are segments x0 y0 x1 y1, discs are x y radius."""
+    echoes: dict[int, int] = {}
+    for i, bearing_rad in enumerate(BEARINGS):
+        angles = [
+            pose.heading_rad + bearing_rad + HALF_CONE * (2.0 * k / (RAYS - 1) - 1.0)
+            for k in range(RAYS)
+        ]
+        far_m = min(reach_m(pose, angle, walls, discs or []) for angle in angles)
+        range_m = far_m - DEFAULTS.radius_m
+        if range_m < DEFAULTS.sonar_max_m:
+            echoes[i] = max(30, round(range_m * 1000.0))
+    return ring(echoes)
+
+
+def reach_m(pose: Pose, angle_rad: float, walls: list[Wall], discs: list[Disc]) -> float:
+    c, s = cos(angle_rad), sin(angle_rad)
+    nearest_m = inf
+    for x0, y0, x1, y1 in walls:
+        ex, ey, wx, wy = x1 - x0, y1 - y0, x0 - pose.x_m, y0 - pose.y_m
+        cross = c * ey - s * ex
+        if abs(cross) > 1e-12:
+            along, share = (wx * ey - wy * ex) / cross, (wx * s - wy * c) / cross
+            if along > 0.0 and 0.0 <= share <= 1.0:
+                nearest_m = min(nearest_m, along)
+    for x, y, radius in discs:
+        dx, dy = x - pose.x_m, y - pose.y_m
+        along, aside = dx * c + dy * s, dx * s - dy * c
+        if along > 0.0 and abs(aside) < radius:
+            nearest_m = min(nearest_m, along - sqrt(radius * radius - aside * aside))
+    return nearest_m
+
+
+def clearance_m(pose: Pose, walls: list[Wall], discs: list[Disc] | None = None) -> float:
+    """Return the distance from the robot's rim to the nearest obstacle."""
+    angles = [2.0 * pi * k / 180 for k in range(180)]
+    rays = min(reach_m(pose, angle, walls, discs or []) for angle in angles)
+    ends = [hypot(x - pose.x_m, y - pose.y_m) for w in walls for x, y in (w[:2], w[2:])]
+    return min([rays, *ends]) - DEFAULTS.radius_m
+
+
+def rolled(pose: Pose, turn_rad: float, speed_m_s: float) -> Pose:
+    """Advance one tick towards a bearing: slower in turns, never backwards."""
+    ahead_m_s = speed_m_s * max(cos(turn_rad), 0.0)
+    rate_rad_s = max(-2.5, min(2.5, 3.0 * turn_rad))
+    middle_rad = pose.heading_rad + 0.025 * rate_rad_s
+    return Pose(
+        pose.x_m + 0.05 * ahead_m_s * cos(middle_rad),
+        pose.y_m + 0.05 * ahead_m_s * sin(middle_rad),
+        wrap(pose.heading_rad + 0.05 * rate_rad_s),
+    )
+
+
+class Walk(NamedTuple):
+    """`poses` and the decision at each of them; `arrived`: within 5 cm of the goal."""
+
+    poses: list[Pose]
+    decisions: list[Decision]
+    arrived: bool
+
+    @property
+    def gave_up(self) -> bool:
+        return self.decisions[-1].branch == states.GIVE_UP
+
+    @property
+    def branches(self) -> set[int]:
+        return {decision.branch for decision in self.decisions}
+
+
+def walk_to(
+    number: int,
+    goal: Goal,
+    walls: list[Wall],
+    discs: list[Disc],
+    *,
+    side: int = states.LEFT,
+    seconds: float = 120.0,
+) -> Walk:
+    """Drive from the origin with a navigator until it arrives, gives up or times out."""
+    memory, step = registry.new_memory(number, side), registry.NAVIGATORS[number].step
+    pose, poses, decisions = Pose(0.0, 0.0, 0.0), [], []
+    for _ in range(round(seconds * 20)):
+        decision = step(memory, pose, seen_from(pose, walls, discs), goal, DEFAULTS)
+        poses.append(pose)
+        decisions.append(decision)
+        arrived = hypot(goal.x_m - pose.x_m, goal.y_m - pose.y_m) < 0.05
+        if arrived or decision.branch == states.GIVE_UP:
+            return Walk(poses, decisions, arrived)
+        turn_rad = wrap(decision.goal_bearing_rad + decision.rotation_rad)
+        pose = rolled(pose, turn_rad, min(0.25, decision.speed_limit_m_s))
+    return Walk(poses, decisions, False)
+
+
+def scan(ranges_mm: dict[int, int], valid: int = 0xFF) -> Scan:
+    """Echoes where a range is given, free space elsewhere."""
+    echo = sum(1 << i for i in ranges_mm)
+    return Scan(tuple(ranges_mm.get(i, 0) for i in range(8)), AGES, valid, echo)
+
+
+def seen(range_mm: Sequence[float], echo: int = ALL, valid: int = ALL) -> Ring:
+    ring = Ring()
+    rings.update(ring, Scan(tuple(range_mm), AGES, valid, echo), 0, DEFAULTS)  # type: ignore[arg-type]
+    return ring
+
+
+GOAL = Goal(2.4, 0.0, None, 0.05, 0.05)
+FAR = Goal(3.4, 0.0, None, 0.05, 0.05)
+DISC: list[Disc] = [(1.2, 0.1, 0.4)]
+BOX_AROUND_THE_GOAL: list[Wall] = [
+    (1.6, -0.6, 3.0, -0.6),
+    (3.0, -0.6, 3.0, 0.6),
+    (3.0, 0.6, 1.6, 0.6),
+    (1.6, 0.6, 1.6, -0.6),
+]
+
+U_TRAP: list[Wall] = [(0.8, 0.5, 2.0, 0.5), (2.0, 0.5, 2.0, -0.5), (2.0, -0.5, 0.8, -0.5)]
+BEHIND_THE_TRAP = Goal(3.2, 0.0, None, 0.05, 0.05)
+
+
+GOAL_AHEAD = Goal(3.0, 0.0, None, 0.05, 0.05)
+SIDES = pytest.mark.parametrize("side", [states.LEFT, states.RIGHT])
+
+
+def step(memory: Memory, pose: Pose, seen: Ring, goal: Goal = GOAL_AHEAD) -> Decision:
+    return vgm_memory.step(memory, pose, seen, goal, DEFAULTS)
+
+
+def stand(memory: Memory, seen: Ring, ticks: int, goal: Goal = GOAL_AHEAD) -> Decision:
+    for _ in range(ticks):
+        decision = step(memory, HERE, seen, goal)
+    return decision
