@@ -14,6 +14,7 @@ changes of names may be there, in their order; a rename is atomic.
 
 import os
 from collections.abc import Iterator
+from contextlib import contextmanager
 from errno import EEXIST, EISDIR, ENOENT
 from itertools import chain, combinations, product
 from pathlib import Path, PurePath
@@ -169,6 +170,11 @@ class ReorderingDisk:
         self._folder(old.parent).change(old.name, new.name, number)
         self._done()
 
+    def lstat(self, path: Path) -> None:
+        """Raise FileNotFoundError unless there is a file or a directory of this name."""
+        if self._find(path) is None:
+            raise FileNotFoundError(ENOENT, "No such file or directory", str(path))
+
     def unlink(self, path: Path) -> None:
         """Remove a file."""
         if self._find(path) is None:
@@ -257,12 +263,15 @@ def content_of(state: State, path: Path) -> bytes | None:
     return dict(state).get(str(path))
 
 
-def restore(state: State, folder: Path) -> None:
-    """Write the files of a state below a real directory, as a restart would find them."""
+@contextmanager
+def restarted(state: State, folder: Path) -> Iterator[None]:
+    """Write the files of a state below a real directory, which the code under test uses inside."""
     for path, content in state:
         file = folder / path.removeprefix("/")
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_bytes(content)
+    with patch.object(files, "os", os):
+        yield
 
 
 HOME: Final = Path("/state/of/r1")
@@ -327,10 +336,10 @@ def upload_fence(vehicle: Vehicle, radius_m: float) -> None:
 
 def found_in(state: State, folder: Path) -> SavedState:
     """Return the state of a robot that is started after this cut."""
-    restore(state, folder)
-    store = Store(folder / str(HOME).removeprefix("/"))
-    params, _ = store.load(DEFAULTS)
-    vehicle = Vehicle(params, store)
-    vehicle.restore()
+    with restarted(state, folder):
+        store = Store(folder / str(HOME).removeprefix("/"))
+        params, _ = store.load(DEFAULTS)
+        vehicle = Vehicle(params, store)
+        vehicle.restore()
     fence = vehicle.state.machine.fence
     return SavedState(params.d_obs_m, 0.0 if fence is None else fence.radius_m)

@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory
 from typing import Final, NamedTuple
 from unittest.mock import patch
 
-from checks.faults.power_cuts import HOME, ReorderingDisk, State, restore, set_value, upload_fence
+from checks.faults.power_cuts import HOME, ReorderingDisk, State, restarted, set_value, upload_fence
 from checks.harness.figures import BenchmarkReport, Figure
 from ground.cli.main import parse
 from ground.cli.run.up import connect, free_endpoint
@@ -298,7 +298,7 @@ def clearing(request_id: int) -> CommandRequest:
 
 def is_stopped_after(state: State, folder: Path) -> bool:
     """Return whether a robot that is started after a power cut is stopped."""
-    restore(state, folder)
-    vehicle = Vehicle(DEFAULTS, Store(folder / str(HOME).removeprefix("/")))
-    vehicle.restore()
+    with restarted(state, folder):
+        vehicle = Vehicle(DEFAULTS, Store(folder / str(HOME).removeprefix("/")))
+        vehicle.restore()
     return vehicle.stopped

@@ -156,7 +156,7 @@ LEFT_OPEN = """
 from protocol.bus import session
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
-from protocol.bus.tls import certificate_advice
+from protocol.bus import certificate
 from protocol.topics import COMMAND, WHEELS, Role
 bus = open_bus(Network(mode="peer", listen=("tcp/127.0.0.1:0",)), Role.ROBOT, "r1")
 bus.mailbox(WHEELS)

@@ -10,7 +10,7 @@ import pytest
 from checks.faults import power_cuts
 from checks.faults.cases import FAULTS, FaultCase, Must, PlainAct, Way, goes_on, stops
 from checks.faults.intruders import READ, RECEIVED, extremes, extremes_of, turns
-from checks.faults.power_cuts import ReorderingDisk, State, restore
+from checks.faults.power_cuts import ReorderingDisk, State, restarted
 from checks.faults.results import Repetition, Results, page
 from checks.faults.wall_time import lost_from, missing
 from ground.recording.log_reader import record_bytes
@@ -138,14 +138,14 @@ STEPS: tuple[Callable[[ChangingOperator], None], ...] = (
 
 def found(state: State, folder: Path) -> Held:
     """Return the state of a robot that starts after this cut."""
-    restore(state, folder)
-    home = folder / str(HOME).removeprefix("/")
-    kept = MissionStore(Directory(home))
-    store = Store(home)
-    params, warnings = store.load(DEFAULTS)
-    assert warnings == []
-    fence, mission = kept.found(MissionType.FENCE), kept.found(MissionType.MISSION)
-    return params.d_obs_m, text_of(fence), text_of(mission), store.stop.found()
+    with restarted(state, folder):
+        home = folder / str(HOME).removeprefix("/")
+        kept = MissionStore(Directory(home))
+        store = Store(home)
+        params, warnings = store.load(DEFAULTS)
+        assert warnings == []
+        fence, mission = kept.found(MissionType.FENCE), kept.found(MissionType.MISSION)
+        return params.d_obs_m, text_of(fence), text_of(mission), store.stop.found()
 
 
 def outcomes(

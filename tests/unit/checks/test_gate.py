@@ -40,7 +40,7 @@ until(other.exists)
 INTERRUPTED = """
 import sys
 from pathlib import Path
-from checks.gate import Gate, Step
+from checks.gate import Gate, GateStep
 WAITS = '''
 import signal, sys
 from pathlib import Path
@@ -53,8 +53,8 @@ except KeyboardInterrupt:
     Event().wait(0.2)
     ended.touch()
 '''
-first = Step("first", (sys.executable, "-c", WAITS, {}, {}), 1)
-second = Step("second", (sys.executable, "-c", "open(" + repr({}) + ", 'w')"), 1)
+first = GateStep("first", (sys.executable, "-c", WAITS, {}, {}), 1)
+second = GateStep("second", (sys.executable, "-c", "open(" + repr({}) + ", 'w')"), 1)
 sys.exit(Gate("make test", Path({})).run([[[first, second]]]))
 """
 LAST = GateStep("last", (sys.executable, "-c", ""), 1)

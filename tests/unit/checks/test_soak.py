@@ -214,7 +214,7 @@ def test_signal_ends_soak_with_a_report(
         self._course.seconds = 42.0
         signal.raise_signal(number)
 
-    monkeypatch.setattr(soak, "Fleet", NoFleet)
+    monkeypatch.setattr(soak, "SoakFleet", NoFleet)
     monkeypatch.setattr(soak.Soak, "run", interrupted)
     options = argparse.Namespace(minutes=30.0, robots=3, world="open", seed=0)
     report = soak.measure(options)

@@ -136,7 +136,7 @@ def test_no_recursion_in_the_core() -> None:
     calls: Calls = {}
     for name in NAMES:
         calls |= calls_of(name, tree(name))
-    assert {"pursuit.begin", "perception.sonar_ring.update", "geometry.wrap"} <= set().union(
+    assert {"brain.begin", "perception.sonar_ring.update", "values.wrap"} <= set().union(
         *calls.values()
     )
     assert circle(calls) is None
