@@ -98,8 +98,18 @@ class EvidencePage(NamedTuple):
         return f"it is measured by hand: {self.again}"
 
 
-DRIVES: Final = ("runtime", "robot/core", "robot/hosting", "plant", "study")
+DRIVES: Final = ("runtime", "robot/core", "robot/hosting.py", "plant", "study")
 STACK: Final = ("runtime", "protocol", "robot", "plant", "ground")
+FORMER: Final = (
+    ("checks", "verification"),
+    ("checks/speed", "benchmarks"),
+    ("firmware", "robot/mcu"),
+    ("robot/hosting.py", "robot/hosting"),
+    ("gateways/mavlink", "ground/gateway"),
+    ("vehicle_check", "ground/vehicle_check"),
+)
+"""Paths of today and of before 27 November 2026: what happened to a folder before its move counts."""
+
 FIGURES: Final = ("trial", "core", "codec", "latency", "jitter", "map", "digest")
 LONG_FIGURES: Final = (
     *("robot", "mtls", "nees", "arrival", "soak", "ground", "stop_all", "restarts"),
@@ -273,7 +283,7 @@ EVIDENCE: Final = (
         "digests, cost, memory and single precision on the emulated board",
         "`make same-bits-mcu`, `python -m checks.speed.board.measure`,"
         " `python -m checks.speed.board.float32`, `make generate-docs`",
-        ("robot/core", "firmware", "robot/hosting", "plant/sim", "checks/speed/board"),
+        ("robot/core", "firmware", "robot/hosting.py", "plant/sim", "checks/speed/board"),
         90,
         (
             MeasuringStep(("make", "firmware")),
@@ -439,6 +449,11 @@ def with_mark(text: str, status: PageStatus) -> str:
     return with_block(text, [line[0], warning])
 
 
+def is_within(path: str, folder: str) -> bool:
+    """Return whether a path is in a folder, or is that one, or holds it."""
+    return f"{path}/".startswith(f"{folder}/") or f"{folder}/".startswith(f"{path}/")
+
+
 class CommitHistory:
     """The commits of a checkout, asked of git."""
 
@@ -451,7 +466,8 @@ class CommitHistory:
         """Return how many commits touched the paths since a commit; None if it is not here."""
         if self._git("cat-file", "-e", f"{commit}^{{commit}}") is None:
             return None
-        found = self._git("rev-list", "--count", f"{commit}..HEAD", "--", *paths)
+        former = [old for new, old in FORMER if any(is_within(new, path) for path in paths)]
+        found = self._git("rev-list", "--count", f"{commit}..HEAD", "--", *paths, *former)
         return None if found is None else int(found)
 
     def head(self) -> str:

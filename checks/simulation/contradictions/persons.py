@@ -153,7 +153,7 @@ def _stale_answer() -> Patches:
     repeats = import_module("gateways.mavlink.commands.command_protocol")
 
     def judged(self: Any, one: Any, *, is_copy: bool, is_marked: bool) -> Any:
-        return repeats.Action.IGNORE if one.result is None else repeats.Action.ANSWER
+        return repeats.RepeatAction.IGNORE if one.result is None else repeats.RepeatAction.ANSWER
 
     return {"gateways.mavlink.commands.command_protocol.Repeats._judged": judged}
 
