@@ -108,7 +108,7 @@ FORMER: Final = (
     ("gateways/mavlink", "ground/gateway"),
     ("vehicle_check", "ground/vehicle_check"),
 )
-"""Paths of today and of before 27 November 2026: what happened to a folder before its move counts."""
+"""Paths of now and of before they moved: what happened to a folder before its move counts, too."""
 
 FIGURES: Final = ("trial", "core", "codec", "latency", "jitter", "map", "digest")
 LONG_FIGURES: Final = (
