@@ -1,26 +1,15 @@
-"""One control cycle: sense, check, decide, act. No clock, no I/O, no randomness.
-
-The budget of each stage of a control cycle: time on the host, share on the LPC1768.
-
-Drive to one goal: navigate, arrive, align, stop, then report it as reached or stuck.
-"""
+"""Run one control cycle: sense, check, drive to the goal, guard. No clock, I/O or randomness."""
 
 from math import inf, pi, sqrt
 from typing import Final, NamedTuple, Protocol
 
-from robot.core import modes as machines
-from robot.core import motion as progresses
-from robot.core import motion as trails
-from robot.core import place as places
-from robot.core import reasons, states
+from robot.core import modes, motion, place, reasons, states
 from robot.core.motion import HALT, align, heading_error, into, limited, ramp, toward
 from robot.core.navigators import registry
 from robot.core.navigators.registry import NAVIGATORS
 from robot.core.parameters import Params
-from robot.core.perception import closing_speed, sonar_ring, wall_heading
+from robot.core.perception import closing_speed, slip, sonar_ring, wall_heading
 from robot.core.perception import odometry as odometries
-from robot.core.perception import slip as slips
-from robot.core.perception import sonar_ring as rings
 from robot.core.perception import stall as stalls
 from robot.core.safety import failsafe, guard
 from robot.core.safety.guard import FRONT_BUMPER
@@ -28,15 +17,38 @@ from robot.core.state import State
 from robot.core.values import Decision, Goal, Inputs, Outputs, Twist, wrap
 from runtime.elementary import cos_sin
 
+__all__ = ["State", "step"]
+
+PERIOD_MS: Final = 50
+
+READ: Final = 0
+ODOMETRY: Final = 1
+NAVIGATE: Final = 2
+GUARD: Final = 3
+WRITE: Final = 4
+
+Stage = NamedTuple("Stage", [("name", str), ("host_us", int), ("mcu_percent", int)])
+
+STAGES: Final = (
+    Stage("read", 800, 4),
+    Stage("odometry", 100, 6),
+    Stage("navigate", 200, 20),
+    Stage("guard", 100, 4),
+    Stage("write", 1300, 4),
+)
+"""In the order of the cycle: 5 % of the period on the host, less than half of it on the MCU."""
+
+TICK_US: Final = sum([stage.host_us for stage in STAGES])
+
 LEAVE: Final = 3.0  # arrival is revoked beyond this many tolerances
 CENTRE_M: Final = 0.02  # in the open, drive on to this distance or CENTRE_SHARE
 CENTRE_SHARE: Final = 0.4
+ALIGNED_RAD: Final = 1.8 * pi / 180.0  # the same limits for the heading
+ALIGNED_SHARE: Final = 0.6
 BESIDE_M: Final = 0.12  # a nearer obstacle may keep the robot from the goal
 ELLIPSE: Final = 5.99  # squared radius of the 95 % ellipse, in standard deviations
 MAX_VARIANCE_M2: Final = 0.03  # of the position, x and y together: 0.17 m squared
 CROWDED: Final = 4  # ticks in a row with a near echo, to ignore false ones
-ALIGNED_RAD: Final = 1.8 * pi / 180.0  # the same limits for the heading
-ALIGNED_SHARE: Final = 0.6
 STILL_M_S: Final = 0.02
 STILL_RAD_S: Final = 0.10
 
@@ -54,12 +66,12 @@ def pursue(state: State, goal: Goal, now_ms: int, params: Params) -> Twist:
         if state.arrived:
             return settle(state, goal, now_ms, params)
     patient = NAVIGATORS[state.machine.navigator].judges_progress
-    reason = progresses.judge(state.progress, pose, distance_m, now_ms, params, patient)
+    reason = motion.judge(state.progress, pose, distance_m, now_ms, params, patient)
     if reason != reasons.OK:
         if target is goal and distance_m <= goal.position_tolerance_m:
             state.arrived = True
             return settle(state, goal, now_ms, params)
-        machines.end_goal(state.machine, states.STUCK, reason, now_ms)
+        modes.end_goal(state.machine, states.STUCK, reason, now_ms)
         return HALT
     return travel(state, target, distance_m, now_ms, params)
 
@@ -129,7 +141,7 @@ def begin(state: State, now_ms: int) -> None:
         state.driving = False
     if not state.driving:
         state.driving = True
-        progresses.restart(state.progress, state.odometry.pose, now_ms)
+        motion.restart(state.progress, state.odometry.pose, now_ms)
 
 
 def next_target(state: State, goal: Goal, now_ms: int) -> Goal:
@@ -137,13 +149,13 @@ def next_target(state: State, goal: Goal, now_ms: int) -> Goal:
     if state.machine.mode != states.SMART_RTL:
         return goal
     trail, pose = state.trail, state.odometry.pose
-    if trails.pass_crumb(trail, pose.x_m, pose.y_m):
-        progresses.restart(state.progress, pose, now_ms)
+    if motion.pass_crumb(trail, pose.x_m, pose.y_m):
+        motion.restart(state.progress, pose, now_ms)
     if trail.count < 2:
         return goal
     last = trail.count - 1
     return Goal(
-        trail.xs_m[last], trail.ys_m[last], None, trails.PASSED_M, goal.heading_tolerance_rad
+        trail.xs_m[last], trail.ys_m[last], None, motion.PASSED_M, goal.heading_tolerance_rad
     )
 
 
@@ -158,10 +170,10 @@ def travel(state: State, target: Goal, distance_m: float, now_ms: int, params: P
     decision = NAVIGATORS[machine.navigator].step(state.memory, pose, ring, target, params)
     state.decision = decision
     if decision.branch == states.GIVE_UP:
-        machines.end_goal(machine, states.STUCK, reasons.UNREACHABLE, now_ms)
+        modes.end_goal(machine, states.STUCK, reasons.UNREACHABLE, now_ms)
         return HALT
     if decision.branch == states.LOST:
-        machines.end_goal(machine, states.STUCK, reasons.LOST, now_ms)
+        modes.end_goal(machine, states.STUCK, reasons.LOST, now_ms)
         return HALT
     turn_rad = wrap(decision.goal_bearing_rad + decision.rotation_rad)
     if decision.branch != states.TO_GOAL:
@@ -204,7 +216,7 @@ def settle(state: State, goal: Goal, now_ms: int, params: Params) -> Twist:
             )
             return Twist(0.0, align(error_rad, params))
     if is_still(state):
-        machines.end_goal(machine, states.REACHED, reasons.OK, now_ms)
+        modes.end_goal(machine, states.REACHED, reasons.OK, now_ms)
     return HALT
 
 
@@ -217,31 +229,6 @@ def is_still(state: State) -> bool:
         and abs(odometry.speed_m_s) <= STILL_M_S
         and abs(odometry.yaw_rate_rad_s) <= STILL_RAD_S
     )
-
-
-PERIOD_MS: Final = 50
-
-READ: Final = 0
-ODOMETRY: Final = 1
-NAVIGATE: Final = 2
-GUARD: Final = 3
-WRITE: Final = 4
-
-Stage = NamedTuple("Stage", [("name", str), ("host_us", int), ("mcu_percent", int)])
-
-STAGES: Final = (
-    Stage("read", 800, 4),
-    Stage("odometry", 100, 6),
-    Stage("navigate", 200, 20),
-    Stage("guard", 100, 4),
-    Stage("write", 1300, 4),
-)
-"""In the order of the cycle: 5 % of the period on the host, less than half of it on the MCU."""
-
-TICK_US: Final = sum([stage.host_us for stage in STAGES])
-
-
-__all__ = ["State", "step"]
 
 
 class StageHook(Protocol):
@@ -274,18 +261,18 @@ def sense(state: State, inputs: Inputs, params: Params) -> None:
     now_ms, wheels, scan = inputs.now_ms, inputs.wheels, inputs.scan
     odometry, machine = state.odometry, state.machine
     heading_rad = odometry.pose.heading_rad
-    if wheels is not None and not odometry.latched and not places.is_at_start(odometry, wheels):
+    if wheels is not None and not odometry.latched and not place.is_at_start(odometry, wheels):
         machine.placed = False
     odometries.update(odometry, wheels, params)
     turned_rad = wrap(odometry.pose.heading_rad - heading_rad)
-    rings.update(state.ring, scan, now_ms, params)
+    sonar_ring.update(state.ring, scan, now_ms, params)
     if scan is not None:
         closing_speed.watch(state.ring.pedestrians, state.ring, odometry, params)
     sonar_ring.watch(state.frozen, scan, odometry.moved_m, turned_rad, params)
     if wheels is not None:
         state.bumped = wheels.bumper & ~state.bumper != 0
         state.bumper = wheels.bumper
-        slips.watch(state.slip, odometry, state.ring, params)
+        slip.watch(state.slip, odometry, state.ring, params)
         stalls.watch(state.stall, odometry, now_ms, params)
         wall_heading.watch(state.walls, odometry, state.ring, state.slip, params)
     age_ms = inputs.operator_age_ms
@@ -294,7 +281,7 @@ def sense(state: State, inputs: Inputs, params: Params) -> None:
     if machine.vehicle == states.BOOT and machine.senses:
         machine.vehicle = states.STANDBY
     if machine.mode != states.SMART_RTL:
-        trails.drop_crumb(state.trail, odometry.pose.x_m, odometry.pose.y_m)
+        motion.drop_crumb(state.trail, odometry.pose.x_m, odometry.pose.y_m)
 
 
 def decide(state: State, inputs: Inputs, params: Params) -> Twist:
@@ -304,7 +291,7 @@ def decide(state: State, inputs: Inputs, params: Params) -> Twist:
     if machine.vehicle != states.ACTIVE:
         state.driving = False
         return HALT
-    if goal is None or not machines.drives(machine):
+    if goal is None or not modes.drives(machine):
         state.driving = False
         if machine.mode == states.MANUAL:
             return steer(state, params)

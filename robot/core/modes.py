@@ -1,6 +1,6 @@
-"""The commands of an operator; each returns a reason, 0 if accepted.
+"""Vehicle, mode and goal of the robot, and the operator's commands that change them.
 
-The state of vehicle, mode and goal, and its few transitions.
+Each command returns a reason, 0 if accepted.
 """
 
 from math import pi

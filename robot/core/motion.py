@@ -1,9 +1,4 @@
-"""Compute speed and yaw rate towards a point or pose, within the limits of the wheels.
-
-Detect a blocked robot, and a lack of progress towards the goal.
-
-The trail for the way back: at most 128 points, every second one removed when full.
-"""
+"""How the robot moves: twists towards a point or pose, the trail for the way back, and progress."""
 
 from math import inf, pi, sqrt
 from typing import Final

@@ -4,8 +4,7 @@ A robot is started with the pose at which its encoders had certain totals. Other
 sample mean that the wheels have turned since, so the start pose is no longer valid.
 """
 
-from robot.core import modes as machines
-from robot.core import reasons, states
+from robot.core import modes, reasons, states
 from robot.core.motion import Trail
 from robot.core.perception.odometry import Odometry
 from robot.core.perception.people import Pedestrians
@@ -29,7 +28,7 @@ def set_pose(state: State, pose: Pose) -> int:
     machine, odometry = state.machine, state.odometry
     if machine.vehicle == states.BOOT:
         return reasons.NO_SENSES
-    if machines.goal_is_active(machine):
+    if modes.goal_is_active(machine):
         return reasons.DRIVING
     x_m, y_m, heading_rad = pose
     if heading_rad != heading_rad:

@@ -1,8 +1,4 @@
-"""Inputs and outputs of the core.
-
-Angles: wrapping, and the bearings of the eight sonars.
-
-Convert messages to inputs of the core.
+"""Inputs and outputs of the core, their angles, and how messages become inputs.
 
 Host and trial both use these functions, so that the core gets the same inputs. A message is any
 object with the fields of the dialect: the core does not depend on the wire format.

@@ -1,35 +1,28 @@
-"""Shared behaviour of the classical bugs: drive to the goal, detect and follow obstacles.
+"""The classical bugs: Bug1, Bug2 and DistBug, with the detection of a full lap that they share.
 
-They differ in when to leave the boundary, and in what a closed lap means.
+They differ in when to leave the boundary, and in what a closed lap means. A lap is the same place
+in the same direction; the place alone proves nothing, as the robot passes a corridor in both
+directions.
 
-Detect a full lap: the same place in the same direction.
-
-The place alone proves nothing: the robot passes a corridor in both directions.
-
-Bug1 (Lumelsky and Stepanov 1987): circle the obstacle, return to its nearest point, leave.
-
-From the nearest point of a boundary, a reachable goal is not behind the same obstacle. A robot that
-meets the same obstacle again from there has proof that the goal is unreachable.
-
-Bug2 (Lumelsky and Stepanov 1987): follow the boundary to the line from start to goal.
-
-The robot leaves the boundary on that line only if it is nearer to the goal than where it met the
-obstacle. So each obstacle is met nearer than the one before. If the robot comes back to the meeting
-point without leaving, the goal is unreachable.
-
-DistBug (Kamon and Rivlin 1997): follow the boundary until a free way leads nearer than ever.
-
-The free distance is what the sonars measure towards the goal, minus the distance to stop and turn.
+- Bug1 (Lumelsky and Stepanov 1987) circles the obstacle, returns to its nearest point and leaves.
+  From the nearest point of a boundary, a reachable goal is not behind the same obstacle, so a robot
+  that meets the same obstacle again from there has proof that the goal is unreachable.
+- Bug2 (Lumelsky and Stepanov 1987) follows the boundary to the line from start to goal. It leaves
+  there only if it is nearer to the goal than where it met the obstacle, so each obstacle is met
+  nearer than the one before. If the robot comes back to the meeting point without leaving, the goal
+  is unreachable.
+- DistBug (Kamon and Rivlin 1997) follows the boundary until a free way leads nearer than ever. The
+  free distance is what the sonars measure towards the goal, minus the distance to stop and turn.
 """
 
 from math import inf, pi, sqrt
 from typing import Final
 
 from robot.core import states
-from robot.core.navigators import boundary_follower as followers
+from robot.core.navigators import boundary_follower
 from robot.core.navigators.boundary_follower import Follower
 from robot.core.parameters import Params
-from robot.core.perception import sonar_ring as rings
+from robot.core.perception import sonar_ring
 from robot.core.perception.sonar_ring import AHEAD, Ring
 from robot.core.values import BEARINGS, EVERY, HALF_CONE, SONARS, Decision, Goal, Pose, wrap
 from runtime.elementary import atan2, cos, cos_sin, sin
@@ -167,7 +160,7 @@ def look(boundary: Boundary, pose: Pose, ring: Ring, goal: Goal, params: Params)
     dx_m, dy_m = goal.x_m - pose.x_m, goal.y_m - pose.y_m
     boundary.distance_m = sqrt(dx_m * dx_m + dy_m * dy_m)
     boundary.bearing_rad = wrap(atan2(dy_m, dx_m) - pose.heading_rad)
-    followers.sense(boundary.follower, pose, ring, params)
+    boundary_follower.sense(boundary.follower, pose, ring, params)
     new = goal.x_m != boundary.goal_x_m or goal.y_m != boundary.goal_y_m
     if new:
         boundary.goal_x_m, boundary.goal_y_m = goal.x_m, goal.y_m
@@ -220,7 +213,7 @@ def follow(boundary: Boundary, pose: Pose, side: int, params: Params) -> None:
     """Start to follow the obstacle in the way, passing it on this side."""
     boundary.following = True
     boundary.met_ticks = 0
-    followers.start(boundary.follower, pose, side, boundary.bearing_rad, params)
+    boundary_follower.start(boundary.follower, pose, side, boundary.bearing_rad, params)
 
 
 def advance(
@@ -310,10 +303,10 @@ def goal_at_hand(boundary: Boundary, params: Params) -> bool:
 def decision(boundary: Boundary, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
     """Return the decision: along the boundary while following, else at the goal."""
     follower, alpha_rad = boundary.follower, boundary.bearing_rad
-    beta_rad, nearest_m = rings.bearing_rad(ring), ring.nearest_m
+    beta_rad, nearest_m = sonar_ring.bearing_rad(ring), ring.nearest_m
     limit_m_s = speed_limit_m_s(ring, params)
     if boundary.following:
-        turn_rad = followers.heading(follower, pose, params)
+        turn_rad = boundary_follower.heading(follower, pose, params)
         if follower.lost:
             leave(boundary)
         elif follower.boxed:
@@ -342,13 +335,13 @@ def is_not_finite(pose: Pose, goal: Goal) -> bool:
 
 def halt(ring: Ring, goal: Goal) -> Decision:
     """Return the decision to stop, without a direction."""
-    beta_rad = rings.bearing_rad(ring)
+    beta_rad = sonar_ring.bearing_rad(ring)
     return Decision(states.TO_GOAL, beta_rad, ring.nearest_m, 0.0, 0.0, goal.x_m, goal.y_m, 0.0)
 
 
 def give_up(boundary: Boundary, ring: Ring, goal: Goal) -> Decision:
     """Return the decision that the goal is unreachable."""
-    beta_rad, alpha_rad = rings.bearing_rad(ring), boundary.bearing_rad
+    beta_rad, alpha_rad = sonar_ring.bearing_rad(ring), boundary.bearing_rad
     return Decision(
         states.GIVE_UP, beta_rad, ring.nearest_m, alpha_rad, 0.0, goal.x_m, goal.y_m, 0.0
     )

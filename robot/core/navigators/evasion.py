@@ -1,11 +1,7 @@
-"""Evade people: choose a heading by the closest approach that it leads to.
+"""Evade people: choose a heading by its closest approach, and detect who walks alongside.
 
 A person keeps its velocity, and the robot turns on the spot before it drives. The robot keeps its
 heading if that stays clear of all people, else it takes the heading, or the wait, that costs least.
-
-Headings are brads: integers, 4096 to the circle.
-
-Detect a pedestrian that walks alongside: an echo at one flank that stays there.
 
 A static obstacle that only the last sonar of a flank detects is behind the robot after a short
 straight drive. An echo that is still there after a longer one moves alongside, and following it
@@ -17,7 +13,7 @@ Headings are brads: integers, 4096 to the circle.
 from math import inf, sqrt
 from typing import Final
 
-from robot.core.navigators import open_headings as sweeps
+from robot.core.navigators import open_headings
 from robot.core.navigators.open_headings import Sectors
 from robot.core.parameters import Params
 from robot.core.perception.echoes import BRADS, CIRCLE, HALF_CIRCLE
@@ -26,8 +22,8 @@ from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Pose, wrap
 from runtime.elementary import cos_sin
 
-CHOICES: Final = sweeps.STEPS
-STEP: Final = sweeps.STEP
+CHOICES: Final = open_headings.STEPS
+STEP: Final = open_headings.STEP
 NEAR_M: Final = 1.5
 AHEAD_S: Final = 3.0
 FROM_S: Final = 0.3  # what happens earlier is the same on all headings
@@ -94,7 +90,7 @@ def turn(
     """
     best = wanted
     first = e.heading if e.active else wanted
-    closed = sweeps.closed_steps(sectors, first, sectors.tight)
+    closed = open_headings.closed_steps(sectors, first, sectors.tight)
     for k in range(CHOICES):
         step = (k + 1) // 2 if k & 1 else -(k // 2)
         heading = first + step * STEP

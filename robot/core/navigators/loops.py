@@ -1,16 +1,14 @@
-"""Count the changes of side on the way to a goal, and end them.
+"""Detect loops on the way to a goal, and end changes of side that repeat.
+
+A loop is the same places in the same order and direction; the place alone would confuse the two
+sides of a corridor. Hits are stored by place, the path by points along it, as integers:
+centimetres, and brads (4096 to the circle).
 
 Each change of side may cost the way along a boundary twice. An obstacle that is followed on one
 side only is passed as well, so after MAX_CHANGES the last side is kept until the next goal. Small
-detours keep theirs earlier, as they gain less by a change than a boundary does.
-
-One integer is the whole state: 0 before the first obstacle, then 1 more than the number of changes,
-with the sign of the side that was passed last.
-
-Detect loops: hits are stored by place, the path by points along it.
-
-A loop is the same places in the same order and direction; the place alone would confuse the two
-sides of a corridor. Integers: centimetres, and brads (4096 to the circle).
+detours keep theirs earlier, as they gain less by a change than a boundary does. One integer is the
+whole state of this: 0 before the first obstacle, then 1 more than the number of changes, with the
+sign of the side that was passed last.
 """
 
 from typing import Final

@@ -1,12 +1,8 @@
-"""Sectors of closed headings around near points, in which a sweep finds the next open heading.
+"""Find the smallest turn to an open heading: close sectors around near points, and sweep over them.
 
 The disc of the robot, enlarged by a margin, must be able to move a look-ahead distance along a
 heading without meeting a stored point. So each point closes a sector of headings around its
 bearing. Sectors are pairs of integers (brads, 4096 to the circle; millimetres), not bins.
-
-Sweeps over closed sectors: find the smallest turn to an open heading, and the room beyond.
-
-Headings and turns are brads: integers, 4096 to the circle.
 """
 
 from math import sqrt

@@ -1,17 +1,14 @@
-"""The Virtual Goal Method of the paper (section 5) with corrected signs, without a memory.
+"""The two navigators of the paper: its Virtual Goal Method and its bug algorithm.
 
-Paper to code: beta is `nearest_bearing_rad` (here positive to the left), alpha `goal_bearing_rad`,
-gamma `rotation_rad`, X_d the goal, X_v the virtual goal, d_obs `params.d_obs_m`. The goal is
-rotated about the robot, not about the origin, until the way to it is tangent to the nearest
-obstacle.
+The Virtual Goal Method (section 5) has corrected signs and needs no memory but the side. Paper to
+code: beta is `nearest_bearing_rad` (here positive to the left), alpha `goal_bearing_rad`, gamma
+`rotation_rad`, X_d the goal, X_v the virtual goal, d_obs `params.d_obs_m`. The goal is rotated
+about the robot, not about the origin, until the way to it is tangent to the nearest obstacle.
 
-The bug algorithm of the paper (section 4).
-
-An obstacle in the way nearer than d_th starts boundary following. As soon as the way to the goal
-looks open, the robot heads for the goal again. Earlier obstacles are forgotten, so deep traps may
-hold the robot. Obstacles are passed on `memory.side`; the wall is on the other side.
-
-The memory of the paper's navigators; vgm uses only the side.
+In the bug algorithm (section 4) an obstacle in the way nearer than d_th starts boundary following.
+As soon as the way to the goal looks open, the robot heads for the goal again. Earlier obstacles are
+forgotten, so deep traps may hold the robot. Obstacles are passed on `memory.side`; the wall is on
+the other side.
 """
 
 from math import inf, pi, sqrt
@@ -19,7 +16,7 @@ from typing import Final
 
 from robot.core import states
 from robot.core.parameters import Params
-from robot.core.perception import sonar_ring as rings
+from robot.core.perception import sonar_ring
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import BEARINGS, EVERY, HALF_CONE, SONARS, Decision, Goal, Pose, wrap
 from runtime.elementary import atan2, cos, cos_sin, sin
@@ -47,7 +44,7 @@ def step_vgm(memory: PaperMemory, pose: Pose, ring: Ring, goal: Goal, params: Pa
     """Return where to drive: at the goal, or past the nearest echo in the avoidance zone."""
     dx_m, dy_m = goal.x_m - pose.x_m, goal.y_m - pose.y_m
     alpha_rad = wrap(atan2(dy_m, dx_m) - pose.heading_rad)
-    beta_rad, nearest_m = rings.bearing_rad(ring), ring.nearest_m
+    beta_rad, nearest_m = sonar_ring.bearing_rad(ring), ring.nearest_m
     if beta_rad is None or nearest_m >= params.d_obs_m:
         branch = states.TO_GOAL
         return Decision(branch, beta_rad, nearest_m, alpha_rad, 0.0, goal.x_m, goal.y_m, inf)
@@ -86,7 +83,7 @@ def step_bug(memory: PaperMemory, pose: Pose, ring: Ring, goal: Goal, params: Pa
     """Return where to drive: at the goal, or along the wall on the side away from `memory.side`."""
     dx_m, dy_m = goal.x_m - pose.x_m, goal.y_m - pose.y_m
     alpha_rad = wrap(atan2(dy_m, dx_m) - pose.heading_rad)
-    beta_rad, nearest_m = rings.bearing_rad(ring), ring.nearest_m
+    beta_rad, nearest_m = sonar_ring.bearing_rad(ring), ring.nearest_m
     distance_m = sqrt(dx_m * dx_m + dy_m * dy_m)
     decide(memory, ring, alpha_rad, distance_m, params)
     gamma_rad = 0.0

@@ -1,24 +1,20 @@
-"""A chain of echoes along a boundary, through which the robot cannot pass.
+"""Prove by a lap along a boundary that it separates robot and goal.
+
+A proof has four parts, all about the time since a mark on the boundary:
+
+- Chain: echoes between which the robot does not fit lead along the boundary and back to their
+  beginning.
+- Closed lap: the robot is at the mark again, within the drift of its odometry since the mark, and
+  has turned once round.
+- Separation: the winding number of the closed chain about the goal differs from that about the
+  mark.
+- Room: at no place of the lap could the true goal lie on the robot's side of the boundary.
 
 An echo at some range shows that a surface touches the arc of its cone at that distance, but not
 where. Two arcs are linked if every point of one is nearer to every point of the other than the
 robot is wide: wherever the two surfaces touch their arcs, the robot does not fit between them. An
 arc is stored by its two ends. The ends are enough for the comparison: an arc of one cone is short
 against its radius, so the two points that are farthest apart are ends.
-
-Integers: millimetres in the odometry frame.
-
-Prove by a lap along a boundary that it separates robot and goal.
-
-A proof has four parts, all about the time since a mark on the boundary:
-
-- Chain: echoes between which the robot does not fit (`chain`) lead along the boundary and back to
-  their beginning.
-- Closed lap: the robot is at the mark again, within the drift of its odometry since the mark, and
-  has turned once round.
-- Separation: the winding number of the closed chain about the goal differs from that about the
-  mark.
-- Room: at no place of the lap could the true goal lie on the robot's side of the boundary.
 
 At a gap that the robot neither passes nor proves, the chain waits, while the robot follows another
 surface. It goes on where the robot meets the same surface beyond the gap: then the surface of the
@@ -28,7 +24,7 @@ The drift since a place is SIGMAS times the root of the variance that the positi
 together, has gained since. It is not the doubt that `lost` reports, which is the half axis of the
 95 % ellipse.
 
-Integers: millimetres, and brads (4096 to the circle).
+Integers: millimetres in the odometry frame, and brads (4096 to the circle).
 """
 
 from math import inf, pi, sqrt

@@ -13,8 +13,6 @@ from typing import Final
 
 from robot.core import states
 from robot.core.navigators import loops, open_headings
-from robot.core.navigators import open_headings as sweeps
-from robot.core.navigators import proof as chains
 from robot.core.navigators import proof as proofs
 from robot.core.navigators.evasion import Evasion, FlankWalker
 from robot.core.navigators.loops import Loops
@@ -156,7 +154,7 @@ def hit(memory: Memory, ring: Ring, x_cm: int, y_cm: int, to_goal: int, distance
     sectors = memory.sectors
     memory.following = True
     memory.shut = 0
-    closing = sweeps.closer(sectors, to_goal, sectors.tight)
+    closing = open_headings.closer(sectors, to_goal, sectors.tight)
     if closing != NOTHING:
         hold(memory, closing)
     if memory.best_m < memory.left_m - STEP_M:
@@ -166,8 +164,8 @@ def hit(memory: Memory, ring: Ring, x_cm: int, y_cm: int, to_goal: int, distance
         place = memory.left_place
         if loops.is_near(loops.x_of(place) - x_cm, loops.y_of(place) - y_cm, AGAIN_CM):
             return
-    left = sweeps.sweep(sectors, to_goal, states.LEFT, sectors.tight)
-    right = sweeps.sweep(sectors, to_goal, states.RIGHT, sectors.tight)
+    left = open_headings.sweep(sectors, to_goal, states.LEFT, sectors.tight)
+    right = open_headings.sweep(sectors, to_goal, states.RIGHT, sectors.tight)
     more = ROOM_PER_BRAD * (right - left) + room_m(ring, LEFT_SONARS) - room_m(ring, RIGHT_SONARS)
     wanted = states.LEFT if more >= 0.0 else states.RIGHT
     wanted = loops.side_at(memory.loops, x_cm, y_cm, wanted)
@@ -245,7 +243,7 @@ def follow(memory: Memory, pose: Pose, distance_m: float) -> None:
 def watch_boundary(memory: Memory, pose: Pose, ring: Ring, radius_mm: int) -> None:
     """Continue the chain of the proof by the scan of this tick."""
     proof = memory.proof
-    chains.look(proof.chain, ring, memory.before or pose, pose, radius_mm)
+    proofs.look(proof.chain, ring, memory.before or pose, pose, radius_mm)
     if proof.is_valid:
         proofs.continue_chain(proof, memory.side, radius_mm, memory.goal_x_m, memory.goal_y_m)
         if not proof.is_valid:
@@ -284,24 +282,24 @@ def open_turn(memory: Memory, start: int, heading: int) -> int:
     """
     sectors, side = memory.sectors, memory.side
     halves = sectors.tight
-    turn = sweeps.sweep(sectors, start, side, halves)
+    turn = open_headings.sweep(sectors, start, side, halves)
     closing = sectors.closing
     off = (start + side * turn - heading + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
     if turn >= CIRCLE or not -WIDE_TURN < off < WIDE_TURN:
         open_headings.squeeze(sectors)
-        squeezed = sweeps.open_from(sectors, sectors.squeezed, 0, turn - SOFT)
+        squeezed = open_headings.open_from(sectors, sectors.squeezed, 0, turn - SOFT)
         if squeezed < turn - SOFT:
             turn, closing = squeezed, sectors.closing
             halves = sectors.squeezed
     if halves is sectors.tight and turn < CIRCLE:
-        wide = sweeps.open_from(sectors, sectors.wide, turn, turn + SOFT)
+        wide = open_headings.open_from(sectors, sectors.wide, turn, turn + SOFT)
         if wide < turn + SOFT:
             sectors.closing = closing
             return wide
     sectors.closing = closing
     if turn >= CIRCLE:
         return CIRCLE
-    beyond = sweeps.room(sectors, turn, halves) // 2
+    beyond = open_headings.room(sectors, turn, halves) // 2
     return turn + (beyond if beyond < SOFT else SOFT)
 
 

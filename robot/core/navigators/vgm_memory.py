@@ -2,8 +2,8 @@
 
 It extends the paper's method. At most 64 echoes are stored, within 0.9 m of the robot. The side is
 latched while an obstacle is followed, and following ends only with progress. A closed chain of
-echoes between robot and goal proves that the goal is unreachable (`memory/proof.py`); a loop alone
-proves nothing.
+echoes between robot and goal proves that the goal is unreachable (`proof`); a loop alone proves
+nothing.
 
 The work is spread over three ticks: record echoes, measure open headings, choose one. All at once
 would take more than half of the period on the LPC1768.
@@ -15,15 +15,11 @@ from math import sqrt
 from typing import Final
 
 from robot.core import states
-from robot.core.navigators import evasion, loops, open_headings, pace, vgm_following
-from robot.core.navigators import evasion as flank_walkers
-from robot.core.navigators import open_headings as sweeps
-from robot.core.navigators import proof as proofs
+from robot.core.navigators import evasion, loops, open_headings, pace, proof, vgm_following
 from robot.core.navigators.vgm_following import Memory
 from robot.core.parameters import Params
-from robot.core.perception import echoes as echo_decay
 from robot.core.perception import echoes as echo_memory
-from robot.core.perception import sonar_ring as rings
+from robot.core.perception import sonar_ring
 from robot.core.perception.echoes import BRADS, HALF_CIRCLE, NOTHING, SURE
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import TWO_PI, Decision, Goal, Pose, whole_cos_sin, wrap
@@ -56,7 +52,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
         vgm_following.begin(memory)
     goal_rad = atan2(dy_m, dx_m)
     to_goal = int(BRADS * goal_rad)
-    if flank_walkers.watch(memory.flank_walker, ring, pose):
+    if evasion.watch(memory.flank_walker, ring, pose):
         forget(memory)
     radius_mm = int(1000.0 * params.radius_m)
     memory.phase = (memory.phase + 1) % PHASES
@@ -77,7 +73,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
             memory.evasion, ring.pedestrians.people, memory.sectors, memory.heading, pose, params
         )
         memory.rotation = memory.heading - to_goal
-        echo_decay.update_through(memory.echoes, ring, radius_mm)
+        echo_memory.update_through(memory.echoes, ring, radius_mm)
     memory.before = pose
     if distance_m < memory.best_m:
         memory.best_m = distance_m
@@ -87,7 +83,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
 def measure(memory: Memory, pose: Pose, ring: Ring, radius_mm: int) -> None:
     """Compute which headings the stored echoes close."""
     sectors, echoes = memory.sectors, memory.echoes
-    echo_decay.update_through(echoes, ring, radius_mm)
+    echo_memory.update_through(echoes, ring, radius_mm)
     open_headings.measure(sectors, echoes, pose, ring, memory.ease_mm, radius_mm)
 
 
@@ -97,7 +93,7 @@ def observe(memory: Memory, pose: Pose, ring: Ring, radius_mm: int) -> None:
     if memory.phase == RECORD:
         if memory.before is not None:
             # With the pose and the ranges of the choice one tick ago, which costs more than this.
-            echo_decay.fade(memory.echoes, before)
+            echo_memory.fade(memory.echoes, before)
         echo_memory.record(memory.echoes, before, pose, ring, radius_mm)
     else:
         echo_memory.record_nearest(memory.echoes, before, pose, ring, radius_mm)
@@ -117,7 +113,7 @@ def forget(memory: Memory) -> None:
     """Stop following and drop all echoes: the followed object was a pedestrian."""
     memory.following = False
     echo_memory.clear(memory.echoes)
-    proofs.void(memory.proof)
+    proof.void(memory.proof)
     memory.sectors.count = 0
 
 
@@ -148,8 +144,8 @@ def give_way(memory: Memory) -> None:
     """Turn away from a pedestrian at the flank where that is open, and let it pass ahead."""
     sectors, flank_walker = memory.sectors, memory.flank_walker
     flank_walker.ticks = max(flank_walker.ticks - PHASES, 0)
-    left = sweeps.sweep(sectors, flank_walker.heading, states.LEFT, sectors.tight)
-    right = sweeps.sweep(sectors, flank_walker.heading, states.RIGHT, sectors.tight)
+    left = open_headings.sweep(sectors, flank_walker.heading, states.LEFT, sectors.tight)
+    right = open_headings.sweep(sectors, flank_walker.heading, states.RIGHT, sectors.tight)
     side, turn = (states.LEFT, left) if left <= right else (states.RIGHT, right)
     memory.aside = loops.kept(memory.passed, side, loops.MAX_CHANGES)
     memory.heading = flank_walker.heading + side * turn
@@ -172,11 +168,11 @@ def choose(
 def closes(memory: Memory, pose: Pose, to_goal: int, distance_m: float, params: Params) -> bool:
     """Return whether an obstacle is in the way to the goal; pass one beside it by a detour."""
     sectors = memory.sectors
-    if sweeps.closer(sectors, to_goal, sectors.wide) == NOTHING:
+    if open_headings.closer(sectors, to_goal, sectors.wide) == NOTHING:
         return False
     if distance_m < NEAR_GOAL_M and is_clear(memory, pose, to_goal, distance_m, params):
         return False
-    closing = sweeps.closer(sectors, to_goal, sectors.tight)
+    closing = open_headings.closer(sectors, to_goal, sectors.tight)
     if closing != NOTHING and sectors.point[closing] != NOTHING:
         return True
     turn_aside(memory, to_goal, vgm_following.SOFT if closing == NOTHING else HALF_CIRCLE)
@@ -186,8 +182,8 @@ def closes(memory: Memory, pose: Pose, to_goal: int, distance_m: float, params: 
 def turn_aside(memory: Memory, to_goal: int, most: int) -> None:
     """Take the smallest rotation with a wide margin, if it is small; keep its side for a while."""
     sectors = memory.sectors
-    left = sweeps.sweep(sectors, to_goal, states.LEFT, sectors.wide)
-    right = sweeps.sweep(sectors, to_goal, states.RIGHT, sectors.wide)
+    left = open_headings.sweep(sectors, to_goal, states.LEFT, sectors.wide)
+    right = open_headings.sweep(sectors, to_goal, states.RIGHT, sectors.wide)
     if memory.aside_ticks > 0:
         memory.aside_ticks -= 1
         if memory.aside == states.LEFT:
@@ -212,7 +208,7 @@ def leaves(
     if distance_m < NEAR_GOAL_M and is_clear(memory, pose, to_goal, distance_m, params):
         return True
     sectors = memory.sectors
-    if sweeps.closer(sectors, to_goal, sectors.wide) != NOTHING:
+    if open_headings.closer(sectors, to_goal, sectors.wide) != NOTHING:
         return False
     free_m = 0.0
     if memory.failed_leaves < MAX_FAILED_LEAVES:
@@ -271,7 +267,7 @@ def count_side(memory: Memory, branch: int) -> None:
 
 def speed_limit(memory: Memory, error_rad: float, params: Params) -> float:
     """Return the speed limit by echoes, heading error, and people."""
-    if 0 < memory.flank_walker.ticks < flank_walkers.GIVE_WAY_TICKS - flank_walkers.DRIVE_TICKS:
+    if 0 < memory.flank_walker.ticks < evasion.GIVE_WAY_TICKS - evasion.DRIVE_TICKS:
         return 0.0
     speed_m_s = pace.speed(memory.held, memory.sectors.free_mm, error_rad, params)
     return min(speed_m_s, memory.evasion.most_m_s)
@@ -310,7 +306,7 @@ def decision(
     cosine, sine = cos_sin(gamma_rad)
     return Decision(
         branch,
-        rings.bearing_rad(ring),
+        sonar_ring.bearing_rad(ring),
         ring.nearest_m,
         alpha_rad,
         gamma_rad,

@@ -10,7 +10,7 @@ from math import sqrt
 from typing import Final
 
 from robot.core.parameters import DEFAULTS, Params
-from robot.core.perception import people as peoples
+from robot.core.perception import people
 from robot.core.perception.odometry import Odometry
 from robot.core.perception.people import (
     EACH,
@@ -71,7 +71,7 @@ def watch(pedestrians: Pedestrians, ring: Ring, odometry: Odometry, params: Para
     """Update tracks and people by one scan, and set the approach speeds of the ring."""
     track(pedestrians, ring, odometry, params)
     if pedestrians.people.any:
-        peoples.update(pedestrians.people, ring.range_m, odometry, params)
+        people.update(pedestrians.people, ring.range_m, odometry, params)
     if pedestrians.any:
         introduce(pedestrians, odometry, params)
 
@@ -86,7 +86,7 @@ def introduce(w: Pedestrians, odometry: Odometry, params: Params) -> None:
             nears, across = w.approach_m_s[k], w.across_m_s[k]
             if not -EDGE_RAD < w.off_rad[k] < EDGE_RAD:
                 across = 0.0
-            peoples.confirm(
+            people.confirm(
                 w.people,
                 pose.x_m + away_m * cosine,
                 pose.y_m + away_m * sine,

@@ -2,15 +2,11 @@
 
 A cone gives the distance of the nearest surface, not its bearing. So a point has a `spread_mm`, by
 which the surface may be aside of it; a later echo at a shorter range reduces that. A point counts
-once a second echo has confirmed it, or at once if its echo was near. A saturated range is stored
-as 0, at the rim: the surface may touch the robot. A point is dropped when longer echoes pass
-through it, when it is not confirmed for long, or when it is far away.
+once a second echo has confirmed it, or at once if its echo was near. A saturated range is stored as
+0, at the rim: the surface may touch the robot. A point is dropped when longer echoes pass through
+it, when it is not confirmed for long, or when it is far away.
 
 Millimetres and brads (4096 to the circle) as integers cost a third of floats on the MCU.
-
-Remove stored echoes that are far away, old, or contradicted by longer echoes.
-
-Bearings and cones are brads: integers, 4096 to the circle.
 """
 
 from math import pi, sqrt

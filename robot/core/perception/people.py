@@ -1,13 +1,13 @@
-"""Confirmed people: position and velocity of each in the odometry frame, seen or not.
+"""People around the robot: tracks of echoes that may be one, and those that are confirmed.
 
-`closing_speed` confirms a person. Its place is then followed here through all cones that its body
-reaches into, and it is assumed to keep walking where no sonar looks.
+A track models one of the foremost echoes as a person. It has its echo's distance from the robot's
+rim, its direction in the odometry frame, its own approach speed, and its speed to the left across
+the line of sight. `closing_speed` updates the tracks; `open_headings` closes the headings along
+which the robot would meet one.
 
-Tracks of possible pedestrians: the foremost echoes, each modelled as a person.
-
-A track has its echo's distance from the robot's rim, its direction in the odometry frame, its own
-approach speed, and its speed to the left across the line of sight. `closing_speed` updates the
-tracks; `open_headings` closes the headings along which the robot would meet one.
+`closing_speed` also confirms a person. Its position and velocity in the odometry frame are then
+followed here through all cones that its body reaches into, and it is assumed to keep walking where
+no sonar looks.
 """
 
 from math import inf, sqrt

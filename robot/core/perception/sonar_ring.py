@@ -1,12 +1,11 @@
-"""The ring of eight sonars: latest range and age of each, and the nearest echo.
+"""The ring of eight sonars: latest range and age of each, the nearest echo, and frozen sonars.
 
-Detect frozen sonars, whose echoes no longer follow the robot's motion.
-
-Ranges that stay the same to the millimetre over `freeze_m` are proof only if they had to change.
-Without noise they also stay the same for a robot that drives straight between parallel walls, or
-circles a disc. So they count in these cases: the sonars are known to be noisy; the robot turned
-tightly or between echoes; an obstacle close ahead should have come closer; an obstacle ahead came
-closer at the robot's speed and then stopped from one scan to the next.
+The echoes of a frozen sonar no longer follow the robot's motion. Ranges that stay the same to the
+millimetre over `freeze_m` are proof only if they had to change. Without noise they also stay the
+same for a robot that drives straight between parallel walls, or circles a disc. So they count in
+these cases: the sonars are known to be noisy; the robot turned tightly or between echoes; an
+obstacle close ahead should have come closer; an obstacle ahead came closer at the robot's speed and
+then stopped from one scan to the next.
 """
 
 from math import inf

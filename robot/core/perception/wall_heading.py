@@ -1,4 +1,11 @@
-"""Correct the heading by the directions of walls.
+"""Correct the heading by the directions of walls beside the robot.
+
+The cone of the last sonar of a flank contains the normal of a wall along which the robot drives. So
+its range is the distance of the wall, and the position of the robot adds what the robot came
+nearer. Along a straight wall this sum changes in proportion to the way. Its line of best fit gives
+the direction of the wall in the frame of the odometry. A stretch has two blocks. It counts only if
+one line fits both as well as a line for each does: arcs, corners and ends of walls do not.
+Integers: millimetres of way, tenths of a millimetre of distance.
 
 In most buildings the walls are parallel or at right angles. The first wall beside the robot gives a
 reference direction, modulo 90 degrees, which is estimated with its own variance and its covariance
@@ -10,17 +17,6 @@ belongs to the reference (probabilistic data association): the share of walls th
 against a uniform distribution. There is no step while most walls differ, and another direction
 becomes the reference if more walls in a row have it. The differences between walls that should be
 parallel give the variance of a wall's direction.
-
-The direction of a straight wall beside the robot, from its range along a way.
-
-The cone of the last sonar of a flank contains the normal of a wall along which the robot drives.
-So its range is the distance of the wall, and the position of the robot adds what the robot came
-nearer. Along a straight wall this sum changes in proportion to the way. Its line of best fit gives
-the direction of the wall in the frame of the odometry.
-
-A stretch has two blocks. It counts only if one line fits both as well as a line for each does:
-arcs, corners and ends of walls do not. Integers: millimetres of way, tenths of a millimetre of
-distance.
 """
 
 from math import pi, sqrt

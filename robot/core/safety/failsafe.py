@@ -2,8 +2,7 @@
 
 from typing import Final, NamedTuple, Protocol
 
-from robot.core import modes as machines
-from robot.core import reasons, states
+from robot.core import modes, reasons, states
 from robot.core.modes import Machine
 from robot.core.parameters import Params
 from robot.core.safety import fence as fences
@@ -64,7 +63,7 @@ def operator_lost(state: State, inputs: Inputs, params: Params) -> bool:
     if machine.operator:
         return False
     return machine.mode == states.MANUAL or (
-        machine.mode == states.GUIDED and machines.goal_is_active(machine)
+        machine.mode == states.GUIDED and modes.goal_is_active(machine)
     )
 
 
@@ -96,7 +95,7 @@ def name_taken(state: State, inputs: Inputs, params: Params) -> bool:
 
 def trip(machine: Machine, reason: int, now_ms: int) -> None:
     """Stop for this reason until armed again; an emergency stop has priority and stays."""
-    machines.end_goal(machine, states.ABORTED, reason, now_ms)
+    modes.end_goal(machine, states.ABORTED, reason, now_ms)
     if machine.vehicle != states.EMERGENCY_STOP:
         machine.vehicle = states.FAILSAFE
         machine.vehicle_reason = reason
