@@ -25,13 +25,14 @@ from typing import Any, Final, NamedTuple
 import pytest
 from coverage import Coverage, CoverageData
 
+from runtime.cli.compiled import PACKAGES
+
 ROOT: Final = Path(__file__).resolve().parents[1]
 CHOSEN: Final = ROOT / "tests" / "brief.txt"
-PRODUCT: Final = ("runtime", "protocol", "robot", "firmware", "plant", "ground", "study")
 ONBOARD: Final = "firmware/onboard/"
 """Runs under MicroPython only."""
-OWN_PROCESS: Final = ("ground.app.input.driver", "ground.launch.sidestep_process")
-"""Imported only where they are the program: tests with processes run them."""
+OWN_PROCESS: Final = ("ground.launch.sidestep_process",)
+"""Imported only where it is the program: tests with processes run it."""
 RECORDS: Final = "SIDESTEP_BRIEF_RECORDS"
 BUDGET_S: Final = 70.0
 """Of processor time without coverage, on all cores together; 120 s are allowed."""
@@ -53,7 +54,7 @@ class FileRecord(NamedTuple):
 
 def modules() -> list[Path]:
     """Return the modules of the product that run in CPython, relative to the checkout."""
-    paths = [path.relative_to(ROOT) for room in PRODUCT for path in (ROOT / room).rglob("*.py")]
+    paths = [path.relative_to(ROOT) for room in PACKAGES for path in (ROOT / room).rglob("*.py")]
     return sorted(path for path in paths if not path.as_posix().startswith(ONBOARD))
 
 
@@ -120,7 +121,7 @@ class Recorder:
     """Records, for each test, its processor time and the lines of the product it executes."""
 
     def __init__(self, folder: Path) -> None:
-        source = [str(ROOT / room) for room in PRODUCT]
+        source = [str(ROOT / room) for room in PACKAGES]
         self._coverage = Coverage(data_file=None, source=source, config_file=False)
         # A test may execute nothing of the product, and the product is imported before.
         quiet = ["no-data-collected", "module-not-measured", "module-not-imported"]
