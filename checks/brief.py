@@ -25,7 +25,7 @@ from typing import Any, Final, NamedTuple
 import pytest
 from coverage import Coverage, CoverageData
 
-from runtime.cli.compiled import PACKAGES
+from runtime.cli.packages import PACKAGES
 
 ROOT: Final = Path(__file__).resolve().parents[1]
 CHOSEN: Final = ROOT / "tests" / "brief.txt"
