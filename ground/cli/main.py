@@ -1,8 +1,10 @@
 """The operator's command line: run one verb, print each error in one line, return the exit code."""
 
+import _thread
 import argparse
 import signal
 import sys
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
@@ -18,6 +20,7 @@ from runtime.errors import ConfigError, RemoteError, UserError
 EXIT_FAILURE: Final = 1
 EXIT_USAGE: Final = 2
 EXIT_SIGNAL: Final = 128
+AGAIN_S: Final = 0.01
 
 
 class Interrupted(KeyboardInterrupt):
@@ -75,9 +78,12 @@ def failed(output: Output, verb: str, why: str, code: int) -> int:
 def signals(*, keep: bool = False) -> Iterator[None]:
     """Let SIGTERM and SIGHUP end the verb as Ctrl-C does, once; ignore them while it ends.
 
+    Python ignores an exception in a finalizer, in the callback of a weak reference or of a foreign
+    library. A signal that was lost there is sent again until it reaches the verb.
+
     Restore the former handlers after the block, unless they are to be kept.
     """
-    is_ending = False
+    is_ending, is_over = False, threading.Event()
 
     def end(number: int, _: FrameType | None) -> None:
         nonlocal is_ending
@@ -85,11 +91,28 @@ def signals(*, keep: bool = False) -> Iterator[None]:
             is_ending = True
             raise Interrupted(number)
 
+    def notice(ignored: "sys.UnraisableHookArgs") -> None:
+        nonlocal is_ending
+        if not isinstance(ignored.exc_value, Interrupted):
+            hook(ignored)
+        else:
+            is_ending = False
+            # A `Thread` takes locks, which the code that was interrupted may hold.
+            _thread.start_new_thread(send_again, (ignored.exc_value.number,))
+
+    def send_again(number: int) -> None:
+        while not is_over.wait(AGAIN_S) and not is_ending:
+            signal.pthread_kill(main_thread, number)  # a wait of the main thread ends, too
+
+    main_thread = threading.get_ident()  # only it may set handlers
+    hook, sys.unraisablehook = sys.unraisablehook, notice
     kinds = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     before = {number: signal.signal(number, end) for number in kinds}
     try:
         yield
     finally:
+        is_over.set()
+        sys.unraisablehook = hook
         if not keep:
             for number, handler in before.items():
                 signal.signal(number, handler)

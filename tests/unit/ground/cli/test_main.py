@@ -4,7 +4,9 @@ import argparse
 import json
 import os
 import signal
+import sys
 import threading
+import weakref
 from collections.abc import Callable
 
 import pytest
@@ -168,6 +170,85 @@ def test_a_signal_ends_the_verb_and_the_handlers_are_put_back(
     install(run)
     assert main(["mark"]) == 143
     assert signal.getsignal(signal.SIGTERM) is before
+
+
+class Interrupting:
+    """Sends this process a signal as it is deleted, where Python ignores an exception."""
+
+    def __init__(self, number: signal.Signals) -> None:
+        self.number = number
+
+    def __del__(self) -> None:
+        signal.raise_signal(self.number)
+
+
+@each("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_in_a_finalizer_ends_the_verb_too(
+    install: Callable[[Run], None], number: signal.Signals, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before, ends = sys.unraisablehook, []
+
+    def run(options: argparse.Namespace, output: Output) -> int:
+        Interrupting(number)
+        try:
+            threading.Event().wait(PATIENCE_S)
+        finally:  # where the verb ends, nothing interrupts it
+            ends.append(number)
+            Interrupting(number)
+            signal.raise_signal(number)
+        return 0
+
+    install(run)
+    assert main(["mark"]) == 128 + number
+    assert ends == [number]
+    assert sys.unraisablehook is before
+    assert "Exception ignored" not in capsys.readouterr().err
+
+
+def test_a_signal_that_is_lost_again_and_again_arrives_at_last(
+    install: Callable[[Run], None],
+) -> None:
+    reached: list[int] = []
+
+    def run(options: argparse.Namespace, output: Output) -> int:
+        for does in (send, wait, wait):
+            thing = type("Thing", (), {})()
+            watch = weakref.ref(thing, does)
+            del thing
+            assert watch() is None
+        wait(None)
+        return 0
+
+    def send(_: object) -> None:
+        signal.raise_signal(signal.SIGTERM)
+
+    def wait(_: object) -> None:
+        reached.append(len(reached))
+        threading.Event().wait(PATIENCE_S)
+
+    install(run)
+    assert main(["mark"]) == 143
+    assert len(reached) == 3
+
+
+def test_another_ignored_exception_is_reported_as_before(
+    install: Callable[[Run], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reported: list[object] = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda ignored: reported.append(ignored.exc_value))
+    defect = ValueError("a defect")
+
+    class Defective:
+        def __del__(self) -> None:
+            raise defect
+
+    def run(options: argparse.Namespace, output: Output) -> int:
+        Defective()
+        return 0
+
+    install(run)
+    assert main(["mark"]) == 0
+    assert reported == [defect]
 
 
 def test_what_is_not_finite_becomes_null(capsys: pytest.CaptureFixture[str]) -> None:
