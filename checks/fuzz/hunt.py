@@ -145,8 +145,11 @@ def place_of(error: BaseException) -> str:
 
 @contextmanager
 def limited(seconds: float) -> Iterator[None]:
-    """Limit the CPU time, which does not depend on the load of the machine."""
-    signal.setitimer(signal.ITIMER_VIRTUAL, seconds)
+    """Limit the CPU time, which does not depend on the load of the machine.
+
+    The alarm repeats, because Python ignores one that comes in a finalizer.
+    """
+    signal.setitimer(signal.ITIMER_VIRTUAL, seconds, seconds)
     try:
         yield
     finally:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from time import process_time
 
 import msgspec
 import pytest
@@ -182,6 +183,24 @@ def test_unexpected_error_is_found_with_input_and_place(
 def test_endless_loop_is_ended_and_found(monkeypatch: pytest.MonkeyPatch) -> None:
     tally = hunt_blocks(monkeypatch, of(endless), inputs=1)
     assert tally.finds[0].what.startswith("hangs")
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_endless_loop_is_found_although_an_alarm_came_in_a_finalizer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class Endless:
+        def __del__(self) -> None:
+            endless(b"", Path())
+
+    def run(data: bytes, folder: Path) -> None:
+        Endless()
+        end_s = process_time() + 1.0
+        while process_time() < end_s:
+            pass
+
+    tally = hunt_blocks(monkeypatch, of(run), inputs=1)
+    assert [find.what[:5] for find in tally.finds] == ["hangs"]
 
 
 def test_excessive_memory_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
