@@ -92,17 +92,19 @@ def signals(*, keep: bool = False) -> Iterator[None]:
             raise Interrupted(number)
 
     def notice(ignored: "sys.UnraisableHookArgs") -> None:
-        nonlocal is_ending
-        if not isinstance(ignored.exc_value, Interrupted):
-            hook(ignored)
-        else:
-            is_ending = False
+        if isinstance(ignored.exc_value, Interrupted):
             # A `Thread` takes locks, which the code that was interrupted may hold.
             _thread.start_new_thread(send_again, (ignored.exc_value.number,))
+        else:
+            hook(ignored)
 
     def send_again(number: int) -> None:
-        while not is_over.wait(AGAIN_S) and not is_ending:
+        nonlocal is_ending
+        if not is_over.wait(AGAIN_S):  # the finalizer and `notice` have been left
+            is_ending = False
+        while not is_ending and not is_over.is_set():
             signal.pthread_kill(main_thread, number)  # a wait of the main thread ends, too
+            is_over.wait(AGAIN_S)
 
     main_thread = threading.get_ident()  # only it may set handlers
     hook, sys.unraisablehook = sys.unraisablehook, notice
