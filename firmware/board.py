@@ -1,11 +1,8 @@
-"""The host's side of the serial link: set-up, requests and ticks of a board.
+"""A board on a serial line, or emulated by qemu: its set-up, requests, ticks and frames.
 
-Find MAVLink frames in a stream of bytes, without I/O.
-
-Bytes that belong to no frame are skipped. An incomplete frame is skipped as soon as a whole frame
-follows its start, so that a damaged length never blocks the stream.
-
-The emulated board: qemu as a child process, with its UART on two pipes.
+Frames are found in the stream of bytes without I/O. Bytes that belong to no frame are skipped. An
+incomplete frame is skipped as soon as a whole frame follows its start, so that a damaged length
+never blocks the stream.
 """
 
 import ctypes

@@ -1,11 +1,8 @@
-"""Build the firmware: `make firmware`.
+"""Build the firmware (`make firmware`), with generated code for the messages of its serial link.
 
-The messages of the serial link, from which tables and readers of the firmware are generated.
-
-The tools that the build needs, and the source of MicroPython.
-
-Both are packages of Debian. The source may be of a newer release than the tools. So apt fetches it
-with a separate configuration, from the mirror and with the keys of this machine.
+The tools and the source of MicroPython are packages of Debian. The source may be of a newer release
+than the tools. So apt fetches it with a separate configuration, from the mirror and with the keys
+of this machine.
 """
 
 import ast

@@ -1,10 +1,8 @@
-"""The control core on a board behind a serial line.
+"""The control core on a board behind a serial line, with a copy of its state on the host.
 
 The board runs the same core as `InProcessCore`. The host sends it the inputs of each tick and each
 request, and waits for its answer, at most for a limit. A board that is silent, cut off or reset
 raises BoardError, which ends the robot as an exception of the core does.
-
-Copy of the state of the core on a board, for the programs on the host that read it.
 """
 
 from collections.abc import Iterator

@@ -1,14 +1,10 @@
 """Link Python sources to one module for the firmware; the sources themselves stay as they are.
 
 On the board each module, each import and each name of a module takes RAM, while code and literals
-stay in flash. So all modules are linked to one, in the order of their imports; a name that
-is not unique gets the name of its module as a suffix. Constants (`X: Final = 3`) are inlined,
-annotations and docstrings dropped, and definitions that nothing uses left out. Nothing else
+stay in flash. So all modules are linked to one, in the order of their imports; a name that is not
+unique gets the name of its module as a suffix. Constants (`X: Final = 3`) are inlined, annotations,
+docstrings and `__slots__` removed, and definitions that nothing uses left out. Nothing else
 changes: the board runs the statements of the sources.
-
-Remove annotations, docstrings and `__slots__`, which the board does not use, from sources.
-
-Constants as literals, which MicroPython keeps in flash, and their exact values.
 
 MicroPython's compiler neither reads nor prints floating-point numbers exactly: the last bits of a
 frozen literal may differ from those in CPython. So the frozen C source is corrected: each number is

@@ -10,7 +10,6 @@ import wire
 from onboard import Onboard
 
 from robot.core import modes, place, reasons, states
-from robot.core import modes as machines
 from robot.core.parameters import Params
 from robot.core.safety import failsafe
 from robot.core.safety.fence import MAX_CORNERS, Fence
@@ -121,7 +120,7 @@ def stop(onboard: Onboard) -> int:
     if extent == wire.STOP_PLACE:
         machine.placed = False
     elif extent == wire.STOP_GOAL:
-        machines.end_goal(machine, states.ABORTED, reason, now_ms)
+        modes.end_goal(machine, states.ABORTED, reason, now_ms)
     elif machine.vehicle == states.ACTIVE:
         failsafe.trip(machine, reason, now_ms)
     return reasons.OK
