@@ -1,11 +1,8 @@
-"""Outcome of a run: the keys and texts that every way of running prints.
-
-Integers of a goal on the wire, and the start pose as arguments of the robot's command line.
+"""Outcome of a run: its goal and start on the wire, and the keys and texts that are printed.
 
 All conversions are in this module, so that a run over the bus and a run without it get the same
 goal and start to the last bit. Both are in world coordinates: the robot is given its start pose.
-
-Doubt about a position: the size of the confidence ellipse of an estimate.
+The doubt about a position is the size of the confidence ellipse of an estimate.
 """
 
 from collections.abc import Mapping

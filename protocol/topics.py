@@ -1,7 +1,4 @@
-"""Tables of all topics and services: key, messages, rate, stale-after, publisher, priority.
-
-MAVLink system and component ids of each role.
-"""
+"""Tables of topics and services (key, messages, rate, publisher, priority), and of MAVLink ids."""
 
 from typing import Final, NamedTuple
 

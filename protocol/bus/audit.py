@@ -3,15 +3,11 @@
 A link with the session id of another certificate is also reported to the operators, as a text of
 each robot that this process serves.
 
-Capture Zenoh's own log, which it can only write to standard output, in a bounded channel.
-
-Each event of the log is one datagram to a socket of this process on the loopback interface. The
-kernel keeps the boundaries between events, cuts an event at MAX_EVENT_BYTES and drops events when
-the socket buffer is full. A write never waits and never fails for lack of space. A pipe would block
-reception on the bus, a file in memory would grow, and a line break inside a key would start a new
-line.
-
-Sentences about refused sessions, made from the events of Zenoh's log.
+Zenoh can only write its own log to standard output. Here each event of the log is one datagram to a
+socket of this process on the loopback interface. The kernel keeps the boundaries between events,
+cuts an event at MAX_EVENT_BYTES and drops events when the socket buffer is full. A write never
+waits and never fails for lack of space. A pipe would block reception on the bus, a file in memory
+would grow, and a line break inside a key would start a new line.
 
 The refused session chooses part of an event: the key, which may be long and may contain line
 breaks. An event is therefore parsed from its beginning only, and the key is cut and cleaned.

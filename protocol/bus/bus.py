@@ -1,14 +1,10 @@
-"""The bus of a process: publish, subscribe, serve, query and announce its presence.
+"""The bus of a process: publish, subscribe, serve, query, and the presence of it and of others.
 
 Callbacks run in Zenoh's receive thread. A query or a wait would block all reception there, so they
 only store or enqueue. The exception is the robot's cycle in lockstep, which also publishes there.
 
-Presence of processes: parsing and tracking of their liveliness tokens.
-
-One process per role and robot: a duplicate does not start, or is detected later.
-
-`claim` checks once, at the start. A network failure can hide two processes from each other;
-`DuplicateWatch` detects them after the network has recovered.
+There is one process per role and robot. `claim` checks once, at the start. A network failure can
+hide two processes from each other; `DuplicateWatch` detects them after the network has recovered.
 """
 
 import re

@@ -1,7 +1,4 @@
-"""This process's own certificate, as other processes see it.
-
-Find out why a peer and this process reject each other, and name the remedy.
-"""
+"""This process's own certificate, and why a peer and this process reject each other."""
 
 import json
 import socket

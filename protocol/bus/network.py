@@ -1,8 +1,7 @@
-"""Network configuration of a process: endpoints to listen on and to dial, and certificates.
+"""Network configuration of a process: endpoints, certificates, and the person that it belongs to.
 
-The person to whom the programs of one user on one computer belong, on an open bus.
-
-Nothing is stored: the programs find the same person because they ask the same system.
+The person on an open bus, to whom the programs of one user on one computer belong, is stored
+nowhere: the programs find the same person because they ask the same system.
 """
 
 import hashlib

@@ -1,11 +1,10 @@
-"""The processes linked to a session, by certificate and address.
+"""The processes linked to a session by certificate and address, and which id belongs to which.
 
-Which certificate a session id belongs to: a session id is public, so it proves nothing.
-
-Zenoh admits one link per session id, whatever certificate it shows. A process that listens
-therefore remembers which certificate used an id first, and ends each link of another one. Which
-certificate an id belonged to before this process started cannot be known: whoever then comes first
-keeps it. The rightful process opens a fresh session with another id (`lasting_session`).
+A session id is public, so it proves nothing. Zenoh admits one link per session id, whatever
+certificate it shows. A process that listens therefore remembers which certificate used an id first,
+and ends each link of another one. Which certificate an id belonged to before this process started
+cannot be known: whoever then comes first keeps it. The rightful process opens a fresh session with
+another id (`session`).
 """
 
 import time

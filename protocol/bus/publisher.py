@@ -1,11 +1,10 @@
-"""Publisher of one topic: one key, one sender, one sequence counter.
+"""Publisher of one topic: one key, one sender, one sequence counter, and recent events kept.
 
-Late-join support: publishers cache recent events; subscribers fetch those they missed.
-
-Publishers are Zenoh's advanced ones. Each numbers its samples, and announces itself and the number
-of its newest one on `KEY/@adv/pub/SESSION/NUMBER/_`, where it also answers with cached samples.
-Subscribers are our own: Zenoh's advanced ones declare `KEY/@adv/**`. Whoever may declare that may
-declare every pattern below it, and to match one with many `**` takes exponential time and memory.
+Who subscribes late fetches the events that it missed. Publishers are Zenoh's advanced ones. Each
+numbers its samples, and announces itself and the number of its newest one on
+`KEY/@adv/pub/SESSION/NUMBER/_`, where it also answers with cached samples. Subscribers are our own:
+Zenoh's advanced ones declare `KEY/@adv/**`. Whoever may declare that may declare every pattern
+below it, and to match one with many `**` takes exponential time and memory.
 """
 
 import threading

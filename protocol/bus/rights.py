@@ -1,13 +1,11 @@
-"""Zenoh's access control rules, derived from the permissions of each certificate; default deny.
+"""Permissions of each certificate by the tables of topics and services, as Zenoh's access control.
 
-A listening process enforces them on incoming and outgoing messages of each link. The rules name
-every robot and every key that may be published or queried, so no wildcard matches one. A process
-that dials enforces the same rules from its side: it accepts data only from a router or its own
-robot, and only what its own role needs.
+Everything else is denied. A listening process enforces the rules on incoming and outgoing messages
+of each link. The rules name every robot and every key that may be published or queried, so no
+wildcard matches one. A process that dials enforces the same rules from its side: it accepts data
+only from a router or its own robot, and only what its own role needs.
 
 No rule about what may come in contains `**`, so none includes a pattern with one.
-
-Derive the permissions of each certificate from the tables of topics and services.
 """
 
 from collections.abc import Iterable, Mapping

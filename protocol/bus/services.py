@@ -1,9 +1,8 @@
-"""Client side of the services: request, deadline on the robot's clock, and answer.
+"""Both sides of the services: a request with a deadline on the robot's clock, and its answer.
 
-Server side of the services: one thread decodes requests, another sends the replies.
-
-Zenoh's receive thread only enqueues, and no caller of `reply` waits for a slow client. A malformed
-request is counted and denied with a reason.
+On the server's side one thread decodes requests and another sends the replies. Zenoh's receive
+thread only enqueues, and no caller of `reply` waits for a slow client. A malformed request is
+counted and denied with a reason.
 """
 
 import logging

@@ -1,18 +1,13 @@
-"""Open a Zenoh session with the settings of this project; explain why it could not be opened.
+"""Zenoh sessions with the settings of this project, which last while links and hubs come and go.
 
 Zenoh's own log is not initialised here: it can only write to standard output, which is reserved for
 `--json` and the terminal interface.
 
-Drop data that a slow reader does not accept, so that it delays no other reader.
-
 In Zenoh 1.10 a reply has the priority and the congestion control of its query. A client could thus
 make the answering process wait for up to 5 s, with everything else that it sends to that client at
-the same priority. Each process therefore overwrites both on the queries that it receives. Replies
-have priorities that no stream has, so a stream never waits behind a reply.
-
-Zenoh's settings for mutual TLS and access control.
-
-The session of a bus, which a fresh one replaces when its hub does not take it back.
+the same priority. Each process therefore overwrites both on the queries that it receives: data that
+a slow reader does not accept is dropped, so that it delays no other reader. Replies have priorities
+that no stream has, so a stream never waits behind a reply.
 
 A hub admits one link per session id, and an id is public: after an interruption another process may
 have taken its place, and Zenoh dials with the same id for ever. What was declared is therefore kept

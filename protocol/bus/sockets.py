@@ -1,15 +1,13 @@
-"""Close links without lingering, and end the link of one peer.
+"""The sockets of Zenoh's links, which its API does not reach: close, end, look up and filter them.
 
 Zenoh 1.10 sets SO_LINGER to 10 s on each TCP link (eclipse-zenoh/zenoh#2350). If the other end does
 not read, closing the link blocks one of the few receive threads. Zenoh has no setting for it, so
 this module clears the option on each link's socket. Zenoh's Python API cannot close a single link
-either; its socket, which belongs to this process, can be shut down.
+either; its socket, which belongs to this process, can be shut down. Nor does Zenoh report the
+addresses of failed connections: they are read from Linux's tables.
 
-Addresses of failed connections, from Linux's tables; Zenoh does not report them.
-
-Programs of the kernel's packet filter (classic BPF), and how a socket gets one. Works on Linux.
-
-The kernel runs such a program for each packet of a socket, or to choose a socket of a port.
+Programs of the kernel's packet filter (classic BPF) run for each packet of a socket, or to choose a
+socket of a port. They work on Linux.
 """
 
 import ctypes

@@ -1,12 +1,10 @@
-"""Read the dialect: messages and enumerations of sidestep.xml and those in use of common.xml.
+"""Read the dialect: messages and enumerations of sidestep.xml, and those in use of common.xml.
 
 Layouts follow MAVLink 2. On the wire the fields of a message are sorted by the size of their
 elements, largest first; extensions follow. crc_extra is a checksum over the layout.
 
-The messages and enumerations in use of MAVLink's common dialect.
-
-Layouts and numbers are upstream's. The descriptions are our own: this repository contains no text
-of upstream's files.
+Layouts and numbers of the common dialect are upstream's. The descriptions are our own: this
+repository contains no text of upstream's files.
 """
 
 import importlib.util

@@ -1,17 +1,13 @@
 """Write the modules generated from the dialect: `make generate`.
 
 Messages, enumerations, reasons and wire layouts of the protocol, and the numbers of the control
-core, are generated from sidestep.xml and the part of common.xml that is in use. The
-output is deterministic; a test compares it with the committed modules.
+core, are generated from sidestep.xml and the part of common.xml that is in use. The output is
+deterministic; a test compares it with the committed modules. It is formatted as ruff formats it, so
+that no formatter has to run on it.
 
-Python source of parts of the dialect: message classes, enumerations, tables, constants.
-
-The source is formatted as ruff formats it, so that no formatter has to run on it.
-
-Build pymavlink's own module of the dialect, the reference for our generated modules.
-
-mavgen takes about a second for the common dialect. Its module is written once to build/ and shared
-by all processes; changed definitions or another pymavlink version get a module of their own.
+pymavlink's own module of the dialect is the reference for the generated ones. mavgen takes about a
+second for the common dialect. Its module is written once to build/ and shared by all processes;
+changed definitions or another pymavlink version get a module of their own.
 """
 
 import contextlib

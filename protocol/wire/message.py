@@ -1,11 +1,8 @@
-"""Base class of all messages, and the check of their fields.
+"""Base class of all messages, their wire layouts, the check of their fields, and their packing.
 
-Wire layout of every message by class name, parsed from the generated table.
-
-Packing and unpacking of the payload of each message type.
-
-Each is one expression, built from the generated layout table and compiled on first use. Compiled,
-it is three times as fast as a loop over the fields; the control loop needs that speed.
+Packing and unpacking of a payload is one expression for each type, built from the generated layout
+table and compiled on first use. Compiled, it is three times as fast as a loop over the fields; the
+control loop needs that speed.
 """
 
 from collections.abc import Callable
