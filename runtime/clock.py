@@ -1,10 +1,7 @@
 """Clocks that are passed in, so that a test controls the time, and the grid of control ticks.
 
-The garbage collector, which would stall the grid, is kept from doing so.
-
-Wait for events from other threads: a wake-up, and a pulse of arriving frames.
-
-The control loop locks the phase of its grid to the pulse.
+The loop locks the phase of its grid to the pulse of arriving frames. The garbage collector, which
+would stall the grid, is kept from doing so.
 """
 
 import gc

@@ -1,9 +1,8 @@
-"""Load typed TOML configuration; unknown keys and values out of range are refused by name.
+"""Load typed TOML configuration, and the calibration of a robot for a noise level.
 
-Load the calibration of a robot for a noise level; shared by all launchers of robots.
-
-`sidestep calibrate --output` writes the files; each contains its command. A world that changes
-single noise values uses the calibration of the noise level that it is based on.
+Unknown keys and values out of range are refused by name. `sidestep calibrate --output` writes the
+files of calibrations; each contains its command. A world that changes single noise values uses the
+calibration of the noise level that it is based on.
 """
 
 import re

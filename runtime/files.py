@@ -1,14 +1,12 @@
-"""Replace or remove a file so that a crash or a power cut leaves the old file or the new one.
+"""Replace a file so that a crash cannot harm it, and read untrusted files and JSON.
 
-Both are durable when they return: the content is synchronised before the rename, and the directory
-after it. A file system may otherwise show the rename without the content, or forget it.
+A crash or a power cut leaves the old file or the new one. Both are durable when `replace` or
+`remove` returns: the content is synchronised before the rename, and the directory after it. A file
+system may otherwise show the rename without the content, or forget it.
 
-Read a file of which nothing is certain: it may be a pipe, a device, too large or no text.
-
-Every file that a user names is read here, so that none of them can hold up a process or fill its
-memory.
-
-Read JSON from untrusted sources; any problem raises ValueError, also for depth or length.
+What a user names may be a pipe, a device, too large or no text. Every such file is read here, so
+that none of them can hold up a process or fill its memory. Any problem of JSON raises ValueError,
+also its depth or length.
 """
 
 import json

@@ -1,14 +1,10 @@
-"""Conversion to nanoseconds, the unit of all stamps and ages.
-
-Times that robot and plant must agree on.
-"""
+"""Nanoseconds, the unit of all stamps and ages, and the period of the control cycle."""
 
 from typing import Final
 
 NS_PER_US: Final = 1_000
 NS_PER_MS: Final = 1_000_000
 NS_PER_S: Final = 1_000_000_000
-
 
 PERIOD_MS: Final = 50
 """The control period: from sensor frames to sensor frames, with one wheel command between."""

@@ -1,11 +1,9 @@
-"""End a process whose loop hangs, by an interval timer that each pass of the loop resets.
+"""Time limits for processes: one whose loop hangs is ended, and a busy machine stretches waits.
 
-The timer needs no Python code to expire, so it works even while the interpreter's lock is held for
-ever. The default action of SIGALRM then ends the process, and the launcher sees this signal. A
-process that is suspended for longer ends when it is resumed. The kernel ignores the signal for
-process 1 of a container: such a container needs an init process.
-
-How busy this machine is, and time limits that a busy machine does not use up.
+Each pass of a loop resets an interval timer. It needs no Python code to expire, so it works even
+while the interpreter's lock is held for ever. The default action of SIGALRM then ends the process,
+and the launcher sees this signal. A process that is suspended for longer ends when it is resumed.
+The kernel ignores the signal for process 1 of a container: such a container needs an init process.
 
 A process that waits for another one cannot see whether that one hangs or only waits for a
 processor. A limit for such a wait therefore counts less while more threads are ready to run than

@@ -1,13 +1,8 @@
-"""`sidestep complete -- WORD...`: print the completions of the last word of a command line.
+"""`sidestep completion` and `sidestep complete -- WORD...`: let a shell complete the command line.
 
-The scripts of `sidestep completion` call it at each press of Tab. The answers come from the parsers
-of the verbs. Each line is a word, for verbs with a tab and a summary. No line means that file names
-fit, which the shell completes.
-
-`completion`: print the script that lets a shell complete the command line.
-
-The scripts ask `sidestep complete` for the words that fit, and let the shell complete file names
-where there are none.
+`completion` prints a script for a shell, which calls `complete` at each press of Tab and completes
+file names itself. The answers come from the parsers of the verbs. Each line is a word, for verbs
+with a tab and a summary. No line means that file names fit.
 """
 
 import argparse

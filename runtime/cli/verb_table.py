@@ -1,11 +1,7 @@
-"""The table of all verbs of `sidestep`: group, summary, example and implementation of each.
+"""The table of all verbs of `sidestep` and their subcommands, and how a typed line finds its verb.
 
 The executable, the parsers, `--help`, shell completion, the reference and the app's command line
 read this table. It names modules and imports none, so that a process loads only the verb it runs.
-
-The rows of the verb table for subcommands: summary and example of each.
-
-Look up verbs: how each is typed, which one a line means, and what a typo was meant to be.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
