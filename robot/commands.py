@@ -1,6 +1,6 @@
-"""Handle the requests of operators; a repeated request is acted on only once.
+"""Handle the requests of operators, and their manual driving with a dead-man switch.
 
-Manual driving with a dead-man switch: steering lasts only while frames arrive.
+A repeated request is acted on only once. Steering lasts only while frames arrive.
 """
 
 from collections import OrderedDict, deque
@@ -14,8 +14,7 @@ from protocol.wire.enums import AckResult, Command, Mode
 from protocol.wire.limits import MAX_TELEOP_TTL_MS
 from protocol.wire.message import Message, wire_of
 from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest, Teleop
-from robot.core import modes as machines
-from robot.core import reasons, states
+from robot.core import modes, reasons, states
 from robot.core.modes import Machine
 from robot.core.values import Twist, goal_of, twist_of
 from robot.hosting import Core
@@ -140,7 +139,7 @@ class Commands:
         machine = self._machine
         if machine.mode == states.MANUAL:
             return request.ends_id != self.drive_id
-        is_live = machines.goal_is_active(machine) or self._mission.active
+        is_live = modes.goal_is_active(machine) or self._mission.active
         return request.ends_id != self.goal_id or not is_live
 
     def _handle(self, request: CommandOrGoal, now_ms: int) -> int:

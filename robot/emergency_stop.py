@@ -1,12 +1,10 @@
-"""A latch for the emergency stop, between the bus and the loop, that cannot fill or block.
+"""The emergency stop: a latch between bus and loop that cannot block, kept over a restart.
 
-A thread of the bus sets it with any bytes received; the loop reads it before anything else, and
-shows one stop after another to those who may clear them.
+A thread of the bus sets the latch with any bytes received; the loop reads it before anything else,
+and shows one stop after another to those who may clear them.
 
-Keep the emergency stop over a restart of the robot's process.
-
-The file exists while the stop is latched. Its content is for people: a damaged file, a directory or
-a device of this name stops the robot, too, because only an operator may release a stop.
+A file exists while the stop is latched. Its content is for people: a damaged file, a directory or a
+device of this name stops the robot, too, because only an operator may release a stop.
 
 A second file has the ids of the newest requests that released a stop. A client whose answer is lost
 repeats its request with the same id, and may do so after a restart and after a newer stop, which

@@ -1,11 +1,10 @@
-"""Write files beside the control loop, which never waits for a disk.
+"""Write state to files beside the control loop, which never waits for a disk, and read it whole.
 
 A `StateFile` accepts new contents and passes the newest one to a writer. A `Ticket` shows whether
 that content is on the disk. Only the loop's thread uses files and tickets.
 
-Read saved state only whole and unchanged: JSON with a checksum, from a regular file.
-
-A file of an earlier version has no checksum. It is accepted, and gets one when it is next saved.
+Saved state is JSON with a checksum, from a regular file. A file of an earlier version has no
+checksum. It is accepted, and gets one when it is next saved.
 """
 
 import errno

@@ -1,7 +1,4 @@
-"""The interface of the control core, in this process or on a board.
-
-The control core in the process of its host.
-"""
+"""The interface of the control core, here or on a board, and the core in this process."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -10,7 +7,6 @@ from typing import Final, Protocol, TypeAlias
 from protocol.wire.enums import Command
 from protocol.wire.messages import CommandRequest, McuStatus
 from robot.core import brain, modes, place, reasons, states
-from robot.core import modes as machine
 from robot.core.brain import StageHook, ignore
 from robot.core.parameters import Params
 from robot.core.safety import failsafe
@@ -140,7 +136,7 @@ class InProcessCore:
 
     def end_goal(self, reason: int, now_ms: int) -> None:
         """End an active goal as ABORTED."""
-        machine.end_goal(self.state.machine, states.ABORTED, reason, now_ms)
+        modes.end_goal(self.state.machine, states.ABORTED, reason, now_ms)
 
     def set_fence(self, fence: Fence | None) -> int:
         """Replace or remove the fence and return a reason."""

@@ -1,27 +1,17 @@
-"""The mission: drive to one stop after another and wait at each, without an operator.
+"""Mission and fence: their upload, their files, and the drive from one stop to the next.
 
-Sans-I/O. The mission sets one goal at a time in the core and checks it each tick. A goal
-that ends before it is reached ends the mission with the same reason.
+All of it is sans-I/O but the files: one of JSON for the mission, one for the fence.
 
-A mission starts in AUTO and keeps a mode that is chosen later, also over a pause. In GUIDED it
-continues only while an operator sends heartbeats; losing the operator ends it, driving or waiting.
-Only a command leads from GUIDED back to AUTO.
-
-Convert a mission item to a goal pose and a waiting time, and check it.
-
-The fence as mission items: the corners of one polygon, or one circle.
-
-MAVLink's mission protocol: items are uploaded one by one and accepted as a whole.
-
-Sans-I/O. Each request gets one frame as its answer. A client that receives no answer repeats its
-request; the repeated request is answered again but acted on once.
-
-Restore fence and mission after a restart by replaying their upload.
-
-A fence that cannot be restored forbids arming until an operator clears it or uploads another. A
-restored mission never starts by itself.
-
-Store mission and fence items in one JSON file each, to survive a restart.
+- A mission sets one goal at a time in the core and checks it each tick, without an operator. A goal
+  that ends before it is reached ends the mission with the same reason. It starts in AUTO and keeps
+  a mode that is chosen later, also over a pause. In GUIDED it continues only while an operator
+  sends heartbeats; losing the operator ends it, driving or waiting. Only a command leads from
+  GUIDED back to AUTO.
+- By MAVLink's mission protocol, items are uploaded one by one and accepted as a whole. Each request
+  gets one frame as its answer. A client that receives no answer repeats its request; the repeated
+  request is answered again but acted on once.
+- After a restart the uploads are replayed. A fence that cannot be restored forbids arming until an
+  operator clears it or uploads another. A restored mission never starts by itself.
 """
 
 import json

@@ -1,7 +1,4 @@
-"""The robot process: one control cycle per tick, with requests handled in between.
-
-Measure the cost and lateness of each control cycle, and check the budget.
-"""
+"""The robot process: one control cycle per tick, its cost measured, and requests in between."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator

@@ -1,6 +1,6 @@
 """Publish the robot's output: wheel command first, then odometry, status, decision and events.
 
-Withhold answers until the files they depend on are written.
+An answer is withheld until the files that it depends on are written.
 """
 
 from typing import Final, NamedTuple

@@ -1,19 +1,14 @@
-"""Run a vehicle on the bus with a clock until it is stopped.
-
-Real-time options of the operating system; each returns a warning if unavailable.
-
-A dry run of the control cycle just before the sensor frames are due, to warm the caches.
+"""`sidestep run robot`: run a vehicle on the bus with a clock until it is stopped.
 
 Between two ticks the processor does other work for 50 ms. The first run of the same code then costs
-many times the second. The rehearsal uses a state of its own and sends nothing.
+many times the second. So just before the sensor frames are due, a rehearsal of the cycle warms the
+caches. It uses a state of its own and sends nothing.
 
 Gain by the robot's own reports of `sidestep bench jitter`, 5 runs of 18 s with and 5 without it,
 alternately, on 2 shared and loaded cores: the median cycle costs 0.51 ms of CPU time instead of
 0.63 ms, and the median tick starts 0.09 ms after its scan instead of 0.12 ms. Both are better in
 each of the 5 pairs. The slowest 1 % (0.81 and 0.83 ms) and the worst cycles differ by less than
 their spread. It costs 0.3 % of a core.
-
-The command line of `sidestep run robot`, which runs the control loop of one robot.
 """
 
 import argparse

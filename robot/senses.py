@@ -1,6 +1,6 @@
 """Read sensor frames and operator frames for a tick, and the tick's time on the plant's clock.
 
-Detect frames of operators that are late compared with the sender's usual delay.
+A frame of an operator is late by comparison with the sender's usual delay.
 """
 
 from collections import OrderedDict

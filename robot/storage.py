@@ -1,9 +1,7 @@
-"""Store parameters in a JSON file, which is replaced as a whole.
+"""The robot's state directory: its owner, its parameters, and how the previous run ended.
 
 A state directory belongs to one robot, whose name is in a file there. This keeps a robot from using
-the fence or the parameters of another.
-
-Record how a run of the robot ended, and report it at the next start.
+the fence or the parameters of another. Parameters are a JSON file, which is replaced as a whole.
 """
 
 import json

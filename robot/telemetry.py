@@ -1,7 +1,4 @@
-"""Convert the state of the core to telemetry messages.
-
-Texts for an operator about changes of vehicle, mode, goal and mission.
-"""
+"""Convert the state of the core to telemetry messages, and its changes to texts for an operator."""
 
 from math import nan
 from typing import Final, NamedTuple

@@ -29,8 +29,7 @@ from protocol.wire.messages import (
 )
 from robot import telemetry
 from robot.commands import Commands, TeleopInput, ack, acknowledge, is_arm, is_clear, is_stop
-from robot.core import modes as machines
-from robot.core import reasons, states
+from robot.core import modes, reasons, states
 from robot.core.brain import StageHook
 from robot.core.parameters import Params
 from robot.core.safety import failsafe
@@ -138,7 +137,7 @@ class Vehicle:
     def _drives(self) -> bool:
         """True while the robot drives to a goal, or waits at a stop of its mission."""
         machine = self.state.machine
-        is_on_the_way = machines.goal_is_active(machine) or self.mission.active
+        is_on_the_way = modes.goal_is_active(machine) or self.mission.active
         return is_on_the_way and machine.mode != states.HOLD
 
     def receive_teleop(self, teleop: Teleop, sent_ns: int, operator: str = "") -> None:
