@@ -300,7 +300,7 @@ docs/evidence/faults.md."""
 
 
 def bench(*words: str, within_s: float = 240.0) -> tuple[int, str, str]:
-    line = [sys.executable, "-m", "checks/speed", "faults", *words]
+    line = [sys.executable, "-m", "checks", "faults", *words]
     done = subprocess.run(line, capture_output=True, text=True, timeout=within_s, check=False)
     return done.returncode, done.stdout, done.stderr
 

@@ -230,8 +230,7 @@ def test_another_build_is_found_out(tmp_path: Path) -> None:
     with Crew() as crew:
         log = driven(crew, tmp_path, "--world", "open", "--speed", "max")
         other = (
-            "import sys; from robot.core import brain; from robot.core.motion import controller;"
-            " ramp = controller.ramp;"
+            "import sys; from robot.core import brain; ramp = brain.ramp;"
             " brain.ramp = lambda wanted, last, params:"
             " ramp(wanted, last, params._replace(accel_m_s2=0.9 * params.accel_m_s2));"
             " from study.cli.reexecute import main; sys.exit(main(sys.argv[1:]))"
