@@ -43,6 +43,7 @@ from robot.parameter_table import SPECS
 from robot.process import OVERRUNS_IN_A_ROW
 from robot.senses import MAX_EXTRA_NS
 from runtime import config
+from runtime.cli.packages import PACKAGES
 from runtime.cli.verb_table import VERBS, command_of, find
 from runtime.units import CONTROL_HZ, NS_PER_MS, NS_PER_S, PERIOD_MS
 from runtime.watchdog import HUNG_S
@@ -349,11 +350,43 @@ def test_every_link_has_a_target(page: str) -> None:
     assert missing == []
 
 
-def test_every_folder_is_in_the_architecture() -> None:
-    page = PAGES["docs/concepts/architecture.md"]
-    named = set(re.findall(r"^\| `([a-z/.]+)` \|", page, re.MULTILINE))
-    assert [name for name in named if not (ROOT / name).exists()] == []
-    assert {f"{path.parent.name}/" for path in ROOT.glob("*/__init__.py")} <= named
+ROOMS = {path.parent.name for path in ROOT.glob("*/__init__.py")}
+
+
+def rooms_imported_by(room: str) -> set[str]:
+    """Return the other rooms that the modules of a room name in their imports."""
+    text = "\n".join(path.read_text() for path in (ROOT / room).rglob("*.py"))
+    found = re.findall(r"^ *(?:from|import) (\w+)[. ]", text, re.MULTILINE)
+    return set(found) & ROOMS - {room}
+
+
+def test_every_room_has_a_row_with_what_it_imports() -> None:
+    page = PAGES["docs/concepts/where-things-live.md"]
+    rows = dict(re.findall(r"^\| `(\w+)/` \| .* \|(.*)\|$", page, re.MULTILINE))
+    assert rows.keys() == ROOMS
+    free = {room for room, imports in rows.items() if imports.strip() == "any room"}
+    assert free == {"checks", "tests", "examples"}
+    named = {room: set(re.findall(r"`(\w+)`", rows[room])) for room in ROOMS - free}
+    assert named == {room: rooms_imported_by(room) for room in named}
+
+
+def test_pages_name_only_files_that_exist() -> None:
+    made = {"runtime/compiled.json"}
+    path = re.compile(rf"`((?:{'|'.join(ROOMS)}|docs|docker)/[\w/.-]*)`")
+    missing = {
+        f"{page}: {name}"
+        for page, text in PAGES.items()
+        for name in path.findall(text)
+        if page != "CHANGELOG.md" and name not in made and not (ROOT / name).exists()
+    }
+    assert missing == set()
+
+
+def test_installation_names_what_the_wheel_brings() -> None:
+    page = PAGES["docs/tutorial/index.md"]
+    listed = re.search(r"top-level names (.*?), so", page, re.DOTALL)
+    assert listed
+    assert set(re.findall(r"`(\w+)`", listed[1])) == {*PACKAGES, "sidestep"}
 
 
 def test_the_plant_accepts_the_world_of_the_reference(tmp_path: Path) -> None:
