@@ -129,7 +129,7 @@ def rest_phases(extra: Sequence[str]) -> list[Phase]:
     computing = (*cores(1), *EXAMPLES, *extra, *(f"--ignore={file}" for file in brief_files()))
     # Neighbours, which share processes, mostly stay on one worker; no long file is left to the end.
     four = ("-n", "4", "--dist", "worksteal")
-    mutation = (*PYTHON, "checks.mutation", "--module", "stop_latch")
+    mutation = (*PYTHON, "checks.mutation", "--module", "emergency_stop")
     return [
         [
             [tests("tests", ELSEWHERE, computing, 210)],
