@@ -1,10 +1,8 @@
 """Check that first drives beside busy processes arrive, and equal `sidestep trial`.
 
-`python -m checks.first_drives --drives 100 --busy 8` runs `sidestep up` as a new user does:
-in each world in turn, without a screen and with the app on a terminal. Each drive must reach its
-goal with the digest of the trial, however busy the computer is.
-
-Run one first drive, without a screen or with the app on a terminal, and read its outcome.
+`python -m checks.first_drives --drives 100 --busy 8` runs `sidestep up` as a new user does: in each
+world in turn, without a screen and with the app on a terminal. Each drive must reach its goal with
+the digest of the trial, however busy the computer is.
 """
 
 import argparse
@@ -26,7 +24,7 @@ from time import monotonic
 from typing import Final, NamedTuple
 
 from checks.harness.busy import busy, use_normal_priority
-from checks.harness.figures import machine_load as machine_load
+from checks.harness.figures import machine_load
 from checks.harness.terminal import Terminal
 from ground.launch.child_command import command
 from ground.user.runs import Run, read_runs

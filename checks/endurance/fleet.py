@@ -1,13 +1,12 @@
-"""The fleet of a soak: the processes of `up`, two operators and a recorder; some behind proxies.
+"""The fleet of a soak: its processes, its faults and their times, its telemetry and its drives.
 
-The faults of a soak and their times: each once per round, in an order drawn by seed.
+The processes are those of `up`, two operators and a recorder; some are behind proxies. Each fault
+is caused once per round, in an order drawn by seed. Telemetry shows the delay from senses to
+commands, missed ticks and silent robots.
 
-Telemetry of the fleet: delay from senses to commands, missed ticks, silent robots.
-
-Keep a robot driving whatever happens to it, even after it has lost its position.
-
-Each goal is relative to the estimated position: straight on after a goal was reached, else in
-another direction. So a robot that was restarted on its way continues like the others.
+A robot keeps driving whatever happens to it, even after it has lost its position. Each goal is
+relative to the estimated position: straight on after a goal was reached, else in another direction.
+So a robot that was restarted on its way continues like the others.
 """
 
 import os

@@ -2,16 +2,12 @@
 
 Only processes that lived for at least five minutes are judged. Beside the fleet runs a supervisor
 in a process of its own, with a plant that is never killed. Limits per ten minutes: 1 MB of memory,
-one open file, one thread.
+one open file, one thread. Growth is a slope with its confidence.
 
 Scan and wheel command are timed at one place: in the last third of the run the delay may be at most
 1.5 times that of the first. At most one tick in a hundred may be missed. Both exclude the five
 seconds after a fault. After a fault, all robots and their senses must be received again within ten
 seconds. The recorder must have every event of robot r1.
-
-The course of a soak, and its report: figures with limits, and a table.
-
-Estimate how fast a quantity grows: slope with confidence, first third against last third.
 """
 
 import argparse

@@ -1,9 +1,4 @@
-"""The faults of an emulated board, as data without behaviour.
-
-The faults that can be caused in a running stack, as data without behaviour.
-
-The fault matrix as data: each fault, the required reaction, and its time limits.
-"""
+"""The faults as data without behaviour, and the fault matrix: reactions and time limits."""
 
 from dataclasses import dataclass
 from enum import Enum, auto

@@ -1,13 +1,11 @@
-"""One power cut of a robot that saves: check that acknowledged changes survive it.
+"""Cut the power of a robot that saves: check that acknowledged changes survive it.
 
-The disk is simulated (`ReorderingDisk`). A parameter and the fence are changed in turn.
-The number of the repetition draws the disk operation after which the power is cut. A robot is
-started from each state that a file system which reorders writes may leave then.
+A parameter and the fence are changed in turn. The number of the repetition draws the disk operation
+after which the power is cut. A robot is started from each state that a file system which reorders
+writes may leave then.
 
-A disk in memory that records every state in which a power cut may leave it.
-
-It replaces the module `os` of the code under test. The model is a file system that reorders writes:
-content is durable only after an fsync of the file, and a name only after an fsync of its directory.
+The disk is simulated (`ReorderingDisk`), in the place of the module `os` of the code under test.
+Content is durable only after an fsync of the file, and a name only after an fsync of its directory.
 Until then each write may be there as a whole, in part, as zeros or not at all. Any subset of the
 changes of names may be there, in their order; a rename is atomic.
 """

@@ -1,6 +1,6 @@
-"""The result of one repetition, saved line by line so that an interrupted run can continue.
+"""Results of the fault matrix, saved line by line, and the page docs/evidence/faults.md of them.
 
-Write docs/evidence/faults.md: the fault matrix, after a list of the rows that miss a limit.
+An interrupted run continues from the saved lines. The page begins with the rows that miss a limit.
 """
 
 import json

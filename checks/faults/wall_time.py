@@ -2,11 +2,8 @@
 
 The processes connect to the router through TCP proxies that can be cut. Network disturbances,
 faults of the body, a hang with the GIL held and an exception are caused in the process itself, on a
-signal. The plant listens too, so that the truth is received even when the network is cut.
-
-The faults that a process must be able to inject into itself, as `fault_hook` reads them.
-
-Find the frames that a recorder's log lacks, by the sequence numbers of each key.
+signal (`fault_hook`). The plant listens too, so that the truth is received even when the network is
+cut. The sequence numbers of each key show the frames that the recorder's log lacks.
 """
 
 import resource

@@ -1,8 +1,7 @@
-"""The payloads of `bench flood`: replayed, broken, forged and oversized samples and queries.
+"""The kinds of attack of `bench flood`: what an attacker sends repeatedly, and at which rate.
 
-The kinds of attack: what an attacker sends repeatedly, and at which rate.
-
-Check that each stop acknowledged to an attacker put the robot into EMERGENCY_STOP.
+Payloads are replayed, broken, forged and oversized samples and queries. A stop that is acknowledged
+to an attacker must have put the robot into EMERGENCY_STOP.
 """
 
 import secrets

@@ -1,10 +1,9 @@
-"""Strangers without a certificate: connections that become no link, and forged stop datagrams.
+"""Attackers as processes: on a robot's bus, and strangers without a certificate.
 
-An attacker on a robot's bus as a process, and the class that starts and controls it.
-
-`python -m checks.flood.attackers KIND RATE ENDPOINT [FOLDER ROLE]` prints `ready`. It attacks
-after the line `go` on its standard input, pauses after `hold`, and prints a summary when its input
-ends. FOLDER and ROLE name the attacker's certificate; on an open bus it has none.
+`python -m checks.flood.attackers KIND RATE ENDPOINT [FOLDER ROLE]` prints `ready`. It attacks after
+the line `go` on its standard input, pauses after `hold`, and prints a summary when its input ends.
+FOLDER and ROLE name the attacker's certificate; on an open bus it has none. Strangers make
+connections that become no link, and forge stop datagrams.
 """
 
 import json

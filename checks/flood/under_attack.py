@@ -1,6 +1,4 @@
-"""The operator of a robot under attack: holds the lease, drives and presses the stop.
-
-Measure whether a robot under attack still stops at once and keeps its control period.
+"""Measure whether a robot under attack still stops at once and keeps its control period.
 
 Each kind of attack is a run of its own, on an open bus and with access control, there with the
 certificates of a viewer, of another robot and of another operator at a time. Attackers are

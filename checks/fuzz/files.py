@@ -1,11 +1,4 @@
-"""Settings and other files: configuration, parameters, calibrations, key bindings, studies.
-
-Certificates and keys for access control, and the files of MAVLink's signing.
-
-Missions and fences, in the project's files and in those of QGroundControl.
-
-Worlds in TOML and JSON, and the maps of ROS, Moving AI and BARN.
-"""
+"""Decoders of files to fuzz: settings, studies, keys, missions, fences, worlds and maps."""
 
 import json
 from argparse import Namespace
@@ -33,7 +26,6 @@ from ground.client.parameter_file import read as values_in
 from ground.console.history import History
 from ground.ghost.branch_point import PathReader
 from ground.missions import files, qgroundcontrol
-from ground.missions import files as toml_file
 from ground.missions.mission import Circle, Home, Mission, Polygon, Waypoint
 from ground.missions.transfer import fence_items_of, items_of
 from ground.user.mavlink_keys import KeyRing, new_key, read_keys, write_keys
@@ -358,7 +350,7 @@ def plan_bombs() -> Sequence[bytes]:
 MISSION: Final = (
     FuzzTarget(
         name="mission_toml",
-        samples=texts(toml_file.toml_text),
+        samples=texts(files.toml_text),
         run=from_file("mission.toml", read_mission),
         words=TOML_WORDS,
         bombs=toml_bombs,
@@ -378,7 +370,7 @@ MISSION: Final = (
     ),
     FuzzTarget(
         name="fence",
-        samples=texts(toml_file.toml_text),
+        samples=texts(files.toml_text),
         run=from_file("fence.toml", read_fence),
         words=TOML_WORDS,
         bombs=toml_bombs,

@@ -1,8 +1,7 @@
-"""Any bytes as frames, and any payloads in complete frames.
+"""Decoders of the gateway to fuzz: frames of any bytes, any payloads, and signed traffic.
 
-A simulated robot: it accepts, refuses or does not answer.
-
-Signed, forged and unsigned frames of four peers and two systems, through the whole gateway.
+Traffic is signed, forged and unsigned frames of four peers and two systems, through the whole
+gateway. Its robot is simulated: it accepts, refuses or does not answer.
 """
 
 import json

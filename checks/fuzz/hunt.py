@@ -1,11 +1,7 @@
-"""Run inputs through a decoder, and keep those that crash, hang or take too much memory.
+"""Fuzz every decoder with broken inputs: none may crash, hang or take too much memory.
 
-Fuzz every decoder with broken inputs: none may crash, hang or take too much memory.
-
-`--again FILE` runs an input that was kept, and shows its effect. The same `--seed` gives the same
-inputs.
-
-The targets of the gateway.
+Inputs that do are kept. `--again FILE` runs such an input, and shows its effect. The same `--seed`
+gives the same inputs.
 """
 
 import argparse

@@ -1,10 +1,8 @@
-"""A decoder as the fuzzer sees it: bytes in, and only allowed errors out.
+"""A decoder as the fuzzer sees it, and how broken inputs are made from good ones.
 
-Make broken inputs from good ones: bits, bytes, pieces, words of the format, limit numbers.
-
-The same sample, seed and number give the same bytes, so that each finding is reproducible.
-
-Words of the file formats, and files that take a parser very long.
+A decoder takes bytes, and only allowed errors come out. Inputs are broken by bits, bytes, pieces,
+words of the format, limit numbers, and files that take a parser very long. The same sample, seed
+and number give the same bytes, so that each finding is reproducible.
 """
 
 import re

@@ -1,8 +1,7 @@
-"""Input from the bus: frames, samples, requests, senses, and answers to requests.
+"""Decoders of the bus to fuzz: frames, samples, requests, senses, and answers to requests.
 
-Read any bytes as a row of messages, each in a readable frame.
-
-So the content of the fields is fuzzed, not the frame around them.
+Any bytes are read as a row of messages, each in a readable frame. So the content of the fields is
+fuzzed, not the frame around them.
 """
 
 import json

@@ -1,7 +1,4 @@
-"""A measured figure with its repetitions and threshold, and the report of a benchmark.
-
-The machine that a figure was measured on, and its load.
-"""
+"""A measured figure with its threshold, and the report of a benchmark with its machine."""
 
 import argparse
 import os

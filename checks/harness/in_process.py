@@ -1,9 +1,8 @@
 """A whole stack in one process, as Zenoh peers on loopback, in simulated time.
 
-Frames travel over real sockets. A control period of simulated time passes when all frames of a tick
-have arrived. Nothing sleeps: waiting for a frame is a condition with a deadline.
-
-Plant, robot and operator as Zenoh peers in this process, each started and killed separately.
+Plant, robot and operator can be started and killed separately. Frames travel over real sockets. A
+control period of simulated time passes when all frames of a tick have arrived. Nothing sleeps:
+waiting for a frame is a condition with a deadline.
 """
 
 import threading

@@ -1,7 +1,4 @@
-"""Processes of the stack for a measurement: ports, certificates, CPU time and memory of them.
-
-Plant and robot as processes in lockstep over Zenoh, driven to a goal from this process.
-"""
+"""Processes of the stack for a measurement: their start, cost, and runs in lockstep."""
 
 import os
 import socket

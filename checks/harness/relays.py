@@ -1,10 +1,7 @@
-"""A TCP proxy between a client and the hub whose connection can be cut silently.
+"""Bad lines between two programs: TCP proxies that are cut or slow, and UDP with an impaired line.
 
-A relay between a session and the hub that passes on the hub's bytes slowly.
-
-The effects of a bad line: seeded loss, delay, jitter and reordering, without I/O.
-
-A UDP relay between clients and a server, with an impaired line in each direction.
+A line is impaired by seeded loss, delay, jitter and reordering, without I/O. A TCP connection to
+the hub is cut silently.
 """
 
 import os

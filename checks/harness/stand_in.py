@@ -1,8 +1,7 @@
 """A substitute for plant and operator that keeps a real robot process driving.
 
-It publishes through the plant's own robot link, so a measurement sees what a plant would see.
-
-Wall-clock pacing at the control rate, for a program in the place of the plant.
+It publishes through the plant's own robot link, so a measurement sees what a plant would see. It is
+paced by the wall clock at the control rate.
 """
 
 from collections.abc import Iterator

@@ -1,10 +1,8 @@
 """The events of the model, made from the tables of the code.
 
 Requests come from `robot.commands.HANDLERS` and the services of the robot process, failsafe causes
-from `robot.core.safety.failsafe.ROWS`. `checks.model.events` lists the contents of
-each request; a command or kind of request without an entry there is an error.
-
-The requests of operators, with the contents of each.
+from `robot.core.safety.failsafe.ROWS`. The contents of each request are listed here; a command or
+kind of request without an entry is an error.
 """
 
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping
@@ -33,7 +31,6 @@ from protocol.wire.messages import (
 )
 from robot.commands import HANDLERS
 from robot.core import modes, reasons, states
-from robot.core import modes as machines
 from robot.core.safety.failsafe import ROWS
 from robot.core.values import Outputs, Pose
 from robot.process import SERVICES
@@ -402,13 +399,13 @@ def ends_of_goals() -> Iterator[ModelEvent]:
     def end(goal_state: int, reason: int) -> Callable[[ModelWorld], EventOutcome]:
         def act(world: ModelWorld) -> EventOutcome:
             machine = world.vehicle.state.machine
-            machines.end_goal(machine, goal_state, reason, world.now_ns // 1_000_000)
+            modes.end_goal(machine, goal_state, reason, world.now_ns // 1_000_000)
             return EventOutcome()
 
         return act
 
     def pursued(world: ModelWorld) -> bool:
-        return machines.drives(world.vehicle.state.machine)
+        return modes.drives(world.vehicle.state.machine)
 
     yield ModelEvent(
         "goal reached", end(states.REACHED, reasons.OK), enabled=pursued, group="pursuit"

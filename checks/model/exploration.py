@@ -1,8 +1,7 @@
-"""The parts of the model: the events that are explored together.
+"""Explore the abstract states breadth-first, part by part, and write them as state diagrams.
 
-Breadth-first search through the abstract states; the first path to a state is a shortest one.
-
-Write the explored states as a document with state diagrams in Mermaid.
+A part is the events that are explored together. The first path to a state is a shortest one. The
+document has state diagrams in Mermaid.
 """
 
 from collections import defaultdict, deque

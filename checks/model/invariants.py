@@ -1,6 +1,6 @@
 """The rules for every transition of the robot, one function each; the docstring is the rule.
 
-The observed state of a world: the abstract state that is hashed, and details to compare.
+Of a world, the abstract state is hashed, and the details are compared.
 """
 
 from collections.abc import Callable
@@ -28,8 +28,7 @@ from checks.model.model_world import (
     ModelWorld,
 )
 from protocol.wire.enums import GoalState, MissionState, Mode, Vehicle
-from robot.core import modes as machines
-from robot.core import reasons, states
+from robot.core import modes, reasons, states
 from robot.core.modes import Machine
 from robot.core.safety.failsafe import ROWS
 from robot.mission import Mission
@@ -88,7 +87,7 @@ def abstract(world: ModelWorld) -> Abstract:
     vehicle = world.vehicle
     machine, mission = vehicle.state.machine, vehicle.mission
     fence, holder = machine.fence, vehicle.lease.holder
-    waits = machine.mode == states.HOLD and (machines.goal_is_active(machine) or mission.active)
+    waits = machine.mode == states.HOLD and (modes.goal_is_active(machine) or mission.active)
     return Abstract(
         vehicle=Vehicle(machine.vehicle).name,
         mode=Mode(machine.mode).name,
@@ -115,7 +114,7 @@ def abstract(world: ModelWorld) -> Abstract:
 
 def goal_of(machine: Machine, mission: Mission) -> str:
     """Return the state of the goal; its end matters only to a mission under way."""
-    if machines.goal_is_active(machine):
+    if modes.goal_is_active(machine):
         return LIVE
     if not (mission.active and mission._under_way and machine.serial == mission._serial):
         return ""

@@ -1,6 +1,6 @@
-"""Capture the state of a graph of objects, and restore it.
+"""A robot without bus and threads: vehicle, senses and programs of operators, stepped by calls.
 
-A robot without bus and threads: vehicle, senses and programs of operators, stepped by calls.
+The state of its graph of objects can be captured and restored.
 """
 
 from collections import OrderedDict, deque

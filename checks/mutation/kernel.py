@@ -2,9 +2,8 @@
 
 The unit tests of guard, failsafe, mode machine, lease, wheel-command validity, mailbox, codec and
 stop datagram must take each branch of these modules, without any other test. The exit code is 1,
-with a list of the missed branches, if they do not or if a test fails.
-
-The mutated modules, and the unit tests that must detect their mutants.
+with a list of the missed branches, if they do not or if a test fails. The table of the mutated
+modules, with the unit tests that must detect their mutants, is here, too.
 """
 
 import os

@@ -1,10 +1,7 @@
-"""All mutants of a module, in the order of its source, identified by text and not by line.
+"""All mutants of a module, those that no test can detect with the reason, and the page of them.
 
-The mutation operators: the replacements of each kind of syntax node.
-
-The committed list of mutants that no test can detect, each with the reason.
-
-Write docs/evidence/mutants.md from equivalent.toml.
+Mutants are in the order of the source, and identified by text and not by line. The committed list
+`equivalent.toml` has those that no test can detect; docs/evidence/mutants.md is written from it.
 """
 
 import ast

@@ -1,9 +1,8 @@
-"""Environments that compute trials: environment variables, Pythons and libraries.
+"""Environments that compute trials: environment variables, Pythons, libraries and older commits.
 
 The lowest supported libraries are those named in pyproject.toml, the newest those of the package
-index. Each pair of a Python and a set of libraries has a virtual environment of its own.
-
-An older commit with the trials of this one, as a control.
+index. Each pair of a Python and a set of libraries has a virtual environment of its own. An older
+commit with the trials of this one is a control.
 """
 
 import os

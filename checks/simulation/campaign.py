@@ -1,15 +1,9 @@
-"""Runs of many seeds: their number, their cost, and the seeds that violate an invariant.
-
-Deterministic simulation of the whole stack: run seeds, and report speed and violations.
+"""Deterministic simulation of the whole stack: run seeds, and report speed and violations.
 
 Each seed draws operators, faults and attacks over 20 simulated seconds. A seed that violates an
-invariant is shrunk to the fewest events; `--events FILE` writes them, `--replay FILE` runs them.
-`--defects` puts fixed defects back and counts the seeds that find each. `--seed S --replay` runs
-one seed twice and compares the two runs bit by bit.
-
-Shrink a failing scenario: fewer events, a shorter run, the same invariant violated.
-
-Draw a scenario from a seed.
+invariant is shrunk to the fewest events and a shorter run; `--events FILE` writes them, `--replay
+FILE` runs them. `--defects` puts fixed defects back and counts the seeds that find each. `--seed S
+--replay` runs one seed twice and compares the two runs bit by bit.
 """
 
 import argparse

@@ -1,7 +1,4 @@
-"""The actions of operators, and how they are drawn.
-
-The kinds of events of a scenario: how each is drawn and applied.
-"""
+"""The kinds of events of a scenario, and how each is drawn and applied."""
 
 from collections.abc import Callable, Mapping
 from functools import partial

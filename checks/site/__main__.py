@@ -1,9 +1,7 @@
-"""Builds the documentation into build/site and checks it: `python -m checks.site`.
+"""`python -m checks.site`: build the documentation into build/site and check it.
 
 The build is strict: a warning fails it. The check then fails for a link that leads nowhere, a page
 that no other page links to, and a script, style, font or picture from another host.
-
-Checks a built site: dead links, orphan pages, resources from other hosts.
 """
 
 import argparse

@@ -1,12 +1,11 @@
-"""Draws the pictures of the documentation: `make pictures`.
+"""Draw the pictures of the documentation: `make pictures`.
 
 For some worlds the ways of all navigators beside each other, and the proof of `unreachable`, in
 light and in dark; and one drive that moves. Trials are deterministic, so equal code gives equal
 pictures.
 
-Draws the proof of `unreachable`: rings of walls around a goal, and the robot's chains of echoes.
-
-The chains are those of the recorded decisions of a trial, in the robot's estimated frame.
+The proof has rings of walls around a goal, and the robot's chains of echoes. The chains are those
+of the recorded decisions of a trial, in the robot's estimated frame.
 """
 
 import sys

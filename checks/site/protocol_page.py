@@ -1,6 +1,6 @@
 """Generate docs/reference/protocol.md from topic tables and dialect: `make generate-docs`.
 
-Table of the permissions of each certificate, derived from the rules given to Zenoh.
+The permissions of each certificate are derived from the rules given to Zenoh.
 """
 
 import re

@@ -1,21 +1,16 @@
-"""Arrival at a pose between random poses in an open world, compared with go-then-align.
+"""Accuracy of arrival and of odometry, over many drives between random poses.
 
-Errors are those of the pose that the robot estimated when it reported the goal as reached, which
-excludes odometry errors. A last turn is a turn on the spot at the goal.
+Arrival at a pose in an open world is compared with go-then-align. Errors are those of the pose that
+the robot estimated when it reported the goal as reached, which excludes odometry errors. A last
+turn is a turn on the spot at the goal.
 
-Consistency of the odometry's covariance: normalised estimation error squared over many drives.
-
+The odometry's covariance is consistent if the error of the pose at the end of a drive, measured in
+it (normalised estimation error squared), is distributed as chi-square. So the mean over the drives,
+of which 3 is expected for the pose and 2 for the position, lies within known 95 % bounds
+(Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 5.4.2).
 Per noise level, a robot calibrated for it drives straight, in curves, stop-and-go and among
-obstacles. The expected means are 3 for the pose and 2 for the position, within their 95 % bounds.
-Noise `none` is compared with its ellipse only: its errors, fractions of encoder ticks, are bounded.
-
-Consistency of the estimated covariance: normalised estimation error squared over many drives.
-
-The error of the pose at the end of a drive, measured in its own covariance, must be distributed as
-chi-square. So the mean over the drives lies within known bounds (Bar-Shalom, Li and Kirubarajan,
-Estimation with Applications to Tracking and Navigation, 5.4.2).
-
-Place trunks at random on a floor, with a passage between any two.
+obstacles. Noise `none` is compared with its ellipse only: its errors, fractions of encoder ticks,
+are bounded.
 """
 
 import argparse

@@ -4,11 +4,9 @@ Wall time counts from the start of simulated time to the message that the goal h
 bound is the tick of a trial in one process, plus one round trip of a bare Zenoh ping-pong: the same
 computation, and the same two messages. The three are measured in turn.
 
-Where the time of a tick goes: stages of the closed loop, CPU time of threads, switches, frames.
-
-The stages follow one another and add up to the time per tick; ticks of unusual duration are left
-out. Work beside them, such as the robot's telemetry after its wheel command, shows only in the CPU
-times.
+The breakdown shows where the time of a tick goes. The stages of the closed loop follow one another
+and add up to the time per tick; ticks of unusual duration are left out. Work beside them, such as
+the robot's telemetry after its wheel command, shows only in the CPU times of threads.
 """
 
 import argparse

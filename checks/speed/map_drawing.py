@@ -1,13 +1,8 @@
 """A frame of the map on 100 x 40 cells in truecolor, compared with textual-plotext.
 
 Both draw the same lines in turn: 14 obstacles, a trail that changes with every frame, sonar cones,
-an ellipse, goals. Ours also draws marks, words and dotted lines.
-
-Draw the lines of a recorded canvas with textual-plotext, used as documented.
-
-The scene to draw: a room with 14 obstacles, and a robot with a long trail.
-
-An app that paints frame after frame of one widget, on a driver that counts its output.
+an ellipse, goals. Ours also draws marks, words and dotted lines. The app paints frame after frame
+of one widget, on a driver that counts its output.
 """
 
 import argparse

@@ -1,19 +1,16 @@
-"""The robot process at 20 Hz with a subscribed ground: CPU share, memory, import time, growth.
+"""The robot process at 20 Hz: its cost, its lateness, and the cost of access control.
 
-CPU and memory are the kernel's figures of the process. Growth is measured in lockstep, where ten
-simulated hours take minutes: `--hours 10`.
+CPU and memory are the kernel's figures of the process, with a subscribed ground. Growth is measured
+in lockstep, where ten simulated hours take minutes: `--hours 10`.
 
-Missed ticks and lateness at wall-clock speed, as reported by the robot.
+The robot reports missed ticks and lateness at wall-clock speed. Lateness counts from the arrival of
+the scan that starts the tick. The lateness of the substitute plant that publishes the scans is
+reported too, since it is caused by the machine.
 
-Lateness counts from the arrival of the scan that starts the tick. The lateness of the substitute
-plant that publishes the scans is reported too, since it is caused by the machine.
-
-Cost of mutual TLS and access control in the closed loop, compared with an open bus.
-
-Three robot processes run 20 times a second and a third of a period apart, so that all meet the same
-load. Each has a substitute for plant and operator. One is open, one is locked with mutual TLS and
-access control on every sample, and one also logs rejected clients, as is the default. Their order
-rotates with each block.
+For access control three robot processes run 20 times a second and a third of a period apart, so
+that all meet the same load. Each has a substitute for plant and operator. One is open, one is
+locked with mutual TLS and access control on every sample, and one also logs rejected clients, as is
+the default. Their order rotates with each block.
 """
 
 import argparse

@@ -1,21 +1,16 @@
-"""Run ir-sim with the same world, robot and rays, in its own virtual environment.
+"""Speed of a trial, of its step and of its compiled modules, compared with ir-sim.
 
-Speed of a trial, plant and core in one process, compared with ir-sim without controller.
+ir-sim runs without controller in its own virtual environment. It gets the same world, robot, forty
+rays to 3 m and 50 ms step, and drives in a small circle at the robot's start. The two take turns.
 
-ir-sim gets the same world, robot, forty rays to 3 m and 50 ms step, and drives in a small circle at
-the robot's start. The two take turns.
+A step of the control core is replayed over a recorded drive through a forest. The garbage collector
+stays enabled after `gc.freeze()`, as on the robot. The cost of reading the clock is included and
+reported. Each repetition replays the same inputs from the start; a longer drive repeats the
+recorded one.
 
-CPU time of one step of the control core, over a recorded drive through a forest.
-
-The garbage collector stays enabled after `gc.freeze()`, as on the robot. The cost of reading the
-clock is included and reported. Each repetition replays the same inputs from the start; a longer
-drive repeats the recorded one.
-
-Trials with compiled modules, in pure Python and of ir-sim without controller, in turn.
-
+Compiled modules and pure Python take turns in each world, so that a load on the machine slows all.
 The compiled installation is built first. With `--before` an older checkout takes part, for the
-table of stages. The three children take turns in each world, so that a load on the machine slows
-all of them.
+table of stages.
 """
 
 import argparse

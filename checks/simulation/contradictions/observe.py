@@ -4,14 +4,12 @@ Each seed draws two persons with an app, terminals and a notebook, `up` and MAVL
 command one robot for 24 simulated seconds. Every outcome, answer, acknowledgement, exit code,
 lease, band, status line, log text and recording summary is compared with the truth. A word that is
 not so is printed with the seed, what was said, what was so, and the command that repeats it. The
-options are those of `bench simulate`. With `--beside` the programs are processes beside a real
-`up`.
+options are those of `bench simulate`.
 
-The observer beside a real `up`: terminals, a notebook and a MAVLink station for a minute.
-
-It has a session of its own on the bus, from which it learns the truth: status, lease, mission and
-the plant's pose. The programs are processes; what they print is judged by the rules of the
-simulation. Which program has asked for a goal is known from its place.
+With `--beside` the programs are processes beside a real `up`, for a minute. The observer then has a
+session of its own on the bus, from which it learns the truth: status, lease, mission and the
+plant's pose. What the programs print is judged by the rules of the simulation. Which program has
+asked for a goal is known from its place.
 """
 
 import argparse

@@ -1,10 +1,7 @@
-"""Draw what persons do with their programs from a seed.
+"""Draw from a seed what persons do with their programs, run it, and compare what they said.
 
-Run a scenario of persons and their programs, and compare what they said with what was.
-
-Fixed defects of words, which can be put back to check that the observer finds them.
-
-Each is a patch of product code in this process, as in `checks.simulation.defects`.
+Fixed defects of words can be put back, to check that the observer finds them. Each is a patch of
+product code in this process, as in `checks.simulation.defects`.
 """
 
 import gc

@@ -2,9 +2,8 @@
 
 A command of a shell is a process of its own, as in a terminal. A notebook is an asyncio program
 with the Python API. The app is the ground station's model, polled, with band and log. `up` follows
-the goal of its run. Each program has a host whose name begins with its person.
-
-A ground station that speaks MAVLink, with what it is told; it may come back from a new port.
+the goal of its run. A MAVLink station may come back from a new port. Each program has a host whose
+name begins with its person.
 """
 
 import asyncio

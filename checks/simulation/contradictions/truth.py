@@ -1,8 +1,7 @@
-"""The truth of a run: the state of robot and plant at each tick, and what arrived where.
+"""The truth of a run, and what persons do and their programs say in it.
 
-A row of the robot is noted after each tick and after each request that it has answered.
-
-What persons do with their programs, and what the programs say.
+The truth is the state of robot and plant at each tick, and what arrived where. A row of the robot
+is noted after each tick and after each request that it has answered.
 """
 
 from bisect import bisect_right

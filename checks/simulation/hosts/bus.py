@@ -1,13 +1,10 @@
-"""The shared state of all simulated sessions: declarations, samples and queries.
-
-A substitute for a Zenoh session, so that the real bus runs on the simulated network.
+"""A substitute for Zenoh, so that the real bus runs on a simulated network.
 
 It offers what the bus uses of Zenoh: publishers, subscribers, queryables, queries and liveliness
-tokens.
+tokens. All sessions share one hub with their declarations, samples and queries.
 
-The simulated network: delay, loss and order of frames between two hosts.
-
-Links have a direction. Without an impairment the delay is constant, so frames stay in order.
+The network delays, loses and reorders frames between two hosts. Links have a direction. Without an
+impairment the delay is constant, so frames stay in order.
 """
 
 from collections.abc import Callable

@@ -1,6 +1,4 @@
-"""The MAVLink gateway in the simulation: real clients' table, faces and bus port, no socket.
-
-MAVLink clients of the simulation: they command by frames, and wait for acknowledgements.
+"""MAVLink in the simulation: the real gateway without sockets, and clients that command by frames.
 
 A client repeats a command until it is acknowledged, like a ground station, and an emergency stop
 for ever. MAVLink's acknowledgements name no request: one of an earlier stop, or of a clear, looks

@@ -1,12 +1,9 @@
-"""Operators of the simulation, made of the command line's own client code.
+"""Operators of the simulation: at the command line's own client code, or at the ground station.
 
-An operator is a process with two threads of work: one runs its actions in turn, the other its
-emergency stops, which do not wait. Its heartbeat has a thread of its own, as in `lease take`.
-
-An operator at the ground station: its model without the screen, polled 20 times a second.
-
-Lease, heartbeat, emergency stop and requests are the station's own. The requests do what the
-command line does.
+At the command line an operator is a process with two threads of work: one runs its actions in turn,
+the other its emergency stops, which do not wait. Its heartbeat has a thread of its own, as in
+`lease take`. The ground station is its model without the screen, polled 20 times a second; lease,
+heartbeat, emergency stop and requests are its own.
 """
 
 from collections import deque

@@ -1,7 +1,4 @@
-"""The robot's process in the simulation: real vehicle, senses, meter, loop and bus.
-
-The plant's process in the simulation: real world, robot link, requests and loop.
-"""
+"""The processes of robot and plant in the simulation, with their real loops, links and buses."""
 
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final, Protocol

@@ -1,11 +1,10 @@
-"""Replace session, threads and clocks by simulated ones.
+"""Replace session, threads, clocks and disk of the product by simulated ones.
 
 Only modules whose code would block, start a thread, read a real clock or draw a random number are
 changed. All other product code runs unmodified.
 
-A simulated disk: a write survives a power cut only after fsync of file and directory.
-
-`SimulatedPath` and `SimulatedOs` offer what the robot's store uses of pathlib and os.
+On the disk a write survives a power cut only after fsync of file and directory. `SimulatedPath` and
+`SimulatedOs` offer what the robot's store uses of pathlib and os.
 """
 
 import os

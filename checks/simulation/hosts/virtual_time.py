@@ -4,11 +4,9 @@ A task is a greenlet. Product code that blocks (a sleep, a queue, a query) runs 
 each wait is an event of the queue. Only one task runs at a time. The order of events depends only
 on their times and the order in which they were added.
 
-Substitutes for threads, queues, locks and clocks, with the interfaces that product code uses.
-
-An asyncio event loop on simulated time: its waits are those of a task of the scheduler.
-
-Jobs of executors are simulated threads. One loop runs at a time in a simulation.
+Substitutes for threads, queues, locks and clocks have the interfaces that product code uses. So has
+an asyncio event loop: its waits are those of a task, and jobs of its executors are simulated
+threads. One loop runs at a time in a simulation.
 """
 
 import asyncio

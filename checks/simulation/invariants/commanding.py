@@ -1,11 +1,9 @@
-"""Invariants of commanding: heartbeats, manual control and the lease, by the time of sending.
+"""Invariants of commanding: heartbeats, manual control, lease and requests, also by the gateway.
 
-Invariants of requests: authority, deadlines and true acknowledgements.
-
-Invariants of the gateway: what reaches the robot by it must come from the client in control.
-
-Frames of clients are noted at the gateway's door, requests at the robot's. The client in control is
-the one whose name the granted lease bears.
+They are judged by the time of sending. Requests need authority, deadlines are kept, and
+acknowledgements are true. What reaches the robot by the gateway must come from the client in
+control, the one whose name the granted lease bears. Frames of clients are noted at the gateway's
+door, requests at the robot's.
 """
 
 from collections import defaultdict

@@ -1,9 +1,7 @@
-"""Invariants of persistence: an acknowledged change survives a restart.
+"""Invariants of persistence: acknowledged changes and the emergency stop survive a restart.
 
-Invariants of the emergency stop: acknowledged in time, released only by a later clear, and kept.
-
-What arrives at the robot is noted here, at its door, so that nothing depends on what the robot
-makes of it.
+A stop is acknowledged in time, and released only by a later clear. What arrives at the robot is
+noted here, at its door, so that nothing depends on what the robot makes of it.
 """
 
 from collections import defaultdict

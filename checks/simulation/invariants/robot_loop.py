@@ -1,7 +1,4 @@
-"""Invariants of the robot's loop, modes, goals and missions, after each of its ticks.
-
-Invariants of the wheels: what may turn them, and how soon they stop.
-"""
+"""Invariants after each tick: modes, goals and missions, and what may turn the wheels."""
 
 from math import hypot
 from typing import Any

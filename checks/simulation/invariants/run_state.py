@@ -1,6 +1,6 @@
-"""The shared state of the invariants: time, disturbances and the first violation.
+"""The shared state of the invariants: time, disturbances, the first violation, and the coverage.
 
-Coverage of the runs, which shows that the absence of violations means something.
+The coverage of the runs shows that the absence of violations means something.
 """
 
 from collections import Counter

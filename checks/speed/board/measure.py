@@ -1,12 +1,10 @@
 """Measure the core on the emulated board: `python -m checks.speed.board.measure`.
 
-Trials drive with every navigator through all worlds, and the scenarios found by `hardest` follow.
+Trials drive with every navigator through all worlds, and the scenarios found by `scenarios` follow.
 Each tick's instructions are counted and its cycles modelled by the plugin; the board itself reports
 heap, allocation and stack. The state of a navigator is counted in this process. A drive that was
 measured with the same image is not repeated. Exits with 1 if a trajectory differs from that of the
 core in this process, or a ceiling is exceeded.
-
-An emulated board whose instructions are counted and whose cycles are modelled.
 """
 
 import argparse

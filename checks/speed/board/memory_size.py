@@ -1,15 +1,13 @@
-"""Size of an object of the core on MicroPython's heap.
+"""Size of the state that a navigator keeps from tick to tick, as on MicroPython's heap.
+
+The scenarios run in this process, and the objects of the navigator are counted after every tick.
+The result is the largest state found.
 
 The model has blocks of 16 bytes and words of 4. An instance is a block and a map of 8 bytes per
 attribute, whatever its `__slots__`. A list is 16 bytes and a word per item, a tuple 8 and a word
 per item, a bytearray 16 and its bytes. A float is a block. An int up to 30 bits takes nothing, a
 longer one two blocks. Numbers and strings of the program are in flash. Every float counts
 separately, although two names may share one.
-
-Size of the state that a navigator keeps from tick to tick, as on the heap of the board.
-
-The scenarios of the search run in this process, and `memory_size` counts the objects of the
-navigator after every tick. The result is the largest state found.
 """
 
 from typing import Any, Final

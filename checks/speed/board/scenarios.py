@@ -1,15 +1,13 @@
-"""Synthetic ticks that are expensive for the core: bodies with places and samples, no drives.
+"""Synthetic ticks that are expensive for the core, and a search for the most expensive ones.
 
 In half of the scenarios the robot is enclosed in a small irregular room with its goal outside. So
 it follows close walls on all sides. In the other half it is moved externally while every echo
 changes with every tick. Its fence is expensive to check. The same numbers give the same scenario
 for a core in this process and for one on a board.
 
-Search for expensive ticks of the core, by the bytecodes that CPython executes in it.
-
-The search runs synthetic scenarios in this process, which is fast, and ranks them by their tick
-with the most bytecodes. The cost of the first ones is then measured on the board. The result is the
-worst tick found, not an upper bound.
+The search runs in this process, which is fast, and ranks scenarios by their tick with the most
+bytecodes that CPython executes in the core. The cost of the first ones is then measured on the
+board. The result is the worst tick found, not an upper bound.
 """
 
 import sys

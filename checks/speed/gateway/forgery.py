@@ -1,7 +1,4 @@
-"""Forged, replayed and unsigned commands where signing is required, by what the robot receives.
-
-Frames of an attacker: commands with a wrong, an old or no signature.
-"""
+"""Forged, replayed and unsigned commands where signing is required, by what the robot receives."""
 
 import argparse
 import secrets

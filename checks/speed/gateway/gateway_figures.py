@@ -1,14 +1,11 @@
 """Figures of the MAVLink gateway, each measured in one run beside what it is compared with.
 
-CPU time and memory of the gateway: one robot that drives, one client, default rates.
-
-The profile for 57,600 baud: bytes per second and regular streams, while parameters are read.
-
-Connected until ready: heartbeat, all parameters, the mission and the home, with lost frames.
-
-The client asks for all three at once. It repeats a request without an answer after a second, as
-MAVProxy and the loops of mavutil scripts do. Parameters come as the file of MAVProxy and Mission
-Planner, by pymavlink's own FTP client, or as the list of PARAM_VALUE.
+- Cost: CPU time and memory, with one robot that drives, one client and default rates.
+- Line: bytes per second and regular streams at 57,600 baud, while parameters are read.
+- Ready: the time until a client has heartbeat, all parameters, the mission and the home, with lost
+  frames. It asks for all three at once, and repeats a request without an answer after a second, as
+  MAVProxy and the loops of mavutil scripts do. Parameters come as the file of MAVProxy and Mission
+  Planner, by pymavlink's own FTP client, or as the list of PARAM_VALUE.
 """
 
 import argparse

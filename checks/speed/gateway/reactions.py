@@ -1,9 +1,9 @@
-"""Guided goto: from the client's send to the first wheel command, beside the bus's own.
+"""Reactions by the gateway: guided goto beside the bus's own, and rest after a client falls silent.
 
-The robot starts to drive at a tick of its 50 ms grid. So each way sends at the same phases of the
-grid, spread evenly and in random order, and both alternate.
-
-Wheels at rest after the last setpoint of a client that falls silent, beyond its time-out.
+A goto counts from the client's send to the first wheel command. The robot starts to drive at a tick
+of its 50 ms grid. So each way sends at the same phases of the grid, spread evenly and in random
+order, and both alternate. Silence counts from the last setpoint to wheels at rest, beyond its
+time-out.
 """
 
 import argparse

@@ -1,6 +1,6 @@
 """A robot and its plant, observed on their bus, and a gateway that clients reach on loopback.
 
-A MAVLink ground station on pymavlink, over UDP or a serial line, with times of its traffic.
+The client is a ground station on pymavlink, over UDP or a serial line, with times of its traffic.
 """
 
 import os

@@ -1,13 +1,11 @@
 """Cost and latency of the app on a terminal with a real robot.
 
-CPU time is the kernel's figure of the app's process. Output is counted and keys are pressed at the
-other end of its pty; an observer on the bus records the robot's reaction.
+CPU time is the kernel's figure of the app's process, at ten frames a second: driving, idle, paused,
+on a slow line. Output is counted and keys are pressed at the other end of its pty; an observer on
+the bus records the robot's reaction.
 
-CPU time and output of the app at ten frames a second: driving, idle, paused, slow line.
-
-Time from the start of the app's process to a screen with the robot's name.
-
-Bare Python and Python with Textual are started in turn with it, so that all meet the same load.
+The start counts until a screen has the robot's name. Bare Python and Python with Textual are
+started in turn with the app, so that all meet the same load.
 """
 
 import argparse

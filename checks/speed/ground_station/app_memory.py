@@ -1,6 +1,6 @@
-"""Memory of the app over minutes of telemetry at 50 Hz and many log lines, on simulated time.
+"""Memory of the app over a long run, and its key latency while 100 000 log lines arrive.
 
-Memory of the app over a long run, and its key latency while 100 000 log lines arrive.
+The run is minutes of telemetry at 50 Hz on simulated time.
 """
 
 import argparse

@@ -1,11 +1,8 @@
-"""Start the app on a terminal of a given size.
+"""The app on a terminal of a given size, and the latency from a key to the robot's reaction.
 
-Latency of hold and e-stop, from the key to the robot's reaction, and the distance rolled.
-
-Latency from a key in the terminal to the robot's reaction, as an observer on its bus sees it.
-
-A hold has acted when the robot's mode is HOLD: from that tick on its wheels slow down as fast as
-permitted. An e-stop has acted when the wheels are commanded to zero.
+An observer on the robot's bus sees the reaction, and the distance rolled. A hold has acted when the
+robot's mode is HOLD: from that tick on its wheels slow down as fast as permitted. An e-stop has
+acted when the wheels are commanded to zero.
 """
 
 import argparse

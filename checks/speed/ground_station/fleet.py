@@ -1,6 +1,6 @@
-"""CPU time of the app and missed ticks of the robots, with a whole fleet that is driving.
+"""The app beside a whole fleet that drives: CPU time, missed ticks, and the stop of all robots.
 
-Latency of the stop of all robots: from the key in the terminal to the last wheel that stands.
+The stop counts from the key in the terminal to the last wheel that stands.
 """
 
 import argparse
