@@ -4,7 +4,7 @@ A session id is public, so it proves nothing. Zenoh admits one link per session 
 certificate it shows. A process that listens therefore remembers which certificate used an id first,
 and ends each link of another one. Which certificate an id belonged to before this process started
 cannot be known: whoever then comes first keeps it. The rightful process opens a fresh session with
-another id (`session`).
+another id (`protocol.bus.session`).
 """
 
 import time
