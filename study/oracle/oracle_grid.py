@@ -18,8 +18,7 @@ from robot.core.navigators import pace
 from robot.core.navigators.pace import Held
 from robot.core.navigators.registry import NAVIGATORS, Navigator
 from robot.core.parameters import Params
-from robot.core.perception import closing_speed
-from robot.core.perception import sonar_ring as rings
+from robot.core.perception import closing_speed, sonar_ring
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Decision, Goal, Pose, wrap
 from runtime.elementary import atan2, cos_sin
@@ -306,7 +305,7 @@ def decision(memory: OracleMemory, pose: Pose, ring: Ring, goal: Goal, params: P
     cosine, sine = cos_sin(gamma_rad)
     return Decision(
         branch,
-        rings.bearing_rad(ring),
+        sonar_ring.bearing_rad(ring),
         ring.nearest_m,
         alpha_rad,
         gamma_rad,
