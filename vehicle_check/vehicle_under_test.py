@@ -123,7 +123,6 @@ SET_MESSAGE_INTERVAL: Final = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
 EMERGENCY: Final = mavlink.MAV_STATE_EMERGENCY
 ONE_CLIENT: Final = "this endpoint serves one ground station"
 
-
 Found = TypeVar("Found")
 
 

@@ -66,7 +66,6 @@ SCREEN: Final = Style("screen", 12.0, 7.5, font_pt=9.0, line_pt=1.4, dpi=120)
 PAPER: Final = Style("paper", 3.5, 7.0, font_pt=7.0, line_pt=0.9, dpi=300, one_column=True)
 STYLES: Final = MappingProxyType({style.name: style for style in (SCREEN, PAPER)})
 
-
 ELLIPSES: Final = 8
 MAX_ECHOES: Final = 4000
 ARROW_M: Final = 0.25

@@ -34,7 +34,6 @@ ORIGIN: Final = Struct("<ii")
 FLOAT: Final = Struct("<f")
 NO_PLAN: Final = 0
 
-
 V = TypeVar("V")
 
 

@@ -18,7 +18,6 @@ from ground.missions.draft import AddWaypoint, waypoint_at
 
 WAYS: Final = {"up": (0, 1), "down": (0, -1), "left": (-1, 0), "right": (1, 0)}
 
-
 TURN_DEG: Final = 15.0
 FAR: Final = 10.0
 STEPS: Final = (1.0, 2.0, 5.0, 10.0)

@@ -140,7 +140,6 @@ SENSES: Final = 3
 """Bits of TICK_INPUTS: 1 for wheel ticks, 2 for a scan."""
 PLANT: Final[tuple[Topic[Any], ...]] = (SONAR, WHEELS, TRUTH, CLOCK)
 
-
 START_NS: Final = 20 * NS_PER_S
 """Longest time for which processes that are being started do not count as lost."""
 
