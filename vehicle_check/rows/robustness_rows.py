@@ -10,8 +10,14 @@ from vehicle_check.ground_stations import GroundStation
 from vehicle_check.mavlink_frames import mavlink
 from vehicle_check.rows.identity_rows import versions
 from vehicle_check.rows.parameter_rows import PCK, most_seconds, parameters
-from vehicle_check.transfers import FENCE, MISSION, FileClient, download_parameters, unpacked
-from vehicle_check.transfers import download_plan as plan_of
+from vehicle_check.transfers import (
+    FENCE,
+    MISSION,
+    FileClient,
+    download_parameters,
+    download_plan,
+    unpacked,
+)
 from vehicle_check.vehicle_under_test import (
     Findings,
     RowVerdict,
@@ -64,8 +70,8 @@ def _seconds_until_ready(check: VehicleCheck, found: Findings) -> float:
         "heartbeat": client.greet(),
         "version": any(versions_of(check, client)),
         "parameters": _has_parameters(client),
-        "mission": plan_of(client, MISSION),
-        "fence": plan_of(client, FENCE),
+        "mission": download_plan(client, MISSION),
+        "fence": download_plan(client, FENCE),
         "home": client.heard("HOME_POSITION") or client.request(242, "HOME_POSITION"),
     }
     seconds = (check.station.now_ns - start_ns) / NS_PER_S

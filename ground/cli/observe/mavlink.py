@@ -52,22 +52,21 @@ def loss(text: str) -> float:
 
 def run(options: argparse.Namespace, output: Output) -> int:
     """Judge the vehicle; return 0 if no row fails, else 1."""
-    from vehicle_check import judge as report
+    from vehicle_check import judge
     from vehicle_check.ground_stations import SocketNetwork
-    from vehicle_check.judge import rows
     from vehicle_check.mavlink_frames import read_key
     from vehicle_check.vehicle_under_test import CheckOptions
 
-    chosen = chosen_rows(rows(), options.rows)
+    chosen = chosen_rows(judge.rows(), options.rows)
     key = None if options.signing_key is None else read_key(options.signing_key)
     if options.junit is not None:
         expect_writable(options.junit)
     choices = CheckOptions(options.allow_motion, key, options.loss, options.seed, time.time())
     outcome = judged_over(SocketNetwork(options.endpoint), choices, chosen, output)
-    output.result(report.as_dict(options.endpoint, outcome), report.as_text(outcome))
+    output.result(judge.as_dict(options.endpoint, outcome), judge.as_text(outcome))
     if options.junit is not None:
-        write(options.junit, report.as_junit(options.endpoint, outcome.rows))
-    return 0 if report.is_good(outcome.rows) else 1
+        write(options.junit, judge.as_junit(options.endpoint, outcome.rows))
+    return 0 if judge.is_good(outcome.rows) else 1
 
 
 def expect_writable(path: Path) -> None:
