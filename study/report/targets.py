@@ -40,6 +40,8 @@ from study.report.trials import (
     in_group,
 )
 
+__all__ = ["MET", "MISSED", "OWN", "UNMEASURED", "StudyTarget", "target_table", "targets"]
+
 MET: Final = "met"
 MISSED: Final = "missed"
 UNMEASURED: Final = "not measured"
@@ -334,8 +336,6 @@ def forest_targets(own: Trials) -> Iterator[StudyTarget]:
     if not len(some):
         yield unmeasured(what, "all", f"≥ {SCORE:g}")
 
-
-__all__ = ["MET", "MISSED", "OWN", "UNMEASURED", "StudyTarget", "target_table", "targets"]
 
 OWN: Final = "vgm_memory"
 ARRIVALS: Final = {"none": 0.999, "default": 0.997, "lossy": 0.993, "harsh": 0.97}
