@@ -92,6 +92,7 @@ class TcpProxy:
             while data := source.recv(65_536):
                 if self._whole.is_set():
                     sink.sendall(data)
+        with suppress(OSError):  # also after an error: each end learns that the other one has gone
             sink.shutdown(socket.SHUT_RDWR)
 
 

@@ -42,6 +42,8 @@ def wait_until(deadline_ns: int) -> None:
 ANSWER_WITHIN_S = 0.04
 READY_WITHIN_S = 10.0
 STANDS_AFTER = 4
+BUSY = (Reason.BUDGET, Reason.NOT_ARMED)
+"""Why a robot whose loop is too slow refuses to be armed, or, disarmed since, to drive."""
 SETS_OFF_WITHIN = 100
 
 
@@ -115,13 +117,15 @@ class PlantStandIn:
     def _obeys(self, request: CommandRequest | GoalRequest) -> bool:
         """Ask for something; return False if the robot's own loop is too slow at the moment.
 
+        It may also have been too slow since it was armed, and have disarmed itself.
+
         Raises:
             RuntimeError: It refuses for another reason, which waiting does not change.
         """
         answer = self._operator.ask(COMMAND, request, robot=ROBOT)
         if is_accepted(answer):
             return True
-        if isinstance(answer, CommandAck) and answer.result_param2 == Reason.BUDGET:
+        if isinstance(answer, CommandAck) and answer.result_param2 in BUSY:
             return False
         raise RuntimeError(f"the robot refused {request}: {answer!r}")
 
