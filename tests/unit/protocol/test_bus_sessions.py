@@ -6,6 +6,7 @@ import pwd
 import re
 import socket
 import struct
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from collections.abc import Set as AbstractSet
@@ -22,6 +23,7 @@ from protocol.bus import network, sockets
 from protocol.bus import session as lasting_session
 from protocol.bus.bus import Presence, TokenSet, presence_in
 from protocol.bus.network import Network, Tls
+from protocol.bus.peers import declare_link_events
 from protocol.bus.session import LastingSession, unconnected, unknown_host
 from protocol.bus.sockets import LinkCloser, stop_lingering
 from protocol.topic import MAX_PERSON, PERSON, operator_in, person_of
@@ -412,3 +414,17 @@ def test_tokens_added_by_two_threads_at_once_are_all_kept(
     before.other.join()
     assert sorted(tokens.there) == there
     assert seen == [SECOND if came else FIRST, THIRD]
+
+
+def test_interrupt_in_a_link_event_is_left_to_the_hook(monkeypatch: pytest.MonkeyPatch) -> None:
+    ignored: list[object] = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda args: ignored.append(args.exc_value))
+    error = KeyboardInterrupt()
+
+    def interrupted(_event: object) -> None:
+        raise error
+
+    declared: Any = SimpleNamespace()
+    declared.declare_link_events_listener = lambda callback, *, history: callback.callback(None)
+    declare_link_events(cast("Any", SimpleNamespace(info=declared)), interrupted)
+    assert ignored == [error]
