@@ -305,6 +305,10 @@ def test_garbage_of_a_tick_is_collected(board: Board) -> None:
     assert report.heap_peak_bytes <= IMAGE.heap_bytes
 
 
+STRAY: Final = 512
+"""Bytes that a stray word on the stack may hold; a core has more than 8 KB."""
+
+
 @pytest.mark.mcu
 def test_set_up_again_frees_the_core_before(board: Board) -> None:
     live = []
@@ -312,7 +316,10 @@ def test_set_up_again_frees_the_core_before(board: Board) -> None:
         board.set_up(DEFAULTS)
         last = drive_off(board)
         live.append([tick(board, last + i).report.heap_live_bytes for i in range(1, 4)][-1])
-    assert max(live[1:]) <= live[0] + 16
+    # The collector takes each word on the stack for a reference, so that a single count may hold a
+    # small block that nothing uses. A core that stays is counted every time, and has kilobytes.
+    assert min(live[1:]) <= live[0] + 16
+    assert max(live[1:]) <= live[0] + STRAY
 
 
 ROOT: Final = Path(__file__).resolve().parents[2]
