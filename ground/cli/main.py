@@ -78,8 +78,9 @@ def failed(output: Output, verb: str, why: str, code: int) -> int:
 def signals(*, keep: bool = False) -> Iterator[None]:
     """Let SIGTERM and SIGHUP end the verb as Ctrl-C does, once; ignore them while it ends.
 
-    Python ignores an exception in a finalizer, in the callback of a weak reference or of a foreign
-    library. A signal that was lost there is sent again until it reaches the verb.
+    Python ignores an exception in a finalizer and in the callback of a weak reference; those of
+    Zenoh's callbacks get there by `protocol.bus.callbacks`. A signal that was lost there is sent
+    again until it reaches the verb.
 
     Restore the former handlers after the block, unless they are to be kept.
     """

@@ -16,8 +16,8 @@ from itertools import islice
 from typing import Any, Final, NamedTuple, Self, TypeVar
 
 import zenoh
-from zenoh.handlers import Callback
 
+from protocol.bus.callbacks import zenoh_callback
 from protocol.bus.certificate import holder, peer_refusal
 from protocol.bus.fault_injector import FaultInjector
 from protocol.bus.mailbox import Mailbox, Sample
@@ -370,7 +370,7 @@ class Bus:
             take(ServiceRequest(query, key, service, encoder, queue.send))
 
         for end in ends_of(service):
-            callback = Callback(receive, indirect=False)
+            callback = zenoh_callback(receive)
             self._declare(partial(queryable, f"{key}{end}", callback))
 
     def ask(
@@ -450,7 +450,7 @@ class Bus:
                     tokens.take(token, appeared=sample.kind == zenoh.SampleKind.PUT)
 
             tokens.clear()  # those of an earlier session
-            callback = Callback(forward, indirect=False)
+            callback = zenoh_callback(forward)
             return one.liveliness().declare_subscriber(key, callback, history=True)
 
         self._declare(declare)
@@ -502,7 +502,7 @@ class Bus:
         receive = self.faults.wrapped(callback)
         if history:
             return fetching_subscriber(self._sessions, key, history, receive)
-        callback = Callback(receive, indirect=False)
+        callback = zenoh_callback(receive)
         return self._sessions.declare(lambda one: one.declare_subscriber(key, callback))
 
 

@@ -13,8 +13,8 @@ from threading import Lock
 from typing import Any, Final, NamedTuple
 
 import zenoh
-from zenoh.handlers import Callback
 
+from protocol.bus.callbacks import zenoh_callback
 from protocol.bus.network import Network
 from protocol.bus.rights import impostor
 from runtime.errors import AccessDeniedError
@@ -23,33 +23,11 @@ QUIET_S: Final = 10.0
 REPLACED: Final = "no data is exchanged with it; find out which process listens there with this key"
 
 
-class _Unraisable:
-    """Hands an exception to `sys.unraisablehook`: what a finalizer raises goes there."""
-
-    def __init__(self, error: BaseException) -> None:
-        self._error = error
-
-    def __del__(self) -> None:
-        raise self._error
-
-
 def declare_link_events(
     session: zenoh.Session, handler: Callable[[zenoh.LinkEvent], None]
 ) -> "zenoh.LinkEventsListener[None]":
-    """Call `handler` for each present and new link, and for the end of each.
-
-    It is called for the present ones in this thread. Zenoh logs an exception and goes on, so that
-    a ctrl+c would be lost there: it is left to `sys.unraisablehook`, which sends it again.
-    """
-
-    def call(event: zenoh.LinkEvent) -> None:
-        try:
-            handler(event)
-        except KeyboardInterrupt as error:
-            _Unraisable(error)
-
-    callback = Callback(call, indirect=False)
-    return session.info.declare_link_events_listener(callback, history=True)
+    """Call `handler` for each present and new link, and for the end of each."""
+    return session.info.declare_link_events_listener(zenoh_callback(handler), history=True)
 
 
 def callers(

@@ -16,8 +16,8 @@ from typing import Any, Final, Generic, NamedTuple, TypeAlias, TypeVar
 
 import zenoh
 from zenoh import ext
-from zenoh.handlers import Callback
 
+from protocol.bus.callbacks import zenoh_callback
 from protocol.bus.rights import kept_by
 from protocol.bus.robot_clock import time_bytes
 from protocol.bus.session import Declared, LastingSession
@@ -113,11 +113,9 @@ def fetching_subscriber(
 
     def declare(one: zenoh.Session) -> Subscriptions:
         return Subscriptions(
-            one.declare_subscriber(key, Callback(receive, indirect=False)),
-            one.declare_subscriber(kept_by(key), Callback(found, indirect=False)),
-            one.liveliness().declare_subscriber(
-                kept_by(key), Callback(found, indirect=False), history=True
-            ),
+            one.declare_subscriber(key, zenoh_callback(receive)),
+            one.declare_subscriber(kept_by(key), zenoh_callback(found)),
+            one.liveliness().declare_subscriber(kept_by(key), zenoh_callback(found), history=True),
         )
 
     return session.declare(declare)
@@ -235,7 +233,7 @@ def fetch(
     try:
         session.now.get(
             f"{key}/@adv/pub/{zid}/{number}/_?_sn={due}..;_max={newest}",
-            Callback(take, partial(got, samples), indirect=False),
+            zenoh_callback(take, partial(got, samples)),
             timeout=FETCH_S,
             consolidation=zenoh.ConsolidationMode.NONE,
             accept_replies=zenoh.ReplyKeyExpr.ANY,

@@ -19,11 +19,11 @@ from typing import Any, cast
 import pytest
 import zenoh
 
-from protocol.bus import network, sockets
+from protocol.bus import callbacks, network, sockets
 from protocol.bus import session as lasting_session
 from protocol.bus.bus import Presence, TokenSet, presence_in
+from protocol.bus.callbacks import zenoh_callback
 from protocol.bus.network import Network, Tls
-from protocol.bus.peers import declare_link_events
 from protocol.bus.session import LastingSession, unconnected, unknown_host
 from protocol.bus.sockets import LinkCloser, stop_lingering
 from protocol.topic import MAX_PERSON, PERSON, operator_in, person_of
@@ -416,15 +416,20 @@ def test_tokens_added_by_two_threads_at_once_are_all_kept(
     assert seen == [SECOND if came else FIRST, THIRD]
 
 
-def test_interrupt_in_a_link_event_is_left_to_the_hook(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_interrupts_a_callback_is_left_to_the_hook(monkeypatch: pytest.MonkeyPatch) -> None:
     ignored: list[object] = []
     monkeypatch.setattr(sys, "unraisablehook", lambda args: ignored.append(args.exc_value))
     error = KeyboardInterrupt()
 
-    def interrupted(_event: object) -> None:
+    def interrupted(_value: object) -> None:
         raise error
 
-    declared: Any = SimpleNamespace()
-    declared.declare_link_events_listener = lambda callback, *, history: callback.callback(None)
-    declare_link_events(cast("Any", SimpleNamespace(info=declared)), interrupted)
+    zenoh_callback(interrupted).callback("a sample")
     assert ignored == [error]
+
+
+def test_no_other_module_gives_zenoh_a_function() -> None:
+    """Zenoh would log a ctrl+c that arrives in it, and the program would go on."""
+    bus = Path(callbacks.__file__).parent
+    others = [path.name for path in bus.glob("*.py") if "Callback(" in path.read_text()]
+    assert others == ["callbacks.py"]

@@ -1,0 +1,40 @@
+"""The only way to give Zenoh a function: what interrupts it is not lost.
+
+Zenoh calls a function in the thread that asks, too: for the tokens and links that are there when a
+listener is declared, for own publications and for own replies. It logs an exception of the function
+and goes on. A ctrl+c that arrives meanwhile would be lost there, and the program would drive on.
+"""
+
+from collections.abc import Callable
+from typing import TypeVar
+
+from zenoh.handlers import Callback
+
+T = TypeVar("T")
+
+
+class _Unraisable:
+    """Hands an exception to `sys.unraisablehook`: what a finalizer raises goes there."""
+
+    def __init__(self, error: BaseException) -> None:
+        self._error = error
+
+    def __del__(self) -> None:
+        raise self._error
+
+
+def zenoh_callback(
+    function: Callable[[T], object], drop: Callable[[], object] | None = None
+) -> "Callback[T]":
+    """Return a function as Zenoh calls it, and `drop` for the end of its calls.
+
+    `sys.unraisablehook` gets what interrupts it; the command line sends the signal again.
+    """
+
+    def call(value: T) -> None:
+        try:
+            function(value)
+        except KeyboardInterrupt as error:
+            _Unraisable(error)
+
+    return Callback(call, drop, indirect=False)
