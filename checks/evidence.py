@@ -102,6 +102,8 @@ DRIVES: Final = ("runtime", "robot/core", "robot/hosting.py", "plant", "study")
 STACK: Final = ("runtime", "protocol", "robot", "plant", "ground")
 FORMER: Final = (
     ("checks", "verification"),
+    ("checks/endurance", "verification/soak"),
+    ("checks/faults", "verification/faults_matrix"),
     ("checks/speed", "benchmarks"),
     ("firmware", "robot/mcu"),
     ("robot/hosting.py", "robot/hosting"),
@@ -449,9 +451,13 @@ def with_mark(text: str, status: PageStatus) -> str:
     return with_block(text, [line[0], warning])
 
 
-def is_within(path: str, folder: str) -> bool:
-    """Return whether a path is in a folder, or is that one, or holds it."""
-    return f"{path}/".startswith(f"{folder}/") or f"{folder}/".startswith(f"{path}/")
+def former_paths(path: str) -> Iterator[str]:
+    """Yield where a path was before it moved, and where folders in it were."""
+    for new, old in FORMER:
+        if f"{path}/".startswith(f"{new}/"):
+            yield old + path.removeprefix(new)
+        elif new.startswith(f"{path}/"):
+            yield old
 
 
 class CommitHistory:
@@ -466,7 +472,7 @@ class CommitHistory:
         """Return how many commits touched the paths since a commit; None if it is not here."""
         if self._git("cat-file", "-e", f"{commit}^{{commit}}") is None:
             return None
-        former = [old for new, old in FORMER if any(is_within(new, path) for path in paths)]
+        former = [old for path in paths for old in former_paths(path)]
         found = self._git("rev-list", "--count", f"{commit}..HEAD", "--", *paths, *former)
         return None if found is None else int(found)
 

@@ -22,6 +22,7 @@ from checks.evidence import (
     brief,
     chosen,
     commands_under,
+    former_paths,
     index,
     mark,
     origin_of,
@@ -585,3 +586,10 @@ def test_results_and_page_are_written(
     page.write_text("<!-- published-maps:begin --><!-- published-maps:end -->\n")
     assert published_maps_main(["--results", files[1], "--page", str(page)]) == 0
     assert table([one]) in page.read_text()
+
+
+def test_commits_to_a_folder_before_its_move_count() -> None:
+    assert "verification/same_bits" in former_paths("checks/same_bits")
+    assert "ground/gateway" in former_paths("gateways")
+    assert "verification" not in former_paths("checks/same_bits"), "those of its neighbours"
+    assert list(former_paths("plant")) == []
