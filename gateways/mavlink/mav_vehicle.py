@@ -15,6 +15,7 @@ from gateways.mavlink.robot_port import KEEPS_FENCE, Answered, Done, RobotPort, 
 from gateways.mavlink.signing import WATCHING
 from ground.client.operations.fences import ClearFence
 from ground.client.operations.session import Operation
+from ground.client.requests import CROSSING_NS
 from ground.missions.mission import Home
 from protocol.wire.enums import Mode, Severity
 from protocol.wire.enums import Vehicle as State
@@ -114,10 +115,6 @@ class Refusals:
     def forget(self, client: int) -> None:
         """Drop the state of a client that has disconnected."""
         self._recent.pop(client, None)
-
-
-CROSSING_NS: Final = 300 * NS_PER_MS
-"""A status sent before a command may arrive up to this time after its answer."""
 
 
 BY_NUMBER: Final = MappingProxyType({int(mode): mode for mode in Mode})

@@ -17,7 +17,7 @@ from gateways.mavlink.mavlink_dialect import mavlink
 from gateways.mavlink.robot_port import OVERTAKEN, STOPS, Answered, Done, RobotPort, Snapshot
 from ground.client.operations.lease_holder import is_ours
 from ground.client.operations.session import Operation
-from ground.client.requests import HeartbeatTimer
+from ground.client.requests import CROSSING_NS, HeartbeatTimer
 from ground.client.results import Accepted, Refused
 from protocol.wire.enums import LeaseAction, Severity
 from protocol.wire.limits import OPERATOR_LOST_MS
@@ -77,8 +77,6 @@ class ClientPresence:
         return True
 
 
-CROSSING_NS: Final = 300 * NS_PER_MS
-"""A lease status sent before a change may arrive up to this time after it."""
 GONE_NS: Final = 1_100 * NS_PER_MS
 RETURN_NS: Final = 900 * NS_PER_MS
 """A client that comes back with the same ids from another address gets control once the old address

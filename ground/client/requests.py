@@ -31,6 +31,8 @@ PATIENCE_NS: Final = 500 * NS_PER_MS
 BEAT_NS: Final = 200 * NS_PER_MS
 SILENCE_NS: Final = 3_000 * NS_PER_MS
 UNSEEN_NS: Final = 3_000 * NS_PER_MS
+CROSSING_NS: Final = 300 * NS_PER_MS
+"""A status sent before a change may arrive up to this time after the answer to the change."""
 NAMED_NS: Final = 1_000 * NS_PER_MS
 """Longest wait for the name of the operator whose goal has replaced another one."""
 BY_ANOTHER: Final = "by another"

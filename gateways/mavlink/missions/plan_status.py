@@ -26,14 +26,13 @@ from gateways.mavlink.missions.plan_kinds import FenceKind, MissionKind
 from gateways.mavlink.robot_port import Answered, Done
 from ground.client.operations.fences import ClearFence, SetFence
 from ground.client.operations.missions import JumpTo
+from ground.client.requests import CROSSING_NS
 from ground.missions.mission import Fence
 from protocol.wire.enums import MissionState, Mode
 from protocol.wire.messages import MissionStatus
 from protocol.wire.reasons import Reason
-from runtime.units import NS_PER_MS, NS_PER_S
+from runtime.units import NS_PER_S
 
-CROSSING_NS: Final = 300 * NS_PER_MS
-"""A status sent before a jump may arrive up to this time after it."""
 NO_TOTAL: Final = 0xFFFF
 MAX_ITEM: Final = 0xFFFF
 MAX_WAITING: Final = 8

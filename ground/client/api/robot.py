@@ -61,7 +61,7 @@ from ground.client.operations.teleop import (
     set_mode,
     take_manual,
 )
-from ground.client.requests import ATTEMPTS, GaveUp, GoalEnd, GoalWatch, HeartbeatTimer
+from ground.client.requests import ATTEMPTS, CROSSING_NS, GaveUp, GoalEnd, GoalWatch, HeartbeatTimer
 from ground.client.results import Answer, Outcome, Refused
 from ground.client.status_line import reason_of, state_of
 from ground.client.vocabulary import PYTHON, SIDES
@@ -77,8 +77,6 @@ T = TypeVar("T")
 Out = TypeVar("Out", bound=Outcome)
 E = TypeVar("E", bound=IntEnum)
 TICK_S: Final = 0.05
-CROSSING_NS: Final = 300_000_000
-"""Time during which a lease status sent before a change of the lease may still arrive."""
 READY_S: Final = 0.5
 REQUESTS: Final = 4
 """Number of concurrent requests; further ones wait. Emergency stops have their own threads."""

@@ -4,17 +4,13 @@ from typing import Final
 
 from ground.client.emergency_stop import MessagePublisher
 from ground.client.link import ALIVE
-from ground.client.requests import HeartbeatTimer
+from ground.client.requests import CROSSING_NS, HeartbeatTimer
 from ground.station.robot.lease_state import UNKNOWN, lease_from
 from protocol.wire.messages import Heartbeat, LeaseStatus
 from runtime.units import NS_PER_MS, NS_PER_S
 
 SETTLED_NS: Final = 110 * NS_PER_MS
 """Time after the first heartbeat until the robot has processed it."""
-CROSSING_NS: Final = 300 * NS_PER_MS
-"""A lease status sent before a change may arrive up to this time after it."""
-
-
 NEW_NS: Final = NS_PER_S
 """Time after a use within which the status may show the time that was left before."""
 LEAST_S: Final = 2.0
