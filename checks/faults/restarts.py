@@ -24,9 +24,9 @@ from checks.harness.figures import BenchmarkReport, Figure
 from ground.cli.main import parse
 from ground.cli.run.up import connect, free_endpoint
 from ground.client.link import Link, open_link
-from ground.client.operations.commands import Arm, ClearEmergencyStop, StopNow
-from ground.client.operations.session import Session
 from ground.client.results import Refused
+from ground.client.session import Session
+from ground.commands.stop import Arm, ClearEmergencyStop, StopNow
 from ground.launch.child_command import command
 from ground.launch.launcher import Stack
 from ground.launch.restart_policy import RestartPolicy

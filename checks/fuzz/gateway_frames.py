@@ -32,18 +32,18 @@ from gateways.mavlink.mavlink_dialect import (
 from gateways.mavlink.robot_port import Answered, Done, Snapshot
 from gateways.mavlink.services import face_of
 from gateways.mavlink.signing import EPOCH_S, PER_S, STAMP_NS, Policy, SigningGuard
-from ground.client.operations.fences import ClearFence, FenceShown, SetFence, ShowFence
-from ground.client.operations.missions import (
+from ground.client.parameter import parameters_in
+from ground.client.results import Accepted, Outcome, Refused
+from ground.client.session import Operation
+from ground.commands.fence import ClearFence, FenceShown, SetFence, ShowFence
+from ground.commands.mission import (
     ClearMission,
     FetchMission,
     MissionFetched,
     TransferOutcome,
     UploadMission,
 )
-from ground.client.operations.parameters import ParameterTable, ShowParameters
-from ground.client.operations.session import Operation
-from ground.client.parameter import parameters_in
-from ground.client.results import Accepted, Outcome, Refused
+from ground.commands.param import ParameterTable, ShowParameters
 from ground.missions.mission import Circle, Mission, Waypoint
 from ground.missions.transfer import Verdict
 from ground.user.mavlink_keys import KeyRing, SigningKey

@@ -14,8 +14,8 @@ from fastcrc.crc16 import mcrf4xx
 
 from checks.fuzz.target import FuzzTarget
 from checks.harness.bus_calls import arm_request, auto_goal_request, command_request
-from ground.client.operations.parameters import table
 from ground.client.parameter import parameters_in
+from ground.commands.param import table
 from ground.missions.transfer import fence_of, waypoints_of
 from ground.station.world import parse_world
 from plant.world.file import load

@@ -13,12 +13,12 @@ from gateways.mavlink.robot_port import NO_TELEMETRY, OVERTAKEN, STOPS, Answered
 from ground.client import stop_ways
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.link import ALIVE, Link
-from ground.client.operations.commands import STOP_S, Stopped
-from ground.client.operations.leases import ask_lease
-from ground.client.operations.session import Operation, Session
-from ground.client.operations.teleop import TeleopSender
 from ground.client.results import Outcome
+from ground.client.session import Operation, Session
 from ground.client.telemetry import Telemetry
+from ground.commands.lease import ask_lease
+from ground.commands.stop import STOP_S, Stopped
+from ground.commands.teleop import TeleopSender
 from protocol.bus.mailbox import Mailbox
 from protocol.bus.publisher import Publisher
 from protocol.topics import (

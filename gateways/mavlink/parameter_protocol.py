@@ -19,7 +19,7 @@ from gateways.mavlink.parameter_table import (
     table_of,
 )
 from gateways.mavlink.robot_port import Answered
-from ground.client.operations.parameters import (
+from ground.commands.param import (
     ParameterChanged,
     ParameterTable,
     SetParameter,

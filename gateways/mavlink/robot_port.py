@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple, Protocol
 
-from ground.client.operations.commands import Abort, Disarm, Hold
-from ground.client.operations.session import Operation
 from ground.client.results import Outcome, Refused
+from ground.client.session import Operation
+from ground.commands.stop import Abort, Disarm, Hold
 from protocol.wire.enums import LeaseAction, Vehicle
 from protocol.wire.messages import (
     CycleReport,

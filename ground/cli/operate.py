@@ -4,13 +4,13 @@ from functools import partial
 
 from ground.cli.observe.live_line import follow
 from ground.cli.options import common_of
+from ground.client.floor import floor_of
 from ground.client.link import UnansweredError, open_link
-from ground.client.operations.all_robots import StopAll
-from ground.client.operations.commands import PlainCommand, StopNow
-from ground.client.operations.floor import floor_of
-from ground.client.operations.leases import take
-from ground.client.operations.session import Operation, Session
 from ground.client.results import Accepted, Outcome
+from ground.client.session import Operation, Session
+from ground.commands.all_robots import StopAll
+from ground.commands.lease import take
+from ground.commands.stop import PlainCommand, StopNow
 from ground.grammar.looking import WatchWords
 from ground.grammar.words import FromFile, Offline, Words
 from ground.reports.doctor import Diagnose

@@ -12,8 +12,8 @@ from itertools import chain
 from types import MappingProxyType
 from typing import Final, NoReturn
 
-from ground.client.operations.session import Operation
 from ground.client.results import Outcome
+from ground.client.session import Operation
 from ground.console.app_commands import LOCAL, AppArguments, AppCommand
 from ground.console.argument_errors import in_words
 from ground.grammar.missions import MissionWords

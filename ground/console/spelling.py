@@ -3,14 +3,14 @@
 from math import degrees
 
 from ground.client.goal import Destination
-from ground.client.operations.all_robots import ClearAll, StopAll
-from ground.client.operations.commands import SetMode, SetNavigator
-from ground.client.operations.fences import SetFence
-from ground.client.operations.goals import Goto
-from ground.client.operations.parameters import SetParameter
-from ground.client.operations.session import Operation
 from ground.client.results import Outcome
+from ground.client.session import Operation
 from ground.client.vocabulary import SIDES
+from ground.commands.all_robots import ClearAll, StopAll
+from ground.commands.fence import SetFence
+from ground.commands.goto import Goto
+from ground.commands.param import SetParameter
+from ground.commands.stop import SetMode, SetNavigator
 from ground.console.app_commands import AppCommand, SetTheme, Undo
 from ground.missions.draft import AddWaypoint, ClearDraft, RemoveWaypoint
 from ground.missions.mission import Circle

@@ -11,9 +11,9 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 from ground.client.goal import Destination
 from ground.client.link import LISTEN_NS, Link, UnansweredError
-from ground.client.operations.parameters import fetch
 from ground.client.parameter import Parameter, parameters_in
 from ground.client.vocabulary import SIDES
+from ground.commands.param import fetch
 from ground.recording.log_reader import LogIndex
 from protocol.outcome import ENDS, start_arguments
 from protocol.topics import CLOCK, COMMANDED, ODOMETRY, STATUS, TRUTH, WORLD

@@ -5,8 +5,12 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from ground.client.operations.all_robots import ClearAll, StopAll
-from ground.client.operations.commands import (
+from ground.client.results import Outcome
+from ground.client.session import Operation
+from ground.client.vocabulary import NAVIGATORS, SIDES
+from ground.commands.all_robots import ClearAll, StopAll
+from ground.commands.lease import IDLE_S, ChangeLease, ShowLease
+from ground.commands.stop import (
     COMMANDS,
     STOP_S,
     Mark,
@@ -15,10 +19,6 @@ from ground.client.operations.commands import (
     SetNavigator,
     StopNow,
 )
-from ground.client.operations.leases import IDLE_S, ChangeLease, ShowLease
-from ground.client.operations.session import Operation
-from ground.client.results import Outcome
-from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.grammar.words import Words, add_common, add_seize, seconds
 from protocol.wire.enums import LeaseAction, Mode
 from runtime.errors import UserError

@@ -2,6 +2,7 @@
 
 import argparse
 
+from ground.client.floor import EXAMPLE
 from ground.client.goal import (
     FRAMES,
     HEADING_TOLERANCE_DEG,
@@ -9,9 +10,8 @@ from ground.client.goal import (
     Destination,
     destination,
 )
-from ground.client.operations.floor import EXAMPLE
-from ground.client.operations.goals import Goto
-from ground.client.operations.teleop import DriveByHand
+from ground.commands.goto import Goto
+from ground.commands.teleop import DriveByHand
 from ground.grammar.words import Words, add_anyway, add_common, add_seize, positive, seconds
 from protocol.options import finite
 from runtime.errors import UserError

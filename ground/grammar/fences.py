@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import ClassVar
 
 from ground.client.connection import within
-from ground.client.operations.fences import ClearFence, SetFence, ShowFence
-from ground.client.operations.missions import TransferOutcome
-from ground.client.operations.session import Operation, Session
 from ground.client.results import Outcome
+from ground.client.session import Operation, Session
+from ground.commands.fence import ClearFence, SetFence, ShowFence
+from ground.commands.mission import TransferOutcome
 from ground.grammar.words import Words, add_common, add_seize, positive
 from ground.missions.files import ENDINGS, read_fence
 from ground.missions.mission import FARTHEST_M, Circle, Polygon, fault_of

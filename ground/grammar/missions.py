@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Final
 
-from ground.client.operations.commands import Abort, Hold, Resume
-from ground.client.operations.missions import (
+from ground.client.results import Outcome, Success
+from ground.client.session import Operation, Progress, Session
+from ground.commands.mission import (
     ClearMission,
     DownloadMission,
     FetchMission,
@@ -18,8 +19,7 @@ from ground.client.operations.missions import (
     TransferOutcome,
     UploadMission,
 )
-from ground.client.operations.session import Operation, Progress, Session
-from ground.client.results import Outcome, Success
+from ground.commands.stop import Abort, Hold, Resume
 from ground.grammar.words import Words, add_anyway, add_common, add_json, add_seize
 from ground.missions import files
 from ground.missions.mission import Home

@@ -4,16 +4,16 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from ground.client.operations.parameters import (
+from ground.client.results import Outcome
+from ground.client.session import Operation
+from ground.client.vocabulary import value_in_words
+from ground.commands.param import (
     LoadParameters,
     ResetParameter,
     SaveParameters,
     SetParameter,
     ShowParameters,
 )
-from ground.client.operations.session import Operation
-from ground.client.results import Outcome
-from ground.client.vocabulary import value_in_words
 from ground.grammar.words import Words, add_common, add_seize
 from runtime.cli.parsers import add_subcommands
 

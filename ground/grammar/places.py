@@ -2,9 +2,9 @@
 
 import argparse
 
-from ground.client.operations.place import SetPose, SetTruePose
-from ground.client.operations.session import Operation
 from ground.client.results import Outcome
+from ground.client.session import Operation
+from ground.commands.pose import SetPose, SetTruePose
 from ground.grammar.words import Words, add_anyway, add_common, add_seize, seconds
 from protocol.options import finite
 from runtime.cli.parsers import add_subcommands

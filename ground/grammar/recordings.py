@@ -2,8 +2,8 @@
 
 import argparse
 
-from ground.client.operations.session import Operation
 from ground.client.results import Outcome
+from ground.client.session import Operation
 from ground.grammar.looking import moment
 from ground.grammar.words import Words, add_common, add_json
 from ground.recording.catalogue import FILE_HELP, recording_named, recordings_in, remark_on

@@ -8,8 +8,8 @@ from math import radians
 from pathlib import Path
 from typing import Any, Final, Protocol
 
+from ground.client.floor import floor_from, goal_in
 from ground.client.goal import Destination, destination
-from ground.client.operations.floor import floor_from, goal_in
 from ground.client.time_factor import chosen_speed
 from ground.launch.recorder_files import RECORDER
 from ground.launch.tls_configs import locked, with_locks

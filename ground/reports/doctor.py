@@ -10,8 +10,8 @@ from time import time
 from typing import Any, ClassVar, Final
 
 from ground.client.link import Link, UnansweredError
-from ground.client.operations.session import Session
 from ground.client.presence import PresentProcesses, explain_silence
+from ground.client.session import Session
 from ground.client.status_line import knows_place
 from ground.client.telemetry import Telemetry
 from ground.reports.report import Report

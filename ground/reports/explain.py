@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import ClassVar, Final
 
 from ground.client.link import LISTEN_NS, Link
-from ground.client.operations.session import Progress, Session
+from ground.client.session import Progress, Session
 from ground.client.telemetry import Telemetry
 from ground.explain.explanation import Explanation, explain
 from ground.explain.turns import Recorded, Turn

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, ClassVar, Final, NamedTuple
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
-from ground.client.operations.session import Progress, Session
+from ground.client.session import Progress, Session
 from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.explain.turns import Recorded
 from ground.recording.log_reader import LogIndex, files_of, open_log

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from ground.client.link import LISTEN_NS, Link
-from ground.client.operations.session import Session
+from ground.client.session import Session
 from ground.client.status_line import watch_line
 from ground.client.telemetry import SUMMARY_TOPICS, Telemetry
 from ground.reports.report import Report

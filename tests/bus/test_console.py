@@ -20,7 +20,7 @@ from checks.harness.terminal import Terminal
 from ground.cli import main as cli
 from ground.cli.options import common_of
 from ground.client.link import Link
-from ground.client.operations.session import Session
+from ground.client.session import Session
 from ground.console.app_commands import AppCommand
 from ground.console.parser import read
 from ground.missions.draft import Draft

@@ -10,7 +10,7 @@ import pytest
 from checks.harness.relays import TcpProxy
 from ground.client.connection import Common
 from ground.client.link import Link
-from ground.client.operations.session import Session
+from ground.client.session import Session
 from ground.console.app_commands import AppCommand
 from ground.console.parser import read
 from ground.station import fleet

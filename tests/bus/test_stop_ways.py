@@ -22,8 +22,6 @@ from ground.app.commands.runner import CommandRunner
 from ground.client.connection import Common, given
 from ground.client.emergency_stop import FRESH_NS, EmergencyStop, StopWays
 from ground.client.link import Link, open_link
-from ground.client.operations.all_robots import StopAll
-from ground.client.operations.commands import StopNow
 from ground.client.stop_datagrams import StopDatagrams
 from ground.client.stop_ways import (
     MOST_BYTES,
@@ -34,6 +32,8 @@ from ground.client.stop_ways import (
     stem_of,
     ways_of,
 )
+from ground.commands.all_robots import StopAll
+from ground.commands.stop import StopNow
 from ground.console.history import History
 from ground.station.robot.background_requests import RequestThread
 from protocol.bus.bus import Bus

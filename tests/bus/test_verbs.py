@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 
 from ground.cli.main import main
-from ground.client.operations import goals
 from ground.client.requests import ATTEMPTS
 from ground.client.status_line import goal_line
+from ground.commands import goto
 from ground.recording.log_reader import record_bytes
 from ground.text.status_parts import Part, in_words
 from protocol.bus.bus import open_bus
@@ -234,8 +234,8 @@ def test_goto_ignores_the_result_of_the_previous_goal(
             robot.goal = GoalState.REACHED
         return parts
 
-    monkeypatch.setattr(goals, "goal_line", line)
-    monkeypatch.setattr(goals, "SHOW_PLAIN_NS", 1_000_000)
+    monkeypatch.setattr(goto, "goal_line", line)
+    monkeypatch.setattr(goto, "SHOW_PLAIN_NS", 1_000_000)
     robot.vehicle, robot.goal_id, robot.goal = Vehicle.ACTIVE, 7, GoalState.REACHED
     robot.stale = robot.status()
 

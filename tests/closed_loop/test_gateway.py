@@ -21,12 +21,12 @@ from gateways.mavlink.services import face_of
 from ground.client.connection import Common
 from ground.client.goal import Destination
 from ground.client.link import ALIVE, Link
-from ground.client.operations.commands import Arm
-from ground.client.operations.goals import Goto
-from ground.client.operations.leases import ChangeLease
-from ground.client.operations.missions import StartMission, UploadMission
-from ground.client.operations.session import Operation, Session
 from ground.client.results import Outcome
+from ground.client.session import Operation, Session
+from ground.commands.goto import Goto
+from ground.commands.lease import ChangeLease
+from ground.commands.mission import StartMission, UploadMission
+from ground.commands.stop import Arm
 from ground.missions import qgroundcontrol
 from ground.missions.mission import Waypoint
 from protocol.bus.bus import open_bus

@@ -22,11 +22,11 @@ from checks.faults.restarts import NO_PAUSE, ArrivalTimes, kept_stops, running
 from ground.cli.run.up import goal_runs_of
 from ground.client.goal import destination
 from ground.client.link import open_link
-from ground.client.operations.commands import Arm, ClearEmergencyStop, StopNow
-from ground.client.operations.goals import Goto
-from ground.client.operations.place import SetTruePose
-from ground.client.operations.session import Session
 from ground.client.results import Refused
+from ground.client.session import Session
+from ground.commands.goto import Goto
+from ground.commands.pose import SetTruePose
+from ground.commands.stop import Arm, ClearEmergencyStop, StopNow
 from ground.launch import child_command
 from ground.launch.child_command import command
 from ground.launch.child_processes import ChildExitError

@@ -14,8 +14,8 @@ from ground.app.widgets.command_line import CommandLine, candidate_rows
 from ground.app.widgets.rows import words_of
 from ground.client.connection import Common
 from ground.client.goal import destination
-from ground.client.operations.commands import ClearEmergencyStop, StopNow
-from ground.client.operations.goals import Goto
+from ground.commands.goto import Goto
+from ground.commands.stop import ClearEmergencyStop, StopNow
 from ground.console.app_commands import AppCommand, SetTheme, ShowHelp
 from ground.console.completion import Candidate
 from ground.console.history import History

@@ -11,18 +11,18 @@ from ground.app.commands.local_commands import LocalCommands
 from ground.app.commands.runner import CommandRunner
 from ground.app.commands.undo import MAX_CHANGES, Change, UndoList, inverse_of
 from ground.client.connection import Common
-from ground.client.operations import parameters
-from ground.client.operations.commands import Hold
-from ground.client.operations.fences import ClearFence, FenceShown, SetFence
-from ground.client.operations.parameters import (
+from ground.client.parameter import Parameter
+from ground.client.results import Accepted
+from ground.client.session import Session
+from ground.commands import param
+from ground.commands.fence import ClearFence, FenceShown, SetFence
+from ground.commands.param import (
     ParameterChanged,
     ParametersLoaded,
     ResetParameter,
     SetParameter,
 )
-from ground.client.operations.session import Session
-from ground.client.parameter import Parameter
-from ground.client.results import Accepted
+from ground.commands.stop import Hold
 from ground.console.app_commands import CopyText
 from ground.console.history import History
 from ground.missions.draft import EMPTY
@@ -55,7 +55,7 @@ class RobotStub:
             return stub.set_all(found, wanted)
 
         monkeypatch.setattr(SetParameter, "perform", change)
-        for module in (parameters, undo):
+        for module in (param, undo):
             monkeypatch.setattr(module, "fetch", lambda link: list(station.parameters or ()))
             monkeypatch.setattr(module, "set_values", set_all)
         monkeypatch.setattr(CommandRunner, "_link", lambda runner, robot: None)

@@ -27,10 +27,10 @@ from checks.simulation.contradictions.truth import (
 from checks.simulation.hosts.mavlink import GATEWAY
 from checks.simulation.invariants.run_state import InvariantViolation
 from gateways.mavlink.mavlink_dialect import mavlink
-from ground.client.operations.commands import Stopped
-from ground.client.operations.goals import GoalEnded
-from ground.client.operations.missions import MissionEnded
 from ground.client.results import Accepted, Refused
+from ground.commands.goto import GoalEnded
+from ground.commands.mission import MissionEnded
+from ground.commands.stop import Stopped
 from ground.station.robot.lease_state import LeaseView
 from protocol.outcome import Outcome
 from protocol.wire.enums import Command, GoalState, Mode

@@ -52,7 +52,7 @@ from checks.simulation.hosts.virtual_time import (
 )
 from checks.simulation.invariants.run_state import Coverage, InvariantViolation
 from checks.simulation.simulation import RunResult
-from ground.client.operations.commands import Stopped
+from ground.commands.stop import Stopped
 from ground.recording.summary import outcome_of
 from protocol.outcome import REPLACED
 from protocol.topics import COMMAND, STATUS
@@ -171,11 +171,7 @@ def _stranger_to_itself() -> Patches:
 
 def _failed_for_taken_over() -> Patches:
     """Call every mission failed that has not been completed."""
-    return {
-        "ground.client.operations.missions.mission_state": lambda state, *_: (
-            MissionState(state).name
-        )
-    }
+    return {"ground.commands.mission.mission_state": lambda state, *_: MissionState(state).name}
 
 
 DEFECTS: Final[dict[str, Defect]] = {
@@ -613,9 +609,9 @@ def replacements() -> dict[str, object]:
         "ground.client.api.robot.ThreadPoolExecutor": SimulatedExecutor,
         "ground.client.api.robot.common": common_here,
         "ground.client.api.threads.Thread": SimulatedThread,
-        "ground.client.operations.leases.gethostname": lambda: "sim",
-        "ground.client.operations.leases.terminal_name": terminal,
-        "ground.client.operations.leases.pwd": SimpleNamespace(getpwuid=of_here),
+        "ground.commands.lease.gethostname": lambda: "sim",
+        "ground.commands.lease.terminal_name": terminal,
+        "ground.commands.lease.pwd": SimpleNamespace(getpwuid=of_here),
         "ground.launch.fleet_run.POLL_NS": BUSY_NS,
     }
 

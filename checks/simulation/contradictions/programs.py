@@ -35,7 +35,13 @@ from ground.client.api import Mission, Robot, Waypoint, connect
 from ground.client.connection import Common
 from ground.client.goal import destination
 from ground.client.link import Link, open_link
-from ground.client.operations.commands import (
+from ground.client.results import Outcome, Refused
+from ground.client.session import Operation, Session
+from ground.client.vocabulary import HINTS
+from ground.commands.goto import Goto
+from ground.commands.lease import ChangeLease, ShowLease, operator_name
+from ground.commands.mission import StartMission, UploadMission
+from ground.commands.stop import (
     Abort,
     Arm,
     ClearEmergencyStop,
@@ -45,13 +51,7 @@ from ground.client.operations.commands import (
     SetMode,
     StopNow,
 )
-from ground.client.operations.goals import Goto
-from ground.client.operations.leases import ChangeLease, ShowLease, operator_name
-from ground.client.operations.missions import StartMission, UploadMission
-from ground.client.operations.session import Operation, Session
-from ground.client.operations.teleop import DriveByHand
-from ground.client.results import Outcome, Refused
-from ground.client.vocabulary import HINTS
+from ground.commands.teleop import DriveByHand
 from ground.launch.fleet_run import FleetRun, goal_runs_of
 from ground.launch.scenario import Scenario, ScenarioRobot
 from ground.station.robot.background_requests import JobResult

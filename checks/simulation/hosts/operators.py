@@ -17,11 +17,11 @@ from ground.client.connection import Common
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.goal import destination, goal_request
 from ground.client.link import Link
-from ground.client.operations.commands import COMMANDS
-from ground.client.operations.leases import ask_lease
-from ground.client.operations.teleop import TeleopSender
 from ground.client.requests import BEAT_NS, is_saving
 from ground.client.results import Answer, Refused
+from ground.commands.lease import ask_lease
+from ground.commands.stop import COMMANDS
+from ground.commands.teleop import TeleopSender
 from ground.missions.mission import Circle, Polygon, Waypoint
 from ground.missions.transfer import Clear, Upload, Verdict, fence_items_of, items_of
 from ground.station.robot.background_requests import JobResult

@@ -25,11 +25,11 @@ from gateways.mavlink.motion.pilot import EnterGuided
 from ground.client.connection import Common
 from ground.client.goal import Destination
 from ground.client.link import Link
-from ground.client.operations.commands import Arm, Hold
-from ground.client.operations.goals import Goto
-from ground.client.operations.leases import ask_lease
-from ground.client.operations.session import Operation, Session
 from ground.client.results import Outcome
+from ground.client.session import Operation, Session
+from ground.commands.goto import Goto
+from ground.commands.lease import ask_lease
+from ground.commands.stop import Arm, Hold
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import Role

@@ -24,8 +24,8 @@ from ground.cli.main import parse
 from ground.cli.run.up import free_endpoint
 from ground.client.connection import Common
 from ground.client.link import Link
-from ground.client.operations.all_robots import ClearAll
-from ground.client.operations.session import Session
+from ground.client.session import Session
+from ground.commands.all_robots import ClearAll
 from ground.launch.child_command import command
 from ground.launch.child_processes import Children
 from ground.launch.scenario import process_arguments, scenario_of, world_facts, world_query

@@ -33,8 +33,8 @@ from gateways.mavlink.motion.setpoints import (
 )
 from gateways.mavlink.robot_port import OVERTAKEN, Answered
 from ground.client.goal import Destination
-from ground.client.operations.commands import Resume
-from ground.client.operations.parameters import ResetParameter, SetParameter
+from ground.commands.param import ResetParameter, SetParameter
+from ground.commands.stop import Resume
 from protocol.wire.enums import Mode
 
 UNCHANGED: Final = -1

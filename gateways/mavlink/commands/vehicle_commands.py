@@ -38,7 +38,7 @@ from gateways.mavlink.robot_port import NO_TELEMETRY, Answered, Done, arming_fau
 from gateways.mavlink.signing import SigningGuard
 from gateways.mavlink.telemetry_messages import altitude_mm, gps_origin, home_position
 from ground.client.goal import Destination
-from ground.client.operations.commands import Arm, ClearEmergencyStop, Disarm, Restart
+from ground.commands.stop import Arm, ClearEmergencyStop, Disarm, Restart
 from ground.user.mavlink_keys import NO_KEY
 from protocol.wire.enums import Severity
 from protocol.wire.enums import Vehicle as VehicleState

@@ -20,15 +20,15 @@ from gateways.mavlink.missions.plan_items import (
     usual,
 )
 from gateways.mavlink.robot_port import Answered
-from ground.client.operations.fences import ClearFence, FenceShown, SetFence, ShowFence
-from ground.client.operations.missions import (
+from ground.client.session import Operation
+from ground.commands.fence import ClearFence, FenceShown, SetFence, ShowFence
+from ground.commands.mission import (
     ClearMission,
     FetchMission,
     MissionFetched,
     TransferOutcome,
     UploadMission,
 )
-from ground.client.operations.session import Operation
 from ground.missions.mission import Fence, Mission, Waypoint
 from ground.missions.qgroundcontrol import (
     Item,

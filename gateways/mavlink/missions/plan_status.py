@@ -24,9 +24,9 @@ from gateways.mavlink.mavlink_dialect import MavMessage, MissionCurrent, mavlink
 from gateways.mavlink.missions.plan_answers import ClientKey, key_of, refusal_of
 from gateways.mavlink.missions.plan_kinds import FenceKind, MissionKind
 from gateways.mavlink.robot_port import Answered, Done
-from ground.client.operations.fences import ClearFence, SetFence
-from ground.client.operations.missions import JumpTo
 from ground.client.requests import CROSSING_NS
+from ground.commands.fence import ClearFence, SetFence
+from ground.commands.mission import JumpTo
 from ground.missions.mission import Fence
 from protocol.wire.enums import MissionState, Mode
 from protocol.wire.messages import MissionStatus

@@ -9,12 +9,12 @@ from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage
 from gateways.mavlink.robot_port import OVERTAKEN, Answered, Done
 from ground.client.goal import Destination
-from ground.client.operations.commands import Abort, Hold, ReturnHome, SetMode
-from ground.client.operations.goals import Goto
-from ground.client.operations.missions import StartMission
-from ground.client.operations.session import Operation, Session
 from ground.client.requests import ATTEMPTS, GaveUp
 from ground.client.results import Accepted, Answer, Outcome, Refused
+from ground.client.session import Operation, Session
+from ground.commands.goto import Goto
+from ground.commands.mission import StartMission
+from ground.commands.stop import Abort, Hold, ReturnHome, SetMode
 from protocol.wire.enums import MissionState, Mode
 from protocol.wire.enums import Vehicle as VehicleState
 from protocol.wire.reasons import Reason

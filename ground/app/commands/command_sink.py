@@ -2,8 +2,8 @@
 
 from typing import Protocol
 
-from ground.client.operations.session import Operation
 from ground.client.results import Outcome
+from ground.client.session import Operation
 from ground.console.app_commands import AppCommand
 from ground.console.completion import Assistance
 from ground.map.scene import MapTarget

@@ -16,7 +16,18 @@ from ground.app.screens.app_screen import Action
 from ground.app.screens.choice import Choice
 from ground.app.screens.help import show_help
 from ground.app.stops.band import is_in_emergency_stop
-from ground.client.operations.commands import (
+from ground.client.results import Outcome
+from ground.client.session import Operation
+from ground.client.telemetry import Age
+from ground.client.vocabulary import (
+    MODE_SUMMARIES,
+    NAVIGATOR_SUMMARIES,
+    NAVIGATORS,
+    SIDES,
+    USUAL_NAVIGATOR,
+)
+from ground.commands.mission import FetchMission, StartMission
+from ground.commands.stop import (
     Abort,
     Arm,
     ClearEmergencyStop,
@@ -26,17 +37,6 @@ from ground.client.operations.commands import (
     ReturnHome,
     SetMode,
     SetNavigator,
-)
-from ground.client.operations.missions import FetchMission, StartMission
-from ground.client.operations.session import Operation
-from ground.client.results import Outcome
-from ground.client.telemetry import Age
-from ground.client.vocabulary import (
-    MODE_SUMMARIES,
-    NAVIGATOR_SUMMARIES,
-    NAVIGATORS,
-    SIDES,
-    USUAL_NAVIGATOR,
 )
 from ground.console.app_commands import Undo
 from ground.station.station import Station
@@ -171,7 +171,7 @@ def share_run(app: AppControl) -> None:
 
 def archive(file: Path) -> str:
     """Write the archive and return the message with its path; UserError if that fails."""
-    from ground.client.operations.session import NoProgress
+    from ground.client.session import NoProgress
     from ground.reports.share import Share  # imports the plots; rarely needed
 
     return f"shared: {Share(file=str(file)).run(NoProgress()).text}"

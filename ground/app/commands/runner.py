@@ -8,16 +8,16 @@ from typing import Final
 
 from ground.app.commands.undo import Change, UndoList, inverse_of
 from ground.client.connection import Common
+from ground.client.floor import Floor, floor_in
 from ground.client.link import Link
-from ground.client.operations.all_robots import ClearAll, StopAll
-from ground.client.operations.commands import ClearEmergencyStop, SetMode, StopNow
-from ground.client.operations.floor import Floor, floor_in
-from ground.client.operations.leases import ChangeLease
-from ground.client.operations.session import Operation, Session
-from ground.client.operations.teleop import TeleopSender
 from ground.client.requests import ATTEMPTS, GaveUp
 from ground.client.results import Answer, Outcome, Refused
+from ground.client.session import Operation, Session
 from ground.client.vocabulary import HINTS
+from ground.commands.all_robots import ClearAll, StopAll
+from ground.commands.lease import ChangeLease
+from ground.commands.stop import ClearEmergencyStop, SetMode, StopNow
+from ground.commands.teleop import TeleopSender
 from ground.console.app_commands import AppCommand, Undo
 from ground.console.argument_errors import shown
 from ground.console.completion import Assistance, Candidate, assist

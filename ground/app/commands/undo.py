@@ -5,17 +5,17 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple, TypeAlias
 
-from ground.client.operations.fences import ClearFence, FenceShown, SetFence, ShowFence
-from ground.client.operations.parameters import (
+from ground.client.parameter import Parameter
+from ground.client.results import Outcome
+from ground.client.session import Operation, Session
+from ground.commands.fence import ClearFence, FenceShown, SetFence, ShowFence
+from ground.commands.param import (
     ParametersLoaded,
     ResetParameter,
     SetParameter,
     fetch,
     set_values,
 )
-from ground.client.operations.session import Operation, Session
-from ground.client.parameter import Parameter
-from ground.client.results import Outcome
 from ground.grammar.fences import SetFenceOfFile
 from ground.missions.mission import Mission
 from runtime.errors import UserError

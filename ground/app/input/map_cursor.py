@@ -9,7 +9,7 @@ from typing import Final
 from ground.app.app_interface import AppInterface
 from ground.app.screens.choice import Choice
 from ground.client.goal import Destination, destination
-from ground.client.operations.goals import Goto
+from ground.commands.goto import Goto
 from ground.map.canvas import DOTS_WIDE
 from ground.map.drawing import described, measured
 from ground.map.scene import MapScene

@@ -7,10 +7,10 @@ from ground.app.app_interface import AppControl
 from ground.app.commands.command_sink import CommandSink
 from ground.app.panels.status import SessionInfo
 from ground.app.playback.player import Player
-from ground.client.operations.all_robots import StopAll
-from ground.client.operations.commands import Abort, Disarm, Hold, StopNow
-from ground.client.operations.session import Operation
 from ground.client.results import Outcome
+from ground.client.session import Operation
+from ground.commands.all_robots import StopAll
+from ground.commands.stop import Abort, Disarm, Hold, StopNow
 from ground.console.app_commands import AppCommand, Undo
 from ground.map.scene import MapTarget
 from ground.station.station import Station

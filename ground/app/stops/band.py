@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 from ground.app.panels.aged import live
 from ground.app.stops.stop_watch import STOPPED, is_known
 from ground.app.widgets.rows import Row, Span, cut, row
-from ground.client.operations.lost_drive import LostDrive, LostMission, has_failed, lost_drive
+from ground.client.lost_drive import LostDrive, LostMission, has_failed, lost_drive
 from ground.client.telemetry import Age
 from ground.station.fleet import RosterEntry
 from ground.station.station import Station

@@ -6,7 +6,7 @@ from enum import IntEnum
 from typing import Any, Final, Self, TypeAlias, TypeVar
 
 from ground.client.api.streams import QUEUE, Stream, TopicStreams
-from ground.client.operations.lease_holder import is_ours
+from ground.client.lease_holder import is_ours
 from ground.text.wording import StatustextAssembler
 from protocol.outcome import mission_state
 from protocol.topics import DECISION, LEASE, MISSION, ODOMETRY, SONAR, STATUS, TEXT, Topic

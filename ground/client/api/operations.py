@@ -1,7 +1,38 @@
 """The public names of `sidestep.operations`: all operations, and their outcomes."""
 
-from ground.client.operations.all_robots import AllAnswered, ClearAll, StopAll
-from ground.client.operations.commands import (
+from ground.client.session import NoProgress, Operation, Progress, Session
+from ground.commands.all_robots import AllAnswered, ClearAll, StopAll
+from ground.commands.fence import ClearFence, FenceShown, SetFence, ShowFence
+from ground.commands.goto import GoalEnded, Goto
+from ground.commands.lease import ChangeLease, LeaseShown, ShowLease
+from ground.commands.mission import (
+    AnnounceItems,
+    ClearMission,
+    DownloadMission,
+    FetchMission,
+    JumpTo,
+    MissionEnded,
+    MissionFetched,
+    MissionProgress,
+    MissionWritten,
+    ShowMissionStatus,
+    StartMission,
+    TransferOutcome,
+    UploadMission,
+)
+from ground.commands.param import (
+    LoadParameters,
+    ParameterChanged,
+    ParametersLoaded,
+    ParametersSaved,
+    ParameterTable,
+    ResetParameter,
+    SaveParameters,
+    SetParameter,
+    ShowParameters,
+)
+from ground.commands.pose import SetPose, SetTruePose
+from ground.commands.stop import (
     COMMANDS,
     Abort,
     Arm,
@@ -18,38 +49,7 @@ from ground.client.operations.commands import (
     StopNow,
     Stopped,
 )
-from ground.client.operations.fences import ClearFence, FenceShown, SetFence, ShowFence
-from ground.client.operations.goals import GoalEnded, Goto
-from ground.client.operations.leases import ChangeLease, LeaseShown, ShowLease
-from ground.client.operations.missions import (
-    AnnounceItems,
-    ClearMission,
-    DownloadMission,
-    FetchMission,
-    JumpTo,
-    MissionEnded,
-    MissionFetched,
-    MissionProgress,
-    MissionWritten,
-    ShowMissionStatus,
-    StartMission,
-    TransferOutcome,
-    UploadMission,
-)
-from ground.client.operations.parameters import (
-    LoadParameters,
-    ParameterChanged,
-    ParametersLoaded,
-    ParametersSaved,
-    ParameterTable,
-    ResetParameter,
-    SaveParameters,
-    SetParameter,
-    ShowParameters,
-)
-from ground.client.operations.place import SetPose, SetTruePose
-from ground.client.operations.session import NoProgress, Operation, Progress, Session
-from ground.client.operations.teleop import DriveByHand, DriveEnded
+from ground.commands.teleop import DriveByHand, DriveEnded
 
 __all__ = [
     "COMMANDS",

@@ -30,9 +30,19 @@ from ground.client.api.streams import CLOSED, ClosedError, TopicStreams
 from ground.client.connection import LONGEST_S, Common, common, within
 from ground.client.emergency_stop import EmergencyStop, new_press
 from ground.client.goal import HEADING_TOLERANCE_DEG, POSITION_TOLERANCE_M, destination
+from ground.client.lease_holder import is_ours
 from ground.client.link import ALIVE, Link, UnansweredError, open_link
-from ground.client.operations.all_robots import AllAnswered, StopAll
-from ground.client.operations.commands import (
+from ground.client.requests import ATTEMPTS, CROSSING_NS, GaveUp, GoalEnd, GoalWatch, HeartbeatTimer
+from ground.client.results import Answer, Outcome, Refused
+from ground.client.session import Operation, Session
+from ground.client.status_line import reason_of, state_of
+from ground.client.vocabulary import PYTHON, SIDES
+from ground.commands.all_robots import AllAnswered, StopAll
+from ground.commands.goto import GoalEnded, Goto, send_goal
+from ground.commands.lease import ask_lease, give_back, operator_name
+from ground.commands.mission import JumpTo, StartMission
+from ground.commands.pose import SetPose, SetTruePose
+from ground.commands.stop import (
     STOP_S,
     Abort,
     Arm,
@@ -47,13 +57,7 @@ from ground.client.operations.commands import (
     SetNavigator,
     Stopped,
 )
-from ground.client.operations.goals import GoalEnded, Goto, send_goal
-from ground.client.operations.lease_holder import is_ours
-from ground.client.operations.leases import ask_lease, give_back, operator_name
-from ground.client.operations.missions import JumpTo, StartMission
-from ground.client.operations.place import SetPose, SetTruePose
-from ground.client.operations.session import Operation, Session
-from ground.client.operations.teleop import (
+from ground.commands.teleop import (
     DriveByHand,
     DriveEnded,
     TeleopSender,
@@ -61,10 +65,6 @@ from ground.client.operations.teleop import (
     set_mode,
     take_manual,
 )
-from ground.client.requests import ATTEMPTS, CROSSING_NS, GaveUp, GoalEnd, GoalWatch, HeartbeatTimer
-from ground.client.results import Answer, Outcome, Refused
-from ground.client.status_line import reason_of, state_of
-from ground.client.vocabulary import PYTHON, SIDES
 from protocol.bus.publisher import Publisher
 from protocol.topics import LEASE, MISSION, OPERATOR, STATUS, STOP
 from protocol.wire.enums import Command, LeaseAction, Mode, Navigator

@@ -8,10 +8,13 @@ from typing import Final, Protocol, TypeVar
 from ground.client.api.streams import TopicStreams
 from ground.client.connection import within
 from ground.client.link import Link
-from ground.client.operations.commands import Hold, Resume
-from ground.client.operations.fences import ClearFence, FenceShown, SetFence, ShowFence
-from ground.client.operations.leases import LeaseShown, ShowLease
-from ground.client.operations.missions import (
+from ground.client.parameter import Parameter
+from ground.client.requests import SILENCE_NS
+from ground.client.results import Answer, Outcome, Refused
+from ground.client.session import Operation, Session
+from ground.commands.fence import ClearFence, FenceShown, SetFence, ShowFence
+from ground.commands.lease import LeaseShown, ShowLease
+from ground.commands.mission import (
     ClearMission,
     FetchMission,
     JumpTo,
@@ -23,7 +26,7 @@ from ground.client.operations.missions import (
     TransferOutcome,
     UploadMission,
 )
-from ground.client.operations.parameters import (
+from ground.commands.param import (
     LoadParameters,
     ParameterChanged,
     ParametersLoaded,
@@ -33,10 +36,7 @@ from ground.client.operations.parameters import (
     SetParameter,
     ShowParameters,
 )
-from ground.client.operations.session import Operation, Session
-from ground.client.parameter import Parameter
-from ground.client.requests import SILENCE_NS
-from ground.client.results import Answer, Outcome, Refused
+from ground.commands.stop import Hold, Resume
 from ground.missions import files
 from ground.missions.mission import Fence, Mission
 from protocol.topics import MISSION

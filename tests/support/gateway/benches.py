@@ -20,8 +20,10 @@ from gateways.mavlink.mav_vehicle import Face
 from gateways.mavlink.mavlink_dialect import MavMessage, MissionCount, mavlink
 from gateways.mavlink.services import missions_of, parameters_and_files
 from gateways.mavlink.streams import StreamScheduler
-from ground.client.operations.fences import ClearFence, FenceShown, SetFence, ShowFence
-from ground.client.operations.missions import (
+from ground.client.parameter import parameters_in
+from ground.client.results import Accepted, Outcome, Refused
+from ground.commands.fence import ClearFence, FenceShown, SetFence, ShowFence
+from ground.commands.mission import (
     AnnounceItems,
     ClearMission,
     FetchMission,
@@ -30,9 +32,7 @@ from ground.client.operations.missions import (
     TransferOutcome,
     UploadMission,
 )
-from ground.client.operations.parameters import ParameterTable, ShowParameters
-from ground.client.parameter import parameters_in
-from ground.client.results import Accepted, Outcome, Refused
+from ground.commands.param import ParameterTable, ShowParameters
 from ground.missions import qgroundcontrol
 from ground.missions.mission import Fence, Mission, Waypoint
 from ground.missions.transfer import Verdict

@@ -11,8 +11,8 @@ from gateways.mavlink.mav_vehicle import Face, MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.robot_port import Answered, Done, Snapshot
 from gateways.mavlink.services import face_of
-from ground.client.operations.session import Operation
 from ground.client.results import Accepted, Outcome, Refused
+from ground.client.session import Operation
 from ground.missions.mission import Home
 from protocol.wire.enums import GoalState, LeaseAction, MissionState, Mode, Navigator, Vehicle
 from protocol.wire.messages import (

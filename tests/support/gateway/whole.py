@@ -13,10 +13,10 @@ from gateways.mavlink.robot_port import Done
 from gateways.mavlink.services import face_of
 from gateways.mavlink.signing import SigningGuard
 from gateways.mavlink.traffic_recorder import TrafficRecorder
-from ground.client.operations.fences import ShowFence
-from ground.client.operations.missions import FetchMission
-from ground.client.operations.parameters import ShowParameters
-from ground.client.operations.session import Operation
+from ground.client.session import Operation
+from ground.commands.fence import ShowFence
+from ground.commands.mission import FetchMission
+from ground.commands.param import ShowParameters
 from protocol.wire.messages import GatewayStatus
 from runtime.clock import Clock
 from tests.support.gateway.fake_port import ORIGIN, FakePort

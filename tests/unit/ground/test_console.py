@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 
 from ground.cli import main as cli
 from ground.client.goal import destination
-from ground.client.operations.commands import Hold, SetMode, SetNavigator
-from ground.client.operations.goals import Goto
-from ground.client.operations.leases import ChangeLease
-from ground.client.operations.missions import FetchMission
-from ground.client.operations.parameters import SetParameter
-from ground.client.operations.session import Operation
 from ground.client.parameter import Parameter
 from ground.client.results import Outcome
+from ground.client.session import Operation
+from ground.commands.goto import Goto
+from ground.commands.lease import ChangeLease
+from ground.commands.mission import FetchMission
+from ground.commands.param import SetParameter
+from ground.commands.stop import Hold, SetMode, SetNavigator
 from ground.console.app_commands import LOCAL, AppCommand, RecordHere, RunKey, SaveScreen, SetTheme
 from ground.console.completion import assist, complete
 from ground.console.help import help_text

@@ -19,8 +19,8 @@ from gateways.mavlink.bus_port import (
 from gateways.mavlink.robot_port import NO_TELEMETRY, OVERTAKEN, Answered
 from ground.client.connection import Common
 from ground.client.link import Link
-from ground.client.operations.commands import Arm, Disarm, Hold, Resume
-from ground.client.operations.parameters import ShowParameters
+from ground.commands.param import ShowParameters
+from ground.commands.stop import Arm, Disarm, Hold, Resume
 from protocol.bus.network import Network
 from protocol.topics import COMMAND, CYCLE, LEASE, LEASE_SERVICE, STATUS, STOP
 from protocol.wire.enums import AckResult, Command, LeaseAction, Vehicle

@@ -11,9 +11,9 @@ from gateways.mavlink.mav_service import WATCHER, Sender
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.services import face_of
 from ground.client.goal import Destination
-from ground.client.operations.commands import Arm, Disarm, Hold, Restart, ReturnHome, SetMode
-from ground.client.operations.goals import Goto
 from ground.client.results import Refused
+from ground.commands.goto import Goto
+from ground.commands.stop import Arm, Disarm, Hold, Restart, ReturnHome, SetMode
 from ground.missions.qgroundcontrol import to_global
 from protocol.wire.enums import GoalState, MissionState, Mode, Vehicle
 from protocol.wire.messages import LeaseStatus

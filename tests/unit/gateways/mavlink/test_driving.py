@@ -9,7 +9,10 @@ from gateways.mavlink.mav_service import WATCHER
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.motion.pilot import EnterGuided
 from gateways.mavlink.services import face_of
-from ground.client.operations.commands import (
+from ground.client.session import Operation
+from ground.commands.mission import StartMission
+from ground.commands.param import ParameterChanged, ResetParameter, SetParameter
+from ground.commands.stop import (
     Arm,
     ClearEmergencyStop,
     Disarm,
@@ -18,9 +21,6 @@ from ground.client.operations.commands import (
     ReturnHome,
     SetMode,
 )
-from ground.client.operations.missions import StartMission
-from ground.client.operations.parameters import ParameterChanged, ResetParameter, SetParameter
-from ground.client.operations.session import Operation
 from protocol.wire.enums import MissionState, Mode, Vehicle
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason

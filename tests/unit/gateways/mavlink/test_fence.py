@@ -4,7 +4,7 @@ from typing import Any
 import pytest
 
 from gateways.mavlink.mavlink_dialect import MavMessage, MissionCount, mavlink
-from ground.client.operations.fences import ClearFence, SetFence
+from ground.commands.fence import ClearFence, SetFence
 from ground.missions.mission import Circle, Polygon
 from ground.missions.transfer import Verdict
 from protocol.wire.reasons import Reason

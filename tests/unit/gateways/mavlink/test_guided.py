@@ -11,9 +11,9 @@ from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.motion.pilot import BeginDrive, DriveBegun, DriveOver, EndDrive, EnterGuided
 from gateways.mavlink.motion.setpoints import SetpointError, Velocity, attitude_of, setpoint_of
 from ground.client.goal import Destination
-from ground.client.operations.commands import SetMode
-from ground.client.operations.goals import Goto
-from ground.client.operations.parameters import ParameterChanged, SetParameter
+from ground.commands.goto import Goto
+from ground.commands.param import ParameterChanged, SetParameter
+from ground.commands.stop import SetMode
 from ground.missions.qgroundcontrol import to_global
 from protocol.wire.enums import Command, Mode, Vehicle
 from protocol.wire.messages import LeaseStatus

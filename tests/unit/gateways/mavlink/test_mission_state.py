@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
-from ground.client.operations.missions import FetchMission, JumpTo
+from ground.commands.mission import FetchMission, JumpTo
 from ground.missions.mission import Home, Waypoint
 from protocol.wire.enums import MissionState, Mode
 from tests.support.gateway.benches import (

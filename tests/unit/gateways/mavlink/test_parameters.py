@@ -23,8 +23,8 @@ from gateways.mavlink.parameter_table import (
     mavlink_name,
     table_of,
 )
-from ground.client.operations.parameters import ParameterChanged, SetParameter
 from ground.client.results import Refused
+from ground.commands.param import ParameterChanged, SetParameter
 from protocol.wire.enums import LeaseAction
 from protocol.wire.reasons import Reason
 from robot.parameter_table import SPECS

@@ -23,7 +23,7 @@ from gateways.mavlink.motion.setpoints import place_goal
 from gateways.mavlink.services import face_of
 from gateways.mavlink.streams import STREAMS, StreamScheduler
 from gateways.mavlink.telemetry_messages import global_position
-from ground.client.operations.parameters import ShowParameters
+from ground.commands.param import ShowParameters
 from protocol.wire.enums import Mode, Severity, Vehicle
 from protocol.wire.messages import Statustext
 from protocol.wire.statustext import pieces_of

@@ -13,7 +13,7 @@ from gateways.mavlink.liveness import HeartbeatStream
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.robot_port import Snapshot
 from gateways.mavlink.services import face_of
-from ground.client.operations.fences import FenceShown, ShowFence
+from ground.commands.fence import FenceShown, ShowFence
 from ground.missions.mission import Circle, Home
 from ground.missions.qgroundcontrol import to_global
 from protocol.wire.enums import Mode, Vehicle

@@ -4,9 +4,16 @@ from math import inf, isnan, nan, radians
 
 import pytest
 
+from ground.client.floor import Floor, floor_in
 from ground.client.goal import destination
 from ground.client.link import UnansweredError
-from ground.client.operations.commands import (
+from ground.client.requests import ATTEMPTS
+from ground.client.results import Accepted, Outcome, Refused, RefusedError, agreed
+from ground.client.session import RETRY_NS, Operation, Session
+from ground.client.status_line import knows_place, pose_of
+from ground.commands.goto import Goto
+from ground.commands.pose import SetPose, SetTruePose
+from ground.commands.stop import (
     COMMANDS,
     Arm,
     ClearEmergencyStop,
@@ -17,13 +24,6 @@ from ground.client.operations.commands import (
     SetNavigator,
     StopNow,
 )
-from ground.client.operations.floor import Floor, floor_in
-from ground.client.operations.goals import Goto
-from ground.client.operations.place import SetPose, SetTruePose
-from ground.client.operations.session import RETRY_NS, Operation, Session
-from ground.client.requests import ATTEMPTS
-from ground.client.results import Accepted, Outcome, Refused, RefusedError, agreed
-from ground.client.status_line import knows_place, pose_of
 from protocol.topics import ODOMETRY, STATUS, STOP, TRUTH
 from protocol.wire.enums import Command, Mode, Navigator, Vehicle
 from protocol.wire.messages import CommandRequest, GoalRequest

@@ -11,15 +11,15 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from ground.cli.main import parse
+from ground.client.floor import Floor, floor_in, floor_of
 from ground.client.goal import Destination, destination, from_robot, goal_request
-from ground.client.operations.commands import Resume
-from ground.client.operations.floor import Floor, floor_in, floor_of
-from ground.client.operations.goals import GoalEnded, Goto
-from ground.client.operations.lost_drive import LostGoal, LostMission, LostReturn, lost_drive
-from ground.client.operations.missions import UploadMission
-from ground.client.operations.resuming import NothingToResume, Resumed
-from ground.client.operations.session import Session
+from ground.client.lost_drive import LostGoal, LostMission, LostReturn, lost_drive
 from ground.client.results import Accepted, Refused, RefusedError
+from ground.client.session import Session
+from ground.commands.goto import GoalEnded, Goto
+from ground.commands.mission import UploadMission
+from ground.commands.resuming import NothingToResume, Resumed
+from ground.commands.stop import Resume
 from ground.grammar.driving import GotoWords
 from ground.grammar.words import positive, seconds
 from ground.missions.mission import Mission, Waypoint

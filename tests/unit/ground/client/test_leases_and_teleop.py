@@ -6,7 +6,8 @@ from math import nan
 import pytest
 from msgspec.structs import replace
 
-from ground.client.operations.leases import (
+from ground.client.results import Refused, RefusedError
+from ground.commands.lease import (
     ChangeLease,
     ShowLease,
     leased,
@@ -14,8 +15,7 @@ from ground.client.operations.leases import (
     shortened,
     terminal_name,
 )
-from ground.client.operations.teleop import SETTLE_NS, DriveByHand, DriveEnded, lost_control
-from ground.client.results import Refused, RefusedError
+from ground.commands.teleop import SETTLE_NS, DriveByHand, DriveEnded, lost_control
 from protocol.topics import LEASE, OPERATOR, STATUS
 from protocol.wire.enums import Command, LeaseAction, Mode, Vehicle
 from protocol.wire.limits import MAX_OPERATOR_NAME_BYTES

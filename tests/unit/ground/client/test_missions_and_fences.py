@@ -6,8 +6,8 @@ import msgspec
 import pytest
 
 from ground.client.link import UnansweredError
-from ground.client.operations.fences import ClearFence, SetFence, ShowFence
-from ground.client.operations.missions import (
+from ground.commands.fence import ClearFence, SetFence, ShowFence
+from ground.commands.mission import (
     ClearMission,
     DownloadMission,
     FetchMission,

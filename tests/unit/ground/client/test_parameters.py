@@ -11,17 +11,6 @@ from hypothesis import strategies as st
 
 from ground.client import parameter_file
 from ground.client.link import UnansweredError
-from ground.client.operations import parameters
-from ground.client.operations.parameters import (
-    SAVING_NS,
-    LoadParameters,
-    ParameterChanged,
-    ResetParameter,
-    SaveParameters,
-    SetParameter,
-    ShowParameters,
-    table,
-)
 from ground.client.parameter import Parameter, parameters_in
 from ground.client.parameter_rows import MAX_ROWS, MAX_TEXT, rows_in
 from ground.client.vocabulary import (
@@ -32,6 +21,17 @@ from ground.client.vocabulary import (
     SHELL,
     value_in_words,
     value_words,
+)
+from ground.commands import param
+from ground.commands.param import (
+    SAVING_NS,
+    LoadParameters,
+    ParameterChanged,
+    ResetParameter,
+    SaveParameters,
+    SetParameter,
+    ShowParameters,
+    table,
 )
 from protocol.wire.enums import Mode, Navigator
 from protocol.wire.messages import CommandAck, ParamSet, ParamValue
@@ -221,12 +221,12 @@ LINK: Any = None
 def test_refusal_as_less_safe_shows_the_limit(
     name: str, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(parameters, "fetch", lambda _: STRICTER_ROWS)
-    assert parameters.hint(LINK, name, Reason.LESS_SAFE_THAN_CONFIGURED) == words
+    monkeypatch.setattr(param, "fetch", lambda _: STRICTER_ROWS)
+    assert param.hint(LINK, name, Reason.LESS_SAFE_THAN_CONFIGURED) == words
 
 
 def test_list_shows_the_safer_direction() -> None:
-    lines = {line.split()[0]: line.split() for line in parameters.table(STRICTER_ROWS).splitlines()}
+    lines = {line.split()[0]: line.split() for line in param.table(STRICTER_ROWS).splitlines()}
     assert lines["name"][6] == "safer"
     assert lines["op_lost_ms"][:8] == [
         "op_lost_ms",

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.client.operations.fences import SetFence, in_words
+from ground.commands.fence import SetFence, in_words
 from ground.console.parser import read
 from ground.grammar.fences import FenceWords, SetFenceOfFile, outlined
 from ground.missions.draft import Draft, Edit

@@ -6,10 +6,10 @@ from typing import ClassVar, Final
 
 from ground.client.connection import LONGEST_S, within
 from ground.client.link import Link
-from ground.client.operations.leases import leased
-from ground.client.operations.session import Session
 from ground.client.requests import HeartbeatTimer
 from ground.client.results import Answer, Refused
+from ground.client.session import Session
+from ground.commands.lease import leased
 from protocol.bus.publisher import Publisher
 from protocol.topics import STATUS, TELEOP
 from protocol.wire.enums import Command, Mode, Vehicle

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from socket import gethostname
 from typing import ClassVar, Final
 
+from ground.client.lease_holder import holder_name, is_ours, lease_status
 from ground.client.link import Link
-from ground.client.operations.lease_holder import holder_name, is_ours, lease_status
-from ground.client.operations.session import Session
 from ground.client.requests import BEAT_NS, CommandExchange
 from ground.client.results import Answer, RefusedError, Success
+from ground.client.session import Session
 from protocol.topics import LEASE_SERVICE
 from protocol.wire.enums import LeaseAction
 from protocol.wire.limits import MAX_LEASE_MS, MAX_OPERATOR_NAME_BYTES

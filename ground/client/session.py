@@ -4,9 +4,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final, Protocol, TypeVar
 
+from ground.client.floor import Floor
+from ground.client.lease_holder import refusing_holder
 from ground.client.link import Link
-from ground.client.operations.floor import Floor
-from ground.client.operations.lease_holder import refusing_holder
 from ground.client.requests import ATTEMPTS, BEAT_NS, Request
 from ground.client.results import Accepted, Answer, Outcome
 from ground.text.status_parts import Part

@@ -5,19 +5,19 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from ground.client.goal import goal_request
-from ground.client.operations.lost_drive import (
+from ground.client.lost_drive import (
     LostDrive,
     LostGoal,
     LostMission,
     has_failed,
     lost_drive,
 )
-from ground.client.operations.missions import CURRENT, fetch
-from ground.client.operations.session import Session
 from ground.client.requests import Request
 from ground.client.results import Accepted, Answer, Refused
+from ground.client.session import Session
 from ground.client.telemetry import Telemetry
 from ground.client.vocabulary import GOAL_HINT
+from ground.commands.mission import CURRENT, fetch
 from ground.missions.transfer import Downloaded, waypoints_of
 from protocol.topics import MISSION, STATUS
 from protocol.wire.enums import Command, MissionType, Mode, Vehicle

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ground.client.operations.missions import TransferOutcome, fetch, send, send_fence, with_holder
-from ground.client.operations.session import Session
 from ground.client.results import Success
+from ground.client.session import Session
+from ground.commands.mission import TransferOutcome, fetch, send, send_fence, with_holder
 from ground.missions.mission import Circle, Fence
 from ground.missions.transfer import Clear, Verdict, fence_of
 from protocol.wire.enums import MissionType

@@ -3,15 +3,15 @@
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
+from ground.client.floor import world_goal
 from ground.client.goal import Destination, from_robot, goal_request
 from ground.client.link import Link
-from ground.client.operations.floor import world_goal
-from ground.client.operations.leases import leased
-from ground.client.operations.session import Session
 from ground.client.requests import BEAT_NS, GoalEnd, GoalWatch
 from ground.client.results import Accepted, Refused
+from ground.client.session import Session
 from ground.client.status_line import goal_line, knows_place
 from ground.client.telemetry import Telemetry
+from ground.commands.lease import leased
 from protocol.outcome import LOST, REPLACED, detail_of, doubt_of, doubt_words
 from protocol.topics import DECISION, LEASE, ODOMETRY, STATUS
 from protocol.wire.enums import Command, Mode

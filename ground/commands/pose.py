@@ -6,9 +6,9 @@ from typing import ClassVar, Final
 
 from ground.client.connection import within
 from ground.client.goal import FARTHEST_M
-from ground.client.operations.commands import Parts, PlainCommand
-from ground.client.operations.session import Session, patience_ns
 from ground.client.results import Answer
+from ground.client.session import Session, patience_ns
+from ground.commands.stop import Parts, PlainCommand
 from protocol.topics import TRUTH
 from protocol.wire.enums import Command
 from runtime.errors import RemoteError
