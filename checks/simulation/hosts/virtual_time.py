@@ -6,7 +6,7 @@ on their times and the order in which they were added.
 
 Substitutes for threads, queues, locks and clocks have the interfaces that product code uses. So has
 an asyncio event loop: its waits are those of a task, and jobs of its executors are simulated
-threads. One loop runs at a time in a simulation.
+threads. Each program may have one.
 """
 
 import asyncio
@@ -21,6 +21,7 @@ from typing import Any, Final, Generic, TypeVar
 
 from greenlet import GreenletExit, getcurrent, greenlet
 
+from checks.harness.loop import PlayedLoop
 from runtime.units import NS_PER_S
 
 
@@ -175,7 +176,12 @@ class Task(greenlet):  # type: ignore[misc]  # it carries no types
         scheduler = host.scheduler
         if deadline_ns is not None:
             scheduler.at(deadline_ns, self._continue, self._token)
-        scheduler.hub.switch()
+        loop = asyncio._get_running_loop()
+        asyncio._set_running_loop(None)  # meanwhile those of other programs run
+        try:
+            scheduler.hub.switch()
+        finally:
+            asyncio._set_running_loop(loop)
         if not host.alive:
             raise GreenletExit
 
@@ -511,37 +517,14 @@ MOST_WAITS: Final = 9
 """A killed program waits at most so often in its clean-up, each time in vain."""
 
 
-class SimulatedLoop(asyncio.BaseEventLoop):
+class SimulatedLoop(PlayedLoop):
     """Replaces the event loop of a program, in the task that creates it."""
 
     def __init__(self) -> None:
-        super().__init__()
-        self._selector = self
-        self._host, self._waiter = current_host(), current_task()
+        super().__init__(SimulatedClock())
+        self._waiter = current_task()
         self._is_woken = False
-
-    def time(self) -> float:
-        """Return the monotonic time of the host."""
-        return self._host.now_ns() / NS_PER_S
-
-    def select(self, timeout: float | None) -> list[Any]:
-        """Wait until the time is up, or until another task calls the loop."""
-        if not self._is_woken:
-            scheduler = self._host.scheduler
-            until_ns = None if timeout is None else scheduler.now_ns + ceil(timeout * NS_PER_S)
-            asyncio._set_running_loop(None)
-            self._waiter.wait_until(until_ns)
-            asyncio._set_running_loop(self)
-        self._is_woken = False
-        return []
-
-    def _process_events(self, _events: list[Any]) -> None:
-        """Have no events of descriptors."""
-
-    def _write_to_self(self) -> None:
-        """End the wait of `select`."""
-        self._is_woken = True
-        self._waiter.wake()
+        self.set_exception_handler(lambda _loop, _context: None)
 
     def run_in_executor(  # type: ignore[override]  # of typeshed, with TypeVarTuple
         self, executor: "SimulatedExecutor | None", job: Callable[..., Any], *arguments: Any
@@ -550,25 +533,30 @@ class SimulatedLoop(asyncio.BaseEventLoop):
         threads = SimulatedExecutor(1) if executor is None else executor
         return asyncio.wrap_future(threads.submit(job, *arguments), loop=self)
 
-    def run(self, work: Coroutine[Any, Any, None]) -> None:
+    def run(self, work: Coroutine[Any, Any, T]) -> T:
         """Run a program to its end; its host may be killed meanwhile."""
-        self.set_exception_handler(lambda _loop, _context: None)
-        program = self.create_task(work)
-        asyncio._set_running_loop(self)
         try:
-            while not program.done():
-                self._run_once()  # type: ignore[attr-defined]
+            return super().run(work)
         except GreenletExit:
-            self._abandon()
+            with self._running():
+                self._abandon()
             raise
         finally:
-            asyncio._set_running_loop(None)
             self.close()
-        program.result()
+
+    def _wait(self, timeout_s: float | None) -> None:
+        """Wait until the time is up, or until another task calls the loop."""
+        if not self._is_woken:
+            self._waiter.wait_until(_deadline_ns(timeout_s))
+        self._is_woken = False
+
+    def _write_to_self(self) -> None:
+        """End the wait."""
+        self._is_woken = True
+        self._waiter.wake()
 
     def _abandon(self) -> None:
         """End all coroutines of a killed program; their clean-up has no effect any more."""
-        asyncio._set_running_loop(self)
         known: set[asyncio.Task[Any]] = set()
         while tasks := asyncio.all_tasks(self) - known:  # clean-up may begin others
             known |= tasks

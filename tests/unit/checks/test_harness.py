@@ -1,10 +1,13 @@
 """What tests and checks share: figures, motion, the relay, builds, and the hooks of pytest."""
 
+import asyncio
 import json
 import os
 import re
 import socket
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from threading import Thread
@@ -18,9 +21,12 @@ from checks import built as cache
 from checks.built import ROOT, BuildError, built, environment, key_of
 from checks.harness import motion
 from checks.harness.figures import BenchmarkReport, Figure, digits, percentile, ratios
+from checks.harness.loop import PlayedLoop
 from checks.harness.motion import HOLDS, Seen
 from checks.harness.relays import OVERTAKEN_NS, PERFECT, POOR, ImpairedLine, Impairment, UdpRelay
+from checks.simulation.hosts.virtual_time import Host, Scheduler, SimulatedLoop
 from protocol.wire.messages import GroundTruth
+from runtime.clock import ManualClock
 from runtime.units import NS_PER_MS
 from tests.support.each import each
 
@@ -523,3 +529,113 @@ def test_finished_tests_are_counted_for_the_gate(
     run_pytest(pytester, [SWEEP])
     assert count.read_text() == "4 4\n"
     assert "SIDESTEP_TEST_COUNT" not in os.environ, "a pytest that a test starts must not count"
+
+
+@pytest.fixture
+def loops() -> Iterator[tuple[ManualClock, PlayedLoop, PlayedLoop]]:
+    clock = ManualClock(7_000_000_000_001)
+    with closing(PlayedLoop(clock)) as one, closing(PlayedLoop(clock)) as other:
+        yield clock, one, other
+
+
+Loops = tuple[ManualClock, PlayedLoop, PlayedLoop]
+
+
+def test_waits_in_a_played_loop_move_only_its_clock(loops: Loops) -> None:
+    clock, loop, _ = loops
+    began_ns = clock.now_ns()
+
+    async def program() -> str:
+        await asyncio.sleep(3600.0)
+        with pytest.raises(TimeoutError):
+            await asyncio.wait_for(asyncio.Event().wait(), 60.0)
+        return await asyncio.to_thread(str.upper, "done")
+
+    assert loop.run(program()) == "DONE"
+    assert 0 <= clock.now_ns() - began_ns - 3660 * 10**9 < 1000
+
+
+def test_time_is_advanced_exactly_and_runs_what_is_due(loops: Loops) -> None:
+    clock, loop, _ = loops
+    began_ns, seen = clock.now_ns(), list[int]()
+
+    def tick() -> None:
+        seen.append(clock.now_ns() - began_ns)
+        loop.call_soon(seen.append, -1)
+        loop.call_later(0.02, tick)
+
+    loop.call_soon_threadsafe(tick)
+    for _ in range(3):
+        loop.advance(20_000_000)
+    assert [at // 1000 for at in seen if at >= 0] == [0, 20_000, 40_000, 60_000]
+    assert seen.count(-1) == 4
+    assert clock.now_ns() - began_ns == 60_000_000
+    loop.advance()
+    assert len(seen) == 8
+
+
+def test_played_loops_run_within_each_other(loops: Loops) -> None:
+    _, one, other = loops
+
+    async def inner() -> object:
+        await asyncio.sleep(1.0)
+        return asyncio.get_running_loop()
+
+    async def outer() -> tuple[object, object]:
+        await asyncio.sleep(1.0)
+        found = other.run(inner())
+        other.advance(10**9)
+        await asyncio.sleep(1.0)
+        return found, asyncio.get_running_loop()
+
+    assert one.run(outer()) == (other, one)
+    with pytest.raises(RuntimeError, match="no running event loop"):
+        asyncio.get_running_loop()
+
+
+def test_wait_for_what_never_comes_is_an_error(loops: Loops) -> None:
+    _, loop, _ = loops
+    with pytest.raises(RuntimeError, match="nothing is left"):
+        loop.run(asyncio.Event().wait())
+    loop.advance(10**9)
+    for task in asyncio.all_tasks(loop):
+        task.cancel()
+    loop.advance()
+
+
+def test_real_sockets_are_read_before_time_passes(loops: Loops) -> None:
+    clock, loop, _ = loops
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        ours.setblocking(False)
+        theirs.send(b"here")
+        began_ns = clock.now_ns()
+        assert loop.run(loop.sock_recv(ours, 10)) == b"here"
+        assert clock.now_ns() == began_ns
+
+
+def test_each_simulated_program_has_an_event_loop() -> None:
+    scheduler, log = Scheduler(), list[tuple[str, int, bool]]()
+
+    async def program(name: str, period_s: float) -> None:
+        loop = asyncio.get_running_loop()
+        while True:
+            await asyncio.sleep(period_s)
+            log.append((name, scheduler.now_ns, asyncio.get_running_loop() is loop))
+
+    hosts = [Host(scheduler, name, 1_000_000_007 * (7 + at)) for at, name in enumerate("abc")]
+    for at, host in enumerate(hosts):
+        work = partial(program, host.name, 1.0 + at)
+        host.spawn(lambda work=work: SimulatedLoop().run(work()))  # type: ignore[misc]
+    scheduler.run(3_500_000_000)
+    hosts[0].kill()
+    scheduler.run(6_500_000_000)
+    seen = [(name, round(at_ns / 1e9, 6)) for name, at_ns, _ in log]
+    assert seen[:5] == [("a", 1.0), ("b", 2.0), ("a", 2.0), ("c", 3.0), ("a", 3.0)]
+    assert seen[5:] == [("b", 4.0), ("c", 6.0), ("b", 6.0)]
+    assert all(is_own for *_, is_own in log)
+    for host in hosts[1:]:
+        host.kill()
+    assert [host.error for host in hosts] == [None] * 3
+    with pytest.raises(RuntimeError, match="no running event loop"):
+        asyncio.get_running_loop()
