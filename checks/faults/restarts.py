@@ -24,7 +24,7 @@ from checks.harness.figures import BenchmarkReport, Figure
 from ground.cli.main import parse
 from ground.cli.run.up import connect, free_endpoint
 from ground.client.link import Link, open_link
-from ground.client.results import Refused
+from ground.client.outcomes import Refused
 from ground.client.session import Session
 from ground.commands.stop import Arm, ClearEmergencyStop, StopNow
 from ground.launch.child_command import command

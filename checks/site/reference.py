@@ -11,7 +11,7 @@ from typing import Any, Final
 from unittest.mock import patch
 
 from ground.app.input.keymap import KEYS, Layer
-from ground.client.results import answer_row
+from ground.client.outcomes import answer_row
 from ground.missions.mission import Circle, Home, Waypoint
 from plant.corpus.generate import EVERY_FAMILY
 from plant.model.configuration import LEVELS, Body, Fault, Noise

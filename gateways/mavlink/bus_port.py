@@ -13,7 +13,7 @@ from gateways.mavlink.robot_port import NO_TELEMETRY, OVERTAKEN, STOPS, Answered
 from ground.client import stop_ways
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.link import ALIVE, Link
-from ground.client.results import Outcome
+from ground.client.outcomes import Outcome
 from ground.client.session import Operation, Session
 from ground.client.telemetry import Telemetry
 from ground.commands.lease import ask_lease

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple, Protocol
 
-from ground.client.results import Outcome, Refused
+from ground.client.outcomes import Outcome, Refused
 from ground.client.session import Operation
 from ground.commands.stop import Abort, Disarm, Hold
 from protocol.wire.enums import LeaseAction, Vehicle

@@ -6,7 +6,7 @@ from ground.cli.observe.live_line import follow
 from ground.cli.options import common_of
 from ground.client.floor import floor_of
 from ground.client.link import UnansweredError, open_link
-from ground.client.results import Accepted, Outcome
+from ground.client.outcomes import Accepted, Outcome
 from ground.client.session import Operation, Session
 from ground.commands.all_robots import StopAll
 from ground.commands.lease import take

@@ -9,6 +9,7 @@ import msgspec
 
 from ground.client.connection import Common
 from ground.client.emergency_stop import ServiceCaller
+from ground.client.outcomes import Answer, Refused
 from ground.client.presence import PresentProcesses, explain_silence, present_processes
 from ground.client.requests import (
     ATTEMPTS,
@@ -19,7 +20,6 @@ from ground.client.requests import (
     Request,
     RequestIds,
 )
-from ground.client.results import Answer, Refused
 from ground.client.telemetry import Telemetry
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.publisher import Publisher

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Final, Generic, Protocol, TypeAlias, TypeVar
 
-from ground.client.results import Accepted, Answer, Refused
+from ground.client.outcomes import Accepted, Answer, Refused
 from protocol.outcome import REPLACED, goal_end
 from protocol.topics import LEASE, STATUS, Topic
 from protocol.wire.enums import AckResult, Command

@@ -7,8 +7,8 @@ from typing import Final, Protocol, TypeVar
 from ground.client.floor import Floor
 from ground.client.lease_holder import refusing_holder
 from ground.client.link import Link
+from ground.client.outcomes import Accepted, Answer, Outcome
 from ground.client.requests import ATTEMPTS, BEAT_NS, Request
-from ground.client.results import Accepted, Answer, Outcome
 from ground.text.status_parts import Part
 from protocol.topics import STATUS
 from protocol.wire.enums import Command, Vehicle

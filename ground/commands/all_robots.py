@@ -10,8 +10,8 @@ from ground.client import stop_ways
 from ground.client.connection import Common
 from ground.client.emergency_stop import EmergencyStop, MessagePublisher
 from ground.client.link import Link, UnansweredError, open_link
+from ground.client.outcomes import Answer
 from ground.client.presence import present_processes
-from ground.client.results import Answer
 from ground.client.session import Session
 from ground.client.telemetry import Telemetry
 from ground.commands.stop import STOP_S, ClearEmergencyStop, StopNow, Stopped

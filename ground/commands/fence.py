@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ground.client.results import Success
+from ground.client.outcomes import Success
 from ground.client.session import Session
 from ground.commands.mission import TransferOutcome, fetch, send, send_fence, with_holder
 from ground.missions.mission import Circle, Fence

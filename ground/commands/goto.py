@@ -6,8 +6,8 @@ from typing import ClassVar, Final
 from ground.client.floor import world_goal
 from ground.client.goal import Destination, from_robot, goal_request
 from ground.client.link import Link
+from ground.client.outcomes import Accepted, Refused
 from ground.client.requests import BEAT_NS, GoalEnd, GoalWatch
-from ground.client.results import Accepted, Refused
 from ground.client.session import Session
 from ground.client.status_line import goal_line, knows_place
 from ground.client.telemetry import Telemetry

@@ -14,8 +14,8 @@ from typing import ClassVar, Final
 
 from ground.client.lease_holder import holder_name, is_ours, lease_status
 from ground.client.link import Link
+from ground.client.outcomes import Answer, RefusedError, Success
 from ground.client.requests import BEAT_NS, CommandExchange
-from ground.client.results import Answer, RefusedError, Success
 from ground.client.session import Session
 from protocol.topics import LEASE_SERVICE
 from protocol.wire.enums import LeaseAction

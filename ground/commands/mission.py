@@ -6,8 +6,8 @@ from typing import ClassVar, Final
 
 from ground.client.lease_holder import refusing_holder
 from ground.client.link import Link
+from ground.client.outcomes import Answer, Success, refusal_words
 from ground.client.requests import GaveUp
-from ground.client.results import Answer, Success, refusal_words
 from ground.client.session import Session
 from ground.client.vocabulary import SHELL, Remedies
 from ground.missions import files

@@ -6,7 +6,7 @@ from typing import ClassVar, Final
 
 from ground.client.connection import within
 from ground.client.goal import FARTHEST_M
-from ground.client.results import Answer
+from ground.client.outcomes import Answer
 from ground.client.session import Session, patience_ns
 from ground.commands.stop import Parts, PlainCommand
 from protocol.topics import TRUTH

@@ -12,8 +12,8 @@ from ground.client.lost_drive import (
     has_failed,
     lost_drive,
 )
+from ground.client.outcomes import Accepted, Answer, Refused
 from ground.client.requests import Request
-from ground.client.results import Accepted, Answer, Refused
 from ground.client.session import Session
 from ground.client.telemetry import Telemetry
 from ground.client.vocabulary import GOAL_HINT

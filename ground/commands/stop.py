@@ -11,8 +11,8 @@ from ground.client import stop_ways
 from ground.client.connection import Common
 from ground.client.emergency_stop import EmergencyStop, StopOutcome, outcome_words
 from ground.client.link import Link, UnansweredError
+from ground.client.outcomes import Answer, Refused, answer_row
 from ground.client.requests import GaveUp
-from ground.client.results import Answer, Refused, answer_row
 from ground.client.session import STATUS_NS, Session, patience_ns
 from ground.commands.resuming import go_on
 from protocol.bus.certificate import holder

@@ -6,8 +6,8 @@ from typing import ClassVar, Final
 
 from ground.client.connection import LONGEST_S, within
 from ground.client.link import Link
+from ground.client.outcomes import Answer, Refused
 from ground.client.requests import HeartbeatTimer
-from ground.client.results import Answer, Refused
 from ground.client.session import Session
 from ground.commands.lease import leased
 from protocol.bus.publisher import Publisher

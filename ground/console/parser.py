@@ -12,7 +12,7 @@ from itertools import chain
 from types import MappingProxyType
 from typing import Final, NoReturn
 
-from ground.client.results import Outcome
+from ground.client.outcomes import Outcome
 from ground.client.session import Operation
 from ground.console.app_commands import LOCAL, AppArguments, AppCommand
 from ground.console.argument_errors import in_words

@@ -3,7 +3,7 @@
 from math import degrees
 
 from ground.client.goal import Destination
-from ground.client.results import Outcome
+from ground.client.outcomes import Outcome
 from ground.client.session import Operation
 from ground.client.vocabulary import SIDES
 from ground.commands.all_robots import ClearAll, StopAll

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from ground.client.results import Outcome
+from ground.client.outcomes import Outcome
 from ground.client.session import Operation
 from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.commands.all_robots import ClearAll, StopAll

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from ground.client.connection import within
-from ground.client.results import Outcome
+from ground.client.outcomes import Outcome
 from ground.client.session import Operation, Session
 from ground.commands.fence import ClearFence, SetFence, ShowFence
 from ground.commands.mission import TransferOutcome

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Final
 
-from ground.client.results import Outcome, Success
+from ground.client.outcomes import Outcome, Success
 from ground.client.session import Operation, Progress, Session
 from ground.commands.mission import (
     ClearMission,

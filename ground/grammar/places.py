@@ -2,7 +2,7 @@
 
 import argparse
 
-from ground.client.results import Outcome
+from ground.client.outcomes import Outcome
 from ground.client.session import Operation
 from ground.commands.pose import SetPose, SetTruePose
 from ground.grammar.words import Words, add_anyway, add_common, add_seize, seconds

@@ -2,7 +2,7 @@
 
 import argparse
 
-from ground.client.results import Outcome
+from ground.client.outcomes import Outcome
 from ground.client.session import Operation
 from ground.grammar.looking import moment
 from ground.grammar.words import Words, add_common, add_json

@@ -5,7 +5,7 @@ from importlib import import_module
 from typing import Final, Protocol, runtime_checkable
 
 from ground.client.connection import LONGEST_S
-from ground.client.results import Outcome
+from ground.client.outcomes import Outcome
 from ground.client.session import Operation, Progress
 from protocol.options import CONFIG_HELP, DEFAULT_ENDPOINT, above_zero
 from runtime.cli.verb_table import VERBS, Verb

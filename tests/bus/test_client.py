@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import sidestep
-from ground.client.results import Answer
+from ground.client.outcomes import Answer
 from protocol.topics import STATUS
 from protocol.wire.enums import Command, LeaseAction, MissionState
 from protocol.wire.messages import CommandRequest, GoalRequest

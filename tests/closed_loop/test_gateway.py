@@ -21,7 +21,7 @@ from gateways.mavlink.services import face_of
 from ground.client.connection import Common
 from ground.client.goal import Destination
 from ground.client.link import ALIVE, Link
-from ground.client.results import Outcome
+from ground.client.outcomes import Outcome
 from ground.client.session import Operation, Session
 from ground.commands.goto import Goto
 from ground.commands.lease import ChangeLease

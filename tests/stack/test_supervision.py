@@ -22,7 +22,7 @@ from checks.faults.restarts import NO_PAUSE, ArrivalTimes, kept_stops, running
 from ground.cli.run.up import goal_runs_of
 from ground.client.goal import destination
 from ground.client.link import open_link
-from ground.client.results import Refused
+from ground.client.outcomes import Refused
 from ground.client.session import Session
 from ground.commands.goto import Goto
 from ground.commands.pose import SetTruePose

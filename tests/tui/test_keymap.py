@@ -22,7 +22,7 @@ from ground.app.input.keymap import (
 from ground.app.screens import SCREENS
 from ground.app.screens.drive import DriveScreen
 from ground.app.widgets.command_line import CommandLine
-from ground.client.results import Refused
+from ground.client.outcomes import Refused
 from ground.client.vocabulary import HINTS
 from ground.map.drawing import described, measured
 from ground.map.scene import Disc, MapScene, Outline

@@ -11,8 +11,8 @@ from ground.app.commands.local_commands import LocalCommands
 from ground.app.commands.runner import CommandRunner
 from ground.app.commands.undo import MAX_CHANGES, Change, UndoList, inverse_of
 from ground.client.connection import Common
+from ground.client.outcomes import Accepted
 from ground.client.parameter import Parameter
-from ground.client.results import Accepted
 from ground.client.session import Session
 from ground.commands import param
 from ground.commands.fence import ClearFence, FenceShown, SetFence

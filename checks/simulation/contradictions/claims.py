@@ -27,7 +27,7 @@ from checks.simulation.contradictions.truth import (
 from checks.simulation.hosts.mavlink import GATEWAY
 from checks.simulation.invariants.run_state import InvariantViolation
 from gateways.mavlink.mavlink_dialect import mavlink
-from ground.client.results import Accepted, Refused
+from ground.client.outcomes import Accepted, Refused
 from ground.commands.goto import GoalEnded
 from ground.commands.mission import MissionEnded
 from ground.commands.stop import Stopped

@@ -66,7 +66,7 @@ from gateways.mavlink.clients import NoFile
 from gateways.mavlink.mavlink_dialect import mavlink
 from ground.client.api import connect
 from ground.client.connection import common
-from ground.client.results import Accepted, Refused
+from ground.client.outcomes import Accepted, Refused
 from ground.commands.goto import GoalEnded
 from ground.user.runs import read_runs
 from protocol.bus.bus import open_bus

@@ -35,7 +35,7 @@ from ground.client.api import Mission, Robot, Waypoint, connect
 from ground.client.connection import Common
 from ground.client.goal import destination
 from ground.client.link import Link, open_link
-from ground.client.results import Outcome, Refused
+from ground.client.outcomes import Outcome, Refused
 from ground.client.session import Operation, Session
 from ground.client.vocabulary import HINTS
 from ground.commands.goto import Goto

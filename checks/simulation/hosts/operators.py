@@ -17,8 +17,8 @@ from ground.client.connection import Common
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.goal import destination, goal_request
 from ground.client.link import Link
+from ground.client.outcomes import Answer, Refused
 from ground.client.requests import BEAT_NS, is_saving
-from ground.client.results import Answer, Refused
 from ground.commands.lease import ask_lease
 from ground.commands.stop import COMMANDS
 from ground.commands.teleop import TeleopSender

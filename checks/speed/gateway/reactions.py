@@ -25,7 +25,7 @@ from gateways.mavlink.motion.pilot import EnterGuided
 from ground.client.connection import Common
 from ground.client.goal import Destination
 from ground.client.link import Link
-from ground.client.results import Outcome
+from ground.client.outcomes import Outcome
 from ground.client.session import Operation, Session
 from ground.commands.goto import Goto
 from ground.commands.lease import ask_lease

@@ -27,7 +27,7 @@ from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import RESULT_NOT_IN_CONTROL, MavMessage, mavlink
 from gateways.mavlink.motion.setpoints import GLOBAL_FRAMES
 from gateways.mavlink.robot_port import KEEPS_FENCE, NO_TELEMETRY, OVERTAKEN, Answered
-from ground.client.results import Outcome
+from ground.client.outcomes import Outcome
 from ground.commands.param import ParameterChanged
 from protocol.wire.enums import GoalState, Mode, Severity
 from protocol.wire.enums import Vehicle as VehicleState

@@ -27,7 +27,7 @@ from gateways.mavlink.motion.setpoints import (
 )
 from gateways.mavlink.robot_port import Answered
 from ground.client.goal import Destination
-from ground.client.results import Refused
+from ground.client.outcomes import Refused
 from protocol.wire.enums import Mode
 from protocol.wire.enums import Vehicle as VehicleState
 from protocol.wire.reasons import Reason

@@ -9,8 +9,8 @@ from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage
 from gateways.mavlink.robot_port import OVERTAKEN, Answered, Done
 from ground.client.goal import Destination
+from ground.client.outcomes import Accepted, Answer, Outcome, Refused
 from ground.client.requests import ATTEMPTS, GaveUp
-from ground.client.results import Accepted, Answer, Outcome, Refused
 from ground.client.session import Operation, Session
 from ground.commands.goto import Goto
 from ground.commands.mission import StartMission

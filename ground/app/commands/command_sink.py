@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from ground.client.results import Outcome
+from ground.client.outcomes import Outcome
 from ground.client.session import Operation
 from ground.console.app_commands import AppCommand
 from ground.console.completion import Assistance

@@ -16,7 +16,7 @@ from ground.app.screens.app_screen import Action
 from ground.app.screens.choice import Choice
 from ground.app.screens.help import show_help
 from ground.app.stops.band import is_in_emergency_stop
-from ground.client.results import Outcome
+from ground.client.outcomes import Outcome
 from ground.client.session import Operation
 from ground.client.telemetry import Age
 from ground.client.vocabulary import (

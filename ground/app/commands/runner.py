@@ -10,8 +10,8 @@ from ground.app.commands.undo import Change, UndoList, inverse_of
 from ground.client.connection import Common
 from ground.client.floor import Floor, floor_in
 from ground.client.link import Link
+from ground.client.outcomes import Answer, Outcome, Refused
 from ground.client.requests import ATTEMPTS, GaveUp
-from ground.client.results import Answer, Outcome, Refused
 from ground.client.session import Operation, Session
 from ground.client.vocabulary import HINTS
 from ground.commands.all_robots import ClearAll, StopAll

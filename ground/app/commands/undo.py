@@ -5,8 +5,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple, TypeAlias
 
+from ground.client.outcomes import Outcome
 from ground.client.parameter import Parameter
-from ground.client.results import Outcome
 from ground.client.session import Operation, Session
 from ground.commands.fence import ClearFence, FenceShown, SetFence, ShowFence
 from ground.commands.param import (

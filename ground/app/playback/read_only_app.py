@@ -7,7 +7,7 @@ from ground.app.app_interface import AppControl
 from ground.app.commands.command_sink import CommandSink
 from ground.app.panels.status import SessionInfo
 from ground.app.playback.player import Player
-from ground.client.results import Outcome
+from ground.client.outcomes import Outcome
 from ground.client.session import Operation
 from ground.commands.all_robots import StopAll
 from ground.commands.stop import Abort, Disarm, Hold, StopNow

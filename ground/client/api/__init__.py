@@ -14,8 +14,8 @@ from ground.client.api.events import (
 from ground.client.api.robot import Robot, connect
 from ground.client.api.streams import ClosedError, Stream
 from ground.client.link import UnansweredError
+from ground.client.outcomes import Accepted, Outcome, Refused, RefusedError, agreed
 from ground.client.parameter import Parameter
-from ground.client.results import Accepted, Outcome, Refused, RefusedError, agreed
 from ground.commands.all_robots import AllAnswered
 from ground.commands.goto import GoalEnded
 from ground.commands.mission import MissionEnded, TransferOutcome

@@ -32,8 +32,8 @@ from ground.client.emergency_stop import EmergencyStop, new_press
 from ground.client.goal import HEADING_TOLERANCE_DEG, POSITION_TOLERANCE_M, destination
 from ground.client.lease_holder import is_ours
 from ground.client.link import ALIVE, Link, UnansweredError, open_link
+from ground.client.outcomes import Answer, Outcome, Refused
 from ground.client.requests import ATTEMPTS, CROSSING_NS, GaveUp, GoalEnd, GoalWatch, HeartbeatTimer
-from ground.client.results import Answer, Outcome, Refused
 from ground.client.session import Operation, Session
 from ground.client.status_line import reason_of, state_of
 from ground.client.vocabulary import PYTHON, SIDES

@@ -7,8 +7,8 @@ from functools import partial
 from typing import Final, NamedTuple
 
 from ground.client.link import run_exchange
+from ground.client.outcomes import Accepted, Refused
 from ground.client.requests import CommandExchange, RequestIds
-from ground.client.results import Accepted, Refused
 from ground.station.bus_protocols import ReadableBus
 from ground.station.robot.background_requests import Job, JobResult, RequestWorker, outcome_of
 from ground.station.robot.lease_holding import LeaseHolding

@@ -20,8 +20,8 @@ from gateways.mavlink.mav_vehicle import Face
 from gateways.mavlink.mavlink_dialect import MavMessage, MissionCount, mavlink
 from gateways.mavlink.services import missions_of, parameters_and_files
 from gateways.mavlink.streams import StreamScheduler
+from ground.client.outcomes import Accepted, Outcome, Refused
 from ground.client.parameter import parameters_in
-from ground.client.results import Accepted, Outcome, Refused
 from ground.commands.fence import ClearFence, FenceShown, SetFence, ShowFence
 from ground.commands.mission import (
     AnnounceItems,

@@ -11,7 +11,7 @@ from gateways.mavlink.mav_vehicle import Face, MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.robot_port import Answered, Done, Snapshot
 from gateways.mavlink.services import face_of
-from ground.client.results import Accepted, Outcome, Refused
+from ground.client.outcomes import Accepted, Outcome, Refused
 from ground.client.session import Operation
 from ground.missions.mission import Home
 from protocol.wire.enums import GoalState, LeaseAction, MissionState, Mode, Navigator, Vehicle

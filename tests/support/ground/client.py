@@ -6,8 +6,8 @@ from typing import Any, cast
 
 from ground.client.connection import Common
 from ground.client.link import Link
+from ground.client.outcomes import Accepted, Answer, Refused
 from ground.client.requests import NO_COMMAND, Request, RequestIds, command_of
-from ground.client.results import Accepted, Answer, Refused
 from ground.client.session import Session
 from ground.text.output import Output
 from ground.text.status_parts import Part, in_words

@@ -6,9 +6,9 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from ground.client.outcomes import Outcome
 from ground.client.parameter import Parameter
 from ground.client.presence import PresentProcesses
-from ground.client.results import Outcome
 from ground.client.session import Operation
 from ground.client.telemetry import Age, AgedMessage, Telemetry
 from ground.console.app_commands import AppCommand

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from ground.cli import main as cli
 from ground.client.goal import destination
+from ground.client.outcomes import Outcome
 from ground.client.parameter import Parameter
-from ground.client.results import Outcome
 from ground.client.session import Operation
 from ground.commands.goto import Goto
 from ground.commands.lease import ChangeLease

@@ -11,7 +11,7 @@ from gateways.mavlink.mav_service import WATCHER, Sender
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.services import face_of
 from ground.client.goal import Destination
-from ground.client.results import Refused
+from ground.client.outcomes import Refused
 from ground.commands.goto import Goto
 from ground.commands.stop import Arm, Disarm, Hold, Restart, ReturnHome, SetMode
 from ground.missions.qgroundcontrol import to_global

@@ -15,7 +15,7 @@ from gateways.mavlink.missions.plan_answers import PART_RESULTS, refusal_of
 from gateways.mavlink.missions.plan_items import item_in, usual
 from gateways.mavlink.missions.plan_uploads import LAST_REQUESTS, RETRY_NS, TIMEOUT_NS
 from gateways.mavlink.robot_port import Answered
-from ground.client.results import Refused
+from ground.client.outcomes import Refused
 from ground.commands.mission import ClearMission, UploadMission
 from ground.missions import qgroundcontrol
 from ground.missions.mission import Home, Polygon, Waypoint

@@ -15,7 +15,7 @@ from gateways.mavlink.mavlink_dialect import RESULT_NOT_IN_CONTROL, MavMessage, 
 from gateways.mavlink.operator_control import BUSY, MAX_TAKING, SILENCE_NS
 from gateways.mavlink.robot_port import OVERTAKEN, Answered, Done
 from gateways.mavlink.streams import StreamScheduler
-from ground.client.results import Accepted, Refused
+from ground.client.outcomes import Accepted, Refused
 from ground.commands.stop import Arm, Hold, Resume
 from protocol.wire.enums import LeaseAction
 from protocol.wire.messages import LeaseStatus

@@ -23,7 +23,7 @@ from gateways.mavlink.parameter_table import (
     mavlink_name,
     table_of,
 )
-from ground.client.results import Refused
+from ground.client.outcomes import Refused
 from ground.commands.param import ParameterChanged, SetParameter
 from protocol.wire.enums import LeaseAction
 from protocol.wire.reasons import Reason

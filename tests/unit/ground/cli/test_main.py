@@ -15,7 +15,7 @@ from ground.cli import main as cli
 from ground.cli.main import Interrupted, main
 from ground.cli.operate import effect_of
 from ground.cli.verbs import VERBS, LoadedVerb
-from ground.client.results import Accepted, Refused
+from ground.client.outcomes import Accepted, Refused
 from ground.commands.stop import COMMANDS, Arm
 from ground.text.output import Output
 from protocol.wire.reasons import Reason

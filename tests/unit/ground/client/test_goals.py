@@ -14,7 +14,7 @@ from ground.cli.main import parse
 from ground.client.floor import Floor, floor_in, floor_of
 from ground.client.goal import Destination, destination, from_robot, goal_request
 from ground.client.lost_drive import LostGoal, LostMission, LostReturn, lost_drive
-from ground.client.results import Accepted, Refused, RefusedError
+from ground.client.outcomes import Accepted, Refused, RefusedError
 from ground.client.session import Session
 from ground.commands.goto import GoalEnded, Goto
 from ground.commands.mission import UploadMission

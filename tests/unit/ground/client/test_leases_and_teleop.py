@@ -6,7 +6,7 @@ from math import nan
 import pytest
 from msgspec.structs import replace
 
-from ground.client.results import Refused, RefusedError
+from ground.client.outcomes import Refused, RefusedError
 from ground.commands.lease import (
     ChangeLease,
     ShowLease,

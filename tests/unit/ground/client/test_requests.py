@@ -13,6 +13,7 @@ from msgspec.structs import replace
 
 from ground.cli.main import parse
 from ground.cli.options import common_of, listening_of
+from ground.client.outcomes import Accepted, Refused
 from ground.client.requests import (
     BEAT_NS,
     Attempt,
@@ -22,7 +23,6 @@ from ground.client.requests import (
     GoalWatch,
     RequestIds,
 )
-from ground.client.results import Accepted, Refused
 from protocol.wire.enums import AckResult, GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import CommandAck, CommandRequest, LeaseStatus, NavigatorStatus
 from protocol.wire.reasons import Reason, reason_text
