@@ -9,6 +9,7 @@ import pyarrow.parquet
 import pytest
 
 import sidestep
+from checks.harness.messages import make
 from examples import custom_navigator, drive_to_goal, log_to_parquet, patrol, sonar_terminal
 from protocol.wire.enums import GoalState as WireGoalState
 from protocol.wire.enums import MissionState
@@ -213,9 +214,7 @@ def test_sonars_are_drawn(
 
 
 def test_missing_echo_and_missing_sonar_differ() -> None:
-    scan = SonarScan(
-        time_ns=0, seq=1, range_mm=(500,) * 8, ping_age_us=(0,) * 8, valid=0b1111_1110, echo=2
-    )
+    scan = make(SonarScan, seq=1, range_mm=(500,) * 8, valid=0b1111_1110, echo=2)
     left, *_, second, right = sonar_terminal.rows_of(scan)
     assert (left.startswith(" left 78.8 deg"), left.endswith("no echo")) == (True, True)
     assert (second.endswith("0.50 m"), right.endswith("not measured")) == (True, True)

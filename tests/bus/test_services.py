@@ -17,6 +17,7 @@ import zenoh
 from zenoh import ZBytes
 from zenoh.handlers import Callback
 
+from checks.harness.bus_calls import OPERATOR_BEAT
 from checks.harness.relays import SlowRelay
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.mailbox import Mailbox
@@ -42,7 +43,6 @@ from protocol.wire.enums import AckResult, Command
 from protocol.wire.messages import (
     CommandAck,
     CommandRequest,
-    Heartbeat,
     Message,
     SonarScan,
     Statustext,
@@ -257,7 +257,6 @@ def test_oversized_frame_is_not_copied() -> None:
 
 SCAN = SonarScan(time_ns=0, seq=0, range_mm=(9,) * 8, ping_age_us=(0,) * 8, valid=0, echo=0)
 STOP = WheelCommand(time_ns=0, seq=0, sense_seq=0, left_mrad_s=0, right_mrad_s=0, ttl_ms=150)
-BEAT = Heartbeat(type=6, autopilot=8, base_mode=0, custom_mode=0, system_status=4)
 
 both = pytest.mark.parametrize("topology", TOPOLOGIES)
 
@@ -328,7 +327,7 @@ def test_a_box_may_take_only_what_one_operator_puts_there(topology: Topology) ->
         ):
             assert box.latest() is None
             assert who.await_matched([publisher], PATIENCE_S) == []
-            publisher.put(BEAT)
+            publisher.put(OPERATOR_BEAT)
             until(lambda: senders)
             assert senders.pop() == (who.operator or "")
         assert box.latest() is not None

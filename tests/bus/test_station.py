@@ -7,6 +7,7 @@ from time import monotonic, thread_time
 
 import pytest
 
+from checks.harness.messages import make
 from checks.harness.relays import TcpProxy
 from ground.client.connection import Common
 from ground.client.link import Link
@@ -196,9 +197,7 @@ def test_robot_accepts_others_after_the_station_closes() -> None:
         with lively_watching(stack) as seen:
             seen.until_ready()
             done(seen, "arm")
-        disarm = CommandRequest(
-            request_id=7, param1=0.0, param2=0.0, command=Command.COMPONENT_ARM_DISARM
-        )
+        disarm = make(CommandRequest, request_id=7, command=Command.COMPONENT_ARM_DISARM)
         answer = stack.ground.ask(COMMAND, disarm, PATIENCE_S)
         assert isinstance(answer, CommandAck)
         assert answer.result == 0

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from checks.flood.attackers import Strangers
+from checks.harness.messages import make
 from checks.harness.processes import free_port, made_keys, robot_process, sidestep, tls_of
 from ground.client.emergency_stop import EmergencyStop, StopOutcome
 from plant.world.file import load
@@ -468,9 +469,7 @@ EXTREME = (2**62, 2**63 - 1, 2**63, 2**64 - 1)
 
 
 def scan(time_ns: int, seq: int) -> SonarScan:
-    return SonarScan(
-        time_ns=time_ns, seq=seq, range_mm=(900,) * 8, ping_age_us=(0,) * 8, valid=255, echo=255
-    )
+    return make(SonarScan, time_ns=time_ns, seq=seq, range_mm=(900,) * 8, echo=255)
 
 
 def robot(bus: Net) -> RobotProcess:

@@ -2,6 +2,7 @@
 
 from math import nan
 
+from checks.harness.messages import make
 from firmware.board import Board, BoardOutputs
 from protocol.wire.enums import INPUT_SCAN, INPUT_WHEELS, Command, Mode
 from protocol.wire.messages import (
@@ -21,37 +22,25 @@ TICKS_PER_PERIOD = 60
 def wheels_at(tick: int) -> WheelTicks:
     """Return the wheel ticks of a tick."""
     rolled = TICKS_PER_PERIOD * (tick - 1)
-    return WheelTicks(
-        time_ns=tick * PERIOD_NS, seq=tick, left=rolled, right=rolled, bumper=0, expired=0
-    )
+    return make(WheelTicks, time_ns=tick * PERIOD_NS, seq=tick, left=rolled, right=rolled)
 
 
 def scan_at(tick: int) -> SonarScan:
     """Return a scan without echoes."""
-    return SonarScan(
-        time_ns=tick * PERIOD_NS,
-        seq=tick,
-        range_mm=(0,) * 8,
-        ping_age_us=(1000,) * 8,
-        valid=0xFF,
-        echo=0,
-    )
+    return make(SonarScan, time_ns=tick * PERIOD_NS, seq=tick, ping_age_us=(1000,) * 8)
 
 
 def inputs_at(tick: int) -> TickInputs:
     """Return the other inputs of a tick."""
-    return TickInputs(
+    return make(
+        TickInputs,
         time_ns=tick * PERIOD_NS,
         now_ms=tick * PERIOD_NS // NS_PER_MS,
         tick=tick,
         wheels_seq=tick,
         scan_seq=tick,
-        requests=0,
-        scan_age_ms=0,
         operator_age_ms=NEVER,
         flags=INPUT_WHEELS | INPUT_SCAN,
-        speed_mm_s=0,
-        yaw_rate_mrad_s=0,
     )
 
 
@@ -67,15 +56,13 @@ def command(number: Command, param1: float = 0.0, param2: float = 0.0) -> BoardC
 
 def goal_at(x_mm: int) -> BoardGoal:
     """Return a goal straight ahead."""
-    return BoardGoal(
-        now_ms=0,
+    return make(
+        BoardGoal,
         x_m=x_mm / 1000.0,
-        y_m=0.0,
         heading_rad=nan,
         position_tolerance_m=0.1,
         heading_tolerance_rad=0.1,
         mode=Mode.AUTO,
-        from_robot=0,
     )
 
 

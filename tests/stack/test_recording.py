@@ -21,6 +21,7 @@ from typing import Final
 import pymavlink
 import pytest
 
+from checks.harness.messages import make
 from ground.recording.catalogue import PARTS, recordings_in, size_in, size_of
 from ground.recording.log_reader import number_of, open_log, record_bytes
 from protocol.bus.bus import open_bus
@@ -299,14 +300,7 @@ def test_every_record_is_read_with_its_time_and_its_fields(borrowed: Path) -> No
     ranges_mm = (100, 200, 300, 400, 500, 600, 700, 800)
     messages = [
         WheelTicks(time_ns=50_000_000, seq=1, left=-7, right=7, bumper=0, expired=0),
-        SonarScan(
-            time_ns=50_000_000,
-            seq=1,
-            range_mm=ranges_mm,
-            ping_age_us=(0,) * 8,
-            valid=255,
-            echo=255,
-        ),
+        make(SonarScan, time_ns=50_000_000, seq=1, range_mm=ranges_mm, echo=255),
         Statustext(severity=6, text="ready", id=0, chunk_seq=0),
     ]
     log = borrowed / "run.tlog"

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from math import nan
 from typing import Self
 
+from checks.harness.messages import make
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
 from protocol.bus.services import ServiceRequest
@@ -34,7 +35,6 @@ from protocol.wire.enums import (
     MissionState,
     MissionType,
     Mode,
-    Navigator,
     Vehicle,
 )
 from protocol.wire.message import Message
@@ -104,14 +104,12 @@ class PlayedDesk:
         )
         count = len(self.kept[MissionType.MISSION])
         self._mission.put(
-            MissionStatus(
+            make(
+                MissionStatus,
                 time_ns=time_ns,
                 mission_id=1 if count else 0,
-                hold_left_ms=0,
                 count=count,
-                current=0,
                 state=self.status if count else MissionState.NONE,
-                reason=Reason.NONE,
             )
         )
 
@@ -180,9 +178,7 @@ class PlayedDesk:
 Say = Callable[..., tuple[int, str, str]]
 """Runs a verb: exit code, standard output, standard error."""
 
-BEAT = Heartbeat(
-    type=10, autopilot=3, base_mode=1, custom_mode=0, system_status=3, mavlink_version=3
-)
+BEAT = make(Heartbeat)
 PARAMETER_LIST = b"""[
  {"name": "d_obs_m", "value": 0.4, "default": 0.3, "unit": "m", "minimum": 0.05, "maximum": 3.0,
   "integer": false, "doc": "zone", "saved": %s},
@@ -256,23 +252,19 @@ class PlayedRobot:
 
     def status(self) -> NavigatorStatus:
         over = self.goal >= GoalState.REACHED
-        return NavigatorStatus(
+        return make(
+            NavigatorStatus,
             time_ns=self._time_ns,
             goal_started_ns=1 if self.goal_id else 0,
             goal_ended_ns=self._time_ns if over else 0,
             goal_id=self.goal_id,
             stop_id=self.stop_id,
-            goal_x_m=0.0,
-            goal_y_m=0.0,
             goal_heading_rad=nan,
             goal_distance_m=1.0,
             vehicle=self.vehicle,
             mode=self.mode,
             goal=self.goal,
-            vehicle_reason=Reason.NONE,
             goal_reason=self.goal_reason,
-            navigator=Navigator.VGM,
-            side=1,
         )
 
     def _beaten(self, _key: str, _frame: bytes, _at_ns: int) -> None:
@@ -357,11 +349,7 @@ class PlayedRobot:
             self.saving -= 1
             asked.reply(CommandAck(command=0, result=AckResult.IN_PROGRESS))
             return
-        asked.reply(
-            ParamValue(
-                param_id="d_obs_m", param_value=value, param_type=9, param_count=2, param_index=0
-            )
-        )
+        asked.reply(make(ParamValue, param_id="d_obs_m", param_value=value, param_count=2))
 
     def _list(self, asked: ServiceRequest) -> None:
         asked.reply(PARAMETER_LIST % SAYS_SAVED[self.saves])
@@ -385,20 +373,7 @@ def begins_drive(message: CommandRequest | GoalRequest) -> bool:
 def pose_of(pose: tuple[float, float, float], time_ns: int) -> PlanarOdometry:
     """Standing there, and sure of it."""
     x_m, y_m, heading_rad = pose
-    return PlanarOdometry(
-        time_ns=time_ns,
-        x_m=x_m,
-        y_m=y_m,
-        heading_rad=heading_rad,
-        speed_m_s=0.0,
-        yaw_rate_rad_s=0.0,
-        cov_xx_m2=0.0,
-        cov_xy_m2=0.0,
-        cov_xh_m_rad=0.0,
-        cov_yy_m2=0.0,
-        cov_yh_m_rad=0.0,
-        cov_hh_rad2=0.0,
-    )
+    return make(PlanarOdometry, time_ns=time_ns, x_m=x_m, y_m=y_m, heading_rad=heading_rad)
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 import msgspec
 import pytest
 
+from checks.harness.messages import make
 from ground.app.chrome.tutorial import STEPS, Tutorial, outline
 from ground.app.screens.help import MEANINGS, NOTHING_TO_SAY, mark_pairs, sections
 from ground.app.widgets.rows import words_of
@@ -89,10 +90,9 @@ class Drive:
         self.station.air.put(STATUS, message, now_ns)
 
     def mission(self, state: int) -> None:
-        message = MissionStatus(
-            time_ns=self.station.now_ns, hold_left_ms=0, state=state, current=0, count=2, reason=0,
-            mission_id=1,
-        )  # fmt: skip
+        message = make(
+            MissionStatus, time_ns=self.station.now_ns, state=state, count=2, mission_id=1
+        )
         self.station.air.put(MISSION, message, self.station.now_ns)
 
     def step_after(self, draft: int = 0) -> int:

@@ -5,6 +5,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from checks.harness.messages import make
 from ground.app.chrome.answers import SHOWN_S, answer_row
 from ground.app.chrome.button_row import Button, ButtonRow, buttons_width
 from ground.app.chrome.key_bar import key_buttons, next_keys
@@ -183,9 +184,9 @@ def test_one_key_sends_starts_and_lists_the_mission() -> None:
             assert stage.words("keybar").startswith(" space E-STOP  W Send 2 waypoints ")
             await stage.press("W")
             station.items_now = WAYS
-            ready = MissionStatus(
-                time_ns=station.now_ns, hold_left_ms=0, state=MissionState.READY, current=0,
-                count=2, reason=0, mission_id=1,
+            ready = make(
+                MissionStatus, time_ns=station.now_ns, state=MissionState.READY, count=2,
+                mission_id=1,
             )  # fmt: skip
             station.air.put(MISSION, ready, station.now_ns)
             await stage.redraw()

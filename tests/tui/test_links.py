@@ -1,5 +1,6 @@
 """The screen of the links and the roster: processes, streams, every robot."""
 
+from checks.harness.messages import make
 from ground.app.chrome.button_row import ButtonRow, buttons_width
 from ground.app.chrome.roster import fits_beside, roster_buttons
 from ground.app.widgets.rows import words_of
@@ -50,9 +51,9 @@ def test_links_show_the_mavlink_gateway_and_its_loss() -> None:
         async with staged() as stage:
             await stage.press("5")
             assert "mavlink" not in stage.words("about")
-            status = GatewayStatus(
-                time_ns=0, sent_bytes_s=4_200, refused=7, malformed=0, received_hz=12,
-                lost_permille=15, system=1, clients=2, signing=1, owner=255,
+            status = make(
+                GatewayStatus, sent_bytes_s=4_200, refused=7, received_hz=12, lost_permille=15,
+                system=1, clients=2, signing=1, owner=255,
             )  # fmt: skip
             stage.station.air.put(GATEWAY, status, stage.station.now_ns)
             await stage.redraw()

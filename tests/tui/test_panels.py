@@ -4,6 +4,7 @@ from math import inf, nan
 
 from msgspec.structs import replace
 
+from checks.harness.messages import make
 from ground.app.panels.aged import number
 from ground.app.panels.robot_state import (
     FORMS,
@@ -366,9 +367,9 @@ def test_mission_is_listed_around_the_current_item() -> None:
 )
 def test_mission_that_an_operator_ended_has_not_failed(reason: Reason, words: str) -> None:
     station = driving(FakeStation())
-    ended = MissionStatus(
-        time_ns=station.now_ns, mission_id=1, hold_left_ms=0, count=2, current=0,
-        state=MissionState.FAILED, reason=reason,
+    ended = make(
+        MissionStatus, time_ns=station.now_ns, mission_id=1, count=2, state=MissionState.FAILED,
+        reason=reason,
     )  # fmt: skip
     station.air.put(MISSION, ended, station.now_ns)
     assert words in words_of(mission_rows(station)[0])

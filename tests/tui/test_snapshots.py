@@ -11,6 +11,7 @@ import msgspec
 import pytest
 from rich.style import Style
 
+from checks.harness.messages import make
 from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
 from ground.app.playback.player import Player
@@ -216,9 +217,9 @@ def in_forest() -> FakeStation:
         mission=station.items_now,
         current=1,
     )
-    running = MissionStatus(
-        time_ns=station.now_ns, mission_id=1, hold_left_ms=0, count=3, current=1,
-        state=MissionState.RUNNING, reason=0,
+    running = make(
+        MissionStatus, time_ns=station.now_ns, mission_id=1, count=3, current=1,
+        state=MissionState.RUNNING,
     )  # fmt: skip
     station.air.put(MISSION, running, station.now_ns)
     return station

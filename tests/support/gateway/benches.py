@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from pymavlink import mavftp
 
+from checks.harness.messages import make
 from gateways.mavlink.commands.command_protocol import CommandService
 from gateways.mavlink.ftp_messages import HEADER, Opcode
 from gateways.mavlink.mav_service import Sender
@@ -75,14 +76,12 @@ class MissionBench(Bench):
             setattr(self, name, value)
         vehicle = Vehicle.ACTIVE if self.is_armed else Vehicle.STANDBY
         self.port.telemetry["status"] = status(vehicle=vehicle, mode=self.mode)
-        self.port.telemetry["mission"] = MissionStatus(
-            time_ns=0,
+        self.port.telemetry["mission"] = make(
+            MissionStatus,
             mission_id=self.mission_id if self.waypoints else 0,
-            hold_left_ms=0,
             count=len(self.waypoints),
             current=self.current,
             state=self.state,
-            reason=0,
         )
         return super().after(0.02)
 

@@ -6,6 +6,7 @@ from itertools import count
 from math import radians
 from typing import Any
 
+from checks.harness.messages import make
 from gateways.mavlink.mav_service import MavService, Sender
 from gateways.mavlink.mav_vehicle import Face, MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
@@ -14,7 +15,7 @@ from gateways.mavlink.services import face_of
 from ground.client.outcomes import Accepted, Outcome, Refused
 from ground.client.session import Operation
 from ground.missions.mission import Home
-from protocol.wire.enums import GoalState, LeaseAction, MissionState, Mode, Navigator, Vehicle
+from protocol.wire.enums import LeaseAction, MissionState, Mode, Vehicle
 from protocol.wire.messages import (
     CycleReport,
     MissionStatus,
@@ -33,42 +34,15 @@ READ = {"sonar_max_m": 3.0, "m_per_tick": 0.0002}
 
 
 def odometry(**changes: float) -> PlanarOdometry:
-    values: dict[str, Any] = {
-        "time_ns": 5,
-        "x_m": 3.0,
-        "y_m": 4.0,
-        "heading_rad": HEADING_RAD,
-        "speed_m_s": 0.2,
-        "yaw_rate_rad_s": 0.5,
-        "cov_xx_m2": 0.04,
-        "cov_xy_m2": 0.0,
-        "cov_xh_m_rad": 0.001,
-        "cov_yy_m2": 0.01,
-        "cov_yh_m_rad": 0.002,
-        "cov_hh_rad2": 0.003,
-    }
-    return PlanarOdometry(**values | changes)
+    place = {"time_ns": 5, "x_m": 3.0, "y_m": 4.0, "heading_rad": HEADING_RAD}
+    motion = {"speed_m_s": 0.2, "yaw_rate_rad_s": 0.5, "cov_xx_m2": 0.04, "cov_yy_m2": 0.01}
+    turn = {"cov_xh_m_rad": 0.001, "cov_yh_m_rad": 0.002, "cov_hh_rad2": 0.003}
+    return make(PlanarOdometry, **(place | motion | turn | changes))
 
 
 def status(**changes: Any) -> NavigatorStatus:
-    values: dict[str, Any] = {
-        "time_ns": 5,
-        "goal_started_ns": 0,
-        "goal_ended_ns": 0,
-        "goal_id": 0,
-        "goal_x_m": 0.0,
-        "goal_y_m": 0.0,
-        "goal_heading_rad": 0.0,
-        "goal_distance_m": 0.0,
-        "vehicle": Vehicle.STANDBY,
-        "mode": Mode.HOLD,
-        "goal": GoalState.NONE,
-        "vehicle_reason": 0,
-        "goal_reason": 0,
-        "navigator": Navigator.VGM,
-        "side": 1,
-    }
-    return NavigatorStatus(**values | changes)
+    rest = {"time_ns": 5, "vehicle": Vehicle.STANDBY, "mode": Mode.HOLD}
+    return make(NavigatorStatus, **(rest | changes))
 
 
 def scan(valid: int = 0xFF, **echoes_mm: int) -> SonarScan:
@@ -77,29 +51,16 @@ def scan(valid: int = 0xFF, **echoes_mm: int) -> SonarScan:
     for name, here_mm in echoes_mm.items():
         range_mm[int(name[1:])] = here_mm
         echo |= 1 << int(name[1:])
-    ages = (0,) * 8
-    return SonarScan(
-        time_ns=5, seq=1, range_mm=tuple(range_mm), ping_age_us=ages, valid=valid, echo=echo
-    )
+    return make(SonarScan, time_ns=5, seq=1, range_mm=tuple(range_mm), valid=valid, echo=echo)
 
 
 def wheels(left: int = 0, right: int = 0) -> WheelTicks:
-    return WheelTicks(time_ns=5, seq=1, left=left, right=right, bumper=0, expired=0)
+    return make(WheelTicks, time_ns=5, seq=1, left=left, right=right)
 
 
 def cycle(**changes: Any) -> CycleReport:
-    values: dict[str, Any] = {
-        "time_ns": 5,
-        "tick": 1,
-        "missed": 0,
-        "overruns": 0,
-        "rejected": 0,
-        "late_us": 0,
-        "sense_age_us": 0,
-        "budget_us": 20_000,
-        "stage_us": (100, 200, 300, 400, 0),
-    }
-    return CycleReport(**values | changes)
+    rest = {"time_ns": 5, "tick": 1, "budget_us": 20_000, "stage_us": (100, 200, 300, 400, 0)}
+    return make(CycleReport, **(rest | changes))
 
 
 def everything() -> dict[str, Any]:
@@ -248,9 +209,7 @@ def command_int(
 
 def mission_status(state: MissionState, current: int = 0, items: int = 3) -> MissionStatus:
     """Return the status of a mission."""
-    return MissionStatus(
-        time_ns=0, mission_id=1, hold_left_ms=0, count=items, current=current, state=state, reason=0
-    )
+    return make(MissionStatus, mission_id=1, count=items, current=current, state=state)
 
 
 def acks(messages: list[MavMessage]) -> list[tuple[int, int]]:

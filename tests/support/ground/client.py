@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from io import StringIO
 from typing import Any, cast
 
+from checks.harness.messages import make
 from ground.client.connection import Common
 from ground.client.link import Link
 from ground.client.outcomes import Accepted, Answer, Refused
@@ -13,7 +14,7 @@ from ground.text.output import Output
 from ground.text.status_parts import Part, in_words
 from protocol.bus.network import Network
 from protocol.topics import LEASE, STATUS, Service, Topic
-from protocol.wire.enums import AckResult, Command, GoalState, Mode, Navigator, Vehicle
+from protocol.wire.enums import AckResult, Command, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandAck,
@@ -32,17 +33,7 @@ ANSWER_NS = 14 * MS
 
 Reply = Message | bytes | Reason | None
 IN_PROGRESS = CommandAck(command=0, result=AckResult.IN_PROGRESS)
-CYCLE = CycleReport(
-    time_ns=1,
-    tick=100,
-    missed=0,
-    overruns=0,
-    rejected=0,
-    late_us=0,
-    sense_age_us=0,
-    budget_us=1,
-    stage_us=(1, 1, 1, 1, 1),
-)
+CYCLE = make(CycleReport, time_ns=1, tick=100, budget_us=1, stage_us=(1, 1, 1, 1, 1))
 
 
 class Sent:
@@ -172,24 +163,9 @@ def lease_of(name: str) -> LeaseStatus:
 
 
 def status(vehicle: Vehicle = Vehicle.ACTIVE, **changes: Any) -> NavigatorStatus:
-    fields: dict[str, Any] = {
-        "time_ns": 1,
-        "goal_started_ns": 0,
-        "goal_ended_ns": 0,
-        "goal_id": 0,
-        "goal_x_m": 0.0,
-        "goal_y_m": 0.0,
-        "goal_heading_rad": 0.0,
-        "goal_distance_m": 1.5,
-        "vehicle": vehicle,
-        "mode": Mode.GUIDED,
-        "goal": GoalState.NONE,
-        "vehicle_reason": Reason.NONE,
-        "goal_reason": Reason.NONE,
-        "navigator": Navigator.VGM,
-        "side": 1,
-    }
-    return NavigatorStatus(**{**fields, **changes})
+    return make(
+        NavigatorStatus, **({"time_ns": 1, "vehicle": vehicle, "goal_distance_m": 1.5} | changes)
+    )
 
 
 HELD = (LEASE, lease_of("anna"))

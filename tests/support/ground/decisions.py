@@ -2,13 +2,14 @@
 
 from collections.abc import Iterable
 from itertools import pairwise
-from math import radians
+from math import nan, radians
 from typing import NamedTuple
 
+from checks.harness.messages import make
 from ground.explain.explanation import TurningPoint, turning_point
 from plant.sim.simulation import Plant
 from plant.world.file import load
-from protocol.wire.enums import Branch, GoalState, Mode, Navigator, Vehicle
+from protocol.wire.enums import Branch, GoalState, Mode
 from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStatus
 from robot import telemetry
 from robot.core.values import Outputs
@@ -16,60 +17,29 @@ from robot.vehicle import Vehicle as RobotVehicle
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial
 
+TEN_S = 10_000_000_000
+
 
 def decided(**changes: float) -> AvoidanceDecision:
     """Return a decision to pass an obstacle at the left on its right, with `changes`."""
-    fields: dict[str, float] = {
-        "time_ns": 10_000_000_000,
-        "nearest_bearing_rad": radians(33.75),
-        "nearest_range_m": 0.21,
-        "zone_m": 0.30,
-        "goal_bearing_rad": radians(10.0),
-        "rotation_rad": radians(-66.0),
-        "virtual_x_m": 4.25,
-        "virtual_y_m": 1.5,
-        "speed_m_s": 0.12,
-        "yaw_rate_rad_s": radians(-80.0),
-        "branch": Branch.PASS_RIGHT,
-        "guard": 0,
-    }
-    return AvoidanceDecision(**(fields | changes))  # type: ignore[arg-type]
+    seen = {"nearest_bearing_rad": radians(33.75), "nearest_range_m": 0.21, "zone_m": 0.30}
+    goal = {"goal_bearing_rad": radians(10.0), "rotation_rad": radians(-66.0)}
+    virtual = {"virtual_x_m": 4.25, "virtual_y_m": 1.5, "branch": Branch.PASS_RIGHT}
+    motion = {"time_ns": TEN_S, "speed_m_s": 0.12, "yaw_rate_rad_s": radians(-80.0)}
+    return make(AvoidanceDecision, **(seen | goal | virtual | motion | changes))
 
 
 def standing(**changes: float) -> NavigatorStatus:
     """Return a status of a drive to a goal in AUTO with vgm, with `changes`."""
-    fields: dict[str, float] = {
-        "time_ns": 10_000_000_000,
-        "goal_started_ns": 0,
-        "goal_ended_ns": 0,
-        "goal_id": 1,
-        "goal_x_m": 5.0,
-        "goal_y_m": 2.0,
-        "goal_heading_rad": float("nan"),
-        "goal_distance_m": 3.2,
-        "vehicle": Vehicle.ACTIVE,
-        "mode": Mode.AUTO,
-        "goal": GoalState.AVOIDING,
-        "vehicle_reason": 0,
-        "goal_reason": 0,
-        "navigator": Navigator.VGM,
-        "side": 1,
-    }
-    return NavigatorStatus(**(fields | changes))  # type: ignore[arg-type]
+    goal = {"goal_id": 1, "goal_x_m": 5.0, "goal_y_m": 2.0, "goal_heading_rad": nan}
+    drive = {"mode": Mode.AUTO, "goal": GoalState.AVOIDING, "goal_distance_m": 3.2}
+    return make(NavigatorStatus, **({"time_ns": TEN_S} | goal | drive | changes))
 
 
 def cycle(**changes: int) -> CycleReport:
-    fields: dict[str, int] = {
-        "time_ns": 10_000_000_000,
-        "tick": 200,
-        "missed": 0,
-        "overruns": 0,
-        "rejected": 0,
-        "late_us": 400,
-        "sense_age_us": 1500,
-        "budget_us": 10_000,
-    }
-    return CycleReport(**(fields | changes), stage_us=(50, 100, 200, 40, 10))
+    rest = {"time_ns": TEN_S, "tick": 200, "late_us": 400, "sense_age_us": 1500}
+    stage_us = (50, 100, 200, 40, 10)
+    return make(CycleReport, **({"budget_us": 10_000} | rest | changes), stage_us=stage_us)
 
 
 def turning_points(decisions: Iterable[AvoidanceDecision]) -> list[TurningPoint]:

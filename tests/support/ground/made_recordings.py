@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, cast
 
 from mcap.writer import Writer
 
+from checks.harness.messages import make
 from ground.launch.child_processes import Child, Children
 from ground.launch.recorder_files import created_line
 from ground.recording.log_reader import record_bytes, robot_in
@@ -36,7 +37,7 @@ from protocol.topics import (
     sender_of,
 )
 from protocol.wire.codec import Encoder
-from protocol.wire.enums import GoalState, Mode, Navigator, Severity, Vehicle
+from protocol.wire.enums import GoalState, Severity, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     AvoidanceDecision,
@@ -55,9 +56,7 @@ from runtime.clock import ManualClock
 
 START_US = 1_790_000_000_000_000
 PERIOD_US = 50_000
-BEAT = Heartbeat(
-    type=10, autopilot=3, base_mode=1, custom_mode=15, system_status=4, mavlink_version=3
-)
+BEAT = make(Heartbeat, custom_mode=15, system_status=4)
 WORLD = {
     "name": "made",
     "size_m": [6.0, 4.0],
@@ -105,27 +104,22 @@ class TopicEncoder:
 def odometry(
     time_ns: int, x_m: float, y_m: float = 2.0, heading_rad: float = 0.0
 ) -> PlanarOdometry:
-    return PlanarOdometry(
+    return make(
+        PlanarOdometry,
         time_ns=time_ns,
         x_m=x_m,
         y_m=y_m,
         heading_rad=heading_rad,
         speed_m_s=0.25,
-        yaw_rate_rad_s=0.0,
         cov_xx_m2=0.0001,
-        cov_xy_m2=0.0,
-        cov_xh_m_rad=0.0,
         cov_yy_m2=0.0004,
-        cov_yh_m_rad=0.0,
         cov_hh_rad2=0.0001,
     )
 
 
 def scan(time_ns: int, seq: int, echo: int = 0b11000) -> SonarScan:
     ranges = tuple(800 + sonar for sonar in range(8))
-    return SonarScan(
-        time_ns=time_ns, seq=seq, range_mm=ranges, ping_age_us=(0,) * 8, valid=255, echo=echo
-    )
+    return make(SonarScan, time_ns=time_ns, seq=seq, range_mm=ranges, echo=echo)
 
 
 def status(
@@ -135,64 +129,48 @@ def status(
     vehicle_reason: int = 0,
 ) -> NavigatorStatus:
     there = goal != GoalState.NONE
-    return NavigatorStatus(
+    return make(
+        NavigatorStatus,
         time_ns=time_ns,
         goal_started_ns=1 if there else 0,
-        goal_ended_ns=0,
         goal_id=7 if there else 0,
         goal_x_m=5.4 if there else nan,
         goal_y_m=2.0 if there else nan,
         goal_heading_rad=0.0 if there else nan,
         goal_distance_m=1.0,
         vehicle=vehicle,
-        mode=Mode.GUIDED,
         goal=goal,
         vehicle_reason=vehicle_reason,
-        goal_reason=0,
-        navigator=Navigator.VGM,
-        side=1,
     )
 
 
 def decision(time_ns: int, virtual: tuple[float, float] = (1.0, 2.5)) -> AvoidanceDecision:
-    return AvoidanceDecision(
+    return make(
+        AvoidanceDecision,
         time_ns=time_ns,
         nearest_bearing_rad=0.1,
         nearest_range_m=0.8,
         zone_m=0.3,
-        goal_bearing_rad=0.0,
         rotation_rad=0.5,
         virtual_x_m=virtual[0],
         virtual_y_m=virtual[1],
         speed_m_s=0.25,
         yaw_rate_rad_s=0.1,
         branch=1,
-        guard=0,
     )
 
 
 def truth(time_ns: int, x_m: float) -> GroundTruth:
-    return GroundTruth(
-        time_ns=time_ns,
-        seq=0,
-        x_m=x_m,
-        y_m=2.01,
-        heading_rad=0.0,
-        speed_m_s=0.25,
-        yaw_rate_rad_s=0.0,
-        clearance_m=0.5,
-        contact=0,
-    )
+    return make(GroundTruth, time_ns=time_ns, x_m=x_m, y_m=2.01, speed_m_s=0.25, clearance_m=0.5)
 
 
-GOAL = GoalRequest(
+GOAL = make(
+    GoalRequest,
     request_id=7,
     x_mm=5400,
     y_mm=2000,
-    heading_urad=0,
     position_tolerance_mm=50,
     heading_tolerance_urad=52_360,
-    heading_free=0,
     mode=15,
 )
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from checks.harness.messages import make
 from ground.client.goal import Destination
 from ground.ghost.ghost import Ghost
 from ground.recording.log_reader import LoggedFrame, record_bytes
@@ -76,14 +77,10 @@ class Recording:
 
 
 def cycle(time_ns: int) -> CycleReport:
-    return CycleReport(
+    return make(
+        CycleReport,
         time_ns=time_ns,
         tick=time_ns // 50_000_000,
-        missed=0,
-        overruns=0,
-        rejected=0,
-        late_us=0,
-        sense_age_us=0,
         budget_us=2500,
         stage_us=(1, 2, 3, 4, 5),
     )

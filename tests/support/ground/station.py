@@ -7,6 +7,7 @@ from functools import partial
 from math import inf, nan
 from typing import Any, Self
 
+from checks.harness.messages import make
 from ground.station.robot.background_requests import Job, JobResult, outcome_of
 from ground.station.station import Station
 from ground.station.world import WorldFacts
@@ -37,7 +38,7 @@ from protocol.topics import (
     Topic,
 )
 from protocol.wire.codec import Encoder
-from protocol.wire.enums import AckResult, Branch, GoalState, LeaseAction, Mode, Navigator, Vehicle
+from protocol.wire.enums import AckResult, Branch, GoalState, LeaseAction, Mode, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     AvoidanceDecision,
@@ -66,9 +67,7 @@ from runtime.errors import NoAnswerError
 from runtime.units import PERIOD_NS
 from tests.support.played_bus import PlayedBus
 
-BEAT = Heartbeat(
-    type=10, autopilot=3, base_mode=1, custom_mode=0, system_status=3, mavlink_version=3
-)
+BEAT = make(Heartbeat)
 
 
 @dataclass
@@ -115,9 +114,9 @@ class Robot:
         return found
 
     def _looped(self) -> list[tuple[Topic[Any], Message]]:
+        stamp = {"time_ns": self.time_ns, "seq": self.tick}
         found: list[tuple[Topic[Any], Message]] = [
-            (DRIVE, WheelCommand(time_ns=self.time_ns, seq=self.tick, sense_seq=self.tick,
-                                 left_mrad_s=0, right_mrad_s=0, ttl_ms=150)),
+            (DRIVE, make(WheelCommand, **stamp, sense_seq=self.tick, ttl_ms=150)),
             (ODOMETRY, self.odometry()),
             (STATUS, self.status()),
             (DECISION, self.decision()),
@@ -144,47 +143,39 @@ class Robot:
         )
 
     def truth(self) -> GroundTruth:
-        return GroundTruth(
-            time_ns=self.time_ns, seq=self.tick, x_m=self.x_m, y_m=0.0, heading_rad=0.0,
-            speed_m_s=0.0, yaw_rate_rad_s=0.0, clearance_m=1.0, contact=0,
-        )  # fmt: skip
+        return make(GroundTruth, time_ns=self.time_ns, seq=self.tick, x_m=self.x_m, clearance_m=1.0)
 
     def odometry(self) -> PlanarOdometry:
         known = 0.0 if self.placed else nan
-        return PlanarOdometry(
-            time_ns=self.time_ns, x_m=self.x_m, y_m=0.0, heading_rad=0.0, speed_m_s=0.25,
-            yaw_rate_rad_s=0.0, cov_xx_m2=0.04 + known, cov_xy_m2=known, cov_xh_m_rad=known,
-            cov_yy_m2=0.01 + known, cov_yh_m_rad=known, cov_hh_rad2=known,
+        return make(
+            PlanarOdometry, time_ns=self.time_ns, x_m=self.x_m, speed_m_s=0.25,
+            cov_xx_m2=0.04 + known, cov_xy_m2=known, cov_xh_m_rad=known, cov_yy_m2=0.01 + known,
+            cov_yh_m_rad=known, cov_hh_rad2=known,
         )  # fmt: skip
 
     def status(self) -> NavigatorStatus:
-        return NavigatorStatus(
-            time_ns=self.time_ns, goal_started_ns=0, goal_ended_ns=0,
-            goal_id=self.goal_id, stop_id=self.stop_id,
+        return make(
+            NavigatorStatus, time_ns=self.time_ns, goal_id=self.goal_id, stop_id=self.stop_id,
             goal_x_m=self.goal_x_m, goal_y_m=1.0, goal_heading_rad=nan, goal_distance_m=4.0,
             vehicle=self.vehicle, mode=self.mode, goal=self.goal,
-            vehicle_reason=self.vehicle_reason, goal_reason=Reason.NONE,
-            navigator=Navigator.VGM, side=1,
+            vehicle_reason=self.vehicle_reason,
         )  # fmt: skip
 
     def decision(self) -> AvoidanceDecision:
-        return AvoidanceDecision(
-            time_ns=self.time_ns, nearest_bearing_rad=nan, nearest_range_m=inf, zone_m=0.3,
-            goal_bearing_rad=0.0, rotation_rad=self.rotation_rad, virtual_x_m=nan, virtual_y_m=nan,
-            speed_m_s=0.2, yaw_rate_rad_s=0.0, branch=Branch.TO_GOAL, guard=Reason.NONE,
+        return make(
+            AvoidanceDecision, time_ns=self.time_ns, nearest_bearing_rad=nan, nearest_range_m=inf,
+            zone_m=0.3, rotation_rad=self.rotation_rad, virtual_x_m=nan, virtual_y_m=nan,
+            speed_m_s=0.2, branch=Branch.TO_GOAL,
         )  # fmt: skip
 
     def cycle(self) -> CycleReport:
-        return CycleReport(
-            time_ns=self.time_ns, tick=self.tick, missed=0, overruns=0, rejected=0, late_us=90,
-            sense_age_us=0, budget_us=5000, stage_us=(1, 2, 3, 4, 5),
+        return make(
+            CycleReport, time_ns=self.time_ns, tick=self.tick, late_us=90, budget_us=5000,
+            stage_us=(1, 2, 3, 4, 5),
         )  # fmt: skip
 
     def inputs(self) -> TickInputs:
-        return TickInputs(
-            time_ns=self.time_ns, now_ms=0, tick=self.tick, wheels_seq=0, scan_seq=0, requests=0,
-            scan_age_ms=0, operator_age_ms=0, flags=self.flags, speed_mm_s=0, yaw_rate_mrad_s=0,
-        )  # fmt: skip
+        return make(TickInputs, time_ns=self.time_ns, tick=self.tick, flags=self.flags)
 
     def lease_status(self) -> LeaseStatus:
         held = bool(self.lease.holder)
@@ -195,10 +186,7 @@ class Robot:
         )  # fmt: skip
 
     def mission(self) -> MissionStatus:
-        return MissionStatus(
-            time_ns=self.time_ns, mission_id=0, hold_left_ms=0, count=0, current=0, state=0,
-            reason=0,
-        )  # fmt: skip
+        return make(MissionStatus, time_ns=self.time_ns)
 
 
 S = 1_000_000_000
@@ -342,8 +330,8 @@ class Play:
     def _serve(self) -> None:
         self.bus.answers |= {
             PARAMETERS.path: lambda _: listed(self.params),
-            PARAMETER.path: lambda _: ParamValue(
-                param_id="radius_m", param_value=0.12, param_type=9, param_count=2, param_index=0
+            PARAMETER.path: lambda _: make(
+                ParamValue, param_id="radius_m", param_value=0.12, param_count=2
             ),
             WORLD.path: lambda _: WORLD_TEXT,
             LEASE_SERVICE.path: self._lease,

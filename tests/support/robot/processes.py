@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
+from checks.harness.messages import make
 from protocol.bus.bus import Bus
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.bus.services import ServiceRequest
@@ -199,9 +200,7 @@ class Rig:
         nothing = (0,) * 8
         self.bus.say(
             SONAR,
-            SonarScan(
-                time_ns=now_ns, seq=seq, range_mm=nothing, ping_age_us=nothing, valid=255, echo=0
-            ),
+            make(SonarScan, time_ns=now_ns, seq=seq, range_mm=nothing, ping_age_us=nothing),
         )
         return Tick(seq, now_ns, 0, 0)
 
@@ -240,9 +239,7 @@ BRAKE = (0, 0, 0)
 
 
 def hold(request_id: int) -> CommandRequest:
-    return CommandRequest(
-        request_id=request_id, command=Command.DO_PAUSE_CONTINUE, param1=0.0, param2=0.0
-    )
+    return make(CommandRequest, request_id=request_id, command=Command.DO_PAUSE_CONTINUE)
 
 
 def speeds(command: WheelCommand) -> tuple[int, int, int]:
@@ -273,11 +270,10 @@ def driving() -> Rig:
 
 def clear(request_id: int, stop_id: int = 0) -> CommandRequest:
     """Return the release of the stop that was seen."""
-    return CommandRequest(
+    return make(
+        CommandRequest,
         request_id=request_id,
         command=Command.SIDESTEP_CLEAR_EMERGENCY_STOP,
-        param1=0.0,
-        param2=0.0,
         stop_id=stop_id,
     )
 

@@ -6,6 +6,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from checks.harness.messages import make
 from ground.client.outcomes import Outcome
 from ground.client.parameter import Parameter
 from ground.client.presence import PresentProcesses
@@ -39,7 +40,7 @@ from protocol.topics import (
     Role,
     Topic,
 )
-from protocol.wire.enums import Branch, GoalState, Mode, Navigator, Severity, Vehicle
+from protocol.wire.enums import Branch, GoalState, Severity, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     AvoidanceDecision,
@@ -379,31 +380,31 @@ def parameter(name: str, default: float, value: float, doc: str) -> Parameter:
 
 
 def drive_messages(now_ns: int) -> dict[Topic[Any], Message]:
+    speeds = {"time_ns": now_ns, "speed_m_s": 0.31, "yaw_rate_rad_s": 0.1}
     return {
-        HEARTBEAT: Heartbeat(type=10, autopilot=0, base_mode=0, custom_mode=0, system_status=4),
+        HEARTBEAT: make(Heartbeat, autopilot=0, base_mode=0, system_status=4),
         STATUS: status(now_ns),
-        ODOMETRY: PlanarOdometry(
-            time_ns=now_ns, x_m=4.12, y_m=2.84, heading_rad=radians(30), speed_m_s=0.31,
-            yaw_rate_rad_s=0.1, cov_xx_m2=1e-3, cov_xy_m2=2e-4, cov_xh_m_rad=0.0,
-            cov_yy_m2=2e-3, cov_yh_m_rad=0.0, cov_hh_rad2=1e-3,
+        ODOMETRY: make(
+            PlanarOdometry, **speeds, x_m=4.12, y_m=2.84, heading_rad=radians(30),
+            cov_xx_m2=1e-3, cov_xy_m2=2e-4, cov_yy_m2=2e-3, cov_hh_rad2=1e-3,
         ),
-        DECISION: AvoidanceDecision(
-            time_ns=now_ns, nearest_bearing_rad=radians(79), nearest_range_m=0.23, zone_m=0.30,
-            goal_bearing_rad=radians(10), rotation_rad=radians(64), virtual_x_m=5.1,
-            virtual_y_m=2.2, speed_m_s=0.25, yaw_rate_rad_s=-0.4, branch=Branch.PASS_RIGHT,
-            guard=0,
+        DECISION: make(
+            AvoidanceDecision, time_ns=now_ns, nearest_bearing_rad=radians(79),
+            nearest_range_m=0.23, zone_m=0.30, goal_bearing_rad=radians(10),
+            rotation_rad=radians(64), virtual_x_m=5.1, virtual_y_m=2.2, speed_m_s=0.25,
+            yaw_rate_rad_s=-0.4, branch=Branch.PASS_RIGHT,
         ),
-        TRUTH: GroundTruth(
-            time_ns=now_ns, seq=178, x_m=4.15, y_m=2.80, heading_rad=radians(31), speed_m_s=0.31,
-            yaw_rate_rad_s=0.1, clearance_m=0.1, contact=0,
+        TRUTH: make(
+            GroundTruth, **speeds, seq=178, x_m=4.15, y_m=2.80, heading_rad=radians(31),
+            clearance_m=0.1,
         ),
-        CYCLE: CycleReport(
-            time_ns=now_ns, tick=178, missed=0, overruns=0, rejected=0, late_us=40,
-            sense_age_us=9000, budget_us=2500, stage_us=(80, 12, 140, 9, 171),
+        CYCLE: make(
+            CycleReport, time_ns=now_ns, tick=178, late_us=40, sense_age_us=9000, budget_us=2500,
+            stage_us=(80, 12, 140, 9, 171),
         ),
-        SONAR: SonarScan(
-            time_ns=now_ns, seq=178, range_mm=(3000, 1800, 2030, 2120, 1370, 460, 230, 80),
-            ping_age_us=(0,) * 8, valid=0b1111_1101, echo=0b1111_1110,
+        SONAR: make(
+            SonarScan, time_ns=now_ns, seq=178, valid=0b1111_1101, echo=0b1111_1110,
+            range_mm=(3000, 1800, 2030, 2120, 1370, 460, 230, 80),
         ),
     }  # fmt: skip
 
@@ -411,22 +412,16 @@ def drive_messages(now_ns: int) -> dict[Topic[Any], Message]:
 def status(
     now_ns: int, goal: int = GoalState.AVOIDING, vehicle: int = Vehicle.ACTIVE
 ) -> NavigatorStatus:
-    return NavigatorStatus(
+    return make(
+        NavigatorStatus,
         time_ns=now_ns,
         goal_started_ns=now_ns - 8_900 * MS,
-        goal_ended_ns=0,
         goal_id=7,
         goal_x_m=9.0,
         goal_y_m=7.0,
-        goal_heading_rad=0.0,
         goal_distance_m=6.42,
         vehicle=vehicle,
-        mode=Mode.GUIDED,
         goal=goal,
-        vehicle_reason=0,
-        goal_reason=0,
-        navigator=Navigator.VGM,
-        side=1,
     )
 
 

@@ -16,6 +16,7 @@ from textual.css.model import RuleSet
 from textual.css.stylesheet import Stylesheet
 from textual.pilot import Pilot
 
+from checks.harness.messages import make
 from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
 from ground.app.input.keymap import Keymap
@@ -292,9 +293,7 @@ def recorded(folder: Path, seconds: float = 4.0, suffix: str = ".tlog") -> Path:
         odometry = messages[ODOMETRY]
         assert isinstance(odometry, PlanarOdometry)
         messages[ODOMETRY] = msgspec.structs.replace(odometry, x_m=0.02 * tick)
-        messages[DRIVE] = WheelCommand(
-            time_ns=now_ns, seq=tick, sense_seq=tick, left_mrad_s=0, right_mrad_s=0, ttl_ms=150
-        )
+        messages[DRIVE] = make(WheelCommand, time_ns=now_ns, seq=tick, sense_seq=tick, ttl_ms=150)
         for topic, message in messages.items():
             frame = encoders[topic.publisher].encode(message)
             tlog += record_bytes(time_us, frame)

@@ -19,6 +19,7 @@ from checks.flood.attack_kinds import (
 from checks.flood.stop_ways import APP, ESTOP, StopRow, configuration, notes_of
 from checks.flood.stop_ways import figures_of as stop_ways_figures_of
 from checks.flood.under_attack import FloodRun, StopTimes, figures_of
+from checks.harness.messages import make
 from protocol.topics import OPERATOR, PREFIX, key_parts
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import CycleReport
@@ -29,10 +30,7 @@ EVE = "eve/0123"
 
 
 def report(tick: int, missed: int) -> CycleReport:
-    return CycleReport(
-        time_ns=0, tick=tick, missed=missed, overruns=0, rejected=0, late_us=0, sense_age_us=0,
-        budget_us=0, stage_us=(0,) * 5,
-    )  # fmt: skip
+    return make(CycleReport, tick=tick, missed=missed)
 
 
 def missed(*presses: StopTimes) -> list[str]:

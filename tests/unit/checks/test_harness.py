@@ -22,6 +22,7 @@ from checks.built import ROOT, BuildError, built, environment, key_of
 from checks.harness import motion
 from checks.harness.figures import BenchmarkReport, Figure, digits, percentile, ratios
 from checks.harness.loop import PlayedLoop
+from checks.harness.messages import make
 from checks.harness.motion import HOLDS, Seen
 from checks.harness.relays import OVERTAKEN_NS, PERFECT, POOR, ImpairedLine, Impairment, UdpRelay
 from checks.simulation.hosts.virtual_time import Host, Scheduler, SimulatedLoop
@@ -123,14 +124,12 @@ def seen(*speeds_m_s: float, touching: tuple[int, ...] = ()) -> list[Seen]:
     x_m, found = 0.0, []
     for number, speed_m_s in enumerate(speeds_m_s):
         x_m += speed_m_s * 0.05 if number else 0.0
-        truth = GroundTruth(
+        truth = make(
+            GroundTruth,
             time_ns=number * 50_000_000,
             seq=number,
             x_m=x_m,
-            y_m=0.0,
-            heading_rad=0.0,
             speed_m_s=speed_m_s,
-            yaw_rate_rad_s=0.0,
             clearance_m=1.0,
             contact=int(number in touching),
         )

@@ -28,6 +28,7 @@ from checks.endurance.soak import SETTLE_S, Course, report_of, student, trend
 from checks.endurance.supervised import KILL_NS
 from checks.faults.restarts import Recovery, held_after_cut, of
 from checks.harness.figures import Figure
+from checks.harness.messages import make
 from ground.recording.mcap_file import McapFormat
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import Severity
@@ -144,12 +145,8 @@ def test_delay_is_from_own_scan_and_restart_misses_no_tick() -> None:
     encoder = Encoder(1, 1)
     for number in range(3):
         at_ns = number * 50_000_000
-        scan = SonarScan(
-            time_ns=0, seq=number, range_mm=(9,) * 8, ping_age_us=(0,) * 8, valid=0, echo=0
-        )
-        command = WheelCommand(
-            time_ns=0, seq=9, sense_seq=number, left_mrad_s=0, right_mrad_s=0, ttl_ms=150
-        )
+        scan = make(SonarScan, seq=number, range_mm=(9,) * 8, valid=0)
+        command = make(WheelCommand, seq=9, sense_seq=number, ttl_ms=150)
         telemetry.record("", encoder.encode(scan), at_ns)
         telemetry.record("", encoder.encode(command), at_ns + 4_000_000)
     assert [delay for _, delay in telemetry.delays_ms] == [4.0, 4.0, 4.0]
@@ -160,10 +157,7 @@ def test_delay_is_from_own_scan_and_restart_misses_no_tick() -> None:
 
 
 def cycle(tick: int, missed: int) -> CycleReport:
-    return CycleReport(
-        time_ns=0, tick=tick, missed=missed, overruns=0, rejected=0, late_us=0, sense_age_us=0,
-        budget_us=0, stage_us=(0,) * 5,
-    )  # fmt: skip
+    return make(CycleReport, tick=tick, missed=missed)
 
 
 def test_missing_events_are_counted_by_sequence_number(tmp_path: Path) -> None:

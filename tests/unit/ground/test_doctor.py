@@ -4,12 +4,15 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
+from msgspec import structs
+
+from checks.harness.messages import make
 from ground.client.presence import PresentProcesses, explain_silence
 from ground.reports.doctor import DAY_S, Observed, Stream, examine, lines
 from protocol.bus.certificate import MAKE_NEW, RENEW, WAIT, CertificateStatus
 from protocol.topics import CLOCK, HEARTBEAT, MISSION, OPERATOR, SONAR, TEXT, TOPICS, Role, Topic
-from protocol.wire.enums import GoalState, Mode, Navigator, Vehicle
-from protocol.wire.messages import CycleReport, NavigatorStatus
+from protocol.wire.enums import Mode, Vehicle
+from protocol.wire.messages import NavigatorStatus
 from protocol.wire.reasons import Reason
 from runtime.cli.packages import Conflict
 from tests.support.each import each
@@ -18,23 +21,7 @@ from tests.support.ground.station import Robot
 
 MS = 1_000_000
 ALL_PRESENT = PresentProcesses(frozenset({("r1", "robot"), ("r1", "plant")}))
-STATUS = NavigatorStatus(
-    time_ns=1,
-    goal_started_ns=0,
-    goal_ended_ns=0,
-    goal_id=0,
-    goal_x_m=0.0,
-    goal_y_m=0.0,
-    goal_heading_rad=0.0,
-    goal_distance_m=0.0,
-    vehicle=Vehicle.ACTIVE,
-    mode=Mode.HOLD,
-    goal=GoalState.NONE,
-    vehicle_reason=Reason.NONE,
-    goal_reason=Reason.NONE,
-    navigator=Navigator.VGM,
-    side=1,
-)
+STATUS = make(NavigatorStatus, time_ns=1, mode=Mode.HOLD)
 
 
 def seen(silent: Iterable[Topic[Any]] = (), crew: PresentProcesses = ALL_PRESENT) -> Observed:
@@ -131,14 +118,9 @@ def test_a_heart_that_cannot_be_read_is_no_hanging_robot() -> None:
 
 
 def test_a_robot_without_senses_is_not_healthy() -> None:
-    report = examine(replace(seen(), status=_status(Vehicle.BOOT, Reason.NONE)))
+    report = examine(replace(seen(), status=structs.replace(STATUS, vehicle=Vehicle.BOOT)))
     assert not report.healthy
     assert "no sensor data" in lines(report.findings)
-
-
-def _status(vehicle: Vehicle, reason: Reason) -> NavigatorStatus:
-    fields = {name: getattr(STATUS, name) for name in STATUS.__struct_fields__}
-    return NavigatorStatus(**{**fields, "vehicle": vehicle, "vehicle_reason": reason})
 
 
 @each(
@@ -152,14 +134,15 @@ def _status(vehicle: Vehicle, reason: Reason) -> NavigatorStatus:
 def test_a_stopped_robot_is_healthy_but_mentioned(
     vehicle: Vehicle, reason: Reason, words: str
 ) -> None:
-    report = examine(replace(seen(), status=_status(vehicle, reason)))
+    report = examine(
+        replace(seen(), status=structs.replace(STATUS, vehicle=vehicle, vehicle_reason=reason))
+    )
     assert report.healthy
     assert words in lines(report.findings)
 
 
 def test_missed_ticks_rejected_frames_dead_services_are_found() -> None:
-    fields = {name: getattr(CYCLE, name) for name in CYCLE.__struct_fields__}
-    cycle = CycleReport(**{**fields, "missed": 3, "rejected": 5})
+    cycle = structs.replace(CYCLE, missed=3, rejected=5)
     answers = (("srv/command", "no answer within 0.5 s"),)
     report = examine(replace(seen(), cycle=cycle, answers=answers))
     text = lines(report.findings)

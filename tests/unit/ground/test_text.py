@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from checks.harness.messages import make
 from ground.text.output import Output
 from ground.text.status_parts import (
     Part,
@@ -34,7 +35,7 @@ from ground.text.wording import (
     side,
     sonar,
 )
-from protocol.wire.enums import GoalState, Mode, Navigator, Severity, Vehicle
+from protocol.wire.enums import GoalState, Mode, Severity, Vehicle
 from protocol.wire.messages import NavigatorStatus, Statustext
 from protocol.wire.reasons import Reason
 from protocol.wire.statustext import MAX_PIECES, PIECE_BYTES, pieces_of
@@ -143,10 +144,9 @@ def status(
     goal: int = GoalState.ABORTED,
     reasons: tuple[int, int] = (0, Reason.BUDGET),
 ) -> NavigatorStatus:
-    return NavigatorStatus(
-        time_ns=0, goal_started_ns=0, goal_ended_ns=0, goal_id=7, goal_x_m=1.0, goal_y_m=2.0,
-        goal_heading_rad=0.0, goal_distance_m=3.0, vehicle=vehicle, mode=mode, goal=goal,
-        vehicle_reason=reasons[0], goal_reason=reasons[1], navigator=Navigator.VGM, side=1,
+    return make(
+        NavigatorStatus, goal_id=7, goal_x_m=1.0, goal_y_m=2.0, goal_distance_m=3.0,
+        vehicle=vehicle, mode=mode, goal=goal, vehicle_reason=reasons[0], goal_reason=reasons[1],
     )  # fmt: skip
 
 

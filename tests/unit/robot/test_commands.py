@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator
 from math import nan
-from typing import Any, get_type_hints
 
 import pytest
 
+from checks.harness.messages import make
 from checks.simulation.invariants.limits import is_free
 from protocol.topics import SERVICES, Role
 from protocol.wire.enums import (
@@ -517,15 +517,6 @@ FREE_MODES = {Mode.HOLD}
 FREE_MESSAGES = (ParamRequestRead, MissionRequestList, MissionRequestInt)
 """What an operator without the lease may have: all else is refused."""
 
-EMPTY: dict[object, Any] = {int: 0, float: 0.0, str: "", bytes: b""}
-
-
-def empty(kind: type[Message], **values: object) -> Message:
-    """Return a message whose other fields are zero or empty."""
-    hints = get_type_hints(kind)
-    blank = {name: EMPTY.get(hints[name], ()) for name in kind.__struct_fields__}
-    return kind(**{**blank, **values})
-
 
 def every_request() -> Iterator[Message]:
     for service in SERVICES:
@@ -533,15 +524,15 @@ def every_request() -> Iterator[Message]:
             if kind is CommandRequest:
                 for command in Command:
                     for param1 in (0.0, 1.0):
-                        yield empty(kind, command=command, param1=param1, request_id=1)
+                        yield make(kind, command=command, param1=param1, request_id=1)
                 for mode in (*Mode, nan):
                     values = {"command": Command.DO_SET_MODE, "param2": float(mode)}
-                    yield empty(kind, **values, request_id=1)
+                    yield make(kind, **values, request_id=1)
             elif kind is LeaseRequest:
                 for action in LeaseAction:
-                    yield empty(kind, action=action, name="Bob")
+                    yield make(kind, action=action, name="Bob")
             else:
-                yield empty(kind)
+                yield make(kind)
 
 
 def lent() -> Vehicle:

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from checks.harness.messages import make
 from firmware.board import RESTART, Board, BoardError, BoardMismatchError
 from firmware.host import WALL_TIME, BoardCore
 from firmware.image import core_hash, core_version
@@ -190,12 +191,10 @@ def stop_at(seq: int, x_m: float, y_m: float, deg: float = nan) -> MissionItemIn
 
 
 def corner(seq: int, x_m: float, y_m: float) -> MissionItemInt:
-    return MissionItemInt(
-        param1=4.0, param2=0.0, param3=0.0, param4=0.0, x=round(x_m * 10_000),
-        y=round(y_m * 10_000), z=0.0, seq=seq,
-        command=Command.NAV_FENCE_POLYGON_VERTEX_INCLUSION,
-        target_system=0, target_component=0, frame=FRAME_LOCAL_FLU, current=0, autocontinue=1,
-        mission_type=MissionType.FENCE,
+    return make(
+        MissionItemInt, param1=4.0, x=round(x_m * 10_000), y=round(y_m * 10_000), seq=seq,
+        command=Command.NAV_FENCE_POLYGON_VERTEX_INCLUSION, target_system=0, target_component=0,
+        frame=FRAME_LOCAL_FLU, current=0, autocontinue=1, mission_type=MissionType.FENCE,
     )  # fmt: skip
 
 

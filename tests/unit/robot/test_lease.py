@@ -4,6 +4,7 @@ import msgspec
 from hypothesis import given
 from hypothesis import strategies as st
 
+from checks.harness.messages import make
 from protocol.wire.enums import AckResult, Command, LeaseAction, Mode, Severity
 from protocol.wire.message import Message
 from protocol.wire.messages import (
@@ -819,9 +820,7 @@ def test_the_newest_drive_is_shown_at_once() -> None:
 
 
 def clean_up(number: int, ends_id: int, request_id: int = 500) -> CommandRequest:
-    return CommandRequest(
-        request_id=request_id, command=number, param1=0.0, param2=0.0, ends_id=ends_id
-    )
+    return make(CommandRequest, request_id=request_id, command=number, ends_id=ends_id)
 
 
 @each("number", [Command.DO_PAUSE_CONTINUE, Command.SIDESTEP_ABORT_GOAL])

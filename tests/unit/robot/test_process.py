@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from checks.harness.messages import make
 from protocol.bus.bus import Presence
 from protocol.topics import (
     ANSWERED,
@@ -66,9 +67,7 @@ def scan(number: int) -> SonarScan:
     """Return a scan sent a period after the previous one."""
     stamp = number * PERIOD
     nothing, age = (4000,) * 8, (0,) * 8
-    return SonarScan(
-        time_ns=stamp, seq=number, range_mm=nothing, ping_age_us=age, valid=255, echo=0
-    )
+    return make(SonarScan, time_ns=stamp, seq=number, range_mm=nothing, ping_age_us=age)
 
 
 def stamps_ms(scans: list[tuple[int, int]]) -> list[int]:
@@ -385,9 +384,7 @@ def read(stamps: list[int], *, lockstep: bool) -> RobotVehicle:
     vehicle.texts()
     for number, stamp in enumerate(stamps):
         now_ns = number * PERIOD_NS
-        ticks = WheelTicks(
-            time_ns=stamp * PERIOD_NS, seq=stamp, left=0, right=0, bumper=0, expired=0
-        )
+        ticks = make(WheelTicks, time_ns=stamp * PERIOD_NS, seq=stamp)
         bus.boxes["sense/wheels"].newest = (ticks, now_ns)
         senses.read(Tick(number, now_ns, 0, 0), now_ns, vehicle)
     return vehicle

@@ -5,10 +5,12 @@ from typing import cast
 from hypothesis import given
 from hypothesis import strategies as st
 
+from checks.harness.bus_calls import OPERATOR_BEAT
+from checks.harness.messages import make
 from protocol.bus.bus import Bus
 from protocol.topics import OPERATOR, SONAR, TELEOP, WHEELS
 from protocol.wire.limits import MAX_TELEOP_TTL_MS
-from protocol.wire.messages import Heartbeat, SonarScan, Teleop, WheelTicks
+from protocol.wire.messages import SonarScan, Teleop, WheelTicks
 from robot.commands import TeleopInput, operator_twist
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Inputs, Twist
@@ -30,19 +32,16 @@ from tests.support.robot.processes import ServedBus
 from tests.support.robot.vehicles import MS, Desk
 
 S = 1_000 * MS
-BEAT = Heartbeat(type=6, autopilot=8, base_mode=0, custom_mode=0, system_status=4)
 STEER = Teleop(time_ns=0, seq=0, speed_mm_s=200, yaw_rate_mrad_s=0, ttl_ms=500)
 AGES_US = (10_000, 20_000) * 4
 
 
 def wheels(seq: int, time_ns: int = 0) -> WheelTicks:
-    return WheelTicks(time_ns=time_ns, seq=seq, left=seq, right=0, bumper=0, expired=0)
+    return make(WheelTicks, time_ns=time_ns, seq=seq, left=seq)
 
 
 def scan(seq: int, time_ns: int = 0) -> SonarScan:
-    return SonarScan(
-        time_ns=time_ns, seq=seq, range_mm=(9,) * 8, ping_age_us=AGES_US, valid=255, echo=0
-    )
+    return make(SonarScan, time_ns=time_ns, seq=seq, range_mm=(9,) * 8, ping_age_us=AGES_US)
 
 
 class SensesRig:
@@ -64,7 +63,7 @@ class SensesRig:
         return self.senses.read(tick, now_ns, self.vehicle)
 
     def beat(self, late_ns: int | None = 0, operator: str = PROCESSES_ADA) -> None:
-        self.bus.say_as(OPERATOR, BEAT, operator, late_ns)
+        self.bus.say_as(OPERATOR, OPERATOR_BEAT, operator, late_ns)
 
     def steer(self, late_ns: int | None = 0, operator: str = PROCESSES_ADA) -> None:
         self.bus.say_as(TELEOP, STEER, operator, late_ns)
@@ -310,8 +309,8 @@ def test_first_sample_counts_as_newer() -> None:
     assert sending_order(one, None) is sending_order(None, one) is Order.NEWER
 
 
-SCAN = SonarScan(time_ns=0, seq=7, range_mm=(9,) * 8, ping_age_us=(0,) * 8, valid=255, echo=255)
-TICKS = WheelTicks(time_ns=0, seq=7, left=0, right=0, bumper=0, expired=0)
+SCAN = make(SonarScan, seq=7, range_mm=(9,) * 8, echo=255)
+TICKS = make(WheelTicks, seq=7)
 
 
 def test_scan_age_is_never_negative() -> None:

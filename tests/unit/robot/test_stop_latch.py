@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from checks.harness.messages import make
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import Command, Severity
 from protocol.wire.message import Message
@@ -374,8 +375,8 @@ def test_release_that_was_not_written_is_tried_again_by_itself(tmp_path: Path) -
 
 
 def clear(desk: Desk, request_id: int) -> int:
-    request = CommandRequest(
-        request_id=request_id, command=Command.SIDESTEP_CLEAR_EMERGENCY_STOP, param1=0.0, param2=0.0
+    request = make(
+        CommandRequest, request_id=request_id, command=Command.SIDESTEP_CLEAR_EMERGENCY_STOP
     )
     answer = desk.vehicle.receive(request, desk.now_ns, "ada/1")
     assert isinstance(answer, CommandAck)

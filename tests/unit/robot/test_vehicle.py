@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec import structs
 
 from ground.text.wording import StatustextAssembler
 from protocol.wire.enums import AckResult, Command, GoalState, Mode, Navigator, Severity
@@ -51,8 +52,7 @@ def set_pose(desk: Desk, x_m: float, y_m: float, heading_rad: float) -> int:
 
 
 def from_robot(request: GoalRequest) -> GoalRequest:
-    values = {name: getattr(request, name) for name in request.__struct_fields__}
-    return GoalRequest(**(values | {"from_robot": 1}))
+    return structs.replace(request, from_robot=1)
 
 
 def test_restarted_robot_says_that_its_place_is_unknown_once() -> None:

@@ -13,6 +13,7 @@ import pytest
 from _pytest.mark.structures import ParameterSet
 
 import study.falsify
+from checks.harness.messages import make
 from checks.site.findings import renewed
 from plant.corpus import generate
 from plant.corpus.generate import ADVERSARIAL_MARGIN_M
@@ -207,15 +208,12 @@ def world_of(*obstacles: Obstacle) -> World:
 
 
 def truth_at(x_m: float, y_m: float, heading_rad: float = 0.0, time_s: float = 0.0) -> GroundTruth:
-    return GroundTruth(
+    return make(
+        GroundTruth,
         time_ns=round(time_s * 1e9),
-        seq=0,
         x_m=x_m,
         y_m=y_m,
         heading_rad=heading_rad,
-        speed_m_s=0.0,
-        yaw_rate_rad_s=0.0,
-        clearance_m=0.0,
         contact=1,
     )
 

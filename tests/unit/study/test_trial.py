@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from checks.harness.messages import make
 from ground.cli import main as ground_cli
 from plant.model.errors import WorldError
 from plant.sim.simulation import Plant
@@ -187,14 +188,7 @@ def ticks(k: int) -> WheelTicks:
 
 
 def scan(k: int) -> SonarScan:
-    return SonarScan(
-        time_ns=k * PERIOD_NS,
-        seq=k,
-        range_mm=(0,) * 8,
-        ping_age_us=(25_000, 0) * 4,
-        valid=255,
-        echo=0,
-    )
+    return make(SonarScan, time_ns=k * PERIOD_NS, seq=k, ping_age_us=(25_000, 0) * 4)
 
 
 def driving() -> CoreLoop:

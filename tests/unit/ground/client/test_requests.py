@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from checks.harness.messages import make
 from ground.cli.main import parse
 from ground.cli.options import common_of, listening_of
 from ground.client.outcomes import Accepted, Refused
@@ -23,7 +24,7 @@ from ground.client.requests import (
     GoalWatch,
     RequestIds,
 )
-from protocol.wire.enums import AckResult, GoalState, Mode, Navigator, Vehicle
+from protocol.wire.enums import AckResult, GoalState
 from protocol.wire.messages import CommandAck, CommandRequest, LeaseStatus, NavigatorStatus
 from protocol.wire.reasons import Reason, reason_text
 from runtime.clock import ManualClock
@@ -41,22 +42,15 @@ def status(
     reason: Reason = Reason.NONE,
     goal_id: int = MINE,
 ) -> NavigatorStatus:
-    return NavigatorStatus(
+    return make(
+        NavigatorStatus,
         time_ns=time_ns,
-        goal_started_ns=0,
-        goal_ended_ns=0,
         goal_id=goal_id,
         goal_x_m=1.0,
-        goal_y_m=0.0,
         goal_heading_rad=nan,
         goal_distance_m=1.0,
-        vehicle=Vehicle.ACTIVE,
-        mode=Mode.GUIDED,
         goal=goal,
-        vehicle_reason=0,
         goal_reason=reason,
-        navigator=Navigator.VGM,
-        side=1,
     )
 
 

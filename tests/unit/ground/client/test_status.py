@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from checks.harness.messages import make
 from ground.client.api.events import (
     EventDetector,
     GoalChanged,
@@ -31,7 +32,7 @@ from ground.client.telemetry import Age, Telemetry, age_of
 from ground.client.time_factor import TimeFactor, chosen_speed
 from ground.text.status_parts import fitted, in_words
 from protocol.topics import DECISION, HEARTBEAT, ODOMETRY, STATUS, TEXT
-from protocol.wire.enums import GoalState, MissionState, Mode, Navigator, Severity, Vehicle
+from protocol.wire.enums import GoalState, MissionState, Mode, Severity, Vehicle
 from protocol.wire.messages import (
     AvoidanceDecision,
     LeaseStatus,
@@ -53,39 +54,20 @@ MS = 1_000_000
 def status(
     goal: int = GoalState.DRIVING, vehicle: int = Vehicle.ACTIVE, mode: int = Mode.GUIDED
 ) -> NavigatorStatus:
-    return NavigatorStatus(
+    return make(
+        NavigatorStatus,
         time_ns=12_400 * MS,
-        goal_started_ns=0,
-        goal_ended_ns=0,
         goal_id=1,
         goal_x_m=1.0,
-        goal_y_m=0.0,
-        goal_heading_rad=0.0,
         goal_distance_m=3.25,
         vehicle=vehicle,
         mode=mode,
         goal=goal,
-        vehicle_reason=0,
         goal_reason=Reason.BLOCKED,
-        navigator=Navigator.VGM,
-        side=1,
     )
 
 
-ODOMETRY_NOW = PlanarOdometry(
-    time_ns=1,
-    x_m=1.0,
-    y_m=2.0,
-    heading_rad=1.0,
-    speed_m_s=0.25,
-    yaw_rate_rad_s=0.0,
-    cov_xx_m2=0.0,
-    cov_xy_m2=0.0,
-    cov_xh_m_rad=0.0,
-    cov_yy_m2=0.0,
-    cov_yh_m_rad=0.0,
-    cov_hh_rad2=0.0,
-)
+ODOMETRY_NOW = make(PlanarOdometry, time_ns=1, x_m=1.0, y_m=2.0, heading_rad=1.0, speed_m_s=0.25)
 
 
 @pytest.fixture
@@ -98,20 +80,7 @@ def telemetry(air: Air) -> Telemetry:
     return Telemetry(air, "r1")
 
 
-DECISION_NOW = AvoidanceDecision(
-    time_ns=1,
-    nearest_bearing_rad=0.0,
-    nearest_range_m=0.5,
-    zone_m=0.3,
-    goal_bearing_rad=0.0,
-    rotation_rad=0.0,
-    virtual_x_m=0.0,
-    virtual_y_m=0.0,
-    speed_m_s=0.0,
-    yaw_rate_rad_s=0.0,
-    branch=0,
-    guard=0,
-)
+DECISION_NOW = make(AvoidanceDecision, time_ns=1, nearest_range_m=0.5, zone_m=0.3)
 
 
 def test_goal_line_begins_with_state_and_distance(air: Air, telemetry: Telemetry) -> None:
@@ -255,10 +224,9 @@ def test_lease_mission_and_texts_are_events() -> None:
     assert detector.receive(lease_of("anna")) == [LeaseChanged("beef/1", "anna", True)]
     free = LeaseStatus(time_ns=2, lapses_ms=0, held=0, holder="", name="")
     assert detector.receive(free) == [LeaseChanged("", "", False)]
-    running = MissionStatus(
-        time_ns=1, mission_id=1, hold_left_ms=0, count=3, current=1,
-        state=MissionState.RUNNING, reason=Reason.NONE,
-    )  # fmt: skip
+    running = make(
+        MissionStatus, time_ns=1, mission_id=1, count=3, current=1, state=MissionState.RUNNING
+    )
     assert detector.receive(running) == [MissionChanged(MissionState.RUNNING, 2, 3, "running")]
     text = Statustext(severity=Severity.WARNING, text="low", id=0, chunk_seq=0)
     assert detector.receive(text) == [TextReceived(Severity.WARNING, "low")]

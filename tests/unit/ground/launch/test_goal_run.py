@@ -7,6 +7,7 @@ from typing import Any, Self
 import pytest
 from msgspec import structs
 
+from checks.harness.messages import make
 from ground.client.connection import Common
 from ground.client.goal import destination
 from ground.client.link import Link, UnansweredError
@@ -52,10 +53,7 @@ SCENARIO = Scenario(
     seed=0, noise="none", speed="1", router=False, record=None, timeout_s=100.0,
 )  # fmt: skip
 OTHER = 9
-SCORE = RunScore(
-    time_ns=1, x_m=1.0, y_m=1.0, heading_rad=0.0, path_m=1.0, min_clearance_m=1.0, ticks=20,
-    contacts=0, own_contacts=0, digest=(0,) * 32,
-)  # fmt: skip
+SCORE = make(RunScore, time_ns=1, x_m=1.0, y_m=1.0, path_m=1.0, min_clearance_m=1.0, ticks=20)
 WHY = "the plant process was killed (signal SIGKILL)"
 
 
@@ -136,12 +134,11 @@ class Stage:
         reason: Reason = Reason.NONE,
         **changes: Any,
     ) -> None:
-        status = NavigatorStatus(
-            time_ns=self.clock.now_ns(), goal_started_ns=SECOND, goal_ended_ns=ended_ns, goal_id=0,
-            goal_x_m=3.0, goal_y_m=2.0, goal_heading_rad=0.0, goal_distance_m=1.0,
+        status = make(
+            NavigatorStatus, time_ns=self.clock.now_ns(), goal_started_ns=SECOND,
+            goal_ended_ns=ended_ns, goal_x_m=3.0, goal_y_m=2.0, goal_distance_m=1.0,
             vehicle=vehicle, mode=10, goal=goal, vehicle_reason=reason,
             goal_reason=Reason.TICKS_LOST, navigator=1,
-            side=1,
         )  # fmt: skip
         status = structs.replace(status, **changes)
         self.bus.boxes[STATUS.path].newest = (status, self.clock.now_ns())

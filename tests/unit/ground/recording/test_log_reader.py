@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from checks.harness.messages import make
 from ground.recording.log_reader import (
     MAX_TIME_NS,
     LoggedFrame,
@@ -30,7 +31,7 @@ from ground.recording.mcap_file import McapFormat
 from ground.recording.summary import Mark, changes, outcome, outcome_of
 from protocol.topics import CLOCK, WHEELS
 from protocol.wire.codec import Encoder
-from protocol.wire.enums import GoalState, Mode, Navigator, Vehicle
+from protocol.wire.enums import GoalState, Mode
 from protocol.wire.messages import (
     Heartbeat,
     MissionCurrent,
@@ -384,10 +385,9 @@ def test_times_include_unreadable_frames() -> None:
 
 
 def status(goal: int, reason: int = Reason.NONE) -> NavigatorStatus:
-    return NavigatorStatus(
-        time_ns=0, goal_started_ns=0, goal_ended_ns=0, goal_id=7, goal_x_m=1.0, goal_y_m=2.0,
-        goal_heading_rad=0.0, goal_distance_m=3.0, vehicle=Vehicle.ACTIVE, mode=Mode.AUTO,
-        goal=goal, vehicle_reason=0, goal_reason=reason, navigator=Navigator.VGM, side=1,
+    return make(
+        NavigatorStatus, goal_id=7, goal_x_m=1.0, goal_y_m=2.0, goal_distance_m=3.0,
+        mode=Mode.AUTO, goal=goal, goal_reason=reason,
     )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from checks.harness.messages import make
 from ground.cli.main import main, parse
 from ground.cli.observe.replay import show_lines
 from ground.recording.playback import ReplayBus
@@ -208,9 +209,7 @@ def test_recorded_facts_answer_requests(bus: ReplayBus) -> None:
 
 def test_parameter_has_its_value_at_the_position(bus: ReplayBus, opens: Opens) -> None:
     frames_sent = list(run())
-    value = ParamValue(
-        param_id="d_obs_m", param_value=0.4, param_type=9, param_count=1, param_index=0
-    )
+    value = make(ParamValue, param_id="d_obs_m", param_value=0.4, param_count=1)
     frames_sent.insert(100, TopicEncoder().publish(ANSWERED, value, frames_sent[99].time_us))
     bus = opens(frames_sent)
     bus.log_index.facts["parameters"] = '[{"name": "d_obs_m", "value": 0.3}]'

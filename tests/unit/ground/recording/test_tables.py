@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from checks.harness.messages import make
 from ground.recording import export_file
 from ground.recording.log_reader import open_log
 from ground.recording.tables import (
@@ -42,12 +43,10 @@ from tests.support.ground.made_recordings import (
     wheels,
 )
 
-CYCLE_REPORT = CycleReport(
+CYCLE_REPORT = make(
+    CycleReport,
     time_ns=5_000_000_000,
     tick=1,
-    missed=0,
-    overruns=0,
-    rejected=0,
     late_us=9,
     sense_age_us=1,
     budget_us=2,

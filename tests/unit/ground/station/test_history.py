@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from checks.harness.messages import make
 from ground.station.history.decision_history import DecisionHistory, Frames
 from ground.station.history.event_log import EventLog, Inbox, LogLine, ReceivedFrame
 from ground.station.history.goal_progress import GoalProgress, LastDrive
@@ -314,9 +315,7 @@ def test_without_a_goal(drive: LastDrive | None, words: str) -> None:
 
 
 def scan(valid: int) -> SonarScan:
-    return SonarScan(
-        time_ns=0, seq=0, range_mm=(500,) * 8, ping_age_us=(0,) * 8, valid=valid, echo=255
-    )
+    return make(SonarScan, range_mm=(500,) * 8, valid=valid, echo=255)
 
 
 def test_sonar_with_gaps_is_silent_steadily_and_until_it_is_well() -> None:
@@ -392,10 +391,7 @@ def test_all_series_exist_by_name() -> None:
 
 
 def cycle(spent_us: int, tick: int = 0) -> CycleReport:
-    return CycleReport(
-        time_ns=0, tick=tick, missed=0, overruns=0, rejected=0, late_us=0, sense_age_us=0,
-        budget_us=2500, stage_us=(spent_us, 0, 0, 0, 0),
-    )  # fmt: skip
+    return make(CycleReport, tick=tick, budget_us=2500, stage_us=(spent_us, 0, 0, 0, 0))
 
 
 def shown(*spent: tuple[float, int]) -> list[int]:
@@ -464,11 +460,9 @@ NUMBERS = st.floats(width=32)
 
 
 def pose(x_m: float = 0.0, y_m: float = 0.0, heading_rad: float = 0.0) -> PlanarOdometry:
-    return PlanarOdometry(
-        time_ns=0, x_m=x_m, y_m=y_m, heading_rad=heading_rad, speed_m_s=0.0, yaw_rate_rad_s=0.0,
-        cov_xx_m2=0.04, cov_xy_m2=0.0, cov_xh_m_rad=0.0, cov_yy_m2=0.01, cov_yh_m_rad=0.0,
-        cov_hh_rad2=0.0,
-    )  # fmt: skip
+    return make(
+        PlanarOdometry, x_m=x_m, y_m=y_m, heading_rad=heading_rad, cov_xx_m2=0.04, cov_yy_m2=0.01
+    )
 
 
 def test_standing_robot_extends_no_trail() -> None:

@@ -6,6 +6,7 @@ from math import isnan, pi
 
 import pytest
 
+from checks.harness.messages import make
 from ground.map.drawing import NO_PLACE, entries
 from ground.map.pen import CHI2_2
 from ground.map.scene import Disc, Outline
@@ -387,9 +388,7 @@ def test_accepted_upload_of_any_operator_is_drawn() -> None:
     play.forward(0.1)
     assert play.station.mission_items == ()
     play.bus.say(ANSWERED, verdict(MissionType.MISSION))
-    running = MissionStatus(
-        time_ns=0, mission_id=1, hold_left_ms=0, count=2, current=1, state=2, reason=0
-    )
+    running = make(MissionStatus, mission_id=1, count=2, current=1, state=2)
     play.station.poll()
     play.bus.say(MISSION, running)
     scene = play.station.scene()
@@ -434,10 +433,7 @@ def test_verdict_without_an_upload_is_ignored() -> None:
 
 def test_foreign_mission_items_are_not_drawn() -> None:
     mission_items = MissionItems()
-    mission_items.receive(MissionItemInt(
-        seq=0, frame=0, command=16, param1=0.0, param2=0.0, param3=0.0, param4=0.0, x=0, y=0,
-        z=0.0, mission_type=0,
-    ))  # fmt: skip
+    mission_items.receive(make(MissionItemInt, command=16))
     mission_items.receive(verdict(MissionType.MISSION))
     assert mission_items.mission == ()
 

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from checks.harness.messages import make
 from ground.client.telemetry import Age
 from ground.map.canvas import Canvas
 from ground.map.drawing import draw
@@ -122,9 +123,7 @@ def test_cached_text_is_logged_with_its_age() -> None:
 
 def test_parameter_change_is_shown_at_once() -> None:
     play = Play().forward(1.0)
-    value = ParamValue(
-        param_id="d_obs_m", param_value=0.5, param_type=9, param_count=2, param_index=0
-    )
+    value = make(ParamValue, param_id="d_obs_m", param_value=0.5, param_count=2)
     play.bus.say(ANSWERED, value)
     play.forward(0.05)
     rows = {row.name: row.value for row in play.station.parameters or ()}
