@@ -13,12 +13,12 @@ from gateways.mavlink.robot_port import NO_TELEMETRY, OVERTAKEN, STOPS, Answered
 from ground.client import stop_ways
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.link import ALIVE, Link
-from ground.client.outcomes import Outcome
+from ground.client.outcomes import Outcome, Stopped
 from ground.client.session import Operation, Session
 from ground.client.telemetry import Telemetry
+from ground.client.teleop_sender import TeleopSender
 from ground.commands.lease import ask_lease
-from ground.commands.stop import STOP_S, Stopped
-from ground.commands.teleop import TeleopSender
+from ground.commands.stop import STOP_S
 from protocol.bus.mailbox import Mailbox
 from protocol.bus.publisher import Publisher
 from protocol.topics import (
@@ -141,7 +141,7 @@ class BusPort:
         self._stops = link.bus.publisher(STOP, link.robot)
         self._ways = stop_ways.ways_of(link.bus, link.robot)
         self._reports: Publisher[GatewayStatus] = link.bus.publisher(GATEWAY, link.robot)
-        self._stick = TeleopSender(link)
+        self._stick = TeleopSender(link.bus, link.robot, link.clock)
         self._ended: SimpleQueue[Ended] = SimpleQueue()
         self._texts: SimpleQueue[tuple[bytes, int]] = SimpleQueue()
         self._requests = ThreadPoolExecutor(1, thread_name_prefix=f"requests {link.robot}")

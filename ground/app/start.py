@@ -20,9 +20,9 @@ from ground.app.appearance import DUMB, AppOptions, appearance_of, has_colours, 
 from ground.app.input.keymap import TABLE, Keymap, key_hints, load
 from ground.app.input.keymap import keymap_of as keymap_in
 from ground.client.connection import Common
+from ground.client.lease_holder import operator_name
 from ground.client.link import Link
 from ground.client.stop_ways import StopServer
-from ground.commands.lease import operator_name
 from ground.recording.log_reader import files_of
 from ground.user.folders import state_folder
 from ground.user.settings import Settings, load_settings, set_setting, settings_file

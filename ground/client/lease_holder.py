@@ -1,33 +1,15 @@
-"""The lease of a robot, as the robot publishes it."""
+"""Who holds the lease of a robot, and the name under which a program takes it."""
 
-from typing import Final
+import os
+import pwd
+from contextlib import suppress
+from socket import gethostname
 
-from ground.client.link import Link
 from protocol.topic import person_of
-from protocol.topics import LEASE
+from protocol.wire.limits import MAX_OPERATOR_NAME_BYTES
 from protocol.wire.messages import LeaseStatus
-from protocol.wire.reasons import Reason
 from runtime.cli.terminal import printable
-
-PATIENCE_NS: Final = 1_500_000_000
-
-
-def lease_status(link: Link) -> LeaseStatus | None:
-    """Return the robot's newest lease status; None if none arrives in time."""
-    return link.newest(LEASE, PATIENCE_NS)
-
-
-def refusing_holder(link: Link, reason: int, known: LeaseStatus | None = None) -> str:
-    """Return the name of the lease holder if `reason` is that another one holds it, else "".
-
-    The lease may have passed to this person since, who then is not the other one.
-    """
-    if reason != Reason.LEASE_HELD:
-        return ""
-    found = known if known is not None and known.held else lease_status(link)
-    if found is None or not found.held or is_ours(found, link.bus.operator):
-        return ""
-    return holder_name(found)
+from runtime.errors import UserError
 
 
 def is_ours(lease: LeaseStatus, operator: str | None) -> bool:
@@ -38,3 +20,39 @@ def is_ours(lease: LeaseStatus, operator: str | None) -> bool:
 def holder_name(lease: LeaseStatus) -> str:
     """Return the name of the lease holder as one printable line."""
     return printable(lease.name or lease.holder)
+
+
+def operator_name(name: str | None) -> str:
+    """Return the name shown to other operators, by default USER@HOST:TERMINAL.
+
+    Raises UserError for a name that is empty, too long or not printable.
+    """
+    if name is None:
+        try:
+            user = pwd.getpwuid(os.getuid()).pw_name
+        except KeyError:
+            user = "operator"
+        return shortened(user, gethostname().partition(".")[0], terminal_name())
+    if not name.isprintable() or not 0 < len(name.encode()) <= MAX_OPERATOR_NAME_BYTES:
+        raise UserError(
+            f"{name!r} is not a valid operator name: use 1 to {MAX_OPERATOR_NAME_BYTES} bytes"
+            " of printable text"
+        )
+    return name
+
+
+def terminal_name() -> str:
+    """Return the name of the terminal, or the process id without one."""
+    for descriptor in (0, 1, 2):
+        with suppress(OSError):
+            return os.ttyname(descriptor).removeprefix("/dev/")
+    return str(os.getpid())
+
+
+def shortened(user: str, host: str, terminal: str) -> str:
+    """Return USER@HOST:TERMINAL as ASCII; shorten the longer of user and host until it fits."""
+    user, host = (text.encode("ascii", "replace").decode() for text in (user, host))
+    room = max(2, MAX_OPERATOR_NAME_BYTES - len("@:") - len(terminal))
+    while len(user) + len(host) > room:
+        user, host = (user[:-1], host) if len(user) > len(host) else (user, host[:-1])
+    return f"{user}@{host}:{terminal}"[:MAX_OPERATOR_NAME_BYTES]

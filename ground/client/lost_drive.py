@@ -1,17 +1,21 @@
 """The drive that a stop has ended, and how to continue it: goal, mission or way home."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import degrees, isfinite
 from typing import Final, Protocol, TypeAlias
 
 from ground.client.goal import Destination
+from ground.client.outcomes import Accepted, Refused
+from ground.client.vocabulary import GOAL_HINT
 from protocol.wire.enums import GoalState, MissionState, Mode
 from protocol.wire.messages import MissionStatus, NavigatorStatus
 from protocol.wire.reasons import Reason
+from runtime.units import NS_PER_MS
 
 SAME_M: Final = 0.002
 """Positions closer than this are the same: the wire rounds to millimetres."""
+NOTHING: Final = "nothing to resume"
 ENDED_GOALS: Final = (GoalState.ABORTED, GoalState.REACHED)
 
 
@@ -92,3 +96,28 @@ def is_at(status: NavigatorStatus, items: Sequence[Place], current: int) -> bool
         return False
     item = items[current]
     return abs(item.x_m - status.goal_x_m) <= SAME_M and abs(item.y_m - status.goal_y_m) <= SAME_M
+
+
+@dataclass(frozen=True, slots=True)
+class Resumed(Accepted):
+    """The robot accepted, and drives on to the drive that was lost."""
+
+    drive: LostDrive
+
+    @property
+    def text(self) -> str:
+        """Where the robot drives, and the duration."""
+        return f"go on to {self.drive}: ok {self.took_ns / NS_PER_MS:.0f} ms"
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return the acceptance as a row, with the lost drive."""
+        return Accepted.as_json(self, verb, robot) | {"to": str(self.drive)}
+
+
+@dataclass(frozen=True, slots=True)
+class NothingToResume(Refused):
+    """No drive was lost, so that there is nothing to continue."""
+
+    def in_words(self, hints: Mapping[int, str]) -> str:
+        """Return that there is nothing, and how to set a goal."""
+        return f"{NOTHING}. {hints.get(Reason.NO_GOAL, GOAL_HINT)}"

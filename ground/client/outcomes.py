@@ -4,7 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol, TypeAlias
 
+from ground.client.emergency_stop import StopOutcome, outcome_words
+from ground.client.lease_holder import holder_name
 from ground.client.vocabulary import SHELL, Remedies
+from protocol.outcome import LOST, REPLACED, detail_of, doubt_words
+from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason, reason_text
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS
@@ -124,3 +128,186 @@ def answer_row(verb: str, robot: str, reason: int, took_ns: int) -> dict[str, ob
         "reason_code": reason,
         "took_ms": round(took_ns / NS_PER_MS, 3),
     }
+
+
+@dataclass(frozen=True, slots=True)
+class GoalEnded:
+    """The end of a goal.
+
+    `outcome` is reached, unreachable, lost, stuck, replaced, aborted or timeout.
+
+    `distance_m` is the remaining distance to the goal, None without a status from the robot.
+    `doubt_m` is the longer half axis of the confidence ellipse of the position, None if unknown.
+    `wall_s` is the time since the operation began, by this machine's clock.
+    """
+
+    outcome: str
+    reason: str
+    distance_m: float | None
+    wall_s: float
+    doubt_m: float | None = None
+
+    @property
+    def ok(self) -> bool:
+        """True if the robot reached the goal."""
+        return self.outcome == "reached"
+
+    @property
+    def text(self) -> str:
+        """Outcome, reason and duration."""
+        detail = "" if self.reason == self.outcome else f": {detail_of(self.outcome, self.reason)}"
+        if self.outcome == REPLACED:
+            detail = f" {self.reason}"
+        if self.outcome == LOST:
+            detail += f"; {doubt_words(self.doubt_m)}"
+        return f"{self.outcome}{detail} after {self.wall_s:.1f} s"
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return the outcome as a row."""
+        return {
+            "verb": verb,
+            "robot": robot,
+            "ok": self.ok,
+            "outcome": self.outcome,
+            "reason": self.reason,
+            "distance_m": self.distance_m,
+            "doubt_m": self.doubt_m,
+            "wall_s": round(self.wall_s, 3),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class DriveEnded:
+    """The end of a drive by hand; `reason` is empty if its time was up."""
+
+    reason: str
+
+    @property
+    def ok(self) -> bool:
+        """True if the whole time was driven."""
+        return not self.reason
+
+    @property
+    def text(self) -> str:
+        """The reason, or that the robot holds."""
+        return f"stopped: {self.reason}" if self.reason else "done, the robot holds"
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return the outcome as a row."""
+        return {"verb": verb, "robot": robot, "ok": self.ok, "reason": self.reason}
+
+
+@dataclass(frozen=True, slots=True)
+class LeaseShown(Success):
+    """The robot's lease status; `ours`: the person of this program holds the lease."""
+
+    status: LeaseStatus
+    robot: str
+    ours: bool
+
+    @property
+    def text(self) -> str:
+        """The holder, and when the lease expires."""
+        if not self.status.held:
+            return "no operator holds the lease"
+        holder = f"{holder_name(self.status)}{' (this is you)' if self.ours else ''}"
+        left_s = self.status.lapses_ms / 1000
+        expiry = f"without a heartbeat or a drive the lease expires in {left_s:.1f} s"
+        return f"{holder} commands {self.robot}; {expiry}"
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return the lease as a row; times in ms."""
+        status = self.status
+        return {
+            "robot": robot,
+            "ok": True,
+            "held": bool(status.held),
+            "holder": status.holder or None,
+            "name": status.name or None,
+            "lapses_ms": status.lapses_ms if status.held else None,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Stopped:
+    """The end of an emergency stop; `ok` only if the robot's status shows it."""
+
+    stop: StopOutcome
+    robot: str
+
+    @property
+    def ok(self) -> bool:
+        """True if the robot's status shows the stop."""
+        return self.stop.acknowledged
+
+    @property
+    def text(self) -> str:
+        """The duration and the number of tries, and the error if there is one."""
+        return outcome_words(self.stop, self.robot)
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return the outcome as a row; without acknowledgement `reason_code` is None."""
+        row = answer_row(verb, robot, Reason.NONE, self.stop.took_ns)
+        if self.ok:
+            return row
+        return row | {"ok": False, "reason": self.stop.why, "reason_code": None}
+
+
+@dataclass(frozen=True, slots=True)
+class Marked:
+    """The end of a remark; `ok` if a recorder received it."""
+
+    remark: str
+    ok: bool
+
+    @property
+    def reason(self) -> str:
+        """The error, empty if a recorder received the remark."""
+        return "" if self.ok else "no recorder is running: start one with sidestep rec start DIR"
+
+    @property
+    def text(self) -> str:
+        """The remark, or the error."""
+        return self.reason or f"marked: {self.remark}"
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return remark and error as a row."""
+        return {"ok": self.ok, "mark": self.remark, "reason": self.reason}
+
+
+@dataclass(frozen=True, slots=True)
+class Unanswered:
+    """A robot that did not answer."""
+
+    text: str
+
+    @property
+    def ok(self) -> bool:
+        """False."""
+        return False
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return the failure as a row; `reason_code` is None."""
+        return {"verb": verb, "robot": robot, "ok": False, "reason": self.text, "reason_code": None}
+
+
+@dataclass(frozen=True, slots=True)
+class AllAnswered:
+    """The outcomes of all robots by name; `ok` only if each one succeeded."""
+
+    of: tuple[tuple[str, Stopped | Answer | Unanswered], ...]
+
+    @property
+    def ok(self) -> bool:
+        """True if all robots did it."""
+        return all(outcome.ok for _, outcome in self.of)
+
+    @property
+    def text(self) -> str:
+        """One line for each robot."""
+        return "\n".join(f"{robot}: {outcome.text}" for robot, outcome in self.of)
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return a row for each robot."""
+        rows = [outcome.as_json(verb, name) for name, outcome in self.of]
+        return {"verb": verb, "ok": self.ok, "robots": rows}

@@ -5,12 +5,12 @@ from dataclasses import replace
 from typing import Final, Protocol, TypeVar
 
 from ground.client.floor import Floor
-from ground.client.lease_holder import refusing_holder
+from ground.client.lease_holder import holder_name, is_ours
 from ground.client.link import Link
 from ground.client.outcomes import Accepted, Answer, Outcome
 from ground.client.requests import ATTEMPTS, BEAT_NS, Request
 from ground.text.status_parts import Part
-from protocol.topics import STATUS
+from protocol.topics import LEASE, STATUS
 from protocol.wire.enums import Command, Vehicle
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason
@@ -20,6 +20,7 @@ R = TypeVar("R", bound=Request)
 O_co = TypeVar("O_co", bound=Outcome, covariant=True)
 RETRY_NS: Final = 2_000_000_000
 STATUS_NS: Final = 1_000_000_000
+LEASE_NS: Final = 1_500_000_000
 
 
 class Progress(Protocol):
@@ -158,3 +159,21 @@ def patience_ns(timeout_s: float | None) -> int | None:
     if timeout_s is None:
         return None
     return max(1, round(timeout_s * NS_PER_S / ATTEMPTS))
+
+
+def lease_status(link: Link) -> LeaseStatus | None:
+    """Return the robot's newest lease status; None if none arrives in time."""
+    return link.newest(LEASE, LEASE_NS)
+
+
+def refusing_holder(link: Link, reason: int, known: LeaseStatus | None = None) -> str:
+    """Return the name of the lease holder if `reason` is that another one holds it, else "".
+
+    The lease may have passed to this person since, who then is not the other one.
+    """
+    if reason != Reason.LEASE_HELD:
+        return ""
+    found = known if known is not None and known.held else lease_status(link)
+    if found is None or not found.held or is_ours(found, link.bus.operator):
+        return ""
+    return holder_name(found)

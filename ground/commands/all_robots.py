@@ -10,11 +10,11 @@ from ground.client import stop_ways
 from ground.client.connection import Common
 from ground.client.emergency_stop import EmergencyStop, MessagePublisher
 from ground.client.link import Link, UnansweredError, open_link
-from ground.client.outcomes import Answer
+from ground.client.outcomes import AllAnswered, Answer, Stopped, Unanswered
 from ground.client.presence import present_processes
 from ground.client.session import Session
 from ground.client.telemetry import Telemetry
-from ground.commands.stop import STOP_S, ClearEmergencyStop, StopNow, Stopped
+from ground.commands.stop import STOP_S, ClearEmergencyStop, StopNow
 from protocol.topics import STATUS, STOP
 from protocol.wire.messages import CommandRequest, NavigatorStatus
 from runtime.errors import RemoteError
@@ -24,44 +24,6 @@ T = TypeVar("T")
 Out = TypeVar("Out")
 MAX_THREADS: Final = 64
 NO_ROBOT: Final = "no robot is present at {}: `sidestep doctor` explains why"
-
-
-@dataclass(frozen=True, slots=True)
-class Unanswered:
-    """A robot that did not answer."""
-
-    text: str
-
-    @property
-    def ok(self) -> bool:
-        """False."""
-        return False
-
-    def as_json(self, verb: str, robot: str) -> dict[str, object]:
-        """Return the failure as a row; `reason_code` is None."""
-        return {"verb": verb, "robot": robot, "ok": False, "reason": self.text, "reason_code": None}
-
-
-@dataclass(frozen=True, slots=True)
-class AllAnswered:
-    """The outcomes of all robots by name; `ok` only if each one succeeded."""
-
-    of: tuple[tuple[str, Stopped | Answer | Unanswered], ...]
-
-    @property
-    def ok(self) -> bool:
-        """True if all robots did it."""
-        return all(outcome.ok for _, outcome in self.of)
-
-    @property
-    def text(self) -> str:
-        """One line for each robot."""
-        return "\n".join(f"{robot}: {outcome.text}" for robot, outcome in self.of)
-
-    def as_json(self, verb: str, robot: str) -> dict[str, object]:
-        """Return a row for each robot."""
-        rows = [outcome.as_json(verb, name) for name, outcome in self.of]
-        return {"verb": verb, "ok": self.ok, "robots": rows}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,13 +6,13 @@ from typing import ClassVar, Final
 from ground.client.floor import world_goal
 from ground.client.goal import Destination, from_robot, goal_request
 from ground.client.link import Link
-from ground.client.outcomes import Accepted, Refused
+from ground.client.outcomes import Accepted, GoalEnded, Refused
 from ground.client.requests import BEAT_NS, GoalEnd, GoalWatch
 from ground.client.session import Session
 from ground.client.status_line import goal_line, knows_place
 from ground.client.telemetry import Telemetry
 from ground.commands.lease import leased
-from protocol.outcome import LOST, REPLACED, detail_of, doubt_of, doubt_words
+from protocol.outcome import doubt_of
 from protocol.topics import DECISION, LEASE, ODOMETRY, STATUS
 from protocol.wire.enums import Command, Mode
 from protocol.wire.messages import GoalRequest
@@ -25,52 +25,6 @@ POSE_NS: Final = 1_000_000_000
 NO_ANSWER: Final = (
     "no answer to the abort; without an operator's heartbeat the robot stops by itself"
 )
-
-
-@dataclass(frozen=True, slots=True)
-class GoalEnded:
-    """The end of a goal.
-
-    `outcome` is reached, unreachable, lost, stuck, replaced, aborted or timeout.
-
-    `distance_m` is the remaining distance to the goal, None without a status from the robot.
-    `doubt_m` is the longer half axis of the confidence ellipse of the position, None if unknown.
-    `wall_s` is the time since the operation began, by this machine's clock.
-    """
-
-    outcome: str
-    reason: str
-    distance_m: float | None
-    wall_s: float
-    doubt_m: float | None = None
-
-    @property
-    def ok(self) -> bool:
-        """True if the robot reached the goal."""
-        return self.outcome == "reached"
-
-    @property
-    def text(self) -> str:
-        """Outcome, reason and duration."""
-        detail = "" if self.reason == self.outcome else f": {detail_of(self.outcome, self.reason)}"
-        if self.outcome == REPLACED:
-            detail = f" {self.reason}"
-        if self.outcome == LOST:
-            detail += f"; {doubt_words(self.doubt_m)}"
-        return f"{self.outcome}{detail} after {self.wall_s:.1f} s"
-
-    def as_json(self, verb: str, robot: str) -> dict[str, object]:
-        """Return the outcome as a row."""
-        return {
-            "verb": verb,
-            "robot": robot,
-            "ok": self.ok,
-            "outcome": self.outcome,
-            "reason": self.reason,
-            "distance_m": self.distance_m,
-            "doubt_m": self.doubt_m,
-            "wall_s": round(self.wall_s, 3),
-        }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

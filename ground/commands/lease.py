@@ -4,66 +4,27 @@ A lease belongs to a person: the programs of one user on one computer, or of one
 it. It ends when they are silent, or when nothing has been driven for a while.
 """
 
-import os
-import pwd
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
-from socket import gethostname
 from typing import ClassVar, Final
 
-from ground.client.lease_holder import holder_name, is_ours, lease_status
+from ground.client.lease_holder import is_ours, operator_name
 from ground.client.link import Link
-from ground.client.outcomes import Answer, RefusedError, Success
+from ground.client.outcomes import Answer, LeaseShown, RefusedError
 from ground.client.requests import BEAT_NS, CommandExchange
-from ground.client.session import Session
+from ground.client.session import Session, lease_status
 from protocol.topics import LEASE_SERVICE
 from protocol.wire.enums import LeaseAction
-from protocol.wire.limits import MAX_LEASE_MS, MAX_OPERATOR_NAME_BYTES
-from protocol.wire.messages import LeaseRequest, LeaseStatus
-from runtime.errors import RemoteError, UserError
+from protocol.wire.limits import MAX_LEASE_MS
+from protocol.wire.messages import LeaseRequest
+from runtime.errors import RemoteError
 from runtime.units import NS_PER_S
 
 RELEASE_NS: Final = 200_000_000
 IDLE_S: Final = MAX_LEASE_MS // 1000
 AGAIN_NS: Final = 20 * NS_PER_S
 """After this time a kept lease is asked for again: heartbeats alone do not keep an idle one."""
-
-
-def operator_name(name: str | None) -> str:
-    """Return the name shown to other operators, by default USER@HOST:TERMINAL.
-
-    Raises UserError for a name that is empty, too long or not printable.
-    """
-    if name is None:
-        try:
-            user = pwd.getpwuid(os.getuid()).pw_name
-        except KeyError:
-            user = "operator"
-        return shortened(user, gethostname().partition(".")[0], terminal_name())
-    if not name.isprintable() or not 0 < len(name.encode()) <= MAX_OPERATOR_NAME_BYTES:
-        raise UserError(
-            f"{name!r} is not a valid operator name: use 1 to {MAX_OPERATOR_NAME_BYTES} bytes"
-            " of printable text"
-        )
-    return name
-
-
-def terminal_name() -> str:
-    """Return the name of the terminal, or the process id without one."""
-    for descriptor in (0, 1, 2):
-        with suppress(OSError):
-            return os.ttyname(descriptor).removeprefix("/dev/")
-    return str(os.getpid())
-
-
-def shortened(user: str, host: str, terminal: str) -> str:
-    """Return USER@HOST:TERMINAL as ASCII; shorten the longer of user and host until it fits."""
-    user, host = (text.encode("ascii", "replace").decode() for text in (user, host))
-    room = max(2, MAX_OPERATOR_NAME_BYTES - len("@:") - len(terminal))
-    while len(user) + len(host) > room:
-        user, host = (user[:-1], host) if len(user) > len(host) else (user, host[:-1])
-    return f"{user}@{host}:{terminal}"[:MAX_OPERATOR_NAME_BYTES]
 
 
 def ask_lease(link: Link, action: LeaseAction, name: str) -> Answer:
@@ -106,37 +67,6 @@ class ChangeLease:
         finally:
             give_back(link)
         return answer if refused is None else session.with_holder(refused)
-
-
-@dataclass(frozen=True, slots=True)
-class LeaseShown(Success):
-    """The robot's lease status; `ours`: the person of this program holds the lease."""
-
-    status: LeaseStatus
-    robot: str
-    ours: bool
-
-    @property
-    def text(self) -> str:
-        """The holder, and when the lease expires."""
-        if not self.status.held:
-            return "no operator holds the lease"
-        holder = f"{holder_name(self.status)}{' (this is you)' if self.ours else ''}"
-        left_s = self.status.lapses_ms / 1000
-        expiry = f"without a heartbeat or a drive the lease expires in {left_s:.1f} s"
-        return f"{holder} commands {self.robot}; {expiry}"
-
-    def as_json(self, verb: str, robot: str) -> dict[str, object]:
-        """Return the lease as a row; times in ms."""
-        status = self.status
-        return {
-            "robot": robot,
-            "ok": True,
-            "held": bool(status.held),
-            "holder": status.holder or None,
-            "name": status.name or None,
-            "lapses_ms": status.lapses_ms if status.held else None,
-        }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

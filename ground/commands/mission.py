@@ -4,11 +4,10 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import ClassVar, Final
 
-from ground.client.lease_holder import refusing_holder
 from ground.client.link import Link
 from ground.client.outcomes import Answer, Success, refusal_words
 from ground.client.requests import GaveUp
-from ground.client.session import Session
+from ground.client.session import Session, refusing_holder
 from ground.client.vocabulary import SHELL, Remedies
 from ground.missions import files
 from ground.missions.mission import Fence, Home, Mission

@@ -10,13 +10,12 @@ from types import MappingProxyType
 from typing import ClassVar, Final
 
 from ground.client import parameter_file
-from ground.client.lease_holder import refusing_holder
 from ground.client.link import Link, UnansweredError
 from ground.client.outcomes import Refused, Success
 from ground.client.parameter import Parameter, line, parameters_in, same
 from ground.client.parameter_rows import NAME_RULE
 from ground.client.requests import Exchange, GaveUp, is_saving
-from ground.client.session import Session
+from ground.client.session import Session, refusing_holder
 from ground.client.vocabulary import value_words
 from protocol.topics import PARAMETER, PARAMETERS
 from protocol.wire.enums import PARAM_TYPE_REAL32

@@ -1,7 +1,6 @@
 """Continue a drive that the robot has ended: after a failsafe, an emergency stop or an abort."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 from ground.client.goal import goal_request
@@ -9,6 +8,8 @@ from ground.client.lost_drive import (
     LostDrive,
     LostGoal,
     LostMission,
+    NothingToResume,
+    Resumed,
     has_failed,
     lost_drive,
 )
@@ -16,44 +17,16 @@ from ground.client.outcomes import Accepted, Answer, Refused
 from ground.client.requests import Request
 from ground.client.session import Session
 from ground.client.telemetry import Telemetry
-from ground.client.vocabulary import GOAL_HINT
 from ground.commands.mission import CURRENT, fetch
 from ground.missions.transfer import Downloaded, waypoints_of
 from protocol.topics import MISSION, STATUS
 from protocol.wire.enums import Command, MissionType, Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus
 from protocol.wire.reasons import Reason
-from runtime.units import NS_PER_MS
 
 STATUS_NS: Final = 1_000_000_000
 MISSION_NS: Final = 700_000_000
 """A robot publishes the status of its mission twice a second."""
-NOTHING: Final = "nothing to resume"
-
-
-@dataclass(frozen=True, slots=True)
-class Resumed(Accepted):
-    """The robot accepted, and drives on to the drive that was lost."""
-
-    drive: LostDrive
-
-    @property
-    def text(self) -> str:
-        """Where the robot drives, and the duration."""
-        return f"go on to {self.drive}: ok {self.took_ns / NS_PER_MS:.0f} ms"
-
-    def as_json(self, verb: str, robot: str) -> dict[str, object]:
-        """Return the acceptance as a row, with the lost drive."""
-        return Accepted.as_json(self, verb, robot) | {"to": str(self.drive)}
-
-
-@dataclass(frozen=True, slots=True)
-class NothingToResume(Refused):
-    """No drive was lost, so that there is nothing to continue."""
-
-    def in_words(self, hints: Mapping[int, str]) -> str:
-        """Return that there is nothing, and how to set a goal."""
-        return f"{NOTHING}. {hints.get(Reason.NO_GOAL, GOAL_HINT)}"
 
 
 def go_on(session: Session, refusal: Refused) -> Answer:

@@ -9,9 +9,9 @@ from msgspec.structs import replace
 
 from ground.client import stop_ways
 from ground.client.connection import Common
-from ground.client.emergency_stop import EmergencyStop, StopOutcome, outcome_words
+from ground.client.emergency_stop import EmergencyStop
 from ground.client.link import Link, UnansweredError
-from ground.client.outcomes import Answer, Refused, answer_row
+from ground.client.outcomes import Answer, Marked, Refused, Stopped
 from ground.client.requests import GaveUp
 from ground.client.session import STATUS_NS, Session, patience_ns
 from ground.commands.resuming import go_on
@@ -238,31 +238,6 @@ COMMANDS: Final[tuple[type[PlainCommand], ...]] = (
 """Commands without arguments of their own."""
 
 
-@dataclass(frozen=True, slots=True)
-class Stopped:
-    """The end of an emergency stop; `ok` only if the robot's status shows it."""
-
-    stop: StopOutcome
-    robot: str
-
-    @property
-    def ok(self) -> bool:
-        """True if the robot's status shows the stop."""
-        return self.stop.acknowledged
-
-    @property
-    def text(self) -> str:
-        """The duration and the number of tries, and the error if there is one."""
-        return outcome_words(self.stop, self.robot)
-
-    def as_json(self, verb: str, robot: str) -> dict[str, object]:
-        """Return the outcome as a row; without acknowledgement `reason_code` is None."""
-        row = answer_row(verb, robot, Reason.NONE, self.stop.took_ns)
-        if self.ok:
-            return row
-        return row | {"ok": False, "reason": self.stop.why, "reason_code": None}
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopNow:
     """Stop the robot: repeat every 50 ms until its status shows the stop, for `timeout_s`.
@@ -330,28 +305,6 @@ class StopNow:
             others = f"; {ways.others_why}" if ways.others_why else ""
             datagrams = f"a stop datagram was sent too: {ways.why or 'no answer'}"
             raise UnansweredError(f"{session.error}; {datagrams}{others}") from session.error
-
-
-@dataclass(frozen=True, slots=True)
-class Marked:
-    """The end of a remark; `ok` if a recorder received it."""
-
-    remark: str
-    ok: bool
-
-    @property
-    def reason(self) -> str:
-        """The error, empty if a recorder received the remark."""
-        return "" if self.ok else "no recorder is running: start one with sidestep rec start DIR"
-
-    @property
-    def text(self) -> str:
-        """The remark, or the error."""
-        return self.reason or f"marked: {self.remark}"
-
-    def as_json(self, verb: str, robot: str) -> dict[str, object]:
-        """Return remark and error as a row."""
-        return {"ok": self.ok, "mark": self.remark, "reason": self.reason}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,74 +6,21 @@ from typing import ClassVar, Final
 
 from ground.client.connection import LONGEST_S, within
 from ground.client.link import Link
-from ground.client.outcomes import Answer, Refused
+from ground.client.outcomes import Answer, DriveEnded, Refused
 from ground.client.requests import HeartbeatTimer
 from ground.client.session import Session
+from ground.client.teleop_sender import TeleopSender, lost_control
 from ground.commands.lease import leased
-from protocol.bus.publisher import Publisher
-from protocol.topics import STATUS, TELEOP
-from protocol.wire.enums import Command, Mode, Vehicle
-from protocol.wire.messages import CommandRequest, NavigatorStatus, Teleop
-from protocol.wire.reasons import reason_text
+from protocol.topics import STATUS
+from protocol.wire.enums import Command, Mode
+from protocol.wire.messages import CommandRequest
 from runtime.clock import ticks
 from runtime.errors import UserError
 from runtime.units import NS_PER_S
 
 RATE_HZ: Final = 20.0
-TTL_MS: Final = 250
 FASTEST_M_S: Final = 5.0
 FASTEST_DEG_S: Final = 720.0
-SETTLE_NS: Final = 500_000_000
-
-
-class TeleopSender:
-    """Sends an operator's speeds; each must be repeated before it expires."""
-
-    def __init__(self, link: Link) -> None:
-        self._link = link
-        self._seq = 0
-        self._publisher: Publisher[Teleop] | None = None
-
-    def drive(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
-        """Send the speeds once; they expire after TTL_MS."""
-        if self._publisher is None:
-            self._publisher = self._link.bus.publisher(TELEOP, self._link.robot)
-            self._link.bus.await_matched([self._publisher], timeout_s=0.5)
-        self._seq += 1
-        self._publisher.put(
-            Teleop(
-                time_ns=self._link.clock.now_ns(),
-                seq=self._seq,
-                speed_mm_s=round(speed_m_s * 1000),
-                yaw_rate_mrad_s=round(yaw_rate_rad_s * 1000),
-                ttl_ms=TTL_MS,
-            )
-        )
-
-    def stop(self) -> None:
-        """Send zero speed once."""
-        self.drive(0.0, 0.0)
-
-
-@dataclass(frozen=True, slots=True)
-class DriveEnded:
-    """The end of a drive by hand; `reason` is empty if its time was up."""
-
-    reason: str
-
-    @property
-    def ok(self) -> bool:
-        """True if the whole time was driven."""
-        return not self.reason
-
-    @property
-    def text(self) -> str:
-        """The reason, or that the robot holds."""
-        return f"stopped: {self.reason}" if self.reason else "done, the robot holds"
-
-    def as_json(self, verb: str, robot: str) -> dict[str, object]:
-        """Return the outcome as a row."""
-        return {"verb": verb, "robot": robot, "ok": self.ok, "reason": self.reason}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,7 +60,7 @@ class DriveByHand:
             answer = take_manual(session)
             if not answer.ok:
                 return answer
-            stick = TeleopSender(link)
+            stick = TeleopSender(link.bus, link.robot, link.clock)
             try:
                 return DriveEnded(self._keep_driving(link, stick))
             finally:
@@ -145,15 +92,6 @@ def take_manual(session: Session) -> Answer:
     answer, _ = session.ask_until_accepted(lambda: set_mode(link, Mode.MANUAL), beats=True)
     armed = session.arm_if_standing_by() if answer.ok else None
     return armed if isinstance(armed, Refused) else answer
-
-
-def lost_control(status: NavigatorStatus, driven_ns: int) -> str:
-    """Return why the robot no longer follows the operator; empty while it does."""
-    if status.vehicle != Vehicle.ACTIVE and driven_ns > SETTLE_NS:
-        return reason_text(status.vehicle_reason) if status.vehicle_reason else "not armed"
-    if status.mode != Mode.MANUAL and driven_ns > SETTLE_NS:
-        return "the robot has left MANUAL mode"
-    return ""
 
 
 def set_mode(link: Link, mode: Mode) -> CommandRequest:

@@ -14,8 +14,8 @@ from ground.client.api import robot as client
 from ground.client.api.robot import Robot
 from ground.client.emergency_stop import HELD_NS, REPEAT_NS
 from ground.client.parameter_rows import NAME, NAME_RULE
+from ground.client.teleop_sender import TTL_MS
 from ground.commands.stop import StopNow
-from ground.commands.teleop import TTL_MS
 from ground.map import pen
 from ground.missions import files as mission_file
 from plant.process.robot_link import MAX_AGE_TICKS

@@ -66,8 +66,7 @@ from gateways.mavlink.clients import NoFile
 from gateways.mavlink.mavlink_dialect import mavlink
 from ground.client.api import connect
 from ground.client.connection import common
-from ground.client.outcomes import Accepted, Refused
-from ground.commands.goto import GoalEnded
+from ground.client.outcomes import Accepted, GoalEnded, Refused
 from ground.user.runs import read_runs
 from protocol.bus.bus import open_bus
 from protocol.topics import LEASE, MISSION, STATUS, TRUTH, Role

@@ -52,7 +52,7 @@ from checks.simulation.hosts.virtual_time import (
 )
 from checks.simulation.invariants.run_state import Coverage, InvariantViolation
 from checks.simulation.simulation import RunResult
-from ground.commands.stop import Stopped
+from ground.client.outcomes import Stopped
 from ground.recording.summary import outcome_of
 from protocol.outcome import REPLACED
 from protocol.topics import COMMAND, STATUS
@@ -609,9 +609,9 @@ def replacements() -> dict[str, object]:
         "ground.client.api.robot.ThreadPoolExecutor": SimulatedExecutor,
         "ground.client.api.robot.common": common_here,
         "ground.client.api.threads.Thread": SimulatedThread,
-        "ground.commands.lease.gethostname": lambda: "sim",
-        "ground.commands.lease.terminal_name": terminal,
-        "ground.commands.lease.pwd": SimpleNamespace(getpwuid=of_here),
+        "ground.client.lease_holder.gethostname": lambda: "sim",
+        "ground.client.lease_holder.terminal_name": terminal,
+        "ground.client.lease_holder.pwd": SimpleNamespace(getpwuid=of_here),
         "ground.launch.fleet_run.POLL_NS": BUSY_NS,
     }
 

@@ -34,12 +34,13 @@ from ground.app.stops.band import BandKeys, stop_band
 from ground.client.api import Mission, Robot, Waypoint, connect
 from ground.client.connection import Common
 from ground.client.goal import destination
+from ground.client.lease_holder import operator_name
 from ground.client.link import Link, open_link
 from ground.client.outcomes import Outcome, Refused
 from ground.client.session import Operation, Session
 from ground.client.vocabulary import HINTS
 from ground.commands.goto import Goto
-from ground.commands.lease import ChangeLease, ShowLease, operator_name
+from ground.commands.lease import ChangeLease, ShowLease
 from ground.commands.mission import StartMission, UploadMission
 from ground.commands.stop import (
     Abort,

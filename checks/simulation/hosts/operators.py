@@ -19,9 +19,9 @@ from ground.client.goal import destination, goal_request
 from ground.client.link import Link
 from ground.client.outcomes import Answer, Refused
 from ground.client.requests import BEAT_NS, is_saving
+from ground.client.teleop_sender import TeleopSender
 from ground.commands.lease import ask_lease
 from ground.commands.stop import COMMANDS
-from ground.commands.teleop import TeleopSender
 from ground.missions.mission import Circle, Polygon, Waypoint
 from ground.missions.transfer import Clear, Upload, Verdict, fence_items_of, items_of
 from ground.station.robot.background_requests import JobResult
@@ -235,7 +235,8 @@ class SimulatedOperator:
         if not self.mode(link, "MANUAL"):
             return False
         self.order(link, "arm")
-        stick, until_ns = TeleopSender(link), link.clock.now_ns() + round(for_s * NS_PER_S)
+        stick = TeleopSender(link.bus, link.robot, link.clock)
+        until_ns = link.clock.now_ns() + round(for_s * NS_PER_S)
         while link.clock.now_ns() < until_ns:
             stick.drive(speed_m_s, yaw_rad_s)
             link.clock.sleep_until(link.clock.now_ns() + STEER_NS)

@@ -13,11 +13,11 @@ from ground.client.link import Link
 from ground.client.outcomes import Answer, Outcome, Refused
 from ground.client.requests import ATTEMPTS, GaveUp
 from ground.client.session import Operation, Session
+from ground.client.teleop_sender import TeleopSender
 from ground.client.vocabulary import HINTS
 from ground.commands.all_robots import ClearAll, StopAll
 from ground.commands.lease import ChangeLease
 from ground.commands.stop import ClearEmergencyStop, SetMode, StopNow
-from ground.commands.teleop import TeleopSender
 from ground.console.app_commands import AppCommand, Undo
 from ground.console.argument_errors import shown
 from ground.console.completion import Assistance, Candidate, assist
@@ -292,7 +292,7 @@ class DriveByKeys:
     """One drive by hand: the command that begins it, its speeds, and the one that ends it."""
 
     def __init__(self, link: Link) -> None:
-        self.stick = TeleopSender(link)
+        self.stick = TeleopSender(link.bus, link.robot, link.clock)
         self._link = link
         self._id = 0
 

@@ -14,14 +14,20 @@ from ground.client.api.events import (
 from ground.client.api.robot import Robot, connect
 from ground.client.api.streams import ClosedError, Stream
 from ground.client.link import UnansweredError
-from ground.client.outcomes import Accepted, Outcome, Refused, RefusedError, agreed
+from ground.client.outcomes import (
+    Accepted,
+    AllAnswered,
+    DriveEnded,
+    GoalEnded,
+    Outcome,
+    Refused,
+    RefusedError,
+    Stopped,
+    agreed,
+)
 from ground.client.parameter import Parameter
-from ground.commands.all_robots import AllAnswered
-from ground.commands.goto import GoalEnded
 from ground.commands.mission import MissionEnded, TransferOutcome
 from ground.commands.param import ParameterChanged
-from ground.commands.stop import Stopped
-from ground.commands.teleop import DriveEnded
 from ground.missions.mission import Circle, Mission, Polygon, Waypoint
 from protocol.wire.enums import GoalState, MissionState, Mode, Navigator, Severity, Vehicle
 from protocol.wire.reasons import Reason

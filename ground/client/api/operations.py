@@ -1,10 +1,11 @@
 """The public names of `sidestep.operations`: all operations, and their outcomes."""
 
+from ground.client.outcomes import AllAnswered, DriveEnded, GoalEnded, LeaseShown, Marked, Stopped
 from ground.client.session import NoProgress, Operation, Progress, Session
-from ground.commands.all_robots import AllAnswered, ClearAll, StopAll
+from ground.commands.all_robots import ClearAll, StopAll
 from ground.commands.fence import ClearFence, FenceShown, SetFence, ShowFence
-from ground.commands.goto import GoalEnded, Goto
-from ground.commands.lease import ChangeLease, LeaseShown, ShowLease
+from ground.commands.goto import Goto
+from ground.commands.lease import ChangeLease, ShowLease
 from ground.commands.mission import (
     AnnounceItems,
     ClearMission,
@@ -40,16 +41,14 @@ from ground.commands.stop import (
     Disarm,
     Hold,
     Mark,
-    Marked,
     Restart,
     Resume,
     ReturnHome,
     SetMode,
     SetNavigator,
     StopNow,
-    Stopped,
 )
-from ground.commands.teleop import DriveByHand, DriveEnded
+from ground.commands.teleop import DriveByHand
 
 __all__ = [
     "COMMANDS",

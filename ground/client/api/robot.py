@@ -30,16 +30,26 @@ from ground.client.api.streams import CLOSED, ClosedError, TopicStreams
 from ground.client.connection import LONGEST_S, Common, common, within
 from ground.client.emergency_stop import EmergencyStop, new_press
 from ground.client.goal import HEADING_TOLERANCE_DEG, POSITION_TOLERANCE_M, destination
-from ground.client.lease_holder import is_ours
+from ground.client.lease_holder import is_ours, operator_name
 from ground.client.link import ALIVE, Link, UnansweredError, open_link
-from ground.client.outcomes import Answer, Outcome, Refused
+from ground.client.outcomes import (
+    AllAnswered,
+    Answer,
+    DriveEnded,
+    GoalEnded,
+    Marked,
+    Outcome,
+    Refused,
+    Stopped,
+)
 from ground.client.requests import ATTEMPTS, CROSSING_NS, GaveUp, GoalEnd, GoalWatch, HeartbeatTimer
 from ground.client.session import Operation, Session
 from ground.client.status_line import reason_of, state_of
+from ground.client.teleop_sender import TeleopSender, lost_control
 from ground.client.vocabulary import PYTHON, SIDES
-from ground.commands.all_robots import AllAnswered, StopAll
-from ground.commands.goto import GoalEnded, Goto, send_goal
-from ground.commands.lease import ask_lease, give_back, operator_name
+from ground.commands.all_robots import StopAll
+from ground.commands.goto import Goto, send_goal
+from ground.commands.lease import ask_lease, give_back
 from ground.commands.mission import JumpTo, StartMission
 from ground.commands.pose import SetPose, SetTruePose
 from ground.commands.stop import (
@@ -50,21 +60,12 @@ from ground.commands.stop import (
     Disarm,
     Hold,
     Mark,
-    Marked,
     Resume,
     ReturnHome,
     SetMode,
     SetNavigator,
-    Stopped,
 )
-from ground.commands.teleop import (
-    DriveByHand,
-    DriveEnded,
-    TeleopSender,
-    lost_control,
-    set_mode,
-    take_manual,
-)
+from ground.commands.teleop import DriveByHand, set_mode, take_manual
 from protocol.bus.publisher import Publisher
 from protocol.topics import LEASE, MISSION, OPERATOR, STATUS, STOP
 from protocol.wire.enums import Command, LeaseAction, Mode, Navigator
@@ -406,7 +407,7 @@ class Robot(Telemetry):
         program hangs or exits.
         """
         asked = DriveByHand(speed_m_s=speed_m_s, turn_deg_s=turn_deg_s, for_s=for_s)
-        stick = TeleopSender(self.session().link)
+        stick = TeleopSender(self._link.bus, self.name, self.clock)
 
         async def follow(drive_id: int) -> DriveEnded:
             self._stick = stick

@@ -13,12 +13,18 @@ from msgspec.structs import replace
 from ground.cli.main import parse
 from ground.client.floor import Floor, floor_in, floor_of
 from ground.client.goal import Destination, destination, from_robot, goal_request
-from ground.client.lost_drive import LostGoal, LostMission, LostReturn, lost_drive
-from ground.client.outcomes import Accepted, Refused, RefusedError
+from ground.client.lost_drive import (
+    LostGoal,
+    LostMission,
+    LostReturn,
+    NothingToResume,
+    Resumed,
+    lost_drive,
+)
+from ground.client.outcomes import Accepted, GoalEnded, Refused, RefusedError
 from ground.client.session import Session
-from ground.commands.goto import GoalEnded, Goto
+from ground.commands.goto import Goto
 from ground.commands.mission import UploadMission
-from ground.commands.resuming import NothingToResume, Resumed
 from ground.commands.stop import Resume
 from ground.grammar.driving import GotoWords
 from ground.grammar.words import positive, seconds

@@ -6,16 +6,11 @@ from math import nan
 import pytest
 from msgspec.structs import replace
 
-from ground.client.outcomes import Refused, RefusedError
-from ground.commands.lease import (
-    ChangeLease,
-    ShowLease,
-    leased,
-    operator_name,
-    shortened,
-    terminal_name,
-)
-from ground.commands.teleop import SETTLE_NS, DriveByHand, DriveEnded, lost_control
+from ground.client.lease_holder import operator_name, shortened, terminal_name
+from ground.client.outcomes import DriveEnded, Refused, RefusedError
+from ground.client.teleop_sender import SETTLE_NS, lost_control
+from ground.commands.lease import ChangeLease, ShowLease, leased
+from ground.commands.teleop import DriveByHand
 from protocol.topics import LEASE, OPERATOR, STATUS
 from protocol.wire.enums import Command, LeaseAction, Mode, Vehicle
 from protocol.wire.limits import MAX_OPERATOR_NAME_BYTES

@@ -17,8 +17,9 @@ from ground.client.emergency_stop import (
     outcome_words,
 )
 from ground.client.link import Link, UnansweredError
+from ground.client.outcomes import AllAnswered
 from ground.client.session import Session
-from ground.commands.all_robots import AllAnswered, ClearAll, StopAll
+from ground.commands.all_robots import ClearAll, StopAll
 from ground.console.spelling import line_of
 from protocol.bus.bus import Presence
 from protocol.bus.network import Network
