@@ -166,7 +166,7 @@ class Bus:
         self._accepted = None
         if network.tls is not None and network.listen:
             self._accepted = AcceptedPeers(session, self._links.end)
-        self._requester = Requester(
+        self.requester = Requester(
             self._sessions, network, role, self.operator, self.holder, now_ns
         )
 
@@ -178,7 +178,7 @@ class Bus:
 
     def close(self) -> None:
         """Drop unanswered requests, undeclare everything and close the session."""
-        self._requester.close()
+        self.requester.close()
         self._queue.close()
         self._sessions.close()
         self._links.close()
@@ -255,8 +255,8 @@ class Bus:
         if topic.of_operators and self.operator is not None:
             key = f"{key}/{self.operator}"
             if topic.rate_hz:
-                time_ns = partial(self._requester.clocks.time_ns, name)
-                self._requester.clocks.follow(name)
+                time_ns = partial(self.requester.clocks.time_ns, name)
+                self.requester.clocks.follow(name)
         return Publisher(self._sessions, topic, key, self._encoder(robot), time_ns)
 
     def mailbox(
@@ -384,7 +384,8 @@ class Bus:
 
         An operator's request expires after `timeout_s`.
         """
-        return self._requester.ask(service, message, timeout_s, robot_name(robot or self.robot))
+        name = robot_name(robot or self.robot)
+        return self.requester.run(self.requester.steps(service, message, timeout_s, name))
 
     def announce(self, robot: str | None = None) -> None:
         """Announce this process for a robot until the session ends."""

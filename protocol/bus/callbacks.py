@@ -28,13 +28,19 @@ def zenoh_callback(
 ) -> "Callback[T]":
     """Return a function as Zenoh calls it, and `drop` for the end of its calls.
 
-    `sys.unraisablehook` gets what interrupts it; the command line sends the signal again.
+    `sys.unraisablehook` gets what interrupts them; the command line sends the signal again.
     """
+    ended = None if drop is None else keep_interrupts_out(drop)
+    return Callback(keep_interrupts_out(function), ended, indirect=False)
 
-    def call(value: T) -> None:
+
+def keep_interrupts_out(function: Callable[..., object]) -> Callable[..., None]:
+    """Return a function that lets no ctrl+c get into Zenoh."""
+
+    def call(*values: object) -> None:
         try:
-            function(value)
+            function(*values)
         except KeyboardInterrupt as error:
             _Unraisable(error)
 
-    return Callback(call, drop, indirect=False)
+    return call

@@ -7,12 +7,14 @@ counted and denied with a reason.
 
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from itertools import count
 from queue import SimpleQueue
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeVar
 
 import zenoh
 
+from protocol.bus.callbacks import zenoh_callback
 from protocol.bus.mailbox import Sample, foreign, opened
 from protocol.bus.network import Network
 from protocol.bus.publisher import PRIORITIES
@@ -36,8 +38,28 @@ from protocol.wire.reasons import Reason
 from runtime.errors import NoAnswerError, RemoteError
 from runtime.units import NS_PER_S
 
+T = TypeVar("T")
 CLOCK_S: Final = 0.5
 SHORTEST_S: Final = 0.01
+
+
+class ServiceQuery(NamedTuple):
+    """A query of a robot's service. `timeout_s` is the time for its answer.
+
+    `deadline` is the robot's time until which the robot may act on it, as bytes; None if it does
+    not expire. `patience_s` is the timeout of the whole request.
+    """
+
+    service: Service
+    robot: str
+    frame: bytes | None
+    deadline: bytes | None
+    timeout_s: float
+    patience_s: float
+
+
+Steps = Generator[ServiceQuery, Message | bytes, T]
+"""Queries, one after the other: it gets the answer to each, or the error, and returns a result."""
 
 
 class Requester:
@@ -55,7 +77,7 @@ class Requester:
         holder: str | None,
         now_ns: Callable[[], int],
     ) -> None:
-        self.clocks = RobotClocks(now_ns, self._measure)
+        self.clocks = RobotClocks(now_ns, lambda robot: self.run(self._measuring(robot)))
         self._session = session
         self._network = network
         self._role = role
@@ -67,77 +89,140 @@ class Requester:
         """End the measurement of clocks."""
         self.clocks.close()
 
-    def ask(
+    def steps(
         self, service: Service, message: Message | None, timeout_s: float, robot: str
-    ) -> Message | bytes:
-        """Return the answer, a message or JSON bytes; NoAnswerError has the cause.
+    ) -> Steps[Message | bytes]:
+        """Yield the queries of a request, each to be sent at once, and return its answer.
 
         An operator's request expires after `timeout_s`. The robot's clock is queried first if it is
         unknown, and again if the robot refuses the request as too late.
         """
         deadline_ns = self._now_ns() + round(timeout_s * NS_PER_S)
         if not (self._operator and service.of_operators and service.requests and service.expires):
-            return self._put(service, message, timeout_s, robot)
+            return (yield self._query(service, message, timeout_s, robot))
         if self.clocks.time_ns(robot) is None:
-            self._measure(robot, timeout_s)
-        answer = self._put(service, message, self._left_s(deadline_ns), robot, timeout_s)
+            yield from self._measuring(robot, timeout_s)
+        answer = yield self._query(service, message, self._left_s(deadline_ns), robot, timeout_s)
         if refused_as_late(answer) and self._now_ns() < deadline_ns:
             self.clocks.of(robot).forget()
-            self._measure(robot, self._left_s(deadline_ns))
-            answer = self._put(service, message, self._left_s(deadline_ns), robot, timeout_s)
+            yield from self._measuring(robot, self._left_s(deadline_ns))
+            left_s = self._left_s(deadline_ns)
+            answer = yield self._query(service, message, left_s, robot, timeout_s)
         return answer
+
+    def run(self, steps: Steps[T]) -> T:
+        """Send each query and wait for its answer; return the result, or raise the error."""
+        try:
+            query = next(steps)
+            while True:
+                try:
+                    answer = self._put(query)
+                except (RemoteError, zenoh.ZError) as error:
+                    query = steps.throw(error)
+                else:
+                    query = steps.send(answer)
+        except StopIteration as end:
+            result: T = end.value
+            return result
+
+    def send(
+        self, query: ServiceQuery, done: Callable[[Message | bytes | Exception], object]
+    ) -> None:
+        """Send a query, and call `done` once, with its answer or with the error.
+
+        Does not wait for a slow link: a query that it does not accept is dropped, and times out.
+        The call comes from a thread of Zenoh, or before this returns.
+        """
+        outcomes = count()
+
+        def settle(outcome: Message | bytes | Exception) -> None:
+            if next(outcomes) == 0:
+                done(outcome)
+
+        def take(reply: zenoh.Reply) -> None:
+            try:
+                answer = self._answer(query, reply)
+            except RemoteError as error:
+                settle(error)
+            else:
+                settle(answer)
+
+        callback = zenoh_callback(take, lambda: settle(self._unserved(query)))
+        try:
+            self._get(query, callback, congestion_control=zenoh.CongestionControl.DROP)
+        except (RemoteError, zenoh.ZError) as error:
+            settle(error)
+
+    def _put(self, query: ServiceQuery) -> Message | bytes:
+        """Send a query and return its answer."""
+        for reply in self._get(query):
+            return self._answer(query, reply)
+        raise self._unserved(query)
 
     def _left_s(self, deadline_ns: int) -> float:
         return max(SHORTEST_S, (deadline_ns - self._now_ns()) / NS_PER_S)
 
-    def _put(
+    def _query(
         self,
         service: Service,
         message: Message | None,
         timeout_s: float,
         robot: str,
         patience_s: float | None = None,
-    ) -> Message | bytes:
-        """Query once, with a deadline if the robot's clock is known.
-
-        `patience_s` is the caller's whole timeout, of which `timeout_s` is left.
-        """
-        key = f"{self._network.prefix}/{robot}/{service.path}"
-        frame = None
+    ) -> ServiceQuery:
+        """Return a query, with a deadline if the robot's clock is known."""
+        frame = deadline = None
         if message is not None:
             frame = Encoder(*sender_of(self._role, robot)).encode(message)
+        if service.of_operators and self._operator:
+            time_ns = self.clocks.time_ns(robot)
+            if time_ns is not None:
+                deadline = time_bytes(time_ns + round(timeout_s * NS_PER_S))
+        return ServiceQuery(service, robot, frame, deadline, timeout_s, patience_s or timeout_s)
+
+    def _get(self, query: ServiceQuery, *handler: Any, **options: Any) -> Any:
+        """Send a query on the present session."""
         session: Any = self._session.now
+        key = self._key(query)
+        is_operators = query.service.of_operators and self._operator
         try:
-            replies = session.get(
-                f"{key}/{self._operator}" if service.of_operators and self._operator else key,
-                payload=frame,
-                encoding=None if frame is None else ENCODING,
-                timeout=timeout_s,
-                attachment=self._deadline(service, timeout_s, robot),
-                priority=PRIORITIES[service.priority],
+            return session.get(
+                f"{key}/{self._operator}" if is_operators else key,
+                *handler,
+                payload=query.frame,
+                encoding=None if query.frame is None else ENCODING,
+                timeout=query.timeout_s,
+                attachment=query.deadline,
+                priority=PRIORITIES[query.service.priority],
+                **options,
             )
         except zenoh.ZError as error:
             if session is self._session.now:
                 raise
             raise NoAnswerError(f"{key}: a fresh session has replaced the one before") from error
-        for reply in replies:
-            if reply.ok is not None:
-                return answer_in(reply.ok)
-            late = f"no answer within {patience_s or timeout_s:.2g} s"
-            raise NoAnswerError(f"{key}: {denial(self._holder, robot, service) or late}")
-        raise NoAnswerError(f"{key}: {unanswered(self._holder, robot, service)}")
 
-    def _deadline(self, service: Service, timeout_s: float, robot: str) -> bytes | None:
-        if not (service.of_operators and self._operator):
-            return None
-        time_ns = self.clocks.time_ns(robot)
-        return None if time_ns is None else time_bytes(time_ns + round(timeout_s * NS_PER_S))
+    def _key(self, query: ServiceQuery) -> str:
+        return f"{self._network.prefix}/{query.robot}/{query.service.path}"
 
-    def _measure(self, robot: str, timeout_s: float = CLOCK_S) -> bool:
+    def _answer(self, query: ServiceQuery, reply: zenoh.Reply) -> Message | bytes:
+        """Return the answer in a reply; NoAnswerError for none in time, or another version."""
+        if reply.ok is not None:
+            return answer_in(reply.ok)
+        late = f"no answer within {query.patience_s:.2g} s"
+        why = denial(self._holder, query.robot, query.service) or late
+        raise NoAnswerError(f"{self._key(query)}: {why}")
+
+    def _unserved(self, query: ServiceQuery) -> NoAnswerError:
+        """Return the error for a query without a reply."""
+        why = unanswered(self._holder, query.robot, query.service)
+        return NoAnswerError(f"{self._key(query)}: {why}")
+
+    def _measuring(self, robot: str, timeout_s: float = CLOCK_S) -> Steps[bool]:
         """Query a robot's time; return False if it does not answer."""
         asked_ns = self._now_ns()
+        question = Timesync(tc1=0, ts1=asked_ns)
         try:
-            answer = self._put(CLOCK_SERVICE, Timesync(tc1=0, ts1=asked_ns), timeout_s, robot)
+            answer = yield self._query(CLOCK_SERVICE, question, timeout_s, robot)
         except (RemoteError, zenoh.ZError):
             return False
         if isinstance(answer, Timesync) and answer.ts1 == asked_ns:

@@ -5,12 +5,12 @@ import os
 import socket
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Event
-from typing import Any
+from typing import Any, cast
 
 import pytest
 import zenoh
@@ -51,6 +51,7 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from runtime.errors import LocalError, NoAnswerError, UserError
+from tests.support.each import each
 from tests.support.networks import TOPOLOGIES, Keyring, Topology, net
 from tests.support.until import PATIENCE_S, until
 
@@ -74,8 +75,33 @@ def answer(bus: Bus, service: Service, message: Message | None = None) -> Messag
     return found[0]
 
 
+Outcome = Message | bytes | Exception
+Ask = Callable[..., Message | bytes]
+
+
+def ask_later(
+    bus: Bus, service: Service, message: Message | None, timeout_s: float, robot: str = "r1"
+) -> Message | bytes:
+    """Send each query of a request as a program with an event loop does."""
+    steps = bus.requester.steps(service, message, timeout_s, robot)
+    query = next(steps)
+    while True:
+        came: SimpleQueue[Outcome] = SimpleQueue()
+        bus.requester.send(query, came.put)
+        outcome = came.get(timeout=timeout_s + PATIENCE_S)
+        try:
+            query = steps.throw(outcome) if isinstance(outcome, Exception) else steps.send(outcome)
+        except StopIteration as end:
+            assert came.empty(), "a query has one outcome"
+            return cast("Message | bytes", end.value)
+
+
+WAYS = each("ask", [Bus.ask, ask_later])
+
+
+@WAYS
 @pytest.mark.parametrize("topology", TOPOLOGIES)
-def test_a_command_is_answered_from_the_loops_thread(topology: Topology) -> None:
+def test_a_command_is_answered_from_the_loops_thread(topology: Topology, ask: Ask) -> None:
     with net(topology) as bus:
         inbox: SimpleQueue[ServiceRequest] = SimpleQueue()
         bus.robot.serve(COMMAND, inbox.put)
@@ -84,7 +110,7 @@ def test_a_command_is_answered_from_the_loops_thread(topology: Topology) -> None
 
         got: list[Message | bytes] = []
         asking = threading.Thread(
-            target=lambda: got.append(bus.ground.ask(COMMAND, ARM, PATIENCE_S))
+            target=lambda: got.append(ask(bus.ground, COMMAND, ARM, PATIENCE_S))
         )
         asking.start()
         asked = inbox.get(timeout=PATIENCE_S)
@@ -163,22 +189,42 @@ def test_a_request_that_cannot_be_read_is_counted_and_denied(bad: Message | None
         assert bus.robot.rejected == {"srv/command": 1}
 
 
-def test_missing_service_is_reported_at_once_with_its_role() -> None:
+@WAYS
+def test_missing_service_is_reported_at_once_with_its_role(ask: Ask) -> None:
     with (
         net() as bus,
         pytest.raises(NoAnswerError, match=r"sim/run: no process .* plant running"),
     ):
-        bus.ground.ask(RUN, None, timeout_s=PATIENCE_S)
+        ask(bus.ground, RUN, None, PATIENCE_S)
 
 
-def test_a_slow_answer_is_a_timeout_with_its_length() -> None:
+@WAYS
+def test_a_slow_answer_is_a_timeout_with_its_length(ask: Ask) -> None:
     with net() as bus:
         waiting: list[ServiceRequest] = []
         bus.robot.serve(COMMAND, waiting.append)
         bus.robot.serve(PARAMETERS, lambda asked: asked.reply(b"[]"))
         answer(bus.ground, PARAMETERS)
         with pytest.raises(NoAnswerError, match=r"srv/command: no answer within 0\.05 s"):
-            bus.ground.ask(COMMAND, ARM, timeout_s=0.05)
+            ask(bus.ground, COMMAND, ARM, 0.05)
+
+
+def test_query_ends_when_its_session_is_closed() -> None:
+    with net() as bus:
+        waiting: list[ServiceRequest] = []
+        bus.robot.serve(PARAMETERS, waiting.append)
+        bus.robot.serve(COMMAND, lambda asked: asked.reply(DONE))
+        answer(bus.ground, COMMAND, ARM)
+        came: SimpleQueue[Outcome] = SimpleQueue()
+        requester = bus.ground.requester
+        query = next(requester.steps(PARAMETERS, None, 10 * PATIENCE_S, "r1"))
+        requester.send(query, came.put)
+        until(lambda: waiting)
+        bus.ground.close()
+        assert isinstance(came.get(timeout=PATIENCE_S), NoAnswerError)
+        requester.send(query, came.put)
+        assert isinstance(came.get(timeout=PATIENCE_S), Exception)
+        assert came.empty()
 
 
 def test_a_handler_that_fails_does_not_stop_the_desk() -> None:
@@ -198,7 +244,8 @@ def test_a_handler_that_fails_does_not_stop_the_desk() -> None:
         assert bus.ground.ask(COMMAND, other, timeout_s=PATIENCE_S) == DONE
 
 
-def test_what_is_unanswered_is_dropped_when_the_bus_closes() -> None:
+@WAYS
+def test_what_is_unanswered_is_dropped_when_the_bus_closes(ask: Ask) -> None:
     with net() as bus:
         waiting: list[ServiceRequest] = []
         late = bus.join(None, robot="r9")
@@ -208,13 +255,13 @@ def test_what_is_unanswered_is_dropped_when_the_bus_closes() -> None:
 
         reasons: list[str] = []
 
-        def ask() -> None:
+        def wait() -> None:
             try:
-                bus.ground.ask(COMMAND, ARM, timeout_s=30.0, robot="r9")
+                ask(bus.ground, COMMAND, ARM, 30.0, "r9")
             except NoAnswerError as error:
                 reasons.append(str(error))
 
-        asking = threading.Thread(target=ask)
+        asking = threading.Thread(target=wait)
         asking.start()
         until(lambda: waiting)
         late.close()

@@ -37,7 +37,7 @@ from ground.commands.stop import StopNow
 from ground.console.history import History
 from ground.station.robot.background_requests import RequestThread
 from protocol.bus.bus import Bus
-from protocol.bus.services import Requester
+from protocol.bus.services import Requester, ServiceQuery
 from protocol.stop_datagram import OPEN_SECRET, press_in, sealed_answer
 from protocol.topics import COMMAND
 from protocol.wire.enums import Vehicle
@@ -359,10 +359,10 @@ def test_key_reaches_the_bus_in_fifteen_calls(monkeypatch: pytest.MonkeyPatch) -
             to_thread[:] = [*found[: found.index(ACTION) + 1], "start"]
         return start(self, job)  # type: ignore[arg-type]
 
-    def asked(self: Requester, service: object, *how: object, **named: object) -> object:
-        if service is COMMAND:
+    def asked(self: Requester, query: ServiceQuery) -> object:
+        if query.service is COMMAND:
             to_bus[:] = [*calls(sys._getframe().f_back), "put"]
-        return put(self, service, *how, **named)  # type: ignore[arg-type]
+        return put(self, query)
 
     monkeypatch.setattr(RequestThread, "start", started)
     monkeypatch.setattr(Requester, "_put", asked)

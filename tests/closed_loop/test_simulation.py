@@ -15,8 +15,17 @@ from checks.simulation.campaign import (
     shrink,
 )
 from checks.simulation.events import Argument, Event, EventScenario, from_json, to_json
+from checks.simulation.hosts.bus import (
+    SimulatedHub,
+    SimulatedNetwork,
+    SimulatedQuery,
+    SimulatedReply,
+    SimulatedSession,
+)
 from checks.simulation.hosts.operators import OperatorRequest, RequestHistory
+from checks.simulation.hosts.virtual_time import Host, Scheduler
 from checks.simulation.simulation import RunResult
+from protocol.bus.callbacks import zenoh_callback
 from tests.support.each import each
 
 S = 1_000_000_000
@@ -57,6 +66,47 @@ def test_slow_disk_delays_no_tick_of_a_driving_robot(
     saved = [one for one in requests if one.action in ("param", "fence", "mission")]
     assert [one.answered for one in saved] == [True] * 3, "operators are told that it is saved"
     assert not [state for state in result.coverage.reached if state.startswith("FAILSAFE")]
+
+
+@each(
+    ("answers", "at_ms", "ends"),
+    [
+        ("in time", 1, [b"answer", "end"]),
+        ("dropped", 1, ["end"]),
+        ("never", 500, [None, "end"]),
+        ("unserved", 0, ["end"]),
+    ],
+)
+def test_query_with_a_handler_waits_for_nothing(
+    answers: str, at_ms: int, ends: list[object]
+) -> None:
+    scheduler = Scheduler()
+    hub = SimulatedHub(SimulatedNetwork(scheduler))
+    robot, ground = Host(scheduler, "robot"), Host(scheduler, "ground")
+    came: list[object] = []
+
+    def take(query: SimulatedQuery) -> None:
+        for _ in range(2):
+            if answers == "in time":
+                query.reply(query.key_expr, b"answer")
+            elif answers == "dropped":
+                query.drop()
+
+    def note(reply: SimulatedReply) -> None:
+        came.append(None if reply.ok is None else bytes(reply.ok.payload))
+
+    def ask() -> None:
+        handler = zenoh_callback(note, lambda: came.append("end"))
+        SimulatedSession(hub, "1").get("sidestep/r1/srv/command", handler, timeout=0.5)
+
+    key = "sidestep/r1/srv/none" if answers == "unserved" else "sidestep/r1/srv/command"
+    robot.call(lambda: SimulatedSession(hub, "2").declare_queryable(key, take))
+    ground.call(ask)
+    assert came == (ends if answers == "unserved" else [])
+    scheduler.run(at_ms * 1_000_000)
+    assert came == ends
+    scheduler.run(S)
+    assert (came, ground.error) == (ends, None)
 
 
 PRINTS_DIGEST = """

@@ -13,6 +13,7 @@ from random import Random
 from typing import Any, Final
 
 import zenoh
+from zenoh.handlers import Callback
 
 from checks.simulation.hosts.virtual_time import Host, Scheduler, Task, current_host, current_task
 from runtime.units import NS_PER_MS, NS_PER_S
@@ -202,6 +203,35 @@ class PendingQuery:
         self.task.wake()
 
 
+class HandledQuery:
+    """A query that nobody waits for: its handler gets the first answer, and is dropped."""
+
+    __slots__ = ("_handler",)
+
+    def __init__(self, handler: "Callback[Any]") -> None:
+        self._handler: Callback[Any] | None = handler
+
+    def answered(self, sample: SimulatedSample) -> None:
+        """End the query with an answer."""
+        self._end(SimulatedReply(sample))
+
+    def drop(self) -> None:
+        """End the query without an answer."""
+        self._end()
+
+    def expire(self) -> None:
+        """End the query, because no answer has arrived in time."""
+        self._end(SimulatedReply(None))
+
+    def _end(self, *replies: SimulatedReply) -> None:
+        handler, self._handler = self._handler, None
+        if handler is not None:
+            for reply in replies:
+                handler(reply)
+            if handler.drop is not None:
+                handler.drop()
+
+
 class SimulatedQuery:
     """Replaces zenoh.Query."""
 
@@ -209,7 +239,7 @@ class SimulatedQuery:
         self,
         hub: "SimulatedHub",
         server: Host,
-        waiting: PendingQuery,
+        waiting: PendingQuery | HandledQuery,
         asked: SimulatedSample,
         *,
         has_payload: bool,
@@ -412,7 +442,9 @@ class SimulatedHub:
             found = self.subscribers.quiet[key] = not listened
         return found
 
-    def ask(self, asked: SimulatedSample, waiting: PendingQuery, *, has_payload: bool) -> bool:
+    def ask(
+        self, asked: SimulatedSample, waiting: PendingQuery | HandledQuery, *, has_payload: bool
+    ) -> bool:
         """Send a query to its servers; return False when there is none."""
         for tap in self.taps:
             tap(asked.source, asked.key_expr, asked.payload, asked.attachment, True)
@@ -623,6 +655,7 @@ class SimulatedSession:
     def get(
         self,
         key: str,
+        handler: "Callback[Any] | None" = None,
         *,
         payload: bytes | None = None,
         encoding: object = None,
@@ -630,16 +663,25 @@ class SimulatedSession:
         attachment: object = None,
         **_: object,
     ) -> list[SimulatedReply]:
-        """Wait for one answer; a reply has no `ok` if none arrives in time."""
-        task = current_task()
-        waiting = PendingQuery(task)
-        note = note_of(attachment)
+        """Wait for one answer; a reply has no `ok` if none arrives in time.
+
+        With a handler this waits for nothing: the handler gets that reply.
+        """
+        has_payload, note = payload is not None, note_of(attachment)
         words = "" if encoding is None else str(encoding)
         asked = SimulatedSample(str(key), payload or b"", words, note, self.host)
-        if not self.linked or not self.hub.ask(asked, waiting, has_payload=payload is not None):
-            return []
         scheduler = self.host.scheduler
         deadline_ns = scheduler.now_ns + round(timeout * NS_PER_S)
+        if handler is not None:
+            handled = HandledQuery(handler)
+            if not self.linked or not self.hub.ask(asked, handled, has_payload=has_payload):
+                handled.drop()
+            scheduler.at(deadline_ns, self.host.call, handled.expire)
+            return []
+        task = current_task()
+        waiting = PendingQuery(task)
+        if not self.linked or not self.hub.ask(asked, waiting, has_payload=has_payload):
+            return []
         while not waiting.replies and not waiting.dropped and scheduler.now_ns < deadline_ns:
             task.wait_until(deadline_ns)
         return waiting.replies or ([] if waiting.dropped else [SimulatedReply(None)])

@@ -3,15 +3,27 @@
 import threading
 from collections import deque
 from collections.abc import Mapping
+from typing import cast
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from protocol.bus.network import Network
 from protocol.bus.robot_clock import SAMPLES, RobotClock, RobotClocks, time_bytes, time_in
+from protocol.bus.services import Requester
+from protocol.bus.session import LastingSession
+from protocol.topics import COMMAND, PARAMETERS, Role
+from protocol.wire.codec import decode
+from protocol.wire.enums import AckResult, Command
+from protocol.wire.messages import CommandAck, CommandRequest, Timesync
+from protocol.wire.reasons import Reason
+from runtime.errors import NoAnswerError
 from tests.support.each import each
 from tests.support.until import PATIENCE_S
 
 MS = 1_000_000
+ARM = CommandRequest(request_id=1, command=Command.COMPONENT_ARM_DISARM, param1=1.0, param2=0.0)
 LIMIT_S = PATIENCE_S
 
 
@@ -227,3 +239,52 @@ def test_the_end_does_not_wait_for_the_end_of_a_pause() -> None:
     assert measured.wait(LIMIT_S)
     clocks.close()
     assert set(threading.enumerate()) <= before
+
+
+# The queries of a request that expires.
+
+
+def requester(now_ns: int) -> Requester:
+    """Return a requester without a network: the test answers its queries."""
+    return Requester(
+        cast("LastingSession", None), Network(), Role.GROUND, "ada/1", None, lambda: now_ns
+    )
+
+
+def test_request_measures_the_clock_first_and_again_if_it_is_late() -> None:
+    steps = requester(5 * MS).steps(COMMAND, ARM, 1.0, "r1")
+    question = next(steps)
+    assert question.frame is not None
+    assert decode(question.frame).message == Timesync(tc1=0, ts1=5 * MS)
+    request = steps.send(Timesync(tc1=70 * MS, ts1=5 * MS))
+    assert request.frame is not None
+    assert decode(request.frame).message == ARM
+    assert request.deadline == time_bytes(1_070 * MS)
+    late = CommandAck(command=ARM.command, result=AckResult.DENIED, result_param2=Reason.TOO_LATE)
+    again = steps.send(late)
+    assert again.service is question.service
+    unstamped = steps.throw(NoAnswerError("the clock is not served"))
+    assert (unstamped.frame, unstamped.deadline) == (request.frame, None)
+    with pytest.raises(StopIteration) as end:
+        steps.send(late)
+    assert end.value.value == late
+
+
+@each("known", [True, False])
+def test_request_with_a_known_clock_is_one_query(known: bool) -> None:
+    asking = requester(5 * MS)
+    if known:
+        asking.clocks.of("r1").observe(0, 70 * MS, 0)
+    steps = asking.steps(COMMAND if known else PARAMETERS, ARM if known else None, 0.5, "r1")
+    query = next(steps)
+    assert query.deadline == (time_bytes(575 * MS) if known else None)
+    with pytest.raises(StopIteration) as end:
+        steps.send(b"[]")
+    assert end.value.value == b"[]"
+
+
+def test_error_of_a_query_ends_the_request() -> None:
+    steps = requester(0).steps(PARAMETERS, None, 0.5, "r1")
+    next(steps)
+    with pytest.raises(NoAnswerError, match="silence"):
+        steps.throw(NoAnswerError("silence"))

@@ -424,8 +424,15 @@ def test_what_interrupts_a_callback_is_left_to_the_hook(monkeypatch: pytest.Monk
     def interrupted(_value: object) -> None:
         raise error
 
-    zenoh_callback(interrupted).callback("a sample")
+    def ended() -> None:
+        raise error
+
+    callback = zenoh_callback(interrupted, ended)
+    callback.callback("a sample")
     assert ignored == [error]
+    assert callback.drop is not None
+    callback.drop()
+    assert ignored == [error, error]
 
 
 def test_no_other_module_gives_zenoh_a_function() -> None:
