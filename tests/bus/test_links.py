@@ -27,6 +27,7 @@ from runtime.errors import (
     PeerHangsError,
     UserError,
 )
+from runtime.units import NS_PER_MS as MS
 from tests.support.networks import TOPOLOGIES, Topology, net
 from tests.support.until import PATIENCE_S, until
 
@@ -320,9 +321,6 @@ def test_a_second_that_was_there_before_is_seen_too() -> None:
         second.announce()
         twins = DuplicateWatch(first)
         until(lambda: bool(twins), what="the second is there")
-
-
-MS = 1_000_000
 
 
 class Heard:

@@ -19,10 +19,9 @@ from protocol.topics import CLOCK, DRIVE, RUN, SONAR, TRUTH, WHEELS, WORLD, Role
 from protocol.wire.enums import AckResult, RunAction
 from protocol.wire.messages import CommandAck, GroundTruth, RunRequest, RunScore, WheelCommand
 from runtime.clock import Pulse, WallClock
+from runtime.units import NS_PER_S as SECOND_NS
+from runtime.units import PERIOD_NS
 from tests.support.until import PATIENCE_S, until
-
-SECOND_NS = 1_000_000_000
-PERIOD_NS = 50_000_000
 
 
 class Driver:

@@ -26,9 +26,8 @@ from checks.simulation.hosts.operators import OperatorRequest, RequestHistory
 from checks.simulation.hosts.virtual_time import Host, Scheduler
 from checks.simulation.simulation import RunResult
 from protocol.bus.callbacks import zenoh_callback
+from runtime.units import NS_PER_S as S
 from tests.support.each import each
-
-S = 1_000_000_000
 
 
 def event(at_s: float, kind: str, *arguments: Argument) -> Event:

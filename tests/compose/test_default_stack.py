@@ -20,6 +20,8 @@ from protocol.wire.enums import Command, GoalState, Mode, Vehicle
 from protocol.wire.messages import CommandRequest, GoalRequest
 from protocol.wire.reasons import Reason
 from runtime.errors import NoAnswerError
+from runtime.units import NS_PER_MS as MS
+from runtime.units import PERIOD_MS
 from tests.support import images
 from tests.support.compose import (
     POLL_S,
@@ -43,8 +45,6 @@ PARTS: Final = ("router", "plant", "robot", "web")
 USER: Final = "10001"
 ROBOTS_USER: Final = "20001"
 MIB: Final = 1 << 20
-MS: Final = 1_000_000
-PERIOD_MS: Final = 50
 SILENCE_MS: Final = 500
 PLACES: Final = ((5.4, 3.2), (0.6, 2.0))
 FAST_M_S: Final = 0.25

@@ -16,6 +16,7 @@ from robot.core.safety import failsafe
 from robot.core.safety.fence import Fence
 from robot.core.values import Pose
 from runtime.clock import ManualClock
+from runtime.units import NS_PER_MS as MS_NS
 from runtime.units import PERIOD_NS
 from tests.support.each import each
 from tests.support.stacks import STOPPING_S, Operator, Stack
@@ -426,7 +427,6 @@ def test_late_or_repeated_commands_do_not_keep_wheels_turning() -> None:
         assert stack.until(stack.standing, within_s=1.0) <= 0.2 + 1e-9
 
 
-MS_NS = 1_000_000
 FULL_NS = {"milliseconds": (1 << 32) * MS_NS, "ticks": (1 << 32) * PERIOD_NS}
 """After 49.7 days, which are 10 hours of the fastest lockstep, and after 6.8 years."""
 

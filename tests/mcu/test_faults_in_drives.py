@@ -16,6 +16,8 @@ from ground.recording.log_reader import TlogReader
 from protocol.wire.codec import decode
 from protocol.wire.message import Message
 from protocol.wire.messages import GroundTruth, Statustext, WheelCommand
+from runtime.units import NS_PER_MS as MS
+from runtime.units import PERIOD_MS
 from tests.support.stack.processes import (
     Crew,
     Running,
@@ -30,10 +32,8 @@ from tests.support.until import until
 pytestmark = pytest.mark.mcu
 
 SOON_S: Final = 60.0
-MS: Final = 1_000_000
 STOPPED_MS: Final = 200
 """The documented limit after the end of a robot process."""
-PERIOD_MS: Final = 50
 """Resolution of the truth."""
 TICKS_AFTER: Final = 10
 EMULATOR: Final = "qemu-system-arm "

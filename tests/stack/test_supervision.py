@@ -38,6 +38,7 @@ from ground.text.output import Output
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.reasons import Reason
 from runtime.clock import WallClock
+from runtime.units import NS_PER_MS as MS
 from runtime.watchdog import HANGS
 from tests.support.stack.processes import (
     Crew,
@@ -56,7 +57,6 @@ from tests.support.until import PATIENCE_S, until
 
 pytestmark = pytest.mark.stack
 
-MS = 1_000_000
 STOPPED_MS = 200 + 50  # the truth comes once in a period
 HUNG = {"paced": "hung (silent for 4.5 s)", WALL: "hung (silent for 2.5 s)"}
 KILLED = "was killed (signal SIGKILL)"

@@ -7,9 +7,9 @@ from math import cos, hypot, inf, pi, sin
 from robot.core import brain, modes, states
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Goal, Inputs, Outputs, Scan, Wheels
+from runtime.units import PERIOD_MS
 
 RAYS = 7
-PERIOD_MS = 50
 
 Point = tuple[float, float]
 Wall = tuple[Point, Point]

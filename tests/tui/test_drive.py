@@ -13,8 +13,10 @@ from ground.app.widgets.lines import Lines
 from ground.map.scene import MapTarget
 from ground.station.link.loss import Loss, LossKind
 from protocol.topics import ODOMETRY, STATUS, TRUTH
+from runtime.units import NS_PER_MS as MS
+from runtime.units import NS_PER_S as S
 from tests.support.each import each
-from tests.support.tui.fakes import MS, FakeStation, S, drive_messages, driving, status
+from tests.support.tui.fakes import FakeStation, drive_messages, driving, status
 from tests.support.tui.pilot import NAMES, Stage, play, staged
 
 

@@ -21,8 +21,9 @@ from protocol.topics import MISSION, STATUS
 from protocol.wire.enums import GoalState, MissionState, Mode, Severity, Vehicle
 from protocol.wire.messages import MissionStatus
 from protocol.wire.reasons import Reason
+from runtime.units import NS_PER_S as S
 from tests.support.each import each
-from tests.support.tui.fakes import FakeStation, S, driving, status
+from tests.support.tui.fakes import FakeStation, driving, status
 from tests.support.tui.pilot import play, staged
 
 

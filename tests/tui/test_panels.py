@@ -27,12 +27,12 @@ from protocol.topics import DECISION, MCU, MISSION, ODOMETRY, STATUS, TRUTH
 from protocol.wire.enums import Branch, GoalState, MissionState, Mode, Vehicle
 from protocol.wire.messages import MissionStatus, NavigatorStatus, PlanarOdometry
 from protocol.wire.reasons import Reason, reason_text
+from runtime.units import NS_PER_MS as MS
+from runtime.units import NS_PER_S as S
 from tests.support.each import each
 from tests.support.ground.decisions import decided
 from tests.support.tui.fakes import (
-    MS,
     FakeStation,
-    S,
     drive_messages,
     driving,
     mcu_status,

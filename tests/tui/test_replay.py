@@ -20,8 +20,9 @@ from ground.user.folders import recordings_folder
 from protocol.world import GoalPose, Start, World, as_json
 from runtime.clock import ManualClock
 from runtime.errors import UserError
+from runtime.units import NS_PER_S as S
 from tests.support.ground.made_recordings import written
-from tests.support.tui.fakes import FakeCommandSink, FakeStation, S, driving
+from tests.support.tui.fakes import FakeCommandSink, FakeStation, driving
 from tests.support.tui.pilot import Stage, play, recorded, staged
 from tests.support.until import PATIENCE_S
 

@@ -26,9 +26,10 @@ from ground.station.link.streams import StreamRow
 from ground.station.robot.lease_state import LeaseView
 from protocol.topics import HEARTBEAT, Role
 from protocol.wire.enums import Severity
+from runtime.units import NS_PER_MS as MS
 from tests.support.each import each
 from tests.support.hostile import LETTERS, OWNED, TEXT, raw_in
-from tests.support.tui.fakes import MS, FakeCommandSink, FakeStation, driving, parameter
+from tests.support.tui.fakes import FakeCommandSink, FakeStation, driving, parameter
 from tests.support.tui.pilot import Stage, play, staged
 from tests.support.until import until
 

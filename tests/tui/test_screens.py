@@ -24,15 +24,9 @@ from ground.map.scene import MapTarget
 from ground.station.history.time_series import MessageSeries, numeric_fields
 from protocol.topics import ODOMETRY, SONAR, STATUS
 from runtime.errors import UserError
+from runtime.units import NS_PER_S as S
 from tests.support.each import each
-from tests.support.tui.fakes import (
-    FakeCommandSink,
-    FakeStation,
-    S,
-    drive_messages,
-    driving,
-    parameter,
-)
+from tests.support.tui.fakes import FakeCommandSink, FakeStation, drive_messages, driving, parameter
 from tests.support.tui.pilot import FakeStack, Stage, on, play, staged
 
 

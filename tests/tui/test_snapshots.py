@@ -26,15 +26,9 @@ from protocol.wire.enums import MissionState, Vehicle
 from protocol.wire.messages import MissionStatus
 from protocol.wire.reasons import Reason, reason_text
 from runtime.clock import ManualClock
-from tests.support.tui.fakes import (
-    MS,
-    FakeCommandSink,
-    FakeStation,
-    S,
-    drive_messages,
-    driving,
-    stopped,
-)
+from runtime.units import NS_PER_MS as MS
+from runtime.units import NS_PER_S as S
+from tests.support.tui.fakes import FakeCommandSink, FakeStation, drive_messages, driving, stopped
 from tests.support.tui.pilot import ACTUAL, FakeStack, Stage, compare, on, play, recorded, staged
 
 SIZES = ((80, 24), (120, 40), (200, 60), (40, 12))

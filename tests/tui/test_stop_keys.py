@@ -14,8 +14,10 @@ from ground.app.input.teleop_keys import AGAIN_NS, FAST, FIRST_NS, SLOW, DeadMan
 from ground.app.screens import SCREENS
 from ground.app.screens.drive import DriveScreen
 from protocol.wire.enums import Vehicle
+from runtime.units import NS_PER_MS as MS
+from runtime.units import NS_PER_S as S
 from tests.support.each import each
-from tests.support.tui.fakes import MS, S, driving, stopped
+from tests.support.tui.fakes import driving, stopped
 from tests.support.tui.pilot import Stage, play, staged
 
 SCREEN_KEYS = {name: str(number) for name, number in SCREENS.items()}

@@ -26,9 +26,9 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
 from runtime.errors import NoAnswerError
+from runtime.units import NS_PER_MS as MS
 from tests.support.played_bus import Box, Wireless
 
-MS = 1_000_000
 ANSWER_NS = 14 * MS
 
 Reply = Message | bytes | Reason | None

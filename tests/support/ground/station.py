@@ -64,6 +64,7 @@ from protocol.wire.statustext import pieces_of
 from robot.commands import acknowledge
 from runtime.clock import ManualClock
 from runtime.errors import NoAnswerError
+from runtime.units import NS_PER_S as S
 from runtime.units import PERIOD_NS
 from tests.support.played_bus import PlayedBus
 
@@ -189,7 +190,6 @@ class Robot:
         return make(MissionStatus, time_ns=self.time_ns)
 
 
-S = 1_000_000_000
 PARAMS = {"d_obs_m": 0.3, "side": 1, "op_lost_ms": 1500, "accel_m_s2": 1.25, "v_max_m_s": 0.25}
 WORLD_TEXT = b"""{"name": "box", "size_m": [6.0, 4.0], "walls": true,
  "start": {"x_m": 0.6, "y_m": 2.0, "heading_deg": 90.0},

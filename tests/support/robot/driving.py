@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from robot.core import brain, modes, states
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import SONARS, Goal, Inputs, Outputs, Scan, Wheels
+from runtime.units import PERIOD_MS
 
 AHEAD = Goal(3.0, 0.0, None, 0.05, 0.05)
 OPEN_SPACE = Scan((0,) * 8, (25, 0) * 4, 0xFF, 0)
@@ -73,7 +74,6 @@ def driving(mode: int = states.AUTO, params: Params = DEFAULTS) -> Driven:
 
 
 AGES = (25, 0) * (SONARS // 2)
-PERIOD_MS = 50
 ALL = 0xFF
 
 

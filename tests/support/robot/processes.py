@@ -27,9 +27,10 @@ from robot.senses import Senses
 from robot.storage import Store
 from robot.vehicle import Vehicle
 from runtime.clock import ManualClock, Tick
+from runtime.units import NS_PER_MS as MS
 from runtime.units import PERIOD_NS
 from tests.support.played_bus import Handler, PlayedBus, PlayedPublisher
-from tests.support.robot.vehicles import MS, goal
+from tests.support.robot.vehicles import goal
 
 
 class HeldWriter:
@@ -234,7 +235,6 @@ class Rig:
         self.nudges += 1
 
 
-S = 1_000 * MS
 BRAKE = (0, 0, 0)
 
 

@@ -18,8 +18,8 @@ from robot.core.parameters import DEFAULTS
 from robot.core.values import Inputs, Outputs, Scan, Wheels
 from robot.storage import Store
 from robot.vehicle import Vehicle
+from runtime.units import NS_PER_MS as MS
 
-MS = 1_000_000
 CLEAR = Scan((0,) * 8, (0,) * 8, 255, 0)
 TICKS_PER_MRAD_S = 1e-3 * DEFAULTS.wheel_radius_m * DEFAULTS.period_s / DEFAULTS.m_per_tick
 

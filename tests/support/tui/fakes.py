@@ -54,10 +54,10 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
+from runtime.units import NS_PER_MS as MS
+from runtime.units import NS_PER_S as S
 from tests.support.played_bus import Air
 
-MS = 1_000_000
-S = 1_000 * MS
 NOTHING = AgedMessage(None, None, Age.GONE)
 
 

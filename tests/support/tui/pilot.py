@@ -31,7 +31,10 @@ from protocol.wire.codec import Encoder
 from protocol.wire.messages import PlanarOdometry, WheelCommand
 from runtime import files
 from runtime.clock import ManualClock
-from tests.support.tui.fakes import MS, FakeCommandSink, FakeStation, S, drive_messages, driving
+from runtime.units import NS_PER_MS as MS
+from runtime.units import NS_PER_S as S
+from runtime.units import PERIOD_MS
+from tests.support.tui.fakes import FakeCommandSink, FakeStation, drive_messages, driving
 from tests.support.until import PATIENCE_S
 
 T = TypeVar("T")
@@ -272,7 +275,6 @@ def compare(svg: str, name: str, *, update: bool, folder: Path = FOLDER) -> str:
 
 
 BEGAN_US = 1_700_000_000_000_000
-PERIOD_MS = 50
 
 
 PARAMETERS = {"radius_m": 0.12, "sonar_max_m": 3.0, "guard_stop_m": 0.04}

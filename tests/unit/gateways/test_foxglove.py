@@ -18,6 +18,7 @@ from protocol.wire.enums import GoalState, Severity
 from protocol.wire.message import Message
 from protocol.wire.messages import Statustext
 from protocol.wire.statustext import pieces_of
+from runtime.units import NS_PER_S as S
 from tests.support.each import each
 from tests.support.ground.made_recordings import WORLD_TEXT, decision, odometry, scan, status, truth
 
@@ -45,9 +46,6 @@ def test_schema_fields_match_the_sdk(name: str) -> None:
         fields = set(inspect.signature(getattr(sdk, title)).parameters)
         assert set(schema["properties"]) == fields, title
         assert set(schema["required"]) == fields, title
-
-
-S = 1_000_000_000
 
 
 def seen(drawer: SceneDrawer, message: Message, time_ns: int = S) -> dict[str, Any]:

@@ -15,11 +15,11 @@ from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus
 from protocol.wire.reasons import Reason
 from runtime.cli.packages import Conflict
+from runtime.units import NS_PER_MS as MS
 from tests.support.each import each
 from tests.support.ground.client import CYCLE
 from tests.support.ground.station import Robot
 
-MS = 1_000_000
 ALL_PRESENT = PresentProcesses(frozenset({("r1", "robot"), ("r1", "plant")}))
 STATUS = make(NavigatorStatus, time_ns=1, mode=Mode.HOLD)
 

@@ -17,6 +17,7 @@ from protocol.wire.codec import decode
 from protocol.wire.enums import Branch, GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStatus
 from protocol.wire.reasons import Reason, reason_text
+from runtime.units import NS_PER_S as S
 from study.trial.trial import NAVIGATORS
 from tests.support.each import each
 from tests.support.ground.decisions import WORLDS, cycle, decided, drive, standing, turning_points
@@ -399,9 +400,6 @@ def test_headline_reason_matches_the_turn_in_real_drives(navigator: str) -> None
         turning += words.startswith("turns")
         excused += "still swinging" in words or "on a bend" in words
     assert excused < 0.2 * turning
-
-
-S = 1_000_000_000
 
 
 @pytest.fixture(scope="module")

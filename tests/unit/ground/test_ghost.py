@@ -56,6 +56,7 @@ from protocol.world import GoalPose, as_json
 from robot.core.parameters import DEFAULTS
 from runtime.clock import ManualClock
 from runtime.errors import UserError
+from runtime.units import NS_PER_S as S
 from study.cli.trial import goal_of, parser, start_of
 from study.trial.trial import NAVIGATORS, Trial, wire_goal_of
 from tests.support.each import each
@@ -599,9 +600,6 @@ def test_how_a_robot_is_built_and_what_it_runs_is_not_handed_on() -> None:
     kept = driving({name: float(value) for name, value in DEFAULTS._asdict().items()})
     assert {"d_obs_m", "v_max_m_s", "guard_stop_m", "follow_m"} <= set(kept)
     assert not {"navigator", "side", "wheel_ratio", "k_r_m", "track_m"} & set(kept)
-
-
-S = 1_000_000_000
 
 
 @pytest.fixture(scope="module")

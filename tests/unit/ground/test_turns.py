@@ -12,6 +12,7 @@ from protocol.wire.codec import decode
 from protocol.wire.enums import Branch
 from protocol.wire.messages import AvoidanceDecision
 from protocol.wire.reasons import Reason
+from runtime.units import PERIOD_NS as TICK_NS
 from tests.support.ground.decisions import decided, turning_points
 from tests.support.ground.recordings import Recording, Show, box
 
@@ -141,9 +142,6 @@ def test_skipped_decisions_create_no_turning_point() -> None:
     ]
     why.look(stage)
     assert why.points == []
-
-
-TICK_NS = 50_000_000
 
 
 def decisions_of(*branches: Branch, guard: int = 0) -> list[AvoidanceDecision]:

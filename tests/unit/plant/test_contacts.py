@@ -17,6 +17,7 @@ from plant.sim.physics import CLEARANCE_LIMIT_M, Arena
 from plant.sim.simulation import Plant
 from protocol.wire.messages import RunScore
 from protocol.world import Circle, Obstacle, Point, Polygon, Polyline, World
+from runtime.units import NS_PER_MS as MS
 from tests.support.each import each
 from tests.support.plant.rooms import FOREVER_NS, NONE, bumper, drive, room
 
@@ -217,7 +218,6 @@ def test_grazing_a_static_obstacle_is_the_robots_contact() -> None:
     assert until_touched(one, 0.3, 0.3) == (1, 1)
 
 
-MS = 1_000_000
 SUBSTEP_S = 0.025
 QUICK = Body(max_acceleration_m_s2=1e6, motor_lag_s=0.0)
 speeds = st.floats(-0.3, 0.3)

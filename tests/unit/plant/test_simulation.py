@@ -19,6 +19,8 @@ from plant.sim.simulation import Plant, Score
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.messages import SonarScan, WheelTicks
 from protocol.world import Circle, World
+from runtime.units import NS_PER_S as S
+from runtime.units import PERIOD_NS as TICK_NS
 from tests.support.each import each
 from tests.support.plant.rooms import (
     FOREVER_NS,
@@ -105,9 +107,6 @@ def test_gaussian_numbers_are_standard_normal() -> None:
 def test_negative_seed_is_rejected() -> None:
     with pytest.raises(ValueError, match=r"^seed: -1 is negative"):
         stream(-1, 0, "slip")
-
-
-S = 10**9
 
 
 def test_no_fault_gives_no_effect() -> None:
@@ -282,7 +281,6 @@ def test_fault_does_not_shift_other_noise() -> None:
         assert ranges_m(sound)[1:] == ranges_m(faulty)[1:]
 
 
-TICK_NS = 50_000_000
 AT_ONCE = {"motor_lag_s": 0.0, "max_acceleration_m_s2": 1e6}
 FOREST = room(
     *(Circle(x_m=0.5 + 0.7 * i, y_m=0.5 + 0.7 * j, radius_m=0.1) for i in range(5) for j in (0, 3)),

@@ -19,11 +19,12 @@ from protocol.wire.enums import AckResult, Command
 from protocol.wire.messages import CommandAck, CommandRequest, Timesync
 from protocol.wire.reasons import Reason
 from runtime.errors import NoAnswerError
+from runtime.units import NS_PER_MS as MS
 from tests.support.each import each
 from tests.support.until import PATIENCE_S
 
-MS = 1_000_000
 ARM = CommandRequest(request_id=1, command=Command.COMPONENT_ARM_DISARM, param1=1.0, param2=0.0)
+
 LIMIT_S = PATIENCE_S
 
 

@@ -16,6 +16,7 @@ from protocol.wire.messages import SonarScan, Statustext, WheelTicks
 from runtime import config
 from runtime.errors import ConfigError, RemoteError, UserError
 from runtime.units import NS_PER_MS
+from runtime.units import NS_PER_MS as MS
 from tests.support.each import each
 
 TICKS = WheelTicks(time_ns=1, seq=1, left=2, right=3, bumper=0, expired=0)
@@ -311,7 +312,6 @@ def test_sample_has_no_sender_and_no_time_by_default() -> None:
     assert Sample(ENCODING, b"")[2:] == ("", None)
 
 
-MS = 1_000_000
 MANY = 4000
 
 

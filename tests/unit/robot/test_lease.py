@@ -24,11 +24,11 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import Reason
 from robot.core import states
 from robot.lease import IDLE_NS, LAPSE_NS, Lease
+from runtime.units import NS_PER_S as S
 from tests.support.each import each
-from tests.support.robot.vehicles import MS, Desk, goal, item, upload
+from tests.support.robot.vehicles import Desk, goal, item, upload
 
 ADA, ADAS_OTHER, ADAS_THIRD, BOB = "ada/1", "ada/2", "ada/3", "bob/0"
-S = 1_000 * MS
 CRASHED = (Severity.WARNING, "lease of Ada lapsed: no heartbeat for 3 s")
 IDLE = (Severity.INFO, "lease of Ada given back: nothing driven for 30 s")
 RELEASED = (Severity.INFO, "Ada has released the lease")

@@ -55,17 +55,16 @@ from robot.storage import Store
 from robot.vehicle import Vehicle as RobotVehicle
 from runtime.clock import Tick
 from runtime.errors import LocalError
+from runtime.units import NS_PER_MS as MS
+from runtime.units import PERIOD_NS
 from tests.support.each import each
 from tests.support.played_bus import Wireless
 from tests.support.robot.processes import ADA, BRAKE, HeldWriter, Rig, driving, hold, speeds
-from tests.support.robot.vehicles import MS
-
-PERIOD = 50 * MS
 
 
 def scan(number: int) -> SonarScan:
     """Return a scan sent a period after the previous one."""
-    stamp = number * PERIOD
+    stamp = number * PERIOD_NS
     nothing, age = (4000,) * 8, (0,) * 8
     return make(SonarScan, time_ns=stamp, seq=number, range_mm=nothing, ping_age_us=age)
 
@@ -77,7 +76,7 @@ def stamps_ms(scans: list[tuple[int, int]]) -> list[int]:
     found = []
     for number, (sent, arrived_ms) in enumerate(scans):
         bus.boxes["sense/sonar"].newest = (scan(sent), arrived_ms * MS)
-        senses.read(Tick(number, number * PERIOD, 0, 0), number * PERIOD, vehicle)
+        senses.read(Tick(number, number * PERIOD_NS, 0, 0), number * PERIOD_NS, vehicle)
         found.append(senses.stamp_ns // MS)
     return found
 
@@ -370,7 +369,6 @@ def test_the_brake_is_the_first_and_only_command_of_the_end() -> None:
     assert len(rig.sent(DRIVE)) == before + 1
 
 
-PERIOD_NS = 50_000_000
 LOST = "position lost: sensor stream restarted"
 
 

@@ -28,10 +28,12 @@ from protocol.wire.reasons import Reason
 from robot.core import states
 from robot.process import MAX_HALTED, MAX_PERSONS, MAX_WAITING
 from runtime.clock import Tick
+from runtime.units import NS_PER_MS as MS
+from runtime.units import NS_PER_S as S
 from tests.support.each import each
 from tests.support.messages import any_message, messages_of
-from tests.support.robot.processes import ADA, BOB, Request, Rig, S, driving, hold, lease, press
-from tests.support.robot.vehicles import MS, Desk, goal
+from tests.support.robot.processes import ADA, BOB, Request, Rig, driving, hold, lease, press
+from tests.support.robot.vehicles import Desk, goal
 
 RESTART = CommandRequest(
     request_id=9, command=Command.PREFLIGHT_REBOOT_SHUTDOWN, param1=1.0, param2=0.0

@@ -18,6 +18,7 @@ from robot.core import states
 from robot.emergency_stop import emergency_stop
 from robot.process import SHOWN_NS
 from robot.storage import Store
+from runtime.units import NS_PER_MS as MS
 from tests.support.each import each
 from tests.support.robot.processes import (
     ADA,
@@ -35,7 +36,7 @@ from tests.support.robot.processes import (
     press,
     speeds,
 )
-from tests.support.robot.vehicles import MS, goal
+from tests.support.robot.vehicles import goal
 
 
 def test_a_stop_brakes_in_the_next_period() -> None:

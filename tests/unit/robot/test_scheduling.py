@@ -26,11 +26,10 @@ from robot.run import (
 from robot.storage import Store
 from robot.vehicle import Vehicle
 from runtime.clock import ManualClock, Tick, freeze_heap
-from runtime.units import UINT32
+from runtime.units import NS_PER_MS as MS
+from runtime.units import NS_PER_US as US
+from runtime.units import PERIOD_NS, UINT32
 from tests.support.each import each
-
-PERIOD_NS = 50_000_000
-US = 1_000
 
 
 def tick(index: int = 0, late_ns: int = 0, missed: int = 0) -> Tick:
@@ -259,7 +258,6 @@ def test_unselected_options_are_not_applied(
     assert capsys.readouterr().err == ""
 
 
-MS = 1_000_000
 PATIENCE_NS = 12 * MS
 
 

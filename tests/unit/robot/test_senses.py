@@ -22,6 +22,8 @@ from robot.vehicle import Vehicle
 from runtime.clock import ManualClock, Tick
 from runtime.lockstep import LockstepClock
 from runtime.sequence import MAX_LATE_TICKS, Order
+from runtime.units import NS_PER_MS as MS
+from runtime.units import NS_PER_S as S
 from runtime.units import PERIOD_NS, UINT32
 from tests.support.each import each
 from tests.support.played_bus import Wireless
@@ -29,9 +31,8 @@ from tests.support.played_robot import BEAT as ROBOTS_BEAT
 from tests.support.robot.processes import ADA as PROCESSES_ADA
 from tests.support.robot.processes import BOB as PROCESSES_BOB
 from tests.support.robot.processes import ServedBus
-from tests.support.robot.vehicles import MS, Desk
+from tests.support.robot.vehicles import Desk
 
-S = 1_000 * MS
 STEER = Teleop(time_ns=0, seq=0, speed_mm_s=200, yaw_rate_mrad_s=0, ttl_ms=500)
 AGES_US = (10_000, 20_000) * 4
 

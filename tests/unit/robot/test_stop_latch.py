@@ -21,9 +21,10 @@ from robot.core import states
 from robot.emergency_stop import RESTORED, RETRY_NS, SAVED, TEXT, StopLatch, emergency_stop
 from robot.storage import Store
 from runtime import files
+from runtime.units import NS_PER_MS as MS
 from tests.support.each import each
 from tests.support.robot.processes import HeldWriter
-from tests.support.robot.vehicles import MS, Desk, goal
+from tests.support.robot.vehicles import Desk, goal
 
 ADA, BOB, STRANGER = "ada/1", "bob/2", ""
 

@@ -27,10 +27,12 @@ from robot.storage import Store
 from robot.telemetry import ChangeLog
 from robot.vehicle import ReportTimer, Vehicle
 from runtime.clock import ManualClock
+from runtime.units import NS_PER_MS as MS
+from runtime.units import NS_PER_S as SECOND
 from runtime.units import PERIOD_NS
 from tests.support.each import each
 from tests.support.played_bus import PlayedBus
-from tests.support.robot.vehicles import MS, Desk
+from tests.support.robot.vehicles import Desk
 
 
 def test_status_without_a_goal_has_nan_and_no_times() -> None:
@@ -86,9 +88,6 @@ def test_no_echo_is_infinitely_far_and_has_no_bearing() -> None:
     assert message.nearest_range_m == inf
     assert isnan(message.nearest_bearing_rad)
     assert (message.virtual_x_m, message.virtual_y_m, message.zone_m) == (1.0, 2.0, 0.3)
-
-
-SECOND = 1000000000
 
 
 def decoded(epoch_s: int, stamp_ns: int, sense_seq: int) -> list[WheelCommand]:

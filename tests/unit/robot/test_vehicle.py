@@ -29,8 +29,9 @@ from robot.core.parameters import DEFAULTS
 from robot.core.values import Pose
 from robot.storage import Store
 from robot.vehicle import Vehicle
+from runtime.units import NS_PER_MS as MS
 from tests.support.each import each
-from tests.support.robot.vehicles import MS, Desk, goal, ready, start
+from tests.support.robot.vehicles import Desk, goal, ready, start
 
 
 def restarted() -> Desk:

@@ -23,6 +23,7 @@ from runtime.errors import ClockStoppedError
 from runtime.lockstep import LockstepClock, LockstepLoop
 from runtime.sequence import MAX_LATE_NS, MAX_LATE_TICKS, Order, SequenceTracker, order_of
 from runtime.units import CONTROL_HZ, NS_PER_MS, NS_PER_S
+from runtime.units import PERIOD_NS as PERIOD
 from runtime.watchdog import (
     MAX_SLOWDOWN,
     Patience,
@@ -348,7 +349,7 @@ PACKAGES = [
     "checks",
 ]
 WRITTEN_DOWN = re.compile(
-    r"^(NS_PER_\w+|MS|SECOND)\b.*= *[\d(]|\b[a-z]\w* [*/] 1e9\b", re.MULTILINE
+    r"^(NS_PER_\w+|NS_PER_MS|SECOND)\b.*= *[\d(]|\b[a-z]\w* [*/] 1e9\b", re.MULTILINE
 )
 PORTABLE = "robot/core/"
 """Modules that run alone on a microcontroller."""
@@ -364,26 +365,23 @@ def test_only_one_module_defines_the_units_of_time() -> None:
     assert {path for path in paths if not path.startswith(PORTABLE)} == {"runtime/units.py"}
 
 
-MS = 1_000_000
-
-
 def test_a_stall_is_counted_and_not_replayed() -> None:
     clock = ManualClock()
     grid = ticks(clock, rate_hz=50.0)
     next(grid)
-    clock.advance(95 * MS)  # four deadlines pass
+    clock.advance(95 * NS_PER_MS)  # four deadlines pass
     late = next(grid)
     after = next(grid)
-    assert (late.index, late.missed, late.late_ns) == (4, 3, 75 * MS)
-    assert (after.index, after.late_ns, after.due_ns) == (5, 0, 100 * MS)
+    assert (late.index, late.missed, late.late_ns) == (4, 3, 75 * NS_PER_MS)
+    assert (after.index, after.late_ns, after.due_ns) == (5, 0, 100 * NS_PER_MS)
 
 
 def test_the_grid_does_not_drift() -> None:
     dues = [t.due_ns for t in islice(ticks(ManualClock(), 50.0), 1_000)]
-    assert dues[-1] == 999 * 20 * MS
+    assert dues[-1] == 999 * 20 * NS_PER_MS
 
 
-@given(st.lists(st.integers(0, 500 * MS), max_size=30))
+@given(st.lists(st.integers(0, 500 * NS_PER_MS), max_size=30))
 def test_ticks_and_misses_add_up_at_any_cost(work: list[int]) -> None:
     clock = ManualClock()
     grid = ticks(clock, 20.0)
@@ -392,18 +390,18 @@ def test_ticks_and_misses_add_up_at_any_cost(work: list[int]) -> None:
         clock.advance(cost_ns)
         seen.append(next(grid))
     assert seen[-1].index == len(work) + seen[-1].missed
-    assert all(b.due_ns - a.due_ns >= 50 * MS for a, b in pairwise(seen))
-    assert all(tick.due_ns == tick.index * 50 * MS for tick in seen)
+    assert all(b.due_ns - a.due_ns >= 50 * NS_PER_MS for a, b in pairwise(seen))
+    assert all(tick.due_ns == tick.index * 50 * NS_PER_MS for tick in seen)
 
 
 def test_the_grid_begins_with_the_first_tick() -> None:
-    clock = ManualClock(start_ns=7 * MS)
-    assert next(ticks(clock, 20.0)) == Tick(index=0, due_ns=7 * MS, late_ns=0, missed=0)
+    clock = ManualClock(start_ns=7 * NS_PER_MS)
+    assert next(ticks(clock, 20.0)) == Tick(index=0, due_ns=7 * NS_PER_MS, late_ns=0, missed=0)
 
 
 def test_wall_clock_waits_until_the_deadline() -> None:
     clock: Clock = WallClock()
-    deadline_ns = clock.now_ns() + 2 * MS
+    deadline_ns = clock.now_ns() + 2 * NS_PER_MS
     clock.sleep_until(deadline_ns)
     assert clock.now_ns() >= deadline_ns
     clock.sleep_until(0)
@@ -419,9 +417,9 @@ def test_the_manual_clock_never_goes_back() -> None:
 def test_lockstep_time_is_the_newest_stamp() -> None:
     clock = LockstepClock(start_ns=5)
     assert clock.now_ns() == 5
-    clock.advance_to(100 * MS)
-    clock.advance_to(100 * MS)
-    assert clock.now_ns() == 100 * MS
+    clock.advance_to(100 * NS_PER_MS)
+    clock.advance_to(100 * NS_PER_MS)
+    assert clock.now_ns() == 100 * NS_PER_MS
     assert (clock.restarts, clock.offset_ns) == (0, 0)
     assert clock.cpu_ns() > 0
 
@@ -430,13 +428,15 @@ def test_lockstep_time_goes_on_after_a_restart_of_the_plant() -> None:
     clock = LockstepClock()
     grid = ticks(clock, 20.0)
     ticked = []
-    for stamp_ns in (900 * MS, 950 * MS, 0, 50 * MS, 100 * MS):
+    for stamp_ns in (900 * NS_PER_MS, 950 * NS_PER_MS, 0, 50 * NS_PER_MS, 100 * NS_PER_MS):
         clock.advance_to(stamp_ns)
-        ticked.append((next(grid).missed, clock.now_ns() // MS, clock.now_ns() - clock.offset_ns))
+        ticked.append(
+            (next(grid).missed, clock.now_ns() // NS_PER_MS, clock.now_ns() - clock.offset_ns)
+        )
     assert [(missed, now_ms) for missed, now_ms, _ in ticked[2:]] == [
         (ticked[1][0], 1000), (ticked[1][0], 1050), (ticked[1][0], 1100)
     ]  # fmt: skip
-    assert [stamp_ns for _, _, stamp_ns in ticked[2:]] == [0, 50 * MS, 100 * MS]
+    assert [stamp_ns for _, _, stamp_ns in ticked[2:]] == [0, 50 * NS_PER_MS, 100 * NS_PER_MS]
     assert clock.restarts == 1
 
 
@@ -444,10 +444,10 @@ def test_lockstep_clock_does_not_wait_for_a_stamp() -> None:
     clock = LockstepClock()
     with pytest.raises(ClockStoppedError, match="no stamp of 0 ns"):
         clock.sleep_until(0)
-    clock.advance_to(50 * MS)
-    clock.sleep_until(50 * MS)
+    clock.advance_to(50 * NS_PER_MS)
+    clock.sleep_until(50 * NS_PER_MS)
     with pytest.raises(ClockStoppedError):
-        clock.sleep_until(50 * MS + 1)
+        clock.sleep_until(50 * NS_PER_MS + 1)
 
 
 def test_a_lockstep_loop_makes_one_tick_per_stamp() -> None:
@@ -455,13 +455,14 @@ def test_a_lockstep_loop_makes_one_tick_per_stamp() -> None:
     grid = ticks(clock, 20.0)
     seen = []
     for number in range(4):
-        clock.advance_to(number * 50 * MS)
+        clock.advance_to(number * 50 * NS_PER_MS)
         seen.append(next(grid))
-    assert [(t.index, t.due_ns, t.late_ns) for t in seen] == [(n, n * 50 * MS, 0) for n in range(4)]
+    assert [(t.index, t.due_ns, t.late_ns) for t in seen] == [
+        (n, n * 50 * NS_PER_MS, 0) for n in range(4)
+    ]
     assert seen[-1].missed == 0
 
 
-PERIOD = 50 * MS
 SLACK = PERIOD // 4
 
 
@@ -487,22 +488,22 @@ class KnownArrivals:
 def run(arrivals_ms: list[float], work_ms: list[float]) -> list[Tick]:
     """Run one tick per piece of work, which takes this long."""
     clock = ManualClock()
-    grid = ticks(clock, 20.0, KnownArrivals(clock, [round(at * MS) for at in arrivals_ms]))
+    grid = ticks(clock, 20.0, KnownArrivals(clock, [round(at * NS_PER_MS) for at in arrivals_ms]))
     seen = []
     for cost_ms in work_ms:
         seen.append(next(grid))
-        clock.advance(round(cost_ms * MS))
+        clock.advance(round(cost_ms * NS_PER_MS))
     return seen
 
 
 def starts_ms(seen: list[Tick]) -> list[float]:
     """Return the start of each tick; one of the grid starts a slack after its place."""
-    return [(t.due_ns + t.late_ns + (0 if t.by_frame else SLACK)) / MS for t in seen]
+    return [(t.due_ns + t.late_ns + (0 if t.by_frame else SLACK)) / NS_PER_MS for t in seen]
 
 
 def test_every_frame_starts_a_tick_as_it_arrives() -> None:
     seen = run([0, 53, 101, 149, 200], [1] * 5)
-    assert [t.due_ns / MS for t in seen] == [0, 53, 101, 149, 200]
+    assert [t.due_ns / NS_PER_MS for t in seen] == [0, 53, 101, 149, 200]
     assert all(t.by_frame and t.late_ns == 0 and t.missed == 0 for t in seen)
     assert [t.index for t in seen] == [0, 1, 2, 3, 4]
 
@@ -541,7 +542,7 @@ def test_a_burst_makes_no_extra_ticks() -> None:
 def test_a_backlog_delivered_at_once_makes_one_tick() -> None:
     # The link was cut for 200 ms; then all frames come together.
     seen = run([0, 250, 250.1, 250.2, 250.3, 300], [0.2] * 7)
-    assert [t.due_ns / MS for t in seen if t.by_frame] == [0, 250, 300]
+    assert [t.due_ns / NS_PER_MS for t in seen if t.by_frame] == [0, 250, 300]
 
 
 def test_continuous_frames_do_not_speed_up_the_loop() -> None:
@@ -562,20 +563,20 @@ def test_frames_of_another_phase_draw_the_grid_to_theirs() -> None:
 
 def test_late_tick_reports_the_delay_after_its_frame() -> None:
     seen = run([0, 50, 100], [65, 1, 1])
-    assert (seen[1].due_ns, seen[1].late_ns, seen[1].missed) == (50 * MS, 15 * MS, 0)
-    assert seen[2].due_ns == 100 * MS
+    assert (seen[1].due_ns, seen[1].late_ns, seen[1].missed) == (50 * NS_PER_MS, 15 * NS_PER_MS, 0)
+    assert seen[2].due_ns == 100 * NS_PER_MS
 
 
 def test_stall_skips_to_the_newest_frame_and_counts_misses() -> None:
     seen = run([0, 50, 100, 150, 200], [160, 1, 1])
-    assert (seen[1].due_ns / MS, seen[1].late_ns / MS) == (150, 10)
+    assert (seen[1].due_ns / NS_PER_MS, seen[1].late_ns / NS_PER_MS) == (150, 10)
     assert (seen[1].index, seen[1].missed) == (3, 2)
-    assert (seen[2].index, seen[2].due_ns / MS) == (4, 200)
+    assert (seen[2].index, seen[2].due_ns / NS_PER_MS) == (4, 200)
 
 
 def test_stall_without_a_newer_frame_counts_misses() -> None:
     seen = run([0, 50], [175, 1, 1])
-    assert (seen[1].due_ns / MS, seen[1].late_ns / MS) == (50, 125)
+    assert (seen[1].due_ns / NS_PER_MS, seen[1].late_ns / NS_PER_MS) == (50, 125)
     assert (seen[1].index, seen[1].missed) == (3, 2)
     assert starts_ms(seen)[2] == 212.5
 

@@ -26,6 +26,7 @@ from robot.core.values import Decision, Outputs, Twist
 from robot.hosting import InProcessCore
 from robot.parameter_table import OutOfRangeError, UnknownParameterError
 from runtime.errors import UserError
+from runtime.units import PERIOD_NS
 from sidestep import main as sidestep
 from study.cli.trial import COLUMNS, main, parser
 from study.trial.core_loop import Behaviour, CoreLoop
@@ -179,7 +180,6 @@ def test_robot_is_calibrated_for_its_noise_by_default() -> None:
         assert params_of(asked).wheel_ratio == 1.01
 
 
-PERIOD_NS = 50_000_000
 AHEAD = WireGoal(2000, 0, 0, 1, 50, 52360)
 
 

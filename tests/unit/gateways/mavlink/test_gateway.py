@@ -32,11 +32,10 @@ from ground.client.connection import Common
 from ground.user.mavlink_keys import KeyRing, new_key, write_keys
 from protocol.bus.network import Network, Tls, gateway_here
 from runtime.errors import ConfigError, UserError
+from runtime.units import NS_PER_MS as MS
 from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, Bench, acks, command, everything
 from tests.support.gateway.whole import CommandedPort, StepClock, WholeGateway
-
-MS = 1_000_000
 
 
 def rounds_until(pace: Pace, from_ms: int, to_ms: int) -> int:

@@ -50,7 +50,6 @@ NOT_IN_CONTROL = 10
 TO_MANUAL, TO_GUIDED = SetMode(mode=Mode.MANUAL), SetMode(mode=Mode.GUIDED)
 LATITUDE_DEG, LONGITUDE_DEG = to_global(ORIGIN, 12.0, -7.0)
 X, Y = round(LATITUDE_DEG * PER_DEG), round(LONGITUDE_DEG * PER_DEG)
-SECOND = 1_000_000_000
 
 
 @pytest.fixture

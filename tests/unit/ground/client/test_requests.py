@@ -29,9 +29,9 @@ from protocol.wire.messages import CommandAck, CommandRequest, LeaseStatus, Navi
 from protocol.wire.reasons import Reason, reason_text
 from runtime.clock import ManualClock
 from runtime.errors import ConfigError
+from runtime.units import NS_PER_MS as MS
 from tests.support.each import each
 
-MS = 1_000_000
 MINE = 77
 HOLD = CommandRequest(request_id=MINE, param1=0.0, param2=0.0, command=193)
 

@@ -43,12 +43,12 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason, reason_text
 from runtime.clock import ManualClock
+from runtime.units import NS_PER_MS as MS
+from runtime.units import NS_PER_S as S
 from tests.support.each import each
 from tests.support.ground.client import ScriptedBus, lease_of
 from tests.support.ground.client import status as client_status
 from tests.support.played_bus import Air
-
-MS = 1_000_000
 
 
 def status(
@@ -178,9 +178,6 @@ def test_a_beat_is_due_at_once_and_then_by_the_faster_clock() -> None:
     assert pace.due(202 * MS, 400 * MS)
 
 
-S = 1_000_000_000
-
-
 def test_first_status_emits_all_events_a_repeat_none() -> None:
     detector = EventDetector("open/0a")
     first = detector.receive(client_status(time_ns=S))
@@ -290,15 +287,12 @@ def test_topic_is_subscribed_once_for_all_its_streams() -> None:
     asyncio.run(story())
 
 
-SECOND = 1_000 * MS
-
-
 def after(
     seconds: float, stamp_ns: Callable[[int], int], *, speed: float | None = 1.0
 ) -> tuple[str, str]:
     """Return words and hint after a time in which a stamp came every 50 ms."""
     factor, now_ns = TimeFactor(speed), 0
-    while now_ns <= seconds * SECOND:
+    while now_ns <= seconds * S:
         factor.take(stamp_ns(now_ns), now_ns)
         now_ns += 50 * MS
     return factor.words(now_ns), factor.hint(now_ns)
@@ -338,9 +332,9 @@ def test_two_seconds_are_needed() -> None:
 
 def test_restarted_plant_begins_a_new_window() -> None:
     factor, shown = TimeFactor(1.0), set()
-    for now_ns in range(0, 8 * SECOND, 50 * MS):
-        before = now_ns < 5 * SECOND
-        factor.take(now_ns + 30 * SECOND if before else now_ns - 5 * SECOND, now_ns)
+    for now_ns in range(0, 8 * S, 50 * MS):
+        before = now_ns < 5 * S
+        factor.take(now_ns + 30 * S if before else now_ns - 5 * S, now_ns)
         shown.add((factor.words(now_ns), factor.hint(now_ns)))
     assert shown == {("SIM", ""), ("SIM 1.0x", "")}
 
@@ -349,10 +343,10 @@ def test_factor_without_news_of_the_plant_is_unknown() -> None:
     factor = TimeFactor(1.0)
     for number in range(100):
         factor.take(number * 10 * MS, number * 50 * MS)
-    assert factor.hint(5 * SECOND) == "computer busy"
-    assert (factor.words(10 * SECOND), factor.hint(10 * SECOND)) == ("SIM", "")
-    factor.take(100 * SECOND, 20 * SECOND)
-    assert factor.words(20 * SECOND) == "SIM"
+    assert factor.hint(5 * S) == "computer busy"
+    assert (factor.words(10 * S), factor.hint(10 * S)) == ("SIM", "")
+    factor.take(100 * S, 20 * S)
+    assert factor.words(20 * S) == "SIM"
 
 
 def test_speed_of_the_command_line_is_a_number() -> None:

@@ -30,12 +30,12 @@ from protocol.wire.messages import CommandAck, CommandRequest, NavigatorStatus
 from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
 from runtime.errors import NoAnswerError
+from runtime.units import NS_PER_MS as MS
 from tests.support.each import each
 from tests.support.ground.client import Pulse, ack, status
 from tests.support.ground.station import Robot
 from tests.support.played_bus import Box, PlayedBus, Wireless
 
-MS = 1_000_000
 YES = CommandAck(command=185, result=AckResult.ACCEPTED, result_param2=0)
 BUSY = CommandAck(
     command=185, result=AckResult.TEMPORARILY_REJECTED, result_param2=Reason.TOO_MANY_REQUESTS

@@ -35,11 +35,11 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
 from runtime.errors import NoAnswerError
+from runtime.units import NS_PER_S as SECOND
 from tests.support.each import each
 from tests.support.ground.made_recordings import truth
 from tests.support.played_bus import Wireless
 
-SECOND = 1_000_000_000
 SILENT = "no process answers"
 FACTS = {
     "goal": {

@@ -16,6 +16,7 @@ from ground.user.folders import recordings_folder
 from protocol.bus.network import Network
 from runtime.clock import ManualClock
 from runtime.errors import UserError
+from runtime.units import NS_PER_S as S
 from tests.support.ground.made_recordings import PrintingChildren, printing_children
 
 FOLDER = Path("a folder of r1 and .mcap")
@@ -66,7 +67,6 @@ def test_output_that_another_thread_has_closed_is_no_error(children: PrintingChi
     assert files.all == []
 
 
-S = 1_000_000_000
 COMMON = Common(network=Network(mode="client", connect=("tcp/127.0.0.1:1",)), robot="r1")
 
 

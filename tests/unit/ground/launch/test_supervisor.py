@@ -98,7 +98,6 @@ def test_no_minute_has_more_restarts_than_the_limit(gaps_ns: list[int]) -> None:
 ROBOT = "robot r1"
 PLANT = "plant"
 NEEDED = (ROBOT, PLANT)
-SECOND = 1_000_000_000
 KILLED = "the robot r1 process was killed (signal SIGKILL)"
 
 
@@ -134,7 +133,7 @@ class Stage:
         self, *, detector: bool = True, limit: int = 5, silent_ns: int = SILENT_NS
     ) -> None:
         self.children = SimulatedChildren()
-        self.detector = HangDetector(ROBOT, [ROBOT, PLANT], lambda: True, -SECOND, silent_ns)
+        self.detector = HangDetector(ROBOT, [ROBOT, PLANT], lambda: True, -NS_PER_S, silent_ns)
         for role in (ROBOT, PLANT):
             self.detector.note_message(role, 0)
         self.supervisor = Supervisor(
@@ -146,7 +145,7 @@ class Stage:
 
     def wait(self, now_ns: int) -> None:
         """Run rounds until then."""
-        for at_ns in (*range(0, now_ns, SECOND // 10), now_ns):
+        for at_ns in (*range(0, now_ns, NS_PER_S // 10), now_ns):
             self.supervisor.round(at_ns)
 
     def kill(self, role: str, now_ns: int) -> None:
@@ -178,19 +177,19 @@ def test_suspended_process_in_paced_time_is_not_killed_within_four_seconds() -> 
 
 
 def test_suspended_gateway_is_killed_though_it_sends_once_a_second() -> None:
-    detector = HangDetector(ROBOT, [ROBOT], lambda: True, -SECOND, slow=["gateway"])
-    for at_ns in range(0, 10 * SECOND + 1, SECOND // 10):
+    detector = HangDetector(ROBOT, [ROBOT], lambda: True, -NS_PER_S, slow=["gateway"])
+    for at_ns in range(0, 10 * NS_PER_S + 1, NS_PER_S // 10):
         detector.note_message(ROBOT, at_ns)
-        if at_ns % SECOND == 0 and at_ns <= 2 * SECOND:
+        if at_ns % NS_PER_S == 0 and at_ns <= 2 * NS_PER_S:
             detector.note_message("gateway", at_ns)
-        is_overdue = at_ns > 2 * SECOND + SILENT_NS + SLOW_NS
+        is_overdue = at_ns > 2 * NS_PER_S + SILENT_NS + SLOW_NS
         if detector.silent(at_ns):
             assert is_overdue
             break
     else:
         raise AssertionError("not detected")
     detector.note_message("another role", 0)
-    assert detector.silent(10 * SECOND) == []
+    assert detector.silent(10 * NS_PER_S) == []
 
 
 def test_dead_process_in_paced_time_is_restarted_at_once() -> None:
@@ -201,16 +200,16 @@ def test_dead_process_in_paced_time_is_restarted_at_once() -> None:
 
 def test_without_a_detector_no_hang_is_detected() -> None:
     stage = Stage(detector=False)
-    stage.supervisor.round(100 * SECOND)
+    stage.supervisor.round(100 * NS_PER_S)
     assert stage.children.started == []
-    stage.kill(ROBOT, 100 * SECOND)
+    stage.kill(ROBOT, 100 * NS_PER_S)
     assert len(stage.children.started) == 1
 
 
 def test_given_up_process_is_not_restarted() -> None:
     stage = Stage(limit=0)
     stage.kill(ROBOT, 0)
-    stage.supervisor.round(100 * SECOND)
+    stage.supervisor.round(100 * NS_PER_S)
     assert stage.children.started == []
     assert stage.supervisor.next_event().startswith("GIVEN UP")
     void = stage.supervisor.void(NEEDED, 0)
@@ -231,7 +230,7 @@ def test_void_run_is_final_after_a_wait(back: bool) -> None:
     stage = Stage()
     stage.kill(ROBOT, 0)
     if back:
-        stage.detector.note_message(ROBOT, SECOND)
+        stage.detector.note_message(ROBOT, NS_PER_S)
     void = stage.supervisor.void(NEEDED, SETTLED_NS + 1)
     assert void is not None
     assert void.is_final is back
@@ -239,10 +238,6 @@ def test_void_run_is_final_after_a_wait(back: bool) -> None:
     void = stage.supervisor.void(NEEDED, RESTART_WAIT_NS + 1)
     assert void is not None
     assert void.is_final
-
-
-MS = 1_000_000
-SECOND_NS = 1000 * MS
 
 
 class Link:
@@ -261,7 +256,7 @@ class Watched(HangDetector):
     def until(self, now_ns: int, *beating: str) -> list[str]:
         """Return the roles reported until then, while `beating` keep sending."""
         found = []
-        for at_ns in (*range(self._last_check_ns, now_ns, 100 * MS), now_ns):
+        for at_ns in (*range(self._last_check_ns, now_ns, 100 * NS_PER_MS), now_ns):
             for role in beating:
                 self.note_message(role, at_ns)
             found += self.silent(at_ns)
@@ -270,23 +265,23 @@ class Watched(HangDetector):
 
 def detector_of(hub: str, link: Link | None = None) -> Watched:
     """Return a detector whose roles all sent a message at one second."""
-    detector = Watched(hub, [ROBOT, PLANT], link or Link(), SECOND_NS - 200 * MS)
+    detector = Watched(hub, [ROBOT, PLANT], link or Link(), NS_PER_S - 200 * NS_PER_MS)
     for role in (ROBOT, PLANT):
-        detector.note_message(role, SECOND_NS)
+        detector.note_message(role, NS_PER_S)
     return detector
 
 
-QUIET_NS = SECOND_NS + SILENT_NS
+QUIET_NS = NS_PER_S + SILENT_NS
 
 
 def test_process_with_messages_is_not_silent() -> None:
     detector = detector_of(ROBOT)
     assert detector.until(QUIET_NS) == []
-    assert detector.until(60 * SECOND_NS, ROBOT, PLANT) == []
+    assert detector.until(60 * NS_PER_S, ROBOT, PLANT) == []
 
 
 def test_silent_plant_is_reported_once() -> None:
-    assert detector_of(ROBOT).until(60 * SECOND_NS, ROBOT) == [PLANT]
+    assert detector_of(ROBOT).until(60 * NS_PER_S, ROBOT) == [PLANT]
 
 
 def test_silence_of_all_is_attributed_to_the_hub() -> None:
@@ -308,69 +303,69 @@ def test_silent_robot_behind_a_router_is_reported() -> None:
 def test_hub_restart_grants_time_to_reconnect() -> None:
     detector = detector_of(ROBOT)
     detector.note_exit(ROBOT)
-    assert detector.until(60 * SECOND_NS) == []
-    detector.note_start(ROBOT, 60 * SECOND_NS)
-    assert detector.until(60 * SECOND_NS + STARTING_NS) == []
-    assert detector.until(60 * SECOND_NS + STARTING_NS + 1, ROBOT) == [PLANT]
+    assert detector.until(60 * NS_PER_S) == []
+    detector.note_start(ROBOT, 60 * NS_PER_S)
+    assert detector.until(60 * NS_PER_S + STARTING_NS) == []
+    assert detector.until(60 * NS_PER_S + STARTING_NS + 1, ROBOT) == [PLANT]
 
 
 def test_started_process_has_limited_time_to_report() -> None:
     detector = detector_of(ROBOT)
     detector.note_exit(PLANT)
-    detector.note_start(PLANT, 2 * SECOND_NS)
-    assert detector.until(2 * SECOND_NS + STARTING_NS, ROBOT) == []
-    assert detector.until(2 * SECOND_NS + STARTING_NS + 1, ROBOT) == [PLANT]
+    detector.note_start(PLANT, 2 * NS_PER_S)
+    assert detector.until(2 * NS_PER_S + STARTING_NS, ROBOT) == []
+    assert detector.until(2 * NS_PER_S + STARTING_NS + 1, ROBOT) == [PLANT]
 
 
 def test_own_suspension_restarts_the_silence() -> None:
     detector = detector_of(ROBOT)
-    assert detector.silent(30 * SECOND_NS) == []
-    assert detector.until(30 * SECOND_NS + SILENT_NS) == []
-    assert detector.until(30 * SECOND_NS + SILENT_NS + 1) == [ROBOT]
+    assert detector.silent(30 * NS_PER_S) == []
+    assert detector.until(30 * NS_PER_S + SILENT_NS) == []
+    assert detector.until(30 * NS_PER_S + SILENT_NS + 1) == [ROBOT]
 
 
 def test_stale_message_is_no_sign_of_life() -> None:
     detector = detector_of(ROBOT)
     detector.note_exit(ROBOT)
-    detector.note_message(ROBOT, 2 * SECOND_NS)
+    detector.note_message(ROBOT, 2 * NS_PER_S)
     assert detector.last_message_ns(ROBOT) is None
-    detector.note_start(ROBOT, 2 * SECOND_NS)
-    detector.note_message(ROBOT, 2 * SECOND_NS + MS)
+    detector.note_start(ROBOT, 2 * NS_PER_S)
+    detector.note_message(ROBOT, 2 * NS_PER_S + NS_PER_MS)
     assert detector.last_message_ns(ROBOT) is None
-    detector.note_message(ROBOT, 3 * SECOND_NS)
-    assert detector.last_message_ns(ROBOT) == 3 * SECOND_NS
+    detector.note_message(ROBOT, 3 * NS_PER_S)
+    assert detector.last_message_ns(ROBOT) == 3 * NS_PER_S
 
 
 def test_silence_of_a_starved_process_is_not_a_hang() -> None:
     queued = {"main": 0}
     detector = Watched(
-        ROBOT, [ROBOT], lambda: True, SECOND_NS - 200 * MS, queued_ns=lambda _: dict(queued)
+        ROBOT, [ROBOT], lambda: True, NS_PER_S - 200 * NS_PER_MS, queued_ns=lambda _: dict(queued)
     )
-    detector.note_message(ROBOT, SECOND_NS)
+    detector.note_message(ROBOT, NS_PER_S)
     for _ in range(40):  # 4 s, of which it waits 3 s for a processor
-        queued["main"] += 75 * MS
-        assert detector.until(detector._last_check_ns + 100 * MS) == []
-    assert detector.until(SECOND_NS + SILENT_NS + 3 * SECOND_NS) == [ROBOT]
+        queued["main"] += 75 * NS_PER_MS
+        assert detector.until(detector._last_check_ns + 100 * NS_PER_MS) == []
+    assert detector.until(NS_PER_S + SILENT_NS + 3 * NS_PER_S) == [ROBOT]
 
 
 def test_wait_for_a_processor_before_a_message_is_no_excuse() -> None:
-    queued = {"main": 100 * SECOND_NS}
+    queued = {"main": 100 * NS_PER_S}
     detector = Watched(
-        ROBOT, [ROBOT], lambda: True, SECOND_NS - 200 * MS, queued_ns=lambda _: queued
+        ROBOT, [ROBOT], lambda: True, NS_PER_S - 200 * NS_PER_MS, queued_ns=lambda _: queued
     )
-    detector.note_message(ROBOT, SECOND_NS)
+    detector.note_message(ROBOT, NS_PER_S)
     assert detector.until(QUIET_NS + 1) == [ROBOT]
 
 
 def test_hang_of_a_process_whose_other_threads_wait_is_found() -> None:
     queued = {"main": 0}
     detector = Watched(
-        ROBOT, [ROBOT], lambda: True, SECOND_NS - 200 * MS, queued_ns=lambda _: dict(queued)
+        ROBOT, [ROBOT], lambda: True, NS_PER_S - 200 * NS_PER_MS, queued_ns=lambda _: dict(queued)
     )
-    detector.note_message(ROBOT, SECOND_NS)
+    detector.note_message(ROBOT, NS_PER_S)
     ended: list[str] = []
-    while not ended and detector._last_check_ns < SECOND_NS + 6 * SILENT_NS:
-        queued["main"] += 100 * MS
-        ended = detector.until(detector._last_check_ns + 100 * MS)
+    while not ended and detector._last_check_ns < NS_PER_S + 6 * SILENT_NS:
+        queued["main"] += 100 * NS_PER_MS
+        ended = detector.until(detector._last_check_ns + 100 * NS_PER_MS)
     assert ended == [ROBOT]
-    assert detector._last_check_ns >= SECOND_NS + 5 * SILENT_NS
+    assert detector._last_check_ns >= NS_PER_S + 5 * SILENT_NS

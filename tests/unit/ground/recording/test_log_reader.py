@@ -43,6 +43,7 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from runtime.errors import UserError
+from runtime.units import NS_PER_S as S
 from tests.support.each import each
 from tests.support.ground.made_recordings import (
     PublishedFrame,
@@ -321,9 +322,6 @@ def test_renamed_file_and_other_prefix_keep_the_robot(
     assert log.robot == "r7"
     assert [frame.key for frame in log] == [one.key for one in run(2, "r7")]
     assert open_log(path, "r9").robot == "r9"
-
-
-S = 1_000_000_000
 
 
 @dataclass

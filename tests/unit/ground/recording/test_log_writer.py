@@ -28,6 +28,7 @@ from protocol.wire.codec import Encoder
 from protocol.wire.message import Message
 from protocol.wire.messages import AvoidanceDecision, Statustext
 from runtime.errors import NoAnswerError
+from runtime.units import NS_PER_S as S
 from tests.support.ground.made_recordings import (
     START_US,
     WORLD_TEXT,
@@ -608,9 +609,6 @@ def test_stamps_are_those_of_the_frames(tmp_path: Path) -> None:
     dual_log.close()
     for track in dual_log.tracks:
         assert next(iter(open_log(track.path))).time_ns == START_US * 1000
-
-
-S = 1_000_000_000
 
 
 class Stage:

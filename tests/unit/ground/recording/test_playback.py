@@ -32,6 +32,7 @@ from protocol.wire.reasons import Reason
 from protocol.wire.statustext import pieces_of
 from runtime.clock import ManualClock
 from runtime.errors import LocalError, NoAnswerError, UserError
+from runtime.units import NS_PER_S as S
 from tests.support.ground.made_recordings import (
     PERIOD_US,
     START_US,
@@ -44,7 +45,6 @@ from tests.support.ground.made_recordings import (
     tlog,
 )
 
-S = 1_000_000_000
 Opens = Callable[[list[PublishedFrame]], ReplayBus]
 
 

@@ -10,10 +10,9 @@ from protocol.topics import PARAMETER, PARAMETERS, STATUS, STOP, TEXT, Role
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.messages import Statustext
 from protocol.wire.statustext import pieces_of
+from runtime.units import NS_PER_S as S
 from tests.support.each import each
 from tests.support.ground.station import Play, Robot
-
-S = 1_000_000_000
 
 
 def fleet(*others: Robot) -> Play:

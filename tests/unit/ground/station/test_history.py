@@ -22,10 +22,11 @@ from protocol.wire.enums import GoalState, Mode, Severity
 from protocol.wire.messages import CycleReport, NavigatorStatus, PlanarOdometry, SonarScan
 from protocol.wire.reasons import Reason
 from runtime.units import NS_PER_S
+from runtime.units import NS_PER_S as S
 from tests.support.each import each
 from tests.support.ground.made_recordings import odometry
 from tests.support.ground.made_recordings import status as recording_status
-from tests.support.ground.station import Play, Robot, S
+from tests.support.ground.station import Play, Robot
 from tests.support.tui.fakes import status
 
 

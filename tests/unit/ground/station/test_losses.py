@@ -26,6 +26,8 @@ from protocol.wire.codec import Encoder
 from protocol.wire.enums import Command, GoalState, Mode, Vehicle
 from protocol.wire.messages import ParamValue
 from protocol.wire.reasons import Reason
+from runtime.units import NS_PER_MS as MS
+from runtime.units import NS_PER_S as S
 from tests.support.each import each
 from tests.support.ground.station import BEAT, Play
 
@@ -478,9 +480,6 @@ def test_unknown_robot_has_an_unknown_response() -> None:
     assert loss.response == "the state of the robot is unknown"
 
 
-MS = 1_000_000
-
-
 @each(
     ("others_ms", "kind"),
     [
@@ -503,9 +502,6 @@ def test_death_needs_proof_of_the_link() -> None:
     inputs = LossInputs(10_000 * MS, gone_ns=600 * MS, heartbeat_ns=700 * MS)
     assert classify(inputs) is None
     assert classify(inputs._replace(hub_ns=100 * MS)) is LossKind.PROCESS_DEAD
-
-
-S = 1_000_000_000
 
 
 def report_loss(contact: Contact, kind: LossKind, at_ns: int, since_ns: int) -> int:

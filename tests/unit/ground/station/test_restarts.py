@@ -17,8 +17,9 @@ from protocol.wire.enums import GoalState, Severity
 from robot.file_writer import Directory
 from robot.run import report_previous_run
 from robot.storage import PreviousRun
+from runtime.units import NS_PER_S as S
 from tests.support.each import each
-from tests.support.ground.station import Play, S
+from tests.support.ground.station import Play
 
 
 def test_robot_restart_is_detected_and_data_read_again() -> None:

@@ -35,7 +35,8 @@ from protocol.wire.message import Message
 from protocol.wire.messages import MissionStatus, ParamValue, Statustext
 from runtime.clock import ManualClock
 from runtime.errors import UserError
-from tests.support.ground.station import PARAMS, Inline, Play, Robot, S
+from runtime.units import NS_PER_S as S
+from tests.support.ground.station import PARAMS, Inline, Play, Robot
 from tests.support.messages import messages_of
 from tests.support.played_bus import Handler, PlayedBus
 

@@ -23,11 +23,11 @@ from robot.core.parameters import DEFAULTS
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.sonar_ring import FRONT
 from robot.core.values import BEARINGS, SONARS, Decision, Goal, Outputs, Pose, wrap
+from runtime.units import PERIOD_MS
 from study.trial.trial import NAVIGATORS as TRIAL_NAVIGATORS
 from tests.support.each import each
 from tests.support.robot.driving import (
     ALL,
-    PERIOD_MS,
     Driver,
     Tick,
     anything,

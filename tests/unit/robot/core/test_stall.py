@@ -12,6 +12,7 @@ from robot.core.perception import stall as stalls
 from robot.core.perception.odometry import Odometry
 from robot.core.perception.stall import ENOUGH_M, Stall, Wheel
 from robot.core.values import Pose
+from runtime.units import PERIOD_MS
 from tests.support.each import each
 
 COMMAND_M_S = 0.2
@@ -227,9 +228,6 @@ def test_wheel_that_goes_on_the_wrong_way_misses_all_of_it(sign: float) -> None:
     for times in (1, 2, 3):
         stalls.miss(wheel, sign * 0.01, -sign * COMMAND_M)
         assert wheel.missing_m == pytest.approx(-sign * times * (COMMAND_M + 0.01))
-
-
-PERIOD_MS = 50
 
 
 def is_stuck_after(left_m_s: float, turned: float, seconds: float) -> bool:
