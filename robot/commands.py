@@ -1,22 +1,30 @@
 """Handle the requests of operators, and their manual driving with a dead-man switch.
 
-A repeated request is acted on only once. Steering lasts only while frames arrive.
+`TABLE` holds what is known of each command, to all who ask. A repeated request is acted on only
+once. Steering lasts only while frames arrive.
 """
 
 from collections import OrderedDict, deque
 from collections.abc import Callable, Mapping
 from math import isfinite
 from types import MappingProxyType
-from typing import Final, NamedTuple, TypeAlias, TypeGuard
+from typing import Final, NamedTuple, TypeAlias
 
 from protocol.topic import person_of
 from protocol.wire.enums import AckResult, Command, Mode
 from protocol.wire.limits import MAX_TELEOP_TTL_MS
 from protocol.wire.message import Message, wire_of
-from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest, Teleop
+from protocol.wire.messages import (
+    CommandAck,
+    CommandRequest,
+    GoalRequest,
+    MissionRequestInt,
+    MissionRequestList,
+    ParamRequestRead,
+    Teleop,
+)
 from robot.core import modes, reasons, states
-from robot.core.modes import Machine
-from robot.core.values import Twist, goal_of, twist_of
+from robot.core.values import Goal, Twist, goal_of, twist_of
 from robot.hosting import Core
 from robot.mission import Mission
 from runtime.units import NS_PER_MS
@@ -31,9 +39,7 @@ MAX_STOPS: Final = 256
 RESTART: Final = 1.0
 """Parameter 1 of PREFLIGHT_REBOOT_SHUTDOWN that restarts the robot process."""
 
-CONTINUING: Final = (Command.DO_SET_MISSION_CURRENT,)
-"""Commands that lead a mission on, which stays that of its driver."""
-
+READ_ONLY: Final = (ParamRequestRead, MissionRequestList, MissionRequestInt)
 CommandOrGoal: TypeAlias = CommandRequest | GoalRequest
 
 
@@ -90,14 +96,35 @@ class Commands:
         A repeated request gets its earlier answer. A different request with the same id is refused.
         An emergency stop is acted on every time.
         """
-        if is_stop(request):
+        row, machine = row_of(request), self._machine
+        if row.is_emergency_stop:
             self._note_stop(request.request_id)
-            return acknowledge(request, self._handle(request, now_ms))
-        known = self._answers.find(operator, request)
-        if known is not None:
-            return known
-        answer = acknowledge(request, self._act(request, now_ms, operator))
-        self._answers.keep(operator, request, answer)
+        else:
+            known = self._answers.find(operator, request)
+            if known is not None:
+                return known
+        serial, mode = machine.serial, machine.mode
+        leader = self._leader(row, now_ms, operator)
+        reason = self._refusal(request, row, now_ms, leader)
+        if reason == reasons.OK:
+            if isinstance(request, GoalRequest):
+                from_robot = request.from_robot != 0
+                goal = goal_in(request)
+                reason = self._core.drive_to(goal, request.mode, now_ms, from_robot=from_robot)
+            else:
+                done = None if row.by_host is None else row.by_host(self, request, now_ms)
+                reason = self._core.command(request, now_ms) if done is None else done
+        is_new = machine.serial != serial
+        if is_new:
+            self.goal_id = request.request_id
+        begins = is_new or (reason == reasons.OK and row.by_hand)
+        if begins:
+            self.drive_id, self.begun_by = request.request_id, operator
+        if (begins or machine.mode not in (mode, states.HOLD)) and not row.leads_on:
+            self.driver = leader
+        answer = acknowledge(request, reason)
+        if not row.is_emergency_stop:
+            self._answers.keep(operator, request, answer)
         return answer
 
     def _note_stop(self, request_id: int) -> None:
@@ -111,28 +138,31 @@ class Commands:
             self._stop_ids.append(request_id)
         self._shown_id = request_id
 
-    def _act(self, request: CommandOrGoal, now_ms: int, operator: str) -> int:
-        machine = self._machine
-        serial, mode = machine.serial, machine.mode
-        # Who resumes the drive of an own program leaves it to that one while it is there.
+    def _leader(self, row: "CommandRow", now_ms: int, operator: str) -> str:
+        """Return the program that has the robot move if this request makes it move.
+
+        Who resumes the drive of an own program leaves it to that one while it is there.
+        """
         is_own = bool(self.driver) and person_of(self.driver) == person_of(operator)
-        is_led = resumes(request) and is_own and self._is_there(self.driver, now_ms)
+        is_led = row.resumes and is_own and self._is_there(self.driver, now_ms)
+        return self.driver if is_led else operator
+
+    def _refusal(self, request: CommandOrGoal, row: "CommandRow", now_ms: int, leader: str) -> int:
+        """Return why a request goes neither to the mission nor to the core, or 0."""
+        machine = self._machine
+        is_held = machine.mode == states.HOLD and machine.resume_mode == states.GUIDED
+        needs_operator = row.needs_operator or (row.resumes and is_held)
         # Without any operator the core itself refuses, and shows it in the state of the goal.
-        is_absent = machine.operator and not is_led and not self._is_there(operator, now_ms)
-        if is_absent and needs_operator(request, machine):
+        if needs_operator and machine.operator and not self._is_there(leader, now_ms):
             return reasons.NO_OPERATOR
-        reason = self._handle(request, now_ms)
-        is_new = machine.serial != serial
-        if is_new:
-            self.goal_id = request.request_id
-        if is_new or (reason == reasons.OK and is_manual(request)):
-            self.drive_id, self.begun_by = request.request_id, operator
-        elif machine.mode == mode or machine.mode == states.HOLD:
-            return reason
-        leads_on = isinstance(request, CommandRequest) and request.command in CONTINUING
-        if not (is_led or leads_on):
-            self.driver = operator
-        return reason
+        if isinstance(request, GoalRequest):
+            return reasons.OK
+        if request.ends_id and self._is_over(request):
+            return reasons.ALREADY_OVER
+        if request.command not in TABLE:
+            return reasons.UNKNOWN_COMMAND
+        are_finite = all(isfinite(getattr(request, name)) for name in row.uses)
+        return reasons.OK if are_finite else reasons.PARAMETER_OUT_OF_RANGE
 
     def _is_over(self, request: CommandRequest) -> bool:
         """Return whether the goal or drive that a clean-up names is no longer there."""
@@ -142,47 +172,14 @@ class Commands:
         is_live = modes.goal_is_active(machine) or self._mission.active
         return request.ends_id != self.goal_id or not is_live
 
-    def _handle(self, request: CommandOrGoal, now_ms: int) -> int:
-        if isinstance(request, GoalRequest):
-            return self._goto(request, now_ms)
-        if request.ends_id and self._is_over(request):
-            return reasons.ALREADY_OVER
-        row = HANDLERS.get(request.command)
-        if row is None:
-            return reasons.UNKNOWN_COMMAND
-        if not all(isfinite(getattr(request, name)) for name in row.uses):
-            return reasons.PARAMETER_OUT_OF_RANGE
-        return row.handler(self, request, now_ms)
+    def _resume_mission(self, _request: CommandRequest, now_ms: int) -> int | None:
+        return self._mission.resume(now_ms) if self._mission.active else None
 
-    def _goto(self, request: GoalRequest, now_ms: int) -> int:
-        goal = goal_of(
-            request.x_mm,
-            request.y_mm,
-            request.heading_urad,
-            request.heading_free,
-            request.position_tolerance_mm,
-            request.heading_tolerance_urad,
-        )
-        from_robot = request.from_robot != 0
-        return self._core.drive_to(goal, request.mode, now_ms, from_robot=from_robot)
+    def _abort_mission(self, _request: CommandRequest, now_ms: int) -> int | None:
+        return self._mission.abort(now_ms) if self._mission.active else None
 
-    def _by_core(self, request: CommandRequest, now_ms: int) -> int:
-        return self._core.command(request, now_ms)
-
-    def _pause_continue(self, request: CommandRequest, now_ms: int) -> int:
-        if request.param1 and self._mission.active:
-            return self._mission.resume(now_ms)
-        return self._core.command(request, now_ms)
-
-    def _abort(self, request: CommandRequest, now_ms: int) -> int:
-        if self._mission.active:
-            return self._mission.abort(now_ms)
-        return self._core.command(request, now_ms)
-
-    def _set_pose(self, request: CommandRequest, now_ms: int) -> int:
-        if self._mission.active:
-            return reasons.DRIVING
-        return self._core.command(request, now_ms)
+    def _keep_pose(self, _request: CommandRequest, _now_ms: int) -> int | None:
+        return reasons.DRIVING if self._mission.active else None
 
     def _start_mission(self, request: CommandRequest, now_ms: int) -> int:
         return self._mission.start(int(request.param1), now_ms)
@@ -190,7 +187,7 @@ class Commands:
     def _jump(self, request: CommandRequest, now_ms: int) -> int:
         return self._mission.jump(int(request.param1), now_ms)
 
-    def _restart(self, request: CommandRequest, now_ms: int) -> int:
+    def _restart(self, request: CommandRequest, _now_ms: int) -> int:
         """Ask for a restart; a robot that is armed or in an emergency stop refuses."""
         if request.param1 != RESTART:
             return reasons.PARAMETER_OUT_OF_RANGE
@@ -235,53 +232,15 @@ def wire_form(request: CommandOrGoal) -> tuple[type[Message], bytes]:
     return type(request), wire_of(type(request)).pack(request)
 
 
-def is_stop(request: Message | None) -> bool:
-    """Return whether a request is an emergency stop."""
-    return isinstance(request, CommandRequest) and request.command == Command.DO_FLIGHTTERMINATION
-
-
-def is_arm(request: Message | None) -> bool:
-    """Return whether a request arms."""
-    return (
-        isinstance(request, CommandRequest)
-        and request.command == Command.COMPONENT_ARM_DISARM
-        and request.param1 != 0.0
-    )
-
-
-def is_clear(request: Message | None) -> TypeGuard[CommandRequest]:
-    """Return whether a request releases the emergency stop."""
-    return (
-        isinstance(request, CommandRequest)
-        and request.command == Command.SIDESTEP_CLEAR_EMERGENCY_STOP
-    )
-
-
-def is_manual(request: CommandOrGoal) -> bool:
-    """Return whether a request begins a drive by hand."""
-    return (
-        isinstance(request, CommandRequest)
-        and request.command == Command.DO_SET_MODE
-        and request.param2 == Mode.MANUAL
-    )
-
-
-def needs_operator(request: CommandOrGoal, machine: Machine) -> bool:
-    """Return whether the robot moves on this request only while its sender is there."""
-    if isinstance(request, GoalRequest):
-        return request.mode == Mode.GUIDED
-    if request.command == Command.DO_SET_MODE:
-        return request.param2 in (Mode.GUIDED, Mode.MANUAL)
-    is_held = machine.mode == states.HOLD and machine.resume_mode == states.GUIDED
-    return is_held and resumes(request)
-
-
-def resumes(request: CommandOrGoal) -> bool:
-    """Return whether a request continues what was held."""
-    return (
-        isinstance(request, CommandRequest)
-        and request.command == Command.DO_PAUSE_CONTINUE
-        and request.param1 != 0.0
+def goal_in(request: GoalRequest) -> Goal:
+    """Return the goal in a request."""
+    return goal_of(
+        request.x_mm,
+        request.y_mm,
+        request.heading_urad,
+        request.heading_free,
+        request.position_tolerance_mm,
+        request.heading_tolerance_urad,
     )
 
 
@@ -310,35 +269,87 @@ def result_of(reason: int) -> int:
     return AckResult.UNSUPPORTED if reason == reasons.UNKNOWN_COMMAND else AckResult.DENIED
 
 
-Handler = Callable[[Commands, CommandRequest, int], int]
-
-
 class CommandRow(NamedTuple):
-    """A command's handler, and the parameters it uses.
+    """What a command is, with any value of its parameters or with one of them.
 
-    The other parameters may have any value: MAVLink sets unused ones to NaN.
+    Parameters that it does not use may have any value: MAVLink sets unused ones to NaN.
     """
 
-    handler: Handler
     uses: tuple[str, ...] = ()
+    value: float | None = None
+    """The row holds for this value of the first parameter used; without one for all others."""
+
+    only_stops: bool = False
+    """It can only stop the robot, so that it needs no lease: standing is never the wrong answer."""
+
+    is_emergency_stop: bool = False
+    is_clear: bool = False
+    is_arm: bool = False
+    by_hand: bool = False
+    needs_operator: bool = False
+    """The robot moves on it only while its sender is there."""
+
+    resumes: bool = False
+    """It continues what was held, as that was: held in GUIDED, it needs an operator."""
+
+    leads_on: bool = False
+    """It leads a mission on, which stays that of its driver."""
+
+    by_host: Callable[[Commands, CommandRequest, int], int | None] | None = None
+    """What is done without the core; it returns the reason, or None to leave it to the core."""
 
 
-HANDLERS: Final[Mapping[int, CommandRow]] = MappingProxyType(
+TABLE: Final[Mapping[int, tuple[CommandRow, ...]]] = MappingProxyType(
     {
-        Command.COMPONENT_ARM_DISARM: CommandRow(Commands._by_core, ("param1",)),
-        Command.DO_SET_MODE: CommandRow(Commands._by_core, ("param2",)),
-        Command.DO_PAUSE_CONTINUE: CommandRow(Commands._pause_continue, ("param1",)),
-        Command.DO_FLIGHTTERMINATION: CommandRow(Commands._by_core),
-        Command.NAV_RETURN_TO_LAUNCH: CommandRow(Commands._by_core),
-        Command.MISSION_START: CommandRow(Commands._start_mission, ("param1",)),
-        Command.DO_SET_MISSION_CURRENT: CommandRow(Commands._jump, ("param1",)),
-        Command.PREFLIGHT_REBOOT_SHUTDOWN: CommandRow(Commands._restart, ("param1",)),
-        Command.SIDESTEP_SET_NAVIGATOR: CommandRow(Commands._by_core, ("param1", "param2")),
-        Command.SIDESTEP_SET_POSE: CommandRow(Commands._set_pose, ("param1", "param2")),
-        Command.SIDESTEP_ABORT_GOAL: CommandRow(Commands._abort),
-        Command.SIDESTEP_CLEAR_EMERGENCY_STOP: CommandRow(Commands._by_core),
+        Command.COMPONENT_ARM_DISARM: (
+            CommandRow(("param1",), 0.0, only_stops=True),
+            CommandRow(("param1",), is_arm=True),
+        ),
+        Command.DO_SET_MODE: (
+            CommandRow(("param2",), Mode.HOLD, only_stops=True),
+            CommandRow(("param2",), Mode.GUIDED, needs_operator=True),
+            CommandRow(("param2",), Mode.MANUAL, needs_operator=True, by_hand=True),
+            CommandRow(("param2",)),
+        ),
+        Command.DO_PAUSE_CONTINUE: (
+            CommandRow(("param1",), 0.0, only_stops=True),
+            CommandRow(("param1",), resumes=True, by_host=Commands._resume_mission),
+        ),
+        Command.DO_FLIGHTTERMINATION: (CommandRow(only_stops=True, is_emergency_stop=True),),
+        Command.NAV_RETURN_TO_LAUNCH: (CommandRow(),),
+        Command.MISSION_START: (CommandRow(("param1",), by_host=Commands._start_mission),),
+        Command.DO_SET_MISSION_CURRENT: (
+            CommandRow(("param1",), leads_on=True, by_host=Commands._jump),
+        ),
+        Command.PREFLIGHT_REBOOT_SHUTDOWN: (CommandRow(("param1",), by_host=Commands._restart),),
+        Command.SIDESTEP_SET_NAVIGATOR: (CommandRow(("param1", "param2")),),
+        Command.SIDESTEP_SET_POSE: (CommandRow(("param1", "param2"), by_host=Commands._keep_pose),),
+        Command.SIDESTEP_ABORT_GOAL: (
+            CommandRow(only_stops=True, by_host=Commands._abort_mission),
+        ),
+        Command.SIDESTEP_CLEAR_EMERGENCY_STOP: (CommandRow(is_clear=True),),
     }
 )
+"""The rows of each command; the first one whose value fits holds."""
+
+NOTHING: Final = CommandRow()
+
+
+def row_of(request: Message | None) -> CommandRow:
+    """Return what a request is; a request that is no command of the table is nothing special."""
+    if isinstance(request, GoalRequest):
+        return CommandRow(needs_operator=request.mode == Mode.GUIDED)
+    if not isinstance(request, CommandRequest):
+        return NOTHING
+    rows = TABLE.get(request.command, (NOTHING,))
+    return next(
+        row for row in rows if row.value is None or getattr(request, row.uses[0]) == row.value
+    )
+
+
+def needs_no_lease(request: Message) -> bool:
+    """Return whether a request is allowed without the lease: one that only stops, or only reads."""
+    return isinstance(request, READ_ONLY) or row_of(request).only_stops
 
 
 class TeleopInput:

@@ -8,17 +8,9 @@ from collections import OrderedDict
 from typing import Final, NamedTuple, TypeVar
 
 from protocol.topic import person_of
-from protocol.wire.enums import Command, LeaseAction, Mode, Severity
+from protocol.wire.enums import LeaseAction, Severity
 from protocol.wire.limits import MAX_LEASE_MS
-from protocol.wire.message import Message
-from protocol.wire.messages import (
-    CommandRequest,
-    LeaseRequest,
-    LeaseStatus,
-    MissionRequestInt,
-    MissionRequestList,
-    ParamRequestRead,
-)
+from protocol.wire.messages import LeaseRequest, LeaseStatus
 from robot.core import reasons
 from runtime.cli.terminal import printable
 from runtime.units import NS_PER_MS, NS_PER_S
@@ -30,7 +22,6 @@ IDLE_S: Final = IDLE_NS / NS_PER_S
 MAX_PROGRAMS: Final = 64
 """Programs whose heartbeats and names are kept: those with the newest ones."""
 
-READ_ONLY: Final = (ParamRequestRead, MissionRequestList, MissionRequestInt)
 T = TypeVar("T")
 
 
@@ -197,22 +188,3 @@ def keep(newest: OrderedDict[str, T], operator: str, value: T) -> None:
     newest.move_to_end(operator)
     if len(newest) > MAX_PROGRAMS:
         newest.popitem(last=False)
-
-
-def needs_no_lease(request: Message) -> bool:
-    """Return whether a request is allowed without the lease: one that only stops, or only reads.
-
-    A robot that stands is never the wrong answer.
-    """
-    return isinstance(request, READ_ONLY) or stops(request)
-
-
-def stops(request: Message | None) -> bool:
-    """Return whether a request can only stop the robot."""
-    if not isinstance(request, CommandRequest):
-        return False
-    if request.command == Command.DO_SET_MODE:
-        return request.param2 == Mode.HOLD
-    if request.command in (Command.DO_PAUSE_CONTINUE, Command.COMPONENT_ARM_DISARM):
-        return request.param1 == 0.0
-    return request.command in (Command.DO_FLIGHTTERMINATION, Command.SIDESTEP_ABORT_GOAL)

@@ -13,14 +13,13 @@ from protocol.topic import person_of
 from protocol.topics import COMMAND, LEASE_SERVICE, MISSION_SERVICE, PARAMETER, PARAMETERS
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import INPUT_BUDGET, INPUT_NAME_TAKEN, AckResult, Command, Severity
-from protocol.wire.messages import CycleReport, Teleop
+from protocol.wire.messages import CommandRequest, CycleReport, Teleop
 from robot import telemetry
-from robot.commands import ack, is_clear, is_stop, operator_twist
+from robot.commands import READ_ONLY, ack, operator_twist, row_of
 from robot.core import reasons
 from robot.core.brain import READ, STAGES, TICK_US
 from robot.core.values import Inputs, Outputs
 from robot.emergency_stop import StopLatch, emergency_stop
-from robot.lease import READ_ONLY, stops
 from robot.reports import Reports, SavedReplies
 from robot.senses import Senses
 from robot.telemetry import CoreInputs
@@ -237,44 +236,44 @@ class RobotProcess:
         never queued.
         """
         self._nudge = nudge
-
-        def press(operator: str, frame: bytes) -> None:
-            self._stop.press(operator, frame)
-            nudge()
-
-        def wait_for_stop(incoming: ServiceRequest) -> None:
-            """Let the loop answer a stop request, unless too many wait."""
-            if len(self._stop_requests) >= MAX_WAITING:
-                incoming.drop()
-            else:
-                self._stop_requests.append(incoming)
-            nudge()
-
-        def take(incoming: ServiceRequest) -> None:
-            if is_stop(incoming.message):
-                self._stop.press(incoming.operator, incoming.payload)
-                wait_for_stop(incoming)  # last: the loop drops requests without a stop
-                return
-            queue = self._queue_for(incoming)
-            if queue.qsize() >= MAX_WAITING:
-                incoming.reply(
-                    refusal(reasons.TOO_MANY_REQUESTS, result=AckResult.TEMPORARILY_REJECTED)
-                )
-                return
-            queue.put(incoming)
-            nudge()
-
         for request, answer in self.vehicle.restore():
             self.reports.record(request, answer)
-        self._bus.serve_stop(press, wait_for_stop)
+        self._bus.serve_stop(self._latch, self._wait_for_stop)
         self._bus.serve_clock()
         for service in SERVICES:
-            self._bus.serve(service, take)
+            self._bus.serve(service, self.take)
+
+    def _latch(self, operator: str, frame: bytes) -> None:
+        self._stop.press(operator, frame)
+        self._nudge()
+
+    def _wait_for_stop(self, incoming: ServiceRequest) -> None:
+        """Let the loop answer a stop request, unless too many wait."""
+        if len(self._stop_requests) >= MAX_WAITING:
+            incoming.drop()
+        else:
+            self._stop_requests.append(incoming)
+        self._nudge()
+
+    def take(self, incoming: ServiceRequest) -> None:
+        """Enqueue a request; thread-safe, the handler of all services."""
+        if row_of(incoming.message).is_emergency_stop:
+            self._stop.press(incoming.operator, incoming.payload)
+            self._wait_for_stop(incoming)  # last: the loop drops requests without a stop
+            return
+        queue = self._queue_for(incoming)
+        if queue.qsize() >= MAX_WAITING:
+            incoming.reply(
+                refusal(reasons.TOO_MANY_REQUESTS, result=AckResult.TEMPORARILY_REJECTED)
+            )
+            return
+        queue.put(incoming)
+        self._nudge()
 
     def _queue_for(self, incoming: ServiceRequest) -> SimpleQueue[ServiceRequest]:
         if self.vehicle.lease.allows(incoming.operator):
             return self._requests  # also what only stops: it must not overtake what came before
-        if not stops(incoming.message):
+        if not row_of(incoming.message).only_stops:
             return self._unprivileged
         return self._halting.of(person_of(incoming.operator))
 
@@ -390,10 +389,10 @@ class RobotProcess:
         """Report to the core what only the host can detect; return it as flags of TICK_INPUTS."""
         reported = 0
         if self._meter.violated:
-            self.vehicle.report(reasons.BUDGET)
+            self.vehicle.core.report(reasons.BUDGET)
             reported |= INPUT_BUDGET
         if self._duplicates:
-            self.vehicle.report(reasons.NAME_TAKEN)
+            self.vehicle.core.report(reasons.NAME_TAKEN)
             reported |= INPUT_NAME_TAKEN
         return reported
 
@@ -408,12 +407,30 @@ class RobotProcess:
         self.reports.inputs.put(telemetry.tick_inputs(inputs, given, teleop, tick, senses.stamp_ns))
 
     def _answer(self) -> None:
-        """Act on at most as many requests as fit into a control period."""
-        for halting in self._halting.take(MAX_HALTED):
-            self._serve_one(halting)
+        """Act on the requests of this control period and answer each."""
+        for incoming in self._due():
+            request = incoming.message
+            if request is None:
+                incoming.reply(self.vehicle.parameters.described())
+                continue
+            is_read = isinstance(request, READ_ONLY)
+            reason = reasons.OK if is_read else self._rejection(incoming)
+            if reason != reasons.OK:
+                incoming.reply(self.vehicle.refused(request, reason))
+                continue
+            now_ns = self._clock.now_ns()
+            answer = self.vehicle.receive(request, now_ns, incoming.operator)
+            self._saved.reply(incoming, request, answer, now_ns)
+            self.reports.record(request, answer)
+            if self.vehicle.commands.restarts:
+                self._restart()
+
+    def _due(self) -> Iterator[ServiceRequest]:
+        """Yield at most as many requests as fit into a control period."""
+        yield from self._halting.take(MAX_HALTED)
         for queue in (self._requests, self._unprivileged):
             for _ in range(min(queue.qsize(), MAX_ANSWERED)):
-                self._serve_one(queue.get_nowait())
+                yield queue.get_nowait()
 
     def _take_stop(self) -> bool:
         """Act on the latched emergency stop and answer its requests; return whether it was set.
@@ -441,22 +458,6 @@ class RobotProcess:
                 incoming.drop()
         return request is not None
 
-    def _serve_one(self, incoming: ServiceRequest) -> None:
-        if incoming.message is None:
-            incoming.reply(self.vehicle.parameters.described())
-            return
-        is_read = isinstance(incoming.message, READ_ONLY)
-        refusal = reasons.OK if is_read else self._rejection(incoming)
-        if refusal != reasons.OK:
-            incoming.reply(self.vehicle.refused(incoming.message, refusal))
-            return
-        now_ns = self._clock.now_ns()
-        answer = self.vehicle.receive(incoming.message, now_ns, incoming.operator)
-        self._saved.reply(incoming, incoming.message, answer, now_ns)
-        self.reports.record(incoming.message, answer)
-        if self.vehicle.restarts:
-            self._restart()
-
     def _rejection(self, incoming: ServiceRequest) -> int:
         """Return why a request is refused: no operator, no deadline, or one that has passed.
 
@@ -469,9 +470,12 @@ class RobotProcess:
         until_ns = incoming.good_until_ns
         if until_ns is None or not 0 <= until_ns - self._bus.now_ns() <= MAX_VALIDITY_NS:
             return reasons.TOO_LATE
-        if self._is_unseen and is_clear(incoming.message):
-            return reasons.NEWER_STOP
-        return self.vehicle.clear_rejection(incoming.message)
+        request, vehicle = incoming.message, self.vehicle
+        if isinstance(request, CommandRequest) and row_of(request).is_clear:
+            is_named = request.stop_id == vehicle.commands.stop_id
+            if self._is_unseen or (vehicle.stopped and not is_named):
+                return reasons.NEWER_STOP
+        return reasons.OK
 
 
 def summary_of(error: Exception) -> str:

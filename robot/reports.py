@@ -61,21 +61,23 @@ class Reports:
         self._commands = 0
         self.recorded = 0
 
-    def command(self, stamp_ns: int, sense_seq: int, left_mrad_s: int, right_mrad_s: int) -> None:
-        """Publish wheel speeds, in force until the next command or until they expire."""
-        self._command(stamp_ns, sense_seq, left_mrad_s, right_mrad_s, MAX_WHEEL_TTL_MS)
-
     def brake(self, stamp_ns: int, sense_seq: int) -> None:
         """Publish a command with no time-to-live, which stops the wheels at once.
 
         It is sent whatever the stamp is, because a bad stamp may have ended the loop. The stamp is
         reduced to the range that the plant accepts.
         """
-        self._command(stamp_ns % MAX_STAMP_NS, sense_seq, 0, 0, 0)
+        self.command(stamp_ns % MAX_STAMP_NS, sense_seq, 0, 0, ttl_ms=0)
 
-    def _command(
-        self, stamp_ns: int, sense_seq: int, left_mrad_s: int, right_mrad_s: int, ttl_ms: int
+    def command(
+        self,
+        stamp_ns: int,
+        sense_seq: int,
+        left_mrad_s: int,
+        right_mrad_s: int,
+        ttl_ms: int = MAX_WHEEL_TTL_MS,
     ) -> None:
+        """Publish wheel speeds, in force until the next command or until they expire."""
         self.drive.put(
             WheelCommand(
                 time_ns=stamp_ns,

@@ -212,7 +212,8 @@ def run(
         finally:
             previous.end(end)
             process.finish()
-    log_line(f"robot {robot}: ends{' for a restart on request' if vehicle.restarts else ''}")
+    why = " for a restart on request" if vehicle.commands.restarts else ""
+    log_line(f"robot {robot}: ends{why}")
     return 0
 
 

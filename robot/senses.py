@@ -170,7 +170,7 @@ class Senses:
         """Pass on the newest heartbeat and teleop frame of each program that may command."""
         for _, origin in self._operator.received():
             if self._is_accepted(origin, vehicle):
-                vehicle.receive_heartbeat(self._sent_ns(origin, now_ns), origin.sender)
+                vehicle.lease.beat(origin.sender, self._sent_ns(origin, now_ns))
         for teleop, origin in self._teleop.received():
             if self._is_accepted(origin, vehicle):
                 sent_ns = self._sent_ns(origin, now_ns)

@@ -28,7 +28,7 @@ from protocol.wire.messages import (
     Teleop,
 )
 from robot import telemetry
-from robot.commands import Commands, TeleopInput, ack, acknowledge, is_arm, is_clear, is_stop
+from robot.commands import Commands, TeleopInput, ack, acknowledge, needs_no_lease, row_of
 from robot.core import modes, reasons, states
 from robot.core.brain import StageHook
 from robot.core.parameters import Params
@@ -38,7 +38,7 @@ from robot.core.values import Inputs, Outputs, Pose, Twist
 from robot.emergency_stop import RESTORED, emergency_stop
 from robot.file_writer import Ticket
 from robot.hosting import ORIGIN, InProcessCore, NewCore
-from robot.lease import Lease, needs_no_lease
+from robot.lease import Lease
 from robot.mission import FenceItems, Mission, MissionStore, Reply, Transfers, restored
 from robot.parameter_service import NO_COMMAND, ParameterService
 from robot.storage import Store
@@ -108,10 +108,6 @@ class Vehicle:
         zones_m = {states.BUG: self.params.d_th_m, states.VGM: self.params.d_obs_m}
         return zones_m.get(self.state.machine.navigator, nan)
 
-    def receive_heartbeat(self, sent_ns: int, operator: str = "") -> None:
-        """Take a heartbeat, sent at `sent_ns`, of a program that may command."""
-        self.lease.beat(operator, sent_ns)
-
     def operator_age_ms(self, now_ns: int) -> int | None:
         """Return the age of the newest heartbeat of the operator; None before the first.
 
@@ -158,26 +154,69 @@ class Vehicle:
 
         `operator` is the sender's identity on the bus. The answer is final once `saving` has ended.
         """
-        answer = self._act(request, now_ns, operator)
-        ticket = self.saving(request, answer)
-        return answer if ticket is None else once_saved(answer, ticket)
-
-    def _act(self, request: Message, now_ns: int, operator: str) -> Answer:
         if isinstance(request, LeaseRequest):
             return self._lease(request, now_ns, operator)
         if not needs_no_lease(request):
             if not self.lease.allows(operator):
                 return self.refused(request, reasons.LEASE_HELD)
             self.lease.use(now_ns)
-        if isinstance(request, ParamSet):
-            return self.parameters.set(request)
-        if isinstance(request, ParamRequestRead):
-            return self.parameters.read(request)
         if isinstance(request, CommandRequest | GoalRequest):
-            return self._command(request, now_ns, operator)
-        if isinstance(request, Transfer):
-            return self._transfers.receive(request, operator)
-        return self.refused(request, reasons.UNKNOWN_COMMAND)
+            decided = self._decide_without_core(request)
+            if decided is not None:
+                return acknowledge(request, decided)
+            before, driver = self.state.machine.vehicle, self.commands.driver
+            done = self.commands.receive(request, now_ns // NS_PER_MS, operator)
+            self._follow(request, done, before, driver)
+            return done
+        answer: Answer
+        if isinstance(request, ParamSet):
+            answer = self.parameters.set(request)
+        elif isinstance(request, ParamRequestRead):
+            answer = self.parameters.read(request)
+        elif isinstance(request, Transfer):
+            answer = self._transfers.receive(request, operator)
+        else:
+            answer = self.refused(request, reasons.UNKNOWN_COMMAND)
+        ticket = self.saving(request, answer)
+        return answer if ticket is None else once_saved(answer, ticket)
+
+    def _decide_without_core(self, request: CommandRequest | GoalRequest) -> int | None:
+        """Return the reason that answers a command which what is saved decides, or None.
+
+        A stop is saved before the core acts on it, which may fail.
+        """
+        row, kept = row_of(request), self._store.stop
+        if row.is_clear and kept.was_cleared_by(request.request_id):
+            return reasons.NEWER_STOP if self.stopped else reasons.OK
+        if row.is_arm and self._store.damaged and not self.stopped:
+            return reasons.PARAMETERS_DAMAGED
+        if row.is_emergency_stop:
+            kept.keep(stopped=True)
+        return None
+
+    def _follow(
+        self, request: CommandRequest | GoalRequest, done: CommandAck, before: int, driver: str
+    ) -> None:
+        """Follow the effects of a command that found this vehicle state and this driver.
+
+        When it arms, list the safety parameters changed from configuration.
+        """
+        if self.commands.driver != driver:
+            self.teleop.clear()
+        if row_of(request).is_clear and before == states.EMERGENCY_STOP and not self.stopped:
+            self._store.stop.clear(request.request_id)
+        self.parameters.adopt_navigator()
+        if done.command == Command.SIDESTEP_SET_POSE and done.result_param2 == reasons.OK:
+            x_m, y_m, heading_rad = self.state.odometry.pose
+            words = f"place set: {x_m:.2f} {y_m:.2f} m, {degrees(heading_rad):.0f} deg"
+            self.announce(Severity.NOTICE, words)
+        if done.command == Command.PREFLIGHT_REBOOT_SHUTDOWN and done.result_param2 == reasons.OK:
+            self.announce(Severity.NOTICE, "restarting on request")
+        has_armed = self.state.machine.vehicle == states.ACTIVE and before != states.ACTIVE
+        changes = self.parameters.safety_changes() if has_armed else []
+        if changes:
+            words = f"armed with changed safety parameters: {', '.join(changes)}"
+            self.announce(Severity.NOTICE, words)
 
     def saving(self, request: Message, answer: Answer) -> Ticket | None:
         """Return the write that must end before this answer may be sent, or None."""
@@ -217,11 +256,6 @@ class Vehicle:
         return self.state.machine.vehicle == states.EMERGENCY_STOP
 
     @property
-    def restarts(self) -> bool:
-        """True once an operator has asked for a restart of the process."""
-        return self.commands.restarts
-
-    @property
     def brakes(self) -> bool:
         """True while the motors brake: unless armed, and in MANUAL without speeds.
 
@@ -243,7 +277,8 @@ class Vehicle:
         words = list(done.words)
         if self._store.stop.found():
             request = emergency_stop(0)
-            found.insert(0, (request, self._command(request, 0, "")))
+            self._store.stop.keep(stopped=True)
+            found.insert(0, (request, self.commands.receive(request, 0)))
             words.insert(0, (Severity.CRITICAL, RESTORED))
         for severity, text in words:
             self.announce(severity, text)
@@ -274,10 +309,6 @@ class Vehicle:
         if self._was_active and not is_active:
             self.commands.driver = ""
         self._was_active = is_active
-
-    def report(self, reason: int) -> None:
-        """Report a failsafe reason that only the host can detect; the next step acts on it."""
-        self.core.report(reason)
 
     def stop(self, reason: int, now_ns: int) -> None:
         """Stop an active vehicle for a reason of the host; an earlier failsafe keeps its reason."""
@@ -322,47 +353,6 @@ class Vehicle:
         progress = (mission.number, len(mission.items), mission.current, mission.state)
         due = self._missions.due((progress, mission.reason), now_ns)
         return mission.status(stamp_ns) if due else None
-
-    def _command(
-        self, request: CommandRequest | GoalRequest, now_ns: int, operator: str
-    ) -> CommandAck:
-        """Act on a command; when it arms, list the safety parameters changed from configuration."""
-        machine, kept = self.state.machine, self._store.stop
-        was_armed, was_stopped = machine.vehicle == states.ACTIVE, self.stopped
-        if is_clear(request) and kept.was_cleared_by(request.request_id):
-            return acknowledge(request, reasons.NEWER_STOP if was_stopped else reasons.OK)
-        if is_arm(request) and self._store.damaged and not was_stopped:
-            return acknowledge(request, reasons.PARAMETERS_DAMAGED)
-        if is_stop(request):  # before the core, which may fail at it
-            kept.keep(stopped=True)
-        driver = self.commands.driver
-        answer = self.commands.receive(request, now_ns // NS_PER_MS, operator)
-        if self.commands.driver != driver:
-            self.teleop.clear()
-        if is_clear(request) and was_stopped and not self.stopped:
-            kept.clear(request.request_id)
-        self.parameters.adopt_navigator()
-        if answer.command == Command.SIDESTEP_SET_POSE and answer.result_param2 == reasons.OK:
-            x_m, y_m, heading_rad = self.state.odometry.pose
-            words = f"place set: {x_m:.2f} {y_m:.2f} m, {degrees(heading_rad):.0f} deg"
-            self.announce(Severity.NOTICE, words)
-        if answer.command == Command.PREFLIGHT_REBOOT_SHUTDOWN and not answer.result_param2:
-            self.announce(Severity.NOTICE, "restarting on request")
-        if machine.vehicle == states.ACTIVE and not was_armed:
-            changes = self.parameters.safety_changes()
-            if changes:
-                self.announce(
-                    Severity.NOTICE, f"armed with changed safety parameters: {', '.join(changes)}"
-                )
-        return answer
-
-    def clear_rejection(self, request: Message | None) -> int:
-        """Return why a request must not release the emergency stop, or 0.
-
-        It names the stop that its operator has seen. Another one that is latched stays.
-        """
-        is_named = not is_clear(request) or request.stop_id == self.commands.stop_id
-        return reasons.OK if is_named or not self.stopped else reasons.NEWER_STOP
 
     def _lease(self, request: LeaseRequest, now_ns: int, operator: str) -> CommandAck:
         before = self.lease.holder

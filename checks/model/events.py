@@ -1,6 +1,6 @@
 """The events of the model, made from the tables of the code.
 
-Requests come from `robot.commands.HANDLERS` and the services of the robot process, failsafe causes
+Requests come from `robot.commands.TABLE` and the services of the robot process, failsafe causes
 from `robot.core.safety.failsafe.ROWS`. The contents of each request are listed here; a command or
 kind of request without an entry is an error.
 """
@@ -29,7 +29,7 @@ from protocol.wire.messages import (
     ParamRequestRead,
     ParamSet,
 )
-from robot.commands import HANDLERS
+from robot.commands import TABLE
 from robot.core import modes, reasons, states
 from robot.core.safety.failsafe import ROWS
 from robot.core.values import Outputs, Pose
@@ -134,7 +134,7 @@ REQUESTS: Final[Mapping[type[Message], Mapping[str, Callable[[int], Message]]]] 
         },
         CommandRequest: {
             name: command(number, param1, param2)
-            for number in HANDLERS
+            for number in TABLE
             for name, param1, param2 in VARIANTS[number]
         }
         | {"command unknown": command(1)},

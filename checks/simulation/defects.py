@@ -28,8 +28,9 @@ class Defect(NamedTuple):
 
 def _swallowed_stop() -> Patches:
     """Count ids up, and find an answer by its id alone, for stops too."""
-    from robot.commands import acknowledge, is_stop
+    from robot.commands import Commands
 
+    act = Commands.receive
     counted = [0]
     answers: deque[tuple[object, int, object]] = deque(maxlen=1000)
 
@@ -43,9 +44,7 @@ def _swallowed_stop() -> Patches:
         for commands, number, answer in answers:
             if commands is self and number == request.request_id:
                 return answer
-        if is_stop(request):
-            self._note_stop(request.request_id)
-        answer = acknowledge(request, self._act(request, now_ms))
+        answer = act(self, request, now_ms, operator)
         answers.append((self, request.request_id, answer))
         return answer
 
@@ -253,7 +252,7 @@ def _old_ticks() -> Patches:
 
 def _missions_for_all() -> Patches:
     """Let every operator start the mission."""
-    original = import_module("robot.lease").needs_no_lease
+    original = import_module("robot.commands").needs_no_lease
 
     def needs_no_lease(request: Any) -> bool:
         starts = getattr(request, "command", None) == Command.MISSION_START
@@ -295,11 +294,11 @@ def _any_program_steers() -> Patches:
 
 def _stops_need_the_lease() -> Patches:
     """Refuse hold, abort and disarm without the lease."""
-    read_only = import_module("robot.lease").READ_ONLY
-    is_stop = import_module("robot.commands").is_stop
+    commands = import_module("robot.commands")
 
     def needs_no_lease(request: Any) -> bool:
-        return isinstance(request, read_only) or bool(is_stop(request))
+        is_read = isinstance(request, commands.READ_ONLY)
+        return is_read or bool(commands.row_of(request).is_emergency_stop)
 
     return {"robot.vehicle.needs_no_lease": needs_no_lease}
 

@@ -43,7 +43,7 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from robot import telemetry
-from robot.commands import is_stop
+from robot.commands import row_of
 from robot.core import reasons
 from robot.core.modes import Machine
 from robot.core.parameters import Params
@@ -170,7 +170,7 @@ class RecordedDrive:
         request = self.requests.get(number)
         if request is None:
             return False
-        return isinstance(request.message, PREPARES) or is_stop(request.message)
+        return isinstance(request.message, PREPARES) or row_of(request.message).is_emergency_stop
 
     def _at_rest(self, tick: tuple[TickInputs, int]) -> bool:
         """Return whether the robot had no request to act on and no teleoperation."""
@@ -297,9 +297,9 @@ class Reexecution:
             self._receive(number, now_ns)
         self._requests_done = inputs.requests
         if inputs.flags & INPUT_BUDGET:
-            self._vehicle.report(reasons.BUDGET)
+            self._vehicle.core.report(reasons.BUDGET)
         if inputs.flags & INPUT_NAME_TAKEN:
-            self._vehicle.report(reasons.NAME_TAKEN)
+            self._vehicle.core.report(reasons.NAME_TAKEN)
         is_teleoperated = inputs.flags & INPUT_TELEOP
         manual = twist_of(inputs.speed_mm_s, inputs.yaw_rate_mrad_s) if is_teleoperated else None
         return self._vehicle.step(self._inputs(inputs), _ignore_stage, manual)

@@ -104,7 +104,7 @@ def _unbound_clean_up() -> Patches:
 
 def _stop_with_lease_only() -> Patches:
     """Refuse hold, abort and disarm to whoever has not the lease."""
-    original = import_module("robot.lease").needs_no_lease
+    original = import_module("robot.commands").needs_no_lease
 
     def needs_no_lease(request: Any) -> bool:
         number = getattr(request, "command", None)

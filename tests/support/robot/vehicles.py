@@ -42,7 +42,7 @@ class Desk:
         """Advance one tick with wheels that follow their command."""
         wheels = Wheels(round(self.left), round(self.right), 0, self.now_ns // MS)
         if self.operator:
-            self.vehicle.receive_heartbeat(self.now_ns)
+            self.vehicle.lease.beat("", self.now_ns)
         age_ms = self.vehicle.operator_age_ms(self.now_ns)
         outputs = self.vehicle.step(Inputs(self.now_ns // MS, wheels, scan, age_ms), quiet)
         self.left += outputs.left_mrad_s * TICKS_PER_MRAD_S

@@ -23,7 +23,7 @@ from checks.harness.messages import make
 from protocol.topics import OPERATOR, PREFIX, key_parts
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import CycleReport
-from robot.lease import needs_no_lease
+from robot.commands import needs_no_lease
 from runtime.units import UINT32
 
 EVE = "eve/0123"

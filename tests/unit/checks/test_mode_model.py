@@ -17,7 +17,7 @@ from checks.model.invariants import (
 from checks.model.model_world import ADA, ModelWorld
 from protocol.wire.messages import GoalRequest
 from robot import vehicle
-from robot.commands import HANDLERS
+from robot.commands import TABLE
 from robot.core import brain, modes, reasons, states
 from robot.core import modes as machine
 from robot.core.safety import failsafe
@@ -50,7 +50,7 @@ def test_document_names_every_rule_and_drawing() -> None:
 
 
 def test_events_cover_all_commands_requests_and_failsafes() -> None:
-    assert VARIANTS.keys() == HANDLERS.keys()
+    assert VARIANTS.keys() == TABLE.keys()
     assert {kind for service in SERVICES for kind in service.requests} <= REQUESTS.keys()
     names = {event.name for event in failsafe_causes()}
     assert {f"tick with {name_of(row.reason)}" for row in ROWS} <= names

@@ -35,11 +35,8 @@ from robot.commands import (
     AnswerCache,
     Commands,
     acknowledge,
-    is_arm,
-    is_clear,
-    is_stop,
-    needs_operator,
     result_of,
+    row_of,
 )
 from robot.core import states
 from robot.core.parameters import DEFAULTS
@@ -163,7 +160,7 @@ def test_unnamed_operators_count_as_one() -> None:
 @each("mode", list(Mode))
 def test_a_mode_that_an_operator_watches_needs_one(mode: Mode) -> None:
     request = command(Command.DO_SET_MODE, 1.0, float(mode))
-    assert needs_operator(request, Robot().machine) == (mode in {Mode.GUIDED, Mode.MANUAL})
+    assert row_of(request).needs_operator == (mode in {Mode.GUIDED, Mode.MANUAL})
 
 
 @each(
@@ -178,10 +175,11 @@ def test_a_mode_that_an_operator_watches_needs_one(mode: Mode) -> None:
 def test_only_to_resume_a_held_guided_drive_needs_an_operator(
     mode: int, resume_mode: int, param1: float, needed: bool
 ) -> None:
-    machine = Robot().machine
-    machine.mode, machine.resume_mode = mode, resume_mode
-    request = command(Command.DO_PAUSE_CONTINUE, param1)
-    assert needs_operator(request, machine) == needed
+    robot = Robot()
+    robot.machine.mode, robot.machine.resume_mode, robot.machine.operator = mode, resume_mode, True
+    robot.commands = Commands(robot.core, robot.mission, lambda _who, _now_ms: False)
+    reason = robot.ask(command(Command.DO_PAUSE_CONTINUE, param1))
+    assert (reason == Reason.NO_OPERATOR) == needed
 
 
 def test_without_heartbeats_to_judge_by_every_operator_is_there() -> None:
@@ -282,17 +280,17 @@ def test_stop_is_not_stored_with_the_answers() -> None:
 
 
 def test_only_an_emergency_stop_is_recognised_as_one() -> None:
-    assert is_stop(STOP)
-    assert not is_stop(CLEAR)
-    assert not is_stop(goal(Command.DO_FLIGHTTERMINATION, 0.0, 0.0))
-    assert not is_stop(None)
+    assert row_of(STOP).is_emergency_stop
+    assert not row_of(CLEAR).is_emergency_stop
+    assert not row_of(goal(Command.DO_FLIGHTTERMINATION, 0.0, 0.0)).is_emergency_stop
+    assert not row_of(None).is_emergency_stop
 
 
 def test_only_a_release_is_recognised_as_one() -> None:
-    assert is_clear(CLEAR)
-    assert not is_clear(STOP)
-    assert not is_clear(goal(Command.SIDESTEP_CLEAR_EMERGENCY_STOP, 0.0, 0.0))
-    assert not is_clear(None)
+    assert row_of(CLEAR).is_clear
+    assert not row_of(STOP).is_clear
+    assert not row_of(goal(Command.SIDESTEP_CLEAR_EMERGENCY_STOP, 0.0, 0.0)).is_clear
+    assert not row_of(None).is_clear
 
 
 # The stored answers are limited.
@@ -497,12 +495,12 @@ def test_restart_needs_a_robot_that_is_disarmed(
 
 def test_only_a_request_to_arm_arms() -> None:
     arm = Command.COMPONENT_ARM_DISARM
-    assert is_arm(command(arm, 1.0))
-    assert is_arm(command(arm, 0.5)), "as the core reads it"
-    assert not is_arm(command(arm, 0.0))
-    assert not is_arm(command(Command.DO_SET_MODE, 1.0))
-    assert not is_arm(goal(1, 1.0, 1.0))
-    assert not is_arm(None)
+    assert row_of(command(arm, 1.0)).is_arm
+    assert row_of(command(arm, 0.5)).is_arm, "as the core reads it"
+    assert not row_of(command(arm, 0.0)).is_arm
+    assert not row_of(command(Command.DO_SET_MODE, 1.0)).is_arm
+    assert not row_of(goal(1, 1.0, 1.0)).is_arm
+    assert not row_of(None).is_arm
 
 
 FREE_COMMANDS = {

@@ -232,7 +232,7 @@ def step(both: Twins) -> None:
             both.same(lambda one: one.lose_position(both.now_ns))
             both.observe()
         case 7:
-            both.same(lambda one: one.report(reasons.BUDGET))
+            both.same(lambda one: one.core.report(reasons.BUDGET))
             both.tick()
         case _:
             both.tick(wheels=random.random() < 0.5, scan=random.random() < 0.5)

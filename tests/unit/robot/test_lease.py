@@ -488,7 +488,7 @@ def steer(desk: Desk, operator: str, speed_mm_s: int = 200) -> bool:
 def beaten(desk: Desk, *operators: str) -> None:
     """Let these programs send a heartbeat, and a period pass."""
     for operator in operators:
-        desk.vehicle.receive_heartbeat(desk.now_ns, operator)
+        desk.vehicle.lease.beat(operator, desk.now_ns)
     desk.step()
 
 
@@ -595,7 +595,7 @@ def test_who_sends_no_heartbeat_begins_no_drive_that_needs_one(begins: Message |
     before = desk.vehicle.state.machine.mode
     assert reason(desk, begins, ADAS_OTHER) == Reason.NO_OPERATOR
     assert desk.vehicle.state.machine.mode == before
-    desk.vehicle.receive_heartbeat(desk.now_ns, ADAS_OTHER)
+    desk.vehicle.lease.beat(ADAS_OTHER, desk.now_ns)
     desk.step()
     again = msgspec.structs.replace(begins, request_id=77)
     assert reason(desk, again, ADAS_OTHER) == Reason.NONE

@@ -1,8 +1,12 @@
 """Requests at the process: bounded queues, operators, deadlines, and arbitrary ones."""
 
+import sys
 from collections.abc import Iterator
-from typing import Final
+from pathlib import Path
+from types import FrameType
+from typing import Any, Final
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -25,14 +29,24 @@ from protocol.wire.messages import (
     Teleop,
 )
 from protocol.wire.reasons import Reason
-from robot.core import states
+from robot.core import modes, states
 from robot.process import MAX_HALTED, MAX_PERSONS, MAX_WAITING
 from runtime.clock import Tick
 from runtime.units import NS_PER_MS as MS
 from runtime.units import NS_PER_S as S
 from tests.support.each import each
 from tests.support.messages import any_message, messages_of
-from tests.support.robot.processes import ADA, BOB, Request, Rig, driving, hold, lease, press
+from tests.support.robot.processes import (
+    ADA,
+    BOB,
+    Request,
+    Rig,
+    arm,
+    driving,
+    hold,
+    lease,
+    press,
+)
 from tests.support.robot.vehicles import Desk, goal
 
 RESTART = CommandRequest(
@@ -306,6 +320,74 @@ def test_restart_of_an_armed_robot_is_refused() -> None:
     rig.process.run(ticks(rig, 5))
     assert request.reasons == [Reason.ARMED]
     assert rig.ticks == 6
+
+
+ROBOT: Final = Path(__file__).resolve().parents[3] / "robot"
+MOST_CALLS: Final = 6
+
+
+def calls() -> list[str]:
+    """Return the functions of the robot that call the caller, the innermost first."""
+    found: list[str] = []
+    frame: FrameType | None = sys._getframe(2)
+    while frame is not None:
+        path = Path(frame.f_code.co_filename)
+        if path.is_relative_to(ROBOT):
+            found.append(f"{path.stem}.{frame.f_code.co_name}")
+        frame = frame.f_back
+    return found
+
+
+def asked_of(number: int, param1: float = 0.0, param2: float = 0.0) -> CommandRequest:
+    return CommandRequest(request_id=5, command=number, param1=param1, param2=param2)
+
+
+@each(
+    ("request_of_one", "function"),
+    [
+        (arm(5), "arm"),
+        (asked_of(Command.COMPONENT_ARM_DISARM), "disarm"),
+        (asked_of(Command.DO_SET_MODE, 1.0, Mode.AUTO), "set_mode"),
+        (asked_of(Command.DO_PAUSE_CONTINUE), "hold"),
+        (asked_of(Command.DO_PAUSE_CONTINUE, 1.0), "resume"),
+        (asked_of(Command.NAV_RETURN_TO_LAUNCH), "rtl"),
+        (asked_of(Command.SIDESTEP_SET_NAVIGATOR, 1.0), "set_navigator"),
+        (asked_of(Command.SIDESTEP_ABORT_GOAL), "abort"),
+        (asked_of(Command.SIDESTEP_CLEAR_EMERGENCY_STOP), "clear_estop"),
+        (goal(5, 1.0, 0.0), "goto"),
+        ("stop", "estop"),
+    ],
+)
+def test_a_request_reaches_the_mode_machine_in_six_calls(
+    request_of_one: Message | str, function: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Count from the handler of the bus to the queue, and from the loop on."""
+    to_queue: list[str] = []
+    to_machine: list[str] = []
+    act = getattr(modes, function)
+
+    def enqueued() -> None:
+        to_queue[:] = calls()
+
+    def acted(*given: Any) -> Any:
+        found = calls()
+        if not to_machine:  # what follows from it comes later
+            to_machine[:] = [function, *found[: found.index("process.cycle")]]
+        return act(*given)
+
+    rig = Rig()
+    rig.process.serve(enqueued)
+    rig.cycle()
+    rig.vehicle.state.machine.vehicle = states.ACTIVE
+    monkeypatch.setattr(modes, function, acted)
+    if isinstance(request_of_one, str):
+        press(rig)
+    else:
+        rig.ask(request_of_one)
+    rig.cycle()
+    assert to_queue
+    assert to_machine
+    assert len(to_queue) + len(to_machine) <= MOST_CALLS, [*to_machine, *to_queue]
 
 
 LIKELY: Final[tuple[type[Message], ...]] = (

@@ -327,7 +327,7 @@ def test_scan_age_is_never_negative() -> None:
 
 def test_heartbeat_age_is_never_negative() -> None:
     vehicle = Vehicle(DEFAULTS, Store(None))
-    vehicle.receive_heartbeat(171 * MS)
+    vehicle.lease.beat("", 171 * MS)
     assert vehicle.operator_age_ms(100 * MS) == 0
 
 

@@ -23,7 +23,7 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason, reason_text
 from robot import telemetry
-from robot.commands import HANDLERS
+from robot.commands import TABLE
 from robot.core import brain, states
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Pose
@@ -193,7 +193,7 @@ UNUSED = {
 
 
 def test_every_command_lists_the_fields_it_uses() -> None:
-    assert UNUSED.keys() == HANDLERS.keys()
+    assert UNUSED.keys() == TABLE.keys()
 
 
 def underway() -> Desk:
@@ -302,7 +302,7 @@ def test_a_violated_budget_stops_the_wheels_with_its_reason() -> None:
     desk.arm()
     desk.goto(2, 0)
     desk.step()
-    desk.vehicle.report(Reason.BUDGET)
+    desk.vehicle.core.report(Reason.BUDGET)
     outputs = desk.step()
     assert (outputs.left_mrad_s, outputs.right_mrad_s) == (0, 0)
     assert desk.vehicle.state.machine.vehicle_reason == Reason.BUDGET
@@ -475,7 +475,7 @@ def test_the_end_of_the_process_ends_the_goal() -> None:
 def test_operator_without_heartbeats_has_no_age() -> None:
     desk = Desk()
     assert desk.vehicle.operator_age_ms(5 * MS) is None
-    desk.vehicle.receive_heartbeat(5 * MS)
+    desk.vehicle.lease.beat("", 5 * MS)
     assert desk.vehicle.operator_age_ms(9 * MS) == 4
 
 
