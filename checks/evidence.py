@@ -25,14 +25,13 @@ from typing import Final, NamedTuple
 import msgspec
 
 from checks.harness import figures
+from runtime.errors import EXIT_INTERRUPTED, EXIT_USAGE
 from study.report.page import with_text
 
 ROOT: Final = Path(__file__).resolve().parents[1]
 FOLDER: Final = "docs/evidence"
 STATE: Final = "build/evidence/state.json"
 LIMIT: Final = 300
-EXIT_REFUSED: Final = 2
-EXIT_INTERRUPTED: Final = 130
 WRITTEN: Final = ("docs", "README.md")
 """Paths that a measurement may write. What is uncommitted there changes no figure."""
 
@@ -898,7 +897,7 @@ def ended(measure: Callable[[], int]) -> int:
         return measure()
     except RuntimeError as error:
         print(f"evidence: {error}", file=sys.stderr)
-        return EXIT_REFUSED
+        return EXIT_USAGE
     except KeyboardInterrupt:
         print("\nevidence: interrupted; the next call goes on with this step", file=sys.stderr)
         return EXIT_INTERRUPTED

@@ -28,13 +28,12 @@ from time import monotonic
 from typing import Final, NamedTuple
 
 from checks import built
+from runtime.errors import EXIT_INTERRUPTED, EXIT_USAGE
 
 ROOT: Final = Path(__file__).resolve().parents[1]
 LOGS: Final = ROOT / "build" / "gate"
 PYTHON: Final = (sys.executable, "-m")
 PYTEST: Final = (*PYTHON, "pytest", "-q")
-EXIT_INTERRUPTED: Final = 130
-EXIT_REFUSED: Final = 2
 BRIEF: Final = ROOT / "tests" / "brief.txt"
 """The test files of `make test`, made by `python -m checks.brief`."""
 EXAMPLES: Final = ("--examples", "brief")
@@ -244,7 +243,7 @@ class Gate:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 self._print(f"{self._name}: another run writes to {self._logs}: wait for its end")
-                return EXIT_REFUSED
+                return EXIT_USAGE
             return self._run(phases)
 
     def _run(self, phases: Sequence[Phase]) -> int:
@@ -393,7 +392,7 @@ def run_room(paths: Sequence[str], extra: Sequence[str]) -> int:
         tests = [test for path in paths for test in find_tests(path)]
     except ValueError as refusal:
         print(f"make test: {refusal}", file=sys.stderr)
-        return EXIT_REFUSED
+        return EXIT_USAGE
     sources = [path for path in paths if not path.startswith("tests")]
     for words in (("format", "--check"), ("check",)):
         checked = [*sources, *(test.partition("::")[0] for test in tests)]
@@ -429,7 +428,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         phases = brief_phases(extra) if options.part in ("test", "gate") else []
         phases += rest_phases(extra) if options.part in ("gate", "rest") else []
         code = Gate(f"make {NAMES[options.part]}").run(phases)
-        if code in (EXIT_INTERRUPTED, EXIT_REFUSED):
+        if code in (EXIT_INTERRUPTED, EXIT_USAGE):
             return code
         if options.part == "test":
             print(NOT_IN_TEST)

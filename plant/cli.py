@@ -10,6 +10,7 @@ from typing import Final
 
 from plant.corpus import EVERY_FAMILY, FAMILIES, generate
 from plant.imports.barn import PITCH_M
+from plant.imports.cells import MAX_COORDINATE_M
 from plant.imports.importer import CELL_M, TAKES, ImportOptions, import_worlds
 from plant.model.configuration import KINDS, body_of
 from plant.model.errors import WorldError, WorldProblem
@@ -20,12 +21,12 @@ from plant.world.writer import Json, draw, dumps, places_json
 from protocol.options import numbers_kept, whole
 from protocol.world import Circle, Point, World, as_json, bad_name
 from runtime.cli.parsers import add_subcommands, new_parser
+from runtime.errors import EXIT_OK, EXIT_USAGE
 
 PER_FAMILY: Final = 27
 MAX_PER_FAMILY: Final = 10_000
 MIN_CELL_M: Final = 0.01
 MAX_CELL_M: Final = 10.0
-MAX_COORDINATE_M: Final = 1e6
 
 
 def add_generate(parser: argparse.ArgumentParser) -> None:
@@ -150,8 +151,6 @@ def _place(text: str) -> float:
 
 
 MANY_CORNERS: Final = 120
-EXIT_OK: Final = 0
-EXIT_USAGE: Final = 2
 
 
 def main(argv: Sequence[str]) -> int:

@@ -122,6 +122,8 @@ def _free(world: World, x_m: float, y_m: float, needed_m: float) -> bool:
     return all(clearance_m((x_m, y_m), obstacle) >= needed_m for obstacle in world.obstacles)
 
 
+STANDING_M: Final = 0.17
+"""Smallest distance of the centres of start and goal from any obstacle, in new worlds."""
 STEP_M: Final = 0.05
 MAX_GOAL_PLACE: Final = 12
 

@@ -1,4 +1,16 @@
-"""Errors by origin: LocalError (a defect), UserError (the user), RemoteError (the peer)."""
+"""Errors by origin: LocalError (a defect), UserError (the user), RemoteError (the peer).
+
+And the exit codes of all programs, which docs/reference/exit-codes.md explains.
+"""
+
+from typing import Final
+
+EXIT_OK: Final = 0
+EXIT_FAILURE: Final = 1
+EXIT_USAGE: Final = 2
+EXIT_SIGNAL: Final = 128
+"""Plus the number of the signal."""
+EXIT_INTERRUPTED: Final = 130
 
 
 class LocalError(Exception):
@@ -15,7 +27,7 @@ class NoAnswerError(RemoteError):
     Exit code 1.
     """
 
-    exit_code = 1
+    exit_code = EXIT_FAILURE
 
 
 class UserError(LocalError, ValueError):
@@ -24,7 +36,7 @@ class UserError(LocalError, ValueError):
     Exit code 2.
     """
 
-    exit_code = 2
+    exit_code = EXIT_USAGE
 
 
 class ConfigError(UserError):

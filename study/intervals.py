@@ -13,16 +13,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from protocol.outcome import OUTSIDE
 
-OUTSIDE: Final = 0.05
-"""Share of the cases outside intervals and ellipses."""
+Floats = NDArray[np.float64]
 
 CONFIDENCE: Final = 1.0 - OUTSIDE
 CONFIDENT: Final = f"{100.0 * CONFIDENCE:g} %"
-CHI2_2: Final = -2.0 * log(OUTSIDE)
-"""Quantile of a squared Mahalanobis distance in the plane (chi-square, 2 degrees of freedom)."""
-
 Z_TWO_SIDED: Final = NormalDist().inv_cdf(0.5 + CONFIDENCE / 2.0)
 """Two-sided quantile of the normal distribution in standard deviations."""
 

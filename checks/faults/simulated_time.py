@@ -33,7 +33,7 @@ from checks.faults.intruders import ExtremeSender, second_robot
 from checks.faults.results import Repetition, reason_name
 from checks.harness import motion
 from checks.harness.in_process import InProcess
-from checks.harness.motion import PERIOD_S, Seen
+from checks.harness.motion import Seen
 from firmware.board import BoardError
 from plant.world.file import load
 from protocol.bus.link_faults import LinkFaults
@@ -43,7 +43,7 @@ from protocol.wire.enums import Vehicle as VehicleState
 from protocol.world import World
 from robot.hosting import InProcessCore
 from runtime.clock import Tick
-from runtime.units import NS_PER_S
+from runtime.units import NS_PER_S, PERIOD_S
 
 HEALS_S: Final = 1.0
 RUNS_OUT_S: Final = 0.5

@@ -41,16 +41,16 @@ from checks.faults.process_group import ProcessGroup
 from checks.faults.results import Repetition, reason_name
 from checks.flood.attackers import Access, Attack
 from checks.harness import motion
-from checks.harness.motion import PERIOD_S
 from checks.harness.processes import tls_of
 from checks.harness.until import until
 from ground.recording.log_reader import open_log
+from ground.station.link.streams import SEQUENCE_AT
 from plant.world.file import SHIPPED_DIR, load
 from protocol.outcome import start_arguments
 from protocol.topics import TOPICS, Role, path_of
 from protocol.wire.enums import GoalState, Vehicle
 from runtime.config import totals_arguments
-from runtime.units import NS_PER_S
+from runtime.units import NS_PER_S, PERIOD_S
 
 PATHS: Final[Mapping[str, tuple[str, ...]]] = {
     "robot": ("tlm/", "drive/"),
@@ -87,8 +87,6 @@ def injections_of(act: Act, seed: int) -> dict[str, Mapping[str, Any]]:
             return {}
 
 
-SEQUENCE_AT: Final = 4
-"""Position of the sequence byte in a MAVLink 2 frame; each publisher counts its own frames."""
 TURN: Final = 256
 EVENTS: Final = frozenset(topic.path for topic in TOPICS if not topic.rate_hz)
 

@@ -32,7 +32,7 @@ from checks.flood.attack_kinds import ACTED, KINDS, StopStatus, unfounded
 from checks.flood.attackers import RATES_HZ, SOURCE, Access, Attack, Strangers
 from checks.harness.bus_calls import OPERATOR_BEAT, arm_request, command_request
 from checks.harness.figures import BenchmarkReport, Figure, percentile
-from checks.harness.motion import HOLDS, PERIOD_S, Seen, stood_s
+from checks.harness.motion import HOLDS, Seen, stood_s
 from checks.harness.observer import Observer, observed
 from checks.harness.processes import cpu_s, made_keys, resident_mb
 from checks.harness.until import until
@@ -54,7 +54,7 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import reason_text
 from runtime.clock import WallClock
 from runtime.errors import NoAnswerError
-from runtime.units import NS_PER_S
+from runtime.units import NS_PER_S, PERIOD_S
 
 BEAT_S: Final = 0.2
 PRESS_S: Final = 10.0

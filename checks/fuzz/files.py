@@ -19,7 +19,7 @@ from checks.fuzz.target import JSON_WORDS, TOML_WORDS, FuzzTarget, from_file, js
 from gateways.mavlink.signing import StampClock
 from ground.app.input.keymap import Keymap, as_toml
 from ground.app.input.keymap import load as keymap_in
-from ground.certificates.folder import SECRET_MODE, check, make
+from ground.certificates.folder import check, make
 from ground.client.connection import Config
 from ground.client.parameter import parameters_in
 from ground.client.parameter_file import read as values_in
@@ -28,6 +28,7 @@ from ground.ghost.branch_point import PathReader
 from ground.missions import files, qgroundcontrol
 from ground.missions.mission import Circle, Home, Mission, Polygon, Waypoint
 from ground.missions.transfer import fence_items_of, items_of
+from ground.user.folders import PRIVATE_FILE
 from ground.user.mavlink_keys import KeyRing, new_key, read_keys, write_keys
 from plant.imports.importer import ImportOptions, import_worlds
 from plant.world.file import SHIPPED_DIR, loads
@@ -244,7 +245,7 @@ def check_among_good(ending: str, data: bytes, folder: Path) -> None:
         if name == "ca.pem" or name.startswith(NAME):
             (folder / name).write_bytes(content)
     (folder / f"{NAME}{ending}").write_bytes(data)
-    (folder / f"{NAME}.key").chmod(SECRET_MODE)
+    (folder / f"{NAME}.key").chmod(PRIVATE_FILE)
     check(folder, NOW)
     ca, certificate, key = (folder / one for one in ("ca.pem", f"{NAME}.pem", f"{NAME}.key"))
     own_certificate(Tls(ca=str(ca), certificate=str(certificate), key=str(key)))
@@ -265,7 +266,7 @@ def read_signing_keys(data: bytes, folder: Path) -> None:
     """Read a file of signing keys."""
     path = folder / "signing.toml"
     path.write_bytes(data)
-    path.chmod(SECRET_MODE)
+    path.chmod(PRIVATE_FILE)
     read_keys(path)
 
 

@@ -44,7 +44,7 @@ from robot.parameter_service import ParameterService
 from robot.storage import Store
 from robot.vehicle import Vehicle
 from runtime.errors import RemoteError
-from runtime.units import NS_PER_MS
+from runtime.units import NS_PER_MS, PERIOD_MS
 
 MOST: Final = 60
 STEP_NS: Final = 5_000_000
@@ -106,7 +106,6 @@ def frame_of(wire: Wire, payload: bytes, sender: Role, sequence: int) -> bytes:
     return MAGIC_BYTE + body + CHECKSUM(mcrf4xx(body + wire.crc_extra))
 
 
-PERIOD_MS: Final = 50
 FULL_MRAD_S: Final = 200_000
 CLEAR: Final = Scan((0,) * 8, (0,) * 8, 255, 0)
 STILL: Final = Wheels(0, 0, 0, 0)

@@ -6,9 +6,8 @@ from math import hypot
 from typing import Final, NamedTuple
 
 from protocol.wire.messages import GroundTruth
-from runtime.units import NS_PER_S, PERIOD_NS
+from runtime.units import PERIOD_S
 
-PERIOD_S: Final = PERIOD_NS / NS_PER_S
 STILL_M_S: Final = 0.001
 STILL_RAD_S: Final = 0.01
 HOLDS: Final = 8

@@ -34,12 +34,12 @@ from checks.simulation.event_kinds import (
 from checks.simulation.events import OPERATORS, STATION, Event, EventScenario, from_json, to_json
 from checks.simulation.hosts.mavlink import CLIENTS, GATEWAY
 from checks.simulation.hosts.substitutes import substituted
+from checks.simulation.invariants.limits import BOOT_NS
 from checks.simulation.invariants.run_state import Coverage
 from checks.simulation.simulation import RunResult, Simulation
 from runtime.units import NS_PER_MS, NS_PER_S
 
 DURATION_NS: Final = 20 * NS_PER_S
-BOOT_NS: Final = 300 * NS_PER_MS
 BY_STATION: Final = 0.12
 """Share of seeds whose first operator uses the ground station."""
 

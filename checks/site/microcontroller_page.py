@@ -15,7 +15,6 @@ from checks.speed.board.results import (
     HEAP_LIVE_BYTES,
     RAM_BYTES,
     STACK_BYTES,
-    STATE_BYTES,
     WANTED_RAM_BYTES,
     Cost,
     Costs,
@@ -23,6 +22,7 @@ from checks.speed.board.results import (
     read,
 )
 from plant.world.file import shipped
+from study.report.targets import STATE_BYTES
 from study.trial.trial import NAVIGATORS
 
 PAGE = FOLDER.with_suffix(".md")

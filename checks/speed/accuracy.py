@@ -29,6 +29,7 @@ import numpy.typing as npt
 from checks.harness.figures import BenchmarkFunctions, BenchmarkReport, Figure, percentile
 from plant.model.configuration import LEVELS, noise_of
 from plant.sim.simulation import Plant
+from protocol.outcome import CHI2_2
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.world import Circle, GoalPose, Point, Start, World
 from robot.core import states
@@ -40,7 +41,7 @@ from robot.parameter_table import with_values
 from runtime.config import settings_of
 from runtime.units import CONTROL_HZ
 from study.calibration import covariance_of
-from study.intervals import CHI2_2, Z_TWO_SIDED
+from study.intervals import Z_TWO_SIDED
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import NAVIGATORS, USUAL_NAVIGATOR, Trial, run_trial
 

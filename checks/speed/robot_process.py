@@ -17,14 +17,14 @@ import argparse
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic, monotonic_ns
 from typing import Final
 
 from checks.harness.figures import BenchmarkFunctions, BenchmarkReport, Figure, percentile, ratios
-from checks.harness.processes import ROBOT, cpu_s, resident_mb, robot_process
+from checks.harness.processes import ROBOT, VALID, cpu_s, resident_mb, robot_process
 from checks.harness.stand_in import PlantStandIn, driving, paced, wait_until
 from plant.world.file import load
 from protocol.bus.bus import open_bus
@@ -221,7 +221,6 @@ MAX_RATIO: Final = 1.10
 WARM_UP: Final = 60
 SHARE_OF_TURN: Final = 0.9  # of the time until the next robot's turn
 KINDS: Final = ("open", "locked", "logging")
-VALID: Final = timedelta(days=1)
 
 
 def add_mtls_options(parser: argparse.ArgumentParser) -> None:

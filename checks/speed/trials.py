@@ -44,12 +44,12 @@ from protocol.world import Circle, Obstacle, Polygon, World
 from robot.core import brain, modes, states
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Goal, Inputs, Outputs, Pose, goal_of, now_ms_of, scan_of, wheels_of
+from runtime.units import PERIOD_S
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import NAVIGATORS, USUAL_NAVIGATOR, Trial, run_trial, start_of, wire_goal_of
 
 REQUIREMENT = "ir-sim>=2.10"
 DRIVER = Path(__file__).with_name("irsim_driver.py")
-PERIOD_S = 0.05
 RAYS = 40
 
 

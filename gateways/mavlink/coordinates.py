@@ -57,7 +57,6 @@ def home_at(place: GlobalPlace) -> Home | None:
 
 
 CM_PER_M: Final = 100.0
-MM_PER_M: Final = 1000.0
 INT16: Final = 32_767
 FARTHEST: Final = 1e6
 

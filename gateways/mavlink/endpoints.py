@@ -18,6 +18,7 @@ from ipaddress import ip_address
 from types import MappingProxyType
 from typing import Final, NamedTuple, Protocol
 
+from protocol.bus.network import MAX_PORT
 from runtime.errors import UserError
 from runtime.units import NS_PER_S
 
@@ -499,7 +500,6 @@ KINDS: Final[Mapping[str, Callable[[str, str, int], Endpoint]]] = MappingProxyTy
     }
 )
 EXAMPLE: Final = "udpin:127.0.0.1:14550"
-MAX_PORT: Final = 65_535
 
 
 class EndpointParts(NamedTuple):

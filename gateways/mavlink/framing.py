@@ -13,16 +13,14 @@ from typing import Final, NamedTuple
 from fastcrc.crc16 import mcrf4xx
 
 from gateways.mavlink.mavlink_dialect import mavlink
+from protocol.wire.codec import CHECKSUM_SIZE, HEADER_SIZE, SIGNATURE_SIZE
 from runtime.units import NS_PER_MS
 
 V1: Final = mavlink.PROTOCOL_MARKER_V1
 V2: Final = mavlink.PROTOCOL_MARKER_V2
 STARTS: Final = bytes((V1, V2))
 HEADER_V1: Final = 6
-HEADER_V2: Final = 10
-CHECKSUM: Final = 2
 SIGNED: Final = mavlink.MAVLINK_IFLAG_SIGNED
-SIGNATURE: Final = 13
 MAX_WAITING: Final = 16_384
 """Bytes of one client that wait to be processed; more are dropped."""
 UNFINISHED_NS: Final = 500 * NS_PER_MS
@@ -56,7 +54,7 @@ def is_emergency_stop(frame: MavFrame) -> bool:
     """Return whether a frame is a DO_FLIGHTTERMINATION that stops the robot."""
     if frame.number not in COMMANDS:
         return False
-    header = HEADER_V1 if frame.is_mavlink1 else HEADER_V2
+    header = HEADER_V1 if frame.is_mavlink1 else HEADER_SIZE
     payload = frame.data[header : header + frame.data[1]].ljust(STOP_LAYOUT.size, b"\0")
     param1, command = STOP_LAYOUT.unpack_from(payload)
     return bool(command == mavlink.MAV_CMD_DO_FLIGHTTERMINATION and param1 > 0.5)
@@ -203,9 +201,9 @@ def _size(data: bytes, at: int) -> int:
     if len(data) - at < 3:
         return 0
     if data[at] == V1:
-        return HEADER_V1 + data[at + 1] + CHECKSUM
-    signature = SIGNATURE if data[at + 2] & SIGNED else 0
-    return HEADER_V2 + data[at + 1] + CHECKSUM + signature
+        return HEADER_V1 + data[at + 1] + CHECKSUM_SIZE
+    signature = SIGNATURE_SIZE if data[at + 2] & SIGNED else 0
+    return HEADER_SIZE + data[at + 1] + CHECKSUM_SIZE + signature
 
 
 def _is_possible(data: bytes, at: int) -> bool:
@@ -232,6 +230,6 @@ def _is_intact(frame: MavFrame, extra: int) -> bool:
     data = frame.data
     if data[0] == V2 and data[2] & ~SIGNED:
         return False
-    end = len(data) - CHECKSUM - (SIGNATURE if frame.is_signed else 0)
+    end = len(data) - CHECKSUM_SIZE - (SIGNATURE_SIZE if frame.is_signed else 0)
     crc = mcrf4xx(data[1:end] + bytes((extra,)))
-    return crc == int.from_bytes(data[end : end + CHECKSUM], "little")
+    return crc == int.from_bytes(data[end : end + CHECKSUM_SIZE], "little")

@@ -24,10 +24,9 @@ from gateways.mavlink.traffic_recorder import TrafficRecorder
 from protocol.wire.enums import Severity
 from protocol.wire.messages import GatewayStatus
 from runtime.clock import Clock
-from runtime.units import NS_PER_MS, NS_PER_S
+from runtime.units import NS_PER_MS, NS_PER_S, UINT32
 
 PERIOD_NS: Final = NS_PER_S
-LARGEST: Final = 0xFFFF_FFFF
 
 
 class Totals(NamedTuple):
@@ -74,9 +73,9 @@ class Reporter:
         found = [
             GatewayStatus(
                 time_ns=0,
-                sent_bytes_s=min(LARGEST, round(self._sent_bytes.get(system, 0) / seconds)),
-                refused=totals.refused & LARGEST,
-                malformed=totals.malformed & LARGEST,
+                sent_bytes_s=min(UINT32, round(self._sent_bytes.get(system, 0) / seconds)),
+                refused=totals.refused & UINT32,
+                malformed=totals.malformed & UINT32,
                 received_hz=min(0xFFFF, round(received / seconds)),
                 lost_permille=round(1000 * lost / max(1, lost + received)),
                 system=system,

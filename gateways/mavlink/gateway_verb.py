@@ -16,7 +16,6 @@ from gateways.mavlink.bus_port import BusPort
 from gateways.mavlink.coordinates import DEFAULT_ALTITUDE_M, DEFAULT_ORIGIN, home_at, place_of
 from gateways.mavlink.endpoints import (
     EXAMPLE,
-    MAX_PORT,
     TCP,
     Endpoint,
     all_opened,
@@ -40,7 +39,7 @@ from ground.recording.metadata import build
 from ground.text.output import Output
 from ground.user.folders import recordings_folder, state_folder
 from ground.user.mavlink_keys import read_keys, usual_file, write_keys
-from protocol.bus.network import gateway_here
+from protocol.bus.network import MAX_PORT, gateway_here
 from protocol.options import finite
 from protocol.topics import robot_name
 from runtime.clock import Clock

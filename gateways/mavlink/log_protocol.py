@@ -15,10 +15,7 @@ from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from ground.recording.catalogue import began
 from ground.recording.log_reader import NAMED
-from runtime.units import NS_PER_S
-
-LARGEST: Final = 0xFFFF_FFFF
-"""Offsets and sizes have 32 bits."""
+from runtime.units import NS_PER_S, UINT32
 
 
 class DataSource(Protocol):
@@ -59,7 +56,7 @@ class FileSource:
 
     def __init__(self, path: Path) -> None:
         self._fd = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
-        self.size = min(os.fstat(self._fd).st_size, LARGEST)
+        self.size = min(os.fstat(self._fd).st_size, UINT32)
 
     def read(self, offset: int, count: int) -> bytes:
         """Return at most `count` bytes."""
@@ -136,7 +133,7 @@ class Recordings:
 
 
 def _size(path: Path) -> int:
-    return min(path.stat().st_size, LARGEST)
+    return min(path.stat().st_size, UINT32)
 
 
 BLOCK: Final = 90

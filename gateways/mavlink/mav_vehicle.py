@@ -19,7 +19,7 @@ from ground.commands.fence import ClearFence
 from ground.missions.mission import Home
 from protocol.wire.enums import Mode, Severity
 from protocol.wire.enums import Vehicle as State
-from runtime.units import NS_PER_MS, NS_PER_S, NS_PER_US
+from runtime.units import NS_PER_MS, NS_PER_S, NS_PER_US, UINT32
 
 Build = Callable[[int], Sequence[MavMessage]]
 """Returns the messages of the present round, given its time; none if the values are missing."""
@@ -242,7 +242,7 @@ class MavVehicle:
 
     def boot_ms(self, now_ns: int) -> int:
         """Return that time as in the fields `time_boot_ms`."""
-        return self.boot_ns(now_ns) // NS_PER_MS & 0xFFFFFFFF
+        return self.boot_ns(now_ns) // NS_PER_MS & UINT32
 
     def answer(self, message: MavMessage, client: int) -> None:
         """Send an answer whose copy does no harm: twice on a lossy line."""

@@ -19,7 +19,7 @@ from gateways.mavlink.motion.setpoints import SPEED
 from gateways.mavlink.robot_port import Snapshot
 from protocol.wire.messages import CycleReport, PlanarOdometry, SonarScan
 from protocol.wire.reasons import Reason
-from runtime.units import NS_PER_US
+from runtime.units import MM_PER_M, NS_PER_US, UINT32
 
 UNKNOWN_16: Final = 0xFFFF
 LEVEL: Final = (1.0, 0.0, 0.0, 0.0)
@@ -36,7 +36,7 @@ def pose_of(vehicle: MavVehicle) -> tuple[PlanarOdometry, coordinates.NedPose] |
 
 def altitude_mm(vehicle: MavVehicle) -> int:
     """Return the altitude of the robot's plane above sea level."""
-    return round(vehicle.origin_altitude_m * coordinates.MM_PER_M)
+    return round(vehicle.origin_altitude_m * MM_PER_M)
 
 
 def global_position(vehicle: MavVehicle, now_ns: int) -> Sequence[MavMessage]:
@@ -166,9 +166,7 @@ def gps_raw(vehicle: MavVehicle, now_ns: int) -> Sequence[MavMessage]:
         *fields,
         ardupilot.SATELLITES,
         alt_ellipsoid=altitude_mm(vehicle),
-        h_acc=max(
-            1, min(0xFFFF_FFFF, round(coordinates.deviation_m(odometry) * coordinates.MM_PER_M))
-        ),
+        h_acc=max(1, min(UINT32, round(coordinates.deviation_m(odometry) * MM_PER_M))),
         yaw=pose.yaw_cdeg or 36_000,
     )
     return (message,)

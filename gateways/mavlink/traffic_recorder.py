@@ -13,15 +13,14 @@ from typing import Any, Final
 from gateways.mavlink.clients import NoFile
 from gateways.mavlink.mav_service import COMPONENT
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
-from ground.recording.log_writer import LogFile, LogWriter, new_log
+from ground.recording.log_writer import FLUSH_NS, SYNC_EVERY, LogFile, LogWriter, new_log
 from runtime.errors import UserError
+from runtime.units import NS_PER_S
 
 SECRET: Final = mavlink.MAVLINK_MSG_ID_SETUP_SIGNING
 SUFFIX: Final = ".tlog"
 NAME: Final = "mavlink"
 """Stands in the name of the file where recordings of a robot have its name."""
-FLUSH_S: Final = 0.25
-SYNC_EVERY: Final = 4
 
 
 def new_file(path: Path) -> LogFile:
@@ -89,7 +88,7 @@ class TrafficRecorder:
 
     def _write(self) -> None:
         rounds = 0
-        while not self._ending.wait(FLUSH_S):
+        while not self._ending.wait(FLUSH_NS / NS_PER_S):
             rounds += 1
             self._writer.flush()
             if rounds % SYNC_EVERY == 0:

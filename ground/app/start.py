@@ -24,11 +24,12 @@ from ground.client.lease_holder import operator_name
 from ground.client.link import Link
 from ground.client.stop_ways import StopServer
 from ground.recording.log_reader import files_of
-from ground.user.folders import state_folder
+from ground.user.folders import PRIVATE_FILE, state_folder
 from ground.user.settings import Settings, load_settings, set_setting, settings_file
 from protocol.bus.network import Network
 from runtime.clock import WallClock, freeze_heap
 from runtime.config import line_located
+from runtime.errors import EXIT_SIGNAL
 
 if TYPE_CHECKING:
     from ground.app.app import GroundApp
@@ -103,13 +104,12 @@ def open_log(log: Path) -> int:
         log.parent.mkdir(parents=True, exist_ok=True)
         if log.exists() and log.stat().st_size > MOST_BYTES:
             log.unlink()
-        return os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+        return os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, PRIVATE_FILE)
     except OSError:
         return os.open(os.devnull, os.O_WRONLY)
 
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-EXIT_SIGNAL: Final = 128
 CHECK_S: Final = 1.0
 CLOSING_S: Final = 3.0
 SAVING: Final = Lock()

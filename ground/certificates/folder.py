@@ -19,6 +19,7 @@ from cryptography.x509.oid import NameOID
 
 from ground.certificates.authority import Authority, Pair, hosts_in
 from ground.client.connection import Config
+from ground.user.folders import PRIVATE_FILE, PRIVATE_FOLDER
 from protocol.bus.certificate import EXPIRES_SOON, OPEN_TO_OTHERS, RENEW
 from protocol.bus.network import Network
 from protocol.bus.rights import GATEWAY, GROUND, OPERATOR, RECORDER, ROBOT, VIEWER, grant_of
@@ -34,8 +35,6 @@ MAX_BYTES: Final = 1 << 20
 
 THIS_MACHINE: Final = ("localhost", "127.0.0.1", "::1")
 REVOKED: Final = re.compile(r"^revoked = \[.*\]$", re.MULTILINE)
-FOLDER_MODE: Final = 0o700
-SECRET_MODE: Final = 0o600
 PUBLIC_MODE: Final = 0o644
 STOPS_HEAD: Final = """\
 # Created by `sidestep keys`: secrets of the stop datagram, which can stop a robot and nothing else.
@@ -77,12 +76,12 @@ def make(
     try:
         create_file(folder / CA, authority.pem, PUBLIC_MODE, written)
         if authority_until is not None:
-            create_file(folder / CA_KEY, authority.pair.key, SECRET_MODE, written)
+            create_file(folder / CA_KEY, authority.pair.key, PRIVATE_FILE, written)
         for role, robot, dialled in roles_of(robots, operators):
             names = (*dialled_at(role), *hosts.get(role, ())) if dialled else ()
             pair = authority.certify(role, names, (since, until))
             create_file(folder / f"{role}.pem", pair.certificate, PUBLIC_MODE, written)
-            create_file(folder / f"{role}.key", pair.key, SECRET_MODE, written)
+            create_file(folder / f"{role}.key", pair.key, PRIVATE_FILE, written)
             text = configuration(role, robot, robots, operators)
             create_file(folder / f"{role}.toml", text.encode(), PUBLIC_MODE, written)
         write_stop_secrets(folder, robots, operators_of(operators), written)
@@ -111,7 +110,7 @@ def write_stop_secrets(
     for role, of in held.items():
         lines = (f'{name} = "{secret}"\n' for name, secret in of.items())
         text = f"{STOPS_HEAD}[secrets]\n{''.join(lines)}"
-        create_file(folder / f"{role}{SECRETS}", text.encode(), SECRET_MODE, written)
+        create_file(folder / f"{role}{SECRETS}", text.encode(), PRIVATE_FILE, written)
 
 
 def add_stop_secrets(folder: Path) -> list[str]:
@@ -185,7 +184,7 @@ def renew(folder: Path, names: Sequence[str], since: datetime, until: datetime) 
     before = {name: dialled_names(folder, name) for name in names}
     for name, hosts in before.items():
         made = authority.certify(name, hosts, (since, until))
-        replace_file(folder / f"{name}.key", made.key, SECRET_MODE)
+        replace_file(folder / f"{name}.key", made.key, PRIVATE_FILE)
         replace_file(folder / f"{name}.pem", made.certificate, PUBLIC_MODE)
     return until
 
@@ -236,10 +235,10 @@ def listed(names: Sequence[str]) -> str:
 def prepare(folder: Path) -> None:
     """Create an empty private folder; UserError if it exists and is not empty."""
     try:
-        folder.mkdir(mode=FOLDER_MODE, parents=True, exist_ok=True)
+        folder.mkdir(mode=PRIVATE_FOLDER, parents=True, exist_ok=True)
         there = next(iter(sorted(folder.iterdir())), None)
         if there is None:
-            folder.chmod(FOLDER_MODE)
+            folder.chmod(PRIVATE_FOLDER)
     except OSError as error:
         raise UserError(f"{folder}: {error.strerror}: name a folder that can be created") from error
     if there is not None:

@@ -15,11 +15,15 @@ from ground.text.output import Output
 from protocol.options import numbers_kept
 from runtime.cli.parsers import parser_of
 from runtime.cli.verb_table import command_of
-from runtime.errors import ConfigError, RemoteError, UserError
+from runtime.errors import (
+    EXIT_FAILURE,
+    EXIT_SIGNAL,
+    EXIT_USAGE,
+    ConfigError,
+    RemoteError,
+    UserError,
+)
 
-EXIT_FAILURE: Final = 1
-EXIT_USAGE: Final = 2
-EXIT_SIGNAL: Final = 128
 AGAIN_S: Final = 0.01
 
 

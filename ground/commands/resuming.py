@@ -15,7 +15,7 @@ from ground.client.lost_drive import (
 )
 from ground.client.outcomes import Accepted, Answer, Refused
 from ground.client.requests import Request
-from ground.client.session import Session
+from ground.client.session import STATUS_NS, Session
 from ground.client.telemetry import Telemetry
 from ground.commands.mission import CURRENT, fetch
 from ground.missions.transfer import Downloaded, waypoints_of
@@ -24,7 +24,6 @@ from protocol.wire.enums import Command, MissionType, Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus
 from protocol.wire.reasons import Reason
 
-STATUS_NS: Final = 1_000_000_000
 MISSION_NS: Final = 700_000_000
 """A robot publishes the status of its mission twice a second."""
 

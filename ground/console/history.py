@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
+from ground.user.folders import PRIVATE_FILE
 from runtime.files import bytes_in
 
 MAX_LINES: Final = 500
@@ -84,7 +85,7 @@ class History:
         beside = self._path.with_name(f"{self._path.name}.{os.getpid()}")
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            beside.touch(0o600)
+            beside.touch(PRIVATE_FILE)
             beside.write_text("\n".join([*self.lines, ""]), encoding="utf-8")
             os.replace(beside, self._path)
         except OSError as error:

@@ -11,6 +11,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 from ground.client.goal import Destination
 from ground.client.link import LISTEN_NS, Link, UnansweredError
+from ground.client.lost_drive import SAME_M
 from ground.client.parameter import Parameter, parameters_in
 from ground.client.vocabulary import SIDES
 from ground.commands.param import fetch
@@ -187,7 +188,6 @@ SLACK_NS: Final = 100_000_000
 """Tolerance between the recording of a request and the robot's report of its goal."""
 
 LIVING: Final = (GoalState.ACCEPTED, GoalState.DRIVING, GoalState.AVOIDING, GoalState.ALIGNING)
-SAME_M: Final = 0.002
 DRIVING: Final = "driving"
 
 

@@ -4,12 +4,13 @@ A point with a NaN or an infinity is left out and interrupts a line.
 """
 
 from collections.abc import Iterable, Sequence
-from math import atan2, ceil, cos, floor, hypot, isfinite, log, pi, sin, sqrt
+from math import atan2, ceil, cos, floor, hypot, isfinite, pi, sin, sqrt
 from typing import Final
 
 from ground.map.canvas import DOTS_HIGH, DOTS_WIDE, Canvas, Dot
 from ground.map.scene import Disc, Shape
 from ground.map.view import Point, View
+from protocol.outcome import CHI2_2
 
 WHOLE_TURN_RAD: Final = 2.0 * pi
 DOTS_PER_CHORD: Final = 3.0
@@ -195,12 +196,6 @@ class Pen:
 def nearest_eighth(angle_rad: float) -> int:
     """Return the nearest multiple of 45 degrees, from 0 to 8."""
     return round(angle_rad % WHOLE_TURN_RAD / (pi / 4.0))
-
-
-OUTSIDE: Final = 0.05
-"""The probability that the robot is outside the ellipse."""
-CHI2_2: Final = -2.0 * log(OUTSIDE)
-"""The squared half axis in standard deviations: chi-square with two degrees of freedom."""
 
 
 def ellipse(covariance: tuple[float, float, float]) -> tuple[float, float, float] | None:

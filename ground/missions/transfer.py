@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from math import isnan, nan
 from typing import Final
 
-from ground.client.requests import Attempt, Exchange, GaveUp, is_saving
+from ground.client.requests import PATIENCE_NS, Attempt, Exchange, GaveUp, is_saving
 from ground.missions.mission import Circle, Fence, Polygon, Waypoint
 from protocol.wire.enums import FRAME_LOCAL_FLU, Command, MissionType
 from protocol.wire.message import Message
@@ -23,10 +23,8 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason, reason_text
 from runtime.errors import RemoteError
-from runtime.units import NS_PER_MS
 
 ATTEMPTS: Final = 5
-PATIENCE_NS: Final = 500 * NS_PER_MS
 MAX_SAVING: Final = 60
 """Limit of IN_PROGRESS answers; longer than a robot waits for its disk."""
 

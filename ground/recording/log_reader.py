@@ -29,7 +29,7 @@ from ground.recording.mcap_file import McapFile, path_in
 from protocol.bus.network import MAX_ROBOTS
 from protocol.topic import NAME, ROBOT_NAME
 from protocol.topics import CLOCK, PREFIX, key_parts
-from protocol.wire.codec import decode
+from protocol.wire.codec import CHECKSUM_SIZE, HEADER_SIZE, MAGIC, SIGNATURE_SIZE, decode
 from protocol.wire.message import Message
 from protocol.wire.messages import SystemTime
 from runtime.errors import RemoteError, UserError
@@ -83,12 +83,8 @@ def files_of(path: Path) -> list[Path]:
 
 
 STAMP: Final = Struct(">Q")
-MAGIC: Final = 0xFD
-TLOG_HEADER_SIZE: Final = 10
-CHECKSUM_SIZE: Final = 2
-SIGNATURE_SIZE: Final = 13
 SIGNED: Final = 0x01
-LARGEST_RECORD: Final = STAMP.size + TLOG_HEADER_SIZE + 255 + CHECKSUM_SIZE + SIGNATURE_SIZE
+LARGEST_RECORD: Final = STAMP.size + HEADER_SIZE + 255 + CHECKSUM_SIZE + SIGNATURE_SIZE
 CHUNK: Final = 1 << 18
 EPOCH_2000_US: Final = 946_684_800_000_000
 EPOCH_2200_US: Final = 7_258_118_400_000_000
@@ -110,7 +106,7 @@ def frame_size(head: bytes) -> int:
     """Return the size of a frame from its first three bytes or more; 0 for no frame."""
     if len(head) < 3 or head[0] != MAGIC:
         return 0
-    return TLOG_HEADER_SIZE + head[1] + CHECKSUM_SIZE + (SIGNATURE_SIZE if head[2] & SIGNED else 0)
+    return HEADER_SIZE + head[1] + CHECKSUM_SIZE + (SIGNATURE_SIZE if head[2] & SIGNED else 0)
 
 
 def is_whole_frame(frame: bytes) -> bool:

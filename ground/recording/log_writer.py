@@ -34,6 +34,9 @@ MAX_KEY: Final = 250
 """Longest key in characters; MCAP stores the key with each frame."""
 
 TOO_SLOW: Final = "the disk took too long"
+FLUSH_NS: Final = 250_000_000
+SYNC_EVERY: Final = 4
+"""Recorders write what waits at this interval, and synchronise the file in every fourth round."""
 
 
 class LogFormat(Protocol):

@@ -34,7 +34,7 @@ from protocol.wire.codec import HEADER_SIZE, WIRE_OF_ID, WIRE_OF_TYPE, decode
 from protocol.wire.message import Message
 from runtime.errors import RemoteError
 from runtime.files import opened
-from runtime.units import NS_PER_US
+from runtime.units import NS_PER_US, UINT32
 
 UNKNOWN_PATH: Final = "unknown"
 PATH_OF: Final[Mapping[tuple[int, int], str]] = MappingProxyType(
@@ -423,7 +423,7 @@ class McapFormat:
             if channel is None:
                 channel = self._channels[piece.topic] = self._channel(piece)
             count = self._counts.get(channel, 0)
-            self._counts[channel] = (count + 1) & 0xFFFFFFFF
+            self._counts[channel] = (count + 1) & UINT32
             self._writer.add_message(channel, self._newest_ns, piece.data, published_ns, count)
 
     def _channel(self, piece: ChannelMessage) -> int:

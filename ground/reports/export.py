@@ -11,6 +11,7 @@ from ground.client.connection import within
 from ground.client.session import Progress, Session
 from ground.recording.log_reader import open_log
 from ground.recording.tables import (
+    DEFAULT_RATE_HZ,
     LONG,
     Column,
     Row,
@@ -24,7 +25,6 @@ from ground.recording.tables import (
 )
 from runtime.errors import UserError
 
-DEFAULT_RATE_HZ: Final = 20.0
 MIN_RATE_HZ: Final = 0.01
 MAX_RATE_HZ: Final = 1000.0
 

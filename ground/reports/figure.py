@@ -11,11 +11,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from ground.map.pen import OUTSIDE, ellipse
+from ground.map.pen import ellipse
 from ground.map.scene import Disc, Shape
 from ground.recording.summary import Mark
 from ground.recording.tables import Place, RunSeries, TimedValues
 from ground.recording.world_metadata import discs, outlines
+from protocol.outcome import OUTSIDE
 from runtime.errors import UserError
 
 if TYPE_CHECKING:
@@ -137,7 +138,7 @@ def _rim(points: list[tuple[float, float]], facts: dict[str, Any]) -> bool:
 
 
 def draw_ellipses(axes: "Axes", run: RunSeries) -> None:
-    """Draw the ellipses that contain the true position with probability 1 - `ellipse.OUTSIDE`."""
+    """Draw the ellipses that contain the true position with probability 1 - OUTSIDE."""
     from matplotlib.patches import Ellipse
 
     step = max(1, len(run.estimated) // ELLIPSES)

@@ -7,12 +7,12 @@ from typing import Final
 
 from ground.client.status_line import knows_place
 from ground.client.telemetry import Age, age_of
-from ground.map.pen import CHI2_2
 from ground.map.scene import MapScene, MapTarget, RobotMark
 from ground.station.history.trail import Point, ranges_m
 from ground.station.robot.robot_model import RobotModel
 from ground.station.world import WorldFacts
 from ground.text.status_parts import driving
+from protocol.outcome import CHI2_2
 from protocol.topics import DECISION, MISSION, ODOMETRY, SONAR, STATUS, TRUTH
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.messages import AvoidanceDecision, NavigatorStatus, PlanarOdometry

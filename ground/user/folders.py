@@ -5,6 +5,8 @@ from pathlib import Path
 from typing import Final
 
 NAME: Final = "sidestep"
+PRIVATE_FOLDER: Final = 0o700
+PRIVATE_FILE: Final = 0o600
 
 
 def state_folder() -> Path:

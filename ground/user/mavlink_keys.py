@@ -14,7 +14,7 @@ from typing import Annotated, Final
 
 import msgspec
 
-from ground.user.folders import config_folder
+from ground.user.folders import PRIVATE_FILE, config_folder
 from runtime.config import load
 from runtime.errors import UserError
 from runtime.files import make_folder, replace
@@ -22,7 +22,6 @@ from runtime.files import make_folder, replace
 KEY_BYTES: Final = 32
 MAX_KEYS: Final = 2
 PASSPHRASE_BYTES: Final = 15
-PRIVATE: Final = 0o600
 SHARED_BITS: Final = 0o077
 NO_KEY: Final = bytes(KEY_BYTES)
 """The key by which SETUP_SIGNING ends signing."""
@@ -94,7 +93,7 @@ def write_keys(path: Path, ring: KeyRing) -> None:
     try:
         make_folder(path.parent)
         replace(path, "\n".join(["# Signing keys of MAVLink; the first one signs.", *rows]))
-        path.chmod(PRIVATE)
+        path.chmod(PRIVATE_FILE)
     except OSError as error:
         raise UserError(f"{path}: {error.strerror}") from error
     finally:

@@ -18,7 +18,7 @@ from typing import Final, NamedTuple
 
 import msgspec
 
-from ground.user.folders import runs_folder
+from ground.user.folders import PRIVATE_FILE, PRIVATE_FOLDER, runs_folder
 from protocol.bus.network import check_endpoint
 from protocol.topic import robot_name
 from runtime.errors import UserError
@@ -71,8 +71,6 @@ def _exists(pid: int) -> bool:
 
 SUFFIX: Final = ".json"
 MAX_BYTES: Final = 1 << 16
-FOLDER_MODE: Final = 0o700
-FILE_MODE: Final = 0o600
 OTHERS: Final = 0o077
 OTHERS_WRITE: Final = 0o022
 NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}\Z")
@@ -136,7 +134,7 @@ class RunFile:
         folder = self._folder
         if self.path is None:
             make_folder(folder)
-            folder.chmod(FOLDER_MODE)
+            folder.chmod(PRIVATE_FOLDER)
             read_runs(folder)  # removes the files of dead runs, so that their names are free
         draft = folder / f".{os.getpid()}.part"
         write_privately(draft, msgspec.json.encode(run))
@@ -159,8 +157,8 @@ class RunFile:
 def write_privately(path: Path, data: bytes) -> None:
     """Write a file that only this user can read."""
     flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW | os.O_CLOEXEC
-    with os.fdopen(os.open(path, flags, FILE_MODE), "wb") as file:
-        os.fchmod(file.fileno(), FILE_MODE)
+    with os.fdopen(os.open(path, flags, PRIVATE_FILE), "wb") as file:
+        os.fchmod(file.fileno(), PRIVATE_FILE)
         file.write(data)
 
 

@@ -211,7 +211,6 @@ def site_for(random: Draws, plan: Plan, thick_m: float) -> Site:
 
 FEWEST_CELLS: Final = 20
 MAX_CELLS: Final = 32
-CELL_M: Final = 0.4
 FREE, BLOCKED = ".", "@"
 
 

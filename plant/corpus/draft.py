@@ -7,14 +7,13 @@ from typing import Final, NamedTuple, TypeAlias
 
 from plant.model.draws import Draws
 from plant.model.geometry import clearance_m, distance_m
+from plant.placement import STANDING_M
 from protocol.world import Circle, Obstacle, Point, Polygon, Polyline
 from runtime.elementary import atan2, cos, sin
 
 MIN_FLOOR_M: Final = 5.0
 MAX_FLOOR_M: Final = 10.0
 RIM_M: Final = 0.4
-STANDING_M: Final = 0.17
-"""Smallest distance of the centres of start and goal from any obstacle."""
 
 MIN_THICKNESS_M: Final = 0.02
 MAX_THICKNESS_M: Final = 0.10

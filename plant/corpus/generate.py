@@ -14,9 +14,9 @@ from math import radians
 from typing import Final, TypeAlias
 
 from plant.corpus import adversarial, buildings, shapes, traps
-from plant.corpus.buildings import CELL_M, MAPS
+from plant.corpus.buildings import MAPS
 from plant.corpus.draft import Adversary, Axis, Family, Values, WorldDraft, standing_room
-from plant.imports.importer import ImportedWorld, grid_world, with_way
+from plant.imports.importer import CELL_M, ImportedWorld, grid_world, with_way
 from plant.imports.moving_ai import parse_map
 from plant.model.configuration import Body, body_of
 from plant.model.draws import Draws

@@ -15,6 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plant.imports.cells import MAX_COORDINATE_M
 from plant.model.errors import read_bytes, read_text, refuse
 from protocol.world import Circle, Point
 
@@ -35,7 +36,6 @@ AROUND_M: Final = 1.0
 
 MAX_BYTES: Final = 10_000_000
 MAX_SIZE_M: Final = 50.0
-MAX_COORDINATE_M: Final = 1e6
 HEADER: Final = ("x", "x_m")
 
 

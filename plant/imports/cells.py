@@ -12,13 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plant.model.draws import Draws
+from plant.model.geometry import TOUCHING_M
 from protocol.world import Point, Polygon
 from runtime.elementary import cos, hypot, sin
 
 Mask: TypeAlias = NDArray[np.bool_]
 Labels: TypeAlias = NDArray[np.int64]
 
-TOUCHING_M: Final = 1e-9
+MAX_COORDINATE_M: Final = 1e6
+"""Limit for the coordinates of a map."""
 
 
 class Cells(NamedTuple):

@@ -24,7 +24,7 @@ from plant.model.configuration import Body
 from plant.model.draws import Draws
 from plant.model.errors import WorldError, WorldReport, refuse
 from plant.model.geometry import clearance_m, distance_m, length_m
-from plant.placement import ObstacleFloor, check_places
+from plant.placement import STANDING_M, ObstacleFloor, check_places
 from plant.shortest_path import near_path, shortest_path_m
 from plant.world.reader import SIZE
 from protocol.world import MAX_OBSTACLES, GoalPose, Obstacle, Point, Start, World
@@ -194,9 +194,6 @@ def route_m(world: World, places: Places, radius_m: float) -> float | None:
         return None
     return length_m(near_path(world, way, radius_m))
 
-
-STANDING_M: Final = 0.17
-"""Smallest distance of a place from any obstacle."""
 
 PAIRS: Final = 6
 MAX_PLACE_DRAWS: Final = 200

@@ -13,7 +13,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.imports.cells import Cells
+from plant.imports.cells import MAX_COORDINATE_M, Cells
 from plant.model.errors import read_bytes, read_text, refuse
 
 Value: TypeAlias = str | list[str]
@@ -218,7 +218,6 @@ def _check_count(file: str, found: int, needed: int, what: str) -> None:
         raise refuse(file, "raster", reason, "is the file cut? save it again")
 
 
-MAX_COORDINATE_M: Final = 1e6
 MODES: Final = ("trinary", "scale")
 TRUE: Final = ("1", "true", "yes")
 FALSE: Final = ("0", "false", "no")

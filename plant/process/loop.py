@@ -19,7 +19,7 @@ from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, RunRequest
 from protocol.wire.reasons import Reason
 from runtime.clock import Clock, WakeUp, ticks
-from runtime.units import NS_PER_S, PERIOD_NS
+from runtime.units import NS_PER_S, PERIOD_S
 from runtime.watchdog import Patience
 
 MAX_WAITING: Final = 64
@@ -82,7 +82,6 @@ def acknowledge(result: AckResult, reason: Reason) -> CommandAck:
     return CommandAck(command=0, result=result, result_param2=reason)
 
 
-PERIOD_S: Final = PERIOD_NS / NS_PER_S
 POLL_S: Final = 0.01
 REPEAT_S: Final = 0.5
 """In lockstep, wall time after which a tick is published again: others see that the plant runs, and

@@ -22,7 +22,7 @@ from protocol.wire.enums import BUMPER_LEFT, BUMPER_REAR, BUMPER_RIGHT
 from protocol.wire.messages import GroundTruth, RunScore, SonarScan, WheelTicks
 from protocol.world import Point, World
 from runtime.elementary import atan2, cos_sin, hypot, sin
-from runtime.units import NS_PER_S, PERIOD_NS, UINT32
+from runtime.units import NS_PER_S, PERIOD_NS, PERIOD_S, UINT32
 
 if TYPE_CHECKING:
     from hashlib import _Hash
@@ -126,7 +126,6 @@ CLOSING_M_S: Final = 0.01
 """Speed towards a touched object above which the robot has caused the contact, because it would
 have touched a static object, too. Turning on the spot never brings a disc closer."""
 
-PERIOD_S: Final = PERIOD_NS / NS_PER_S
 
 Moved: TypeAlias = tuple[Sequence[Disc], Sequence[Disc]]
 

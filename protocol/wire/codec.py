@@ -22,6 +22,9 @@ HEADER: Final = Struct("<BBBBBBBHB").unpack_from  # the same after the magic
 CHECKSUM: Final = Struct("<H").pack
 HEADER_SIZE: Final = 10
 CHECKSUM_SIZE: Final = 2
+SIGNATURE_SIZE: Final = 13
+"""Behind a signed frame of another program; frames of the bus have none."""
+
 OUTSIDE: Final = HEADER_SIZE + CHECKSUM_SIZE
 SMALLEST_FRAME: Final = OUTSIDE + 1
 LARGEST_FRAME: Final = OUTSIDE + 255

@@ -16,7 +16,7 @@ from plant.corpus.generate import ADVERSARIAL_FAMILIES
 from plant.model.configuration import LEVELS
 from protocol.options import above_zero, whole
 from runtime.cli.parsers import new_parser
-from runtime.errors import UserError
+from runtime.errors import EXIT_FAILURE, EXIT_INTERRUPTED, EXIT_OK, UserError
 from study.cli.study import INSTALL, NEEDED
 from study.falsify.climb import VARIED
 from study.falsify.properties import DETOUR, LETTERS, PROPERTIES
@@ -28,9 +28,7 @@ if TYPE_CHECKING:
     from study.falsify.findings import Finding
     from study.falsify.search import Search
 
-EXIT_OK: Final = 0
-EXIT_FOUND: Final = 1
-EXIT_INTERRUPTED: Final = 130
+EXIT_FOUND: Final = EXIT_FAILURE
 OUTPUT: Final = "findings"
 USUAL_S: Final = 600.0
 MAX_UNITS: Final = 1e6

@@ -20,7 +20,7 @@ from plant.model.configuration import LEVELS
 from protocol.options import add_param_option, whole
 from robot.parameter_table import OutOfRangeError, UnknownParameterError
 from runtime.cli.parsers import new_parser
-from runtime.errors import UserError
+from runtime.errors import EXIT_INTERRUPTED, UserError
 from study.cli.trial import seconds
 from study.runner import workers
 from study.runner.conduct import (
@@ -180,9 +180,6 @@ def output_of(options: argparse.Namespace) -> Path:
     """Return the study's directory."""
     given: Path | None = options.output
     return given or Path(QUICK_OUTPUT if options.quick else OUTPUT)
-
-
-EXIT_INTERRUPTED: Final = 130
 
 
 class PreparedStudy(NamedTuple):

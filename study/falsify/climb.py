@@ -18,6 +18,7 @@ from plant.corpus.generate import (
     measured,
     world_of,
 )
+from plant.corpus.shapes import PERSON_M
 from plant.model.configuration import SONAR_TARGETS, WHEEL_TARGETS
 from plant.model.draws import Draws
 from plant.model.geometry import clearance_m
@@ -41,7 +42,6 @@ TRACK: Final = 1.6
 """Distance of the wheels as a multiple of the radius."""
 
 MAX_PEOPLE: Final = 3
-PERSON_M: Final = 0.2
 PEOPLE: Final = (
     Axis("people", 0, MAX_PEOPLE, whole=True),
     *(

@@ -18,6 +18,7 @@ from typing import Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.core.perception.echoes import CIRCLE, CONE, QUARTER
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import EVERY, SONARS
 from runtime.elementary import Q1, Q2, Q3, Q4, Q5, hypot
@@ -31,11 +32,6 @@ REACH_MM: Final = 1500
 
 SHARES: Final = 2
 """The tables are for robots at the centre of one of SHARES x SHARES parts of a cell."""
-
-CIRCLE: Final = 4096
-QUARTER: Final = 1024
-CONE: Final = 256
-"""Brads: 4096 to the circle, 256 to a cone of 22.5 degrees."""
 
 
 class Cones(NamedTuple):

@@ -7,7 +7,6 @@ table of navigators only while a trial runs.
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from math import pi
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
@@ -19,11 +18,11 @@ from robot.core.navigators.pace import Held
 from robot.core.navigators.registry import NAVIGATORS, Navigator
 from robot.core.parameters import Params
 from robot.core.perception import closing_speed, sonar_ring
+from robot.core.perception.echoes import BRADS
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Decision, Goal, Pose, wrap
 from runtime.elementary import atan2, cos_sin
 from study.oracle.grid_map import (
-    CIRCLE,
     DIAGONAL,
     FREE,
     OWN_MM,
@@ -127,7 +126,6 @@ def target_on(grid: GridMap, route: Route, at: int, x_mm: int, y_mm: int) -> tup
     return int(route.x_mm[to]), int(route.y_mm[to])
 
 
-BRADS: Final = CIRCLE / (2.0 * pi)
 EVERY_TICKS: Final = 2
 """Ticks per update of the map: the robot moves at most 3 cm."""
 

@@ -17,7 +17,8 @@ from plant.model.configuration import body_of
 from plant.model.geometry import clearance_m, distance_m, moves
 from plant.shortest_path import path_length_m, shortest_path
 from protocol.world import Circle, Obstacle, Point, Polyline, World
-from study.people.encounters import STEP_S, Encounters, Exposure, PersonContact, Walkers, gap_of
+from runtime.units import PERIOD_S
+from study.people.encounters import Encounters, Exposure, PersonContact, Walkers, gap_of
 from study.runner.plan import digest_of, seed_of
 from study.trial.trial import Trial, run_trial
 
@@ -78,7 +79,7 @@ def stand(world: World, places: Sequence[Point], duration_s: float) -> list[Stan
     A person that is there at the beginning does not count until it comes back, because no robot
     can begin inside of a person.
     """
-    times_s = [tick * STEP_S for tick in range(round(duration_s / STEP_S) + 1)]
+    times_s = [tick * PERIOD_S for tick in range(round(duration_s / PERIOD_S) + 1)]
     tracks = Walkers(world).tracks(times_s)
     found = []
     for at_m in places:
@@ -93,8 +94,8 @@ def stand(world: World, places: Sequence[Point], duration_s: float) -> list[Stan
 def stay(world: World, at_m: Point, duration_s: float) -> Stay:
     """Measure a robot standing at a place, from its first free tick to its first contact."""
     walkers, exposure, free = Walkers(world), Exposure(), False
-    for tick in range(round(duration_s / STEP_S) + 1):
-        people = walkers.at(tick * STEP_S)
+    for tick in range(round(duration_s / PERIOD_S) + 1):
+        people = walkers.at(tick * PERIOD_S)
         touching = any(gap_of(at_m, walker) < 0.0 for walker in people)
         free = free or not touching
         if free:
@@ -128,13 +129,13 @@ def omniscient_route(world: World, limit_s: float) -> list[Point] | None:
 
 def route_exposure(world: World, route: list[Point]) -> Exposure:
     """Measure a robot on a route with points LAYER_S apart."""
-    walkers, exposure, ticks = Walkers(world), Exposure(), round(LAYER_S / STEP_S)
+    walkers, exposure, ticks = Walkers(world), Exposure(), round(LAYER_S / PERIOD_S)
     for layer, (a, b) in enumerate(pairwise(route)):
         velocity_m_s = (b[0] - a[0]) / LAYER_S, (b[1] - a[1]) / LAYER_S
         for tick in range(ticks):
             share = tick / ticks
             at_m = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
-            exposure.add(at_m, velocity_m_s, walkers.at((layer * ticks + tick) * STEP_S))
+            exposure.add(at_m, velocity_m_s, walkers.at((layer * ticks + tick) * PERIOD_S))
     return exposure
 
 

@@ -21,10 +21,9 @@ from protocol.world import Point, World
 from robot.core.perception.people import PROVEN, SAME_M, SLOTS, People
 from robot.core.values import Outputs
 from runtime.elementary import atan2, cos_sin, hypot
-from runtime.units import NS_PER_S, PERIOD_NS
+from runtime.units import NS_PER_S, PERIOD_S
 from study.trial.core_loop import CoreLoop
 
-STEP_S: Final = PERIOD_NS / NS_PER_S
 """Control period; the velocity of a person is its mean over the period that begins."""
 
 
@@ -56,8 +55,8 @@ class Walkers:
         found = []
         for mover in self._movers:
             x_m, y_m = mover.position_m(time_s)
-            next_x_m, next_y_m = mover.position_m(time_s + STEP_S)
-            velocity_m_s = (next_x_m - x_m) / STEP_S, (next_y_m - y_m) / STEP_S
+            next_x_m, next_y_m = mover.position_m(time_s + PERIOD_S)
+            velocity_m_s = (next_x_m - x_m) / PERIOD_S, (next_y_m - y_m) / PERIOD_S
             touching_m = mover.radius_m + self._robot_radius_m
             found.append(Walker((x_m, y_m), velocity_m_s, touching_m))
         return found
@@ -135,22 +134,22 @@ class Exposure:
     @property
     def time_s(self) -> float:
         """Duration of all ticks."""
-        return self.ticks * STEP_S
+        return self.ticks * PERIOD_S
 
     @property
     def person_s(self) -> float:
         """Duration of all ticks times the number of people."""
-        return self.person_ticks * STEP_S
+        return self.person_ticks * PERIOD_S
 
     @property
     def intruded_s(self) -> float:
         """Time with a person nearer than PERSONAL_M to the robot's rim."""
-        return self.intruded_ticks * STEP_S
+        return self.intruded_ticks * PERIOD_S
 
     @property
     def soon_s(self) -> float:
         """Time with less than SOON_S until a collision at constant velocities."""
-        return self.soon_ticks * STEP_S
+        return self.soon_ticks * PERIOD_S
 
 
 class Encounters:

@@ -19,14 +19,12 @@ from protocol.world import Circle, Obstacle, Point, Polygon, Polyline, World
 from robot.core.perception.echoes import REACH_M, SURE, Echoes
 from robot.core.states import PASS_LEFT, PASS_RIGHT
 from robot.core.values import BEARINGS, HALF_CONE, Outputs, Pose
-from runtime.units import NS_PER_S
+from runtime.units import MM_PER_M, NS_PER_S
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial
 
 KEPT_TICKS: Final = 200
 """Ten seconds."""
-
-MM_PER_M: Final = 1000.0
 
 
 class StoredPoint(NamedTuple):

@@ -20,12 +20,12 @@ from plant.model.geometry import clearance_m
 from protocol.wire.enums import Branch
 from protocol.wire.reasons import reason_text
 from protocol.world import Circle, Point, Polygon, World
+from runtime.units import MM_PER_M
 from study.report.charts.charts import Dot, SvgDrawing, colour
 from study.report.charts.gallery import WorldOf, command_of
 from study.report.charts.world_map import simplified, wall_parts
 from study.report.contact_kinds import (
     BLOCK,
-    MM_PER_M,
     RULES,
     PlaceRecord,
     RecordedTick,

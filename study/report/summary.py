@@ -14,7 +14,7 @@ from protocol.outcome import LOST
 from study.intervals import CONFIDENT, Floats, Share, mean, quantile
 from study.report.charts.charts import bars, distribution_chart, success_chart
 from study.report.page import DASH, Block, PageFigure, PageTable, count_text, number, percent, share
-from study.report.targets import ERRORS, RATIO
+from study.report.targets import ERRORS, PER, RATIO
 from study.report.trials import Trials
 from study.runner.run_task import FULL_SCORE
 
@@ -206,7 +206,6 @@ def _whole(value: float) -> str:
     return f"{value:g}" if isfinite(value) else DASH
 
 
-PER: Final = 10_000
 GIVEN_UP_ENDS: Final = (LOST, "stuck")
 QUANTILES: Final = (0.5, 0.9)
 

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from runtime.units import NS_PER_S, PERIOD_NS
+from runtime.units import MM_PER_M, NS_PER_S, PERIOD_NS
 from study.intervals import (
     CONFIDENT,
     Floats,
@@ -167,6 +167,7 @@ CROWD: Final = "crowd"
 OF_STANDING: Final = 0.5
 STEP_SHARE: Final = 0.5
 STATE_BYTES: Final = 4096
+"""Ceiling of the state that a navigator keeps from tick to tick."""
 PERIOD_MS: Final = 1e3 * PERIOD_NS / NS_PER_S
 
 
@@ -248,7 +249,6 @@ WRONGED_BOUND_PER: Final = 1.0
 
 ADVERSARIAL_WRONGED_PER: Final = 10.0
 THIN_RATE: Final = 0.98
-MM_PER_M: Final = 1000.0
 CROWD_OWN: Final = 0.005
 FORESTS: Final = "forest"
 

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from plant.corpus import ADVERSARIAL_FAMILIES, CROWD_FAMILIES
 from plant.model.configuration import LEVELS
-from protocol.outcome import UNREACHABLE
+from protocol.outcome import CHI2_2, UNREACHABLE
 from protocol.wire.reasons import Reason
 from runtime.errors import UserError
-from study.intervals import CHI2_2, Floats
+from study.intervals import Floats
 from study.runner.rows import COLUMNS, FAILED
 from study.runner.store import SCHEMA
 from study.trial.trial import ALL_NAVIGATORS

@@ -10,6 +10,7 @@ import pytest
 from checks.speed.accuracy import KINDS, consistency_of, drive, error_of
 from plant.model.configuration import LEVELS
 from plant.sim.simulation import Plant
+from protocol.outcome import CHI2_2
 from protocol.world import Circle, GoalPose, Polygon, Setting, Start, World
 from robot.core.parameters import DEFAULTS
 from robot.core.perception import slip as slips
@@ -19,7 +20,6 @@ from robot.parameter_table import with_values
 from runtime.config import settings_of
 from study.calibration import covariance_of, umbmark
 from study.calibration import drive as squares
-from study.intervals import CHI2_2
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial
 from tests.support.each import each

@@ -11,7 +11,8 @@ import zenoh
 from zenoh.handlers import Callback
 
 from ground.certificates.authority import Authority
-from ground.certificates.folder import CA, SECRET_MODE, dialled_at
+from ground.certificates.folder import CA, dialled_at
+from ground.user.folders import PRIVATE_FILE
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Mode, Network, Tls
 from protocol.bus.session import bound_endpoints, configured, open_session
@@ -78,7 +79,7 @@ class Keyring:
             hosts: Sequence[str] = dialled_at(name) if dialled else ()
             pair = self._authority.certify(name, hosts, (since, until))
             (self._folder / f"{label}.pem").write_bytes(pair.certificate)
-            (self._folder / f"{label}.key").touch(SECRET_MODE)
+            (self._folder / f"{label}.key").touch(PRIVATE_FILE)
             (self._folder / f"{label}.key").write_bytes(pair.key)
         return Tls(
             ca=str(self._folder / CA),

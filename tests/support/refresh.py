@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Final
 
 from runtime import files as atomic_file
+from runtime.errors import EXIT_INTERRUPTED
 from tests.support.pages import (
     ANYTHING,
     PAGES,
@@ -35,7 +36,6 @@ SCREENS: Final = "screens"
 SNAPSHOTS: Final = Path("tests", "tui", "snapshots")
 FIXTURE: Final = "update_screens:"
 """Each test that draws a picture takes this fixture."""
-EXIT_INTERRUPTED: Final = 130
 
 
 def renew_page(page: Path) -> str:

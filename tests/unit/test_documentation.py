@@ -48,7 +48,8 @@ from runtime.cli.verb_table import VERBS, command_of, find
 from runtime.units import CONTROL_HZ, NS_PER_MS, NS_PER_S, PERIOD_MS
 from runtime.watchdog import HUNG_S
 from study.cli.study_run import parser
-from study.intervals import CHI2_2, CONFIDENCE, CONFIDENT
+from study.intervals import CONFIDENCE, CONFIDENT
+from study.report.charts.world_map import ellipse
 from study.runner.plan import DETOUR_FACTOR, MIN_TIMEOUT_S, UNREACHABLE_TIMEOUT_S
 from tests.support.each import each
 from tests.support.pages import ROOT as SESSION_ROOT
@@ -535,7 +536,8 @@ def test_texts_about_confidence_take_it_from_its_constant() -> None:
 
 def test_the_confidence_of_both_ellipses_is_the_same() -> None:
     """Draw in the ground station the ellipse that the study evaluates."""
-    assert pen.CHI2_2 == CHI2_2
+    covariance = 0.04, 0.01, 0.02
+    assert pen.ellipse(covariance) == pytest.approx(ellipse(covariance))
     assert f"{100 * CONFIDENCE:g} %" == CONFIDENT
 
 

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from checks.simulation.hosts.operators import OperatorRequest
 from checks.simulation.invariants import limits
-from checks.simulation.invariants.commanding import accepted
+from checks.simulation.invariants.commanding import RELEASED, accepted
 from checks.simulation.invariants.run_state import NEVER, RunState
 from protocol.topics import COMMAND, STOP, STOP_SERVICE, operator_in
 from protocol.wire.codec import decode
@@ -24,6 +24,7 @@ from protocol.wire.messages import (
     ParamSet,
 )
 from robot.core import states
+from robot.emergency_stop import UNREADABLE_ID
 from robot.mission import stop_of
 from robot.vehicle import Answer, Vehicle
 from runtime.errors import RemoteError
@@ -155,10 +156,6 @@ def held(vehicle: Vehicle, kind: int) -> Items:
     items: Items = transfers._held[kind].items
     return items
 
-
-RELEASED: Final = "only a later clear releases a stop"
-UNREADABLE_ID: Final = 1
-"""Stops that are no readable request count as one."""
 
 KEPT: Final = "stop survives a restart"
 

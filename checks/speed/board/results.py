@@ -82,8 +82,6 @@ RAM_BYTES: Final = 64 * 1024
 WANTED_RAM_BYTES: Final = 32 * 1024
 STACK_BYTES: Final = 4 * 1024
 HEAP_LIVE_BYTES: Final = 32 * 1024
-STATE_BYTES: Final = 4 * 1024
-"""Ceiling of the state that a navigator keeps from tick to tick."""
 
 
 def excesses(build: Build, cost: Cost) -> list[str]:

@@ -26,11 +26,11 @@ from robot.core.parameters import DEFAULTS, Params
 from robot.core.safety.fence import MAX_CORNERS, Fence
 from robot.core.values import BEARINGS, SONARS, Goal, Inputs, Outputs, Pose, Scan, Wheels
 from robot.hosting import Core, InProcessCore
+from runtime.units import PERIOD_MS
 from study.trial.core_loop import ARM
 from study.trial.trial import NAVIGATORS
 
 ALL: Final = 0xFF
-PERIOD_MS: Final = 50
 BANDS_MM: Final = ((60, 150), (60, 300), (100, 750), (250, 700), (250, 1200), (60, 3000))
 ROOMS_M: Final = (0.35, 0.45, 0.6, 0.8, 1.0, 1.3)
 GOALS_M: Final = (0.4, 0.9, 2.0, 6.0)

@@ -14,14 +14,13 @@ from itertools import cycle
 from random import Random
 from typing import Any, Final, Self
 
+from checks.flood.attackers import BURST_S
 from checks.speed.gateway.forgery import NoFile, command, commands
 from gateways.mavlink.mavlink_dialect import mavlink
 from runtime.clock import WallClock
 from runtime.units import NS_PER_S
 
 TURN_NS: Final = NS_PER_S // 200
-BURST_S: Final = 0.1
-"""At most this much delay is made up for at once."""
 MIXED: Final = "mixed"
 SUPPLY: Final = 500
 SYSTEM: Final = 200

@@ -18,7 +18,6 @@ from checks.harness.until import until
 from checks.speed.gateway.reactions import channels, stick, velocity
 from checks.speed.gateway.stage import (
     GROUND_STATION,
-    PER_S,
     Air,
     Figures,
     Line,
@@ -27,15 +26,15 @@ from checks.speed.gateway.stage import (
     position_target,
     stamp_now,
 )
+from gateways.mavlink.clients import MAVLINK_1_IDS
 from gateways.mavlink.mavlink_dialect import REQUEST_OPERATOR_CONTROL, MavMessage, mavlink
+from gateways.mavlink.signing import PER_S
 from ground.user.mavlink_keys import KeyRing, new_key, write_keys
 from protocol.topics import COMMANDED, GATEWAY, STOP, TELEOP, Topic
-from protocol.wire.codec import decode
+from protocol.wire.codec import SIGNATURE_SIZE, decode
 from protocol.wire.enums import Mode
 from protocol.wire.messages import GatewayStatus
 
-MAVLINK_1_IDS: Final = 256
-SIGNATURE: Final = 13
 HEADER: Final = 10
 STALE_S: Final = 120
 FUTURE_S: Final = 600
@@ -141,16 +140,16 @@ class Forger:
 
     def truncated(self) -> bytes:
         """Return a captured command whose signature is cut."""
-        return self.replayed()[: -self._random.randrange(1, SIGNATURE + 1)]
+        return self.replayed()[: -self._random.randrange(1, SIGNATURE_SIZE + 1)]
 
     def tampered(self) -> bytes:
         """Return another command under the newest signature of the owner, with a later time."""
         donor, frame = self._captured[-1], bytearray(self._signed(OWN_KEY, 0))
-        frame[-SIGNATURE:] = donor[-SIGNATURE:]
+        frame[-SIGNATURE_SIZE:] = donor[-SIGNATURE_SIZE:]
         frame[5:7] = donor[5:7]
         number = int.from_bytes(frame[7:10], "little")
         extra = mavlink.mavlink_map[number].crc_extra
-        end = len(frame) - SIGNATURE - 2
+        end = len(frame) - SIGNATURE_SIZE - 2
         frame[end : end + 2] = mcrf4xx(bytes(frame[1:end]) + bytes((extra,))).to_bytes(2, "little")
         late = int.from_bytes(donor[-12:-6], "little") + self._random.randrange(1, PER_S)
         frame[-12:-6] = late.to_bytes(6, "little")

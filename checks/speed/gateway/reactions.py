@@ -17,7 +17,7 @@ from time import monotonic, monotonic_ns
 from typing import Final, NamedTuple, Self
 
 from checks.harness.figures import Figure, percentile
-from checks.harness.motion import PERIOD_S, Seen, stood_s
+from checks.harness.motion import Seen, stood_s
 from checks.harness.until import until
 from checks.speed.gateway.stage import FORCED, Air, Figures, MavlinkClient, on_air, position_target
 from gateways.mavlink.mavlink_dialect import REQUEST_OPERATOR_CONTROL, MavMessage, mavlink
@@ -36,7 +36,7 @@ from protocol.topics import Role
 from protocol.wire.enums import LeaseAction, Mode
 from protocol.wire.messages import WheelCommand
 from runtime.clock import WallClock
-from runtime.units import NS_PER_S, PERIOD_NS
+from runtime.units import NS_PER_S, PERIOD_NS, PERIOD_S
 
 OVER_BUS_AT_MOST_MS: Final = 5.0
 BEAT_S: Final = 0.2

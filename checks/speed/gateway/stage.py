@@ -24,14 +24,15 @@ from checks.harness.figures import Figure
 from checks.harness.motion import is_still
 from checks.harness.observer import Observer, keeper, observed
 from checks.harness.processes import sidestep
+from checks.harness.relays import LARGEST
 from checks.harness.until import until
 from gateways.mavlink.mavlink_dialect import REQUEST_OPERATOR_CONTROL, MavMessage, mavlink
+from gateways.mavlink.signing import EPOCH_S, STAMP_NS
 from protocol.topics import CYCLE
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.messages import CycleReport
-from runtime.units import NS_PER_S
+from runtime.units import NS_PER_S, PERIOD_S
 
-LARGEST: Final = 65_535
 BEAT_S: Final = 1.0
 AGAIN_S: Final = 0.5
 """A command without an acknowledgement is sent again after this time."""
@@ -39,10 +40,6 @@ ANSWER_S: Final = 10.0
 GROUND_STATION: Final = 255
 SYSTEM: Final = 1
 COMPONENT: Final = 1
-EPOCH_S: Final = 1_420_070_400
-STAMP_NS: Final = 10_000
-PER_S: Final = NS_PER_S // STAMP_NS
-"""The beginning of the time stamps of signatures, and their unit."""
 
 
 class Line(Protocol):
@@ -245,7 +242,6 @@ def stamp_now() -> int:
 WORLD: Final = "open"
 FORCED: Final = 21196.0
 NEAR_M: Final = 0.5
-PERIOD_S: Final = 0.05
 FAST_M_S: Final = 0.2
 GOTO_MASK: Final = 0b1101_1111_1000
 """A SET_POSITION_TARGET with a position only."""

@@ -25,6 +25,7 @@ from checks.harness.until import until
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import GroundTruth, NavigatorStatus, WheelCommand
+from runtime.units import PERIOD_MS, PERIOD_S
 
 SIZES: Final = ((80, 24), (140, 40))
 READY: Final = "read: ready"
@@ -90,7 +91,6 @@ def replaying(observer: Observer, size: tuple[int, int]) -> Iterator[Terminal]:
 
 
 M = TypeVar("M", bound=Message)
-PERIOD_S: Final = 0.05
 """Keys are pressed at random phases of it, as the observer is in step with the robot."""
 MIN_DRIVING_M_S: Final = 0.28
 MAX_STILL_M_S: Final = 0.003
@@ -214,7 +214,6 @@ def still(message: Message) -> bool:
 
 
 WORLD: Final = "open"
-PERIOD_MS: Final = 50.0
 SLACK_MS: Final = 5.0
 HOLD, ESTOP = "h", " "
 

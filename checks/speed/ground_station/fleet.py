@@ -35,7 +35,7 @@ from protocol.topics import CYCLE, ODOMETRY, SONAR, STATUS, TRUTH, Role
 from protocol.wire.codec import decode
 from protocol.wire.messages import GroundTruth
 from runtime.clock import WallClock
-from runtime.units import NS_PER_S
+from runtime.units import NS_PER_S, PERIOD_S
 
 WORLD: Final = "open"
 CPU_AT_MOST: Final = 25.0
@@ -137,7 +137,6 @@ def missed_in(fleet: DrivingFleet, seconds: float) -> int:
 KEY: Final = "S"
 AT_MOST_MS: Final = 150.0
 MIN_DRIVING_M_S: Final = 0.1
-PERIOD_S: Final = 0.05
 """Keys are pressed at random phases of the control period."""
 STANDS_S: Final = 10.0
 DRIVES_S: Final = 60.0

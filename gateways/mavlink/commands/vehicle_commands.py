@@ -29,7 +29,7 @@ from gateways.mavlink.commands.command_protocol import (
     CommandTable,
     result_of,
 )
-from gateways.mavlink.coordinates import MM_PER_M, GlobalPlace, home_at, knows_place, place_of
+from gateways.mavlink.coordinates import GlobalPlace, home_at, knows_place, place_of
 from gateways.mavlink.mav_service import EVERYONE, Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import RESULT_NOT_IN_CONTROL, MavMessage, mavlink
@@ -43,6 +43,7 @@ from ground.user.mavlink_keys import NO_KEY
 from protocol.wire.enums import Severity
 from protocol.wire.enums import Vehicle as VehicleState
 from runtime.errors import UserError
+from runtime.units import MM_PER_M
 
 PREARM: Final = "PreArm: "
 """The prefix by which clients recognise why a robot cannot be armed."""

@@ -33,7 +33,7 @@ from protocol.wire.messages import (
     SonarScan,
 )
 from protocol.wire.reasons import reason_text
-from runtime.units import NS_PER_S
+from runtime.units import MM_PER_M, NS_PER_S
 
 MOST: Final = 6
 
@@ -436,7 +436,6 @@ def recorder(words: str) -> Health:
     return Health("rec", "danger" if words.endswith("!") else "ok", "")
 
 
-MM_PER_M: Final = 1000.0
 SAME_CLOCK_S: Final = 0.25
 """Stamps of truth and estimate further apart than this are from different clocks."""
 RULE: Final = "─"

@@ -14,14 +14,12 @@ from ground.launch.child_processes import defer_signals
 from ground.launch.recorder_files import created_line
 from ground.launch.recording_session import add_keep, byte_limit
 from ground.recording.catalogue import Retention, part_bytes
-from ground.recording.log_writer import DualLog, LogWriter, Track
+from ground.recording.log_writer import FLUSH_NS, SYNC_EVERY, DualLog, LogWriter, Track
 from ground.recording.metadata import MetadataReader
 from ground.text.output import Output
 from runtime.clock import Clock
 from runtime.errors import UserError
 
-FLUSH_NS: Final = 250_000_000
-SYNC_EVERY: Final = 4
 TIDY_EVERY: Final = 240
 REPEAT_NS: Final = 5_000_000_000
 PAUSE_NS: Final = 30_000_000

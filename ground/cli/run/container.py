@@ -18,6 +18,7 @@ from ground.cli.observe import health
 from ground.launch.child_command import command
 from ground.launch.scenario import world_facts, world_query
 from ground.text.output import Output
+from ground.user.folders import PRIVATE_FOLDER
 from protocol.bus.network import MAX_ROBOTS
 from protocol.options import whole
 from protocol.outcome import start_arguments
@@ -132,7 +133,7 @@ def become(user: int) -> None:
 def make_private_folder(folder: Path) -> None:
     """Create a folder owned by this user; UserError if it exists and another user owns it."""
     try:
-        folder.mkdir(mode=0o700, exist_ok=True)
+        folder.mkdir(mode=PRIVATE_FOLDER, exist_ok=True)
         owner = folder.lstat().st_uid
     except OSError as error:
         raise UserError(f"{folder}: {error.strerror}") from error

@@ -13,6 +13,7 @@ from runtime.units import NS_PER_S
 WINDOW_NS: Final = 5 * NS_PER_S
 MAX_FRAMES: Final = 512
 SEQUENCE_AT: Final = 4
+"""Position of the sequence byte in a MAVLink 2 frame; each publisher counts its own frames."""
 SLACK: Final = 2
 
 

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 from ground.client.link import run_exchange
 from ground.client.outcomes import Accepted, Refused
-from ground.client.requests import CommandExchange, RequestIds
+from ground.client.requests import ATTEMPTS, CommandExchange, RequestIds
 from ground.station.bus_protocols import ReadableBus
 from ground.station.robot.background_requests import Job, JobResult, RequestWorker, outcome_of
 from ground.station.robot.lease_holding import LeaseHolding
@@ -22,7 +22,6 @@ from runtime.units import NS_PER_MS
 from runtime.watchdog import slowdown_in
 
 AddNote = Callable[[str, Severity], None]
-ATTEMPTS: Final = 3
 PATIENCE_NS: Final = 400 * NS_PER_MS
 MAX_WAITING: Final = 4
 """Requests that wait for the pending one, such as commands that are typed ahead."""

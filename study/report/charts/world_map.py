@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 
 from plant.model.configuration import body_of
-from protocol.outcome import LOST, UNREACHABLE
+from protocol.outcome import CHI2_2, LOST, UNREACHABLE
 from protocol.world import Circle, Point, Polygon, Polyline, World
-from study.intervals import CHI2_2, Floats
+from study.intervals import Floats
 from study.report.charts.charts import Dot, SvgDrawing, colour, dashed
 from study.report.drives import DrivenTrial, Pose
 

@@ -16,7 +16,6 @@ from checks.speed.board.results import (
     CEILINGS,
     FLASH_BYTES,
     RAM_BYTES,
-    STATE_BYTES,
     Cost,
     excesses,
     read,
@@ -25,6 +24,7 @@ from checks.speed.board.scenarios import MEASURED, TickScenario, bytecodes, run_
 from plant.world.file import shipped
 from robot.core.values import Pose
 from robot.hosting import InProcessCore
+from study.report.targets import STATE_BYTES
 from study.trial.trial import NAVIGATORS
 from tests.support.each import each
 

@@ -13,8 +13,6 @@ from checks.commit_message import advice, problems
 from checks.gate import (
     BRIEF,
     BRIEF_PROCESSES,
-    EXIT_INTERRUPTED,
-    EXIT_REFUSED,
     Gate,
     GateProgress,
     GateStep,
@@ -24,6 +22,7 @@ from checks.gate import (
 )
 from checks.gate import ROOT as GATE_ROOT
 from checks.language import Text, grade, habits, main, running_text, syllables, texts_of
+from runtime.errors import EXIT_INTERRUPTED, EXIT_USAGE
 from tests.support.each import each
 from tests.support.until import until
 
@@ -124,7 +123,7 @@ def test_interrupt_waits_for_the_steps_and_starts_no_other(
     program.write_text(INTERRUPTED.format(*map(repr, map(str, (began, ended, late, logs)))))
     with subprocess.Popen([sys.executable, program], cwd=GATE_ROOT) as process:
         until(began.exists)
-        assert gate.run([[[LAST]]]) == EXIT_REFUSED, "two runs would delete each other's logs"
+        assert gate.run([[[LAST]]]) == EXIT_USAGE, "two runs would delete each other's logs"
         assert f"another run writes to {logs}" in capfd.readouterr().out
         process.send_signal(signal.SIGINT)
         assert process.wait() == EXIT_INTERRUPTED

@@ -31,7 +31,7 @@ from checks.speed.gateway.flood_sender import SUPPLY, supply_of
 from checks.speed.gateway.forgery import KINDS, Forger, NoFile, command, sign
 from checks.speed.gateway.frame_flood import FrameFloodRun
 from checks.speed.gateway.reactions import first_ns
-from checks.speed.gateway.stage import PER_S, FrameArrival, position_target, stamp_now
+from checks.speed.gateway.stage import FrameArrival, position_target, stamp_now
 from checks.speed.ground_station import app_figures as ground
 from checks.speed.ground_station.app_memory import sizes_mb
 from checks.speed.ground_station.app_terminal import first, held, stopped
@@ -45,18 +45,18 @@ from checks.speed.map_drawing import (
     segments,
 )
 from checks.speed.stages import measured
-from checks.speed.trials import PERIOD_S, RAYS, Measured, compiled_figures, page, scene_of, table
+from checks.speed.trials import RAYS, Measured, compiled_figures, page, scene_of, table
 from gateways.mavlink.framing import Deframer, MavFrame
 from gateways.mavlink.mavlink_dialect import mavlink
 from gateways.mavlink.motion.setpoints import Velocity, attitude_of, setpoint_of
-from gateways.mavlink.signing import SignatureVerdict, StampClock, Verifier
+from gateways.mavlink.signing import PER_S, SignatureVerdict, StampClock, Verifier
 from ground.app.widgets.map import MapWidget
 from ground.client.goal import Destination
 from ground.missions.mission import Home
 from protocol.wire.message import Message
 from protocol.wire.messages import WheelCommand
 from protocol.world import Circle, GoalPose, Polygon, Polyline, Start, World
-from runtime.units import NS_PER_S
+from runtime.units import NS_PER_S, PERIOD_S
 from tests.support.each import each
 
 KEY = bytes(range(100, 132))

@@ -23,7 +23,7 @@ from plant.corpus import (
 )
 from plant.corpus.adversarial import cut_outline, nearest_first
 from plant.corpus.buildings import MAPS, Plan, carved, neighbours, wall_lines
-from plant.corpus.draft import STANDING_M, ShapeFrame, shifted
+from plant.corpus.draft import ShapeFrame, shifted
 from plant.corpus.generate import ADVERSARIAL_MARGIN_M, ADVERSARIES, MARGIN_M, drawn, world_of
 from plant.corpus.shapes import CROWD_M_S, HASTY_M_S, MIN_PASSAGE_M, PERSON_M, START_ROOM_M
 from plant.corpus.traps import THICKNESSES_M, with_walls
@@ -32,6 +32,7 @@ from plant.imports.moving_ai import parse_map
 from plant.model.configuration import Body
 from plant.model.draws import Draws
 from plant.model.geometry import clearance_m, movers
+from plant.placement import STANDING_M
 from plant.shortest_path import shortest_path_m
 from plant.world.file import load, loads
 from plant.world.writer import dumps

@@ -43,7 +43,6 @@ from protocol.wire.reasons import Reason, reason_text
 from robot.core import reasons, states
 from robot.core.values import goal_of
 from runtime.errors import LocalError, RemoteError, UserError
-from study.intervals import CHI2_2 as OF_THE_STUDY
 from tests.support.each import each
 from tests.support.messages import (
     any_message,
@@ -472,7 +471,6 @@ def test_senders_are_distinguishable() -> None:
 
 def test_constant_is_the_quantile_of_the_study() -> None:
     assert pytest.approx(-2.0 * log(OUTSIDE), rel=1e-12) == CHI2_2
-    assert CHI2_2 == OF_THE_STUDY
 
 
 @each("axes", [(0.04, 0.01), (0.01, 0.04)])

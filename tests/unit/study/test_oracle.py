@@ -11,6 +11,7 @@ from protocol.outcome import Outcome
 from protocol.world import World
 from robot.core.navigators.registry import NAVIGATORS as OF_ROBOT
 from robot.core.parameters import DEFAULTS
+from robot.core.perception.echoes import CIRCLE, QUARTER
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Goal, Pose
 from robot.parameter_table import OutOfRangeError
@@ -18,7 +19,6 @@ from runtime.elementary import atan2
 from study.oracle.grid_map import (
     BLOCKED_MM,
     CELL_MM,
-    CIRCLE,
     CLOSE,
     DOUBTFUL,
     FREE,
@@ -27,7 +27,6 @@ from study.oracle.grid_map import (
     MOST,
     MOST_MANY,
     PASSED,
-    QUARTER,
     REACH_MM,
     SURE,
     CellEvidence,

@@ -10,6 +10,7 @@ import pytest
 
 from protocol.world import Circle, GoalPose, Point, Polyline, Start, World
 from robot.core.perception.people import PROVEN, People
+from runtime.units import PERIOD_S
 from study.people import __main__ as command
 from study.people.__main__ import BEGIN, CONTACTS, END, NAVIGATORS, to_json, with_tables
 from study.people.comparison import (
@@ -38,7 +39,6 @@ from study.people.crowd_trial import (
 from study.people.encounters import (
     PERSONAL_M,
     SOON_S,
-    STEP_S,
     Encounters,
     Exposure,
     PersonContact,
@@ -246,7 +246,7 @@ def test_exposure_counts_only_nearness_below_the_limits() -> None:
     assert (exposure.ticks, exposure.person_ticks) == (4, 6)
     assert (exposure.intruded_ticks, exposure.soon_ticks) == (3, 1)
     assert abs(exposure.least_s - (SOON_S - 0.05)) < 1e-9
-    assert exposure.time_s == 4 * STEP_S
+    assert exposure.time_s == 4 * PERIOD_S
 
 
 def test_only_a_proven_track_near_a_person_counts() -> None:

@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 
 from plant.model.errors import WorldError, WorldProblem
 from plant.world.file import load
+from protocol.outcome import CHI2_2
 from protocol.world import World
 from runtime.errors import UserError
-from study.intervals import CHI2_2, Share
+from study.intervals import Share
 from study.report.charts.charts import SvgDrawing, bars, distribution_chart, n, steps, success_chart
 from study.report.charts.gallery import command_of, diverse, gallery, kind_of, selected_failures
 from study.report.charts.world_map import WorldMap, ellipse, end_mark, simplified

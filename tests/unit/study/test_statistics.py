@@ -8,10 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from protocol.outcome import CHI2_2, OUTSIDE
 from study import intervals
 from study.intervals import (
-    CHI2_2,
-    OUTSIDE,
     Interval,
     Share,
     binomial_two_sided,

@@ -6,14 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.client.requests import GaveUp
+from ground.client.requests import PATIENCE_NS, GaveUp
 from ground.missions.mission import Circle, Fence, Mission, Polygon, Waypoint
 from ground.missions.transfer import (
     ATTEMPTS,
     MAX_ITEMS,
     MAX_SAVING,
     NO_ITEM,
-    PATIENCE_NS,
     Clear,
     Download,
     Downloaded,

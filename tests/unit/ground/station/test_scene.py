@@ -8,7 +8,6 @@ import pytest
 
 from checks.harness.messages import make
 from ground.map.drawing import NO_PLACE, entries
-from ground.map.pen import CHI2_2
 from ground.map.scene import Disc, Outline
 from ground.missions.mission import Circle as MissionCircle
 from ground.missions.mission import Fence, Polygon, Waypoint
@@ -19,6 +18,7 @@ from ground.station.scene import TRAIL_POINTS, thinned
 from ground.station.world import MAX_OBSTACLES, MAX_POINTS, parse_world
 from plant.sim.physics import Mover as Walker
 from plant.world.file import load
+from protocol.outcome import CHI2_2
 from protocol.topics import ANSWERED, COMMANDED, MISSION, MISSION_SERVICE, WORLD, Role
 from protocol.wire.enums import GoalState, MissionType, Mode
 from protocol.wire.message import Message

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 from checks.speed.board.memory_size import lengths, state_bytes
-from checks.speed.board.results import STATE_BYTES
 from checks.speed.board.scenarios import CarriedBody, EnclosedBody, ScenarioBody
 from robot.core import states
 from robot.core.motion import HALT
@@ -24,6 +23,7 @@ from robot.core.perception import sonar_ring as rings
 from robot.core.perception.sonar_ring import FRONT
 from robot.core.values import BEARINGS, SONARS, Decision, Goal, Outputs, Pose, wrap
 from runtime.units import PERIOD_MS
+from study.report.targets import STATE_BYTES
 from study.trial.trial import NAVIGATORS as TRIAL_NAVIGATORS
 from tests.support.each import each
 from tests.support.robot.driving import (
