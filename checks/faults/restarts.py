@@ -21,6 +21,7 @@ from unittest.mock import patch
 
 from checks.faults.power_cuts import HOME, ReorderingDisk, State, restarted, set_value, upload_fence
 from checks.harness.figures import BenchmarkReport, Figure
+from ground.blocking import perform
 from ground.cli.main import parse
 from ground.cli.run.up import connect, free_endpoint
 from ground.client.link import Link, open_link
@@ -233,7 +234,7 @@ class StopWitness:
         """Stop the robot; return the time in ns until it has reported that the stop is saved."""
         self._texts.clear()
         pressed_ns = self._clock.now_ns()
-        if not StopNow().perform(self._session).ok:
+        if not perform(StopNow(), self._session).ok:
             raise RemoteError("the robot did not acknowledge its emergency stop")
         self._await(lambda: SAVED in self._texts, SAVED)
         return self._clock.now_ns() - pressed_ns
@@ -245,7 +246,7 @@ class StopWitness:
         self._stack.inject_fault("robot r1", fault)
         self._await(lambda: any(RESTARTED in words for words in self._texts), RESTARTED)
         await_both(self._stack, self._arrivals, self._clock, hurt_ns + ECHO_NS, HANG_NS)
-        refused = Arm().perform(self._session)
+        refused = perform(Arm(), self._session)
         reason = refused.reason if isinstance(refused, Refused) else Reason.NONE
         status = self._status
         is_stopped = status is not None and status.vehicle == VehicleState.EMERGENCY_STOP
@@ -253,7 +254,7 @@ class StopWitness:
 
     def release(self) -> None:
         """Release the stop."""
-        if not ClearEmergencyStop().perform(self._session).ok:
+        if not perform(ClearEmergencyStop(), self._session).ok:
             raise RemoteError("the robot did not release its emergency stop")
 
     def _await(self, condition: Callable[[], object], what: str) -> None:

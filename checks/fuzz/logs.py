@@ -14,7 +14,7 @@ from mcap.writer import CompressionType, Writer
 from checks.fuzz.target import JSON_WORDS, REFUSALS, FuzzTarget
 from checks.fuzz.wire import ARM, GOAL, SCAN, TEXT, TICKS, packed, pieces
 from ground.cli.observe.replay import lines
-from ground.client.session import NoProgress
+from ground.client.outcomes import NoProgress
 from ground.explain.turns import Recorded as Decided
 from ground.ghost.branch_point import GhostRecording, changed_in
 from ground.map.canvas import Canvas

@@ -10,6 +10,7 @@ from typing import Any, Final
 from msgspec.structs import replace
 
 from gateways.mavlink.robot_port import NO_TELEMETRY, OVERTAKEN, STOPS, Answered, Done, Snapshot
+from ground.blocking import perform
 from ground.client import stop_ways
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.link import ALIVE, Link
@@ -191,7 +192,7 @@ class BusPort:
         not move the robot any more; if something has, the stop is repeated after it. What is asked
         after it waits for its answer.
         """
-        job = partial(operation.perform, self._session())
+        job = partial(perform, operation, self._session())
         if not isinstance(operation, STOPS):
             self._request(job, done, expires=operation.moves, moves=operation.moves)
         elif self._waiting >= MAX_WAITING + MAX_HALTS:

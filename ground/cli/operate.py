@@ -2,6 +2,7 @@
 
 from functools import partial
 
+from ground.blocking import perform
 from ground.cli.observe.live_line import follow
 from ground.cli.options import common_of
 from ground.client.floor import floor_of
@@ -39,7 +40,7 @@ def run(words: Words, output: Output) -> int:
             session = Session(link, output, floor=partial(floor_of, link))
             if words.seize:
                 take(session, LeaseAction.SEIZE)
-            outcome = operation.perform(session)
+            outcome = perform(operation, session)
             return print_outcome(output, words, link.robot, outcome, effect_of(operation, outcome))
     except UnansweredError as error:
         if (instead := words.without_robot()) is not None:

@@ -1,12 +1,13 @@
 """Outcomes that several operations share: the robot accepted a request, or refused it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, TypeAlias
 
 from ground.client.emergency_stop import StopOutcome, outcome_words
 from ground.client.lease_holder import holder_name
 from ground.client.vocabulary import SHELL, Remedies
+from ground.text.status_parts import Part
 from protocol.outcome import LOST, REPLACED, detail_of, doubt_words
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason, reason_text
@@ -311,3 +312,29 @@ class AllAnswered:
         """Return a row for each robot."""
         rows = [outcome.as_json(verb, name) for name, outcome in self.of]
         return {"verb": verb, "ok": self.ok, "robots": rows}
+
+
+class Progress(Protocol):
+    """Displays what happens before the outcome of an operation."""
+
+    @property
+    def live(self) -> bool:
+        """True if `line` replaces the line before, so that it may be called often."""
+
+    def note(self, text: str) -> None:
+        """Show a message."""
+
+    def line(self, parts: Sequence[Part]) -> None:
+        """Show the present state."""
+
+
+class NoProgress:
+    """A progress display that shows nothing."""
+
+    live = False
+
+    def note(self, text: str) -> None:
+        """Ignore the message."""
+
+    def line(self, parts: Sequence[Part]) -> None:
+        """Ignore the state."""

@@ -1,15 +1,14 @@
 """The context of an operation: the link, the progress display, and whether another part attends."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Coroutine
 from dataclasses import replace
-from typing import Final, Protocol, TypeVar
+from typing import Any, Final, Protocol, TypeVar
 
 from ground.client.floor import Floor
 from ground.client.lease_holder import holder_name, is_ours
 from ground.client.link import Link
-from ground.client.outcomes import Accepted, Answer, Outcome
+from ground.client.outcomes import Accepted, Answer, NoProgress, Outcome, Progress
 from ground.client.requests import ATTEMPTS, BEAT_NS, Request
-from ground.text.status_parts import Part
 from protocol.topics import LEASE, STATUS
 from protocol.wire.enums import Command, Vehicle
 from protocol.wire.messages import LeaseStatus
@@ -21,32 +20,6 @@ O_co = TypeVar("O_co", bound=Outcome, covariant=True)
 RETRY_NS: Final = 2_000_000_000
 STATUS_NS: Final = 1_000_000_000
 LEASE_NS: Final = 1_500_000_000
-
-
-class Progress(Protocol):
-    """Displays what happens before the outcome of an operation."""
-
-    @property
-    def live(self) -> bool:
-        """True if `line` replaces the line before, so that it may be called often."""
-
-    def note(self, text: str) -> None:
-        """Show a message."""
-
-    def line(self, parts: Sequence[Part]) -> None:
-        """Show the present state."""
-
-
-class NoProgress:
-    """A progress display that shows nothing."""
-
-    live = False
-
-    def note(self, text: str) -> None:
-        """Ignore the message."""
-
-    def line(self, parts: Sequence[Part]) -> None:
-        """Ignore the state."""
 
 
 class Session:
@@ -71,11 +44,11 @@ class Session:
         self.progress: Progress = progress or NoProgress()
         self.attended = attended
         self.begun_id = 0
-        self._floor = floor
+        self.floor = floor
 
     def refuse_outside(self, *places: tuple[str, float, float]) -> None:
         """Raise UserError for a place (name, x, y) outside of the known world."""
-        floor = self._floor()
+        floor = self.floor()
         if floor is not None:
             for place in places:
                 floor.refuse_outside(*place, "; --anyway sends it nevertheless")
@@ -147,8 +120,8 @@ class Operation(Protocol[O_co]):
     def moves(self) -> bool:
         """True if it can move the robot or change how it moves."""
 
-    def perform(self, session: Session) -> O_co:
-        """Carry it out and return the outcome.
+    def perform(self, on: Any, /) -> O_co | Coroutine[Any, Any, O_co]:
+        """Carry it out, on a session or on a robot, and return the outcome.
 
         Raises UserError, RemoteError or UnansweredError if there is no outcome.
         """

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
+from ground.blocking import perform
 from ground.client.connection import within
 from ground.client.outcomes import Outcome
 from ground.client.session import Operation, Session
@@ -32,7 +33,7 @@ class SetFenceOfFile:
 
     def perform(self, session: Session) -> TransferOutcome:
         """Read the file and upload the fence."""
-        return self.read().perform(session)
+        return perform(self.read(), session)
 
 
 class FenceWords(Words):

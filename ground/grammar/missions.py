@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Final
 
-from ground.client.outcomes import Outcome, Success
-from ground.client.session import Operation, Progress, Session
+from ground.blocking import perform
+from ground.client.outcomes import Outcome, Progress, Success
+from ground.client.session import Operation, Session
 from ground.commands.mission import (
     ClearMission,
     DownloadMission,
@@ -68,7 +69,7 @@ class UploadMissionFile:
 
     def perform(self, session: Session) -> TransferOutcome:
         """Read the file and upload the mission."""
-        return self.read().perform(session)
+        return perform(self.read(), session)
 
 
 @dataclass(frozen=True, slots=True)

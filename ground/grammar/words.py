@@ -5,8 +5,8 @@ from importlib import import_module
 from typing import Final, Protocol, runtime_checkable
 
 from ground.client.connection import LONGEST_S
-from ground.client.outcomes import Outcome
-from ground.client.session import Operation, Progress
+from ground.client.outcomes import Outcome, Progress
+from ground.client.session import Operation
 from protocol.options import CONFIG_HELP, DEFAULT_ENDPOINT, above_zero
 from runtime.cli.verb_table import VERBS, Verb
 

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import ClassVar, Final
 
 from ground.client.link import LISTEN_NS, Link
-from ground.client.session import Progress, Session
+from ground.client.outcomes import Progress
+from ground.client.session import Session
 from ground.client.telemetry import Telemetry
 from ground.explain.explanation import Explanation, explain
 from ground.explain.turns import Recorded, Turn

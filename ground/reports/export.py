@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import ClassVar, Final, NamedTuple, TextIO
 
 from ground.client.connection import within
-from ground.client.session import Progress, Session
+from ground.client.outcomes import Progress
+from ground.client.session import Session
 from ground.recording.log_reader import open_log
 from ground.recording.tables import (
     DEFAULT_RATE_HZ,

@@ -6,7 +6,8 @@ from itertools import count
 from pathlib import Path
 from typing import ClassVar, Final
 
-from ground.client.session import Progress, Session
+from ground.client.outcomes import Progress
+from ground.client.session import Session
 from ground.recording.catalogue import recordings_in, size_text
 from ground.recording.summary import Summary, summary_of
 from ground.reports.report import Report

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
-from ground.client.session import Progress, Session
+from ground.client.outcomes import Progress
+from ground.client.session import Session
 from ground.launch.child_command import command
 from ground.launch.scenario import world_facts
 from ground.map.scene import Shape

@@ -9,7 +9,8 @@ from tempfile import TemporaryDirectory
 from typing import Any, ClassVar, Final, NamedTuple
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
-from ground.client.session import Progress, Session
+from ground.client.outcomes import Progress
+from ground.client.session import Session
 from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.explain.turns import Recorded
 from ground.recording.log_reader import LogIndex, files_of, open_log

@@ -17,6 +17,7 @@ import zenoh
 
 import sidestep
 from checks.harness.terminal import Terminal
+from ground.blocking import perform
 from ground.cli import main as cli
 from ground.cli.options import common_of
 from ground.client.link import Link
@@ -217,7 +218,7 @@ def done(text: str, link: Link, draft: Draft) -> tuple[int, str, str]:
     try:
         operation = read(text, lambda: draft.text)
         assert not isinstance(operation, AppCommand)
-        outcome = operation.perform(Session(link, notes, attended=True))
+        outcome = perform(operation, Session(link, notes, attended=True))
     except UserError as error:
         return 2, "", str(error)
     except RemoteError as error:

@@ -9,6 +9,7 @@ import pytest
 
 from checks.harness.messages import make
 from checks.harness.relays import TcpProxy
+from ground.blocking import perform
 from ground.client.connection import Common
 from ground.client.link import Link
 from ground.client.session import Session
@@ -42,7 +43,7 @@ def typed(seen: Watching, words: str) -> Job:
 
     def job() -> JobResult:
         link = Link(bus, Common(network=bus.network, robot="r1"), WallClock())
-        outcome = operation.perform(Session(link, attended=True))
+        outcome = perform(operation, Session(link, attended=True))
         return JobResult(outcome.ok, outcome.text)
 
     return job

@@ -18,6 +18,7 @@ from gateways.mavlink.mavlink_dialect import (
     mavlink,
 )
 from gateways.mavlink.services import face_of
+from ground.blocking import perform
 from ground.client.connection import Common
 from ground.client.goal import Destination
 from ground.client.link import ALIVE, Link
@@ -72,7 +73,7 @@ def flown_by_operations() -> str:
         mission = qgroundcontrol.read_plan(json.dumps(PLAN), "tour.plan").mission
         steps: list[Operation[Any]] = [UploadMission(mission=mission), Arm()]
         for operation in (*steps, StartMission(item=0)):
-            answer = pool.submit(operation.perform, session)
+            answer = pool.submit(perform, operation, session)
             until(partial(is_over, stack, answer))
             assert answer.result().ok
         return flown(stack)
@@ -297,13 +298,13 @@ def app(stack: Stack, person: str) -> Iterator[Callable[[Operation[Any]], None]]
             Link(bus, Common(network=network, robot="r1"), WallClock()), attended=True
         )
 
-        def perform(operation: Operation[Any]) -> None:
-            answer = pool.submit(operation.perform, session)
+        def carry_out(operation: Operation[Any]) -> None:
+            answer = pool.submit(perform, operation, session)
             until(partial(is_over, stack, answer))
             assert answer.result().ok, answer.result().text
 
-        perform(ChangeLease(action=LeaseAction.TAKE, name=person))
-        yield perform
+        carry_out(ChangeLease(action=LeaseAction.TAKE, name=person))
+        yield carry_out
 
 
 def is_at_rest(stack: Stack) -> bool:

@@ -19,6 +19,7 @@ from threading import Event, Thread
 import pytest
 
 from checks.faults.restarts import NO_PAUSE, ArrivalTimes, kept_stops, running
+from ground.blocking import perform
 from ground.cli.run.up import goal_runs_of
 from ground.client.goal import destination
 from ground.client.link import open_link
@@ -117,10 +118,10 @@ class Stage:
         self.until(lambda: self.said("PLACE UNKNOWN"), "the loss of the place")
         with open_link(self.stack.common) as link:
             session = Session(link)
-            refused = Goto(goal=destination([1.0, 1.0]), wait=False).perform(session)
+            refused = perform(Goto(goal=destination([1.0, 1.0]), wait=False), session)
             assert isinstance(refused, Refused)
             assert refused.reason == Reason.PLACE_UNKNOWN
-            assert SetTruePose().perform(session).ok
+            assert perform(SetTruePose(), session).ok
 
     def under_way(self, before: int) -> bool:
         return self.moves() or self.failed(before)
@@ -239,7 +240,7 @@ def a_robot_that_was_stopped_comes_back_stopped(
     stage: Stage, how: str, cause: str, sabotage: Sabotage
 ) -> None:
     with open_link(stage.stack.common) as link:
-        assert StopNow().perform(Session(link)).ok
+        assert perform(StopNow(), Session(link)).ok
     stage.until(lambda: stage.said("emergency stop saved"), "the stop on the disk")
     stage.hurt("robot r1", how, sabotage)
     stage.until(lambda: stage.said_why("robot r1", cause, how), "the cause")
@@ -247,10 +248,10 @@ def a_robot_that_was_stopped_comes_back_stopped(
     stage.until(lambda: stage.witness.status.vehicle == Vehicle.EMERGENCY_STOP, "stopped")
     with open_link(stage.stack.common) as link:
         session = Session(link)
-        refused = Arm().perform(session)
+        refused = perform(Arm(), session)
         assert isinstance(refused, Refused)
         assert refused.reason == Reason.EMERGENCY_STOPPED
-        assert ClearEmergencyStop().perform(session).ok
+        assert perform(ClearEmergencyStop(), session).ok
     stage.until(lambda: stage.witness.status.vehicle == Vehicle.STANDBY, "STANDBY")
 
 

@@ -31,6 +31,7 @@ from checks.simulation.hosts.virtual_time import (
 )
 from gateways.mavlink.mavlink_dialect import mavlink
 from ground.app.stops.band import BandKeys, stop_band
+from ground.blocking import perform
 from ground.client.api import Mission, Robot, Waypoint, connect
 from ground.client.connection import Common
 from ground.client.goal import destination
@@ -218,7 +219,7 @@ class Shell(PersonsProgram):
     def _perform(self, deed: Deed) -> Ended:
         operation = operation_of(deed.verb, deed.arguments)
         with open_link(common_here()) as link:
-            outcome = operation.perform(Session(link, Telling(self.journal, deed)))
+            outcome = perform(operation, Session(link, Telling(self.journal, deed)))
             self.journal.say(deed.program, outcome, deed)
             return Ended(0 if outcome.ok else 1, outcome)
 
@@ -404,7 +405,7 @@ class App(PersonsProgram):
 
     def _perform(self, operation: Operation[Outcome], deed: Deed) -> JobResult:
         link = Link(self._bus, self._common, self._clock)
-        outcome = operation.perform(Session(link, attended=True))
+        outcome = perform(operation, Session(link, attended=True))
         self.journal.end(deed, outcome)
         text = outcome.in_words(HINTS) if isinstance(outcome, Refused) else outcome.text
         return JobResult(outcome.ok, text)

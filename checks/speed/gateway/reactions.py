@@ -22,6 +22,7 @@ from checks.harness.until import until
 from checks.speed.gateway.stage import FORCED, Air, Figures, MavlinkClient, on_air, position_target
 from gateways.mavlink.mavlink_dialect import REQUEST_OPERATOR_CONTROL, MavMessage, mavlink
 from gateways.mavlink.motion.pilot import EnterGuided
+from ground.blocking import perform
 from ground.client.connection import Common
 from ground.client.goal import Destination
 from ground.client.link import Link
@@ -91,7 +92,7 @@ class BusOperator:
     def perform(self, operation: Operation[Outcome]) -> None:
         """Carry out an operation; again if the first heartbeat has not arrived yet."""
         for _ in range(TRIES):
-            outcome = operation.perform(self._session)
+            outcome = perform(operation, self._session)
             if outcome.ok:
                 return
             self._over.wait(AGAIN_S)

@@ -20,6 +20,7 @@ from checks.harness.motion import Seen, standing_from, stood_s
 from checks.harness.terminal import Terminal
 from checks.harness.until import until
 from checks.speed.ground_station.app_terminal import SIZES
+from ground.blocking import perform
 from ground.cli.main import parse
 from ground.cli.run.up import free_endpoint
 from ground.client.connection import Common
@@ -230,7 +231,7 @@ def one_press(
     took_ms = {
         robot: (stood_s(seen) or 0.0) * 1e3 for robot, seen in wheels.since(pressed_ns).items()
     }
-    released = ClearAll().perform(session)
+    released = perform(ClearAll(), session)
     if not released.ok:
         raise RuntimeError(released.text)
     return took_ms

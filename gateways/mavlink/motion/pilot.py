@@ -8,6 +8,7 @@ from gateways.mavlink.mav_service import Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage
 from gateways.mavlink.robot_port import OVERTAKEN, Answered, Done
+from ground.blocking import perform
 from ground.client.goal import Destination
 from ground.client.outcomes import Accepted, Answer, Outcome, Refused
 from ground.client.requests import ATTEMPTS, GaveUp
@@ -81,7 +82,7 @@ class EndDrive:
             raise link.unanswered(answer)
         if self.mode is Mode.HOLD or not answer.ok:
             return answer
-        return SetMode(mode=self.mode).perform(session)
+        return perform(SetMode(mode=self.mode), session)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,10 +92,10 @@ class EnterGuided:
     verb: ClassVar[str] = "mode"
     moves: ClassVar[bool] = True
 
-    def perform(self, session: Session) -> Answer:
+    def perform(self, session: Session) -> Outcome:
         """Abort (a robot without a goal refuses it), and set the mode."""
-        Abort().perform(session)
-        return SetMode(mode=Mode.GUIDED).perform(session)
+        perform(Abort(), session)
+        return perform(SetMode(mode=Mode.GUIDED), session)
 
 
 class DriveAttempt(NamedTuple):

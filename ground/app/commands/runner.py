@@ -7,6 +7,7 @@ from functools import partial
 from typing import Final
 
 from ground.app.commands.undo import Change, UndoList, inverse_of
+from ground.blocking import perform
 from ground.client.connection import Common
 from ground.client.floor import Floor, floor_in
 from ground.client.link import Link
@@ -187,7 +188,7 @@ class CommandRunner:
         parameters = station.parameters or () if station.robot == robot else ()
         session = Session(self._link(robot), attended=True, floor=self._floor)
         back = inverse_of(operation, parameters, session) if line else None
-        outcome = operation.perform(session)
+        outcome = perform(operation, session)
         if line:
             undo_list.note(robot, line, operation, outcome, back)
         return self._result(outcome)

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple, TypeAlias
 
+from ground.blocking import perform
 from ground.client.outcomes import Outcome
 from ground.client.parameter import Parameter
 from ground.client.session import Operation, Session
@@ -121,7 +122,7 @@ def inverse_of(
         before = next((one.value for one in parameters if one.name == operation.name), None)
         return None if before is None else SetParameter(name=operation.name, value=before)
     if isinstance(operation, FENCES):
-        found = ShowFence().perform(session)
+        found = perform(ShowFence(), session)
         if not isinstance(found, FenceShown):
             return None
         return ClearFence() if found.fence is None else SetFence(fence=found.fence)

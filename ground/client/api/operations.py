@@ -1,7 +1,16 @@
 """The public names of `sidestep.operations`: all operations, and their outcomes."""
 
-from ground.client.outcomes import AllAnswered, DriveEnded, GoalEnded, LeaseShown, Marked, Stopped
-from ground.client.session import NoProgress, Operation, Progress, Session
+from ground.client.outcomes import (
+    AllAnswered,
+    DriveEnded,
+    GoalEnded,
+    LeaseShown,
+    Marked,
+    NoProgress,
+    Progress,
+    Stopped,
+)
+from ground.client.session import Operation, Session
 from ground.commands.all_robots import ClearAll, StopAll
 from ground.commands.fence import ClearFence, FenceShown, SetFence, ShowFence
 from ground.commands.goto import Goto

@@ -22,6 +22,7 @@ from math import radians
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
+from ground.blocking import perform
 from ground.client import stop_ways
 from ground.client.api import threads
 from ground.client.api.events import Telemetry
@@ -230,7 +231,7 @@ class Robot(Telemetry):
         if operation.moves and (refused := await self.ensure_lease()) is not None:
             return refused
         self.check_open()
-        job = partial(operation.perform, self.session())
+        job = partial(perform, operation, self.session())
         if isinstance(operation, BEGINNINGS):
             return await asyncio.wrap_future(self._beginning.submit(job))
         return await self.run(job)

@@ -17,7 +17,7 @@ import pyarrow.parquet
 import pytest
 
 from ground.cli.main import main
-from ground.client.session import NoProgress
+from ground.client.outcomes import NoProgress
 from ground.console.parser import read
 from ground.missions.mission import Polygon
 from ground.missions.transfer import fence_items_of

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from ground.blocking import perform
 from ground.cli.main import parse
 from ground.client.floor import Floor, floor_in, floor_of
 from ground.client.goal import Destination, destination, from_robot, goal_request
@@ -168,7 +169,7 @@ def stage_of(shown: NavigatorStatus, *replies: object, attended: bool = True) ->
 
 def test_kept_goal_is_resumed_by_the_robot_itself() -> None:
     stage = Stage(Reason.NONE)
-    assert type(Resume().perform(stage.session)) is Accepted
+    assert type(perform(Resume(), stage.session)) is Accepted
     assert len(stage.bus.requests) == 1
 
 
@@ -185,7 +186,7 @@ def test_lost_goal_is_sent_again_as_the_status_shows_it(
     attended: bool, mode: Mode, sent: Mode
 ) -> None:
     stage = stage_of(ended(mode=mode), attended=attended)
-    outcome = Resume().perform(stage.session)
+    outcome = perform(Resume(), stage.session)
     assert isinstance(outcome, Resumed)
     assert outcome.text == "go on to 6.40 6.40 45: ok 14 ms"
     assert outcome.as_json("resume", "r1")["to"] == "6.40 6.40 45"
@@ -205,7 +206,7 @@ def test_lost_goal_is_sent_again_as_the_status_shows_it(
 )
 def test_robot_that_is_not_armed_gets_no_goal(vehicle: Vehicle, reason: Reason) -> None:
     stage = stage_of(ended(vehicle))
-    outcome = Resume().perform(stage.session)
+    outcome = perform(Resume(), stage.session)
     assert isinstance(outcome, Refused)
     assert outcome.reason == reason
     assert [type(one) for one in stage.bus.requests] == [CommandRequest]
@@ -213,7 +214,7 @@ def test_robot_that_is_not_armed_gets_no_goal(vehicle: Vehicle, reason: Reason) 
 
 @each("goal", [GoalState.NONE, GoalState.REACHED, GoalState.REFUSED])
 def test_without_a_lost_goal_there_is_nothing_to_resume(goal: GoalState) -> None:
-    outcome = Resume().perform(stage_of(ended(goal=goal)).session)
+    outcome = perform(Resume(), stage_of(ended(goal=goal)).session)
     assert isinstance(outcome, NothingToResume)
     assert outcome.text == "nothing to resume. `goto X Y` sets a goal"
     keys: dict[int, str] = {Reason.NO_GOAL: "`g` sets a goal"}
@@ -226,7 +227,7 @@ def test_mission_continues_at_its_item() -> None:
     count = MissionCount(count=2, mission_type=MissionType.MISSION)
     stage = stage_of(ended(), count, *items, Reason.NONE)
     stage.bus.set_newest(MISSION, mission())
-    outcome = Resume().perform(stage.session)
+    outcome = perform(Resume(), stage.session)
     assert isinstance(outcome, Resumed)
     assert outcome.text.startswith("go on to mission item 2 of 2: ok")
     sent = stage.bus.requests[-1]
@@ -249,7 +250,7 @@ def test_mission_that_waited_at_an_item_is_lost_too() -> None:
 
 def test_return_is_continued_as_a_return() -> None:
     stage = stage_of(ended(mode=Mode.SMART_RTL), Reason.NONE)
-    outcome = Resume().perform(stage.session)
+    outcome = perform(Resume(), stage.session)
     assert isinstance(outcome, Resumed)
     assert isinstance(outcome.drive, LostReturn)
     assert stage.bus.requests[-1].command == Command.NAV_RETURN_TO_LAUNCH
@@ -306,7 +307,7 @@ def test_goal_is_followed_to_its_end_under_the_lease() -> None:
     stage = Stage()
     driving = {"goal": GoalState.DRIVING, "time_ns": 2}
     following(stage, driving, {"goal": GoalState.REACHED, "time_ns": 3})
-    outcome = Goto(goal=GOAL).perform(stage.session)
+    outcome = perform(Goto(goal=GOAL), stage.session)
     assert isinstance(outcome, GoalEnded)
     assert (outcome.ok, outcome.outcome, outcome.distance_m) == (True, "reached", 1.5)
     assert kinds(stage) == ["TAKE", "GUIDED", "LEAVE"]
@@ -317,7 +318,7 @@ def test_standing_robot_is_armed_first() -> None:
     stage = Stage(Reason.NONE, Reason.NOT_ARMED, Reason.NONE, Reason.NONE)
     stage.bus.set_newest(*STANDBY)
     following(stage, {"goal": GoalState.REACHED, "time_ns": 3})
-    assert Goto(goal=GOAL).perform(stage.session).ok
+    assert perform(Goto(goal=GOAL), stage.session).ok
     assert kinds(stage) == ["TAKE", "GUIDED", "COMPONENT_ARM_DISARM", "GUIDED", "LEAVE"]
     assert stage.notes.notes[0] == "armed"
 
@@ -327,7 +328,7 @@ def test_goal_that_may_not_arm_is_refused(attended: bool) -> None:
     replies = [Reason.NOT_ARMED] if attended else [Reason.NONE, Reason.NOT_ARMED]
     stage = Stage(*replies, attended=attended)
     stage.bus.set_newest(*STANDBY)
-    outcome = Goto(goal=GOAL, arms=False).perform(stage.session)
+    outcome = perform(Goto(goal=GOAL, arms=False), stage.session)
     assert isinstance(outcome, Refused)
     assert outcome.reason == Reason.NOT_ARMED
     assert "COMPONENT_ARM_DISARM" not in kinds(stage)
@@ -335,7 +336,7 @@ def test_goal_that_may_not_arm_is_refused(attended: bool) -> None:
 
 def test_refused_goal_is_the_outcome_and_the_lease_goes_back() -> None:
     stage = Stage(Reason.NONE, Reason.OUTSIDE_FENCE)
-    outcome = Goto(goal=GOAL).perform(stage.session)
+    outcome = perform(Goto(goal=GOAL), stage.session)
     assert isinstance(outcome, Refused)
     assert outcome.reason == Reason.OUTSIDE_FENCE
     assert kinds(stage) == ["TAKE", "GUIDED", "LEAVE"]
@@ -345,7 +346,7 @@ def test_lease_of_another_operator_ends_it_before_the_goal() -> None:
     stage = Stage(Reason.LEASE_HELD)
     stage.bus.set_newest(*HELD)
     with pytest.raises(RefusedError, match="anna"):
-        Goto(goal=GOAL).perform(stage.session)
+        perform(Goto(goal=GOAL), stage.session)
     assert kinds(stage) == ["TAKE"]
 
 
@@ -354,7 +355,7 @@ def test_whatever_interrupts_it_aborts_the_goal(error: BaseException) -> None:
     stage = Stage()
     following(stage, {"goal": GoalState.DRIVING, "time_ns": 2}, error)
     with pytest.raises(type(error)):
-        Goto(goal=GOAL).perform(stage.session)
+        perform(Goto(goal=GOAL), stage.session)
     assert kinds(stage) == ["TAKE", "GUIDED", "SIDESTEP_ABORT_GOAL", "LEAVE"]
 
 
@@ -375,7 +376,7 @@ def test_interrupted_goal_aborts_itself_and_no_other() -> None:
     stage.bus.set_newest(*STANDBY)
     following(stage, {"goal": GoalState.DRIVING, "time_ns": 2}, KeyboardInterrupt())
     with pytest.raises(KeyboardInterrupt):
-        Goto(goal=GOAL).perform(stage.session)
+        perform(Goto(goal=GOAL), stage.session)
     assert ended_id(stage) == goal_id(stage)
     assert stage.notes.notes[-1] == "interrupted: goal aborted, the robot stops"
 
@@ -384,7 +385,7 @@ def test_abort_of_a_goal_that_is_over_says_nothing() -> None:
     stage = Stage(Reason.NONE, Reason.NONE, Reason.ALREADY_OVER)
     following(stage, {"goal": GoalState.DRIVING, "time_ns": 2}, KeyboardInterrupt())
     with pytest.raises(KeyboardInterrupt):
-        Goto(goal=GOAL).perform(stage.session)
+        perform(Goto(goal=GOAL), stage.session)
     assert kinds(stage)[-2:] == ["SIDESTEP_ABORT_GOAL", "LEAVE"]
     assert "abort" not in stage.notes.notes[-1]
 
@@ -403,7 +404,7 @@ def test_goal_that_another_one_replaces_is_replaced_and_aborts_nothing() -> None
             stage.bus.set_newest(LEASE, replace(lease_of("ben"), drive_id=4, driver="ben@desk:p/2"))
 
     stage.link.pulse.wait_until = wait_until  # type: ignore[method-assign]
-    outcome = Goto(goal=GOAL).perform(stage.session)
+    outcome = perform(Goto(goal=GOAL), stage.session)
     assert isinstance(outcome, GoalEnded)
     assert not outcome.ok
     assert outcome.text.startswith("replaced by the goal 1.3 2.0 of ben@desk:p/2 after ")
@@ -432,7 +433,7 @@ def test_goal_that_had_ended_unheard_ends_as_it_did(
             stage.bus.set_newest(STATUS, shown)
 
     stage.bus.on_ask = heard_again
-    ended = Goto(goal=GOAL).perform(stage.session)
+    ended = perform(Goto(goal=GOAL), stage.session)
     assert isinstance(ended, GoalEnded)
     assert ended.text.startswith(outcome)
 
@@ -442,7 +443,7 @@ def test_nothing_is_shown_until_the_robot_has_the_goal() -> None:
     stage.bus.set_newest(STATUS, status(goal_id=4, goal=GoalState.REACHED))
     following(stage, {"goal": GoalState.DRIVING, "time_ns": 2}, REACHED_LATER)
     stage.notes.live = True
-    assert Goto(goal=GOAL).perform(stage.session).ok
+    assert perform(Goto(goal=GOAL), stage.session).ok
     assert stage.notes.lines
     assert not [line for line in stage.notes.lines if "waiting" in line]
 
@@ -450,7 +451,7 @@ def test_nothing_is_shown_until_the_robot_has_the_goal() -> None:
 def test_goal_whose_answers_were_lost_is_aborted() -> None:
     stage = Stage(Reason.NONE, None, None, None)
     with pytest.raises(RemoteError):
-        Goto(goal=GOAL).perform(stage.session)
+        perform(Goto(goal=GOAL), stage.session)
     assert ended_id(stage) == goal_id(stage)
     assert kinds(stage)[-2:] == ["SIDESTEP_ABORT_GOAL", "LEAVE"]
 
@@ -459,7 +460,7 @@ def test_goal_that_takes_too_long_is_aborted() -> None:
     stage = Stage()
     times = range(2, 200)
     following(stage, *({"goal": GoalState.DRIVING, "time_ns": at} for at in times))
-    outcome = Goto(goal=GOAL, timeout_s=1.0).perform(stage.session)
+    outcome = perform(Goto(goal=GOAL, timeout_s=1.0), stage.session)
     assert isinstance(outcome, GoalEnded)
     assert (outcome.ok, outcome.outcome, outcome.reason) == (
         False,
@@ -470,7 +471,7 @@ def test_goal_that_takes_too_long_is_aborted() -> None:
 
 
 def test_silent_robot_ends_the_goal() -> None:
-    outcome = Goto(goal=GOAL).perform(Stage().session)
+    outcome = perform(Goto(goal=GOAL), Stage().session)
     assert isinstance(outcome, GoalEnded)
     assert outcome.outcome == "aborted"
     assert "no message" in outcome.reason
@@ -478,13 +479,13 @@ def test_silent_robot_ends_the_goal() -> None:
 
 def test_attended_goal_ends_with_the_answer() -> None:
     stage = Stage(attended=True)
-    assert Goto(goal=GOAL).perform(stage.session).text == "ok 14 ms"
+    assert perform(Goto(goal=GOAL), stage.session).text == "ok 14 ms"
     assert kinds(stage) == ["GUIDED"]
 
 
 def test_goal_that_needs_no_operator_is_in_auto() -> None:
     stage = Stage()
-    assert Goto(goal=GOAL, wait=False).perform(stage.session).ok
+    assert perform(Goto(goal=GOAL, wait=False), stage.session).ok
     assert (kinds(stage), stage.bus.sent) == (["AUTO"], [])
 
 
@@ -492,21 +493,21 @@ def test_goal_that_needs_no_operator_is_in_auto() -> None:
 def test_timeout_is_refused_without_waiting(wait: bool, attended: bool) -> None:
     stage = Stage(attended=attended)
     with pytest.raises(UserError, match="--timeout"):
-        Goto(goal=GOAL, wait=wait, timeout_s=3.0).perform(stage.session)
+        perform(Goto(goal=GOAL, wait=wait, timeout_s=3.0), stage.session)
     assert stage.bus.asked == []
 
 
 def test_goal_ahead_of_a_robot_without_a_pose_is_not_sent() -> None:
     stage = Stage()
     with pytest.raises(RemoteError, match="publishes no pose"):
-        Goto(goal=GOAL, seen_by_robot=True, wait=False).perform(stage.session)
+        perform(Goto(goal=GOAL, seen_by_robot=True, wait=False), stage.session)
     assert stage.bus.asked == []
 
 
 def test_robot_in_a_failsafe_is_never_armed_by_a_goal() -> None:
     stage = Stage(Reason.NOT_ARMED, attended=True)
     stage.bus.set_newest(STATUS, status(Vehicle.FAILSAFE))
-    assert not Goto(goal=GOAL).perform(stage.session).ok
+    assert not perform(Goto(goal=GOAL), stage.session).ok
     assert kinds(stage) == ["GUIDED"]
 
 
@@ -522,18 +523,18 @@ def session(stage: Stage, floor: Floor | None = BOX) -> Session:
 def test_goal_outside_the_world_is_not_sent(place: tuple[float, float]) -> None:
     stage = Stage()
     with pytest.raises(UserError, match=r"outside the world box \(6 x 4 m\); --anyway"):
-        Goto(goal=destination([*place])).perform(session(stage))
+        perform(Goto(goal=destination([*place])), session(stage))
     assert stage.bus.requests == []
 
 
 @each("place", [(0.0, 0.0), (6.0, 4.0), (3.0, 2.0)])
 def test_goal_inside_the_world_is_sent(place: tuple[float, float]) -> None:
-    assert Goto(goal=destination([*place])).perform(session(Stage())).ok
+    assert perform(Goto(goal=destination([*place])), session(Stage())).ok
 
 
 def test_goal_outside_the_world_may_be_sent_anyway() -> None:
     stage = Stage()
-    assert Goto(goal=destination([100.0, 1.0]), anyway=True).perform(session(stage)).ok
+    assert perform(Goto(goal=destination([100.0, 1.0]), anyway=True), session(stage)).ok
     assert isinstance(stage.bus.requests[-1], GoalRequest)
 
 
@@ -547,13 +548,13 @@ def test_goal_in_an_obstacle_is_not_sent(place: tuple[float, float], refused: bo
     goal, words = destination([*place]), r"lies in an obstacle of the world box; --anyway"
     if refused:
         with pytest.raises(UserError, match=words):
-            Goto(goal=goal).perform(session(stage, floor))
+            perform(Goto(goal=goal), session(stage, floor))
         assert stage.bus.requests == []
-    assert Goto(goal=goal, anyway=refused).perform(session(stage, floor)).ok
+    assert perform(Goto(goal=goal, anyway=refused), session(stage, floor)).ok
 
 
 def test_without_a_known_world_the_robot_decides() -> None:
-    assert Goto(goal=destination([100.0, 1.0])).perform(session(Stage(), None)).ok
+    assert perform(Goto(goal=destination([100.0, 1.0])), session(Stage(), None)).ok
 
 
 def test_mission_names_the_waypoint_outside_the_world() -> None:
@@ -561,7 +562,7 @@ def test_mission_names_the_waypoint_outside_the_world() -> None:
     inside, outside = Waypoint(x_m=1.0, y_m=1.0), Waypoint(x_m=1.0, y_m=9.0)
     mission = Mission(waypoints=(inside, outside))
     with pytest.raises(UserError, match=r"waypoint 2 \(1, 9\) lies outside the world box"):
-        UploadMission(mission=mission).perform(session(stage))
+        perform(UploadMission(mission=mission), session(stage))
     assert stage.bus.requests == []
 
 
@@ -576,7 +577,7 @@ WITH_GOAL = json.dumps({"name": "box", "size_m": [6.0, 4.0], "goal": GOAL_JSON})
 
 def test_goto_without_a_place_drives_to_the_goal_of_the_world() -> None:
     stage = Stage(WITH_GOAL)
-    assert Goto().perform(session(stage)).ok
+    assert perform(Goto(), session(stage)).ok
     request = stage.bus.requests[-1]
     assert isinstance(request, GoalRequest)
     place = destination([5.0, 2.0]).on_the_wire()
@@ -589,7 +590,7 @@ def test_goto_without_a_place_needs_a_world_with_a_goal(answer: bytes | None) ->
     with pytest.raises(
         UserError, match="X Y is missing, and there is no simulation with a goal; example"
     ):
-        Goto().perform(session(stage))
+        perform(Goto(), session(stage))
     assert not any(isinstance(one, GoalRequest) for one in stage.bus.requests)
 
 
@@ -597,7 +598,7 @@ def test_goal_of_the_world_is_not_that_of_a_further_robot() -> None:
     stage = Stage(WITH_GOAL)
     stage.link.robot = "r2"
     with pytest.raises(UserError, match="is that of r1; example: goto"):
-        Goto().perform(session(stage))
+        perform(Goto(), session(stage))
 
 
 @each("words", ["1", "--frame body", "--tol 0.2"])

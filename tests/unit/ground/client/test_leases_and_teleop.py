@@ -6,6 +6,7 @@ from math import nan
 import pytest
 from msgspec.structs import replace
 
+from ground.blocking import perform
 from ground.client.lease_holder import operator_name, shortened, terminal_name
 from ground.client.outcomes import DriveEnded, Refused, RefusedError
 from ground.client.teleop_sender import SETTLE_NS, lost_control
@@ -31,7 +32,7 @@ def actions(stage: Stage) -> list[int]:
 
 def test_lease_is_kept_with_a_heartbeat_and_given_back() -> None:
     stage = Stage()
-    outcome = ChangeLease(action=LeaseAction.TAKE, name="anna", for_s=1.0).perform(stage.session)
+    outcome = perform(ChangeLease(action=LeaseAction.TAKE, name="anna", for_s=1.0), stage.session)
     assert outcome.ok
     assert actions(stage) == [LeaseAction.TAKE, LeaseAction.LEAVE]
     assert [key for key, _ in stage.bus.sent] == [OPERATOR.path] * 5
@@ -53,7 +54,7 @@ def test_a_kept_lease_outlasts_the_time_after_which_an_idle_one_ends(
 
     monkeypatch.setattr(stage.link, "beat", beat)
     stage.bus.on_ask = answer
-    ChangeLease(action=LeaseAction.SEIZE, name="anna", for_s=95.0).perform(stage.session)
+    perform(ChangeLease(action=LeaseAction.SEIZE, name="anna", for_s=95.0), stage.session)
     assert all(held)
     assert stage.clock.now_ns() >= 95 * NS_PER_S
     assert actions(stage) == [LeaseAction.SEIZE, *[LeaseAction.TAKE] * 4, LeaseAction.LEAVE]
@@ -63,7 +64,7 @@ def test_a_kept_lease_outlasts_the_time_after_which_an_idle_one_ends(
 def test_a_kept_lease_that_another_operator_has_seized_is_refused_with_its_name() -> None:
     stage = Stage(Reason.NONE, Reason.LEASE_HELD)
     stage.bus.set_newest(*HELD)
-    outcome = ChangeLease(action=LeaseAction.TAKE, name="ben", for_s=60.0).perform(stage.session)
+    outcome = perform(ChangeLease(action=LeaseAction.TAKE, name="ben", for_s=60.0), stage.session)
     assert isinstance(outcome, Refused)
     assert outcome.holder == "anna"
     assert stage.clock.now_ns() < 30 * NS_PER_S
@@ -72,21 +73,21 @@ def test_a_kept_lease_that_another_operator_has_seized_is_refused_with_its_name(
 @each("action", [LeaseAction.TAKE, LeaseAction.SEIZE])
 def test_lease_without_a_time_returns_at_once(action: LeaseAction) -> None:
     stage = Stage()
-    assert ChangeLease(action=action, name="anna").perform(stage.session).ok
+    assert perform(ChangeLease(action=action, name="anna"), stage.session).ok
     assert (actions(stage), stage.bus.sent) == ([action], [])
     assert "anna commands r1; begin to drive within 30 s" in stage.notes.notes[0]
 
 
 def test_lease_of_an_attended_robot_is_only_asked_for() -> None:
     stage = Stage(attended=True)
-    assert ChangeLease(action=LeaseAction.SEIZE, name="anna").perform(stage.session).ok
+    assert perform(ChangeLease(action=LeaseAction.SEIZE, name="anna"), stage.session).ok
     assert (actions(stage), stage.bus.sent) == ([LeaseAction.SEIZE], [])
 
 
 def test_refused_lease_names_its_holder() -> None:
     stage = Stage(Reason.LEASE_HELD)
     stage.bus.set_newest(*HELD)
-    outcome = ChangeLease(action=LeaseAction.TAKE, name="ben").perform(stage.session)
+    outcome = perform(ChangeLease(action=LeaseAction.TAKE, name="ben"), stage.session)
     assert isinstance(outcome, Refused)
     assert outcome.holder == "anna"
     assert actions(stage) == [LeaseAction.TAKE]
@@ -97,7 +98,7 @@ def test_person_who_has_the_lease_by_now_is_not_the_other_operator() -> None:
     stage = Stage(Reason.LEASE_HELD)
     holder = ScriptedBus.operator.replace("0a", "0b")
     stage.bus.set_newest(LEASE, replace(lease_of("anna"), holder=holder))
-    outcome = ChangeLease(action=LeaseAction.RELEASE, name="anna").perform(stage.session)
+    outcome = perform(ChangeLease(action=LeaseAction.RELEASE, name="anna"), stage.session)
     assert isinstance(outcome, Refused)
     assert (outcome.reason, outcome.holder) == (Reason.LEASE_HELD, "")
 
@@ -114,7 +115,7 @@ def test_lease_goes_back_when_the_work_under_it_fails() -> None:
 def test_lease_status_is_shown() -> None:
     stage = Stage()
     stage.bus.set_newest(LEASE, lease_of("anna"))
-    shown = ShowLease().perform(stage.session)
+    shown = perform(ShowLease(), stage.session)
     assert shown.text == (
         "anna commands r1; without a heartbeat or a drive the lease expires in 2.0 s"
     )
@@ -126,12 +127,12 @@ def test_lease_of_another_program_of_this_person_is_ours() -> None:
     stage = Stage()
     stage.bus.set_newest(LEASE, replace(lease_of("app"), holder="open/beef"))
     assert stage.bus.operator == "open/0a"
-    assert ShowLease().perform(stage.session).text.startswith("app (this is you) commands r1")
+    assert perform(ShowLease(), stage.session).text.startswith("app (this is you) commands r1")
 
 
 def test_lease_status_that_does_not_come_is_an_error() -> None:
     with pytest.raises(RemoteError, match="publishes no lease status"):
-        ShowLease().perform(Stage().session)
+        perform(ShowLease(), Stage().session)
 
 
 @each(
@@ -175,7 +176,7 @@ def test_name_that_does_not_fit_is_refused(name: str) -> None:
 def test_drive_by_hand_ends_in_hold() -> None:
     stage = Stage()
     stage.bus.set_newest(STATUS, status(mode=Mode.MANUAL))
-    outcome = DriveByHand(speed_m_s=0.2, turn_deg_s=-30.0, for_s=0.5).perform(stage.session)
+    outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=-30.0, for_s=0.5), stage.session)
     assert isinstance(outcome, DriveEnded)
     assert outcome.text == "done, the robot holds"
     speeds = [frame.speed_mm_s for _, frame in stage.bus.sent if isinstance(frame, Teleop)]
@@ -188,7 +189,7 @@ def test_drive_by_hand_ends_in_hold() -> None:
 def test_drive_that_ends_holds_itself_and_no_other() -> None:
     stage = Stage(Reason.NONE, Reason.NONE, Reason.NONE, Reason.ALREADY_OVER)
     stage.bus.set_newest(STATUS, status(mode=Mode.MANUAL))
-    outcome = DriveByHand(speed_m_s=0.2, turn_deg_s=0.0, for_s=0.5).perform(stage.session)
+    outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0, for_s=0.5), stage.session)
     assert outcome.text == "done, the robot holds"
     manual, hold = (one for one in stage.bus.requests if getattr(one, "command", 0) == MODE)
     assert (manual.ends_id, hold.ends_id) == (0, manual.request_id)
@@ -200,14 +201,14 @@ MODE = Command.DO_SET_MODE
 def test_drive_by_hand_ends_when_the_robot_leaves_manual() -> None:
     stage = Stage()
     stage.bus.set_newest(STATUS, status(mode=Mode.AUTO))
-    outcome = DriveByHand(speed_m_s=0.2, turn_deg_s=0.0).perform(stage.session)
+    outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0), stage.session)
     assert outcome.text == "stopped: the robot has left MANUAL mode"
 
 
 def test_refused_manual_mode_drives_nothing() -> None:
     stage = Stage(Reason.NONE, Reason.EMERGENCY_STOPPED)
     stage.bus.set_newest(*STANDBY)
-    outcome = DriveByHand(speed_m_s=0.2, turn_deg_s=0.0).perform(stage.session)
+    outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0), stage.session)
     assert isinstance(outcome, Refused)
     assert not [frame for _, frame in stage.bus.sent if isinstance(frame, Teleop)]
 
@@ -228,7 +229,7 @@ def test_speed_that_no_robot_has_is_refused(speed_m_s: float, turn_deg_s: float,
 def test_attended_drive_needs_an_end() -> None:
     stage = Stage(attended=True)
     with pytest.raises(UserError, match="--for S is missing"):
-        DriveByHand(speed_m_s=0.1, turn_deg_s=0.0).perform(stage.session)
+        perform(DriveByHand(speed_m_s=0.1, turn_deg_s=0.0), stage.session)
     assert stage.bus.asked == []
 
 

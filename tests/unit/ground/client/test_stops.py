@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from ground.blocking import perform
 from ground.client import link as links
 from ground.client.connection import Common
 from ground.client.emergency_stop import (
@@ -258,7 +259,7 @@ def fleet_of(clock: ManualClock, *robots: str, dead: Iterable[str] = ()) -> tupl
 @pytest.mark.usefixtures("clock")
 def test_all_robots_are_sent_the_stop_before_any_is_awaited(clock: ManualClock) -> None:
     fleet, session = fleet_of(clock, "r1", "r2", "r3")
-    outcome = StopAll().perform(session)
+    outcome = perform(StopAll(), session)
     assert outcome.ok
     assert fleet.order[:4] == ["sent r1", "present", "sent r2", "sent r3"]
     assert [line.split(" after ")[0] for line in outcome.text.splitlines()] == [
@@ -272,7 +273,7 @@ def test_robots_that_are_known_are_sent_the_stop_before_anybody_is_asked(
 ) -> None:
     fleet, session = fleet_of(clock, "r1", "r2", "r3")
     common = replace(session.link.common, robots=("r1", "r2", "r9"))
-    outcome = StopAll().perform(Session(Link(fleet, common, clock)))
+    outcome = perform(StopAll(), Session(Link(fleet, common, clock)))
     assert fleet.order[:5] == ["sent r1", "sent r2", "sent r9", "present", "sent r3"]
     stopped = {robot: found.ok for robot, found in outcome.of}
     assert stopped == {"r1": True, "r2": True, "r3": True, "r9": False}, "r9 is not there"
@@ -290,10 +291,10 @@ def test_a_bus_that_fails_skips_no_robot(raises: str, clock: ManualClock) -> Non
     common = replace(session.link.common, robots=("r1", "r2"))
     stop = StopAll(timeout_s=0.3)
     if raises == "publisher":  # the services are left
-        assert stop.perform(Session(Link(fleet, common, clock))).ok
+        assert perform(stop, Session(Link(fleet, common, clock))).ok
         return
     with pytest.raises(RuntimeError):
-        stop.perform(Session(Link(fleet, common, clock)))
+        perform(stop, Session(Link(fleet, common, clock)))
     asked = {line for line in fleet.order if line.startswith(STOP_SERVICE.path)}
     assert asked == {f"{STOP_SERVICE.path} r1", f"{STOP_SERVICE.path} r2"}
 
@@ -301,7 +302,7 @@ def test_a_bus_that_fails_skips_no_robot(raises: str, clock: ManualClock) -> Non
 @pytest.mark.usefixtures("clock")
 def test_robot_that_does_not_acknowledge_fails_the_stop_of_all(clock: ManualClock) -> None:
     _, session = fleet_of(clock, "r1", "r2", dead=["r1"])
-    outcome = StopAll(timeout_s=0.3).perform(session)
+    outcome = perform(StopAll(timeout_s=0.3), session)
     assert not outcome.ok
     first, second = outcome.text.splitlines()
     assert first.startswith("r1: E-STOP GIVEN UP")
@@ -319,7 +320,7 @@ def test_all_robots_are_released_with_a_line_for_each(clock: ManualClock) -> Non
     for robot, stop_id in (("r1", 71), ("r2", 72)):
         shown = status(Vehicle.EMERGENCY_STOP, stop_id=stop_id)
         fleet.mailbox(STATUS, robot).newest = (shown, clock.now_ns())
-    outcome = ClearAll().perform(session)
+    outcome = perform(ClearAll(), session)
     assert isinstance(outcome, AllAnswered)
     texts = dict(outcome.of)
     assert texts["r1"].ok
@@ -336,7 +337,7 @@ def test_without_a_robot_there_is_nothing_to_stop(
 ) -> None:
     _, session = fleet_of(clock)
     with pytest.raises(UnansweredError, match="no robot is present"):
-        operation.perform(session)
+        perform(operation, session)
 
 
 @pytest.mark.usefixtures("clock")

@@ -13,7 +13,7 @@ import pytest
 
 import study.cli.reexecute
 from ground.cli.main import main, parse
-from ground.client.session import NoProgress
+from ground.client.outcomes import NoProgress
 from ground.launch.recording_session import DEFAULT_KEEP, byte_limit
 from ground.recording.catalogue import (
     LOW_BYTES,

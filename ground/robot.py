@@ -1,0 +1,1133 @@
+"""One robot, with this program as its operator: the client that every face of the ground stands on.
+
+It sends requests, takes the lease, follows goals and drives by hand. Each clean-up names the goal
+or the drive that it ends, and touches no other.
+
+A command of `ground.commands` is performed on it. Values are checked before a request is sent:
+UserError names one that is out of range. A refusal is a value (`Refused`). UnansweredError names
+the process that is missing.
+"""
+
+import asyncio
+from collections.abc import Awaitable, Callable, Coroutine, Iterator
+from concurrent.futures import Future
+from contextlib import closing, contextmanager, suppress
+from dataclasses import replace
+from enum import Enum, IntEnum
+from functools import partial
+from math import nan, radians
+from threading import Thread
+from typing import Any, Final, Protocol, TypeVar
+
+from msgspec import structs
+
+from ground.client import stop_ways
+from ground.client.connection import LONGEST_S, Common, within
+from ground.client.emergency_stop import EmergencyStop
+from ground.client.floor import Floor
+from ground.client.goal import (
+    FARTHEST_M,
+    HEADING_TOLERANCE_DEG,
+    POSITION_TOLERANCE_M,
+    Destination,
+    destination,
+    goal_request,
+)
+from ground.client.lease_holder import holder_name, is_ours
+from ground.client.link import END_NS, LISTEN_NS, UnansweredError
+from ground.client.lost_drive import (
+    LostDrive,
+    LostGoal,
+    LostMission,
+    NothingToResume,
+    Resumed,
+    has_failed,
+    lost_drive,
+)
+from ground.client.outcomes import (
+    Accepted,
+    Answer,
+    DriveEnded,
+    GoalEnded,
+    LeaseShown,
+    Marked,
+    NoProgress,
+    Outcome,
+    Progress,
+    Refused,
+    RefusedError,
+    Stopped,
+)
+from ground.client.presence import explain_silence, present_processes
+from ground.client.requests import (
+    ATTEMPTS,
+    BEAT_NS,
+    PATIENCE_NS,
+    CommandExchange,
+    Exchange,
+    GaveUp,
+    GoalEnd,
+    GoalWatch,
+    HeartbeatTimer,
+    Request,
+    RequestIds,
+)
+from ground.client.status_line import goal_line
+from ground.client.telemetry import Telemetry
+from ground.client.teleop_sender import TeleopSender, lost_control
+from ground.client.vocabulary import SIDES
+from ground.missions.transfer import Download, Downloaded, waypoints_of
+from protocol.bus.bus import Bus
+from protocol.bus.rights import denial
+from protocol.outcome import doubt_of
+from protocol.topics import (
+    COMMAND,
+    DECISION,
+    HEARTBEAT,
+    LEASE,
+    LEASE_SERVICE,
+    MARK,
+    MISSION,
+    MISSION_SERVICE,
+    ODOMETRY,
+    STATUS,
+    STOP,
+    TRUTH,
+    Service,
+    Topic,
+)
+from protocol.wire.enums import (
+    Command,
+    LeaseAction,
+    MissionType,
+    Mode,
+    Navigator,
+    Severity,
+    Vehicle,
+)
+from protocol.wire.message import Message
+from protocol.wire.messages import (
+    CommandRequest,
+    GoalRequest,
+    LeaseRequest,
+    NavigatorStatus,
+    PlanarOdometry,
+)
+from protocol.wire.reasons import Reason
+from protocol.wire.statustext import pieces_of
+from runtime.clock import Clock, WallClock
+from runtime.errors import RemoteError, UserError
+from runtime.units import NS_PER_MS, NS_PER_S
+from runtime.watchdog import Patience, load_words, slowdown_in
+
+T = TypeVar("T")
+M = TypeVar("M", bound=Message)
+R = TypeVar("R", bound=Request)
+E = TypeVar("E", bound=IntEnum)
+Out = TypeVar("Out")
+Out_co = TypeVar("Out_co", bound=Outcome, covariant=True)
+
+REQUESTS: Final = 4
+"""Number of concurrent requests; further ones wait. Emergency stops do not."""
+RETRY_NS: Final = 2 * NS_PER_S
+"""Time within which causes of a refusal are removed."""
+NEWEST_NS: Final = NS_PER_S
+"""Longest wait for a stream of the robot."""
+LEASE_NS: Final = 1_500 * NS_PER_MS
+MISSION_NS: Final = 700 * NS_PER_MS
+"""A robot publishes the status of its mission twice a second."""
+CURRENT: Final = -1
+"""Starts a mission at its current item."""
+STOP_S: Final = 5.0
+"""Duration for which an emergency stop without acknowledgement is repeated."""
+TICK_NS: Final = 50 * NS_PER_MS
+SHOW_NS: Final = 200 * NS_PER_MS
+SHOW_PLAIN_NS: Final = 2 * NS_PER_S
+RELEASE_NS: Final = 200 * NS_PER_MS
+AGAIN_NS: Final = 20 * NS_PER_S
+"""After this time a kept lease is asked for again: heartbeats alone do not keep an idle one."""
+MARK_S: Final = 0.5
+FASTEST_M_S: Final = 5.0
+FASTEST_DEG_S: Final = 720.0
+NO_ANSWER: Final = (
+    "no answer to the abort; without an operator's heartbeat the robot stops by itself"
+)
+
+
+class Leasing(Enum):
+    """When a program takes the lease by itself."""
+
+    ALWAYS = "before everything that moves the robot, and keeps it"
+    DRIVES = "before a drive that it follows, and leaves it after that"
+    NEVER = "another part of this process takes it"
+
+
+class RobotCommand(Protocol[Out_co]):
+    """Something that an operator can do with a robot."""
+
+    @property
+    def verb(self) -> str:
+        """The name of the command on the command line."""
+
+    @property
+    def moves(self) -> bool:
+        """True if it can move the robot or change how it moves."""
+
+    async def perform(self, robot: "Robot", /) -> Out_co:
+        """Carry it out and return the outcome.
+
+        Raises UserError, RemoteError or UnansweredError if there is no outcome.
+        """
+
+
+class Drive:
+    """A drive that this program begins, follows and ends."""
+
+    def __init__(self) -> None:
+        self.request_id = 0
+        """That of the newest request that may have begun it; 0 before the first."""
+        self.sending: asyncio.Future[Any] | None = None
+        self.ended = asyncio.Event()
+
+    def begun_by(self, request: R) -> R:
+        """Note that a request which is now sent may begin the drive."""
+        self.request_id = request.request_id
+        return request
+
+
+class Robot:
+    """One robot, with this program as its operator.
+
+    `leasing`: when it takes the lease by itself. `follows`: a command that begins a drive waits for
+    its end; otherwise another part of the process follows it. `floor` returns the floor of the
+    world, if it is known; it may block.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        common: Common,
+        operator: str = "",
+        *,
+        clock: Clock | None = None,
+        leasing: Leasing = Leasing.ALWAYS,
+        follows: bool = True,
+        progress: Progress | None = None,
+        floor: Callable[[], Floor | None] = lambda: None,
+    ) -> None:
+        self.name = common.robot
+        self.bus = bus
+        self.clock: Clock = WallClock() if clock is None else clock
+        self.follows = follows
+        self.progress: Progress = progress or NoProgress()
+        self.remedies = common.remedies
+        self._common = common
+        self._operator = operator
+        self._leasing = leasing
+        self._floor = floor
+        self._ids = RequestIds()
+        self._slowdown = slowdown_in(self.clock)
+        self._waiting: set[asyncio.Future[None]] = set()
+        self._has_arrived = False
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._slots = asyncio.Semaphore(REQUESTS)
+        self._turn = asyncio.Lock()
+        """Held by what begins a drive, while it is sent: an old one must not overtake a new one."""
+
+        self._taking, self._changing = asyncio.Lock(), asyncio.Lock()
+        self._holds_lease = False
+        self._drives: set[Drive] = set()
+        """The drives of this program that have not ended, clean-up included."""
+
+        self._stick: TeleopSender | None = None
+
+    # Requests.
+
+    def request(
+        self, command: Command, param1: float = 0.0, param2: float = 0.0, param3: float = 0.0
+    ) -> CommandRequest:
+        """Return a request with an id of its own."""
+        return CommandRequest(
+            request_id=self._ids.next(),
+            param1=param1,
+            param2=param2,
+            command=command,
+            param3=param3,
+        )
+
+    async def ask(
+        self,
+        request: Request,
+        *,
+        attempts: int = ATTEMPTS,
+        patience_ns: int | None = None,
+        service: Service = COMMAND,
+    ) -> Answer:
+        """Send a request until it is answered; a refusal for the lease names its holder.
+
+        Without a time limit for each, there are more attempts while this machine is busy; the robot
+        ignores each one that arrives later than its sender waits.
+        """
+        if patience_ns is None:
+            attempts, patience_ns = round(attempts * self._slowdown()), PATIENCE_NS
+        asking = CommandExchange(
+            request, self.clock.now_ns(), attempts=attempts, patience_ns=patience_ns
+        )
+        answer = await self.exchange(asking, service)
+        if isinstance(answer, Accepted):
+            return answer
+        holder = await self.refusing_holder(answer.reason)
+        return replace(answer, holder=holder, remedies=self.remedies)
+
+    async def exchange(self, exchange: Exchange[Out], service: Service) -> Out:
+        """Send the requests of an exchange until it is over; return its outcome.
+
+        To cancel this does not withdraw a request that was sent, nor end its repetition. Raises
+        UnansweredError, which names the process that is missing or hangs.
+        """
+        outcome = await self._uninterrupted(self._slots, partial(self._carry, exchange, service))
+        if outcome is None or isinstance(outcome, GaveUp):
+            raise await self.unanswered(outcome, service)
+        return outcome
+
+    async def _carry(self, exchange: Exchange[Out], service: Service) -> Out | GaveUp | None:
+        while not exchange.over:
+            for send in exchange.due(self.clock.now_ns()):
+                try:
+                    answer = await self._answer(service, send.request, send.patience_ns / NS_PER_S)
+                except RemoteError as error:
+                    exchange.unanswered(str(error))
+                else:
+                    exchange.receive(answer, self.clock.now_ns())
+            if not exchange.over:
+                await self.sleep_until(exchange.next_ns)
+        return exchange.outcome
+
+    async def accepted(
+        self, make: Callable[[], R], *, beats: bool, arms: bool = True
+    ) -> tuple[Answer, R]:
+        """Repeat a request after each remedy; return the last answer and its request.
+
+        With `arms`, arms a robot in standby, but never one in a failsafe or an emergency stop; if
+        it cannot be armed, that is the answer. With `beats`, sends the operator's heartbeat if the
+        robot misses it.
+        """
+        deadline_ns = self.clock.now_ns() + RETRY_NS
+        while True:
+            sent = make()
+            answer = await self.ask(sent)
+            if isinstance(answer, Accepted):
+                return answer, sent
+            remedy: Answer | None = None
+            if self.clock.now_ns() <= deadline_ns:
+                remedy = await self._remedy(answer.reason, beats=beats, arms=arms)
+            if not isinstance(remedy, Accepted):
+                return remedy or answer, sent
+
+    async def _remedy(self, reason: int, *, beats: bool, arms: bool) -> Answer | None:
+        """Remove the cause of a refusal; return whether that was accepted, None if it cannot be."""
+        if reason == Reason.NOT_ARMED and arms:
+            return await self._arm_if_standing_by()
+        if reason == Reason.NO_OPERATOR and beats:
+            self.beat()
+            await self.sleep_until(self.clock.now_ns() + BEAT_NS // 4)
+            return Accepted(0)
+        return None
+
+    async def _arm_if_standing_by(self) -> Answer | None:
+        """Arm a robot in STANDBY; return its answer, None if it was not asked.
+
+        One that starts up or has no status may lack its sensors: its answer tells.
+        """
+        newest = await self.newest(STATUS, NEWEST_NS)
+        if newest is not None and newest.vehicle not in (Vehicle.STANDBY, Vehicle.BOOT):
+            return None
+        answer = await self.ask(self.request(Command.COMPONENT_ARM_DISARM, 1.0))
+        if answer.ok:
+            self.progress.note("armed")
+        return answer
+
+    async def end(
+        self, request: CommandRequest, drive_id: int, attempts: int = ATTEMPTS
+    ) -> Answer | GaveUp | None:
+        """End a drive by a hold or an abort, and no other; None if it is over, or never began.
+
+        `drive_id` is the request_id that began it. Waits a short time, because a robot without its
+        operator's heartbeat stops by itself.
+        """
+        if not drive_id:
+            return None
+        ending = CommandExchange(
+            structs.replace(request, ends_id=drive_id),
+            self.clock.now_ns(),
+            attempts=attempts,
+            patience_ns=END_NS,
+        )
+        outcome = await self._carry(ending, COMMAND)
+        is_over = isinstance(outcome, Refused) and outcome.reason == Reason.ALREADY_OVER
+        return None if is_over else outcome
+
+    async def unanswered(self, outcome: GaveUp | None, service: Service) -> UnansweredError:
+        """Return the error for an exchange without an outcome."""
+        if why_not := denial(self.bus.holder, self.name, service):
+            return UnansweredError(f"{why_not}: {self.remedies.keys}")
+        why = "no answer" if outcome is None else outcome.why
+        return UnansweredError(f"{await self.diagnosis()} ({why})")
+
+    async def diagnosis(self) -> str:
+        """Explain why the robot does not answer; listens for its heartbeat for up to 0.7 s.
+
+        Listens longer while this machine is busy.
+        """
+        with self.subscribed(HEARTBEAT) as telemetry:
+            box = telemetry.boxes()[HEARTBEAT.path]
+            await self.wait(lambda: box.latest() is not None or box.rejected > 0, LISTEN_NS)
+            is_beating = box.latest() is not None
+            if box.rejected and not is_beating:
+                return f"robot {self.name} runs, but its heartbeat {box.last_rejection}"
+        why = await self.in_own_thread(lambda: self._silence(is_beating=is_beating))
+        return why + load_words(self._slowdown())
+
+    def _silence(self, *, is_beating: bool) -> str:
+        """Explain it by what is linked; blocks."""
+        present = present_processes(self.bus.present(self._slowdown()))
+        return self.bus.lost() or explain_silence(
+            present,
+            self.name,
+            self._common.endpoint,
+            is_beating=is_beating,
+            other=self.remedies.robot,
+        )
+
+    # What arrives.
+
+    @contextmanager
+    def subscribed(self, *topics: Topic[Any]) -> Iterator[Telemetry]:
+        """Subscribe to topics of the robot for the duration of the context."""
+        telemetry = Telemetry(self.bus, self.name, topics, notify=self._note_arrival)
+        try:
+            yield telemetry
+        finally:
+            for box in telemetry.boxes().values():
+                self.bus.unsubscribe(box)
+
+    async def newest(self, topic: Topic[M], patience_ns: int) -> M | None:
+        """Return the next message of a topic; None if none arrives in time."""
+        with self.subscribed(topic) as telemetry:
+            await self.wait(lambda: telemetry.latest(topic) is not None, patience_ns)
+            newest = telemetry.latest(topic)
+            return None if newest is None else newest[0]
+
+    async def wait(self, condition: Callable[[], bool], patience_ns: int) -> bool:
+        """Wait until the condition holds, checked at each arrival; return False when time is up.
+
+        The time counts less while this machine is busy.
+        """
+        patience = Patience(patience_ns, self.clock.now_ns, self._slowdown)
+        while not condition():
+            left_ns = patience.left_ns()
+            if not left_ns:
+                return False
+            await self._arrival(self.clock.now_ns() + left_ns)
+        return True
+
+    async def pose(self) -> PlanarOdometry:
+        """Return where the robot takes itself to be; RemoteError without a fresh pose."""
+        with self.subscribed(ODOMETRY) as telemetry:
+            pose = await self._fresh(telemetry, ODOMETRY)
+        if pose is None:
+            raise RemoteError(f"the robot publishes no pose: {await self.diagnosis()}")
+        return pose
+
+    async def _fresh(self, telemetry: Telemetry, topic: Topic[M]) -> M | None:
+        def newest() -> M | None:
+            return telemetry.fresh(topic, self.clock.now_ns())
+
+        await self.wait(lambda: newest() is not None, NEWEST_NS)
+        return newest()
+
+    async def refuse_outside(self, *places: tuple[str, float, float]) -> None:
+        """Raise UserError for a place (name, x, y) outside of the known world."""
+        floor = await self.in_own_thread(self._floor)
+        if floor is not None:
+            for place in places:
+                floor.refuse_outside(*place, "; --anyway sends it nevertheless")
+
+    # The lease.
+
+    @property
+    def holds_lease(self) -> bool:
+        """True if this program is the robot's operator."""
+        return self._holds_lease
+
+    async def ensure_lease(self, *, for_drive: bool = False) -> Refused | None:
+        """Take the lease if this program does so by itself; return the refusal, if any.
+
+        Not while it drives under it. Between two drives the robot may take it back at any moment.
+        """
+        if self._leasing is Leasing.NEVER or (self._leasing is Leasing.DRIVES and not for_drive):
+            return None
+        async with self._taking:
+            if self._holds_lease and self._drives:
+                return None
+            answer = await self.change_lease(LeaseAction.TAKE)
+        return answer if isinstance(answer, Refused) else None
+
+    async def change_lease(self, action: LeaseAction, name: str | None = None) -> Answer:
+        """Take, seize or release the lease; the heartbeat follows it, also if this is cancelled.
+
+        `name` is shown to other operators.
+        """
+        if action is LeaseAction.RELEASE:
+            self._holds_lease = False
+        return await self._uninterrupted(
+            self._changing, partial(self._change_lease, action, name or self._operator)
+        )
+
+    async def _change_lease(self, action: LeaseAction, name: str) -> Answer:
+        request = LeaseRequest(request_id=self._ids.next(), action=action, name=name)
+        answer = await self.ask(request, service=LEASE_SERVICE)
+        if isinstance(answer, Accepted) and action is not LeaseAction.RELEASE:
+            self._lease_granted()
+        return answer
+
+    async def keep_lease(self, for_s: float, name: str | None = None) -> Answer | None:
+        """Keep the lease for this time, then leave it; return why it was lost, if it was.
+
+        It is asked for again before it is idle for too long.
+        """
+        asked_ns = self.clock.now_ns()
+        until_ns = asked_ns + round(for_s * NS_PER_S)
+        try:
+            while (now_ns := self.clock.now_ns()) < until_ns:
+                self._attend()
+                if now_ns - asked_ns >= AGAIN_NS:
+                    asked_ns = now_ns
+                    answer = await self.change_lease(LeaseAction.TAKE, name)
+                    if not answer.ok:
+                        return answer
+                await self.sleep_until(self.clock.now_ns() + BEAT_NS)
+            return None
+        finally:
+            await self._finish(self._leave())
+
+    async def show_lease(self) -> LeaseShown:
+        """Return the lease; RemoteError if the robot publishes no lease status."""
+        newest = await self.newest(LEASE, LEASE_NS)
+        if newest is None:
+            raise RemoteError(f"the robot publishes no lease status: {await self.diagnosis()}")
+        return LeaseShown(newest, self.name, is_ours(newest, self.bus.operator))
+
+    async def refusing_holder(self, reason: int) -> str:
+        """Return the name of the lease holder if `reason` is that another one holds it, else "".
+
+        The lease may have passed to this person since, who then is not the other one.
+        """
+        if reason != Reason.LEASE_HELD:
+            return ""
+        newest = await self.newest(LEASE, LEASE_NS)
+        if newest is None or not newest.held or is_ours(newest, self.bus.operator):
+            return ""
+        return holder_name(newest)
+
+    async def _leave(self) -> None:
+        """Leave the lease to other programs of this person, else release it.
+
+        A lost answer is ignored: the lease expires by itself.
+        """
+        self._holds_lease = False
+        request = LeaseRequest(request_id=self._ids.next(), action=LeaseAction.LEAVE, name="")
+        now_ns = self.clock.now_ns()
+        leaving = CommandExchange(request, now_ns, attempts=1, patience_ns=RELEASE_NS)
+        await self._carry(leaving, LEASE_SERVICE)
+
+    # Goals.
+
+    async def goto(
+        self,
+        x_m: float,
+        y_m: float,
+        heading_deg: float | None = None,
+        *,
+        tolerance_m: float = POSITION_TOLERANCE_M,
+        heading_tolerance_deg: float = HEADING_TOLERANCE_DEG,
+        timeout_s: float | None = None,
+    ) -> GoalEnded | Refused:
+        """Drive to a place (metres, in the robot's own frame) and wait for the end.
+
+        The goal is not compared with the world of a simulation: a goal in an obstacle ends STUCK.
+        Without `heading_deg` (counter-clockwise from x) any heading is accepted. Arms a robot in
+        standby. Returns the end, which is `ok` if the goal was reached, or the refusal. Cancelling
+        this, for example by a time limit, aborts the goal: the robot stops. It aborts no other
+        goal: the next one may be sent at once.
+        """
+        numbers = [x_m, y_m] if heading_deg is None else [x_m, y_m, heading_deg]
+        goal = destination(
+            numbers, position_tolerance_m=tolerance_m, heading_tolerance_deg=heading_tolerance_deg
+        )
+        if timeout_s is not None:
+            within(timeout_s, 0.0, LONGEST_S, "timeout", "s")
+        return await self.drive_to(goal, timeout_s=timeout_s)
+
+    async def drive_to(
+        self,
+        goal: Destination,
+        *,
+        timeout_s: float | None = None,
+        from_robot: bool = False,
+        arms: bool = True,
+    ) -> GoalEnded | Refused:
+        """Drive to a goal in GUIDED and follow it to its end; abort it if this is cancelled.
+
+        `from_robot`: it was given relative to the robot. `arms`: arm a robot in standby.
+        """
+        asked_ns = self.clock.now_ns()
+        timeout_ns = None if timeout_s is None else round(timeout_s * NS_PER_S)
+
+        async def begin(drive: Drive) -> Answer:
+            return await self._send_goal(drive, goal, Mode.GUIDED, from_robot, arms)
+
+        async def follow(drive: Drive) -> GoalEnded:
+            self.progress.note(f"goal {goal} accepted")
+            now_ns = self.clock.now_ns()
+            watch = GoalWatch(drive.request_id, now_ns, timeout_ns, asked_ns=asked_ns)
+            with self.subscribed(STATUS, ODOMETRY, DECISION, LEASE) as telemetry:
+                end = await self.follow(watch, telemetry)
+                if end.abort:
+                    await self._finish(self._end(drive, abort, end.reason))
+                    end = watch.outrun(telemetry.latest) or end
+                return self._goal_ended(end, telemetry, asked_ns)
+
+        def abort() -> CommandRequest:
+            return self.request(Command.SIDESTEP_ABORT_GOAL)
+
+        return await self.drive_until(begin, follow, abort)
+
+    async def send_goal(
+        self, goal: Destination, mode: Mode, *, from_robot: bool = False, arms: bool = True
+    ) -> tuple[Answer, int]:
+        """Send a goal until the robot accepts it; return the answer and the id of its request."""
+        if (refused := await self.ensure_lease()) is not None:
+            return refused, 0
+        drive = Drive()
+        sending = partial(self._send_goal, drive, goal, mode, from_robot, arms)
+        return await self._uninterrupted(self._turn, sending), drive.request_id
+
+    async def _send_goal(
+        self, drive: Drive, goal: Destination, mode: Mode, from_robot: bool, arms: bool
+    ) -> Answer:
+        place = goal.on_the_wire()
+
+        def request() -> GoalRequest:
+            return drive.begun_by(
+                goal_request(place, self._ids.next(), mode, from_robot=from_robot)
+            )
+
+        answer, _ = await self.accepted(request, beats=mode == Mode.GUIDED, arms=arms)
+        return answer
+
+    async def follow(self, watch: GoalWatch, telemetry: Telemetry) -> GoalEnd:
+        """Follow a goal to its end, and show its progress."""
+        shown_ns, every_ns = 0, SHOW_NS if self.progress.live else SHOW_PLAIN_NS
+        while True:
+            watch.look(telemetry.latest)
+            now_ns = self.clock.now_ns()
+            if watch.due(now_ns):
+                self._attend()
+            is_due = now_ns - shown_ns >= every_ns or (watch.end and self.progress.live)
+            if watch.is_shown and is_due:
+                shown_ns = now_ns
+                self.progress.line(goal_line(telemetry, now_ns, watch.silent_ns(now_ns)))
+            if watch.end is not None:
+                return watch.end
+            await self._arrival(now_ns + BEAT_NS // 2)
+
+    def _goal_ended(self, end: GoalEnd, telemetry: Telemetry, asked_ns: int) -> GoalEnded:
+        status, pose = telemetry.latest(STATUS), telemetry.latest(ODOMETRY)
+        distance_m = None if status is None else status[0].goal_distance_m
+        doubt_m = None if pose is None else doubt_of(pose[0])
+        wall_s = (self.clock.now_ns() - asked_ns) / NS_PER_S
+        return GoalEnded(end.outcome, end.reason, distance_m, wall_s, doubt_m)
+
+    # Drives.
+
+    async def drive(
+        self, speed_m_s: float, turn_deg_s: float, *, for_s: float | None = None
+    ) -> DriveEnded | Refused:
+        """Drive by hand in MANUAL at a speed (negative: backwards) and a turn (positive: left).
+
+        Ends after `for_s` or when cancelled; then the robot stops and holds, unless it drives for
+        another request already. Each speed expires after 250 ms, so the robot also stops if the
+        program hangs or exits.
+        """
+        within(speed_m_s, -FASTEST_M_S, FASTEST_M_S, "speed", "m/s")
+        within(turn_deg_s, -FASTEST_DEG_S, FASTEST_DEG_S, "turn", "deg/s")
+        if for_s is not None:
+            within(for_s, 0.0, LONGEST_S, "time", "s")
+        stick = TeleopSender(self.bus, self.name, self.clock)
+
+        async def follow(drive: Drive) -> DriveEnded:
+            self._stick = stick
+            await self.in_own_thread(stick.open)
+            why = await self._steer(stick, speed_m_s, radians(turn_deg_s), for_s)
+            await self._finish(self._end(drive, hold))
+            return DriveEnded(why)
+
+        def hold() -> CommandRequest:
+            if self._stick is stick:  # those of a later drive go on
+                stick.stop()
+            return self._mode_request(Mode.HOLD)
+
+        return await self.drive_until(self._take_manual, follow, hold)
+
+    async def _take_manual(self, drive: Drive) -> Answer:
+        """Choose MANUAL, and arm a robot in standby; hold one that cannot be armed."""
+        answer, _ = await self.accepted(
+            lambda: drive.begun_by(self._mode_request(Mode.MANUAL)), beats=True
+        )
+        armed = await self._arm_if_standing_by() if answer.ok else None
+        if not isinstance(armed, Refused):
+            return answer
+        await self._end(drive, partial(self._mode_request, Mode.HOLD))
+        return armed
+
+    async def _steer(
+        self, stick: TeleopSender, speed_m_s: float, turn_rad_s: float, for_s: float | None
+    ) -> str:
+        """Return why it ended early; empty if the time was up."""
+        heartbeat, began_ns = HeartbeatTimer(), self.clock.now_ns()
+        with self.subscribed(STATUS) as telemetry:
+            while True:
+                now_ns = self.clock.now_ns()
+                if for_s is not None and now_ns - began_ns >= for_s * NS_PER_S:
+                    return ""
+                newest = telemetry.latest(STATUS)
+                if newest is not None and (why := lost_control(newest[0], now_ns - began_ns)):
+                    return why
+                if heartbeat.due(now_ns, 0 if newest is None else newest[0].time_ns):
+                    self._attend()
+                stick.drive(speed_m_s, turn_rad_s)
+                await self.sleep_until(now_ns + TICK_NS)
+
+    async def drive_until(
+        self,
+        begin: Callable[[Drive], Coroutine[Any, Any, Answer]],
+        follow: Callable[[Drive], Coroutine[Any, Any, T]],
+        ending: Callable[[], CommandRequest],
+    ) -> T | Refused:
+        """Begin a drive and follow it; end it, and no other, if this is cancelled or raises.
+
+        `begin` notes its requests in the drive. `ending` returns the hold or the abort that ends
+        it.
+        """
+        if (refused := await self.ensure_lease(for_drive=True)) is not None:
+            if self._leasing is Leasing.DRIVES:
+                raise RefusedError(refused.text)
+            return refused
+        drive = Drive()
+        self._drives.add(drive)
+        try:
+            self._attend()
+            answer = await self._uninterrupted(self._turn, partial(begin, drive), drive)
+            return answer if isinstance(answer, Refused) else await follow(drive)
+        except BaseException:
+            await self._finish(self._end_after(drive, ending))
+            raise
+        finally:
+            if self._leasing is Leasing.DRIVES:
+                await self._finish(self._leave())
+            self._drives.discard(drive)
+            drive.ended.set()
+
+    async def _end_after(self, drive: Drive, ending: Callable[[], CommandRequest]) -> None:
+        """End a drive after what begins it was sent; the other order would let the robot drive."""
+        if drive.sending is not None:
+            await settled(drive.sending)
+        await self._end(drive, ending, "interrupted")
+
+    async def _end(self, drive: Drive, ending: Callable[[], CommandRequest], why: str = "") -> None:
+        """End this drive, and no other; without an answer the heartbeat ends, unless others drive.
+
+        Then the robot stops by itself. The progress tells the end of a goal, and `why`.
+        """
+        attempts = 1 if self._leasing is Leasing.DRIVES else ATTEMPTS
+        request = ending()
+        outcome = await self.end(request, drive.request_id, attempts)
+        if isinstance(outcome, GaveUp) and len(self._drives) == 1:
+            self._holds_lease = False
+        if outcome is not None and request.command == Command.SIDESTEP_ABORT_GOAL:
+            self.progress.note(f"{why}: {words_of_abort(outcome)}")
+
+    # Commands.
+
+    async def perform(self, command: RobotCommand[Out_co]) -> Out_co:
+        """Carry out a command. Cancelling this does not withdraw a request that was sent."""
+        return await command.perform(self)
+
+    async def command(
+        self,
+        request: CommandRequest,
+        *,
+        moves: bool = True,
+        begins: bool = False,
+        timeout_s: float | None = None,
+    ) -> Answer:
+        """Send a command and return the robot's answer; give up after `timeout_s`.
+
+        One that `moves` the robot takes the lease first; one that `begins` a drive waits for what
+        began one before.
+        """
+        if moves and (refused := await self.ensure_lease()) is not None:
+            return refused
+        patience_ns = None if timeout_s is None else max(1, round(timeout_s * NS_PER_S / ATTEMPTS))
+        asking = partial(self.ask, request, patience_ns=patience_ns)
+        return await (self.in_turn(asking) if begins else asking())
+
+    async def hold(self, *, timeout_s: float | None = None) -> Answer:
+        """Stop and keep the goal; needs no lease."""
+        request = self.request(Command.DO_PAUSE_CONTINUE, 0.0)
+        return await self.command(request, moves=False, timeout_s=timeout_s)
+
+    async def abort(self, *, timeout_s: float | None = None) -> Answer:
+        """Cancel the goal and stop; needs no lease."""
+        request = self.request(Command.SIDESTEP_ABORT_GOAL)
+        return await self.command(request, moves=False, timeout_s=timeout_s)
+
+    async def arm(self, *, timeout_s: float | None = None) -> Answer:
+        """Allow the wheels to turn."""
+        return await self.command(
+            self.request(Command.COMPONENT_ARM_DISARM, 1.0), timeout_s=timeout_s
+        )
+
+    async def disarm(self, *, timeout_s: float | None = None) -> Answer:
+        """Block the wheels; needs no lease."""
+        request = self.request(Command.COMPONENT_ARM_DISARM, 0.0)
+        return await self.command(request, moves=False, timeout_s=timeout_s)
+
+    async def restart(self, *, timeout_s: float | None = None) -> Answer:
+        """End the robot's process, so that its supervisor starts it again; refused while armed."""
+        request = self.request(Command.PREFLIGHT_REBOOT_SHUTDOWN, 1.0)
+        return await self.command(request, timeout_s=timeout_s)
+
+    async def return_home(self, *, timeout_s: float | None = None) -> Answer:
+        """Drive back along the robot's own trail; return once the robot has accepted."""
+        request = self.request(Command.NAV_RETURN_TO_LAUNCH)
+        return await self.command(request, begins=True, timeout_s=timeout_s)
+
+    async def set_mode(self, mode: Mode | str, *, timeout_s: float | None = None) -> Answer:
+        """Choose the mode, also by its name, such as "hold", which needs no lease."""
+        chosen = member_of(Mode, mode, "mode")
+        return await self.command(
+            self._mode_request(chosen),
+            moves=chosen is not Mode.HOLD,
+            begins=True,
+            timeout_s=timeout_s,
+        )
+
+    def _mode_request(self, mode: Mode) -> CommandRequest:
+        return self.request(Command.DO_SET_MODE, 1.0, float(mode))
+
+    async def set_navigator(
+        self, navigator: Navigator | str, side: int | str = 0, *, timeout_s: float | None = None
+    ) -> Answer:
+        """Choose the navigator, also by its name, such as "bug".
+
+        It passes obstacles "left" (1), "right" (-1) or as before (0).
+        """
+        chosen = member_of(Navigator, navigator, "navigator")
+        sign = SIDES.get(side.lower()) if isinstance(side, str) else side
+        if sign not in (-1, 0, 1):
+            raise UserError(f"there is no side {side!r}: use left, right, or 0 for as before")
+        request = self.request(Command.SIDESTEP_SET_NAVIGATOR, float(chosen), float(sign))
+        return await self.command(request, timeout_s=timeout_s)
+
+    async def set_pose(
+        self,
+        x_m: float,
+        y_m: float,
+        heading_deg: float | None = None,
+        *,
+        timeout_s: float | None = None,
+    ) -> Answer:
+        """Set the pose of the robot; without a heading it keeps its own, if it knows its place.
+
+        In metres and degrees; refused while a goal is active.
+        """
+        within(x_m, -FARTHEST_M, FARTHEST_M, "x", "m")
+        within(y_m, -FARTHEST_M, FARTHEST_M, "y", "m")
+        if heading_deg is not None:
+            within(heading_deg, -360.0, 360.0, "heading", "deg")
+        heading_rad = nan if heading_deg is None else radians(heading_deg)
+        return await self._set_pose(x_m, y_m, heading_rad, timeout_s)
+
+    async def set_true_pose(self, *, timeout_s: float | None = None) -> Answer:
+        """Set the pose of a simulated robot to the true one; RemoteError without a simulation."""
+        with self.subscribed(TRUTH) as telemetry:
+            truth = await self._fresh(telemetry, TRUTH)
+        if truth is None:
+            fix = "in the real world, or without rights to it, use `pose set X Y DEG`"
+            raise RemoteError(f"no simulation publishes the true place of {self.name}: {fix}")
+        return await self._set_pose(truth.x_m, truth.y_m, truth.heading_rad, timeout_s)
+
+    async def _set_pose(
+        self, x_m: float, y_m: float, heading_rad: float, timeout_s: float | None
+    ) -> Answer:
+        request = self.request(Command.SIDESTEP_SET_POSE, x_m, y_m, heading_rad)
+        return await self.command(request, timeout_s=timeout_s)
+
+    async def mark(self, remark: str) -> Marked | Refused:
+        """Add a remark to what is being recorded; `ok` if a recorder received it."""
+        if (refused := await self.ensure_lease()) is not None:
+            return refused
+        publisher = self.bus.publisher(MARK, self.name)
+        missing = await self.in_own_thread(
+            lambda: self.bus.await_matched([publisher], timeout_s=MARK_S)
+        )
+        if not missing:
+            for piece in pieces_of(remark, self._ids.next() & 0xFFFF or 1, Severity.NOTICE):
+                publisher.put(piece)
+        return Marked(remark, not missing)
+
+    # To go on.
+
+    async def resume(self, *, timeout_s: float | None = None) -> Answer:
+        """Continue to the goal, also to one that a failsafe, a stop or an abort has ended."""
+        if (refused := await self.ensure_lease()) is not None:
+            return refused
+        return await self.in_turn(partial(self._resume, timeout_s))
+
+    async def _resume(self, timeout_s: float | None) -> Answer:
+        """Continue a kept goal; else drive on to the one that the robot's status shows as lost."""
+        request = self.request(Command.DO_PAUSE_CONTINUE, 1.0)
+        answer = await self.command(request, moves=False, timeout_s=timeout_s)
+        if isinstance(answer, Refused) and answer.reason == Reason.NO_GOAL:
+            return await self._go_on(answer)
+        return answer
+
+    async def _go_on(self, refusal: Refused) -> Answer:
+        """Continue the lost drive of a robot that has no active goal, and so refused to resume.
+
+        The robot must be armed: it is not armed here.
+        """
+        with self.subscribed(STATUS, MISSION) as telemetry:
+            await self.wait(lambda: telemetry.latest(STATUS) is not None, NEWEST_NS)
+            newest = telemetry.latest(STATUS)
+            if newest is None:
+                return refusal
+            status = newest[0]
+            lost = await self._lost_drive(telemetry, status)
+        if lost is None:
+            return NothingToResume(refusal.reason, refusal.took_ns, remedies=refusal.remedies)
+        if status.vehicle != Vehicle.ACTIVE:
+            stopped = status.vehicle == Vehicle.EMERGENCY_STOP
+            reason = Reason.EMERGENCY_STOPPED if stopped else Reason.NOT_ARMED
+            return replace(refusal, reason=reason)
+        attends = self._leasing is not Leasing.DRIVES
+        is_attended = attends and isinstance(lost, LostGoal) and not lost.is_auto
+        mode = Mode.GUIDED if is_attended else Mode.AUTO
+        answer, _ = await self.accepted(
+            partial(self._request_for, lost, mode), beats=is_attended, arms=False
+        )
+        return Resumed(answer.took_ns, lost) if isinstance(answer, Accepted) else answer
+
+    async def _lost_drive(self, telemetry: Telemetry, status: NavigatorStatus) -> LostDrive | None:
+        """Return the lost drive; download the mission only if the mission failed."""
+        await self.wait(lambda: telemetry.latest(MISSION) is not None, MISSION_NS)
+        newest = telemetry.latest(MISSION)
+        if newest is None or not has_failed(newest[0]):
+            return lost_drive(status, None, ())
+        download = Download(MissionType.MISSION, self.clock.now_ns())
+        outcome = await self.exchange(download, MISSION_SERVICE)
+        items = waypoints_of(outcome.items) if isinstance(outcome, Downloaded) else ()
+        return lost_drive(status, newest[0], items)
+
+    def _request_for(self, lost: LostDrive, mode: Mode) -> Request:
+        """Return the request that continues a drive."""
+        if isinstance(lost, LostMission):
+            return self.request(Command.MISSION_START, float(CURRENT))
+        if isinstance(lost, LostGoal):
+            return goal_request(lost.goal.on_the_wire(), self._ids.next(), mode)
+        return self.request(Command.NAV_RETURN_TO_LAUNCH)
+
+    # The emergency stop.
+
+    async def emergency_stop(self, *, timeout_s: float = STOP_S) -> Stopped:
+        """Stop the robot at once: repeat every 50 ms until its status shows the stop.
+
+        The first stop is sent before this awaits anything. Needs no lease. `ok` only if the robot
+        shows the stop within `timeout_s`.
+        """
+        with (
+            self.subscribed(STATUS) as telemetry,
+            closing(stop_ways.ways_of(self.bus, self.name)) as ways,
+        ):
+            publisher = self.bus.publisher(STOP, self.name)
+            stop = EmergencyStop(
+                self.bus, publisher, self.name, self.clock, lambda: telemetry.latest(STATUS), ways
+            )
+            stop.press()
+            give_up_ns = round(timeout_s * NS_PER_S)
+            outcome = await self.in_own_thread(lambda: stop.run(give_up_ns=give_up_ns))
+            return Stopped(outcome, self.name)
+
+    async def clear_emergency_stop(self, *stop_ids: int, timeout_s: float | None = None) -> Answer:
+        """Release an emergency stop that is known, and no newer one of somebody else.
+
+        `stop_ids` are those known when the release was asked for: the one that the status named,
+        then own ones, which the status may not show yet; without any it is that of the status of
+        now. The robot stays disarmed. Raises UnansweredError if no stop is known.
+        """
+        if (refused := await self.ensure_lease()) is not None:
+            return refused
+        first, *others = dict.fromkeys(stop_ids or (await self._stop_shown(),))
+        answer = await self._release_stop(first, timeout_s)
+        for stop_id in others:
+            if isinstance(answer, Refused) and answer.reason == Reason.NEWER_STOP:
+                answer = await self._release_stop(stop_id, timeout_s)
+        return answer
+
+    async def _release_stop(self, stop_id: int, timeout_s: float | None) -> Answer:
+        request = self.request(Command.SIDESTEP_CLEAR_EMERGENCY_STOP)
+        named = structs.replace(request, stop_id=stop_id)
+        return await self.command(named, moves=False, timeout_s=timeout_s)
+
+    async def _stop_shown(self) -> int:
+        """Return the stop that the status of now names; UnansweredError without a status."""
+        newest = await self.newest(STATUS, NEWEST_NS)
+        if newest is None:
+            why = GaveUp("no status names the emergency stop to clear")
+            raise await self.unanswered(why, COMMAND)
+        return newest.stop_id
+
+    # The event loop: what a driver without one overrides.
+
+    def beat(self) -> None:
+        """Send the operator's heartbeat once."""
+
+    def _attend(self) -> None:
+        """Send the heartbeat that is due, unless a task does."""
+
+    def _lease_granted(self) -> None:
+        """Begin to send the heartbeat."""
+        self._holds_lease = True
+
+    async def _answer(
+        self, service: Service, message: Message | None, timeout_s: float
+    ) -> Message | bytes:
+        """Return the answer of a service of the robot; RemoteError without one."""
+        return await self.in_own_thread(
+            lambda: self.bus.ask(service, message, timeout_s, robot=self.name)
+        )
+
+    async def sleep_until(self, deadline_ns: int) -> None:
+        """Wait until the clock has reached the deadline."""
+        await asyncio.sleep(max(0, deadline_ns - self.clock.now_ns()) / NS_PER_S)
+
+    async def _arrival(self, until_ns: int) -> None:
+        """Wait for the next message of a subscribed topic, at most until the clock shows this."""
+        loop = asyncio.get_running_loop()
+        arrival = loop.create_future()
+        self._waiting.add(arrival)
+        left_s = max(0, until_ns - self.clock.now_ns()) / NS_PER_S
+        timer = loop.call_later(left_s, settle, arrival)
+        try:
+            await arrival
+        finally:
+            timer.cancel()
+            self._waiting.discard(arrival)
+
+    def _note_arrival(self, _arrived_ns: int) -> None:
+        """Wake what waits for messages, from the bus's thread."""
+        if not self._has_arrived and self._loop is not None:
+            self._has_arrived = True
+            with suppress(RuntimeError):  # the loop has ended
+                self._loop.call_soon_threadsafe(self._wake)
+
+    def _wake(self) -> None:
+        self._has_arrived = False
+        for arrival in self._waiting:
+            settle(arrival)
+
+    async def in_own_thread(self, job: Callable[[], T]) -> T:
+        """Run what blocks in a thread of its own, which outlives a cancellation."""
+        return await in_own_thread(job, f"sidestep {self.name}")
+
+    async def in_turn(self, sending: Callable[[], Coroutine[Any, Any, T]]) -> T:
+        """Send what begins a drive after what began one before.
+
+        Cancelled while it waits, it is not sent; cancelled later, it is sent nevertheless.
+        """
+        return await self._uninterrupted(self._turn, sending)
+
+    async def _uninterrupted(
+        self,
+        gate: asyncio.Lock | asyncio.Semaphore,
+        work: Callable[[], Coroutine[Any, Any, T]],
+        drive: Drive | None = None,
+    ) -> T:
+        """Begin work when the gate lets it pass, and carry it to its end, cancelled or not."""
+        await gate.acquire()
+        working = asyncio.ensure_future(work())
+        working.add_done_callback(lambda _: gate.release())
+        if drive is not None:
+            drive.sending = working
+        return await asyncio.shield(working)
+
+    async def _finish(self, work: Coroutine[Any, Any, T]) -> T:
+        """Await clean-up to its end, even if the caller is cancelled meanwhile."""
+        return await finish(work)
+
+
+def words_of_abort(outcome: Answer | GaveUp) -> str:
+    """Return what has become of an abort."""
+    if isinstance(outcome, Accepted):
+        return "goal aborted, the robot stops"
+    return f"abort refused: {outcome.words}" if isinstance(outcome, Refused) else NO_ANSWER
+
+
+def member_of(kind: type[E], given: E | str, what: str) -> E:
+    """Return the member of an enumeration, also by its name or number; UserError if unknown."""
+    name = given.upper() if isinstance(given, str) else ""
+    for member in kind:
+        if member.name == name or member == given:
+            return member
+    names = ", ".join(member.name.lower() for member in kind)
+    raise UserError(f"there is no {what} {given!r}: use one of {names}")
+
+
+def settle(future: "asyncio.Future[None]") -> None:
+    """End a wait, unless it has ended."""
+    if not future.done():
+        future.set_result(None)
+
+
+def in_own_thread(job: Callable[[], T], name: str) -> "asyncio.Future[T]":
+    """Run a job in a thread of its own, which outlives a cancellation."""
+    future: Future[T] = Future()
+
+    def work() -> None:
+        try:
+            result = job()
+        except BaseException as error:
+            future.set_exception(error)
+        else:
+            future.set_result(result)
+
+    Thread(target=work, name=name, daemon=True).start()
+    return asyncio.wrap_future(future)
+
+
+async def finish(work: Coroutine[Any, Any, T]) -> T:
+    """Await the work to its end, even if the caller is cancelled meanwhile."""
+    task = asyncio.ensure_future(work)
+    while not task.done():
+        try:
+            await asyncio.shield(task)
+        except asyncio.CancelledError:
+            continue
+    return task.result()
+
+
+async def settled(work: Awaitable[Any]) -> None:
+    """Wait until the work has ended, by a result, an error or a cancellation."""
+    await asyncio.gather(work, return_exceptions=True)
