@@ -9,21 +9,20 @@ cuts an event at MAX_EVENT_BYTES and drops events when the socket buffer is full
 waits and never fails for lack of space. A pipe would block reception on the bus, a file in memory
 would grow, and a line break inside a key would start a new line.
 
-The refused session chooses part of an event: the key, which may be long and may contain line
-breaks. An event is therefore parsed from its beginning only, and the key is cut and cleaned.
+Zenoh's API has no event for a refusal (eclipse-zenoh/zenoh#2712), so its own words are reported,
+with the certificate and address of the session. The refused session chooses part of them: the key,
+which may be long and may contain line breaks. An event is therefore read from its beginning only,
+and the key is cut and cleaned.
 """
 
 import os
-import re
 import socket
 import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from datetime import UTC, datetime
-from types import MappingProxyType
 from typing import Final, NamedTuple, Self
 
 import zenoh
@@ -32,17 +31,14 @@ from protocol.bus.bus import Bus
 from protocol.bus.peers import ID_TAKEN, RefusedLink
 from protocol.bus.publisher import Publisher
 from protocol.bus.rights import grant_of
-from protocol.bus.sockets import ClosingConnections, end_in
+from protocol.bus.sockets import end_in
 from protocol.topics import TEXT, Role
 from protocol.wire.enums import Severity
 from protocol.wire.messages import Statustext
 from protocol.wire.statustext import pieces_of
 from runtime.cli.terminal import guarded
 
-AUDIT_FILTER: Final = "zenoh::net::routing::interceptor::access_control=trace,zenoh_link_tls=debug"
-ENVIRONMENT: Final[Mapping[str, str | None]] = MappingProxyType({"RUST_LOG": None, "NO_COLOR": "1"})
-"""Environment variables that Zenoh's log reads, with the values set for it."""
-
+AUDIT_FILTER: Final = "zenoh::net::routing::interceptor::access_control=trace,zenoh_link_tls=warn"
 STDOUT: Final = 1
 LOOPBACK: Final = "127.0.0.1"
 BUFFER_BYTES: Final = 1 << 20
@@ -62,7 +58,7 @@ class ZenohLog:
     Only events that contain one of `signs` are kept; without signs, all are.
     """
 
-    def __init__(self, wanted: str = AUDIT_FILTER, signs: tuple[bytes, ...] = ()) -> None:
+    def __init__(self, wanted: str, signs: tuple[bytes, ...] = ()) -> None:
         self._signs = signs
         self._kept: deque[bytes] = deque(maxlen=MAX_KEPT)
         self._reader, self._writer = channel()
@@ -121,65 +117,41 @@ def channel() -> tuple[socket.socket, socket.socket]:
 
 def initialise(wanted: str) -> None:
     """Start Zenoh's log, once per process, independent of the environment."""
-    before = {name: os.environ.get(name) for name in ENVIRONMENT}
-    set_all(ENVIRONMENT)
+    settings = {"RUST_LOG": wanted, "NO_COLOR": "1"}
+    before = {name: os.environ.get(name) for name in settings}
+    os.environ.update(settings)
     try:
         zenoh.init_log_from_env_or(wanted)
     finally:
-        set_all(before)
-
-
-def set_all(values: Mapping[str, str | None]) -> None:
-    """Set or remove environment variables."""
-    for name, value in values.items():
-        if value is None:
-            os.environ.pop(name, None)
-        else:
-            os.environ[name] = value
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
 QUIET_NS: Final = 60_000_000_000
-"""Period after which a sentence is repeated, with a count. Budgets apply to this period."""
+"""Period in which a refusal is reported once."""
 
-MAX_SENTENCES: Final = 10
-"""Sentences about one certificate in QUIET_NS; further ones are only counted."""
+MAX_LINES: Final = 10
+"""Lines about one certificate in QUIET_NS; further ones are only counted."""
 
-MAX_NAMES: Final = 200
 MAX_CHARACTERS: Final = 200
-"""Length of a key or a cause in a sentence."""
+"""Length of a key or a cause in a line."""
 
-MAX_EVENTS: Final = 300
-SIGNS: Final = (b"is unauthorized to", b". Hint: ")
-"""Text in events about refusals. Most events are about permitted actions."""
-
-BEGIN: Final = (
-    r"\A\d{4}-\d\d-\d\dT[\d:.]+Z +(?P<level>[A-Z]+) +\S+ ThreadId\(\d+\) "
-    r"(?:[\w=.:/ {}\[\]-]{0,200}?: )??"
-)
-DENIED: Final = re.compile(
-    BEGIN + r"zenoh::net::routing::interceptor::access_control: "
-    r"(?P<known>Using cached result: )?(?P<zid>[0-9a-f]{1,32})(?: on \S*)? is unauthorized to "
-    r"(?P<what>[A-Z][A-Za-z/ ]{1,60}) \(ingress\) on (?P<key>.+)",
-    re.DOTALL,
-)
-FAILED: Final = re.compile(BEGIN + r"zenoh_link_tls::unicast: (?P<why>.+?)\. Hint: ", re.DOTALL)
-PRECOMPUTED: Final = "Declare/Undeclare"
+ACCESS: Final = "zenoh::net::routing::interceptor::access_control: "
+TLS: Final = "zenoh_link_tls::unicast: "
+CACHED: Final = "Using cached result: "
+UNAUTHORIZED: Final = "unauthorized to "
+INGRESS: Final = " (ingress)"
+COMPUTED: Final = "Declare/Undeclare"
 """Zenoh computes all permissions of a key at once and logs the missing ones as refusals."""
 
-ACTIONS: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        "Put": "put on",
-        "Delete": "delete",
-        "Query": "query",
-        "Reply": "answer on",
-        "Declare Subscriber": "subscribe to",
-        "Declare Queryable": "serve",
-        "Liveliness Token": "announce itself as",
-        "Liveliness Query": "query presence at",
-        "Declare Liveliness Subscriber": "query presence at",
-    }
-)
-WHEN: Final = re.compile(r"not valid (?P<which>after|before) (?P<s>\d{1,11})\b")
+NO_ROLE: Final = "no role has the name of its certificate"
+HINT: Final = ". Hint: "
+SIGNS: Final = (f"is {UNAUTHORIZED}".encode(), HINT.encode())
+"""Text in events about refusals. Most events are about permitted actions."""
+
 REASONS: Final = (
     ("InvalidContentType", "it uses plain TCP, and this endpoint accepts only TLS"),
     ("peer sent no certificates", "it shows no certificate"),
@@ -202,141 +174,113 @@ class Caller(NamedTuple):
 UNKNOWN: Final = Caller("unknown process", "an unknown address")
 
 
-class Sentence(NamedTuple):
-    """A sentence about the refused session with a certificate `name`."""
+class Refusal(NamedTuple):
+    """A line about what was refused to the sessions with a certificate `name`."""
 
     name: str
-    text: str
+    line: str
 
 
-class Budget:
-    """The sentences about one certificate within QUIET_NS, with their numbers of repetitions."""
+class Denial(NamedTuple):
+    """What a session may not do, in Zenoh's words."""
 
-    __slots__ = ("before", "begun_ns", "more", "reported")
+    zid: str
+    action: str
+    key: str
+    is_cached: bool
 
-    def __init__(self, begun_ns: int, before: dict[str, int]) -> None:
+
+class Told:
+    """What was reported about one certificate since `begun_ns`, and how many more times."""
+
+    __slots__ = ("begun_ns", "lines", "more")
+
+    def __init__(self, begun_ns: int) -> None:
         self.begun_ns = begun_ns
-        self.before = before
-        self.reported: dict[str, int] = {}
+        self.lines: set[str] = set()
         self.more = 0
-
-    def is_over(self, now_ns: int) -> bool:
-        """Return whether the period has ended."""
-        return now_ns - self.begun_ns >= QUIET_NS
 
 
 class RefusalLog:
-    """Report each refusal once, and at most MAX_SENTENCES about one certificate in QUIET_NS."""
+    """Report each refusal once, and at most MAX_LINES about one certificate in QUIET_NS."""
 
     def __init__(self) -> None:
-        self._budgets: dict[str, Budget] = {}
+        self._told: dict[str, Told] = {}
 
-    def sentences(
-        self,
-        events: Sequence[bytes],
-        caller: Callable[[str], Caller],
-        failed_hosts: Callable[[], Iterable[str]],
-        now_ns: int,
-    ) -> list[str]:
-        """Return the sentences about some events of the log.
-
-        `caller` returns the owner of a session id; `failed_hosts` the hosts of failed connections.
-        """
-        read = [event.decode(errors="replace") for event in events[:MAX_EVENTS]]
-        found = (*denials(read, caller), *failed_handshakes(read, failed_hosts))
-        return [*self.limited(found, now_ns), *self._ended(now_ns)]
-
-    def limited(self, sentences: Iterable[Sentence], now_ns: int) -> list[str]:
-        """Return the sentences that are to be reported now."""
-        return [line for sentence in sentences for line in self._limited(sentence, now_ns)]
-
-    def _limited(self, sentence: Sentence, now_ns: int) -> Iterator[str]:
-        """Yield the sentence unless it was reported before or there were too many."""
-        name, text = sentence
-        budget = self._budgets.get(name)
-        if budget is None or budget.is_over(now_ns):
-            yield from summary(name, budget)
-            budget = self._begun(name, now_ns, {} if budget is None else budget.reported)
-        if text in budget.reported:
-            budget.reported[text] += 1
-        elif len(budget.reported) >= MAX_SENTENCES:
-            budget.more += 1
-        else:
-            budget.reported[text] = 0
-            before = budget.before.get(text, 0)
-            yield f"{text} ({before} more times since the last report)" if before else text
-
-    def _begun(self, name: str, now_ns: int, before: dict[str, int]) -> Budget:
-        self._budgets.pop(name, None)
-        while len(self._budgets) >= MAX_NAMES:
-            del self._budgets[next(iter(self._budgets))]
-        budget = self._budgets[name] = Budget(now_ns, before)
-        return budget
-
-    def _ended(self, now_ns: int) -> Iterator[str]:
-        """Yield the summaries of floods that have ended."""
-        for name, budget in self._budgets.items():
-            if budget.is_over(now_ns):
-                yield from summary(name, budget)
-                budget.more = 0
+    def report(self, refusals: Iterable[Refusal], now_ns: int) -> list[str]:
+        """Return the lines that are to be reported now, and counts of the others afterwards."""
+        lines = []
+        for name, told in tuple(self._told.items()):
+            if now_ns - told.begun_ns >= QUIET_NS:
+                del self._told[name]
+                if told.more:
+                    lines.append(
+                        f"refused: {name}: {told.more} more times in {QUIET_NS // 10**9} s"
+                    )
+        for name, line in refusals:
+            told = self._told.setdefault(name, Told(now_ns))
+            if line in told.lines or len(told.lines) >= MAX_LINES:
+                told.more += 1
+            else:
+                told.lines.add(line)
+                lines.append(line)
+        return lines
 
 
-def summary(name: str, budget: Budget | None) -> Iterator[str]:
-    """Yield the number of sentences that were not reported one by one."""
-    if budget is not None and budget.more:
-        yield f"refused: {name}: {budget.more} other attempts in {QUIET_NS // 10**9} s"
+def refusals_in(events: Sequence[bytes], caller: Callable[[str], Caller]) -> Iterator[Refusal]:
+    """Yield what some events of the log report; `caller` returns the owner of a session id."""
+    texts = [event.decode(errors="replace") for event in events]
+    found = [one for text in texts if (one := denial_in(text)) is not None]
+    computed = {(one.zid, one.key) for one in found if one.action.startswith(COMPUTED)}
+    for zid, action, key, is_cached in found:
+        is_attempt = is_cached or (zid, key) not in computed
+        if is_attempt and not action.startswith("Undeclare"):
+            name, address = caller(zid)
+            grant = grant_of(name)
+            why = f"{name} {grant.description}" if grant else NO_ROLE
+            may_not = f"may not {action.lower()} on {cleaned(key)}"
+            yield Refusal(name, f"refused: {name} at {address} {may_not}: {why}")
+    for text in texts:
+        cause, hint, _ = message_in(text, TLS).partition(HINT)
+        if hint and not any(words in cause for words in PROBE_CAUSES):
+            yield Refusal(UNKNOWN.name, f"connection refused: {in_words(cause)}")
 
 
-def denials(events: Sequence[str], caller: Callable[[str], Caller]) -> Iterator[Sentence]:
-    """Yield what sessions with a certificate tried without permission."""
-    found = [one for event in events if (one := DENIED.match(event))]
-    computed = {(one["zid"], one["key"]) for one in found if one["what"].startswith(PRECOMPUTED)}
-    for one in found:
-        is_attempt = one["known"] or (one["zid"], one["key"]) not in computed
-        if one["what"] not in ACTIONS or not is_attempt:
-            continue
-        name, address = caller(one["zid"])
-        grant = grant_of(name)
-        why = f"{name} {grant.description}" if grant else "no role has the name of its certificate"
-        key, action = cleaned(one["key"].removesuffix("\n")), ACTIONS[one["what"]]
-        yield Sentence(name, f"refused: {name} at {address} may not {action} {key}: {why}")
+def denial_in(text: str) -> Denial | None:
+    """Return what an event denies to a session; None for an event about something else."""
+    message = message_in(text, ACCESS)
+    subject, _, verdict = message.removeprefix(CACHED).partition(" is ")
+    what, _, key = verdict.partition(" on ")
+    if not what.startswith(UNAUTHORIZED) or not what.endswith(INGRESS):
+        return None
+    action = what.removeprefix(UNAUTHORIZED).removesuffix(INGRESS)
+    zid = subject.partition(" ")[0]
+    return Denial(zid, action, key.removesuffix("\n"), message.startswith(CACHED))
 
 
-def failed_handshakes(
-    events: Sequence[str], failed_hosts: Callable[[], Iterable[str]]
-) -> Iterator[Sentence]:
-    """Yield the failed handshakes. Zenoh does not log their addresses."""
-    found = [one["why"] for event in events if (one := FAILED.match(event))]
-    causes = [why for why in found if not any(words in why for words in PROBE_CAUSES)]
-    address = (", ".join(failed_hosts()) if causes else "") or UNKNOWN.address
-    for cause in causes:
-        text = f"connection refused: {UNKNOWN.name} at {address}: {in_words(cause)}"
-        yield Sentence(UNKNOWN.name, text)
+def message_in(text: str, module: str) -> str:
+    """Return the message of an event of a module, empty for an event of another one.
+
+    What others have chosen stands behind the name of the module.
+    """
+    before, _, message = text.partition(module)
+    return "" if ACCESS in before or TLS in before else message
 
 
 def cleaned(key: str) -> str:
     """Cut a key and replace its blanks and unprintable characters by question marks.
 
-    After a blank, a key could imitate a part of the sentence.
+    After a blank, a key could imitate a part of the line.
     """
     shown = key[:MAX_CHARACTERS]
     text = "".join(c if c.isprintable() and c != " " else "?" for c in shown)
     return text if len(key) <= MAX_CHARACTERS else f"{text}..."
 
 
-def in_words(why: str) -> str:
-    """Return the cause of a failed handshake as text."""
-    when = WHEN.search(why)
-    if when:
-        moment = f"{datetime.fromtimestamp(int(when['s']), UTC):%Y-%m-%d %H:%M} UTC"
-        expired = when["which"] == "after"
-        return (
-            f"its certificate expired at {moment}"
-            if expired
-            else f"its certificate is not valid before {moment}; compare the clocks"
-        )
-    shown = "".join(c if c.isprintable() else "?" for c in why[:MAX_CHARACTERS])
-    return next((words for sign, words in REASONS if sign in why), shown)
+def in_words(cause: str) -> str:
+    """Return the cause of a failed handshake."""
+    shown = "".join(c if c.isprintable() else "?" for c in cause[:MAX_CHARACTERS])
+    return next((words for sign, words in REASONS if sign in cause), shown)
 
 
 LOOK_S: Final = 0.5
@@ -361,7 +305,6 @@ class ConnectionAudit:
         self._log = log
         self._report = report
         self._refusals = RefusalLog()
-        self._closing = ClosingConnections([end_in(bus.locator()).port])
         self._callers: dict[str, Caller] = {}
         self._revoked = bus.network.revoked
         self._taken: deque[RefusedLink] = deque(maxlen=MAX_REFUSED)
@@ -373,18 +316,17 @@ class ConnectionAudit:
     def look(self) -> None:
         """Report the refusals since the last call."""
         now_ns = time.monotonic_ns()
-        if self._log is not None:
-            events = self._log.take()
-            for line in self._refusals.sentences(events, self._caller, self._failed_hosts, now_ns):
-                self._report(line)
+        events = [] if self._log is None else self._log.take()
+        for line in self._refusals.report(refusals_in(events, self._caller), now_ns):
+            self._report(line)
         taken = [self._taken.popleft() for _ in range(len(self._taken))]
-        for line in self._refusals.limited(map(self._sentence, taken), now_ns):
+        for line in self._refusals.report(map(self._taken_id, taken), now_ns):
             self._report(line)
             self._tell_operators(line)
 
-    def _sentence(self, link: RefusedLink) -> Sentence:
+    def _taken_id(self, link: RefusedLink) -> Refusal:
         name, host = self._shown(link.name), end_in(link.address).host
-        return Sentence(
+        return Refusal(
             name,
             f"{ID_TAKEN}{name} at {host} used {link.zid}, which {self._shown(link.holder)} has "
             "used first since this process started: its link was ended",
@@ -413,10 +355,6 @@ class ConnectionAudit:
 
     def _caller(self, zid: str) -> Caller:
         return self._callers.get(zid, UNKNOWN)
-
-    def _failed_hosts(self) -> list[str]:
-        known = [end_in(caller.address) for caller in tuple(self._callers.values())]
-        return self._closing.new(known)
 
 
 @contextmanager

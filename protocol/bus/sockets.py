@@ -1,10 +1,9 @@
-"""The sockets of Zenoh's links, which its API does not reach: close, end, look up and filter them.
+"""The sockets of Zenoh's links, which its API does not reach: close, end and filter them.
 
 Zenoh 1.10 sets SO_LINGER to 10 s on each TCP link (eclipse-zenoh/zenoh#2350). If the other end does
 not read, closing the link blocks one of the few receive threads. Zenoh has no setting for it, so
 this module clears the option on each link's socket. Zenoh's Python API cannot close a single link
-either; its socket, which belongs to this process, can be shut down. Nor does Zenoh report the
-addresses of failed connections: they are read from Linux's tables.
+either; its socket, which belongs to this process, can be shut down.
 
 Programs of the kernel's packet filter (classic BPF) run for each packet of a socket, or to choose a
 socket of a port. They work on Linux.
@@ -15,19 +14,13 @@ import errno
 import os
 import socket
 import struct
-import sys
 from collections import deque
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from ipaddress import IPv4Address, IPv6Address
 from pathlib import Path
 from threading import Event, Thread
 from typing import Final, NamedTuple
-
-TABLES: Final = (Path("/proc/net/tcp"), Path("/proc/net/tcp6"))
-ESTABLISHED: Final = "01"
-CONNECTING: Final = ("02", "03")
-LISTENING: Final = "0A"
 
 
 class ConnectionEnd(NamedTuple):
@@ -35,52 +28,6 @@ class ConnectionEnd(NamedTuple):
 
     host: str
     port: int
-
-
-class ClosingConnections:
-    """Find connections to our ports that are being closed in the system's tables."""
-
-    def __init__(self, ports: Iterable[int], tables: Iterable[Path] = TABLES) -> None:
-        self._ports = frozenset(ports)
-        self._tables = tuple(tables)
-        self._seen: frozenset[ConnectionEnd] = frozenset()
-
-    def new(self, known: Iterable[ConnectionEnd]) -> list[str]:
-        """Return the hosts that are new since the last call and are not known."""
-        closing = frozenset(self._closing())
-        found = closing - self._seen - frozenset(known)
-        self._seen = closing
-        return sorted({end.host for end in found})
-
-    def _closing(self) -> Iterator[ConnectionEnd]:
-        for table in self._tables:
-            try:
-                lines = table.read_text().splitlines()[1:]
-            except OSError:
-                continue
-            yield from self._of(lines)
-
-    def _of(self, lines: Iterable[str]) -> Iterator[ConnectionEnd]:
-        for line in lines:
-            _, local, remote, state, *_ = line.split()
-            if state in (ESTABLISHED, LISTENING, *CONNECTING):
-                continue
-            here, there = end_of(local), end_of(remote)
-            if here.port in self._ports:
-                yield there
-            elif there.port in self._ports:  # the client end, on this machine
-                yield here
-
-
-def end_of(text: str) -> ConnectionEnd:
-    """Parse `0100007F:4427`, words in the machine's byte order, as 127.0.0.1 and port 17447."""
-    address, _, port = text.partition(":")
-    raw = bytes.fromhex(address)
-    if sys.byteorder == "little":
-        raw = b"".join(raw[at : at + 4][::-1] for at in range(0, len(raw), 4))
-    if len(raw) == 4:
-        return ConnectionEnd(str(IPv4Address(raw)), int(port, 16))
-    return ConnectionEnd(plain_host(str(IPv6Address(raw))), int(port, 16))
 
 
 def end_in(address: str) -> ConnectionEnd:
