@@ -6,21 +6,19 @@ gateway. Its robot is simulated: it accepts, refuses or does not answer.
 
 import json
 from collections import deque
-from collections.abc import Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Sequence
+from contextlib import closing
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import Any, Final
 
 from fastcrc.crc16 import mcrf4xx
 
-from gateways.mavlink.bus_port import BusPort
+from checks.harness.played_gateway import PlayedEndpoint, PlayedGateway
 from gateways.mavlink.clients import ClientLink
 from gateways.mavlink.coordinates import DEFAULT_ORIGIN, place_of
-from gateways.mavlink.endpoints import ReceivedBytes
 from gateways.mavlink.ftp_messages import HEADER as FILE_HEADER
 from gateways.mavlink.ftp_messages import Opcode
-from gateways.mavlink.gateway import Gateway, WakeUp
 from gateways.mavlink.mav_service import Sender
 from gateways.mavlink.mav_vehicle import Face, MavVehicle
 from gateways.mavlink.mavlink_dialect import (
@@ -98,6 +96,8 @@ class AnsweringRobot:
 
     name = "r1"
     identity = "gateway/1"
+    is_busy = False
+    wake: Callable[[], object]
 
     def __init__(self) -> None:
         self.flags = 0
@@ -370,55 +370,15 @@ PEER, IN_PIECES, SIGNED, RIGHT_KEY, REMOTE, OTHER_SYSTEM = 0x03, 0x04, 0x08, 0x1
 WAYS: Final = (0, SIGNED | RIGHT_KEY, SIGNED, REMOTE | 1, SIGNED | RIGHT_KEY | IN_PIECES)
 
 
-class QueuedEndpoint:
-    """An endpoint without a socket: what its peers send is given to the clients directly."""
-
-    text = "udpin:fuzz"
-    line_bytes_s = None
-    is_reliable = False
-
-    def filenos(self) -> list[int]:
-        """Return no descriptor."""
-        return []
-
-    def lasting(self) -> list[str]:
-        """Return no connection."""
-        return []
-
-    def gone(self) -> list[str]:
-        """Return no ended connection."""
-        return []
-
-    def receive(self) -> list[ReceivedBytes]:
-        """Return nothing: no descriptor is ready."""
-        return []
-
-    def send(self, peer: str, data: bytes, *, is_stream: bool) -> None:
-        """Ignore the frame."""
-
-    def flush(self, now_ns: int) -> None:
-        """Keep nothing."""
-
-    def forget(self, peer: str) -> None:
-        """Keep nothing."""
-
-    def close(self) -> None:
-        """Close nothing."""
-
-
 def traffic(data: bytes, folder: Path) -> None:
     """Receive frames of four peers: bytes for kind, flags and way of sending, then the payload."""
-    clock, endpoint, wake_up = ManualClock(), QueuedEndpoint(), WakeUp()
+    clock, endpoint = ManualClock(), PlayedEndpoint()
     ring = KeyRing(key=tuple(SigningKey(secret=key.hex()) for key in (SECRET, OLDER)))
     unix_ns = EPOCH_S * 10**9 + DAY_NS
     policies = {endpoint.text: list(Policy)[data[0] % len(Policy) if data else 0]}
     guard = SigningGuard(lambda: unix_ns + clock.now_ns(), ring, policies)
     face, robot = new_face(folder, guard)
-    with ExitStack() as stack:
-        stack.callback(wake_up.close)
-        ports = [cast("BusPort", robot)]
-        gateway = Gateway([endpoint], [face], ports, cast("Any", clock), wake_up, None, guard)
-        stack.callback(gateway.close)
+    with closing(PlayedGateway(endpoint, [face], [robot], clock, guard=guard)) as gateway:
         at, count = 1, 0
         while at + 3 <= len(data) and count < MAX_RECORDS:
             number, robot.flags, way = TRAFFIC[data[at] % len(TRAFFIC)], data[at + 1], data[at + 2]
@@ -428,13 +388,12 @@ def traffic(data: bytes, folder: Path) -> None:
             stamp = DAY_NS // NS_PER_S * PER_S + clock.now_ns() // STAMP_NS + count
             frame = sent_frame(number, payload, way, stamp)
             cut = len(frame) // 2 if way & IN_PIECES else len(frame)
+            endpoint.is_loopback = not way & REMOTE
             for piece in (frame[:cut], frame[cut:]):
-                peer, is_loopback = str(way & PEER), not way & REMOTE
-                received_now = ReceivedBytes(peer, piece, is_loopback)
-                gateway.clients.feed(endpoint, received_now, clock.now_ns())
+                endpoint.deliver(str(way & PEER), piece)
             for _round in range(max(1, ROUNDS[robot.flags & 3])):
-                clock.advance(ROUND_NS)
-                gateway.round(longest_s=0.0)
+                gateway.advance(ROUND_NS)
+            endpoint.sent.clear()
 
 
 def sent_frame(number: int, payload: bytes, way: int, stamp: int) -> bytes:

@@ -131,11 +131,11 @@ class BusPort:
     `was_there` is True if the robot was found at the start.
     """
 
-    def __init__(self, link: Link, wake: Callable[[], None]) -> None:
+    def __init__(self, link: Link) -> None:
         self.name = link.robot
         self.identity = link.bus.operator or ""
+        self.wake: Callable[[], object] = lambda: None
         self._link = link
-        self._wake = wake
         self._telemetry = Telemetry(link.bus, link.robot, TOPICS)
         self._load = LoadSampler(link)
         self._heartbeats: Publisher[Heartbeat] = link.bus.publisher(OPERATOR, link.robot)
@@ -349,4 +349,4 @@ class BusPort:
 
     def _end(self, done: Done, answer: Answered) -> None:
         self._ended.put((done, answer))
-        self._wake()
+        self.wake()

@@ -3,10 +3,10 @@
 A round processes only so much of their traffic.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import Any, Final, NamedTuple
 
-from gateways.mavlink.endpoints import MAX_PEERS, Endpoint, ReceivedBytes
+from gateways.mavlink.endpoints import MAX_PEERS, Endpoint
 from gateways.mavlink.framing import (
     MAX_WAITING,
     Deframer,
@@ -189,15 +189,15 @@ class Clients:
 
     def __init__(
         self,
-        endpoints: Sequence[Endpoint],
         join: Callable[[GatewayClient], None],
         leave: Callable[[GatewayClient], None],
         is_owner: Callable[[GatewayClient], bool] = lambda _: False,
     ) -> None:
-        self._endpoints = tuple(endpoints)
         self._join, self._leave, self._is_owner = join, leave, is_owner
         self._known: dict[Key, GatewayClient] = {}
         self._guests: dict[Key, GatewayClient] = {}
+        self._connected: dict[Key, None] = {}
+        self._unread: dict[Key, None] = {}
         self._unwanted: dict[Key, None] = {}
         self._stops: list[tuple[GatewayClient, MavFrame]] = []
         self._numbers = 0
@@ -215,29 +215,39 @@ class Clients:
         both = (*self._known.values(), *self._guests.values())
         return (client for client in both if client.link.number == number)
 
+    def connect(self, endpoint: Endpoint, peer: str, now_ns: int) -> None:
+        """Add a peer that stays while it is silent: a connection or a line."""
+        self._connected[endpoint, peer] = None
+        self._welcome(endpoint, peer, now_ns)
+
+    def disconnect(self, endpoint: Endpoint, peer: str) -> None:
+        """Drop a peer whose connection or line has ended."""
+        self._connected.pop((endpoint, peer), None)
+        self._drop((endpoint, peer))
+
     def begin_round(self, now_ns: int) -> None:
-        """Give each client its share of the round; add connected peers, drop disconnected ones."""
-        for endpoint in self._endpoints:
-            for peer in endpoint.gone():
-                self._drop((endpoint, peer))
-            for peer in list(endpoint.lasting()):
-                if (endpoint, peer) not in self._known:
-                    self._welcome(endpoint, peer, now_ns)
+        """Give each client its share of the round; add connected peers, drop silent ones."""
+        for endpoint, peer in list(self._connected):
+            if (endpoint, peer) not in self._known:
+                self._welcome(endpoint, peer, now_ns)
         for client in (*self._known.values(), *self._guests.values()):
             silent = now_ns - client.link.heard_ns >= GONE_NS
-            is_guest = (client.endpoint, client.peer) in self._guests
-            if silent and (is_guest or client.peer not in client.endpoint.lasting()):
+            key = client.endpoint, client.peer
+            if silent and (key in self._guests or key not in self._connected):
                 self._push_out(client)
         share = max(MIN_FRAMES, FRAMES_PER_ROUND // max(1, len(self)))
         for client in self:
             client.link.allow(share)
+        self._unread = dict.fromkeys(self._known)
 
-    def feed(self, endpoint: Endpoint, received: ReceivedBytes, now_ns: int) -> None:
+    def feed(
+        self, endpoint: Endpoint, peer: str, data: bytes, now_ns: int, *, is_loopback: bool
+    ) -> None:
         """Add bytes of a peer. One without a connection becomes a client if they are a frame."""
-        peer, data, is_loopback = received
         key = endpoint, peer
-        is_lasting = peer in endpoint.lasting()
+        is_lasting = key in self._connected
         is_invited = is_lasting or begins_with_frame(data)
+        self._unread[key] = None
         table = self._known if key in self._known else self._guests
         client = table.get(key)
         if client is None:
@@ -265,14 +275,18 @@ class Clients:
     def frames(
         self, now_ns: int, *, is_limited: bool = True
     ) -> Iterator[tuple[GatewayClient, MavFrame]]:
-        """Return the waiting frames of all clients, within their shares; of guests only stops."""
+        """Return the frames that have arrived since the last call, within the clients' shares.
+
+        The rest waits for the next round. Of guests only emergency stops are returned.
+        """
         for endpoint, peer in self._unwanted:
             if (endpoint, peer) not in self._known and (endpoint, peer) not in self._guests:
                 endpoint.forget(peer)
         self._unwanted.clear()
         stops, self._stops = self._stops, []
         yield from stops
-        for client in self:
+        unread, self._unread = self._unread, {}
+        for client in [self._known[key] for key in unread if key in self._known]:
             if not is_limited:
                 client.link.allow(MAX_WAITING)
             for frame in client.link.frames(now_ns):
@@ -291,6 +305,7 @@ class Clients:
         """Add a peer that has connected, as a guest if there is no place."""
         guest = self._guests.get((endpoint, peer))
         client = guest or self._made(endpoint, peer, now_ns, is_loopback=False)
+        client.link.allow(MIN_FRAMES)
         if self._has_place(endpoint, now_ns):
             self._guests.pop((endpoint, peer), None)
             self._add(client)

@@ -1,26 +1,26 @@
-"""The sockets and serial lines of the gateway, which alone do I/O with clients and never block.
+"""The sockets and serial lines of the gateway on its event loop: they alone do I/O with clients.
 
 `udpin:HOST:PORT` waits for clients, `udpout:HOST:PORT` sends first, `tcpin:HOST:PORT` serves each
 client that connects, and `serial:DEVICE:BAUD` has one client (8 data bits, no parity, 1 stop bit).
-Of the frames that wait for a slow line, telemetry is dropped first.
+Of the frames that wait for a slow line, telemetry is dropped first; no queue grows without bound.
 """
 
+import asyncio
 import errno
 import fcntl
 import os
 import socket
 import termios
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager
 from difflib import get_close_matches
 from functools import partial
 from ipaddress import ip_address
 from types import MappingProxyType
-from typing import Final, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 from protocol.bus.network import MAX_PORT
 from runtime.errors import UserError
-from runtime.units import NS_PER_S
 
 Address = tuple[str, int]
 SOCKET_ADVICE = {
@@ -52,6 +52,12 @@ def name_of(address: Address) -> str:
     return f"{address[0]}:{address[1]}"
 
 
+def address_of(name: str) -> Address:
+    """Return the address that a text names."""
+    host, _, port = name.rpartition(":")
+    return host, int(port)
+
+
 def is_loopback(address: Address) -> bool:
     """Return whether an address is of this machine only."""
     return ip_address(address[0]).is_loopback
@@ -61,12 +67,17 @@ MAX_PEERS: Final = 16
 """Clients of one endpoint at a time; more are not served."""
 
 
-class ReceivedBytes(NamedTuple):
-    """Bytes from one peer; `peer` is unique within the endpoint."""
+class Receiver(Protocol):
+    """Takes what arrives at endpoints, at once. `peer` is unique within its endpoint."""
 
-    peer: str
-    data: bytes
-    is_loopback: bool
+    def connected(self, endpoint: "Endpoint", peer: str) -> None:
+        """Note a peer that stays while it is silent: a connection or a line."""
+
+    def disconnected(self, endpoint: "Endpoint", peer: str) -> None:
+        """Note that its connection or line has ended."""
+
+    def received(self, endpoint: "Endpoint", peer: str, data: bytes, *, is_loopback: bool) -> None:
+        """Process bytes of a peer."""
 
 
 class Endpoint(Protocol):
@@ -84,74 +95,20 @@ class Endpoint(Protocol):
     def is_reliable(self) -> bool:
         """True if no frame is lost on the way, as with TCP."""
 
-    def filenos(self) -> list[int]:
-        """Return the descriptors to wait for."""
-
-    def lasting(self) -> Collection[str]:
-        """Return the peers that stay present while they are silent: connections and lines."""
-
-    def gone(self) -> list[str]:
-        """Return the peers whose connection has ended since the last call."""
-
-    def receive(self) -> list[ReceivedBytes]:
-        """Return the bytes that have arrived, at most as many as one round can process."""
+    async def attach(self, receiver: Receiver) -> None:
+        """Begin to receive in the running event loop."""
 
     def send(self, peer: str, data: bytes, *, is_stream: bool) -> None:
         """Send a frame; if the line is slow, drop telemetry first, then all frames."""
 
-    def flush(self, now_ns: int) -> None:
-        """Send the waiting frames; open a lost line again."""
-
     def forget(self, peer: str) -> None:
-        """Drop the state of a client that has disconnected."""
+        """End the connection of a client, if it has one."""
 
     def close(self) -> None:
         """Close it."""
 
 
-MAX_BYTES: Final = 65_536
-STREAM_BYTES: Final = 2_048
-"""With this much waiting, a frame of telemetry is dropped, because a newer one follows."""
-
-
-class SendBuffer:
-    """Sends by `write`, which returns how many bytes it took and never blocks."""
-
-    def __init__(self, write: Callable[[bytes], int], stream_bytes: int = STREAM_BYTES) -> None:
-        self.dropped = 0
-        self._write = write
-        self._stream_bytes = stream_bytes
-        self._waiting = bytearray()
-
-    def __len__(self) -> int:
-        return len(self._waiting)
-
-    def add(self, data: bytes, *, is_stream: bool) -> None:
-        """Send a frame, now or later, or drop it; OSError if the line is lost."""
-        limit = self._stream_bytes if is_stream else MAX_BYTES
-        if self._waiting and len(self._waiting) + len(data) > limit:
-            self.dropped += 1
-            return
-        self._waiting += data
-        self.flush()
-
-    def flush(self) -> None:
-        """Send the waiting frames, as many as the line accepts; OSError if the line is lost."""
-        if not self._waiting:
-            return
-        try:
-            taken = self._write(bytes(self._waiting))
-        except BlockingIOError:
-            return
-        del self._waiting[:taken]
-
-
-LARGEST_DATAGRAM: Final = 65_535
-MAX_DATAGRAMS: Final = 256
-"""Datagrams read in one round, so that a flood does not delay the vehicles."""
-
-
-class UdpEndpoint:
+class UdpEndpoint(asyncio.DatagramProtocol):
     """A UDP socket. `listens`: it is bound to the address, otherwise that is its only peer."""
 
     line_bytes_s = None
@@ -159,11 +116,9 @@ class UdpEndpoint:
 
     def __init__(self, text: str, host: str, port: int, *, listens: bool) -> None:
         self.text = text
-        self.refused = 0
-        self._addresses: dict[str, Address] = {}
-        self._fixed: tuple[str, ...] = ()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
+        self._transport: Any = None
         try:
             with explained(text):
                 address = resolved(host, port)
@@ -172,92 +127,97 @@ class UdpEndpoint:
         except BaseException:
             self._socket.close()
             raise
-        if not listens:
-            self._fixed = (name_of(address),)
-            self._addresses[name_of(address)] = address
+        self._only = None if listens else name_of(address)
 
     @property
     def port(self) -> int:
         """The real port, if 0 was given."""
         return int(self._socket.getsockname()[1])
 
-    def filenos(self) -> list[int]:
-        """Return the descriptor."""
-        return [self._socket.fileno()]
+    async def attach(self, receiver: Receiver) -> None:
+        """Begin to receive; an only peer is sent to before anything has come from it."""
+        self._receiver = receiver
+        loop = asyncio.get_running_loop()
+        await loop.create_datagram_endpoint(lambda: self, sock=self._socket)
+        if self._only is not None:
+            receiver.connected(self, self._only)
 
-    def lasting(self) -> Collection[str]:
-        """Return the address to send to before anything has been received from it."""
-        return self._fixed
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Keep the transport."""
+        self._transport = transport
 
-    def gone(self) -> list[str]:
-        """Return nothing: UDP has no connections."""
-        return []
-
-    def receive(self) -> list[ReceivedBytes]:
-        """Return the datagrams that have arrived, at most MAX_READ, of at most MAX_PEERS peers."""
-        found = []
-        for _ in range(MAX_DATAGRAMS):
-            try:
-                data, address = self._socket.recvfrom(LARGEST_DATAGRAM)
-            except BlockingIOError:
-                break
-            except OSError:
-                continue
-            peer = name_of(address)
-            if self._admits(peer):
-                self._addresses[peer] = address
-                found.append(ReceivedBytes(peer, data, is_loopback(address)))
-        return found
-
-    def _admits(self, peer: str) -> bool:
-        if peer in self._addresses:
-            return True
-        if self._fixed or len(self._addresses) >= MAX_PEERS + MAX_DATAGRAMS:
-            self.refused += 1
-            return False
-        return True
+    def datagram_received(self, data: bytes, address: Address) -> None:
+        """Pass on a datagram of a peer."""
+        peer = name_of(address)
+        if self._only in (None, peer):
+            self._receiver.received(self, peer, data, is_loopback=is_loopback(address))
 
     def send(self, peer: str, data: bytes, *, is_stream: bool) -> None:
         """Send one datagram; drop it if the socket's buffer is full."""
-        address = self._addresses.get(peer)
-        if address is not None:
-            with suppress(OSError):
-                self._socket.sendto(data, address)
-
-    def flush(self, now_ns: int) -> None:
-        """Do nothing: no datagram waits."""
+        if not self._transport.get_write_buffer_size():
+            self._transport.sendto(data, address_of(peer))
 
     def forget(self, peer: str) -> None:
-        """Drop the address of a client that has disconnected."""
-        if peer not in self._fixed:
-            self._addresses.pop(peer, None)
+        """Keep nothing of a peer."""
 
     def close(self) -> None:
         """Close the socket."""
-        self._socket.close()
+        if self._transport is None:
+            self._socket.close()
+        else:
+            self._transport.abort()
 
 
+MAX_BYTES: Final = 65_536
+STREAM_BYTES: Final = 2_048
+"""With this much waiting, a frame of telemetry is dropped, because a newer one follows."""
 MAX_TCP_READ: Final = 16_384
 MAX_CONNECTIONS: Final = 2 * MAX_PEERS
 """More are closed at once. Those without a place stay open for an emergency stop."""
 VANISHED_MS: Final = 10_000
 """A connection ends if the other side confirms nothing for so long, as after a cut."""
-MAX_ACCEPTS: Final = 4
-"""Connections accepted in one round."""
 
 
-class Connection:
-    """One client."""
+def has_room(waiting: int, size: int, stream_bytes: int, *, is_stream: bool) -> bool:
+    """Return whether a frame may wait behind so many bytes; a free line takes any."""
+    return not waiting or waiting + size <= (stream_bytes if is_stream else MAX_BYTES)
 
-    def __init__(self, connected: socket.socket, *, is_loopback: bool) -> None:
-        connected.setblocking(False)
-        connected.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        if hasattr(socket, "TCP_USER_TIMEOUT"):
-            connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, VANISHED_MS)
-        self.socket = connected
-        self.buffer = SendBuffer(connected.send)
-        self.is_loopback = is_loopback
+
+class Connection(asyncio.BufferedProtocol):
+    """One client of a TCP endpoint; it has no `peer` if there are too many."""
+
+    transport: asyncio.Transport
+    peer: str | None = None
+    is_loopback = False
+
+    def __init__(self, endpoint: "TcpEndpoint") -> None:
+        self._endpoint = endpoint
+        self._buffer = bytearray(MAX_TCP_READ)
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Begin, or end at once if there are too many."""
+        assert isinstance(transport, asyncio.Transport), "it is one of streams"
+        self.transport = transport
+        self._endpoint.begin(self)
+
+    def get_buffer(self, sizehint: int) -> bytearray:
+        """Return room for the next bytes."""
+        return self._buffer
+
+    def buffer_updated(self, nbytes: int) -> None:
+        """Pass the bytes on."""
+        if self.peer is not None:
+            data = bytes(memoryview(self._buffer)[:nbytes])
+            self._endpoint.received(self, self.peer, data)
+
+    def eof_received(self) -> None:
+        """End: a client that sends no more is gone."""
+        self.transport.abort()
+
+    def connection_lost(self, error: Exception | None) -> None:
+        """Note the end."""
+        if self.peer is not None:
+            self._endpoint.forget(self.peer)
 
 
 class TcpEndpoint:
@@ -268,11 +228,10 @@ class TcpEndpoint:
 
     def __init__(self, text: str, host: str, port: int) -> None:
         self.text = text
-        self.refused = 0
-        self._gone: list[str] = []
+        self.refused = self.dropped = 0
         self._connections: dict[str, Connection] = {}
+        self._server: asyncio.Server | None = None
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        self._socket.setblocking(False)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             with explained(text):
@@ -287,87 +246,66 @@ class TcpEndpoint:
         """The real port, if 0 was given."""
         return int(self._socket.getsockname()[1])
 
-    def filenos(self) -> list[int]:
-        """Return the descriptors of the listening socket and of all connections."""
-        connected = (one.socket.fileno() for one in self._connections.values())
-        return [self._socket.fileno(), *connected]
+    async def attach(self, receiver: Receiver) -> None:
+        """Begin to accept connections."""
+        self._receiver = receiver
+        loop = asyncio.get_running_loop()
+        self._server = await loop.create_server(
+            lambda: Connection(self), sock=self._socket, backlog=MAX_CONNECTIONS
+        )
 
-    def lasting(self) -> Collection[str]:
-        """Return the clients that are connected."""
-        return self._connections
+    def begin(self, connection: Connection) -> None:
+        """Add a connection, or end it if there are too many."""
+        if len(self._connections) >= MAX_CONNECTIONS:
+            self.refused += 1
+            connection.transport.abort()
+            return
+        connected: Any = connection.transport.get_extra_info("socket")
+        connected.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        if hasattr(socket, "TCP_USER_TIMEOUT"):
+            connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, VANISHED_MS)
+        address: Address = connection.transport.get_extra_info("peername")
+        connection.peer, connection.is_loopback = name_of(address), is_loopback(address)
+        self._connections[connection.peer] = connection
+        self._receiver.connected(self, connection.peer)
 
-    def gone(self) -> list[str]:
-        """Return the clients that have disconnected since the last call."""
-        gone, self._gone = self._gone, []
-        return gone
-
-    def receive(self) -> list[ReceivedBytes]:
-        """Accept connections; return what their clients have sent."""
-        for _ in range(MAX_ACCEPTS):
-            try:
-                connected, address = self._socket.accept()
-            except OSError:
-                break
-            if len(self._connections) >= MAX_CONNECTIONS:
-                self.refused += 1
-                connected.close()
-                continue
-            loopback = is_loopback(address)
-            self._connections[name_of(address)] = Connection(connected, is_loopback=loopback)
-        found = []
-        for peer, one in list(self._connections.items()):
-            try:
-                data = one.socket.recv(MAX_TCP_READ)
-            except BlockingIOError:
-                continue
-            except OSError:
-                data = b""
-            if data:
-                found.append(ReceivedBytes(peer, data, one.is_loopback))
-            else:
-                self._end(peer)
-        return found
+    def received(self, connection: Connection, peer: str, data: bytes) -> None:
+        """Pass on bytes of a client."""
+        self._receiver.received(self, peer, data, is_loopback=connection.is_loopback)
 
     def send(self, peer: str, data: bytes, *, is_stream: bool) -> None:
         """Send a frame, or keep it if the client reads slowly, or drop it."""
         connection = self._connections.get(peer)
-        if connection is not None:
-            try:
-                connection.buffer.add(data, is_stream=is_stream)
-            except OSError:
-                self._end(peer)
-
-    def flush(self, now_ns: int) -> None:
-        """Send the waiting frames."""
-        for peer, connection in list(self._connections.items()):
-            try:
-                connection.buffer.flush()
-            except OSError:
-                self._end(peer)
+        if connection is None or connection.transport.is_closing():
+            return
+        waiting = connection.transport.get_write_buffer_size()
+        if has_room(waiting, len(data), STREAM_BYTES, is_stream=is_stream):
+            connection.transport.write(data)
+        else:
+            self.dropped += 1
 
     def forget(self, peer: str) -> None:
         """End the connection of a client."""
-        self._end(peer)
+        connection = self._connections.pop(peer, None)
+        if connection is not None:
+            connection.transport.abort()
+            self._receiver.disconnected(self, peer)
 
     def close(self) -> None:
         """Close all sockets."""
-        for peer in list(self._connections):
-            self._end(peer)
-        self._socket.close()
-
-    def _end(self, peer: str) -> None:
-        connection = self._connections.pop(peer, None)
-        if connection is not None:
-            self._gone.append(peer)
-            with suppress(OSError):
-                connection.socket.close()
+        for connection in self._connections.values():
+            connection.transport.abort()
+        if self._server is None:
+            self._socket.close()
+        else:
+            self._server.close()
 
 
 BITS_PER_BYTE: Final = 10
 USED_SHARE: Final = 5 / 6
 """The part of the line that is used: a radio adds bytes of its own."""
 MAX_SERIAL_READ: Final = 4_096
-REOPEN_NS: Final = NS_PER_S
+REOPEN_S: Final = 1.0
 STREAMS_WAIT_S: Final = 0.1
 SPEEDS: Final = {
     int(name[1:]): value
@@ -392,21 +330,24 @@ class SerialEndpoint:
     def __init__(self, text: str, device: str, baud: int) -> None:
         self.text = text
         self.line_bytes_s = round(baud / BITS_PER_BYTE * USED_SHARE)
+        self.dropped = 0
         self._device, self._baud = device, baud
+        self._stream_bytes = round(self.line_bytes_s * STREAMS_WAIT_S)
+        self._waiting = bytearray()
         self._descriptor: int | None = None
-        self._tried_ns = 0
-        self._gone: list[str] = []
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._again: asyncio.TimerHandle | None = None
         if baud not in SPEEDS:
             usual = "9600, 57600, 115200 or 921600"
             raise UserError(f"{text}: {baud} baud is not possible here: give {usual}")
         try:
-            self._open()
+            self._descriptor = self._open()
         except (OSError, termios.error) as error:
             number = error.args[0] if error.args else 0
             why = SERIAL_ADVICE.get(number, str(error))
             raise UserError(f"{text}: {why}") from error
 
-    def _open(self) -> None:
+    def _open(self) -> int:
         descriptor = os.open(self._device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         try:
             speed = SPEEDS[self._baud]
@@ -418,75 +359,86 @@ class SerialEndpoint:
         except BaseException:
             os.close(descriptor)
             raise
-        waiting = round(self.line_bytes_s * STREAMS_WAIT_S)
-        self._buffer = SendBuffer(lambda data: os.write(descriptor, data), waiting)
-        self._descriptor = descriptor
+        return descriptor
 
-    def filenos(self) -> list[int]:
-        """Return the descriptor, unless the line is lost."""
-        return [] if self._descriptor is None else [self._descriptor]
+    async def attach(self, receiver: Receiver) -> None:
+        """Begin to receive; the line is the only peer."""
+        self._receiver, self._loop = receiver, asyncio.get_running_loop()
+        self._begin(self._loop)
 
-    def lasting(self) -> Collection[str]:
-        """Return the only peer, unless the line is lost."""
-        return () if self._descriptor is None else (self._device,)
+    def _begin(self, loop: asyncio.AbstractEventLoop) -> None:
+        assert self._descriptor is not None, "the line is open"
+        loop.add_reader(self._descriptor, self._read)
+        self._receiver.connected(self, self._device)
 
-    def gone(self) -> list[str]:
-        """Return the peer if the line has been lost since the last call."""
-        gone, self._gone = self._gone, []
-        return gone
-
-    def receive(self) -> list[ReceivedBytes]:
-        """Return the bytes that have arrived.
-
-        A line may be a radio, so its client counts as another machine.
-        """
-        if self._descriptor is None:
-            return []
+    def _read(self) -> None:
+        """Pass on what has arrived. A line may be a radio, so its client is another machine's."""
+        assert self._descriptor is not None, "only an open line is read"
         try:
             data = os.read(self._descriptor, MAX_SERIAL_READ)
         except BlockingIOError:
-            return []
+            return
         except OSError:
             data = b""
-        if not data:
+        if data:
+            self._receiver.received(self, self._device, data, is_loopback=False)
+        else:
             self._lose()
-            return []
-        return [ReceivedBytes(self._device, data, is_loopback=False)]
 
     def send(self, peer: str, data: bytes, *, is_stream: bool) -> None:
         """Send a frame, or keep it if the line is full, or drop it."""
         if self._descriptor is None:
             return
-        try:
-            self._buffer.add(data, is_stream=is_stream)
-        except OSError:
-            self._lose()
+        if has_room(len(self._waiting), len(data), self._stream_bytes, is_stream=is_stream):
+            self._waiting += data
+            self._write()
+        else:
+            self.dropped += 1
 
-    def flush(self, now_ns: int) -> None:
-        """Send the waiting frames; once per second, try to open a lost line again."""
-        if self._descriptor is None:
-            if now_ns - self._tried_ns >= REOPEN_NS:
-                self._tried_ns = now_ns
-                with suppress(OSError, termios.error):
-                    self._open()
-            return
+    def _write(self) -> None:
+        """Write the waiting frames, as many as the line accepts; the rest when it has room."""
+        assert self._descriptor is not None, "only an open line is written to"
+        assert self._loop is not None, "it is attached"
         try:
-            self._buffer.flush()
+            del self._waiting[: os.write(self._descriptor, self._waiting)]
+        except BlockingIOError:
+            pass
         except OSError:
             self._lose()
+            return
+        if self._waiting:
+            self._loop.add_writer(self._descriptor, self._write)
+        else:
+            self._loop.remove_writer(self._descriptor)
 
     def forget(self, peer: str) -> None:
         """Do nothing: the line stays."""
 
     def close(self) -> None:
         """Close the line."""
+        if self._again is not None:
+            self._again.cancel()
         if self._descriptor is not None:
+            if self._loop is not None:
+                self._loop.remove_reader(self._descriptor)
+                self._loop.remove_writer(self._descriptor)
             os.close(self._descriptor)
             self._descriptor = None
 
     def _lose(self) -> None:
+        assert self._loop is not None, "it is attached"
         self.close()
-        self._gone.append(self._device)
+        self._waiting.clear()
+        self._again = self._loop.call_later(REOPEN_S, self._reopen, self._loop)
+        self._receiver.disconnected(self, self._device)
+
+    def _reopen(self, loop: asyncio.AbstractEventLoop) -> None:
+        try:
+            self._descriptor = self._open()
+        except (OSError, termios.error):
+            self._again = loop.call_later(REOPEN_S, self._reopen, loop)
+        else:
+            self._begin(loop)
 
 
 TCP: Final = "tcpin"

@@ -1,15 +1,14 @@
-"""The process: wait for clients and the bus, pass messages to vehicles, and send their answers.
+"""The process: pass messages of clients to vehicles, and send their answers, on one event loop.
 
-Once a second it reports the totals of its clients on the bus.
+Bytes are processed as they arrive; streams, retries and time-outs in rounds. Nothing waits in
+between. Once a second it reports the totals of its clients on the bus.
 """
 
-import os
-import selectors
+import asyncio
 import time
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
-from math import inf
-from typing import Final, NamedTuple
+from functools import partial
+from typing import Any, Final, NamedTuple
 
 from gateways.mavlink.bus_port import BusPort
 from gateways.mavlink.clients import ClientLink, Clients, GatewayClient
@@ -107,8 +106,11 @@ BUSY_NS: Final = 20 * NS_PER_MS
 BUSY_FOR_NS: Final = 2 * NS_PER_S
 STALL_NS: Final = 2 * NS_PER_S
 """Without a round for so long, this process was stopped: what clients sent meanwhile is too old."""
-MAX_READS: Final = 200
-"""Reads from an endpoint to empty its buffers; the largest one takes about so many."""
+QUIET_TURNS: Final = 8
+"""Turns of the event loop without any input after which the buffers are empty. A connection is read
+some turns after it is accepted."""
+MAX_OLD_TURNS: Final = 1000
+"""Turns for which input counts as old, at most: buffers hold less, but a flood never ends."""
 FINISH_NS: Final = 500 * NS_PER_MS
 """Time for the answers that are due when the gateway ends."""
 FINISH_STEP_S: Final = 0.02
@@ -139,31 +141,6 @@ class Pace:
         return True
 
 
-class WakeUp:
-    """Ends the wait of the gateway's thread from another thread."""
-
-    def __init__(self) -> None:
-        self.reader, self._writer = os.pipe()
-        os.set_blocking(self.reader, False)
-        os.set_blocking(self._writer, False)
-
-    def wake(self) -> None:
-        """End the present or the next wait."""
-        with suppress(BlockingIOError):
-            os.write(self._writer, b"x")
-
-    def clear(self) -> None:
-        """Forget all calls of `wake`."""
-        with suppress(BlockingIOError):
-            while os.read(self.reader, 4096):
-                pass
-
-    def close(self) -> None:
-        """Close the pipe."""
-        os.close(self.reader)
-        os.close(self._writer)
-
-
 class Gateway:
     """The clients of all endpoints, and the vehicles that are presented to them.
 
@@ -176,55 +153,85 @@ class Gateway:
         faces: Sequence[Face],
         ports: Sequence[BusPort],
         clock: Clock,
-        wake_up: WakeUp,
         recorder: TrafficRecorder | None = None,
         guard: SigningGuard | None = None,
     ) -> None:
-        self.clients = Clients(endpoints, self._join, self._leave, self._is_owner)
+        self.clients = Clients(self._join, self._leave, self._is_owner)
+        self.line_bytes_s: int | None = None
         self._endpoints = tuple(endpoints)
         self._faces = tuple(faces)
         self._ports = tuple(ports)
         self._clock = clock
-        self._wake_up = wake_up
         self._recorder = recorder
-        self._pace = Pace(clock.now_ns())
-        self._awake_ns = clock.now_ns()
-        self._reporter = Reporter(clock.now_ns())
         self._guard = guard or SigningGuard(time.time_ns)
-        self.line_bytes_s: int | None = None
-        self._selector = selectors.PollSelector()
-        self._selector.register(wake_up.reader, selectors.EVENT_READ)
-        self._watched: dict[int, Endpoint] = {}
+        self._pace = Pace(clock.now_ns())
+        self._reporter = Reporter(clock.now_ns())
+        self._awake_ns = clock.now_ns()
+        self._is_old = False
+        self._quiet_turns = 0
+        self._timer: asyncio.TimerHandle | None = None
+        self._timer_ns = 0
 
-    def run(self) -> None:
-        """Serve clients until an exception, such as that of a signal."""
-        while True:
-            self.round()
+    async def serve(self) -> None:
+        """Serve clients until this is cancelled, or raise the first error of a callback."""
+        loop = self._loop = asyncio.get_running_loop()
+        failure = loop.create_future()
 
-    def round(self, *, longest_s: float = inf) -> None:
-        """Wait for traffic until a round is due, and process both."""
-        self._watch()
-        wait_s = max(0.0, (self._pace.due_ns - self._clock.now_ns()) / NS_PER_S)
-        ready = self._selector.select(min(wait_s, longest_s))
-        now_ns = self._clock.now_ns()
-        if now_ns - self._awake_ns >= STALL_NS:
-            self._drop_old_input(now_ns)
-        self._awake_ns = now_ns
-        shortest_ns = min(face.vehicle.shortest_ns for face in self._faces)
-        is_due = self._pace.is_due(now_ns, shortest_ns)
-        if is_due:
-            self.clients.begin_round(now_ns)
-        for endpoint in dict.fromkeys(key.data for key, _ in ready):
-            if endpoint is None:
-                self._wake_up.clear()
-            else:
-                for received in endpoint.receive():
-                    self.clients.feed(endpoint, received, now_ns)
-        for client, frame in self.clients.frames(now_ns):
-            self._dispatch(client, frame, now_ns)
+        def fail(_: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+            if "socket" in context:  # nothing is left to accept a connection: asyncio tries again
+                return
+            if not failure.done():
+                failure.set_exception(context.get("exception") or RuntimeError(context["message"]))
+
+        loop.set_exception_handler(fail)
         for port in self._ports:
-            port.deliver()
-        if is_due:
+            port.wake = partial(loop.call_soon_threadsafe, self._deliver)
+        for endpoint in self._endpoints:
+            await endpoint.attach(self)
+        self._round()
+        await failure
+
+    async def finish(self) -> None:
+        """Serve until the clients have the answers to their requests, for FINISH_NS at most."""
+        end_ns = self._clock.now_ns() + FINISH_NS
+        self._plan_round()  # a signal may have interrupted one
+        while any(port.is_busy for port in self._ports) and self._clock.now_ns() < end_ns:
+            await asyncio.sleep(FINISH_STEP_S)
+
+    def close(self) -> None:
+        """Close all endpoints."""
+        if self._timer is not None:
+            self._timer.cancel()
+        for endpoint in self._endpoints:
+            endpoint.close()
+
+    def connected(self, endpoint: Endpoint, peer: str) -> None:
+        """Add a peer that stays while it is silent."""
+        self._quiet_turns = 0
+        self.clients.connect(endpoint, peer, self._clock.now_ns())
+
+    def disconnected(self, endpoint: Endpoint, peer: str) -> None:
+        """Drop a peer whose connection has ended."""
+        self.clients.disconnect(endpoint, peer)
+
+    def received(self, endpoint: Endpoint, peer: str, data: bytes, *, is_loopback: bool) -> None:
+        """Process bytes of a peer: its emergency stop is sent before this returns."""
+        now_ns = self._awake()
+        self._quiet_turns = 0
+        self.clients.feed(endpoint, peer, data, now_ns, is_loopback=is_loopback)
+        self._process(now_ns)
+        self._send(now_ns)
+
+    def _round(self) -> None:
+        """Process streams, retries and time-outs, and what clients sent beyond their shares."""
+        self._timer = None
+        now_ns = self._awake()
+        shortest_ns = min(face.vehicle.shortest_ns for face in self._faces)
+        if self._pace.is_due(now_ns, shortest_ns):
+            self.clients.begin_round(now_ns)
+            self._process(now_ns)
+            for port in self._ports:
+                port.deliver()
             lossy = {client.link.number for client in self.clients if client.is_lossy}
             for face in self._faces:
                 face.vehicle.lossy = lossy
@@ -232,29 +239,57 @@ class Gateway:
             self._report(now_ns)
         self._send(now_ns)
 
-    def finish(self) -> None:
-        """Serve until the clients have the answers to their requests, for FINISH_NS at most."""
-        end_ns = self._clock.now_ns() + FINISH_NS
-        while any(port.is_busy for port in self._ports) and self._clock.now_ns() < end_ns:
-            self.round(longest_s=FINISH_STEP_S)
+    def _deliver(self) -> None:
+        """Process the ends of requests."""
+        now_ns = self._awake()
+        for port in self._ports:
+            port.deliver()
+        self._send(now_ns)
 
-    def close(self) -> None:
-        """Close all endpoints."""
-        for endpoint in self._endpoints:
-            endpoint.close()
-        self._selector.close()
+    def _plan_round(self) -> None:
+        """Let the next round begin when it is due; what clients ask brings it forward."""
+        due_ns = self._pace.due_ns
+        if self._timer is not None and self._timer_ns != due_ns:
+            self._timer.cancel()
+            self._timer = None
+        if self._timer is None:
+            wait_s = (due_ns - self._clock.now_ns()) / NS_PER_S
+            self._timer, self._timer_ns = self._loop.call_later(wait_s, self._round), due_ns
 
-    def _watch(self) -> None:
-        """Update the descriptors to wait for: connections and lines appear and disappear."""
-        wanted = {number: one for one in self._endpoints for number in one.filenos()}
-        for number in self._watched.keys() - wanted.keys():
-            self._selector.unregister(number)
-        for number in wanted.keys() - self._watched.keys():
-            self._selector.register(number, selectors.EVENT_READ, wanted[number])
-        for number in wanted.keys() & self._watched.keys():
-            if wanted[number] is not self._watched[number]:
-                self._selector.modify(number, selectors.EVENT_READ, wanted[number])
-        self._watched = wanted
+    def _awake(self) -> int:
+        """Return the time; drop what clients sent while this process was stopped.
+
+        Its senders have had no answer, and a robot that then drives surprises them. An emergency
+        stop is taken all the same.
+        """
+        now_ns = self._clock.now_ns()
+        silent_ns, self._awake_ns = now_ns - self._awake_ns, now_ns
+        if silent_ns >= STALL_NS:
+            self._quiet_turns, self._is_old = 0, True
+            self._loop.call_soon(self._pass_old_turn, MAX_OLD_TURNS)
+            self.clients.begin_round(now_ns)
+            self._process(now_ns)
+            seconds = silent_ns / NS_PER_S
+            words = (
+                f"the gateway stood still for {seconds:.1f} s: what you sent meanwhile was dropped"
+            )
+            for face in self._faces:
+                face.vehicle.outbox.text(Severity.WARNING, words)
+        return now_ns
+
+    def _pass_old_turn(self, left: int) -> None:
+        self._quiet_turns += 1
+        self._is_old = left > 0 and self._quiet_turns < QUIET_TURNS
+        if self._is_old:
+            self._loop.call_soon(self._pass_old_turn, left - 1)
+
+    def _process(self, now_ns: int) -> None:
+        """Process the frames that have arrived; of old ones only emergency stops."""
+        for client, frame in self.clients.frames(now_ns, is_limited=not self._is_old):
+            if self._is_old:
+                client.is_newcomer(frame)  # notes a HEARTBEAT
+            if not self._is_old or is_emergency_stop(frame):
+                self._dispatch(client, frame, now_ns)
 
     def _dispatch(self, client: GatewayClient, frame: MavFrame, now_ns: int) -> None:
         link, loopback = client.link, client.is_loopback
@@ -279,28 +314,6 @@ class Gateway:
             self._recorder.received(message, now_ns)
         for face in self._faces:
             face.receive(message, sender, now_ns)
-
-    def _drop_old_input(self, now_ns: int) -> None:
-        """Drop what was sent while this process was stopped, but for emergency stops.
-
-        Its senders have had no answer, and a robot that then drives surprises them.
-        """
-        self.clients.begin_round(now_ns)
-        for endpoint in self._endpoints:
-            for _ in range(MAX_READS):
-                arrived = endpoint.receive()
-                for received in arrived:
-                    self.clients.feed(endpoint, received, now_ns)
-                for client, frame in self.clients.frames(now_ns, is_limited=False):
-                    client.is_newcomer(frame)  # notes a HEARTBEAT
-                    if is_emergency_stop(frame):
-                        self._dispatch(client, frame, now_ns)
-                if not arrived:
-                    break
-        seconds = (now_ns - self._awake_ns) / NS_PER_S
-        words = f"the gateway stood still for {seconds:.1f} s: what you sent meanwhile was dropped"
-        for face in self._faces:
-            face.vehicle.outbox.text(Severity.WARNING, words)
 
     def _join(self, client: GatewayClient) -> None:
         limits = [one for one in (self.line_bytes_s, client.endpoint.line_bytes_s) if one]
@@ -334,8 +347,7 @@ class Gateway:
                 if self._recorder is not None and id(message) not in recorded:
                     recorded.add(id(message))  # clients may share a message of this round
                     self._recorder.sent(face.vehicle.system, message, now_ns)
-        for endpoint in self._endpoints:
-            endpoint.flush(now_ns)
+        self._plan_round()
 
     def _send_one(self, face: Face, message: MavMessage, number: int | None, now_ns: int) -> None:
         is_stream = face.vehicle.catalogue.is_stream(message.get_msgId())

@@ -4,6 +4,7 @@ Its settings: defaults, the table `[gateway]` of a file, then the command line.
 """
 
 import argparse
+import asyncio
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -24,7 +25,7 @@ from gateways.mavlink.endpoints import (
     parsed,
     resolved,
 )
-from gateways.mavlink.gateway import Gateway, WakeUp
+from gateways.mavlink.gateway import Gateway
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.services import face_of
 from gateways.mavlink.signing import BackgroundWriter, Policy, SigningGuard
@@ -288,30 +289,29 @@ def serve(
     guard: SigningGuard,
 ) -> int:
     """Present the robots over a link until Ctrl-C; return 1 if the recording has gaps."""
-    wake_up = WakeUp()
     recordings = Path(options.recordings) if options.recordings else recordings_folder()
     recorder = recorder_for(options.record, link.clock, output)
     links = [link.to(name) for name in settings.robots]
-    ports = [BusPort(one, wake_up.wake) for one in links]
+    ports = [BusPort(one) for one in links]
     vehicles = [vehicle_of(*pair, settings) for pair in zip(ports, links, strict=True)]
     faces = [face_of(vehicle, recordings, guard) for vehicle in vehicles]
-    gateway = Gateway(endpoints, faces, ports, link.clock, wake_up, recorder, guard)
+    gateway = Gateway(endpoints, faces, ports, link.clock, recorder, guard)
     gateway.line_bytes_s = LOW_RATE_BYTES_S if settings.low_rate else None
     for name, system in settings.systems.items():
         output.note(f"{name} is MAVLink system {system} at {', '.join(settings.endpoints)}")
     for port in ports:
         if not port.was_there:
             output.note(f"robot {port.name} is not running yet, or not at {link.endpoint}")
-    try:
-        gateway.run()
-    except KeyboardInterrupt:
-        output.note("gateway ends")
-        gateway.finish()
-    finally:
-        gateway.close()
-        for port in ports:
-            port.close()
-        wake_up.close()
+    with asyncio.Runner() as runner:
+        try:
+            runner.run(gateway.serve())
+        except KeyboardInterrupt:
+            output.note("gateway ends")
+            runner.run(gateway.finish())
+        finally:
+            gateway.close()
+            for port in ports:
+                port.close()
     loss = "" if recorder is None else recorder.close()
     if loss:
         output.note(loss)

@@ -84,7 +84,7 @@ class Client:
 
     def __init__(self, stack: Stack) -> None:
         self._stack = stack
-        self._port = BusPort(link_of(stack, Role.GROUND), lambda: None)
+        self._port = BusPort(link_of(stack, Role.GROUND))
         now_ns = stack.clock.now_ns()
         self._face = face_of(MavVehicle(1, self._port, ORIGIN, now_ns))
         self._face.due(now_ns)
@@ -144,7 +144,7 @@ class Gateway:
 
     def __init__(self, stack: Stack) -> None:
         self._stack = stack
-        self.port = BusPort(link_of(stack, Role.GROUND), lambda: None)
+        self.port = BusPort(link_of(stack, Role.GROUND))
         beats = self.port._heartbeats
         self.port.heartbeat = lambda: stack.send(beats.key, lambda: beats.put(ALIVE))  # type: ignore[method-assign]
         self.face = face_of(MavVehicle(1, self.port, ORIGIN, stack.clock.now_ns()))

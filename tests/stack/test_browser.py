@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from gateways.mavlink.endpoints import ReceivedBytes, opened
+from gateways.mavlink.endpoints import opened
 from tests.support.gateway.fake_port import everything
 from tests.support.gateway.whole import CommandedPort, WholeGateway
 from tests.support.stack.browser import SEEN_S, Page, browsing, chromium, keep, sees
@@ -167,18 +167,18 @@ class Attacked:
         self, patch: pytest.MonkeyPatch, kind: str, seen: dict[str, Callable[[bytes], bool]]
     ) -> None:
         self.endpoint: Any = opened(f"{kind}:127.0.0.1:0")
-        receive = partial(self._receive, self.endpoint.receive)
-        patch.setattr(self.endpoint, "receive", receive)
         self.missing = dict(seen)
         self.whole = WholeGateway(CommandedPort(), real=self.endpoint)
         self.whole.port.telemetry |= everything()
+        gateway = self.whole.gateway
+        patch.setattr(gateway, "received", partial(self._received, gateway.received))
 
-    def _receive(self, receive: Callable[[], list[ReceivedBytes]]) -> list[ReceivedBytes]:
-        found = receive()
-        for one in found:
-            for kind in [kind for kind, is_seen in self.missing.items() if is_seen(one.data)]:
-                del self.missing[kind]
-        return found
+    def _received(
+        self, receive: Callable[..., None], endpoint: object, peer: str, data: bytes, **more: bool
+    ) -> None:
+        for kind in [kind for kind, is_seen in self.missing.items() if is_seen(data)]:
+            del self.missing[kind]
+        receive(endpoint, peer, data, **more)
 
     def check(self) -> None:
         """Assert that nothing of it was obeyed, not even a stop."""

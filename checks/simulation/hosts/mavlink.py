@@ -11,6 +11,7 @@ from random import Random
 from struct import unpack_from
 from typing import Any, Final
 
+from checks.harness.played_gateway import PlayedEndpoint
 from checks.simulation.events import Argument
 from checks.simulation.hosts.bus import SimulatedNetwork
 from checks.simulation.hosts.operators import OperatorRequest, RequestHistory, SimulatedOperator
@@ -18,7 +19,7 @@ from checks.simulation.hosts.virtual_time import (
     Host,
     Scheduler,
     SimulatedClock,
-    SimulatedPipe,
+    SimulatedLoop,
     SimulatedTime,
     current_task,
 )
@@ -27,7 +28,6 @@ from checks.simulation.invariants.limits import CLIENT_REPEAT_NS
 from gateways.mavlink.bus_port import BusPort
 from gateways.mavlink.clients import NoFile
 from gateways.mavlink.coordinates import place_at
-from gateways.mavlink.endpoints import ReceivedBytes
 from gateways.mavlink.gateway import Gateway
 from gateways.mavlink.gateway_verb import GatewaySettings
 from gateways.mavlink.mav_vehicle import MavVehicle
@@ -45,52 +45,19 @@ SYSTEM: Final = 1
 ORIGIN: Final = GatewaySettings().home
 
 
-class DatagramEndpoint:
+class DatagramEndpoint(PlayedEndpoint):
     """An endpoint whose peers are other hosts. They read no telemetry, so it is not sent."""
 
     text = "udpin:simulated"
-    line_bytes_s = None
-    is_reliable = False
 
     def __init__(self, send: Callable[[str, bytes], None]) -> None:
+        super().__init__()
         self._send = send
-        self._pipe = SimulatedPipe()
-        self._arrived: list[ReceivedBytes] = []
-
-    def deliver(self, peer: str, data: bytes, is_loopback: bool) -> None:
-        """Receive a datagram."""
-        self._arrived.append(ReceivedBytes(peer, data, is_loopback))
-        self._pipe.wake()
-
-    def filenos(self) -> list[Any]:
-        """Return the descriptor to wait for."""
-        return [self._pipe]
-
-    def receive(self) -> list[ReceivedBytes]:
-        """Return what has arrived."""
-        self._pipe.clear()
-        arrived, self._arrived = self._arrived, []
-        return arrived
 
     def send(self, peer: str, data: bytes, *, is_stream: bool) -> None:
         """Send a frame that is no telemetry."""
         if not is_stream:
             self._send(peer, data)
-
-    def lasting(self) -> list[str]:
-        """Return no connection."""
-        return []
-
-    gone = lasting
-
-    def flush(self, now_ns: int) -> None:
-        """Keep nothing."""
-
-    def forget(self, peer: str) -> None:
-        """Keep nothing."""
-
-    def close(self) -> None:
-        """Close nothing."""
 
 
 class GatewaySide(SimulatedOperator):
@@ -106,17 +73,16 @@ class GatewaySide(SimulatedOperator):
 
     def _main(self) -> None:
         bus = open_bus(self.dials, Role.GROUND, "r1", self.host.now_ns)
-        clock, wake_up = SimulatedClock(), SimulatedPipe()
+        clock = SimulatedClock()
         link = self.link = Link(bus, Common(network=self.dials, robot="r1"), clock)
         host = self.host
         endpoint = DatagramEndpoint(lambda peer, data: self.answer(host, peer, data))
-        port = BusPort(link, wake_up.wake)
+        port = BusPort(link)
         vehicle = MavVehicle(SYSTEM, port, ORIGIN, clock.now_ns())
         vehicle.unix_offset_ns = SimulatedTime.time_ns() - clock.now_ns()
-        pipe: Any = wake_up
-        gateway = Gateway([endpoint], [face_of(vehicle)], [port], clock, pipe)
+        gateway = Gateway([endpoint], [face_of(vehicle)], [port], clock)
         self.endpoint = endpoint
-        gateway.run()
+        SimulatedLoop().run(gateway.serve())
 
     def kill(self) -> None:
         """Kill the process, and what it has received with it."""
@@ -127,10 +93,11 @@ class GatewaySide(SimulatedOperator):
         self, peer: str, data: bytes, system: int, kind: str, is_loopback: bool = True
     ) -> None:
         """Receive a datagram of a client; before the endpoint is open, it is lost."""
-        if self.endpoint is not None:
+        if self.endpoint is not None and self.endpoint.is_attached:
             if kind:
                 self.arrived(system, kind)
-            self.endpoint.deliver(peer, data, is_loopback)
+            self.endpoint.is_loopback = is_loopback
+            self.endpoint.deliver(peer, data)
 
 
 CLIENTS: Final = {"client-255": 255, "client-254": 254}

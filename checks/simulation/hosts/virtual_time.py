@@ -16,7 +16,6 @@ from concurrent.futures import Future
 from heapq import heappop, heappush
 from math import ceil
 from queue import Empty
-from selectors import EVENT_READ, SelectorKey
 from typing import Any, Final, Generic, TypeVar
 
 from greenlet import GreenletExit, getcurrent, greenlet
@@ -390,54 +389,6 @@ class SimulatedPool:
     def _work(self) -> None:
         while True:
             self._jobs.get()()
-
-
-class SimulatedPipe:
-    """Replaces the gateway's WakeUp; stands for the descriptor of its reading end, too."""
-
-    def __init__(self) -> None:
-        self.reader = self
-        self.ready = False
-        self.waiting: Task | None = None
-
-    def wake(self) -> None:
-        """End the present or the next wait."""
-        self.ready = True
-        if self.waiting is not None:
-            self.waiting.wake()
-
-    def clear(self) -> None:
-        """Forget all calls of `wake`."""
-        self.ready = False
-
-
-class SimulatedSelectors:
-    """Replaces the module `selectors`, for descriptors that are simulated pipes."""
-
-    EVENT_READ = EVENT_READ
-
-    class PollSelector:
-        """Replaces selectors.PollSelector."""
-
-        def __init__(self) -> None:
-            self._keys: dict[SimulatedPipe, Any] = {}
-
-        def register(self, pipe: SimulatedPipe, events: int, data: object = None) -> None:
-            """Wait for a pipe, too."""
-            key: Any = SelectorKey(pipe, 0, events, data)  # type: ignore[arg-type]
-            self._keys[pipe] = key
-
-        def select(self, timeout: float) -> list[tuple[Any, int]]:
-            """Return the keys of the pipes that are ready; wait for one until the timeout."""
-            deadline_ns = _deadline_ns(timeout) or 0
-            task = current_task()
-            while not (ready := [key for pipe, key in self._keys.items() if pipe.ready]):
-                if task.host.scheduler.now_ns >= deadline_ns:
-                    break
-                for pipe in self._keys:
-                    pipe.waiting = task
-                task.wait_until(deadline_ns)
-            return [(key, EVENT_READ) for key in ready]
 
 
 class SimulatedThreading:

@@ -45,7 +45,7 @@ class Room:
         self.asked: list[int] = []
         self.bus.answers[COMMAND.path] = self._answer
         common = Common(network=Network(connect=("tcp/127.0.0.1:1",)), robot="r1")
-        self.port = BusPort(Link(cast("Any", self.bus), common, self.clock), lambda: None)
+        self.port = BusPort(Link(cast("Any", self.bus), common, self.clock))
         self.answers: list[Answered] = []
         self.stops = self.bus.publisher(STOP)
 

@@ -8,6 +8,7 @@ from typing import cast
 import pytest
 from pymavlink.dialects.v20 import common, development
 
+from checks.harness.played_gateway import PlayedEndpoint
 from gateways.mavlink.clients import (
     CROWDED_NS,
     FRAMES_PER_ROUND,
@@ -18,7 +19,7 @@ from gateways.mavlink.clients import (
     GatewayClient,
     NoFile,
 )
-from gateways.mavlink.endpoints import MAX_PEERS, ReceivedBytes
+from gateways.mavlink.endpoints import MAX_PEERS
 from gateways.mavlink.framing import (
     MAX_WAITING,
     UNFINISHED_NS,
@@ -253,36 +254,14 @@ def test_each_vehicle_has_one_sequence_without_gaps(mavlink1: bool) -> None:
     assert len(found) == (800 if mavlink1 else 1200)
 
 
-class FakeEndpoint:
-    text, line_bytes_s = "fake", None
-
+class FakeEndpoint(PlayedEndpoint):
     def __init__(self) -> None:
+        super().__init__()
         self.is_reliable = False
-        self.connected: list[str] = []
-        self.ended: list[str] = []
         self.forgotten: list[str] = []
-
-    def filenos(self) -> list[int]:
-        return []
-
-    def lasting(self) -> list[str]:
-        return self.connected
-
-    def gone(self) -> list[str]:
-        ended, self.ended = self.ended, []
-        return ended
-
-    def receive(self) -> list[ReceivedBytes]:
-        return []
-
-    def send(self, peer: str, data: bytes, *, is_stream: bool) -> None: ...
-
-    def flush(self, now_ns: int) -> None: ...
 
     def forget(self, peer: str) -> None:
         self.forgotten.append(peer)
-
-    def close(self) -> None: ...
 
 
 class Room:
@@ -291,7 +270,6 @@ class Room:
         self.log: list[tuple[str, int]] = []
         self.owner = 0
         self.clients = Clients(
-            [self.endpoint],
             self._note("join"),
             self._note("leave"),
             lambda client: client.link.number == self.owner,
@@ -301,7 +279,7 @@ class Room:
         return Note(self.log, word)
 
     def feed(self, peer: str, data: bytes, now_ns: int = 0) -> None:
-        self.clients.feed(self.endpoint, ReceivedBytes(peer, data, True), now_ns)
+        self.clients.feed(self.endpoint, peer, data, now_ns, is_loopback=True)
 
     def fill(self, now_ns: int = 0) -> None:
         """Give all places away."""
@@ -345,7 +323,7 @@ def test_sender_of_rubbish_takes_no_place(room: Room) -> None:
 
 
 def test_silent_sender_is_dropped_but_not_a_connection(room: Room) -> None:
-    room.endpoint.connected.append("line")
+    room.clients.connect(room.endpoint, "line", 0)
     room.clients.begin_round(0)
     room.feed("a", packed())
     assert len(list(room.frames())) == 1
@@ -353,8 +331,7 @@ def test_silent_sender_is_dropped_but_not_a_connection(room: Room) -> None:
     assert room.log == [("join", 1), ("join", 2)]
     room.clients.begin_round(GONE_NS)
     assert room.log[2:] == [("leave", 2)]
-    room.endpoint.connected.clear()
-    room.endpoint.ended.append("line")
+    room.clients.disconnect(room.endpoint, "line")
     room.clients.begin_round(GONE_NS)
     assert room.log[3:] == [("leave", 1)]
 
@@ -375,7 +352,7 @@ def test_tcp_connection_that_begins_with_no_frame_is_closed(begins: bytes, is_gu
     room.endpoint.is_reliable = True
     if is_guest:
         room.fill()
-    room.endpoint.connected.append("web")
+    room.clients.connect(room.endpoint, "web", 0)
     room.clients.begin_round(0)
     room.feed("web", begins + packed(STOP) + packed())
     assert list(room.frames()) == []
@@ -385,7 +362,7 @@ def test_tcp_connection_that_begins_with_no_frame_is_closed(begins: bytes, is_gu
 
 def test_false_bytes_after_the_first_frame_close_no_tcp_connection(room: Room) -> None:
     room.endpoint.is_reliable = True
-    room.endpoint.connected.append("line")
+    room.clients.connect(room.endpoint, "line", 0)
     room.clients.begin_round(0)
     for data in (packed()[:5], packed()[5:] + b"POST / HTTP/1.1\r\n\r\n", packed(STOP)):
         room.feed("line", data)
@@ -421,7 +398,7 @@ def test_stranger_by_udp_whose_datagram_is_no_frame_only_stops(begins: bytes) ->
 
 
 def test_where_the_gateway_dials_or_has_a_line_it_joins_in_mid_frame(room: Room) -> None:
-    room.endpoint.connected.append("line")
+    room.clients.connect(room.endpoint, "line", 0)
     room.clients.begin_round(0)
     room.feed("line", packed()[5:] + packed() + packed(ARM))
     assert len(list(room.frames())) == 2
@@ -502,15 +479,16 @@ def test_guest_becomes_a_client_when_a_place_is_free(room: Room) -> None:
 
 
 def test_connections_without_a_place_wait_as_guests(room: Room) -> None:
-    room.endpoint.connected = [f"tcp {number}" for number in range(MAX_PEERS + MAX_GUESTS + 1)]
-    room.clients.begin_round(0)
-    assert room.peers() == room.endpoint.connected[:MAX_PEERS]
+    peers = [f"tcp {number}" for number in range(MAX_PEERS + MAX_GUESTS + 1)]
+    for peer in peers:
+        room.clients.connect(room.endpoint, peer, 0)
+    assert room.peers() == peers[:MAX_PEERS]
     assert room.endpoint.forgotten == [f"tcp {MAX_PEERS}"]
-    last = room.endpoint.connected[-1]
+    last = peers[-1]
     room.feed(last, packed() + packed(STOP))
     assert [client.peer for client in room.frames()] == [last]
-    room.endpoint.connected = [*room.endpoint.connected[1:MAX_PEERS], last]
-    room.endpoint.ended = ["tcp 0"]
+    for peer in ("tcp 0", *peers[MAX_PEERS:-1]):
+        room.clients.disconnect(room.endpoint, peer)
     room.clients.begin_round(1)
     assert last in room.peers()
 

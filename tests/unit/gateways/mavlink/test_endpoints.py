@@ -1,30 +1,76 @@
-"""Real sockets and a pseudo-terminal, without waiting."""
+"""Real sockets and a pseudo-terminal on a played loop, without waiting."""
 
 import os
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from checks.harness.loop import PlayedLoop
 from gateways.mavlink.endpoints import (
     MAX_BYTES,
     MAX_CONNECTIONS,
     MAX_PEERS,
+    REOPEN_S,
+    STREAM_BYTES,
     VANISHED_MS,
     Endpoint,
-    ReceivedBytes,
-    SendBuffer,
     SerialEndpoint,
     all_opened,
+    has_room,
     opened,
 )
+from runtime.clock import ManualClock
 from runtime.errors import UserError
 from runtime.units import NS_PER_S
 from tests.support.each import each
 from tests.support.until import until
+
+
+class Arrivals:
+    """Notes what arrives at an endpoint, on a loop of its own."""
+
+    def __init__(self, text: str) -> None:
+        self.loop = PlayedLoop(ManualClock())
+        self.endpoint: Any = opened(text)
+        self.data: list[tuple[str, bytes]] = []
+        self.peers: list[str] = []
+        self.ended: list[str] = []
+        self.loop.run(self.endpoint.attach(self))
+
+    def connected(self, endpoint: Endpoint, peer: str) -> None:
+        self.peers.append(peer)
+
+    def disconnected(self, endpoint: Endpoint, peer: str) -> None:
+        self.peers.remove(peer)
+        self.ended.append(peer)
+
+    def received(self, endpoint: Endpoint, peer: str, data: bytes, *, is_loopback: bool) -> None:
+        self.data.append((peer, data))
+
+    def until(self, is_met: Callable[[], object]) -> None:
+        """Let the endpoint work until a condition is met."""
+
+        def is_met_now() -> object:
+            self.loop.advance()
+            return is_met()
+
+        until(is_met_now)
+
+    def take(self, count: int = 1) -> list[tuple[str, bytes]]:
+        """Return what has arrived once it is so much."""
+        self.until(lambda: len(self.data) >= count)
+        found, self.data = self.data, []
+        return found
+
+    def close(self) -> None:
+        self.endpoint.close()
+        self.loop.advance()
+        self.loop.close()
 
 
 @pytest.fixture
@@ -33,142 +79,170 @@ def stack() -> Iterator[ExitStack]:
         yield stack
 
 
-def received(endpoint: Endpoint, count: int = 1) -> list[ReceivedBytes]:
-    found: list[ReceivedBytes] = []
-
-    def is_all() -> bool:
-        found.extend(endpoint.receive())
-        return len(found) >= count
-
-    until(is_all)
-    return found
-
-
 def test_udpin_serves_several_clients_at_once(stack: ExitStack) -> None:
-    endpoint: Any = stack.enter_context(closing(opened("udpin:127.0.0.1:0")))
+    at = stack.enter_context(closing(Arrivals("udpin:127.0.0.1:0")))
     sockets = []
     for _ in range(MAX_PEERS + 1):
         one = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-        one.sendto(b"hello", ("127.0.0.1", endpoint.port))
+        one.sendto(b"hello", ("127.0.0.1", at.endpoint.port))
         sockets.append(one)
-    peers = [one.peer for one in received(endpoint, MAX_PEERS + 1)]
+    peers = [peer for peer, _ in at.take(MAX_PEERS + 1)]
     assert len(set(peers)) == MAX_PEERS + 1
-    endpoint.send(peers[3], b"answer", is_stream=False)
+    at.endpoint.send(peers[3], b"answer", is_stream=False)
     assert sockets[3].recv(100) == b"answer"
-    endpoint.forget(peers[0])
-    sockets[-1].sendto(b"again", ("127.0.0.1", endpoint.port))
-    assert received(endpoint)[0].data == b"again"
+    at.endpoint.forget(peers[0])
+    sockets[-1].sendto(b"again", ("127.0.0.1", at.endpoint.port))
+    assert at.take()[0][1] == b"again"
+
+
+def test_udp_keeps_no_datagram_that_the_socket_does_not_take(
+    stack: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    at = stack.enter_context(closing(Arrivals("udpin:127.0.0.1:0")))
+    sent: list[bytes] = []
+    full = SimpleNamespace(
+        get_write_buffer_size=lambda: len(sent), sendto=lambda data, _: sent.append(data)
+    )
+    with monkeypatch.context() as patch:
+        patch.setattr(at.endpoint, "_transport", full)
+        for _ in range(3):
+            at.endpoint.send("127.0.0.1:9", b"frame", is_stream=False)
+    assert sent == [b"frame"]
 
 
 def test_udpout_sends_first_and_hears_only_its_peer(stack: ExitStack) -> None:
     client = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
     client.bind(("127.0.0.1", 0))
     place = f"127.0.0.1:{client.getsockname()[1]}"
-    endpoint = stack.enter_context(closing(opened(f"udpout:{place}")))
-    assert list(endpoint.lasting()) == [place]
-    endpoint.send(place, b"first", is_stream=True)
+    at = stack.enter_context(closing(Arrivals(f"udpout:{place}")))
+    assert at.peers == [place]
+    at.endpoint.send(place, b"first", is_stream=True)
     _, address = client.recvfrom(100)
     other = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
     other.sendto(b"forged", address)
     client.sendto(b"mine", address)
-    assert [one.data for one in received(endpoint)] == [b"mine"]
+    assert [data for _, data in at.take()] == [b"mine"]
 
 
 def test_tcpin_serves_clients_and_notes_the_end(stack: ExitStack) -> None:
-    endpoint: Any = stack.enter_context(closing(opened("tcpin:127.0.0.1:0")))
+    at = stack.enter_context(closing(Arrivals("tcpin:127.0.0.1:0")))
     first, second = (
-        stack.enter_context(socket.create_connection(("127.0.0.1", endpoint.port)))
+        stack.enter_context(socket.create_connection(("127.0.0.1", at.endpoint.port)))
         for _ in range(2)
     )
     first.sendall(b"one")
     second.sendall(b"two")
-    assert sorted(one.data for one in received(endpoint, 2)) == [b"one", b"two"]
-    peers = list(endpoint.lasting())
-    assert len(endpoint.filenos()) == 3
-    endpoint.send(peers[1], b"answer", is_stream=False)
+    assert sorted(data for _, data in at.take(2)) == [b"one", b"two"]
+    peers = list(at.peers)
+    at.endpoint.send(peers[1], b"answer", is_stream=False)
     assert second.recv(100) == b"answer"
     first.close()
-    until(lambda: not endpoint.receive() and len(endpoint.lasting()) == 1)
-    assert endpoint.gone() == peers[:1]
+    at.until(lambda: len(at.peers) == 1)
+    assert at.ended == peers[:1]
+
+
+def test_end_of_what_a_tcp_client_sends_ends_it(stack: ExitStack) -> None:
+    at = stack.enter_context(closing(Arrivals("tcpin:127.0.0.1:0")))
+    client = stack.enter_context(socket.create_connection(("127.0.0.1", at.endpoint.port)))
+    at.until(lambda: at.peers)
+    (peer,) = at.peers
+    for _ in range(10_000):
+        at.endpoint.send(peer, bytes(1_000), is_stream=False)
+    client.shutdown(socket.SHUT_WR)
+    at.until(lambda: not at.peers)  # it is not waited for until it has read all
 
 
 def test_connections_beyond_the_limit_are_closed(stack: ExitStack) -> None:
-    endpoint: Any = stack.enter_context(closing(opened("tcpin:127.0.0.1:0")))
+    at = stack.enter_context(closing(Arrivals("tcpin:127.0.0.1:0")))
     for number in range(MAX_CONNECTIONS):
-        stack.enter_context(socket.create_connection(("127.0.0.1", endpoint.port)))
-        until(lambda: not endpoint.receive() and len(endpoint.lasting()) == number + 1)  # noqa: B023
-    extra = stack.enter_context(socket.create_connection(("127.0.0.1", endpoint.port)))
-    until(lambda: not endpoint.receive() and endpoint.refused)
+        stack.enter_context(socket.create_connection(("127.0.0.1", at.endpoint.port)))
+        at.until(lambda: len(at.peers) == number + 1)  # noqa: B023
+    extra = stack.enter_context(socket.create_connection(("127.0.0.1", at.endpoint.port)))
+    at.until(lambda: at.endpoint.refused)
+    at.loop.advance()
     assert extra.recv(1) == b""
-    assert len(endpoint.lasting()) == MAX_CONNECTIONS
+    assert len(at.peers) == MAX_CONNECTIONS
 
 
 def test_vanished_tcp_client_ends_after_ten_seconds(stack: ExitStack) -> None:
-    endpoint: Any = stack.enter_context(closing(opened("tcpin:127.0.0.1:0")))
-    stack.enter_context(socket.create_connection(("127.0.0.1", endpoint.port)))
-    until(lambda: not endpoint.receive() and bool(endpoint.lasting()))
-    (connection,) = endpoint._connections.values()
-    timeout_ms = connection.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT)
+    at = stack.enter_context(closing(Arrivals("tcpin:127.0.0.1:0")))
+    stack.enter_context(socket.create_connection(("127.0.0.1", at.endpoint.port)))
+    at.until(lambda: at.peers)
+    (connection,) = at.endpoint._connections.values()
+    connected = connection.transport.get_extra_info("socket")
+    timeout_ms = connected.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT)
     assert timeout_ms == VANISHED_MS == 10_000
 
 
 def test_slow_tcp_reader_never_blocks_and_never_grows(stack: ExitStack) -> None:
-    endpoint: Any = stack.enter_context(closing(opened("tcpin:127.0.0.1:0")))
-    client = stack.enter_context(socket.create_connection(("127.0.0.1", endpoint.port)))
-    until(lambda: not endpoint.receive() and bool(endpoint.lasting()))
-    (peer,) = endpoint.lasting()
+    at = stack.enter_context(closing(Arrivals("tcpin:127.0.0.1:0")))
+    client = stack.enter_context(socket.create_connection(("127.0.0.1", at.endpoint.port)))
+    at.until(lambda: at.peers)
+    (peer,) = at.peers
     for _ in range(10_000):
-        endpoint.send(peer, bytes(1_000), is_stream=False)
-        endpoint.flush(0)
-    buffer = endpoint._connections[peer].buffer
-    assert buffer.dropped > 0
-    assert len(buffer) <= MAX_BYTES
+        at.endpoint.send(peer, bytes(1_000), is_stream=False)
+    at.loop.advance()
+    assert at.endpoint.dropped > 0
+    assert at.endpoint._connections[peer].transport.get_write_buffer_size() <= MAX_BYTES
     assert client.recv(10)
 
 
 def test_telemetry_is_dropped_before_answers() -> None:
-    taken: list[bytes] = []
-    room = [150]
+    assert has_room(0, 10 * MAX_BYTES, STREAM_BYTES, is_stream=True)
+    assert has_room(STREAM_BYTES - 60, 60, STREAM_BYTES, is_stream=True)
+    assert not has_room(STREAM_BYTES - 59, 60, STREAM_BYTES, is_stream=True)
+    assert has_room(STREAM_BYTES - 59, 60, STREAM_BYTES, is_stream=False)
+    assert not has_room(MAX_BYTES - 59, 60, STREAM_BYTES, is_stream=False)
 
-    def write(data: bytes) -> int:
-        now = min(len(data), room[0])
-        if not now:
-            raise BlockingIOError
-        room[0] -= now
-        taken.append(data[:now])
-        return now
 
-    buffer = SendBuffer(write, stream_bytes=100)
-    for _ in range(5):
-        buffer.add(b"s" * 60, is_stream=True)
-    assert buffer.dropped == 1
-    buffer.add(b"a" * 60, is_stream=False)
-    assert buffer.dropped == 1
-    room[0] = 10_000
-    buffer.flush()
-    assert b"".join(taken) == b"s" * 240 + b"a" * 60
+@each("kind", ["tcpin", "serial"])
+def test_answers_wait_for_a_slow_line_that_drops_telemetry(stack: ExitStack, kind: str) -> None:
+    far: socket.socket | None = None
+    master, slave = os.openpty()
+    stack.callback(os.close, master)
+    device = os.ttyname(slave)
+    os.close(slave)
+    text = "tcpin:127.0.0.1:0" if kind == "tcpin" else f"serial:{device}:57600"
+    at = stack.enter_context(closing(Arrivals(text)))
+    if kind == "tcpin":
+        far = stack.enter_context(socket.create_connection(("127.0.0.1", at.endpoint.port)))
+        at.until(lambda: at.peers)
+    (peer,) = at.peers
+    while not at.endpoint.dropped:
+        at.endpoint.send(peer, b"s" * 200, is_stream=True)
+    at.endpoint.send(peer, b"a" * 60, is_stream=False)
+    assert at.endpoint.dropped == 1
+    found = bytearray()
+
+    def is_all() -> bool:
+        found.extend(far.recv(1 << 20) if far is not None else os.read(master, 1 << 16))
+        return found.endswith(b"a" * 60)
+
+    at.until(is_all)
+    assert found.strip(b"s") == b"a" * 60
 
 
 def test_serial_line_carries_bytes_both_ways(stack: ExitStack) -> None:
     master, slave = os.openpty()
     device = os.ttyname(slave)
     os.close(slave)
-    endpoint = stack.enter_context(closing(opened(f"serial:{device}:57600")))
+    at = stack.enter_context(closing(Arrivals(f"serial:{device}:57600")))
+    endpoint = at.endpoint
+    assert isinstance(endpoint, SerialEndpoint)
     assert endpoint.line_bytes_s == 4_800
     os.write(master, b"\x00\xfd\n\r\x11")
-    assert b"".join(one.data for one in received(endpoint)) == b"\x00\xfd\n\r\x11"
+    assert b"".join(data for _, data in at.take()) == b"\x00\xfd\n\r\x11"
     endpoint.send(device, b"\n\xfe\x03", is_stream=False)
     assert os.read(master, 100) == b"\n\xfe\x03"
     for _ in range(1_000):
         endpoint.send(device, bytes(200), is_stream=True)
-    assert isinstance(endpoint, SerialEndpoint)
-    assert endpoint._buffer.dropped > 0
-    assert len(endpoint._buffer) <= 480 + 200
+    assert endpoint.dropped > 0
+    assert len(endpoint._waiting) <= 480 + 200
     os.close(master)
-    until(lambda: not endpoint.receive() and not endpoint.filenos())
-    assert endpoint.gone() == [device]
+    at.until(lambda: not at.peers)
+    assert at.ended == [device]
     endpoint.send(device, b"lost", is_stream=False)
-    endpoint.flush(10**10)
+    at.loop.advance(10**10)
 
 
 def test_lost_serial_line_is_opened_again_when_it_is_back(stack: ExitStack, tmp_path: Path) -> None:
@@ -181,18 +255,18 @@ def test_lost_serial_line_is_opened_again_when_it_is_back(stack: ExitStack, tmp_
         return master
 
     master = plugged_in()
-    endpoint = stack.enter_context(closing(opened(f"serial:{device}:57600")))
+    at = stack.enter_context(closing(Arrivals(f"serial:{device}:57600")))
     os.close(master)
     device.unlink()
-    until(lambda: not endpoint.receive() and not endpoint.filenos())
-    assert endpoint.gone() == [str(device)]
-    endpoint.flush(NS_PER_S)
-    assert not endpoint.lasting()
+    at.until(lambda: not at.peers)
+    assert at.ended == [str(device)]
+    at.loop.advance(round(REOPEN_S * NS_PER_S))
+    assert not at.peers
     master = plugged_in()
-    endpoint.flush(2 * NS_PER_S)
-    assert list(endpoint.lasting()) == [str(device)]
+    at.loop.advance(round(REOPEN_S * NS_PER_S))
+    assert at.peers == [str(device)]
     os.write(master, b"back")
-    assert received(endpoint)[0].data == b"back"
+    assert at.take()[0][1] == b"back"
     os.close(master)
 
 

@@ -31,11 +31,12 @@ from ground.cli.main import main
 from ground.client.connection import Common
 from ground.user.mavlink_keys import KeyRing, new_key, write_keys
 from protocol.bus.network import Network, Tls, gateway_here
+from runtime.clock import ManualClock
 from runtime.errors import ConfigError, UserError
 from runtime.units import NS_PER_MS as MS
 from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, Bench, acks, command, everything
-from tests.support.gateway.whole import CommandedPort, StepClock, WholeGateway
+from tests.support.gateway.whole import CommandedPort, WholeGateway
 
 
 def rounds_until(pace: Pace, from_ms: int, to_ms: int) -> int:
@@ -74,20 +75,19 @@ class LatePort(CommandedPort):
 
     late_ns = 0
 
-    clock = StepClock()
+    clock = ManualClock()
     told_ns: int | None = None
 
     @property
     def is_busy(self) -> bool:
-        """Whether a stop is not answered; to ask takes a moment."""
+        """Whether a stop is not answered."""
         if self.told_ns is None:
-            self.told_ns = self.clock.time_ns
-        self.clock.time_ns += MS
+            self.told_ns = self.clock.now_ns()
         return bool(self.stops)
 
     def deliver(self) -> None:
         """Answer the stop when it is time."""
-        if self.told_ns is not None and self.clock.time_ns >= self.told_ns + self.late_ns:
+        if self.told_ns is not None and self.clock.now_ns() >= self.told_ns + self.late_ns:
             for done in self.stops:
                 done(self.accepted)
             self.stops.clear()
@@ -102,7 +102,7 @@ def test_end_waits_half_a_second_for_the_answer_to_a_stop(late_ns: int, count: i
     whole.send(command(185, 1))
     whole.run(0.04)
     assert port.stops
-    whole.gateway.finish()
+    whole.loop.run(whole.gateway.finish())
     whole.close()
     assert len(acks(whole.sent_to("a", "COMMAND_ACK"))) == count
 
@@ -181,8 +181,7 @@ class Station:
             if self.is_there and self._rounds % ROUNDS_PER_S == 0:
                 self.send(HEARTBEAT)
             self._rounds += 1
-            whole.clock.time_ns += ROUND_NS
-            whole.gateway.round(longest_s=0.0)
+            whole.advance(ROUND_NS)
             sent, whole.endpoint.sent = whole.endpoint.sent, []
             if self.is_there and self._answers:
                 self._answer(b"".join(frame for _, frame in sent))

@@ -279,7 +279,7 @@ def test_what_was_sent_while_the_process_was_stopped_is_dropped(whole: WholeGate
     whole.send(command(192, -1, 1, 0, 0, 10, 20), "a")
     whole.send(mavlink.MAVLink_manual_control_message(1, 0, 0, 900, 0, 0), "a")
     whole.send(STOP, "b", 254)
-    whole.clock.time_ns += STALL_NS
+    whole.clock.advance(STALL_NS)
     whole.run(0.04)
     assert (whole.port.performed, whole.port.driven) == ([], [])
     assert len(whole.port.stops) == 1
@@ -299,7 +299,7 @@ class SignedGateway(WholeGateway):
         ring = KeyRing(key=(SigningKey(secret=KEY.hex()),))
         now: list[Any] = [self]
         guard = SigningGuard(
-            lambda: DAY_NS + (now[0].clock.time_ns if hasattr(now[0], "clock") else 0),
+            lambda: DAY_NS + (now[0].clock.now_ns() if hasattr(now[0], "clock") else 0),
             ring,
             {"test": policy},
         )
@@ -311,7 +311,7 @@ class SignedGateway(WholeGateway):
 
     def signed(self, message: MavMessage, ahead_s: float = 0.0) -> bytes:
         """Return a frame as it is signed on a computer whose clock is ahead."""
-        now = 86_400 * PER_S + self.clock.time_ns // STAMP_NS + 1
+        now = 86_400 * PER_S + self.clock.now_ns() // STAMP_NS + 1
         self.signer.signing.timestamp = now + round(ahead_s * PER_S)
         frame: bytes = message.pack(self.signer)
         return frame
