@@ -27,7 +27,7 @@ help:
 	echo "make bench   measurements; ARGS=... is handed on"
 	echo "make evidence  measure the pages of docs/evidence again; ARGS=--list shows them with minutes"
 	echo "make hashes  the hashes of all packages that the images install"
-	echo "make generate  the modules that are made from protocol/dialect/sidestep.xml"
+	echo "make generate  the modules made from protocol/dialect/sidestep.xml and ground/commands"
 	echo "make docs    the documentation as a web site, in build/site"
 	echo "make generate-docs  the committed pages that are made from the code"
 	echo "make prose   suggestions for plainer English, never an error; ARGS=\"docs/how-to\" for a part"
@@ -180,7 +180,8 @@ hashes: setup
 	@exec "$(BIN)/python" -m checks.hashes
 
 generate: setup
-	@exec "$(BIN)/python" -m protocol.dialect.generate
+	@"$(BIN)/python" -m protocol.dialect.generate
+	"$(BIN)/python" -m checks.site.commands
 
 docs: setup
 	@exec "$(BIN)/python" -m checks.site

@@ -227,7 +227,8 @@ def complain(message: str) -> int:
 
 def overview() -> str:
     """Return the text of `sidestep --help`: groups and the verbs that belong to none."""
-    from runtime.cli.verb_table import GROUPS, MORE, VERBS
+    from runtime.cli.verb import GROUPS, MORE
+    from runtime.cli.verb_table import VERBS
 
     lines = ["Sidestep: a robot with eight sonars that finds its way around obstacles.", "", USAGE]
     section = ""

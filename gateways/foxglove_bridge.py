@@ -19,7 +19,7 @@ from typing import Any, Final, NamedTuple
 from urllib.parse import urlsplit
 
 from ground.client.link import Link
-from ground.grammar.words import add_common
+from ground.commands.command import add_common
 from ground.recording.log_reader import is_whole_frame
 from ground.recording.log_writer import MAX_KEY
 from ground.recording.mcap_file import ChannelMessage, ChannelSplitter

@@ -27,7 +27,8 @@ from ground.cli.run.up import connect, free_endpoint
 from ground.client.link import Link, open_link
 from ground.client.outcomes import Refused
 from ground.client.session import Session
-from ground.commands.stop import Arm, ClearEmergencyStop, StopNow
+from ground.commands.arm import Arm
+from ground.commands.stop import ClearEmergencyStop, StopNow
 from ground.launch.child_command import command
 from ground.launch.launcher import Stack
 from ground.launch.restart_policy import RestartPolicy

@@ -19,7 +19,8 @@ from protocol.outcome import OUTCOMES, REPLACED, Outcome
 from protocol.wire.reasons import REASON_TEXTS, Reason
 from robot.parameter_table import SPECS
 from runtime.cli.parsers import parser_of, program_parsers
-from runtime.cli.verb_table import MORE, REC, RUN, VERBS, Verb, command_of
+from runtime.cli.verb import MORE, REC, RUN, Verb
+from runtime.cli.verb_table import VERBS, command_of
 from study.runner.store import SCHEMA
 
 WIDTH: Final = 88

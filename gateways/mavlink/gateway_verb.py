@@ -34,7 +34,7 @@ from ground.cli.options import common_of
 from ground.client.connection import Common
 from ground.client.link import Link, open_link
 from ground.client.stop_ways import StopServer
-from ground.grammar.words import add_common
+from ground.commands.command import add_common
 from ground.missions.mission import Home
 from ground.recording.metadata import build
 from ground.text.output import Output

@@ -10,7 +10,9 @@ from typing import Any, Final, NamedTuple, Protocol
 
 from ground.client.outcomes import Outcome, Refused
 from ground.client.session import Operation
-from ground.commands.stop import Abort, Disarm, Hold
+from ground.commands.abort import Abort
+from ground.commands.disarm import Disarm
+from ground.commands.hold import Hold
 from protocol.wire.enums import LeaseAction, Vehicle
 from protocol.wire.messages import (
     CycleReport,

@@ -10,8 +10,9 @@ from ground.client.link import UnansweredError, open_link
 from ground.client.outcomes import Accepted, Outcome
 from ground.client.session import Operation, Session
 from ground.commands.all_robots import StopAll
+from ground.commands.command import OperatorCommand
 from ground.commands.lease import take
-from ground.commands.stop import PlainCommand, StopNow
+from ground.commands.stop import StopNow
 from ground.grammar.looking import WatchWords
 from ground.grammar.words import FromFile, Offline, Words
 from ground.reports.doctor import Diagnose
@@ -62,7 +63,7 @@ def run_offline(operation: Offline, words: Words, output: Output) -> int:
 
 def effect_of(operation: Operation[Outcome], outcome: Outcome) -> str:
     """Return what is so after an accepted command, such as `: motors armed`."""
-    if isinstance(operation, PlainCommand) and type(outcome) is Accepted and operation.effect:
+    if isinstance(operation, OperatorCommand) and type(outcome) is Accepted and operation.effect:
         return f": {operation.effect}"
     return ""
 

@@ -15,7 +15,7 @@ from ground.client.link import Link, open_link
 from ground.grammar.words import Words, words_of
 from ground.text.output import Output
 from runtime.cli import verb_table
-from runtime.cli.verb_table import Verb
+from runtime.cli.verb import Verb
 
 Run: TypeAlias = Callable[[Any, Output], int]
 """Runs a verb with its parsed arguments: its `Words`, or argparse's own object."""

@@ -8,7 +8,8 @@ from ground.client.connection import within
 from ground.client.goal import FARTHEST_M
 from ground.client.outcomes import Answer
 from ground.client.session import Session, patience_ns
-from ground.commands.stop import Parts, PlainCommand
+from ground.commands.command import command
+from ground.commands.plain import Parts, PlainCommand
 from protocol.topics import TRUTH
 from protocol.wire.enums import Command
 from runtime.errors import RemoteError
@@ -17,7 +18,7 @@ TRUTH_NS: Final = 1_000_000_000
 """Longest wait for the plant's truth."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@command(word="pose set", moves=True)
 class SetPose(PlainCommand):
     """Set the pose of the robot in the world (metres, degrees); refused while a goal is active.
 
@@ -25,7 +26,6 @@ class SetPose(PlainCommand):
     `anyway`: send a pose outside of the known world, too.
     """
 
-    verb = "pose set"
     x_m: float
     y_m: float
     heading_deg: float | None = None

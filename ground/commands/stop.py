@@ -1,9 +1,9 @@
-"""Operations that are one command to the robot, the emergency stop, and remarks in recordings."""
+"""`estop` and `clear-estop`: the emergency stop, and its release."""
 
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
-from typing import ClassVar, Final, NamedTuple
+from typing import ClassVar, Final
 
 from msgspec.structs import replace
 
@@ -11,16 +11,16 @@ from ground.client import stop_ways
 from ground.client.connection import Common
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.link import Link, UnansweredError
-from ground.client.outcomes import Answer, Marked, Refused, Stopped
+from ground.client.outcomes import Answer, Refused, Stopped
 from ground.client.requests import GaveUp
 from ground.client.session import STATUS_NS, Session, patience_ns
-from ground.commands.resuming import go_on
+from ground.commands.command import command
+from ground.commands.plain import Parts, PlainCommand
 from protocol.bus.certificate import holder
-from protocol.topics import MARK, STATUS, STOP, Role
-from protocol.wire.enums import Command, Mode, Navigator, Severity
-from protocol.wire.messages import CommandRequest, NavigatorStatus
+from protocol.topics import STATUS, STOP, Role
+from protocol.wire.enums import Command
+from protocol.wire.messages import NavigatorStatus
 from protocol.wire.reasons import Reason
-from protocol.wire.statustext import pieces_of
 from runtime.clock import WallClock
 from runtime.errors import KeysError
 from runtime.units import NS_PER_S
@@ -33,122 +33,8 @@ LEAST_NS: Final = NS_PER_S
 LONGEST_NS: Final = 60 * NS_PER_S
 """Limit of a stop without a session: to open one on a busy machine takes long."""
 
-MARK_PATIENCE_S: Final = 0.5
 
-
-class Parts(NamedTuple):
-    """A MAVLink command with the parameters that the robot reads."""
-
-    command: Command
-    param1: float = 0.0
-    param2: float = 0.0
-    param3: float = 0.0
-
-
-ONLY_STOPS: Final = (
-    Parts(Command.DO_PAUSE_CONTINUE, 0.0),
-    Parts(Command.SIDESTEP_ABORT_GOAL),
-    Parts(Command.COMPONENT_ARM_DISARM, 0.0),
-    Parts(Command.DO_SET_MODE, 1.0, float(Mode.HOLD)),
-)
-"""Commands that need no lease: a robot that stands is never the wrong answer."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlainCommand:
-    """One command; gives up after `timeout_s`; None: after the usual attempts.
-
-    `effect` is what is so when the robot has accepted it.
-    """
-
-    verb: ClassVar[str]
-    parts: ClassVar[Parts]
-    effect: ClassVar[str] = ""
-    timeout_s: float | None = None
-
-    @property
-    def moves(self) -> bool:
-        """False for a command that can only stop the robot."""
-        return self.wire() not in ONLY_STOPS
-
-    def perform(self, session: Session) -> Answer:
-        """Send the command and return the robot's answer."""
-        patience = patience_ns(self.timeout_s)
-        return session.with_holder(
-            session.link.ask(self.request(session.link), patience_ns=patience)
-        )
-
-    def request(self, link: Link) -> CommandRequest:
-        """Return the request, with an id of its own."""
-        return link.command(*self.wire())
-
-    def wire(self) -> Parts:
-        """Return the command and its parameters."""
-        return self.parts
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Hold(PlainCommand):
-    """Stop and keep the goal."""
-
-    verb = "hold"
-    effect = "holding, the goal is kept"
-    parts = Parts(Command.DO_PAUSE_CONTINUE, 0.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Resume(PlainCommand):
-    """Continue to the goal, also to one that a failsafe, an emergency stop or an abort ended."""
-
-    verb = "resume"
-    effect = "driving on"
-    parts = Parts(Command.DO_PAUSE_CONTINUE, 1.0)
-
-    def perform(self, session: Session) -> Answer:
-        """Continue a kept goal; else drive on to the one that the robot's status shows as lost."""
-        answer = super(Resume, self).perform(session)
-        if isinstance(answer, Refused) and answer.reason == Reason.NO_GOAL:
-            return go_on(session, answer)
-        return answer
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Abort(PlainCommand):
-    """Cancel the goal and stop."""
-
-    verb = "abort"
-    effect = "stopped, the goal is dropped"
-    parts = Parts(Command.SIDESTEP_ABORT_GOAL)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReturnHome(PlainCommand):
-    """Drive back along the robot's own trail."""
-
-    verb = "rtl"
-    effect = "driving back along the trail"
-    parts = Parts(Command.NAV_RETURN_TO_LAUNCH)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Arm(PlainCommand):
-    """Allow the wheels to turn."""
-
-    verb = "arm"
-    effect = "motors armed"
-    parts = Parts(Command.COMPONENT_ARM_DISARM, 1.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Disarm(PlainCommand):
-    """Block the wheels."""
-
-    verb = "disarm"
-    effect = "motors disarmed"
-    parts = Parts(Command.COMPONENT_ARM_DISARM, 0.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
+@command(word="clear-estop", moves=True)
 class ClearEmergencyStop(PlainCommand):
     """Release an emergency stop that is known, and no newer one of somebody else.
 
@@ -156,7 +42,6 @@ class ClearEmergencyStop(PlainCommand):
     own ones, which the status may not show yet. Without any it is that of the status of now.
     """
 
-    verb = "clear-estop"
     effect = "emergency stop cleared"
     parts = Parts(Command.SIDESTEP_CLEAR_EMERGENCY_STOP)
     stop_ids: tuple[int, ...] = ()
@@ -185,57 +70,6 @@ def stop_shown(link: Link) -> int:
     if newest is None:
         raise link.unanswered(GaveUp("no status names the emergency stop to clear"))
     return newest.stop_id
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Restart(PlainCommand):
-    """End the robot's process, so that its supervisor starts it again; refused while armed."""
-
-    verb = "restart"
-    effect = "the robot process restarts"
-    parts = Parts(Command.PREFLIGHT_REBOOT_SHUTDOWN, 1.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SetMode(PlainCommand):
-    """Choose the mode."""
-
-    verb = "mode"
-    effect = "mode set"
-    mode: Mode
-
-    def wire(self) -> Parts:
-        """Return the command with the mode as its second parameter."""
-        return Parts(Command.DO_SET_MODE, 1.0, float(self.mode))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SetNavigator(PlainCommand):
-    """Choose the navigator, and the side on which it passes obstacles.
-
-    `side` is 1 for left, -1 for right, 0 to leave it unchanged.
-    """
-
-    verb = "navigator"
-    effect = "navigator set"
-    navigator: Navigator
-    side: int = 0
-
-    def wire(self) -> Parts:
-        """Return the command with navigator and side as its parameters."""
-        return Parts(Command.SIDESTEP_SET_NAVIGATOR, float(self.navigator), float(self.side))
-
-
-COMMANDS: Final[tuple[type[PlainCommand], ...]] = (
-    Hold,
-    Resume,
-    Abort,
-    ReturnHome,
-    Arm,
-    Disarm,
-    ClearEmergencyStop,
-)
-"""Commands without arguments of their own."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -305,22 +139,3 @@ class StopNow:
             others = f"; {ways.others_why}" if ways.others_why else ""
             datagrams = f"a stop datagram was sent too: {ways.why or 'no answer'}"
             raise UnansweredError(f"{session.error}; {datagrams}{others}") from session.error
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mark:
-    """Publish a remark: recorders write it, and a replay stops there."""
-
-    verb: ClassVar[str] = "mark"
-    moves: ClassVar[bool] = True
-    remark: str
-
-    def perform(self, session: Session) -> Marked:
-        """Publish the remark if a recorder is subscribed to it."""
-        link = session.link
-        publisher = link.bus.publisher(MARK, link.robot)
-        has_recorder = not link.bus.await_matched([publisher], timeout_s=MARK_PATIENCE_S)
-        if has_recorder:
-            for piece in pieces_of(self.remark, link.ids.next() & 0xFFFF or 1, Severity.NOTICE):
-                publisher.put(piece)
-        return Marked(self.remark, has_recorder)

@@ -25,7 +25,7 @@ from ground.console.parser import (
 from ground.map.scene import LAYERS
 from ground.text.theme_names import THEMES
 from runtime.cli.completion import files, options_of, place_in, positionals_of
-from runtime.cli.verb_table import GROUPS
+from runtime.cli.verb import GROUPS
 from runtime.errors import UserError
 
 MAX_LINES: Final = 200

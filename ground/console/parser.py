@@ -22,7 +22,8 @@ from ground.grammar.words import words_of as words_class
 from ground.reports.export import Export
 from protocol.options import numbers_kept
 from runtime.cli.parsers import subcommands_of
-from runtime.cli.verb_table import GROUPS, VERBS, command_of
+from runtime.cli.verb import GROUPS
+from runtime.cli.verb_table import VERBS, command_of
 from runtime.errors import UserError
 
 MAX_LENGTH: Final = 1000

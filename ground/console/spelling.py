@@ -5,12 +5,11 @@ from math import degrees
 from ground.client.goal import Destination
 from ground.client.outcomes import Outcome
 from ground.client.session import Operation
-from ground.client.vocabulary import SIDES
 from ground.commands.all_robots import ClearAll, StopAll
+from ground.commands.command import OperatorCommand
 from ground.commands.fence import SetFence
 from ground.commands.goto import Goto
 from ground.commands.param import SetParameter
-from ground.commands.stop import SetMode, SetNavigator
 from ground.console.app_commands import AppCommand, SetTheme, Undo
 from ground.missions.draft import AddWaypoint, ClearDraft, RemoveWaypoint
 from ground.missions.mission import Circle
@@ -27,11 +26,8 @@ def line_of(operation: Operation[Outcome] | AppCommand) -> str:
             return f"goal {numbers(goal.x_m, goal.y_m, *heading)}"
         case StopAll() | ClearAll():
             return f"{operation.verb} --all"
-        case SetMode(mode=mode):
-            return f"mode {mode.name.lower()}"
-        case SetNavigator(navigator=navigator, side=side):
-            sides = [name for name, number in SIDES.items() if number == side]
-            return " ".join(["navigator", navigator.name.lower(), *sides])
+        case OperatorCommand():
+            return operation.line
         case SetParameter(name=name, value=value):
             return f"set {name} {value!r}"
         case AddWaypoint(waypoint):

@@ -1,107 +1,18 @@
-"""Arguments of the verbs that are one command, and of the emergency stop, lease and mark."""
+"""Arguments of the emergency stop and of the lease."""
 
 import argparse
-from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Final
 
-from ground.client.outcomes import Outcome
-from ground.client.session import Operation
-from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.commands.all_robots import ClearAll, StopAll
+from ground.commands.command import add_common, add_seize, seconds
 from ground.commands.lease import IDLE_S, ChangeLease, ShowLease
-from ground.commands.stop import (
-    COMMANDS,
-    STOP_S,
-    Mark,
-    PlainCommand,
-    SetMode,
-    SetNavigator,
-    StopNow,
-)
-from ground.grammar.words import Words, add_common, add_seize, seconds
-from protocol.wire.enums import LeaseAction, Mode
+from ground.commands.stop import STOP_S, ClearEmergencyStop, StopNow
+from ground.grammar.words import Words
+from protocol.wire.enums import LeaseAction
 from runtime.errors import UserError
 
-PLAIN: Final[Mapping[str, type[PlainCommand]]] = MappingProxyType(
-    {command.verb: command for command in COMMANDS}
-)
 LEASE_ACTIONS: Final = ("take", "release", "seize", "show")
 ALL: Final = "all"
-
-
-class CommandWords(Words):
-    """The arguments of a command without arguments of its own."""
-
-    timeout: float | None
-
-    @classmethod
-    def declare(cls, parser: argparse.ArgumentParser) -> None:
-        """Declare the arguments."""
-        add_common(parser)
-        parser.add_argument(
-            "--timeout",
-            type=seconds,
-            metavar="S",
-            help="give up after this time, in three attempts (default 1.5)",
-        )
-
-    def operation(self) -> Operation[Outcome]:
-        """Return the operation for the parsed arguments."""
-        return PLAIN[self.verb](timeout_s=self.timeout)
-
-
-class LeasedCommandWords(CommandWords):
-    """The arguments of a command that only the operator of the robot may give."""
-
-    @classmethod
-    def declare(cls, parser: argparse.ArgumentParser) -> None:
-        """Declare the arguments."""
-        super().declare(parser)
-        add_seize(parser)
-
-
-class ModeWords(LeasedCommandWords):
-    """The arguments of `mode`."""
-
-    mode: str
-
-    @classmethod
-    def declare(cls, parser: argparse.ArgumentParser) -> None:
-        """Declare the arguments."""
-        names = [mode.name.lower() for mode in Mode]
-        parser.add_argument("mode", type=str.lower, choices=names, help=", ".join(names))
-        super().declare(parser)
-
-    def operation(self) -> SetMode:
-        """Return the operation for the parsed arguments."""
-        return SetMode(mode=Mode[self.mode.upper()], timeout_s=self.timeout)
-
-
-class NavigatorWords(LeasedCommandWords):
-    """The arguments of `navigator`."""
-
-    navigator: str
-    side: str | None
-
-    @classmethod
-    def declare(cls, parser: argparse.ArgumentParser) -> None:
-        """Declare the arguments."""
-        parser.add_argument("navigator", type=str.lower, choices=list(NAVIGATORS))
-        parser.add_argument(
-            "side",
-            nargs="?",
-            type=str.lower,
-            choices=list(SIDES),
-            help="side on which obstacles are passed",
-        )
-        super().declare(parser)
-
-    def operation(self) -> SetNavigator:
-        """Return the operation for the parsed arguments."""
-        side = 0 if self.side is None else SIDES[self.side]
-        navigator = NAVIGATORS[self.navigator]
-        return SetNavigator(navigator=navigator, side=side, timeout_s=self.timeout)
 
 
 class AllWords(Words):
@@ -126,20 +37,25 @@ def add_all(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--all", action="store_true", help=help)
 
 
-class ClearWords(LeasedCommandWords, AllWords):
+class ClearWords(AllWords):
     """The arguments of `clear-estop`."""
+
+    timeout: float | None
 
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
         """Declare the arguments."""
         add_all(parser)
-        super().declare(parser)
+        add_common(parser)
+        help = "give up after this time, in three attempts (default 1.5)"
+        parser.add_argument("--timeout", type=seconds, metavar="S", help=help)
+        add_seize(parser)
 
-    def operation(self) -> Operation[Outcome]:
+    def operation(self) -> ClearAll | ClearEmergencyStop:
         """Return the operation for the parsed arguments."""
         if self.is_for_all:
             return ClearAll(timeout_s=self.timeout)
-        return super().operation()
+        return ClearEmergencyStop(timeout_s=self.timeout)
 
 
 class StopWords(AllWords):
@@ -189,19 +105,3 @@ class LeaseWords(Words):
             return ShowLease()
         action = LeaseAction[self.action.upper()]
         return ChangeLease(action=action, name=self.name, for_s=self.hold)
-
-
-class MarkWords(Words):
-    """The arguments of `mark`."""
-
-    text: list[str]
-
-    @classmethod
-    def declare(cls, parser: argparse.ArgumentParser) -> None:
-        """Declare the arguments."""
-        parser.add_argument("text", nargs="+", metavar="TEXT", help="the remark")
-        add_common(parser)
-
-    def operation(self) -> Mark:
-        """Return the operation for the parsed arguments."""
-        return Mark(remark=" ".join(self.text))

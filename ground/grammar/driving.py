@@ -10,9 +10,10 @@ from ground.client.goal import (
     Destination,
     destination,
 )
+from ground.commands.command import add_anyway, add_common, add_seize, positive, seconds
 from ground.commands.goto import Goto
 from ground.commands.teleop import DriveByHand
-from ground.grammar.words import Words, add_anyway, add_common, add_seize, positive, seconds
+from ground.grammar.words import Words
 from protocol.options import finite
 from runtime.errors import UserError
 

@@ -9,9 +9,10 @@ from ground.blocking import perform
 from ground.client.connection import within
 from ground.client.outcomes import Outcome
 from ground.client.session import Operation, Session
+from ground.commands.command import add_common, add_seize, positive
 from ground.commands.fence import ClearFence, SetFence, ShowFence
 from ground.commands.mission import TransferOutcome
-from ground.grammar.words import Words, add_common, add_seize, positive
+from ground.grammar.words import Words
 from ground.missions.files import ENDINGS, read_fence
 from ground.missions.mission import FARTHEST_M, Circle, Polygon, fault_of
 from protocol.options import finite

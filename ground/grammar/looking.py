@@ -4,7 +4,8 @@ import argparse
 from typing import Final
 
 from ground.client.connection import LONGEST_S
-from ground.grammar.words import Words, add_common, seconds
+from ground.commands.command import add_common, seconds
+from ground.grammar.words import Words
 from ground.reports.doctor import LISTEN_S, Diagnose
 from ground.reports.snapshot import LookOnce
 from protocol.options import up_to

@@ -10,6 +10,9 @@ from typing import ClassVar, Final
 from ground.blocking import perform
 from ground.client.outcomes import Outcome, Progress, Success
 from ground.client.session import Operation, Session
+from ground.commands.abort import Abort
+from ground.commands.command import add_anyway, add_common, add_json, add_seize
+from ground.commands.hold import Hold
 from ground.commands.mission import (
     ClearMission,
     DownloadMission,
@@ -20,8 +23,8 @@ from ground.commands.mission import (
     TransferOutcome,
     UploadMission,
 )
-from ground.commands.stop import Abort, Hold, Resume
-from ground.grammar.words import Words, add_anyway, add_common, add_json, add_seize
+from ground.commands.resume import Resume
+from ground.grammar.words import Words
 from ground.missions import files
 from ground.missions.mission import Home
 from ground.missions.qgroundcontrol import Foreign, home_at

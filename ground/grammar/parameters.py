@@ -7,6 +7,7 @@ from pathlib import Path
 from ground.client.outcomes import Outcome
 from ground.client.session import Operation
 from ground.client.vocabulary import value_in_words
+from ground.commands.command import add_common, add_seize
 from ground.commands.param import (
     LoadParameters,
     ResetParameter,
@@ -14,7 +15,7 @@ from ground.commands.param import (
     SetParameter,
     ShowParameters,
 )
-from ground.grammar.words import Words, add_common, add_seize
+from ground.grammar.words import Words
 from runtime.cli.parsers import add_subcommands
 
 

@@ -4,8 +4,9 @@ import argparse
 
 from ground.client.outcomes import Outcome
 from ground.client.session import Operation
+from ground.commands.command import add_anyway, add_common, add_seize, seconds
 from ground.commands.pose import SetPose, SetTruePose
-from ground.grammar.words import Words, add_anyway, add_common, add_seize, seconds
+from ground.grammar.words import Words
 from protocol.options import finite
 from runtime.cli.parsers import add_subcommands
 

@@ -4,8 +4,9 @@ import argparse
 
 from ground.client.outcomes import Outcome
 from ground.client.session import Operation
+from ground.commands.command import add_common, add_json
 from ground.grammar.looking import moment
-from ground.grammar.words import Words, add_common, add_json
+from ground.grammar.words import Words
 from ground.recording.catalogue import FILE_HELP, recording_named, recordings_in, remark_on
 from ground.reports.explain import ExplainNow, ExplainRecording
 from ground.reports.export import Export

@@ -1,17 +1,15 @@
 """The parsed arguments of a verb: a typed object that argparse fills, and its operation."""
 
 import argparse
+from dataclasses import dataclass
 from importlib import import_module
-from typing import Final, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
-from ground.client.connection import LONGEST_S
 from ground.client.outcomes import Outcome, Progress
 from ground.client.session import Operation
-from protocol.options import CONFIG_HELP, DEFAULT_ENDPOINT, above_zero
-from runtime.cli.verb_table import VERBS, Verb
-
-positive: Final = above_zero()
-seconds: Final = above_zero(LONGEST_S)
+from ground.commands.command import Group, OperatorCommand
+from runtime.cli.verb import Verb
+from runtime.cli.verb_table import VERBS
 
 
 class Words:
@@ -55,10 +53,38 @@ class Words:
         return f"{self.verb} {self.action}" if hasattr(self, "action") else self.verb
 
 
-def words_of(verb: Verb) -> type[Words]:
+class CommandWords(Words):
+    """The arguments of a command, or of a group of commands."""
+
+    def __init__(self, verb: str, kind: type[OperatorCommand] | Group) -> None:
+        super().__init__(verb)
+        self._kind = kind
+
+    def operation(self) -> Any:
+        """Return the command for the parsed arguments."""
+        return self._kind.parsed(self)
+
+
+@dataclass(frozen=True)
+class CommandParser:
+    """What `words_of` returns for a command, in place of a class."""
+
+    kind: type[OperatorCommand] | Group
+
+    def __call__(self, verb: str) -> CommandWords:
+        """Return the object that argparse fills."""
+        return CommandWords(verb, self.kind)
+
+    def declare(self, parser: argparse.ArgumentParser) -> None:
+        """Declare the arguments of the verb on its parser."""
+        self.kind.declare(parser)
+
+
+def words_of(verb: Verb) -> type[Words] | CommandParser:
     """Import the class for the arguments of a verb."""
-    found: type[Words] = getattr(import_module(verb.module), verb.words)
-    return found
+    found = getattr(import_module(verb.module), verb.words)
+    is_words = isinstance(found, type) and issubclass(found, Words)
+    return found if is_words else CommandParser(found)
 
 
 def common_verbs() -> dict[str, Verb]:
@@ -80,36 +106,3 @@ class FromFile(Protocol):
 
     def read(self) -> Operation[Outcome]:
         """Read the file; UserError if its values are invalid."""
-
-
-def add_common(parser: argparse.ArgumentParser, *, listens: bool = False) -> None:
-    """Declare `--listen`, or what names a system and its robot; `--config` and `--json`."""
-    if listens:
-        parser.add_argument("--listen", metavar="ENDPOINT", help=f"(default {DEFAULT_ENDPOINT})")
-    else:
-        text = f"where it listens (default that of `up`, if one runs here, else {DEFAULT_ENDPOINT})"
-        parser.add_argument("--connect", metavar="ENDPOINT", help=text)
-        text = "a running `up`, by its name in `sidestep ps`"
-        parser.add_argument("--run", metavar="NAME", help=text)
-        text = "a system by its name in the settings, see `sidestep config context`"
-        parser.add_argument("--context", metavar="NAME", help=text)
-        parser.add_argument("--id", metavar="NAME", help="name of the robot (default r1)")
-    parser.add_argument("--config", metavar="FILE", help=CONFIG_HELP)
-    add_json(parser)
-
-
-def add_seize(parser: argparse.ArgumentParser) -> None:
-    """Declare `--seize`, for what only the operator of the robot may do."""
-    help = "take the lease from another operator first"
-    parser.add_argument("--seize", action="store_true", help=help)
-
-
-def add_anyway(parser: argparse.ArgumentParser, what: str) -> None:
-    """Declare `--anyway`."""
-    help = f"send {what} outside of the known world or in an obstacle, too"
-    parser.add_argument("--anyway", action="store_true", help=help)
-
-
-def add_json(parser: argparse.ArgumentParser) -> None:
-    """Declare `--json`."""
-    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")

@@ -15,7 +15,8 @@ from typing import Final, NamedTuple
 
 from runtime.cli.parsers import new_parser, parser_of, program_parsers, subcommands_of
 from runtime.cli.terminal import TAB, steer
-from runtime.cli.verb_table import GROUPS, VERBS, command_of, find
+from runtime.cli.verb import GROUPS
+from runtime.cli.verb_table import VERBS, command_of, find
 
 BASH: Final = """\
 # In ~/.bashrc: source <(sidestep completion bash)

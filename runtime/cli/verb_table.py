@@ -8,18 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-
-class Subcommand(NamedTuple):
-    """A subcommand of a verb.
-
-    `example` is a command line without `sidestep`. `module` is given if the subcommand is a program
-    with a `parser` of its own.
-    """
-
-    summary: str
-    example: str
-    module: str = ""
-
+from runtime.cli.command_index import COMMANDS as LISTED
+from runtime.cli.verb import DRIVE, GROUPS, LOOK, MORE, REC, RUN, SECTIONS, TEST, Subcommand, Verb
 
 MISSION: Final[Mapping[str, Subcommand]] = MappingProxyType(
     {
@@ -136,19 +126,6 @@ STUDY: Final[Mapping[str, Subcommand]] = MappingProxyType(
 )
 
 
-DRIVE: Final = "start and drive"
-LOOK: Final = "look"
-TEST: Final = "test"
-RUN: Final = "run"
-REC: Final = "rec"
-MORE: Final = "groups"
-GROUPS: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        RUN: "one: plant, robot, router, gateway, container, health, bridge",
-        REC: "recordings: start, list, mark, export, plot, reexecute",
-    }
-)
-"""Verbs of these sections are below their group, as in `sidestep rec plot`."""
 COMMANDS: Final = "ground.grammar.commands"
 DRIVING: Final = "ground.grammar.driving"
 LOOKING: Final = "ground.grammar.looking"
@@ -157,44 +134,7 @@ RECORDINGS: Final = (".tlog", ".mcap")
 MISSIONS: Final = (".toml", ".plan", ".waypoints")
 
 
-class Verb(NamedTuple):
-    """A verb, with the names of its module and of the functions in it.
-
-    `section` is a heading of the help, or the group that the verb belongs to. `example` is a
-    command line without `sidestep`. `words` is the class that parses a typed operation, for the
-    shell and for the app's command line. Other verbs of an operator parse `arguments` and then
-    either run by themselves (`run`) or act over a link to a robot (`act`). A verb with none of
-    these is a program with a `main` and a `parser`. `name` is the word in the group, if it is not
-    the key of the table; `suffixes` are those of its argument `file`, and `subcommands` the words
-    that follow the verb, as in `mission upload`; `hosts` are modules that register where a program
-    can run, by the option that needs them.
-    """
-
-    section: str
-    summary: str
-    example: str
-    module: str
-    act: str = ""
-    run: str = ""
-    arguments: str = "arguments"
-    words: str = ""
-    name: str = ""
-    suffixes: tuple[str, ...] = ()
-    subcommands: Mapping[str, Subcommand] = MappingProxyType({})
-    hosts: Mapping[str, str] = MappingProxyType({})
-
-    @property
-    def is_program(self) -> bool:
-        """True for a verb whose module has its own `main`."""
-        return not (self.act or self.run or self.words)
-
-    @property
-    def is_grouped(self) -> bool:
-        """True for a verb below a group."""
-        return self.section in GROUPS
-
-
-VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
+PROGRAMS: Final[Mapping[str, Verb]] = MappingProxyType(
     {
         "up": Verb(
             DRIVE,
@@ -202,6 +142,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "up --world box --navigator bug",
             "ground.cli.run.up",
             run="run",
+            rank=10,
         ),
         "tutorial": Verb(
             DRIVE,
@@ -209,6 +150,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "tutorial",
             "ground.cli.run.tutorial",
             run="run",
+            rank=20,
         ),
         "ground": Verb(
             DRIVE,
@@ -218,6 +160,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             act="act_ground",
             run="run_ground",
             arguments="ground_arguments",
+            rank=30,
         ),
         "goto": Verb(
             DRIVE,
@@ -225,30 +168,23 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "goto 5.4 2 90 --timeout 60",
             DRIVING,
             words="GotoWords",
+            rank=40,
         ),
-        "hold": Verb(DRIVE, "stop and keep the goal", "hold", COMMANDS, words="CommandWords"),
-        "resume": Verb(
-            DRIVE, "continue to the goal", "resume", COMMANDS, words="LeasedCommandWords"
-        ),
-        "abort": Verb(
-            DRIVE, "stop and drop the goal", "abort --id r2", COMMANDS, words="CommandWords"
-        ),
-        "rtl": Verb(
+        "estop": Verb(
             DRIVE,
-            "drive back along the robot's own trail",
-            "rtl",
+            "emergency stop, latched",
+            "estop --all",
             COMMANDS,
-            words="LeasedCommandWords",
+            words="StopWords",
+            rank=110,
         ),
-        "arm": Verb(DRIVE, "arm the motors", "arm", COMMANDS, words="LeasedCommandWords"),
-        "disarm": Verb(DRIVE, "disarm the motors", "disarm", COMMANDS, words="CommandWords"),
-        "estop": Verb(DRIVE, "emergency stop, latched", "estop --all", COMMANDS, words="StopWords"),
         "clear-estop": Verb(
-            DRIVE, "release the emergency stop", "clear-estop --all", COMMANDS, words="ClearWords"
-        ),
-        "mode": Verb(DRIVE, "choose the mode", "mode auto", COMMANDS, words="ModeWords"),
-        "navigator": Verb(
-            DRIVE, "choose the navigator", "navigator bug left", COMMANDS, words="NavigatorWords"
+            DRIVE,
+            "release the emergency stop",
+            "clear-estop --all",
+            COMMANDS,
+            words="ClearWords",
+            rank=120,
         ),
         "teleop": Verb(
             DRIVE,
@@ -256,9 +192,15 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "teleop 0.2 15 --for 3",
             DRIVING,
             words="TeleopWords",
+            rank=150,
         ),
         "watch": Verb(
-            LOOK, "print telemetry and texts as lines", "watch --once", LOOKING, words="WatchWords"
+            LOOK,
+            "print telemetry and texts as lines",
+            "watch --once",
+            LOOKING,
+            words="WatchWords",
+            rank=10,
         ),
         "ps": Verb(
             LOOK,
@@ -266,6 +208,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "ps --json",
             "ground.cli.observe.ps",
             run="run",
+            rank=20,
         ),
         "doctor": Verb(
             LOOK,
@@ -273,6 +216,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "doctor --timeout 5",
             LOOKING,
             words="DoctorWords",
+            rank=30,
         ),
         "explain": Verb(
             LOOK,
@@ -281,6 +225,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             OF_RECORDINGS,
             words="ExplainWords",
             suffixes=RECORDINGS,
+            rank=40,
         ),
         "ghost": Verb(
             LOOK,
@@ -290,6 +235,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             act="act",
             run="run",
             suffixes=RECORDINGS,
+            rank=50,
         ),
         "replay": Verb(
             LOOK,
@@ -298,6 +244,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "ground.cli.observe.replay",
             run="run",
             suffixes=RECORDINGS,
+            rank=60,
         ),
         "share": Verb(
             LOOK,
@@ -306,6 +253,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             OF_RECORDINGS,
             words="ShareWords",
             suffixes=RECORDINGS,
+            rank=70,
         ),
         "trial": Verb(
             TEST,
@@ -395,6 +343,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "ground.cli.observe.record",
             name="start",
             run="run",
+            rank=10,
         ),
         "recordings": Verb(
             REC,
@@ -403,13 +352,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             OF_RECORDINGS,
             words="ListWords",
             name="list",
-        ),
-        "mark": Verb(
-            REC,
-            "add a remark to the recording",
-            "rec mark the door is closed now",
-            COMMANDS,
-            words="MarkWords",
+            rank=20,
         ),
         "export": Verb(
             REC,
@@ -418,6 +361,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             OF_RECORDINGS,
             words="ExportWords",
             suffixes=RECORDINGS,
+            rank=40,
         ),
         "plot": Verb(
             REC,
@@ -426,6 +370,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             OF_RECORDINGS,
             words="PlotWords",
             suffixes=RECORDINGS,
+            rank=50,
         ),
         "reexecute": Verb(
             REC,
@@ -433,6 +378,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "rec reexecute drive.mcap --navigator bug",
             "study.cli.reexecute",
             suffixes=RECORDINGS,
+            rank=60,
         ),
         "param": Verb(
             MORE,
@@ -441,6 +387,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "ground.grammar.parameters",
             words="ParameterWords",
             subcommands=PARAM,
+            rank=10,
         ),
         "mission": Verb(
             MORE,
@@ -450,6 +397,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             words="MissionWords",
             suffixes=MISSIONS,
             subcommands=MISSION,
+            rank=20,
         ),
         "fence": Verb(
             MORE,
@@ -458,6 +406,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "ground.grammar.fences",
             words="FenceWords",
             subcommands=FENCE,
+            rank=30,
         ),
         "pose": Verb(
             MORE,
@@ -466,6 +415,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "ground.grammar.places",
             words="PoseWords",
             subcommands=POSE,
+            rank=40,
         ),
         "lease": Verb(
             MORE,
@@ -473,6 +423,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "lease take --for 60",
             COMMANDS,
             words="LeaseWords",
+            rank=50,
         ),
         "keys": Verb(
             MORE,
@@ -481,6 +432,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "ground.cli.run.certificates",
             run="run",
             subcommands=KEYS,
+            rank=60,
         ),
         "mavlink": Verb(
             MORE,
@@ -489,6 +441,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "ground.cli.observe.mavlink",
             run="run",
             subcommands=MAVLINK,
+            rank=70,
         ),
         "worlds": Verb(
             MORE,
@@ -496,6 +449,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "worlds show u_trap",
             "plant.cli",
             subcommands=WORLDS,
+            rank=80,
         ),
         "config": Verb(
             MORE,
@@ -504,14 +458,24 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "ground.cli.run.settings",
             run="run",
             subcommands=CONFIG,
+            rank=90,
         ),
         "completion": Verb(
             MORE,
             "print the completion script of bash, zsh or fish",
             "completion bash",
             "runtime.cli.completion",
+            rank=100,
         ),
     }
+)
+VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
+    dict(
+        sorted(
+            {**PROGRAMS, **LISTED}.items(),
+            key=lambda row: (SECTIONS.index(row[1].section), row[1].rank),
+        )
+    )
 )
 """The verbs by their short word, in the order of `sidestep --help`.
 

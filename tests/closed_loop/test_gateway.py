@@ -24,10 +24,10 @@ from ground.client.goal import Destination
 from ground.client.link import ALIVE, Link
 from ground.client.outcomes import Outcome
 from ground.client.session import Operation, Session
+from ground.commands.arm import Arm
 from ground.commands.goto import Goto
 from ground.commands.lease import ChangeLease
 from ground.commands.mission import StartMission, UploadMission
-from ground.commands.stop import Arm
 from ground.missions import qgroundcontrol
 from ground.missions.mission import Waypoint
 from protocol.bus.bus import open_bus

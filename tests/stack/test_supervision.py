@@ -25,9 +25,10 @@ from ground.client.goal import destination
 from ground.client.link import open_link
 from ground.client.outcomes import Refused
 from ground.client.session import Session
+from ground.commands.arm import Arm
 from ground.commands.goto import Goto
 from ground.commands.pose import SetTruePose
-from ground.commands.stop import Arm, ClearEmergencyStop, StopNow
+from ground.commands.stop import ClearEmergencyStop, StopNow
 from ground.launch import child_command
 from ground.launch.child_command import command
 from ground.launch.child_processes import ChildExitError

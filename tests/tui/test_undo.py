@@ -16,13 +16,13 @@ from ground.client.parameter import Parameter
 from ground.client.session import Session
 from ground.commands import param
 from ground.commands.fence import ClearFence, FenceShown, SetFence
+from ground.commands.hold import Hold
 from ground.commands.param import (
     ParameterChanged,
     ParametersLoaded,
     ResetParameter,
     SetParameter,
 )
-from ground.commands.stop import Hold
 from ground.console.app_commands import CopyText
 from ground.console.history import History
 from ground.missions.draft import EMPTY

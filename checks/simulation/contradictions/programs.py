@@ -40,19 +40,16 @@ from ground.client.link import Link, open_link
 from ground.client.outcomes import Outcome, Refused
 from ground.client.session import Operation, Session
 from ground.client.vocabulary import HINTS
+from ground.commands.abort import Abort
+from ground.commands.arm import Arm
+from ground.commands.disarm import Disarm
 from ground.commands.goto import Goto
+from ground.commands.hold import Hold
 from ground.commands.lease import ChangeLease, ShowLease
 from ground.commands.mission import StartMission, UploadMission
-from ground.commands.stop import (
-    Abort,
-    Arm,
-    ClearEmergencyStop,
-    Disarm,
-    Hold,
-    Resume,
-    SetMode,
-    StopNow,
-)
+from ground.commands.mode import SetMode
+from ground.commands.resume import Resume
+from ground.commands.stop import ClearEmergencyStop, StopNow
 from ground.commands.teleop import DriveByHand
 from ground.launch.fleet_run import FleetRun, goal_runs_of
 from ground.launch.scenario import Scenario, ScenarioRobot

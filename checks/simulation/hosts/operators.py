@@ -20,8 +20,14 @@ from ground.client.link import Link
 from ground.client.outcomes import Answer, Refused
 from ground.client.requests import BEAT_NS, is_saving
 from ground.client.teleop_sender import TeleopSender
+from ground.commands.abort import Abort
+from ground.commands.arm import Arm
+from ground.commands.disarm import Disarm
+from ground.commands.hold import Hold
 from ground.commands.lease import ask_lease
-from ground.commands.stop import COMMANDS
+from ground.commands.resume import Resume
+from ground.commands.rtl import ReturnHome
+from ground.commands.stop import ClearEmergencyStop
 from ground.missions.mission import Circle, Polygon, Waypoint
 from ground.missions.transfer import Clear, Upload, Verdict, fence_items_of, items_of
 from ground.station.robot.background_requests import JobResult
@@ -37,7 +43,10 @@ from runtime.units import NS_PER_MS, NS_PER_S
 
 DIALS: Final = Network(mode="client", connect=("tcp/127.0.0.1:7447",))
 STEER_NS: Final = 50 * NS_PER_MS
-ORDERS: Final = {command.verb: command for command in COMMANDS}
+ORDERS: Final = {
+    order.facts.word: order
+    for order in (Hold, Resume, Abort, ReturnHome, Arm, Disarm, ClearEmergencyStop)
+}
 
 
 @dataclass(slots=True)

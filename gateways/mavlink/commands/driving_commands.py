@@ -34,7 +34,7 @@ from gateways.mavlink.motion.setpoints import (
 from gateways.mavlink.robot_port import OVERTAKEN, Answered
 from ground.client.goal import Destination
 from ground.commands.param import ResetParameter, SetParameter
-from ground.commands.stop import Resume
+from ground.commands.resume import Resume
 from protocol.wire.enums import Mode
 
 UNCHANGED: Final = -1

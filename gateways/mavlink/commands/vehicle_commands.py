@@ -38,7 +38,10 @@ from gateways.mavlink.robot_port import NO_TELEMETRY, Answered, Done, arming_fau
 from gateways.mavlink.signing import SigningGuard
 from gateways.mavlink.telemetry_messages import altitude_mm, gps_origin, home_position
 from ground.client.goal import Destination
-from ground.commands.stop import Arm, ClearEmergencyStop, Disarm, Restart
+from ground.commands.arm import Arm
+from ground.commands.disarm import Disarm
+from ground.commands.restart import Restart
+from ground.commands.stop import ClearEmergencyStop
 from ground.user.mavlink_keys import NO_KEY
 from protocol.wire.enums import Severity
 from protocol.wire.enums import Vehicle as VehicleState

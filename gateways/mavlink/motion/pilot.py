@@ -13,9 +13,12 @@ from ground.client.goal import Destination
 from ground.client.outcomes import Accepted, Answer, Outcome, Refused
 from ground.client.requests import ATTEMPTS, GaveUp
 from ground.client.session import Operation, Session
+from ground.commands.abort import Abort
 from ground.commands.goto import Goto
+from ground.commands.hold import Hold
 from ground.commands.mission import StartMission
-from ground.commands.stop import Abort, Hold, ReturnHome, SetMode
+from ground.commands.mode import SetMode
+from ground.commands.rtl import ReturnHome
 from protocol.wire.enums import MissionState, Mode
 from protocol.wire.enums import Vehicle as VehicleState
 from protocol.wire.reasons import Reason

@@ -26,18 +26,16 @@ from ground.client.vocabulary import (
     SIDES,
     USUAL_NAVIGATOR,
 )
+from ground.commands.abort import Abort
+from ground.commands.arm import Arm
+from ground.commands.disarm import Disarm
+from ground.commands.hold import Hold
 from ground.commands.mission import FetchMission, StartMission
-from ground.commands.stop import (
-    Abort,
-    Arm,
-    ClearEmergencyStop,
-    Disarm,
-    Hold,
-    Resume,
-    ReturnHome,
-    SetMode,
-    SetNavigator,
-)
+from ground.commands.mode import SetMode
+from ground.commands.navigator import SetNavigator
+from ground.commands.resume import Resume
+from ground.commands.rtl import ReturnHome
+from ground.commands.stop import ClearEmergencyStop
 from ground.console.app_commands import Undo
 from ground.station.station import Station
 from ground.text.status_parts import GOAL_MODES

@@ -18,7 +18,8 @@ from ground.client.teleop_sender import TeleopSender
 from ground.client.vocabulary import HINTS
 from ground.commands.all_robots import ClearAll, StopAll
 from ground.commands.lease import ChangeLease
-from ground.commands.stop import ClearEmergencyStop, SetMode, StopNow
+from ground.commands.mode import SetMode
+from ground.commands.stop import ClearEmergencyStop, StopNow
 from ground.console.app_commands import AppCommand, Undo
 from ground.console.argument_errors import shown
 from ground.console.completion import Assistance, Candidate, assist

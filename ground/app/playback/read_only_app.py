@@ -9,8 +9,11 @@ from ground.app.panels.status import SessionInfo
 from ground.app.playback.player import Player
 from ground.client.outcomes import Outcome
 from ground.client.session import Operation
+from ground.commands.abort import Abort
 from ground.commands.all_robots import StopAll
-from ground.commands.stop import Abort, Disarm, Hold, StopNow
+from ground.commands.disarm import Disarm
+from ground.commands.hold import Hold
+from ground.commands.stop import StopNow
 from ground.console.app_commands import AppCommand, Undo
 from ground.map.scene import MapTarget
 from ground.station.station import Station

@@ -7,6 +7,7 @@ from ground.cli.options import common_of
 from ground.client.goal import Destination, destination
 from ground.client.link import Link, open_link
 from ground.client.vocabulary import NAVIGATORS, SIDES
+from ground.commands.command import add_common, seconds
 from ground.ghost.branch_point import (
     FAILED,
     BranchPoint,
@@ -19,7 +20,6 @@ from ground.ghost.branch_point import (
 )
 from ground.ghost.ghost import Ghost, Ghosts
 from ground.grammar.looking import moment
-from ground.grammar.words import add_common, seconds
 from ground.recording.catalogue import recording_named
 from ground.recording.log_reader import LogIndex, open_log
 from ground.reports.explain import instant_ns

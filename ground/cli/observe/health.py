@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from ground.cli.options import common_of
 from ground.client.link import Link, UnansweredError, open_link
-from ground.grammar.words import add_common
+from ground.commands.command import add_common
 from ground.text.output import Output
 from ground.web import Address, address_of
 from protocol.bus.network import Hub

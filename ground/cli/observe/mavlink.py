@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from ground.grammar.words import add_json
+from ground.commands.command import add_json
 from ground.text.output import Output
 from runtime.cli.parsers import add_subcommands
 from runtime.errors import UserError

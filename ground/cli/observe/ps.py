@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Final
 
-from ground.grammar.words import add_json
+from ground.commands.command import add_json
 from ground.text.output import Output
 from ground.user.runs import FoundRun, age_text, read_runs
 

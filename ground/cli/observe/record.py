@@ -9,7 +9,7 @@ from typing import Final
 
 from ground.cli.options import common_of
 from ground.client.link import Link, open_link
-from ground.grammar.words import add_common
+from ground.commands.command import add_common
 from ground.launch.child_processes import defer_signals
 from ground.launch.recorder_files import created_line
 from ground.launch.recording_session import add_keep, byte_limit

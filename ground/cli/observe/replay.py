@@ -14,7 +14,7 @@ from ground.app.start import has_screen, run_replay
 from ground.client.status_line import watch_line
 from ground.client.telemetry import Telemetry
 from ground.client.vocabulary import NAVIGATORS
-from ground.grammar.words import add_json, positive
+from ground.commands.command import add_json, positive
 from ground.launch.child_command import command
 from ground.recording.catalogue import FILE_HELP, recording_named, remark_on
 from ground.recording.playback import ReplayBus

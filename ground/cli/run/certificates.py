@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from ground.cli.run import signing_keys
-from ground.grammar.words import add_json
+from ground.commands.command import add_json
 from ground.text.output import Output
 from protocol.bus.network import check_operators
 from protocol.bus.rights import ROBOT, ROUTER

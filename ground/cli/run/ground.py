@@ -11,7 +11,7 @@ from ground.cli.observe.live_line import LiveStatus
 from ground.cli.options import common_of
 from ground.client.link import Link, open_link
 from ground.client.stop_ways import StopServer
-from ground.grammar.words import add_common
+from ground.commands.command import add_common
 from ground.launch.recording_session import (
     RecordingSession,
     add_recording,

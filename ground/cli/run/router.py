@@ -4,7 +4,7 @@ import argparse
 from typing import Final
 
 from ground.cli.options import listening_of
-from ground.grammar.words import add_common
+from ground.commands.command import add_common
 from ground.text.output import Output
 from protocol.bus.audit import audited_connections
 from protocol.bus.bus import open_bus

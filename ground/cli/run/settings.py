@@ -6,7 +6,7 @@ from dataclasses import asdict, fields
 from typing import Any
 
 from ground.app.input.keymap import TABLE, keymap_of
-from ground.grammar.words import add_json
+from ground.commands.command import add_json
 from ground.text.output import Output
 from ground.user.settings import Settings, load_settings, set_setting, settings_file, unset_setting
 from runtime.cli.parsers import add_subcommands

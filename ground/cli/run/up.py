@@ -19,7 +19,7 @@ from ground.client.connection import Common
 from ground.client.link import UnansweredError
 from ground.client.stop_ways import StopServer
 from ground.client.vocabulary import NAVIGATORS, SIDES, USUAL_NAVIGATOR
-from ground.grammar.words import add_json, positive, seconds
+from ground.commands.command import add_json, positive, seconds
 from ground.launch import fleet_run
 from ground.launch.child_command import command
 from ground.launch.fleet_run import FleetRun, as_json, in_words

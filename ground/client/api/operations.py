@@ -11,10 +11,15 @@ from ground.client.outcomes import (
     Stopped,
 )
 from ground.client.session import Operation, Session
+from ground.commands.abort import Abort
 from ground.commands.all_robots import ClearAll, StopAll
+from ground.commands.arm import Arm
+from ground.commands.disarm import Disarm
 from ground.commands.fence import ClearFence, FenceShown, SetFence, ShowFence
 from ground.commands.goto import Goto
+from ground.commands.hold import Hold
 from ground.commands.lease import ChangeLease, ShowLease
+from ground.commands.mark import Mark
 from ground.commands.mission import (
     AnnounceItems,
     ClearMission,
@@ -30,6 +35,8 @@ from ground.commands.mission import (
     TransferOutcome,
     UploadMission,
 )
+from ground.commands.mode import SetMode
+from ground.commands.navigator import SetNavigator
 from ground.commands.param import (
     LoadParameters,
     ParameterChanged,
@@ -42,25 +49,13 @@ from ground.commands.param import (
     ShowParameters,
 )
 from ground.commands.pose import SetPose, SetTruePose
-from ground.commands.stop import (
-    COMMANDS,
-    Abort,
-    Arm,
-    ClearEmergencyStop,
-    Disarm,
-    Hold,
-    Mark,
-    Restart,
-    Resume,
-    ReturnHome,
-    SetMode,
-    SetNavigator,
-    StopNow,
-)
+from ground.commands.restart import Restart
+from ground.commands.resume import Resume
+from ground.commands.rtl import ReturnHome
+from ground.commands.stop import ClearEmergencyStop, StopNow
 from ground.commands.teleop import DriveByHand
 
 __all__ = [
-    "COMMANDS",
     "Abort",
     "AllAnswered",
     "AnnounceItems",

@@ -48,24 +48,21 @@ from ground.client.session import Operation, Session
 from ground.client.status_line import reason_of, state_of
 from ground.client.teleop_sender import TeleopSender, lost_control
 from ground.client.vocabulary import PYTHON, SIDES
+from ground.commands.abort import Abort
 from ground.commands.all_robots import StopAll
+from ground.commands.arm import Arm
+from ground.commands.disarm import Disarm
 from ground.commands.goto import Goto, send_goal
+from ground.commands.hold import Hold
 from ground.commands.lease import ask_lease, give_back
+from ground.commands.mark import Mark
 from ground.commands.mission import JumpTo, StartMission
+from ground.commands.mode import SetMode
+from ground.commands.navigator import SetNavigator
 from ground.commands.pose import SetPose, SetTruePose
-from ground.commands.stop import (
-    STOP_S,
-    Abort,
-    Arm,
-    ClearEmergencyStop,
-    Disarm,
-    Hold,
-    Mark,
-    Resume,
-    ReturnHome,
-    SetMode,
-    SetNavigator,
-)
+from ground.commands.resume import Resume
+from ground.commands.rtl import ReturnHome
+from ground.commands.stop import STOP_S, ClearEmergencyStop
 from ground.commands.teleop import DriveByHand, set_mode, take_manual
 from protocol.bus.publisher import Publisher
 from protocol.topics import LEASE, MISSION, OPERATOR, STATUS, STOP

@@ -13,6 +13,7 @@ from ground.client.parameter import Parameter
 from ground.client.requests import SILENCE_NS
 from ground.client.session import Operation, Session
 from ground.commands.fence import ClearFence, FenceShown, SetFence, ShowFence
+from ground.commands.hold import Hold
 from ground.commands.lease import ShowLease
 from ground.commands.mission import (
     ClearMission,
@@ -36,7 +37,7 @@ from ground.commands.param import (
     SetParameter,
     ShowParameters,
 )
-from ground.commands.stop import Hold, Resume
+from ground.commands.resume import Resume
 from ground.missions import files
 from ground.missions.mission import Fence, Mission
 from protocol.topics import MISSION

@@ -14,10 +14,12 @@ from ground.client.outcomes import Outcome
 from ground.client.parameter import Parameter
 from ground.client.session import Operation
 from ground.commands.goto import Goto
+from ground.commands.hold import Hold
 from ground.commands.lease import ChangeLease
 from ground.commands.mission import FetchMission
+from ground.commands.mode import SetMode
+from ground.commands.navigator import SetNavigator
 from ground.commands.param import SetParameter
-from ground.commands.stop import Hold, SetMode, SetNavigator
 from ground.console.app_commands import LOCAL, AppCommand, RecordHere, RunKey, SaveScreen, SetTheme
 from ground.console.completion import assist, complete
 from ground.console.help import help_text

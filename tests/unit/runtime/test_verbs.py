@@ -15,7 +15,8 @@ from protocol.options import numbers_kept
 from runtime.cli.completion import SCRIPTS, complete, completions
 from runtime.cli.completion import main as print_script
 from runtime.cli.parsers import PLACE, parser_of, program_parsers, subcommands_of
-from runtime.cli.verb_table import GROUPS, VERBS, Call, command_of, find, with_present_name
+from runtime.cli.verb import GROUPS
+from runtime.cli.verb_table import VERBS, Call, command_of, find, with_present_name
 from tests.support.each import each
 from tests.support.ground.runs import written
 

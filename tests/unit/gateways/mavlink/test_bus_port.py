@@ -19,8 +19,11 @@ from gateways.mavlink.bus_port import (
 from gateways.mavlink.robot_port import NO_TELEMETRY, OVERTAKEN, Answered
 from ground.client.connection import Common
 from ground.client.link import Link
+from ground.commands.arm import Arm
+from ground.commands.disarm import Disarm
+from ground.commands.hold import Hold
 from ground.commands.param import ShowParameters
-from ground.commands.stop import Arm, Disarm, Hold, Resume
+from ground.commands.resume import Resume
 from protocol.bus.network import Network
 from protocol.topics import COMMAND, CYCLE, LEASE, LEASE_SERVICE, STATUS, STOP
 from protocol.wire.enums import AckResult, Command, LeaseAction, Vehicle

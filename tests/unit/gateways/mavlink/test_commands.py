@@ -12,8 +12,13 @@ from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.services import face_of
 from ground.client.goal import Destination
 from ground.client.outcomes import Refused
+from ground.commands.arm import Arm
+from ground.commands.disarm import Disarm
 from ground.commands.goto import Goto
-from ground.commands.stop import Arm, Disarm, Hold, Restart, ReturnHome, SetMode
+from ground.commands.hold import Hold
+from ground.commands.mode import SetMode
+from ground.commands.restart import Restart
+from ground.commands.rtl import ReturnHome
 from ground.missions.qgroundcontrol import to_global
 from protocol.wire.enums import GoalState, MissionState, Mode, Vehicle
 from protocol.wire.messages import LeaseStatus

@@ -10,17 +10,15 @@ from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.motion.pilot import EnterGuided
 from gateways.mavlink.services import face_of
 from ground.client.session import Operation
+from ground.commands.arm import Arm
+from ground.commands.disarm import Disarm
+from ground.commands.hold import Hold
 from ground.commands.mission import StartMission
+from ground.commands.mode import SetMode
 from ground.commands.param import ParameterChanged, ResetParameter, SetParameter
-from ground.commands.stop import (
-    Arm,
-    ClearEmergencyStop,
-    Disarm,
-    Hold,
-    Resume,
-    ReturnHome,
-    SetMode,
-)
+from ground.commands.resume import Resume
+from ground.commands.rtl import ReturnHome
+from ground.commands.stop import ClearEmergencyStop
 from protocol.wire.enums import MissionState, Mode, Vehicle
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason

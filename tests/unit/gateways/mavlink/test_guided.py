@@ -12,8 +12,8 @@ from gateways.mavlink.motion.pilot import BeginDrive, DriveBegun, DriveOver, End
 from gateways.mavlink.motion.setpoints import SetpointError, Velocity, attitude_of, setpoint_of
 from ground.client.goal import Destination
 from ground.commands.goto import Goto
+from ground.commands.mode import SetMode
 from ground.commands.param import ParameterChanged, SetParameter
-from ground.commands.stop import SetMode
 from ground.missions.qgroundcontrol import to_global
 from protocol.wire.enums import Command, Mode, Vehicle
 from protocol.wire.messages import LeaseStatus

@@ -16,7 +16,9 @@ from gateways.mavlink.operator_control import BUSY, MAX_TAKING, SILENCE_NS
 from gateways.mavlink.robot_port import OVERTAKEN, Answered, Done
 from gateways.mavlink.streams import StreamScheduler
 from ground.client.outcomes import Accepted, Refused
-from ground.commands.stop import Arm, Hold, Resume
+from ground.commands.arm import Arm
+from ground.commands.hold import Hold
+from ground.commands.resume import Resume
 from protocol.wire.enums import LeaseAction
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason

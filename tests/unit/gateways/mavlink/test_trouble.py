@@ -13,8 +13,9 @@ from gateways.mavlink.gateway import STALL_NS
 from gateways.mavlink.mavlink_dialect import MavMessage, MissionCount, mavlink
 from gateways.mavlink.operator_control import SILENCE_NS
 from gateways.mavlink.signing import EPOCH_S, PER_S, STAMP_NS, Policy, SigningGuard
+from ground.commands.arm import Arm
+from ground.commands.hold import Hold
 from ground.commands.mission import AnnounceItems, UploadMission
-from ground.commands.stop import Arm, Hold
 from ground.user.mavlink_keys import KeyRing, SigningKey
 from protocol.wire.enums import Vehicle
 from protocol.wire.reasons import Reason

@@ -16,7 +16,13 @@ from ground.cli.main import Interrupted, main
 from ground.cli.operate import effect_of
 from ground.cli.verbs import VERBS, LoadedVerb
 from ground.client.outcomes import Accepted, Refused
-from ground.commands.stop import COMMANDS, Arm
+from ground.commands.abort import Abort
+from ground.commands.arm import Arm
+from ground.commands.disarm import Disarm
+from ground.commands.hold import Hold
+from ground.commands.resume import Resume
+from ground.commands.rtl import ReturnHome
+from ground.commands.stop import ClearEmergencyStop
 from ground.text.output import Output
 from protocol.wire.reasons import Reason
 from runtime.cli.verb_table import command_of
@@ -264,6 +270,6 @@ def test_a_refused_command_has_none() -> None:
     assert effect_of(Arm(), Refused(Reason.NO_GOAL, 1)) == ""
 
 
-@each("command", COMMANDS)
+@each("command", [Hold, Resume, Abort, ReturnHome, Arm, Disarm, ClearEmergencyStop])
 def test_every_plain_command_has_an_effect(command: type[Arm]) -> None:
     assert effect_of(command(), Accepted(1)) != ""

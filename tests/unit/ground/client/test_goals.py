@@ -24,11 +24,11 @@ from ground.client.lost_drive import (
 )
 from ground.client.outcomes import Accepted, GoalEnded, Refused, RefusedError
 from ground.client.session import Session
+from ground.commands.command import positive, seconds
 from ground.commands.goto import Goto
 from ground.commands.mission import UploadMission
-from ground.commands.stop import Resume
+from ground.commands.resume import Resume
 from ground.grammar.driving import GotoWords
-from ground.grammar.words import positive, seconds
 from ground.missions.mission import Mission, Waypoint
 from ground.missions.transfer import items_of
 from protocol.topics import LEASE, MISSION, MISSION_SERVICE, STATUS

@@ -1,0 +1,390 @@
+"""A command is one class: its fields are its arguments, its docstring is its help.
+
+From the class follow the parser of the shell and of the app's line, the line that would be typed
+for a value, and its row in `runtime/cli/command_index.py`, which `make generate` writes.
+"""
+
+import argparse
+import shlex
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import MISSING, dataclass, field, fields
+from typing import (
+    Any,
+    ClassVar,
+    Final,
+    Literal,
+    NamedTuple,
+    Self,
+    TypeAlias,
+    TypeVar,
+    dataclass_transform,
+)
+
+from ground.client.connection import LONGEST_S
+from protocol.options import CONFIG_HELP, DEFAULT_ENDPOINT, above_zero
+from runtime.cli.parsers import add_subcommands
+from runtime.cli.verb import GROUPS
+
+T = TypeVar("T")
+DIGITS: Final = 9
+"""Digits after the point: more would show rounding errors of the conversion to degrees."""
+positive: Final = above_zero()
+seconds: Final = above_zero(LONGEST_S)
+After: TypeAlias = Literal["", "json", "seize"]
+"""The shared option that an argument follows in the help; without one it precedes them all."""
+
+
+class Argument(NamedTuple):
+    """How a field is typed: after one of its `flags`, or without one in its place.
+
+    `names` are the words for its values; `joined` makes the value of all words that follow.
+    """
+
+    flags: tuple[str, ...]
+    how: Mapping[str, Any]
+    after: After = ""
+    names: Mapping[str, Any] | None = None
+    joined: Callable[[list[Any]], Any] | None = None
+    spelt: Callable[[Any], str] | None = None
+
+    def add_to(self, parser: argparse.ArgumentParser, name: str) -> None:
+        """Declare the argument; one that is not given is None."""
+        if self.flags:
+            parser.add_argument(*self.flags, dest=name, **self.how)
+        else:
+            parser.add_argument(name, **self.how)
+
+    def value(self, given: Any) -> Any:
+        """Return the value of the field for what argparse has parsed."""
+        if self.names is not None:
+            return self.names[given]
+        return given if self.joined is None else self.joined(given)
+
+    def words(self, value: Any) -> str:
+        """Return a value as it is typed."""
+        flag = f"{self.flags[0]} " if self.flags else ""
+        if isinstance(value, bool):
+            return self.flags[0]
+        if self.names is not None:
+            return flag + next(name for name, one in self.names.items() if one == value)
+        if self.spelt is not None:
+            return flag + self.spelt(value)
+        is_number = isinstance(value, float)
+        return flag + (f"{round(value, DIGITS):g}" if is_number else shlex.quote(str(value)))
+
+
+def argument(default: Any, *parts: Any, **named: Any) -> Any:
+    """Return a field of a command."""
+    return field(default=default, metadata={"argument": Argument(*parts, **named)})
+
+
+def place(
+    metavar: str,
+    help: str | None = None,
+    *,
+    default: Any = MISSING,
+    parse: Callable[[str], Any] = str,
+    joined: Callable[[list[Any]], Any] | None = None,
+    spelt: Callable[[Any], str] | None = None,
+) -> Any:
+    """Return a field that is typed without a flag; with a default it may be left out.
+
+    `joined`: makes the value of one or more words.
+    """
+    how = {"metavar": metavar, "help": help, "type": parse}
+    if joined is not None:
+        how["nargs"] = "+"
+    elif default is not MISSING:
+        how["nargs"] = "?"
+    return argument(default, (), how, joined=joined, spelt=spelt)
+
+
+def option(
+    *flags: str,
+    default: Any,
+    help: str,
+    metavar: str | tuple[str, ...],
+    parse: Callable[[str], Any] = str,
+    joined: Callable[[list[Any]], Any] | None = None,
+    after: After = "",
+) -> Any:
+    """Return a field that is typed after a flag; of several words `joined` makes the value."""
+    how: dict[str, Any] = {"metavar": metavar, "help": help, "type": parse}
+    if isinstance(metavar, tuple):
+        how["nargs"] = len(metavar)
+    return argument(default, flags, how, after, joined=joined)
+
+
+def switch(flag: str, *, default: bool, help: str, after: After = "") -> Any:
+    """Return a field that has the other value if its flag is given."""
+    how = {"action": "store_const", "const": not default, "default": default, "help": help}
+    return argument(default, (flag,), how, after)
+
+
+def choice(
+    names: Mapping[str, Any] | Iterable[str],
+    *flags: str,
+    default: Any = MISSING,
+    help: str | None = None,
+    parse: Callable[[str], str] = str.lower,
+    after: After = "",
+) -> Any:
+    """Return a field whose value has a name."""
+    values = names if isinstance(names, Mapping) else {name: name for name in names}
+    how = {"choices": list(values), "help": help, "type": parse}
+    if not flags and default is not MISSING:
+        how["nargs"] = "?"
+    return argument(default, flags, how, after, names=values)
+
+
+def arguments_of(kind: Any) -> dict[str, Argument]:
+    """Return the arguments of a class by the names of their fields."""
+    return {one.name: one.metadata["argument"] for one in fields(kind) if one.metadata}
+
+
+def parsed(kind: type[T], found: Any) -> T:
+    """Return the value of a class for parsed arguments; UserError for one that is out of range."""
+    typed = {
+        name: one.value(given)
+        for name, one in arguments_of(kind).items()
+        if (given := getattr(found, name, None)) is not None
+    }
+    return kind(**typed)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reach:
+    """Where a command goes and how its outcome is printed: the options that verbs share."""
+
+    connect: str | None = option(
+        "--connect",
+        default=None,
+        metavar="ENDPOINT",
+        help=f"where it listens (default that of `up`, if one runs here, else {DEFAULT_ENDPOINT})",
+    )
+    run: str | None = option(
+        "--run", default=None, metavar="NAME", help="a running `up`, by its name in `sidestep ps`"
+    )
+    context: str | None = option(
+        "--context",
+        default=None,
+        metavar="NAME",
+        help="a system by its name in the settings, see `sidestep config context`",
+    )
+    id: str | None = option(
+        "--id", default=None, metavar="NAME", help="name of the robot (default r1)"
+    )
+    config: str | None = option("--config", default=None, metavar="FILE", help=CONFIG_HELP)
+    json: bool = switch("--json", default=False, help="one JSON object on standard output")
+    seize: bool = switch(
+        "--seize", default=False, help="take the lease from another operator first"
+    )
+
+
+SHARED: Final = ("connect", "run", "context", "id", "config", "json")
+"""The options of `Reach` that every verb of an operator has."""
+
+
+def add_common(parser: argparse.ArgumentParser, *, listens: bool = False) -> None:
+    """Declare `--listen`, or what names a system and its robot; `--config` and `--json`."""
+    if listens:
+        parser.add_argument("--listen", metavar="ENDPOINT", help=f"(default {DEFAULT_ENDPOINT})")
+    add_shared(parser, *(("config", "json") if listens else SHARED))
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Declare `--json`."""
+    add_shared(parser, "json")
+
+
+def add_seize(parser: argparse.ArgumentParser) -> None:
+    """Declare `--seize`, for what only the operator of the robot may do."""
+    add_shared(parser, "seize")
+
+
+def add_shared(parser: argparse.ArgumentParser, *names: str) -> None:
+    """Declare options of `Reach`."""
+    arguments = arguments_of(Reach)
+    for name in names:
+        arguments[name].add_to(parser, name)
+
+
+ANYWAY: Final = "send {} outside of the known world or in an obstacle, too"
+
+
+def add_anyway(parser: argparse.ArgumentParser, what: str) -> None:
+    """Declare `--anyway`."""
+    parser.add_argument("--anyway", action="store_true", help=ANYWAY.format(what))
+
+
+class Facts(NamedTuple):
+    """What the decorator says of a command.
+
+    `word` is the verb of JSON output, with its group if it has one. `only_stops`: it needs no
+    lease, overtakes what waits, and is allowed in a replay. `begins`: it begins a drive, so it is
+    sent in turn. `seizes`: it has the option `--seize`. `short` is its word in lines of the app.
+    """
+
+    section: str = ""
+    rank: int = 0
+    example: str = ""
+    word: str = ""
+    moves: bool = False
+    only_stops: bool = False
+    begins: bool = False
+    seizes: bool = False
+    short: str = ""
+    suffixes: tuple[str, ...] = ()
+
+
+class OperatorCommand:
+    """What an operator can do with a robot: `perform(robot)` carries it out.
+
+    The constructor checks the values: UserError names one that is out of range. `effect` is what is
+    so when the robot has accepted it.
+    """
+
+    __slots__ = ()
+    facts: ClassVar[Facts] = Facts()
+    effect: ClassVar[str] = ""
+    shared: ClassVar[tuple[str, ...]] = SHARED
+    """Its options of `Reach`."""
+
+    @property
+    def verb(self) -> str:
+        """The name of the command in JSON output and in the log."""
+        return self.facts.word
+
+    @property
+    def moves(self) -> bool:
+        """True if it can move the robot or change how it moves."""
+        return self.facts.moves
+
+    @property
+    def line(self) -> str:
+        """The line that would be typed for it in the app."""
+        words = [self.facts.short or self.facts.word]
+        for one in fields(self):  # type: ignore[arg-type]
+            value = getattr(self, one.name)
+            if one.metadata and value != one.default:
+                words.append(one.metadata["argument"].words(value))
+        return " ".join(words)
+
+    @classmethod
+    def declare(cls, parser: argparse.ArgumentParser) -> None:
+        """Declare its arguments and its shared options."""
+        seize = ("seize",) if cls.facts.seizes else ()
+        for after, shared in (("", cls.shared), ("json", seize), ("seize", ())):
+            for name, one in arguments_of(cls).items():
+                if one.after == after:
+                    one.add_to(parser, name)
+            add_shared(parser, *shared)
+
+    @classmethod
+    def parsed(cls, found: Any) -> Self:
+        """Return the command for parsed arguments; UserError for a value out of range."""
+        return parsed(cls, found)
+
+    @classmethod
+    def summary(cls) -> str:
+        """Return the first line of the docstring, as it stands in a table."""
+        first = (cls.__doc__ or "").strip().splitlines()[0].removesuffix(".")
+        return first[:1].lower() + first[1:]
+
+
+class FileCommand(OperatorCommand):
+    """A command on files, which needs no robot: `run(progress)` carries it out."""
+
+    __slots__ = ()
+    shared = ("json",)
+
+
+class Group:
+    """Commands of one module with a common first word, such as those of `param`."""
+
+    def __init__(
+        self,
+        section: str,
+        rank: int,
+        example: str,
+        summary: str,
+        suffixes: tuple[str, ...] = (),
+    ) -> None:
+        self.section, self.rank, self.example, self.suffixes = section, rank, example, suffixes
+        self.summary = summary
+        self.word = example.split()[0]
+        self.commands: dict[str, type[OperatorCommand]] = {}
+
+    def declare(self, parser: argparse.ArgumentParser) -> None:
+        """Declare the commands below the first word."""
+        parsers = add_subcommands(parser, self.word)
+        for name, kind in self.commands.items():
+            kind.declare(parsers[name])
+
+    def parsed(self, found: Any) -> OperatorCommand:
+        """Return the command for parsed arguments; UserError for a value out of range."""
+        return self.commands[found.action].parsed(found)
+
+
+@dataclass_transform(
+    frozen_default=True,
+    kw_only_default=True,
+    field_specifiers=(place, option, switch, choice),
+)
+def command(
+    section: str | Group = "",
+    rank: int = 0,
+    example: str = "",
+    *,
+    word: str = "",
+    short: str = "",
+    moves: bool = False,
+    only_stops: bool = False,
+    begins: bool = False,
+    seizes: bool | None = None,
+    suffixes: tuple[str, ...] = (),
+) -> Callable[[type[T]], type[T]]:
+    """Make a frozen dataclass of a command; without a section it is no verb.
+
+    The first word of the example that names no group is the verb, unless `word` does. In a `Group`
+    commands stand in the order of their definition. One that moves has `--seize`, unless told
+    otherwise.
+    """
+    group = section if isinstance(section, Group) else None
+    below = section in GROUPS
+    words = example.split()
+
+    def make(kind: type[T]) -> type[T]:
+        made: Any = dataclass(frozen=True, slots=True, kw_only=True)(kind)
+        made.facts = Facts(
+            section="" if isinstance(section, Group) else section,
+            rank=rank,
+            example=example,
+            word=word or (" ".join(words[:2]) if group else words[below]),
+            moves=moves,
+            only_stops=only_stops,
+            begins=begins,
+            seizes=moves if seizes is None else seizes,
+            short=short,
+            suffixes=suffixes,
+        )
+        if group:
+            group.commands[words[1]] = made
+        made_class: type[T] = made
+        return made_class
+
+    return make
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimedCommand(OperatorCommand):
+    """A command that is given up after `timeout_s`; None: after the usual attempts."""
+
+    timeout_s: float | None = option(
+        "--timeout",
+        default=None,
+        parse=seconds,
+        metavar="S",
+        help="give up after this time, in three attempts (default 1.5)",
+        after="json",
+    )
