@@ -1,6 +1,8 @@
 """Shared by every run: with --no-skips a test that is skipped has failed, with its reason."""
 
+import asyncio
 import gc
+import inspect
 import os
 import signal
 from collections import Counter
@@ -106,6 +108,16 @@ def reject_misplaced(items: Sequence[pytest.Item]) -> None:
             if folder not in folders and item.get_closest_marker(marker):
                 where = " or ".join(f"tests/{name}" for name in folders)
                 raise pytest.UsageError(f"{item.nodeid} is marked {marker}: move it to {where}")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
+    """Run an asynchronous test on an event loop of its own."""
+    if not inspect.iscoroutinefunction(pyfuncitem.obj):
+        return None
+    names = pyfuncitem._fixtureinfo.argnames
+    asyncio.run(pyfuncitem.obj(**{name: pyfuncitem.funcargs[name] for name in names}))
+    return True
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

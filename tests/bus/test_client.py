@@ -680,21 +680,17 @@ def test_goal_that_another_client_sets_replaces_the_old_one(cancelled_stage: Sta
     assert Command.SIDESTEP_ABORT_GOAL not in cancelled_stage[0].commands
 
 
-def test_unanswered_abort_ends_the_heartbeat(cancelled_stage: Stage) -> None:
+async def test_unanswered_abort_ends_the_heartbeat(cancelled_stage: Stage) -> None:
     """A robot without the heartbeat of the program that drives it stops by itself."""
     played, endpoint = cancelled_stage
-
-    async def program() -> None:
-        async with sidestep.connect(endpoint) as robot:
-            old = await far_goal(robot)
-            played.answers = [None] * 50
-            old.cancel()
-            await ended(old)
-            assert not robot.holds_lease
-            played.answers = []
-            assert (await new_goal(robot)).ok
-
-    asyncio.run(program())
+    async with sidestep.connect(endpoint) as robot:
+        old = await far_goal(robot)
+        played.answers = [None] * 50
+        old.cancel()
+        await ended(old)
+        assert not robot.holds_lease
+        played.answers = []
+        assert (await new_goal(robot)).ok
 
 
 def test_end_of_the_context_ends_its_goal_and_waits_for_that(cancelled_stage: Stage) -> None:
@@ -728,17 +724,14 @@ def test_end_of_the_context_ends_its_goal_and_waits_for_that(cancelled_stage: St
         lambda robot: anext(robot.events()),
     ],
 )
-def test_closed_client_says_so_in_one_word(
+async def test_closed_client_says_so_in_one_word(
     cancelled_stage: Stage, call: Callable[[Robot], Awaitable[object]]
 ) -> None:
-    async def program() -> None:
-        async with sidestep.connect(cancelled_stage[1]) as robot:
-            assert (await robot.lease.take()).ok
-        with pytest.raises(sidestep.ClosedError, match="this client is closed: use the robot"):
-            await call(robot)
-        assert repr(robot) == f"<robot r1 at {cancelled_stage[1]}: closed>"
-
-    asyncio.run(program())
+    async with sidestep.connect(cancelled_stage[1]) as robot:
+        assert (await robot.lease.take()).ok
+    with pytest.raises(sidestep.ClosedError, match="this client is closed: use the robot"):
+        await call(robot)
+    assert repr(robot) == f"<robot r1 at {cancelled_stage[1]}: closed>"
 
 
 def test_lease_that_was_taken_in_vain_is_left(cancelled_stage: Stage) -> None:

@@ -1,7 +1,8 @@
 """`each`: a table of cases that is one test. `pytest.mark.parametrize` makes a test of each row."""
 
+import asyncio
 import inspect
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Coroutine, Iterable, Sequence
 from functools import wraps
 from typing import Any, Final, cast
 
@@ -10,7 +11,7 @@ from _pytest.outcomes import OutcomeException
 
 MAX_SHOWN: Final = 200
 """The longest description of a row in a report, in characters."""
-Test = Callable[..., None]
+Test = Callable[..., Coroutine[Any, Any, None] | None]
 
 
 class Row(dict[str, Any]):
@@ -45,7 +46,9 @@ def each(names: str | Sequence[str], rows: Iterable[Any]) -> Callable[[Test], Te
         def run(subtests: pytest.Subtests, **fixtures: Any) -> None:
             for row in combined:
                 try:
-                    joined(**fixtures, **row)
+                    story = joined(**fixtures, **row)
+                    if inspect.iscoroutine(story):
+                        asyncio.run(story)
                 except (Exception, OutcomeException) as error:
                     with subtests.test(str(row)):
                         raise error

@@ -35,7 +35,7 @@ from tests.support.each import each
 from tests.support.ground.client import ScriptedBus, status
 from tests.support.ground.station import WORLD_TEXT
 from tests.support.tui.fakes import STOP_ID, FakeCommandSink, FakeStation, driving, stopped
-from tests.support.tui.pilot import Stage, SynchronousApp, play, recorded, staged
+from tests.support.tui.pilot import Stage, SynchronousApp, recorded, staged
 
 ELSEWHERE = "tcp/10.0.0.7:7447"
 
@@ -246,102 +246,84 @@ def shown(stage: Stage) -> str:
     return stage.words("candidates") if panel.display else ""
 
 
-def test_completions_are_listed_with_their_meaning() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            await stage.press("colon")
-            await stage.type("mode ")
-            await stage.redraw()
-            assert "hold          stopped; keeps its goal" in shown(stage)
-            await stage.press("g")
-            assert shown(stage).split()[0] == "guided"
-            await stage.press("escape")
-            assert shown(stage) == ""
-
-    play(story)
+async def test_completions_are_listed_with_their_meaning() -> None:
+    async with staged() as stage:
+        await stage.press("colon")
+        await stage.type("mode ")
+        await stage.redraw()
+        assert "hold          stopped; keeps its goal" in shown(stage)
+        await stage.press("g")
+        assert shown(stage).split()[0] == "guided"
+        await stage.press("escape")
+        assert shown(stage) == ""
 
 
-def test_tab_and_arrows_choose_a_completion() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            await stage.press("colon")
-            await stage.type("ho")
-            await stage.press("ctrl+u")
-            await stage.type("mode ")
-            await stage.press("tab", "tab", "down")
-            assert line_of(stage).value == "mode auto"
-            await stage.press("up", "shift+tab")
-            assert line_of(stage).value == "mode manual"
-            await stage.press("escape")
-            assert line_of(stage).value == "mode "
-            await stage.press("tab", "enter")
-            assert stage.commands.given == ["mode manual"]
-
-    play(story)
+async def test_tab_and_arrows_choose_a_completion() -> None:
+    async with staged() as stage:
+        await stage.press("colon")
+        await stage.type("ho")
+        await stage.press("ctrl+u")
+        await stage.type("mode ")
+        await stage.press("tab", "tab", "down")
+        assert line_of(stage).value == "mode auto"
+        await stage.press("up", "shift+tab")
+        assert line_of(stage).value == "mode manual"
+        await stage.press("escape")
+        assert line_of(stage).value == "mode "
+        await stage.press("tab", "enter")
+        assert stage.commands.given == ["mode manual"]
 
 
-def test_down_chooses_from_the_list_when_there_is_no_newer_line() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            await stage.press("colon")
-            await stage.type("screen p")
-            stage.commands.recall = lambda text, step: text  # type: ignore[method-assign]
-            await stage.press("down")
-            assert line_of(stage).value == "screen plots"
-
-    play(story)
+async def test_down_chooses_from_the_list_when_there_is_no_newer_line() -> None:
+    async with staged() as stage:
+        await stage.press("colon")
+        await stage.type("screen p")
+        stage.commands.recall = lambda text, step: text  # type: ignore[method-assign]
+        await stage.press("down")
+        assert line_of(stage).value == "screen plots"
 
 
-def test_arguments_and_units_are_shown_behind_the_cursor() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            await stage.press("g")
-            await stage.until(lambda: "[X] [Y] [DEG]  metres, degrees" in drawn(stage))
-            await stage.press("right", "end")
-            assert line_of(stage).value == "goal "
-            await stage.type("1 2")
-            await stage.until(lambda: "[DEG]  degrees" in drawn(stage))
-            await stage.press("enter")
-            assert stage.commands.given == ["goal 1 2"]
-
-    play(story)
+async def test_arguments_and_units_are_shown_behind_the_cursor() -> None:
+    async with staged() as stage:
+        await stage.press("g")
+        await stage.until(lambda: "[X] [Y] [DEG]  metres, degrees" in drawn(stage))
+        await stage.press("right", "end")
+        assert line_of(stage).value == "goal "
+        await stage.type("1 2")
+        await stage.until(lambda: "[DEG]  degrees" in drawn(stage))
+        await stage.press("enter")
+        assert stage.commands.given == ["goal 1 2"]
 
 
 def drawn(stage: Stage) -> str:
     return line_of(stage).render_line(0).text
 
 
-def test_value_of_a_parameter_has_its_range_as_a_hint() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            await stage.press("3", "e")
-            await stage.until(lambda: "0 to 5 m, now 0.4" in drawn(stage))
-            assert shown(stage) == ""
-            await stage.press("h")
-            assert shown(stage) == ""
-
-    play(story)
+async def test_value_of_a_parameter_has_its_range_as_a_hint() -> None:
+    async with staged() as stage:
+        await stage.press("3", "e")
+        await stage.until(lambda: "0 to 5 m, now 0.4" in drawn(stage))
+        assert shown(stage) == ""
+        await stage.press("h")
+        assert shown(stage) == ""
 
 
-def test_history_is_searched_and_a_line_is_edited() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            stage.commands.given = ["goal 1 2", "hold", "goal 3 4 90"]
-            await stage.press("colon", "ctrl+r")
-            assert stage.words("prompt") == "search the history:"
-            await stage.type("go")
-            await stage.redraw()
-            assert [line.strip() for line in shown(stage).splitlines()] == [
-                "goal 3 4 90",
-                "goal 1 2",
-            ]
-            await stage.press("tab", "tab", "enter")
-            assert line_of(stage).value == "goal 1 2"
-            assert stage.commands.given[3:] == []
-            await stage.press("enter")
-            assert stage.commands.given[3:] == ["goal 1 2"]
-
-    play(story)
+async def test_history_is_searched_and_a_line_is_edited() -> None:
+    async with staged() as stage:
+        stage.commands.given = ["goal 1 2", "hold", "goal 3 4 90"]
+        await stage.press("colon", "ctrl+r")
+        assert stage.words("prompt") == "search the history:"
+        await stage.type("go")
+        await stage.redraw()
+        assert [line.strip() for line in shown(stage).splitlines()] == [
+            "goal 3 4 90",
+            "goal 1 2",
+        ]
+        await stage.press("tab", "tab", "enter")
+        assert line_of(stage).value == "goal 1 2"
+        assert stage.commands.given[3:] == []
+        await stage.press("enter")
+        assert stage.commands.given[3:] == ["goal 1 2"]
 
 
 def test_long_list_shows_the_chosen_row_and_the_count() -> None:
@@ -354,25 +336,19 @@ def test_long_list_shows_the_chosen_row_and_the_count() -> None:
     assert all(len(words_of(row)) <= 10 for row in candidate_rows(many, None, 10, 3))
 
 
-def test_without_a_recording_there_is_nothing_to_share() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            await stage.press("Z")
-            assert "nothing is recorded here" in stage.log()
-
-    play(story)
+async def test_without_a_recording_there_is_nothing_to_share() -> None:
+    async with staged() as stage:
+        await stage.press("Z")
+        assert "nothing is recorded here" in stage.log()
 
 
-def test_a_played_recording_is_shared(tmp_path: Path) -> None:
-    async def story() -> None:
-        player = Player(recorded(tmp_path), ManualClock())
-        app = SynchronousApp(None, FakeCommandSink(), appearance=Appearance(hz=0.0), player=player)
-        async with app.run_test(size=(100, 28)) as pilot:
-            await pilot.press("Z")
-            await pilot.pause()
-            archive = player.path.with_suffix(".zip")
-            assert f"shared: {archive}" in "\n".join(line.text for line in app.station.log)
-            with ZipFile(archive) as held:
-                assert player.path.name in held.namelist()
-
-    play(story)
+async def test_a_played_recording_is_shared(tmp_path: Path) -> None:
+    player = Player(recorded(tmp_path), ManualClock())
+    app = SynchronousApp(None, FakeCommandSink(), appearance=Appearance(hz=0.0), player=player)
+    async with app.run_test(size=(100, 28)) as pilot:
+        await pilot.press("Z")
+        await pilot.pause()
+        archive = player.path.with_suffix(".zip")
+        assert f"shared: {archive}" in "\n".join(line.text for line in app.station.log)
+        with ZipFile(archive) as held:
+            assert player.path.name in held.namelist()

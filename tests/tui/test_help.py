@@ -16,7 +16,7 @@ from protocol.wire.messages import MissionStatus
 from runtime.errors import UserError
 from tests.support.each import each
 from tests.support.tui.fakes import FakeStation, driving, status
-from tests.support.tui.pilot import play, staged
+from tests.support.tui.pilot import staged
 
 
 def test_each_mark_of_the_map_has_a_meaning() -> None:
@@ -48,31 +48,25 @@ def test_help_of_a_command_comes_first_with_its_example() -> None:
         sections([], "nope")
 
 
-def test_help_scrolls_by_rows_parts_and_to_its_ends() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            await stage.press("?")
-            assert stage.words("help").startswith(" examples")
-            await stage.press("tab")
-            assert stage.words("help").startswith(" keys: ")
-            await stage.press("shift+tab", "down")
-            assert "g 3 1 enter" in stage.words("help").splitlines()[0]
-            await stage.press("end")
-            assert len(stage.words("help").splitlines()) <= 20
-            await stage.press("home", "f1")
-            assert not stage.app.screen.query("#help")
-
-    play(story)
+async def test_help_scrolls_by_rows_parts_and_to_its_ends() -> None:
+    async with staged() as stage:
+        await stage.press("?")
+        assert stage.words("help").startswith(" examples")
+        await stage.press("tab")
+        assert stage.words("help").startswith(" keys: ")
+        await stage.press("shift+tab", "down")
+        assert "g 3 1 enter" in stage.words("help").splitlines()[0]
+        await stage.press("end")
+        assert len(stage.words("help").splitlines()) <= 20
+        await stage.press("home", "f1")
+        assert not stage.app.screen.query("#help")
 
 
 @each("size", [(20, 5), (1, 1), (40, 12), (200, 60)])
-def test_help_opens_in_any_size(size: tuple[int, int]) -> None:
-    async def story() -> None:
-        async with staged(size) as stage:
-            await stage.press("?", "tab", "end", "escape")
-            assert not stage.app.screen.query("#help")
-
-    play(story)
+async def test_help_opens_in_any_size(size: tuple[int, int]) -> None:
+    async with staged(size) as stage:
+        await stage.press("?", "tab", "end", "escape")
+        assert not stage.app.screen.query("#help")
 
 
 class Drive:
@@ -135,19 +129,16 @@ def test_outline_names_the_keys_of_each_step() -> None:
     assert lines[6] == "7. clear the stop: press <clear-estop> <clear-estop>"
 
 
-def test_step_is_shown_on_every_screen_with_the_keys_in_force() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            assert not stage.app.screen.query_one("#lesson").display
-            stage.app.begin_tutorial()
-            await stage.redraw()
-            assert stage.words("lesson").startswith(f" TUTORIAL 1 of {len(STEPS)}  watch")
-            now_ns = stage.station.now_ns
-            stage.station.air.put(STATUS, status(now_ns, GoalState.REACHED), now_ns)
-            await stage.press("3")
-            assert "press g, type 1 1" in stage.words("lesson")
-
-    play(story)
+async def test_step_is_shown_on_every_screen_with_the_keys_in_force() -> None:
+    async with staged() as stage:
+        assert not stage.app.screen.query_one("#lesson").display
+        stage.app.begin_tutorial()
+        await stage.redraw()
+        assert stage.words("lesson").startswith(f" TUTORIAL 1 of {len(STEPS)}  watch")
+        now_ns = stage.station.now_ns
+        stage.station.air.put(STATUS, status(now_ns, GoalState.REACHED), now_ns)
+        await stage.press("3")
+        assert "press g, type 1 1" in stage.words("lesson")
 
 
 def test_missing_robot_keeps_the_step() -> None:

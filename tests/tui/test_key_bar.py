@@ -24,7 +24,7 @@ from protocol.wire.reasons import Reason
 from runtime.units import NS_PER_S as S
 from tests.support.each import each
 from tests.support.tui.fakes import FakeStation, driving, status
-from tests.support.tui.pilot import play, staged
+from tests.support.tui.pilot import staged
 
 
 @each("width", [0, 1, 20, 40, 80, 160])
@@ -72,46 +72,34 @@ def test_warnings_are_unread_until_the_log_is_shown() -> None:
     assert unread.count == 1
 
 
-def test_click_on_a_tab_shows_its_screen() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            await stage.pilot.click("#tabs", offset=(stage.words("tabs").index("Links"), 0))
-            await stage.redraw()
-            assert stage.app.current_mode == "links"
-            assert "▌5 Links▐" in stage.words("tabs")
-
-    play(story)
+async def test_click_on_a_tab_shows_its_screen() -> None:
+    async with staged() as stage:
+        await stage.pilot.click("#tabs", offset=(stage.words("tabs").index("Links"), 0))
+        await stage.redraw()
+        assert stage.app.current_mode == "links"
+        assert "▌5 Links▐" in stage.words("tabs")
 
 
-def test_click_on_the_stop_in_the_key_bar_stops() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            await stage.pilot.click("#keybar", offset=(stage.words("keybar").index("E-STOP"), 0))
-            assert stage.station.stops == 1
-
-    play(story)
+async def test_click_on_the_stop_in_the_key_bar_stops() -> None:
+    async with staged() as stage:
+        await stage.pilot.click("#keybar", offset=(stage.words("keybar").index("E-STOP"), 0))
+        assert stage.station.stops == 1
 
 
-def test_warnings_are_counted_on_the_tab_of_the_log() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            stage.station.note("refused", Severity.WARNING)
-            await stage.redraw()
-            assert "4 Log ▲1" in stage.words("tabs")
-            await stage.press("4", "1")
-            assert "▲" not in stage.words("tabs")
-
-    play(story)
+async def test_warnings_are_counted_on_the_tab_of_the_log() -> None:
+    async with staged() as stage:
+        stage.station.note("refused", Severity.WARNING)
+        await stage.redraw()
+        assert "4 Log ▲1" in stage.words("tabs")
+        await stage.press("4", "1")
+        assert "▲" not in stage.words("tabs")
 
 
 @each("size", [(20, 5), (40, 12), (80, 24), (200, 60)])
-def test_tab_bar_leaves_room_on_a_low_terminal(size: tuple[int, int]) -> None:
-    async def story() -> None:
-        async with staged(size) as stage:
-            assert stage.app.screen.query_one("#tabs").display == (size[1] >= 10)
-            assert stage.app.screen.query_one("#keybar").region.bottom == size[1]
-
-    play(story)
+async def test_tab_bar_leaves_room_on_a_low_terminal(size: tuple[int, int]) -> None:
+    async with staged(size) as stage:
+        assert stage.app.screen.query_one("#tabs").display == (size[1] >= 10)
+        assert stage.app.screen.query_one("#keybar").region.bottom == size[1]
 
 
 WAYS = (MapTarget(1.0, 2.0), MapTarget(3.0, 4.0, 0.0))
@@ -138,93 +126,73 @@ def station_in(vehicle: Vehicle, goal: GoalState, mode: Mode) -> FakeStation:
         (Vehicle.ACTIVE, GoalState.REACHED, Mode.GUIDED, "g Goal  G Cursor  a Arm"),
     ],
 )
-def test_key_bar_follows_the_state(
+async def test_key_bar_follows_the_state(
     vehicle: Vehicle, goal: GoalState, mode: Mode, begins: str
 ) -> None:
-    async def story() -> None:
-        async with staged(station=station_in(vehicle, goal, mode)) as stage:
-            assert stage.words("keybar").startswith(f" space E-STOP  {begins} ")
-
-    play(story)
+    async with staged(station=station_in(vehicle, goal, mode)) as stage:
+        assert stage.words("keybar").startswith(f" space E-STOP  {begins} ")
 
 
-def test_key_bar_follows_cursor_teleop_and_typing() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            await stage.press("G")
-            assert stage.words("keybar").startswith(
-                " space E-STOP  enter Go  w Waypoint  ↑↓←→ Move "
-            )
-            await stage.press("escape", "t")
-            assert stage.words("keybar").startswith(" space E-STOP  esc End  ↑ Forward ")
-            assert "esc ends" in stage.words("prompt")
-            await stage.press("escape")
-            assert not stage.commands.teleop
-            await stage.press(":")
-            assert stage.words("keybar").startswith(" f12 E-STOP  tab Complete ")
-
-    play(story)
+async def test_key_bar_follows_cursor_teleop_and_typing() -> None:
+    async with staged() as stage:
+        await stage.press("G")
+        assert stage.words("keybar").startswith(" space E-STOP  enter Go  w Waypoint  ↑↓←→ Move ")
+        await stage.press("escape", "t")
+        assert stage.words("keybar").startswith(" space E-STOP  esc End  ↑ Forward ")
+        assert "esc ends" in stage.words("prompt")
+        await stage.press("escape")
+        assert not stage.commands.teleop
+        await stage.press(":")
+        assert stage.words("keybar").startswith(" f12 E-STOP  tab Complete ")
 
 
-def test_way_out_of_a_stop_comes_before_the_keys_of_the_cursor() -> None:
-    async def story() -> None:
-        station = station_in(Vehicle.EMERGENCY_STOP, GoalState.ABORTED, Mode.HOLD)
-        async with staged(station=station) as stage:
-            await stage.press("G")
-            assert stage.words("keybar").startswith(" space E-STOP  D D Clear E-STOP ")
-
-    play(story)
+async def test_way_out_of_a_stop_comes_before_the_keys_of_the_cursor() -> None:
+    station = station_in(Vehicle.EMERGENCY_STOP, GoalState.ABORTED, Mode.HOLD)
+    async with staged(station=station) as stage:
+        await stage.press("G")
+        assert stage.words("keybar").startswith(" space E-STOP  D D Clear E-STOP ")
 
 
-def test_one_key_sends_starts_and_lists_the_mission() -> None:
-    async def story() -> None:
-        station = station_in(Vehicle.STANDBY, GoalState.NONE, Mode.HOLD)
-        async with staged(station=station) as stage:
-            stage.commands.draft_items = WAYS
-            await stage.redraw()
-            assert stage.words("keybar").startswith(" space E-STOP  W Send 2 waypoints ")
-            await stage.press("W")
-            station.items_now = WAYS
-            ready = make(
-                MissionStatus, time_ns=station.now_ns, state=MissionState.READY, count=2,
-                mission_id=1,
-            )  # fmt: skip
-            station.air.put(MISSION, ready, station.now_ns)
-            await stage.redraw()
-            assert stage.words("keybar").startswith(" space E-STOP  W Start mission ")
-            await stage.press("W")
-            running = msgspec.structs.replace(ready, state=MissionState.RUNNING)
-            station.air.put(MISSION, running, station.now_ns)
-            await stage.press("W")
-            assert stage.commands.given == ["wp upload", "mission start", "mission list"]
-
-    play(story)
+async def test_one_key_sends_starts_and_lists_the_mission() -> None:
+    station = station_in(Vehicle.STANDBY, GoalState.NONE, Mode.HOLD)
+    async with staged(station=station) as stage:
+        stage.commands.draft_items = WAYS
+        await stage.redraw()
+        assert stage.words("keybar").startswith(" space E-STOP  W Send 2 waypoints ")
+        await stage.press("W")
+        station.items_now = WAYS
+        ready = make(
+            MissionStatus, time_ns=station.now_ns, state=MissionState.READY, count=2,
+            mission_id=1,
+        )  # fmt: skip
+        station.air.put(MISSION, ready, station.now_ns)
+        await stage.redraw()
+        assert stage.words("keybar").startswith(" space E-STOP  W Start mission ")
+        await stage.press("W")
+        running = msgspec.structs.replace(ready, state=MissionState.RUNNING)
+        station.air.put(MISSION, running, station.now_ns)
+        await stage.press("W")
+        assert stage.commands.given == ["wp upload", "mission start", "mission list"]
 
 
-def test_waypoint_ends_the_heading_of_the_cursor() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            await stage.press("G", ">", "w", "right", "w")
-            first, second = stage.commands.given
-            assert len(first.split()) == len(second.split()) + 1
-
-    play(story)
+async def test_waypoint_ends_the_heading_of_the_cursor() -> None:
+    async with staged() as stage:
+        await stage.press("G", ">", "w", "right", "w")
+        first, second = stage.commands.given
+        assert len(first.split()) == len(second.split()) + 1
 
 
 @each("opening", ["v", "ctrl+p", "?"])
-def test_below_a_dialog_the_key_bar_names_only_keys_that_work(opening: str) -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            screen = stage.app.screen
-            await stage.press(opening)
-            rows = screen.query_one("#keybar", ButtonRow).rows
-            words = " ".join(words_of(one) for one in rows).split()
-            assert words[:2] == ["f12", "E-STOP"]
-            assert not {"Hold", "Abort", "space"} & set(words)
-            await stage.press("escape")
-            assert stage.words("keybar").startswith(" space E-STOP ")
-
-    play(story)
+async def test_below_a_dialog_the_key_bar_names_only_keys_that_work(opening: str) -> None:
+    async with staged() as stage:
+        screen = stage.app.screen
+        await stage.press(opening)
+        rows = screen.query_one("#keybar", ButtonRow).rows
+        words = " ".join(words_of(one) for one in rows).split()
+        assert words[:2] == ["f12", "E-STOP"]
+        assert not {"Hold", "Abort", "space"} & set(words)
+        await stage.press("escape")
+        assert stage.words("keybar").startswith(" space E-STOP ")
 
 
 KEY = Keymap()
@@ -259,48 +227,39 @@ def test_unchecked_fence_asks_for_the_place() -> None:
 
 
 @pytest.mark.usefixtures("worlds")
-def test_refusal_is_shown_on_every_screen_for_some_seconds() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            for key in map(str, SCREENS.values()):
-                await stage.press(key)
-                stage.station.note(f"set side 0.{key}: not a whole number", Severity.WARNING)
-                await stage.redraw()
-                assert f"▲ set side 0.{key}: not a whole number" in stage.words("answer"), key
-                stage.station.clock.advance(round((SHOWN_S + 0.1) * S))
-                await stage.redraw()
-                assert stage.words("answer") == "", key
-
-    play(story)
-
-
-def test_answer_is_shown_while_the_explanation_covers_the_log() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            await stage.press("e", "y")
-            assert "no command to copy yet" in stage.words("answer")
-            await stage.press("escape")
-            assert stage.app.screen.query_one("#log").display
-            await stage.press("escape")
-            assert stage.app.screen.query_one("#log").display
-
-    play(story)
-
-
-def test_answer_leaves_room_to_type_and_a_click_begins_a_line() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            stage.station.note("x" * 200)
+async def test_refusal_is_shown_on_every_screen_for_some_seconds() -> None:
+    async with staged() as stage:
+        for key in map(str, SCREENS.values()):
+            await stage.press(key)
+            stage.station.note(f"set side 0.{key}: not a whole number", Severity.WARNING)
             await stage.redraw()
-            await stage.pilot.click("#answer")
-            await stage.type("goal 3 1")
+            assert f"▲ set side 0.{key}: not a whole number" in stage.words("answer"), key
+            stage.station.clock.advance(round((SHOWN_S + 0.1) * S))
             await stage.redraw()
-            assert stage.app.screen.query_one("#command").size.width >= 37
-            assert stage.words("answer").endswith("…")
-            await stage.press("enter")
-            assert stage.commands.given == ["goal 3 1"]
+            assert stage.words("answer") == "", key
 
-    play(story)
+
+async def test_answer_is_shown_while_the_explanation_covers_the_log() -> None:
+    async with staged() as stage:
+        await stage.press("e", "y")
+        assert "no command to copy yet" in stage.words("answer")
+        await stage.press("escape")
+        assert stage.app.screen.query_one("#log").display
+        await stage.press("escape")
+        assert stage.app.screen.query_one("#log").display
+
+
+async def test_answer_leaves_room_to_type_and_a_click_begins_a_line() -> None:
+    async with staged() as stage:
+        stage.station.note("x" * 200)
+        await stage.redraw()
+        await stage.pilot.click("#answer")
+        await stage.type("goal 3 1")
+        await stage.redraw()
+        assert stage.app.screen.query_one("#command").size.width >= 37
+        assert stage.words("answer").endswith("…")
+        await stage.press("enter")
+        assert stage.commands.given == ["goal 3 1"]
 
 
 @each("width", [20, 40, 80])
@@ -312,18 +271,14 @@ def test_cut_answer_names_the_log(width: int) -> None:
     assert "…" not in words_of(answer_row(answer._replace(text="short"), width))
 
 
-def test_hints_are_shown_on_the_first_start_until_there_is_an_answer(tmp_path: Path) -> None:
+async def test_hints_are_shown_on_the_first_start_until_there_is_an_answer(tmp_path: Path) -> None:
     assert is_first_start(tmp_path / "state")
     assert not is_first_start(tmp_path / "state")
-
-    async def story() -> None:
-        async with staged() as stage:
-            assert stage.words("answer") == ""
-            stage.app.is_first_start = True
-            await stage.redraw()
-            assert stage.words("answer") == "  g sets a goal  space stops  ? shows all keys"
-            stage.station.note("goal 3 1: ok 14 ms")
-            await stage.redraw()
-            assert stage.words("answer") == " goal 3 1: ok 14 ms"
-
-    play(story)
+    async with staged() as stage:
+        assert stage.words("answer") == ""
+        stage.app.is_first_start = True
+        await stage.redraw()
+        assert stage.words("answer") == "  g sets a goal  space stops  ? shows all keys"
+        stage.station.note("goal 3 1: ok 14 ms")
+        await stage.redraw()
+        assert stage.words("answer") == " goal 3 1: ok 14 ms"

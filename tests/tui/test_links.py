@@ -15,111 +15,92 @@ from runtime.units import NS_PER_S
 from tests.support.each import each
 from tests.support.ground.station import Robot
 from tests.support.tui.fakes import NOTHING, FakeStation, driving, mcu_status, stopped_status
-from tests.support.tui.pilot import play, staged
+from tests.support.tui.pilot import staged
 
 
-def test_links_show_processes_and_streams() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            await stage.press("5")
-            assert "robot ● present" in stage.words("about")
-            assert "100.0 % delivered   round trip 12 ms" in stage.words("about")
-            assert "tlm/status" in stage.words("rows")
-            assert "1 robot, 5 streams" in stage.words("heading")
-
-    play(story)
+async def test_links_show_processes_and_streams() -> None:
+    async with staged() as stage:
+        await stage.press("5")
+        assert "robot ● present" in stage.words("about")
+        assert "100.0 % delivered   round trip 12 ms" in stage.words("about")
+        assert "tlm/status" in stage.words("rows")
+        assert "1 robot, 5 streams" in stage.words("heading")
 
 
-def test_links_show_which_program_has_the_lease_and_which_one_drove() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            await stage.press("5")
-            stage.station.lease_now = LeaseView(
-                held=True, ours=True, name="ada@laptop:pts/1", driver="ada@laptop:pts/0",
-                lapses_s=27.8,
-            )  # fmt: skip
-            await stage.redraw()
-            words = stage.words("about")
-            assert "ours, by ada@laptop:pts/1, 28 s left, last driver ada@laptop:pts/0" in words
-            assert max(map(len, words.splitlines())) <= 80
-
-    play(story)
+async def test_links_show_which_program_has_the_lease_and_which_one_drove() -> None:
+    async with staged() as stage:
+        await stage.press("5")
+        stage.station.lease_now = LeaseView(
+            held=True, ours=True, name="ada@laptop:pts/1", driver="ada@laptop:pts/0",
+            lapses_s=27.8,
+        )  # fmt: skip
+        await stage.redraw()
+        words = stage.words("about")
+        assert "ours, by ada@laptop:pts/1, 28 s left, last driver ada@laptop:pts/0" in words
+        assert max(map(len, words.splitlines())) <= 80
 
 
-def test_links_show_the_mavlink_gateway_and_its_loss() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            await stage.press("5")
-            assert "mavlink" not in stage.words("about")
-            status = make(
-                GatewayStatus, sent_bytes_s=4_200, refused=7, received_hz=12, lost_permille=15,
-                system=1, clients=2, signing=1, owner=255,
-            )  # fmt: skip
-            stage.station.air.put(GATEWAY, status, stage.station.now_ns)
-            await stage.redraw()
-            words = stage.words("about")
-            assert "system 1: 2 clients (1 signed), 255 commands" in words
-            assert "in 12 Hz, out 4.2 kB/s   1.5 % lost, 7 refused" in words
-            assert max(map(len, words.splitlines())) <= 80
-            about = stage.app.screen.query_one("#about")
-            await stage.until(lambda: about.content_size.height == 9)
-            stage.station.clock.advance(12 * NS_PER_S)
-            await stage.redraw()
-            words = stage.words("about")
-            assert "mavlink no data for 12 s: the gateway has ended, is slow or hangs" in words
-            assert "255 commands" not in words
-
-    play(story)
+async def test_links_show_the_mavlink_gateway_and_its_loss() -> None:
+    async with staged() as stage:
+        await stage.press("5")
+        assert "mavlink" not in stage.words("about")
+        status = make(
+            GatewayStatus, sent_bytes_s=4_200, refused=7, received_hz=12, lost_permille=15,
+            system=1, clients=2, signing=1, owner=255,
+        )  # fmt: skip
+        stage.station.air.put(GATEWAY, status, stage.station.now_ns)
+        await stage.redraw()
+        words = stage.words("about")
+        assert "system 1: 2 clients (1 signed), 255 commands" in words
+        assert "in 12 Hz, out 4.2 kB/s   1.5 % lost, 7 refused" in words
+        assert max(map(len, words.splitlines())) <= 80
+        about = stage.app.screen.query_one("#about")
+        await stage.until(lambda: about.content_size.height == 9)
+        stage.station.clock.advance(12 * NS_PER_S)
+        await stage.redraw()
+        words = stage.words("about")
+        assert "mavlink no data for 12 s: the gateway has ended, is slow or hangs" in words
+        assert "255 commands" not in words
 
 
-def test_links_show_the_board_that_runs_the_core() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            await stage.press("5")
-            assert "MCU" not in stage.words("about")
-            stage.station.air.put(MCU, mcu_status(), stage.station.now_ns)
-            await stage.redraw()
-            words = stage.words("about")
-            assert (
-                "MCU (emulated)  command after 6.0 ms, done after 21.6 of 50.0 ms (modelled)"
-                in words
-            )
-            assert "RAM 52.2 of 56.9 kB, 699 bytes skipped" in words
-            assert max(map(len, words.splitlines())) <= 80
-            stage.station.clock.advance(3 * NS_PER_S)
-            await stage.redraw()
-            words = stage.words("about")
-            assert "MCU (emulated)  -- 3.0 s" in words
-            assert "RAM" not in words
-
-    play(story)
+async def test_links_show_the_board_that_runs_the_core() -> None:
+    async with staged() as stage:
+        await stage.press("5")
+        assert "MCU" not in stage.words("about")
+        stage.station.air.put(MCU, mcu_status(), stage.station.now_ns)
+        await stage.redraw()
+        words = stage.words("about")
+        assert (
+            "MCU (emulated)  command after 6.0 ms, done after 21.6 of 50.0 ms (modelled)" in words
+        )
+        assert "RAM 52.2 of 56.9 kB, 699 bytes skipped" in words
+        assert max(map(len, words.splitlines())) <= 80
+        stage.station.clock.advance(3 * NS_PER_S)
+        await stage.redraw()
+        words = stage.words("about")
+        assert "MCU (emulated)  -- 3.0 s" in words
+        assert "RAM" not in words
 
 
-def test_links_show_restarts_and_their_cause() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            await stage.press("5")
-            assert "restarted" not in stage.words("about")
-            stage.station.restarts_now = {Role.ROBOT: 1, Role.PLANT: 2}
-            stage.station.cause_now = "the one before was killed (signal SIGKILL)"
-            await stage.redraw()
-            rows = stage.words("about").splitlines()
-            assert rows[1].endswith("restarted 1 time; the one before was killed (signal SIGKILL)")
-            assert rows[2].endswith("restarted 2 times")
-
-    play(story)
+async def test_links_show_restarts_and_their_cause() -> None:
+    async with staged() as stage:
+        await stage.press("5")
+        assert "restarted" not in stage.words("about")
+        stage.station.restarts_now = {Role.ROBOT: 1, Role.PLANT: 2}
+        stage.station.cause_now = "the one before was killed (signal SIGKILL)"
+        await stage.redraw()
+        rows = stage.words("about").splitlines()
+        assert rows[1].endswith("restarted 1 time; the one before was killed (signal SIGKILL)")
+        assert rows[2].endswith("restarted 2 times")
 
 
-def test_columns_of_links_are_below_their_names() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            await stage.press("5")
-            heads, rows = stage.words("columns"), stage.words("rows").splitlines()
-            for name, value in (("got Hz", "20"), ("age", "live"), ("loss %", "0.0")):
-                ends = heads.index(name) + len(name)
-                assert rows[2][:ends].endswith(value), name
-
-    play(story)
+async def test_columns_of_links_are_below_their_names() -> None:
+    async with staged() as stage:
+        await stage.press("5")
+        heads, rows = stage.words("columns"), stage.words("rows").splitlines()
+        for name, value in (("got Hz", "20"), ("age", "live"), ("loss %", "0.0")):
+            ends = heads.index(name) + len(name)
+            assert rows[2][:ends].endswith(value), name
 
 
 def lossy() -> FakeStation:
@@ -136,69 +117,57 @@ def lossy() -> FakeStation:
     return station
 
 
-def test_links_show_every_robot() -> None:
-    async def story() -> None:
-        async with staged((110, 30), station=lossy()) as stage:
-            await stage.press("5")
-            assert "2 robots, 5 streams" in stage.words("heading")
-            last = stage.words("rows").splitlines()[-1].split()
-            assert (last[0], last[-1]) == ("r2", "31")
-
-    play(story)
+async def test_links_show_every_robot() -> None:
+    async with staged((110, 30), station=lossy()) as stage:
+        await stage.press("5")
+        assert "2 robots, 5 streams" in stage.words("heading")
+        last = stage.words("rows").splitlines()[-1].split()
+        assert (last[0], last[-1]) == ("r2", "31")
 
 
-def test_links_are_sorted_by_loss_with_a_click_on_its_head() -> None:
-    async def story() -> None:
-        async with staged((110, 30), station=lossy()) as stage:
-            await stage.press("5")
-            at = stage.words("columns").index("loss %")
-            await stage.pilot.click("#columns", offset=(at, 0))
-            await stage.redraw()
-            assert "▼loss %" in stage.words("columns")
-            assert stage.words("rows").splitlines()[0].split()[1] == "tlm/cycle"
-            await stage.press("O")
-            assert "▲loss %" in stage.words("columns")
-            assert stage.words("rows").splitlines()[0].split()[1] == "tlm/heartbeat"
-
-    play(story)
+async def test_links_are_sorted_by_loss_with_a_click_on_its_head() -> None:
+    async with staged((110, 30), station=lossy()) as stage:
+        await stage.press("5")
+        at = stage.words("columns").index("loss %")
+        await stage.pilot.click("#columns", offset=(at, 0))
+        await stage.redraw()
+        assert "▼loss %" in stage.words("columns")
+        assert stage.words("rows").splitlines()[0].split()[1] == "tlm/cycle"
+        await stage.press("O")
+        assert "▲loss %" in stage.words("columns")
+        assert stage.words("rows").splitlines()[0].split()[1] == "tlm/heartbeat"
 
 
-def test_links_show_how_many_rows_are_out_of_sight() -> None:
-    async def story() -> None:
-        async with staged((80, 12)) as stage:
-            await stage.press("5")
-            assert "▼" in stage.words("heading")
-            assert "tlm/cycle" not in stage.words("rows")
-            await stage.press("end")
-            assert "▲" in stage.words("heading")
-            assert "▼" not in stage.words("heading")
-            assert "tlm/cycle" in stage.words("rows")
-
-    play(story)
+async def test_links_show_how_many_rows_are_out_of_sight() -> None:
+    async with staged((80, 12)) as stage:
+        await stage.press("5")
+        assert "▼" in stage.words("heading")
+        assert "tlm/cycle" not in stage.words("rows")
+        await stage.press("end")
+        assert "▲" in stage.words("heading")
+        assert "▼" not in stage.words("heading")
+        assert "tlm/cycle" in stage.words("rows")
 
 
 @each(("is_framed", "columns"), [(False, 80), (True, 78)])
-def test_rejected_frames_fit_into_eighty_columns(is_framed: bool, columns: int) -> None:
-    async def story() -> None:
-        station = driving(FakeStation())
-        if is_framed:
-            failed = stopped_status(Vehicle.FAILSAFE, station.now_ns)
-            station.air.put(STATUS, failed, station.now_ns)
-        async with staged((80, 24), station=station) as stage:
-            first = stage.station.streams_now[0]
-            why = "has dialect 3, this station has 4"
-            stage.station.streams_now = [
-                first._replace(rejected=4321, last_rejection=why),
-                *stage.station.streams_now[1:],
-            ]
-            await stage.press("5", "down")
-            assert stage.app.screen.query_one("#columns").size.width == columns
-            assert " reject " in stage.words("columns")[:columns]
-            line = next(one for one in stage.words("rows").splitlines() if "tlm/heartbeat" in one)
-            assert "4321" in line[:columns]
-            assert f"tlm/heartbeat: {why}" in stage.words("about")
-
-    play(story)
+async def test_rejected_frames_fit_into_eighty_columns(is_framed: bool, columns: int) -> None:
+    station = driving(FakeStation())
+    if is_framed:
+        failed = stopped_status(Vehicle.FAILSAFE, station.now_ns)
+        station.air.put(STATUS, failed, station.now_ns)
+    async with staged((80, 24), station=station) as stage:
+        first = stage.station.streams_now[0]
+        why = "has dialect 3, this station has 4"
+        stage.station.streams_now = [
+            first._replace(rejected=4321, last_rejection=why),
+            *stage.station.streams_now[1:],
+        ]
+        await stage.press("5", "down")
+        assert stage.app.screen.query_one("#columns").size.width == columns
+        assert " reject " in stage.words("columns")[:columns]
+        line = next(one for one in stage.words("rows").splitlines() if "tlm/heartbeat" in one)
+        assert "4321" in line[:columns]
+        assert f"tlm/heartbeat: {why}" in stage.words("about")
 
 
 def entry(robot: Robot, *, selected: bool = False, to_go: float | None = None) -> RosterEntry:
@@ -280,37 +249,28 @@ def test_place_of_the_roster_depends_on_the_number_of_robots() -> None:
     assert not fits_beside(FLEET, 53)
 
 
-def test_click_on_the_roster_selects_the_robot() -> None:
-    async def story() -> None:
-        async with staged(size=(80, 24)) as stage:
-            stage.station.robots_now = ["r1", "r2", "r3"]
-            stage.station.roster_now = FLEET
-            await stage.redraw()  # makes the row visible
-            await stage.redraw()
-            roster = stage.app.screen.query_one("#roster", ButtonRow)
-            assert roster.display
-            column = words_of(roster.rows[0]).index("r2")
-            await stage.pilot.click("#roster", offset=(column, 0))
-            assert stage.station.robot == "r2"
-
-    play(story)
+async def test_click_on_the_roster_selects_the_robot() -> None:
+    async with staged(size=(80, 24)) as stage:
+        stage.station.robots_now = ["r1", "r2", "r3"]
+        stage.station.roster_now = FLEET
+        await stage.redraw()  # makes the row visible
+        await stage.redraw()
+        roster = stage.app.screen.query_one("#roster", ButtonRow)
+        assert roster.display
+        column = words_of(roster.rows[0]).index("r2")
+        await stage.pilot.click("#roster", offset=(column, 0))
+        assert stage.station.robot == "r2"
 
 
-def test_few_robots_are_at_the_end_of_the_tab_bar() -> None:
-    async def story() -> None:
-        async with staged(size=(160, 40)) as stage:
-            stage.station.robots_now = ["r1", "r2"]
-            await stage.redraw()
-            assert not stage.app.screen.query_one("#roster", ButtonRow).display
-            assert "r2 ●" in words_of(stage.app.screen.query_one("#tabs", ButtonRow).rows[0])
-
-    play(story)
+async def test_few_robots_are_at_the_end_of_the_tab_bar() -> None:
+    async with staged(size=(160, 40)) as stage:
+        stage.station.robots_now = ["r1", "r2"]
+        await stage.redraw()
+        assert not stage.app.screen.query_one("#roster", ButtonRow).display
+        assert "r2 ●" in words_of(stage.app.screen.query_one("#tabs", ButtonRow).rows[0])
 
 
-def test_roster_of_one_robot_takes_no_row() -> None:
-    async def story() -> None:
-        async with staged(size=(80, 24)) as stage:
-            await stage.redraw()
-            assert not stage.app.screen.query_one("#roster", ButtonRow).display
-
-    play(story)
+async def test_roster_of_one_robot_takes_no_row() -> None:
+    async with staged(size=(80, 24)) as stage:
+        await stage.redraw()
+        assert not stage.app.screen.query_one("#roster", ButtonRow).display

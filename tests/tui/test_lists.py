@@ -16,7 +16,7 @@ from protocol.wire.enums import Severity, Vehicle
 from runtime.units import NS_PER_S as S
 from tests.support.each import each
 from tests.support.tui.fakes import FakeStation, driving, parameter, stopped
-from tests.support.tui.pilot import FakeStack, Stage, on, play, staged
+from tests.support.tui.pilot import FakeStack, Stage, on, staged
 
 MANY = [Choice(f"run-{number}", f"file {number}") for number in range(1, 60)]
 
@@ -28,112 +28,88 @@ def taken(stage: Stage, choices: list[Choice]) -> list[str]:
     return found
 
 
-def test_navigators_have_a_description_and_the_current_one_a_mark() -> None:
-    async def story() -> None:
-        async with staged((100, 30)) as stage:
-            await stage.press("v")
-            rows = stage.words("choices").splitlines()
-            assert "● vgm " in rows[2]
-            assert "turns its goal away" in rows[2]
-            assert sum("●" in row for row in rows) == 1
-            await stage.press("down", "enter")
-            assert stage.commands.given == ["navigator bug1"]
-
-    play(story)
+async def test_navigators_have_a_description_and_the_current_one_a_mark() -> None:
+    async with staged((100, 30)) as stage:
+        await stage.press("v")
+        rows = stage.words("choices").splitlines()
+        assert "● vgm " in rows[2]
+        assert "turns its goal away" in rows[2]
+        assert sum("●" in row for row in rows) == 1
+        await stage.press("down", "enter")
+        assert stage.commands.given == ["navigator bug1"]
 
 
-def test_choices_are_filtered_while_typing() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            found = taken(stage, MANY)
-            await stage.press("slash")
-            await stage.type("jkq 4")
-            assert "nothing matches" in stage.words("choices")
-            await stage.press("ctrl+u")
-            await stage.type("run-4")
-            assert "11 of 59" in stage.words("choices")
-            await stage.press("down", "enter")
-            assert found == ["run-40"]
-
-    play(story)
+async def test_choices_are_filtered_while_typing() -> None:
+    async with staged() as stage:
+        found = taken(stage, MANY)
+        await stage.press("slash")
+        await stage.type("jkq 4")
+        assert "nothing matches" in stage.words("choices")
+        await stage.press("ctrl+u")
+        await stage.type("run-4")
+        assert "11 of 59" in stage.words("choices")
+        await stage.press("down", "enter")
+        assert found == ["run-40"]
 
 
-def test_escape_clears_the_filter_then_closes() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            found = taken(stage, MANY)
-            await stage.press("slash", "4", "escape")
-            assert isinstance(stage.app.screen, ChoiceScreen)
-            assert "of 59" not in stage.words("choices")
-            await stage.press("escape")
-            assert not isinstance(stage.app.screen, ChoiceScreen)
-            assert found == []
-
-    play(story)
+async def test_escape_clears_the_filter_then_closes() -> None:
+    async with staged() as stage:
+        found = taken(stage, MANY)
+        await stage.press("slash", "4", "escape")
+        assert isinstance(stage.app.screen, ChoiceScreen)
+        assert "of 59" not in stage.words("choices")
+        await stage.press("escape")
+        assert not isinstance(stage.app.screen, ChoiceScreen)
+        assert found == []
 
 
-def test_letters_of_the_filter_stop_no_robot_and_f12_does() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            taken(stage, MANY)
-            await stage.press("slash", "S", "space")
-            assert stage.station.stops == 0
-            await stage.press("f12")
-            assert stage.station.stops == 1
-
-    play(story)
+async def test_letters_of_the_filter_stop_no_robot_and_f12_does() -> None:
+    async with staged() as stage:
+        taken(stage, MANY)
+        await stage.press("slash", "S", "space")
+        assert stage.station.stops == 0
+        await stage.press("f12")
+        assert stage.station.stops == 1
 
 
-def test_chosen_row_of_a_long_list_stays_in_sight() -> None:
-    async def story() -> None:
-        async with staged((40, 12)) as stage:
-            found = taken(stage, MANY)
-            await stage.press("up")
-            assert "run-59" in stage.words("choices")
-            await stage.press("enter")
-            assert found == ["run-59"]
-
-    play(story)
+async def test_chosen_row_of_a_long_list_stays_in_sight() -> None:
+    async with staged((40, 12)) as stage:
+        found = taken(stage, MANY)
+        await stage.press("up")
+        assert "run-59" in stage.words("choices")
+        await stage.press("enter")
+        assert found == ["run-59"]
 
 
-def test_click_takes_a_choice() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            found = taken(stage, MANY[:5])
-            await stage.redraw()
-            await stage.pilot.click("#choices", offset=(5, 0))
-            assert found == []
-            await stage.pilot.click("#choices", offset=(5, 3))
-            assert found == ["run-3"]
-
-    play(story)
+async def test_click_takes_a_choice() -> None:
+    async with staged() as stage:
+        found = taken(stage, MANY[:5])
+        await stage.redraw()
+        await stage.pilot.click("#choices", offset=(5, 0))
+        assert found == []
+        await stage.pilot.click("#choices", offset=(5, 3))
+        assert found == ["run-3"]
 
 
-def test_click_only_selects_in_an_emergency_stop() -> None:
-    async def story() -> None:
-        async with staged(station=stopped(Vehicle.EMERGENCY_STOP)) as stage:
-            found = taken(stage, MANY[:5])
-            await stage.redraw()
-            await stage.pilot.click("#choices", offset=(5, 3))
-            assert found == []
-            await stage.press("enter")
-            assert found == ["run-3"]
-
-    play(story)
+async def test_click_only_selects_in_an_emergency_stop() -> None:
+    async with staged(station=stopped(Vehicle.EMERGENCY_STOP)) as stage:
+        found = taken(stage, MANY[:5])
+        await stage.redraw()
+        await stage.pilot.click("#choices", offset=(5, 3))
+        assert found == []
+        await stage.press("enter")
+        assert found == ["run-3"]
 
 
-def test_title_counts_the_choices_out_of_sight() -> None:
-    async def story() -> None:
-        async with staged((60, 20)) as stage:
-            taken(stage, MANY)
-            await stage.redraw()
-            assert "▼ 45 below" in stage.words("choices").splitlines()[0]
-            assert "▲" not in stage.words("choices").splitlines()[0]
-            await stage.press("up")
-            assert "▲ 45 above" in stage.words("choices").splitlines()[0]
-            assert "▼" not in stage.words("choices").splitlines()[0]
-
-    play(story)
+async def test_title_counts_the_choices_out_of_sight() -> None:
+    async with staged((60, 20)) as stage:
+        taken(stage, MANY)
+        await stage.redraw()
+        assert "▼ 45 below" in stage.words("choices").splitlines()[0]
+        assert "▲" not in stage.words("choices").splitlines()[0]
+        await stage.press("up")
+        assert "▲ 45 above" in stage.words("choices").splitlines()[0]
+        assert "▼" not in stage.words("choices").splitlines()[0]
 
 
 def with_log() -> FakeStation:
@@ -144,14 +120,11 @@ def with_log() -> FakeStation:
     return station
 
 
-def test_parameter_is_copied_as_the_command_that_sets_it() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            await stage.press("3", "down", "y")
-            assert stage.app.clipboard == "param set guard_stop_m 0.1"
-            assert "copied: param set guard_stop_m 0.1" in stage.log()
-
-    play(story)
+async def test_parameter_is_copied_as_the_command_that_sets_it() -> None:
+    async with staged() as stage:
+        await stage.press("3", "down", "y")
+        assert stage.app.clipboard == "param set guard_stop_m 0.1"
+        assert "copied: param set guard_stop_m 0.1" in stage.log()
 
 
 @pytest.mark.usefixtures("worlds")
@@ -159,66 +132,52 @@ def test_parameter_is_copied_as_the_command_that_sets_it() -> None:
     ("screen", "text"),
     [("5", "r1  (all frames)"), ("6", "box"), ("7", "hang robot r1  now")],
 )
-def test_row_of_a_list_is_copied(screen: str, text: str) -> None:
-    async def story(stage: Stage) -> None:
+async def test_row_of_a_list_is_copied(screen: str, text: str) -> None:
+    async with on(screen, FakeStack()) as stage:
         await stage.press("y")
         assert stage.app.clipboard.startswith(text)
 
-    play(lambda: on(screen, FakeStack(), story))
+
+async def test_empty_list_copies_nothing() -> None:
+    async with staged() as stage:
+        await stage.press("3", "slash", "z", "z", "enter", "y")
+        assert stage.app.clipboard == ""
+        assert "no row to copy" in stage.log()
 
 
-def test_empty_list_copies_nothing() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            await stage.press("3", "slash", "z", "z", "enter", "y")
-            assert stage.app.clipboard == ""
-            assert "no row to copy" in stage.log()
-
-    play(story)
-
-
-def test_chosen_line_of_the_log_is_copied() -> None:
-    async def story() -> None:
-        async with staged(station=with_log()) as stage:
-            await stage.press("4", "y")
-            assert stage.app.clipboard == "3.0 W ground line 2"
-            await stage.press("up", "up", "y")
-            assert "line 1" in stage.app.clipboard
-            assert "paused" in stage.words("heading")
-            await stage.press("f")
-            assert "following" in stage.words("heading")
-
-    play(story)
+async def test_chosen_line_of_the_log_is_copied() -> None:
+    async with staged(station=with_log()) as stage:
+        await stage.press("4", "y")
+        assert stage.app.clipboard == "3.0 W ground line 2"
+        await stage.press("up", "up", "y")
+        assert "line 1" in stage.app.clipboard
+        assert "paused" in stage.words("heading")
+        await stage.press("f")
+        assert "following" in stage.words("heading")
 
 
-def test_line_of_the_log_is_chosen_by_a_click() -> None:
-    async def story() -> None:
-        async with staged(station=with_log()) as stage:
-            await stage.press("4")
-            await stage.pilot.click("#lines", offset=(20, 1))
-            await stage.press("y")
-            assert stage.app.clipboard == "2.0 E ground line 1"
-
-    play(story)
+async def test_line_of_the_log_is_chosen_by_a_click() -> None:
+    async with staged(station=with_log()) as stage:
+        await stage.press("4")
+        await stage.pilot.click("#lines", offset=(20, 1))
+        await stage.press("y")
+        assert stage.app.clipboard == "2.0 E ground line 1"
 
 
-def test_log_is_sorted_by_level() -> None:
-    async def story() -> None:
-        async with staged(station=with_log()) as stage:
-            await stage.press("4", "o", "o")
-            assert isinstance(stage.app.screen, LogScreen)
-            assert [one.text for one in stage.app.screen.filtered.lines] == [
-                "line 1",
-                "line 2",
-                "line 0",
-            ]
-            stage.station.note("line 3", Severity.CRITICAL)
-            await stage.redraw()
-            assert stage.app.screen.filtered.lines[0].text == "line 3"
-            await stage.press("o", "o", "o")
-            assert stage.app.screen.filtered.lines[0].text == "line 0"
-
-    play(story)
+async def test_log_is_sorted_by_level() -> None:
+    async with staged(station=with_log()) as stage:
+        await stage.press("4", "o", "o")
+        assert isinstance(stage.app.screen, LogScreen)
+        assert [one.text for one in stage.app.screen.filtered.lines] == [
+            "line 1",
+            "line 2",
+            "line 0",
+        ]
+        stage.station.note("line 3", Severity.CRITICAL)
+        await stage.redraw()
+        assert stage.app.screen.filtered.lines[0].text == "line 3"
+        await stage.press("o", "o", "o")
+        assert stage.app.screen.filtered.lines[0].text == "line 0"
 
 
 def test_sorted_log_stays_bounded() -> None:
@@ -327,16 +286,13 @@ def test_latest_rows_fit_and_show_the_last_line(height: int) -> None:
         assert rows[-2].endswith("…")
 
 
-def test_log_screen_shows_a_long_line_in_full() -> None:
-    async def story() -> None:
-        station = driving(FakeStation())
-        station.note(REFUSAL, Severity.WARNING)
-        async with staged((80, 24), station=station) as stage:
-            await stage.press("4")
-            shown = " ".join(part.strip() for part in stage.words("lines").splitlines())
-            assert REFUSAL.strip() in shown
-
-    play(story)
+async def test_log_screen_shows_a_long_line_in_full() -> None:
+    station = driving(FakeStation())
+    station.note(REFUSAL, Severity.WARNING)
+    async with staged((80, 24), station=station) as stage:
+        await stage.press("4")
+        shown = " ".join(part.strip() for part in stage.words("lines").splitlines())
+        assert REFUSAL.strip() in shown
 
 
 LISTS = ("3", "4", "5", "6", "7")
@@ -350,29 +306,26 @@ def with_parameters() -> FakeStation:
     return station
 
 
-def test_filter_narrows_at_each_letter() -> None:
-    async def story() -> None:
-        async with staged(station=with_parameters()) as stage:
-            await stage.press("3", "slash", "d")
-            assert "4 of 5" in stage.words("heading")
-            await stage.press("_")
-            assert "2 of 5" in stage.words("heading")
-            assert [line.split()[0] for line in stage.words("rows").splitlines()] == [
-                "d_obs_m",
-                "d_min_m",
-            ]
-            await stage.press("escape")
-            assert len(stage.words("rows").splitlines()) == 5
-            assert " of " not in stage.words("heading")
-
-    play(story)
+async def test_filter_narrows_at_each_letter() -> None:
+    async with staged(station=with_parameters()) as stage:
+        await stage.press("3", "slash", "d")
+        assert "4 of 5" in stage.words("heading")
+        await stage.press("_")
+        assert "2 of 5" in stage.words("heading")
+        assert [line.split()[0] for line in stage.words("rows").splitlines()] == [
+            "d_obs_m",
+            "d_min_m",
+        ]
+        await stage.press("escape")
+        assert len(stage.words("rows").splitlines()) == 5
+        assert " of " not in stage.words("heading")
 
 
 @pytest.mark.usefixtures("worlds")
 @pytest.mark.sweep(3)
 @pytest.mark.parametrize("screen", LISTS)
-def test_typing_a_filter_sends_no_command(screen: str) -> None:
-    async def story(stage: Stage) -> None:
+async def test_typing_a_filter_sends_no_command(screen: str) -> None:
+    async with on(screen, FakeStack()) as stage:
         await stage.press("slash")
         await stage.type(ROBOT_KEYS)
         assert stage.app.screen.is_modal is False
@@ -382,14 +335,12 @@ def test_typing_a_filter_sends_no_command(screen: str) -> None:
         assert stage.station.asked == []
         assert stage.app.screen.is_modal is False
 
-    play(lambda: on(screen, FakeStack(), story))
-
 
 @pytest.mark.usefixtures("worlds")
 @pytest.mark.sweep(3)
 @pytest.mark.parametrize("screen", LISTS)
-def test_single_keys_do_not_command_the_robot_on_lists(screen: str) -> None:
-    async def story(stage: Stage) -> None:
+async def test_single_keys_do_not_command_the_robot_on_lists(screen: str) -> None:
+    async with on(screen, FakeStack()) as stage:
         for key in ROBOT_KEYS:
             await stage.press(key)
             assert stage.app.screen.is_modal is False, key
@@ -397,75 +348,57 @@ def test_single_keys_do_not_command_the_robot_on_lists(screen: str) -> None:
         assert stage.commands.given == []
         assert not stage.station.lease.ours
 
-    play(lambda: on(screen, FakeStack(), story))
+
+async def test_stop_keys_work_while_a_filter_is_typed() -> None:
+    async with staged() as stage:
+        await stage.press("3", "slash", "x", "f12")
+        assert stage.station.stops == 1
+        assert stage.words("prompt") == "filter:"
 
 
-def test_stop_keys_work_while_a_filter_is_typed() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            await stage.press("3", "slash", "x", "f12")
-            assert stage.station.stops == 1
-            assert stage.words("prompt") == "filter:"
-
-    play(story)
-
-
-def test_each_screen_remembers_its_filter() -> None:
-    async def story() -> None:
-        async with staged(station=with_parameters()) as stage:
-            await stage.press("3", "slash")
-            await stage.type("obs")
-            await stage.press("enter", "4")
-            assert "/obs" not in stage.words("heading")
-            await stage.press("3")
-            assert "1 of 5  /obs" in stage.words("heading")
-            await stage.press("slash", "r", "a", "d")
-            assert "1 of 5  /rad" in stage.words("heading")
-            await stage.press("enter", "escape")
-            assert len(stage.words("rows").splitlines()) == 5
-
-    play(story)
+async def test_each_screen_remembers_its_filter() -> None:
+    async with staged(station=with_parameters()) as stage:
+        await stage.press("3", "slash")
+        await stage.type("obs")
+        await stage.press("enter", "4")
+        assert "/obs" not in stage.words("heading")
+        await stage.press("3")
+        assert "1 of 5  /obs" in stage.words("heading")
+        await stage.press("slash", "r", "a", "d")
+        assert "1 of 5  /rad" in stage.words("heading")
+        await stage.press("enter", "escape")
+        assert len(stage.words("rows").splitlines()) == 5
 
 
-def test_filter_without_a_match_is_shown_in_the_list() -> None:
-    async def story() -> None:
-        async with staged(station=with_parameters()) as stage:
-            await stage.press("3", "slash")
-            await stage.type("zzz")
-            await stage.press("enter")
-            assert "0 of 5" in stage.words("heading")
-            assert "nothing matches zzz: Esc clears the filter" in stage.words("rows")
-            await stage.press("e")
-            assert stage.words("prompt") != "set d_obs_m:"
-
-    play(story)
+async def test_filter_without_a_match_is_shown_in_the_list() -> None:
+    async with staged(station=with_parameters()) as stage:
+        await stage.press("3", "slash")
+        await stage.type("zzz")
+        await stage.press("enter")
+        assert "0 of 5" in stage.words("heading")
+        assert "nothing matches zzz: Esc clears the filter" in stage.words("rows")
+        await stage.press("e")
+        assert stage.words("prompt") != "set d_obs_m:"
 
 
-def test_arrows_choose_a_row_while_a_filter_is_typed() -> None:
-    async def story() -> None:
-        async with staged(station=with_parameters()) as stage:
-            await stage.press("3", "slash", "d", "_", "down", "enter", "e")
-            assert stage.words("prompt") == "set d_min_m:"
-
-    play(story)
+async def test_arrows_choose_a_row_while_a_filter_is_typed() -> None:
+    async with staged(station=with_parameters()) as stage:
+        await stage.press("3", "slash", "d", "_", "down", "enter", "e")
+        assert stage.words("prompt") == "set d_min_m:"
 
 
-def test_choice_stays_on_its_row_when_the_filter_is_cleared() -> None:
-    async def story() -> None:
-        async with staged(station=with_parameters()) as stage:
-            await stage.press("3", "slash")
-            await stage.type("track")
-            await stage.press("enter", "escape", "e")
-            assert stage.words("prompt") == "set track_m:"
-
-    play(story)
+async def test_choice_stays_on_its_row_when_the_filter_is_cleared() -> None:
+    async with staged(station=with_parameters()) as stage:
+        await stage.press("3", "slash")
+        await stage.type("track")
+        await stage.press("enter", "escape", "e")
+        assert stage.words("prompt") == "set track_m:"
 
 
 @pytest.mark.usefixtures("worlds")
-def test_filtered_world_is_the_one_that_starts() -> None:
+async def test_filtered_world_is_the_one_that_starts() -> None:
     stack = FakeStack()
-
-    async def story(stage: Stage) -> None:
+    async with on("6", stack) as stage:
         await stage.press("slash")
         await stage.type("walker")
         await stage.press("enter")
@@ -473,68 +406,57 @@ def test_filtered_world_is_the_one_that_starts() -> None:
         await stage.press("s", "s")
         assert stack.begun == ["wall"]
 
-    play(lambda: on("6", stack, story))
-
 
 @pytest.mark.usefixtures("worlds")
-def test_faults_are_filtered() -> None:
-    async def story(stage: Stage) -> None:
+async def test_faults_are_filtered() -> None:
+    async with on("7", FakeStack()) as stage:
         await stage.press("slash")
         await stage.type("when:restart sonar")
         assert "sonar_frozen" in stage.words("rows")
         assert "1 of" in stage.words("heading")
 
-    play(lambda: on("7", FakeStack(), story))
+
+async def test_log_is_filtered_by_robot_level_and_words() -> None:
+    station = driving(FakeStation())
+    station.note("goal 1 2: ok")
+    station.note("goal 9 9: refused", Severity.WARNING)
+    station.note("link is back", Severity.WARNING)
+    async with staged(station=station) as stage:
+        await stage.press("4", "slash")
+        await stage.type("goal")
+        assert "2 of 3" in stage.words("heading")
+        await stage.type(" level:warn")
+        assert "1 of 3" in stage.words("heading")
+        assert "refused" in stage.words("lines")
+        await stage.press("ctrl+u")
+        await stage.type("robot:ground link")
+        assert "1 of 3" in stage.words("heading")
+        await stage.press("ctrl+u")
+        await stage.type("robot:r7")
+        assert "nothing matches robot:r7" in stage.words("lines")
 
 
-def test_log_is_filtered_by_robot_level_and_words() -> None:
-    async def story() -> None:
-        station = driving(FakeStation())
-        station.note("goal 1 2: ok")
-        station.note("goal 9 9: refused", Severity.WARNING)
-        station.note("link is back", Severity.WARNING)
-        async with staged(station=station) as stage:
-            await stage.press("4", "slash")
-            await stage.type("goal")
-            assert "2 of 3" in stage.words("heading")
-            await stage.type(" level:warn")
-            assert "1 of 3" in stage.words("heading")
-            assert "refused" in stage.words("lines")
-            await stage.press("ctrl+u")
-            await stage.type("robot:ground link")
-            assert "1 of 3" in stage.words("heading")
-            await stage.press("ctrl+u")
-            await stage.type("robot:r7")
-            assert "nothing matches robot:r7" in stage.words("lines")
-
-    play(story)
-
-
-def test_fifty_thousand_lines_arrive_while_the_log_is_filtered() -> None:
+async def test_fifty_thousand_lines_arrive_while_the_log_is_filtered() -> None:
     """Each line is examined once; only a shorter filter examines all lines again."""
-
-    async def story() -> None:
-        station = driving(FakeStation())
-        for number in range(10_000):
-            station.note(f"line {number}")
-        async with staged(station=station) as stage:
-            await stage.press("4", "slash")
-            filtered = log_of(stage).filtered
-            before = filtered.examined
-            await stage.type("line 99")
-            assert filtered.examined - before < 7 * 10_000
-            await stage.redraw()
-            before = filtered.examined
-            for batch in range(50):
-                for number in range(1000):
-                    station.note(f"line {batch * 1000 + number}")
-                stage.app.redraw()
-            assert filtered.examined - before == 50_000
-            assert len(filtered.lines) <= len(station.log) == 10_000
-            assert len(filtered.parts) <= 10_000
-            assert "line 49999" in stage.words("lines")
-
-    play(story)
+    station = driving(FakeStation())
+    for number in range(10_000):
+        station.note(f"line {number}")
+    async with staged(station=station) as stage:
+        await stage.press("4", "slash")
+        filtered = log_of(stage).filtered
+        before = filtered.examined
+        await stage.type("line 99")
+        assert filtered.examined - before < 7 * 10_000
+        await stage.redraw()
+        before = filtered.examined
+        for batch in range(50):
+            for number in range(1000):
+                station.note(f"line {batch * 1000 + number}")
+            stage.app.redraw()
+        assert filtered.examined - before == 50_000
+        assert len(filtered.lines) <= len(station.log) == 10_000
+        assert len(filtered.parts) <= 10_000
+        assert "line 49999" in stage.words("lines")
 
 
 def log_of(stage: Stage) -> LogScreen:

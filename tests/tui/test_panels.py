@@ -39,7 +39,7 @@ from tests.support.tui.fakes import (
     parameter,
     status,
 )
-from tests.support.tui.pilot import play, staged
+from tests.support.tui.pilot import staged
 
 
 def shown(**changes: int) -> FakeStation:
@@ -412,51 +412,39 @@ def turned(ago_ns: int = 2 * S) -> FakeStation:
     return station
 
 
-def test_key_explains_the_last_turn_and_closes_again() -> None:
-    async def story() -> None:
-        async with staged((110, 30), station=turned()) as stage:
-            await stage.press("e")
-            text = stage.words("why-below")
-            assert "2.0 s ago: changes the side: passes on the right" in text
-            assert "so it passes on the left" in " ".join(text.split())
-            await stage.press("e")
-            assert not stage.app.screen.has_class("-explaining")
-
-    play(story)
+async def test_key_explains_the_last_turn_and_closes_again() -> None:
+    async with staged((110, 30), station=turned()) as stage:
+        await stage.press("e")
+        text = stage.words("why-below")
+        assert "2.0 s ago: changes the side: passes on the right" in text
+        assert "so it passes on the left" in " ".join(text.split())
+        await stage.press("e")
+        assert not stage.app.screen.has_class("-explaining")
 
 
-def test_other_key_explains_earlier_turns() -> None:
-    async def story() -> None:
-        async with staged((110, 30), station=turned()) as stage:
-            for _ in range(4):
-                await stage.press("E")
-            assert "goes for the goal -> passes on the right" in stage.words("why-below")
-
-    play(story)
+async def test_other_key_explains_earlier_turns() -> None:
+    async with staged((110, 30), station=turned()) as stage:
+        for _ in range(4):
+            await stage.press("E")
+        assert "goes for the goal -> passes on the right" in stage.words("why-below")
 
 
-def test_robot_without_turns_has_no_explanation() -> None:
-    async def story() -> None:
-        async with staged((110, 30)) as stage:
-            await stage.press("e")
-            assert "the robot has not turned yet" in stage.words("why-below")
-
-    play(story)
+async def test_robot_without_turns_has_no_explanation() -> None:
+    async with staged((110, 30)) as stage:
+        await stage.press("e")
+        assert "the robot has not turned yet" in stage.words("why-below")
 
 
-def test_turns_are_collected_on_other_screens() -> None:
-    async def story() -> None:
-        station = turned()
-        async with staged((110, 30), station=station) as stage:
-            await stage.press("4")
-            station.decisions_now.append(
-                (station.now_ns - S, decided(time_ns=150 * MS, branch=Branch.TO_GOAL))
-            )
-            station.decisions_now.append(
-                (station.now_ns - S + 50 * MS, decided(time_ns=200 * MS, branch=Branch.TO_GOAL))
-            )
-            await stage.press("1", "e")
-            turn = "1.0 s ago: passes on the left -> goes for the goal"
-            await stage.until_shown("why-below", turn)
-
-    play(story)
+async def test_turns_are_collected_on_other_screens() -> None:
+    station = turned()
+    async with staged((110, 30), station=station) as stage:
+        await stage.press("4")
+        station.decisions_now.append(
+            (station.now_ns - S, decided(time_ns=150 * MS, branch=Branch.TO_GOAL))
+        )
+        station.decisions_now.append(
+            (station.now_ns - S + 50 * MS, decided(time_ns=200 * MS, branch=Branch.TO_GOAL))
+        )
+        await stage.press("1", "e")
+        turn = "1.0 s ago: passes on the left -> goes for the goal"
+        await stage.until_shown("why-below", turn)

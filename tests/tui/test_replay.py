@@ -23,7 +23,7 @@ from runtime.errors import UserError
 from runtime.units import NS_PER_S as S
 from tests.support.ground.made_recordings import written
 from tests.support.tui.fakes import FakeCommandSink, FakeStation, driving
-from tests.support.tui.pilot import Stage, play, recorded, staged
+from tests.support.tui.pilot import Stage, recorded, staged
 from tests.support.until import PATIENCE_S
 
 
@@ -123,42 +123,34 @@ def polled(app: GroundApp) -> bool:
     return True
 
 
-def test_a_recording_is_chosen_and_read_in_the_background(
+async def test_a_recording_is_chosen_and_read_in_the_background(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     recordings_folder().mkdir(parents=True)
     recorded(recordings_folder())
-
-    async def story() -> None:
-        async with staged() as stage:
-            app = stage.app
-            await stage.press("8", "o")
-            await stage.until(lambda: polled(app) and len(app.screen_stack) > 1)
-            await stage.press("enter")
-            assert "reading 20231114T221320Z-r1.tlog" in stage.words("timeline")
-            await stage.until(lambda: polled(app) and app.player)
-            await stage.redraw()
-            assert "/ 3.9" in stage.words("timeline")
-
-    play(story)
+    async with staged() as stage:
+        app = stage.app
+        await stage.press("8", "o")
+        await stage.until(lambda: polled(app) and len(app.screen_stack) > 1)
+        await stage.press("enter")
+        assert "reading 20231114T221320Z-r1.tlog" in stage.words("timeline")
+        await stage.until(lambda: polled(app) and app.player)
+        await stage.redraw()
+        assert "/ 3.9" in stage.words("timeline")
 
 
-def test_a_recording_that_cannot_be_played_is_reported_in_the_log(tmp_path: Path) -> None:
+async def test_a_recording_that_cannot_be_played_is_reported_in_the_log(tmp_path: Path) -> None:
     path = tmp_path / "x.tlog"
     path.write_bytes(b"nothing of the sort")
-
-    async def story() -> None:
-        async with staged() as stage:
-            app = stage.app
-            with pytest.raises(UserError, match="no such file"):
-                app.open_replay(tmp_path / "missing.tlog")
-            app.open_replay(path)
-            await stage.pilot.pause()
-            await stage.until(lambda: polled(app) and "holds no frame" in stage.log())
-            assert (app.player, app.reader.words) == (None, "")
-
-    play(story)
+    async with staged() as stage:
+        app = stage.app
+        with pytest.raises(UserError, match="no such file"):
+            app.open_replay(tmp_path / "missing.tlog")
+        app.open_replay(path)
+        await stage.pilot.pause()
+        await stage.until(lambda: polled(app) and "holds no frame" in stage.log())
+        assert (app.player, app.reader.words) == (None, "")
 
 
 def test_progress_of_reading_ends_at_the_whole(tmp_path: Path) -> None:
@@ -169,27 +161,24 @@ def test_progress_of_reading_ends_at_the_whole(tmp_path: Path) -> None:
     assert shares[-1] > 0.8
 
 
-def test_keys_control_the_replay(tmp_path: Path) -> None:
-    async def story() -> None:
-        shown, _ = player(tmp_path)
-        commands = FakeCommandSink()
-        app = GroundApp(None, commands, appearance=Appearance(hz=0.0), player=shown)
-        async with app.run_test(size=(100, 28)) as pilot:
-            stage = Stage(app, pilot, FakeStation(), commands)
-            await stage.redraw()
-            assert isinstance(app.screen, ReplayScreen)
-            assert "REPLAY" in stage.words("status")
-            await stage.press("pagedown")
-            assert shown.position_s > 1.0
-            await stage.press("p")
-            assert shown.playing
-            await stage.press("p", "home")
-            assert shown.position_s == 0.0
-            await stage.press("G", "enter")
-            assert commands.given == []
-            assert "this is a replay" in "\n".join(line.text for line in shown.station.log)
-
-    play(story)
+async def test_keys_control_the_replay(tmp_path: Path) -> None:
+    shown, _ = player(tmp_path)
+    commands = FakeCommandSink()
+    app = GroundApp(None, commands, appearance=Appearance(hz=0.0), player=shown)
+    async with app.run_test(size=(100, 28)) as pilot:
+        stage = Stage(app, pilot, FakeStation(), commands)
+        await stage.redraw()
+        assert isinstance(app.screen, ReplayScreen)
+        assert "REPLAY" in stage.words("status")
+        await stage.press("pagedown")
+        assert shown.position_s > 1.0
+        await stage.press("p")
+        assert shown.playing
+        await stage.press("p", "home")
+        assert shown.position_s == 0.0
+        await stage.press("G", "enter")
+        assert commands.given == []
+        assert "this is a replay" in "\n".join(line.text for line in shown.station.log)
 
 
 FLOOR = World(
@@ -221,61 +210,49 @@ async def ended(stage: Stage) -> None:
     await stage.redraw()
 
 
-def test_chosen_ghost_is_drawn_on_the_map() -> None:
-    async def story() -> None:
-        async with staged((110, 30), station=simulated()) as stage:
-            await stage.press("n")
-            await stage.press("enter")  # the first of the list
-            assert [ghost.label for ghost in drive_of(stage).map.scene.ghosts] == ["bug"]
-            await ended(stage)
-            (ghost,) = drive_of(stage).map.scene.ghosts
-            assert (ghost.label, ghost.outcome) == ("bug", "reached")
-            assert ghost.path_m[0] == pytest.approx((4.15, 2.80), abs=1e-6)
-            assert "ghost bug: reached after" in stage.log()
-
-    play(story)
+async def test_chosen_ghost_is_drawn_on_the_map() -> None:
+    async with staged((110, 30), station=simulated()) as stage:
+        await stage.press("n")
+        await stage.press("enter")  # the first of the list
+        assert [ghost.label for ghost in drive_of(stage).map.scene.ghosts] == ["bug"]
+        await ended(stage)
+        (ghost,) = drive_of(stage).map.scene.ghosts
+        assert (ghost.label, ghost.outcome) == ("bug", "reached")
+        assert ghost.path_m[0] == pytest.approx((4.15, 2.80), abs=1e-6)
+        assert "ghost bug: reached after" in stage.log()
 
 
-def test_refused_ghost_is_explained_in_the_log() -> None:
-    async def story() -> None:
-        station = driving(FakeStation())
-        station.world_now = None
-        async with staged(station=station) as stage:
-            await stage.press("n", "enter")
-            assert "no ghost: the world is unknown" in stage.log()
-            assert drive_of(stage).map.scene.ghosts == []
-
-    play(story)
+async def test_refused_ghost_is_explained_in_the_log() -> None:
+    station = driving(FakeStation())
+    station.world_now = None
+    async with staged(station=station) as stage:
+        await stage.press("n", "enter")
+        assert "no ghost: the world is unknown" in stage.log()
+        assert drive_of(stage).map.scene.ghosts == []
 
 
-def test_ghost_command_checks_the_navigator() -> None:
-    async def story() -> None:
-        async with staged(station=simulated()) as stage:
-            words = LocalCommands(stage.app)
+async def test_ghost_command_checks_the_navigator() -> None:
+    async with staged(station=simulated()) as stage:
+        words = LocalCommands(stage.app)
 
-            def typed(line: str) -> str:
-                command = read(line)
-                assert isinstance(command, AppCommand)
-                return words.do_command(command)
+        def typed(line: str) -> str:
+            command = read(line)
+            assert isinstance(command, AppCommand)
+            return words.do_command(command)
 
-            assert typed("ghost vgm") == ""
-            await ended(stage)
-            assert [ghost.label for ghost in drive_of(stage).map.scene.ghosts] == ["vgm"]
-            assert typed("ghost none") == ""
-            await stage.redraw()
-            assert drive_of(stage).map.scene.ghosts == []
-            with pytest.raises(UserError):
-                typed("ghost vfh")
-
-    play(story)
+        assert typed("ghost vgm") == ""
+        await ended(stage)
+        assert [ghost.label for ghost in drive_of(stage).map.scene.ghosts] == ["vgm"]
+        assert typed("ghost none") == ""
+        await stage.redraw()
+        assert drive_of(stage).map.scene.ghosts == []
+        with pytest.raises(UserError):
+            typed("ghost vfh")
 
 
-def test_ghosts_end_with_the_app() -> None:
-    async def story() -> None:
-        async with staged(station=simulated()) as stage:
-            screen = drive_of(stage)
-            screen.start_ghost("all")
-            assert screen.ghost_runner.busy
-        assert not screen.ghost_runner.busy
-
-    play(story)
+async def test_ghosts_end_with_the_app() -> None:
+    async with staged(station=simulated()) as stage:
+        screen = drive_of(stage)
+        screen.start_ghost("all")
+        assert screen.ghost_runner.busy
+    assert not screen.ghost_runner.busy

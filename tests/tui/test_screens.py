@@ -27,7 +27,7 @@ from runtime.errors import UserError
 from runtime.units import NS_PER_S as S
 from tests.support.each import each
 from tests.support.tui.fakes import FakeCommandSink, FakeStation, drive_messages, driving, parameter
-from tests.support.tui.pilot import FakeStack, Stage, on, play, staged
+from tests.support.tui.pilot import FakeStack, Stage, on, staged
 
 
 def parameters() -> tuple[Parameter, ...]:
@@ -44,81 +44,65 @@ def with_parameters() -> FakeStation:
     return station
 
 
-def test_incomplete_parameters_are_not_listed() -> None:
-    async def story() -> None:
-        station = with_parameters()
-        async with staged(station=station) as stage:
-            await stage.press("3")
-            assert "3 parameters, 1 changed" in stage.words("heading")
-            assert "d_obs_m          *" in stage.words("rows")
-            station.parameters_now = None
-            await stage.redraw()
-            assert "41 missing: requested 2 times" in stage.words("heading")
-            assert stage.words("rows") == ""
-
-    play(story)
+async def test_incomplete_parameters_are_not_listed() -> None:
+    station = with_parameters()
+    async with staged(station=station) as stage:
+        await stage.press("3")
+        assert "3 parameters, 1 changed" in stage.words("heading")
+        assert "d_obs_m          *" in stage.words("rows")
+        station.parameters_now = None
+        await stage.redraw()
+        assert "41 missing: requested 2 times" in stage.words("heading")
+        assert stage.words("rows") == ""
 
 
-def test_parameter_is_found_changed_and_reset() -> None:
-    async def story() -> None:
-        async with staged(station=with_parameters()) as stage:
-            await stage.press("3", "slash")
-            await stage.type("wheels")
-            await stage.press("enter")
-            assert stage.words("rows").split()[0] == "track_m"
-            await stage.press("enter")
-            assert stage.words("prompt") == "set track_m:"
-            await stage.type("0.25")
-            await stage.press("enter", "d")
-            assert stage.commands.given == ["set track_m 0.25"]
-            await stage.press("enter")
-            assert stage.commands.given == ["set track_m 0.25", "set track_m 0.2"]
-            await stage.press("escape")
-            assert "radius_m" in stage.words("rows")
-
-    play(story)
+async def test_parameter_is_found_changed_and_reset() -> None:
+    async with staged(station=with_parameters()) as stage:
+        await stage.press("3", "slash")
+        await stage.type("wheels")
+        await stage.press("enter")
+        assert stage.words("rows").split()[0] == "track_m"
+        await stage.press("enter")
+        assert stage.words("prompt") == "set track_m:"
+        await stage.type("0.25")
+        await stage.press("enter", "d")
+        assert stage.commands.given == ["set track_m 0.25"]
+        await stage.press("enter")
+        assert stage.commands.given == ["set track_m 0.25", "set track_m 0.2"]
+        await stage.press("escape")
+        assert "radius_m" in stage.words("rows")
 
 
-def test_changed_parameters_are_shown_on_demand() -> None:
-    async def story() -> None:
-        async with staged(station=with_parameters()) as stage:
-            await stage.press("3", "f")
-            assert stage.words("rows").split()[0] == "d_obs_m"
-            assert "radius_m" not in stage.words("rows")
-            await stage.press("f", "u")
-            assert "radius_m" in stage.words("rows")
-            assert stage.station.asked == ["reread"]
-
-    play(story)
+async def test_changed_parameters_are_shown_on_demand() -> None:
+    async with staged(station=with_parameters()) as stage:
+        await stage.press("3", "f")
+        assert stage.words("rows").split()[0] == "d_obs_m"
+        assert "radius_m" not in stage.words("rows")
+        await stage.press("f", "u")
+        assert "radius_m" in stage.words("rows")
+        assert stage.station.asked == ["reread"]
 
 
-def test_empty_value_changes_no_parameter() -> None:
-    async def story() -> None:
-        async with staged(station=with_parameters()) as stage:
-            await stage.press("3", "e", "enter")
-            assert stage.commands.given == []
-
-    play(story)
+async def test_empty_value_changes_no_parameter() -> None:
+    async with staged(station=with_parameters()) as stage:
+        await stage.press("3", "e", "enter")
+        assert stage.commands.given == []
 
 
-def test_time_span_of_plots_can_be_changed() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            await stage.press("2")
-            assert "the last 60 s" in stage.words("heading")
-            await stage.press("+")
-            assert "the last 30 s" in stage.words("heading")
-            await stage.press("minus", "minus")
-            assert "the last 120 s" in stage.words("heading")
-
-    play(story)
+async def test_time_span_of_plots_can_be_changed() -> None:
+    async with staged() as stage:
+        await stage.press("2")
+        assert "the last 60 s" in stage.words("heading")
+        await stage.press("+")
+        assert "the last 30 s" in stage.words("heading")
+        await stage.press("minus", "minus")
+        assert "the last 120 s" in stage.words("heading")
 
 
 @pytest.mark.usefixtures("worlds")
-def test_another_world_starts_with_own_processes() -> None:
+async def test_another_world_starts_with_own_processes() -> None:
     stack = FakeStack()
-
-    async def story(stage: Stage) -> None:
+    async with on("6", stack) as stage:
         assert isinstance(stage.app.screen, WorldsScreen)
         await stage.press("down")
         assert "wall  A wall, and a walker." in stage.words("about")
@@ -138,12 +122,10 @@ def test_another_world_starts_with_own_processes() -> None:
         change_world(stage.app, stack.scenario_of("wall"), "again")
         assert stage.commands.begun == [False, True]
 
-    play(lambda: on("6", stack, story))
-
 
 @pytest.mark.usefixtures("worlds")
-def test_world_is_previewed_before_its_start() -> None:
-    async def story(stage: Stage) -> None:
+async def test_world_is_previewed_before_its_start() -> None:
+    async with on("6", None) as stage:
         shown = stage.app.screen.query_one("#preview", MapWidget)
         assert shown.scene.size_m == (6.0, 4.0)
         assert shown.scene.robot is not None
@@ -151,8 +133,6 @@ def test_world_is_previewed_before_its_start() -> None:
         assert shown.scene.goal is not None
         assert (len(shown.scene.obstacles), len(shown.scene.movers)) == (2, 1)
         assert any(strip.text.strip() for strip in map(shown.render_line, range(9)))
-
-    play(lambda: on("6", None, story))
 
 
 def test_preview_matches_the_plant() -> None:
@@ -183,19 +163,16 @@ def test_missing_study_gives_no_outcomes(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("worlds")
-def test_processes_started_elsewhere_are_not_stopped() -> None:
-    async def story(stage: Stage) -> None:
+async def test_processes_started_elsewhere_are_not_stopped() -> None:
+    async with on("6", None) as stage:
         await stage.press("s")
         assert "sidestep up --world box" in stage.log()
 
-    play(lambda: on("6", None, story))
-
 
 @pytest.mark.usefixtures("worlds")
-def test_key_suspends_an_own_process() -> None:
+async def test_key_suspends_an_own_process() -> None:
     stack = FakeStack()
-
-    async def story(stage: Stage) -> None:
+    async with on("7", stack) as stage:
         assert isinstance(stage.app.screen, FaultsScreen)
         await stage.press("enter", "s")
         assert stack.done == []
@@ -205,14 +182,11 @@ def test_key_suspends_an_own_process() -> None:
         await stage.press("s", "down", "s")
         assert stack.done == [("robot r1", "hang")], "each fault needs two presses of its own"
 
-    play(lambda: on("7", stack, story))
-
 
 @pytest.mark.usefixtures("worlds")
-def test_fault_restarts_the_world() -> None:
+async def test_fault_restarts_the_world() -> None:
     stack = FakeStack()
-
-    async def story(stage: Stage) -> None:
+    async with on("7", stack) as stage:
         await stage.press("end", "up")
         assert "restarts the world with the fault" in stage.words("about")
         await stage.press("s")
@@ -223,8 +197,6 @@ def test_fault_restarts_the_world() -> None:
         assert "unknown target '9'; known: 0, 1, all" in stage.log()
         await stage.press("s", "enter")
         assert stack.begun == ["box sonar_frozen"]
-
-    play(lambda: on("7", stack, story))
 
 
 @each(
@@ -251,31 +223,25 @@ def test_clearing_the_selection_needs_no_screen() -> None:
 
 
 @pytest.mark.parametrize("name", SCREENS)
-def test_keys_act_before_a_screen_has_its_widgets(
+async def test_keys_act_before_a_screen_has_its_widgets(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            shown = stage.app.base_screen
-            assert shown is not None
-            coming = screen_of(name, stage.app)
-            monkeypatch.setattr(type(stage.app), "base_screen", coming)
-            assert coming.key_layers()
-            assert "estop" in stage.app.doable()
-            monkeypatch.undo()
-
-    play(story)
+    async with staged() as stage:
+        shown = stage.app.base_screen
+        assert shown is not None
+        coming = screen_of(name, stage.app)
+        monkeypatch.setattr(type(stage.app), "base_screen", coming)
+        assert coming.key_layers()
+        assert "estop" in stage.app.doable()
+        monkeypatch.undo()
 
 
-def test_key_bar_of_the_log_names_filter_follow_and_sort() -> None:
-    async def story() -> None:
-        async with staged((80, 24)) as stage:
-            await stage.press("4")
-            assert "/ Filter  f Follow: on  o Sort: off" in stage.words("keybar")
-            await stage.press("f", "o")
-            assert "/ Filter  f Follow: off  o Sort: time▼" in stage.words("keybar")
-
-    play(story)
+async def test_key_bar_of_the_log_names_filter_follow_and_sort() -> None:
+    async with staged((80, 24)) as stage:
+        await stage.press("4")
+        assert "/ Filter  f Follow: on  o Sort: off" in stage.words("keybar")
+        await stage.press("f", "o")
+        assert "/ Filter  f Follow: off  o Sort: time▼" in stage.words("keybar")
 
 
 FIELD = f"{ODOMETRY.path} x_m"
@@ -294,80 +260,65 @@ def title(stage: Stage, place: int) -> str:
     return stage.words(f"plot-{place}").splitlines()[0]
 
 
-def test_cursor_shows_the_values_under_it_and_pauses() -> None:
-    async def story() -> None:
-        async with staged(station=after_drive()) as stage:
-            await stage.press("2", "shift+left")
-            at_s = 10.0 - 10.0
-            assert f"{at_s:.2f} m/s" in title(stage, 0)
-            await stage.press("right", "right", "right")
-            assert "3.00 m/s" in title(stage, 0)
-            assert "values at -7.0 s" in stage.words("heading")
-            stage.station.clock.advance(60 * S)
-            await stage.redraw()
-            assert "3.00 m/s" in title(stage, 0)
-            assert "paused" in stage.words("heading")
-            await stage.press("escape")
-            assert "paused" not in stage.words("heading")
-            assert "-- m/s" in title(stage, 0)
-
-    play(story)
+async def test_cursor_shows_the_values_under_it_and_pauses() -> None:
+    async with staged(station=after_drive()) as stage:
+        await stage.press("2", "shift+left")
+        at_s = 10.0 - 10.0
+        assert f"{at_s:.2f} m/s" in title(stage, 0)
+        await stage.press("right", "right", "right")
+        assert "3.00 m/s" in title(stage, 0)
+        assert "values at -7.0 s" in stage.words("heading")
+        stage.station.clock.advance(60 * S)
+        await stage.redraw()
+        assert "3.00 m/s" in title(stage, 0)
+        assert "paused" in stage.words("heading")
+        await stage.press("escape")
+        assert "paused" not in stage.words("heading")
+        assert "-- m/s" in title(stage, 0)
 
 
-def test_pause_keeps_the_picture() -> None:
-    async def story() -> None:
-        async with staged(station=after_drive()) as stage:
-            await stage.press("2", "p")
-            before = stage.words("plot-0")
-            stage.station.clock.advance(30 * S)
-            stage.station.history["speed"].add(40.0, 77.0)
-            await stage.redraw()
-            assert stage.words("plot-0") == before
-            await stage.press("p")
-            assert "77.00 m/s" in title(stage, 0)
-
-    play(story)
+async def test_pause_keeps_the_picture() -> None:
+    async with staged(station=after_drive()) as stage:
+        await stage.press("2", "p")
+        before = stage.words("plot-0")
+        stage.station.clock.advance(30 * S)
+        stage.station.history["speed"].add(40.0, 77.0)
+        await stage.redraw()
+        assert stage.words("plot-0") == before
+        await stage.press("p")
+        assert "77.00 m/s" in title(stage, 0)
 
 
-def test_click_places_the_cursor() -> None:
-    async def story() -> None:
-        async with staged(station=after_drive()) as stage:
-            await stage.press("2", "+", "+")
-            await stage.pilot.click("#plot-0", offset=(8, 1))
-            await stage.redraw()
-            assert "values at -15.0 s" in stage.words("heading")
-
-    play(story)
+async def test_click_places_the_cursor() -> None:
+    async with staged(station=after_drive()) as stage:
+        await stage.press("2", "+", "+")
+        await stage.pilot.click("#plot-0", offset=(8, 1))
+        await stage.redraw()
+        assert "values at -15.0 s" in stage.words("heading")
 
 
-def test_field_of_a_message_is_plotted_and_remembered() -> None:
-    async def story() -> None:
-        station = after_drive()
-        async with staged(station=station) as stage:
-            await stage.press("2", "e", "down", "down", "enter")
-            assert not stage.app.screen.query_one("#plot-5").display
-            await stage.press("e", "slash")
-            await stage.type("odometry x_m")
-            await stage.press("enter")
-            assert title(stage, 5).split()[:2] == ["tlm/odometry", "x_m"]
-            station.fields.poll(station.now_ns)
-            station.clock.advance(S // 2)
-            await stage.press("1", "2")
-            assert "4.12 m" in title(stage, 5)
-
-    play(story)
+async def test_field_of_a_message_is_plotted_and_remembered() -> None:
+    station = after_drive()
+    async with staged(station=station) as stage:
+        await stage.press("2", "e", "down", "down", "enter")
+        assert not stage.app.screen.query_one("#plot-5").display
+        await stage.press("e", "slash")
+        await stage.type("odometry x_m")
+        await stage.press("enter")
+        assert title(stage, 5).split()[:2] == ["tlm/odometry", "x_m"]
+        station.fields.poll(station.now_ns)
+        station.clock.advance(S // 2)
+        await stage.press("1", "2")
+        assert "4.12 m" in title(stage, 5)
 
 
-def test_seventh_plot_replaces_the_last() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            await stage.press("2", "slash", "slash")
-            await stage.type("odometry y_m")
-            await stage.press("enter")
-            assert "tlm/odometry y_m replaces late: 6 plots at most" in stage.log()
-            assert title(stage, 5).split()[1] == "y_m"
-
-    play(story)
+async def test_seventh_plot_replaces_the_last() -> None:
+    async with staged() as stage:
+        await stage.press("2", "slash", "slash")
+        await stage.type("odometry y_m")
+        await stage.press("enter")
+        assert "tlm/odometry y_m replaces late: 6 plots at most" in stage.log()
+        assert title(stage, 5).split()[1] == "y_m"
 
 
 def test_fields_have_units_and_values() -> None:
@@ -401,13 +352,10 @@ def test_time_axis_has_seconds_in_every_width() -> None:
     assert (words.split(), len(words)) == (["-60", "s", "-30", "s", "0", "s"], 80)
 
 
-def test_keys_are_known_before_the_screen_has_its_widgets() -> None:
-    async def story() -> None:
-        async with staged(station=after_drive()) as stage:
-            shown = stage.app.base_screen
-            assert shown
-            screen = PlotsScreen(shown.interface)
-            assert not screen.typing
-            assert screen.key_layers()
-
-    play(story)
+async def test_keys_are_known_before_the_screen_has_its_widgets() -> None:
+    async with staged(station=after_drive()) as stage:
+        shown = stage.app.base_screen
+        assert shown
+        screen = PlotsScreen(shown.interface)
+        assert not screen.typing
+        assert screen.key_layers()

@@ -29,7 +29,7 @@ from runtime.clock import ManualClock
 from runtime.units import NS_PER_MS as MS
 from runtime.units import NS_PER_S as S
 from tests.support.tui.fakes import FakeCommandSink, FakeStation, drive_messages, driving, stopped
-from tests.support.tui.pilot import ACTUAL, FakeStack, Stage, compare, on, play, recorded, staged
+from tests.support.tui.pilot import ACTUAL, FakeStack, Stage, compare, on, recorded, staged
 
 SIZES = ((80, 24), (120, 40), (200, 60), (40, 12))
 THEMES = ("dark", "light", "mono")
@@ -72,102 +72,76 @@ def check(stage: Stage, name: str, *, update: bool) -> None:
 
 @pytest.mark.parametrize("theme", THEMES)
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
-def test_drive_screen(size: tuple[int, int], theme: str, update_screens: bool) -> None:
-    async def story() -> None:
-        async with staged(size, station=station_after_drive(), theme=theme) as stage:
-            check(stage, f"drive-{size[0]}x{size[1]}-{theme}", update=update_screens)
-
-    play(story)
+async def test_drive_screen(size: tuple[int, int], theme: str, update_screens: bool) -> None:
+    async with staged(size, station=station_after_drive(), theme=theme) as stage:
+        check(stage, f"drive-{size[0]}x{size[1]}-{theme}", update=update_screens)
 
 
 @pytest.mark.parametrize("theme", ["ansi", "contrast"])
-def test_other_themes(theme: str, update_screens: bool) -> None:
-    async def story() -> None:
-        async with staged(station=station_after_drive(), theme=theme) as stage:
-            check(stage, f"drive-80x24-{theme}", update=update_screens)
-
-    play(story)
+async def test_other_themes(theme: str, update_screens: bool) -> None:
+    async with staged(station=station_after_drive(), theme=theme) as stage:
+        check(stage, f"drive-80x24-{theme}", update=update_screens)
 
 
 @pytest.mark.parametrize("screen", OTHERS)
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)], ids=["80x24", "160x50"])
-def test_other_screens(screen: str, size: tuple[int, int], update_screens: bool) -> None:
-    async def story() -> None:
-        async with staged(size, station=station_after_drive()) as stage:
-            await stage.press(OTHERS[screen])
-            await stage.redraw()
-            check(stage, f"{screen}-{size[0]}x{size[1]}", update=update_screens)
-
-    play(story)
+async def test_other_screens(screen: str, size: tuple[int, int], update_screens: bool) -> None:
+    async with staged(size, station=station_after_drive()) as stage:
+        await stage.press(OTHERS[screen])
+        await stage.redraw()
+        check(stage, f"{screen}-{size[0]}x{size[1]}", update=update_screens)
 
 
-def test_loss(update_screens: bool) -> None:
-    async def story() -> None:
-        station = station_after_drive()
-        station.clock.advance(3 * S)
-        since_ns = station.now_ns - 2_900 * MS
-        station.scene_now = replace(station.scene_now, live=False)
-        station.loss_now = Loss(LossKind.HUNG, "r1", "no beat", "it stops by itself", since_ns)
-        async with staged(station=station) as stage:
-            check(stage, "loss", update=update_screens)
-
-    play(story)
+async def test_loss(update_screens: bool) -> None:
+    station = station_after_drive()
+    station.clock.advance(3 * S)
+    since_ns = station.now_ns - 2_900 * MS
+    station.scene_now = replace(station.scene_now, live=False)
+    station.loss_now = Loss(LossKind.HUNG, "r1", "no beat", "it stops by itself", since_ns)
+    async with staged(station=station) as stage:
+        check(stage, "loss", update=update_screens)
 
 
-def test_mission_draft(update_screens: bool) -> None:
-    async def story() -> None:
-        async with staged(station=station_after_drive(), theme="mono") as stage:
-            stage.commands.draft_items = (
-                MapTarget(2.0, 6.5),
-                MapTarget(7.5, 6.0, 0.0),
-                MapTarget(7.0, 1.5),
-            )
-            await stage.redraw()
-            check(stage, "draft", update=update_screens)
-
-    play(story)
+async def test_mission_draft(update_screens: bool) -> None:
+    async with staged(station=station_after_drive(), theme="mono") as stage:
+        stage.commands.draft_items = (
+            MapTarget(2.0, 6.5),
+            MapTarget(7.5, 6.0, 0.0),
+            MapTarget(7.0, 1.5),
+        )
+        await stage.redraw()
+        check(stage, "draft", update=update_screens)
 
 
-def test_ascii(update_screens: bool) -> None:
-    async def story() -> None:
-        async with staged(station=station_after_drive(), theme="ansi", ascii_only=True) as stage:
-            check(stage, "drive-ascii", update=update_screens)
-
-    play(story)
+async def test_ascii(update_screens: bool) -> None:
+    async with staged(station=station_after_drive(), theme="ansi", ascii_only=True) as stage:
+        check(stage, "drive-ascii", update=update_screens)
 
 
 @pytest.mark.parametrize(("name", "keys"), [("help", "?"), ("choose", "v"), ("cursor", "G")])
-def test_dialogs_and_cursor(name: str, keys: str, update_screens: bool) -> None:
-    async def story() -> None:
-        async with staged(station=station_after_drive()) as stage:
-            await stage.press(keys)
-            check(stage, name, update=update_screens)
-
-    play(story)
+async def test_dialogs_and_cursor(name: str, keys: str, update_screens: bool) -> None:
+    async with staged(station=station_after_drive()) as stage:
+        await stage.press(keys)
+        check(stage, name, update=update_screens)
 
 
 @pytest.mark.usefixtures("worlds")
 @pytest.mark.parametrize(("name", "key"), [("worlds", "6"), ("faults", "7")])
-def test_worlds_and_faults(name: str, key: str, update_screens: bool) -> None:
-    async def story(stage: Stage) -> None:
+async def test_worlds_and_faults(name: str, key: str, update_screens: bool) -> None:
+    async with on(key, FakeStack()) as stage:
         await stage.press("down")
         check(stage, name, update=update_screens)
 
-    play(lambda: on(key, FakeStack(), story))
 
-
-def test_replay(tmp_path: Path, update_screens: bool) -> None:
-    async def story() -> None:
-        player = Player(recorded(tmp_path, suffix=".mcap"), ManualClock())
-        player.seek(2.0)
-        commands = FakeCommandSink()
-        app = GroundApp(None, commands, appearance=Appearance(hz=0.0), player=player)
-        async with app.run_test(size=(80, 24)) as pilot:
-            stage = Stage(app, pilot, FakeStation(), commands)
-            await stage.redraw()
-            check(stage, "replay", update=update_screens)
-
-    play(story)
+async def test_replay(tmp_path: Path, update_screens: bool) -> None:
+    player = Player(recorded(tmp_path, suffix=".mcap"), ManualClock())
+    player.seek(2.0)
+    commands = FakeCommandSink()
+    app = GroundApp(None, commands, appearance=Appearance(hz=0.0), player=player)
+    async with app.run_test(size=(80, 24)) as pilot:
+        stage = Stage(app, pilot, FakeStation(), commands)
+        await stage.redraw()
+        check(stage, "replay", update=update_screens)
 
 
 def test_differing_screen_is_saved_beside_the_committed_one(tmp_path: Path) -> None:
@@ -269,26 +243,22 @@ def utc(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 @pytest.mark.usefixtures("utc")
 @pytest.mark.parametrize("state", STATES)
 @pytest.mark.parametrize("size", DRIVE_SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
-def test_drive_screen_in_a_state(size: tuple[int, int], state: str, update_screens: bool) -> None:
-    async def story() -> None:
-        async with staged(size, station=STATES[state]()) as stage:
-            check(stage, f"drive-{size[0]}x{size[1]}-{state}", update=update_screens)
-
-    play(story)
+async def test_drive_screen_in_a_state(
+    size: tuple[int, int], state: str, update_screens: bool
+) -> None:
+    async with staged(size, station=STATES[state]()) as stage:
+        check(stage, f"drive-{size[0]}x{size[1]}-{state}", update=update_screens)
 
 
 @pytest.mark.usefixtures("utc")
 @pytest.mark.parametrize("size", DRIVE_SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
-def test_drive_screen_without_colours_and_unicode(
+async def test_drive_screen_without_colours_and_unicode(
     size: tuple[int, int], update_screens: bool
 ) -> None:
-    async def story() -> None:
-        async with staged(size, station=in_forest(), theme="mono", ascii_only=True) as stage:
-            check(stage, f"drive-{size[0]}x{size[1]}-mono-ascii", update=update_screens)
-            text = "".join(strip.text for strip in stage.app.screen._compositor.render_strips())
-            assert text.isascii()
-
-    play(story)
+    async with staged(size, station=in_forest(), theme="mono", ascii_only=True) as stage:
+        check(stage, f"drive-{size[0]}x{size[1]}-mono-ascii", update=update_screens)
+        text = "".join(strip.text for strip in stage.app.screen._compositor.render_strips())
+        assert text.isascii()
 
 
 PAIRS = tuple(permutations(THEME_NAMES_THEMES, 2))
@@ -350,46 +320,40 @@ def test_chain_holds_every_pair_of_themes() -> None:
 
 @pytest.mark.sweep(2)
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)], ids=str)
-def test_map_takes_the_background_of_every_next_theme(size: tuple[int, int]) -> None:
-    async def story() -> None:
-        themes = list(chain())
-        async with staged(size, theme=themes[0]) as stage:
-            for theme in themes[1:]:
-                await switch(stage, theme)
-                assert isinstance(stage.app.screen, DriveScreen)
-                for shown in stage.app.screen.query(MapWidget):
-                    wanted = shown.rich_style.bgcolor
-                    strips = [shown.render_line(row) for row in range(shown.size.height)]
-                    found = {one.style.bgcolor for strip in strips for one in strip if one.style}
-                    assert found <= {wanted}, theme
-
-    play(story)
+async def test_map_takes_the_background_of_every_next_theme(size: tuple[int, int]) -> None:
+    themes = list(chain())
+    async with staged(size, theme=themes[0]) as stage:
+        for theme in themes[1:]:
+            await switch(stage, theme)
+            assert isinstance(stage.app.screen, DriveScreen)
+            for shown in stage.app.screen.query(MapWidget):
+                wanted = shown.rich_style.bgcolor
+                strips = [shown.render_line(row) for row in range(shown.size.height)]
+                found = {one.style.bgcolor for strip in strips for one in strip if one.style}
+                assert found <= {wanted}, theme
 
 
 @pytest.mark.usefixtures("worlds")
 @pytest.mark.sweep(2)
 @pytest.mark.parametrize("switches", [4, len(PAIRS)])
-def test_switched_theme_looks_like_a_fresh_start_on_every_screen(switches: int) -> None:
-    async def story() -> None:
-        themes = list(chain())[: switches + 1]
-        turns = [
-            (theme, (SCREENS[turn % len(SCREENS)], SCREENS[(turn + 3) % len(SCREENS)]))
-            for turn, theme in enumerate(themes[1:])
-        ]
-        wanted = {(theme, key) for theme, keys in turns for key in keys}
-        fresh = {}
-        for one in {theme for theme, _ in turns}:
-            async with staged(theme=one) as stage:
-                for key in SCREENS:
-                    if (one, key) in wanted:
-                        await stage.press(key)
-                        fresh[one, key] = await settled(stage)
-        async with staged(theme=themes[0]) as stage:
-            for theme, keys in turns:
-                await stage.press(keys[0])
-                await switch(stage, theme)
-                for key in keys:
+async def test_switched_theme_looks_like_a_fresh_start_on_every_screen(switches: int) -> None:
+    themes = list(chain())[: switches + 1]
+    turns = [
+        (theme, (SCREENS[turn % len(SCREENS)], SCREENS[(turn + 3) % len(SCREENS)]))
+        for turn, theme in enumerate(themes[1:])
+    ]
+    wanted = {(theme, key) for theme, keys in turns for key in keys}
+    fresh = {}
+    for one in {theme for theme, _ in turns}:
+        async with staged(theme=one) as stage:
+            for key in SCREENS:
+                if (one, key) in wanted:
                     await stage.press(key)
-                    assert differing(await settled(stage), fresh[theme, key]) == [], (theme, key)
-
-    play(story)
+                    fresh[one, key] = await settled(stage)
+    async with staged(theme=themes[0]) as stage:
+        for theme, keys in turns:
+            await stage.press(keys[0])
+            await switch(stage, theme)
+            for key in keys:
+                await stage.press(key)
+                assert differing(await settled(stage), fresh[theme, key]) == [], (theme, key)

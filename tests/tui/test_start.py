@@ -15,7 +15,7 @@ from ground.app.appearance import Appearance
 from ground.app.start import capture_output
 from runtime.errors import UserError
 from tests.support.tui.fakes import FakeCommandSink, FakeStation, driving
-from tests.support.tui.pilot import play, staged
+from tests.support.tui.pilot import staged
 from tests.support.until import PATIENCE_S, until
 
 
@@ -57,28 +57,22 @@ def test_exit_prints_each_drive_and_the_recording(
     assert capsys.readouterr().out == ""
 
 
-def test_a_chosen_theme_is_remembered() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            chosen: list[str] = []
-            stage.app.remember_theme = chosen.append
-            await stage.press("T")
-            await stage.until(lambda: bool(chosen))
-            assert chosen == [stage.app.theme] == ["light"]
-
-    play(story)
+async def test_a_chosen_theme_is_remembered() -> None:
+    async with staged() as stage:
+        chosen: list[str] = []
+        stage.app.remember_theme = chosen.append
+        await stage.press("T")
+        await stage.until(lambda: bool(chosen))
+        assert chosen == [stage.app.theme] == ["light"]
 
 
-def test_commands_of_the_settings_run_at_the_start() -> None:
-    async def story() -> None:
-        commands = FakeCommandSink()
-        appearance = Appearance(hz=0.0, startup=("layers trail", "hold"))
-        app = GroundApp(driving(FakeStation()), commands, None, appearance)
-        async with app.run_test() as pilot:
-            await pilot.pause()
-            assert commands.given == ["layers trail", "hold"]
-
-    play(story)
+async def test_commands_of_the_settings_run_at_the_start() -> None:
+    commands = FakeCommandSink()
+    appearance = Appearance(hz=0.0, startup=("layers trail", "hold"))
+    app = GroundApp(driving(FakeStation()), commands, None, appearance)
+    async with app.run_test() as pilot:
+        await pilot.pause()
+        assert commands.given == ["layers trail", "hold"]
 
 
 def polled(aside: BackgroundJobs, done: Event) -> None:

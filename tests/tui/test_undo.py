@@ -33,7 +33,7 @@ from protocol.options import DEFAULT_ENDPOINT
 from runtime.clock import ManualClock
 from runtime.errors import UserError
 from tests.support.tui.fakes import FakeStation, driving, parameter
-from tests.support.tui.pilot import play, staged
+from tests.support.tui.pilot import staged
 
 CIRCLE = Circle(x_m=1.0, y_m=2.0, radius_m=3.0)
 
@@ -282,23 +282,17 @@ def test_list_of_changes_is_bounded() -> None:
         changes.take("r1")
 
 
-def test_keys_undo_on_lists_and_on_the_map() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            await stage.press("ctrl+z", "3", "z")
-            assert stage.commands.given == ["undo"]
-            await stage.press("enter")
-            assert stage.commands.given == ["undo", "undo"]
-            await stage.press("colon", "ctrl+z")
-            assert stage.commands.given == ["undo", "undo"]
-
-    play(story)
+async def test_keys_undo_on_lists_and_on_the_map() -> None:
+    async with staged() as stage:
+        await stage.press("ctrl+z", "3", "z")
+        assert stage.commands.given == ["undo"]
+        await stage.press("enter")
+        assert stage.commands.given == ["undo", "undo"]
+        await stage.press("colon", "ctrl+z")
+        assert stage.commands.given == ["undo", "undo"]
 
 
-def test_pose_is_copied_as_words_of_goto() -> None:
-    async def story() -> None:
-        async with staged() as stage:
-            assert LocalCommands(stage.app).do_command(CopyText("pose"))
-            assert stage.app.clipboard == "4.120 2.840 30.0"
-
-    play(story)
+async def test_pose_is_copied_as_words_of_goto() -> None:
+    async with staged() as stage:
+        assert LocalCommands(stage.app).do_command(CopyText("pose"))
+        assert stage.app.clipboard == "4.120 2.840 30.0"

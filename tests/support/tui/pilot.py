@@ -4,7 +4,7 @@ import argparse
 import asyncio
 import json
 import re
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from math import inf
 from pathlib import Path
@@ -108,15 +108,6 @@ async def staged(
         stage = Stage(app, pilot, station, commands)
         await stage.redraw()
         yield stage
-
-
-def play(story: Callable[[], Awaitable[T]]) -> T:
-    """Run an asynchronous test."""
-
-    async def run() -> T:
-        return await story()
-
-    return asyncio.run(run())
 
 
 SOON_S: Final = 0.02
@@ -233,14 +224,15 @@ class SynchronousApp(GroundApp):
         done(job())
 
 
-async def on(screen: str, stack: Stack | None, story: Callable[[Stage], Any]) -> None:
+@asynccontextmanager
+async def on(screen: str, stack: Stack | None) -> AsyncIterator[Stage]:
+    """Open a screen of an app that owns these processes."""
     station, commands = driving(FakeStation()), FakeCommandSink()
     app = SynchronousApp(station, commands, appearance=Appearance(hz=0.0), stack=stack)
     async with app.run_test(size=(100, 28)) as pilot:
         stage = Stage(app, pilot, station, commands)
         await stage.press(screen)
-        await stage.redraw()
-        await story(stage)
+        yield stage
 
 
 FOLDER: Final = Path(__file__).parents[2] / "tui" / "snapshots"

@@ -248,43 +248,34 @@ def test_end_of_a_mission_is_told_in_the_words_of_the_command_line(
     assert event == MissionChanged(MissionState.FAILED, 2, 3, words)
 
 
-def test_stream_keeps_the_newest_and_counts_the_rest() -> None:
-    async def story() -> None:
-        stream: Stream[int] = Stream(3)
-        for item in range(10):
-            stream.offer(item)
-        await stream.aclose()
-        assert [item async for item in stream] == [7, 8, 9]
-        assert stream.dropped == 7
-
-    asyncio.run(story())
+async def test_stream_keeps_the_newest_and_counts_the_rest() -> None:
+    stream: Stream[int] = Stream(3)
+    for item in range(10):
+        stream.offer(item)
+    await stream.aclose()
+    assert [item async for item in stream] == [7, 8, 9]
+    assert stream.dropped == 7
 
 
-def test_stream_wakes_its_reader_from_another_thread() -> None:
-    async def story() -> None:
-        stream: Stream[int] = Stream()
-        waiting = asyncio.ensure_future(anext(stream))
-        await asyncio.sleep(0)
-        await asyncio.to_thread(stream.offer, 7)
-        assert await waiting == 7
-
-    asyncio.run(story())
+async def test_stream_wakes_its_reader_from_another_thread() -> None:
+    stream: Stream[int] = Stream()
+    waiting = asyncio.ensure_future(anext(stream))
+    await asyncio.sleep(0)
+    await asyncio.to_thread(stream.offer, 7)
+    assert await waiting == 7
 
 
-def test_topic_is_subscribed_once_for_all_its_streams() -> None:
-    async def story() -> None:
-        bus: Any = ScriptedBus(ManualClock(), [])
-        hub = TopicStreams(bus, "r1")
-        first, second = hub.stream(STATUS), hub.stream(STATUS)
-        assert list(bus.boxes) == [STATUS.path]
-        await first.aclose()
-        assert hub.latest(STATUS) is None
-        bus.set_newest(STATUS, client_status())
-        assert hub.latest(STATUS) is not None
-        await second.aclose()
-        assert hub.latest(STATUS) is None, "it is unsubscribed with its last stream"
-
-    asyncio.run(story())
+async def test_topic_is_subscribed_once_for_all_its_streams() -> None:
+    bus: Any = ScriptedBus(ManualClock(), [])
+    hub = TopicStreams(bus, "r1")
+    first, second = hub.stream(STATUS), hub.stream(STATUS)
+    assert list(bus.boxes) == [STATUS.path]
+    await first.aclose()
+    assert hub.latest(STATUS) is None
+    bus.set_newest(STATUS, client_status())
+    assert hub.latest(STATUS) is not None
+    await second.aclose()
+    assert hub.latest(STATUS) is None, "it is unsubscribed with its last stream"
 
 
 def after(
