@@ -247,11 +247,11 @@ def goal_in(request: GoalRequest) -> Goal:
 def acknowledge(request: CommandOrGoal, reason: int) -> CommandAck:
     """Return the answer with a reason; a goal is acknowledged as DO_REPOSITION."""
     command = Command.DO_REPOSITION if isinstance(request, GoalRequest) else request.command
-    return ack(command, reason)
+    return ack(reason, command)
 
 
-def ack(command: int, reason: int) -> CommandAck:
-    """Return a COMMAND_ACK for a command and a reason."""
+def ack(reason: int, command: int = 0) -> CommandAck:
+    """Return a COMMAND_ACK for a reason and a command, if the request is one."""
     return CommandAck(
         command=command,
         result=result_of(reason),

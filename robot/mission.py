@@ -402,10 +402,10 @@ def item_of(row: object) -> MissionItemInt:
 
 NO_ITEM: Final = 65_535
 
-Request: TypeAlias = (
+TransferRequest: TypeAlias = (
     MissionCount | MissionItemInt | MissionRequestList | MissionRequestInt | MissionClearAll
 )
-Reply: TypeAlias = MissionCount | MissionRequestInt | MissionItemInt | MissionVerdict
+TransferReply: TypeAlias = MissionCount | MissionRequestInt | MissionItemInt | MissionVerdict
 
 
 class ItemStore(Protocol):
@@ -440,7 +440,7 @@ class Transfers:
         self._held: dict[int, ItemStore] = {MissionType.MISSION: mission, MissionType.FENCE: fence}
         self._uploads: dict[int, ReceivedItems] = {}
 
-    def receive(self, request: Request, operator: str = "") -> Reply:
+    def receive(self, request: TransferRequest, operator: str = "") -> TransferReply:
         """Return the next frame of the transfer, or the verdict that ends it."""
         kind = request.mission_type
         held = self._held.get(kind)
@@ -471,7 +471,7 @@ class Transfers:
             mission_type=kind,
         )
 
-    def _begin(self, request: MissionCount, held: ItemStore, operator: str) -> Reply:
+    def _begin(self, request: MissionCount, held: ItemStore, operator: str) -> TransferReply:
         kind = request.mission_type
         if request.count == 0:
             return self.verdict(kind, reasons.MISSION_EMPTY)
@@ -480,12 +480,12 @@ class Transfers:
         self._uploads[kind] = ReceivedItems(request.count, operator)
         return MissionRequestInt(seq=0, mission_type=kind)
 
-    def _collect(self, item: MissionItemInt, held: ItemStore, operator: str) -> Reply:
+    def _collect(self, item: MissionItemInt, held: ItemStore, operator: str) -> TransferReply:
         kind = item.mission_type
         upload = self._uploads.get(kind)
         if upload is None or upload.operator != operator:
             return self.verdict(kind, reasons.MISSION_ITEM_BAD, item.seq)
-        if not repeated(item, upload.items):
+        if not is_repeated(item, upload.items):
             if item.seq != len(upload.items) or upload.verdict is not None:
                 return self.verdict(kind, reasons.MISSION_ITEM_BAD, item.seq)
             upload.items.append(item)
@@ -497,53 +497,49 @@ class Transfers:
         return upload.verdict or MissionRequestInt(seq=len(upload.items), mission_type=kind)
 
 
-def repeated(item: MissionItemInt, items: list[MissionItemInt]) -> bool:
+def is_repeated(item: MissionItemInt, items: list[MissionItemInt]) -> bool:
     """Return whether an item repeats the last one; compared as text, so that NaN equals NaN."""
     return bool(items) and repr(items[-1]) == repr(item)
 
 
-Exchange: TypeAlias = tuple[Request, Reply]
+Exchange: TypeAlias = tuple[TransferRequest, TransferReply]
 
 
-class Restored(NamedTuple):
-    """The replayed requests with their answers, and texts for the operators."""
+def restore_items(
+    kept: MissionStore, transfers: Transfers, core: Core
+) -> tuple[list[Exchange], list[tuple[Severity, str]]]:
+    """Replay the uploads of fence and mission, in this order.
 
-    exchange: list[Exchange]
-    words: list[tuple[Severity, str]]
-
-
-def restored(kept: MissionStore, transfers: Transfers, core: Core) -> Restored:
-    """Restore fence and mission, in this order."""
-    done = Restored([], [])
+    Return the requests with their answers, up to the verdict that ends each upload, and the texts
+    for the operators.
+    """
+    exchanges: list[Exchange] = []
+    texts: list[tuple[Severity, str]] = []
     for kind in NAMES:
         try:
             items = kept.found(kind)
         except UnreadableItemsError as error:
-            done.words.append((Severity.ERROR, lost(kind, core, str(error))))
+            texts.append((Severity.ERROR, lose_items(kind, core, str(error))))
             continue
-        if items:
-            exchange = replay(transfers, kind, items)
-            done.words.append(outcome(kind, items, exchange[-1][1], core))
-            done.exchange.extend(exchange)
-    return done
+        if not items:
+            continue
+        requests: list[TransferRequest] = [MissionCount(count=len(items), mission_type=kind)]
+        for request in requests + list(items):
+            answer = transfers.receive(request)
+            exchanges.append((request, answer))
+            if isinstance(answer, MissionVerdict):
+                break
+        texts.append(report_replay(kind, items, answer, core))
+    return exchanges, texts
 
 
-def replay(transfers: Transfers, kind: int, items: Items) -> list[Exchange]:
-    """Replay an upload until the verdict that ends it."""
-    exchange: list[Exchange] = []
-    requests: list[Request] = [MissionCount(count=len(items), mission_type=kind), *items]
-    for request in requests:
-        exchange.append((request, transfers.receive(request)))
-        if isinstance(exchange[-1][1], MissionVerdict):
-            break
-    return exchange
-
-
-def outcome(kind: int, items: Items, answer: Reply, core: Core) -> tuple[Severity, str]:
+def report_replay(
+    kind: int, items: Items, answer: TransferReply, core: Core
+) -> tuple[Severity, str]:
     """Return the severity and text for the result of a replayed upload."""
-    why = refusal(answer)
+    why = refusal_in(answer)
     if why:
-        return Severity.ERROR, lost(kind, core, why)
+        return Severity.ERROR, lose_items(kind, core, why)
     if kind == MissionType.MISSION:
         count = f"{len(items)} item{'' if len(items) == 1 else 's'}"
         return Severity.INFO, f"mission restored, {count}, not started"
@@ -553,7 +549,7 @@ def outcome(kind: int, items: Items, answer: Reply, core: Core) -> tuple[Severit
     return Severity.INFO, "fence restored"
 
 
-def lost(kind: int, core: Core, why: str) -> str:
+def lose_items(kind: int, core: Core, why: str) -> str:
     """Return the text for items that cannot be restored; for a fence, forbid arming."""
     if kind != MissionType.FENCE:
         return f"saved {NAMES[kind]} NOT restored: {why}"
@@ -561,7 +557,7 @@ def lost(kind: int, core: Core, why: str) -> str:
     return f"saved fence LOST: arming is refused until `fence off` or a new fence: {why}"
 
 
-def refusal(answer: Reply) -> str:
+def refusal_in(answer: TransferReply) -> str:
     """Return why the items were refused; empty if they were accepted."""
     if not isinstance(answer, MissionVerdict):
         return "an item is stored twice"

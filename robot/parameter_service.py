@@ -1,7 +1,6 @@
 """Read, set, check and save the parameters in force."""
 
 import json
-from typing import Final, TypeAlias
 
 from protocol.wire.enums import PARAM_TYPE_INT32, PARAM_TYPE_REAL32
 from protocol.wire.messages import CommandAck, ParamRequestRead, ParamSet, ParamValue
@@ -10,22 +9,17 @@ from robot.core import reasons, states
 from robot.core.parameters import Params
 from robot.hosting import Core
 from robot.parameter_table import (
+    ROUNDING,
     SPECS,
     TABLE,
     OutOfRangeError,
     UnknownParameterError,
     described,
     is_less_safe,
-    safety_changes,
     with_value,
     with_values,
 )
 from robot.storage import Store
-
-Answer: TypeAlias = CommandAck | ParamValue
-
-NO_COMMAND: Final = 0
-"""The command id in an acknowledgement that belongs to no command."""
 
 
 class ParameterService:
@@ -50,7 +44,7 @@ class ParameterService:
         """Discard the cached list, because values or saved values have changed."""
         self._text = b""
 
-    def described(self) -> bytes:
+    def describe(self) -> bytes:
         """Return all parameters as JSON; `saved` means that a restart restores the value.
 
         The text is cached, so that frequent requests do not load the control loop.
@@ -63,19 +57,19 @@ class ParameterService:
             self._text = json.dumps(rows).encode()
         return self._text
 
-    def set(self, request: ParamSet) -> Answer:
+    def set(self, request: ParamSet) -> CommandAck | ParamValue:
         """Set a parameter; return its new value, or a refusal."""
         self.forget_text()
         value = float(f"{request.param_value:.7g}")  # float32 has seven digits: restore 0.1
         try:
             params = with_value(self.params, request.param_id, value)
         except UnknownParameterError:
-            return ack(NO_COMMAND, reasons.UNKNOWN_PARAMETER)
+            return ack(reasons.UNKNOWN_PARAMETER)
         except OutOfRangeError:
-            return ack(NO_COMMAND, reasons.PARAMETER_OUT_OF_RANGE)
+            return ack(reasons.PARAMETER_OUT_OF_RANGE)
         reason = self._unsafe(request.param_id, value) or self._core.adopt(params)
         if reason != reasons.OK:
-            return ack(NO_COMMAND, reason)
+            return ack(reason)
         self._store.save(request.param_id, float(getattr(params, request.param_id)))
         return self._value(request.param_id)
 
@@ -91,18 +85,24 @@ class ParameterService:
         self._core.adopt(with_values(params, values))
         self.forget_text()
 
-    def read(self, request: ParamRequestRead) -> Answer:
+    def read(self, request: ParamRequestRead) -> CommandAck | ParamValue:
         """Return a parameter by name or index, or a refusal."""
         name = request.param_id
         if 0 <= request.param_index < len(TABLE):
             name = TABLE[request.param_index].name
-        return self._value(name) if name in SPECS else ack(NO_COMMAND, reasons.UNKNOWN_PARAMETER)
+        return self._value(name) if name in SPECS else ack(reasons.UNKNOWN_PARAMETER)
 
     def safety_changes(self) -> list[str]:
         """Return the safety parameters that differ from the configuration, with both values."""
         if self.configured is None:
             return []
-        return safety_changes(self.params, self.configured)
+        changes = []
+        for spec in TABLE:
+            value = float(getattr(self.params, spec.name))
+            limit = float(getattr(self.configured, spec.name))
+            if spec.safer and abs(value - limit) > ROUNDING * abs(limit):
+                changes.append(f"{spec.name} {value:g} ({limit:g})")
+        return changes
 
     def _unsafe(self, name: str, value: float) -> int:
         """Return why a safety parameter may not have this value now, or 0."""

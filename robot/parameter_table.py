@@ -220,16 +220,6 @@ def is_less_safe(name: str, value: float, configured: Params) -> bool:
             return False
 
 
-def safety_changes(params: Params, configured: Params) -> list[str]:
-    """Return the safety parameters that differ from the configuration, with both values."""
-    found = []
-    for spec in TABLE:
-        value, limit = float(getattr(params, spec.name)), float(getattr(configured, spec.name))
-        if spec.safer and abs(value - limit) > ROUNDING * abs(limit):
-            found.append(f"{spec.name} {value:g} ({limit:g})")
-    return found
-
-
 def described(
     params: Params, configured: Params | None = None
 ) -> list[dict[str, float | bool | str]]:

@@ -122,7 +122,7 @@ MAX_VALIDITY_NS: Final = 60_000_000_000
 SAVING_S: Final = 3.0
 """Longest wait for the disk at the end, shorter than the time a container has to stop."""
 
-STOPPED: Final = ack(Command.DO_FLIGHTTERMINATION, reasons.OK)
+STOPPED: Final = ack(reasons.OK, Command.DO_FLIGHTTERMINATION)
 
 
 class PersonQueue(SimpleQueue[ServiceRequest]):
@@ -411,7 +411,7 @@ class RobotProcess:
         for incoming in self._due():
             request = incoming.message
             if request is None:
-                incoming.reply(self.vehicle.parameters.described())
+                incoming.reply(self.vehicle.parameters.describe())
                 continue
             is_read = isinstance(request, READ_ONLY)
             reason = reasons.OK if is_read else self._rejection(incoming)

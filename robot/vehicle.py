@@ -14,11 +14,6 @@ from protocol.wire.messages import (
     Heartbeat,
     LeaseRequest,
     LeaseStatus,
-    MissionClearAll,
-    MissionCount,
-    MissionItemInt,
-    MissionRequestInt,
-    MissionRequestList,
     MissionStatus,
     MissionVerdict,
     ParamRequestRead,
@@ -39,20 +34,21 @@ from robot.emergency_stop import RESTORED, emergency_stop
 from robot.file_writer import Ticket
 from robot.hosting import ORIGIN, InProcessCore, NewCore
 from robot.lease import Lease
-from robot.mission import FenceItems, Mission, MissionStore, Reply, Transfers, restored
-from robot.parameter_service import NO_COMMAND, ParameterService
+from robot.mission import (
+    FenceItems,
+    Mission,
+    MissionStore,
+    TransferReply,
+    TransferRequest,
+    Transfers,
+    restore_items,
+)
+from robot.parameter_service import ParameterService
 from robot.storage import Store
 from robot.telemetry import ChangeLog
 from runtime.units import NS_PER_MS
 
-Answer: TypeAlias = CommandAck | ParamValue | Reply
-Transfer: Final = (
-    MissionCount,
-    MissionItemInt,
-    MissionRequestList,
-    MissionRequestInt,
-    MissionClearAll,
-)
+Answer: TypeAlias = CommandAck | ParamValue | TransferReply
 
 MAX_TEXTS: Final = 100  # between two calls of `texts`
 HEARTBEAT_NS: Final = 200_000_000
@@ -173,7 +169,7 @@ class Vehicle:
             answer = self.parameters.set(request)
         elif isinstance(request, ParamRequestRead):
             answer = self.parameters.read(request)
-        elif isinstance(request, Transfer):
+        elif isinstance(request, TransferRequest):
             answer = self._transfers.receive(request, operator)
         else:
             answer = self.refused(request, reasons.UNKNOWN_COMMAND)
@@ -272,18 +268,17 @@ class Vehicle:
 
         Return the requests that restore the same elsewhere, with their answers.
         """
-        done = restored(self._mission_store, self._transfers, self.core)
-        found: list[tuple[Message, Message]] = list(done.exchange)
-        words = list(done.words)
+        exchanges, texts = restore_items(self._mission_store, self._transfers, self.core)
+        replayed: list[tuple[Message, Message]] = list(exchanges)
         if self._store.stop.found():
             request = emergency_stop(0)
             self._store.stop.keep(stopped=True)
-            found.insert(0, (request, self.commands.receive(request, 0)))
-            words.insert(0, (Severity.CRITICAL, RESTORED))
-        for severity, text in words:
+            replayed.insert(0, (request, self.commands.receive(request, 0)))
+            texts.insert(0, (Severity.CRITICAL, RESTORED))
+        for severity, text in texts:
             self.announce(severity, text)
-        self.restored = tuple(text for _, text in words)
-        return found
+        self.restored = tuple(text for _, text in texts)
+        return replayed
 
     def step(self, inputs: Inputs, mark: StageHook, manual: Twist | None = None) -> Outputs:
         """Run one tick of mission and core; `manual` is the twist the operator commands.
@@ -363,15 +358,15 @@ class Vehicle:
         if driver and not self.lease.allows(driver):  # who seizes the lease takes over the drive
             self.lease.inherit(operator, driver)
             self.commands.driver = operator
-        return ack(NO_COMMAND, reason)
+        return ack(reason)
 
     def refused(self, request: Message, reason: int) -> Answer:
         """Return the refusal that answers a request of this type."""
-        if isinstance(request, Transfer):
+        if isinstance(request, TransferRequest):
             return self._transfers.verdict(request.mission_type, reason)
         if isinstance(request, CommandRequest | GoalRequest):
             return acknowledge(request, reason)
-        return ack(NO_COMMAND, reason)
+        return ack(reason)
 
 
 def once_saved(answer: Answer, ticket: Ticket) -> Answer:
@@ -383,7 +378,7 @@ def not_saved(answer: Answer) -> Answer:
     """Return the refusal NOT_SAVED: the change is in force until the next restart."""
     if isinstance(answer, MissionVerdict):
         return msgspec.structs.replace(answer, reason=reasons.NOT_SAVED)
-    return ack(NO_COMMAND, reasons.NOT_SAVED)
+    return ack(reasons.NOT_SAVED)
 
 
 class ReportTimer:

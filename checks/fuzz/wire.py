@@ -246,7 +246,7 @@ def download(data: bytes, _: Path) -> None:
 def parameters() -> Sequence[bytes]:
     """Return good parameter lists."""
     described = ParameterService(InProcessCore(DEFAULTS), Store(None), None)
-    return [described.described(), b'[{"name": "side", "value": 1, "default": 1, "unit": ""}]']
+    return [described.describe(), b'[{"name": "side", "value": 1, "default": 1, "unit": ""}]']
 
 
 def parameter_list(data: bytes, _: Path) -> None:

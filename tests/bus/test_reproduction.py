@@ -164,7 +164,7 @@ def test_all_commands_and_lost_samples_are_reproduced(tmp_path: Path) -> None:
 
     with Stack("box", noise="default", seed=4) as stack:
         stack.ground.stream_all(take)
-        form.add_fact("parameters", stack.vehicle.parameters.described().decode())
+        form.add_fact("parameters", stack.vehicle.parameters.describe().decode())
         prefix = stack.ground.network.prefix
         needed = {topic.key("r1", prefix) for topic in (WHEELS, SONAR, INPUTS)}
         stack.until(lambda: needed <= heard, within_s=1.0)

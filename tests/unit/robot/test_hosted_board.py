@@ -165,7 +165,7 @@ class Twins:
         self.same(lambda one: telemetry.status(one.state, one.commands.goal_id, now_ns, now_ms))
         self.same(lambda one: one.mission.status(now_ns))
         self.same(lambda one: one.texts())
-        self.same(lambda one: one.parameters.described())
+        self.same(lambda one: one.parameters.describe())
         self.same(lambda one: (one.brakes, one.stopped, one.params, one.state.odometry.pose))
 
 

@@ -18,7 +18,7 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import Reason
 from robot.core import reasons
 from robot.file_writer import Directory
-from robot.mission import MAX_ITEMS, NO_ITEM, MissionStore, Request, Transfers
+from robot.mission import MAX_ITEMS, NO_ITEM, MissionStore, TransferRequest, Transfers
 from tests.support.each import each
 from tests.support.robot.vehicles import Desk, circle, corners, item, line, ready, start, upload
 
@@ -231,7 +231,7 @@ class FakeItemStore:
         return reasons.OK
 
 
-frames: st.SearchStrategy[Request] = st.one_of(
+frames: st.SearchStrategy[TransferRequest] = st.one_of(
     st.builds(MissionCount, count=st.integers(0, 4), mission_type=st.just(1)),
     st.builds(item, st.integers(0, 4), st.sampled_from([0.0, 1.0]), mission_type=st.just(1)),
     st.builds(MissionRequestInt, seq=st.integers(0, 5), mission_type=st.just(1)),
@@ -242,7 +242,7 @@ frames: st.SearchStrategy[Request] = st.one_of(
 
 @given(st.lists(st.tuples(frames, st.sampled_from(["ada", "bob"])), max_size=60))
 def test_any_order_of_frames_stores_complete_uploads_only(
-    asked: list[tuple[Request, str]],
+    asked: list[tuple[TransferRequest, str]],
 ) -> None:
     store = FakeItemStore()
     desk = Desk()

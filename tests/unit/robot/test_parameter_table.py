@@ -299,7 +299,7 @@ def test_refused_arming_lists_nothing() -> None:
 def test_list_shows_group_direction_and_configured_value() -> None:
     desk = Desk()
     put(desk, "op_lost_ms", 1000.0)
-    rows = {row["name"]: row for row in json.loads(desk.vehicle.parameters.described())}
+    rows = {row["name"]: row for row in json.loads(desk.vehicle.parameters.describe())}
     lost = rows["op_lost_ms"]
     shown = lost["group"], lost["direction"], lost["value"], lost["configured"]
     assert shown == ("safety", "down", 1000, 1500)

@@ -278,7 +278,7 @@ def test_reading_needs_no_operator_and_no_deadline() -> None:
     described = rig.ask(None, "", good_for_ns=None, service=PARAMETERS)
     rig.cycle()
     assert all(len(one.answers) == 1 and not one.reasons for one in looks)
-    assert described.answers == [rig.vehicle.parameters.described()]
+    assert described.answers == [rig.vehicle.parameters.describe()]
 
 
 def test_parameter_and_lease_requests_use_the_same_queues() -> None:

@@ -252,7 +252,7 @@ def test_list_marks_only_durable_values_as_saved(robot: Robot) -> None:
 
 
 def saved_names(robot: Robot) -> list[str]:
-    rows = json.loads(robot.desk.vehicle.parameters.described())
+    rows = json.loads(robot.desk.vehicle.parameters.describe())
     return [row["name"] for row in rows if row["saved"]]
 
 

@@ -437,7 +437,7 @@ def test_parameter_after_a_navigator_command_keeps_its_choice() -> None:
 
 def described(desk: Desk, name: str) -> bytes:
     """Return a parameter's row in the list that the robot publishes."""
-    text = desk.vehicle.parameters.described()
+    text = desk.vehicle.parameters.describe()
     return text[text.index(b'"name": "%s"' % name.encode()) :].partition(b"}")[0]
 
 
@@ -459,7 +459,7 @@ def test_value_that_cannot_be_saved_is_in_force_and_reported(
 def test_list_shows_which_values_survive_a_restart(tmp_path: Path, keeps: bool) -> None:
     desk = Desk(Store(tmp_path if keeps else None))
     set_parameter(desk, "d_obs_m", 0.45)
-    rows = json.loads(desk.vehicle.parameters.described())
+    rows = json.loads(desk.vehicle.parameters.describe())
     assert [row["name"] for row in rows if row["saved"]] == (["d_obs_m"] if keeps else [])
 
 
