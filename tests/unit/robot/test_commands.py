@@ -348,6 +348,12 @@ def test_an_answer_names_command_result_and_reason() -> None:
     )
 
 
+def test_an_answer_about_no_command_names_none() -> None:
+    answer = lent().receive(LeaseRequest(request_id=1, action=LeaseAction.TAKE, name=""), 0, BOB)
+    assert isinstance(answer, CommandAck)
+    assert (answer.command, answer.result_param2) == (0, Reason.LEASE_HELD)
+
+
 def test_a_goal_is_acknowledged_as_do_reposition() -> None:
     assert acknowledge(goal(1, 0.0, 0.0), Reason.NONE).command == Command.DO_REPOSITION
 
@@ -376,6 +382,21 @@ def test_a_goal_is_named_by_the_request_that_led_to_it() -> None:
 
 
 # The effect of each command.
+
+
+def test_the_core_gets_no_command_that_the_table_lacks(monkeypatch: pytest.MonkeyPatch) -> None:
+    reached: list[CommandRequest] = []
+
+    def reach(_core: InProcessCore, request: CommandRequest, _now_ms: int) -> int:
+        reached.append(request)
+        return Reason.NONE
+
+    monkeypatch.setattr(InProcessCore, "command", reach)
+    robot = Robot()
+    assert robot.ask(command(31_000, nan)) == Reason.UNKNOWN_COMMAND
+    assert reached == []
+    assert robot.ask(hold(2)) == Reason.NONE
+    assert reached == [hold(2)]
 
 
 @each(("arm", "vehicle"), [(0.0, states.STANDBY), (1.0, states.ACTIVE), (2.0, states.ACTIVE)])
