@@ -197,7 +197,7 @@ pictures: setup
 	@exec "$(BIN)/python" -m checks.site.pictures
 
 generate-docs: setup
-	@"$(BIN)/python" -m checks.site.protocol_page >docs/reference/protocol.md.new
+	@"$(BIN)/python" -m checks.site.reference >docs/reference/protocol.md.new
 	mv docs/reference/protocol.md.new docs/reference/protocol.md
 	"$(BIN)/python" -m checks.model --document >docs/evidence/state-diagram.md.new
 	mv docs/evidence/state-diagram.md.new docs/evidence/state-diagram.md

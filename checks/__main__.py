@@ -89,11 +89,11 @@ BENCHMARKS = {
         "long run of a fleet with faults: memory growth, latency drift, lost messages",
     ),
     "ground": BenchmarkEntry(
-        "checks.speed.ground_station.app_figures",
+        "checks.speed.app_figures",
         "the app on a terminal: CPU, bytes, first paint, key to robot, a flood of log lines",
     ),
     "stop_all": BenchmarkEntry(
-        "checks.speed.ground_station.fleet",
+        "checks.speed.fleet",
         "stop of all robots: key in the terminal to the last wheel standing",
     ),
     "gateway": BenchmarkEntry(
@@ -129,8 +129,9 @@ BENCHMARKS = {
         "the words of two persons' programs, compared with what was: outcomes, leases, texts",
     ),
     "digest": BenchmarkEntry(
-        "checks.same_bits.run_modes",
+        "checks.speed.lockstep",
         "equal trajectories in every mode of running, another one for another seed",
+        "DIGEST",
     ),
 }
 

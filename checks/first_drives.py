@@ -23,8 +23,8 @@ from threading import Event
 from time import monotonic
 from typing import Final, NamedTuple
 
-from checks.harness.busy import busy, use_normal_priority
 from checks.harness.figures import machine_load
+from checks.harness.processes import busy, use_normal_priority
 from checks.harness.terminal import Terminal
 from ground.launch.child_command import command
 from ground.user.runs import Run, read_runs

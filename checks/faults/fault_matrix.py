@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from checks.faults import simulated_time, wall_time
-from checks.faults.cases import FAULTS, FaultCase, Way
-from checks.faults.results import Repetition, Results, page
+from checks.faults.cases import FAULTS, FaultCase, Repetition, Results, Way, page
 from checks.harness.figures import BenchmarkReport, Figure, describe_machine, machine_load
 from runtime.errors import UserError
 

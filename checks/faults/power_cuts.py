@@ -21,7 +21,7 @@ from tempfile import TemporaryDirectory
 from typing import Final, NamedTuple, TypeAlias
 from unittest.mock import patch
 
-from checks.faults.results import Repetition
+from checks.faults.cases import Repetition
 from ground.missions.mission import Circle
 from ground.missions.transfer import fence_items_of
 from protocol.wire.enums import MissionType

@@ -28,13 +28,27 @@ from threading import Event
 from time import monotonic, monotonic_ns
 from typing import Final, NamedTuple
 
-from checks.flood.attack_kinds import ACTED, KINDS, StopStatus, unfounded
-from checks.flood.attackers import RATES_HZ, SOURCE, Access, Attack, Strangers
-from checks.harness.bus_calls import OPERATOR_BEAT, arm_request, command_request
+from checks.flood.attackers import (
+    ACTED,
+    KINDS,
+    RATES_HZ,
+    SOURCE,
+    Access,
+    Attack,
+    StopStatus,
+    Strangers,
+    unfounded,
+)
 from checks.harness.figures import BenchmarkReport, Figure, percentile
-from checks.harness.motion import HOLDS, Seen, stood_s
-from checks.harness.observer import Observer, observed
-from checks.harness.processes import cpu_s, made_keys, resident_mb
+from checks.harness.observer import HOLDS, Observer, Seen, observed, stood_s
+from checks.harness.processes import (
+    OPERATOR_BEAT,
+    arm_request,
+    command_request,
+    cpu_s,
+    made_keys,
+    resident_mb,
+)
 from checks.harness.until import until
 from ground.client import stop_ways
 from ground.client.emergency_stop import EmergencyStop

@@ -26,7 +26,7 @@ from time import monotonic
 from types import FrameType, MappingProxyType
 from typing import Final, NamedTuple
 
-from checks.fuzz.files import KEYS, MISSION, SETTING, WORLDS
+from checks.fuzz.files import KEYS, MISSION, SETTING, TYPED, WORLDS
 from checks.fuzz.gateway_frames import (
     PATHS,
     frames,
@@ -36,10 +36,8 @@ from checks.fuzz.gateway_frames import (
     traffic,
     traffic_records,
 )
-from checks.fuzz.logs import LOGS
 from checks.fuzz.target import FuzzTarget
-from checks.fuzz.typed import TYPED
-from checks.fuzz.wire import WIRE
+from checks.fuzz.wire import LOGS, WIRE
 from checks.harness.figures import BenchmarkReport, Figure
 from runtime.errors import UserError
 

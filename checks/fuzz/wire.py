@@ -1,38 +1,71 @@
-"""Decoders of the bus to fuzz: frames, samples, requests, senses, and answers to requests.
+"""Decoders of the bus and of recordings to fuzz: frames, samples, requests, senses, answers, logs.
 
 Any bytes are read as a row of messages, each in a readable frame. So the content of the fields is
-fuzzed, not the frame around them.
+fuzzed, not the frame around them. Of recordings everything that is made of them is tried: replay,
+tables, explanations, ghosts, re-execution.
 """
 
 import json
-from collections.abc import Iterator, Sequence
+from base64 import b64encode
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from functools import cache
+from io import BytesIO
 from math import nan
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from fastcrc.crc16 import mcrf4xx
+from mcap.writer import CompressionType, Writer
 
-from checks.fuzz.target import FuzzTarget
-from checks.harness.bus_calls import arm_request, auto_goal_request, command_request
+from checks.fuzz.target import JSON_WORDS, REFUSALS, FuzzTarget
+from checks.harness.processes import arm_request, auto_goal_request, command_request
+from ground.cli.observe.replay import lines
+from ground.client.outcomes import NoProgress
 from ground.client.parameter import parameters_in
 from ground.commands.param import table
+from ground.explain.turns import Recorded as Decided
+from ground.ghost.branch_point import GhostRecording, changed_in
+from ground.map.canvas import Canvas
+from ground.map.drawing import draw
+from ground.map.view import View
 from ground.missions.transfer import fence_of, waypoints_of
+from ground.recording.log_reader import LogIndex, open_log, record_bytes
+from ground.recording.mcap_file import FACT, KEY_TOPIC, KEYS, RAW_TOPIC, McapFormat
+from ground.recording.playback import ReplayBus
+from ground.recording.tables import TimeAxis, collect_series
+from ground.recording.world_metadata import discs, facts_of, outlines, radius_of, start_of
+from ground.reports.export import Export
+from ground.station.station import Station
 from ground.station.world import parse_world
 from plant.world.file import load
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.outcome import wire_goal
-from protocol.topics import COMPONENT, ENCODING, SERVICES, TOPICS, Role, operator_in
+from protocol.topics import COMPONENT, ENCODING, PREFIX, SERVICES, TOPICS, Role, operator_in
 from protocol.wire.codec import CHECKSUM, HEAD, MAGIC_BYTE, WIRE_OF_TYPE, Encoder, decode
-from protocol.wire.enums import FRAME_LOCAL_FLU, Command, LeaseAction, MissionType
+from protocol.wire.enums import (
+    FRAME_LOCAL_FLU,
+    INPUT_SCAN,
+    INPUT_WHEELS,
+    Command,
+    LeaseAction,
+    MissionType,
+)
 from protocol.wire.message import Message, Wire, check
 from protocol.wire.messages import (
+    AvoidanceDecision,
     LeaseRequest,
     MissionCount,
     MissionItemInt,
+    NavigatorStatus,
     ParamSet,
+    PlanarOdometry,
     SonarScan,
     Statustext,
+    SystemTime,
     Teleop,
+    TickInputs,
+    WheelCommand,
     WheelTicks,
 )
 from protocol.world import as_json
@@ -41,10 +74,15 @@ from robot.core.parameters import DEFAULTS
 from robot.core.values import Inputs, Outputs, Scan, Wheels, scan_of, wheels_of
 from robot.hosting import InProcessCore
 from robot.parameter_service import ParameterService
+from robot.parameter_table import described
 from robot.storage import Store
 from robot.vehicle import Vehicle
+from runtime.clock import ManualClock
 from runtime.errors import RemoteError
-from runtime.units import NS_PER_MS, PERIOD_MS
+from runtime.units import NS_PER_MS, NS_PER_S, PERIOD_MS
+from study.cli.reexecute import params_of
+from study.cli.reexecute import start_of as started_at
+from study.trial.reexecution import RecordedDrive, reexecute, refuse_unless_whole
 
 MOST: Final = 60
 STEP_NS: Final = 5_000_000
@@ -293,4 +331,291 @@ WIRE: Final = (
         run=lambda data, _: parse_world(data),
         bombs=deep,
     ),
+)
+
+
+BEGUN_US: Final = 1_790_000_000_000_000
+MOST_ROWS: Final = 20_000
+NAME: Final = "20261121T190000Z-r1"
+NAN: Final = float("nan")
+
+STATUS = NavigatorStatus(
+    time_ns=50_000_000,
+    goal_started_ns=1,
+    goal_ended_ns=0,
+    goal_id=2,
+    goal_x_m=4.0,
+    goal_y_m=1.0,
+    goal_heading_rad=NAN,
+    goal_distance_m=3.0,
+    vehicle=2,
+    mode=10,
+    goal=2,
+    vehicle_reason=0,
+    goal_reason=0,
+    navigator=2,
+    side=1,
+)
+ODOMETRY = PlanarOdometry(
+    time_ns=50_000_000,
+    x_m=0.6,
+    y_m=2.0,
+    heading_rad=0.0,
+    speed_m_s=0.2,
+    yaw_rate_rad_s=0.0,
+    cov_xx_m2=0.01,
+    cov_xy_m2=0.0,
+    cov_xh_m_rad=0.0,
+    cov_yy_m2=0.01,
+    cov_yh_m_rad=0.0,
+    cov_hh_rad2=0.01,
+)
+DECISION = AvoidanceDecision(
+    time_ns=50_000_000,
+    nearest_bearing_rad=0.2,
+    nearest_range_m=0.5,
+    zone_m=0.3,
+    goal_bearing_rad=0.1,
+    rotation_rad=0.0,
+    virtual_x_m=4.0,
+    virtual_y_m=1.0,
+    speed_m_s=0.2,
+    yaw_rate_rad_s=0.1,
+    branch=2,
+    guard=0,
+)
+INPUTS = TickInputs(
+    time_ns=50_000_000,
+    now_ms=50,
+    tick=1,
+    wheels_seq=1,
+    scan_seq=1,
+    requests=0,
+    scan_age_ms=20,
+    operator_age_ms=0,
+    speed_mm_s=0,
+    yaw_rate_mrad_s=0,
+    flags=INPUT_SCAN | INPUT_WHEELS,
+)
+COMMAND = WheelCommand(
+    time_ns=50_000_000, seq=1, sense_seq=1, left_mrad_s=5, right_mrad_s=5, ttl_ms=150
+)
+TICK_MESSAGES: Final[tuple[Message, ...]] = (
+    SCAN,
+    TICKS,
+    INPUTS,
+    COMMAND,
+    ODOMETRY,
+    STATUS,
+    DECISION,
+    TEXT,
+)
+"""The messages of a robot in one tick."""
+
+
+def tick_samples() -> Sequence[bytes]:
+    """Return messages in wall time, in lockstep, and with requests in between."""
+    clock = SystemTime(time_unix_usec=50_000, time_boot_ms=50)
+    return [
+        packed(*TICK_MESSAGES * 2),
+        packed(clock, *TICK_MESSAGES, clock),
+        packed(*TICK_MESSAGES, ARM, GOAL, *TICK_MESSAGES),
+    ]
+
+
+def facts() -> dict[str, str]:
+    """Return the facts that a recorder stores."""
+    return {
+        "world": json.dumps(as_json(load("moving"), 5.0)),
+        "parameters": json.dumps(described(DEFAULTS)),
+    }
+
+
+def timed(data: bytes) -> Iterator[tuple[int, str, bytes]]:
+    """Yield time in us, key and frame of each message, on the first topic of its type."""
+    time_us = BEGUN_US
+    for piece in pieces(data):
+        time_us += piece.after_ns // 1000
+        path = next((one.path for one in TOPICS if type(piece.message) in one.messages), "x")
+        yield time_us, f"{PREFIX}/r1/{path}", piece.frame
+
+
+@cache
+def tlogs() -> tuple[bytes, ...]:
+    """Return good .tlog files."""
+    return tuple(
+        b"".join(record_bytes(time_us, frame) for time_us, _, frame in timed(data))
+        for data in tick_samples()
+    )
+
+
+@cache
+def mcaps() -> tuple[bytes, ...]:
+    """Return .mcap files as the recorder writes them, and uncompressed ones."""
+    form = McapFormat("r1", {})
+    for name, text in facts().items():
+        form.add_fact(name, text)
+    for time_us, key, frame in timed(tick_samples()[0]):
+        form.add(key, frame, time_us)
+    recorded = form.batch() + form.end()
+    return (recorded, *map(plain, tick_samples()), *map(plain_of_before, tick_samples()))
+
+
+def plain(data: bytes) -> bytes:
+    """Write frames in their native channel, each after its key."""
+
+    def write(writer: Any, frames: Iterable[tuple[int, str, bytes]]) -> None:
+        raw = writer.register_channel(RAW_TOPIC, ENCODING, 0, {KEYS: "sidestep/r1"})
+        keys = writer.register_channel(KEY_TOPIC, "json", writer.register_schema("key", "", b""))
+        for time_us, key, frame in frames:
+            text = json.dumps({"key": key}).encode()
+            writer.add_message(keys, time_us * 1000, text, time_us * 1000, 0)
+            writer.add_message(raw, time_us * 1000, frame, time_us * 1000, 0)
+
+    return written(data, write)
+
+
+def plain_of_before(data: bytes) -> bytes:
+    """Write key and frame as JSON, as in older recordings."""
+
+    def write(writer: Any, frames: Iterable[tuple[int, str, bytes]]) -> None:
+        schema = writer.register_schema("raw", "", b"")
+        channel = writer.register_channel(RAW_TOPIC, "json", schema)
+        for time_us, key, frame in frames:
+            raw = json.dumps({"key": key, "frame": b64encode(frame).decode()}).encode()
+            writer.add_message(channel, time_us * 1000, raw, time_us * 1000, 0)
+
+    return written(data, write)
+
+
+def written(data: bytes, write: Callable[[Any, Iterable[tuple[int, str, bytes]]], None]) -> bytes:
+    """Return an uncompressed .mcap file without checksums."""
+    out = BytesIO()
+    writer: Any = Writer(out, compression=CompressionType.NONE, enable_crcs=False)
+    writer.start(library="sidestep")
+    writer.add_metadata("sidestep", {"robot": "r1"})
+    for name, text in facts().items():
+        writer.add_metadata(name, {FACT: text})
+    write(writer, timed(data))
+    writer.finish()
+    found: bytes = out.getvalue()
+    return found
+
+
+def mcap_bombs() -> Sequence[bytes]:
+    """Return small files that expand to much."""
+    return [bomb(1 << 30, 9), bomb(1 << 26, 0), bomb(1 << 26, 9, announced=1 << 60)]
+
+
+def bomb(size: int, opcode: int, announced: int | None = None) -> bytes:
+    """Return a chunk of empty records that is compressed to almost nothing."""
+    import zstandard
+
+    block = bytes((0x80 + opcode, *bytes(8))) * (1 << 16)
+    squeezer = zstandard.ZstdCompressor().compressobj(size=size // len(block) * len(block))
+    data = b"".join(squeezer.compress(block) for _ in range(size // len(block))) + squeezer.flush()
+    head = (0).to_bytes(16, "little") + (announced or size).to_bytes(8, "little") + bytes(4)
+    content = head + (4).to_bytes(4, "little") + b"zstd" + len(data).to_bytes(8, "little") + data
+    return b"\x89MCAP0\r\n\x06" + len(content).to_bytes(8, "little") + content
+
+
+def use_all(name: str) -> Callable[[bytes, Path], None]:
+    """Return a function that uses a recording of this name in every way."""
+
+    def run(data: bytes, folder: Path) -> None:
+        path = folder / name
+        path.write_bytes(data)
+        for use in (play, explain, tabulate, gather_series, load_ghost, run_again):
+            with suppress(*REFUSALS):
+                use(path)
+
+    return run
+
+
+def play(path: Path) -> None:
+    """Replay a recording and draw its map."""
+    bus = ReplayBus(path, ManualClock())
+    station = Station(bus, bus.robot, bus.timeline)
+    duration_s = bus.timeline.duration_ns / NS_PER_S
+    for share in (0.0, 0.5, 1.0):
+        bus.seek(duration_s * share)
+        station.poll()
+        scene = station.scene()
+        draw(scene, View.fit(scene.box(), 20, 10), Canvas(20, 10))
+        station.streams()
+        station.moment()
+
+
+def explain(path: Path) -> None:
+    """Explain the decisions of a recording."""
+    bus = ReplayBus(path, ManualClock())
+    list(lines(bus, 0.0, max(1.0, bus.timeline.duration_ns / 5e9)))
+    decided = Decided(bus.log_index)
+    list(decided.turns())
+    found = decided.at(bus.log_index.duration_ns)
+    if found is not None:
+        found[1].text()
+
+
+def tabulate(path: Path) -> None:
+    """Export a recording as tables."""
+    for shape in ("long", "wide"):
+        out = path.with_suffix(".csv")
+        Export(file=str(path), shape=shape, out=str(out)).run(NoProgress())
+
+
+def gather_series(path: Path) -> None:
+    """Read the series and the world of a recording, and write it again."""
+    log = open_log(path)
+    frames = list(log)
+    text = log.facts.get("world", "")
+    known = facts_of(text)
+    collect_series(TimeAxis(open_log(path)), radius_of(known))
+    list(start_of(known)), list(outlines(known)), list(discs(known))
+    form = McapFormat("r1", {})
+    form.add_fact("world", text)
+    for frame in frames:
+        form.add(frame.key, frame.frame, frame.time_ns // 1000)
+    form.end()
+
+
+def load_ghost(path: Path) -> None:
+    """Load a recording as a ghost."""
+    log_index = LogIndex(open_log(path))
+    changed_in(log_index.facts.get("parameters", ""))
+    footage = GhostRecording(log_index)
+    at_ns = footage.beginning_ns()
+    footage.rest(at_ns)
+    footage.instant(at_ns, None, None)
+
+
+def run_again(path: Path) -> None:
+    """Re-execute a recording."""
+    recorded = RecordedDrive(open_log(path))
+    refuse_unless_whole(recorded)
+    start, _ = started_at(recorded)
+    reexecute(recorded, params_of(recorded), start, other=False)
+
+
+def recording(data: bytes, folder: Path) -> None:
+    """Use a recording of readable frames, with the facts of the run beside it."""
+    beside = folder / f"{NAME}.mcap"
+    if not beside.exists():
+        beside.write_bytes(mcaps()[0])
+    log = b"".join(record_bytes(time_us, frame) for time_us, _, frame in timed(data))
+    use_all(f"{NAME}.tlog")(log, folder)
+
+
+LOGS: Final = (
+    FuzzTarget(name="tlog", samples=tlogs, run=use_all("run.tlog"), allowed=(), weight=5),
+    FuzzTarget(
+        name="mcap",
+        samples=mcaps,
+        run=use_all("run.mcap"),
+        allowed=(),
+        weight=5,
+        words=JSON_WORDS,
+        bombs=mcap_bombs,
+    ),
+    FuzzTarget(name="recording", samples=tick_samples, run=recording, allowed=(), weight=8),
 )

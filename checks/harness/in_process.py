@@ -14,8 +14,8 @@ from math import degrees, inf, radians
 from typing import Final, Self
 from uuid import uuid4
 
-from checks.harness.bus_calls import OPERATOR_BEAT, await_subscribers, command_request
-from checks.harness.motion import is_still
+from checks.harness.observer import is_still
+from checks.harness.processes import OPERATOR_BEAT, await_subscribers, command_request
 from plant.model.configuration import Fault, noise_of
 from plant.process.loop import Process as PlantProcess
 from plant.process.loop import RequestQueue, Wake

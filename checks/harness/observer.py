@@ -1,22 +1,24 @@
-"""Robot and plant as real processes, and an observer on their bus that keeps the robot driving."""
+"""Robot and plant as real processes, an observer that keeps the robot driving, its true motion."""
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from itertools import count, cycle
+from itertools import count, cycle, pairwise
 from math import hypot
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic_ns
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
-from checks.harness.bus_calls import (
+from checks.harness.processes import (
+    ROBOT,
     arm_request,
     ask_until_accepted,
     auto_goal_request,
     command_request,
+    robot_process,
+    sidestep,
 )
-from checks.harness.processes import ROBOT, robot_process, sidestep
 from checks.harness.until import until
 from plant.world.file import load
 from protocol.bus.bus import Bus, open_bus
@@ -27,6 +29,76 @@ from protocol.wire.enums import Command, GoalState, RunAction
 from protocol.wire.message import Message
 from protocol.wire.messages import GroundTruth, NavigatorStatus, RunRequest, WheelCommand
 from protocol.world import World
+from runtime.units import PERIOD_S
+
+STILL_M_S: Final = 0.001
+STILL_RAD_S: Final = 0.01
+HOLDS: Final = 8
+"""A robot has stopped when so many samples in a row are still."""
+
+
+class Seen(NamedTuple):
+    """A true state, `at_s` after the fault; its speed is that of the period that it ends."""
+
+    at_s: float
+    truth: GroundTruth
+
+    @property
+    def still(self) -> bool:
+        """True if the robot did not move."""
+        return is_still(self.truth)
+
+
+def is_still(truth: GroundTruth) -> bool:
+    """Return whether a robot neither drives nor turns."""
+    return abs(truth.speed_m_s) < STILL_M_S and abs(truth.yaw_rate_rad_s) < STILL_RAD_S
+
+
+def standing_from(seen: Sequence[Seen]) -> int | None:
+    """Return the index of the first sample at rest; None if the robot never stopped."""
+    row = 0
+    for index, one in enumerate(seen):
+        row = row + 1 if one.still else 0
+        if row == HOLDS:
+            return index - HOLDS + 1
+    return None
+
+
+def stood_s(seen: Sequence[Seen]) -> float | None:
+    """Return when the wheels stopped: the beginning of the first period without motion."""
+    first = standing_from(seen)
+    return None if first is None else max(0.0, seen[first].at_s - PERIOD_S)
+
+
+def distance_m(seen: Sequence[Seen]) -> float:
+    """Return the length of the path from the fault until the robot stopped."""
+    first = standing_from(seen)
+    way = seen if first is None else seen[: first + 1]
+    return sum(
+        hypot(b.truth.x_m - a.truth.x_m, b.truth.y_m - a.truth.y_m) for a, b in pairwise(way)
+    )
+
+
+def moved_again(seen: Sequence[Seen]) -> bool:
+    """Return whether the robot moved after it had stopped."""
+    first = standing_from(seen)
+    return first is not None and any(not one.still for one in seen[first:])
+
+
+def contacts(seen: Sequence[Seen]) -> int:
+    """Return how many contacts began."""
+    touches = [False, *(one.truth.contact != 0 for one in seen)]
+    return sum(now and not before for before, now in pairwise(touches))
+
+
+def touched_s(seen: Sequence[Seen]) -> float | None:
+    """Return the time from the first contact until the robot stopped; None without either."""
+    for index, one in enumerate(seen):
+        if one.truth.contact:
+            stood = stood_s(seen[index:])
+            return None if stood is None else stood - one.at_s
+    return None
+
 
 PATIENCE_S: Final = 30.0
 SET_OFF_S: Final = 3.0

@@ -1,4 +1,9 @@
-"""Processes of the stack for a measurement: their start, cost, and runs in lockstep."""
+"""Processes of the stack for a measurement: their start, requests and cost, and runs in lockstep.
+
+Busy processes only compute, at normal priority, until the block ends. Each one has a session of its
+own, because Linux may share the processors between sessions instead of processes. Each one also
+ends when the process that started it ends in any way.
+"""
 
 import os
 import socket
@@ -7,27 +12,98 @@ import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from datetime import UTC, datetime, timedelta
 from itertools import count
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from time import monotonic_ns, perf_counter
-from typing import Final, NamedTuple
+from time import monotonic, monotonic_ns, perf_counter
+from typing import Any, Final, NamedTuple
 
-from checks.harness.bus_calls import arm_request, ask_until_accepted, auto_goal_request
+from ground.launch.child_command import die_with_parent
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network, Tls
-from protocol.outcome import start_arguments
+from protocol.bus.publisher import Publisher
+from protocol.outcome import WireGoal, start_arguments
 from protocol.topics import COMMAND, RUN, STATUS, Role, Service
 from protocol.wire.codec import decode
-from protocol.wire.enums import GoalState, RunAction
+from protocol.wire.enums import (
+    AUTOPILOT_INVALID,
+    TYPE_GCS,
+    AckResult,
+    Command,
+    GoalState,
+    Mode,
+    RunAction,
+)
 from protocol.wire.message import Message
-from protocol.wire.messages import NavigatorStatus, RunRequest, RunScore
+from protocol.wire.messages import (
+    CommandAck,
+    CommandRequest,
+    GoalRequest,
+    Heartbeat,
+    NavigatorStatus,
+    RunRequest,
+    RunScore,
+)
 from protocol.world import World
 from robot.core.parameters import DEFAULTS
 from runtime.config import totals_arguments
+from runtime.errors import NoAnswerError
 from study.trial.trial import Trial, params_of, wire_goal_of
+
+ATTEMPT_S: Final = 0.5
+OPERATOR_BEAT: Final = Heartbeat(
+    type=TYPE_GCS, autopilot=AUTOPILOT_INVALID, base_mode=0, custom_mode=0, system_status=4
+)
+
+
+def command_request(
+    request_id: int, command: int, param1: float = 0.0, param2: float = 0.0, stop_id: int = 0
+) -> CommandRequest:
+    """Return a COMMAND_REQUEST; what a command does not use is 0."""
+    return CommandRequest(
+        request_id=request_id, command=command, param1=param1, param2=param2, stop_id=stop_id
+    )
+
+
+def arm_request(request_id: int) -> CommandRequest:
+    """Return the request that arms a robot."""
+    return command_request(request_id, Command.COMPONENT_ARM_DISARM, 1.0)
+
+
+def auto_goal_request(request_id: int, goal: WireGoal) -> GoalRequest:
+    """Return the request to drive to a goal without an operator."""
+    return GoalRequest(request_id=request_id, mode=Mode.AUTO, **goal._asdict())
+
+
+def is_accepted(answer: object) -> bool:
+    """Return whether an answer acknowledges a request as accepted."""
+    return isinstance(answer, CommandAck) and answer.result == AckResult.ACCEPTED
+
+
+def ask_until_accepted(
+    bus: Bus, service: Service, request: Callable[[], Message], robot: str, within_s: float
+) -> None:
+    """Repeat a request until it is accepted; RuntimeError with the last answer after `within_s`."""
+    deadline_s = monotonic() + within_s
+    answer: object = None
+    while monotonic() < deadline_s:
+        try:
+            answer = bus.ask(service, request(), ATTEMPT_S, robot)
+        except NoAnswerError as error:
+            answer = error
+        if is_accepted(answer):
+            return
+    raise RuntimeError(f"{service.path} not accepted within {within_s:g} s: {answer!r}")
+
+
+def await_subscribers(bus: Bus, publishers: Sequence[Publisher[Any]], within_s: float) -> None:
+    """Wait until each publisher has a subscriber; RuntimeError with the keys that have none."""
+    missing = bus.await_matched(publishers, within_s)
+    if missing:
+        raise RuntimeError(f"no subscriber within {within_s:g} s for {', '.join(missing)}")
+
 
 VALID: Final = timedelta(days=1)
 
@@ -281,3 +357,40 @@ class GoalDriver:
         ask_until_accepted(
             self._bus, service, lambda: request(next(self._requests)), ROBOT, ACCEPTED_S
         )
+
+
+def use_normal_priority() -> None:
+    """Leave the idle and batch scheduling classes and a nice session, as far as this user may."""
+    with suppress(OSError, AttributeError):
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    with suppress(OSError):
+        Path("/proc/self/autogroup").write_text("0")
+
+
+@contextmanager
+def busy(processes: int) -> Iterator[list[int]]:
+    """Run so many busy processes; yield their process ids."""
+    words = [sys.executable, "-m", "checks.harness.processes", str(os.getpid())]
+    started: list[subprocess.Popen[bytes]] = []
+    try:
+        started.extend(
+            subprocess.Popen(words, start_new_session=True) for _ in range(processes)
+        )  # one by one, so that all are known when this is interrupted
+        yield [process.pid for process in started]
+    finally:
+        for process in started:
+            process.kill()
+        for process in started:
+            process.wait()
+
+
+def compute(parent: int) -> None:
+    """Compute until killed, or until the process `parent` ends."""
+    use_normal_priority()
+    if die_with_parent(parent):
+        while True:
+            pass
+
+
+if __name__ == "__main__":
+    compute(int(sys.argv[1]))

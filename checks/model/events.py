@@ -10,7 +10,7 @@ from math import nan
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from checks.harness.bus_calls import command_request
+from checks.harness.processes import command_request
 from checks.model.model_world import FAR, HERE, CoreFaultError, ModelWorld, reason_of
 from ground.missions.mission import Circle
 from ground.missions.transfer import fence_items_of

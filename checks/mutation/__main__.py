@@ -12,10 +12,9 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from checks.mutation.forks import MutantVerdict
 from checks.mutation.kernel import TARGETS
 from checks.mutation.mutants import FILE, Identity, Mutant, load, mistakes, mutants_of, page
-from checks.mutation.runner import BrokenTestsError, MutationTarget, verdicts
+from checks.mutation.runner import BrokenTestsError, MutantVerdict, MutationTarget, verdicts
 
 ROOT = Path(__file__).resolve().parents[2]
 ROW = "{:28} {:>7} {:>7} {:>8} {:>10} {:>9} {:>7} {:>6}"

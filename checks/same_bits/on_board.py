@@ -20,7 +20,6 @@ from typing import Final, NamedTuple
 
 import msgspec
 
-from checks.same_bits.variants import ROOT
 from firmware.board import Board, BoardError
 from firmware.host import BoardCore
 from firmware.image import IMAGE, core_hash
@@ -28,6 +27,7 @@ from plant.world.file import load, shipped
 from runtime.errors import UserError
 from study.trial.trial import NAVIGATORS, Trial, run_trial
 
+ROOT: Final = Path(__file__).resolve().parents[2]
 RESULTS: Final = ROOT / "docs" / "evidence" / "microcontroller" / "digests.json"
 NOISES: Final = ("none", "default")
 SEED: Final = 1

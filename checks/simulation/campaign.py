@@ -20,10 +20,23 @@ from typing import Final, NamedTuple
 
 from checks.harness.figures import BenchmarkReport, Figure
 from checks.simulation.defects import DEFECTS, Defect, with_defect
-from checks.simulation.event_kinds import (
+from checks.simulation.hosts.mavlink import CLIENTS, GATEWAY
+from checks.simulation.hosts.substitutes import substituted
+from checks.simulation.hosts.virtual_time import (
+    OPERATORS,
+    STATION,
+    Event,
+    EventScenario,
+    from_json,
+    to_json,
+)
+from checks.simulation.invariants.limits import BOOT_NS, Coverage
+from checks.simulation.simulation import (
     CLIENT_ACTIONS,
     FAULTS,
     Arguments,
+    RunResult,
+    Simulation,
     apply_event,
     draw_client,
     draw_driving,
@@ -31,12 +44,6 @@ from checks.simulation.event_kinds import (
     place,
     span_ms,
 )
-from checks.simulation.events import OPERATORS, STATION, Event, EventScenario, from_json, to_json
-from checks.simulation.hosts.mavlink import CLIENTS, GATEWAY
-from checks.simulation.hosts.substitutes import substituted
-from checks.simulation.invariants.limits import BOOT_NS
-from checks.simulation.invariants.run_state import Coverage
-from checks.simulation.simulation import RunResult, Simulation
 from runtime.units import NS_PER_MS, NS_PER_S
 
 DURATION_NS: Final = 20 * NS_PER_S

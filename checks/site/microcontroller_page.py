@@ -7,8 +7,8 @@ from statistics import median
 from checks.evidence import with_origin_of
 from checks.same_bits import on_board
 from checks.same_bits.on_board import BoardComparison
-from checks.speed.board import float32, memory_size, scenarios
-from checks.speed.board.results import (
+from checks.speed.board import float32, scenarios
+from checks.speed.board.measure import (
     CEILINGS,
     FLASH_BYTES,
     FOLDER,
@@ -72,7 +72,7 @@ Bytes. *Live* is the heap in use after a collection, *peak* the largest use of t
 each tick, and in a tick only when the heap is full, so the peak depends on the size of the heap.
 The RAM that is necessary is between *live* and *peak*, each with static memory and stack. *State*
 is the memory of the navigator itself, a part of *live*: the largest in {scenarios}
-scenarios of {ticks} ticks each, counted in this process by `checks/speed/board/memory_size.py`.
+scenarios of {ticks} ticks each, counted in this process by `checks/speed/board/scenarios.py`.
 
 | navigator | state | live | peak | allocated in a tick | stack | RAM |
 |---|---|---|---|---|---|---|"""
@@ -158,14 +158,14 @@ def budget(costs: Costs) -> Iterator[str]:
         )
     yield (
         "\nWhere the target is not reached, the ceilings are above it, near the measured times. "
-        "`checks/speed/board/results.py` has the ceilings. Tests compare them with these results "
+        "`checks/speed/board/measure.py` has the ceilings. Tests compare them with these results "
         "and with new measurements of short drives."
     )
 
 
 def memory(costs: Costs) -> Iterator[str]:
     """Yield the section of the memory."""
-    yield MEMORY.format(scenarios=memory_size.SCENARIOS, ticks=memory_size.TICKS)
+    yield MEMORY.format(scenarios=scenarios.STATE_SCENARIOS, ticks=scenarios.STATE_TICKS)
     made, all_costs = costs.build, [*costs.drives, *costs.hardest]
     for navigator, rows in by_navigator(all_costs):
         figures = [

@@ -1,23 +1,276 @@
 """Latency from a published sensor sample to the wheel command, compared with a Zenoh ping-pong.
 
-A substitute plant publishes wheel ticks, scan and truth 20 times a second to the real robot
-process. The latency counts from before the first put to the arrival of the command that answers
-them. Half a period later follows a ping with frames of the same sizes, so that both run under the
-same load. Both are also shown back to back, where no process sleeps, without a threshold. There,
-ours runs in lockstep, with the clock's frame and the telemetry of every tick on the same link.
+A substitute for plant and operator keeps a real robot process driving, paced by the wall clock at
+the control rate. It publishes wheel ticks, scan and truth through the plant's own robot link, so a
+measurement sees what a plant would see. The latency counts from before the first put to the arrival
+of the command that answers them. Half a period later follows a ping with frames of the same sizes,
+so that both run under the same load. Both are also shown back to back, where no process sleeps,
+without a threshold. There, ours runs in lockstep, with the clock's frame and the telemetry of every
+tick on the same link.
+
+The ping-pong is the lower bound: two bare Zenoh processes without codec or loop. The child is the
+hub that replies (`python -m checks.speed.latency PORT BYTES`), the parent the client that sends.
+Both use direct callbacks and the flow settings of the stack.
 """
 
 import argparse
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing, contextmanager
+from itertools import count, cycle
+from threading import Event
+from time import monotonic_ns
+from typing import Any
+
+import zenoh
+from zenoh.handlers import Callback
 
 from checks.harness.figures import BenchmarkReport, Figure, percentile
-from checks.harness.processes import robot_process
-from checks.harness.stand_in import PlantStandIn, driving, paced, wait_until
-from checks.speed.pingpong import PingPong, ping_pong
+from checks.harness.processes import (
+    ROBOT,
+    StartedRobot,
+    arm_request,
+    auto_goal_request,
+    await_subscribers,
+    free_port,
+    is_accepted,
+    robot_process,
+)
+from plant.model.configuration import noise_of
+from plant.process.robot_link import RobotLink
+from plant.sim.simulation import Plant
 from plant.world.file import load
+from protocol.bus.bus import Bus, open_bus
+from protocol.outcome import wire_goal
+from protocol.topics import COMMAND, STATUS, Role
 from protocol.wire.codec import Encoder
-from protocol.wire.messages import SonarScan, WheelCommand
+from protocol.wire.enums import GoalState
+from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest, SonarScan, WheelCommand
+from protocol.wire.reasons import Reason
 from protocol.world import World
-from runtime.units import PERIOD_NS
+from runtime.clock import WallClock, ticks
+from runtime.units import CONTROL_HZ, PERIOD_NS
+from study.trial.trial import wire_goal_of
+
+PING, PONG = "floor/ping", "floor/pong"
+PONG_WITHIN_S = 2.0
+MATCH_WITHIN_S = 5.0
+
+
+class PingPong:
+    """Round trips of one payload size."""
+
+    def __init__(self, session: zenoh.Session, size: int) -> None:
+        self._payload = bytes(size)
+        self._arrived_ns = 0
+        self._arrived = Event()
+        self._subscriber = session.declare_subscriber(PONG, Callback(self._receive, indirect=False))
+        self._ping = flow(session, PING)
+        await_matched(self._ping)
+
+    def round_trip_ns(self) -> int | None:
+        """Return the time from before the put to the reply; None without a reply."""
+        self._arrived.clear()
+        asked_ns = time.monotonic_ns()
+        self._ping.put(self._payload)
+        if not self._arrived.wait(PONG_WITHIN_S):
+            return None
+        return self._arrived_ns - asked_ns
+
+    def _receive(self, _: zenoh.Sample) -> None:
+        self._arrived_ns = time.monotonic_ns()
+        self._arrived.set()
+
+
+@contextmanager
+def ping_pong(ping_bytes: int, pong_bytes: int) -> Iterator[PingPong]:
+    """Start the replying process and yield the ping-pong."""
+    port = free_port()
+    command = [sys.executable, "-m", "checks.speed.latency", str(port), str(pong_bytes)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as child:
+        assert child.stdout is not None
+        try:
+            child.stdout.readline()  # wait until it listens
+            with zenoh.open(configured("client", connect=f"tcp/127.0.0.1:{port}")) as session:
+                yield PingPong(session, ping_bytes)
+        finally:
+            child.kill()
+
+
+def answer_pings(port: int, size: int) -> None:
+    """Reply to pings until standard input is closed."""
+    with zenoh.open(configured("peer", listen=f"tcp/127.0.0.1:{port}")) as session:
+        pong, payload = flow(session, PONG), bytes(size)
+        answering: Callback[zenoh.Sample] = Callback(lambda _: pong.put(payload), indirect=False)
+        with session.declare_subscriber(PING, answering):
+            print("listening", flush=True)
+            sys.stdin.read()
+
+
+def flow(session: zenoh.Session, key: str) -> zenoh.Publisher:
+    """Declare a publisher with the flow settings of the stack."""
+    return session.declare_publisher(
+        key,
+        priority=zenoh.Priority.REAL_TIME,
+        congestion_control=zenoh.CongestionControl.DROP,
+        express=False,
+    )
+
+
+def await_matched(publisher: zenoh.Publisher) -> None:
+    """Wait until a subscriber is found; raise RuntimeError otherwise."""
+    matched = Event()
+    noticing: Callback[zenoh.MatchingStatus] = Callback(
+        lambda status: matched.set() if status.matching else None, indirect=False
+    )
+    with publisher.declare_matching_listener(noticing):
+        status: Any = publisher.matching_status  # always truthy, unlike its stub
+        if not (status.matching or matched.wait(MATCH_WITHIN_S)):
+            raise RuntimeError("the two processes of the ping-pong did not connect")
+
+
+def configured(mode: str, listen: str | None = None, connect: str | None = None) -> zenoh.Config:
+    """Return the configuration of a session."""
+    config = zenoh.Config()
+    settings: dict[str, object] = {
+        "mode": mode,
+        "listen/endpoints": [listen] if listen else [],
+        "connect/endpoints": [connect] if connect else [],
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "scouting/delay": 0,
+        "transport/shared_memory/enabled": False,
+    }
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def paced(count: int) -> Iterator[int]:
+    """Yield the monotonic time in ns at which each of `count` ticks was due."""
+    for tick, _ in zip(ticks(WallClock(), CONTROL_HZ), range(count), strict=False):
+        yield tick.due_ns
+
+
+def wait_until(deadline_ns: int) -> None:
+    """Sleep until a monotonic time."""
+    WallClock().sleep_until(deadline_ns)
+
+
+ANSWER_WITHIN_S = 0.04
+READY_WITHIN_S = 10.0
+STANDS_AFTER = 4
+TOO_BUSY = (Reason.BUDGET, Reason.NOT_ARMED)
+"""Why a robot whose loop is too slow refuses to be armed, or, disarmed since, to drive."""
+SETS_OFF_WITHIN = 100
+
+
+class PlantStandIn:
+    """A plant with one robot that a measurement advances; `operator` is the bus for goals."""
+
+    def __init__(self, bus: Bus, operator: Bus, world: World, *, lockstep: bool) -> None:
+        self.plant = Plant(world, 0, noise_of(world))
+        self.bus = bus
+        self._operator = operator
+        self._arrived = Event()
+        self._arrived_ns = 0
+        self._link = RobotLink(bus, ROBOT, 0, self._notice, lockstep=lockstep)
+        self._status = bus.mailbox(STATUS, ROBOT)
+        back = wire_goal(world.start.x_m, world.start.y_m, None, 0.1, 0.1)
+        self._goals = cycle((wire_goal_of(world), back))
+        self._requests = count(monotonic_ns())
+        self._ticks_without_goal = 0
+        self._departure: Future[None] | None = None
+        self._pool = ThreadPoolExecutor(1)
+        await_subscribers(bus, self._link.publishers, READY_WITHIN_S)
+
+    def tick(self, patience_s: float = ANSWER_WITHIN_S) -> int | None:
+        """Publish the senses, take the wheel command and advance one period.
+
+        Return the nanoseconds from before the first put to the arrival of the command that answers
+        these senses; None when none arrived in time.
+        """
+        frames = self._link.frames(self.plant)
+        self._arrived.clear()
+        published_ns = monotonic_ns()
+        for publisher, frame in frames:
+            publisher.put_frame(frame)
+        self._link.publish_clock_and_truth(self.plant)
+        while answered := self._arrived.wait(patience_s):
+            if self._link.answered:
+                break
+            self._arrived.clear()
+        took_ns = self._arrived_ns - published_ns
+        self._link.apply_command(self.plant)
+        self.plant.advance()
+        self._keep_driving()
+        return took_ns if answered else None
+
+    @property
+    def drives(self) -> bool:
+        """True if the robot has a goal that has not ended."""
+        newest = self._status.latest()
+        return newest is not None and GoalState.ACCEPTED <= newest[0].goal <= GoalState.ALIGNING
+
+    def close(self) -> None:
+        """Cancel requests that have not been sent."""
+        self._pool.shutdown(cancel_futures=True)
+
+    def _keep_driving(self) -> None:
+        """Set off again when the goal has ended, in a thread: an answer takes ticks."""
+        if self._departure is not None:
+            if not self._departure.done():
+                return
+            self._departure.result()
+            self._departure, self._ticks_without_goal = None, 0
+        self._ticks_without_goal = 0 if self.drives else self._ticks_without_goal + 1
+        if self._ticks_without_goal >= STANDS_AFTER:
+            self._departure = self._pool.submit(self._set_off)
+
+    def _set_off(self) -> None:
+        """Arm, and drive to the goal and back to the start in turn; or wait for a better moment."""
+        if self._obeys(arm_request(next(self._requests))):
+            self._obeys(auto_goal_request(next(self._requests), next(self._goals)))
+
+    def _obeys(self, request: CommandRequest | GoalRequest) -> bool:
+        """Ask for something; return False if the robot's own loop is too slow at the moment.
+
+        It may also have been too slow since it was armed, and have disarmed itself.
+
+        Raises:
+            RuntimeError: It refuses for another reason, which waiting does not change.
+        """
+        answer = self._operator.ask(COMMAND, request, robot=ROBOT)
+        if is_accepted(answer):
+            return True
+        if isinstance(answer, CommandAck) and answer.result_param2 in TOO_BUSY:
+            return False
+        raise RuntimeError(f"the robot refused {request}: {answer!r}")
+
+    def _notice(self, arrived_ns: int) -> None:
+        self._arrived_ns = arrived_ns
+        self._arrived.set()
+
+
+@contextmanager
+def driving(world: World, robot: StartedRobot, *, lockstep: bool) -> Iterator[PlantStandIn]:
+    """Run a plant and keep its robot driving."""
+    with (
+        open_bus(robot.network, Role.PLANT, ROBOT) as bus,
+        open_bus(robot.network, Role.GROUND, ROBOT) as operator,
+    ):
+        standin = PlantStandIn(bus, operator, world, lockstep=lockstep)
+        with closing(standin):
+            for _ in paced(SETS_OFF_WITHIN):
+                standin.tick(patience_s=1.0 if lockstep else ANSWER_WITHIN_S)
+                if standin.drives:
+                    break
+            yield standin
+
 
 P50_AT_MOST, P99_AT_MOST = 2.0, 3.0
 WARM_UP = 40
@@ -132,3 +385,7 @@ def sizes() -> tuple[int, int]:
         ttl_ms=150,
     )
     return len(encoder.encode(scan)), len(encoder.encode(command))
+
+
+if __name__ == "__main__":
+    answer_pings(int(sys.argv[1]), int(sys.argv[2]))

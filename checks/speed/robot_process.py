@@ -25,7 +25,7 @@ from typing import Final
 
 from checks.harness.figures import BenchmarkFunctions, BenchmarkReport, Figure, percentile, ratios
 from checks.harness.processes import ROBOT, VALID, cpu_s, resident_mb, robot_process
-from checks.harness.stand_in import PlantStandIn, driving, paced, wait_until
+from checks.speed.latency import PlantStandIn, driving, paced, wait_until
 from plant.world.file import load
 from protocol.bus.bus import open_bus
 from protocol.topics import CYCLE

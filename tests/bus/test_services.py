@@ -17,7 +17,7 @@ import zenoh
 from zenoh import ZBytes
 from zenoh.handlers import Callback
 
-from checks.harness.bus_calls import OPERATOR_BEAT
+from checks.harness.processes import OPERATOR_BEAT
 from checks.harness.relays import SlowRelay
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.mailbox import Mailbox

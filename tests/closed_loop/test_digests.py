@@ -12,10 +12,22 @@ import pytest
 import hatch_build
 from checks.built import ROOT, wheel
 from checks.same_bits import __main__ as command
-from checks.same_bits.__main__ import attempt, compared, differences, run
-from checks.same_bits.record import BitsRecord, VariantRow, page_of, read, write
+from checks.same_bits.__main__ import (
+    BitsRecord,
+    Variant,
+    VariantRow,
+    attempt,
+    compared,
+    differences,
+    of_processors,
+    page_of,
+    read,
+    requirements,
+    run,
+    unpack,
+    write,
+)
 from checks.same_bits.trials import TrialDigest, result_of, trial_of
-from checks.same_bits.variants import Variant, of_processors, requirements, unpack
 from runtime.cli import compiled
 from study.trial.trial import NAVIGATORS
 from tests.support import digests

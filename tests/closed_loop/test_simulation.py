@@ -14,7 +14,6 @@ from checks.simulation.campaign import (
     search_defect,
     shrink,
 )
-from checks.simulation.events import Argument, Event, EventScenario, from_json, to_json
 from checks.simulation.hosts.bus import (
     SimulatedHub,
     SimulatedNetwork,
@@ -23,7 +22,15 @@ from checks.simulation.hosts.bus import (
     SimulatedSession,
 )
 from checks.simulation.hosts.operators import OperatorRequest, RequestHistory
-from checks.simulation.hosts.virtual_time import Host, Scheduler
+from checks.simulation.hosts.virtual_time import (
+    Argument,
+    Event,
+    EventScenario,
+    Host,
+    Scheduler,
+    from_json,
+    to_json,
+)
 from checks.simulation.simulation import RunResult
 from protocol.bus.callbacks import zenoh_callback
 from runtime.units import NS_PER_S as S

@@ -6,8 +6,8 @@ from math import nan
 
 import pytest
 
+from checks.faults.bus_observer import second_robot
 from checks.faults.cases import FAULTS
-from checks.faults.intruders import second_robot
 from checks.faults.simulated_time import BreakableInProcess
 from protocol.bus.link_faults import LinkFaults
 from protocol.wire.enums import Command, GoalState, LeaseAction, Mode, Vehicle

@@ -12,7 +12,7 @@ from typing import Final
 
 import pytest
 
-from checks.faults.breakable_board import hang
+from checks.faults.simulated_time import hang
 from firmware.board import PARAMETERS, RESTART, Board, BoardError, BoardMismatchError, Emulator
 from firmware.image import IMAGE, core_hash
 from protocol.wire.codec import Encoder

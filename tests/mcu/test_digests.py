@@ -14,8 +14,7 @@ from typing import Final
 
 import pytest
 
-from checks.speed.board.measure import build, counted, report_of, summary
-from checks.speed.board.results import Build, excesses
+from checks.speed.board.measure import Build, build, counted, excesses, report_of, summary
 from firmware import translator
 from firmware.board import Board
 from firmware.host import BoardCore

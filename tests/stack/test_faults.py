@@ -17,7 +17,7 @@ import pytest
 
 from checks.endurance import soak
 from checks.endurance import soak as soak_report
-from checks.endurance.supervised import PLANT, SUPERVISOR
+from checks.endurance.fleet import PLANT, SUPERVISOR
 from checks.faults.cases import FAULTS
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.reasons import Reason, reason_text

@@ -11,9 +11,8 @@ import pytest
 from checks.__main__ import Benchmark
 from checks.flood import under_attack as flood
 from checks.harness.figures import Figure
-from checks.same_bits import run_modes
+from checks.speed import app_figures as ground
 from checks.speed import codec, latency, lockstep, robot_process, trials
-from checks.speed.ground_station import app_figures as ground
 from tests.support.stack.processes import ROOT, Crew, Running, alive, children_of, cmdline
 from tests.support.until import until
 
@@ -82,7 +81,7 @@ def test_robot_is_measured_by_the_kernels_account() -> None:
 
 
 def test_a_run_over_the_bus_is_the_run_in_process_to_the_last_bit() -> None:
-    report = run_modes.measure(argparse.Namespace(worlds=["open"]))
+    report = lockstep.DIGEST.measure(argparse.Namespace(worlds=["open"]))
     assert report.met, report.text()
 
 
@@ -114,7 +113,7 @@ def busy_processes(running: Running) -> list[int]:
     found = []
     for pid in children_of(running.process.pid):
         try:
-            found += [pid] if "checks.harness.busy" in cmdline(pid) else []
+            found += [pid] if "checks.harness.processes" in cmdline(pid) else []
         except (FileNotFoundError, ProcessLookupError):
             continue
     return found

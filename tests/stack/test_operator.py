@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import pyte
 import pytest
 
-from checks.harness.bus_calls import ask_until_accepted, command_request
+from checks.harness.processes import ask_until_accepted, command_request
 from checks.harness.terminal import Terminal
 from gateways.mavlink.mavlink_dialect import mavlink
 from ground.missions.files import read

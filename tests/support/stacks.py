@@ -8,8 +8,8 @@ from typing import Any, Final
 
 import pytest
 
-from checks.harness.bus_calls import OPERATOR_BEAT
 from checks.harness.in_process import FRAME_S, InProcess, reason_in
+from checks.harness.processes import OPERATOR_BEAT
 from ground.client.api import robot
 from ground.client.connection import Common
 from ground.client.vocabulary import Remedies

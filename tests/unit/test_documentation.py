@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import sidestep
-from checks.site import protocol_page
+from checks.site import reference as protocol_page
 from ground.client.api import robot as client
 from ground.client.api.robot import Robot
 from ground.client.emergency_stop import HELD_NS, REPEAT_NS

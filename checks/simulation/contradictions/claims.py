@@ -25,7 +25,7 @@ from checks.simulation.contradictions.truth import (
     place_of,
 )
 from checks.simulation.hosts.mavlink import GATEWAY
-from checks.simulation.invariants.run_state import InvariantViolation
+from checks.simulation.invariants.limits import InvariantViolation
 from gateways.mavlink.mavlink_dialect import mavlink
 from ground.client.outcomes import Accepted, GoalEnded, Refused, Stopped
 from ground.commands.mission import MissionEnded

@@ -61,7 +61,7 @@ from checks.simulation.contradictions.truth import (
     Truth,
 )
 from checks.simulation.hosts.mavlink import CLIENTS, command, reposition
-from checks.simulation.invariants.run_state import InvariantViolation
+from checks.simulation.invariants.limits import InvariantViolation
 from gateways.mavlink.clients import NoFile
 from gateways.mavlink.mavlink_dialect import mavlink
 from ground.client.api import connect

@@ -35,7 +35,6 @@ from checks.simulation.contradictions.truth import (
     person_of,
 )
 from checks.simulation.defects import Defect, Patches
-from checks.simulation.events import Argument, Event, EventScenario
 from checks.simulation.hosts import robot_and_plant
 from checks.simulation.hosts.bus import SimulatedHub, SimulatedSession
 from checks.simulation.hosts.mavlink import CLIENTS, GATEWAY, GatewaySide
@@ -43,6 +42,9 @@ from checks.simulation.hosts.operators import RequestHistory
 from checks.simulation.hosts.robot_and_plant import WORLDS, PlantSide, RobotSide
 from checks.simulation.hosts.substitutes import SeededSecrets, SessionOpener, substituted
 from checks.simulation.hosts.virtual_time import (
+    Argument,
+    Event,
+    EventScenario,
     Host,
     Scheduler,
     SimulatedClock,
@@ -50,7 +52,7 @@ from checks.simulation.hosts.virtual_time import (
     SimulatedThread,
     current_host,
 )
-from checks.simulation.invariants.run_state import Coverage, InvariantViolation
+from checks.simulation.invariants.limits import Coverage, InvariantViolation
 from checks.simulation.simulation import RunResult
 from ground.client.outcomes import Stopped
 from ground.recording.summary import outcome_of

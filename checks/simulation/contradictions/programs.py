@@ -17,11 +17,11 @@ from typing import Any, Final, NamedTuple
 from greenlet import GreenletExit
 
 from checks.simulation.contradictions.truth import Deed, Ended, Journal, ShownText, person_of
-from checks.simulation.events import Argument
 from checks.simulation.hosts.bus import SimulatedNetwork
 from checks.simulation.hosts.mavlink import ACTIONS, GatewaySide, SimulatedClient
 from checks.simulation.hosts.operators import DIALS, RequestHistory
 from checks.simulation.hosts.virtual_time import (
+    Argument,
     Host,
     Scheduler,
     SimulatedClock,

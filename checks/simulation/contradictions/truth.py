@@ -13,10 +13,9 @@ from itertools import pairwise
 from math import hypot
 from typing import Any, Final, NamedTuple
 
-from checks.simulation.events import Argument
 from checks.simulation.hosts.bus import SimulatedNetwork, path_of
 from checks.simulation.hosts.robot_and_plant import RobotSide
-from checks.simulation.hosts.virtual_time import Host, Scheduler
+from checks.simulation.hosts.virtual_time import Argument, Host, Scheduler
 from plant.sim.simulation import Plant
 from protocol.topics import STATUS, STOP, STOP_SERVICE
 from protocol.wire.codec import decode

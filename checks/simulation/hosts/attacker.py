@@ -9,9 +9,8 @@ from collections.abc import Callable
 from random import Random
 from typing import Any, Final
 
-from checks.simulation.events import Argument
 from checks.simulation.hosts.bus import SimulatedHub, SimulatedSample, path_of
-from checks.simulation.hosts.virtual_time import Host, Scheduler
+from checks.simulation.hosts.virtual_time import Argument, Host, Scheduler
 from checks.simulation.invariants.limits import PERIOD_NS
 from protocol.bus.robot_clock import time_bytes
 from protocol.topics import (

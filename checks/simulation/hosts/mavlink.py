@@ -12,10 +12,10 @@ from struct import unpack_from
 from typing import Any, Final
 
 from checks.harness.played_gateway import PlayedEndpoint
-from checks.simulation.events import Argument
 from checks.simulation.hosts.bus import SimulatedNetwork
 from checks.simulation.hosts.operators import OperatorRequest, RequestHistory, SimulatedOperator
 from checks.simulation.hosts.virtual_time import (
+    Argument,
     Host,
     Scheduler,
     SimulatedClock,

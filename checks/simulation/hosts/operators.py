@@ -11,8 +11,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
-from checks.simulation.events import Argument
-from checks.simulation.hosts.virtual_time import Host, Scheduler, SimulatedClock, SimulatedQueue
+from checks.simulation.hosts.virtual_time import (
+    Argument,
+    Host,
+    Scheduler,
+    SimulatedClock,
+    SimulatedQueue,
+)
 from ground.client.connection import Common
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.goal import destination, goal_request

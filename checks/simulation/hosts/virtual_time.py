@@ -1,12 +1,13 @@
-"""Virtual time: an event queue, and tasks that wait in it instead of in the operating system.
+"""Virtual time: scenarios as events in time, an event queue, and tasks that wait in it.
 
-A task is a greenlet. Product code that blocks (a sleep, a queue, a query) runs unmodified in one:
-each wait is an event of the queue. Only one task runs at a time. The order of events depends only
-on their times and the order in which they were added.
+A scenario is data: the same list of events gives the same run. A task is a greenlet. Product code
+that blocks (a sleep, a queue, a query) runs unmodified in one: each wait is an event of the queue
+instead of a wait in the operating system. Only one task runs at a time. The order of events depends
+only on their times and the order in which they were added.
 
 Substitutes for threads, queues, locks and clocks have the interfaces that product code uses. So has
 an asyncio event loop: its waits are those of a task, and jobs of its executors are simulated
-threads. Each program may have one.
+threads. One loop runs at a time in a simulation.
 """
 
 import asyncio
@@ -16,12 +17,55 @@ from concurrent.futures import Future
 from heapq import heappop, heappush
 from math import ceil
 from queue import Empty
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Final, Generic, NamedTuple, TypeAlias, TypeVar
 
+import msgspec
 from greenlet import GreenletExit, getcurrent, greenlet
 
 from checks.harness.loop import PlayedLoop
-from runtime.units import NS_PER_S
+from runtime.units import NS_PER_MS, NS_PER_S
+
+Argument: TypeAlias = int | float | str
+
+STATION: Final = "station"
+"""The operator that uses the ground station instead of the command line."""
+
+OPERATORS: Final = ("operator-a", "operator-b", "operator-c", STATION)
+
+
+class Event(NamedTuple):
+    """An event at a time; `salt` seeds what the event draws itself."""
+
+    time_ns: int
+    kind: str
+    arguments: tuple[Argument, ...]
+    salt: int
+
+    def __str__(self) -> str:
+        words = " ".join(str(argument) for argument in self.arguments)
+        return f"{self.time_ns / NS_PER_MS:9.1f} ms  {self.kind} {words}".rstrip()
+
+
+class EventScenario(NamedTuple):
+    """Everything that a run depends on: the seed of its setting, its duration and its events.
+
+    In lockstep the plant's clock drives the robot.
+    """
+
+    seed: int
+    duration_ns: int
+    events: tuple[Event, ...]
+    lockstep: bool = False
+
+
+def to_json(scenario: EventScenario) -> str:
+    """Return a scenario as JSON."""
+    return msgspec.json.encode(scenario).decode()
+
+
+def from_json(text: str) -> EventScenario:
+    """Read a scenario; msgspec.ValidationError if the text is no scenario."""
+    return msgspec.json.decode(text, type=EventScenario)
 
 
 class Scheduler:

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 from checks.simulation.hosts.operators import OperatorRequest
 from checks.simulation.invariants import limits
-from checks.simulation.invariants.run_state import NEVER, RunState
+from checks.simulation.invariants.limits import NEVER, RunState
 from protocol.topics import TELEOP, operator_in
 from protocol.wire.codec import decode
 from protocol.wire.enums import AckResult, Command, LeaseAction, Mode

@@ -17,9 +17,9 @@ from checks.simulation.invariants.commanding import (
     CommandingInvariants,
     RequestInvariants,
 )
+from checks.simulation.invariants.limits import RunState
 from checks.simulation.invariants.persistence import PersistenceInvariants, StopInvariants
 from checks.simulation.invariants.robot_loop import LoopInvariants, WheelInvariants
-from checks.simulation.invariants.run_state import RunState
 from plant.sim.simulation import Plant
 from protocol.topics import STATUS
 from protocol.wire.enums import Mode

@@ -11,7 +11,7 @@ from typing import Any, Final
 from checks.simulation.hosts.operators import OperatorRequest
 from checks.simulation.invariants import limits
 from checks.simulation.invariants.commanding import RELEASED, accepted
-from checks.simulation.invariants.run_state import NEVER, RunState
+from checks.simulation.invariants.limits import NEVER, RunState
 from protocol.topics import COMMAND, STOP, STOP_SERVICE, operator_in
 from protocol.wire.codec import decode
 from protocol.wire.enums import Command, MissionType

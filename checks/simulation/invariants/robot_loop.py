@@ -6,8 +6,7 @@ from typing import Any
 from checks.simulation.hosts.operators import OperatorRequest
 from checks.simulation.invariants import limits
 from checks.simulation.invariants.commanding import CommandingInvariants, RequestInvariants
-from checks.simulation.invariants.limits import PERIOD_NS
-from checks.simulation.invariants.run_state import NEVER, RunState
+from checks.simulation.invariants.limits import NEVER, PERIOD_NS, RunState
 from plant.sim.simulation import Plant
 from protocol.wire.codec import decode
 from protocol.wire.messages import WheelCommand

@@ -18,7 +18,7 @@ from typing import Final
 
 import msgspec
 
-from checks.speed.board.results import FOLDER
+from checks.speed.board.measure import FOLDER
 from firmware.board import Board
 from firmware.host import BoardCore
 from firmware.image import IMAGES

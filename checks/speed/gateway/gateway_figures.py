@@ -6,25 +6,41 @@
   frames. It asks for all three at once, and repeats a request without an answer after a second, as
   MAVProxy and the loops of mavutil scripts do. Parameters come as the file of MAVProxy and Mission
   Planner, by pymavlink's own FTP client, or as the list of PARAM_VALUE.
+- Flood: missed ticks, the owner's emergency stop and memory in floods of frames while the robot
+  drives. The sender runs on this machine and takes processor time itself. So the same floods are
+  also sent to a socket that no process reads. It is a process,
+  `python -m checks.speed.gateway.gateway_figures KIND RATE PEERS PORT`, that prints `ready`, begins
+  at the first line of its standard input, and prints how many frames it has sent when that ends.
 """
 
 import argparse
-from collections.abc import Callable, Sequence
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
-from itertools import pairwise
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field
+from itertools import cycle, pairwise
 from queue import Empty, SimpleQueue
+from random import Random
 from threading import Event, Thread
 from time import monotonic
-from typing import Any, Final
+from typing import Any, Final, Self
 
 from pymavlink import mavftp
 
+from checks.flood.attackers import BURST_S
+from checks.flood.under_attack import peak_mb
 from checks.harness.figures import BenchmarkReport, Figure
+from checks.harness.observer import stood_s
 from checks.harness.processes import cpu_s, resident_mb
 from checks.harness.relays import PERFECT, POOR, Impairment, UdpRelay
 from checks.harness.until import until
-from checks.speed.gateway import forgery, frame_flood, reactions
+from checks.speed.gateway import forgery, reactions
+from checks.speed.gateway.forgery import NoFile, command, commands
+from checks.speed.gateway.reactions import since
 from checks.speed.gateway.stage import (
     GROUND_STATION,
     Air,
@@ -38,7 +54,252 @@ from checks.speed.gateway.stage import (
     on_air,
 )
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
+from runtime.clock import WallClock
 from runtime.units import NS_PER_S
+
+TURN_NS: Final = NS_PER_S // 200
+MIXED: Final = "mixed"
+SUPPLY: Final = 500
+SYSTEM: Final = 200
+NOBODY: Final = 55_555
+"""The id of a message that no dialect has."""
+
+
+def packed(messages: Sequence[Any]) -> Iterator[bytes]:
+    """Yield the frames of messages again and again, with rising sequence numbers."""
+    encoder = mavlink.MAVLink(NoFile(), SYSTEM, 190)
+    for message in cycle(messages):
+        encoder.seq = (encoder.seq + 1) & 0xFF
+        yield bytes(message.pack(encoder))
+
+
+def valid(random: Random) -> Iterator[bytes]:
+    """Yield requests that a gateway answers, and commands that it has to refuse."""
+    beat = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
+    reads = [mavlink.MAVLink_param_request_read_message(1, 1, b"", n) for n in range(20)]
+    asks = [
+        mavlink.MAVLink_param_request_list_message(1, 1),
+        mavlink.MAVLink_mission_request_list_message(1, 1),
+        mavlink.MAVLink_timesync_message(0, 1),
+        mavlink.MAVLink_ping_message(1, 1, 1, 1),
+        command(mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION),
+    ]
+    stops = (mavlink.MAV_CMD_DO_FLIGHTTERMINATION, mavlink.MAV_CMD_COMPONENT_ARM_DISARM)
+    orders = [  # an emergency stop is open to all: it would end the drive
+        one for one in commands((0, 0)) if getattr(one, "command", 0) not in stops
+    ]
+    moves = [one for one in orders if one.get_type() != "SETUP_SIGNING" and not is_hold(one)]
+    return packed([beat, *reads, *asks, *moves])
+
+
+def is_hold(message: Any) -> bool:
+    """Return whether a message only stops the robot, which is open to all."""
+    return getattr(message, "param2", None) == 4.0 or getattr(message, "custom_mode", None) == 4
+
+
+def broken(random: Random) -> Iterator[bytes]:
+    """Yield frames with a wrong byte, cut frames, and noise that begins like a frame."""
+    for frame in valid(random):
+        data, way = bytearray(frame), random.randrange(3)
+        if way == 0:
+            data[random.randrange(1, len(data))] ^= 1 + random.randrange(255)
+        elif way == 1:
+            del data[random.randrange(1, len(data)) :]
+        else:
+            data = bytearray((mavlink.PROTOCOL_MARKER_V2,)) + random.randbytes(60)
+        yield bytes(data)
+
+
+def unknown(random: Random) -> Iterator[bytes]:
+    """Yield frames of messages that no dialect has."""
+    for frame in valid(random):
+        data = bytearray(frame)
+        data[7:10] = (NOBODY + random.randrange(1000)).to_bytes(3, "little")
+        yield bytes(data)
+
+
+KINDS: Final[Mapping[str, Callable[[Random], Iterator[bytes]]]] = {
+    "valid": valid,
+    "broken": broken,
+    "unknown": unknown,
+}
+
+
+def supply_of(kind: str) -> list[bytes]:
+    """Return frames of a kind, or of all kinds in turn."""
+    random = Random(1)
+    chosen = [KINDS[kind]] if kind != MIXED else list(KINDS.values())
+    sources = [make(random) for make in chosen]
+    return [next(source) for _ in range(SUPPLY) for source in sources]
+
+
+class FrameFlood:
+    """A running sender, at a lower priority: a real one would use another machine."""
+
+    def __init__(self, kind: str, rate_hz: float, peers: int, port: int) -> None:
+        arguments = (kind, str(rate_hz), str(peers), str(port))
+        self.sent = 0
+        self._child = subprocess.Popen(
+            ["nice", sys.executable, "-m", "checks.speed.gateway.gateway_figures", *arguments],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        assert self._child.stdout is not None
+        if "ready" not in self._child.stdout.readline():
+            raise RuntimeError(f"no sender of {kind} frames")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        output, _errors = self._child.communicate("", timeout=20.0)
+        self.sent = int(output)
+
+    def go(self) -> None:
+        """Begin."""
+        assert self._child.stdin is not None
+        self._child.stdin.write("go\n")
+        self._child.stdin.flush()
+
+
+def send(frames: Sequence[bytes], rate_hz: float, peers: int, port: int, over: list[bool]) -> int:
+    """Send at a rate, from so many sockets in turn, until it is over; return how many."""
+    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(peers)]
+    for one in sockets:
+        one.connect(("127.0.0.1", port))
+        one.setblocking(False)
+    pairs = zip(cycle(frames), cycle(sockets), strict=False)
+    clock, sent, total = WallClock(), 0, 0
+    begun_ns = clock.now_ns()
+    while not over:
+        due = round((clock.now_ns() - begun_ns) / NS_PER_S * rate_hz)
+        for _ in range(min(due - sent, round(rate_hz * BURST_S))):
+            frame, one = next(pairs)
+            with suppress(OSError):
+                one.send(frame)
+            total += 1
+        sent = due
+        clock.sleep_until(clock.now_ns() + TURN_NS)
+    return total
+
+
+def send_flood(kind: str, rate_hz: float, peers: int, port: int) -> None:
+    """Send after the first line of standard input, until it ends."""
+    frames, over = supply_of(kind), list[bool]()
+    print("ready", flush=True)
+    if not sys.stdin.readline():
+        print(0)
+        return
+
+    def wait() -> None:
+        sys.stdin.read()
+        over.append(True)
+
+    threading.Thread(target=wait, daemon=True).start()
+    print(send(frames, rate_hz, peers, port, over), flush=True)
+
+
+CROWD: Final = 16
+STOP_AT_MOST_MS: Final = 500.0
+GROWN_AT_MOST_MB: Final = 10.0
+SETTLE_S: Final = 2.0
+STOP_S: Final = 20.0
+
+
+@dataclass
+class FrameFloodRun:
+    """A drive in a flood."""
+
+    missed: int = 0
+    ticks: int = 0
+    cpu_percent: float = 0.0
+    grown_mb: float = 0.0
+    peak_mb: float = 0.0
+    rate_hz: float = 0.0
+    stops_ms: list[float] = field(default_factory=list)
+
+
+def flood_figures(options: argparse.Namespace) -> Figures:
+    """Flood with each kind of frames, from one and from many peers."""
+    figures: list[Figure] = []
+    for peers in (1, CROWD):
+        for kind in options.kinds:
+            name = f"{kind}, {peers} {'peers' if peers > 1 else 'peer'}"
+            print(f"{name} ...", file=sys.stderr, flush=True)
+            figures += flood_figures_of(name, run_flood(options, kind, peers, is_dummy=False))
+        name = f"socket without a reader, {peers}"
+        figures += flood_figures_of(name, run_flood(options, MIXED, peers, is_dummy=True))
+    return figures, [
+        f"flood: {options.rate:g} frames/s for {options.drive:g} s of driving and"
+        f" {options.presses} emergency stops each; the sender has a lower priority, but takes a"
+        " part of the two cores",
+        "emergency stop: from the first send of MAV_CMD_DO_FLIGHTTERMINATION by the owner, which"
+        " repeats it every 0.5 s, to wheels at rest by the plant's truth",
+    ]
+
+
+def run_flood(
+    options: argparse.Namespace, kind: str, peers: int, *, is_dummy: bool
+) -> FrameFloodRun:
+    """Drive, then stop several times, in a flood at the gateway or at another socket."""
+    found = FrameFloodRun()
+    with ExitStack() as scope:
+        air = scope.enter_context(on_air())
+        client = scope.enter_context(MavlinkClient(air.line()))
+        driver = Driver(client, air)
+        driver.take()
+        driver.drive(SETTLE_S)
+        dummy = scope.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+        dummy.bind(("127.0.0.1", 0))
+        port = dummy.getsockname()[1] if is_dummy else air.port
+        before_mb, missed, ticks = peak_mb(air.pid), air.missed, air.ticks
+        begun_s, begun_cpu_s = monotonic(), cpu_s(air.pid)
+        flood = FrameFlood(kind, options.rate, peers, port)
+        with flood:
+            flood.go()
+            driver.drive(options.drive)
+            for _ in range(options.presses):
+                driver.set_off()
+                found.stops_ms.append(stop_ms(air, client))
+            took_s = monotonic() - begun_s
+        found.rate_hz = flood.sent / took_s
+        found.cpu_percent = 100.0 * (cpu_s(air.pid) - begun_cpu_s) / took_s
+        found.peak_mb = peak_mb(air.pid)
+        found.grown_mb = found.peak_mb - before_mb
+        found.missed, found.ticks = air.missed - missed, air.ticks - ticks
+    return found
+
+
+def stop_ms(air: Air, client: MavlinkClient) -> float:
+    """Send the emergency stop as the owner; return the time in ms until the wheels stand."""
+    sent_ns = client.command(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 1.0)
+    until(lambda: stood_s(since(air, sent_ns)) is not None, "wheels at rest", STOP_S)
+    Event().wait(SETTLE_S / 10)
+    return (stood_s(since(air, sent_ns)) or 0.0) * 1e3
+
+
+def flood_figures_of(name: str, found: FrameFloodRun) -> list[Figure]:
+    """Return the figures of a run."""
+    stops = tuple(found.stops_ms)
+    return [
+        figure(f"{name}: ticks missed of {found.ticks}", found.missed, "", 0.0),
+        Figure(name=f"{name}: stop to wheels at rest", unit="ms", values=stops),
+        figure(f"{name}: the same, worst", max(stops), "ms", STOP_AT_MOST_MS),
+        figure(f"{name}: gateway grown", found.grown_mb, "MB", GROWN_AT_MOST_MB),
+        figure(f"{name}: gateway at most", found.peak_mb, "MB"),
+        figure(f"{name}: gateway's CPU of one core", found.cpu_percent, "%"),
+        figure(f"{name}: frames sent", found.rate_hz, "Hz"),
+    ]
+
+
+def figure(name: str, value: float, unit: str, at_most: float | None = None) -> Figure:
+    """Return a figure with a single value."""
+    return Figure(name=name, unit=unit, values=(float(value),), at_most=at_most)
+
+
+ALL_FLOODS: Final = (*KINDS, MIXED)
+
 
 CPU_AT_MOST: Final = 3.0
 RESIDENT_AT_MOST_MB: Final = 60.0
@@ -113,7 +374,7 @@ def on_line(name: str, air: Air, line: Line, options: argparse.Namespace) -> lis
         over.set()
         reader.join()
         arrivals = tuple(client.arrivals)
-    return figures_of(name, arrivals)
+    return line_figures_of(name, arrivals)
 
 
 def read_parameters(client: MavlinkClient, over: Event) -> None:
@@ -122,7 +383,7 @@ def read_parameters(client: MavlinkClient, over: Event) -> None:
         client.send(mavlink.MAVLink_param_request_list_message(1, 1))
 
 
-def figures_of(name: str, arrivals: Sequence[FrameArrival]) -> list[Figure]:
+def line_figures_of(name: str, arrivals: Sequence[FrameArrival]) -> list[Figure]:
     """Return the rates and the gaps of what has arrived."""
     seconds = (arrivals[-1].at_ns - arrivals[0].at_ns) / NS_PER_S
     mean_kb = sum(one.size for one in arrivals[1:]) / seconds / 1e3
@@ -363,7 +624,7 @@ PARTS: Final = {
     "forgery": forgery.forgery_figures,
     "timeouts": reactions.timeout_figures,
     "ready": ready_figures,
-    "flood": frame_flood.flood_figures,
+    "flood": flood_figures,
 }
 
 
@@ -378,7 +639,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--stops", type=int, default=20, help="of each kind of setpoint")
     parser.add_argument("--connections", type=int, default=20, help="until ready, of each kind")
     parser.add_argument(
-        "--kinds", nargs="+", choices=frame_flood.ALL, default=frame_flood.ALL, help="of flood"
+        "--kinds", nargs="+", choices=ALL_FLOODS, default=ALL_FLOODS, help="of flood"
     )
     parser.add_argument("--rate", type=float, default=10_000.0, help="frames a second of a flood")
     parser.add_argument("--drive", type=float, default=15.0, help="seconds of each flood")
@@ -388,3 +649,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def measure(options: argparse.Namespace) -> BenchmarkReport:
     """Measure the selected parts."""
     return BenchmarkReport.of("gateway", (PARTS[name](options) for name in options.parts))
+
+
+if __name__ == "__main__":
+    send_flood(sys.argv[1], float(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4]))

@@ -17,7 +17,7 @@ from time import monotonic, monotonic_ns
 from typing import Final, NamedTuple, Self
 
 from checks.harness.figures import Figure, percentile
-from checks.harness.motion import Seen, stood_s
+from checks.harness.observer import Seen, stood_s
 from checks.harness.until import until
 from checks.speed.gateway.stage import FORCED, Air, Figures, MavlinkClient, on_air, position_target
 from gateways.mavlink.mavlink_dialect import REQUEST_OPERATOR_CONTROL, MavMessage, mavlink

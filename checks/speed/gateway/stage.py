@@ -21,8 +21,7 @@ from time import monotonic, monotonic_ns, time_ns
 from typing import Any, Final, NamedTuple, Protocol, Self
 
 from checks.harness.figures import Figure
-from checks.harness.motion import is_still
-from checks.harness.observer import Observer, keeper, observed
+from checks.harness.observer import Observer, is_still, keeper, observed
 from checks.harness.processes import sidestep
 from checks.harness.relays import LARGEST
 from checks.harness.until import until

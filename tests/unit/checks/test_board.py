@@ -10,9 +10,9 @@ from checks.same_bits import on_board
 from checks.same_bits.on_board import BoardComparison, BoardDrive, Compared, all_drives, write
 from checks.same_bits.on_board import read as on_board_read
 from checks.site import microcontroller_page
-from checks.speed.board import float32, results
-from checks.speed.board.memory_size import heap_bytes, lengths
-from checks.speed.board.results import (
+from checks.speed.board import float32
+from checks.speed.board import measure as results
+from checks.speed.board.measure import (
     CEILINGS,
     FLASH_BYTES,
     RAM_BYTES,
@@ -20,7 +20,15 @@ from checks.speed.board.results import (
     excesses,
     read,
 )
-from checks.speed.board.scenarios import MEASURED, TickScenario, bytecodes, run_scenario, search
+from checks.speed.board.scenarios import (
+    MEASURED,
+    TickScenario,
+    bytecodes,
+    heap_bytes,
+    lengths,
+    run_scenario,
+    search,
+)
 from plant.world.file import shipped
 from robot.core.values import Pose
 from robot.hosting import InProcessCore

@@ -11,8 +11,8 @@ from checks.simulation.contradictions.persons import (
     draw_persons,
     observe,
 )
-from checks.simulation.events import Argument, Event, EventScenario
 from checks.simulation.hosts.mavlink import GATEWAY
+from checks.simulation.hosts.virtual_time import Argument, Event, EventScenario
 from tests.support.each import each
 
 SAME_PERSON, OTHER = "ada-t1", "bea-t2"

@@ -8,10 +8,20 @@ from typing import Any
 import pytest
 
 from checks.faults import power_cuts
-from checks.faults.cases import FAULTS, FaultCase, Must, PlainAct, Way, goes_on, stops
-from checks.faults.intruders import READ, RECEIVED, extremes, extremes_of, turns
+from checks.faults.bus_observer import READ, RECEIVED, extremes, extremes_of, turns
+from checks.faults.cases import (
+    FAULTS,
+    FaultCase,
+    Must,
+    PlainAct,
+    Repetition,
+    Results,
+    Way,
+    goes_on,
+    page,
+    stops,
+)
 from checks.faults.power_cuts import ReorderingDisk, State, restarted
-from checks.faults.results import Repetition, Results, page
 from checks.faults.wall_time import lost_from, missing
 from ground.recording.log_reader import record_bytes
 from protocol.topics import STOP as TOPICS_STOP

@@ -3,7 +3,7 @@
 import tomllib
 from pathlib import Path
 
-from checks.flood.attack_kinds import (
+from checks.flood.attackers import (
     KINDS,
     SLICE_NS,
     Captured,

@@ -27,9 +27,8 @@ from checks.fuzz.hunt import (
     share_out,
     watch,
 )
-from checks.fuzz.logs import TICK_MESSAGES, bomb
 from checks.fuzz.target import FuzzTarget
-from checks.fuzz.wire import packed
+from checks.fuzz.wire import TICK_MESSAGES, bomb, packed
 from protocol.wire.messages import PlanarOdometry
 from runtime.errors import RemoteError, UserError
 from tests.support.each import each

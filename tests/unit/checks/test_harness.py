@@ -19,11 +19,11 @@ from hypothesis import strategies as st
 
 from checks import built as cache
 from checks.built import ROOT, BuildError, built, environment, key_of
-from checks.harness import motion
+from checks.harness import observer as motion
 from checks.harness.figures import BenchmarkReport, Figure, digits, percentile, ratios
 from checks.harness.loop import PlayedLoop
 from checks.harness.messages import make
-from checks.harness.motion import HOLDS, Seen
+from checks.harness.observer import HOLDS, Seen
 from checks.harness.relays import OVERTAKEN_NS, PERFECT, POOR, ImpairedLine, Impairment, UdpRelay
 from checks.simulation.hosts.virtual_time import Host, Scheduler, SimulatedLoop
 from protocol.wire.messages import GroundTruth

@@ -8,10 +8,16 @@ import pytest
 
 from checks.model import model_world
 from checks.model.events import REQUESTS, VARIANTS, failsafe_causes, name_of
-from checks.model.exploration import DRAWINGS, HEADER, ModelPart, endless, explore, parts, section
-from checks.model.invariants import (
+from checks.model.exploration import (
+    DRAWINGS,
+    HEADER,
     INVARIANTS,
+    ModelPart,
+    endless,
+    explore,
+    parts,
     rule_of,
+    section,
     stop_takes_effect_at_once,
 )
 from checks.model.model_world import ADA, ModelWorld

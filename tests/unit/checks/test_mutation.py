@@ -7,10 +7,10 @@ from textwrap import dedent
 
 import pytest
 
-from checks.mutation import forks, mutants
-from checks.mutation.forks import MutantVerdict
+from checks.mutation import mutants, runner
 from checks.mutation.kernel import TARGETS
 from checks.mutation.mutants import EquivalentMutants, Identity, mistakes, mutants_of, page
+from checks.mutation.runner import MutantVerdict
 from tests.support.each import each
 
 ROOT = Path(__file__).parents[3]
@@ -130,10 +130,10 @@ def pytest_collection_finish():
 TRY = """
 import sys
 from pathlib import Path
-from checks.mutation import forks
+from checks.mutation import runner
 from checks.mutation.mutants import mutants_of
 from checks.mutation.runner import MutationTarget, verdicts
-forks.EXTRA_CPU_S = 1
+runner.EXTRA_CPU_S = 1
 root = Path.cwd()
 target = MutationTarget(root / "lamp.py", root, ("test_lamp.py",))
 mutants = mutants_of(target.path, root)
@@ -176,16 +176,16 @@ def test_failing_tests_without_mutant_are_an_error(tmp_path: Path) -> None:
 
 
 def test_verdict_follows_from_the_exit_code() -> None:
-    codes = (forks.PASSED, forks.FAILED, -9, -24)
+    codes = (runner.PASSED, runner.FAILED, -9, -24)
     verdicts = (
         MutantVerdict.SURVIVED,
         MutantVerdict.KILLED,
         MutantVerdict.TIMEOUT,
         MutantVerdict.TIMEOUT,
     )
-    assert tuple(forks.verdict_of(code) for code in codes) == verdicts
+    assert tuple(runner.verdict_of(code) for code in codes) == verdicts
     with pytest.raises(KeyError):
-        forks.verdict_of(1)
+        runner.verdict_of(1)
 
 
 HALF = Identity("a.py", "f", "x < 1", "x <= 1")

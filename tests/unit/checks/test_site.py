@@ -11,11 +11,12 @@ from xml.etree import ElementTree
 import pytest
 
 from checks.site import findings as findings_page
-from checks.site import protocol_page, rows_table
+from checks.site import reference as protocol_page
+from checks.site import rows_table
 from checks.site.__main__ import problems, target
 from checks.site.clients_table import BEGIN, END, WORDS, main
-from checks.site.diagram import MAX_DRAWN, Box, box_diagram, edge, fence, state_diagram
 from checks.site.findings import WORLDS
+from checks.site.hooks import MAX_DRAWN, Box, box_diagram, edge, fence, state_diagram
 from checks.site.outcomes_table import document, rows_of, with_summary
 from checks.site.outcomes_table import main as outcomes_table_main
 from checks.site.pictures import (
@@ -33,8 +34,7 @@ from checks.site.pictures import (
     rings,
 )
 from checks.site.pictures import WORLDS as PICTURES_WORLDS
-from checks.site.protocol_page import COLUMNS, rows
-from checks.site.reference import GENERATORS, GROUPS, name_of, parser_parts, table
+from checks.site.reference import COLUMNS, GENERATORS, GROUPS, name_of, parser_parts, rows, table
 from ground.app.input.keymap import KEYS
 from plant.world.file import load, shipped
 from protocol.outcome import OUTCOMES, REPLACED

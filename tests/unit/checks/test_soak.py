@@ -13,9 +13,11 @@ from typing import Any, Self
 
 import pytest
 
-from checks.endurance import soak, supervised
+from checks.endurance import fleet as supervised
+from checks.endurance import soak
 from checks.endurance.fleet import (
     CUT,
+    KILL_NS,
     KILLED,
     STOPPED,
     RobotTelemetry,
@@ -25,7 +27,6 @@ from checks.endurance.fleet import (
     size_of,
 )
 from checks.endurance.soak import SETTLE_S, Course, report_of, student, trend
-from checks.endurance.supervised import KILL_NS
 from checks.faults.restarts import Recovery, held_after_cut, of
 from checks.harness.figures import Figure
 from checks.harness.messages import make

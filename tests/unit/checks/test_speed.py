@@ -22,19 +22,17 @@ from checks.harness.figures import BenchmarkReport, Figure
 from checks.harness.terminal import Terminal
 from checks.site import figures_page
 from checks.speed import accuracy
+from checks.speed import app_figures as ground
 from checks.speed import map_drawing as benchmark
 from checks.speed.accuracy import KINDS as ACCURACY_KINDS
 from checks.speed.accuracy import PEER, Array, arrive, bounds, consistency_of, speeds_of
-from checks.speed.gateway import frame_flood, gateway_figures, reactions
-from checks.speed.gateway.flood_sender import KINDS as FLOODS
-from checks.speed.gateway.flood_sender import SUPPLY, supply_of
+from checks.speed.app_figures import first, held, sizes_mb, stopped
+from checks.speed.gateway import gateway_figures, reactions
 from checks.speed.gateway.forgery import KINDS, Forger, NoFile, command, sign
-from checks.speed.gateway.frame_flood import FrameFloodRun
+from checks.speed.gateway.gateway_figures import KINDS as FLOODS
+from checks.speed.gateway.gateway_figures import SUPPLY, FrameFloodRun, supply_of
 from checks.speed.gateway.reactions import first_ns
 from checks.speed.gateway.stage import FrameArrival, position_target, stamp_now
-from checks.speed.ground_station import app_figures as ground
-from checks.speed.ground_station.app_memory import sizes_mb
-from checks.speed.ground_station.app_terminal import first, held, stopped
 from checks.speed.lockstep import STAGES, ThreadCost, Usage, difference, points_ns, stages_us
 from checks.speed.map_drawing import (
     PlotextMap,
@@ -156,7 +154,7 @@ def test_slow_line_that_is_silent_for_long_misses() -> None:
     arrivals = [FrameArrival(at_s * NS_PER_S, number, 21) for at_s in (0, 1, 4)]
     longest = next(
         one
-        for one in gateway_figures.figures_of("line", arrivals)
+        for one in gateway_figures.line_figures_of("line", arrivals)
         if one.name == "line: between HEARTBEAT, longest"
     )
     assert longest.values == (3.0,)
@@ -164,7 +162,9 @@ def test_slow_line_that_is_silent_for_long_misses() -> None:
 
 
 def test_missed_tick_in_a_flood_misses() -> None:
-    figures = frame_flood.figures_of("mixed", FrameFloodRun(missed=1, ticks=100, stops_ms=[80.0]))
+    figures = gateway_figures.flood_figures_of(
+        "mixed", FrameFloodRun(missed=1, ticks=100, stops_ms=[80.0])
+    )
     assert [one.name for one in figures if one.met is False] == ["mixed: ticks missed of 100"]
 
 

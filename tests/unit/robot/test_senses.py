@@ -5,8 +5,8 @@ from typing import cast
 from hypothesis import given
 from hypothesis import strategies as st
 
-from checks.harness.bus_calls import OPERATOR_BEAT
 from checks.harness.messages import make
+from checks.harness.processes import OPERATOR_BEAT
 from protocol.bus.bus import Bus
 from protocol.topics import OPERATOR, SONAR, TELEOP, WHEELS
 from protocol.wire.limits import MAX_TELEOP_TTL_MS

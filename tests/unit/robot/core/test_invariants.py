@@ -10,8 +10,13 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from checks.speed.board.memory_size import lengths, state_bytes
-from checks.speed.board.scenarios import CarriedBody, EnclosedBody, ScenarioBody
+from checks.speed.board.scenarios import (
+    CarriedBody,
+    EnclosedBody,
+    ScenarioBody,
+    lengths,
+    state_bytes,
+)
 from robot.core import states
 from robot.core.motion import HALT
 from robot.core.navigators import pace, paper

@@ -16,10 +16,9 @@ from typing import Final
 
 from checks.endurance.fleet import GoalSender, RobotTelemetry
 from checks.harness.figures import BenchmarkReport, Figure
-from checks.harness.motion import Seen, standing_from, stood_s
+from checks.harness.observer import Seen, standing_from, stood_s
 from checks.harness.terminal import Terminal
 from checks.harness.until import until
-from checks.speed.ground_station.app_terminal import SIZES
 from ground.blocking import perform
 from ground.cli.main import parse
 from ground.cli.run.up import free_endpoint
@@ -39,6 +38,7 @@ from runtime.clock import WallClock
 from runtime.units import NS_PER_S, PERIOD_S
 
 WORLD: Final = "open"
+SIZE: Final = (80, 24)
 CPU_AT_MOST: Final = 25.0
 DRAWN: Final = "pose"
 """A word that is on the screen before many lines of the log hide that the app is ready."""
@@ -104,7 +104,7 @@ def fleet_figures(options: argparse.Namespace) -> tuple[list[Figure], list[str]]
         Event().wait(options.settle)
         alone = missed_in(fleet, options.seconds)
         words = ("ground", "--id", "r1", "--connect", fleet.endpoint)
-        with Terminal(words, SIZES[0], {"XDG_STATE_HOME": folder}) as terminal:
+        with Terminal(words, SIZE, {"XDG_STATE_HOME": folder}) as terminal:
             terminal.shown(DRAWN, PATIENCE_S)
             Event().wait(options.settle)
             before = fleet.ticks()
@@ -202,7 +202,7 @@ def measure(options: argparse.Namespace) -> BenchmarkReport:
         words = ("ground", "--id", "r1", "--connect", fleet.endpoint, "--quiet-bell")
         with (
             open_bus(network, Role.GROUND, "r1") as bus,
-            Terminal(words, SIZES[0], {"XDG_STATE_HOME": folder}) as terminal,
+            Terminal(words, SIZE, {"XDG_STATE_HOME": folder}) as terminal,
         ):
             wheels = Wheels(bus, fleet.robots)
             session = Session(Link(bus, Common(network=network, robot="r1"), WallClock()))

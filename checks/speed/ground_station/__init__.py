@@ -1,1 +1,0 @@
-"""Cost and latency of the app."""
