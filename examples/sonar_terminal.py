@@ -10,11 +10,10 @@ import asyncio
 import sys
 
 import sidestep
+from protocol.ring import CONE_DEG, SONARS
 from protocol.wire.messages import SonarScan
 from runtime.units import NS_PER_S
 
-SONARS = 8
-BETWEEN_DEG = 22.5
 FARTHEST_M = 3.0
 WIDTH = 40
 HOME = "\x1b[H\x1b[J"
@@ -45,7 +44,7 @@ def row_of(scan: SonarScan, number: int) -> str:
 
     No echo differs from no measurement.
     """
-    bearing_deg = (number - (SONARS - 1) / 2) * BETWEEN_DEG
+    bearing_deg = (number - (SONARS - 1) / 2) * CONE_DEG
     side = "left" if bearing_deg > 0 else "right"
     label = f"{side:>5} {abs(bearing_deg):4.1f} deg"
     bit = 1 << number

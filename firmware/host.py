@@ -24,6 +24,7 @@ from protocol.wire.enums import (
     INPUT_WHEELS,
     StopExtent,
 )
+from protocol.wire.limits import NEVER_MS, PLACES_PER_M
 from protocol.wire.messages import (
     AvoidanceDecision,
     BoardCommand,
@@ -141,10 +142,7 @@ def decision_of(message: AvoidanceDecision) -> Decision | None:
     )
 
 
-NEVER: Final = 0xFFFFFFFF
 US_PER_MS: Final = 1000
-PER_M: Final = 10_000
-"""Corners of a fence are sent in metres times this factor."""
 
 HOST_FLAGS: Final = {reasons.BUDGET: INPUT_BUDGET, reasons.NAME_TAKEN: INPUT_NAME_TAKEN}
 
@@ -313,7 +311,7 @@ class BoardCore:
             scan_seq=self._ticks,
             requests=0,
             scan_age_ms=0 if scan is None else min(scan.age_ms),
-            operator_age_ms=NEVER if age_ms is None else min(age_ms, NEVER - 1),
+            operator_age_ms=NEVER_MS if age_ms is None else min(age_ms, NEVER_MS - 1),
             flags=flags,
             speed_mm_s=round(1000.0 * speed_m_s),
             yaw_rate_mrad_s=round(1000.0 * yaw_rate_rad_s),
@@ -380,8 +378,8 @@ def fence_message(fence: Fence | None) -> BoardFence:
     """Return the message that sets or removes a fence."""
     xs_m, ys_m, radius_m = fence or ((), (), 0.0)
     padding = (0,) * (MAX_CORNERS - len(xs_m))
-    x = (*(round(place_m * PER_M) for place_m in xs_m), *padding)
-    y = (*(round(place_m * PER_M) for place_m in ys_m), *padding)
+    x = (*(round(place_m * PLACES_PER_M) for place_m in xs_m), *padding)
+    y = (*(round(place_m * PLACES_PER_M) for place_m in ys_m), *padding)
     return BoardFence(radius_m=radius_m, x=x, y=y, corners=len(xs_m))
 
 

@@ -23,6 +23,7 @@ from typing import Final, NamedTuple, Protocol, TypeAlias
 import msgspec
 
 from protocol.wire.enums import FRAME_LOCAL_FLU, Command, MissionState, MissionType, Severity
+from protocol.wire.limits import NO_ITEM, PLACES_PER_M
 from protocol.wire.message import check
 from protocol.wire.messages import (
     CommandRequest,
@@ -45,8 +46,6 @@ from robot.hosting import Core
 from runtime.errors import LocalError
 from runtime.units import UINT32
 
-PER_M: Final = 10_000.0
-"""Items hold local positions in metres times this factor."""
 MAX_HOLD_S: Final = 3600.0
 
 
@@ -60,7 +59,7 @@ class MissionStop(NamedTuple):
 def stop_of(item: MissionItemInt) -> MissionStop:
     """Return the stop that an item describes; the item need not be valid."""
     heading_rad = None if isnan(item.param4) else radians(item.param4)
-    place_m = item.x / PER_M, item.y / PER_M
+    place_m = item.x / PLACES_PER_M, item.y / PLACES_PER_M
     goal = Goal(*place_m, heading_rad, tidy(item.param2), radians(item.param3))
     return MissionStop(goal, round(1000.0 * item.param1))
 
@@ -319,12 +318,12 @@ def fence_problem_of(item: MissionItemInt, kind: int, count: int) -> int:
 def fence_of(items: tuple[MissionItemInt, ...]) -> Fence:
     """Return the fence that the items describe."""
     radius_m = tidy(items[0].param1) if items[0].command == CIRCLE else 0.0
-    xs_m, ys_m = (tuple(place / PER_M for place in places) for places in places_of(items))
+    xs_m, ys_m = (tuple(place / PLACES_PER_M for place in places) for places in places_of(items))
     return Fence(xs_m, ys_m, radius_m)
 
 
 def places_of(items: tuple[MissionItemInt, ...]) -> tuple[list[int], list[int]]:
-    """Return the x and y coordinates of the items, in units of 1 / PER_M metres."""
+    """Return the x and y coordinates of the items, in units of 1 / PLACES_PER_M metres."""
     return [item.x for item in items], [item.y for item in items]
 
 
@@ -399,8 +398,6 @@ def item_of(row: object) -> MissionItemInt:
     check(item)
     return item
 
-
-NO_ITEM: Final = 65_535
 
 TransferRequest: TypeAlias = (
     MissionCount | MissionItemInt | MissionRequestList | MissionRequestInt | MissionClearAll

@@ -19,6 +19,7 @@ from protocol.wire.enums import (
     SystemState,
     Vehicle,
 )
+from protocol.wire.limits import NEVER_MS
 from protocol.wire.messages import (
     AvoidanceDecision,
     Heartbeat,
@@ -37,7 +38,6 @@ from robot.core.values import Inputs, Outputs
 from robot.mission import Mission
 from runtime.units import NS_PER_MS, UINT32
 
-NEVER: Final = 0xFFFFFFFF
 UNKNOWN_SPREAD: Final = (nan,) * 6
 """The covariance of a robot that does not know its place."""
 
@@ -174,7 +174,7 @@ def tick_inputs(
         scan_seq=given.scan_seq,
         requests=given.requests,
         scan_age_ms=given.scan_age_ms,
-        operator_age_ms=NEVER if age_ms is None else min(age_ms, NEVER - 1),
+        operator_age_ms=NEVER_MS if age_ms is None else min(age_ms, NEVER_MS - 1),
         flags=flags,
         speed_mm_s=0 if teleop is None else teleop.speed_mm_s,
         yaw_rate_mrad_s=0 if teleop is None else teleop.yaw_rate_mrad_s,

@@ -47,6 +47,7 @@ from ground.station.station import Station
 from protocol.bus.bus import open_bus
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.bus.network import Network
+from protocol.ring import SONARS
 from protocol.topics import (
     CYCLE,
     DECISION,
@@ -493,7 +494,7 @@ def driving_messages(
             sense_age_us=9000, budget_us=2500, stage_us=(80, 12, 100 + tick % 50, 9, 150),
         ),
     )  # fmt: skip
-    near_mm = tuple(600 + (tick * (3 + sonar)) % 1500 for sonar in range(8))
+    near_mm = tuple(600 + (tick * (3 + sonar)) % 1500 for sonar in range(SONARS))
     yield (
         SONAR,
         SonarScan(

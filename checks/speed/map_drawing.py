@@ -30,6 +30,7 @@ from ground.map.canvas import Canvas, Dot
 from ground.map.drawing import draw
 from ground.map.scene import Disc, MapScene, MapTarget, Outline, RobotMark, Shape, floor
 from ground.map.view import Point, View
+from protocol.ring import RADIUS_M
 
 Lines = Sequence[tuple[tuple[int, int, int], Sequence[Dot]]]
 """Colour of each polyline, and its points in dots from the upper left corner."""
@@ -57,7 +58,6 @@ class PlotextMap(PlotextPlot):
 TRAIL_POINTS: Final = 360
 SIZE_M: Final = (10.0, 8.0)
 BOX_M: Final = 0.6
-RADIUS_M: Final = 0.12
 DISCS: Final = (Disc(7.6, 2.0, 0.35), Disc(8.2, 5.0, 0.5))
 RANGES_M: Final = (0.4, 0.7, 1.1, 1.6, 2.2, 1.3, 0.9, 0.5)
 

@@ -39,6 +39,7 @@ from checks.harness.figures import (
 )
 from plant.sim.simulation import Plant
 from plant.world.file import load
+from protocol.ring import RADIUS_M
 from protocol.wire.messages import SonarScan, WheelTicks
 from protocol.world import Circle, Obstacle, Polygon, World
 from robot.core import brain, modes, states
@@ -143,7 +144,7 @@ def _robot(world: World) -> dict[str, Any]:
     }
     return {
         "kinematics": {"name": "diff"},
-        "shape": {"name": "circle", "radius": 0.12},
+        "shape": {"name": "circle", "radius": RADIUS_M},
         "state": [start.x_m, start.y_m, start.heading_rad],
         "goal": [goal.x_m, goal.y_m, goal.heading_rad or 0.0],
         "vel_max": [0.3, 2.5],

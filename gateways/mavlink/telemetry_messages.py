@@ -2,7 +2,7 @@
 
 Position messages need a fresh pose; global positions also need a known position of the robot.
 
-Sonar 0 looks right and 7 left, 22.5 degrees apart; MAVLink counts clockwise, from left to right.
+Sonar 0 looks right and 7 left; MAVLink counts clockwise, from left to right.
 Nothing is sent before the robot's own parameters are read: without its farthest range nobody knows
 what no echo means.
 """
@@ -17,6 +17,7 @@ from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.motion.setpoints import SPEED
 from gateways.mavlink.robot_port import Snapshot
+from protocol.ring import ALL_SONARS, CONE_DEG, CONE_RAD, SONARS
 from protocol.wire.messages import CycleReport, PlanarOdometry, SonarScan
 from protocol.wire.reasons import Reason
 from runtime.units import MM_PER_M, NS_PER_US, UINT32
@@ -207,7 +208,6 @@ SONAR_BITS: Final = (
 )
 PREARM_BIT: Final = mavlink.MAV_SYS_STATUS_PREARM_CHECK
 EVERY_BIT: Final = MOTION_BITS | PLACE_BITS | MOTOR_BITS | FENCE_BITS | SONAR_BITS | PREARM_BIT
-ALL_SONARS: Final = 0xFF
 FENCE_TROUBLE: Final = (Reason.FENCE_BREACHED, Reason.FENCE_UNREADABLE, Reason.FENCE_UNCHECKED)
 FULL_LOAD: Final = 1000
 
@@ -303,14 +303,12 @@ def autopilot_version(vehicle: MavVehicle, now_ns: int) -> Sequence[MavMessage]:
     return (ardupilot.autopilot_version(vehicle.port.name, vehicle.commit),)
 
 
-SONARS: Final = 8
-BETWEEN_DEG: Final = 22.5
-LEFTMOST_DEG: Final = -BETWEEN_DEG * (SONARS - 1) / 2
+LEFTMOST_DEG: Final = -CONE_DEG * (SONARS - 1) / 2
 UNUSED: Final = 0xFFFF
 DISTANCES: Final = 72
 MIN_CM: Final = 0
 SECTOR_RAD: Final = radians(45.0)
-VERTICAL_RAD: Final = radians(BETWEEN_DEG)
+VERTICAL_RAD: Final = CONE_RAD
 NOT_MEASURED: Final = 0xFF
 SECTORS: Final = (
     (mavlink.MAV_SENSOR_ROTATION_YAW_270, (7,)),
@@ -354,10 +352,10 @@ def obstacle_distance(vehicle: MavVehicle, now_ns: int) -> Sequence[MavMessage]:
         vehicle.boot_us(now_ns),
         mavlink.MAV_DISTANCE_SENSOR_ULTRASOUND,
         distances,
-        int(BETWEEN_DEG),
+        int(CONE_DEG),
         MIN_CM,
         longest_cm,
-        increment_f=BETWEEN_DEG,
+        increment_f=CONE_DEG,
         angle_offset=LEFTMOST_DEG,
         frame=mavlink.MAV_FRAME_BODY_FRD,
     )

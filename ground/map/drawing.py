@@ -13,7 +13,6 @@ from typing import Final
 from ground.map.canvas import DOTS_WIDE, DOTTED, MARKS, Canvas
 from ground.map.pen import Pen, ellipse
 from ground.map.scene import (
-    BEAM_RAD,
     LAYERS,
     Disc,
     MapScene,
@@ -24,6 +23,7 @@ from ground.map.scene import (
     floor,
 )
 from ground.map.view import MIN_LEGEND_ROWS, Point, View
+from protocol.ring import CONE_RAD
 
 NOT_LIVE: Final = "NOT LIVE"
 NO_PLACE: Final = "PLACE UNKNOWN"
@@ -231,19 +231,19 @@ def draw_sonars(pen: Pen, scene: MapScene) -> None:
         return
     at, rim_m = (robot.x_m, robot.y_m), robot.radius_m
     echoes_m = [_echo_m(range_m) for range_m in scene.ranges_m]
-    first_rad = robot.heading_rad - len(echoes_m) / 2.0 * BEAM_RAD
+    first_rad = robot.heading_rad - len(echoes_m) / 2.0 * CONE_RAD
     for edge, sides_m in enumerate(pairwise((NOT_DRAWN, *echoes_m, NOT_DRAWN))):
-        edge_rad = first_rad + edge * BEAM_RAD
+        edge_rad = first_rad + edge * CONE_RAD
         if max(sides_m) > NOT_DRAWN:
             rim, end = point_at(at, edge_rad, rim_m), point_at(at, edge_rad, rim_m + max(sides_m))
             pen.dotted(rim, end, "cone", CONE_SPACING)
     for sonar, echo_m in enumerate(echoes_m):
-        begun_rad = first_rad + sonar * BEAM_RAD
+        begun_rad = first_rad + sonar * CONE_RAD
         if echo_m > NOT_DRAWN:
-            pen.arc(at, rim_m + echo_m, (begun_rad, begun_rad + BEAM_RAD), "echo")
+            pen.arc(at, rim_m + echo_m, (begun_rad, begun_rad + CONE_RAD), "echo")
         elif scene.ranges_m[sonar] is None:
             mark_m = rim_m + DEAD_DOTS * pen.view.m_per_dot
-            pen.mark(point_at(at, begun_rad + BEAM_RAD / 2.0, mark_m), "dead sonar", "dead sonar")
+            pen.mark(point_at(at, begun_rad + CONE_RAD / 2.0, mark_m), "dead sonar", "dead sonar")
 
 
 def draw_virtual(pen: Pen, scene: MapScene) -> None:

@@ -32,7 +32,6 @@ LAYERS: Final = (
 
 MARGIN_M: Final = 0.12
 """Least space around a robot or a goal at the edge of the map."""
-BEAM_RAD: Final = 0.39269908169872414  # 22.5 degrees
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from typing import Final
 from ground.client.requests import PATIENCE_NS, Attempt, Exchange, GaveUp, is_saving
 from ground.missions.mission import Circle, Fence, Polygon, Waypoint
 from protocol.wire.enums import FRAME_LOCAL_FLU, Command, MissionType
+from protocol.wire.limits import NO_ITEM, PLACES_PER_M
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     MissionClearAll,
@@ -28,7 +29,6 @@ ATTEMPTS: Final = 5
 MAX_SAVING: Final = 60
 """Limit of IN_PROGRESS answers; longer than a robot waits for its disk."""
 
-NO_ITEM: Final = 65_535
 MAX_ITEMS: Final = 4096
 """A higher limit than that of any robot."""
 
@@ -164,7 +164,6 @@ class Clear(Transfer):
         return None
 
 
-PER_METRE: Final = 10_000
 DIGITS: Final = 5
 """Significant decimals of a typed number after conversion to single precision."""
 
@@ -185,8 +184,8 @@ def _item(at: int, waypoint: Waypoint) -> MissionItemInt:
         param2=waypoint.position_tolerance_m,
         param3=waypoint.heading_tolerance_deg,
         param4=heading_deg,
-        x=round(waypoint.x_m * PER_METRE),
-        y=round(waypoint.y_m * PER_METRE),
+        x=round(waypoint.x_m * PLACES_PER_M),
+        y=round(waypoint.y_m * PLACES_PER_M),
         z=0.0,
         mission_type=MissionType.MISSION,
     )
@@ -201,8 +200,8 @@ def waypoints_of(items: Sequence[MissionItemInt]) -> tuple[Waypoint, ...]:
             )
     return tuple(
         Waypoint(
-            x_m=item.x / PER_METRE,
-            y_m=item.y / PER_METRE,
+            x_m=item.x / PLACES_PER_M,
+            y_m=item.y / PLACES_PER_M,
             heading_deg=None if isnan(item.param4) else round(item.param4, DIGITS),
             position_tolerance_m=round(item.param2, DIGITS),
             heading_tolerance_deg=round(item.param3, DIGITS),
@@ -230,8 +229,8 @@ def _corner(at: int, command: int, param1: float, place: tuple[float, float]) ->
         param2=0.0,
         param3=0.0,
         param4=0.0,
-        x=round(place[0] * PER_METRE),
-        y=round(place[1] * PER_METRE),
+        x=round(place[0] * PLACES_PER_M),
+        y=round(place[1] * PLACES_PER_M),
         z=0.0,
         mission_type=MissionType.FENCE,
     )
@@ -241,7 +240,7 @@ def fence_of(items: Sequence[MissionItemInt]) -> Fence | None:
     """Return the fence of items, None without items; RemoteError for an unknown kind."""
     if not items:
         return None
-    places = tuple((item.x / PER_METRE, item.y / PER_METRE) for item in items)
+    places = tuple((item.x / PLACES_PER_M, item.y / PLACES_PER_M) for item in items)
     kinds = {item.command for item in items}
     if kinds == {Command.NAV_FENCE_POLYGON_VERTEX_INCLUSION}:
         return Polygon(corners=places)

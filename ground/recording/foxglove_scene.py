@@ -27,14 +27,13 @@ from ground.recording.foxglove_schemas import (
 )
 from ground.recording.json_schemas import Json
 from ground.recording.world_metadata import (
-    BEARINGS_RAD,
-    DEFAULT_RADIUS_M,
     facts_of,
     radius_of,
     solids,
     start_of,
 )
 from ground.text.wording import StatustextAssembler
+from protocol.ring import BEARINGS_RAD, RADIUS_M
 from protocol.topics import MARK, path_of
 from protocol.wire.enums import Severity
 from protocol.wire.message import Message
@@ -81,7 +80,7 @@ class SceneDrawer:
     """Draws messages; keeps what later drawings need: the trail, the goal, the robot's size."""
 
     def __init__(self) -> None:
-        self._radius_m = DEFAULT_RADIUS_M
+        self._radius_m = RADIUS_M
         self._trail: list[tuple[float, float, float]] = []
         self._step_m = TRAIL_STEP_M
         self._trail_due_ns = 0

@@ -20,7 +20,7 @@ from typing import Any, Final, NamedTuple, TextIO
 
 from ground.recording.log_reader import Log, LoggedFrame
 from ground.recording.summary import Mark, changes
-from ground.recording.world_metadata import BEARINGS_RAD
+from protocol.ring import BEARINGS_RAD
 from protocol.topics import TOPICS, Role
 from protocol.wire.codec import decode
 from protocol.wire.message import LAYOUT, Field, Message

@@ -7,14 +7,12 @@ from typing import Any, Final
 
 from ground.recording.foxglove_schemas import Colour, Point, colour, disc, pose, vector
 from ground.recording.json_schemas import Json
+from protocol.ring import RADIUS_M
 from runtime.files import value_in
 
 HEIGHT_M: Final = 0.3
 SKIN_M: Final = 0.02
 FAINT: Final = 0.4
-DEFAULT_RADIUS_M: Final = 0.12
-BEARINGS_RAD: Final = tuple(radians((sonar - 3.5) * 22.5) for sonar in range(8))
-"""Bearings of the sonars from right to left, seen from the robot's centre."""
 
 
 def facts_of(text: str) -> dict[str, Any]:
@@ -31,7 +29,7 @@ def facts_of(text: str) -> dict[str, Any]:
 
 def radius_of(facts: dict[str, Any]) -> float:
     """Return the robot's radius in m; a world names it only if it differs from the default."""
-    return float(facts.get("robot", {}).get("radius_m", DEFAULT_RADIUS_M))
+    return float(facts.get("robot", {}).get("radius_m", RADIUS_M))
 
 
 def start_of(facts: dict[str, Any]) -> Iterator[tuple[Point, float]]:

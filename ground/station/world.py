@@ -6,13 +6,12 @@ from math import dist, radians
 from typing import Any, Final, NamedTuple
 
 from ground.map.scene import Disc, MapTarget, Outline, Shape
+from protocol.ring import RADIUS_M
 from runtime.cli.terminal import printable
 from runtime.errors import RemoteError
 from runtime.files import value_in
 
 Point = tuple[float, float]
-RADIUS_M: Final = 0.12
-"""Radius of the simulated robot in a world that names no other."""
 MAX_NUMBER: Final = 1e6
 """Limit for metres, degrees and m/s; larger values cannot be drawn."""
 

@@ -6,16 +6,16 @@ A value that is not finite is shown as missing.
 from math import degrees, inf, isfinite, pi, remainder
 from typing import Final
 
+from protocol.ring import BEARINGS_RAD, CONE_RAD, SONARS
 from protocol.wire.message import Message
 from protocol.wire.messages import Statustext
 from protocol.wire.statustext import MAX_PIECES, PIECE_BYTES
 from runtime.cli.terminal import printable
 from runtime.units import NS_PER_S
 
-SONARS: Final = ("R79", "R56", "R34", "R11", "L11", "L34", "L56", "L79")
+SONAR_NAMES: Final = tuple(f"{'LR'[b < 0.0]}{abs(degrees(b)):.0f}" for b in BEARINGS_RAD)
 """Names of the sonars from right to left: side and degrees from the heading."""
 
-STEP_RAD: Final = pi / 8.0
 NEAR_STEPS: Final = 0.01
 NONE: Final = "--"
 FAR_M: Final = 1e5
@@ -49,10 +49,10 @@ def sonar(bearing_rad: float) -> str:
     """Return the name of the sonar at a bearing, empty if there is none."""
     if not isfinite(bearing_rad):
         return ""
-    place = bearing_rad / STEP_RAD + 3.5
-    if not -0.5 < place < len(SONARS) - 0.5 or abs(place - round(place)) > NEAR_STEPS:
+    place = bearing_rad / CONE_RAD + (SONARS - 1) / 2.0
+    if not -0.5 < place < SONARS - 0.5 or abs(place - round(place)) > NEAR_STEPS:
         return ""
-    return SONARS[round(place)]
+    return SONAR_NAMES[round(place)]
 
 
 def metres(value_m: float) -> str:

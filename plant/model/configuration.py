@@ -6,6 +6,7 @@ from math import inf, isfinite, pi, radians
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
+from protocol.ring import RADIUS_M
 from protocol.world import Settings, World
 
 INT32: Final = 1 << 31
@@ -23,7 +24,7 @@ class Body:
     Raises ValueError, naming the field, for a dimension that is not finite or not possible.
     """
 
-    radius_m: float = 0.12
+    radius_m: float = RADIUS_M
     track_m: float = 0.20
     wheel_radius_m: float = 0.033
     max_speed_m_s: float = 0.30

@@ -5,9 +5,9 @@ from math import isfinite
 from typing import Final, NamedTuple, TypeAlias
 
 from plant.model.configuration import Fault
+from protocol.ring import SONARS
 from runtime.units import NS_PER_S
 
-SONARS: Final = 8
 NEVER_NS: Final = 1 << 63
 PAIR: Final = {"left": (True, False), "right": (False, True), "both": (True, True)}
 

@@ -24,10 +24,9 @@ from plant.model.configuration import Body, Noise
 from plant.model.geometry import Disc, Edge, Pose, StaticScene
 from plant.sim.active_faults import SonarFaults
 from plant.sim.seeds import gaussian_rows, uniform_rows
+from protocol.ring import ALL_SONARS, BEARINGS_RAD, CONE_RAD, SONARS
 from runtime.elementary import cos, cos_sin, sin
 
-SONARS: Final = 8
-CONE_RAD: Final = radians(22.5)
 HALF_TURN_RAD: Final = pi
 FULL_TURN_RAD: Final = 2.0 * pi
 SLACK_M: Final = 1e-6
@@ -234,7 +233,7 @@ Cone: TypeAlias = tuple[float, float, float, float, list[float], list[float]]
 def ray_bearings_rad() -> tuple[float, ...]:
     """Return the bearings of the rays from the heading, sonars in `ORDER`, evenly spaced."""
     return tuple(
-        (sonar - 3.5) * CONE_RAD + (ray - 2) * RAY_RAD
+        BEARINGS_RAD[sonar] + (ray - 2) * RAY_RAD
         for sonar in ORDER
         for ray in range(RAYS_PER_SONAR)
     )
@@ -282,8 +281,7 @@ class Caster:
         """Select the surfaces in sight."""
         views = self._surfaces.in_sight(at, self._reach_m, DRIFT)
         sights = [
-            (cos((sonar - 3.5) * CONE_RAD), sin((sonar - 3.5) * CONE_RAD), *views[sonar])
-            for sonar in ORDER
+            (cos(BEARINGS_RAD[sonar]), sin(BEARINGS_RAD[sonar]), *views[sonar]) for sonar in ORDER
         ]
         self._early, self._late = sights[: SONARS // 2], sights[SONARS // 2 :]
         self._chosen_at = at
@@ -445,7 +443,6 @@ def meet_edges(edges: list[SeenEdge], cone: Cone) -> None:
 
 EARLY_US: Final = 25_000
 PING_AGE_US: Final = tuple(0 if sonar % 2 else EARLY_US for sonar in range(SONARS))
-ALL: Final = (1 << SONARS) - 1
 
 ROUNDING: Final = float(3 * 2**51)
 """A number plus this minus this is rounded as by `round`, which would dominate the ring's cost."""
@@ -459,7 +456,7 @@ class SonarReading(NamedTuple):
     echo: int
 
 
-SILENT: Final = SonarReading((0,) * SONARS, ALL, 0)
+SILENT: Final = SonarReading((0,) * SONARS, ALL_SONARS, 0)
 
 
 class SimulatedSonarRing:
@@ -513,7 +510,7 @@ class SimulatedSonarRing:
                 read_mm = most_mm
             range_mm[sonar] = read_mm if read_mm > least_mm else least_mm
             echo |= 1 << sonar
-        return SonarReading(tuple(range_mm), ALL, echo)
+        return SonarReading(tuple(range_mm), ALL_SONARS, echo)
 
     def _disturbed(self, reading: SonarReading, trouble: SonarFaults) -> SonarReading:
         range_mm, valid, echo = list(reading.range_mm), reading.valid, reading.echo

@@ -13,6 +13,7 @@ from plant.model.errors import WorldReport
 from plant.model.geometry import TOUCHING_M, area_m2, crossing_edges, distance_m, folded_corner
 from plant.placement import ObstacleFloor, check_places
 from plant.world.table import COORDINATE, HUGE, FileTable, NumberLimits, type_name
+from protocol.ring import RADIUS_M
 from protocol.world import (
     MAX_OBSTACLES,
     WALL_THICKNESS_M,
@@ -306,7 +307,7 @@ EXAMPLES: Final = {
     "start": "{ x_m = 0.6, y_m = 2.0, heading_deg = 0.0 }",
     "goal": "{ x_m = 5.4, y_m = 2.0, heading_deg = 0.0 }",
     "obstacle": "[{ circle_m = { x = 3.0, y = 2.0, radius = 0.25 } }]",
-    "robot": "{ radius_m = 0.12 }",
+    "robot": f"{{ radius_m = {RADIUS_M} }}",
     "noise": '{ level = "default" }',
     "fault": '[{ kind = "sonar_dead", target = "3" }]',
     "corpus": '{ family = "u_trap", seed = 1, shortest_path_m = 5.2 }',

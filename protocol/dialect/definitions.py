@@ -129,6 +129,9 @@ CODES: Final = {
 SIZES: Final = {"s": 1, "B": 1, "b": 1, "H": 2, "h": 2, "I": 4, "i": 4, "f": 4}
 """Size of one element in bytes; 8 for other codes."""
 TIMEOUT: Final = "param[@label='Timeout'][@units='ms']"
+BEARING: Final = ".//param[@label='Bearing'][@units='deg']"
+RIM: Final = ".//param[@label='Rim'][@units='mm']"
+PLACE: Final = "enums/enum/entry[@name='MAV_CMD_SIDESTEP_NAV_POSE']/param[@label='X'][@units='m']"
 VERSION_TYPE: Final = "uint8_t_mavlink_version"
 MAVLINK_VERSION: Final = "3"
 
@@ -137,7 +140,7 @@ class Field(NamedTuple):
     """One field of a message.
 
     `length` is 0 for a scalar. `default` is None if a value is required. `maximum` is the largest
-    valid value; empty if only the type limits it.
+    valid value; empty if only the type limits it. `invalid` is the value of an unknown one.
     """
 
     name: str
@@ -147,6 +150,7 @@ class Field(NamedTuple):
     units: str
     enum: str
     maximum: str
+    invalid: str
     default: str | None
     is_extension: bool
 
@@ -217,11 +221,30 @@ class EnumType(NamedTuple):
     entries: tuple[Entry, ...]
 
 
+class Ring(NamedTuple):
+    """The sonar ring: bearings from right to left, one cone apart, and the radius of the robot."""
+
+    first_deg: float
+    last_deg: float
+    cone_deg: float
+    radius_mm: int
+
+    @property
+    def sonars(self) -> int:
+        """Number of sonars."""
+        return round((self.last_deg - self.first_deg) / self.cone_deg) + 1
+
+
 class Dialect(NamedTuple):
-    """All messages in use, sorted by id, and all enumerations in use, by name."""
+    """All messages in use, sorted by id, and all enumerations in use, by name.
+
+    `place_m`: the unit of the places in mission items.
+    """
 
     messages: tuple[MessageType, ...]
     enums: dict[str, EnumType]
+    ring: Ring
+    place_m: float
 
 
 def upstream_definitions() -> list[Path]:
@@ -243,7 +266,24 @@ def read_dialect() -> Dialect:
         enum = _enum(element)
         kept = enums[enum.name].entries if enum.name in enums else ()
         enums[enum.name] = enum._replace(entries=(*kept, *enum.entries))
-    return Dialect(tuple(sorted(messages, key=lambda message: message.number)), enums)
+    ordered = tuple(sorted(messages, key=lambda message: message.number))
+    return Dialect(ordered, enums, _ring(own), float(_only(own, PLACE)["increment"]))
+
+
+def _ring(root: ET.Element) -> Ring:
+    bearing = _only(root, BEARING)
+    return Ring(
+        first_deg=float(bearing["minValue"]),
+        last_deg=float(bearing["maxValue"]),
+        cone_deg=float(bearing["increment"]),
+        radius_mm=int(_only(root, RIM)["default"]),
+    )
+
+
+def _only(root: ET.Element, path: str) -> dict[str, str]:
+    """Return the attributes of the one element on a path."""
+    (found,) = root.iterfind(path)
+    return found.attrib
 
 
 def _common_messages(roots: Iterable[ET.Element]) -> Iterator[MessageType]:
@@ -304,6 +344,7 @@ def _field(element: ET.Element, is_extension: bool) -> Field:
         units=element.get("units", ""),
         enum=element.get("enum", ""),
         maximum=element.get("maxValue", ""),
+        invalid=element.get("invalid", ""),
         default=default,
         is_extension=is_extension,
     )

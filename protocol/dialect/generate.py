@@ -31,6 +31,7 @@ from protocol.dialect.definitions import (
     EnumType,
     Field,
     MessageType,
+    Ring,
     read_dialect,
     upstream_definitions,
 )
@@ -311,6 +312,11 @@ MAX_NAMES: Final = {
     ("PARAM_SET", "param_id"): "MAX_PARAMETER_NAME_BYTES",
 }
 """Names of the constants for maximum values of fields and for sizes of texts."""
+INVALID_NAMES: Final = {
+    ("MISSION_VERDICT", "item"): "NO_ITEM",
+    ("TICK_INPUTS", "operator_age_ms"): "NEVER_MS",
+}
+"""Names of the constants for the values of fields that are unknown."""
 SOURCE: Final = (
     "A timeout is that of its SIDESTEP_REASON, a time-to-live the maxValue of its field."
 )
@@ -425,8 +431,15 @@ def limits(dialect: Dialect) -> str:
         for field in message.fields
         if field.maximum or (message.name, field.name) in MAX_NAMES
     ]
-    lines = [["", *constant_lines(entries)] for entries in (largest, lost_after(dialect))]
-    return module(docstring, imports, *lines)
+    unknown = [
+        Entry(INVALID_NAMES[message.name, field.name], int(field.invalid), "")
+        for message in dialect.messages
+        for field in message.fields
+        if (message.name, field.name) in INVALID_NAMES
+    ]
+    places = [Entry("PLACES_PER_M", round(1.0 / dialect.place_m), "x and y of mission items")]
+    groups = (largest, unknown, places, lost_after(dialect))
+    return module(docstring, imports, *(["", *constant_lines(entries)] for entries in groups))
 
 
 def core_limits(dialect: Dialect) -> str:
@@ -441,6 +454,44 @@ def lost_after(dialect: Dialect) -> list[Entry]:
         Entry(f"{entry.name}_MS", entry.timeout_ms, entry.text)
         for entry in dialect.enums[REASON].entries
         if entry.timeout_ms
+    ]
+
+
+def ring(dialect: Dialect) -> str:
+    """Return the module of the sonar ring."""
+    return module(
+        "The sonar ring and the radius of the robot.",
+        ["", "from math import radians", "from typing import Final", ""],
+        ring_lines(dialect.ring),
+        [f"ALL_SONARS: Final = {2**dialect.ring.sonars - 1}"],
+        [f"CONE_DEG: Final = {dialect.ring.cone_deg}", "CONE_RAD: Final = radians(CONE_DEG)"],
+        bearing_lines(dialect.ring, "BEARINGS_RAD", "CONE_RAD"),
+    )
+
+
+def core_ring(dialect: Dialect) -> str:
+    """Return the core's module of the ring; a board computes its angles in its own precision."""
+    cones = 180.0 / dialect.ring.cone_deg
+    return module(
+        "The sonar ring, with its angles in radians, and the radius of the robot.",
+        ["", "from math import pi", "from typing import Final", ""],
+        ring_lines(dialect.ring),
+        [f"CONE: Final = pi / {cones}", f"HALF_CONE: Final = pi / {2.0 * cones}"],
+        bearing_lines(dialect.ring, "BEARINGS", "CONE"),
+    )
+
+
+def ring_lines(ring: Ring) -> list[str]:
+    """Return the numbers that both modules of the ring have."""
+    return [f"RADIUS_M: Final = {ring.radius_mm / 1000}", f"SONARS: Final = {ring.sonars}"]
+
+
+def bearing_lines(ring: Ring, name: str, cone: str) -> list[str]:
+    """Return the bearings."""
+    middle = (ring.sonars - 1) / 2
+    return [
+        f"{name}: Final = tuple([(i - {middle}) * {cone} for i in range(SONARS)])",
+        f'"""From the heading: 0 is the right one, {ring.sonars - 1} the left one."""',
     ]
 
 
@@ -468,7 +519,9 @@ OUTPUTS: Final[dict[str, Callable[[Dialect], str]]] = {
     f"{WIRE}/enums.py": enums,
     f"{WIRE}/reasons.py": reasons,
     f"{WIRE}/limits.py": limits,
+    "protocol/ring.py": ring,
     f"{CORE}/limits.py": core_limits,
+    f"{CORE}/ring.py": core_ring,
     f"{CORE}/reasons.py": core_reasons,
     f"{CORE}/states.py": core_states,
     "protocol/wire/layouts.py": layouts,

@@ -12,6 +12,11 @@ MAX_OPERATOR_NAME_BYTES: Final = 16
 MAX_LEASE_MS: Final = 30000
 MAX_TELEOP_TTL_MS: Final = 500
 
+NO_ITEM: Final = 65535
+NEVER_MS: Final = 4294967295
+
+PLACES_PER_M: Final = 10000  # x and y of mission items
+
 TICKS_LOST_MS: Final = 150  # no fresh wheel ticks
 SCAN_LOST_MS: Final = 250  # no fresh sonar scan
 OPERATOR_LOST_MS: Final = 1500  # no operator heartbeat

@@ -2,7 +2,7 @@
 
 from typing import Final, NamedTuple
 
-from robot.core import limits, states
+from robot.core import limits, ring, states
 
 Params = NamedTuple(
     "Params",
@@ -60,7 +60,7 @@ Params = NamedTuple(
 )
 
 DEFAULTS: Final = Params(
-    radius_m=0.12,
+    radius_m=ring.RADIUS_M,
     track_m=0.20,
     wheel_radius_m=0.033,
     wheel_ratio=1.0,

@@ -9,8 +9,9 @@ from robot.core.motion import Trail
 from robot.core.perception.odometry import Odometry
 from robot.core.perception.people import Pedestrians
 from robot.core.perception.wall_heading import WallHeading
+from robot.core.ring import SONARS
 from robot.core.state import State
-from robot.core.values import SONARS, Pose, Wheels, wrap
+from robot.core.values import Pose, Wheels, wrap
 
 
 def is_at_start(odometry: Odometry, wheels: Wheels) -> bool:

@@ -7,9 +7,9 @@ object with the fields of the dialect: the core does not depend on the wire form
 from math import pi
 from typing import Final, NamedTuple, Protocol
 
+from robot.core.ring import BEARINGS, SONARS
 from runtime.elementary import cos, cos_sin, sin
 
-SONARS = 8
 EVERY: Final = tuple(range(SONARS))
 """Indices of all sonars; iterating over this tuple is cheaper than over a `range`."""
 
@@ -87,13 +87,8 @@ Outputs = NamedTuple(
 
 TWO_PI: Final = 2.0 * pi
 
-BEARINGS: Final = tuple([(i - 3.5) * pi / 8.0 for i in range(SONARS)])
-"""Bearing of each sonar in radians from the heading: 0 is the right one, 7 the left one."""
-
 COSINES: Final = tuple([cos(b) for b in BEARINGS])
 SINES: Final = tuple([sin(b) for b in BEARINGS])
-
-HALF_CONE: Final = pi / 16.0
 
 
 def wrap(angle_rad: float) -> float:

@@ -23,7 +23,7 @@ from plant.model.configuration import SONAR_TARGETS, WHEEL_TARGETS
 from plant.model.draws import Draws
 from plant.model.geometry import clearance_m
 from protocol.world import Circle, Settings, World
-from robot.core.values import SONARS
+from robot.core.ring import SONARS
 from runtime.elementary import cos_sin
 from study.falsify.evaluate import Subject, evaluate
 from study.falsify.properties import Evaluation

@@ -18,7 +18,8 @@ from protocol.world import Circle, Obstacle, Polygon, Polyline, World
 from robot.core import states
 from robot.core.navigators import proof as proofs
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import BEARINGS, EVERY, HALF_CONE, SONARS, Outputs
+from robot.core.ring import BEARINGS, HALF_CONE, SONARS
+from robot.core.values import EVERY, Outputs
 from runtime.elementary import atan2, hypot
 from runtime.units import NS_PER_S
 from study.falsify.properties import (

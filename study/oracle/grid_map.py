@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from robot.core.perception.echoes import CIRCLE, CONE, QUARTER
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import EVERY, SONARS
+from robot.core.ring import SONARS
+from robot.core.values import EVERY
 from runtime.elementary import Q1, Q2, Q3, Q4, Q5, hypot
 
 Ints: TypeAlias = NDArray[np.int64]
@@ -205,7 +206,7 @@ PART: Final = 2
 
 SIDE_MM: Final = PART * CELL_MM
 BLOCKED_MM: Final = 115
-"""The robot's centre cannot be so near to an obstacle; its radius is 120 mm, the rest is rounding.
+"""The robot's centre cannot be so near to an obstacle; the rest of its radius is rounding.
 
 A passage of 0.30 m, the narrowest of the corpus, leaves a row of cells free wherever it lies.
 """

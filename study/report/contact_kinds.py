@@ -17,8 +17,9 @@ from plant.sim.simulation import Plant
 from protocol.outcome import Outcome
 from protocol.world import Circle, Obstacle, Point, Polygon, Polyline, World
 from robot.core.perception.echoes import REACH_M, SURE, Echoes
+from robot.core.ring import BEARINGS, HALF_CONE
 from robot.core.states import PASS_LEFT, PASS_RIGHT
-from robot.core.values import BEARINGS, HALF_CONE, Outputs, Pose
+from robot.core.values import Outputs, Pose
 from runtime.units import MM_PER_M, NS_PER_S
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial

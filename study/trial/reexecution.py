@@ -20,6 +20,7 @@ from protocol.wire.enums import (
     INPUT_WHEELS,
     Command,
 )
+from protocol.wire.limits import NEVER_MS
 from protocol.wire.message import Message, wire_of
 from protocol.wire.messages import (
     AvoidanceDecision,
@@ -49,7 +50,6 @@ from robot.core.modes import Machine
 from robot.core.parameters import Params
 from robot.core.values import Inputs, Outputs, Pose, scan_of, twist_of, wheels_of
 from robot.storage import Store
-from robot.telemetry import NEVER
 from robot.vehicle import Vehicle
 from runtime.errors import RemoteError, UserError
 from runtime.sequence import MAX_LATE_TICKS, Order, order_of
@@ -325,7 +325,7 @@ class Reexecution:
 
     def _inputs(self, given: TickInputs) -> Inputs:
         wheels, scan = self._recorded.senses(given)
-        age_ms = None if given.operator_age_ms == NEVER else given.operator_age_ms
+        age_ms = None if given.operator_age_ms == NEVER_MS else given.operator_age_ms
         return Inputs(
             given.now_ms,
             None if wheels is None else wheels_of(wheels),

@@ -11,6 +11,7 @@ import pytest
 import sidestep
 from checks.harness.messages import make
 from examples import custom_navigator, drive_to_goal, log_to_parquet, patrol, sonar_terminal
+from protocol.ring import SONARS
 from protocol.wire.enums import GoalState as WireGoalState
 from protocol.wire.enums import MissionState
 from protocol.wire.messages import SonarScan
@@ -209,7 +210,7 @@ def test_sonars_are_drawn(
 ) -> None:
     assert sonar_terminal.main(["--scans", "2", *dials(hurried, monkeypatch)]) == 0
     rows = capsys.readouterr().out.splitlines()
-    assert len(rows) == 2 * (1 + sonar_terminal.SONARS)
+    assert len(rows) == 2 * (1 + SONARS)
     assert any(row.endswith(" m") and "#" in row for row in rows)
 
 

@@ -14,6 +14,7 @@ from ground.recording.mcap_file import McapFormat
 from protocol.topics import ANSWERED, COMMANDED, INPUTS, SONAR, WHEELS, Topic
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.enums import INPUT_SCAN, INPUT_TELEOP, INPUT_WHEELS
+from protocol.wire.limits import NEVER_MS
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     AvoidanceDecision,
@@ -89,7 +90,7 @@ def again(
         ticks = wheels_of(wheels[given.wheels_seq]) if flags & INPUT_WHEELS else None
         seen = scans[given.scan_seq] if flags & INPUT_SCAN else None
         scan = None if seen is None else scan_of(seen, given.scan_age_ms)
-        age_ms = None if given.operator_age_ms == telemetry.NEVER else given.operator_age_ms
+        age_ms = None if given.operator_age_ms == NEVER_MS else given.operator_age_ms
         steered = flags & INPUT_TELEOP
         manual = twist_of(given.speed_mm_s, given.yaw_rate_mrad_s) if steered else None
         inputs = Inputs(given.now_ms, ticks, scan, age_ms)

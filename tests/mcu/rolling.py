@@ -5,6 +5,7 @@ from math import nan
 from checks.harness.messages import make
 from firmware.board import Board, BoardOutputs
 from protocol.wire.enums import INPUT_SCAN, INPUT_WHEELS, Command, Mode
+from protocol.wire.limits import NEVER_MS
 from protocol.wire.messages import (
     BoardCommand,
     BoardGoal,
@@ -13,7 +14,6 @@ from protocol.wire.messages import (
     WheelTicks,
 )
 from robot.core import reasons
-from robot.telemetry import NEVER
 from runtime.units import NS_PER_MS, PERIOD_NS
 
 TICKS_PER_PERIOD = 60
@@ -39,7 +39,7 @@ def inputs_at(tick: int) -> TickInputs:
         tick=tick,
         wheels_seq=tick,
         scan_seq=tick,
-        operator_age_ms=NEVER,
+        operator_age_ms=NEVER_MS,
         flags=INPUT_WHEELS | INPUT_SCAN,
     )
 

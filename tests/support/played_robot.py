@@ -37,6 +37,7 @@ from protocol.wire.enums import (
     Mode,
     Vehicle,
 )
+from protocol.wire.limits import NO_ITEM
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandAck,
@@ -60,8 +61,6 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from robot.commands import acknowledge
-
-NO_ITEM = 65_535
 
 
 class PlayedDesk:

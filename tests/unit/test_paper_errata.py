@@ -13,7 +13,8 @@ from robot.core.parameters import DEFAULTS
 from robot.core.perception import odometry as odometries
 from robot.core.perception.odometry import Odometry
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import BEARINGS, Decision, Goal, Pose
+from robot.core.ring import BEARINGS
+from robot.core.values import Decision, Goal, Pose
 from study.trial.trial import Trial, run_trial
 from tests.support.each import each
 

@@ -26,19 +26,20 @@ from random import Random
 from types import FrameType
 from typing import Any, Final, NamedTuple
 
+from protocol.ring import ALL_SONARS
 from robot import core
 from robot.core import reasons, states
 from robot.core.brain import ignore
 from robot.core.modes import goal_is_active
 from robot.core.parameters import DEFAULTS, Params
+from robot.core.ring import BEARINGS, SONARS
 from robot.core.safety.fence import MAX_CORNERS, Fence
-from robot.core.values import BEARINGS, SONARS, Goal, Inputs, Outputs, Pose, Scan, Wheels
+from robot.core.values import Goal, Inputs, Outputs, Pose, Scan, Wheels
 from robot.hosting import Core, InProcessCore
 from runtime.units import PERIOD_MS
 from study.trial.core_loop import ARM
 from study.trial.trial import NAVIGATORS
 
-ALL: Final = 0xFF
 BANDS_MM: Final = ((60, 150), (60, 300), (100, 750), (250, 700), (250, 1200), (60, 3000))
 ROOMS_M: Final = (0.35, 0.45, 0.6, 0.8, 1.0, 1.3)
 GOALS_M: Final = (0.4, 0.9, 2.0, 6.0)
@@ -79,7 +80,7 @@ class ScenarioBody:
     def scan(self) -> Scan:
         """Return a complete sonar scan."""
         range_mm = tuple([self.range_mm(i) for i in range(SONARS)])
-        return Scan(range_mm, (25, 0) * (SONARS // 2), ALL, ALL)
+        return Scan(range_mm, (25, 0) * (SONARS // 2), ALL_SONARS, ALL_SONARS)
 
     def range_mm(self, i: int) -> int:
         """Return the range of one sonar."""

@@ -25,8 +25,9 @@ from ground.missions.qgroundcontrol import (
     place_in,
     to_global,
 )
-from ground.missions.transfer import DIGITS, PER_METRE, fence_items_of, items_of
+from ground.missions.transfer import DIGITS, fence_items_of, items_of
 from protocol.wire.enums import FRAME_GLOBAL, Command
+from protocol.wire.limits import PLACES_PER_M
 from protocol.wire.messages import MissionItemInt
 
 ITEM: Final = Struct("<Hii4d")
@@ -103,7 +104,7 @@ def scale_of(frame: int) -> int:
     """Return the factor of x and y in a MISSION_ITEM_INT."""
     if frame in GLOBAL_FRAMES:
         return PER_DEG
-    return PER_METRE if frame in LOCAL_FRAMES else 1
+    return PLACES_PER_M if frame in LOCAL_FRAMES else 1
 
 
 def typed(value: float) -> float:

@@ -18,8 +18,9 @@ from ground.map.scene import MapTarget
 from ground.station.history.telemetry_history import uncertainty_m
 from ground.station.station import Station
 from ground.text.status_parts import state_role
-from ground.text.wording import SONARS
+from ground.text.wording import SONAR_NAMES
 from protocol.outcome import LOST, doubt_of, doubt_words, goal_end, mission_state
+from protocol.ring import SONARS
 from protocol.topics import CYCLE, DECISION, HEARTBEAT, MCU, MISSION, ODOMETRY, SONAR, STATUS, TRUTH
 from protocol.wire.enums import GoalState, MissionState
 from protocol.wire.messages import (
@@ -126,7 +127,7 @@ LABEL: Final = 6
 BESIDE: Final = "│"
 DEAD: Final = "dead"
 NO_ECHO: Final = "none"
-LEFT_TO_RIGHT: Final = tuple(reversed(range(len(SONARS))))
+LEFT_TO_RIGHT: Final = tuple(reversed(range(SONARS)))
 
 
 class Limits:
@@ -159,16 +160,16 @@ def sonar_rows(station: Station, width: int, bars: int) -> list[Row]:
     """
     seen, limits = station.seen(SONAR), Limits(station)
     scan: SonarScan | None = live(seen)
-    labelled = width >= LABEL + 1 + (LEAST_CELL + 1) * len(SONARS)
+    labelled = width >= LABEL + 1 + (LEAST_CELL + 1) * SONARS
     label = LABEL if labelled else 0
-    cell = max(LEAST_CELL, min(MOST_CELL, (width - label - 1) // len(SONARS)))
+    cell = max(LEAST_CELL, min(MOST_CELL, (width - label - 1) // SONARS))
     silent = station.silent_sonars
     ranges = [None if scan is None else range_of(scan, sonar, silent) for sonar in LEFT_TO_RIGHT]
     titles = ["sonar", *("" for _ in range(bars)), "m"]
     if bars > 1:
         titles[1] = f"{number(limits.longest_m, 'g')} m"
     rows = [
-        [head(f"{SONARS[sonar]:^{cell}}") for sonar in LEFT_TO_RIGHT],
+        [head(f"{SONAR_NAMES[sonar]:^{cell}}") for sonar in LEFT_TO_RIGHT],
         *(
             [bar_span(one, level, bars, cell, limits, seen) for one in ranges]
             for level in reversed(range(bars))
@@ -230,7 +231,7 @@ def dead_sonars(station: Station) -> list[str]:
     """Return the names of the sonars without a reading, from left to right."""
     if live(station.seen(SONAR)) is None:
         return []
-    return [SONARS[sonar] for sonar in LEFT_TO_RIGHT if station.silent_sonars >> sonar & 1]
+    return [SONAR_NAMES[sonar] for sonar in LEFT_TO_RIGHT if station.silent_sonars >> sonar & 1]
 
 
 US_PER_MS: Final = 1000.0

@@ -12,6 +12,7 @@ from ground.client.telemetry import Age, Telemetry
 from ground.station.history.goal_progress import GoalProgress, LastDrive
 from ground.station.history.time_series import MessageSeries, SeriesTable
 from ground.station.history.trail import AgedEchoes, BoundaryMarks, DrivenPath, EchoGrid
+from protocol.ring import ALL_SONARS
 from protocol.topics import CYCLE, DECISION, ODOMETRY, SONAR, STATUS, Topic
 from protocol.wire.messages import (
     AvoidanceDecision,
@@ -24,7 +25,6 @@ from runtime.units import NS_PER_S
 
 HELD: Final = 10
 """A sonar counts as silent until it has had a reading in this number of consecutive scans."""
-ALL: Final = 0xFF
 
 
 class SonarGaps:
@@ -40,7 +40,7 @@ class SonarGaps:
     @property
     def silent(self) -> int:
         """A bit for each sonar, 1 if one of the last scans has no reading of it."""
-        return ALL & ~reduce(and_, self._valid, ALL)
+        return ALL_SONARS & ~reduce(and_, self._valid, ALL_SONARS)
 
 
 MAX_APART_S: Final = 0.25

@@ -2,9 +2,10 @@
 
 from collections import deque
 from collections.abc import Iterator
-from math import cos, floor, hypot, isfinite, nan, pi, sin
+from math import cos, floor, hypot, isfinite, nan, sin
 from typing import Final, NamedTuple
 
+from protocol.ring import BEARINGS_RAD
 from protocol.wire.enums import GoalState
 from protocol.wire.messages import NavigatorStatus, PlanarOdometry, SonarScan
 
@@ -15,7 +16,6 @@ ECHOES: Final = 1500
 NEWEST_S: Final = 5.0
 LATE_S: Final = 20.0
 MARKS: Final = 200
-BEARINGS: Final = tuple((sonar - 3.5) * pi / 8.0 for sonar in range(8))
 
 Point = tuple[float, float]
 
@@ -82,7 +82,7 @@ class EchoGrid:
         """Add all echoes of a scan taken at this pose and received at `time_s`."""
         if not all(map(isfinite, (pose.x_m, pose.y_m, pose.heading_rad))):
             return
-        for bearing_rad, range_m in zip(BEARINGS, ranges_m(scan), strict=True):
+        for bearing_rad, range_m in zip(BEARINGS_RAD, ranges_m(scan), strict=True):
             if range_m is not None and isfinite(range_m):
                 turn_rad = pose.heading_rad + bearing_rad
                 reach_m = radius_m + range_m

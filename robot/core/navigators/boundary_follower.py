@@ -11,7 +11,8 @@ from typing import Final
 
 from robot.core.parameters import Params
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import BEARINGS, EVERY, HALF_CONE, SONARS, TWO_PI, Pose, wrap
+from robot.core.ring import BEARINGS, HALF_CONE, SONARS
+from robot.core.values import EVERY, TWO_PI, Pose, wrap
 from runtime.elementary import coarse_acos, coarse_atan2, cos_sin
 
 POINTS: Final = 12

@@ -24,7 +24,8 @@ from robot.core.navigators.boundary_follower import Follower
 from robot.core.parameters import Params
 from robot.core.perception import sonar_ring
 from robot.core.perception.sonar_ring import AHEAD, Ring
-from robot.core.values import BEARINGS, EVERY, HALF_CONE, SONARS, Decision, Goal, Pose, wrap
+from robot.core.ring import BEARINGS, HALF_CONE, SONARS
+from robot.core.values import EVERY, Decision, Goal, Pose, wrap
 from runtime.elementary import atan2, cos, cos_sin, sin
 
 MARK_AFTER_M: Final = 0.35  # at the hit itself the robot is still turning

@@ -5,7 +5,8 @@ from typing import Final
 
 from robot.core.parameters import Params
 from robot.core.perception.sonar_ring import SATURATED_M, Ring
-from robot.core.values import BEARINGS, EVERY, HALF_CONE, SONARS
+from robot.core.ring import BEARINGS, HALF_CONE, SONARS
+from robot.core.values import EVERY
 from runtime.elementary import cos, cos_sin
 
 # Speed limits. `_PER_S`: metres per second for each metre of free range. Sonars 2 to 5 look ahead,

@@ -27,14 +27,15 @@ together, has gained since. It is not the doubt that `lost` reports, which is th
 Integers: millimetres in the odometry frame, and brads (4096 to the circle).
 """
 
-from math import inf, pi, sqrt
+from math import inf, sqrt
 from typing import Final, NamedTuple
 
 from robot.core import states
 from robot.core.perception.echoes import BRADS, CIRCLE, HALF_CIRCLE, NOTHING
 from robot.core.perception.odometry import Odometry
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import EVERY, SONARS, Pose, whole_cos_sin, wrap
+from robot.core.ring import CONE, SONARS
+from robot.core.values import EVERY, Pose, whole_cos_sin, wrap
 from runtime.elementary import coarse_atan2, cos, sin
 
 TAIL: Final = SONARS
@@ -58,7 +59,7 @@ SLACK_MM: Final = 10  # for errors of range and odometry
 EDGES: Final = tuple(
     [
         (int(1024 * cos(b)), int(1024 * sin(b)))
-        for b in [(k - 4) * pi / 8.0 for k in range(SONARS + 1)]
+        for b in [(k - 0.5 * SONARS) * CONE for k in range(SONARS + 1)]
     ]
 )
 """Directions of the edges of the cones in the robot's frame, scaled to 1024."""

@@ -22,7 +22,8 @@ from robot.core.perception.people import (
     goes_on,
 )
 from robot.core.perception.sonar_ring import FRONT, Ring
-from robot.core.values import BEARINGS, COSINES, EVERY, HALF_CONE, SINES, SONARS, wrap
+from robot.core.ring import BEARINGS, HALF_CONE, SONARS
+from robot.core.values import COSINES, EVERY, SINES, wrap
 from runtime.elementary import cos, cos_sin
 
 RIGHTWARDS: Final = tuple(range(SONARS - 1, -1, -1))

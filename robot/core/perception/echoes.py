@@ -13,7 +13,8 @@ from math import pi, sqrt
 from typing import Final
 
 from robot.core.perception.sonar_ring import AHEAD, SATURATED_M, Ring
-from robot.core.values import EVERY, HALF_CONE, SONARS, Pose, whole_cos_sin
+from robot.core.ring import BEARINGS, HALF_CONE, SONARS
+from robot.core.values import EVERY, Pose, whole_cos_sin
 from runtime.elementary import coarse_atan2, cos, sin
 
 POINTS: Final = 64
@@ -41,7 +42,7 @@ CIRCLE: Final = 4096
 HALF_CIRCLE: Final = 2048
 QUARTER: Final = 1024
 BRADS: Final = CIRCLE / (2.0 * pi)
-CONE: Final = 256  # brads, 22.5 degrees
+CONE: Final = HALF_CIRCLE // SONARS
 
 REACH_M: Final = 0.75
 """Echoes from farther away are not stored."""
@@ -56,12 +57,7 @@ FEW: Final = 8
 """Number of points that are compared when one of them must be replaced."""
 
 EDGE_RAD: Final = 0.75 * HALF_CONE
-DIRECTIONS: Final = tuple(
-    [
-        (int(1024 * cos(b)), int(1024 * sin(b)))
-        for b in [(i - 3.5) * pi / 8.0 for i in range(SONARS)]
-    ]
-)
+DIRECTIONS: Final = tuple([(int(1024 * cos(b)), int(1024 * sin(b))) for b in BEARINGS])
 """Direction of each sonar in the robot's frame, scaled to 1024."""
 COS_EDGE: Final = int(1024 * cos(EDGE_RAD))
 SIN_EDGE: Final = int(1024 * sin(EDGE_RAD))

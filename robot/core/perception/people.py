@@ -15,7 +15,8 @@ from typing import Final
 
 from robot.core.parameters import Params
 from robot.core.perception.odometry import Odometry
-from robot.core.values import BEARINGS, HALF_CONE, SONARS, Pose, wrap
+from robot.core.ring import BEARINGS, CONE, HALF_CONE, SONARS
+from robot.core.values import Pose, wrap
 from runtime.elementary import coarse_atan2, cos_sin
 
 MAX_PEOPLE: Final = 4
@@ -32,7 +33,6 @@ GATE_M: Final = 0.10  # farther from the expected range, an echo is not of this 
 LEAST_M: Final = 0.02  # the sonars measure no shorter range
 SAME_M: Final = 0.45  # a confirmed track this near to a person is that person
 GONE_M: Final = 2.2
-CONE: Final = 2.0 * HALF_CONE
 EDGE_RAD: Final = 0.5 * SONARS * CONE
 CENTRAL: Final = 3
 GAIN: Final = 0.30

@@ -13,7 +13,8 @@ from typing import Final
 
 from robot.core.parameters import Params
 from robot.core.perception.people import Pedestrians
-from robot.core.values import BEARINGS, EVERY, SONARS, Scan
+from robot.core.ring import BEARINGS, SONARS
+from robot.core.values import EVERY, Scan
 
 FRONT: Final = (2, 3, 4, 5)
 AHEAD: Final = (3, 4)

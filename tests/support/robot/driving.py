@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from robot.core import brain, modes, states
 from robot.core.parameters import DEFAULTS, Params
-from robot.core.values import SONARS, Goal, Inputs, Outputs, Scan, Wheels
+from robot.core.ring import SONARS
+from robot.core.values import Goal, Inputs, Outputs, Scan, Wheels
 from runtime.units import PERIOD_MS
 
 AHEAD = Goal(3.0, 0.0, None, 0.05, 0.05)

@@ -13,7 +13,8 @@ from robot.core.navigators.vgm_following import Memory
 from robot.core.parameters import DEFAULTS
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import BEARINGS, HALF_CONE, SONARS, Decision, Goal, Pose, Scan, wrap
+from robot.core.ring import BEARINGS, HALF_CONE, SONARS
+from robot.core.values import Decision, Goal, Pose, Scan, wrap
 from tests.support.robot.driving import AGES, ALL
 
 Wall = tuple[float, float, float, float]

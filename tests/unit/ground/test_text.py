@@ -26,7 +26,7 @@ from ground.text.status_parts import (
 )
 from ground.text.wording import (
     NONE,
-    SONARS,
+    SONAR_NAMES,
     StatustextAssembler,
     echo,
     heading_deg,
@@ -39,7 +39,7 @@ from protocol.wire.enums import GoalState, Mode, Severity, Vehicle
 from protocol.wire.messages import NavigatorStatus, Statustext
 from protocol.wire.reasons import Reason
 from protocol.wire.statustext import MAX_PIECES, PIECE_BYTES, pieces_of
-from robot.core.values import BEARINGS
+from robot.core.ring import BEARINGS
 from runtime.cli.terminal import DIM
 from tests.support.each import each
 from tests.support.ground.client import CYCLE
@@ -348,8 +348,8 @@ def test_any_number_is_a_direction_or_none(angle_rad: float) -> None:
 
 
 def test_each_sonar_is_called_by_where_it_looks() -> None:
-    assert [sonar(bearing_rad) for bearing_rad in BEARINGS] == list(SONARS)
-    for name, bearing_rad in zip(SONARS, BEARINGS, strict=True):
+    assert [sonar(bearing_rad) for bearing_rad in BEARINGS] == list(SONAR_NAMES)
+    for name, bearing_rad in zip(SONAR_NAMES, BEARINGS, strict=True):
         assert side(bearing_rad).startswith(f"{name[1:]}°")
         assert (name[0] == "L") == (bearing_rad > 0.0)
 

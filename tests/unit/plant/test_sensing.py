@@ -16,12 +16,12 @@ from plant.sim.sonar import (
     ORDER,
     PING_AGE_US,
     RAYS_PER_SONAR,
-    SONARS,
     Caster,
     SimulatedSonarRing,
     SonarReading,
     ray_bearings_rad,
 )
+from protocol.ring import SONARS
 from protocol.world import Circle, Obstacle, Polygon, Polyline
 from tests.support.each import each
 from tests.support.plant.rooms import room

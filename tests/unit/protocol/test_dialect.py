@@ -1,12 +1,16 @@
 """The committed modules are the generator's output, and equal MAVLink's on the wire."""
 
+import re
 import xml.etree.ElementTree as ET
 
+from plant.model.configuration import Body
+from protocol import ring
 from protocol.dialect import definitions
 from protocol.dialect.definitions import (
     SIDESTEP_XML,
     Dialect,
     MessageType,
+    Ring,
     read_dialect,
     upstream_definitions,
 )
@@ -20,9 +24,13 @@ from protocol.dialect.generate import (
     doc_lines,
     oracle,
 )
+from robot.core import ring as core_ring
+from robot.core.parameters import DEFAULTS
+from runtime.cli.packages import PACKAGES
 from tests.support.each import each
 
 DIALECT = read_dialect()
+RINGS = ("protocol/ring.py", f"{CORE}/ring.py")
 
 
 @each("path", OUTPUTS)
@@ -87,7 +95,7 @@ def test_no_upstream_text_is_copied() -> None:
 def test_changed_description_changes_the_generated_code() -> None:
     changed = with_words(DIALECT, "in other words")
     stale = {path for path in OUTPUTS if OUTPUTS[path](changed) != OUTPUTS[path](DIALECT)}
-    assert stale == set(OUTPUTS) - {f"{WIRE}/layouts.py"}
+    assert stale == set(OUTPUTS) - {f"{WIRE}/layouts.py", *RINGS}, "these have no words"
 
 
 def test_limit_and_sentence_follow_the_attribute_in_the_xml() -> None:
@@ -102,7 +110,7 @@ def test_limit_and_sentence_follow_the_attribute_in_the_xml() -> None:
         )
         for message in DIALECT.messages
     )
-    changed = Dialect(tuple(messages), enums)
+    changed = DIALECT._replace(messages=tuple(messages), enums=enums)
     for path in (f"{WIRE}/limits.py", f"{CORE}/limits.py"):
         limits = OUTPUTS[path](changed)
         assert "\nTICKS_LOST_MS: Final = 1700  # no fresh wheel ticks\n" in limits
@@ -112,6 +120,64 @@ def test_limit_and_sentence_follow_the_attribute_in_the_xml() -> None:
     assert '38: "no operator heartbeat",' in reasons, "its time is a parameter of the robot"
     assert "\nMAX_TELEOP_TTL_MS: Final = 900\n" in OUTPUTS[f"{WIRE}/limits.py"](changed)
     assert "[ms, at most 900]" in OUTPUTS[f"{WIRE}/messages.py"](changed)
+
+
+def test_the_ring_follows_the_attributes_in_the_xml() -> None:
+    changed = DIALECT._replace(ring=Ring(-75.0, 75.0, 30.0, 150))
+    for path in RINGS:
+        text = OUTPUTS[path](changed)
+        assert "\nRADIUS_M: Final = 0.15\nSONARS: Final = 6\n" in text
+        assert "[(i - 2.5) * CONE" in text
+    assert "\nALL_SONARS: Final = 63\nCONE_DEG: Final = 30.0\n" in OUTPUTS["protocol/ring.py"](
+        changed
+    )
+    assert "\nCONE: Final = pi / 6.0\n" in OUTPUTS[f"{CORE}/ring.py"](changed)
+    (ranges,) = (f for m in DIALECT.messages for f in m.fields if f.name == "range_mm")
+    assert ranges.length == DIALECT.ring.sonars
+
+
+def test_both_modules_of_the_ring_agree_to_the_last_bit() -> None:
+    assert core_ring.BEARINGS == ring.BEARINGS_RAD
+    assert (core_ring.SONARS, core_ring.CONE) == (ring.SONARS, ring.CONE_RAD)
+    assert core_ring.RADIUS_M == ring.RADIUS_M == Body().radius_m == DEFAULTS.radius_m
+
+
+SPELLED = re.compile(
+    r"""radians\((22\.5|11\.25)\) | \bpi\ /\ (8|16)\b | \w\ -\ 3\.5\b | /\ \w+\ \+\ 3\.5\b
+    | 0\.3926990 | 0\.1963495 | DEG(:\ Final)?\ =\ (22\.5|11\.25)\b | SONARS(:\ Final)?\ =\ 8\b
+    | (?i:radius)\w*["']?(:\ (Final|float))?\ ?[=:]\ ?0\.12\b""",
+    re.VERBOSE,
+)
+"""The number, the bearings and the cones of the sonars, and the radius of the robot, in code."""
+
+
+def test_no_other_file_spells_the_numbers_of_the_ring() -> None:
+    rooms = (*PACKAGES, "checks", "examples", "sidestep")
+    paths = [path for room in rooms for path in (ROOT / room).rglob("*.py")]
+    assert len(paths) > 300
+    assert {
+        str(path.relative_to(ROOT)) for path in paths if SPELLED.search(path.read_text("utf-8"))
+    } == {*RINGS, f"{WIRE}/messages.py"}, "the docstring of a message says it, too"
+
+
+@each(
+    "code",
+    [
+        "CONE_RAD = radians(22.5)",
+        "BETWEEN_DEG: Final = 22.5",
+        "x = 2.0 * (pi / 16.0)",
+        "x = [(i - 3.5) * cone_rad for i in range(n)]",
+        "x = bearing_rad / STEP_RAD + 3.5",
+        "BEAM_RAD = 0.39269908169872414",
+        "SONARS: Final = 8",
+        "DEFAULT_RADIUS_M: Final = 0.12",
+        "    radius_m: float = 0.12",
+        "Robot(radius_m=0.12)",
+        'shape = {"radius": 0.12}',
+    ],
+)
+def test_a_number_of_the_ring_is_recognised(code: str) -> None:
+    assert SPELLED.search(code)
 
 
 def with_words(dialect: Dialect, words: str) -> Dialect:
@@ -124,7 +190,7 @@ def with_words(dialect: Dialect, words: str) -> Dialect:
         name: enum._replace(entries=tuple(entry._replace(text=words) for entry in enum.entries))
         for name, enum in dialect.enums.items()
     }
-    return Dialect(tuple(messages), enums)
+    return dialect._replace(messages=tuple(messages), enums=enums)
 
 
 def test_a_docstring_is_a_summary_and_the_rest_of_it() -> None:

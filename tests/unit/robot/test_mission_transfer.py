@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocol.wire.enums import Command, MissionType
+from protocol.wire.limits import NO_ITEM
 from protocol.wire.messages import (
     MissionClearAll,
     MissionCount,
@@ -18,7 +19,7 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import Reason
 from robot.core import reasons
 from robot.file_writer import Directory
-from robot.mission import MAX_ITEMS, NO_ITEM, MissionStore, TransferRequest, Transfers
+from robot.mission import MAX_ITEMS, MissionStore, TransferRequest, Transfers
 from tests.support.each import each
 from tests.support.robot.vehicles import Desk, circle, corners, item, line, ready, start, upload
 

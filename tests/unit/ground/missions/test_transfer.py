@@ -12,7 +12,6 @@ from ground.missions.transfer import (
     ATTEMPTS,
     MAX_ITEMS,
     MAX_SAVING,
-    NO_ITEM,
     Clear,
     Download,
     Downloaded,
@@ -26,6 +25,7 @@ from ground.missions.transfer import (
 )
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.enums import AckResult, Command, MissionType
+from protocol.wire.limits import NO_ITEM
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandAck,

@@ -16,7 +16,8 @@ from robot.core.navigators.classical import Boundary
 from robot.core.navigators.paper import PaperMemory
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import BEARINGS, HALF_CONE, Decision, Goal, Pose, wrap
+from robot.core.ring import BEARINGS, HALF_CONE
+from robot.core.values import Decision, Goal, Pose, wrap
 from tests.support.each import each
 from tests.support.robot.rings import (
     BEHIND_THE_TRAP,

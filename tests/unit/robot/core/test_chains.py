@@ -14,7 +14,8 @@ from robot.core.navigators import proof as chains
 from robot.core.navigators.loops import MAX_CHANGES, MAX_DETOUR_CHANGES
 from robot.core.navigators.proof import JUMP_MM, LEAD, REACH_M, SLACK_MM, TAIL, Chain
 from robot.core.navigators.vgm_following import Memory
-from robot.core.values import BEARINGS, HALF_CONE, SONARS, Pose
+from robot.core.ring import BEARINGS, HALF_CONE, SONARS
+from robot.core.values import Pose
 from study.trial.core_loop import Behaviour
 from study.trial.trial import Trial, run_trial
 from tests.support.each import each

@@ -35,17 +35,8 @@ from robot.core.perception.echoes import (
     Echoes,
 )
 from robot.core.perception.sonar_ring import FrozenSonar, Ring
-from robot.core.values import (
-    BEARINGS,
-    SONARS,
-    Pose,
-    Scan,
-    Wheels,
-    goal_of,
-    now_ms_of,
-    scan_of,
-    wheels_of,
-)
+from robot.core.ring import BEARINGS, SONARS
+from robot.core.values import Pose, Scan, Wheels, goal_of, now_ms_of, scan_of, wheels_of
 from tests.support.each import each
 from tests.support.robot.rings import (
     HERE,

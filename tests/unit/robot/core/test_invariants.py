@@ -26,7 +26,8 @@ from robot.core.navigators.registry import NAVIGATORS as REGISTERED
 from robot.core.parameters import DEFAULTS
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.sonar_ring import FRONT
-from robot.core.values import BEARINGS, SONARS, Decision, Goal, Outputs, Pose, wrap
+from robot.core.ring import BEARINGS, SONARS
+from robot.core.values import Decision, Goal, Outputs, Pose, wrap
 from runtime.units import PERIOD_MS
 from study.report.targets import STATE_BYTES
 from study.trial.trial import NAVIGATORS as TRIAL_NAVIGATORS

@@ -30,7 +30,8 @@ from robot.core.navigators.pace import (
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.echoes import FADE_TURNS
 from robot.core.perception.sonar_ring import SATURATED_M, Ring
-from robot.core.values import BEARINGS, COSINES, SINES, SONARS, Twist, wrap
+from robot.core.ring import BEARINGS, SONARS
+from robot.core.values import COSINES, SINES, Twist, wrap
 from tests.support.each import each
 from tests.support.robot.rings import SILENT, Ranges, heard
 

@@ -36,7 +36,8 @@ from robot.core.perception.echoes import (
     update_through,
 )
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import BEARINGS, Pose
+from robot.core.ring import BEARINGS
+from robot.core.values import Pose
 from tests.support.each import each
 from tests.support.robot.rings import HERE, RADIUS_MM, SILENT, Ranges, any_ranges, heard, ring
 

@@ -37,7 +37,8 @@ from robot.core.perception.people import (
     People,
 )
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import BEARINGS, HALF_CONE, Pose, Scan
+from robot.core.ring import BEARINGS, HALF_CONE
+from robot.core.values import Pose, Scan
 from tests.support.each import each
 from tests.support.robot.rings import Wall, ring, seen_from
 

@@ -21,7 +21,8 @@ from robot.core.navigators.vgm_following import (
 )
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import BEARINGS, SONARS, Decision, Goal, Pose, wrap
+from robot.core.ring import BEARINGS, SONARS
+from robot.core.values import Decision, Goal, Pose, wrap
 from study.trial.trial import NAVIGATORS as NAMES
 from tests.support.each import each
 from tests.support.robot.driving import AHEAD, armed

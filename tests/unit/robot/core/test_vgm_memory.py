@@ -19,7 +19,8 @@ from robot.core.parameters import DEFAULTS
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.echoes import MAX_WEIGHT, REACH_M, SURE
 from robot.core.perception.sonar_ring import Ring
-from robot.core.values import SONARS, Goal, Pose, Scan, wrap
+from robot.core.ring import SONARS
+from robot.core.values import Goal, Pose, Scan, wrap
 from tests.support.each import each
 from tests.support.robot.driving import driving
 from tests.support.robot.rings import (
