@@ -36,7 +36,7 @@ from protocol.topics import TEXT, Role
 from protocol.wire.enums import Severity
 from protocol.wire.messages import Statustext
 from protocol.wire.statustext import pieces_of
-from runtime.cli.terminal import guarded
+from runtime.cli.terminal import guarded, printable
 
 AUDIT_FILTER: Final = "zenoh::net::routing::interceptor::access_control=trace,zenoh_link_tls=warn"
 STDOUT: Final = 1
@@ -174,7 +174,7 @@ class Caller(NamedTuple):
 UNKNOWN: Final = Caller("unknown process", "an unknown address")
 
 
-class Refusal(NamedTuple):
+class RefusalLine(NamedTuple):
     """A line about what was refused to the sessions with a certificate `name`."""
 
     name: str
@@ -207,7 +207,7 @@ class RefusalLog:
     def __init__(self) -> None:
         self._told: dict[str, Told] = {}
 
-    def report(self, refusals: Iterable[Refusal], now_ns: int) -> list[str]:
+    def report(self, refusals: Iterable[RefusalLine], now_ns: int) -> list[str]:
         """Return the lines that are to be reported now, and counts of the others afterwards."""
         lines = []
         for name, told in tuple(self._told.items()):
@@ -227,7 +227,7 @@ class RefusalLog:
         return lines
 
 
-def refusals_in(events: Sequence[bytes], caller: Callable[[str], Caller]) -> Iterator[Refusal]:
+def refusals_in(events: Sequence[bytes], caller: Callable[[str], Caller]) -> Iterator[RefusalLine]:
     """Yield what some events of the log report; `caller` returns the owner of a session id."""
     texts = [event.decode(errors="replace") for event in events]
     found = [one for text in texts if (one := denial_in(text)) is not None]
@@ -239,11 +239,11 @@ def refusals_in(events: Sequence[bytes], caller: Callable[[str], Caller]) -> Ite
             grant = grant_of(name)
             why = f"{name} {grant.description}" if grant else NO_ROLE
             may_not = f"may not {action.lower()} on {cleaned(key)}"
-            yield Refusal(name, f"refused: {name} at {address} {may_not}: {why}")
+            yield RefusalLine(name, f"refused: {name} at {address} {may_not}: {why}")
     for text in texts:
         cause, hint, _ = message_in(text, TLS).partition(HINT)
         if hint and not any(words in cause for words in PROBE_CAUSES):
-            yield Refusal(UNKNOWN.name, f"connection refused: {in_words(cause)}")
+            yield RefusalLine(UNKNOWN.name, f"connection refused: {in_words(cause)}")
 
 
 def denial_in(text: str) -> Denial | None:
@@ -272,15 +272,14 @@ def cleaned(key: str) -> str:
 
     After a blank, a key could imitate a part of the line.
     """
-    shown = key[:MAX_CHARACTERS]
-    text = "".join(c if c.isprintable() and c != " " else "?" for c in shown)
+    text = printable(key[:MAX_CHARACTERS]).replace(" ", "?")
     return text if len(key) <= MAX_CHARACTERS else f"{text}..."
 
 
 def in_words(cause: str) -> str:
     """Return the cause of a failed handshake."""
-    shown = "".join(c if c.isprintable() else "?" for c in cause[:MAX_CHARACTERS])
-    return next((words for sign, words in REASONS if sign in cause), shown)
+    plain = (words for sign, words in REASONS if sign in cause)
+    return next(plain, printable(cause[:MAX_CHARACTERS]))
 
 
 LOOK_S: Final = 0.5
@@ -324,9 +323,9 @@ class ConnectionAudit:
             self._report(line)
             self._tell_operators(line)
 
-    def _taken_id(self, link: RefusedLink) -> Refusal:
+    def _taken_id(self, link: RefusedLink) -> RefusalLine:
         name, host = self._shown(link.name), end_in(link.address).host
-        return Refusal(
+        return RefusalLine(
             name,
             f"{ID_TAKEN}{name} at {host} used {link.zid}, which {self._shown(link.holder)} has "
             "used first since this process started: its link was ended",

@@ -25,7 +25,6 @@ from protocol.bus.network import Hub, Network, person_here
 from protocol.bus.peers import AcceptedPeers, DialledPeers, RefusedLink, callers
 from protocol.bus.publisher import (
     Publisher,
-    await_ready,
     fetching_subscriber,
     published_ns,
     was_fetched,
@@ -69,9 +68,12 @@ from protocol.wire.codec import Encoder
 from protocol.wire.message import Message
 from protocol.wire.messages import Timesync
 from runtime.errors import LocalError, UserError
+from runtime.units import NS_PER_S
+from runtime.watchdog import Patience
 
 ROLES: Final = frozenset(role.value for role in Role)
 SESSION: Final = re.compile(r"[0-9a-f]{1,32}\Z")
+POLL_S: Final = 0.001
 MAX_TOKENS: Final = 1000
 """Limit of tracked tokens, of all robots together."""
 
@@ -474,8 +476,17 @@ class Bus:
         self._dialled.now.on_wrong(handler)
 
     def await_matched(self, publishers: Iterable[Publisher[Any]], timeout_s: float) -> list[str]:
-        """Wait until all publishers are ready; return the keys of those that were not in time."""
-        return await_ready(publishers, timeout_s)
+        """Wait until each publisher has a subscriber and, for an operator, its robot's time.
+
+        Return the keys of those that were not ready in time, which counts less on a busy machine.
+        """
+        waiting = [publisher for publisher in publishers if not publisher.ready]
+        patience = Patience(round(timeout_s * NS_PER_S))
+        pause = threading.Event()
+        while waiting and patience.left_ns():
+            pause.wait(POLL_S)
+            waiting = [publisher for publisher in waiting if not publisher.ready]
+        return [publisher.key for publisher in waiting]
 
     @property
     def rejected(self) -> dict[str, int]:

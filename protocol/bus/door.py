@@ -100,7 +100,7 @@ class Account:
         self.filled_s = self.changed_s = now_s
 
 
-class Limits:
+class AddressShares:
     """Shares of the addresses whose connections become no links. Does no I/O.
 
     A connection beyond the budget halves the share of its address, a link doubles it, and so does
@@ -148,13 +148,13 @@ class Door:
         self._ports = frozenset(ports)
         self._report = report
         self._known: set[int] = set()
-        self._limits, self._lock = Limits(), Lock()
+        self._addresses, self._lock = AddressShares(), Lock()
         self._shares: dict[Address, float] = {}
         self._reported_s = -QUIET_S
         self._end, self._ended = socket.socketpair()
         self._thread: Thread | None = None
         self._aside: list[socket.socket] = []
-        self._listeners = listeners(self._ports)
+        self._listeners = listening_sockets(self._ports)
         try:
             for one in self._listeners:
                 one.listen(BACKLOG)
@@ -178,7 +178,7 @@ class Door:
     def linked(self, _zid: str, _name: str | None, address: str) -> None:
         """Note that a connection has become a link. May be called from any thread."""
         with suppress(ValueError), self._lock:
-            self._limits.linked(address_of(end_in(address.rpartition("/")[2]).host))
+            self._addresses.linked(ip_of(end_in(address.rpartition("/")[2]).host))
 
     def close(self) -> None:
         """Remove the filter. The port is free only after this."""
@@ -211,7 +211,7 @@ class Door:
 
     def _look(self, now_s: float) -> None:
         """Remove the filter from new sockets, count their addresses and renew the shares."""
-        open_now = dict(opened())
+        open_now = dict(own_sockets())
         arrived = [
             self._admitted(one) for inode, one in open_now.items() if inode not in self._known
         ]
@@ -219,8 +219,8 @@ class Door:
         with self._lock:
             for address in arrived:
                 if address is not None:
-                    self._limits.arrived(address, now_s)
-            shares = self._limits.shares(now_s)
+                    self._addresses.arrived(address, now_s)
+            shares = self._addresses.shares(now_s)
         if shares != self._shares:
             self._shares = shares
             for one in self._listeners:
@@ -235,7 +235,7 @@ class Door:
         with suppress(OSError, ValueError):
             one = socket.socket(fileno=descriptor)
             try:
-                if local_port(one) in self._ports and not listens(one):
+                if local_port(one) in self._ports and not is_listening(one):
                     with suppress(OSError):  # it has none
                         one.setsockopt(socket.SOL_SOCKET, SO_DETACH_FILTER, 0)
                     return source_of(one)
@@ -283,13 +283,13 @@ def socket_beside(listener: socket.socket) -> socket.socket:
     return one
 
 
-def listeners(ports: frozenset[int]) -> list[socket.socket]:
+def listening_sockets(ports: frozenset[int]) -> list[socket.socket]:
     """Return duplicates of the listening TCP sockets of this process on some ports."""
     found = []
     for descriptor in sockets() if sys.platform == "linux" else ():
         with suppress(OSError):
             one = socket_of(os.dup(descriptor))
-            if local_port(one) in ports and listens(one):
+            if local_port(one) in ports and is_listening(one):
                 found.append(one)
             else:
                 one.close()
@@ -303,7 +303,7 @@ def source_of(one: socket.socket) -> Address:
     """
     header = one.getsockopt(socket.IPPROTO_TCP, TCP_SAVED_SYN, HEADER_BYTES)
     if not header:  # the system had no memory for it
-        return address_of(one.getpeername()[0])
+        return ip_of(one.getpeername()[0])
     return ip_address(header[12:16] if header[0] >> 4 == 4 else header[8:24])
 
 
@@ -313,19 +313,19 @@ def local_port(one: socket.socket) -> int:
     return int(one.getsockname()[1]) if is_stream else 0
 
 
-def listens(one: socket.socket) -> bool:
+def is_listening(one: socket.socket) -> bool:
     """Return whether a socket accepts connections."""
     return bool(one.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN))
 
 
-def opened() -> Iterator[tuple[int, int]]:
+def own_sockets() -> Iterator[tuple[int, int]]:
     """Yield the inode and descriptor of each socket of this process."""
     for descriptor in sockets():
         with suppress(OSError):
             yield os.fstat(descriptor).st_ino, descriptor
 
 
-def address_of(host: str) -> Address:
+def ip_of(host: str) -> Address:
     """Return the address of a host in numbers. Raises ValueError."""
     found = ip_address(host.partition("%")[0])
     return getattr(found, "ipv4_mapped", None) or found

@@ -7,9 +7,8 @@ Zenoh's advanced ones declare `KEY/@adv/**`. Whoever may declare that may declar
 below it, and to match one with many `**` takes exponential time and memory.
 """
 
-import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import partial
 from threading import Lock
 from typing import Any, Final, Generic, NamedTuple, TypeAlias, TypeVar
@@ -25,8 +24,6 @@ from protocol.topics import ENCODING, Priority, Topic
 from protocol.wire.codec import Encoder
 from protocol.wire.message import Message
 from runtime.errors import LocalError
-from runtime.units import NS_PER_S
-from runtime.watchdog import Patience
 
 Take: TypeAlias = Callable[[zenoh.Sample], None]
 Source: TypeAlias = tuple[str, int]
@@ -121,7 +118,7 @@ def fetching_subscriber(
     return session.declare(declare)
 
 
-class Sender:
+class ArrivedSamples:
     """What has arrived of one sender: `due` is the number of the next sample to deliver."""
 
     __slots__ = ("due", "fetching", "waiting")
@@ -142,7 +139,7 @@ class LateJoin:
     def __init__(self, fetch: Callable[[Source, int, Got], None], take: Take) -> None:
         self._fetch, self._take = fetch, take
         self._lock = Lock()
-        self._senders: dict[Source, Sender] = {}
+        self._senders: dict[Source, ArrivedSamples] = {}
         self._fetches = 0
 
     def receive(self, sample: zenoh.Sample) -> None:
@@ -173,23 +170,23 @@ class LateJoin:
                 return  # it is announced again
         self._begin(source, sender)
 
-    def _known(self, source: Source) -> Sender | None:
+    def _known(self, source: Source) -> ArrivedSamples | None:
         if source not in self._senders and len(self._senders) < SOURCES:
-            self._senders[source] = Sender()
+            self._senders[source] = ArrivedSamples()
         return self._senders.get(source)
 
-    def _may_fetch(self, sender: Sender) -> bool:
+    def _may_fetch(self, sender: ArrivedSamples) -> bool:
         if self._fetches >= FETCHES:
             return False
         self._fetches += 1
         sender.fetching = True
         return True
 
-    def _begin(self, source: Source, sender: Sender) -> None:
+    def _begin(self, source: Source, sender: ArrivedSamples) -> None:
         """Fetch; without the lock, because a sender in this process answers at once."""
         self._fetch(source, sender.due, partial(self._complete, source, sender))
 
-    def _complete(self, source: Source, sender: Sender, got: list[zenoh.Sample]) -> None:
+    def _complete(self, source: Source, sender: ArrivedSamples, got: list[zenoh.Sample]) -> None:
         """Deliver what was fetched, and what has arrived meanwhile."""
         with self._lock:
             new = {
@@ -208,7 +205,7 @@ class LateJoin:
                 return
         self._begin(source, sender)  # a sample was lost while the others were fetched
 
-    def _deliver(self, sender: Sender, *, gaps: bool = False) -> None:
+    def _deliver(self, sender: ArrivedSamples, *, gaps: bool = False) -> None:
         """Deliver the waiting samples up to the first gap, or all."""
         while sender.waiting:
             number = min(sender.waiting) if gaps else sender.due
@@ -285,7 +282,6 @@ PRIORITIES: Final = {
     Priority.DATA: zenoh.Priority.DATA,
     Priority.DATA_LOW: zenoh.Priority.DATA_LOW,
 }
-POLL_S: Final = 0.001
 
 
 class Publisher(Generic[M]):
@@ -366,17 +362,3 @@ class Publisher(Generic[M]):
         # Zenoh's stub declares bool, but the value is an object, which is always true.
         status: Any = self._matching.now.matching_status
         return bool(status.matching)
-
-
-def await_ready(publishers: Iterable[Publisher[Any]], timeout_s: float) -> list[str]:
-    """Wait until each publisher has a subscriber and, for an operator, its robot's time.
-
-    Return the keys of those that were not ready in time, which counts less on a busy machine.
-    """
-    waiting = [publisher for publisher in publishers if not publisher.ready]
-    patience = Patience(round(timeout_s * NS_PER_S))
-    pause = threading.Event()
-    while waiting and patience.left_ns():
-        pause.wait(POLL_S)
-        waiting = [publisher for publisher in waiting if not publisher.ready]
-    return [publisher.key for publisher in waiting]

@@ -169,11 +169,11 @@ def open_session(network: Network) -> zenoh.Session:
             busiest = max(busiest, slowdown())
             text = SOURCE_PLACES.sub("", str(error))
             if UNCONNECTED not in text:
-                raise in_words(network, text) from error
+                raise error_of(network, text) from error
             if monotonic() >= deadline_s:
                 if is_silent(network):
                     return open_slowly(network, busiest)
-                raise in_words(network, text) from error
+                raise error_of(network, text) from error
 
 
 def is_silent(network: Network) -> bool:
@@ -194,7 +194,7 @@ def open_slowly(network: Network, busiest: float) -> zenoh.Session:
         except zenoh.ZError as error:
             text = SOURCE_PLACES.sub("", str(error))
             if UNCONNECTED not in text or not is_silent(network):
-                raise in_words(network, text) from error
+                raise error_of(network, text) from error
     waited_s = network.connect_timeout_s + turns * SLOW_DIAL_S
     raise PeerHangsError(
         f"a process listens at {', '.join(network.connect)} but does not answer"
@@ -217,11 +217,11 @@ def configured(network: Network, dial_s: float, open_ms: int = OPEN_MS) -> zenoh
         for key, value in settings(network, dial_s, open_ms).items():
             config.insert_json5(key, json.dumps(value))
     except zenoh.ZError as error:
-        raise in_words(network, SOURCE_PLACES.sub("", str(error))) from error
+        raise error_of(network, SOURCE_PLACES.sub("", str(error))) from error
     return config
 
 
-def in_words(network: Network, text: str) -> UserError:
+def error_of(network: Network, text: str) -> UserError:
     """Return an error with its cause and remedy."""
     found = BOUND_TO.search(text)
     here = found[1] if found else ", ".join(network.listen)

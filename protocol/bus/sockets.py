@@ -179,7 +179,7 @@ RECORD, RECORD_MASK = 0x1403, 0xFCFF
 """A TLS record begins with a type from 0x14 to 0x17 and the version 3."""
 
 
-class Step(NamedTuple):
+class FilterStep(NamedTuple):
     """An instruction of the kernel's packet filter; `yes` and `no` count the steps to skip."""
 
     code: int
@@ -188,7 +188,7 @@ class Step(NamedTuple):
     no: int = 0
 
 
-def tls_steps() -> list[Step]:
+def tls_steps() -> list[FilterStep]:
     """Return the filter for segments that begin like TLS.
 
     An empty segment passes, unless it ends the connection: Zenoh's sockets may close before the
@@ -196,41 +196,41 @@ def tls_steps() -> list[Step]:
     connection (TCP_DEFER_ACCEPT). A load outside of a segment drops it.
     """
     return [
-        Step(LOAD_BYTE, FLAGS_AT),
-        Step(IF_ANY_BIT, RST | SYN, 0, 1),
-        Step(RETURN, PASS),
-        Step(LOAD_BYTE, LENGTH_AT),
-        Step(AND, 0xF0),
-        Step(SHIFT_RIGHT, 2),
-        Step(MOVE_TO_X, 0),
-        Step(LOAD_SIZE, 0),
-        Step(SUBTRACT_X, 0),
-        Step(IF_EQUAL, 0, 0, 4),
-        Step(LOAD_BYTE, FLAGS_AT),
-        Step(IF_ANY_BIT, FIN, 1, 0),
-        Step(RETURN, PASS),
-        Step(RETURN, DROP),
-        Step(LOAD_HALF_AT_X, 0),
-        Step(AND, RECORD_MASK),
-        Step(IF_EQUAL, RECORD, 0, 1),
-        Step(RETURN, PASS),
-        Step(RETURN, DROP),
+        FilterStep(LOAD_BYTE, FLAGS_AT),
+        FilterStep(IF_ANY_BIT, RST | SYN, 0, 1),
+        FilterStep(RETURN, PASS),
+        FilterStep(LOAD_BYTE, LENGTH_AT),
+        FilterStep(AND, 0xF0),
+        FilterStep(SHIFT_RIGHT, 2),
+        FilterStep(MOVE_TO_X, 0),
+        FilterStep(LOAD_SIZE, 0),
+        FilterStep(SUBTRACT_X, 0),
+        FilterStep(IF_EQUAL, 0, 0, 4),
+        FilterStep(LOAD_BYTE, FLAGS_AT),
+        FilterStep(IF_ANY_BIT, FIN, 1, 0),
+        FilterStep(RETURN, PASS),
+        FilterStep(RETURN, DROP),
+        FilterStep(LOAD_HALF_AT_X, 0),
+        FilterStep(AND, RECORD_MASK),
+        FilterStep(IF_EQUAL, RECORD, 0, 1),
+        FilterStep(RETURN, PASS),
+        FilterStep(RETURN, DROP),
     ]
 
 
-def datagram_steps(size: int, beginning: bytes) -> list[Step]:
+def datagram_steps(size: int, beginning: bytes) -> list[FilterStep]:
     """Return the filter for UDP datagrams of a size that begin with these four bytes."""
     return [
-        Step(LOAD_SIZE, 0),
-        Step(IF_EQUAL, UDP_HEADER_BYTES + size, 0, 3),
-        Step(LOAD_WORD, UDP_HEADER_BYTES),
-        Step(IF_EQUAL, int.from_bytes(beginning, "big"), 0, 1),
-        Step(RETURN, PASS),
-        Step(RETURN, DROP),
+        FilterStep(LOAD_SIZE, 0),
+        FilterStep(IF_EQUAL, UDP_HEADER_BYTES + size, 0, 3),
+        FilterStep(LOAD_WORD, UDP_HEADER_BYTES),
+        FilterStep(IF_EQUAL, int.from_bytes(beginning, "big"), 0, 1),
+        FilterStep(RETURN, PASS),
+        FilterStep(RETURN, DROP),
     ]
 
 
-def choice_steps(shares: Mapping[Address, float]) -> list[Step]:
+def choice_steps(shares: Mapping[Address, float]) -> list[FilterStep]:
     """Return the choice of the socket for a new connection.
 
     `shares` is the part of the connections of an address to let in.
@@ -238,31 +238,31 @@ def choice_steps(shares: Mapping[Address, float]) -> list[Step]:
     v4 = [step for one, share in shares.items() if one.version == 4 for step in let(one, share)]
     v6 = [step for one, share in shares.items() if one.version == 6 for step in let(one, share)]
     return [
-        Step(LOAD_BYTE, IP_HEADER),
-        Step(SHIFT_RIGHT, 4),
-        Step(IF_EQUAL, 4, 1, 0),
-        Step(JUMP, len(v4) + 1),
+        FilterStep(LOAD_BYTE, IP_HEADER),
+        FilterStep(SHIFT_RIGHT, 4),
+        FilterStep(IF_EQUAL, 4, 1, 0),
+        FilterStep(JUMP, len(v4) + 1),
         *v4,
-        Step(RETURN, ZENOH),
+        FilterStep(RETURN, ZENOH),
         *v6,
-        Step(RETURN, ZENOH),
+        FilterStep(RETURN, ZENOH),
     ]
 
 
-def let(address: Address, share: float) -> Iterator[Step]:
+def let(address: Address, share: float) -> Iterator[FilterStep]:
     """Yield the steps that let in a share of the connections of an address."""
     first = SOURCE_V4_AT if address.version == 4 else SOURCE_V6_AT
     words = struct.unpack(f"!{len(address.packed) // 4}I", address.packed)
     for number, word in enumerate(words):
-        yield Step(LOAD_WORD, first + 4 * number)
-        yield Step(IF_EQUAL, word, 0, 2 * (len(words) - number - 1) + 4)
-    yield Step(LOAD_WORD, RANDOM)
-    yield Step(IF_AT_LEAST, min(2**32 - 1, round(share * 2**32)), 1, 0)
-    yield Step(RETURN, ZENOH)
-    yield Step(RETURN, ASIDE)
+        yield FilterStep(LOAD_WORD, first + 4 * number)
+        yield FilterStep(IF_EQUAL, word, 0, 2 * (len(words) - number - 1) + 4)
+    yield FilterStep(LOAD_WORD, RANDOM)
+    yield FilterStep(IF_AT_LEAST, min(2**32 - 1, round(share * 2**32)), 1, 0)
+    yield FilterStep(RETURN, ZENOH)
+    yield FilterStep(RETURN, ASIDE)
 
 
-def attach(listener: socket.socket, steps: Sequence[Step], option: int) -> None:
+def attach(listener: socket.socket, steps: Sequence[FilterStep], option: int) -> None:
     """Give a socket a program in place of the one before. Raises OSError."""
     packed = b"".join(struct.pack("HBBI", one.code, one.yes, one.no, one.value) for one in steps)
     code = ctypes.create_string_buffer(packed, len(packed))

@@ -402,7 +402,6 @@ BLOCKS: Final = (
     "protocol.bus.session",
     "protocol.bus.services",
     "protocol.bus.publisher",
-    "protocol.bus.publisher",
     "protocol.bus.robot_clock",
     "runtime.clock",
     "ground.client.emergency_stop",
@@ -414,7 +413,6 @@ BLOCKS: Final = (
     "ground.station.reader",
     "robot.process",
     "robot.file_writer",
-    "plant.process.loop",
     "plant.process.loop",
     "runtime.lockstep",
 )
@@ -437,8 +435,7 @@ SPECIAL: Final[tuple[tuple[str, str, object], ...]] = (
     ("gateways.mavlink.bus_port", "ThreadPoolExecutor", SimulatedPool),
     ("ground.client.stop_ways", "ways_of", lambda _bus, _robot: NO_WAYS),
     ("plant.process.loop", "Patience", PATIENCE),
-    ("protocol.bus.publisher", "Patience", PATIENCE),
-    ("runtime.files", "os", SimulatedOs),
+    ("protocol.bus.bus", "Patience", PATIENCE),
     ("runtime.files", "os", SimulatedOs),
     ("runtime.files", "Path", lambda path: path),
 )

@@ -19,12 +19,12 @@ from protocol.bus.audit import (
     in_words,
     refusals_in,
 )
-from protocol.bus.door import BURST, LEAST_SHARE, UNAVAILABLE, UNPRIVILEGED, Door, Limits
+from protocol.bus.door import BURST, LEAST_SHARE, UNAVAILABLE, UNPRIVILEGED, AddressShares, Door
 from protocol.bus.sockets import (
     SO_ATTACH_FILTER,
     SO_ATTACH_REUSEPORT_CBPF,
     ConnectionEnd,
-    Step,
+    FilterStep,
     attach,
     choice_steps,
     end_in,
@@ -132,7 +132,7 @@ def test_closed_door_leaves_the_port_as_it_was() -> None:
 def refuse(patch: pytest.MonkeyPatch, *options: int) -> None:
     """Let the system refuse some programs."""
 
-    def attach_or_refuse(listener: socket.socket, steps: list[Step], option: int) -> None:
+    def attach_or_refuse(listener: socket.socket, steps: list[FilterStep], option: int) -> None:
         if option in options:
             raise PermissionError(option)
         attach(listener, steps, option)
@@ -167,7 +167,7 @@ def test_system_without_filters_is_named_and_lets_all_in(monkeypatch: pytest.Mon
 
 
 def test_links_cost_an_address_nothing() -> None:
-    limits = Limits()
+    limits = AddressShares()
     for _ in range(100):
         limits.arrived(ADA, 0.0)
         limits.linked(ADA)
@@ -175,7 +175,7 @@ def test_links_cost_an_address_nothing() -> None:
 
 
 def test_share_falls_with_failures_and_others_keep_theirs() -> None:
-    limits = Limits()
+    limits = AddressShares()
     for _ in range(BURST + 3):
         limits.arrived(EVE, 0.0)
     limits.arrived(ADA, 0.0)
@@ -183,7 +183,7 @@ def test_share_falls_with_failures_and_others_keep_theirs() -> None:
 
 
 def test_no_address_is_shut_out() -> None:
-    limits = Limits()
+    limits = AddressShares()
     for _ in range(10_000):
         limits.arrived(EVE, 0.0)
     assert limits.shares(0.0) == {EVE: LEAST_SHARE}
@@ -194,7 +194,7 @@ def test_no_address_is_shut_out() -> None:
 
 def test_links_restore_a_share_at_once() -> None:
     """Forty robots behind one address dial at the same time after a restart of the router."""
-    limits = Limits()
+    limits = AddressShares()
     for _ in range(40):
         limits.arrived(ADA, 0.0)
     assert limits.shares(0.0)[ADA] < 0.01
@@ -204,7 +204,7 @@ def test_links_restore_a_share_at_once() -> None:
 
 
 def test_known_addresses_are_bounded() -> None:
-    limits = Limits()
+    limits = AddressShares()
     for number in range(5000):
         for _ in range(BURST + 1):
             limits.arrived(ip_address(0x0A000000 + number), 0.0)
