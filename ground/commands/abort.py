@@ -1,14 +1,17 @@
 """`abort`: stop and drop the goal."""
 
-from ground.commands.command import command
-from ground.commands.plain import Parts, PlainCommand
-from protocol.wire.enums import Command
+from ground.client.outcomes import Answer
+from ground.commands.command import TimedCommand, command
+from ground.robot import Robot
 from runtime.cli.verb import DRIVE
 
 
 @command(DRIVE, 70, "abort --id r2", only_stops=True)
-class Abort(PlainCommand):
+class Abort(TimedCommand):
     """Stop and drop the goal."""
 
     effect = "stopped, the goal is dropped"
-    parts = Parts(Command.SIDESTEP_ABORT_GOAL)
+
+    async def perform(self, robot: Robot) -> Answer:
+        """Send it and return the robot's answer."""
+        return await robot.abort(timeout_s=self.timeout_s)

@@ -1,15 +1,16 @@
 """`mode`: choose the mode."""
 
-from ground.commands.command import choice, command
-from ground.commands.plain import Parts, PlainCommand
-from protocol.wire.enums import Command, Mode
+from ground.client.outcomes import Answer
+from ground.commands.command import TimedCommand, choice, command
+from ground.robot import Robot
+from protocol.wire.enums import Mode
 from runtime.cli.verb import DRIVE
 
 MODES = {mode.name.lower(): mode for mode in Mode}
 
 
 @command(DRIVE, 130, "mode auto", moves=True, begins=True)
-class SetMode(PlainCommand):
+class SetMode(TimedCommand):
     """Choose the mode."""
 
     effect = "mode set"
@@ -20,6 +21,6 @@ class SetMode(PlainCommand):
         """False for HOLD: it can only stop the robot."""
         return self.mode is not Mode.HOLD
 
-    def wire(self) -> Parts:
-        """Return the command with the mode as its second parameter."""
-        return Parts(Command.DO_SET_MODE, 1.0, float(self.mode))
+    async def perform(self, robot: Robot) -> Answer:
+        """Send it and return the robot's answer."""
+        return await robot.set_mode(self.mode, timeout_s=self.timeout_s)

@@ -1,13 +1,16 @@
 """Restart of the robot's process, for MAVLink clients."""
 
-from ground.commands.command import command
-from ground.commands.plain import Parts, PlainCommand
-from protocol.wire.enums import Command
+from ground.client.outcomes import Answer
+from ground.commands.command import TimedCommand, command
+from ground.robot import Robot
 
 
 @command(word="restart", moves=True)
-class Restart(PlainCommand):
+class Restart(TimedCommand):
     """End the robot's process, so that its supervisor starts it again; refused while armed."""
 
     effect = "the robot process restarts"
-    parts = Parts(Command.PREFLIGHT_REBOOT_SHUTDOWN, 1.0)
+
+    async def perform(self, robot: Robot) -> Answer:
+        """Send it and return the robot's answer."""
+        return await robot.restart(timeout_s=self.timeout_s)

@@ -7,7 +7,7 @@ heartbeat, emergency stop and requests are its own.
 """
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -25,14 +25,7 @@ from ground.client.link import Link
 from ground.client.outcomes import Answer, Refused
 from ground.client.requests import BEAT_NS, is_saving
 from ground.client.teleop_sender import TeleopSender
-from ground.commands.abort import Abort
-from ground.commands.arm import Arm
-from ground.commands.disarm import Disarm
-from ground.commands.hold import Hold
 from ground.commands.lease import ask_lease
-from ground.commands.resume import Resume
-from ground.commands.rtl import ReturnHome
-from ground.commands.stop import ClearEmergencyStop
 from ground.missions.mission import Circle, Polygon, Waypoint
 from ground.missions.transfer import Clear, Upload, Verdict, fence_items_of, items_of
 from ground.station.robot.background_requests import JobResult
@@ -48,10 +41,16 @@ from runtime.units import NS_PER_MS, NS_PER_S
 
 DIALS: Final = Network(mode="client", connect=("tcp/127.0.0.1:7447",))
 STEER_NS: Final = 50 * NS_PER_MS
-ORDERS: Final = {
-    order.facts.word: order
-    for order in (Hold, Resume, Abort, ReturnHome, Arm, Disarm, ClearEmergencyStop)
+ORDERS: Final[Mapping[str, tuple[Command, float]]] = {
+    "hold": (Command.DO_PAUSE_CONTINUE, 0.0),
+    "resume": (Command.DO_PAUSE_CONTINUE, 1.0),
+    "abort": (Command.SIDESTEP_ABORT_GOAL, 0.0),
+    "rtl": (Command.NAV_RETURN_TO_LAUNCH, 0.0),
+    "arm": (Command.COMPONENT_ARM_DISARM, 1.0),
+    "disarm": (Command.COMPONENT_ARM_DISARM, 0.0),
+    "clear-estop": (Command.SIDESTEP_CLEAR_EMERGENCY_STOP, 0.0),
 }
+"""The commands of verbs, with their first parameter."""
 
 
 @dataclass(slots=True)
@@ -227,12 +226,8 @@ class SimulatedOperator:
         return ok
 
     def order(self, link: Link, verb: str) -> bool:
-        """Send the command of a verb; a clear is not sent if no status shows a stop."""
-        try:
-            request = ORDERS[verb]().request(link)
-        except RemoteError:
-            return False
-        return self.command(link, verb, request)
+        """Send the command of a verb."""
+        return self.command(link, verb, link.command(*ORDERS[verb]))
 
     def mode(self, link: Link, name: str) -> bool:
         """Change the mode."""

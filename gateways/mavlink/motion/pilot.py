@@ -8,18 +8,18 @@ from gateways.mavlink.mav_service import Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage
 from gateways.mavlink.robot_port import OVERTAKEN, Answered, Done
-from ground.blocking import perform
 from ground.client.goal import Destination
 from ground.client.outcomes import Accepted, Answer, Outcome, Refused
-from ground.client.requests import ATTEMPTS, GaveUp
-from ground.client.session import Operation, Session
-from ground.commands.abort import Abort
+from ground.client.requests import GaveUp
+from ground.client.session import Operation
 from ground.commands.goto import Goto
 from ground.commands.hold import Hold
 from ground.commands.mission import StartMission
 from ground.commands.mode import SetMode
 from ground.commands.rtl import ReturnHome
-from protocol.wire.enums import MissionState, Mode
+from ground.robot import Robot
+from protocol.topics import COMMAND
+from protocol.wire.enums import Command, MissionState, Mode
 from protocol.wire.enums import Vehicle as VehicleState
 from protocol.wire.reasons import Reason
 from runtime.units import NS_PER_S
@@ -57,10 +57,10 @@ class BeginDrive:
     verb: ClassVar[str] = "mode"
     moves: ClassVar[bool] = True
 
-    def perform(self, session: Session) -> Answer:
+    async def perform(self, robot: Robot) -> Answer:
         """Set the mode; the request names the drive."""
-        request = SetMode(mode=Mode.MANUAL).request(session.link)
-        answer = session.with_holder(session.link.ask(request))
+        request = robot.request(Command.DO_SET_MODE, 1.0, float(Mode.MANUAL))
+        answer = await robot.ask(request)
         if isinstance(answer, Accepted):
             return DriveBegun(answer.took_ns, request.request_id)
         return answer
@@ -75,17 +75,17 @@ class EndDrive:
     drive_id: int
     mode: Mode
 
-    def perform(self, session: Session) -> Outcome:
+    async def perform(self, robot: Robot) -> Outcome:
         """Hold, if the drive is the present one; then set the mode."""
-        link = session.link
-        answer = link.end(Hold().request(link), self.drive_id, ATTEMPTS)
+        request = robot.request(Command.DO_PAUSE_CONTINUE, 0.0)
+        answer = await robot.end(request, self.drive_id)
         if answer is None:
             return DriveOver()
         if isinstance(answer, GaveUp):
-            raise link.unanswered(answer)
+            raise await robot.unanswered(answer, COMMAND)
         if self.mode is Mode.HOLD or not answer.ok:
             return answer
-        return perform(SetMode(mode=self.mode), session)
+        return await robot.set_mode(self.mode)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,10 +95,10 @@ class EnterGuided:
     verb: ClassVar[str] = "mode"
     moves: ClassVar[bool] = True
 
-    def perform(self, session: Session) -> Outcome:
+    async def perform(self, robot: Robot) -> Answer:
         """Abort (a robot without a goal refuses it), and set the mode."""
-        perform(Abort(), session)
-        return perform(SetMode(mode=Mode.GUIDED), session)
+        await robot.abort()
+        return await robot.set_mode(Mode.GUIDED)
 
 
 class DriveAttempt(NamedTuple):

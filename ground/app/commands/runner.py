@@ -20,6 +20,7 @@ from ground.commands.all_robots import ClearAll, StopAll
 from ground.commands.lease import ChangeLease
 from ground.commands.mode import SetMode
 from ground.commands.stop import ClearEmergencyStop, StopNow
+from ground.commands.teleop import set_mode
 from ground.console.app_commands import AppCommand, Undo
 from ground.console.argument_errors import shown
 from ground.console.completion import Assistance, Candidate, assist
@@ -300,7 +301,7 @@ class DriveByKeys:
 
     def begin(self) -> Answer:
         """Choose MANUAL; then send zero speed once."""
-        request = MANUAL.request(self._link)
+        request = set_mode(self._link, Mode.MANUAL)
         self._id = request.request_id
         answer = Session(self._link, attended=True).with_holder(self._link.ask(request))
         if answer.ok:
@@ -309,7 +310,7 @@ class DriveByKeys:
 
     def end(self) -> Answer | None:
         """Choose HOLD for this drive, and for no other; None if it is over."""
-        outcome = self._link.end(HOLD.request(self._link), self._id, attempts=ATTEMPTS)
+        outcome = self._link.end(set_mode(self._link, Mode.HOLD), self._id, attempts=ATTEMPTS)
         if isinstance(outcome, GaveUp):
             raise self._link.unanswered(outcome)
         return outcome

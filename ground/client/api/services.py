@@ -41,7 +41,7 @@ from ground.commands.resume import Resume
 from ground.missions import files
 from ground.missions.mission import Fence, Mission
 from protocol.topics import MISSION
-from protocol.wire.enums import LeaseAction, MissionState
+from protocol.wire.enums import Command, LeaseAction, MissionState
 from protocol.wire.messages import CommandRequest, MissionStatus
 from protocol.wire.reasons import Reason
 from runtime.clock import Clock
@@ -173,7 +173,7 @@ class Missions:
         return await self._robot.drive_until(
             StartMission(item=item).perform,
             follow,
-            lambda link: link.command(Hold.parts.command, 0.0),
+            lambda link: link.command(Command.DO_PAUSE_CONTINUE, 0.0),
         )
 
     async def pause(self) -> Answer:

@@ -90,7 +90,7 @@ class FakePort:
     def __init__(self) -> None:
         self.telemetry: dict[str, Any] = {}
         self.waiting: deque[tuple[Operation[Any], Done]] = deque()
-        self.performed: list[Operation[Any]] = []
+        self.performed: list[Any] = []
         self.leases: list[tuple[LeaseAction, str]] = []
         self.holder = ""
         self.stops: list[Done] = []
@@ -307,7 +307,7 @@ def show(
     bench.after(0.02)
 
 
-def performed(bench: Bench) -> list[Operation[Any]]:
+def performed(bench: Bench) -> list[Any]:
     """Return the operations since the last call."""
     done = list(bench.port.performed)
     bench.port.performed.clear()
