@@ -1,7 +1,8 @@
 """The public names of `import sidestep`: the asyncio client, its values, events and errors."""
 
 from ground.client.api import operations
-from ground.client.api.events import (
+from ground.client.api.robot import Robot, connect
+from ground.client.events import (
     Event,
     EventStream,
     GoalChanged,
@@ -11,8 +12,6 @@ from ground.client.api.events import (
     TextReceived,
     VehicleChanged,
 )
-from ground.client.api.robot import Robot, connect
-from ground.client.api.streams import ClosedError, Stream
 from ground.client.link import UnansweredError
 from ground.client.outcomes import (
     Accepted,
@@ -26,6 +25,7 @@ from ground.client.outcomes import (
     agreed,
 )
 from ground.client.parameter import Parameter
+from ground.client.streams import ClosedError, Stream
 from ground.commands.mission import MissionEnded, TransferOutcome
 from ground.commands.param import ParameterChanged
 from ground.missions.mission import Circle, Mission, Polygon, Waypoint

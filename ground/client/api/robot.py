@@ -25,11 +25,10 @@ from typing import Any, Final, TypeVar
 from ground.blocking import perform
 from ground.client import stop_ways
 from ground.client.api import threads
-from ground.client.api.events import Telemetry
 from ground.client.api.services import Fences, Leases, Missions, Parameters
-from ground.client.api.streams import CLOSED, ClosedError, TopicStreams
 from ground.client.connection import LONGEST_S, Common, common, within
 from ground.client.emergency_stop import EmergencyStop, new_press
+from ground.client.events import Telemetry
 from ground.client.goal import HEADING_TOLERANCE_DEG, POSITION_TOLERANCE_M, destination
 from ground.client.lease_holder import is_ours, operator_name
 from ground.client.link import ALIVE, Link, UnansweredError, open_link
@@ -46,6 +45,7 @@ from ground.client.outcomes import (
 from ground.client.requests import ATTEMPTS, CROSSING_NS, GaveUp, GoalEnd, GoalWatch, HeartbeatTimer
 from ground.client.session import Operation, Session
 from ground.client.status_line import reason_of, state_of
+from ground.client.streams import CLOSED, ClosedError, TopicStreams
 from ground.client.teleop_sender import TeleopSender, lost_control
 from ground.client.vocabulary import PYTHON, SIDES
 from ground.commands.abort import Abort

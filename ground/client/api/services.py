@@ -5,13 +5,13 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Final, Protocol, TypeVar
 
-from ground.client.api.streams import TopicStreams
 from ground.client.connection import within
 from ground.client.link import Link
 from ground.client.outcomes import Answer, LeaseShown, Outcome, Refused
 from ground.client.parameter import Parameter
 from ground.client.requests import SILENCE_NS
 from ground.client.session import Operation, Session
+from ground.client.streams import TopicStreams
 from ground.commands.fence import ClearFence, FenceShown, SetFence, ShowFence
 from ground.commands.hold import Hold
 from ground.commands.lease import ShowLease

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from checks.harness.messages import make
-from ground.client.api.events import (
+from ground.client.events import (
     EventDetector,
     GoalChanged,
     LeaseChanged,
@@ -17,7 +17,6 @@ from ground.client.api.events import (
     TextReceived,
     VehicleChanged,
 )
-from ground.client.api.streams import Stream, TopicStreams
 from ground.client.requests import HeartbeatTimer
 from ground.client.status_line import (
     doing,
@@ -28,6 +27,7 @@ from ground.client.status_line import (
     state_of,
     watch_line,
 )
+from ground.client.streams import Stream, TopicStreams
 from ground.client.telemetry import Age, Telemetry, age_of
 from ground.client.time_factor import TimeFactor, chosen_speed
 from ground.text.status_parts import fitted, in_words

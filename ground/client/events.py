@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final, Self, TypeAlias, TypeVar
 
-from ground.client.api.streams import QUEUE, Stream, TopicStreams
 from ground.client.lease_holder import is_ours
+from ground.client.streams import QUEUE, Stream, TopicStreams
 from ground.text.wording import StatustextAssembler
 from protocol.outcome import mission_state
 from protocol.topics import DECISION, LEASE, MISSION, ODOMETRY, SONAR, STATUS, TEXT, Topic
