@@ -42,6 +42,9 @@ class BlockingRobot(Robot):
 
     _attend = beat
 
+    def _lease_granted(self) -> None:
+        """Send no heartbeat for a lease that is only taken."""
+
     async def _answer(
         self, service: Service, message: Message | None, timeout_s: float
     ) -> Message | bytes:
@@ -62,7 +65,7 @@ class BlockingRobot(Robot):
         return job()
 
     async def _uninterrupted(
-        self, _gate: object, work: Callable[[], Coroutine[Any, Any, T]], _drive: object = None
+        self, _gate: object, work: Callable[[], Coroutine[Any, Any, T]], _started: object = None
     ) -> T:
         return await work()
 

@@ -9,21 +9,19 @@ the process that is missing.
 """
 
 import asyncio
-from collections.abc import Awaitable, Callable, Coroutine, Iterator
-from concurrent.futures import Future
-from contextlib import closing, contextmanager, suppress
+from collections import deque
+from collections.abc import Callable, Coroutine
 from dataclasses import replace
 from enum import Enum, IntEnum
 from functools import partial
 from math import nan, radians
-from threading import Thread
 from typing import Any, Final, Protocol, TypeVar
 
 from msgspec import structs
 
 from ground.client import stop_ways
 from ground.client.connection import LONGEST_S, Common, within
-from ground.client.emergency_stop import EmergencyStop
+from ground.client.emergency_stop import EmergencyStop, StopWays, new_press
 from ground.client.floor import Floor
 from ground.client.goal import (
     FARTHEST_M,
@@ -33,8 +31,8 @@ from ground.client.goal import (
     destination,
     goal_request,
 )
-from ground.client.lease_holder import holder_name, is_ours
-from ground.client.link import END_NS, LISTEN_NS, UnansweredError
+from ground.client.lease_holder import is_ours
+from ground.client.link import ALIVE, END_NS, Link
 from ground.client.lost_drive import (
     LostDrive,
     LostGoal,
@@ -46,6 +44,7 @@ from ground.client.lost_drive import (
 )
 from ground.client.outcomes import (
     Accepted,
+    AllAnswered,
     Answer,
     DriveEnded,
     GoalEnded,
@@ -58,43 +57,47 @@ from ground.client.outcomes import (
     RefusedError,
     Stopped,
 )
-from ground.client.presence import explain_silence, present_processes
 from ground.client.requests import (
     ATTEMPTS,
     BEAT_NS,
-    PATIENCE_NS,
+    CROSSING_NS,
     CommandExchange,
-    Exchange,
     GaveUp,
     GoalEnd,
     GoalWatch,
     HeartbeatTimer,
     Request,
-    RequestIds,
 )
-from ground.client.status_line import goal_line
+from ground.client.robot_link import (
+    LEASE_NS,
+    NEWEST_NS,
+    REQUESTS,
+    RobotLink,
+    in_own_thread,
+    settled,
+)
+from ground.client.status_line import goal_line, reason_of, state_of
+from ground.client.stopping import stop_all
 from ground.client.telemetry import Telemetry
 from ground.client.teleop_sender import TeleopSender, lost_control
 from ground.client.vocabulary import SIDES
 from ground.missions.transfer import Download, Downloaded, waypoints_of
 from protocol.bus.bus import Bus
-from protocol.bus.rights import denial
+from protocol.bus.publisher import Publisher
 from protocol.outcome import doubt_of
 from protocol.topics import (
     COMMAND,
     DECISION,
-    HEARTBEAT,
     LEASE,
     LEASE_SERVICE,
     MARK,
     MISSION,
     MISSION_SERVICE,
     ODOMETRY,
+    OPERATOR,
     STATUS,
     STOP,
     TRUTH,
-    Service,
-    Topic,
 )
 from protocol.wire.enums import (
     Command,
@@ -109,16 +112,16 @@ from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandRequest,
     GoalRequest,
+    Heartbeat,
     LeaseRequest,
     NavigatorStatus,
     PlanarOdometry,
 )
 from protocol.wire.reasons import Reason
 from protocol.wire.statustext import pieces_of
-from runtime.clock import Clock, WallClock
+from runtime.clock import Clock
 from runtime.errors import RemoteError, UserError
 from runtime.units import NS_PER_MS, NS_PER_S
-from runtime.watchdog import Patience, load_words, slowdown_in
 
 T = TypeVar("T")
 M = TypeVar("M", bound=Message)
@@ -127,13 +130,8 @@ E = TypeVar("E", bound=IntEnum)
 Out = TypeVar("Out")
 Out_co = TypeVar("Out_co", bound=Outcome, covariant=True)
 
-REQUESTS: Final = 4
-"""Number of concurrent requests; further ones wait. Emergency stops do not."""
 RETRY_NS: Final = 2 * NS_PER_S
 """Time within which causes of a refusal are removed."""
-NEWEST_NS: Final = NS_PER_S
-"""Longest wait for a stream of the robot."""
-LEASE_NS: Final = 1_500 * NS_PER_MS
 MISSION_NS: Final = 700 * NS_PER_MS
 """A robot publishes the status of its mission twice a second."""
 CURRENT: Final = -1
@@ -146,7 +144,9 @@ SHOW_PLAIN_NS: Final = 2 * NS_PER_S
 RELEASE_NS: Final = 200 * NS_PER_MS
 AGAIN_NS: Final = 20 * NS_PER_S
 """After this time a kept lease is asked for again: heartbeats alone do not keep an idle one."""
-MARK_S: Final = 0.5
+READY_S: Final = 0.5
+OWN_STOPS: Final = 16
+"""So many of its newest stops a program may release: several may be repeated at the same time."""
 FASTEST_M_S: Final = 5.0
 FASTEST_DEG_S: Final = 720.0
 NO_ANSWER: Final = (
@@ -186,8 +186,12 @@ class Drive:
     def __init__(self) -> None:
         self.request_id = 0
         """That of the newest request that may have begun it; 0 before the first."""
-        self.sending: asyncio.Future[Any] | None = None
+        self.sending: asyncio.Future[Answer] | None = None
         self.ended = asyncio.Event()
+
+    def sent_by(self, sending: "asyncio.Future[Answer]") -> None:
+        """Note what sends its requests."""
+        self.sending = sending
 
     def begun_by(self, request: R) -> R:
         """Note that a request which is now sent may begin the drive."""
@@ -195,13 +199,17 @@ class Drive:
         return request
 
 
-class Robot:
+class Robot(RobotLink):
     """One robot, with this program as its operator.
 
     `leasing`: when it takes the lease by itself. `follows`: a command that begins a drive waits for
     its end; otherwise another part of the process follows it. `floor` returns the floor of the
     world, if it is known; it may block.
     """
+
+    _heartbeat: Publisher[Heartbeat]
+    _stops: Publisher[CommandRequest]
+    _ways: StopWays
 
     def __init__(
         self,
@@ -215,93 +223,82 @@ class Robot:
         progress: Progress | None = None,
         floor: Callable[[], Floor | None] = lambda: None,
     ) -> None:
-        self.name = common.robot
-        self.bus = bus
-        self.clock: Clock = WallClock() if clock is None else clock
+        super().__init__(bus, common, clock)
         self.follows = follows
         self.progress: Progress = progress or NoProgress()
-        self.remedies = common.remedies
-        self._common = common
         self._operator = operator
         self._leasing = leasing
         self._floor = floor
-        self._ids = RequestIds()
-        self._slowdown = slowdown_in(self.clock)
-        self._waiting: set[asyncio.Future[None]] = set()
-        self._has_arrived = False
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._slots = asyncio.Semaphore(REQUESTS)
         self._turn = asyncio.Lock()
         """Held by what begins a drive, while it is sent: an old one must not overtake a new one."""
 
         self._taking, self._changing = asyncio.Lock(), asyncio.Lock()
         self._holds_lease = False
+        self._taken_ns = 0
+        self._heartbeat_timer = HeartbeatTimer()
+        self._beating: asyncio.Task[None] | None = None
         self._drives: set[Drive] = set()
         """The drives of this program that have not ended, clean-up included."""
 
         self._stick: TeleopSender | None = None
+        self._stopping: set[asyncio.Future[Any]] = set()
+        self._own_stops: deque[int] = deque(maxlen=OWN_STOPS)
+        """The stops of this program, the newest first."""
+
+    def __repr__(self) -> str:
+        """Return the robot, where it is, and what its newest status shows."""
+        where = f"robot {self.name} at {self._common.endpoint}"
+        newest = self.streams.latest(STATUS)
+        if self._is_closed or newest is None:
+            return f"<{where}: {'closed' if self._is_closed else 'no status yet'}>"
+        state = f"{state_of(newest[0])} {reason_of(newest[0])}".rstrip()
+        return f"<{where}: {state}, {'with' if self._holds_lease else 'without'} its lease>"
+
+    def to(self, robot: str) -> "Robot":
+        """Return another robot on the same bus."""
+        common = replace(self._common, robot=robot)
+        return Robot(
+            self.bus,
+            common,
+            self._operator,
+            clock=self.clock,
+            leasing=self._leasing,
+            follows=self.follows,
+            progress=self.progress,
+            floor=self._floor,
+        )
+
+    async def open(self) -> None:
+        """Start the subscriptions and the heartbeat, for `connect`."""
+        self._loop = asyncio.get_running_loop()
+        self._heartbeat = self.bus.publisher(OPERATOR, self.name)
+        self._stops = self.bus.publisher(STOP, self.name)
+        self._ways = stop_ways.ways_of(self.bus, self.name)
+        self.streams.keep(STATUS, LEASE, MISSION)
+        self.bus.announce(self.name)
+        publishers: list[Publisher[Any]] = [self._heartbeat, self._stops]
+        await self.in_own_thread(lambda: self.bus.await_matched(publishers, timeout_s=READY_S))
+        self._beating = asyncio.create_task(self._beat())
+
+    async def close(self) -> None:
+        """End the drives of this program, leave the lease and end all streams, for `connect`."""
+        self._is_closed = True
+        while self._drives:
+            await next(iter(self._drives)).ended.wait()
+        if self._beating is not None:
+            self._beating.cancel()
+            await settled(self._beating)
+        self.streams.close()
+        for stop in tuple(self._stopping):
+            await settled(stop)
+        self._ways.close()
+        async with self._changing:
+            if self._holds_lease:
+                await self._leave()
+        for _ in range(REQUESTS):  # those that have been sent end, too
+            await self._slots.acquire()
 
     # Requests.
-
-    def request(
-        self, command: Command, param1: float = 0.0, param2: float = 0.0, param3: float = 0.0
-    ) -> CommandRequest:
-        """Return a request with an id of its own."""
-        return CommandRequest(
-            request_id=self._ids.next(),
-            param1=param1,
-            param2=param2,
-            command=command,
-            param3=param3,
-        )
-
-    async def ask(
-        self,
-        request: Request,
-        *,
-        attempts: int = ATTEMPTS,
-        patience_ns: int | None = None,
-        service: Service = COMMAND,
-    ) -> Answer:
-        """Send a request until it is answered; a refusal for the lease names its holder.
-
-        Without a time limit for each, there are more attempts while this machine is busy; the robot
-        ignores each one that arrives later than its sender waits.
-        """
-        if patience_ns is None:
-            attempts, patience_ns = round(attempts * self._slowdown()), PATIENCE_NS
-        asking = CommandExchange(
-            request, self.clock.now_ns(), attempts=attempts, patience_ns=patience_ns
-        )
-        answer = await self.exchange(asking, service)
-        if isinstance(answer, Accepted):
-            return answer
-        holder = await self.refusing_holder(answer.reason)
-        return replace(answer, holder=holder, remedies=self.remedies)
-
-    async def exchange(self, exchange: Exchange[Out], service: Service) -> Out:
-        """Send the requests of an exchange until it is over; return its outcome.
-
-        To cancel this does not withdraw a request that was sent, nor end its repetition. Raises
-        UnansweredError, which names the process that is missing or hangs.
-        """
-        outcome = await self._uninterrupted(self._slots, partial(self._carry, exchange, service))
-        if outcome is None or isinstance(outcome, GaveUp):
-            raise await self.unanswered(outcome, service)
-        return outcome
-
-    async def _carry(self, exchange: Exchange[Out], service: Service) -> Out | GaveUp | None:
-        while not exchange.over:
-            for send in exchange.due(self.clock.now_ns()):
-                try:
-                    answer = await self._answer(service, send.request, send.patience_ns / NS_PER_S)
-                except RemoteError as error:
-                    exchange.unanswered(str(error))
-                else:
-                    exchange.receive(answer, self.clock.now_ns())
-            if not exchange.over:
-                await self.sleep_until(exchange.next_ns)
-        return exchange.outcome
 
     async def accepted(
         self, make: Callable[[], R], *, beats: bool, arms: bool = True
@@ -367,84 +364,12 @@ class Robot:
         is_over = isinstance(outcome, Refused) and outcome.reason == Reason.ALREADY_OVER
         return None if is_over else outcome
 
-    async def unanswered(self, outcome: GaveUp | None, service: Service) -> UnansweredError:
-        """Return the error for an exchange without an outcome."""
-        if why_not := denial(self.bus.holder, self.name, service):
-            return UnansweredError(f"{why_not}: {self.remedies.keys}")
-        why = "no answer" if outcome is None else outcome.why
-        return UnansweredError(f"{await self.diagnosis()} ({why})")
-
-    async def diagnosis(self) -> str:
-        """Explain why the robot does not answer; listens for its heartbeat for up to 0.7 s.
-
-        Listens longer while this machine is busy.
-        """
-        with self.subscribed(HEARTBEAT) as telemetry:
-            box = telemetry.boxes()[HEARTBEAT.path]
-            await self.wait(lambda: box.latest() is not None or box.rejected > 0, LISTEN_NS)
-            is_beating = box.latest() is not None
-            if box.rejected and not is_beating:
-                return f"robot {self.name} runs, but its heartbeat {box.last_rejection}"
-        why = await self.in_own_thread(lambda: self._silence(is_beating=is_beating))
-        return why + load_words(self._slowdown())
-
-    def _silence(self, *, is_beating: bool) -> str:
-        """Explain it by what is linked; blocks."""
-        present = present_processes(self.bus.present(self._slowdown()))
-        return self.bus.lost() or explain_silence(
-            present,
-            self.name,
-            self._common.endpoint,
-            is_beating=is_beating,
-            other=self.remedies.robot,
-        )
-
-    # What arrives.
-
-    @contextmanager
-    def subscribed(self, *topics: Topic[Any]) -> Iterator[Telemetry]:
-        """Subscribe to topics of the robot for the duration of the context."""
-        telemetry = Telemetry(self.bus, self.name, topics, notify=self._note_arrival)
-        try:
-            yield telemetry
-        finally:
-            for box in telemetry.boxes().values():
-                self.bus.unsubscribe(box)
-
-    async def newest(self, topic: Topic[M], patience_ns: int) -> M | None:
-        """Return the next message of a topic; None if none arrives in time."""
-        with self.subscribed(topic) as telemetry:
-            await self.wait(lambda: telemetry.latest(topic) is not None, patience_ns)
-            newest = telemetry.latest(topic)
-            return None if newest is None else newest[0]
-
-    async def wait(self, condition: Callable[[], bool], patience_ns: int) -> bool:
-        """Wait until the condition holds, checked at each arrival; return False when time is up.
-
-        The time counts less while this machine is busy.
-        """
-        patience = Patience(patience_ns, self.clock.now_ns, self._slowdown)
-        while not condition():
-            left_ns = patience.left_ns()
-            if not left_ns:
-                return False
-            await self._arrival(self.clock.now_ns() + left_ns)
-        return True
-
     async def pose(self) -> PlanarOdometry:
         """Return where the robot takes itself to be; RemoteError without a fresh pose."""
-        with self.subscribed(ODOMETRY) as telemetry:
-            pose = await self._fresh(telemetry, ODOMETRY)
+        pose = await self.fresh(ODOMETRY)
         if pose is None:
             raise RemoteError(f"the robot publishes no pose: {await self.diagnosis()}")
         return pose
-
-    async def _fresh(self, telemetry: Telemetry, topic: Topic[M]) -> M | None:
-        def newest() -> M | None:
-            return telemetry.fresh(topic, self.clock.now_ns())
-
-        await self.wait(lambda: newest() is not None, NEWEST_NS)
-        return newest()
 
     async def refuse_outside(self, *places: tuple[str, float, float]) -> None:
         """Raise UserError for a place (name, x, y) outside of the known world."""
@@ -469,6 +394,7 @@ class Robot:
             return None
         async with self._taking:
             if self._holds_lease and self._drives:
+                self.check_open()
                 return None
             answer = await self.change_lease(LeaseAction.TAKE)
         return answer if isinstance(answer, Refused) else None
@@ -478,6 +404,7 @@ class Robot:
 
         `name` is shown to other operators.
         """
+        self.check_open()
         if action is LeaseAction.RELEASE:
             self._holds_lease = False
         return await self._uninterrupted(
@@ -518,18 +445,6 @@ class Robot:
             raise RemoteError(f"the robot publishes no lease status: {await self.diagnosis()}")
         return LeaseShown(newest, self.name, is_ours(newest, self.bus.operator))
 
-    async def refusing_holder(self, reason: int) -> str:
-        """Return the name of the lease holder if `reason` is that another one holds it, else "".
-
-        The lease may have passed to this person since, who then is not the other one.
-        """
-        if reason != Reason.LEASE_HELD:
-            return ""
-        newest = await self.newest(LEASE, LEASE_NS)
-        if newest is None or not newest.held or is_ours(newest, self.bus.operator):
-            return ""
-        return holder_name(newest)
-
     async def _leave(self) -> None:
         """Leave the lease to other programs of this person, else release it.
 
@@ -540,6 +455,37 @@ class Robot:
         now_ns = self.clock.now_ns()
         leaving = CommandExchange(request, now_ns, attempts=1, patience_ns=RELEASE_NS)
         await self._carry(leaving, LEASE_SERVICE)
+
+    def _lease_granted(self) -> None:
+        """Begin to send the heartbeat."""
+        self._taken_ns, self._holds_lease = self.clock.now_ns(), True
+        self.beat()
+
+    def beat(self) -> None:
+        """Send the operator's heartbeat once."""
+        self._heartbeat.put(ALIVE)
+
+    def _attend(self) -> None:
+        """Send the heartbeat if it is due, while this program commands the robot."""
+        newest = self.streams.latest(STATUS)
+        stamp_ns = 0 if newest is None else newest[0].time_ns
+        if self._holds_lease and self._heartbeat_timer.due(self.clock.now_ns(), stamp_ns):
+            self.beat()
+
+    async def _beat(self) -> None:
+        """Send the heartbeat from the event loop only, so that a blocked loop sends none."""
+        while True:
+            self._check_lease()
+            self._attend()
+            await self.sleep_until(self.clock.now_ns() + TICK_NS)
+
+    def _check_lease(self) -> None:
+        """Stop the heartbeat once the robot reports another person as operator, or nobody."""
+        newest = self.streams.latest(LEASE)
+        if newest is None or newest[1] < self._taken_ns + CROSSING_NS:
+            return
+        if not is_ours(newest[0], self.bus.operator):
+            self._holds_lease = False
 
     # Goals.
 
@@ -630,6 +576,7 @@ class Robot:
         """Follow a goal to its end, and show its progress."""
         shown_ns, every_ns = 0, SHOW_NS if self.progress.live else SHOW_PLAIN_NS
         while True:
+            self.check_open()
             watch.look(telemetry.latest)
             now_ns = self.clock.now_ns()
             if watch.due(now_ns):
@@ -698,6 +645,7 @@ class Robot:
         heartbeat, began_ns = HeartbeatTimer(), self.clock.now_ns()
         with self.subscribed(STATUS) as telemetry:
             while True:
+                self.check_open()
                 now_ns = self.clock.now_ns()
                 if for_s is not None and now_ns - began_ns >= for_s * NS_PER_S:
                     return ""
@@ -724,11 +672,12 @@ class Robot:
             if self._leasing is Leasing.DRIVES:
                 raise RefusedError(refused.text)
             return refused
+        self.check_open()
         drive = Drive()
         self._drives.add(drive)
         try:
             self._attend()
-            answer = await self._uninterrupted(self._turn, partial(begin, drive), drive)
+            answer = await self._uninterrupted(self._turn, partial(begin, drive), drive.sent_by)
             return answer if isinstance(answer, Refused) else await follow(drive)
         except BaseException:
             await self._finish(self._end_after(drive, ending))
@@ -862,8 +811,7 @@ class Robot:
 
     async def set_true_pose(self, *, timeout_s: float | None = None) -> Answer:
         """Set the pose of a simulated robot to the true one; RemoteError without a simulation."""
-        with self.subscribed(TRUTH) as telemetry:
-            truth = await self._fresh(telemetry, TRUTH)
+        truth = await self.fresh(TRUTH)
         if truth is None:
             fix = "in the real world, or without rights to it, use `pose set X Y DEG`"
             raise RemoteError(f"no simulation publishes the true place of {self.name}: {fix}")
@@ -881,7 +829,7 @@ class Robot:
             return refused
         publisher = self.bus.publisher(MARK, self.name)
         missing = await self.in_own_thread(
-            lambda: self.bus.await_matched([publisher], timeout_s=MARK_S)
+            lambda: self.bus.await_matched([publisher], timeout_s=READY_S)
         )
         if not missing:
             for piece in pieces_of(remark, self._ids.next() & 0xFFFF or 1, Severity.NOTICE):
@@ -951,40 +899,81 @@ class Robot:
 
     # The emergency stop.
 
+    def press_stop(self, *, timeout_s: float = STOP_S) -> "asyncio.Future[Stopped]":
+        """Stop the robot at once: the stop is sent when this returns.
+
+        It is repeated every 50 ms, in a thread of its own, until the robot's status shows it. The
+        future has the end, which is `ok` only if the status shows the stop within `timeout_s`.
+        Needs no lease, waits for no other request, and the robot never refuses it.
+        """
+        self.check_open()
+        stop = EmergencyStop(
+            self.bus,
+            self._stops,
+            self.name,
+            self.clock,
+            lambda: self.streams.latest(STATUS),
+            self._ways,
+        )
+        stop.press()
+        self._own_stops.appendleft(stop.request_id)
+        give_up_ns = round(timeout_s * NS_PER_S)
+        return self._repeated(lambda: Stopped(stop.run(give_up_ns=give_up_ns), self.name))
+
+    def _repeated(self, stop: Callable[[], T]) -> "asyncio.Future[T]":
+        """Repeat a stop in a thread of its own, which a cancellation does not end."""
+        repeating = in_own_thread(stop, "emergency stop")
+        self._stopping.add(repeating)
+        repeating.add_done_callback(self._stopping.discard)
+        return repeating
+
     async def emergency_stop(self, *, timeout_s: float = STOP_S) -> Stopped:
         """Stop the robot at once: repeat every 50 ms until its status shows the stop.
 
-        The first stop is sent before this awaits anything. Needs no lease. `ok` only if the robot
-        shows the stop within `timeout_s`.
+        The first stop is sent before this awaits anything. A cancellation does not end the
+        repetition. Needs no lease. `ok` only if the robot shows the stop within `timeout_s`.
         """
-        with (
-            self.subscribed(STATUS) as telemetry,
-            closing(stop_ways.ways_of(self.bus, self.name)) as ways,
-        ):
-            publisher = self.bus.publisher(STOP, self.name)
-            stop = EmergencyStop(
-                self.bus, publisher, self.name, self.clock, lambda: telemetry.latest(STATUS), ways
-            )
-            stop.press()
-            give_up_ns = round(timeout_s * NS_PER_S)
-            outcome = await self.in_own_thread(lambda: stop.run(give_up_ns=give_up_ns))
-            return Stopped(outcome, self.name)
+        return await asyncio.shield(self.press_stop(timeout_s=timeout_s))
+
+    async def emergency_stop_all(self, *, timeout_s: float = STOP_S) -> AllAnswered:
+        """Stop every robot that is present: all are sent the stop before any is awaited.
+
+        A cancellation does not end the repetition. Needs no lease.
+
+        Raises UnansweredError if no robot is present.
+        """
+        self.check_open()
+        request_id = new_press()
+        self._own_stops.appendleft(request_id)
+        link, give_up_ns = Link(self.bus, self._common, self.clock), round(timeout_s * NS_PER_S)
+        return await asyncio.shield(self._repeated(lambda: stop_all(link, give_up_ns, request_id)))
 
     async def clear_emergency_stop(self, *stop_ids: int, timeout_s: float | None = None) -> Answer:
         """Release an emergency stop that is known, and no newer one of somebody else.
 
         `stop_ids` are those known when the release was asked for: the one that the status named,
-        then own ones, which the status may not show yet; without any it is that of the status of
-        now. The robot stays disarmed. Raises UnansweredError if no stop is known.
+        then own ones, which the status may not show yet. Without any they are those that this
+        program knows, or that of the status of now. Waits until no stop of this program is repeated
+        any more. The robot stays disarmed. Raises UnansweredError if no stop is known.
         """
+        known = stop_ids or self.stops_known
+        if self._stopping:
+            await asyncio.wait(tuple(self._stopping))
         if (refused := await self.ensure_lease()) is not None:
             return refused
-        first, *others = dict.fromkeys(stop_ids or (await self._stop_shown(),))
+        first, *others = dict.fromkeys(known or (await self._stop_shown(),))
         answer = await self._release_stop(first, timeout_s)
         for stop_id in others:
             if isinstance(answer, Refused) and answer.reason == Reason.NEWER_STOP:
                 answer = await self._release_stop(stop_id, timeout_s)
         return answer
+
+    @property
+    def stops_known(self) -> tuple[int, ...]:
+        """The stop in the newest status, then those of this program, the newest first."""
+        newest = self.streams.latest(STATUS)
+        shown = () if newest is None else (newest[0].stop_id,)
+        return (*shown, *self._own_stops)
 
     async def _release_stop(self, stop_id: int, timeout_s: float | None) -> Answer:
         request = self.request(Command.SIDESTEP_CLEAR_EMERGENCY_STOP)
@@ -999,83 +988,12 @@ class Robot:
             raise await self.unanswered(why, COMMAND)
         return newest.stop_id
 
-    # The event loop: what a driver without one overrides.
-
-    def beat(self) -> None:
-        """Send the operator's heartbeat once."""
-
-    def _attend(self) -> None:
-        """Send the heartbeat that is due, unless a task does."""
-
-    def _lease_granted(self) -> None:
-        """Begin to send the heartbeat."""
-        self._holds_lease = True
-
-    async def _answer(
-        self, service: Service, message: Message | None, timeout_s: float
-    ) -> Message | bytes:
-        """Return the answer of a service of the robot; RemoteError without one."""
-        return await self.in_own_thread(
-            lambda: self.bus.ask(service, message, timeout_s, robot=self.name)
-        )
-
-    async def sleep_until(self, deadline_ns: int) -> None:
-        """Wait until the clock has reached the deadline."""
-        await asyncio.sleep(max(0, deadline_ns - self.clock.now_ns()) / NS_PER_S)
-
-    async def _arrival(self, until_ns: int) -> None:
-        """Wait for the next message of a subscribed topic, at most until the clock shows this."""
-        loop = asyncio.get_running_loop()
-        arrival = loop.create_future()
-        self._waiting.add(arrival)
-        left_s = max(0, until_ns - self.clock.now_ns()) / NS_PER_S
-        timer = loop.call_later(left_s, settle, arrival)
-        try:
-            await arrival
-        finally:
-            timer.cancel()
-            self._waiting.discard(arrival)
-
-    def _note_arrival(self, _arrived_ns: int) -> None:
-        """Wake what waits for messages, from the bus's thread."""
-        if not self._has_arrived and self._loop is not None:
-            self._has_arrived = True
-            with suppress(RuntimeError):  # the loop has ended
-                self._loop.call_soon_threadsafe(self._wake)
-
-    def _wake(self) -> None:
-        self._has_arrived = False
-        for arrival in self._waiting:
-            settle(arrival)
-
-    async def in_own_thread(self, job: Callable[[], T]) -> T:
-        """Run what blocks in a thread of its own, which outlives a cancellation."""
-        return await in_own_thread(job, f"sidestep {self.name}")
-
     async def in_turn(self, sending: Callable[[], Coroutine[Any, Any, T]]) -> T:
         """Send what begins a drive after what began one before.
 
         Cancelled while it waits, it is not sent; cancelled later, it is sent nevertheless.
         """
         return await self._uninterrupted(self._turn, sending)
-
-    async def _uninterrupted(
-        self,
-        gate: asyncio.Lock | asyncio.Semaphore,
-        work: Callable[[], Coroutine[Any, Any, T]],
-        drive: Drive | None = None,
-    ) -> T:
-        """Begin work when the gate lets it pass, and carry it to its end, cancelled or not."""
-        await gate.acquire()
-        working = asyncio.ensure_future(work())
-        working.add_done_callback(lambda _: gate.release())
-        if drive is not None:
-            drive.sending = working
-        return await asyncio.shield(working)
-
-    async def _finish(self, work: Coroutine[Any, Any, T]) -> T:
-        """Await clean-up to its end, even if the caller is cancelled meanwhile."""
-        return await finish(work)
 
 
 def words_of_abort(outcome: Answer | GaveUp) -> str:
@@ -1093,41 +1011,3 @@ def member_of(kind: type[E], given: E | str, what: str) -> E:
             return member
     names = ", ".join(member.name.lower() for member in kind)
     raise UserError(f"there is no {what} {given!r}: use one of {names}")
-
-
-def settle(future: "asyncio.Future[None]") -> None:
-    """End a wait, unless it has ended."""
-    if not future.done():
-        future.set_result(None)
-
-
-def in_own_thread(job: Callable[[], T], name: str) -> "asyncio.Future[T]":
-    """Run a job in a thread of its own, which outlives a cancellation."""
-    future: Future[T] = Future()
-
-    def work() -> None:
-        try:
-            result = job()
-        except BaseException as error:
-            future.set_exception(error)
-        else:
-            future.set_result(result)
-
-    Thread(target=work, name=name, daemon=True).start()
-    return asyncio.wrap_future(future)
-
-
-async def finish(work: Coroutine[Any, Any, T]) -> T:
-    """Await the work to its end, even if the caller is cancelled meanwhile."""
-    task = asyncio.ensure_future(work)
-    while not task.done():
-        try:
-            await asyncio.shield(task)
-        except asyncio.CancelledError:
-            continue
-    return task.result()
-
-
-async def settled(work: Awaitable[Any]) -> None:
-    """Wait until the work has ended, by a result, an error or a cancellation."""
-    await asyncio.gather(work, return_exceptions=True)

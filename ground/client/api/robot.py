@@ -45,11 +45,11 @@ from ground.client.outcomes import (
 from ground.client.requests import ATTEMPTS, CROSSING_NS, GaveUp, GoalEnd, GoalWatch, HeartbeatTimer
 from ground.client.session import Operation, Session
 from ground.client.status_line import reason_of, state_of
+from ground.client.stopping import stop_all
 from ground.client.streams import CLOSED, ClosedError, TopicStreams
 from ground.client.teleop_sender import TeleopSender, lost_control
 from ground.client.vocabulary import PYTHON, SIDES
 from ground.commands.abort import Abort
-from ground.commands.all_robots import StopAll
 from ground.commands.arm import Arm
 from ground.commands.disarm import Disarm
 from ground.commands.goto import Goto, send_goal
@@ -466,8 +466,8 @@ class Robot(Telemetry):
         self.check_open()
         session, request_id = self.session(), new_press()
         self._own_stops.appendleft(request_id)
-        stop_all = StopAll(timeout_s=timeout_s)
-        return await self._repeat(lambda: stop_all.perform(session, request_id))
+        give_up_ns = round(timeout_s * NS_PER_S)
+        return await self._repeat(lambda: stop_all(session.link, give_up_ns, request_id))
 
     async def _repeat(self, stop: Callable[[], T]) -> T:
         """Repeat a stop in a thread of its own, which a cancellation does not end."""

@@ -1,8 +1,9 @@
 """Links whose bus answers from a script or a list, on a manual clock."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from io import StringIO
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 from checks.harness.messages import make
 from ground.client.connection import Common
@@ -49,6 +50,15 @@ class Sent:
         self._kept.append((self.key, message))
 
 
+class ScriptedQuery(NamedTuple):
+    """A query of a scripted bus."""
+
+    service: Service
+    message: Message | None
+    timeout_s: float
+    patience_s: float
+
+
 class ScriptedBus(Wireless):
     """Answers each request by the next item of `script`; None is a lost reply.
 
@@ -64,7 +74,10 @@ class ScriptedBus(Wireless):
         self.script = list(script)
         self.asked: list[tuple[str, Message | None]] = []
         self.sent: list[tuple[str, Message]] = []
+        self.requester: Any = self
         self.has_subscriber = True
+        self.held: list[Callable[[], None]] | None = None
+        """What gives each answer, if the test holds them."""
         self.on_ask: Callable[[int], None] = lambda _number: None
         """Called with the number of each request, before it is answered."""
 
@@ -83,6 +96,28 @@ class ScriptedBus(Wireless):
             raise NoAnswerError("no answer within the time")
         self.clock.advance(ANSWER_NS)
         return ack(message, reply) if isinstance(reply, Reason) else reply
+
+    def steps(
+        self, service: Service, message: Message | None, timeout_s: float, robot: str
+    ) -> Iterator["ScriptedQuery"]:
+        return (yield ScriptedQuery(service, message, timeout_s, timeout_s))
+
+    def send(self, query: "ScriptedQuery", done: Callable[[object], object]) -> None:
+        """Answer at once, or when the test does, if it holds the answers."""
+        if self.held is not None:
+            self.held.append(partial(self.send_now, query, done))
+            return
+        self.send_now(query, done)
+
+    def send_now(self, query: "ScriptedQuery", done: Callable[[object], object]) -> None:
+        try:
+            answer: object = self.ask(query.service, query.message, query.timeout_s)
+        except NoAnswerError as error:
+            answer = error
+        done(answer)
+
+    def announce(self, robot: str | None = None) -> None:
+        """Tell nobody."""
 
     def publisher(self, topic: Topic[Any], robot: str | None = None) -> Any:
         return Sent(topic, self.sent)

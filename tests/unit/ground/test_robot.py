@@ -1,29 +1,96 @@
-"""The client of one robot, in a thread: what it sends for goals, drives, stops and the lease."""
+"""The client of one robot, in a thread and on an event loop: what it sends, and what it ends."""
 
 import asyncio
-from collections.abc import Callable, Coroutine
-from typing import Any
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import asynccontextmanager, closing
+from typing import Any, TypeVar
 
 import pytest
 
+from checks.harness.loop import PlayedLoop
 from ground.blocking import BlockingRobot, run_blocking
+from ground.client import robot_link
 from ground.client.goal import destination
-from ground.client.outcomes import Accepted, Refused, RefusedError
-from ground.robot import Robot
-from protocol.topics import LEASE, ODOMETRY, STATUS
-from protocol.wire.enums import Command, LeaseAction, Mode, Vehicle
-from protocol.wire.messages import CommandRequest, GoalRequest, LeaseRequest
+from ground.client.outcomes import Accepted, GoalEnded, Refused, RefusedError
+from ground.client.streams import ClosedError
+from ground.robot import TICK_NS, Leasing, Robot
+from protocol.topics import LEASE, ODOMETRY, OPERATOR, STATUS, STOP
+from protocol.wire.enums import Command, GoalState, LeaseAction, Mode, Vehicle
+from protocol.wire.messages import CommandRequest, GoalRequest, LeaseRequest, Teleop
 from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError
+from runtime.units import NS_PER_S
 from tests.support.each import each
 from tests.support.ground.client import HELD, STANDBY, Stage, lease_of, status
 
 GOAL = destination([1.0, 2.0])
+DRIVING, ARM, MODE = "GUIDED", "COMPONENT_ARM_DISARM", "DO_SET_MODE"
+ABORT = "SIDESTEP_ABORT_GOAL"
+T = TypeVar("T")
 Call = Callable[[Robot], Coroutine[Any, Any, Any]]
+Driver = Callable[[Stage, Call], Any]
 
 
-def done(stage: Stage, call: Call) -> Any:
+class ThreadAtOnce:
+    """Does its work when it is started."""
+
+    def __init__(self, target: Callable[[], object], **_: object) -> None:
+        self.start = target
+
+
+@pytest.fixture(autouse=True)
+def _no_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(robot_link, "Thread", ThreadAtOnce)
+
+
+def played(stage: Stage, program: Coroutine[Any, Any, T]) -> T:
+    """Run a program to its end; what waits in it takes no real time."""
+    with closing(PlayedLoop(stage.clock)) as loop:
+        return loop.run(program)
+
+
+def in_thread(stage: Stage, call: Call) -> Any:
     return run_blocking(call(BlockingRobot(stage.session)))
+
+
+def on_loop(stage: Stage, call: Call) -> Any:
+    async def program() -> Any:
+        leasing = Leasing.NEVER if stage.session.attended else Leasing.DRIVES
+        return await call(robot_of(stage, leasing=leasing, progress=stage.notes))
+
+    return played(stage, program())
+
+
+@pytest.fixture(params=[in_thread, on_loop])
+def done(request: pytest.FixtureRequest) -> Driver:
+    """Runs a coroutine of the robot of the command line."""
+    found: Driver = request.param
+    return found
+
+
+def robot_of(stage: Stage, **how: Any) -> Robot:
+    return Robot(stage.bus, stage.link.common, "anna", clock=stage.clock, **how)
+
+
+@asynccontextmanager
+async def opened(stage: Stage, **how: Any) -> AsyncIterator[Robot]:
+    """Yield a robot of a program that is its operator."""
+    robot = robot_of(stage, **how)
+    await robot.open()
+    try:
+        yield robot
+    finally:
+        await robot.close()
+
+
+def lived(stage: Stage, story: Call, **how: Any) -> Any:
+    """Run a program with a robot."""
+
+    async def program() -> Any:
+        async with opened(stage, **how) as robot:
+            return await story(robot)
+
+    return played(stage, program())
 
 
 def sent(stage: Stage) -> list[str]:
@@ -36,6 +103,29 @@ def name_of(request: LeaseRequest | GoalRequest | CommandRequest) -> str:
     if isinstance(request, GoalRequest):
         return Mode(request.mode).name
     return Command(request.command).name
+
+
+def beats(stage: Stage) -> int:
+    return [key for key, _ in stage.bus.sent].count(OPERATOR.path)
+
+
+def goal_of(stage: Stage) -> int:
+    return [one.request_id for one in stage.bus.requests if isinstance(one, GoalRequest)][-1]
+
+
+def shows(stage: Stage, state: GoalState = GoalState.DRIVING) -> None:
+    """Let the robot show the newest goal in this state."""
+    now_ns = stage.clock.now_ns()
+    shown = status(goal_id=goal_of(stage), goal=state, time_ns=now_ns)
+    stage.bus.set_newest(STATUS, shown)
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    for _ in range(1000):
+        if condition():
+            return
+        await asyncio.sleep(0.01)
+    raise AssertionError("this never comes")
 
 
 @each(
@@ -53,7 +143,7 @@ def name_of(request: LeaseRequest | GoalRequest | CommandRequest) -> str:
     ],
 )
 def test_command_is_one_request_without_the_lease(
-    call: Call, wire: tuple[int, float, float]
+    done: Driver, call: Call, wire: tuple[int, float, float]
 ) -> None:
     stage = Stage()
     assert isinstance(done(stage, call), Accepted)
@@ -62,14 +152,14 @@ def test_command_is_one_request_without_the_lease(
 
 
 @each("attended", [False, True])
-def test_goal_of_an_attended_robot_is_only_sent(attended: bool) -> None:
+def test_goal_that_is_not_followed_is_only_sent(done: Driver, attended: bool) -> None:
     stage = Stage(attended=attended)
     answer, goal_id = done(stage, lambda robot: robot.send_goal(GOAL, Mode.AUTO))
     (request,) = stage.bus.requests
     assert (answer.ok, request.request_id) == (True, goal_id)
 
 
-def test_drive_that_another_operator_forbids_begins_nothing() -> None:
+def test_drive_that_another_operator_forbids_begins_nothing(done: Driver) -> None:
     stage = Stage(Reason.LEASE_HELD)
     stage.bus.set_newest(*HELD)
     with pytest.raises(RefusedError, match="anna"):
@@ -77,24 +167,26 @@ def test_drive_that_another_operator_forbids_begins_nothing() -> None:
     assert sent(stage) == ["TAKE"]
 
 
-def test_drive_that_cannot_be_armed_ends_in_hold() -> None:
+def test_drive_that_cannot_be_armed_ends_in_hold(done: Driver) -> None:
     stage = Stage(Reason.NONE, Reason.NONE, Reason.NO_SENSES)
     stage.bus.set_newest(*STANDBY)
-    refused = done(stage, lambda robot: robot.drive(0.1, 0.0))
+    if done is on_loop:
+        refused = lived(stage, lambda robot: robot.drive(0.1, 0.0))
+    else:
+        refused = done(stage, lambda robot: robot.drive(0.1, 0.0))
     assert isinstance(refused, Refused)
-    arm, mode = "COMPONENT_ARM_DISARM", "DO_SET_MODE"
-    assert sent(stage) == ["TAKE", mode, arm, mode, "LEAVE"]
-    manual, hold = (one for one in stage.bus.requests if name_of(one) == mode)
+    assert sent(stage) == ["TAKE", MODE, ARM, MODE, "LEAVE"]
+    manual, hold = (one for one in stage.bus.requests if name_of(one) == MODE)
     assert (hold.param2, hold.ends_id) == (Mode.HOLD, manual.request_id)
 
 
-def test_refusal_for_the_lease_names_its_holder() -> None:
+def test_refusal_for_the_lease_names_its_holder(done: Driver) -> None:
     stage = Stage(Reason.LEASE_HELD)
     stage.bus.set_newest(LEASE, lease_of("ben"))
     assert done(stage, lambda robot: robot.arm()).holder == "ben"
 
 
-def test_stop_that_is_not_known_is_that_of_the_status() -> None:
+def test_stop_that_is_not_known_is_that_of_the_status(done: Driver) -> None:
     stage = Stage(Reason.NEWER_STOP, Reason.NONE)
     stage.bus.set_newest(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=9))
     assert done(stage, lambda robot: robot.clear_emergency_stop(7, 8)).ok
@@ -102,13 +194,386 @@ def test_stop_that_is_not_known_is_that_of_the_status() -> None:
     assert [request.stop_id for request in stage.bus.requests] == [7, 8, 9]
 
 
-def test_robot_without_a_pose_has_no_place_ahead_of_it() -> None:
+def test_robot_without_a_pose_has_no_place_ahead_of_it(done: Driver) -> None:
     stage = Stage()
     with pytest.raises(RemoteError, match="the robot publishes no pose"):
         done(stage, lambda robot: robot.pose())
     assert ODOMETRY.path in stage.bus.boxes
 
 
+def test_request_is_repeated_with_its_id_until_it_is_answered(done: Driver) -> None:
+    stage = Stage(None, None, Reason.NONE)
+    assert done(stage, lambda robot: robot.hold()).ok
+    assert len({request.request_id for request in stage.bus.requests}) == 1
+    assert len(stage.bus.requests) == 3
+
+
+def test_silence_is_explained(done: Driver) -> None:
+    stage = Stage(*[None] * 3)
+    with pytest.raises(RemoteError, match=r"no robot at tcp/127.0.0.1:1.*\(no answer within"):
+        done(stage, lambda robot: robot.hold())
+
+
 def test_coroutine_that_needs_an_event_loop_is_a_defect() -> None:
     with pytest.raises(RuntimeError, match="waits for an event loop"):
         run_blocking(asyncio.sleep(0))
+
+
+def test_what_moves_takes_the_lease_and_what_stops_does_not() -> None:
+    stage = Stage()
+
+    async def story(robot: Robot) -> None:
+        for call in (robot.hold, robot.abort, robot.disarm, robot.arm, robot.return_home):
+            assert (await call()).ok
+        assert (await robot.set_mode("hold")).ok
+
+    lived(stage, story)
+    home = ["TAKE", "NAV_RETURN_TO_LAUNCH"]
+    stops = ["DO_PAUSE_CONTINUE", ABORT, ARM]
+    assert sent(stage) == [*stops, "TAKE", ARM, *home, MODE, "LEAVE"]
+
+
+def test_heartbeat_follows_the_lease() -> None:
+    stage = Stage()
+
+    async def story(robot: Robot) -> None:
+        await asyncio.sleep(1.0)
+        assert beats(stage) == 0
+        assert (await robot.change_lease(LeaseAction.TAKE)).ok
+        assert (robot.holds_lease, beats(stage)) == (True, 1)
+        await asyncio.sleep(2.0)
+        assert 9 <= beats(stage) <= 12
+        await robot.change_lease(LeaseAction.RELEASE)
+        before = beats(stage)
+        await asyncio.sleep(1.0)
+        assert beats(stage) == before
+
+    lived(stage, story)
+    assert sent(stage) == ["TAKE", "RELEASE"], "what was given back is not left once more"
+
+
+def test_blocked_loop_sends_no_heartbeat_and_makes_up_for_none() -> None:
+    stage = Stage()
+
+    async def story(robot: Robot) -> None:
+        await robot.change_lease(LeaseAction.TAKE)
+        await asyncio.sleep(1.0)
+        before = beats(stage)
+        stage.clock.advance(10 * NS_PER_S)
+        assert beats(stage) == before
+        await asyncio.sleep(3 * TICK_NS / NS_PER_S)
+        assert beats(stage) == before + 1
+
+    lived(stage, story)
+
+
+def test_heartbeat_ends_when_another_person_has_the_lease() -> None:
+    """A status from before the lease was taken may still arrive."""
+    stage = Stage()
+
+    async def story(robot: Robot) -> None:
+        await robot.change_lease(LeaseAction.TAKE)
+        stage.bus.set_newest(*HELD)
+        await asyncio.sleep(0.2)
+        assert robot.holds_lease
+        await asyncio.sleep(0.2)
+        stage.bus.set_newest(*HELD)
+        await asyncio.sleep(0.1)
+        assert not robot.holds_lease
+
+    lived(stage, story)
+    assert sent(stage) == ["TAKE"], "what is another operator's is not given back"
+
+
+def test_goal_is_followed_and_the_lease_kept_until_the_end_of_the_program() -> None:
+    stage = Stage()
+
+    async def story(robot: Robot) -> GoalEnded | Refused:
+        going = asyncio.ensure_future(robot.goto(1.0, 2.0))
+        await until(lambda: DRIVING in sent(stage))
+        shows(stage)
+        await asyncio.sleep(0.5)
+        shows(stage, GoalState.REACHED)
+        outcome = await going
+        assert robot.holds_lease
+        return outcome
+
+    outcome = lived(stage, story)
+    assert (outcome.ok, outcome.outcome) == (True, "reached")
+    assert sent(stage) == ["TAKE", DRIVING, "LEAVE"]
+
+
+def test_cancelled_goal_is_aborted_by_its_own_id() -> None:
+    stage = Stage(Reason.NONE, Reason.NOT_ARMED)
+    stage.bus.set_newest(*STANDBY)
+
+    async def story(robot: Robot) -> None:
+        going = asyncio.ensure_future(robot.goto(1.0, 2.0))
+        await until(lambda: sent(stage).count(DRIVING) == 2)
+        shows(stage)
+        await asyncio.sleep(0.2)
+        for _ in range(3):
+            going.cancel()
+            await asyncio.sleep(0)
+        with pytest.raises(asyncio.CancelledError):
+            await going
+
+    lived(stage, story)
+    assert sent(stage) == ["TAKE", DRIVING, ARM, DRIVING, ABORT, "LEAVE"]
+    assert stage.bus.requests[-2].ends_id == goal_of(stage)
+
+
+def test_goal_cancelled_while_it_is_sent_is_aborted_after_its_answer() -> None:
+    stage = Stage()
+
+    async def story(robot: Robot) -> None:
+        held: list[Callable[[], None]] = []
+        stage.bus.on_ask = lambda _: setattr(stage.bus, "held", held)  # from the lease on
+        going = asyncio.ensure_future(robot.drive_to(GOAL))
+        await until(lambda: bool(held))
+        going.cancel()
+        await asyncio.sleep(0.1)
+        assert len(held) == 1, "the abort waits for the answer"
+        stage.bus.on_ask, stage.bus.held = (lambda _: None), None
+        held.pop()()
+        await asyncio.gather(going, return_exceptions=True)
+        assert going.cancelled()
+
+    lived(stage, story)
+    assert sent(stage)[-3:] == [DRIVING, ABORT, "LEAVE"]
+    assert stage.bus.requests[-2].ends_id == goal_of(stage)
+
+
+def test_drive_that_waits_in_turn_is_not_sent_when_it_is_cancelled() -> None:
+    stage = Stage()
+
+    async def story(robot: Robot) -> None:
+        await robot.change_lease(LeaseAction.TAKE)
+        held = stage.bus.held = []
+        first = asyncio.ensure_future(robot.in_turn(lambda: robot.ask(home(robot))))
+        await until(lambda: len(held) == 1)
+        second = asyncio.ensure_future(robot.in_turn(lambda: robot.ask(home(robot))))
+        third = asyncio.ensure_future(robot.in_turn(lambda: robot.ask(home(robot))))
+        await asyncio.sleep(0.1)
+        second.cancel()
+        await asyncio.sleep(0.1)
+        assert len(held) == 1
+        stage.bus.held = None
+        held.pop()()
+        assert (await first).ok
+        assert (await third).ok
+
+    lived(stage, story)
+    assert sent(stage) == ["TAKE", *["NAV_RETURN_TO_LAUNCH"] * 2, "LEAVE"]
+
+
+def home(robot: Robot) -> CommandRequest:
+    return robot.request(Command.NAV_RETURN_TO_LAUNCH)
+
+
+def test_only_some_requests_are_under_way_at_once() -> None:
+    stage = Stage()
+
+    async def story(robot: Robot) -> None:
+        held = stage.bus.held = []
+        holding = [asyncio.ensure_future(robot.hold()) for _ in range(8)]
+        await asyncio.sleep(0.1)
+        assert len(held) == 4
+        stage.bus.held = None
+        for answer in held:
+            answer()
+        assert all(one.ok for one in await asyncio.gather(*holding))
+
+    lived(stage, story)
+
+
+def test_request_that_was_sent_goes_on_when_it_is_cancelled() -> None:
+    stage = Stage(None, Reason.NONE)
+
+    async def story(robot: Robot) -> None:
+        holding = asyncio.ensure_future(robot.hold())
+        await until(lambda: bool(stage.bus.requests))
+        holding.cancel()
+        await asyncio.gather(holding, return_exceptions=True)
+        await asyncio.sleep(1.0)
+
+    lived(stage, story)
+    assert sent(stage) == ["DO_PAUSE_CONTINUE"] * 2
+
+
+def test_abort_without_an_answer_ends_the_heartbeat() -> None:
+    """Then the robot stops by itself."""
+    stage = Stage(Reason.NONE, Reason.NONE, *[None] * 3)
+
+    async def story(robot: Robot) -> None:
+        going = asyncio.ensure_future(robot.goto(1.0, 2.0))
+        await until(lambda: DRIVING in sent(stage))
+        shows(stage)
+        await asyncio.sleep(0.1)
+        going.cancel()
+        await asyncio.gather(going, return_exceptions=True)
+        assert not robot.holds_lease
+
+    lived(stage, story)
+    assert sent(stage) == ["TAKE", DRIVING, *[ABORT] * 3]
+
+
+def test_drive_by_hand_is_ended_by_its_own_id() -> None:
+    stage = Stage()
+    stage.bus.set_newest(STATUS, status(mode=Mode.MANUAL))
+
+    async def story(robot: Robot) -> None:
+        driving = asyncio.ensure_future(robot.drive(0.2, -30.0))
+        await asyncio.sleep(1.0)
+        driving.cancel()
+        await asyncio.gather(driving, return_exceptions=True)
+
+    lived(stage, story)
+    speeds = [frame.speed_mm_s for _, frame in stage.bus.sent if isinstance(frame, Teleop)]
+    assert (speeds[0], speeds[-1]) == (200, 0)
+    assert 19 <= len(speeds) <= 22, "twenty a second"
+    manual, hold = (one for one in stage.bus.requests if name_of(one) == MODE)
+    assert (hold.param2, hold.ends_id) == (Mode.HOLD, manual.request_id)
+
+
+def test_end_of_the_program_ends_its_drive_before_it_leaves() -> None:
+    stage = Stage()
+
+    async def program() -> None:
+        async with opened(stage) as robot:
+            going = asyncio.ensure_future(robot.goto(1.0, 2.0))
+            await until(lambda: DRIVING in sent(stage))
+            shows(stage)
+            await asyncio.sleep(0.1)
+        assert sent(stage) == ["TAKE", DRIVING, ABORT, "LEAVE"]
+        with pytest.raises(ClosedError):
+            await going
+        for call in (robot.hold, robot.arm, robot.emergency_stop, robot.emergency_stop_all):
+            with pytest.raises(ClosedError):
+                await call()
+
+    played(stage, program())
+
+
+def test_lease_that_was_taken_in_vain_is_left() -> None:
+    stage = Stage()
+
+    async def story(robot: Robot) -> None:
+        held = stage.bus.held = []
+        taking = asyncio.ensure_future(robot.change_lease(LeaseAction.TAKE))
+        await until(lambda: bool(held))
+        taking.cancel()
+        await asyncio.gather(taking, return_exceptions=True)
+        stage.bus.held = None
+        held.pop()()
+
+    lived(stage, story)
+    assert sent(stage) == ["TAKE", "LEAVE"]
+
+
+def stopping(stage: Stage) -> list[CommandRequest]:
+    return [one for key, one in stage.bus.sent if key == STOP.path]  # type: ignore[misc]
+
+
+def acknowledges(stage: Stage) -> None:
+    """Let the status show the newest stop that the robot is asked for."""
+
+    def show(_: int) -> None:
+        if stops := stopping(stage):
+            shown = status(Vehicle.EMERGENCY_STOP, stop_id=stops[-1].request_id)
+            stage.bus.set_newest(STATUS, shown)
+
+    stage.bus.on_ask = show
+
+
+def test_stop_is_sent_before_anything_is_awaited() -> None:
+    stage = Stage()
+    acknowledges(stage)
+
+    async def story(robot: Robot) -> None:
+        robot.press_stop()
+        assert stopping(stage)
+        before = len(stopping(stage))
+        stop = robot.emergency_stop()
+        stop.send(None)
+        assert len(stopping(stage)) > before
+        stop.close()
+
+    lived(stage, story)
+
+
+def test_stop_waits_for_no_request() -> None:
+    stage = Stage()
+    acknowledges(stage)
+
+    async def story(robot: Robot) -> None:
+        held = stage.bus.held = []
+        holding = [asyncio.ensure_future(robot.hold()) for _ in range(8)]
+        await until(lambda: len(held) == 4)
+        assert (await robot.emergency_stop()).ok
+        assert not any(one.done() for one in holding)
+        stage.bus.held = None
+        for answer in held:
+            answer()
+        await asyncio.gather(*holding)
+
+    lived(stage, story)
+
+
+def test_stop_stands_though_no_thread_can_repeat_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    class NoThread(ThreadAtOnce):
+        def __init__(self, target: Callable[[], object], **_: object) -> None:
+            self.start = self.fail
+
+        def fail(self) -> None:
+            raise RuntimeError("can't start new thread")
+
+    stage = Stage()
+
+    async def story(robot: Robot) -> None:
+        monkeypatch.setattr(robot_link, "Thread", NoThread)
+        pressed = robot.press_stop()
+        monkeypatch.setattr(robot_link, "Thread", ThreadAtOnce)
+        with pytest.raises(RuntimeError, match="can't start"):
+            await pressed
+
+    lived(stage, story)
+    assert len(stopping(stage)) == 1
+
+
+def test_program_releases_the_stop_that_is_shown_then_its_own() -> None:
+    stage = Stage()
+    acknowledges(stage)
+
+    async def story(robot: Robot) -> Any:
+        await robot.emergency_stop()
+        own = stopping(stage)[-1].request_id
+        stage.bus.on_ask = lambda _: None
+        stage.bus.set_newest(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=9))
+        stage.bus.script = [Reason.NONE, Reason.NEWER_STOP]
+        assert (await robot.clear_emergency_stop()).ok
+        cleared = [one.stop_id for one in stage.bus.requests if getattr(one, "stop_id", 0)]
+        assert cleared == [9, own]
+
+    lived(stage, story)
+
+
+def test_all_robots_are_stopped_though_none_is_present() -> None:
+    stage = Stage()
+
+    async def story(robot: Robot) -> None:
+        with pytest.raises(RemoteError, match="no robot is present"):
+            await robot.emergency_stop_all(timeout_s=0.2)
+
+    lived(stage, story)
+    assert stopping(stage)
+
+
+def test_robot_on_the_same_bus_has_its_own_name() -> None:
+    stage = Stage()
+
+    async def story(robot: Robot) -> None:
+        other = robot.to("r2")
+        assert (other.name, other.clock, other.bus) == ("r2", robot.clock, robot.bus)
+
+    lived(stage, story)

@@ -1,0 +1,358 @@
+"""The link to one robot on an event loop: its requests, its messages, and why it is silent.
+
+What waits is a coroutine; what blocks runs in a thread of its own. No request that was sent is
+withdrawn by a cancellation.
+"""
+
+import asyncio
+from collections.abc import Awaitable, Callable, Coroutine, Iterator
+from concurrent.futures import Future
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from functools import partial
+from threading import Thread
+from typing import Any, Final, TypeVar
+
+from ground.client.connection import Common
+from ground.client.lease_holder import holder_name, is_ours
+from ground.client.link import LISTEN_NS, UnansweredError
+from ground.client.outcomes import Accepted, Answer
+from ground.client.presence import explain_silence, present_processes
+from ground.client.requests import (
+    ATTEMPTS,
+    PATIENCE_NS,
+    CommandExchange,
+    Exchange,
+    GaveUp,
+    Request,
+    RequestIds,
+)
+from ground.client.streams import CLOSED, ClosedError, TopicStreams
+from ground.client.telemetry import Telemetry
+from protocol.bus.bus import Bus
+from protocol.bus.rights import denial
+from protocol.bus.services import ServiceQuery
+from protocol.topics import COMMAND, HEARTBEAT, LEASE, Service, Topic
+from protocol.wire.enums import Command
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandRequest
+from protocol.wire.reasons import Reason
+from runtime.clock import Clock, WallClock
+from runtime.errors import NoAnswerError, RemoteError
+from runtime.units import NS_PER_MS, NS_PER_S
+from runtime.watchdog import Patience, load_words, slowdown_in
+
+T = TypeVar("T")
+M = TypeVar("M", bound=Message)
+Out = TypeVar("Out")
+Reply = Message | bytes | Exception
+"""The answer to a query, or why there is none."""
+
+REQUESTS: Final = 4
+"""Number of concurrent requests; further ones wait. Emergency stops do not."""
+GRACE_S: Final = 1.0
+"""Time after which a query that the bus has forgotten counts as unanswered."""
+NEWEST_NS: Final = NS_PER_S
+"""Longest wait for a stream of the robot."""
+LEASE_NS: Final = 1_500 * NS_PER_MS
+"""A robot publishes the status of its lease twice a second."""
+
+
+class RobotLink:
+    """Asks one robot, and receives its messages."""
+
+    def __init__(self, bus: Bus, common: Common, clock: Clock | None = None) -> None:
+        self.name = common.robot
+        self.bus = bus
+        self.clock: Clock = WallClock() if clock is None else clock
+        self.remedies = common.remedies
+        self.streams = TopicStreams(bus, self.name)
+        self._common = common
+        self._ids = RequestIds()
+        self._slowdown = slowdown_in(self.clock)
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._arrivals: set[asyncio.Future[None]] = set()
+        """What waits for the next message."""
+
+        self._has_arrived = False
+        self._slots = asyncio.Semaphore(REQUESTS)
+        self._is_closed = False
+
+    def check_open(self) -> None:
+        """Raise ClosedError after the end of `connect`."""
+        if self._is_closed:
+            raise ClosedError(CLOSED)
+
+    # Requests.
+
+    def request(
+        self, command: Command, param1: float = 0.0, param2: float = 0.0, param3: float = 0.0
+    ) -> CommandRequest:
+        """Return a request with an id of its own."""
+        return CommandRequest(
+            request_id=self._ids.next(),
+            param1=param1,
+            param2=param2,
+            command=command,
+            param3=param3,
+        )
+
+    async def ask(
+        self,
+        request: Request,
+        *,
+        attempts: int = ATTEMPTS,
+        patience_ns: int | None = None,
+        service: Service = COMMAND,
+    ) -> Answer:
+        """Send a request until it is answered; a refusal for the lease names its holder.
+
+        Without a time limit for each, there are more attempts while this machine is busy; the robot
+        ignores each one that arrives later than its sender waits.
+        """
+        if patience_ns is None:
+            attempts, patience_ns = round(attempts * self._slowdown()), PATIENCE_NS
+        asking = CommandExchange(
+            request, self.clock.now_ns(), attempts=attempts, patience_ns=patience_ns
+        )
+        answer = await self.exchange(asking, service)
+        if isinstance(answer, Accepted):
+            return answer
+        holder = await self.refusing_holder(answer.reason)
+        return replace(answer, holder=holder, remedies=self.remedies)
+
+    async def exchange(self, exchange: Exchange[Out], service: Service) -> Out:
+        """Send the requests of an exchange until it is over; return its outcome.
+
+        To cancel this does not withdraw a request that was sent, nor end its repetition. Raises
+        UnansweredError, which names the process that is missing or hangs.
+        """
+        self.check_open()
+        outcome = await self._uninterrupted(self._slots, partial(self._carry, exchange, service))
+        if outcome is None or isinstance(outcome, GaveUp):
+            raise await self.unanswered(outcome, service)
+        return outcome
+
+    async def _carry(self, exchange: Exchange[Out], service: Service) -> Out | GaveUp | None:
+        while not exchange.over:
+            for send in exchange.due(self.clock.now_ns()):
+                try:
+                    answer = await self._answer(service, send.request, send.patience_ns / NS_PER_S)
+                except RemoteError as error:
+                    exchange.unanswered(str(error))
+                else:
+                    exchange.receive(answer, self.clock.now_ns())
+            if not exchange.over:
+                await self.sleep_until(exchange.next_ns)
+        return exchange.outcome
+
+    async def _answer(
+        self, service: Service, message: Message | None, timeout_s: float
+    ) -> Message | bytes:
+        """Return the answer of a service of the robot; NoAnswerError has the cause without one."""
+        steps = self.bus.requester.steps(service, message, timeout_s, self.name)
+        try:
+            query = next(steps)
+            while True:
+                answer = await self._reply_to(query)
+                query = steps.throw(answer) if isinstance(answer, Exception) else steps.send(answer)
+        except StopIteration as end:
+            result: Message | bytes = end.value
+            return result
+
+    async def _reply_to(self, query: ServiceQuery) -> Reply:
+        """Send a query; return its answer, or the error."""
+        loop = asyncio.get_running_loop()
+        replied: asyncio.Future[Reply] = loop.create_future()
+        self.bus.requester.send(query, partial(call_soon, loop, settle, replied))
+        try:
+            async with asyncio.timeout(query.timeout_s + GRACE_S):
+                return await replied
+        except TimeoutError:
+            return NoAnswerError(f"{query.service.path}: no answer within {query.patience_s:.2g} s")
+
+    async def refusing_holder(self, reason: int) -> str:
+        """Return the name of the lease holder if `reason` is that another one holds it, else "".
+
+        The lease may have passed to this person since, who then is not the other one.
+        """
+        if reason != Reason.LEASE_HELD:
+            return ""
+        newest = await self.newest(LEASE, LEASE_NS)
+        if newest is None or not newest.held or is_ours(newest, self.bus.operator):
+            return ""
+        return holder_name(newest)
+
+    async def unanswered(self, outcome: GaveUp | None, service: Service) -> UnansweredError:
+        """Return the error for an exchange without an outcome."""
+        if why_not := denial(self.bus.holder, self.name, service):
+            return UnansweredError(f"{why_not}: {self.remedies.keys}")
+        why = "no answer" if outcome is None else outcome.why
+        return UnansweredError(f"{await self.diagnosis()} ({why})")
+
+    async def diagnosis(self) -> str:
+        """Explain why the robot does not answer; listens for its heartbeat for up to 0.7 s.
+
+        Listens longer while this machine is busy.
+        """
+        with self.subscribed(HEARTBEAT) as telemetry:
+            box = telemetry.boxes()[HEARTBEAT.path]
+            await self.wait(lambda: box.latest() is not None or box.rejected > 0, LISTEN_NS)
+            is_beating = box.latest() is not None
+            if box.rejected and not is_beating:
+                return f"robot {self.name} runs, but its heartbeat {box.last_rejection}"
+        why = await self.in_own_thread(lambda: self._silence(is_beating=is_beating))
+        return why + load_words(self._slowdown())
+
+    def _silence(self, *, is_beating: bool) -> str:
+        """Explain it by what is linked; blocks."""
+        present = present_processes(self.bus.present(self._slowdown()))
+        return self.bus.lost() or explain_silence(
+            present,
+            self.name,
+            self._common.endpoint,
+            is_beating=is_beating,
+            other=self.remedies.robot,
+        )
+
+    # What arrives.
+
+    @contextmanager
+    def subscribed(self, *topics: Topic[Any]) -> Iterator[Telemetry]:
+        """Subscribe to topics of the robot for the duration of the context."""
+        telemetry = Telemetry(self.bus, self.name, topics, notify=self._note_arrival)
+        try:
+            yield telemetry
+        finally:
+            for box in telemetry.boxes().values():
+                self.bus.unsubscribe(box)
+
+    async def newest(self, topic: Topic[M], patience_ns: int) -> M | None:
+        """Return the next message of a topic; None if none arrives in time."""
+        with self.subscribed(topic) as telemetry:
+            await self.wait(lambda: telemetry.latest(topic) is not None, patience_ns)
+            newest = telemetry.latest(topic)
+            return None if newest is None else newest[0]
+
+    async def fresh(self, topic: Topic[M]) -> M | None:
+        """Return a message that is not stale; None if none arrives in time."""
+        with self.subscribed(topic) as telemetry:
+
+            def newest() -> M | None:
+                return telemetry.fresh(topic, self.clock.now_ns())
+
+            await self.wait(lambda: newest() is not None, NEWEST_NS)
+            return newest()
+
+    async def wait(self, condition: Callable[[], bool], patience_ns: int) -> bool:
+        """Wait until the condition holds, checked at each arrival; return False when time is up.
+
+        The time counts less while this machine is busy.
+        """
+        patience = Patience(patience_ns, self.clock.now_ns, self._slowdown)
+        while not condition():
+            left_ns = patience.left_ns()
+            if not left_ns:
+                return False
+            await self._arrival(self.clock.now_ns() + left_ns)
+        return True
+
+    # The event loop: what a link without one overrides.
+
+    async def sleep_until(self, deadline_ns: int) -> None:
+        """Wait until the clock has reached the deadline."""
+        await asyncio.sleep(max(0, deadline_ns - self.clock.now_ns()) / NS_PER_S)
+
+    async def _arrival(self, until_ns: int) -> None:
+        """Wait for the next message of a subscribed topic, at most until the clock shows this."""
+        loop = asyncio.get_running_loop()
+        arrival = loop.create_future()
+        self._arrivals.add(arrival)
+        left_s = max(0, until_ns - self.clock.now_ns()) / NS_PER_S
+        timer = loop.call_later(left_s, settle, arrival, None)
+        try:
+            await arrival
+        finally:
+            timer.cancel()
+            self._arrivals.discard(arrival)
+
+    def _note_arrival(self, _arrived_ns: int) -> None:
+        """Wake what waits for messages, from the bus's thread."""
+        if not self._has_arrived and self._loop is not None:
+            self._has_arrived = True
+            call_soon(self._loop, self._wake)
+
+    def _wake(self) -> None:
+        self._has_arrived = False
+        for arrival in self._arrivals:
+            settle(arrival, None)
+
+    async def in_own_thread(self, job: Callable[[], T]) -> T:
+        """Run what blocks in a thread of its own, which outlives a cancellation."""
+        return await in_own_thread(job, f"sidestep {self.name}")
+
+    async def _uninterrupted(
+        self,
+        gate: asyncio.Lock | asyncio.Semaphore,
+        work: Callable[[], Coroutine[Any, Any, T]],
+        started: Callable[[asyncio.Future[T]], object] = lambda _: None,
+    ) -> T:
+        """Begin work when the gate lets it pass, and carry it to its end, cancelled or not."""
+        await gate.acquire()
+        working = asyncio.ensure_future(work())
+        working.add_done_callback(lambda _: gate.release())
+        started(working)
+        return await asyncio.shield(working)
+
+    async def _finish(self, work: Coroutine[Any, Any, T]) -> T:
+        """Await clean-up to its end, even if the caller is cancelled meanwhile."""
+        return await finish(work)
+
+
+def settle(future: "asyncio.Future[T]", result: T) -> None:
+    """End a wait, unless it has ended."""
+    if not future.done():
+        future.set_result(result)
+
+
+def call_soon(
+    loop: asyncio.AbstractEventLoop, call: Callable[..., object], *values: object
+) -> None:
+    """Call a function in the loop, from any thread; a loop that has ended calls nothing."""
+    with suppress(RuntimeError):
+        loop.call_soon_threadsafe(call, *values)
+
+
+def in_own_thread(job: Callable[[], T], name: str) -> "asyncio.Future[T]":
+    """Run a job in a thread of its own, which outlives a cancellation."""
+    future: Future[T] = Future()
+
+    def work() -> None:
+        try:
+            result = job()
+        except BaseException as error:
+            future.set_exception(error)
+        else:
+            future.set_result(result)
+
+    try:
+        Thread(target=work, name=name, daemon=True).start()
+    except RuntimeError as error:  # this system can make no thread now
+        future.set_exception(error)
+    return asyncio.wrap_future(future)
+
+
+async def finish(work: Coroutine[Any, Any, T]) -> T:
+    """Await the work to its end, even if the caller is cancelled meanwhile."""
+    task = asyncio.ensure_future(work)
+    while not task.done():
+        try:
+            await asyncio.shield(task)
+        except asyncio.CancelledError:
+            continue
+    return task.result()
+
+
+async def settled(work: Awaitable[Any]) -> None:
+    """Wait until the work has ended, by a result, an error or a cancellation."""
+    await asyncio.gather(work, return_exceptions=True)
