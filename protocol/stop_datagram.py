@@ -64,7 +64,7 @@ class Press(NamedTuple):
     request_id: int
 
 
-class Verdict(Enum):
+class PressVerdict(Enum):
     """What a packet is: a stop to act on, a copy of one that was acted on, or no stop at all."""
 
     STOP = auto()
@@ -140,7 +140,7 @@ class StopJudge:
             return self._secrets.get(operator)
         return OPEN_SECRET if operator == OPEN else None
 
-    def judge(self, packet: bytes) -> tuple[Verdict, Press | None]:
+    def judge(self, packet: bytes) -> tuple[PressVerdict, Press | None]:
         """Return what a packet is, and the press in it unless it is false.
 
         A press older than the newest one stops too, unless it repeats a known one: after a restart
@@ -148,16 +148,16 @@ class StopJudge:
         """
         press = press_in(packet, self._robot, self.secret_of)
         if press is None:
-            return Verdict.FALSE, None
+            return PressVerdict.FALSE, None
         known = self._known.setdefault(press.operator, OrderedDict())
         newest_ns = known.get(press.request_id)
         if newest_ns is not None and press.stamp_ns <= newest_ns:
-            return Verdict.REPLAY, press
+            return PressVerdict.REPLAY, press
         known[press.request_id] = press.stamp_ns
         known.move_to_end(press.request_id)
         if len(known) > KNOWN_IDS:
             known.popitem(last=False)
-        return Verdict.STOP, press
+        return PressVerdict.STOP, press
 
 
 class StopSecrets(NamedTuple):

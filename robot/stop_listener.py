@@ -21,8 +21,8 @@ from protocol.stop_datagram import (
     PRESS,
     PRESS_BYTES,
     Press,
+    PressVerdict,
     StopJudge,
-    Verdict,
     operators_secrets,
     places,
     sealed_answer,
@@ -200,7 +200,7 @@ class StopListener:
             return None
         request = press.operator, press.request_id
         number, since_s = before = self._presses.get(request, NOT_BEFORE)
-        if verdict is Verdict.STOP:
+        if verdict is PressVerdict.STOP:
             pressed = self._process.press(press.operator, press.request_id)
             if before is NOT_BEFORE:
                 self._presses[request] = pressed, time.monotonic()
@@ -208,7 +208,7 @@ class StopListener:
                     self._presses.popitem(last=False)
         stopped = before is not NOT_BEFORE and self._process.has_stopped(number)
         is_old = time.monotonic() - since_s >= OLD_S
-        if verdict is Verdict.REPLAY and not stopped and is_old:
+        if verdict is PressVerdict.REPLAY and not stopped and is_old:
             self._report_replay(press, sender)
         secret = self._judge.secret_of(press.operator) or b""
         return sealed_answer(secret, self._robot, press, stopped=stopped)

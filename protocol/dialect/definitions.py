@@ -136,7 +136,7 @@ VERSION_TYPE: Final = "uint8_t_mavlink_version"
 MAVLINK_VERSION: Final = "3"
 
 
-class Field(NamedTuple):
+class FieldDefinition(NamedTuple):
     """One field of a message.
 
     `length` is 0 for a scalar. `default` is None if a value is required. `maximum` is the largest
@@ -171,10 +171,10 @@ class MessageType(NamedTuple):
     name: str
     number: int
     text: str
-    fields: tuple[Field, ...]
+    fields: tuple[FieldDefinition, ...]
 
     @property
-    def wire_fields(self) -> list[Field]:
+    def wire_fields(self) -> list[FieldDefinition]:
         """The fields in wire order."""
         base = [field for field in self.fields if not field.is_extension]
         extensions = [field for field in self.fields if field.is_extension]
@@ -295,7 +295,7 @@ def _common_messages(roots: Iterable[ET.Element]) -> Iterator[MessageType]:
             yield MessageType(name, int(element.attrib["id"]), text, fields)
 
 
-def _common_field(message: str, field: Field) -> Field:
+def _common_field(message: str, field: FieldDefinition) -> FieldDefinition:
     """Return the field without upstream's texts, and with a default if it may be omitted."""
     default = "0" if field.is_extension or field.name.startswith("target_") else None
     if field.name in OPTIONAL.get(message, ()):
@@ -322,7 +322,7 @@ def _own_message(element: ET.Element) -> MessageType:
     return MessageType(name, number, _text(element), tuple(_fields(element)))
 
 
-def _fields(message: ET.Element) -> Iterator[Field]:
+def _fields(message: ET.Element) -> Iterator[FieldDefinition]:
     is_extension = False
     for element in message:
         if element.tag == "extensions":
@@ -331,12 +331,12 @@ def _fields(message: ET.Element) -> Iterator[Field]:
             yield _field(element, is_extension)
 
 
-def _field(element: ET.Element, is_extension: bool) -> Field:
+def _field(element: ET.Element, is_extension: bool) -> FieldDefinition:
     kind, _, length = element.attrib["type"].rstrip("]").partition("[")
     default = element.get("default")
     if kind == VERSION_TYPE:
         kind, default = "uint8_t", MAVLINK_VERSION
-    return Field(
+    return FieldDefinition(
         name=element.attrib["name"],
         kind=kind,
         length=int(length or 0),

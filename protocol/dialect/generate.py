@@ -29,7 +29,7 @@ from protocol.dialect.definitions import (
     Dialect,
     Entry,
     EnumType,
-    Field,
+    FieldDefinition,
     MessageType,
     Ring,
     read_dialect,
@@ -151,7 +151,7 @@ def message_lines(message: MessageType, enum_classes: dict[str, str]) -> list[st
     ]
 
 
-def attribute_lines(field: Field, enum_classes: dict[str, str]) -> list[str]:
+def attribute_lines(field: FieldDefinition, enum_classes: dict[str, str]) -> list[str]:
     """Return the docstring lines of a field."""
     indent = INDENT * 2
     kind = unit(field, enum_classes)
@@ -159,7 +159,7 @@ def attribute_lines(field: Field, enum_classes: dict[str, str]) -> list[str]:
     return wrapped(text, indent, indent + INDENT)
 
 
-def unit(field: Field, enum_classes: dict[str, str]) -> str:
+def unit(field: FieldDefinition, enum_classes: dict[str, str]) -> str:
     """Return unit, enumeration or size of a field, with its limit."""
     if field.code == "s":
         return f"at most {field.length} bytes"
@@ -169,7 +169,7 @@ def unit(field: Field, enum_classes: dict[str, str]) -> str:
     return ", ".join(word for word in (number, kind, maximum) if word)
 
 
-def declaration(field: Field) -> str:
+def declaration(field: FieldDefinition) -> str:
     """Return the annotated class attribute of a field."""
     kind = TYPES.get(field.code, "int")
     if field.length and field.code != "s":

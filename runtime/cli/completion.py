@@ -90,7 +90,7 @@ OPTIONS: Final = ("--help", "--version", "--traceback")
 WORLD_SUFFIXES: Final = (".toml",)
 
 
-class Place(NamedTuple):
+class NextWord(NamedTuple):
     """The place of the word that comes next: the parser of its verb and its argument, if any.
 
     `begin` is the index of the word that began the argument `nargs=REMAINDER`, else None.
@@ -176,7 +176,7 @@ def arguments(before: Sequence[str], begun: str) -> list[str]:
     return values(call.word, place.action, begun)
 
 
-def place_in(parser: argparse.ArgumentParser, words: Sequence[str]) -> Place:
+def place_in(parser: argparse.ArgumentParser, words: Sequence[str]) -> NextWord:
     """Follow the words through a parser and those of its subcommands."""
     positionals, option, values_left = positionals_of(parser), None, 0.0
     for index, word in enumerate(words):
@@ -190,13 +190,13 @@ def place_in(parser: argparse.ArgumentParser, words: Sequence[str]) -> Place:
             parser = subcommands_of(parser)[word]
             positionals = positionals_of(parser)
         elif positionals and positionals[0].nargs == argparse.REMAINDER:
-            return Place(parser, positionals[0], index)
+            return NextWord(parser, positionals[0], index)
         elif positionals and positionals[0].nargs not in ("*", "+"):
             positionals = positionals[1:]
     expected = option if values_left > 0 else next(iter(positionals), None)
     if expected is not None and expected.nargs == argparse.REMAINDER:
-        return Place(parser, expected, len(words))
-    return Place(parser, expected)
+        return NextWord(parser, expected, len(words))
+    return NextWord(parser, expected)
 
 
 def values_of(option: argparse.Action) -> float:

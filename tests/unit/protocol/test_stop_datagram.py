@@ -16,8 +16,8 @@ from protocol.stop_datagram import (
     PRESS_BYTES,
     SECRET_BYTES,
     Press,
+    PressVerdict,
     StopJudge,
-    Verdict,
     load_secrets,
     operators_secrets,
     places,
@@ -32,6 +32,7 @@ from tests.support.each import each
 ADA, BOB = b"a" * 32, b"b" * 32
 SECRETS = {"ada": ADA, "bob": BOB}
 PRESS = Press("ada", 1_000, 77)
+FALSE, REPLAY, STOP = PressVerdict.FALSE, PressVerdict.REPLAY, PressVerdict.STOP
 
 
 def judge() -> StopJudge:
@@ -42,14 +43,14 @@ def packet(press: Press = PRESS, secret: bytes = ADA, robot: str = "r1") -> byte
     return sealed_press(secret, robot, press)
 
 
-def verdict(judging: StopJudge, *press: Press) -> list[Verdict]:
+def verdict(judging: StopJudge, *press: Press) -> list[PressVerdict]:
     return [judging.judge(packet(one))[0] for one in press]
 
 
 @given(st.integers(0, 2**64 - 1), st.integers(0, 2**64 - 1))
 def test_the_press_of_an_operator_stops(stamp_ns: int, request_id: int) -> None:
     press = Press("ada", stamp_ns, request_id)
-    assert judge().judge(packet(press)) == (Verdict.STOP, press)
+    assert judge().judge(packet(press)) == (STOP, press)
 
 
 def test_the_numbers_of_the_page_are_those_of_the_code() -> None:
@@ -77,14 +78,14 @@ def test_the_numbers_of_the_page_are_those_of_the_code() -> None:
     ],
 )
 def test_any_other_packet_is_false(false: bytes) -> None:
-    assert judge().judge(false) == (Verdict.FALSE, None)
+    assert judge().judge(false) == (FALSE, None)
 
 
 @each("place", range(PRESS_BYTES))
 def test_a_changed_byte_makes_a_press_false(place: int) -> None:
     changed = bytearray(packet())
     changed[place] ^= 1
-    assert judge().judge(bytes(changed)) == (Verdict.FALSE, None)
+    assert judge().judge(bytes(changed)) == (FALSE, None)
 
 
 def resealed(body: bytes) -> bytes:
@@ -102,42 +103,42 @@ def resealed(body: bytes) -> bytes:
     ],
 )
 def test_an_authentic_packet_of_another_form_is_false(body: bytes) -> None:
-    assert judge().judge(resealed(body)) == (Verdict.FALSE, None)
+    assert judge().judge(resealed(body)) == (FALSE, None)
 
 
 def test_an_open_bus_needs_no_secret_and_takes_only_the_open_operator() -> None:
     everyone = StopJudge("r1", None)
-    assert everyone.judge(packet(PRESS._replace(operator="open"), b""))[0] is Verdict.STOP
-    assert everyone.judge(packet(PRESS, b""))[0] is Verdict.FALSE
+    assert everyone.judge(packet(PRESS._replace(operator="open"), b""))[0] is STOP
+    assert everyone.judge(packet(PRESS, b""))[0] is FALSE
 
 
 def test_a_copy_is_a_replay_and_a_repetition_stops_again() -> None:
     again = PRESS._replace(stamp_ns=PRESS.stamp_ns + 1)
     late = PRESS._replace(stamp_ns=PRESS.stamp_ns - 1)
-    expected = [Verdict.STOP, Verdict.REPLAY, Verdict.STOP, Verdict.REPLAY, Verdict.REPLAY]
+    expected = [STOP, REPLAY, STOP, REPLAY, REPLAY]
     assert verdict(judge(), PRESS, PRESS, again, PRESS, late) == expected
 
 
 def test_a_doubtful_press_stops() -> None:
     """The operator's clock was set back, or the robot has forgotten what it knew."""
     older = Press("ada", 5, 78)
-    assert verdict(judge(), PRESS, older, older) == [Verdict.STOP, Verdict.STOP, Verdict.REPLAY]
-    assert verdict(judge(), PRESS) == [Verdict.STOP], "after a restart a copy stops once more"
+    assert verdict(judge(), PRESS, older, older) == [STOP, STOP, REPLAY]
+    assert verdict(judge(), PRESS) == [STOP], "after a restart a copy stops once more"
 
 
 def test_the_presses_of_others_make_nobody_forget() -> None:
     judging = judge()
-    assert verdict(judging, PRESS) == [Verdict.STOP]
+    assert verdict(judging, PRESS) == [STOP]
     for number in range(KNOWN_IDS):
         judging.judge(packet(Press("bob", 2_000 + number, number), BOB))
-    assert verdict(judging, PRESS) == [Verdict.REPLAY]
+    assert verdict(judging, PRESS) == [REPLAY]
 
 
 def test_the_newest_presses_are_known() -> None:
     judging, others = judge(), [Press("ada", 2_000 + n, 1_000 + n) for n in range(KNOWN_IDS)]
-    assert set(verdict(judging, PRESS, *others)) == {Verdict.STOP}
-    assert set(verdict(judging, *others)) == {Verdict.REPLAY}
-    assert verdict(judging, PRESS) == [Verdict.STOP], "forgotten, and therefore doubtful"
+    assert set(verdict(judging, PRESS, *others)) == {STOP}
+    assert set(verdict(judging, *others)) == {REPLAY}
+    assert verdict(judging, PRESS) == [STOP], "forgotten, and therefore doubtful"
 
 
 def test_a_repeated_press_stays_known() -> None:
@@ -145,8 +146,8 @@ def test_a_repeated_press_stays_known() -> None:
     half = KNOWN_IDS * 3 // 4
     others = [Press("ada", 2_000 + n, 1_000 + n) for n in range(2 * half)]
     again = PRESS._replace(stamp_ns=PRESS.stamp_ns + 1)
-    assert set(verdict(judging, PRESS, *others[:half], again, *others[half:])) == {Verdict.STOP}
-    assert verdict(judging, again) == [Verdict.REPLAY]
+    assert set(verdict(judging, PRESS, *others[:half], again, *others[half:])) == {STOP}
+    assert verdict(judging, again) == [REPLAY]
 
 
 def test_the_answer_names_the_press_that_has_stopped() -> None:
