@@ -246,9 +246,9 @@ class Clients:
         """Add bytes of a peer. One without a connection becomes a client if they are a frame."""
         key = endpoint, peer
         is_lasting = key in self._connected
-        is_invited = is_lasting or begins_with_frame(data)
         self._unread[key] = None
         table = self._known if key in self._known else self._guests
+        is_invited = is_lasting or (table is self._guests and begins_with_frame(data))
         client = table.get(key)
         if client is None:
             client = self._made(endpoint, peer, now_ns, is_loopback=is_loopback)
