@@ -9,7 +9,7 @@ import pytest
 
 from gateways.mavlink.clients import NoFile
 from gateways.mavlink.endpoints import MAX_PEERS, opened
-from gateways.mavlink.gateway import STALL_NS
+from gateways.mavlink.gateway import MAX_OLD_TURNS, STALL_NS
 from gateways.mavlink.mavlink_dialect import MavMessage, MissionCount, mavlink
 from gateways.mavlink.operator_control import SILENCE_NS
 from gateways.mavlink.signing import EPOCH_S, PER_S, STAMP_NS, Policy, SigningGuard
@@ -287,6 +287,68 @@ def test_what_was_sent_while_the_process_was_stopped_is_dropped(whole: WholeGate
     assert "stood still for 2.0 s" in words(whole.sent_to("a", "STATUSTEXT"))
     sent(whole, command(176, 1, 4), "a")
     assert whole.port.performed == [Hold()]
+
+
+@each("kind", ["udpin", "tcpin"])
+def test_what_waits_in_a_socket_after_a_stop_is_dropped(kind: str) -> None:
+    endpoint: Any = opened(f"{kind}:127.0.0.1:0")
+    whole = WholeGateway(CommandedPort(), real=endpoint)
+    whole.port.telemetry |= everything()
+    with ExitStack() as stack:
+        stack.callback(whole.close)
+        one = socket.socket(type=socket.SOCK_DGRAM if kind == "udpin" else socket.SOCK_STREAM)
+        stack.enter_context(one)
+        one.connect(("127.0.0.1", endpoint.port))
+
+        def is_stopped() -> bool:
+            whole.run(0.02)
+            return bool(whole.port.stops)
+
+        def has_performed() -> bool:
+            whole.run(0.02)
+            return bool(whole.port.performed)
+
+        waits = [HEARTBEAT, ARM, *(command(176, 1, mode) for mode in range(40)), STOP]
+        for message in waits:
+            one.sendall(frame_of(message))
+        whole.clock.advance(STALL_NS)
+        until(is_stopped)
+        whole.run(0.1)
+        assert (whole.port.performed, whole.port.leases) == ([], [])
+        assert len(whole.port.stops) == 1
+        one.sendall(frame_of(ARM))
+        until(has_performed)
+        assert whole.port.performed == [Arm()]
+
+
+def test_flood_after_a_stop_of_the_process_is_not_old_for_ever(whole: WholeGateway) -> None:
+    whole.clock.advance(STALL_NS)
+    received = whole.gateway.received
+
+    def receive_again(left: int) -> None:
+        received(whole.endpoint, "a", frame_of(ARM), is_loopback=True)
+        if left and not whole.port.performed:
+            whole.loop.call_soon(receive_again, left - 1)
+
+    whole.loop.call_soon(receive_again, 2 * MAX_OLD_TURNS)
+    whole.run(0.02)
+    assert whole.port.performed == [Arm()]
+
+
+def test_error_in_a_callback_ends_the_gateway(whole: WholeGateway) -> None:
+    def broken() -> list[Any]:
+        raise LookupError("a defect")
+
+    whole.port.new_texts = broken  # type: ignore[method-assign]
+    with pytest.raises(LookupError, match="a defect"):
+        whole.run(0.2)
+
+
+def test_no_room_for_connections_does_not_end_the_gateway(whole: WholeGateway) -> None:
+    full = {"message": "socket.accept() out of system resource", "exception": OSError(24, "full")}
+    whole.loop.call_exception_handler(full | {"socket": None})
+    sent(whole, ARM)
+    assert whole.port.performed == [Arm()]
 
 
 KEY = b"k" * 32
