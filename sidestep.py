@@ -175,7 +175,7 @@ def displaced(*packages: str) -> str:
 
 def shadowing_package() -> str:
     """Return a text about another package that keeps ours from working, or ""."""
-    return next((str(found) for found in own("conflicts").conflicts() if found.wins), "")
+    return next((str(found) for found in own("packages").conflicts() if found.wins), "")
 
 
 def refuse(name: str, why: str) -> int:

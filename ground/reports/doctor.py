@@ -42,8 +42,7 @@ from protocol.wire.codec import decode
 from protocol.wire.enums import Vehicle
 from protocol.wire.messages import CommandRequest, CycleReport, NavigatorStatus, PlanarOdometry
 from protocol.wire.reasons import Reason, reason_text
-from runtime.cli.conflicts import conflicts
-from runtime.cli.packages import Conflict
+from runtime.cli.packages import Conflict, conflicts
 from runtime.errors import AccessDeniedError, PeerHangsError, RemoteError
 from runtime.units import NS_PER_MS, NS_PER_S
 from runtime.watchdog import slowdown_in

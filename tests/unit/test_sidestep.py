@@ -285,7 +285,7 @@ def test_defect_with_a_shadowed_package_names_the_package(
     install: Install, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     conflict = Conflict("package `robot` is not ours", "install apart", wins=True)
-    monkeypatch.setattr("runtime.cli.conflicts.conflicts", lambda: [conflict])
+    monkeypatch.setattr("runtime.cli.packages.conflicts", lambda: [conflict])
     install(fail_with(ImportError("cannot import name 'Options' from 'robot.run'")))
     assert sidestep.main(["up"]) == 2
     said = capsys.readouterr().err

@@ -11,9 +11,8 @@ from pathlib import Path
 import pytest
 
 import sidestep
-from runtime.cli import compiled, conflicts, packages
-from runtime.cli.conflicts import broken_files
-from runtime.cli.packages import APART, PACKAGES, ROOT, displaced
+from runtime.cli import compiled, packages
+from runtime.cli.packages import APART, PACKAGES, ROOT, broken_files, conflicts, displaced
 
 OURS = "our = 1\n"
 
@@ -50,9 +49,8 @@ def record(site: Path, name: str, *files: str) -> None:
 @pytest.fixture
 def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return an installation of ours with two packages that Python finds."""
-    for module in (conflicts, packages):
-        monkeypatch.setattr(module, "ROOT", tmp_path)
-    monkeypatch.setattr(conflicts, "displaced", list)
+    monkeypatch.setattr(packages, "ROOT", tmp_path)
+    monkeypatch.setattr(packages, "displaced", list)
     monkeypatch.syspath_prepend(tmp_path)
     record(tmp_path, "sidestep", "robot/__init__.py", "robot/run.py", "plant/__init__.py")
     return tmp_path
@@ -103,26 +101,26 @@ def test_remedy_depends_on_the_cause(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 def test_packages_without_foreign_files_are_no_conflict(site: Path) -> None:
     record(site, "other", "other/__init__.py")
-    assert conflicts.conflicts() == []
+    assert conflicts() == []
 
 
 def test_files_replaced_by_another_distribution_are_named(site: Path) -> None:
     record(site, "robotframework", "robot/run.py", "robot/running/model.py")
-    (found,) = conflicts.conflicts()
+    (found,) = conflicts()
     assert (found.wins, found.do) == (True, APART)
     assert found.what == f"package `robot`: robotframework 7.5 has replaced {site}/robot/run.py"
 
 
 def test_a_folder_shared_with_another_distribution_is_a_warning(site: Path) -> None:
     record(site, "robotframework", "robot/running/model.py")
-    (found,) = conflicts.conflicts()
+    (found,) = conflicts()
     assert (found.wins, found.do) == (False, APART)
     assert found.what == f"package `robot`: robotframework 7.5 has files in {site}/robot, too"
 
 
 def test_files_taken_away_with_another_distribution_are_named(site: Path) -> None:
     (site / "robot" / "run.py").unlink()
-    (found,) = conflicts.conflicts()
+    (found,) = conflicts()
     assert found.wins
     assert str(found) == f"file {site}/robot/run.py of package `robot` is missing: " + (
         "install sidestep again"
@@ -132,7 +130,7 @@ def test_files_taken_away_with_another_distribution_are_named(site: Path) -> Non
 def test_a_file_changed_by_hand_is_no_conflict(site: Path) -> None:
     (site / "plant" / "__init__.py").write_text("mine = 2\n")
     assert broken_files() == {"plant": site / "plant" / "__init__.py"}
-    assert conflicts.conflicts() == []
+    assert conflicts() == []
 
 
 def test_a_path_cannot_steer_the_terminal() -> None:
