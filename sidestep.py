@@ -1,7 +1,7 @@
 """Sidestep: the command line, and the Python API.
 
 The executable looks a verb up in `runtime.cli.verb_table` and imports only the package that
-implements it. `import sidestep` provides the names of `ground.client.api`, each imported at its
+implements it. `import sidestep` provides the names of `ground.api`, each imported at its
 first use:
 
     async with sidestep.connect() as robot:
@@ -19,7 +19,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
-    from ground.client.api import *  # noqa: F403
+    from ground.api import *  # noqa: F403
 
 ROOT = Path(__file__).resolve().parent
 EXIT_USAGE = 2
@@ -282,7 +282,7 @@ def __dir__() -> list[str]:
 def public_names() -> ModuleType:
     """Return the module of the API; raise ImportError if another package shadows ours."""
     try:
-        return importlib.import_module("ground.client.api")
+        return importlib.import_module("ground.api")
     except Exception as error:  # another package may raise anything
         if conflict := shadowing_package():
             raise ImportError(conflict) from error

@@ -23,6 +23,7 @@ from checks.harness.processes import arm_request, auto_goal_request, command_req
 from ground.cli.observe.replay import lines
 from ground.client.outcomes import NoProgress
 from ground.client.parameter import parameters_in
+from ground.commands.export import Export
 from ground.commands.param import table
 from ground.explain.turns import Recorded as Decided
 from ground.ghost.branch_point import GhostRecording, changed_in
@@ -35,7 +36,6 @@ from ground.recording.mcap_file import FACT, KEY_TOPIC, KEYS, RAW_TOPIC, McapFor
 from ground.recording.playback import ReplayBus
 from ground.recording.tables import TimeAxis, collect_series
 from ground.recording.world_metadata import discs, facts_of, outlines, radius_of, start_of
-from ground.reports.export import Export
 from ground.station.station import Station
 from ground.station.world import parse_world
 from plant.world.file import load

@@ -11,12 +11,12 @@ from ground.client.outcomes import Accepted, Outcome
 from ground.client.session import Operation, Session
 from ground.commands.all_robots import StopAll
 from ground.commands.command import OperatorCommand
+from ground.commands.doctor import Diagnose
+from ground.commands.export import Exported
 from ground.commands.lease import take
 from ground.commands.stop import StopNow
 from ground.grammar.looking import WatchWords
 from ground.grammar.words import FromFile, Offline, Words
-from ground.reports.doctor import Diagnose
-from ground.reports.export import Exported
 from ground.text.output import Output
 from protocol.wire.enums import LeaseAction
 

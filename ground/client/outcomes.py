@@ -1,4 +1,4 @@
-"""Outcomes that several operations share: the robot accepted a request, or refused it."""
+"""Outcomes that several operations share: an answer of the robot, a report, and their display."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -338,3 +338,16 @@ class NoProgress:
 
     def line(self, parts: Sequence[Part]) -> None:
         """Ignore the state."""
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """The outcome of a report; `ok` if all could be read and no fault was found."""
+
+    ok: bool
+    text: str
+    row: Mapping[str, object] = field(default_factory=dict)
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return the row."""
+        return dict(self.row)

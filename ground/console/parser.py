@@ -14,12 +14,12 @@ from typing import Final, NoReturn
 
 from ground.client.outcomes import Outcome
 from ground.client.session import Operation
+from ground.commands.export import Export
 from ground.console.app_commands import LOCAL, AppArguments, AppCommand
 from ground.console.argument_errors import in_words
 from ground.grammar.missions import MissionWords
 from ground.grammar.words import common_verbs
 from ground.grammar.words import words_of as words_class
-from ground.reports.export import Export
 from protocol.options import numbers_kept
 from runtime.cli.parsers import subcommands_of
 from runtime.cli.verb import GROUPS

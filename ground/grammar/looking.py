@@ -5,9 +5,9 @@ from typing import Final
 
 from ground.client.connection import LONGEST_S
 from ground.commands.command import add_common, seconds
+from ground.commands.doctor import LISTEN_S, Diagnose
+from ground.commands.watch import LookOnce
 from ground.grammar.words import Words
-from ground.reports.doctor import LISTEN_S, Diagnose
-from ground.reports.snapshot import LookOnce
 from protocol.options import up_to
 
 moment: Final = up_to(LONGEST_S)

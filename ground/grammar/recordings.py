@@ -5,15 +5,15 @@ import argparse
 from ground.client.outcomes import Outcome
 from ground.client.session import Operation
 from ground.commands.command import add_common, add_json
+from ground.commands.explain import ExplainNow, ExplainRecording
+from ground.commands.export import Export
+from ground.commands.plot import Plot
+from ground.commands.recordings import ListRecordings
+from ground.commands.share import Share
 from ground.grammar.looking import moment
 from ground.grammar.words import Words
 from ground.recording.catalogue import FILE_HELP, recording_named, recordings_in, remark_on
-from ground.reports.explain import ExplainNow, ExplainRecording
-from ground.reports.export import Export
-from ground.reports.figure import SCREEN, STYLES
-from ground.reports.list_recordings import ListRecordings
-from ground.reports.plot import Plot
-from ground.reports.share import Share
+from ground.recording.figure import SCREEN, STYLES
 from ground.user.folders import recordings_folder
 from protocol.options import finite
 from runtime.errors import UserError

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from numpy.linalg import LinAlgError
 
-from ground.reports.figure import INK, RULE, SOFT, TRUE, WARM
+from ground.recording.figure import INK, RULE, SOFT, TRUE, WARM
 from plant.model.configuration import LEVELS
 from protocol.options import add_param_option, whole
 from robot.core.parameters import DEFAULTS, Params

@@ -10,7 +10,7 @@ import pytest
 
 from checks.harness.in_process import FRAME_S, InProcess, reason_in
 from checks.harness.processes import OPERATOR_BEAT
-from ground.client.api import robot
+from ground.api import robot
 from ground.client.connection import Common
 from ground.client.vocabulary import Remedies
 from ground.station.link.loss import LossKind

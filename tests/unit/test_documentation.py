@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 import sidestep
 from checks.site import reference as protocol_page
-from ground.client.api import robot as client
-from ground.client.api.robot import Robot
+from ground.api import robot as client
+from ground.api.robot import Robot
 from ground.client.emergency_stop import HELD_NS, REPEAT_NS
 from ground.client.parameter_rows import NAME, NAME_RULE
 from ground.client.teleop_sender import TTL_MS

@@ -30,9 +30,9 @@ from checks.simulation.hosts.virtual_time import (
     current_host,
 )
 from gateways.mavlink.mavlink_dialect import mavlink
+from ground.api import Mission, Robot, Waypoint, connect
 from ground.app.stops.band import BandKeys, stop_band
 from ground.blocking import perform
-from ground.client.api import Mission, Robot, Waypoint, connect
 from ground.client.connection import Common
 from ground.client.goal import destination
 from ground.client.lease_holder import operator_name

@@ -170,7 +170,7 @@ def share_run(app: AppControl) -> None:
 def archive(file: Path) -> str:
     """Write the archive and return the message with its path; UserError if that fails."""
     from ground.client.outcomes import NoProgress
-    from ground.reports.share import Share  # imports the plots; rarely needed
+    from ground.commands.share import Share  # imports the plots; rarely needed
 
     return f"shared: {Share(file=str(file)).run(NoProgress()).text}"
 

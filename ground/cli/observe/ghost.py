@@ -8,6 +8,7 @@ from ground.client.goal import Destination, destination
 from ground.client.link import Link, open_link
 from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.commands.command import add_common, seconds
+from ground.commands.explain import instant_ns
 from ground.ghost.branch_point import (
     FAILED,
     BranchPoint,
@@ -22,7 +23,6 @@ from ground.ghost.ghost import Ghost, Ghosts
 from ground.grammar.looking import moment
 from ground.recording.catalogue import recording_named
 from ground.recording.log_reader import LogIndex, open_log
-from ground.reports.explain import instant_ns
 from ground.text.output import Output
 from ground.text.status_parts import Part
 from protocol.options import finite, whole

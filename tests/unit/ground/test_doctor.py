@@ -8,7 +8,7 @@ from msgspec import structs
 
 from checks.harness.messages import make
 from ground.client.presence import PresentProcesses, explain_silence
-from ground.reports.doctor import DAY_S, Observed, Stream, examine, lines
+from ground.commands.doctor import DAY_S, Observed, Stream, examine, lines
 from protocol.bus.certificate import MAKE_NEW, RENEW, WAIT, CertificateStatus
 from protocol.topics import CLOCK, HEARTBEAT, MISSION, OPERATOR, SONAR, TEXT, TOPICS, Role, Topic
 from protocol.wire.enums import Mode, Vehicle

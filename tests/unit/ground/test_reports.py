@@ -18,13 +18,13 @@ import pytest
 
 from ground.cli.main import main
 from ground.client.outcomes import NoProgress
+from ground.commands.plot import Plot
+from ground.commands.share import Drive, Share, changed_parameters
 from ground.console.parser import read
 from ground.missions.mission import Polygon
 from ground.missions.transfer import fence_items_of
 from ground.recording.log_reader import open_log
 from ground.recording.tables import TimeAxis, collect_series
-from ground.reports.plot import Plot
-from ground.reports.share import Drive, Share, changed_parameters
 from protocol.topics import ANSWERED, COMMANDED, DECISION, SONAR, STATUS
 from protocol.wire.enums import GoalState, MissionType
 from protocol.wire.message import Message
@@ -270,7 +270,7 @@ def test_of_very_many_echoes_a_part_is_drawn(
     """Keep pictures of two hours small enough to open."""
     log, drawn = mcap(tmp_path / "a.mcap", frames), []
     for most in (4000, 10):
-        monkeypatch.setattr("ground.reports.figure.MAX_ECHOES", most)
+        monkeypatch.setattr("ground.recording.figure.MAX_ECHOES", most)
         out = tmp_path / f"{most}.svg"
         assert main(["plot", str(log), "--out", str(out)]) == 0
         drawn.append(out.read_text().count("<use "))
@@ -397,8 +397,8 @@ def test_no_control_character_of_a_recording_reaches_the_reader(
     def drive_of(_: object) -> Drive:
         return Drive({"name": "w"}, ["--noise", hostile], [["param", "set", hostile, "1"]])
 
-    monkeypatch.setattr("ground.reports.share.drive_of", drive_of)
-    monkeypatch.setattr("ground.reports.share.explanation", lambda _: hostile)
+    monkeypatch.setattr("ground.commands.share.drive_of", drive_of)
+    monkeypatch.setattr("ground.commands.share.explanation", lambda _: hostile)
     assert Share(file=str(recording)).run(NoProgress()).ok
     with ZipFile(recording.with_suffix(".zip")) as archive:
         for name in ("README.txt", "explanation.txt"):

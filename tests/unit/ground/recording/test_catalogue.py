@@ -14,6 +14,7 @@ import pytest
 import study.cli.reexecute
 from ground.cli.main import main, parse
 from ground.client.outcomes import NoProgress
+from ground.commands.share import Share
 from ground.launch.recording_session import DEFAULT_KEEP, byte_limit
 from ground.recording.catalogue import (
     LOW_BYTES,
@@ -43,7 +44,6 @@ from ground.recording.log_reader import (
 )
 from ground.recording.log_writer import DualLog, LogFile, new_log
 from ground.recording.summary import summary_of
-from ground.reports.share import Share
 from ground.user.folders import recordings_folder
 from runtime.errors import UserError
 from tests.support.each import each

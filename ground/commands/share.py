@@ -9,14 +9,13 @@ from tempfile import TemporaryDirectory
 from typing import Any, ClassVar, Final, NamedTuple
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
-from ground.client.outcomes import Progress
+from ground.client.outcomes import Progress, Report
 from ground.client.session import Session
 from ground.client.vocabulary import NAVIGATORS, SIDES
+from ground.commands.plot import Plot
 from ground.explain.turns import Recorded
 from ground.recording.log_reader import LogIndex, files_of, open_log
 from ground.recording.world_metadata import facts_of
-from ground.reports.plot import Plot
-from ground.reports.report import Report
 from protocol.topics import STATUS
 from protocol.wire.messages import NavigatorStatus
 from runtime.cli.terminal import printable_lines

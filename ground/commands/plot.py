@@ -5,16 +5,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
-from ground.client.outcomes import Progress
+from ground.client.outcomes import Progress, Report
 from ground.client.session import Session
 from ground.launch.child_command import command
 from ground.launch.scenario import world_facts
 from ground.map.scene import Shape
+from ground.recording.figure import SCREEN, STYLES, Run, write
 from ground.recording.log_reader import Log, open_log
 from ground.recording.tables import RunSeries, TimeAxis, collect_series
 from ground.recording.world_metadata import facts_of, radius_of
-from ground.reports.figure import SCREEN, STYLES, Run, write
-from ground.reports.report import Report
 from ground.station.robot.mission_items import MissionItems
 from protocol.topics import ANSWERED, COMMANDED
 from runtime.errors import UserError

@@ -6,11 +6,10 @@ from itertools import count
 from pathlib import Path
 from typing import ClassVar, Final
 
-from ground.client.outcomes import Progress
+from ground.client.outcomes import Progress, Report
 from ground.client.session import Session
 from ground.recording.catalogue import recordings_in, size_text
 from ground.recording.summary import Summary, summary_of
-from ground.reports.report import Report
 from ground.user.folders import recordings_folder
 
 HEADS: Final = ("", "BEGAN", "LENGTH", "WORLD", "NAVIGATOR", "OUTCOME", "SIZE", "NAME")

@@ -1,7 +1,7 @@
 """The public names of `import sidestep`: the asyncio client, its values, events and errors."""
 
-from ground.client.api import operations
-from ground.client.api.robot import Robot, connect
+from ground.api import operations
+from ground.api.robot import Robot, connect
 from ground.client.events import (
     Event,
     EventStream,

@@ -22,10 +22,10 @@ from math import radians
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
+from ground.api import threads
+from ground.api.services import Fences, Leases, Missions, Parameters
 from ground.blocking import perform
 from ground.client import stop_ways
-from ground.client.api import threads
-from ground.client.api.services import Fences, Leases, Missions, Parameters
 from ground.client.connection import LONGEST_S, Common, common, within
 from ground.client.emergency_stop import EmergencyStop, new_press
 from ground.client.events import Telemetry

@@ -5,13 +5,12 @@ from pathlib import Path
 from typing import ClassVar, Final
 
 from ground.client.link import LISTEN_NS, Link
-from ground.client.outcomes import Progress
+from ground.client.outcomes import Progress, Report
 from ground.client.session import Session
 from ground.client.telemetry import Telemetry
 from ground.explain.explanation import Explanation, explain
 from ground.explain.turns import Recorded, Turn
 from ground.recording.log_reader import LogIndex, open_log
-from ground.reports.report import Report
 from protocol.topics import CYCLE, DECISION, STATUS
 from runtime.errors import UserError
 from runtime.units import NS_PER_S

@@ -10,11 +10,11 @@ from time import time
 from typing import Any, ClassVar, Final
 
 from ground.client.link import Link, UnansweredError
+from ground.client.outcomes import Report
 from ground.client.presence import PresentProcesses, explain_silence
 from ground.client.session import Session
 from ground.client.status_line import knows_place
 from ground.client.telemetry import Telemetry
-from ground.reports.report import Report
 from ground.text.wording import StatustextAssembler, aged
 from protocol.bus.certificate import EXPIRES_SOON, RENEW, CertificateStatus, own_certificate, remedy
 from protocol.bus.mailbox import Mailbox

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from ground.client.link import LISTEN_NS, Link
+from ground.client.outcomes import Report
 from ground.client.session import Session
 from ground.client.status_line import watch_line
 from ground.client.telemetry import SUMMARY_TOPICS, Telemetry
-from ground.reports.report import Report
 from ground.text.status_parts import in_words
 from protocol.topics import STATUS
 from runtime.units import NS_PER_S

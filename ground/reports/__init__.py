@@ -1,1 +1,0 @@
-"""Operations that read the state of a robot or a recording and change nothing."""
