@@ -15,7 +15,7 @@ from dataclasses import replace
 from enum import Enum, IntEnum
 from functools import partial
 from math import nan, radians
-from typing import Any, Final, Protocol, TypeVar
+from typing import Any, Final, TypeVar
 
 from msgspec import structs
 
@@ -51,7 +51,6 @@ from ground.client.outcomes import (
     LeaseShown,
     Marked,
     NoProgress,
-    Outcome,
     Progress,
     Refused,
     RefusedError,
@@ -128,8 +127,6 @@ M = TypeVar("M", bound=Message)
 R = TypeVar("R", bound=Request)
 E = TypeVar("E", bound=IntEnum)
 Out = TypeVar("Out")
-Out_co = TypeVar("Out_co", bound=Outcome, covariant=True)
-
 RETRY_NS: Final = 2 * NS_PER_S
 """Time within which causes of a refusal are removed."""
 MISSION_NS: Final = 700 * NS_PER_MS
@@ -160,24 +157,6 @@ class Leasing(Enum):
     ALWAYS = "before everything that moves the robot, and keeps it"
     DRIVES = "before a drive that it follows, and leaves it after that"
     NEVER = "another part of this process takes it"
-
-
-class RobotCommand(Protocol[Out_co]):
-    """Something that an operator can do with a robot."""
-
-    @property
-    def verb(self) -> str:
-        """The name of the command on the command line."""
-
-    @property
-    def moves(self) -> bool:
-        """True if it can move the robot or change how it moves."""
-
-    async def perform(self, robot: "Robot", /) -> Out_co:
-        """Carry it out and return the outcome.
-
-        Raises UserError, RemoteError or UnansweredError if there is no outcome.
-        """
 
 
 class Drive:
@@ -708,10 +687,6 @@ class Robot(RobotLink):
             self.progress.note(f"{why}: {words_of_abort(outcome)}")
 
     # Commands.
-
-    async def perform(self, command: RobotCommand[Out_co]) -> Out_co:
-        """Carry out a command. Cancelling this does not withdraw a request that was sent."""
-        return await command.perform(self)
 
     async def command(
         self,

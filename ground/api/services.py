@@ -1,21 +1,20 @@
 """Parts of the asyncio client: parameters, missions, the fence and the lease of one robot."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable, Coroutine
+from functools import partial
 from pathlib import Path
-from typing import Final, Protocol, TypeVar
+from typing import Any, Final, Protocol, TypeVar
 
 from ground.client.connection import within
-from ground.client.link import Link
 from ground.client.outcomes import Answer, LeaseShown, Outcome, Refused
 from ground.client.parameter import Parameter
-from ground.client.requests import SILENCE_NS
-from ground.client.session import Operation, Session
+from ground.client.requests import SILENCE_NS, Asker
+from ground.client.session import Operation
 from ground.client.streams import TopicStreams
 from ground.commands.fence import ClearFence, FenceShown, SetFence, ShowFence
-from ground.commands.hold import Hold
-from ground.commands.lease import ShowLease
 from ground.commands.mission import (
+    STATUS_NS,
     ClearMission,
     FetchMission,
     JumpTo,
@@ -23,7 +22,6 @@ from ground.commands.mission import (
     MissionFetched,
     MissionProgress,
     ShowMissionStatus,
-    StartMission,
     TransferOutcome,
     UploadMission,
 )
@@ -37,14 +35,13 @@ from ground.commands.param import (
     SetParameter,
     ShowParameters,
 )
-from ground.commands.resume import Resume
 from ground.missions import files
 from ground.missions.mission import Fence, Mission
+from ground.robot import CURRENT, Drive
 from protocol.topics import MISSION
 from protocol.wire.enums import Command, LeaseAction, MissionState
 from protocol.wire.messages import CommandRequest, MissionStatus
 from protocol.wire.reasons import Reason
-from runtime.clock import Clock
 from runtime.errors import RemoteError, UserError
 from runtime.units import NS_PER_S
 
@@ -57,16 +54,12 @@ BEGUN_NS: Final = 1_000_000_000
 UNDER_WAY: Final = (MissionState.RUNNING, MissionState.HOLDING, MissionState.PAUSED)
 
 
-class OperationRunner(Protocol):
+class OperationRunner(Asker, Protocol):
     """The client of a robot, as its parts use it."""
 
     @property
     def streams(self) -> TopicStreams:
         """The telemetry streams of the robot."""
-
-    @property
-    def clock(self) -> Clock:
-        """The clock of this process."""
 
     async def perform(self, operation: Operation[Out]) -> Out | Refused:
         """Carry out an operation; take the lease first if it moves."""
@@ -76,14 +69,26 @@ class OperationRunner(Protocol):
 
     async def drive_until(
         self,
-        begin: Callable[[Session], Answer],
-        follow: Callable[[int], Awaitable[T]],
-        ending: Callable[[Link], CommandRequest],
+        begin: Callable[[Drive], Coroutine[Any, Any, Answer]],
+        follow: Callable[[Drive], Coroutine[Any, Any, T]],
+        ending: Callable[[], CommandRequest],
     ) -> T | Refused:
         """Begin a drive and follow it; end it, and no other, if this is cancelled or raises."""
 
     async def change_lease(self, action: LeaseAction) -> Answer:
         """Take, seize or release the lease."""
+
+    async def show_lease(self) -> LeaseShown:
+        """Return the lease."""
+
+    async def hold(self) -> Answer:
+        """Stop and keep the goal."""
+
+    async def resume(self) -> Answer:
+        """Continue to the goal."""
+
+    def request(self, command: Command, param1: float = 0.0) -> CommandRequest:
+        """Return a request with an id of its own."""
 
 
 class Parameters:
@@ -158,7 +163,9 @@ class Missions:
 
     async def start(self, item: int | None = None) -> Answer:
         """Drive the mission from an item (from 1) on, in AUTO; arm a robot in standby."""
-        return await self._robot.perform(StartMission(item=item))
+        if (refused := await self._robot.ensure_lease()) is not None:
+            return refused
+        return await self._robot.in_turn(partial(self._start, item, Drive()))
 
     async def run(self, item: int | None = None) -> MissionEnded | Refused:
         """Start the mission and wait for its end, which is `ok` if all items were reached.
@@ -167,22 +174,36 @@ class Missions:
         """
         began_ns = self._robot.clock.now_ns()
 
-        async def follow(_: int) -> MissionEnded:
+        async def follow(_: Drive) -> MissionEnded:
             return MissionEnded(await self._ended(began_ns))
 
         return await self._robot.drive_until(
-            StartMission(item=item).perform,
+            partial(self._start, item),
             follow,
-            lambda link: link.command(Command.DO_PAUSE_CONTINUE, 0.0),
+            lambda: self._robot.request(Command.DO_PAUSE_CONTINUE, 0.0),
         )
+
+    async def _start(self, item: int | None, drive: Drive) -> Answer:
+        """Start the mission; without an item at the current one, or again if it is complete."""
+        first = CURRENT if item is None else item - 1
+        if item is None:
+            newest = await self._robot.newest(MISSION, STATUS_NS)
+            if newest is not None and newest.state == MissionState.DONE:
+                first = 0
+
+        def request() -> CommandRequest:
+            return drive.begun_by(self._robot.request(Command.MISSION_START, float(first)))
+
+        answer, _ = await self._robot.accepted(request, beats=False)
+        return answer
 
     async def pause(self) -> Answer:
         """Stop; `resume` continues."""
-        return await self._robot.perform(Hold())
+        return await self._robot.hold()
 
     async def resume(self) -> Answer:
         """Continue after a pause."""
-        return await self._robot.perform(Resume())
+        return await self._robot.resume()
 
     async def jump(self, item: int) -> Answer:
         """Continue with another item, from 1."""
@@ -261,7 +282,7 @@ class Leases:
 
     async def show(self) -> LeaseShown:
         """Return the lease; RemoteError if the robot publishes no lease status."""
-        return accepted(await self._robot.perform(ShowLease()))
+        return await self._robot.show_lease()
 
 
 def accepted(outcome: Out | Refused) -> Out:

@@ -6,19 +6,16 @@ from enum import IntEnum
 from typing import Any, Final, Self, TypeAlias, TypeVar
 
 from ground.client.lease_holder import is_ours
-from ground.client.streams import QUEUE, Stream, TopicStreams
+from ground.client.streams import Stream, TopicStreams
 from ground.text.wording import StatustextAssembler
 from protocol.outcome import mission_state
-from protocol.topics import DECISION, LEASE, MISSION, ODOMETRY, SONAR, STATUS, TEXT, Topic
+from protocol.topics import LEASE, MISSION, STATUS, TEXT, Topic
 from protocol.wire.enums import GoalState, MissionState, Mode, Severity, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import (
-    AvoidanceDecision,
     LeaseStatus,
     MissionStatus,
     NavigatorStatus,
-    PlanarOdometry,
-    SonarScan,
     Statustext,
 )
 from protocol.wire.reasons import reason_text
@@ -178,41 +175,6 @@ class EventStream:
     def _unsubscribe(self) -> None:
         for topic in EVENT_TOPICS:
             self._streams.remove(topic, self._messages)
-
-
-class Telemetry:
-    """The telemetry of one robot. Each call returns a separate stream that begins now."""
-
-    def __init__(self, streams: TopicStreams, identity: str) -> None:
-        self.streams = streams
-        self._identity = identity
-
-    def stream(self, topic: Topic[M], *, size: int = QUEUE) -> Stream[M]:
-        """Return every message of a topic; at most `size` wait, then the oldest are dropped."""
-        return self.streams.stream(topic, size)
-
-    def status(self, *, size: int = QUEUE) -> Stream[NavigatorStatus]:
-        """Return vehicle state, mode and goal, 20 times a second."""
-        return self.stream(STATUS, size=size)
-
-    def odometry(self, *, size: int = QUEUE) -> Stream[PlanarOdometry]:
-        """Return the estimated pose (m, rad), speed (m/s, rad/s) and covariance at 20 Hz."""
-        return self.stream(ODOMETRY, size=size)
-
-    def sonar(self, *, size: int = QUEUE) -> Stream[SonarScan]:
-        """Return the ranges (mm) of the eight sonars, from right to left, 20 times a second."""
-        return self.stream(SONAR, size=size)
-
-    def decisions(self, *, size: int = QUEUE) -> Stream[AvoidanceDecision]:
-        """Return the navigator's inputs and its decision, 20 times a second."""
-        return self.stream(DECISION, size=size)
-
-    def events(self, *, size: int = QUEUE) -> EventStream:
-        """Return changes of vehicle, mode, goal, lease and mission, and the robot's texts.
-
-        The present state comes first, as changes.
-        """
-        return EventStream(self.streams, self._identity, size)
 
 
 def is_same(event: Event, before: Event | None) -> bool:

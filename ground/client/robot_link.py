@@ -14,6 +14,7 @@ from threading import Thread
 from typing import Any, Final, TypeVar
 
 from ground.client.connection import Common
+from ground.client.events import EventStream
 from ground.client.lease_holder import holder_name, is_ours
 from ground.client.link import LISTEN_NS, UnansweredError
 from ground.client.outcomes import Accepted, Answer
@@ -27,15 +28,31 @@ from ground.client.requests import (
     Request,
     RequestIds,
 )
-from ground.client.streams import CLOSED, ClosedError, TopicStreams
+from ground.client.streams import CLOSED, QUEUE, ClosedError, Stream, TopicStreams
 from ground.client.telemetry import Telemetry
 from protocol.bus.bus import Bus
 from protocol.bus.rights import denial
 from protocol.bus.services import ServiceQuery
-from protocol.topics import COMMAND, HEARTBEAT, LEASE, Service, Topic
+from protocol.topics import (
+    COMMAND,
+    DECISION,
+    HEARTBEAT,
+    LEASE,
+    ODOMETRY,
+    SONAR,
+    STATUS,
+    Service,
+    Topic,
+)
 from protocol.wire.enums import Command
 from protocol.wire.message import Message
-from protocol.wire.messages import CommandRequest
+from protocol.wire.messages import (
+    AvoidanceDecision,
+    CommandRequest,
+    NavigatorStatus,
+    PlanarOdometry,
+    SonarScan,
+)
 from protocol.wire.reasons import Reason
 from runtime.clock import Clock, WallClock
 from runtime.errors import NoAnswerError, RemoteError
@@ -256,6 +273,35 @@ class RobotLink:
                 return False
             await self._arrival(self.clock.now_ns() + left_ns)
         return True
+
+    # Streams; each call returns a separate one, which begins now.
+
+    def stream(self, topic: Topic[M], *, size: int = QUEUE) -> Stream[M]:
+        """Return every message of a topic; at most `size` wait, then the oldest are dropped."""
+        return self.streams.stream(topic, size)
+
+    def status(self, *, size: int = QUEUE) -> Stream[NavigatorStatus]:
+        """Return vehicle state, mode and goal, 20 times a second."""
+        return self.stream(STATUS, size=size)
+
+    def odometry(self, *, size: int = QUEUE) -> Stream[PlanarOdometry]:
+        """Return the estimated pose (m, rad), speed (m/s, rad/s) and covariance at 20 Hz."""
+        return self.stream(ODOMETRY, size=size)
+
+    def sonar(self, *, size: int = QUEUE) -> Stream[SonarScan]:
+        """Return the ranges (mm) of the eight sonars, from right to left, 20 times a second."""
+        return self.stream(SONAR, size=size)
+
+    def decisions(self, *, size: int = QUEUE) -> Stream[AvoidanceDecision]:
+        """Return the navigator's inputs and its decision, 20 times a second."""
+        return self.stream(DECISION, size=size)
+
+    def events(self, *, size: int = QUEUE) -> EventStream:
+        """Return changes of vehicle, mode, goal, lease and mission, and the robot's texts.
+
+        The present state comes first, as changes.
+        """
+        return EventStream(self.streams, self.bus.operator or "", size)
 
     # The event loop: what a link without one overrides.
 

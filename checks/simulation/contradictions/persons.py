@@ -48,7 +48,6 @@ from checks.simulation.hosts.virtual_time import (
     Host,
     Scheduler,
     SimulatedClock,
-    SimulatedExecutor,
     SimulatedThread,
     current_host,
 )
@@ -607,10 +606,9 @@ def replacements() -> dict[str, object]:
     return {
         "ground.client.link.open_bus": open_bus_here,
         "ground.client.link.WallClock": SimulatedClock,
-        "ground.api.robot.WallClock": SimulatedClock,
-        "ground.api.robot.ThreadPoolExecutor": SimulatedExecutor,
+        "ground.client.robot_link.WallClock": SimulatedClock,
         "ground.api.robot.common": common_here,
-        "ground.api.threads.Thread": SimulatedThread,
+        "ground.client.robot_link.Thread": SimulatedThread,
         "ground.client.lease_holder.gethostname": lambda: "sim",
         "ground.client.lease_holder.terminal_name": terminal,
         "ground.client.lease_holder.pwd": SimpleNamespace(getpwuid=of_here),

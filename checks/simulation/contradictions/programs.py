@@ -316,7 +316,7 @@ class Notebook(PersonsProgram):
     @property
     def session(self) -> Any:
         """The session of the client."""
-        return None if self._robot is None else self._robot._link.bus._session
+        return None if self._robot is None else self._robot.bus._session
 
 
 async def limited(robot: Robot, x_m: float, y_m: float, limit_s: float) -> object:
