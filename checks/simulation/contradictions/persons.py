@@ -92,15 +92,23 @@ def _unbound_clean_up() -> Patches:
     """End whatever the robot does, when a drive is cleaned up."""
     links = import_module("ground.client.link")
 
+    def ending(now_ns: int, request: Any, attempts: int) -> Any:
+        patience_ns = links.END_NS
+        return links.CommandExchange(request, now_ns, attempts=attempts, patience_ns=patience_ns)
+
     def end(self: Any, request: Any, ends_id: int, attempts: int = 1) -> Any:
         if not ends_id:
             return None
-        now_ns = self.clock.now_ns()
-        ending = links.CommandExchange(request, now_ns, attempts=attempts, patience_ns=links.END_NS)
-        links.run_exchange(self.bus, self.clock, self.robot, ending, COMMAND)
-        return ending.outcome
+        exchange = ending(self.clock.now_ns(), request, attempts)
+        links.run_exchange(self.bus, self.clock, self.robot, exchange, COMMAND)
+        return exchange.outcome
 
-    return {"ground.client.link.Link.end": end}
+    async def end_on_loop(self: Any, request: Any, drive_id: int, attempts: int = 3) -> Any:
+        if not drive_id:
+            return None
+        return await self._carry(ending(self.clock.now_ns(), request, attempts), COMMAND)
+
+    return {"ground.client.link.Link.end": end, "ground.robot.Robot.end": end_on_loop}
 
 
 def _stop_with_lease_only() -> Patches:
