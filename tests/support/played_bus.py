@@ -1,11 +1,13 @@
 """Buses that a test plays: no sockets, no threads; mailboxes hold what the test puts in."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 from protocol.bus.bus import Bus, Presence
-from protocol.bus.mailbox import Mailbox, Origin, Sample
+from protocol.bus.mailbox import Mailbox, Sample
 from protocol.bus.network import Hub
+from protocol.bus.services import ServiceRequest
 from protocol.topics import ENCODING, Role, Service, Topic
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.message import Message
@@ -14,14 +16,19 @@ from runtime.errors import NoAnswerError
 
 M = TypeVar("M", bound=Message)
 Handler = Callable[[str, bytes, int], None]
+Take = Callable[[ServiceRequest], object]
 
 
 class PlayedPublisher:
     """Stores what was published, and passes it to `heard` if that is set."""
 
-    def __init__(self) -> None:
+    ready = True
+
+    def __init__(self, path: str, sent: list[tuple[str, Message]]) -> None:
+        self.key = path
         self.said: list[Message] = []
         self.heard: Callable[[Message], None] | None = None
+        self._sent = sent
         self._encoder = Encoder(1, 1)
 
     def frame(self, message: Message) -> bytes:
@@ -32,49 +39,86 @@ class PlayedPublisher:
 
     def put(self, message: Message) -> None:
         self.said.append(message)
+        self._sent.append((self.key, message))
         if self.heard is not None:
             self.heard(message)
 
 
-class PlayedBus:
-    """`say` publishes for other processes; `answers` has the reply of each service, by path."""
+class PlayedBus(Bus):
+    """`say` publishes for other processes; `answers` has the reply of each service, by path.
+
+    `has_history`: a mailbox begins with the newest message that was said before.
+    """
 
     zid = "ours"
     operator = "open/ours"
     holder = None
+    robot = "r1"
+    role: Role | None = Role.ROBOT
+    rejected: Mapping[str, int] = MappingProxyType({})  # type: ignore[assignment]
+    has_history = False
+    has_subscriber = True
 
     def __init__(self, clock: ManualClock) -> None:
         self._clock = clock
-        self.now_ns = clock.now_ns
+        self._now_ns = clock.now_ns
         self._boxes: list[tuple[str, Mailbox[Any]]] = []
         self._handlers: list[tuple[str, str, Handler]] = []
         self._handler_of: dict[Mailbox[Any], tuple[str, str, Handler]] = {}
         self._encoders: dict[tuple[str, str], Encoder] = {}
+        self._newest: dict[tuple[str, str], tuple[Sample, int]] = {}
         self._watchers: list[Callable[[Presence, bool], None]] = []
+        self.subscribed: list[tuple[str, str]] = []
+        """Robot and path of each subscription there ever was."""
         self.there: set[Presence] = set()
         self.publishers: dict[tuple[str, str], PlayedPublisher] = {}
+        self.sent: list[tuple[str, Message]] = []
         self.answers: dict[str, Callable[[Message | None], Message | bytes]] = {}
         self.asked: list[tuple[str, str, Message | None]] = []
+        self.services: dict[str, Take] = {}
+        self.has_clock = False
+        self.kept_serving = self.serving_ns = 0
         self.linked_by = Hub.PEER
         self.shut = ""
 
     # The others.
 
-    def say(self, topic: Topic[Any], message: Message, robot: str = "r1", age_ns: int = 0) -> None:
-        """`age_ns`: time from publication to fetch."""
+    def say(
+        self,
+        topic: Topic[Any],
+        message: Message,
+        robot: str = "r1",
+        *,
+        at_ns: int | None = None,
+        sender: str = "",
+        late_ns: int | None = 0,
+    ) -> None:
+        """Deliver a message, by default now.
+
+        The frame of a sender is this late; None: without a stamp.
+        """
         encoder = self._encoders.setdefault((robot, topic.path), Encoder(1, 1))
-        self.say_frame(topic, encoder.encode(message), robot, age_ns)
+        self.say_frame(topic, encoder.encode(message), robot, at_ns, sender, late_ns)
 
     def say_frame(
-        self, topic: Topic[Any], frame: bytes, robot: str = "r1", age_ns: int = 0
+        self,
+        topic: Topic[Any],
+        frame: bytes,
+        robot: str = "r1",
+        at_ns: int | None = None,
+        sender: str = "",
+        late_ns: int | None = 0,
     ) -> None:
-        now_ns = self._clock.now_ns() - age_ns
+        now_ns = self._clock.now_ns() if at_ns is None else at_ns
         for name, path, handler in self._handlers:
             if (name, path) == (robot, topic.path):
                 handler(topic.key(robot), frame, now_ns)
+        sent_ns = now_ns - late_ns if sender and late_ns is not None else None
+        sample = Sample(ENCODING, frame, sender, sent_ns)
+        self._newest[robot, topic.path] = sample, now_ns
         for name, box in self._boxes:
             if (name, box.topic.path) == (robot, topic.path):
-                box.store(Sample(ENCODING, frame), now_ns)
+                box.store(sample, now_ns)
 
     def lose(self, topic: Topic[Any], message: Message, robot: str = "r1") -> None:
         """Send a frame that never arrives."""
@@ -92,23 +136,28 @@ class PlayedBus:
             for tell in self._watchers:
                 tell(who, False)
 
-    # What a station asks of a bus.
+    # What a process asks of a bus.
 
     def mailbox(
         self,
         topic: Topic[M],
         robot: str | None = None,
         notify: Callable[[int], None] | None = None,
+        accept: Callable[[str], bool] | None = None,
         *,
+        forward: bool = False,
         check: Callable[[M], str] | None = None,
         take: Handler | None = None,
     ) -> Mailbox[M]:
-        box = Mailbox(topic, notify, check=check)
-        self._boxes.append((robot or "r1", box))
+        at = robot or self.robot, topic.path
+        box = Mailbox(topic, notify, accept, forward=forward, check=check)
+        self.subscribed.append(at)
+        self._boxes.append((at[0], box))
         if take is not None:
-            entry = (robot or "r1", topic.path, take)
-            self._handlers.append(entry)
-            self._handler_of[box] = entry
+            self._handlers.append((*at, take))
+            self._handler_of[box] = self._handlers[-1]
+        if self.has_history and at in self._newest:
+            box.store(*self._newest[at])
         return box
 
     def unsubscribe(self, mailbox: Mailbox[Any]) -> None:
@@ -118,9 +167,10 @@ class PlayedBus:
             self._handlers.remove(entry)
 
     def stream(self, topic: Topic[Any], handler: Handler, robot: str | None = None) -> None:
-        self._handlers.append((robot or "r1", topic.path, handler))
+        self.subscribed.append((robot or self.robot, topic.path))
+        self._handlers.append((robot or self.robot, topic.path, handler))
 
-    def present(self) -> Iterable[Presence]:
+    def present(self, timeout_s: float = 1.0) -> list[Presence]:
         return sorted(self.there)
 
     def ask(
@@ -130,20 +180,21 @@ class PlayedBus:
         timeout_s: float = 0.5,
         robot: str | None = None,
     ) -> Message | bytes:
-        self.asked.append((robot or "r1", service.path, message))
+        self.asked.append((robot or self.robot, service.path, message))
         answer = self.answers.get(service.path)
         if answer is None:
             raise NoAnswerError(f"{service.path}: no process serves it")
         return answer(message)
 
-    def publisher(self, topic: Topic[M], robot: str | None = None) -> PlayedPublisher:
-        return self.publishers.setdefault((robot or "r1", topic.path), PlayedPublisher())
+    def publisher(self, topic: Topic[Any], robot: str | None = None) -> Any:
+        publisher = PlayedPublisher(topic.path, self.sent)
+        return self.publishers.setdefault((robot or self.robot, topic.path), publisher)
 
-    def await_matched(self, publishers: list[Any], timeout_s: float = 1.0) -> list[Any]:
-        return []
+    def await_matched(self, publishers: Iterable[Any], timeout_s: float = 1.0) -> list[str]:
+        return [] if self.has_subscriber else ["nobody"]
 
     def announce(self, robot: str | None = None) -> None:
-        self.come(Role.GROUND, robot or "r1", self.zid)
+        self.come(Role.GROUND, robot or self.robot, self.zid)
 
     def watch(self, handler: Callable[[Presence, bool], None]) -> None:
         self._watchers.append(handler)
@@ -156,51 +207,23 @@ class PlayedBus:
     def kept_out(self) -> str:
         return self.shut
 
+    def lost(self) -> str:
+        return ""
 
-class Box(Mailbox[Any]):
-    """Holds what the test puts in."""
-
-    newest: tuple[Any, int] | None = None
-    sender = "open/0a"
-    delay_ns = 0
-    """How long before its arrival a frame of an operator was sent."""
-
-    def latest(self) -> tuple[Any, int] | None:
-        return self.newest
-
-    def received(self) -> list[tuple[Any, Origin]]:
-        if self.newest is None:
-            return []
-        message, arrived_ns = self.newest
-        return [(message, Origin(self.sender, arrived_ns - self.delay_ns, arrived_ns))]
-
-
-class Wireless(Bus):
-    """One mailbox for each topic; nothing is opened."""
-
-    def __init__(self) -> None:
-        self.boxes: dict[str, Box] = {}
-
-    def mailbox(self, topic: Topic[Any], *_: Any, **__: Any) -> Box:
-        return self.boxes.setdefault(topic.path, Box(topic))
-
-
-class Air:
-    """One mailbox for each topic."""
-
-    def __init__(self) -> None:
-        self.boxes: dict[str, Mailbox[Any]] = {}
-        self._encoder = Encoder(1, 1)
-
-    def mailbox(
+    def serve(
         self,
-        topic: Topic[Any],
+        service: Service,
+        handler: Take,
         robot: str | None = None,
-        notify: Callable[[int], None] | None = None,
-        *,
-        take: Callable[[str, bytes, int], None] | None = None,
-    ) -> Mailbox[Any]:
-        return self.boxes.setdefault(topic.path, Mailbox(topic, notify))
+    ) -> None:
+        self.services[service.path] = handler
 
-    def put(self, topic: Topic[Any], message: Message, at_ns: int) -> None:
-        self.boxes[topic.path].store(Sample(ENCODING, self._encoder.encode(message)), at_ns)
+    def serve_stop(self, pressed: Callable[[str, bytes], None], handler: Take) -> None:
+        self.press, self.take_stop = pressed, handler
+
+    def serve_clock(self) -> None:
+        self.has_clock = True
+
+    def keep_serving(self) -> None:
+        self.kept_serving += 1
+        self._clock.advance(self.serving_ns)

@@ -109,7 +109,7 @@ def test_a_release_of_all_names_the_stops_that_are_shown() -> None:
 def test_a_release_names_the_stop_that_is_shown(typed: bool) -> None:
     """Another stop that is pressed before the release is sent must stay."""
     bus = ScriptedBus(ManualClock(), ())
-    bus.set_newest(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=8))
+    bus.say(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=8))
     station = stopped(Vehicle.EMERGENCY_STOP)
     common = Common(network=Network(mode="client", connect=(ELSEWHERE,)), robot="r1")
     runner = CommandRunner(lambda: station, bus, common, ManualClock(), History())

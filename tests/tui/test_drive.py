@@ -157,8 +157,8 @@ async def test_restart_of_a_robot_does_not_change_the_factor_of_the_simulation()
             now_ns = stage.station.clock.now_ns()
             stamp_ns = now_ns if number > 30 else number  # a new robot begins at zero
             by_robot = replace(status(now_ns), time_ns=stamp_ns)
-            stage.station.air.put(STATUS, by_robot, now_ns)
-            stage.station.air.put(TRUTH, drive_messages(now_ns)[TRUTH], now_ns)
+            stage.station.bus.say(STATUS, by_robot)
+            stage.station.bus.say(TRUTH, drive_messages(now_ns)[TRUTH])
             stage.app.sample()
             shown.add(stage.app.session_info.kind)
             stage.station.clock.advance(50 * MS)
@@ -177,7 +177,7 @@ def lost(*, simulated: bool) -> FakeStation:
     messages[ODOMETRY] = replace(messages[ODOMETRY], cov_xx_m2=nan)
     for topic, message in messages.items():
         if simulated or topic is not TRUTH:
-            station.air.put(topic, message, station.now_ns)
+            station.bus.say(topic, message)
     return station
 
 

@@ -81,13 +81,13 @@ class Drive:
     ) -> None:
         now_ns = self.station.now_ns
         message = msgspec.structs.replace(status(now_ns, goal, vehicle), goal_id=goal_id)
-        self.station.air.put(STATUS, message, now_ns)
+        self.station.bus.say(STATUS, message)
 
     def mission(self, state: int) -> None:
         message = make(
             MissionStatus, time_ns=self.station.now_ns, state=state, count=2, mission_id=1
         )
-        self.station.air.put(MISSION, message, self.station.now_ns)
+        self.station.bus.say(MISSION, message)
 
     def step_after(self, draft: int = 0) -> int:
         """Return the number of the step, from 1, after some polls."""
@@ -136,7 +136,7 @@ async def test_step_is_shown_on_every_screen_with_the_keys_in_force() -> None:
         await stage.redraw()
         assert stage.words("lesson").startswith(f" TUTORIAL 1 of {len(STEPS)}  watch")
         now_ns = stage.station.now_ns
-        stage.station.air.put(STATUS, status(now_ns, GoalState.REACHED), now_ns)
+        stage.station.bus.say(STATUS, status(now_ns, GoalState.REACHED))
         await stage.press("3")
         assert "press g, type 1 1" in stage.words("lesson")
 

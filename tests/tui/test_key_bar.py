@@ -109,7 +109,7 @@ def station_in(vehicle: Vehicle, goal: GoalState, mode: Mode) -> FakeStation:
     station = driving(FakeStation())
     now_ns = station.now_ns
     message = msgspec.structs.replace(status(now_ns, goal, vehicle), mode=mode)
-    station.air.put(STATUS, message, now_ns)
+    station.bus.say(STATUS, message)
     return station
 
 
@@ -165,12 +165,12 @@ async def test_one_key_sends_starts_and_lists_the_mission() -> None:
             MissionStatus, time_ns=station.now_ns, state=MissionState.READY, count=2,
             mission_id=1,
         )  # fmt: skip
-        station.air.put(MISSION, ready, station.now_ns)
+        station.bus.say(MISSION, ready)
         await stage.redraw()
         assert stage.words("keybar").startswith(" space E-STOP  W Start mission ")
         await stage.press("W")
         running = msgspec.structs.replace(ready, state=MissionState.RUNNING)
-        station.air.put(MISSION, running, station.now_ns)
+        station.bus.say(MISSION, running)
         await stage.press("W")
         assert stage.commands.given == ["wp upload", "mission start", "mission list"]
 
@@ -222,7 +222,7 @@ def test_unchecked_fence_asks_for_the_place() -> None:
     station = station_in(Vehicle.FAILSAFE, GoalState.NONE, Mode.HOLD)
     shown = status(station.now_ns, GoalState.NONE, Vehicle.FAILSAFE)
     shown = msgspec.structs.replace(shown, vehicle_reason=Reason.FENCE_UNCHECKED)
-    station.air.put(STATUS, shown, station.now_ns)
+    station.bus.say(STATUS, shown)
     assert [one.id for one in next_keys(station, ())] == ["place", "arm", "goal"]
 
 

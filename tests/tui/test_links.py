@@ -48,7 +48,7 @@ async def test_links_show_the_mavlink_gateway_and_its_loss() -> None:
             GatewayStatus, sent_bytes_s=4_200, refused=7, received_hz=12, lost_permille=15,
             system=1, clients=2, signing=1, owner=255,
         )  # fmt: skip
-        stage.station.air.put(GATEWAY, status, stage.station.now_ns)
+        stage.station.bus.say(GATEWAY, status)
         await stage.redraw()
         words = stage.words("about")
         assert "system 1: 2 clients (1 signed), 255 commands" in words
@@ -67,7 +67,7 @@ async def test_links_show_the_board_that_runs_the_core() -> None:
     async with staged() as stage:
         await stage.press("5")
         assert "MCU" not in stage.words("about")
-        stage.station.air.put(MCU, mcu_status(), stage.station.now_ns)
+        stage.station.bus.say(MCU, mcu_status())
         await stage.redraw()
         words = stage.words("about")
         assert (
@@ -154,7 +154,7 @@ async def test_rejected_frames_fit_into_eighty_columns(is_framed: bool, columns:
     station = driving(FakeStation())
     if is_framed:
         failed = stopped_status(Vehicle.FAILSAFE, station.now_ns)
-        station.air.put(STATUS, failed, station.now_ns)
+        station.bus.say(STATUS, failed)
     async with staged((80, 24), station=station) as stage:
         first = stage.station.streams_now[0]
         why = "has dialect 3, this station has 4"

@@ -46,7 +46,7 @@ def shown(**changes: int) -> FakeStation:
     station = driving(FakeStation())
     now_ns = station.clock.now_ns()
     message: NavigatorStatus = replace(status(now_ns), **changes)
-    station.air.put(STATUS, message, now_ns)
+    station.bus.say(STATUS, message)
     return station
 
 
@@ -136,7 +136,7 @@ def test_missing_values_are_not_zero() -> None:
 def test_board_is_shown_with_time_and_memory_only_if_there_is_one() -> None:
     station = driving(FakeStation())
     assert "MCU" not in side(station)
-    station.air.put(MCU, mcu_status(), station.now_ns)
+    station.bus.say(MCU, mcu_status())
     assert "MCU (emulated) 6.0 ms  52.2 kB" in side(station)
     station.clock.advance(3_000 * MS)
     assert "MCU (emulated) -- 3.0 s" in side(station)
@@ -221,7 +221,7 @@ def test_progress_shows_times_and_never_invents_them() -> None:
 def test_progress_names_the_end_of_a_goal(reason: Reason, words: str) -> None:
     station = driving(FakeStation())
     ended = replace(status(station.now_ns), goal=GoalState.STUCK, goal_reason=reason)
-    station.air.put(STATUS, ended, station.now_ns)
+    station.bus.say(STATUS, ended)
     text = words_of(progress_rows(station, 60)[0])
     assert words in text
     assert ("doubt" in text) == (reason == Reason.LOST)
@@ -234,12 +234,12 @@ def test_true_error_is_shown_in_a_simulation_only() -> None:
     station.clock.advance(200 * MS)
     for topic, message in drive_messages(station.now_ns).items():
         if topic is not TRUTH:
-            station.air.put(topic, message, station.now_ns)
+            station.bus.say(topic, message)
     assert "true error" in side(station)
     station.clock.advance(1000 * MS)
     for topic, message in drive_messages(station.now_ns).items():
         if topic is not TRUTH:
-            station.air.put(topic, message, station.now_ns)
+            station.bus.say(topic, message)
     assert "true error" not in side(station)
 
 
@@ -248,11 +248,11 @@ def test_sentence_is_kept_for_half_a_second_unless_the_state_changes() -> None:
     texts = []
     for yaw in (0.1, 0.2, 0.3):
         decision = drive_messages(station.now_ns)[DECISION]
-        station.air.put(DECISION, replace(decision, yaw_rate_rad_s=yaw), station.now_ns)
+        station.bus.say(DECISION, replace(decision, yaw_rate_rad_s=yaw))
         texts.append("\n".join(map(words_of, panel.rows(station, 16, 60)[:2])))
         station.clock.advance(100 * MS)
     assert texts[0] == texts[1] == texts[2]
-    station.air.put(STATUS, status(station.now_ns, vehicle=Vehicle.FAILSAFE), station.now_ns)
+    station.bus.say(STATUS, status(station.now_ns, vehicle=Vehicle.FAILSAFE))
     assert words_of(panel.rows(station, 16, 60)[0]).startswith("FAILSAFE")
 
 
@@ -346,7 +346,7 @@ def test_mission_is_listed_around_the_current_item() -> None:
         time_ns=station.now_ns, mission_id=1, hold_left_ms=2000, count=12, current=7,
         state=MissionState.RUNNING, reason=0,
     )  # fmt: skip
-    station.air.put(MISSION, running, station.now_ns)
+    station.bus.say(MISSION, running)
     words = [words_of(one) for one in mission_rows(station)]
     assert "RUNNING 8/12, holds 2 s" in words[0]
     assert words[1].split()[0] == "7"
@@ -371,7 +371,7 @@ def test_mission_that_an_operator_ended_has_not_failed(reason: Reason, words: st
         MissionStatus, time_ns=station.now_ns, mission_id=1, count=2, state=MissionState.FAILED,
         reason=reason,
     )  # fmt: skip
-    station.air.put(MISSION, ended, station.now_ns)
+    station.bus.say(MISSION, ended)
     assert words in words_of(mission_rows(station)[0])
 
 
@@ -391,7 +391,7 @@ def test_backward_speed_below_a_centimetre_is_zero_in_every_line() -> None:
     odometry = drive_messages(station.now_ns)[ODOMETRY]
     assert isinstance(odometry, PlanarOdometry)
     back = replace(odometry, speed_m_s=-0.001, y_m=-0.001)
-    station.air.put(ODOMETRY, back, station.now_ns)
+    station.bus.say(ODOMETRY, back)
     assert " 0.00 " in side(station)
     assert "-0.00" not in side(station)
     line = goal_line(station.telemetry, station.now_ns, 0)

@@ -189,7 +189,7 @@ def in_forest() -> FakeStation:
         MissionStatus, time_ns=station.now_ns, mission_id=1, count=3, current=1,
         state=MissionState.RUNNING,
     )  # fmt: skip
-    station.air.put(MISSION, running, station.now_ns)
+    station.bus.say(MISSION, running)
     return station
 
 
@@ -208,7 +208,7 @@ def lost() -> FakeStation:
     station = station_after_drive()
     odometry = drive_messages(station.now_ns)[ODOMETRY]
     odometry = msgspec.structs.replace(odometry, x_m=nan, y_m=nan, heading_rad=nan, cov_xx_m2=nan)
-    station.air.put(ODOMETRY, odometry, station.now_ns)
+    station.bus.say(ODOMETRY, odometry)
     station.scene_now = replace(station.scene_now, robot=None, placed=False)
     return station
 

@@ -366,7 +366,7 @@ async def test_messages_cover_neither_band_nor_prompt(
     size: tuple[int, int], shown: list[int]
 ) -> None:
     station = driving(FakeStation())
-    station.air.put(STATUS, stopped_status(Vehicle.FAILSAFE, station.now_ns), station.now_ns)
+    station.bus.say(STATUS, stopped_status(Vehicle.FAILSAFE, station.now_ns))
     async with staged(size, station=station, messages=True) as stage:
         screen = stage.app.screen
         for number in range(2, 11):

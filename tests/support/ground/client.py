@@ -14,7 +14,7 @@ from ground.client.session import Session
 from ground.text.output import Output
 from ground.text.status_parts import Part, in_words
 from protocol.bus.network import Network
-from protocol.topics import LEASE, STATUS, Service, Topic
+from protocol.topics import LEASE, STATUS, Service
 from protocol.wire.enums import AckResult, Command, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import (
@@ -28,26 +28,13 @@ from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
 from runtime.errors import NoAnswerError
 from runtime.units import NS_PER_MS as MS
-from tests.support.played_bus import Box, Wireless
+from tests.support.played_bus import PlayedBus
 
 ANSWER_NS = 14 * MS
 
 Reply = Message | bytes | Reason | None
 IN_PROGRESS = CommandAck(command=0, result=AckResult.IN_PROGRESS)
 CYCLE = make(CycleReport, time_ns=1, tick=100, budget_us=1, stage_us=(1, 1, 1, 1, 1))
-
-
-class Sent:
-    """A publisher that records its messages."""
-
-    ready = True
-
-    def __init__(self, topic: Topic[Any], kept: list[tuple[str, Message]]) -> None:
-        self.key = topic.path
-        self._kept = kept
-
-    def put(self, message: Message) -> None:
-        self._kept.append((self.key, message))
 
 
 class ScriptedQuery(NamedTuple):
@@ -59,23 +46,20 @@ class ScriptedQuery(NamedTuple):
     patience_s: float
 
 
-class ScriptedBus(Wireless):
+class ScriptedBus(PlayedBus):
     """Answers each request by the next item of `script`; None is a lost reply.
 
     Once the script is over, all commands are accepted.
     """
 
-    holder = None
     operator = "open/0a"
+    has_history = True
 
     def __init__(self, clock: ManualClock, script: Sequence[Reply]) -> None:
-        super().__init__()
+        super().__init__(clock)
         self.clock = clock
         self.script = list(script)
-        self.asked: list[tuple[str, Message | None]] = []
-        self.sent: list[tuple[str, Message]] = []
         self.requester: Any = self
-        self.has_subscriber = True
         self.held: list[Callable[[], None]] | None = None
         """What gives each answer, if the test holds them."""
         self.on_ask: Callable[[int], None] = lambda _number: None
@@ -88,7 +72,7 @@ class ScriptedBus(Wireless):
         timeout_s: float = 0.5,
         robot: str | None = None,
     ) -> Message | bytes:
-        self.asked.append((service.path, message))
+        self.asked.append((robot or self.robot, service.path, message))
         self.on_ask(len(self.asked))
         reply = self.script.pop(0) if self.script else Reason.NONE
         if reply is None:
@@ -116,32 +100,9 @@ class ScriptedBus(Wireless):
             answer = error
         done(answer)
 
-    def announce(self, robot: str | None = None) -> None:
-        """Tell nobody."""
-
-    def publisher(self, topic: Topic[Any], robot: str | None = None) -> Any:
-        return Sent(topic, self.sent)
-
-    def await_matched(self, publishers: Any, timeout_s: float) -> list[str]:
-        return [] if self.has_subscriber else ["nobody"]
-
-    def unsubscribe(self, mailbox: Any) -> None:
-        """Subscribe to nothing: the mailbox keeps what the test stored."""
-
-    def present(self, timeout_s: float = 1.0) -> list[Any]:
-        return []
-
-    def lost(self) -> str:
-        return ""
-
-    def set_newest(self, topic: Topic[Any], message: Message) -> None:
-        """Set the newest message of a topic from now on."""
-        box = self.boxes.setdefault(topic.path, Box(topic))
-        box.newest = (message, self.clock.now_ns())
-
     @property
     def requests(self) -> list[Any]:
-        return [message for _, message in self.asked]
+        return [message for *_, message in self.asked]
 
 
 class Pulse:

@@ -311,7 +311,7 @@ class Play:
     def say_earlier(self, text: str, age_ns: int) -> None:
         """Deliver a text that was published `age_s` ago and is fetched now."""
         frame = Encoder(1, 1).encode(Statustext(severity=6, text=text, id=0, chunk_seq=0))
-        self.bus.say_frame(TEXT, frame, age_ns=age_ns)
+        self.bus.say_frame(TEXT, frame, at_ns=self.clock.now_ns() - age_ns)
 
     def _press(self, name: str, request: Message) -> None:
         """Deliver an emergency stop if the robot can be reached and its loop runs."""

@@ -1,13 +1,10 @@
 """A robot process on a played bus, and a disk whose pace a test sets."""
 
-from collections.abc import Callable
-from typing import Any, TypeVar, cast
+from typing import TypeVar, cast
 
 from checks.harness.messages import make
-from protocol.bus.bus import Bus
-from protocol.bus.mailbox import Mailbox, Sample
 from protocol.bus.services import ServiceRequest
-from protocol.topics import COMMAND, DRIVE, ENCODING, SONAR, WHEELS, Role, Service, Topic
+from protocol.topics import COMMAND, DRIVE, SONAR, WHEELS, Service, Topic
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import Command
 from protocol.wire.message import Message
@@ -29,7 +26,7 @@ from robot.vehicle import Vehicle
 from runtime.clock import ManualClock, Tick
 from runtime.units import NS_PER_MS as MS
 from runtime.units import PERIOD_NS
-from tests.support.played_bus import Handler, PlayedBus, PlayedPublisher
+from tests.support.played_bus import PlayedBus
 from tests.support.robot.vehicles import goal
 
 
@@ -102,81 +99,16 @@ class Request(Question):
         return [one.result_param2 for one in self.answers if isinstance(one, CommandAck)]
 
 
-class ServedBus(PlayedBus):
-    """The bus of robot r1."""
-
-    robot = "r1"
-    role = Role.ROBOT
-
-    def __init__(self, clock: ManualClock) -> None:
-        super().__init__(clock)
-        self.services: dict[str, Callable[[ServiceRequest], None]] = {}
-        self.rejected: dict[str, int] = {}
-        self.has_clock = False
-        self.kept_serving = self.serving_ns = 0
-        self.sent: list[Message] = []
-
-    def mailbox(
-        self,
-        topic: Topic[M],
-        robot: str | None = None,
-        notify: Callable[[int], None] | None = None,
-        accept: Callable[[str], bool] | None = None,
-        *,
-        forward: bool = False,
-        check: Callable[[M], str] | None = None,
-        take: Handler | None = None,
-    ) -> Mailbox[M]:
-        box = Mailbox(topic, notify, accept, forward=forward, check=check)
-        self._boxes.append((robot or "r1", box))
-        return box
-
-    def publisher(self, topic: Topic[M], robot: str | None = None) -> PlayedPublisher:
-        publisher = super().publisher(topic, robot)
-        publisher.heard = self.sent.append
-        return publisher
-
-    def serve(self, service: Service, take: Callable[[ServiceRequest], None]) -> None:
-        self.services[service.path] = take
-
-    def serve_stop(
-        self, press: Callable[[str, bytes], None], take: Callable[[ServiceRequest], None]
-    ) -> None:
-        self.press, self.take_stop = press, take
-
-    def serve_clock(self) -> None:
-        self.has_clock = True
-
-    def keep_serving(self) -> None:
-        self.kept_serving += 1
-        self._clock.advance(self.serving_ns)
-
-    def now_ns(self) -> int:
-        return self._clock.now_ns()
-
-    def say_as(
-        self, topic: Topic[Any], message: Message, operator: str, late_ns: int | None = 0
-    ) -> None:
-        """Deliver a frame of an operator with this transit time; None: without a stamp."""
-        now_ns = self.now_ns()
-        sent_ns = None if late_ns is None else now_ns - late_ns
-        frame = Encoder(1, 1).encode(message)
-        for _, box in self._boxes:
-            if box.topic.path == topic.path:
-                box.store(Sample(ENCODING, frame, operator, sent_ns), now_ns)
-
-
 class Rig:
     """A process that runs one control period at a time, on a robot at rest in open space."""
 
     def __init__(self, store: Store | None = None, *, enforced: bool = False) -> None:
         self.clock = ManualClock(10**12)
-        self.bus = ServedBus(self.clock)
+        self.bus = PlayedBus(self.clock)
         self.vehicle = Vehicle(DEFAULTS, store or Store(None))
-        bus = cast(Bus, self.bus)
-        self.senses = Senses(bus, lockstep=False, accept=self.vehicle.lease.allows)
+        self.senses = Senses(self.bus, lockstep=False, accept=self.vehicle.lease.allows)
         self.meter = CycleMeter(self.clock, period_ns=PERIOD_NS, enforced=enforced)
-        self.process = RobotProcess(self.vehicle, bus, self.clock, self.senses, self.meter)
+        self.process = RobotProcess(self.vehicle, self.bus, self.clock, self.senses, self.meter)
         self.nudges = 0
         self.ticks = 0
 

@@ -56,7 +56,7 @@ from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
 from runtime.units import NS_PER_MS as MS
 from runtime.units import NS_PER_S as S
-from tests.support.played_bus import Air
+from tests.support.played_bus import PlayedBus
 
 NOTHING = AgedMessage(None, None, Age.GONE)
 
@@ -67,8 +67,8 @@ class FakeStation(Station):
     def __init__(self, clock: ManualClock | None = None) -> None:
         self.clock = clock or ManualClock(100 * S)
         self._began_ns = self.clock.now_ns()
-        self.air = Air()
-        self._telemetry = Telemetry(self.air, "r1", TOPICS)
+        self.bus = PlayedBus(self.clock)
+        self._telemetry = Telemetry(self.bus, "r1", TOPICS)
         self._fields = MessageSeries(self._telemetry, self._began_ns)
         self._figures, self.log = SeriesTable(), EventLog()
         self.polls = 0
@@ -350,7 +350,7 @@ def driving(station: FakeStation, at_s: float = 0.0) -> FakeStation:
     """Fill a station with a robot on its way round an obstacle, `at_s` after the beginning."""
     now_ns = station.clock.now_ns() + round(at_s * S)
     for topic, message in drive_messages(now_ns).items():
-        station.air.put(topic, message, now_ns)
+        station.bus.say(topic, message, at_ns=now_ns)
     for ago_s in (8.9, 6.0, 4.0, 2.0, 0.0):
         then = status(now_ns - round(ago_s * S))
         then = replace(then, goal_started_ns=now_ns - 8_900 * MS)
@@ -479,8 +479,8 @@ def show(station: FakeStation, shown: NavigatorStatus) -> None:
     now_ns = station.clock.now_ns()
     odometry = drive_messages(now_ns)[ODOMETRY]
     assert isinstance(odometry, PlanarOdometry)
-    station.air.put(STATUS, shown, now_ns)
-    station.air.put(ODOMETRY, replace(odometry, speed_m_s=0.0, yaw_rate_rad_s=0.0), now_ns)
+    station.bus.say(STATUS, shown)
+    station.bus.say(ODOMETRY, replace(odometry, speed_m_s=0.0, yaw_rate_rad_s=0.0))
     station.roster_now = [*(one for one in station.roster_now if one.robot != "r1")]
     station.roster_now.append(entry("r1", shown))
 

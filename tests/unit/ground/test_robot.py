@@ -117,7 +117,7 @@ def shows(stage: Stage, state: GoalState = GoalState.DRIVING) -> None:
     """Let the robot show the newest goal in this state."""
     now_ns = stage.clock.now_ns()
     shown = status(goal_id=goal_of(stage), goal=state, time_ns=now_ns)
-    stage.bus.set_newest(STATUS, shown)
+    stage.bus.say(STATUS, shown)
 
 
 async def until(condition: Callable[[], bool]) -> None:
@@ -161,7 +161,7 @@ def test_goal_that_is_not_followed_is_only_sent(done: Driver, attended: bool) ->
 
 def test_drive_that_another_operator_forbids_begins_nothing(done: Driver) -> None:
     stage = Stage(Reason.LEASE_HELD)
-    stage.bus.set_newest(*HELD)
+    stage.bus.say(*HELD)
     with pytest.raises(RefusedError, match="anna"):
         done(stage, lambda robot: robot.drive_to(GOAL))
     assert sent(stage) == ["TAKE"]
@@ -169,7 +169,7 @@ def test_drive_that_another_operator_forbids_begins_nothing(done: Driver) -> Non
 
 def test_drive_that_cannot_be_armed_ends_in_hold(done: Driver) -> None:
     stage = Stage(Reason.NONE, Reason.NONE, Reason.NO_SENSES)
-    stage.bus.set_newest(*STANDBY)
+    stage.bus.say(*STANDBY)
     if done is on_loop:
         refused = lived(stage, lambda robot: robot.drive(0.1, 0.0))
     else:
@@ -182,13 +182,13 @@ def test_drive_that_cannot_be_armed_ends_in_hold(done: Driver) -> None:
 
 def test_refusal_for_the_lease_names_its_holder(done: Driver) -> None:
     stage = Stage(Reason.LEASE_HELD)
-    stage.bus.set_newest(LEASE, lease_of("ben"))
+    stage.bus.say(LEASE, lease_of("ben"))
     assert done(stage, lambda robot: robot.arm()).holder == "ben"
 
 
 def test_stop_that_is_not_known_is_that_of_the_status(done: Driver) -> None:
     stage = Stage(Reason.NEWER_STOP, Reason.NONE)
-    stage.bus.set_newest(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=9))
+    stage.bus.say(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=9))
     assert done(stage, lambda robot: robot.clear_emergency_stop(7, 8)).ok
     assert done(stage, lambda robot: robot.clear_emergency_stop()).ok
     assert [request.stop_id for request in stage.bus.requests] == [7, 8, 9]
@@ -198,7 +198,7 @@ def test_robot_without_a_pose_has_no_place_ahead_of_it(done: Driver) -> None:
     stage = Stage()
     with pytest.raises(RemoteError, match="the robot publishes no pose"):
         done(stage, lambda robot: robot.pose())
-    assert ODOMETRY.path in stage.bus.boxes
+    assert ("r1", ODOMETRY.path) in stage.bus.subscribed
 
 
 def test_request_is_repeated_with_its_id_until_it_is_answered(done: Driver) -> None:
@@ -273,11 +273,11 @@ def test_heartbeat_ends_when_another_person_has_the_lease() -> None:
 
     async def story(robot: Robot) -> None:
         await robot.change_lease(LeaseAction.TAKE)
-        stage.bus.set_newest(*HELD)
+        stage.bus.say(*HELD)
         await asyncio.sleep(0.2)
         assert robot.holds_lease
         await asyncio.sleep(0.2)
-        stage.bus.set_newest(*HELD)
+        stage.bus.say(*HELD)
         await asyncio.sleep(0.1)
         assert not robot.holds_lease
 
@@ -305,7 +305,7 @@ def test_goal_is_followed_and_the_lease_kept_until_the_end_of_the_program() -> N
 
 def test_cancelled_goal_is_aborted_by_its_own_id() -> None:
     stage = Stage(Reason.NONE, Reason.NOT_ARMED)
-    stage.bus.set_newest(*STANDBY)
+    stage.bus.say(*STANDBY)
 
     async def story(robot: Robot) -> None:
         going = asyncio.ensure_future(robot.goto(1.0, 2.0))
@@ -420,7 +420,7 @@ def test_abort_without_an_answer_ends_the_heartbeat() -> None:
 
 def test_drive_by_hand_is_ended_by_its_own_id() -> None:
     stage = Stage()
-    stage.bus.set_newest(STATUS, status(mode=Mode.MANUAL))
+    stage.bus.say(STATUS, status(mode=Mode.MANUAL))
 
     async def story(robot: Robot) -> None:
         driving = asyncio.ensure_future(robot.drive(0.2, -30.0))
@@ -481,7 +481,7 @@ def acknowledges(stage: Stage) -> None:
     def show(_: int) -> None:
         if stops := stopping(stage):
             shown = status(Vehicle.EMERGENCY_STOP, stop_id=stops[-1].request_id)
-            stage.bus.set_newest(STATUS, shown)
+            stage.bus.say(STATUS, shown)
 
     stage.bus.on_ask = show
 
@@ -549,7 +549,7 @@ def test_program_releases_the_stop_that_is_shown_then_its_own() -> None:
         await robot.emergency_stop()
         own = stopping(stage)[-1].request_id
         stage.bus.on_ask = lambda _: None
-        stage.bus.set_newest(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=9))
+        stage.bus.say(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=9))
         stage.bus.script = [Reason.NONE, Reason.NEWER_STOP]
         assert (await robot.clear_emergency_stop()).ok
         cleared = [one.stop_id for one in stage.bus.requests if getattr(one, "stop_id", 0)]

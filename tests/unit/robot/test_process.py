@@ -16,9 +16,11 @@ from protocol.topics import (
     INPUTS,
     OPERATOR,
     PARAMETER,
+    SONAR,
     STATUS,
     TELEOP,
     TEXT,
+    WHEELS,
     Role,
 )
 from protocol.wire.enums import (
@@ -53,12 +55,12 @@ from robot.process import SERVICES
 from robot.senses import Senses
 from robot.storage import Store
 from robot.vehicle import Vehicle as RobotVehicle
-from runtime.clock import Tick
+from runtime.clock import ManualClock, Tick
 from runtime.errors import LocalError
 from runtime.units import NS_PER_MS as MS
 from runtime.units import PERIOD_NS
 from tests.support.each import each
-from tests.support.played_bus import Wireless
+from tests.support.played_bus import PlayedBus
 from tests.support.robot.processes import ADA, BRAKE, HeldWriter, Rig, driving, hold, speeds
 
 
@@ -71,11 +73,11 @@ def scan(number: int) -> SonarScan:
 
 def stamps_ms(scans: list[tuple[int, int]]) -> list[int]:
     """Return the stamps of ticks a period apart, each with its newest scan and arrival in ms."""
-    bus = Wireless()
+    bus = PlayedBus(ManualClock())
     senses, vehicle = Senses(bus, lockstep=False), RobotVehicle(DEFAULTS, Store(None))
     found = []
     for number, (sent, arrived_ms) in enumerate(scans):
-        bus.boxes["sense/sonar"].newest = (scan(sent), arrived_ms * MS)
+        bus.say(SONAR, scan(sent), at_ns=arrived_ms * MS)
         senses.read(Tick(number, number * PERIOD_NS, 0, 0), number * PERIOD_NS, vehicle)
         found.append(senses.stamp_ns // MS)
     return found
@@ -94,7 +96,8 @@ def test_late_scan_does_not_decrease_the_stamp() -> None:
 
 
 def test_restarted_plant_decreases_the_stamp() -> None:
-    assert stamps_ms([(40, 0), (41, 50), (2, 100)]) == [2000, 2050, 100]
+    *before, lost, restarted = stamps_ms([(40, 0), *[(41, 50)] * 6, (2, 350)])
+    assert (before[0], lost, restarted) == (2000, 2300, 100)
 
 
 def test_all_services_the_stop_and_the_clock_are_served() -> None:
@@ -152,7 +155,7 @@ def test_wheel_command_is_published_first() -> None:
     rig = driving()
     rig.bus.sent.clear()
     rig.cycle()
-    assert isinstance(rig.bus.sent[0], WheelCommand)
+    assert isinstance(rig.bus.sent[0][1], WheelCommand)
     assert (rig.command.ttl_ms, rig.command.epoch) == (150, 0)
     assert rig.command.sense_seq == rig.ticks
 
@@ -160,11 +163,11 @@ def test_wheel_command_is_published_first() -> None:
 def test_teleop_drives_and_is_in_the_inputs() -> None:
     rig = Rig().ready()
     beat = Heartbeat(type=6, autopilot=8, base_mode=0, custom_mode=0, system_status=4)
-    rig.bus.say_as(OPERATOR, beat, ADA)
+    rig.bus.say(OPERATOR, beat, sender=ADA)
     rig.cycle()
     rig.ask(command_to(Mode.MANUAL))
     frame = Teleop(time_ns=0, seq=0, speed_mm_s=200, yaw_rate_mrad_s=0, ttl_ms=500)
-    rig.bus.say_as(TELEOP, frame, ADA)
+    rig.bus.say(TELEOP, frame, sender=ADA)
     rig.cycle()
     assert speeds(rig.command)[0] > 0
     published = rig.sent(INPUTS)[-1]
@@ -185,11 +188,11 @@ def test_a_robot_that_is_not_armed_brakes() -> None:
 def test_speeds_whose_time_is_up_end_in_a_brake() -> None:
     rig = Rig().ready()
     beat = Heartbeat(type=6, autopilot=8, base_mode=0, custom_mode=0, system_status=4)
-    rig.bus.say_as(OPERATOR, beat, ADA)
+    rig.bus.say(OPERATOR, beat, sender=ADA)
     rig.cycle()
     rig.ask(command_to(Mode.MANUAL))
     frame = Teleop(time_ns=0, seq=0, speed_mm_s=200, yaw_rate_mrad_s=0, ttl_ms=100)
-    rig.bus.say_as(TELEOP, frame, ADA)
+    rig.bus.say(TELEOP, frame, sender=ADA)
     rig.cycle()
     assert rig.command.ttl_ms == 150
     for _ in range(3):
@@ -365,7 +368,7 @@ def test_the_brake_is_the_first_and_only_command_of_the_end() -> None:
     before = len(rig.sent(DRIVE))
     rig.bus.sent.clear()
     rig.process.run(iter(()))
-    assert isinstance(rig.bus.sent[0], WheelCommand)
+    assert isinstance(rig.bus.sent[0][1], WheelCommand)
     assert len(rig.sent(DRIVE)) == before + 1
 
 
@@ -374,7 +377,7 @@ LOST = "position lost: sensor stream restarted"
 
 def read(stamps: list[int], *, lockstep: bool) -> RobotVehicle:
     """Return an armed robot with a goal that has received these wheel ticks."""
-    bus, vehicle = Wireless(), RobotVehicle(DEFAULTS, Store(None))
+    bus, vehicle = PlayedBus(ManualClock()), RobotVehicle(DEFAULTS, Store(None))
     senses = Senses(bus, lockstep=lockstep)
     machine = vehicle.state.machine
     machine.vehicle = states.ACTIVE
@@ -383,7 +386,7 @@ def read(stamps: list[int], *, lockstep: bool) -> RobotVehicle:
     for number, stamp in enumerate(stamps):
         now_ns = number * PERIOD_NS
         ticks = make(WheelTicks, time_ns=stamp * PERIOD_NS, seq=stamp)
-        bus.boxes["sense/wheels"].newest = (ticks, now_ns)
+        bus.say(WHEELS, ticks, at_ns=now_ns)
         senses.read(Tick(number, now_ns, 0, 0), now_ns, vehicle)
     return vehicle
 

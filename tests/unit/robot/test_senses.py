@@ -1,13 +1,10 @@
 """Inputs of a tick: fresh sensor frames, their ages, and operators' frames by sending time."""
 
-from typing import cast
-
 from hypothesis import given
 from hypothesis import strategies as st
 
 from checks.harness.messages import make
 from checks.harness.processes import OPERATOR_BEAT
-from protocol.bus.bus import Bus
 from protocol.topics import OPERATOR, SONAR, TELEOP, WHEELS
 from protocol.wire.limits import MAX_TELEOP_TTL_MS
 from protocol.wire.messages import SonarScan, Teleop, WheelTicks
@@ -26,11 +23,9 @@ from runtime.units import NS_PER_MS as MS
 from runtime.units import NS_PER_S as S
 from runtime.units import PERIOD_NS, UINT32
 from tests.support.each import each
-from tests.support.played_bus import Wireless
-from tests.support.played_robot import BEAT as ROBOTS_BEAT
+from tests.support.played_bus import PlayedBus
 from tests.support.robot.processes import ADA as PROCESSES_ADA
 from tests.support.robot.processes import BOB as PROCESSES_BOB
-from tests.support.robot.processes import ServedBus
 from tests.support.robot.vehicles import Desk
 
 STEER = Teleop(time_ns=0, seq=0, speed_mm_s=200, yaw_rate_mrad_s=0, ttl_ms=500)
@@ -50,11 +45,10 @@ class SensesRig:
 
     def __init__(self, *, lockstep: bool = False, plant_clock: LockstepClock | None = None) -> None:
         self.clock = ManualClock(1_000 * S)
-        self.bus = ServedBus(self.clock)
+        self.bus = PlayedBus(self.clock)
         self.vehicle = Vehicle(DEFAULTS, Store(None))
         accept = self.vehicle.lease.allows
-        bus = cast(Bus, self.bus)
-        self.senses = Senses(bus, lockstep=lockstep, accept=accept, clock=plant_clock)
+        self.senses = Senses(self.bus, lockstep=lockstep, accept=accept, clock=plant_clock)
 
     def read(self, after_ns: int = 0, due_ns: int | None = None) -> Inputs:
         """Read in a tick this long after now."""
@@ -64,10 +58,10 @@ class SensesRig:
         return self.senses.read(tick, now_ns, self.vehicle)
 
     def beat(self, late_ns: int | None = 0, operator: str = PROCESSES_ADA) -> None:
-        self.bus.say_as(OPERATOR, OPERATOR_BEAT, operator, late_ns)
+        self.bus.say(OPERATOR, OPERATOR_BEAT, sender=operator, late_ns=late_ns)
 
     def steer(self, late_ns: int | None = 0, operator: str = PROCESSES_ADA) -> None:
-        self.bus.say_as(TELEOP, STEER, operator, late_ns)
+        self.bus.say(TELEOP, STEER, sender=operator, late_ns=late_ns)
 
     @property
     def steered(self) -> bool:
@@ -315,10 +309,10 @@ TICKS = make(WheelTicks, seq=7)
 
 
 def test_scan_age_is_never_negative() -> None:
-    bus, vehicle = Wireless(), Vehicle(DEFAULTS, Store(None))
+    bus, vehicle = PlayedBus(ManualClock()), Vehicle(DEFAULTS, Store(None))
     senses = Senses(bus, lockstep=False)
-    bus.boxes["sense/sonar"].newest = (SCAN, 171 * MS)
-    bus.boxes["sense/wheels"].newest = (TICKS, 171 * MS)
+    bus.say(SONAR, SCAN, at_ns=171 * MS)
+    bus.say(WHEELS, TICKS, at_ns=171 * MS)
     inputs = senses.read(Tick(0, 100 * MS, 0, 0), 100 * MS, vehicle)
     assert senses.scan_age_ms == 0
     assert inputs.scan is not None
@@ -338,9 +332,9 @@ def test_tick_lateness_is_never_negative() -> None:
 
 
 def test_operator_age_is_that_of_its_heartbeat() -> None:
-    bus, vehicle = Wireless(), Vehicle(DEFAULTS, Store(None))
-    senses = Senses(bus, lockstep=False)
-    bus.boxes["op/heartbeat"].newest = (ROBOTS_BEAT, 60 * MS)
+    bus, vehicle = PlayedBus(ManualClock()), Vehicle(DEFAULTS, Store(None))
+    senses = Senses(bus, lockstep=False, accept=vehicle.lease.allows)
+    bus.say(OPERATOR, OPERATOR_BEAT, sender="open/0a", at_ns=60 * MS)
     senses.read(Tick(0, 100 * MS, 0, 0), 100 * MS, vehicle)
     assert vehicle.operator_age_ms(100 * MS) == 40
 

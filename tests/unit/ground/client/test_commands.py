@@ -62,7 +62,7 @@ def test_refusal_names_the_reason_and_the_remedy() -> None:
 
 def test_refusal_for_the_lease_names_its_holder() -> None:
     stage = Stage(Reason.LEASE_HELD)
-    stage.bus.set_newest(*HELD)
+    stage.bus.say(*HELD)
     outcome = perform(Arm(), stage.session)
     assert isinstance(outcome, Refused)
     assert (outcome.holder, "anna (--seize takes it over" in outcome.text) == ("anna", True)
@@ -114,15 +114,15 @@ def test_values_become_the_parameters_of_the_command(
 
 def test_a_release_names_the_stop_of_the_newest_status() -> None:
     stage = Stage(None, Reason.NONE)
-    stage.bus.set_newest(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=7))
-    stage.bus.on_ask = lambda _: stage.bus.set_newest(STATUS, status(stop_id=8))
+    stage.bus.say(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=7))
+    stage.bus.on_ask = lambda _: stage.bus.say(STATUS, status(stop_id=8))
     assert perform(ClearEmergencyStop(), stage.session).ok
     assert [request.stop_id for request in stage.bus.requests] == [7, 7], "by each repetition"
 
 
 def test_a_release_names_the_stop_that_was_shown_when_it_was_asked_for() -> None:
     stage = Stage()
-    stage.bus.set_newest(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=8))
+    stage.bus.say(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=8))
     perform(ClearEmergencyStop(stop_ids=(7,)), stage.session)
     assert [request.stop_id for request in stage.bus.requests] == [7]
 
@@ -169,7 +169,7 @@ def test_stop_is_repeated_until_the_status_shows_it() -> None:
         if number == 2:
             request = stage.bus.sent[0][1]
             assert isinstance(request, CommandRequest)
-            stage.bus.set_newest(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=request.request_id))
+            stage.bus.say(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=request.request_id))
 
     stage.bus.on_ask = show
     outcome = perform(StopNow(), stage.session)
@@ -180,7 +180,7 @@ def test_stop_is_repeated_until_the_status_shows_it() -> None:
 
 def test_unacknowledged_stop_is_given_up_with_a_warning() -> None:
     stage = Stage()
-    stage.bus.set_newest(STATUS, status(Vehicle.ACTIVE))
+    stage.bus.say(STATUS, status(Vehicle.ACTIVE))
     outcome = perform(StopNow(timeout_s=0.2), stage.session)
     assert not outcome.ok
     assert outcome.text.startswith("E-STOP GIVEN UP")
@@ -330,7 +330,7 @@ def test_pose_inside_the_world_is_set() -> None:
 
 def test_truth_of_the_plant_becomes_the_pose() -> None:
     stage = Stage()
-    stage.bus.set_newest(TRUTH, Robot(x_m=2.5).truth())
+    stage.bus.say(TRUTH, Robot(x_m=2.5).truth())
     assert isinstance(perform(SetTruePose(), stage.session), Accepted)
     request = sent(stage)
     assert (request.param1, request.param2, request.param3) == (2.5, 0.0, 0.0)
@@ -355,7 +355,7 @@ def test_refused_goal_names_the_command_that_sets_the_place() -> None:
 @each("seen_by_robot", [True, False])
 def test_goal_says_that_it_was_given_relative_to_the_robot(seen_by_robot: bool) -> None:
     stage = Stage()
-    stage.bus.set_newest(ODOMETRY, Robot(placed=False).odometry())
+    stage.bus.say(ODOMETRY, Robot(placed=False).odometry())
     goto = Goto(goal=destination([1.0, 0.0]), seen_by_robot=seen_by_robot, wait=False)
     assert perform(goto, stage.session).ok
     (goal,) = stage.bus.requests
@@ -375,7 +375,7 @@ def test_pose_of_a_robot_without_a_place_is_no_number() -> None:
 @each(("placed", "anyway"), [(True, False), (True, True), (False, False)])
 def test_goal_ahead_that_is_outside_the_world_is_refused(placed: bool, anyway: bool) -> None:
     stage = Stage()
-    stage.bus.set_newest(ODOMETRY, Robot(x_m=3.0, placed=placed).odometry())
+    stage.bus.say(ODOMETRY, Robot(x_m=3.0, placed=placed).odometry())
     session = Session(stage.session.link, floor=lambda: Floor("box", 6.0, 4.0))
     goto = Goto(goal=destination([4.0, 0.0]), seen_by_robot=True, wait=False, anyway=anyway)
     if placed and not anyway:

@@ -163,7 +163,7 @@ def mission(
 
 def stage_of(shown: NavigatorStatus, *replies: object, attended: bool = True) -> Stage:
     stage = Stage(Reason.NO_GOAL, *replies, attended=attended)  # type: ignore[arg-type]
-    stage.bus.set_newest(STATUS, shown)
+    stage.bus.say(STATUS, shown)
     return stage
 
 
@@ -226,13 +226,13 @@ def test_mission_continues_at_its_item() -> None:
     items = list(items_of(ITEMS))
     count = MissionCount(count=2, mission_type=MissionType.MISSION)
     stage = stage_of(ended(), count, *items, Reason.NONE)
-    stage.bus.set_newest(MISSION, mission())
+    stage.bus.say(MISSION, mission())
     outcome = perform(Resume(), stage.session)
     assert isinstance(outcome, Resumed)
     assert outcome.text.startswith("go on to mission item 2 of 2: ok")
     sent = stage.bus.requests[-1]
     assert (sent.command, sent.param1) == (Command.MISSION_START, -1.0)
-    assert MISSION_SERVICE.path in [path for path, _ in stage.bus.asked]
+    assert MISSION_SERVICE.path in [path for _, path, _ in stage.bus.asked]
 
 
 def test_goal_after_a_failed_mission_is_not_the_mission() -> None:
@@ -292,7 +292,7 @@ def following(stage: Stage, *ends: Any) -> None:
             found = waiting.pop(0)
             if isinstance(found, BaseException):
                 raise found
-            stage.bus.set_newest(STATUS, status(goal_id=goals[-1].request_id, **found))
+            stage.bus.say(STATUS, status(goal_id=goals[-1].request_id, **found))
 
     wait = pulse.wait_until
 
@@ -316,7 +316,7 @@ def test_goal_is_followed_to_its_end_under_the_lease() -> None:
 
 def test_standing_robot_is_armed_first() -> None:
     stage = Stage(Reason.NONE, Reason.NOT_ARMED, Reason.NONE, Reason.NONE)
-    stage.bus.set_newest(*STANDBY)
+    stage.bus.say(*STANDBY)
     following(stage, {"goal": GoalState.REACHED, "time_ns": 3})
     assert perform(Goto(goal=GOAL), stage.session).ok
     assert kinds(stage) == ["TAKE", "GUIDED", "COMPONENT_ARM_DISARM", "GUIDED", "LEAVE"]
@@ -327,7 +327,7 @@ def test_standing_robot_is_armed_first() -> None:
 def test_goal_that_may_not_arm_is_refused(attended: bool) -> None:
     replies = [Reason.NOT_ARMED] if attended else [Reason.NONE, Reason.NOT_ARMED]
     stage = Stage(*replies, attended=attended)
-    stage.bus.set_newest(*STANDBY)
+    stage.bus.say(*STANDBY)
     outcome = perform(Goto(goal=GOAL, arms=False), stage.session)
     assert isinstance(outcome, Refused)
     assert outcome.reason == Reason.NOT_ARMED
@@ -344,7 +344,7 @@ def test_refused_goal_is_the_outcome_and_the_lease_goes_back() -> None:
 
 def test_lease_of_another_operator_ends_it_before_the_goal() -> None:
     stage = Stage(Reason.LEASE_HELD)
-    stage.bus.set_newest(*HELD)
+    stage.bus.say(*HELD)
     with pytest.raises(RefusedError, match="anna"):
         perform(Goto(goal=GOAL), stage.session)
     assert kinds(stage) == ["TAKE"]
@@ -373,7 +373,7 @@ def goal_id(stage: Stage) -> int:
 def test_interrupted_goal_aborts_itself_and_no_other() -> None:
     """The goal that was accepted at last is named, not one that was refused before."""
     stage = Stage(Reason.NONE, Reason.NOT_ARMED)
-    stage.bus.set_newest(*STANDBY)
+    stage.bus.say(*STANDBY)
     following(stage, {"goal": GoalState.DRIVING, "time_ns": 2}, KeyboardInterrupt())
     with pytest.raises(KeyboardInterrupt):
         perform(Goto(goal=GOAL), stage.session)
@@ -400,8 +400,8 @@ def test_goal_that_another_one_replaces_is_replaced_and_aborts_nothing() -> None
         wait(deadline_ns)
         if stage.clock.now_ns() > 2_000_000_000:
             other = status(goal_id=4, goal=GoalState.DRIVING, time_ns=9, goal_x_m=1.3, goal_y_m=2.0)
-            stage.bus.set_newest(STATUS, other)
-            stage.bus.set_newest(LEASE, replace(lease_of("ben"), drive_id=4, driver="ben@desk:p/2"))
+            stage.bus.say(STATUS, other)
+            stage.bus.say(LEASE, replace(lease_of("ben"), drive_id=4, driver="ben@desk:p/2"))
 
     stage.link.pulse.wait_until = wait_until  # type: ignore[method-assign]
     outcome = perform(Goto(goal=GOAL), stage.session)
@@ -430,7 +430,7 @@ def test_goal_that_had_ended_unheard_ends_as_it_did(
     def heard_again(_number: int) -> None:
         if kinds(stage)[-1] == "SIDESTEP_ABORT_GOAL":
             shown = status(time_ns=9, goal=goal, goal_reason=reason, goal_id=goal_id(stage))
-            stage.bus.set_newest(STATUS, shown)
+            stage.bus.say(STATUS, shown)
 
     stage.bus.on_ask = heard_again
     ended = perform(Goto(goal=GOAL), stage.session)
@@ -440,7 +440,7 @@ def test_goal_that_had_ended_unheard_ends_as_it_did(
 
 def test_nothing_is_shown_until_the_robot_has_the_goal() -> None:
     stage = Stage()
-    stage.bus.set_newest(STATUS, status(goal_id=4, goal=GoalState.REACHED))
+    stage.bus.say(STATUS, status(goal_id=4, goal=GoalState.REACHED))
     following(stage, {"goal": GoalState.DRIVING, "time_ns": 2}, REACHED_LATER)
     stage.notes.live = True
     assert perform(Goto(goal=GOAL), stage.session).ok
@@ -506,7 +506,7 @@ def test_goal_ahead_of_a_robot_without_a_pose_is_not_sent() -> None:
 
 def test_robot_in_a_failsafe_is_never_armed_by_a_goal() -> None:
     stage = Stage(Reason.NOT_ARMED, attended=True)
-    stage.bus.set_newest(STATUS, status(Vehicle.FAILSAFE))
+    stage.bus.say(STATUS, status(Vehicle.FAILSAFE))
     assert not perform(Goto(goal=GOAL), stage.session).ok
     assert kinds(stage) == ["GUIDED"]
 

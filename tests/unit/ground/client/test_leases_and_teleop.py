@@ -63,7 +63,7 @@ def test_a_kept_lease_outlasts_the_time_after_which_an_idle_one_ends(
 
 def test_a_kept_lease_that_another_operator_has_seized_is_refused_with_its_name() -> None:
     stage = Stage(Reason.NONE, Reason.LEASE_HELD)
-    stage.bus.set_newest(*HELD)
+    stage.bus.say(*HELD)
     outcome = perform(ChangeLease(action=LeaseAction.TAKE, name="ben", for_s=60.0), stage.session)
     assert isinstance(outcome, Refused)
     assert outcome.holder == "anna"
@@ -86,7 +86,7 @@ def test_lease_of_an_attended_robot_is_only_asked_for() -> None:
 
 def test_refused_lease_names_its_holder() -> None:
     stage = Stage(Reason.LEASE_HELD)
-    stage.bus.set_newest(*HELD)
+    stage.bus.say(*HELD)
     outcome = perform(ChangeLease(action=LeaseAction.TAKE, name="ben"), stage.session)
     assert isinstance(outcome, Refused)
     assert outcome.holder == "anna"
@@ -97,7 +97,7 @@ def test_person_who_has_the_lease_by_now_is_not_the_other_operator() -> None:
     """Another program of the same person has seized it since the refusal."""
     stage = Stage(Reason.LEASE_HELD)
     holder = ScriptedBus.operator.replace("0a", "0b")
-    stage.bus.set_newest(LEASE, replace(lease_of("anna"), holder=holder))
+    stage.bus.say(LEASE, replace(lease_of("anna"), holder=holder))
     outcome = perform(ChangeLease(action=LeaseAction.RELEASE, name="anna"), stage.session)
     assert isinstance(outcome, Refused)
     assert (outcome.reason, outcome.holder) == (Reason.LEASE_HELD, "")
@@ -114,7 +114,7 @@ def test_lease_goes_back_when_the_work_under_it_fails() -> None:
 
 def test_lease_status_is_shown() -> None:
     stage = Stage()
-    stage.bus.set_newest(LEASE, lease_of("anna"))
+    stage.bus.say(LEASE, lease_of("anna"))
     shown = perform(ShowLease(), stage.session)
     assert shown.text == (
         "anna commands r1; without a heartbeat or a drive the lease expires in 2.0 s"
@@ -125,7 +125,7 @@ def test_lease_status_is_shown() -> None:
 
 def test_lease_of_another_program_of_this_person_is_ours() -> None:
     stage = Stage()
-    stage.bus.set_newest(LEASE, replace(lease_of("app"), holder="open/beef"))
+    stage.bus.say(LEASE, replace(lease_of("app"), holder="open/beef"))
     assert stage.bus.operator == "open/0a"
     assert perform(ShowLease(), stage.session).text.startswith("app (this is you) commands r1")
 
@@ -175,7 +175,7 @@ def test_name_that_does_not_fit_is_refused(name: str) -> None:
 
 def test_drive_by_hand_ends_in_hold() -> None:
     stage = Stage()
-    stage.bus.set_newest(STATUS, status(mode=Mode.MANUAL))
+    stage.bus.say(STATUS, status(mode=Mode.MANUAL))
     outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=-30.0, for_s=0.5), stage.session)
     assert isinstance(outcome, DriveEnded)
     assert outcome.text == "done, the robot holds"
@@ -188,7 +188,7 @@ def test_drive_by_hand_ends_in_hold() -> None:
 
 def test_drive_that_ends_holds_itself_and_no_other() -> None:
     stage = Stage(Reason.NONE, Reason.NONE, Reason.NONE, Reason.ALREADY_OVER)
-    stage.bus.set_newest(STATUS, status(mode=Mode.MANUAL))
+    stage.bus.say(STATUS, status(mode=Mode.MANUAL))
     outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0, for_s=0.5), stage.session)
     assert outcome.text == "done, the robot holds"
     manual, hold = (one for one in stage.bus.requests if getattr(one, "command", 0) == MODE)
@@ -200,14 +200,14 @@ MODE = Command.DO_SET_MODE
 
 def test_drive_by_hand_ends_when_the_robot_leaves_manual() -> None:
     stage = Stage()
-    stage.bus.set_newest(STATUS, status(mode=Mode.AUTO))
+    stage.bus.say(STATUS, status(mode=Mode.AUTO))
     outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0), stage.session)
     assert outcome.text == "stopped: the robot has left MANUAL mode"
 
 
 def test_refused_manual_mode_drives_nothing() -> None:
     stage = Stage(Reason.NONE, Reason.EMERGENCY_STOPPED)
-    stage.bus.set_newest(*STANDBY)
+    stage.bus.say(*STANDBY)
     outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0), stage.session)
     assert isinstance(outcome, Refused)
     assert not [frame for _, frame in stage.bus.sent if isinstance(frame, Teleop)]

@@ -75,7 +75,7 @@ def test_refused_mission_names_the_item_and_the_lease_holder() -> None:
     assert outcome.text.startswith("refused: item 1: ")
     assert outcome.as_json("mission upload", "r1")["item"] == 1
     stage = Stage(verdict(Reason.LEASE_HELD))
-    stage.bus.set_newest(*HELD)
+    stage.bus.say(*HELD)
     refused = perform(UploadMission(mission=Mission(waypoints=WAYPOINTS)), stage.session)
     assert "anna (--seize takes it over" in refused.text
 
@@ -135,7 +135,7 @@ def test_wrong_file_type_is_refused_before_any_request() -> None:
 def test_mission_starts_where_it_is_or_at_an_item() -> None:
     for item, param in ((None, -1.0), (2, 1.0)):
         stage = Stage(Reason.NOT_ARMED)
-        stage.bus.set_newest(*STANDBY)
+        stage.bus.say(*STANDBY)
         assert perform(StartMission(item=item), stage.session).ok
         requests = stage.bus.requests
         assert (requests[-1].command, requests[-1].param1) == (Command.MISSION_START, param)
@@ -144,14 +144,14 @@ def test_mission_starts_where_it_is_or_at_an_item() -> None:
 
 def test_mission_that_may_not_arm_is_refused() -> None:
     stage = Stage(Reason.NOT_ARMED)
-    stage.bus.set_newest(*STANDBY)
+    stage.bus.say(*STANDBY)
     assert not perform(StartMission(item=1, arms=False), stage.session).ok
     assert [one.command for one in stage.bus.requests] == [Command.MISSION_START]
 
 
 def test_mission_that_is_done_begins_again() -> None:
     stage = Stage()
-    stage.bus.set_newest(MISSION, progress(MissionState.DONE))
+    stage.bus.say(MISSION, progress(MissionState.DONE))
     perform(StartMission(), stage.session)
     assert stage.bus.requests[0].param1 == 0.0
 
@@ -171,7 +171,7 @@ def progress(state: MissionState) -> MissionStatus:
 
 def test_progress_of_the_mission_is_one_line() -> None:
     stage = Stage()
-    stage.bus.set_newest(MISSION, progress(MissionState.HOLDING))
+    stage.bus.say(MISSION, progress(MissionState.HOLDING))
     outcome = perform(ShowMissionStatus(), stage.session)
     assert outcome.text == "holding, item 3 of 5, 3.2 s left"
     assert outcome.as_json("", "r1")["current"] == 3

@@ -48,7 +48,7 @@ from runtime.units import NS_PER_S as S
 from tests.support.each import each
 from tests.support.ground.client import ScriptedBus, lease_of
 from tests.support.ground.client import status as client_status
-from tests.support.played_bus import Air
+from tests.support.played_bus import PlayedBus
 
 
 def status(
@@ -71,54 +71,58 @@ ODOMETRY_NOW = make(PlanarOdometry, time_ns=1, x_m=1.0, y_m=2.0, heading_rad=1.0
 
 
 @pytest.fixture
-def air() -> Air:
-    return Air()
+def bus() -> PlayedBus:
+    return PlayedBus(ManualClock())
 
 
 @pytest.fixture
-def telemetry(air: Air) -> Telemetry:
-    return Telemetry(air, "r1")
+def telemetry(bus: PlayedBus) -> Telemetry:
+    return Telemetry(bus, "r1")
 
 
 DECISION_NOW = make(AvoidanceDecision, time_ns=1, nearest_range_m=0.5, zone_m=0.3)
 
 
-def test_goal_line_begins_with_state_and_distance(air: Air, telemetry: Telemetry) -> None:
-    air.put(STATUS, status(), 0)
-    air.put(ODOMETRY, ODOMETRY_NOW, 0)
-    air.put(DECISION, DECISION_NOW, 0)
+def test_goal_line_begins_with_state_and_distance(bus: PlayedBus, telemetry: Telemetry) -> None:
+    bus.say(STATUS, status())
+    bus.say(ODOMETRY, ODOMETRY_NOW)
+    bus.say(DECISION, DECISION_NOW)
     assert in_words(goal_line(telemetry, 10 * MS, 0)) == (
         "driving   3.25 m to go  0.25 m/s  echo 0.50 m  12 s  (has not moved although it tries to)"
     )
 
 
-def test_forty_columns_are_enough_for_all_but_the_reason(air: Air, telemetry: Telemetry) -> None:
-    air.put(STATUS, status(GoalState.AVOIDING), 0)
-    air.put(ODOMETRY, ODOMETRY_NOW, 0)
-    air.put(DECISION, DECISION_NOW, 0)
+def test_forty_columns_are_enough_for_all_but_the_reason(
+    bus: PlayedBus, telemetry: Telemetry
+) -> None:
+    bus.say(STATUS, status(GoalState.AVOIDING))
+    bus.say(ODOMETRY, ODOMETRY_NOW)
+    bus.say(DECISION, DECISION_NOW)
     shown = fitted(goal_line(telemetry, 10 * MS, 0), 39, dims=True)
     assert "".join(piece.text for piece in shown) == "avoiding 3.25 m 0.25 m/s echo 0.50 12 s"
 
 
-def test_a_status_of_the_goal_before_is_not_shown(air: Air, telemetry: Telemetry) -> None:
-    air.put(STATUS, status(GoalState.REACHED), 0)
+def test_a_status_of_the_goal_before_is_not_shown(bus: PlayedBus, telemetry: Telemetry) -> None:
+    bus.say(STATUS, status(GoalState.REACHED))
     assert "reached" in in_words(goal_line(telemetry, 0, 0, goal_id=1))
     assert in_words(goal_line(telemetry, 0, 0, goal_id=2)) == (
         "waiting for the robot to show this goal"
     )
 
 
-def test_an_old_number_is_not_shown(air: Air, telemetry: Telemetry) -> None:
-    air.put(STATUS, status(), 0)
-    air.put(ODOMETRY, ODOMETRY_NOW, 0)
+def test_an_old_number_is_not_shown(bus: PlayedBus, telemetry: Telemetry) -> None:
+    bus.say(STATUS, status())
+    bus.say(ODOMETRY, ODOMETRY_NOW)
     assert in_words(watch_line(telemetry, 2_000 * MS)) == (
         "state -- (2.0 s)  pose -- (2.0 s)  goal -- (2.0 s)  echo --  cycle --  heartbeat --"
     )
 
 
-def test_a_fading_number_has_its_age_and_a_live_one_has_not(air: Air, telemetry: Telemetry) -> None:
-    air.put(STATUS, status(), 0)
-    air.put(ODOMETRY, ODOMETRY_NOW, 100 * MS)
+def test_a_fading_number_has_its_age_and_a_live_one_has_not(
+    bus: PlayedBus, telemetry: Telemetry
+) -> None:
+    bus.say(STATUS, status())
+    bus.say(ODOMETRY, ODOMETRY_NOW, at_ns=100 * MS)
     _, pose, goal, *_ = watch_line(telemetry, 140 * MS)
     assert (pose.text, pose.age_s) == ("pose 1.00 2.00 57 deg", None)
     assert (goal.text, goal.age_s) == ("goal 3.25 m", 0.14)
@@ -129,9 +133,9 @@ def test_silence_is_shown_with_its_duration(telemetry: Telemetry) -> None:
     assert in_words(goal_line(telemetry, 0, 0)) == "waiting for the robot's status"
 
 
-def test_line_of_several_robots_has_names(air: Air, telemetry: Telemetry) -> None:
+def test_line_of_several_robots_has_names(bus: PlayedBus, telemetry: Telemetry) -> None:
     assert short_line(telemetry, "r2", 0).text == "r2 --"
-    air.put(STATUS, status(), 0)
+    bus.say(STATUS, status())
     assert short_line(telemetry, "r2", 0)[:2] == ("r2 driving 3.25 m", "r2 3.25 m")
 
 
@@ -151,10 +155,10 @@ def test_a_stream_fades_and_an_event_stays() -> None:
     assert age_of(TEXT, 10**15) is Age.LIVE
 
 
-def test_seen_returns_message_and_age(air: Air, telemetry: Telemetry) -> None:
+def test_seen_returns_message_and_age(bus: PlayedBus, telemetry: Telemetry) -> None:
     assert telemetry.seen(STATUS, 5).age is Age.GONE
     assert telemetry.fresh(STATUS, 5) is None
-    air.put(STATUS, status(), 0)
+    bus.say(STATUS, status())
     seen = telemetry.seen(STATUS, 130 * MS)
     assert (seen.message, seen.age_ns, seen.age) == (status(), 130 * MS, Age.DIM)
     assert telemetry.fresh(STATUS, 130 * MS) == status()
@@ -269,10 +273,10 @@ async def test_topic_is_subscribed_once_for_all_its_streams() -> None:
     bus: Any = ScriptedBus(ManualClock(), [])
     hub = TopicStreams(bus, "r1")
     first, second = hub.stream(STATUS), hub.stream(STATUS)
-    assert list(bus.boxes) == [STATUS.path]
+    assert bus.subscribed == [("r1", STATUS.path)]
     await first.aclose()
     assert hub.latest(STATUS) is None
-    bus.set_newest(STATUS, client_status())
+    bus.say(STATUS, client_status())
     assert hub.latest(STATUS) is not None
     await second.aclose()
     assert hub.latest(STATUS) is None, "it is unsubscribed with its last stream"

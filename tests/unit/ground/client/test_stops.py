@@ -35,7 +35,7 @@ from runtime.units import NS_PER_MS as MS
 from tests.support.each import each
 from tests.support.ground.client import Pulse, ack, status
 from tests.support.ground.station import Robot
-from tests.support.played_bus import Box, PlayedBus, Wireless
+from tests.support.played_bus import PlayedBus
 
 YES = CommandAck(command=185, result=AckResult.ACCEPTED, result_param2=0)
 BUSY = CommandAck(
@@ -178,14 +178,14 @@ def test_closed_station_gives_up_with_the_reason() -> None:
     assert outcome.why == "srv/stop: no process serves it"
 
 
-class Fleet(Wireless):
+class Fleet(PlayedBus):
     """Robots that acknowledge each stop at once, except the `dead` ones."""
 
-    holder = None
     operator = "open/0a"
+    has_history = True
 
     def __init__(self, clock: ManualClock, *robots: str, dead: Iterable[str] = ()) -> None:
-        super().__init__()
+        super().__init__(clock)
         self.clock = clock
         self.robots = robots
         self.dead = frozenset(dead)
@@ -197,15 +197,11 @@ class Fleet(Wireless):
         self.order.append("present")
         return [Presence(name, "robot", "0a") for name in self.robots]
 
-    def mailbox(self, topic: Topic[Any], robot: str | None = None, *_: Any, **__: Any) -> Box:
-        return self.boxes.setdefault(f"{robot}/{topic.path}", Box(topic))
-
-    def unsubscribe(self, mailbox: Any) -> None:
-        """Keep the mailbox: the test fills it."""
-
     def publisher(self, topic: Topic[Any], robot: str | None = None) -> Any:
         assert topic is STOP
-        return Sender(self, str(robot))
+        publisher = super().publisher(topic, robot)
+        publisher.heard = lambda _: self.order.append(f"sent {robot}")
+        return publisher
 
     def ask(
         self,
@@ -221,25 +217,11 @@ class Fleet(Wireless):
             raise NoAnswerError("no answer within the time")
         if service is STOP_SERVICE:
             assert isinstance(message, CommandRequest)
-            shown = status(Vehicle.EMERGENCY_STOP, stop_id=message.request_id)
-            self.mailbox(STATUS, name).newest = (shown, self.clock.now_ns())
+            self.say(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=message.request_id), name)
         elif service is COMMAND:
             assert isinstance(message, CommandRequest)
             self.cleared[name] = message.stop_id
         return ack(message, self.reasons.get(name, Reason.NONE))
-
-    def lost(self) -> str:
-        return ""
-
-
-class Sender:
-    """Notes that a stop was sent to a robot."""
-
-    def __init__(self, fleet: Fleet, robot: str) -> None:
-        self._fleet, self._robot = fleet, robot
-
-    def put(self, message: Message) -> None:
-        self._fleet.order.append(f"sent {self._robot}")
 
 
 @pytest.fixture
@@ -318,8 +300,7 @@ def test_all_robots_are_released_with_a_line_for_each(clock: ManualClock) -> Non
     fleet, session = fleet_of(clock, "r1", "r2", "r3", dead=["r3"])
     fleet.reasons["r2"] = Reason.LEASE_HELD
     for robot, stop_id in (("r1", 71), ("r2", 72)):
-        shown = status(Vehicle.EMERGENCY_STOP, stop_id=stop_id)
-        fleet.mailbox(STATUS, robot).newest = (shown, clock.now_ns())
+        fleet.say(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=stop_id), robot)
     outcome = perform(ClearAll(), session)
     assert isinstance(outcome, AllAnswered)
     texts = dict(outcome.of)

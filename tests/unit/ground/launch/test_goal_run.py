@@ -38,7 +38,7 @@ from runtime.errors import NoAnswerError
 from runtime.units import NS_PER_S as SECOND
 from tests.support.each import each
 from tests.support.ground.made_recordings import truth
-from tests.support.played_bus import Wireless
+from tests.support.played_bus import PlayedBus
 
 SILENT = "no process answers"
 FACTS = {
@@ -57,14 +57,15 @@ SCORE = make(RunScore, time_ns=1, x_m=1.0, y_m=1.0, path_m=1.0, min_clearance_m=
 WHY = "the plant process was killed (signal SIGKILL)"
 
 
-class Wired(Wireless):
-    """A bus without frames; the first `serves_after` requests get no answer."""
+class Wired(PlayedBus):
+    """A bus whose first `serves_after` requests get no answer."""
 
-    def __init__(self) -> None:
-        super().__init__()
+    has_history = True
+
+    def __init__(self, clock: ManualClock) -> None:
+        super().__init__(clock)
         self.commands: list[Command] = []
 
-    holder = None
     serves_after = 1000
     requests = 0
     score_until_ns: list[int] | None = None
@@ -72,9 +73,6 @@ class Wired(Wireless):
     refusals: tuple[int, ...] = ()
     """Reasons for which the next goals are refused."""
     on_refusal: Callable[[], None] = staticmethod(lambda: None)
-
-    def stream(self, *_: Any) -> None:
-        """Deliver nothing."""
 
     def ask(
         self,
@@ -111,7 +109,8 @@ class Stage:
     """A goal run and the messages it receives."""
 
     def __init__(self, *, lockstep: bool = False) -> None:
-        self.bus, self.clock = Wired(), ManualClock(SECOND)
+        self.clock = ManualClock(SECOND)
+        self.bus = Wired(self.clock)
         self.void: VoidRun | None = None
         network = Network(mode="client", connect=("tcp/127.0.0.1:1",))
         link = Dialled(self.bus, Common(network=network, robot="r1"), self.clock)
@@ -141,12 +140,12 @@ class Stage:
             goal_reason=Reason.TICKS_LOST, navigator=1,
         )  # fmt: skip
         status = structs.replace(status, **changes)
-        self.bus.boxes[STATUS.path].newest = (status, self.clock.now_ns())
+        self.bus.say(STATUS, status)
 
     def lease(self, held: bool, **changes: Any) -> None:
         lease = LeaseStatus(time_ns=1, lapses_ms=0, held=int(held), holder="ben/1", name="ben")
         lease = structs.replace(lease, **changes)
-        self.bus.boxes[LEASE.path].newest = (lease, self.clock.now_ns())
+        self.bus.say(LEASE, lease)
 
     def wait(self, seconds: float) -> None:
         for _ in range(round(seconds * 10)):
@@ -358,7 +357,7 @@ def test_progress_says_that_the_computer_is_busy() -> None:
     for tick in range(30):
         seen = truth(tick * SECOND // 20, 1.0)
         stage.receive(GoalState.DRIVING)
-        stage.bus.boxes[TRUTH.path].newest = (seen, stage.clock.now_ns())
+        stage.bus.say(TRUTH, seen)
         stage.wait(0.1)
         said.append(stage.goal_run.pace().text)
     assert said[0] == ""
