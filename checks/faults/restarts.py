@@ -19,8 +19,9 @@ from tempfile import TemporaryDirectory
 from typing import Final, NamedTuple
 from unittest.mock import patch
 
-from checks.faults.power_cuts import HOME, ReorderingDisk, State, restarted, set_value, upload_fence
+from checks.faults.power_cuts import HOME, restarted, set_value, upload_fence
 from checks.harness.figures import BenchmarkReport, Figure
+from checks.harness.reordering_disk import ReorderingDisk, State
 from ground.blocking import perform
 from ground.cli.main import parse
 from ground.cli.run.up import connect, free_endpoint

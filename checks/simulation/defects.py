@@ -10,7 +10,6 @@ from importlib import import_module
 from typing import Any, Final, NamedTuple
 from unittest.mock import patch
 
-from checks.simulation.hosts.substitutes import SimulatedOs
 from protocol.wire.enums import Command
 from robot.core import reasons, states
 from robot.file_writer import InlineWriter
@@ -174,8 +173,8 @@ def _content_not_synced() -> Patches:
     """Rename a file before its content is on the disk; the directory is synchronised."""
 
     def write(path: Any, data: bytes) -> None:
-        number = SimulatedOs.open(path, SimulatedOs.O_TRUNC)
-        SimulatedOs.write(number, data)
+        disk = import_module("runtime.files").os
+        disk.write(disk.open(path, disk.O_WRONLY | disk.O_CREAT | disk.O_TRUNC), data)
 
     return {"runtime.files.write": write}
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final, Protocol
 
-from checks.simulation.hosts.substitutes import DISKS, SimulatedDisk, SimulatedPath
+from checks.simulation.hosts.substitutes import DISKS, STATE, SimulatedDisk
 from checks.simulation.hosts.virtual_time import Host, Scheduler, SimulatedClock, current_task
 from plant.model.configuration import Noise
 from plant.process.loop import Process, RequestQueue, Wake
@@ -136,8 +136,7 @@ class RobotSide:
         self.vehicle = self.process = self.bus = None
 
     def _main(self) -> None:
-        directory: Any = SimulatedPath(self.disk)
-        store = Store(directory, WriterThread())
+        store = Store(STATE, WriterThread())
         params, warnings = store.load(self.params, self.params)
         vehicle = ObservedVehicle(params, store, self._start, self.params)
         vehicle.observer = self._observer

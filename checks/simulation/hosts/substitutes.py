@@ -3,21 +3,19 @@
 Only modules whose code would block, start a thread, read a real clock or draw a random number are
 changed. All other product code runs unmodified.
 
-On the disk a write survives a power cut only after fsync of file and directory. `SimulatedPath` and
-`SimulatedOs` offer what the robot's store uses of pathlib and os.
+On the disk a write survives a power cut only after fsync of file and directory.
 """
 
-import os
-import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
+from pathlib import Path
 from random import Random
 from typing import Any, Final
 
+from checks.harness.reordering_disk import DiskFile, ReorderingDisk, apply
 from checks.simulation.hosts.virtual_time import (
-    Host,
     SimulatedClock,
     SimulatedPool,
     SimulatedQueue,
@@ -37,92 +35,62 @@ from runtime.watchdog import Patience
 
 NO_SPACE: Final = 28
 IO_ERROR: Final = 5
+STATE: Final = Path("/state")
+"""The directory of the disk."""
 
 
-class Inode:
-    """The content of a file, as programs see it and as it is on the medium."""
-
-    __slots__ = ("live", "synced")
-
-    def __init__(self) -> None:
-        self.live = b""
-        self.synced = b""
-
-
-class SimulatedDisk:
+class SimulatedDisk(ReorderingDisk):
     """A disk with one directory; fsync takes `slow_ns`, and `failing` makes writes fail."""
 
     def __init__(self) -> None:
         self.slow_ns = 0
         self.failing = False
-        self.syncs = 0
-        self.files: dict[str, Inode] = {}
-        self.on_medium: dict[str, Inode] = {}
-        self._open: dict[int, Inode | None] = {}
-        self._read: dict[int, int] = {}
-        """How much has been read of an open file."""
+        super().__init__(str(STATE))
 
-    def open(self, inode: Inode | None) -> int:
-        """Return a file descriptor; `inode` None is the directory."""
-        number = 100 + len(self._open)
-        self._open[number] = inode
-        return number
+    def open(self, path: Path, flags: int, mode: int = 0o777) -> int:
+        """Open a file or the directory."""
+        if flags & self.O_TRUNC:
+            self._check_writable()
+        return super().open(path, flags, mode)
 
-    def create(self, name: str) -> Inode:
-        """Create a file or empty it."""
-        self.check_writable()
-        inode = self.files.setdefault(name, Inode())
-        inode.live = b""
-        return inode
-
-    def read(self, number: int, size: int) -> bytes:
-        """Return the next bytes of a file; it does not change while it is read."""
-        inode = self._open[number]
-        assert inode is not None, "a directory is not read"
-        at = self._read.get(number, 0)
-        found = inode.live[at : at + size]
-        self._read[number] = at + len(found)
-        return found
-
-    def write(self, number: int, data: bytes) -> int:
+    def write(self, handle: int, data: bytes) -> int:
         """Append to a file."""
-        self.check_writable()
-        inode = self._open[number]
-        assert inode is not None, "a directory is not written to"
-        inode.live += data
-        return len(data)
+        self._check_writable()
+        return super().write(handle, data)
 
-    def fsync(self, number: int) -> None:
+    def replace(self, old: Path, new: Path) -> None:
+        """Rename a file."""
+        self._check_writable()
+        super().replace(old, new)
+
+    def unlink(self, path: Path) -> None:
+        """Remove a file."""
+        self._check_writable()
+        super().unlink(path)
+
+    def fsync(self, handle: int) -> None:
         """Save a file or the directory; changes made during the wait are saved too."""
-        self.syncs += 1
-        host = current_host()
         if self.slow_ns:
-            current_task().wait_until(host.scheduler.now_ns + self.slow_ns)
+            current_task().wait_until(current_host().scheduler.now_ns + self.slow_ns)
         if self.failing:
             raise OSError(IO_ERROR, "Input/output error")
-        inode = self._open[number]
-        if inode is None:
-            self.on_medium = dict(self.files)
-        else:
-            inode.synced = inode.live
+        super().fsync(handle)
 
-    def check_writable(self) -> None:
+    def _check_writable(self) -> None:
         """Raise OSError if writes fail."""
         if self.failing:
             raise OSError(NO_SPACE, "No space left on device")
 
-    def remove(self, name: str) -> None:
-        """Remove a file."""
-        self.check_writable()
-        if self.files.pop(name, None) is None:
-            raise FileNotFoundError(2, "No such file or directory", name)
+    def _done(self) -> None:
+        """Keep no states: a power cut draws one."""
 
     def damage(self, name: str) -> bool:
         """Truncate a file on the medium; return False if there is no such file."""
-        inode = self.files.get(name)
-        if inode is None or not inode.live:
+        number = self._folder(STATE).names.get(name)
+        file = None if number is None else self._file(number)
+        if file is None or not file.content:
             return False
-        inode.live = inode.synced = inode.live[: len(inode.live) // 2]
+        file.content = file.synced = file.content[: len(file.content) // 2]
         return True
 
     def cut_power(self, salt: int) -> None:
@@ -130,168 +98,34 @@ class SimulatedDisk:
 
         An unsaved file keeps its old content, or is cut off anywhere.
         """
-        random = Random(salt)
-        for name in sorted({*self.files, *self.on_medium}):
-            live, medium = self.files.get(name), self.on_medium.get(name)
-            if live is not medium and random.random() < 0.5:
-                if live is None:
-                    self.on_medium.pop(name, None)
-                else:
-                    self.on_medium[name] = live
-        for name in sorted(self.on_medium):
-            inode = self.on_medium[name]
-            if inode.synced != inode.live and random.random() < 0.5:
-                inode.synced = inode.live[: random.randint(0, len(inode.live))]
-            inode.live = inode.synced
-        self.files = dict(self.on_medium)
+        random, folder = Random(salt), self._folder(STATE)
+        kept = dict(folder.durable)
+        for name in sorted({*folder.names, *kept}):
+            number = folder.names.get(name)
+            if number != kept.get(name) and random.random() < 0.5:
+                apply(kept, (name, None if number is None else name, number or 0))
+        for name in sorted(kept):
+            file = self._file(kept[name])
+            if file.synced != file.content and random.random() < 0.5:
+                file.synced = file.content[: random.randint(0, len(file.content))]
+            file.content = file.synced
+        folder.durable, folder.names = kept, dict(kept)
+
+    def _file(self, number: int) -> DiskFile:
+        file = self._nodes[number]
+        assert isinstance(file, DiskFile)
+        return file
 
 
-class SimulatedPath:
-    """Replaces pathlib.Path; all files are in one directory."""
+class HostsDisk:
+    """Replaces the module `os` by the disk of the current host."""
 
-    def __init__(self, disk: SimulatedDisk, name: str = "") -> None:
-        self.disk = disk
-        self.name = name
-
-    def __truediv__(self, name: str) -> "SimulatedPath":
-        return SimulatedPath(self.disk, str(name))
-
-    def __str__(self) -> str:
-        return f"state/{self.name}"
-
-    def __fspath__(self) -> str:
-        return str(self)
-
-    @property
-    def parent(self) -> "SimulatedPath":
-        """The directory."""
-        return SimulatedPath(self.disk)
-
-    def with_name(self, name: str) -> "SimulatedPath":
-        """Return the path of another file."""
-        return SimulatedPath(self.disk, name)
-
-    def mkdir(self, **_: object) -> None:
-        """Do nothing: the directory exists."""
-
-    def exists(self) -> bool:
-        """Return whether the file exists."""
-        return self.name in self.disk.files
-
-    def read_text(self, encoding: str = "utf-8") -> str:
-        """Return the content as text."""
-        return self.read_bytes().decode(encoding)
-
-    def read_bytes(self) -> bytes:
-        """Return the content."""
-        inode = self.disk.files.get(self.name)
-        if inode is None:
-            raise FileNotFoundError(2, "No such file or directory", str(self))
-        return inode.live
-
-    def unlink(self, missing_ok: bool = False) -> None:
-        """Remove the file."""
-        try:
-            self.disk.remove(self.name)
-        except FileNotFoundError:
-            if not missing_ok:
-                raise
-
-
-class SimulatedOs:
-    """Replaces the module `os` for files of the simulated disk."""
-
-    O_RDONLY = os.O_RDONLY
-    O_WRONLY = os.O_WRONLY
-    O_NONBLOCK = os.O_NONBLOCK
-    O_CREAT = os.O_CREAT
-    O_TRUNC = os.O_TRUNC
-    O_CLOEXEC = os.O_CLOEXEC
-    O_DIRECTORY = os.O_DIRECTORY
-
-    class path:  # noqa: N801 - as in os
-        """Replaces os.path."""
-
-        @staticmethod
-        def realpath(path: Any) -> Any:
-            """Return the path itself."""
-            return path
-
-        @staticmethod
-        def isdir(path: Any) -> bool:
-            """Return whether a path is the directory."""
-            return not path.name
-
-    @staticmethod
-    def fsync(number: int) -> None:
-        """Save a file or the directory."""
-        disk_of(current_host()).fsync(number)
-
-    fdatasync = fsync
-
-    @staticmethod
-    def open(path: Any, flags: int = 0, _mode: int = 0, **_: object) -> int:
-        """Open a file or the directory."""
-        disk: SimulatedDisk = path.disk
-        if not path.name:
-            return disk.open(None)
-        if flags & os.O_TRUNC:
-            return disk.open(disk.create(path.name))
-        inode = disk.files.get(path.name)
-        if inode is None:
-            raise FileNotFoundError(2, "No such file or directory", str(path))
-        return disk.open(inode)
-
-    @staticmethod
-    def fstat(_number: int) -> os.stat_result:
-        """Return that it is a regular file."""
-        return os.stat_result((stat.S_IFREG, *(0,) * 9))
-
-    @staticmethod
-    def lstat(path: Any) -> None:
-        """Raise FileNotFoundError if there is no such file."""
-        if path.name not in path.disk.files:
-            raise FileNotFoundError(2, "No such file or directory", str(path))
-
-    @staticmethod
-    def read(number: int, size: int) -> bytes:
-        """Return the rest of a file."""
-        return disk_of(current_host()).read(number, size)
-
-    @staticmethod
-    def write(number: int, data: bytes) -> int:
-        """Append to a file."""
-        return disk_of(current_host()).write(number, data)
-
-    @staticmethod
-    def close(_number: int) -> None:
-        """Do nothing: descriptors are not counted."""
-
-    @staticmethod
-    def replace(source: Any, target: Any) -> None:
-        """Rename a file."""
-        disk: SimulatedDisk = source.disk
-        disk.check_writable()
-        disk.files[target.name] = disk.files.pop(source.name)
-
-    @staticmethod
-    def unlink(path: Any) -> None:
-        """Remove a file."""
-        disk: SimulatedDisk = path.disk
-        disk.remove(path.name)
-
-    @staticmethod
-    def mkdir(_path: Any) -> None:
-        """Do nothing: the directory exists."""
+    def __getattr__(self, name: str) -> Any:
+        return getattr(DISKS[current_host().name], name)
 
 
 DISKS: Final[dict[str, SimulatedDisk]] = {}
 """The disk of each host, by its name."""
-
-
-def disk_of(host: Host) -> SimulatedDisk:
-    """Return the disk of a host."""
-    return DISKS[host.name]
 
 
 THREADING: Final = SimulatedThreading()
@@ -436,8 +270,7 @@ SPECIAL: Final[tuple[tuple[str, str, object], ...]] = (
     ("ground.client.stop_ways", "ways_of", lambda _bus, _robot: NO_WAYS),
     ("plant.process.loop", "Patience", PATIENCE),
     ("protocol.bus.bus", "Patience", PATIENCE),
-    ("runtime.files", "os", SimulatedOs),
-    ("runtime.files", "Path", lambda path: path),
+    ("runtime.files", "os", HostsDisk()),
 )
 
 

@@ -21,8 +21,9 @@ from checks.faults.cases import (
     page,
     stops,
 )
-from checks.faults.power_cuts import ReorderingDisk, State, restarted
+from checks.faults.power_cuts import restarted
 from checks.faults.wall_time import lost_from, missing
+from checks.harness.reordering_disk import ReorderingDisk, State
 from ground.recording.log_reader import record_bytes
 from protocol.topics import STOP as TOPICS_STOP
 from protocol.wire.codec import Encoder, decode

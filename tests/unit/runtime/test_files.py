@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from checks.faults.power_cuts import ReorderingDisk, content_of
+from checks.harness.reordering_disk import ReorderingDisk, content_of
 from ground.app.input import keymap
 from ground.certificates.folder import read as read_certificate
 from ground.client import parameter_file
