@@ -7,10 +7,8 @@ FILE` runs them. `--defects` puts fixed defects back and counts the seeds that f
 """
 
 import argparse
-import gc
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import nullcontext
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -19,9 +17,9 @@ from time import process_time
 from typing import Final, NamedTuple
 
 from checks.harness.figures import BenchmarkReport, Figure
-from checks.simulation.defects import DEFECTS, Defect, with_defect
+from checks.simulation.defects import DEFECTS, Defect
 from checks.simulation.hosts.mavlink import CLIENTS, GATEWAY
-from checks.simulation.hosts.substitutes import substituted
+from checks.simulation.hosts.substitutes import simulated
 from checks.simulation.hosts.virtual_time import (
     OPERATORS,
     STATION,
@@ -37,7 +35,6 @@ from checks.simulation.simulation import (
     Arguments,
     RunResult,
     Simulation,
-    apply_event,
     draw_client,
     draw_driving,
     draw_operate,
@@ -260,14 +257,8 @@ def run(scenario: EventScenario, defect: str = "") -> RunResult:
 
     `defect` names a row of `defects.DEFECTS`: a fixed defect that is put back.
     """
-    collects = gc.isenabled()
-    gc.disable()
-    try:
-        with substituted(), with_defect(defect) if defect else nullcontext():
-            return Simulation(scenario, apply_event).run()
-    finally:
-        if collects:
-            gc.enable()
+    with simulated(*((DEFECTS[defect].patches,) if defect else ())):
+        return Simulation(scenario).run()
 
 
 class BatchResult(NamedTuple):

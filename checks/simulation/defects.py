@@ -4,11 +4,9 @@ Each defect is a patch of product code in this process, with the name of the rev
 """
 
 from collections import deque
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
 from importlib import import_module
 from typing import Any, Final, NamedTuple
-from unittest.mock import patch
 
 from protocol.wire.enums import Command
 from robot.core import reasons, states
@@ -131,10 +129,6 @@ def _age_by_arrival() -> Patches:
     return {"robot.senses.Senses._is_accepted": counts, "robot.senses.Senses._sent_ns": sent_ns}
 
 
-def _late_requests() -> Patches:
-    return {"robot.process.RobotProcess._rejection": lambda self, asked: reasons.OK}
-
-
 def _mission_to_auto() -> Patches:
     """Start the next item of a mission in AUTO in every mode."""
 
@@ -159,14 +153,6 @@ def _steered_after_seizure() -> Patches:
         return bool(origin.sender) and not late
 
     return {"robot.senses.Senses._is_accepted": counts}
-
-
-def _disk_in_the_loop() -> Patches:
-    return {"checks.simulation.hosts.robot_and_plant.WriterThread": InlineWriter}
-
-
-def _directory_not_synced() -> Patches:
-    return {"runtime.files.sync_folder": lambda path: None}
 
 
 def _content_not_synced() -> Patches:
@@ -211,10 +197,6 @@ def _weakened() -> Patches:
     return {
         "robot.parameter_service.ParameterService._unsafe": lambda self, name, value: reasons.OK
     }
-
-
-def _acknowledged_before_saved() -> Patches:
-    return {"robot.vehicle.Vehicle.saving": lambda self, request, answer: None}
 
 
 def _stop_waits_for_a_tick() -> Patches:
@@ -271,10 +253,6 @@ def _overtaken_clear() -> Patches:
     return {"robot.process.RobotProcess._rejection": rejection}
 
 
-def _teleop_of_the_last_holder() -> Patches:
-    return {"robot.commands.TeleopInput.clear": lambda self: None}
-
-
 def _any_program_drives() -> Patches:
     """Let a drive go on while any program of the person is there."""
     age_ms = import_module("robot.vehicle").Vehicle._age_ms
@@ -314,20 +292,6 @@ def _wide_circle() -> Patches:
     return {"robot.core.safety.fence.inside": inside}
 
 
-def _no_fresh_session() -> Patches:
-    """Dial with the same session id for ever."""
-    return {"protocol.bus.session.LastingSession.replace": lambda self, before, **_: False}
-
-
-def _forgotten_stop() -> Patches:
-    """Keep the emergency stop on the disk, but do not look for it at the start."""
-    return {"robot.emergency_stop.KeptStop.found": lambda self: False}
-
-
-def _unwritten_stop() -> Patches:
-    return {"robot.emergency_stop.KeptStop.keep": lambda self, *, stopped: None}
-
-
 def _shared_control() -> Patches:
     """Let every client command under the lease of the one in control."""
     return {
@@ -365,21 +329,35 @@ DEFECTS: Final[dict[str, Defect]] = {
     "A3": Defect("the motor driver trusts the frame", _trusting_driver),
     "A4": Defect("stamps are not bounded", _unbounded_stamp),
     "A7a": Defect("heartbeat and teleop are aged from their arrival", _age_by_arrival),
-    "A7b": Defect("requests have no deadline", _late_requests),
+    "A7b": Defect(
+        "requests have no deadline",
+        lambda: {"robot.process.RobotProcess._rejection": lambda self, asked: reasons.OK},
+    ),
     "A8": Defect("a mission continues in AUTO", _mission_to_auto),
-    "A9": Defect("the control loop writes to the disk", _disk_in_the_loop),
+    "A9": Defect(
+        "the control loop writes to the disk",
+        lambda: {"checks.simulation.hosts.robot_and_plant.WriterThread": InlineWriter},
+    ),
     "A12": Defect("teleop continues after the lease is seized", _steered_after_seizure),
-    "A13a": Defect("a directory is not synchronised", _directory_not_synced),
+    "A13a": Defect(
+        "a directory is not synchronised", lambda: {"runtime.files.sync_folder": lambda path: None}
+    ),
     "A13b": Defect("a file is renamed before it is synchronised", _content_not_synced),
     "A13c": Defect("a robot with an unreadable fence is armed", _fence_forgotten),
     "A14": Defect("failsafes can be weakened from the ground", _weakened),
     "D-fence": Defect("the fence's failsafe is inverted", _fence_inside_out),
-    "early": Defect("a change is acknowledged before it is saved", _acknowledged_before_saved),
+    "early": Defect(
+        "a change is acknowledged before it is saved",
+        lambda: {"robot.vehicle.Vehicle.saving": lambda self, request, answer: None},
+    ),
     "d1": Defect("the latch is not read between two ticks in lockstep", _stop_waits_for_a_tick),
     "d2": Defect("old ticks are answered, and the answers last", _old_ticks),
     "d3": Defect("a mission is started without the lease", _missions_for_all),
     "d4": Defect("a clear that came before the stop is obeyed", _overtaken_clear),
-    "d5": Defect("teleop is not dropped when the lease is seized", _teleop_of_the_last_holder),
+    "d5": Defect(
+        "teleop is not dropped when the lease is seized",
+        lambda: {"robot.commands.TeleopInput.clear": lambda self: None},
+    ),
     "d6": Defect("a circle fence is 1 m too wide", _wide_circle),
     "d7": Defect("any program of the person keeps a drive going", _any_program_drives),
     "d8": Defect("any program of the person steers", _any_program_steers),
@@ -387,8 +365,14 @@ DEFECTS: Final[dict[str, Defect]] = {
     "d10": Defect(
         "a lease does not end with its person", lambda: {"robot.lease.LAPSE_NS": 1 << 62}
     ),
-    "ids": Defect("a session whose id is taken is never replaced", _no_fresh_session),
-    "kept": Defect("the kept stop is not looked for at the start", _forgotten_stop),
+    "ids": Defect(
+        "a session whose id is taken is never replaced",
+        lambda: {"protocol.bus.session.LastingSession.replace": lambda self, before, **_: False},
+    ),
+    "kept": Defect(
+        "the kept stop is not looked for at the start",
+        lambda: {"robot.emergency_stop.KeptStop.found": lambda self: False},
+    ),
     "g1": Defect("the gateway obeys every client once one is in control", _shared_control),
     "g2": Defect("a stop waits in the gateway behind other requests", _stop_in_the_queue),
     "g3": Defect(
@@ -396,14 +380,8 @@ DEFECTS: Final[dict[str, Defect]] = {
         lambda: {"gateways.mavlink.operator_control.SILENCE_NS": 1 << 62},
     ),
     "g4": Defect("the gateway obeys unsigned frames of other machines", _strangers_command),
-    "unkept": Defect("the stop is not written to the disk", _unwritten_stop),
+    "unkept": Defect(
+        "the stop is not written to the disk",
+        lambda: {"robot.emergency_stop.KeptStop.keep": lambda self, *, stopped: None},
+    ),
 }
-
-
-@contextmanager
-def with_defect(name: str) -> Iterator[None]:
-    """Put a defect back, within the substitutes of the simulation."""
-    with ExitStack() as stack:
-        for place, stand_in in DEFECTS[name].patches().items():
-            stack.enter_context(patch(place, stand_in))
-        yield

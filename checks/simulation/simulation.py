@@ -63,12 +63,9 @@ class RunResult(NamedTuple):
 
 
 class Simulation:
-    """All processes of a run, on which `apply` lets the events of the scenario act."""
+    """All processes of a run, on which the events of the scenario act."""
 
-    def __init__(
-        self, scenario: EventScenario, apply: Callable[["Simulation", Event], None]
-    ) -> None:
-        self._apply = apply
+    def __init__(self, scenario: EventScenario) -> None:
         random = Random(f"setting {scenario.seed}")
         self.scenario = scenario
         self.scheduler = scheduler = Scheduler()
@@ -139,7 +136,7 @@ class Simulation:
         self.start_robot()
         self.plant.start()
         for event in scenario.events:
-            scheduler.at(event.time_ns, self._apply, self, event)
+            scheduler.at(event.time_ns, FAULTS[event.kind].apply, self, event)
         step_ns = 50 * NS_PER_MS
         try:
             for now_ns in range(step_ns, scenario.duration_ns + 1, step_ns):
@@ -829,8 +826,3 @@ FAULTS: Final[Mapping[str, ScenarioEventKind]] = MappingProxyType(
         "client": ScenarioEventKind(0, draw_client, apply_client),
     }
 )
-
-
-def apply_event(simulation: Simulation, event: Event) -> None:
-    """Apply an event of a scenario."""
-    FAULTS[event.kind].apply(simulation, event)

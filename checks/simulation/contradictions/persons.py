@@ -4,15 +4,12 @@ Fixed defects of words can be put back, to check that the observer finds them. E
 product code in this process, as in `checks.simulation.defects`.
 """
 
-import gc
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from hashlib import blake2b
 from importlib import import_module
 from random import Random
 from types import SimpleNamespace
 from typing import Any, Final
-from unittest.mock import patch
 
 import zenoh
 
@@ -40,7 +37,7 @@ from checks.simulation.hosts.bus import SimulatedHub, SimulatedSession
 from checks.simulation.hosts.mavlink import CLIENTS, GATEWAY, GatewaySide
 from checks.simulation.hosts.operators import RequestHistory
 from checks.simulation.hosts.robot_and_plant import WORLDS, PlantSide, RobotSide
-from checks.simulation.hosts.substitutes import SeededSecrets, SessionOpener, substituted
+from checks.simulation.hosts.substitutes import SeededSecrets, SessionOpener, simulated
 from checks.simulation.hosts.virtual_time import (
     Argument,
     Event,
@@ -624,48 +621,18 @@ def replacements() -> dict[str, object]:
     }
 
 
-@contextmanager
-def patched(patches: dict[str, object]) -> Iterator[None]:
-    """Replace names of modules within the context."""
-    patchers = [patch(place, stand_in) for place, stand_in in patches.items()]
-    begun = []
-    try:
-        for one in patchers:
-            one.start()
-            begun.append(one)
-        yield
-    finally:
-        for one in reversed(begun):
-            one.stop()
-
-
-def put_back(defect: str) -> dict[str, object]:
-    """Return what puts a defect back; nothing without a name."""
-    return DEFECTS[defect].patches() if defect else {}
+def run_persons(scenario: EventScenario, defect: str) -> tuple[PersonsRun, RunResult]:
+    """Run a scenario; `defect` names a fixed defect that is put back."""
+    with simulated(replacements, *((DEFECTS[defect].patches,) if defect else ())):
+        run = PersonsRun(scenario)
+        return run, run.run()
 
 
 def observe(scenario: EventScenario, defect: str = "") -> RunResult:
-    """Run a scenario; `defect` names a fixed defect that is put back."""
-    with simulated(defect):
-        return PersonsRun(scenario).run()
+    """Run a scenario and return its result."""
+    return run_persons(scenario, defect)[1]
 
 
 def contradictions_of(scenario: EventScenario, defect: str = "") -> tuple[InvariantViolation, ...]:
     """Run a scenario and return all contradictions, in the order of their times."""
-    with simulated(defect):
-        run = PersonsRun(scenario)
-        run.run()
-        return run.found
-
-
-@contextmanager
-def simulated(defect: str) -> Iterator[None]:
-    """Simulate everything that would block, and put a defect back."""
-    collects = gc.isenabled()
-    gc.disable()
-    try:
-        with substituted(), patched(replacements()), patched(put_back(defect)):
-            yield
-    finally:
-        if collects:
-            gc.enable()
+    return run_persons(scenario, defect)[0].found

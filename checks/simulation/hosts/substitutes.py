@@ -6,13 +6,15 @@ changed. All other product code runs unmodified.
 On the disk a write survives a power cut only after fsync of file and directory.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import gc
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from importlib import import_module
 from pathlib import Path
 from random import Random
 from typing import Any, Final
+from unittest.mock import patch
 
 from checks.harness.reordering_disk import DiskFile, ReorderingDisk, apply
 from checks.simulation.hosts.virtual_time import (
@@ -28,7 +30,6 @@ from checks.simulation.hosts.virtual_time import (
 )
 from ground.client.emergency_stop import NO_WAYS
 from protocol.bus.network import Hub
-from protocol.bus.publisher import Publisher
 from protocol.wire.message import Message
 from runtime.clock import Pulse
 from runtime.watchdog import Patience
@@ -172,26 +173,10 @@ class SessionOpener:
         return Hub.HANGS if SessionOpener.accepts() else Hub.UNREACHABLE
 
 
-def idle() -> float:
-    """Return that the machine is idle: its load is none of the simulation's."""
-    return 1.0
+IDLE: Final = partial(float, 1.0)
+"""The load of the machine is none of the simulation's."""
 
-
-PATIENCE: Final = partial(Patience, now_ns=TIME.monotonic_ns, slowdown=idle)
-
-
-def simulated_pulse() -> Pulse:
-    """Return a pulse with the clock of the current host."""
-    return Pulse(current_host().now_ns)
-
-
-def no_rehearsal(pulse: Any, _rehearsal: Any, _patience_ns: int) -> Any:
-    """Return the pulse without rehearsals, which only cost time here."""
-    return pulse
-
-
-def no_signal(_stop: Callable[[], None]) -> None:
-    """Install no handler: a simulated process is stopped by a call of its `stop`."""
+PATIENCE: Final = partial(Patience, now_ns=TIME.monotonic_ns, slowdown=IDLE)
 
 
 def sparing_put(self: Any, message: Message) -> bytes:
@@ -219,88 +204,78 @@ class PlainPublisher:
         self._publisher.put(payload, **options)
 
 
-def plain_subscriber(session: Any, key: str, _newest: int, take: Any) -> Any:
-    """Subscribe without history."""
-    return session.declare(lambda one: one.declare_subscriber(key, take))
-
-
-BLOCKING: Final[tuple[tuple[str, dict[str, object]], ...]] = (
-    ("threading", {"threading": THREADING}),
-    ("time", {"time": TIME, "monotonic": TIME.monotonic, "monotonic_ns": TIME.monotonic_ns}),
-    ("queue", {"SimpleQueue": SimulatedQueue, "Thread": SimulatedThread}),
-    ("secrets", {"secrets": SeededSecrets}),
-    ("protocol.pulse", {"WakeUp": SimulatedWakeUp}),
-)
+BLOCKING: Final[dict[str, object]] = {
+    "threading": THREADING,
+    "time": TIME,
+    "monotonic": TIME.monotonic,
+    "monotonic_ns": TIME.monotonic_ns,
+    "SimpleQueue": SimulatedQueue,
+    "Thread": SimulatedThread,
+    "secrets": SeededSecrets,
+    "WakeUp": SimulatedWakeUp,
+}
 BLOCKS: Final = (
-    "protocol.bus.bus",
-    "protocol.bus.session",
-    "protocol.bus.services",
-    "protocol.bus.publisher",
-    "protocol.bus.robot_clock",
-    "runtime.clock",
-    "ground.client.emergency_stop",
-    "ground.client.requests",
-    "gateways.mavlink.bus_port",
-    "gateways.mavlink.gateway",
-    "ground.station.robot.background_requests",
-    "ground.station.station",
-    "ground.station.reader",
+    *("protocol.bus.bus", "protocol.bus.publisher", "protocol.bus.robot_clock"),
+    *("protocol.bus.services", "protocol.bus.session", "runtime.clock", "runtime.lockstep"),
     "robot.process",
-    "robot.file_writer",
+    *("robot.file_writer", "ground.client.emergency_stop", "ground.client.requests"),
+    *("ground.station.robot.background_requests", "ground.station.station"),
+    *("ground.station.reader", "gateways.mavlink.bus_port", "gateways.mavlink.gateway"),
     "plant.process.loop",
-    "runtime.lockstep",
 )
 """Modules in which each blocking name that they have is replaced."""
 
-SPECIAL: Final[tuple[tuple[str, str, object], ...]] = (
-    ("protocol.bus.bus", "open_session", SessionOpener.open_session),
-    ("protocol.bus.bus", "probed", SessionOpener.probed),
-    ("protocol.bus.bus", "redialled", SessionOpener.redialled),
-    ("protocol.bus.bus", "fetching_subscriber", plain_subscriber),
-    ("protocol.bus.publisher", "caching_publisher", PlainPublisher),
-    ("protocol.bus.session", "slowdown", idle),
-    ("robot.run", "WallClock", SimulatedClock),
-    ("robot.run", "Pulse", simulated_pulse),
-    ("robot.run", "time", TIME.time),
-    ("robot.run", "RehearsingPulse", no_rehearsal),
-    ("robot.run", "Rehearsal", lambda _params: None),
-    ("robot.run", "on_signal", no_signal),
-    ("ground.client.link", "Pulse", simulated_pulse),
-    ("gateways.mavlink.bus_port", "ThreadPoolExecutor", SimulatedPool),
-    ("ground.client.stop_ways", "ways_of", lambda _bus, _robot: NO_WAYS),
-    ("plant.process.loop", "Patience", PATIENCE),
-    ("protocol.bus.bus", "Patience", PATIENCE),
-    ("runtime.files", "os", HostsDisk()),
-)
+SPECIAL: Final[dict[str, object]] = {
+    "protocol.bus.bus.open_session": SessionOpener.open_session,
+    "protocol.bus.bus.probed": SessionOpener.probed,
+    "protocol.bus.bus.redialled": SessionOpener.redialled,
+    # No history.
+    "protocol.bus.bus.fetching_subscriber": lambda session, key, _newest, take: session.declare(
+        lambda one: one.declare_subscriber(key, take)
+    ),
+    "protocol.bus.publisher.Publisher.put": sparing_put,
+    "protocol.bus.publisher.caching_publisher": PlainPublisher,
+    "protocol.bus.bus.Patience": PATIENCE,
+    "protocol.bus.session.slowdown": IDLE,
+    "robot.run.WallClock": SimulatedClock,
+    "robot.run.Pulse": lambda: Pulse(current_host().now_ns),
+    "robot.run.time": TIME.time,
+    # Rehearsals only cost time here.
+    "robot.run.RehearsingPulse": lambda pulse, _rehearsal, _patience_ns: pulse,
+    "robot.run.Rehearsal": lambda _params: None,
+    # A simulated process is stopped by a call of its `stop`.
+    "robot.run.on_signal": lambda _stop: None,
+    "ground.client.link.Pulse": lambda: Pulse(current_host().now_ns),
+    "ground.client.stop_ways.ways_of": lambda _bus, _robot: NO_WAYS,
+    "gateways.mavlink.bus_port.ThreadPoolExecutor": SimulatedPool,
+    "plant.process.loop.Patience": PATIENCE,
+    "runtime.files.os": HostsDisk(),
+}
 
 
-def replacements() -> Iterator[tuple[Any, str, object]]:
-    """Yield modules, names and their substitutes."""
-    for module_name in BLOCKS:
-        module = import_module(module_name)
-        for _, names in BLOCKING:
-            for name, stand_in in names.items():
-                if name in vars(module):
-                    yield module, name, stand_in
-    yield Publisher, "put", sparing_put
-    for module_name, name, stand_in in SPECIAL:
-        module = import_module(module_name)
-        if name not in vars(module):
-            raise LookupError(
-                f"{module_name} has no {name}: adapt the simulation's list of substitutes"
-            )
-        yield module, name, stand_in
+def substitutes() -> dict[str, object]:
+    """Return all substitutes by their import paths."""
+    blocking = {
+        f"{module}.{name}": stand_in
+        for module in BLOCKS
+        for name, stand_in in BLOCKING.items()
+        if name in vars(import_module(module))
+    }
+    return blocking | SPECIAL
 
 
 @contextmanager
-def substituted() -> Iterator[None]:
-    """Simulate everything that is opened within; cannot be nested."""
-    before: list[tuple[Any, str, object]] = []
-    try:
-        for module, name, stand_in in replacements():
-            before.append((module, name, vars(module)[name]))
-            setattr(module, name, stand_in)
+def simulated(*more: Callable[[], Mapping[str, object]]) -> Iterator[None]:
+    """Simulate everything that is opened within, with more replacements by their import paths.
+
+    Each of `more` is called when those before are in force. Cannot be nested.
+    """
+    collects = gc.isenabled()
+    gc.disable()
+    with ExitStack() as stack:
+        if collects:
+            stack.callback(gc.enable)
+        for make in (substitutes, *more):
+            for place, stand_in in make().items():
+                stack.enter_context(patch(place, stand_in))
         yield
-    finally:
-        for module, name, original in reversed(before):
-            setattr(module, name, original)
