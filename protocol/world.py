@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from math import degrees, radians
 from typing import Any, Final, TypeAlias
 
+from protocol.ring import RADIUS_M
 from runtime.cli.terminal import printable
 from runtime.files import value_in
 
@@ -110,6 +111,35 @@ class World:
     shortest_path_m: float | None = None
     reachable: bool | None = None
 
+    @property
+    def radius_m(self) -> float:
+        """Radius of its robot."""
+        return float(self.robot.get("radius_m", RADIUS_M))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotPlace:
+    """The goal of one robot of a run; `shifted`: it is shifted as the robot's start is."""
+
+    x_m: float
+    y_m: float
+    shifted: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorldRun:
+    """A world, and what belongs to one run in it: start and goal of each robot, seed, and noise.
+
+    `noise_level` is None if it is that of the world. `facts` are the JSON, to be written again.
+    """
+
+    world: World
+    starts: tuple[Start, ...] = ()
+    goals: tuple[RobotPlace, ...] = ()
+    seed: int | None = None
+    noise_level: str | None = None
+    facts: Mapping[str, Any] = field(default_factory=dict, hash=False)
+
 
 def tables_of(world: World, in_degrees: Callable[[float], float]) -> dict[str, Any]:
     """Return a world as lists, numbers and texts under the keys of its file.
@@ -150,12 +180,25 @@ def as_json(world: World, shortest_path_m: float | None) -> dict[str, Any]:
 def world_in(source: str | bytes | Mapping[str, Any]) -> World:
     """Return the world in the JSON of `as_json`, as text or parsed.
 
-    Keys of one run, such as its seed, are ignored; so are unknown ones. The name becomes printable.
-    Raises ValueError if something is missing, malformed, or too large to be drawn.
+    Unknown keys are ignored. The name becomes printable. Raises ValueError if something is missing,
+    malformed, or too large to be drawn.
     """
+    return run_in(source).world
+
+
+def run_in(source: str | bytes | Mapping[str, Any]) -> WorldRun:
+    """Return the same with what the JSON says of one run."""
     try:
-        return _world(value_in(source) if isinstance(source, str | bytes) else source)
-    except (KeyError, TypeError, IndexError, AttributeError) as error:
+        facts = value_in(source) if isinstance(source, str | bytes) else source
+        return WorldRun(
+            world=_world(facts),
+            starts=tuple(map(_start, facts.get("starts", ()))),
+            goals=tuple(map(_place, facts.get("goals", ()))),
+            seed=None if facts.get("seed") is None else int(facts["seed"]),
+            noise_level=None if "noise_level" not in facts else str(facts["noise_level"]),
+            facts=facts,
+        )
+    except (KeyError, TypeError, IndexError, AttributeError, OverflowError) as error:
         raise ValueError(f"no world: {error!r}") from error
 
 
@@ -165,23 +208,33 @@ def _world(facts: Mapping[str, Any]) -> World:
     lists = [one.get(key, ()) for one in tables for key in ("polygon_m", "wall_m", "path_m")]
     if len(tables) > MAX_OBSTACLES or sum(map(len, lists)) > MAX_POINTS:
         raise ValueError("too many obstacles or points")
-    start, length_m = facts["start"], facts.get("shortest_path_m")
+    length_m, robot = facts.get("shortest_path_m"), _settings(facts.get("robot", {}))
+    _number(robot.get("radius_m", RADIUS_M))
     return World(
         name=printable(str(facts["name"])[:MAX_NAME_LENGTH]),
         size_m=(width_m, height_m),
         walls=bool(facts.get("walls", True)),
-        start=Start(
-            x_m=_number(start["x_m"]),
-            y_m=_number(start["y_m"]),
-            heading_rad=radians(_number(start["heading_deg"])),
-        ),
+        start=_start(facts["start"]),
         goal=_goal(facts["goal"]),
         obstacles=tuple(map(_obstacle, tables)),
-        robot=_settings(facts.get("robot", {})),
+        robot=robot,
         noise=_settings(facts.get("noise", {})),
         faults=tuple(map(_settings, facts.get("faults", ()))),
         shortest_path_m=None if length_m is None else _number(length_m),
     )
+
+
+def _start(start: Mapping[str, Any]) -> Start:
+    return Start(
+        x_m=_number(start["x_m"]),
+        y_m=_number(start["y_m"]),
+        heading_rad=radians(_number(start["heading_deg"])),
+    )
+
+
+def _place(goal: Mapping[str, Any]) -> RobotPlace:
+    x_m, y_m = _number(goal["x_m"]), _number(goal["y_m"])
+    return RobotPlace(x_m=x_m, y_m=y_m, shifted=bool(goal["shifted"]))
 
 
 def _goal(goal: Mapping[str, Any]) -> GoalPose:
@@ -209,13 +262,13 @@ def _obstacle(table: Mapping[str, Any]) -> Obstacle:
     if "path_m" not in table:
         return Circle(x_m=x_m, y_m=y_m, radius_m=radius_m)
     path_m = _points(table["path_m"])
-    if not path_m:
-        raise ValueError("path_m is empty")
     speed_m_s = _number(table["speed_m_s"])
     return Circle(x_m=x_m, y_m=y_m, radius_m=radius_m, path_m=path_m, speed_m_s=speed_m_s)
 
 
 def _points(points: Sequence[Sequence[float]]) -> tuple[Point, ...]:
+    if not points:
+        raise ValueError("a list of points is empty")
     return tuple((_number(x_m), _number(y_m)) for x_m, y_m in points)
 
 

@@ -35,15 +35,14 @@ from ground.cli.main import parse
 from ground.cli.run.up import free_endpoint
 from ground.client.goal import Destination, goal_request
 from ground.client.requests import RequestIds
-from ground.launch.child_command import command, die_with_parent
+from ground.launch.child_command import die_with_parent
 from ground.launch.child_processes import Children
 from ground.launch.restart_policy import RestartSchedule
 from ground.launch.scenario import (
     Scenario,
     process_arguments,
+    run_of,
     scenario_of,
-    world_facts,
-    world_query,
 )
 from ground.launch.supervisor import Supervisor
 from protocol.bus.bus import Bus, open_bus
@@ -138,8 +137,7 @@ class SoakFleet:
     def __init__(self, world: str, robots: int, seed: int, folder: Path, clock: Clock) -> None:
         words = ["up", "--headless", "--clock", "wall", "--router", "--world", world]
         options = parse([*words, "--robots", str(robots), "--seed", str(seed)])
-        facts = world_facts(command(world_query(options), os.getpid()))
-        self.scenario: Scenario = scenario_of(options, facts)
+        self.scenario: Scenario = scenario_of(options, run_of(options))
         self.endpoint = free_endpoint()
         self._world = world
         self._folder = folder
@@ -416,8 +414,7 @@ def main(arguments: Sequence[str]) -> int:
     if not die_with_parent(int(parent)):
         return 1
     options = parse(["up", "--headless", "--clock", "wall", "--world", world])
-    facts = world_facts(command(world_query(options), os.getpid()))
-    words = dict(process_arguments(scenario_of(options, facts), free_endpoint()))
+    words = dict(process_arguments(scenario_of(options, run_of(options)), free_endpoint()))
     clock, over = WallClock(), threading.Event()
     with Children(clock) as children:
         for role, line in words.items():

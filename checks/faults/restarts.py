@@ -9,7 +9,6 @@ that is started then must be stopped, and must refuse to arm.
 """
 
 import argparse
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -30,10 +29,9 @@ from ground.client.outcomes import Refused
 from ground.client.session import Session
 from ground.commands.arm import Arm
 from ground.commands.stop import ClearEmergencyStop, StopNow
-from ground.launch.child_command import command
 from ground.launch.launcher import Stack
 from ground.launch.restart_policy import RestartPolicy
-from ground.launch.scenario import WALL, scenario_of, world_facts, world_query
+from ground.launch.scenario import WALL, run_of, scenario_of
 from ground.text.wording import StatustextAssembler
 from protocol.bus.bus import Bus
 from protocol.bus.session import listens
@@ -136,7 +134,7 @@ def running(
     clock = WallClock()
     words = ["up", "--clock", clock_name, "--world", "open", *(["--router"] if router else [])]
     options = parse(words)
-    scenario = scenario_of(options, world_facts(command(world_query(options), os.getpid())))
+    scenario = scenario_of(options, run_of(options))
     with Stack(options, scenario, free_endpoint(), clock, policy) as stack:
         stack.start()
         with connect(stack.common, clock, stack.check) as bus:

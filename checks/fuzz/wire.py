@@ -31,16 +31,18 @@ from ground.map.canvas import Canvas
 from ground.map.drawing import draw
 from ground.map.view import View
 from ground.missions.transfer import fence_of, waypoints_of
+from ground.recording.foxglove_scene import GREY
 from ground.recording.log_reader import LogIndex, open_log, record_bytes
 from ground.recording.mcap_file import FACT, KEY_TOPIC, KEYS, RAW_TOPIC, McapFormat
 from ground.recording.playback import ReplayBus
 from ground.recording.tables import TimeAxis, collect_series
-from ground.recording.world_metadata import discs, facts_of, outlines, radius_of, start_of
+from ground.recording.world_metadata import solids, world_of
 from ground.station.station import Station
 from ground.station.world import parse_world
 from plant.world.file import load
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.outcome import wire_goal
+from protocol.ring import RADIUS_M
 from protocol.topics import COMPONENT, ENCODING, PREFIX, SERVICES, TOPICS, Role, operator_in
 from protocol.wire.codec import CHECKSUM, HEAD, MAGIC_BYTE, WIRE_OF_TYPE, Encoder, decode
 from protocol.wire.enums import (
@@ -569,9 +571,10 @@ def gather_series(path: Path) -> None:
     log = open_log(path)
     frames = list(log)
     text = log.facts.get("world", "")
-    known = facts_of(text)
-    collect_series(TimeAxis(open_log(path)), radius_of(known))
-    list(start_of(known)), list(outlines(known)), list(discs(known))
+    world = world_of(text)
+    collect_series(TimeAxis(open_log(path)), RADIUS_M if world is None else world.radius_m)
+    if world is not None:
+        solids(world, GREY)
     form = McapFormat("r1", {})
     form.add_fact("world", text)
     for frame in frames:

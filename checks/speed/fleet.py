@@ -4,7 +4,6 @@ The stop counts from the key in the terminal to the last wheel that stands.
 """
 
 import argparse
-import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -26,9 +25,8 @@ from ground.client.connection import Common
 from ground.client.link import Link
 from ground.client.session import Session
 from ground.commands.all_robots import ClearAll
-from ground.launch.child_command import command
 from ground.launch.child_processes import Children
-from ground.launch.scenario import process_arguments, scenario_of, world_facts, world_query
+from ground.launch.scenario import process_arguments, run_of, scenario_of
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
 from protocol.topics import CYCLE, ODOMETRY, SONAR, STATUS, TRUTH, Role
@@ -79,7 +77,7 @@ def driving_fleet(robots: int, folder: Path) -> Iterator[DrivingFleet]:
     """Start a router, robots and their plant as `up` does in wall time, and keep them driving."""
     words = ["up", "--headless", "--clock", "wall", "--world", WORLD, "--robots", str(robots)]
     options = parse([*words, "--router", "--no-record"])
-    scenario = scenario_of(options, world_facts(command(world_query(options), os.getpid())))
+    scenario = scenario_of(options, run_of(options))
     endpoint, over = free_endpoint(), Event()
     with ExitStack() as scope:
         children = scope.enter_context(Children(WallClock()))

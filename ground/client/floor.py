@@ -4,32 +4,19 @@ Goals outside of the floor or in obstacles are refused.
 """
 
 import re
-from collections.abc import Mapping
-from math import hypot, isfinite, radians
-from typing import Any, Final, NamedTuple, TypeAlias
+from math import hypot
+from typing import Final, NamedTuple
 
 from ground.client.goal import Destination
 from ground.client.link import Link
 from ground.missions.mission import inside
 from protocol.topics import WORLD
-from runtime.cli.terminal import printable
+from protocol.world import Circle, Polygon, World, world_in
 from runtime.errors import RemoteError, UserError
-from runtime.files import value_in
 
 EXAMPLE: Final = "example: goto 2 1.5"
 FOLLOWER: Final = re.compile(r"r(?!1\Z)\d+\Z")
 """Names that `up` gives to additional robots."""
-
-
-class Circle(NamedTuple):
-    """A round obstacle."""
-
-    x_m: float
-    y_m: float
-    radius_m: float
-
-
-Outline: TypeAlias = tuple[tuple[float, float], ...]
 
 
 class Floor(NamedTuple):
@@ -41,7 +28,7 @@ class Floor(NamedTuple):
     world: str
     width_m: float
     height_m: float
-    obstacles: tuple[Circle | Outline, ...] = ()
+    obstacles: tuple[Circle | Polygon, ...] = ()
 
     def refuse_outside(self, what: str, x_m: float, y_m: float, fix: str = "") -> None:
         """Raise UserError for a place outside of the floor or in an obstacle; `what` names it."""
@@ -52,46 +39,37 @@ class Floor(NamedTuple):
             raise UserError(f"{what} lies in an obstacle of the world {self.world}{fix}")
 
 
-def covers(obstacle: Circle | Outline, x_m: float, y_m: float) -> bool:
+def covers(obstacle: Circle | Polygon, x_m: float, y_m: float) -> bool:
     """Return whether a place is within an obstacle."""
     if isinstance(obstacle, Circle):
         return hypot(x_m - obstacle.x_m, y_m - obstacle.y_m) < obstacle.radius_m
-    return inside(obstacle, (x_m, y_m))
+    return inside(obstacle.points_m, (x_m, y_m))
 
 
-def floor_from(facts: Mapping[str, Any]) -> Floor:
-    """Return the floor of a world; ValueError, TypeError or KeyError for malformed facts."""
-    width_m, height_m = map(float, facts["size_m"])
-    obstacles: list[Circle | Outline] = []
-    for one in facts.get("obstacles", ()):
-        if "polygon_m" in one:
-            obstacles.append(tuple((float(x_m), float(y_m)) for x_m, y_m in one["polygon_m"]))
-        elif "circle_m" in one and "path_m" not in one:
-            circle = one["circle_m"]
-            obstacles.append(
-                Circle(float(circle["x"]), float(circle["y"]), float(circle["radius"]))
-            )
-    return Floor(printable(str(facts["name"])), width_m, height_m, tuple(obstacles))
+def floor_from(world: World) -> Floor:
+    """Return the floor of a world."""
+    solid = (one for one in world.obstacles if isinstance(one, Circle | Polygon))
+    still = tuple(one for one in solid if isinstance(one, Polygon) or not one.path_m)
+    return Floor(world.name, *world.size_m, still)
 
 
 def floor_in(text: str | bytes) -> Floor | None:
     """Return the floor in the plant's description of its world; None if it is malformed."""
     try:
-        return floor_from(value_in(text if isinstance(text, str) else text.decode()))
-    except (ValueError, TypeError, KeyError, AttributeError):
+        return floor_from(world_in(text))
+    except ValueError:
         return None
 
 
-def goal_in(facts: dict[str, Any]) -> Destination:
+def goal_in(world: World) -> Destination:
     """Return the goal of the world."""
-    goal = facts["goal"]
-    heading_deg = goal["heading_deg"]
+    goal = world.goal
     return Destination(
-        x_m=goal["x_m"],
-        y_m=goal["y_m"],
-        heading_rad=None if heading_deg is None else radians(heading_deg),
-        position_tolerance_m=goal["position_tolerance_m"],
-        heading_tolerance_rad=radians(goal["heading_tolerance_deg"]),
+        x_m=goal.x_m,
+        y_m=goal.y_m,
+        heading_rad=goal.heading_rad,
+        position_tolerance_m=goal.position_tolerance_m,
+        heading_tolerance_rad=goal.heading_tolerance_rad,
     )
 
 
@@ -102,12 +80,11 @@ def world_goal(link: Link) -> Destination:
     """
     try:
         answer = link.bus.ask(WORLD, robot=link.robot)
-        goal = goal_in(value_in(answer.decode() if isinstance(answer, bytes) else ""))
-        known = all(map(isfinite, (goal.x_m, goal.y_m)))
-    except (RemoteError, ValueError, TypeError, KeyError, AttributeError):
-        known = False
-    if not known:
-        raise UserError(f"X Y is missing, and there is no simulation with a goal; {EXAMPLE}")
+        goal = goal_in(world_in(answer if isinstance(answer, bytes) else b""))
+    except (RemoteError, ValueError):
+        raise UserError(
+            f"X Y is missing, and there is no simulation with a goal; {EXAMPLE}"
+        ) from None
     if FOLLOWER.match(link.robot):
         raise UserError(f"X Y is missing: the world's goal {goal} is that of r1; {EXAMPLE}")
     return goal

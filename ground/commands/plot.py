@@ -3,7 +3,7 @@
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Final
+from typing import ClassVar, Final
 
 from ground.client.outcomes import Progress, Report
 from ground.client.session import Session
@@ -13,9 +13,11 @@ from ground.map.scene import Shape
 from ground.recording.figure import SCREEN, STYLES, Run, write
 from ground.recording.log_reader import Log, open_log
 from ground.recording.tables import RunSeries, TimeAxis, collect_series
-from ground.recording.world_metadata import facts_of, radius_of
+from ground.recording.world_metadata import world_of
 from ground.station.robot.mission_items import MissionItems
+from protocol.ring import RADIUS_M
 from protocol.topics import ANSWERED, COMMANDED
+from protocol.world import World, world_in
 from runtime.errors import UserError
 
 KINDS: Final = (".png", ".svg", ".pdf")
@@ -46,10 +48,10 @@ class Plot:
         log = open_log(source)
         if not sum(1 for _ in log):  # read all of it: the facts may be anywhere
             raise UserError(f"{source}: has no frame{damaged(log)}")
-        facts = facts_in(self.world, log)
-        draw(self, target, log.robot, facts)
+        world = world_driven(self.world, log)
+        draw(self, target, log.robot, world)
         row = {"file": str(source), "out": str(target), "damage": log.damage()}
-        unknown = "" if facts else "; without the world: add it with --world W"
+        unknown = "" if world else "; without the world: add it with --world W"
         return Report(not log.damage(), f"{target}{damaged(log)}{unknown}", row)
 
     def perform(self, session: Session) -> Report:
@@ -57,23 +59,23 @@ class Plot:
         return self.run(session.progress)
 
 
-def draw(asked: Plot, target: Path, robot: str, facts: dict[str, Any]) -> None:
+def draw(asked: Plot, target: Path, robot: str, world: World | None) -> None:
     """Draw the run into a file."""
     source = Path(asked.file)
     timed = TimeAxis(open_log(source), asked.begin_s, asked.end_s)
-    found = collect_series(timed, radius_of(facts))
+    found = collect_series(timed, RADIUS_M if world is None else world.radius_m)
     if not (found.estimated or found.true):
         raise UserError(f"{source}: has no pose in that time, so there is nothing to draw")
-    run = Run(found, facts, fence_in(source), title_of(robot, facts, found), source.name)
+    run = Run(found, world, fence_in(source), title_of(robot, world, found), source.name)
     try:
         write(target, run, STYLES[asked.style])
     except OSError as error:
         raise UserError(f"{target}: {error.strerror}") from error
 
 
-def title_of(robot: str, facts: dict[str, Any], found: RunSeries) -> str:
+def title_of(robot: str, world: World | None, found: RunSeries) -> str:
     """Return what happened in words: robot, world, and how each goal ended."""
-    where = f" in {facts['name']}" if "name" in facts else ""
+    where = "" if world is None else f" in {world.name}"
     ends = [f"{one.text} at {one.time_s:.1f} s" for one in found.marks if one.kind == "outcome"]
     return f"{robot}{where}{f': {ends[-1]}' if ends else ''}"
 
@@ -88,11 +90,11 @@ def fence_in(source: Path) -> Shape | None:
     return items.fence
 
 
-def facts_in(world: str | None, log: Log) -> dict[str, Any]:
-    """Return the facts of a named world, or those in the recording."""
-    if world is None:
-        return facts_of(log.facts.get("world", ""))
-    return world_facts(command(["worlds", "show", world, "--json"], os.getpid()))
+def world_driven(name: str | None, log: Log) -> World | None:
+    """Return the named world, or that in the recording, None if it holds none."""
+    if name is None:
+        return world_of(log.facts.get("world", ""))
+    return world_in(world_facts(command(["worlds", "show", name, "--json"], os.getpid())))
 
 
 def damaged(log: Log) -> str:

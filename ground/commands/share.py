@@ -15,9 +15,9 @@ from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.commands.plot import Plot
 from ground.explain.turns import Recorded
 from ground.recording.log_reader import LogIndex, files_of, open_log
-from ground.recording.world_metadata import facts_of
 from protocol.topics import STATUS
 from protocol.wire.messages import NavigatorStatus
+from protocol.world import WorldRun, run_in
 from runtime.cli.terminal import printable_lines
 from runtime.errors import UserError
 from runtime.files import value_in
@@ -60,8 +60,8 @@ class Share:
         contents = {name: printable_lines(text).encode() for name, text in texts.items()}
         if picture:
             contents[PICTURE] = picture
-        if drive.world:
-            contents[WORLD] = (json.dumps(drive.world, indent=1) + "\n").encode()
+        if drive.run:
+            contents[WORLD] = (json.dumps(drive.run.facts, indent=1) + "\n").encode()
         try:
             write(target, files_of(source) or [source], contents)
         except OSError as error:
@@ -76,9 +76,9 @@ class Share:
 
 
 class Drive(NamedTuple):
-    """What was driven: the world's facts, and the options of `up` that repeat it."""
+    """What was driven: the world, if known, and the options of `up` that repeat it."""
 
-    world: dict[str, Any]
+    run: WorldRun | None
     options: list[str]
     changed: list[list[str]]
     """Commands that set the parameters which differ from those at the robot's start."""
@@ -86,7 +86,10 @@ class Drive(NamedTuple):
 
 def drive_of(log_index: LogIndex) -> Drive:
     """Return what is known of the drive; it begins with the first goal."""
-    world = facts_of(log_index.facts.get("world", ""))
+    try:
+        run = run_in(log_index.facts.get("world", ""))
+    except ValueError:
+        run = None
     options: list[str] = []
     statuses = (one for _, one in log_index.on(STATUS.path) if type(one) is NavigatorStatus)
     first = next((status for status in statuses if isfinite(status.goal_x_m)), None)
@@ -96,11 +99,11 @@ def drive_of(log_index: LogIndex) -> Drive:
         options += ["--goal", f"{first.goal_x_m:.6g}", f"{first.goal_y_m:.6g}"]
         if isfinite(first.goal_heading_rad):
             options.append(f"{degrees(first.goal_heading_rad):.6g}")
-    if "seed" in world:
-        options += ["--seed", str(world["seed"])]
-    if "noise_level" in world:
-        options += ["--noise", str(world["noise_level"])]
-    return Drive(world, options, changed_parameters(log_index.facts.get("parameters", "")))
+    if run is not None and run.seed is not None:
+        options += ["--seed", str(run.seed)]
+    if run is not None and run.noise_level is not None:
+        options += ["--noise", run.noise_level]
+    return Drive(run, options, changed_parameters(log_index.facts.get("parameters", "")))
 
 
 def setting(option: str, number: int, names: Any) -> list[str]:
@@ -128,11 +131,11 @@ def readme(file: str, log_index: LogIndex, drive: Drive, *, has_picture: bool) -
     held = [f"{stem}.*: every message of the run", f"{EXPLANATION}: why the robot turned, and when"]
     if has_picture:
         held.append(f"{PICTURE}: path, ranges, speeds and position error")
-    if drive.world:
+    if drive.run:
         held.append(f"{WORLD}: the world, for `--world`")
     look = [["replay", file], ["rec", "plot", file], ["rec", "reexecute", file]]
     again = [*drive.changed]
-    if drive.world:
+    if drive.run:
         again.insert(0, ["up", "--world", WORLD, *drive.options, "--headless"])
     lines = [
         f"Sidestep: {log_index.robot}, {log_index.duration_ns / NS_PER_S:.1f} s",
@@ -146,7 +149,7 @@ def readme(file: str, log_index: LogIndex, drive: Drive, *, has_picture: bool) -
     if again:
         lines += ["", "Drive the same again:"]
         lines += (f"  {join(['sidestep', *words])}" for words in again)
-        if "seed" not in drive.world and drive.world:
+        if drive.run and drive.run.seed is None:
             lines.append("  (the seed is not in the recording: add --seed S unless it was 0)")
     if log_index.damage:
         lines += ["", f"DAMAGED: {log_index.damage}"]

@@ -3,7 +3,6 @@
 Parse the output of a ghost's process, too: its path tick by tick, then its result.
 """
 
-import json
 from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from math import degrees, dist, isfinite
@@ -16,6 +15,7 @@ from ground.client.parameter import Parameter, parameters_in
 from ground.client.vocabulary import SIDES
 from ground.commands.param import fetch
 from ground.recording.log_reader import LogIndex
+from ground.recording.world_metadata import world_of
 from protocol.outcome import ENDS, start_arguments
 from protocol.topics import CLOCK, COMMANDED, ODOMETRY, STATUS, TRUTH, WORLD
 from protocol.wire.enums import GoalState
@@ -30,8 +30,6 @@ from protocol.wire.reasons import reason_text
 from runtime.errors import RemoteError, UserError
 from runtime.files import value_in
 from runtime.units import NS_PER_S, NS_PER_US
-
-Facts: TypeAlias = Mapping[str, Any]
 
 STANDARD_INPUT: Final = "-"
 OF_THE_BODY: Final = frozenset(
@@ -51,7 +49,7 @@ class BranchPoint(NamedTuple):
     `start` is x_m, y_m and heading_rad; `at_s` is the world's own time.
     """
 
-    world: str | Facts
+    world: str
     start: tuple[float, float, float]
     at_s: float
     goal: Destination
@@ -64,7 +62,7 @@ def trial_words(instant: BranchPoint, navigator: str, more: Mapping[str, object]
     if goal.heading_rad is not None:
         place.append(repr(degrees(goal.heading_rad)))
     words = ["trial", "--json", "--trace", "-", "--navigator", navigator]
-    words += ["--world", STANDARD_INPUT if world_bytes(instant) else str(instant.world)]
+    words += ["--world", STANDARD_INPUT if world_bytes(instant) else instant.world]
     words += ["--start", *start_arguments(*instant.start), "--at", repr(instant.at_s)]
     words += ["--goal", *place, "--tolerance", repr(goal.position_tolerance_m)]
     words += ["--heading-tolerance", repr(degrees(goal.heading_tolerance_rad))]
@@ -76,8 +74,6 @@ def trial_words(instant: BranchPoint, navigator: str, more: Mapping[str, object]
 def world_bytes(instant: BranchPoint) -> bytes:
     """Return the standard input of the trial; empty when the world is given by name."""
     world = instant.world
-    if not isinstance(world, str):
-        return json.dumps(world).encode()
     return world.encode() if world.lstrip().startswith("{") else b""
 
 
@@ -302,15 +298,12 @@ class GhostRecording:
             sum(dist(a, b) for a, b in pairwise(path_m)),
         )
 
-    def world(self) -> Facts:
-        """Return the recorded world; UserError when the recording does not hold it."""
-        try:
-            facts: Any = value_in(self.facts.get("world", ""))
-        except ValueError:
-            facts = None
-        if not isinstance(facts, dict):
+    def world(self) -> str:
+        """Return the JSON of the recorded world; UserError when the recording does not hold it."""
+        text = self.facts.get("world", "")
+        if world_of(text) is None:
             raise UserError("the recording does not hold its world: name one with --world")
-        return facts
+        return text
 
 
 def begun_ns(at_ns: int, status: NavigatorStatus) -> int:
@@ -395,16 +388,13 @@ class LiveState:
         pose, whereto = (truth.x_m, truth.y_m, truth.heading_rad), goal or goal_of(self.status)
         return BranchPoint(world or self.world(), pose, truth.time_ns / NS_PER_S, whereto)
 
-    def world(self) -> Facts:
-        """Return the world of the plant; RemoteError when the answer is malformed."""
+    def world(self) -> str:
+        """Return the JSON of the plant's world; RemoteError when the answer is malformed."""
         answer = self._link.bus.ask(WORLD, timeout_s=ASK_S, robot=self._link.robot)
-        try:
-            facts: Any = value_in(answer) if isinstance(answer, bytes) else None
-        except ValueError:
-            facts = None
-        if not isinstance(facts, dict):
+        text = answer.decode(errors="replace") if isinstance(answer, bytes) else ""
+        if world_of(text) is None:
             raise RemoteError("malformed answer of the plant: not a world")
-        return facts
+        return text
 
     def parameters(self) -> dict[str, float]:
         """Return the robot's parameters for driving that differ from their defaults."""

@@ -18,7 +18,6 @@ from ground.client.vocabulary import NAVIGATORS
 from ground.ghost.branch_point import (
     FAILED,
     BranchPoint,
-    Facts,
     PathReader,
     Point,
     PredictedPath,
@@ -61,7 +60,7 @@ class Ghost:
 
     def __init__(
         self,
-        world: str | Facts,
+        world: str,
         start: tuple[float, float, float],
         at_s: float,
         goal: Destination,
@@ -76,7 +75,7 @@ class Ghost:
         clock: Clock | None = None,
         command_of: Callable[[Sequence[str], int], list[str]] = command,
     ) -> None:
-        """Create a ghost; `world` is a file name or the plant's description, parsed or as text.
+        """Create a ghost; `world` is a file name or the JSON of the plant's description.
 
         `goal` and `start` are poses in the world with headings in radians.
         """

@@ -1,7 +1,6 @@
 """Start, supervise and restart the processes of `up`, also in another world."""
 
 import json
-import os
 import signal
 import socket
 from collections.abc import Callable, Mapping, Sequence
@@ -15,7 +14,6 @@ from types import MappingProxyType
 from typing import Any, Final, Self
 
 from ground.client.connection import Common
-from ground.launch.child_command import command
 from ground.launch.child_processes import ChildExitError, Children
 from ground.launch.fleet_run import FleetRun, goal_runs_of
 from ground.launch.goal_run import NoOutcomeError
@@ -27,9 +25,8 @@ from ground.launch.scenario import (
     RunOptions,
     Scenario,
     process_arguments,
+    run_of,
     scenario_of,
-    world_facts,
-    world_query,
 )
 from ground.launch.supervisor import Supervisor, VoidRun
 from ground.launch.tls_configs import check, dialling
@@ -299,11 +296,8 @@ class Stack:
         options = copy(self._options)
         options.world, options.goal = world, None
         if faults:
-            options.world = self._with(faults, self._facts(options))
-        return scenario_of(options, self._facts(options))
-
-    def _facts(self, options: RunOptions) -> dict[str, Any]:
-        return world_facts(command(world_query(options), os.getpid()))
+            options.world = self._with(faults, run_of(options).facts)
+        return scenario_of(options, run_of(options))
 
     def _with(self, faults: Sequence[Mapping[str, object]], facts: Mapping[str, Any]) -> str:
         """Write a file of the world with these faults added; return its path."""

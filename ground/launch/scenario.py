@@ -1,19 +1,21 @@
 """Describe a run of `up`: its world, its goal, its robots, and the arguments of each process."""
 
 import json
+import os
 import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from math import radians
 from pathlib import Path
 from typing import Any, Final, Protocol
 
 from ground.client.floor import floor_from, goal_in
 from ground.client.goal import Destination, destination
 from ground.client.time_factor import chosen_speed
+from ground.launch.child_command import command
 from ground.launch.recorder_files import RECORDER
 from ground.launch.tls_configs import locked, with_locks
 from protocol.outcome import RunSettings, start_arguments
+from protocol.world import WorldRun, run_in
 from runtime.config import settings_of, totals_arguments
 from runtime.errors import RemoteError, UserError
 
@@ -46,7 +48,7 @@ class Scenario:
 
     world: str
     name: str
-    facts: dict[str, Any]
+    run: WorldRun
     scenario_robots: tuple[ScenarioRobot, ...]
     navigator: str
     side: str
@@ -69,7 +71,7 @@ class Scenario:
     @property
     def level(self) -> str:
         """Name of the noise level; a world may change single values of it."""
-        return self.noise or str(self.facts["noise"].get("level", "default"))
+        return self.noise or str(self.run.world.noise.get("level", "default"))
 
     @property
     def lockstep(self) -> bool:
@@ -88,6 +90,7 @@ class Scenario:
 
     def asked(self, goal: Destination) -> RunSettings:
         """Return the task of a robot with this goal."""
+        world = self.run.world
         return RunSettings(
             world=self.name,
             navigator=self.navigator,
@@ -98,7 +101,7 @@ class Scenario:
             goal_heading_rad=goal.heading_rad,
             wire_goal=goal.on_the_wire(),
             # Known only to the goal of the world, from its start.
-            shortest_path_m=self.facts["shortest_path_m"] if goal == goal_in(self.facts) else None,
+            shortest_path_m=world.shortest_path_m if goal == goal_in(world) else None,
             timeout_s=self.timeout_s,
         )
 
@@ -125,21 +128,21 @@ class RunOptions(Protocol):
     mcu: bool
 
 
-def scenario_of(options: RunOptions, facts: dict[str, Any]) -> Scenario:
+def scenario_of(options: RunOptions, run: WorldRun) -> Scenario:
     """Return the scenario that the options describe; UserError if the goal is outside."""
     if options.clock == WALL and options.speed != "1":
         raise UserError(
             f"--clock wall runs in real time, not at --speed {options.speed}: use --clock paced"
         )
-    goal = goal_in(facts)
+    goal = goal_in(run.world)
     if options.goal is not None:
         goal = destination(options.goal)
-        refuse_outside(goal, facts)
+        floor_from(run.world).refuse_outside(f"--goal {goal}", goal.x_m, goal.y_m)
     return Scenario(
         world=options.world,
-        name=str(facts["name"]),
-        facts=facts,
-        scenario_robots=tuple(scenario_robots_of(goal, facts)),
+        name=run.world.name,
+        run=run,
+        scenario_robots=tuple(scenario_robots_of(goal, run)),
         navigator=options.navigator,
         side=options.side,
         seed=options.seed,
@@ -157,20 +160,20 @@ def scenario_of(options: RunOptions, facts: dict[str, Any]) -> Scenario:
     )
 
 
-def scenario_robots_of(goal: Destination, facts: dict[str, Any]) -> Iterator[ScenarioRobot]:
+def scenario_robots_of(goal: Destination, run: WorldRun) -> Iterator[ScenarioRobot]:
     """Yield the robots where the plant places them; the first one gets the requested goal."""
-    for number, (start, place) in enumerate(zip(facts["starts"], facts["goals"], strict=True)):
+    for number, (start, place) in enumerate(zip(run.starts, run.goals, strict=True)):
         yield ScenarioRobot(
             robot=f"r{number + 1}",
-            start=(start["x_m"], start["y_m"], radians(start["heading_deg"])),
-            goal=replace(goal, x_m=place["x_m"], y_m=place["y_m"]) if number else goal,
-            shifted=place["shifted"],
+            start=(start.x_m, start.y_m, start.heading_rad),
+            goal=replace(goal, x_m=place.x_m, y_m=place.y_m) if number else goal,
+            shifted=place.shifted,
         )
 
 
-def refuse_outside(goal: Destination, facts: dict[str, Any]) -> None:
-    """Raise UserError for a goal outside the world or in an obstacle."""
-    floor_from(facts).refuse_outside(f"--goal {goal}", goal.x_m, goal.y_m)
+def run_of(options: RunOptions) -> WorldRun:
+    """Read the world before anything is started; UserError if the plant refuses it."""
+    return run_in(world_facts(command(world_query(options), os.getpid())))
 
 
 def world_query(options: RunOptions) -> list[str]:
@@ -182,10 +185,10 @@ def world_query(options: RunOptions) -> list[str]:
     return words
 
 
-def world_facts(command: list[str]) -> dict[str, Any]:
-    """Run `sidestep worlds show` and return its facts; its error message becomes a UserError."""
+def world_facts(words: list[str]) -> dict[str, Any]:
+    """Run `sidestep worlds` and return its JSON; its error message becomes a UserError."""
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=SHOW_S, check=False)
+        done = subprocess.run(words, capture_output=True, text=True, timeout=SHOW_S, check=False)
     except subprocess.TimeoutExpired as error:
         raise RemoteError(f"reading the world took more than {SHOW_S:g} s") from error
     if done.returncode:
@@ -238,8 +241,8 @@ def robot(scenario: Scenario, scenario_robot: ScenarioRobot, endpoint: str) -> l
     if scenario.mcu:
         found.append("--mcu")
     found += ["--start", *start_arguments(*scenario_robot.start)]
-    found += totals_arguments(scenario.facts["robot"])
-    settings = settings_of(scenario.facts["robot"], scenario.level, calibrated=scenario.calibrated)
+    found += totals_arguments(scenario.run.world.robot)
+    settings = settings_of(scenario.run.world.robot, scenario.level, calibrated=scenario.calibrated)
     for parameter, value in settings.items():
         found += ["--param", f"{parameter}={value!r}"]
     return found

@@ -17,6 +17,7 @@ from ground.recording.summary import Mark
 from ground.recording.tables import Place, RunSeries, TimedValues
 from ground.recording.world_metadata import discs, outlines
 from protocol.outcome import OUTSIDE
+from protocol.world import World
 from runtime.errors import UserError
 
 if TYPE_CHECKING:
@@ -72,9 +73,10 @@ MAX_ECHOES: Final = 4000
 ARROW_M: Final = 0.25
 
 
-def draw_map(axes: "Axes", run: RunSeries, facts: dict[str, Any], fence: Shape | None) -> None:
+def draw_map(axes: "Axes", run: RunSeries, world: World | None, fence: Shape | None) -> None:
     """Draw the world in grey, the true path solid, the estimate dotted with its uncertainty."""
-    draw_world(axes, facts)
+    if world is not None:
+        draw_world(axes, world)
     draw_fence(axes, fence)
     step = max(1, len(run.echoes) // MAX_ECHOES)
     _dots(axes, run.echoes[::step])
@@ -84,7 +86,7 @@ def draw_map(axes: "Axes", run: RunSeries, facts: dict[str, Any], fence: Shape |
     draw_goals(axes, run.goals)
     if run.estimated:
         axes.plot(*zip(run.estimated[0][:2], strict=True), "s", color=INK, ms=4, label="start")
-    axes.set_aspect("equal", adjustable="datalim" if "size_m" not in facts else "box")
+    axes.set_aspect("equal", adjustable="datalim" if world is None else "box")
     axes.set(xlabel="x (m)", ylabel="y (m)")
     axes.grid(color=RULE, linewidth=0.5)
     axes.set_axisbelow(True)
@@ -116,25 +118,26 @@ def draw_fence(axes: "Axes", fence: Shape | None) -> None:
         axes.add_patch(Polygon(fence.points_m, **look))
 
 
-def draw_world(axes: "Axes", facts: dict[str, Any]) -> None:
+def draw_world(axes: "Axes", world: World) -> None:
     """Draw walls and obstacles; a dashed line is the path of a moving one."""
     from matplotlib.patches import Circle
 
-    for points, thickness_m in outlines(facts):
+    for points, thickness_m in outlines(world):
         closed = len(points) > 2 and points[0] == points[-1]
-        if closed and thickness_m and len(points) > 3 and not _rim(points, facts):
+        if closed and thickness_m and len(points) > 3 and not _rim(points, world):
             axes.fill(*zip(*points, strict=True), color=SOLID, linewidth=0.8)
         else:
             axes.plot(*zip(*points, strict=True), color=SOLID, linewidth=1.8)
-    for centre, radius_m, path in discs(facts):
-        axes.add_patch(Circle(centre, radius_m, color=SOLID, alpha=0.4 if path else 1.0))
-        if path:
-            axes.plot(*zip(*path, strict=True), color=SOLID, linewidth=0.9, linestyle="--")
+    for one in discs(world):
+        alpha = 0.4 if one.path_m else 1.0
+        axes.add_patch(Circle((one.x_m, one.y_m), one.radius_m, color=SOLID, alpha=alpha))
+        if one.path_m:
+            axes.plot(*zip(*one.path_m, strict=True), color=SOLID, linewidth=0.9, linestyle="--")
 
 
-def _rim(points: list[tuple[float, float]], facts: dict[str, Any]) -> bool:
+def _rim(points: list[tuple[float, float]], world: World) -> bool:
     """Return whether this is the outer wall, which is drawn but not filled."""
-    return bool(facts.get("walls")) and points[2] == tuple(facts.get("size_m", ()))
+    return world.walls and points[2] == world.size_m
 
 
 def draw_ellipses(axes: "Axes", run: RunSeries) -> None:
@@ -178,7 +181,7 @@ class Run(NamedTuple):
     """All that a figure shows."""
 
     series: RunSeries
-    facts: dict[str, Any]
+    world: World | None
     fence: Shape | None
     title: str
     source: str
@@ -194,32 +197,32 @@ def write(path: Path, run: Run, style: Style) -> None:
         raise UserError(f"a plot needs matplotlib, which is not installed: {fix}") from None
     settings: Any = style.settings
     with rc_context(settings):
-        size_in = (style.width_in, height_in(style, run.facts))
+        size_in = (style.width_in, height_in(style, run.world))
         figure = Figure(figsize=size_in, layout="constrained", dpi=style.dpi)
-        place, plots = axes_of(figure, style, run.facts)
-        draw_map(place, run.series, run.facts, run.fence)
+        place, plots = axes_of(figure, style, run.world)
+        draw_map(place, run.series, run.world, run.fence)
         draw_over_time(plots, run.series)
         explain(figure, place, plots, run, style)
         figure.savefig(path, metadata=UNDATED[path.suffix])
 
 
-def height_in(style: Style, facts: dict[str, Any]) -> float:
+def height_in(style: Style, world: World | None) -> float:
     """Return the height in inches; in one column that of the map follows its world."""
     if not style.one_column:
         return style.height_in
-    return map_height_in(style, facts) + PLOTS * PLOT_IN
+    return map_height_in(style, world) + PLOTS * PLOT_IN
 
 
-def map_height_in(style: Style, facts: dict[str, Any]) -> float:
+def map_height_in(style: Style, world: World | None) -> float:
     """Return the height in inches of the map in one column."""
-    wide_m, high_m = facts.get("size_m", (1.0, 1.0))
-    return style.width_in * min(2.0, float(high_m) / float(wide_m)) + COLUMN_SPARE_IN
+    wide_m, high_m = (1.0, 1.0) if world is None else world.size_m
+    return style.width_in * min(2.0, high_m / wide_m) + COLUMN_SPARE_IN
 
 
-def axes_of(figure: "Figure", style: Style, facts: dict[str, Any]) -> "tuple[Axes, list[Axes]]":
+def axes_of(figure: "Figure", style: Style, world: World | None) -> "tuple[Axes, list[Axes]]":
     """Return the axes of the map and those over time, which share their time."""
     if style.one_column:
-        heights = (map_height_in(style, facts), *(PLOT_IN for _ in range(PLOTS)))
+        heights = (map_height_in(style, world), *(PLOT_IN for _ in range(PLOTS)))
         grid = figure.add_gridspec(PLOTS + 1, 1, height_ratios=heights)
         place = figure.add_subplot(grid[0, 0])
         cells = [grid[row, 0] for row in range(1, PLOTS + 1)]

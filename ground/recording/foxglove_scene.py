@@ -26,12 +26,7 @@ from ground.recording.foxglove_schemas import (
     vector,
 )
 from ground.recording.json_schemas import Json
-from ground.recording.world_metadata import (
-    facts_of,
-    radius_of,
-    solids,
-    start_of,
-)
+from ground.recording.world_metadata import solids, world_of
 from ground.text.wording import StatustextAssembler
 from protocol.ring import BEARINGS_RAD, RADIUS_M
 from protocol.topics import MARK, path_of
@@ -45,6 +40,7 @@ from protocol.wire.messages import (
     SonarScan,
     Statustext,
 )
+from protocol.world import World
 
 M = TypeVar("M", bound=Message)
 WORLD: Final = "world"
@@ -106,17 +102,15 @@ class SceneDrawer:
         """Draw a fact, which is the world with the robot; a malformed one draws nothing."""
         if name != WORLD:
             return []
-        try:
-            return self._world(facts_of(text), time_ns)
-        except (KeyError, TypeError, ValueError, AttributeError):
-            return []
+        world = world_of(text)
+        return [] if world is None else self._world(world, time_ns)
 
-    def _world(self, facts: dict[str, Any], time_ns: int) -> list[ViewerMessage]:
-        self._radius_m = radius_of(facts)
-        cubes, cylinders = solids(facts, GREY)
+    def _world(self, world: World, time_ns: int) -> list[ViewerMessage]:
+        self._radius_m, start = world.radius_m, world.start
+        cubes, cylinders = solids(world, GREY)
         walls = entity("walls", WORLD, time_ns, cubes=cubes, cylinders=cylinders)
-        starts = [arrow(*start, 0.3, GREY) for start in start_of(facts)]
-        begin = entity("start", WORLD, time_ns, arrows=starts)
+        ways = [arrow((start.x_m, start.y_m), start.heading_rad, 0.3, GREY)]
+        begin = entity("start", WORLD, time_ns, arrows=ways)
         body = [disc((0.0, 0.0), self._radius_m, 0.1, BLUE)]
         ahead = [arrow((0.0, 0.0), 0.0, 2.0 * self._radius_m, BLUE)]
         robot = entity("robot", ROBOT, time_ns, cylinders=body, arrows=ahead)

@@ -22,7 +22,7 @@ from ground.recording.log_reader import (
     sibling_facts,
 )
 from ground.recording.mcap_file import McapFile
-from ground.recording.world_metadata import facts_of
+from ground.recording.world_metadata import world_of
 from ground.text.wording import StatustextAssembler
 from protocol.outcome import detail_of, goal_end
 from protocol.topics import MARK, STATUS
@@ -129,7 +129,7 @@ def summary_of(path: Path) -> Summary:
         first = next(statuses(frame for frame in beginning(path)), None)
         for last in statuses(ending(path)):  # noqa: B007 - the last one counts
             pass
-    length_s = None
+    world, length_s = world_of(facts.get("world", "")), None
     if first is not None and last is not None:
         length_s = max(0, last.time_ns - first.time_ns) / NS_PER_S
     return Summary(
@@ -137,7 +137,7 @@ def summary_of(path: Path) -> Summary:
         began=began(path),
         robot=robot_in(path),
         length_s=length_s,
-        world=str(facts_of(facts.get("world", "")).get("name", "")),
+        world="" if world is None else world.name,
         navigator="" if last is None else navigator_of(last),
         outcome="" if last is None else outcome_of(last),
         size=sum(map(size_of, files_of(path))),

@@ -1,23 +1,12 @@
-"""Parse the plant's description of its world: simulated truth, for the map only."""
+"""Shapes of the plant's world: simulated truth, for the map only."""
 
-from collections.abc import Sequence
 from itertools import pairwise
-from math import dist, radians
-from typing import Any, Final, NamedTuple
+from math import dist
+from typing import NamedTuple
 
 from ground.map.scene import Disc, MapTarget, Outline, Shape
-from protocol.ring import RADIUS_M
-from runtime.cli.terminal import printable
+from protocol.world import Circle, Obstacle, Point, Polygon, World, world_in
 from runtime.errors import RemoteError
-from runtime.files import value_in
-
-Point = tuple[float, float]
-MAX_NUMBER: Final = 1e6
-"""Limit for metres, degrees and m/s; larger values cannot be drawn."""
-
-MAX_NAME: Final = 64
-MAX_OBSTACLES: Final = 4000
-MAX_POINTS: Final = 100_000
 
 
 class Mover(NamedTuple):
@@ -62,75 +51,37 @@ def parse_world(answer: bytes | str) -> WorldFacts:
     """Parse the answer of the WORLD service; RemoteError when it is malformed."""
     text = answer.decode(errors="replace") if isinstance(answer, bytes) else answer
     try:
-        found = value_in(text)
-        return _facts(found, text)
-    except (ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
+        return shown(world_in(text), text)
+    except ValueError as error:
         raise RemoteError(f"the plant's world cannot be read: {error!r}") from error
 
 
-def _facts(found: dict[str, Any], text: str) -> WorldFacts:
-    width_m, height_m = map(_number, found["size_m"])
-    obstacles = found["obstacles"]
-    _check_size(obstacles)
-    moving = [one for one in obstacles if "path_m" in one]
-    shapes = [_shape(one) for one in obstacles if "path_m" not in one]
-    if found.get("walls", True):
+def shown(world: World, text: str) -> WorldFacts:
+    """Return the shapes of a world."""
+    circles = [one for one in world.obstacles if isinstance(one, Circle)]
+    shapes = [
+        _shape(one) for one in world.obstacles if not (isinstance(one, Circle) and one.path_m)
+    ]
+    if world.walls:
+        width_m, height_m = world.size_m
         corners = (0.0, 0.0), (width_m, 0.0), (width_m, height_m), (0.0, height_m)
         shapes.insert(0, Outline(corners))
-    start = found["start"]
-    x_m, y_m = _number(start["x_m"]), _number(start["y_m"])
+    start, goal = world.start, world.goal
     return WorldFacts(
-        name=printable(str(found["name"])[:MAX_NAME]),
-        size_m=(width_m, height_m),
+        name=world.name,
+        size_m=world.size_m,
         obstacles=tuple(shapes),
-        movers=tuple(_mover(one) for one in moving),
-        start=(x_m, y_m, radians(_number(start["heading_deg"]))),
-        goal=_goal(found["goal"]),
-        radius_m=_number(found.get("robot", {}).get("radius_m", RADIUS_M)),
+        movers=tuple(
+            Mover(one.radius_m, one.speed_m_s, one.path_m) for one in circles if one.path_m
+        ),
+        start=(start.x_m, start.y_m, start.heading_rad),
+        goal=MapTarget(goal.x_m, goal.y_m, goal.heading_rad, goal.position_tolerance_m),
+        radius_m=world.radius_m,
         text=text,
     )
 
 
-def _check_size(obstacles: list[dict[str, Any]]) -> None:
-    """Raise ValueError for more obstacles or points than can be drawn."""
-    lists = [one.get(key, ()) for one in obstacles for key in ("polygon_m", "wall_m", "path_m")]
-    if len(obstacles) > MAX_OBSTACLES or sum(map(len, lists)) > MAX_POINTS:
-        raise ValueError("too many obstacles or points")
-
-
-def _number(value: Any) -> float:
-    """Return a number; ValueError when it cannot be drawn."""
-    number = float(value)
-    if not abs(number) <= MAX_NUMBER:
-        raise ValueError(f"{number} is out of range")
-    return number
-
-
-def _goal(goal: dict[str, Any]) -> MapTarget:
-    heading_deg = goal.get("heading_deg")
-    return MapTarget(
-        _number(goal["x_m"]),
-        _number(goal["y_m"]),
-        None if heading_deg is None else radians(_number(heading_deg)),
-        _number(goal.get("position_tolerance_m", 0.0)),
-    )
-
-
-def _points(points: Sequence[Sequence[float]]) -> tuple[Point, ...]:
-    return tuple((_number(x_m), _number(y_m)) for x_m, y_m in points)
-
-
-def _shape(one: dict[str, Any]) -> Shape:
-    if "polygon_m" in one:
-        return Outline(_points(one["polygon_m"]))
-    if "wall_m" in one:
-        return Outline(_points(one["wall_m"]), closed=False)
-    disc = one["circle_m"]
-    return Disc(_number(disc["x"]), _number(disc["y"]), _number(disc["radius"]))
-
-
-def _mover(one: dict[str, Any]) -> Mover:
-    path_m = _points(one["path_m"])
-    if not path_m:
-        raise ValueError("path_m is empty")
-    return Mover(_number(one["circle_m"]["radius"]), _number(one["speed_m_s"]), path_m)
+def _shape(obstacle: Obstacle) -> Shape:
+    if isinstance(obstacle, Circle):
+        return Disc(obstacle.x_m, obstacle.y_m, obstacle.radius_m)
+    return Outline(obstacle.points_m, closed=isinstance(obstacle, Polygon))

@@ -22,6 +22,7 @@ from ground.app.widgets.rows import words_of
 from ground.client.parameter import Parameter
 from ground.map.scene import MapTarget
 from ground.station.history.time_series import MessageSeries, numeric_fields
+from plant.world.file import load
 from protocol.topics import ODOMETRY, SONAR, STATUS
 from runtime.errors import UserError
 from runtime.units import NS_PER_S as S
@@ -136,10 +137,10 @@ async def test_world_is_previewed_before_its_start() -> None:
 
 
 def test_preview_matches_the_plant() -> None:
-    facts, scene = looked_up("corridor")
-    assert scene.size_m == tuple(facts["size_m"])
+    world, scene = looked_up("corridor")
+    assert scene.size_m == world.size_m == load("corridor").size_m
     assert scene.goal is not None
-    assert scene.goal.x_m == facts["goal"]["x_m"]
+    assert scene.goal.x_m == world.goal.x_m == load("corridor").goal.x_m
 
 
 def test_study_has_outcomes_of_all_worlds() -> None:

@@ -10,7 +10,7 @@ import asyncio
 from collections.abc import Callable, Coroutine, Sequence
 from dataclasses import replace
 from functools import partial
-from math import degrees, inf
+from math import degrees
 from struct import unpack_from
 from typing import Any, Final, NamedTuple
 
@@ -60,6 +60,7 @@ from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
 from protocol.topics import Role
 from protocol.wire.enums import LeaseAction, Mode
+from protocol.world import GoalPose, Start, World, WorldRun
 from runtime.errors import LocalError, RemoteError
 from runtime.units import NS_PER_MS, NS_PER_S
 
@@ -443,20 +444,16 @@ class Up(PersonsProgram):
     def _main(self, deed: Deed) -> None:
         x_m, y_m = (float(one) for one in deed.arguments[:2])
         goal = destination([x_m, y_m])
-        facts = {
-            "goal": {
-                "x_m": inf,
-                "y_m": inf,
-                "heading_deg": None,
-                "position_tolerance_m": 0.1,
-                "heading_tolerance_deg": 5.0,
-            },
-            "noise": {"level": "default"},
-        }
+        world = World(
+            name="plain",
+            size_m=(60.0, 60.0),
+            start=Start(x_m=30.0, y_m=30.0),
+            goal=GoalPose(x_m=30.0, y_m=30.0),
+        )
         scenario = Scenario(
             world="plain",
             name="plain",
-            facts=facts,
+            run=WorldRun(world=world),
             scenario_robots=(ScenarioRobot(robot="r1", start=(30.0, 30.0, 0.0), goal=goal),),
             navigator="bug2",
             side="left",

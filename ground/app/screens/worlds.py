@@ -4,10 +4,10 @@ To change the world, all processes end, those of the other world start, and the 
 goal. The facts about a world come from the plant, and from the outcomes of the study.
 """
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from functools import partial
+from math import degrees
 from pathlib import Path
 from textwrap import wrap
 from typing import Any, Final
@@ -29,7 +29,8 @@ from ground.launch.child_command import command
 from ground.launch.scenario import Scenario, world_facts
 from ground.map.scene import MapScene
 from ground.station.scene import preview_of
-from ground.station.world import parse_world
+from ground.station.world import shown
+from protocol.world import Circle, World, world_in
 
 
 def change_world(interface: AppInterface, scenario: Scenario, what: str) -> None:
@@ -106,7 +107,7 @@ class WorldsScreen(ListScreen[Mapping[str, str]]):
     def __init__(self, interface: AppInterface) -> None:
         super().__init__(interface, Table(self.columns(), key=lambda one: one["name"]))
         self._worlds: list[dict[str, str]] = []
-        self._facts: dict[str, Mapping[str, Any]] = {}
+        self._known: dict[str, World] = {}
         self._scenes: dict[str, MapScene] = {}
         self._asked: set[str] = set()
         self._reached: Reached = {}
@@ -138,10 +139,10 @@ class WorldsScreen(ListScreen[Mapping[str, str]]):
         self._reached = reached
         self.redraw()
 
-    def take_world(self, found: tuple[dict[str, Any], MapScene]) -> None:
+    def take_world(self, found: tuple[World, MapScene]) -> None:
         """Show facts and map of a world."""
-        facts, scene = found
-        self._facts[facts["name"]], self._scenes[facts["name"]] = facts, scene
+        world, scene = found
+        self._known[world.name], self._scenes[world.name] = world, scene
         self.redraw()
 
     def columns(self) -> Sequence[Column[Mapping[str, str]]]:
@@ -175,7 +176,7 @@ class WorldsScreen(ListScreen[Mapping[str, str]]):
         name, about, preview = self.chosen_world["name"], self.lines("about"), self.preview
         preview.paint(self.app.theme)
         preview.show(self._scenes.get(name, MapScene()))
-        rows = fact_rows(self._facts.get(name), self.chosen_world["says"])
+        rows = fact_rows(self._known.get(name), self.chosen_world["says"])
         rows += ends_rows(self._reached.get(name), about.size.width)
         about.styles.height = len(rows) + 1
         about.show(rows)
@@ -215,32 +216,30 @@ class WorldsScreen(ListScreen[Mapping[str, str]]):
         change_world(self.interface, scenario, "restarting the processes")
 
 
-def looked_up(name: str) -> tuple[dict[str, Any], MapScene]:
-    """Return facts and map of a world. Raise UserError or RemoteError when it cannot be read."""
-    facts = query_worlds("show", name)
-    return facts, preview_of(parse_world(json.dumps(facts)))
+def looked_up(name: str) -> tuple[World, MapScene]:
+    """Return a world and its map. Raise UserError or RemoteError when it cannot be read."""
+    world = world_in(query_worlds("show", name))
+    return world, preview_of(shown(world, ""))
 
 
-def fact_rows(facts: Mapping[str, Any] | None, description: str) -> list[Row]:
+def fact_rows(world: World | None, description: str) -> list[Row]:
     """Return description, size, start, goal and faults of a world."""
-    if facts is None:
+    if world is None:
         return [row(faint(" reading ..."))]
-    width_m, height_m = facts["size_m"]
-    start, goal = facts["start"], facts["goal"]
-    moving = sum("path_m" in one for one in facts["obstacles"])
-    faults = ", ".join(str(one["kind"]) for one in facts["faults"]) or "none"
-    way_m = facts.get("shortest_path_m")
-    heading_deg = goal.get("heading_deg")
+    width_m, height_m = world.size_m
+    start, goal, way_m = world.start, world.goal, world.shortest_path_m
+    moving = sum(isinstance(one, Circle) and bool(one.path_m) for one in world.obstacles)
+    faults = ", ".join(str(one["kind"]) for one in world.faults) or "none"
     return [
-        row(Span(f" {facts['name']}", "accent"), f"  {description}"),
+        row(Span(f" {world.name}", "accent"), f"  {description}"),
         row(
             head(" size   "), f"{width_m:g} x {height_m:g} m, ",
-            f"{len(facts['obstacles'])} obstacles, {moving} moving", head("  faults "), faults,
+            f"{len(world.obstacles)} obstacles, {moving} moving", head("  faults "), faults,
         ),
         row(
-            head(" from   "), f"{start['x_m']:g} {start['y_m']:g} at {start['heading_deg']:g}°",
-            head("  to "), f"{goal['x_m']:g} {goal['y_m']:g}",
-            "" if heading_deg is None else f" at {heading_deg:g}°",
+            head(" from   "), f"{start.x_m:g} {start.y_m:g} at {degrees(start.heading_rad):g}°",
+            head("  to "), f"{goal.x_m:g} {goal.y_m:g}",
+            "" if goal.heading_rad is None else f" at {degrees(goal.heading_rad):g}°",
             head("  shortest way "), f"{number(way_m)} m" if way_m else "none",
         ),
     ]  # fmt: skip

@@ -9,19 +9,18 @@ import argparse
 import os
 import socket
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from math import radians
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from ground.cli.observe import health
-from ground.launch.child_command import command
-from ground.launch.scenario import world_facts, world_query
+from ground.launch.scenario import run_of
 from ground.text.output import Output
 from ground.user.folders import PRIVATE_FOLDER
 from protocol.bus.network import MAX_ROBOTS
 from protocol.options import whole
 from protocol.outcome import start_arguments
+from protocol.world import WorldRun, rounded_degrees
 from runtime.cli.parsers import parser_of
 from runtime.cli.verb_table import VERBS, command_of, find
 from runtime.config import settings_of, totals_arguments
@@ -249,13 +248,12 @@ def takes_config(verb: str) -> bool:
 
 def as_robot(options: argparse.Namespace, place: Place) -> Iterator[str]:
     """Yield the start pose and the parameters of a robot in this world."""
-    facts = facts_of(options, place)
-    start = facts["starts"][place.number - 1]
-    heading_rad = radians(start["heading_deg"])
-    yield from ("--start", *start_arguments(start["x_m"], start["y_m"], heading_rad))
-    yield from totals_arguments(facts["robot"])
-    level = options.noise or str(facts["noise"].get("level", "default"))
-    for name, value in settings_of(facts["robot"], level, calibrated=True).items():
+    run = run_for(options, place)
+    start, world = run.starts[place.number - 1], run.world
+    yield from ("--start", *start_arguments(start.x_m, start.y_m, start.heading_rad))
+    yield from totals_arguments(world.robot)
+    level = options.noise or str(world.noise.get("level", "default"))
+    for name, value in settings_of(world.robot, level, calibrated=True).items():
         yield from ("--param", f"{name}={value!r}")
 
 
@@ -274,11 +272,11 @@ def as_gateway(options: argparse.Namespace, place: Place) -> Iterator[str]:
 
 def as_driven(options: argparse.Namespace, place: Place) -> Iterator[str]:
     """Yield the goal that `up` would send to this robot."""
-    facts = facts_of(options, place)
-    goal, own = facts["goal"], facts["goals"][place.number - 1]
-    yield from (repr(own["x_m"]), repr(own["y_m"]))
-    if goal["heading_deg"] is not None:
-        yield repr(goal["heading_deg"])
+    run = run_for(options, place)
+    heading_rad, own = run.world.goal.heading_rad, run.goals[place.number - 1]
+    yield from (repr(own.x_m), repr(own.y_m))
+    if heading_rad is not None:
+        yield repr(rounded_degrees(heading_rad))
 
 
 ADDED_OPTIONS: Final[Mapping[str, Callable[[argparse.Namespace, Place], Iterator[str]]]] = (
@@ -288,7 +286,6 @@ ADDED_OPTIONS: Final[Mapping[str, Callable[[argparse.Namespace, Place], Iterator
 )
 
 
-def facts_of(options: argparse.Namespace, place: Place) -> dict[str, Any]:
-    """Ask the plant's command for the facts of the world; UserError with its error message."""
-    asked = argparse.Namespace(world=options.world, robots=place.robots, goal=None)
-    return world_facts(command(world_query(asked), os.getpid()))
+def run_for(options: argparse.Namespace, place: Place) -> WorldRun:
+    """Ask the plant's command for the world; UserError with its error message."""
+    return run_of(argparse.Namespace(world=options.world, robots=place.robots, goal=None))

@@ -26,7 +26,13 @@ from ground.launch.fleet_run import FleetRun, as_json, in_words
 from ground.launch.goal_run import GoalRun
 from ground.launch.launcher import Stack
 from ground.launch.recording_session import RecordingSession, add_recording, folder_of
-from ground.launch.scenario import CLOCKS, PACED, Scenario, scenario_of, world_facts, world_query
+from ground.launch.scenario import (
+    CLOCKS,
+    PACED,
+    Scenario,
+    run_of,
+    scenario_of,
+)
 from ground.launch.tls_configs import ground_file, locked
 from ground.recording.catalogue import size_of_run
 from ground.recording.log_reader import parts_of
@@ -133,8 +139,7 @@ def run(options: argparse.Namespace, output: Output) -> int:
     if on_screen and not options.no_record:
         options.record = str(folder_of(options))  # kept when the operator changes the world
     check_endpoints(options.mavlink)
-    facts = world_facts(command(world_query(options), os.getpid()))
-    scenario = scenario_of(options, facts)
+    scenario = scenario_of(options, run_of(options))
     for scenario_robot in scenario.scenario_robots:
         if not scenario_robot.shifted:
             output.note(

@@ -29,11 +29,13 @@ from ground.recording.mcap_file import McapFormat
 from protocol.topics import DRIVE, ODOMETRY, Role, sender_of
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import PlanarOdometry, WheelCommand
+from protocol.world import run_in
 from runtime import files
 from runtime.clock import ManualClock
 from runtime.units import NS_PER_MS as MS
 from runtime.units import NS_PER_S as S
 from runtime.units import PERIOD_MS
+from tests.support.ground.station import WORLD_TEXT
 from tests.support.tui.fakes import FakeCommandSink, FakeStation, drive_messages, driving
 from tests.support.until import PATIENCE_S
 
@@ -190,8 +192,9 @@ class FakeStack(Stack):
 
     def scenario_of(self, world: str) -> Scenario:
         return Scenario(
-            world=world, name=world, facts={}, scenario_robots=(), navigator="vgm", side="left",
-            seed=0, noise=None, speed="1", router=False, record=None, timeout_s=1.0,
+            world=world, name=world, run=run_in(WORLD_TEXT), scenario_robots=(),
+            navigator="vgm", side="left", seed=0, noise=None, speed="1", router=False, record=None,
+            timeout_s=1.0,
         )  # fmt: skip
 
     def roles(self) -> list[str]:

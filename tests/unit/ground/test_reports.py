@@ -29,6 +29,7 @@ from protocol.topics import ANSWERED, COMMANDED, DECISION, SONAR, STATUS
 from protocol.wire.enums import GoalState, MissionType
 from protocol.wire.message import Message
 from protocol.wire.messages import MissionCount, MissionVerdict
+from protocol.world import run_in
 from tests.support.ground.made_recordings import (
     PERIOD_US,
     START_US,
@@ -41,6 +42,7 @@ from tests.support.ground.made_recordings import (
     status,
     tlog,
 )
+from tests.support.ground.station import WORLD_TEXT
 
 
 @pytest.fixture
@@ -395,7 +397,7 @@ def test_no_control_character_of_a_recording_reaches_the_reader(
     hostile = "x\n\x1b]0;OWNED\x07\x9b2J\ud800"
 
     def drive_of(_: object) -> Drive:
-        return Drive({"name": "w"}, ["--noise", hostile], [["param", "set", hostile, "1"]])
+        return Drive(run_in(WORLD_TEXT), ["--noise", hostile], [["param", "set", hostile, "1"]])
 
     monkeypatch.setattr("ground.commands.share.drive_of", drive_of)
     monkeypatch.setattr("ground.commands.share.explanation", lambda _: hostile)

@@ -11,8 +11,7 @@ import pytest
 from ground.cli.main import main, parse
 from ground.cli.observe.record import LAST_FRAMES_NS, PAUSE_NS, REPEAT_NS, Alarms, await_pause
 from ground.cli.run.up import await_complete_records, await_records, progress_display
-from ground.launch.child_command import command
-from ground.launch.scenario import Scenario, scenario_of, world_facts, world_query
+from ground.launch.scenario import Scenario, run_of, scenario_of
 from ground.text.output import Output
 from ground.text.status_parts import Part
 from runtime.clock import ManualClock
@@ -129,7 +128,7 @@ class Recorders:
 
 def recorded(folder: Path, *words: str) -> Scenario:
     options = parse(["up", "--record", str(folder), *words])
-    return scenario_of(options, world_facts(command(world_query(options), os.getpid())))
+    return scenario_of(options, run_of(options))
 
 
 def waited(scenario: Scenario, logs: list[Path], at_s: float, recordings: list[Path]) -> float:

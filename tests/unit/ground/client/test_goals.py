@@ -512,7 +512,12 @@ def test_robot_in_a_failsafe_is_never_armed_by_a_goal() -> None:
 
 
 BOX = Floor("box", 6.0, 4.0)
-FACTS = json.dumps({"name": "box", "size_m": [6.0, 4.0]}).encode()
+GOAL_JSON = {"x_m": 5.0, "y_m": 2.0, "heading_deg": None}
+GOAL_JSON |= {"position_tolerance_m": 0.05, "heading_tolerance_deg": 3.0}
+START_JSON = {"x_m": 0.6, "y_m": 2.0, "heading_deg": 0.0}
+FACTS = {"name": "box", "size_m": [6.0, 4.0], "start": START_JSON, "obstacles": []}
+WITH_GOAL = json.dumps({**FACTS, "goal": GOAL_JSON}).encode()
+WITHOUT_GOAL = json.dumps(FACTS).encode()
 
 
 def session(stage: Stage, floor: Floor | None = BOX) -> Session:
@@ -567,12 +572,7 @@ def test_mission_names_the_waypoint_outside_the_world() -> None:
 
 
 def test_floor_is_read_from_the_plant() -> None:
-    assert floor_of(Stage(FACTS).link) == BOX
-
-
-GOAL_JSON = {"x_m": 5.0, "y_m": 2.0, "heading_deg": None}
-GOAL_JSON |= {"position_tolerance_m": 0.05, "heading_tolerance_deg": 3.0}
-WITH_GOAL = json.dumps({"name": "box", "size_m": [6.0, 4.0], "goal": GOAL_JSON}).encode()
+    assert floor_of(Stage(WITH_GOAL).link) == BOX
 
 
 def test_goto_without_a_place_drives_to_the_goal_of_the_world() -> None:
@@ -584,7 +584,7 @@ def test_goto_without_a_place_drives_to_the_goal_of_the_world() -> None:
     assert request == goal_request(place, request.request_id, Mode.GUIDED)
 
 
-@each("answer", [FACTS, None, b"{}", b"[]", b"\xff"])
+@each("answer", [WITHOUT_GOAL, None, b"{}", b"[]", b"\xff"])
 def test_goto_without_a_place_needs_a_world_with_a_goal(answer: bytes | None) -> None:
     stage = Stage(answer)
     with pytest.raises(

@@ -33,6 +33,7 @@ from protocol.wire.messages import (
     RunScore,
 )
 from protocol.wire.reasons import Reason
+from protocol.world import GoalPose, Start, World, WorldRun
 from runtime.clock import ManualClock
 from runtime.errors import NoAnswerError
 from runtime.units import NS_PER_S as SECOND
@@ -41,15 +42,17 @@ from tests.support.ground.made_recordings import truth
 from tests.support.played_bus import PlayedBus
 
 SILENT = "no process answers"
-FACTS = {
-    "goal": {
-        "x_m": 9.0, "y_m": 9.0, "heading_deg": None, "position_tolerance_m": 0.05,
-        "heading_tolerance_deg": 3.0,
-    },
-    "shortest_path_m": 1.0,
-}  # fmt: skip
+RUN = WorldRun(
+    world=World(
+        name="open",
+        size_m=(10.0, 10.0),
+        start=Start(x_m=1.0, y_m=1.0),
+        goal=GoalPose(x_m=9.0, y_m=9.0),
+        shortest_path_m=1.0,
+    )
+)
 SCENARIO = Scenario(
-    world="open", name="open", facts=FACTS, scenario_robots=(), navigator="vgm", side="left",
+    world="open", name="open", run=RUN, scenario_robots=(), navigator="vgm", side="left",
     seed=0, noise="none", speed="1", router=False, record=None, timeout_s=100.0,
 )  # fmt: skip
 OTHER = 9

@@ -34,11 +34,13 @@ from plant.placement import starts
 from plant.world.file import load
 from protocol.bus.network import Network
 from protocol.outcome import RunSettings, wire_goal
+from protocol.world import run_in
 from robot.run import parser as robot_parser
 from runtime.clock import ManualClock
 from runtime.config import calibration_of
 from runtime.errors import UserError
 from tests.support.each import each
+from tests.support.ground.station import WORLD_TEXT
 from tests.support.networks import DAY, NOW
 
 SCENARIO_ENDPOINT = "tcp/127.0.0.1:7001"
@@ -55,7 +57,7 @@ def facts(options: argparse.Namespace) -> dict[str, Any]:
 
 def scenario(*words: str, **changes: object) -> Scenario:
     options = parse(["up", *words])
-    return scenario_of(options, {**facts(options), **changes})
+    return scenario_of(options, run_in({**facts(options), **changes}))
 
 
 def task_of(found: Scenario) -> RunSettings:
@@ -276,7 +278,7 @@ def each_world_once(monkeypatch: pytest.MonkeyPatch) -> None:
         written = tuple(file.read_text("utf-8") for file in files)
         return deepcopy(facts_of(*command, written=written))
 
-    monkeypatch.setattr("ground.launch.launcher.world_facts", facts)
+    monkeypatch.setattr("ground.launch.scenario.world_facts", facts)
 
 
 def stack_of(*words: str) -> tuple[Stack, RecordedChildren]:
@@ -291,8 +293,8 @@ def stack_of(*words: str) -> tuple[Stack, RecordedChildren]:
 
 
 EMPTY = Scenario(
-    world="", name="", facts={}, scenario_robots=(), navigator="", side="", seed=0, noise=None,
-    speed="1", router=False, record=None, timeout_s=1.0,
+    world="", name="", run=run_in(WORLD_TEXT), scenario_robots=(), navigator="", side="", seed=0,
+    noise=None, speed="1", router=False, record=None, timeout_s=1.0,
 )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from ground.missions.transfer import fence_items_of, items_of
 from ground.station.history.telemetry_history import TelemetryHistory
 from ground.station.robot.mission_items import MissionItems, downloaded
 from ground.station.scene import TRAIL_POINTS, thinned
-from ground.station.world import MAX_OBSTACLES, MAX_POINTS, parse_world
+from ground.station.world import parse_world
 from plant.sim.physics import Mover as Walker
 from plant.world.file import load
 from protocol.outcome import CHI2_2
@@ -32,7 +32,7 @@ from protocol.wire.messages import (
     MissionVerdict,
 )
 from protocol.wire.reasons import Reason
-from protocol.world import Circle, as_json
+from protocol.world import MAX_OBSTACLES, MAX_POINTS, Circle, as_json
 from runtime.clock import ManualClock
 from runtime.errors import RemoteError
 from tests.support.each import each
