@@ -10,7 +10,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import replace
-from math import degrees, inf, radians
+from math import degrees, hypot, inf, radians, remainder
 from typing import Final, Self
 from uuid import uuid4
 
@@ -41,6 +41,7 @@ from protocol.topics import (
     WORLD,
     Role,
     Service,
+    Topic,
 )
 from protocol.wire.codec import decode
 from protocol.wire.enums import Command, GoalState, Mode, Navigator
@@ -59,7 +60,7 @@ from robot.storage import Store
 from robot.vehicle import Vehicle
 from runtime.clock import ManualClock, Tick
 from runtime.config import start_totals
-from runtime.units import NS_PER_S, PERIOD_NS
+from runtime.units import NS_PER_MS, NS_PER_S, PERIOD_NS
 
 FRAME_S: Final = 30.0
 """Limit for a match or an answer; a robot refuses requests that stay valid for over a minute."""
@@ -439,6 +440,35 @@ class InProcess(Peers):
         return f"{where}{self.state.name} ({self.why.name}), goal {self.goal_state.name}" + (
             f" ({Reason(machine.goal_reason).name})"
         )
+
+    def assert_near(
+        self, x_m: float, y_m: float, deg: float | None = None, *, within_m: float = 0.08
+    ) -> None:
+        """Require the true pose to be near; the estimated one may differ."""
+        truth = self.truth
+        off_m = hypot(truth.x_m - x_m, truth.y_m - y_m)
+        assert off_m <= within_m, f"{off_m:.3f} m away from ({x_m}, {y_m}): {self.describe()}"
+        if deg is not None:
+            off_deg = abs(degrees(remainder(truth.heading_rad - radians(deg), radians(360))))
+            assert off_deg <= 5.0, f"{off_deg:.1f} deg off {deg}: {self.describe()}"
+
+    def rejected_shown(self) -> int:
+        """Unreadable frames, as the robot's cycle report counts them."""
+        newest = self._report.latest()
+        assert newest is not None, "no cycle report has arrived"
+        return newest[0].rejected
+
+    def digest(self) -> str:
+        """SHA-256 over the true trajectory up to the end of the goal."""
+        assert self.plant is not None
+        ended_ns = self.vehicle.state.machine.goal_ended_ms * NS_PER_MS
+        return bytes(self.plant.plant.score(ended_ns).digest).hex()
+
+    def send_raw(self, topic: Topic[Message], frame: bytes) -> None:
+        """Put bytes on a topic as a stranger would, and wait until the robot's side has them."""
+        publisher = self.ground.publisher(topic)
+        assert self.ground.await_matched([publisher], FRAME_S) == []
+        self._send(publisher.key, lambda: publisher.put_frame(frame), self.robot)
 
     # Faults, by the names of [[fault]] in a world file.
 

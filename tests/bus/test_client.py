@@ -44,16 +44,9 @@ def leases(robot: PlayedRobot) -> list[int]:
     return [request.action for request in robot.desk.actions]
 
 
-def arrives(robot: PlayedRobot) -> None:
-    def arrive() -> None:
-        robot.goal = GoalState.REACHED
-
-    robot.after_goal = arrive
-
-
 def test_goal_is_reached_and_the_lease_given_back(stage: Stage) -> None:
     played, _ = stage
-    arrives(played)
+    played.reach_goals()
     outcome = driven(stage, lambda robot: robot.goto(1.0, 2.0, 90.0))
     assert isinstance(outcome, sidestep.GoalEnded)
     assert (outcome.ok, outcome.outcome, outcome.distance_m) == (True, "reached", 1.0)
@@ -336,7 +329,7 @@ def test_lease_that_was_seized_ends_the_heartbeat(stage: Stage) -> None:
 def test_lease_that_the_robot_took_back_is_taken_for_the_next_goal(stage: Stage) -> None:
     """Its status may still be on the way when the next operation begins."""
     played, _ = stage
-    arrives(played)
+    played.reach_goals()
 
     async def story(robot: sidestep.Robot) -> None:
         assert (await robot.goto(1.0, 2.0)).ok

@@ -30,7 +30,7 @@ from protocol.bus.bus import open_bus
 from protocol.bus.mailbox import Mailbox
 from protocol.bus.services import ServiceRequest
 from protocol.topics import DECISION, LEASE, TEXT, WORLD, Role
-from protocol.wire.enums import GoalState, LeaseAction, Mode, Severity, Vehicle
+from protocol.wire.enums import LeaseAction, Mode, Severity, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandRequest, GoalRequest, Statustext
 from protocol.wire.reasons import Reason
@@ -198,12 +198,6 @@ def _files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert cli.main(["mission", "convert", "m.toml", "m.plan", *home]) == 0
 
 
-@pytest.fixture
-def stage() -> Iterator[tuple[PlayedRobot, str]]:
-    with played() as found:
-        yield found
-
-
 def typed_in(endpoint: str, text: str, draft: Draft | None = None) -> tuple[int, str, str]:
     """Type it into a console of its own: exit code, result, notes."""
     shell = cli.parse(["hold", "--connect", endpoint])
@@ -243,13 +237,6 @@ def ended(message: Message) -> dict[str, int]:
     return {"ends_id": int(bool(message.ends_id))} if isinstance(message, CommandRequest) else {}
 
 
-def arrives(robot: PlayedRobot) -> None:
-    def arrive() -> None:
-        robot.goal = GoalState.REACHED
-
-    robot.after_goal = arrive
-
-
 @pytest.mark.usefixtures("_files")
 @pytest.mark.parametrize(("typed", "argv"), TALKING)
 def test_both_ask_for_the_same(
@@ -261,7 +248,7 @@ def test_both_ask_for_the_same(
     asked = []
     for here in (False, True):
         with played() as (robot, endpoint):
-            arrives(robot)
+            robot.reach_goals()
             robot.pose = (1.0, 2.0, 0.5)
             if here:
                 code, said, _ = typed_in(endpoint, typed, draft)

@@ -5,13 +5,14 @@ from math import radians
 
 import pytest
 
+from checks.harness.in_process import InProcess, reason_in
 from ground.cli.main import main
 from protocol.topics import LEASE, PARAMETER
 from protocol.wire.enums import Command, LeaseAction, Mode, Vehicle
 from protocol.wire.messages import GoalRequest, LeaseStatus, ParamSet
 from protocol.wire.reasons import Reason
 from tests.support.played_robot import PlayedRobot, Say
-from tests.support.stacks import Operator, Stack, reason_in, stops
+from tests.support.stacks import Operator, stops
 from tests.support.until import interrupt_when, until
 
 
@@ -155,7 +156,7 @@ ZONE = ParamSet(param_id="d_obs_m", param_value=0.4, param_type=9)
 
 
 def test_operator_without_the_lease_may_only_stop() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         stack.operator = False
         ada, bob = Operator(stack, "ada"), Operator(stack, "bob")
         assert ada.lease(LeaseAction.TAKE) == Reason.NONE
@@ -179,7 +180,7 @@ def test_operator_without_the_lease_may_only_stop() -> None:
 
 
 def test_it_lapses_three_seconds_after_its_holder_has_fallen_silent() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         stack.operator = False
         ada, bob = Operator(stack, "ada"), Operator(stack, "bob")
         assert ada.lease(LeaseAction.TAKE) == Reason.NONE
@@ -199,7 +200,7 @@ def test_it_lapses_three_seconds_after_its_holder_has_fallen_silent() -> None:
 
 
 def test_seized_lease_is_published_and_allows_commands() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         ada, bob = Operator(stack, "ada"), Operator(stack, "bob")
         box = stack.ground.mailbox(LEASE)
         ada.lease(LeaseAction.TAKE)
@@ -218,7 +219,7 @@ def named(newest: tuple[LeaseStatus, int] | None) -> str | None:
 
 
 def test_only_the_heartbeat_of_the_holder_keeps_guided() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         stack.operator = False
         ada, bob = Operator(stack, "ada"), Operator(stack, "bob")
         ada.lease(LeaseAction.TAKE)

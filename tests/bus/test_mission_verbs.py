@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from checks.harness.in_process import InProcess
 from ground.cli.main import main
 from ground.missions.files import read
 from protocol.topics import MISSION as TOPICS_MISSION
@@ -14,7 +15,7 @@ from protocol.wire.enums import Command, GoalState, MissionState, MissionType, V
 from protocol.wire.messages import CommandRequest, MissionClearAll, MissionCount, MissionStatus
 from protocol.wire.reasons import Reason
 from tests.support.played_robot import PlayedRobot, Say
-from tests.support.stacks import STOPPING_S, Operator, Stack, fence, stops
+from tests.support.stacks import STOPPING_S, Operator, fence, stops
 
 MISSION = """
 [[waypoint]]
@@ -245,7 +246,7 @@ def test_lease_refusal_names_the_holder(robot: PlayedRobot, say: Say, mission: s
 class Watched:
     """A stack whose operator uploaded a mission and left, with the mission states it publishes."""
 
-    def __init__(self, stack: Stack, *places: tuple[float, float], hold_s: float = 0.0) -> None:
+    def __init__(self, stack: InProcess, *places: tuple[float, float], hold_s: float = 0.0) -> None:
         self.stack = stack
         self.ada = Operator(stack, "ada")
         self._box = stack.ground.mailbox(TOPICS_MISSION)
@@ -266,7 +267,7 @@ class Watched:
 
 
 def test_mission_runs_to_its_end_without_an_operator() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         run = Watched(stack, (1.5, 2.0), (1.5, 1.0), (0.8, 1.0), hold_s=1.0)
         assert run.ada.command(Command.MISSION_START) == Reason.NONE
         for place in ((1.5, 2.0), (1.5, 1.0)):
@@ -278,7 +279,7 @@ def test_mission_runs_to_its_end_without_an_operator() -> None:
 
 
 def test_a_mission_is_paused_goes_on_jumps_and_is_aborted() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         run = Watched(stack, (2.5, 2.0), (2.5, 1.0), (0.8, 1.0))
         run.ada.command(Command.MISSION_START)
         stack.until(stack.driving)
@@ -302,7 +303,7 @@ def test_a_mission_is_paused_goes_on_jumps_and_is_aborted() -> None:
 
 
 def test_failed_mission_carries_the_reason_of_its_goal() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         run = Watched(stack, (2.5, 2.0))
         run.ada.command(Command.MISSION_START)
         stack.until(stack.driving)
@@ -313,7 +314,7 @@ def test_failed_mission_carries_the_reason_of_its_goal() -> None:
 
 
 def test_a_goal_and_a_mission_outside_of_the_fence_are_refused() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         run = Watched(stack)
         start = stack.world.start
         x_m, y_m = start.x_m, start.y_m
@@ -329,7 +330,7 @@ def test_a_goal_and_a_mission_outside_of_the_fence_are_refused() -> None:
 
 
 def test_a_robot_that_leaves_its_fence_stops_there() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         run = Watched(stack)
         x_m, y_m = stack.world.start.x_m, stack.world.start.y_m
         edge_m = x_m + 1.0
@@ -356,7 +357,7 @@ def test_a_robot_that_leaves_its_fence_stops_there() -> None:
 
 
 def test_the_robot_returns_to_its_start_along_its_own_trail() -> None:
-    with Stack("u_trap") as stack:
+    with InProcess("u_trap") as stack:
         start = stack.world.start
         stack.arm()
         stack.goto_goal()

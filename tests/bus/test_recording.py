@@ -35,12 +35,6 @@ from tests.support.played_robot import PlayedRobot, played
 from tests.support.until import PATIENCE_S, interrupt_when, until
 
 
-@pytest.fixture
-def stage() -> Iterator[tuple[PlayedRobot, str]]:
-    with played() as found:
-        yield found
-
-
 def size_of(folder: Path) -> int:
     return sum(log.stat().st_size for log in folder.glob("*.tlog"))
 

@@ -9,6 +9,7 @@ from typing import Final, TypeAlias, TypeVar
 
 from msgspec.structs import replace
 
+from checks.harness.in_process import InProcess
 from ground.recording.log_reader import open_log
 from ground.recording.mcap_file import McapFormat
 from protocol.topics import ANSWERED, COMMANDED, INPUTS, SONAR, WHEELS, Topic
@@ -39,7 +40,7 @@ from study.trial.reexecution import (
     reexecute,
     refuse_unless_whole,
 )
-from tests.support.stacks import Stack, drive_about
+from tests.support.stacks import drive_about
 
 M = TypeVar("M", bound=Message)
 Heard: TypeAlias = Sequence[Mapping[int, Message]]
@@ -49,7 +50,7 @@ TOLD: Final = (WheelCommand, PlanarOdometry, AvoidanceDecision, NavigatorStatus)
 class Tape:
     """Collect each frame on the bus by type, and by key where several topics share a type."""
 
-    def __init__(self, stack: Stack) -> None:
+    def __init__(self, stack: InProcess) -> None:
         self._lock = Lock()
         self.frames: list[tuple[str, Message]] = []
         stack.ground.stream_all(self._take)
@@ -111,7 +112,7 @@ def unheard(wheels: Container[int], scans: Container[int], heard: Heard, given: 
 
 
 def test_full_run_is_reproduced_bit_by_bit() -> None:
-    with Stack("box", noise="default", seed=4) as stack:
+    with InProcess("box", noise="default", seed=4) as stack:
         tape = Tape(stack)
         stack.until(
             lambda: bool(tape.of(TickInputs) and tape.of(WheelTicks) and tape.of(SonarScan)),
@@ -163,7 +164,7 @@ def test_all_commands_and_lost_samples_are_reproduced(tmp_path: Path) -> None:
         with lock:
             form.add(key, frame, 1_790_000_000_000_000 + arrived_ns // 1000)
 
-    with Stack("box", noise="default", seed=4) as stack:
+    with InProcess("box", noise="default", seed=4) as stack:
         stack.ground.stream_all(take)
         form.add_fact("parameters", stack.vehicle.parameters.describe().decode())
         prefix = stack.ground.network.prefix

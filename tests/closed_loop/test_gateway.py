@@ -9,6 +9,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from checks.harness.in_process import InProcess
 from gateways.mavlink.bus_port import BusPort
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import (
@@ -40,7 +41,6 @@ from runtime.clock import WallClock
 from tests.support.each import each
 from tests.support.gateway.benches import messages_of, of_type, planned
 from tests.support.gateway.fake_port import CLIENT, ORIGIN, acks, command, words
-from tests.support.stacks import Stack
 from tests.support.until import until
 
 PLAN = planned(
@@ -49,17 +49,17 @@ PLAN = planned(
 )
 
 
-def link_of(stack: Stack, role: Role) -> Link:
+def link_of(stack: InProcess, role: Role) -> Link:
     return Link(stack.join(role), Common(network=stack.client_network, robot="r1"), WallClock())
 
 
-def flown(stack: Stack) -> str:
+def flown(stack: InProcess) -> str:
     """Drive the mission that has been started to its end, and return the digest."""
     stack.until(lambda: stack.vehicle.mission.state == MissionState.DONE)
     return stack.digest()
 
 
-def is_over(stack: Stack, answer: Future[Outcome]) -> bool:
+def is_over(stack: InProcess, answer: Future[Outcome]) -> bool:
     """Let the robot answer, without a tick; return whether the operation has ended."""
     assert stack.robot is not None
     stack.robot.idle()
@@ -68,7 +68,7 @@ def is_over(stack: Stack, answer: Future[Outcome]) -> bool:
 
 def flown_by_operations() -> str:
     """Read the plan, upload, arm and start as the app does."""
-    with Stack("open") as stack, ThreadPoolExecutor(1) as pool:
+    with InProcess("open") as stack, ThreadPoolExecutor(1) as pool:
         session = Session(link_of(stack, Role.GROUND), attended=True)
         mission = qgroundcontrol.read_plan(json.dumps(PLAN), "tour.plan").mission
         steps: list[Operation[Any]] = [UploadMission(mission=mission), Arm()]
@@ -82,7 +82,7 @@ def flown_by_operations() -> str:
 class Client:
     """A MAVLink client of a robot, without sockets between it and the gateway."""
 
-    def __init__(self, stack: Stack) -> None:
+    def __init__(self, stack: InProcess) -> None:
         self._stack = stack
         self._port = BusPort(link_of(stack, Role.GROUND))
         now_ns = stack.clock.now_ns()
@@ -111,7 +111,7 @@ class Client:
 
 def flown_by_mavlink() -> str:
     """Upload the plan, arm and start as a ground station does."""
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         client, items = Client(stack), messages_of(PLAN)
         message = MissionCount(1, 1, len(items), 0)
         for item in items:
@@ -142,7 +142,7 @@ LOST_S = 1.5
 class Gateway:
     """A gateway and its client, which live while the test lets them."""
 
-    def __init__(self, stack: Stack) -> None:
+    def __init__(self, stack: InProcess) -> None:
         self._stack = stack
         self.port = BusPort(link_of(stack, Role.GROUND))
         beats = self.port._heartbeats
@@ -196,8 +196,8 @@ class Gateway:
 
 
 @contextmanager
-def stack_with_gateway() -> Iterator[tuple[Stack, Gateway]]:
-    with Stack("open") as stack:
+def stack_with_gateway() -> Iterator[tuple[InProcess, Gateway]]:
+    with InProcess("open") as stack:
         stack.operator = False  # the gateway is the only one
         gateway = Gateway(stack)
         stack.until(gateway.is_live)
@@ -290,7 +290,7 @@ IN_TIME_NS = 100_000_000
 
 
 @contextmanager
-def app(stack: Stack, person: str) -> Iterator[Callable[[Operation[Any]], None]]:
+def app(stack: InProcess, person: str) -> Iterator[Callable[[Operation[Any]], None]]:
     """Return what performs the operations of another person, who has the lease."""
     network = replace(stack.client_network, person=person)
     with open_bus(network, Role.GROUND, "r1") as bus, ThreadPoolExecutor(1) as pool:
@@ -307,7 +307,7 @@ def app(stack: Stack, person: str) -> Iterator[Callable[[Operation[Any]], None]]
         yield carry_out
 
 
-def is_at_rest(stack: Stack) -> bool:
+def is_at_rest(stack: InProcess) -> bool:
     machine = stack.vehicle.state.machine
     return machine.mode == Mode.HOLD or machine.vehicle == VehicleState.STANDBY
 

@@ -2,18 +2,18 @@
 
 import pytest
 
+from checks.harness.in_process import InProcess
 from plant.world.file import load
 from protocol.wire.enums import Command, GoalState, Mode, Vehicle
 from protocol.wire.reasons import Reason
 from study.trial.trial import Trial, run_trial
-from tests.support.stacks import Stack
 
 
 @pytest.mark.sweep(4)
 @pytest.mark.parametrize("navigator", ["bug", "vgm", "vgm_memory"])
 @pytest.mark.parametrize("router", [False, True], ids=["hub", "router"])
 def test_the_robot_drives_around_the_box_to_its_goal(navigator: str, router: bool) -> None:
-    with Stack("box", navigator=navigator, router=router) as stack:
+    with InProcess("box", navigator=navigator, router=router) as stack:
         assert stack.arm() == Reason.NONE
         assert stack.goto_goal() == Reason.NONE
         stack.until(stack.reached)
@@ -25,7 +25,7 @@ def test_the_robot_drives_around_the_box_to_its_goal(navigator: str, router: boo
 
 def trajectory(router: bool, seed: int) -> str:
     """Return the digest of the run that `sidestep trial` does without a bus."""
-    with Stack("u_trap", navigator="bug", noise="default", seed=seed, router=router) as stack:
+    with InProcess("u_trap", navigator="bug", noise="default", seed=seed, router=router) as stack:
         stack.arm()
         stack.goto_goal(Mode.AUTO)
         stack.until(lambda: stack.goal_state >= GoalState.REACHED, within_s=300.0)
@@ -42,7 +42,7 @@ def test_the_trajectory_is_the_same_with_a_bus_a_router_or_none() -> None:
 
 
 def test_hold_stops_and_resume_goes_on_to_the_goal() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         stack.arm()
         stack.goto(4.0, 2.0)
         stack.until(stack.driving)
@@ -55,7 +55,7 @@ def test_hold_stops_and_resume_goes_on_to_the_goal() -> None:
 
 
 def test_an_emergency_stop_stays_until_it_is_cleared() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         stack.arm()
         stack.goto(4.0, 2.0)
         stack.until(stack.driving)
@@ -70,7 +70,7 @@ def test_an_emergency_stop_stays_until_it_is_cleared() -> None:
 
 
 def test_a_new_goal_replaces_the_old_one() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         stack.arm()
         stack.goto(4.0, 2.0)
         stack.forward(1.0)
@@ -80,7 +80,7 @@ def test_a_new_goal_replaces_the_old_one() -> None:
 
 
 def test_the_robot_returns_along_its_own_trail() -> None:
-    with Stack("u_trap", navigator="bug") as stack:
+    with InProcess("u_trap", navigator="bug") as stack:
         stack.arm()
         stack.goto_goal()
         stack.until(lambda: stack.truth.x_m > 3.0)

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from checks.flood.attackers import Strangers
+from checks.harness.in_process import InProcess
 from checks.harness.messages import make
 from checks.harness.processes import free_port, made_keys, robot_process, sidestep, tls_of
 from ground.client.emergency_stop import EmergencyStop, StopOutcome
@@ -48,7 +49,7 @@ from runtime.units import PERIOD_NS
 from tests.support.attacker import EVE, Attacker, Reply, answered, attacked, order
 from tests.support.each import each
 from tests.support.networks import Net, net
-from tests.support.stacks import Operator, Stack
+from tests.support.stacks import Operator
 from tests.support.until import PATIENCE_S, until
 
 STANDS_S = 0.2
@@ -57,13 +58,13 @@ OWN = "open/fedcba9876543210"
 GOOD_NS = 5_000_000_000
 
 
-def drives(stack: Stack) -> None:
+def drives(stack: InProcess) -> None:
     stack.arm()
     stack.goto_goal()
     stack.until(stack.driving)
 
 
-def press(stack: Stack) -> StopOutcome:
+def press(stack: InProcess) -> StopOutcome:
     """Press the stop as the app does, in a thread, while the robot's loop runs."""
     publisher = stack.ground.publisher(STOP)
     assert stack.ground.await_matched([publisher], PATIENCE_S) == []
@@ -82,7 +83,7 @@ def press(stack: Stack) -> StopOutcome:
         return pressed.result()
 
 
-def stopped(stack: Stack) -> bool:
+def stopped(stack: InProcess) -> bool:
     return stack.state == Vehicle.EMERGENCY_STOP
 
 
@@ -90,7 +91,7 @@ def ids_in(heard: Sequence[Message]) -> list[int]:
     return [one.request_id for one in heard if isinstance(one, CommandRequest)]
 
 
-def armed_again(stack: Stack) -> bool:
+def armed_again(stack: InProcess) -> bool:
     """Repeat a command: the subscription of the attacker may have come after the first ones."""
     stack.arm()
     return False
@@ -153,7 +154,7 @@ def test_other_request_with_a_known_id_is_refused() -> None:
         assert stack.state == Vehicle.ACTIVE
 
 
-def flooded(attacker: Attacker, stack: Stack) -> list[Reply]:
+def flooded(attacker: Attacker, stack: InProcess) -> list[Reply]:
     """Send more of everything than any queue holds."""
     good_ns = stack.clock.now_ns() + GOOD_NS
     replies = []
@@ -241,7 +242,7 @@ ANSWERS = {"this tick", "this tick, newest epoch", "an earlier tick"}
 """Return those frames that answer a tick within its time-to-live."""
 
 
-class Attacked(Stack):
+class Attacked(InProcess):
     """A stack with an attacker on its bus, which sends before and after the robot in each tick."""
 
     before: Iterator[Sequence[Forge]] = repeat(())
@@ -351,13 +352,13 @@ STILL_M = 1e-4
 """Less than the braking distance of the wheels."""
 
 
-def delay(stack: Stack, seconds: float) -> None:
+def delay(stack: InProcess, seconds: float) -> None:
     """Delay all frames of operators from now on."""
     trouble = LinkFaults(delay_ms=1000.0 * seconds, paths=("op/",))
     stack.buses["robot"].faults.disturb(trouble)
 
 
-def by_hand(stack: Stack, operator: Operator, seconds: float = 1.0) -> None:
+def by_hand(stack: InProcess, operator: Operator, seconds: float = 1.0) -> None:
     """Send heartbeats and teleop frames ten times a second."""
     for _ in range(round(10 * seconds)):
         operator.beat()
@@ -365,7 +366,7 @@ def by_hand(stack: Stack, operator: Operator, seconds: float = 1.0) -> None:
         stack.forward(0.1)
 
 
-def moved_m(stack: Stack, seconds: float) -> float:
+def moved_m(stack: InProcess, seconds: float) -> float:
     """Return the distance that the robot moves in this time."""
     way_m = 0.0
     for _ in range(round(seconds * 20)):
@@ -376,7 +377,7 @@ def moved_m(stack: Stack, seconds: float) -> float:
 
 def test_frames_three_seconds_late_do_not_move_the_robot() -> None:
     """A7: the robot drove for 3.1 s after its operator's last frame, and missed it after 4.5 s."""
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         stack.operator = False
         ada = Operator(stack, "ada")
         delay(stack, 3.0)
@@ -391,7 +392,7 @@ def test_frames_three_seconds_late_do_not_move_the_robot() -> None:
 @each("late_s", [1.0, 3.0])
 def test_driving_robot_stops_when_frames_become_late(late_s: float) -> None:
     """A7: OPERATOR_LOST counts from when a heartbeat was sent, however late it arrives."""
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         stack.operator = False
         ada = Operator(stack, "ada")
         assert ada.command(Command.COMPONENT_ARM_DISARM, 1) == Reason.NONE
@@ -414,7 +415,7 @@ def test_driving_robot_stops_when_frames_become_late(late_s: float) -> None:
 @each("late_s", [1.0, 3.0])
 def test_late_teleop_frames_stop_the_robot(late_s: float) -> None:
     """A7: the time-to-live of a frame counts from when it was sent."""
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         stack.operator = False
         ada = Operator(stack, "ada")
         assert ada.command(Command.COMPONENT_ARM_DISARM, 1) == Reason.NONE
@@ -448,7 +449,7 @@ def test_request_is_not_acted_on_after_its_timeout(late_s: float) -> None:
 
 def test_frames_from_before_losing_the_lease_are_ignored() -> None:
     """A12: a frame from before the seizure was read after it, and moved the robot."""
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         stack.operator = False
         ada, bob = Operator(stack, "ada"), Operator(stack, "bob")
         assert ada.lease(LeaseAction.TAKE) == Reason.NONE

@@ -9,6 +9,7 @@ import pytest
 from checks.faults.bus_observer import second_robot
 from checks.faults.cases import FAULTS
 from checks.faults.simulated_time import BreakableInProcess
+from checks.harness.in_process import InProcess
 from protocol.bus.link_faults import LinkFaults
 from protocol.wire.enums import Command, GoalState, LeaseAction, Mode, Vehicle
 from protocol.wire.reasons import Reason
@@ -19,7 +20,7 @@ from runtime.clock import ManualClock
 from runtime.units import NS_PER_MS as MS_NS
 from runtime.units import PERIOD_NS
 from tests.support.each import each
-from tests.support.stacks import STOPPING_S, Operator, Stack
+from tests.support.stacks import STOPPING_S, Operator
 from tests.support.until import until
 
 
@@ -47,40 +48,36 @@ ROWS = [
 ]
 
 
-def break_core(stack: Stack) -> None:
-    assert isinstance(stack, BreakableStack)
+def break_core(stack: InProcess) -> None:
+    assert isinstance(stack, BreakableInProcess)
     stack.break_core()
 
 
-def lose_time(stack: Stack) -> None:
+def lose_time(stack: InProcess) -> None:
     stack.hanging = frozenset({"robot"})
     stack.forward(0.15)
     stack.hanging = frozenset()
 
 
-def lose_operator(stack: Stack) -> None:
+def lose_operator(stack: InProcess) -> None:
     stack.operator = False
 
 
-def spoil_pose(stack: Stack) -> None:
+def spoil_pose(stack: InProcess) -> None:
     stack.vehicle.state.odometry.pose = Pose(nan, 1.0, 0.0)
 
 
-def leave_fence(stack: Stack) -> None:
+def leave_fence(stack: InProcess) -> None:
     pose = stack.vehicle.state.odometry.pose
     stack.vehicle.state.machine.fence = Fence((pose.x_m,), (pose.y_m,), 0.1)
 
 
-def lose_place(stack: Stack) -> None:
+def lose_place(stack: InProcess) -> None:
     machine, pose = stack.vehicle.state.machine, stack.vehicle.state.odometry.pose
     machine.fence, machine.placed = Fence((pose.x_m,), (pose.y_m,), 1e3), False
 
 
-class BreakableStack(Stack, BreakableInProcess):
-    """A stack with faults that a world file cannot describe."""
-
-
-CAUSES: dict[Reason, tuple[Callable[[Stack], object], float]] = {
+CAUSES: dict[Reason, tuple[Callable[[InProcess], object], float]] = {
     Reason.CORE_EXCEPTION: (break_core, 0.05),
     Reason.BUDGET: (lose_time, 0.05),
     Reason.NOT_FINITE: (spoil_pose, 0.05),
@@ -94,7 +91,7 @@ CAUSES: dict[Reason, tuple[Callable[[Stack], object], float]] = {
 
 @each("reason", CAUSES)
 def test_faults_of_the_robot_process_stop_it(reason: Reason) -> None:
-    with BreakableStack("corridor", noise="default", enforced=True) as stack:
+    with BreakableInProcess("corridor", noise="default", enforced=True) as stack:
         stack.arm()
         stack.goto_goal()
         stack.until(stack.driving)
@@ -122,7 +119,7 @@ def test_all_rows_but_three_are_in_the_fault_matrix() -> None:
 
 @each("row", ROWS)
 def test_robot_stops_with_the_reason(row: Row) -> None:
-    with Stack("corridor", noise="default") as stack:
+    with InProcess("corridor", noise="default") as stack:
         stack.forward(1.0)
         stack.arm()
         stack.goto_goal()
@@ -140,7 +137,7 @@ def test_robot_stops_with_the_reason(row: Row) -> None:
 
 
 def test_failsafe_holds_until_the_operator_arms_again() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         stack.arm()
         stack.goto_goal()
         stack.until(stack.driving)
@@ -157,7 +154,7 @@ def test_failsafe_holds_until_the_operator_arms_again() -> None:
 
 
 def test_a_robot_is_not_armed_while_another_of_its_name_is_there() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         second = second_robot(stack)
         stack.forward(0.05)
         assert stack.arm() == Reason.NAME_TAKEN
@@ -169,7 +166,7 @@ def test_a_robot_is_not_armed_while_another_of_its_name_is_there() -> None:
 
 
 def test_guided_stops_without_its_operator_and_auto_goes_on() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         stack.arm()
         stack.goto_goal(Mode.GUIDED)
         stack.until(stack.driving)
@@ -187,7 +184,7 @@ def test_guided_stops_without_its_operator_and_auto_goes_on() -> None:
 
 
 def test_noise_without_a_fault_trips_nothing() -> None:
-    with Stack("corridor", noise="harsh", navigator="bug") as stack:
+    with InProcess("corridor", noise="harsh", navigator="bug") as stack:
         stack.arm()
         stack.goto_goal()
         stack.forward(20.0)
@@ -197,7 +194,7 @@ def test_noise_without_a_fault_trips_nothing() -> None:
 
 def test_emergency_stop_ends_within_two_periods_and_braking() -> None:
     """Motors are short-circuited: a ramp and their lag alone would take 0.35 s."""
-    with Stack("corridor", noise="default") as stack:
+    with InProcess("corridor", noise="default") as stack:
         stack.arm()
         stack.goto_goal()
         stack.until(stack.driving)
@@ -210,7 +207,7 @@ def test_emergency_stop_ends_within_two_periods_and_braking() -> None:
 PERIOD_S = 0.05
 
 
-def by_hand(stack: Stack) -> Operator:
+def by_hand(stack: InProcess) -> Operator:
     """Return an armed robot in MANUAL, driven straight ahead at full speed."""
     operator = Operator(stack, "ada")
     stack.arm()
@@ -225,13 +222,13 @@ def by_hand(stack: Stack) -> Operator:
     return operator
 
 
-def told_to_stand(stack: Stack) -> bool:
+def told_to_stand(stack: InProcess) -> bool:
     return stack.vehicle.state.twist == (0.0, 0.0)
 
 
 @each("ttl_ms", [100, 300, 500])
 def test_robot_stops_soon_after_the_last_frame(ttl_ms: int) -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         operator = by_hand(stack)
         operator.steer(0.3, ttl_ms=ttl_ms)
         told_s = stack.until(lambda: told_to_stand(stack), within_s=2.0)
@@ -246,14 +243,14 @@ def test_robot_stops_soon_after_the_last_frame(ttl_ms: int) -> None:
 
 
 def test_lost_operator_stops_the_robot() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         by_hand(stack)
         stack.kill("ground")
         assert stack.until(lambda: told_to_stand(stack), within_s=2.0) <= 0.3 + 2 * PERIOD_S
 
 
 def test_frame_with_too_long_ttl_is_ignored_and_announced() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         operator = Operator(stack, "ada")
         stack.arm()
         operator.manual()
@@ -265,7 +262,7 @@ def test_frame_with_too_long_ttl_is_ignored_and_announced() -> None:
 
 
 def test_frames_drive_in_manual_only() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         operator = Operator(stack, "ada")
         stack.arm()
         for _ in range(5):
@@ -275,7 +272,7 @@ def test_frames_drive_in_manual_only() -> None:
 
 
 def test_only_the_holder_of_the_lease_steers() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         ada, bob = Operator(stack, "ada"), Operator(stack, "bob")
         assert ada.lease(LeaseAction.TAKE) == Reason.NONE
         ada.beat()
@@ -297,7 +294,7 @@ def test_only_the_holder_of_the_lease_steers() -> None:
 
 
 def test_teleop_does_not_hit_a_wall() -> None:
-    with Stack("box") as stack:
+    with InProcess("box") as stack:
         operator = Operator(stack, "ada")
         stack.arm()
         operator.manual()
@@ -309,14 +306,14 @@ def test_teleop_does_not_hit_a_wall() -> None:
         assert stack.truth.contact == 0
 
 
-def driving_stack(stack: Stack, mode: Mode = Mode.GUIDED) -> None:
+def driving_stack(stack: InProcess, mode: Mode = Mode.GUIDED) -> None:
     stack.arm()
     stack.goto_goal(mode)
     stack.until(stack.driving)
 
 
 def test_wheels_stop_within_200_ms_of_the_robots_death() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         driving_stack(stack)
         stack.kill("robot")
         took_s = stack.until(stack.standing, within_s=1.0)
@@ -324,7 +321,7 @@ def test_wheels_stop_within_200_ms_of_the_robots_death() -> None:
 
 
 def test_restarted_robot_is_disarmed_with_a_text() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         driving_stack(stack)
         stack.kill("robot")
         stack.forward(1.0)
@@ -338,7 +335,7 @@ def test_restarted_robot_is_disarmed_with_a_text() -> None:
 
 
 def test_without_a_plant_the_robot_stops_with_its_reason() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         driving_stack(stack)
         stack.kill("plant")
         noticed_s = stack.until(lambda: stack.state == Vehicle.FAILSAFE, within_s=1.0)
@@ -349,7 +346,7 @@ def test_without_a_plant_the_robot_stops_with_its_reason() -> None:
 
 
 def test_without_the_ground_station_guided_stops() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         driving_stack(stack, Mode.GUIDED)
         stack.kill("ground")
         stack.until(lambda: stack.state == Vehicle.FAILSAFE, within_s=2.0)
@@ -358,13 +355,13 @@ def test_without_the_ground_station_guided_stops() -> None:
 
 
 def test_without_the_ground_station_auto_reaches_its_goal() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         driving_stack(stack, Mode.AUTO)
         stack.kill("ground")
         stack.until(stack.reached)
 
 
-def under_way(stack: Stack) -> None:
+def under_way(stack: InProcess) -> None:
     stack.forward(0.5)
     stack.arm()
     stack.goto_goal()
@@ -384,7 +381,7 @@ def under_way(stack: Stack) -> None:
     ids=["5 % lost", "1 % lost", "30 % swapped", "30 % doubled", "50 ms late"],
 )
 def test_a_slightly_bad_link_does_not_keep_it_from_its_goal(trouble: LinkFaults) -> None:
-    with Stack("box", noise="default") as stack:
+    with InProcess("box", noise="default") as stack:
         under_way(stack)
         for name in ("robot", "plant"):
             stack.buses[name].faults.disturb(trouble)
@@ -395,7 +392,7 @@ def test_a_slightly_bad_link_does_not_keep_it_from_its_goal(trouble: LinkFaults)
 
 @each("delay_ms", [300, 500])
 def test_very_late_sensor_frames_count_as_lost(delay_ms: int) -> None:
-    with Stack("corridor", noise="default") as stack:
+    with InProcess("corridor", noise="default") as stack:
         under_way(stack)
         stack.buses["robot"].faults.disturb(LinkFaults(delay_ms=delay_ms, paths=("sense/",)))
         noticed_s = stack.until(lambda: stack.state == Vehicle.FAILSAFE, within_s=1.0)
@@ -406,7 +403,7 @@ def test_very_late_sensor_frames_count_as_lost(delay_ms: int) -> None:
 
 
 def test_reordered_scan_does_not_replace_a_newer_one() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         under_way(stack)
         stack.buses["robot"].faults.disturb(LinkFaults(jitter_ms=140, paths=("sense/",)))
         stack.forward(0.05)
@@ -418,7 +415,7 @@ def test_reordered_scan_does_not_replace_a_newer_one() -> None:
 
 
 def test_late_or_repeated_commands_do_not_keep_wheels_turning() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         under_way(stack)
         late = LinkFaults(delay_ms=100, duplicate=1.0, jitter_ms=100)
         stack.buses["plant"].faults.disturb(late)
@@ -433,7 +430,7 @@ FULL_NS = {"milliseconds": (1 << 32) * MS_NS, "ticks": (1 << 32) * PERIOD_NS}
 
 @each("what", FULL_NS)
 def test_a_robot_drives_on_when_a_count_is_full(what: str) -> None:
-    stack = Stack("open")
+    stack = InProcess("open")
     stack.clock = ManualClock(FULL_NS[what] // PERIOD_NS * PERIOD_NS - 60 * PERIOD_NS)
     with stack:
         stack.arm()

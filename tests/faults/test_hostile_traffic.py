@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
+from checks.harness.in_process import InProcess
 from protocol.bus.bus import Bus
 from protocol.bus.services import ServiceRequest
 from protocol.topics import CLOCK, COMMAND, DRIVE, OPERATOR, SONAR, STOP, TOPICS, WHEELS, Service
@@ -15,14 +16,13 @@ from protocol.wire.reasons import Reason
 from robot.emergency_stop import StopLatch
 from robot.process import MAX_ANSWERED, MAX_WAITING
 from tests.support.each import each
-from tests.support.stacks import Stack
 
 GOOD = Encoder(1, 25).encode(WheelTicks(time_ns=1, seq=1, left=5, right=5, bumper=0, expired=0))
 BROKEN = (b"", b"\x00", GOOD[:-1], GOOD[:9], b"\xff" * 300, GOOD[:-1] + b"\x00", b"\xfd rubbish")
 
 
 def test_invalid_bytes_do_not_prevent_reaching_the_goal() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         stack.arm()
         stack.goto_goal()
         for topic in TOPICS:
@@ -35,7 +35,7 @@ def test_invalid_bytes_do_not_prevent_reaching_the_goal() -> None:
 
 @each("frame", BROKEN)
 def test_any_bytes_on_the_stop_topic_are_a_stop(frame: bytes) -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         stack.arm()
         stack.goto_goal()
         stack.forward(0.5)
@@ -45,7 +45,7 @@ def test_any_bytes_on_the_stop_topic_are_a_stop(frame: bytes) -> None:
 
 
 def test_a_message_on_the_wrong_topic_is_not_taken_for_another() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         stack.arm()
         stack.goto_goal()
         for topic in (SONAR, DRIVE, OPERATOR, CLOCK):
@@ -55,7 +55,7 @@ def test_a_message_on_the_wrong_topic_is_not_taken_for_another() -> None:
 
 
 def test_what_cannot_be_read_is_counted_and_shown() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         assert stack.rejected_shown() == 0
         for topic in (SONAR, WHEELS, OPERATOR):
             stack.send_raw(topic, b"\xfd rubbish")
@@ -65,7 +65,7 @@ def test_what_cannot_be_read_is_counted_and_shown() -> None:
 
 
 def test_a_garbled_wheel_command_is_not_obeyed() -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         stack.send_raw(DRIVE, b"\xfd" + b"\x7f" * 60)
         stack.forward(0.5)
         assert stack.standing()
@@ -129,7 +129,7 @@ def question(number: int, command: Command, operator: str = "eve") -> FakeReques
 def test_excess_request_is_refused_at_once_with_its_reason(
     served: dict[str, Take],
 ) -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         asked = [question(n, Command.DO_PAUSE_CONTINUE) for n in range(MAX_WAITING + 30)]
         for one in asked:
             served[COMMAND.path](one)
@@ -144,7 +144,7 @@ def test_excess_request_is_refused_at_once_with_its_reason(
 
 
 def test_emergency_stop_overtakes_all_queued_requests(served: dict[str, Take]) -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         for n in range(MAX_WAITING + 5):
             served[COMMAND.path](question(n, Command.DO_PAUSE_CONTINUE))
         stop = question(1000, Command.DO_FLIGHTTERMINATION)
@@ -158,7 +158,7 @@ def test_excess_stop_request_is_dropped_and_not_stored(
     served: dict[str, Take],
 ) -> None:
     """Reproduce a flood of stops that had increased the memory by 250 MB in ten minutes."""
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         asked = [question(n, Command.DO_FLIGHTTERMINATION) for n in range(MAX_WAITING + 30)]
         for one in asked:
             served[COMMAND.path](one)
@@ -180,7 +180,7 @@ def test_request_read_after_its_stop_is_acknowledged(
         real(bus, pressed, handler)
 
     monkeypatch.setattr(Bus, "serve_stop", serve_stop)
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         stack.command(Command.DO_FLIGHTTERMINATION)
         late, later = (question(9, Command.DO_FLIGHTTERMINATION) for _ in range(2))
         handlers[0](late)
@@ -196,7 +196,7 @@ def test_stop_sent_as_a_command_is_always_answered(
     served: dict[str, Take], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Setting the latch comes first, because the loop drops requests without a stop."""
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         real, robot = StopLatch.press, stack.robot
         assert robot is not None
 
@@ -215,7 +215,7 @@ def test_stop_sent_as_a_command_is_always_answered(
 def test_stop_just_after_a_read_is_answered_at_the_next(
     served: dict[str, Take], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         real, stop = StopLatch.take, question(7, Command.DO_FLIGHTTERMINATION)
 
         def take(latch: StopLatch) -> CommandRequest | None:
@@ -232,7 +232,7 @@ def test_stop_just_after_a_read_is_answered_at_the_next(
 
 
 def test_other_operators_do_not_delay_the_lease_holder(served: dict[str, Take]) -> None:
-    with Stack("open") as stack:
+    with InProcess("open") as stack:
         take = LeaseRequest(request_id=1, action=LeaseAction.TAKE, name="ada")
         stack.vehicle.receive(take, stack.clock.now_ns(), "ada")
         strangers = [

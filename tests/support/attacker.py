@@ -7,6 +7,7 @@ from typing import Any, Self
 import zenoh
 from zenoh.handlers import Callback
 
+from checks.harness.in_process import InProcess
 from protocol.bus.network import Network
 from protocol.bus.robot_clock import time_bytes
 from protocol.bus.session import open_session
@@ -16,7 +17,6 @@ from protocol.wire.enums import Command
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest
 from protocol.wire.reasons import Reason
-from tests.support.stacks import Stack
 from tests.support.until import PATIENCE_S, until
 
 EVE = "eve/0123456789abcdef"
@@ -98,13 +98,13 @@ class Attacker:
 
 
 @contextmanager
-def attacked(world: str = "open") -> Iterator[tuple[Stack, Attacker]]:
+def attacked(world: str = "open") -> Iterator[tuple[InProcess, Attacker]]:
     """Start a stack and an attacker on its bus."""
-    with Stack(world) as stack, Attacker(stack.client_network) as attacker:
+    with InProcess(world) as stack, Attacker(stack.client_network) as attacker:
         yield stack, attacker
 
 
-def answered(stack: Stack, *replies: Reply) -> None:
+def answered(stack: InProcess, *replies: Reply) -> None:
     """Let the robot's loop go round, without any time, until all of them have an answer."""
 
     def all_answered() -> bool:

@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from math import nan
 from typing import Self
 
@@ -239,6 +240,10 @@ class PlayedRobot:
         """Stop the loop; keep the process and its liveliness token."""
         self._stop.set()
         self._thread.join()
+
+    def reach_goals(self) -> None:
+        """Be at each coming goal at once."""
+        self.after_goal = partial(setattr, self, "goal", GoalState.REACHED)
 
     def _speak(self) -> None:
         while not self._stop.wait(0.02):

@@ -3,12 +3,12 @@
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from math import degrees, hypot, nan, radians, remainder
+from math import nan
 from typing import Any, Final
 
 import pytest
 
-from checks.harness.in_process import FRAME_S, InProcess, reason_in
+from checks.harness.in_process import InProcess, reason_in
 from checks.harness.processes import OPERATOR_BEAT
 from ground.api import robot
 from ground.client.connection import Common
@@ -26,7 +26,6 @@ from protocol.topics import (
     TELEOP,
     Role,
     Service,
-    Topic,
 )
 from protocol.wire.enums import FRAME_LOCAL_FLU, Command, LeaseAction, MissionType, Mode
 from protocol.wire.message import Message
@@ -44,49 +43,15 @@ from runtime.clock import Tick, WallClock
 from runtime.units import PERIOD_NS
 from tests.support.until import PATIENCE_S, until
 
-__all__ = ["OPERATOR_BEAT", "Stack", "reason_in"]
 STOPPING_S = 0.40
 """From the failsafe to a standing robot: braking from 0.3 m/s and the lag of the motors."""
-
-
-class Stack(InProcess):
-    """A stack that a test drives tick by tick and looks at."""
-
-    def assert_near(
-        self, x_m: float, y_m: float, deg: float | None = None, *, within_m: float = 0.08
-    ) -> None:
-        """Require the true pose, not the estimated one."""
-        truth = self.truth
-        off_m = hypot(truth.x_m - x_m, truth.y_m - y_m)
-        assert off_m <= within_m, f"{off_m:.3f} m away from ({x_m}, {y_m}): {self.describe()}"
-        if deg is not None:
-            off_deg = abs(degrees(remainder(truth.heading_rad - radians(deg), radians(360))))
-            assert off_deg <= 5.0, f"{off_deg:.1f} deg off {deg}: {self.describe()}"
-
-    def rejected_shown(self) -> int:
-        """Unreadable frames, as the robot's cycle report counts them."""
-        newest = self._report.latest()
-        assert newest is not None, "no cycle report has arrived"
-        return newest[0].rejected
-
-    def digest(self) -> str:
-        """SHA-256 over the true trajectory up to the end of the goal."""
-        assert self.plant is not None
-        ended_ns = self.vehicle.state.machine.goal_ended_ms * 1_000_000
-        return bytes(self.plant.plant.score(ended_ns).digest).hex()
-
-    def send_raw(self, topic: Topic[Message], frame: bytes) -> None:
-        """Put bytes on a topic as a stranger would, and wait until the robot's side has them."""
-        publisher = self.ground.publisher(topic)
-        assert self.ground.await_matched([publisher], FRAME_S) == []
-        self._send(publisher.key, lambda: publisher.put_frame(frame), self.robot)
 
 
 PERIOD_S: Final = PERIOD_NS / 1e9
 POLL_S: Final = 0.05
 
 
-class Lively(Stack):
+class Lively(InProcess):
     """A stack without lockstep. `hung`: the robot's loop stops; `mute`: the plant stops."""
 
     period_s = PERIOD_S
@@ -187,7 +152,9 @@ class Watching:
 
 
 @contextmanager
-def watching(stack: Stack, endpoint: str | None = None, name: str = "anna") -> Iterator[Watching]:
+def watching(
+    stack: InProcess, endpoint: str | None = None, name: str = "anna"
+) -> Iterator[Watching]:
     hub, prefix = endpoint or stack._hub, stack._prefix
     network = Network(mode="client", connect=(hub,), prefix=prefix, person=name)
     with open_bus(network, Role.GROUND, "r1") as bus:
@@ -220,7 +187,7 @@ Place = tuple[float, float]
 class Operator:
     """Sends requests, heartbeats and teleop frames only when the test calls it."""
 
-    def __init__(self, stack: Stack, name: str) -> None:
+    def __init__(self, stack: InProcess, name: str) -> None:
         self.name = name
         self._stack = stack
         self._bus = stack.join(Role.GROUND, name)
@@ -297,7 +264,7 @@ def _item(seq: int, place: Place, **changes: Any) -> MissionItemInt:
     return MissionItemInt(seq=seq, frame=FRAME_LOCAL_FLU, x=x, y=y, z=0.0, **{**fields, **changes})
 
 
-def drive_about(stack: Stack) -> None:
+def drive_about(stack: InProcess) -> None:
     """Use every request once: goal, parameter, fence, mission, teleop; refuse a second operator."""
     ada, bob = Operator(stack, "ada"), Operator(stack, "bobby")
     stack.arm()

@@ -7,7 +7,6 @@ from msgspec.structs import replace
 from textual import events
 
 from ground.app.input.keymap import keymap_of
-from ground.app.screens.drive import DriveScreen
 from ground.app.widgets.command_line import CommandLine
 from ground.app.widgets.lines import Lines
 from ground.map.scene import MapTarget
@@ -18,11 +17,6 @@ from runtime.units import NS_PER_S as S
 from tests.support.each import each
 from tests.support.tui.fakes import FakeStation, drive_messages, driving, status
 from tests.support.tui.pilot import NAMES, Stage, staged
-
-
-def drive_of(stage: Stage) -> DriveScreen:
-    assert isinstance(stage.app.screen, DriveScreen)
-    return stage.app.screen
 
 
 async def test_drive_screen_shows_pose_and_state() -> None:
@@ -61,22 +55,22 @@ async def test_keys_of_a_burst_follow_the_focus() -> None:
 async def test_cursor_becomes_a_goal() -> None:
     async with staged() as stage:
         await stage.press("G")
-        start = drive_of(stage).map_cursor.cursor
+        start = stage.drive.map_cursor.cursor
         assert start is not None
         await stage.press("right", "right", "up", ">", ">")
         assert "goal" in stage.words("prompt")
         await stage.press("enter")
-        step_m = drive_of(stage).map_cursor.step_m
+        step_m = stage.drive.map_cursor.step_m
         x_m, y_m = start.x_m + 2 * step_m, start.y_m + step_m
         assert stage.commands.given == [f"goal {x_m:g} {y_m:g} -15"]
-        assert drive_of(stage).map_cursor.cursor is None
+        assert stage.drive.map_cursor.cursor is None
 
 
 async def test_h_holds_with_and_without_a_cursor() -> None:
     async with staged() as stage:
         await stage.press("G", "h")
         assert stage.commands.given == ["hold"]
-        assert drive_of(stage).map_cursor.cursor is not None
+        assert stage.drive.map_cursor.cursor is not None
         await stage.press("escape", "h")
         assert stage.commands.given == ["hold", "hold"]
 
@@ -84,21 +78,21 @@ async def test_h_holds_with_and_without_a_cursor() -> None:
 async def test_draft_is_shown_until_the_robot_has_it() -> None:
     ways = (MapTarget(1.0, 2.0), MapTarget(3.0, 4.0, 0.0))
     async with staged((110, 30)) as stage:
-        assert drive_of(stage).map.scene.draft == ()
+        assert not stage.drive.map.scene.draft
         stage.commands.draft_items = ways
         await stage.redraw()
-        assert drive_of(stage).map.scene.draft == ways
+        assert stage.drive.map.scene.draft == ways
         assert "2 waypoints, W sends" in stage.words("side")
         stage.station.items_now = ways
         await stage.redraw()
-        assert drive_of(stage).map.scene.draft == ()
+        assert not stage.drive.map.scene.draft
         assert "waypoints" not in stage.words("side")
 
 
 async def test_zoomed_map_follows_the_cursor() -> None:
     async with staged() as stage:
         await stage.press("+", "+", "+", "+", "+", "+", "+", "G", "L", "L")
-        shown, cursor = drive_of(stage).map, drive_of(stage).map_cursor.cursor
+        shown, cursor = stage.drive.map, stage.drive.map_cursor.cursor
         assert cursor is not None
         assert shown.view.centre_x_m == pytest.approx(cursor.x_m)
         await stage.press("0", "L", "L", "L", "L")

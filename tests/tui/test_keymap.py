@@ -20,7 +20,6 @@ from ground.app.input.keymap import (
     load,
 )
 from ground.app.screens import SCREENS
-from ground.app.screens.drive import DriveScreen
 from ground.app.widgets.command_line import CommandLine
 from ground.client.outcomes import Refused
 from ground.client.vocabulary import HINTS
@@ -30,7 +29,7 @@ from protocol.wire.reasons import Reason
 from runtime.errors import ConfigError
 from tests.support.each import each
 from tests.support.tui.fakes import FakeStation, driving
-from tests.support.tui.pilot import Stage, staged
+from tests.support.tui.pilot import staged
 
 BELOW = (Layer.ROBOT, Layer.FLEET, Layer.STATION)
 
@@ -177,14 +176,9 @@ async def test_escape_chooses_nothing() -> None:
         assert stage.commands.given == []
 
 
-def drive_of(stage: Stage) -> DriveScreen:
-    assert isinstance(stage.app.screen, DriveScreen)
-    return stage.app.screen
-
-
 async def test_keys_move_the_map() -> None:
     async with staged() as stage:
-        shown = drive_of(stage).map
+        shown = stage.drive.map
         scale_m = shown.view.m_per_dot
         await stage.press("+")
         assert shown.view.m_per_dot == pytest.approx(scale_m / 1.25)
@@ -203,10 +197,10 @@ async def test_keys_move_the_map() -> None:
 async def test_explanation_replaces_the_log() -> None:
     async with staged() as stage:
         await stage.press("e")
-        assert drive_of(stage).query_one("#why-below").display
-        assert not drive_of(stage).query_one("#log").display
+        assert stage.drive.query_one("#why-below").display
+        assert not stage.drive.query_one("#log").display
         await stage.press("e")
-        assert drive_of(stage).query_one("#log").display
+        assert stage.drive.query_one("#log").display
 
 
 async def test_keys_select_the_robots_in_turn() -> None:

@@ -11,7 +11,6 @@ from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
 from ground.app.commands.local_commands import LocalCommands
 from ground.app.playback.player import Player
-from ground.app.screens.drive import DriveScreen
 from ground.app.screens.replay import ReplayScreen, in_one_line, newest_recordings, timeline_rows
 from ground.app.widgets.rows import width_of, words_of
 from ground.console.app_commands import AppCommand
@@ -196,15 +195,10 @@ def simulated() -> FakeStation:
     return station
 
 
-def drive_of(stage: Stage) -> DriveScreen:
-    assert isinstance(stage.app.screen, DriveScreen)
-    return stage.app.screen
-
-
 async def ended(stage: Stage) -> None:
     pause = Event()
     async with asyncio.timeout(PATIENCE_S):
-        while drive_of(stage).ghost_runner.busy:
+        while stage.drive.ghost_runner.busy:
             pause.wait(0.01)
             await stage.redraw()
     await stage.redraw()
@@ -214,9 +208,9 @@ async def test_chosen_ghost_is_drawn_on_the_map() -> None:
     async with staged((110, 30), station=simulated()) as stage:
         await stage.press("n")
         await stage.press("enter")  # the first of the list
-        assert [ghost.label for ghost in drive_of(stage).map.scene.ghosts] == ["bug"]
+        assert [ghost.label for ghost in stage.drive.map.scene.ghosts] == ["bug"]
         await ended(stage)
-        (ghost,) = drive_of(stage).map.scene.ghosts
+        (ghost,) = stage.drive.map.scene.ghosts
         assert (ghost.label, ghost.outcome) == ("bug", "reached")
         assert ghost.path_m[0] == pytest.approx((4.15, 2.80), abs=1e-6)
         assert "ghost bug: reached after" in stage.log()
@@ -228,7 +222,7 @@ async def test_refused_ghost_is_explained_in_the_log() -> None:
     async with staged(station=station) as stage:
         await stage.press("n", "enter")
         assert "no ghost: the world is unknown" in stage.log()
-        assert drive_of(stage).map.scene.ghosts == []
+        assert stage.drive.map.scene.ghosts == []
 
 
 async def test_ghost_command_checks_the_navigator() -> None:
@@ -242,17 +236,17 @@ async def test_ghost_command_checks_the_navigator() -> None:
 
         assert typed("ghost vgm") == ""
         await ended(stage)
-        assert [ghost.label for ghost in drive_of(stage).map.scene.ghosts] == ["vgm"]
+        assert [ghost.label for ghost in stage.drive.map.scene.ghosts] == ["vgm"]
         assert typed("ghost none") == ""
         await stage.redraw()
-        assert drive_of(stage).map.scene.ghosts == []
+        assert stage.drive.map.scene.ghosts == []
         with pytest.raises(UserError):
             typed("ghost vfh")
 
 
 async def test_ghosts_end_with_the_app() -> None:
     async with staged(station=simulated()) as stage:
-        screen = drive_of(stage)
+        screen = stage.drive
         screen.start_ghost("all")
         assert screen.ghost_runner.busy
     assert not screen.ghost_runner.busy

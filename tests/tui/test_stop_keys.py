@@ -12,7 +12,6 @@ from ground.app.input.driver import InputParser
 from ground.app.input.map_cursor import Cursor, step_of
 from ground.app.input.teleop_keys import AGAIN_NS, FAST, FIRST_NS, SLOW, DeadManSwitch
 from ground.app.screens import SCREENS
-from ground.app.screens.drive import DriveScreen
 from protocol.wire.enums import Vehicle
 from runtime.units import NS_PER_MS as MS
 from runtime.units import NS_PER_S as S
@@ -32,11 +31,6 @@ def later(stage: Stage, seconds: float = 2.0) -> Stage:
 def shape_of(stage: Stage) -> tuple[type, str]:
     """Return which screen takes the keys, and the kind of its focused widget."""
     return type(stage.app.screen), type(stage.app.focused).__name__
-
-
-def drive_of(stage: Stage) -> DriveScreen:
-    assert isinstance(stage.app.screen, DriveScreen)
-    return stage.app.screen
 
 
 async def test_stop_keys_work_on_every_screen() -> None:
@@ -131,13 +125,13 @@ async def test_robot_that_is_not_stopped_has_nothing_to_clear() -> None:
 async def test_teleop_lasts_until_any_other_key() -> None:
     async with staged() as stage:
         await stage.press("t", "up")
-        drive_of(stage).poll()
+        stage.drive.poll()
         assert stage.commands.steered[-1] == (0.25, 0.0)
         await stage.press("A")
-        drive_of(stage).poll()
+        stage.drive.poll()
         assert stage.commands.steered[-1] == (0.08, 0.5)
         stage.station.clock.advance(700_000_000)
-        drive_of(stage).poll()
+        stage.drive.poll()
         assert stage.commands.steered[-1] == (0.0, 0.0)
         assert stage.commands.teleop
         await stage.press("q")
@@ -149,7 +143,7 @@ async def test_teleop_ends_in_another_mode() -> None:
         await stage.press("t")
         stage.station.clock.advance(2_000_000_000)
         driving(stage.station)
-        drive_of(stage).poll()
+        stage.drive.poll()
         assert not stage.commands.teleop
 
 

@@ -421,3 +421,11 @@ def failure(found: list[Reply]) -> int:
     assert reply.opcode == Opcode.NAK
     assert len(reply.data) == 1
     return reply.data[0]
+
+
+def got(client: Any, path: str) -> bytes:
+    """Return a file as the client reads it."""
+    contents: list[bytes] = []
+    client.cmd_get([path], callback=lambda file: contents.append(file.read()))
+    client.process_ftp_reply("OpenFileRO", timeout=60)
+    return contents[0]

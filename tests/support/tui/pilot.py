@@ -20,6 +20,7 @@ from checks.harness.messages import make
 from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
 from ground.app.input.keymap import Keymap
+from ground.app.screens.drive import DriveScreen
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import words_of
 from ground.launch.launcher import Stack
@@ -49,6 +50,11 @@ class Stage:
         self, app: GroundApp, pilot: Pilot[int], station: FakeStation, commands: FakeCommandSink
     ):
         self.app, self.pilot, self.station, self.commands = app, pilot, station, commands
+
+    @property
+    def drive(self) -> DriveScreen:
+        assert isinstance(self.app.screen, DriveScreen)
+        return self.app.screen
 
     async def press(self, *keys: str) -> None:
         await self.pilot.press(*keys)

@@ -3,7 +3,6 @@
 import os
 from io import BytesIO
 from pathlib import Path
-from typing import Any
 
 import pytest
 from pymavlink.mavftp import MAVFTP, FtpError
@@ -22,6 +21,7 @@ from tests.support.gateway.benches import (
     asked,
     client_on,
     failure,
+    got,
     of_type,
     replies,
     replies_in,
@@ -391,14 +391,6 @@ def client_bench(tmp_path: Path) -> ParameterBench:
     found = ParameterBench(tmp_path)
     found.values = {"d_obs_m": 0.45, "side": -1.0}
     return found
-
-
-def got(client: Any, path: str) -> bytes:
-    """Return a file as the client reads it."""
-    contents: list[bytes] = []
-    client.cmd_get([path], callback=lambda file: contents.append(file.read()))
-    client.process_ftp_reply("OpenFileRO", timeout=60)
-    return contents[0]
 
 
 @pytest.mark.parametrize("block", [80, 110, 239])

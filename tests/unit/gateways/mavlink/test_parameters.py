@@ -35,6 +35,7 @@ from tests.support.gateway.benches import (
     SimulatedLink,
     asked,
     client_on,
+    got,
     of_type,
     replies,
     robot_table,
@@ -327,13 +328,6 @@ KEYS = {
     "values", "readOnly",
 }  # fmt: skip
 """Keys of mavlink's parameter.schema.json, which allows no others."""
-
-
-def got(client: Any, path: str) -> bytes:
-    contents: list[bytes] = []
-    client.cmd_get([path], callback=lambda file: contents.append(file.read()))
-    client.process_ftp_reply("OpenFileRO", timeout=60)
-    return contents[0]
 
 
 def row(name: str, table: MavTable = TABLE) -> dict[str, Any]:
