@@ -32,7 +32,7 @@ from checks.endurance.fleet import (
     schedule,
     subscribe,
 )
-from checks.harness.figures import BenchmarkReport, Figure, digits, percentile
+from checks.harness.figures import BenchmarkReport, Figure, digits, figure, percentile
 from ground.recording.catalogue import recordings_in
 from ground.recording.log_reader import open_log
 from protocol.topics import ANSWERED, COMMANDED, TEXT, path_of
@@ -215,12 +215,7 @@ def growths(course: Course) -> Iterator[Figure]:
     for role, name, found in trends(course):
         if found.longest_s >= JUDGED_S:
             unit, at_most = GROWTH[name]
-            yield Figure(
-                name=f"{role}, {unit} in 10 min",
-                unit=unit,
-                values=(found.slope,),
-                at_most=at_most,
-            )
+            yield figure(f"{role}, {unit} in 10 min", found.slope, unit, at_most=at_most)
 
 
 def table(course: Course) -> Iterator[str]:
@@ -250,15 +245,15 @@ def delays(course: Course) -> Iterator[Figure]:
     judged = course.seconds >= JUDGED_S
     for name, part in (("first third", first), ("last third", last)):
         for share in (0.5, 0.99):
-            yield Figure(
-                name=f"scan to command received, p{share * 100:.0f}, {name}",
-                unit="ms",
-                values=(percentile(part, share),),
+            yield figure(
+                f"scan to command received, p{share * 100:.0f}, {name}",
+                percentile(part, share),
+                "ms",
             )
-    yield Figure(
-        name="scan to command, last third / first, p50",
-        unit="x",
-        values=(median(last) / median(first),),
+    yield figure(
+        "scan to command, last third / first, p50",
+        median(last) / median(first),
+        "x",
         at_most=SLOWER if judged else None,
     )
 
@@ -269,10 +264,10 @@ def ticks(course: Course) -> Iterator[Figure]:
         missed = [count for at_s, count in telemetry.ticks if course.quiet(at_s)]
         if missed:
             percent = 100.0 * sum(missed) / (sum(missed) + len(missed))
-            yield Figure(
-                name=f"{robot}, ticks missed in quiet times",
-                unit="%",
-                values=(percent,),
+            yield figure(
+                f"{robot}, ticks missed in quiet times",
+                percent,
+                "%",
                 at_most=MISSED_PERCENT if course.seconds >= JUDGED_S else None,
             )
 
@@ -280,26 +275,20 @@ def ticks(course: Course) -> Iterator[Figure]:
 def healing(course: Course) -> Iterator[Figure]:
     """Yield recovery times, lost events and processes that were given up."""
     if course.healed:
-        yield Figure(
-            name="until all were received again, worst",
-            unit="s",
-            values=(max(seconds for _, seconds in course.healed),),
+        yield figure(
+            "until all were received again, worst",
+            max(seconds for _, seconds in course.healed),
+            "s",
             at_most=HEALED_S,
         )
-    yield Figure(
-        name="faults after which a robot stayed silent",
-        unit="",
-        values=(len(course.done) - len(course.healed),),
+    yield figure(
+        "faults after which a robot stayed silent",
+        len(course.done) - len(course.healed),
         at_most=0.0,
     )
-    yield Figure(name="events of r1 in the log", unit="", values=(course.events,))
-    yield Figure(
-        name="events of r1 that the log lacks",
-        unit="",
-        values=(course.events_missing,),
-        at_most=0.0,
-    )
-    yield Figure(name="processes given up", unit="", values=(len(course.given_up),), at_most=0.0)
+    yield figure("events of r1 in the log", course.events)
+    yield figure("events of r1 that the log lacks", course.events_missing, at_most=0.0)
+    yield figure("processes given up", len(course.given_up), at_most=0.0)
 
 
 STEP_NS: Final = 100_000_000

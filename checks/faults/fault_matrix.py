@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 
 from checks.faults import simulated_time, wall_time
 from checks.faults.cases import FAULTS, FaultCase, Repetition, Results, Way, page
-from checks.harness.figures import BenchmarkReport, Figure, describe_machine, machine_load
+from checks.harness.figures import BenchmarkReport, describe_machine, figure, machine_load
 from runtime.errors import UserError
 
 KEPT: Final = Path("faults.jsonl")
@@ -132,6 +132,6 @@ def report(faults: Iterable[FaultCase], results: Results) -> BenchmarkReport:
             stood_ms = tuple(one.stood_s * 1e3 for one in found if one.stood_s is not None)
             if stood_ms and fault.stands_s is not None:
                 name = f"{fault.name}, {way.value}"
-                figures.append(Figure(name=name, unit="ms", values=stood_ms))
-    rows = Figure(name="rows that miss their limit", unit="", values=(missing,), at_most=0.0)
+                figures.append(figure(name, stood_ms, "ms"))
+    rows = figure("rows that miss their limit", missing, at_most=0.0)
     return BenchmarkReport(benchmark="faults", figures=(rows, *figures), notes=tuple(notes))

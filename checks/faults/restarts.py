@@ -19,7 +19,7 @@ from typing import Final, NamedTuple
 from unittest.mock import patch
 
 from checks.faults.power_cuts import HOME, restarted, set_value, upload_fence
-from checks.harness.figures import BenchmarkReport, Figure
+from checks.harness.figures import BenchmarkReport, Figure, figure
 from checks.harness.reordering_disk import ReorderingDisk, State
 from ground.blocking import perform
 from ground.cli.main import parse
@@ -112,17 +112,10 @@ def measure(options: argparse.Namespace) -> BenchmarkReport:
 def of(name: str, took: list[Recovery], most_s: float | None) -> list[Figure]:
     """Return the figures of a process; `most_s` limits the time after its restart."""
     received = tuple(one.received_s for one in took)
-    found = [Figure(name=f"{name}, kill to all publishing", unit="s", values=received)]
+    found = [figure(f"{name}, kill to all publishing", received, "s")]
     if most_s is not None:
         healing = tuple(one.received_s - one.listens_s for one in took)
-        found.append(
-            Figure(
-                name=f"{name}, listening to all publishing",
-                unit="s",
-                values=healing,
-                at_most=most_s,
-            )
-        )
+        found.append(figure(f"{name}, listening to all publishing", healing, "s", at_most=most_s))
     return found
 
 
@@ -192,20 +185,16 @@ def kept_stops(repetitions: int) -> list[Figure]:
                 witness.release()
     held["power cuts"] = sum(map(held_after_cut, range(repetitions)))
     figures = [
-        Figure(
-            name=f"emergency stops that outlive {what}",
-            unit=f"of {repetitions}",
-            values=(float(count),),
+        figure(
+            f"emergency stops that outlive {what}",
+            count,
+            f"of {repetitions}",
             at_least=float(repetitions),
         )
         for what, count in held.items()
     ]
-    told = Figure(
-        name="press to the report that the stop is saved", unit="ms", values=tuple(saved_ms)
-    )
-    slowest = Figure(
-        name="the slowest of them", unit="ms", values=(max(saved_ms),), at_most=SAVED_MS
-    )
+    told = figure("press to the report that the stop is saved", saved_ms, "ms")
+    slowest = figure("the slowest of them", max(saved_ms), "ms", at_most=SAVED_MS)
     return [*figures, told, slowest]
 
 

@@ -41,9 +41,8 @@ from checks.flood.under_attack import (
     OPERATORS,
     DrivingOperator,
     StopTimes,
-    figure,
 )
-from checks.harness.figures import BenchmarkReport, Figure
+from checks.harness.figures import BenchmarkReport, Figure, figure
 from checks.harness.observer import Observer, observed
 from checks.harness.processes import free_port, made_keys, sidestep, tls_of
 from checks.harness.relays import TcpProxy
@@ -421,16 +420,16 @@ def figures_of(name: str, way: str, wanted: int, row: StopRow) -> Iterator[Figur
     stood_ms = [one.stood_ms for one in row.presses if one.stood_ms is not None]
     answered_ms = [one.acknowledged_ms for one in row.presses if one.acknowledged_ms is not None]
     if stood_ms:
-        yield Figure(name=f"{name}: {begins} to standstill", unit="ms", values=tuple(stood_ms))
+        yield figure(f"{name}: {begins} to standstill", stood_ms, "ms")
         worst = f"{name}: {begins} to standstill, worst of {len(stood_ms)}"
-        yield figure(worst, max(stood_ms), AT_MOST_MS[way], "ms")
+        yield figure(worst, max(stood_ms), "ms", at_most=AT_MOST_MS[way])
     if answered_ms:
         acknowledged = f"{name}: {begins} to acknowledgement"
-        yield Figure(name=acknowledged, unit="ms", values=tuple(answered_ms))
-    yield figure(f"{name}: not stopped, of {wanted}", wanted - len(stood_ms), 0.0)
-    yield figure(f"{name}: not acknowledged", wanted - len(answered_ms), 0.0)
+        yield figure(acknowledged, answered_ms, "ms")
+    yield figure(f"{name}: not stopped, of {wanted}", wanted - len(stood_ms), at_most=0.0)
+    yield figure(f"{name}: not acknowledged", wanted - len(answered_ms), at_most=0.0)
     false = sum(one.is_false_acknowledgement for one in row.presses)
-    yield figure(f"{name}: false acknowledgements", false, 0.0)
+    yield figure(f"{name}: false acknowledgements", false, at_most=0.0)
     yield figure(f"{name}: unexpected stops", len(row.stopped))
     if row.reports:
         first, last = row.reports[0], row.reports[-1]

@@ -39,7 +39,7 @@ from checks.flood.attackers import (
     Strangers,
     unfounded,
 )
-from checks.harness.figures import BenchmarkReport, Figure, percentile
+from checks.harness.figures import BenchmarkReport, Figure, figure, percentile
 from checks.harness.observer import HOLDS, Observer, Seen, observed, stood_s
 from checks.harness.processes import (
     OPERATOR_BEAT,
@@ -468,36 +468,33 @@ def figures_of(name: str, found: FloodRun) -> Iterator[Figure]:
         key, at_most_ms = "start of estop", FRESH_AT_MOST_MS
     stood_ms = [one.stood_ms for one in found.presses if one.stood_ms is not None]
     if stood_ms:
-        yield Figure(name=f"{name}: {key} to standstill", unit="ms", values=tuple(stood_ms))
+        yield figure(f"{name}: {key} to standstill", stood_ms, "ms")
         worst = f"{name}: {key} to standstill, worst of {len(stood_ms)}"
-        yield figure(worst, max(stood_ms), at_most_ms, "ms")
+        yield figure(worst, max(stood_ms), "ms", at_most=at_most_ms)
     answered_ms = [one.acknowledged_ms for one in found.presses if one.acknowledged_ms is not None]
     if answered_ms:
         named = f"{name}: {key} to acknowledgement"
-        yield Figure(name=named, unit="ms", values=tuple(answered_ms))
+        yield figure(named, answered_ms, "ms")
     never = len(found.presses) - min(len(stood_ms), len(answered_ms))
-    yield figure(f"{name}: never stopped or acknowledged", never, 0.0)
-    yield figure(f"{name}: operator had to give up", bool(found.broken), 0.0)
+    yield figure(f"{name}: never stopped or acknowledged", never, at_most=0.0)
+    yield figure(f"{name}: operator had to give up", bool(found.broken), at_most=0.0)
     false = sum(one.is_false_acknowledgement for one in found.presses)
-    yield figure(f"{name}: false acknowledgements", false, 0.0)
+    yield figure(f"{name}: false acknowledgements", false, at_most=0.0)
     if any(attack.kind == STOPS for attack in found.attacks):
         answers = found.answers[ACTED]
         unmet = sum(unfounded(attack.accepted, found.shown) for attack in found.attacks)
-        yield figure(f"{name}: false acknowledgements to attackers, of {answers}", unmet, 0.0)
-    yield figure(f"{name}: ticks missed of {found.ticks}", found.missed, 0.0)
+        yield figure(
+            f"{name}: false acknowledgements to attackers, of {answers}", unmet, at_most=0.0
+        )
+    yield figure(f"{name}: ticks missed of {found.ticks}", found.missed, at_most=0.0)
     if attacked and not found.pauses:
-        yield figure(f"{name}: unexpected stops", len(found.stopped), 0.0)
+        yield figure(f"{name}: unexpected stops", len(found.stopped), at_most=0.0)
     if found.judged:
-        yield figure(f"{name}: forged commands acted upon", found.answers[ACTED], 0.0)
-    yield figure(f"{name}: late, worst", found.late_ms(1.0), None, "ms")
-    yield figure(f"{name}: CPU of one core", found.cpu_percent, None, "%")
-    yield figure(f"{name}: resident", found.resident_mb, None, "MB")
-    yield figure(f"{name}: grown", found.grown_mb, None, "MB")
-
-
-def figure(name: str, value: float, at_most: float | None = None, unit: str = "") -> Figure:
-    """Return a figure with a single value."""
-    return Figure(name=name, unit=unit, values=(float(value),), at_most=at_most)
+        yield figure(f"{name}: forged commands acted upon", found.answers[ACTED], at_most=0.0)
+    yield figure(f"{name}: late, worst", found.late_ms(1.0), "ms")
+    yield figure(f"{name}: CPU of one core", found.cpu_percent, "%")
+    yield figure(f"{name}: resident", found.resident_mb, "MB")
+    yield figure(f"{name}: grown", found.grown_mb, "MB")
 
 
 def notes_of(name: str, found: FloodRun) -> Iterator[str]:

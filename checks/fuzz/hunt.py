@@ -38,7 +38,7 @@ from checks.fuzz.gateway_frames import (
 )
 from checks.fuzz.target import FuzzTarget
 from checks.fuzz.wire import LOGS, WIRE
-from checks.harness.figures import BenchmarkReport, Figure
+from checks.harness.figures import BenchmarkReport, figure
 from runtime.errors import UserError
 
 GATEWAY: Final = (
@@ -234,8 +234,7 @@ def run_again(file: Path) -> BenchmarkReport:
         raise UserError(f"{file}: expected a name TARGET-NUMBER with one of: {', '.join(TARGETS)}")
     with TemporaryDirectory() as folder:
         accepted = TARGETS[name].accepts(file.read_bytes(), Path(folder))
-    figure = Figure(name=f"{name}, accepted", unit="", values=(float(accepted),))
-    return BenchmarkReport(benchmark="fuzz", figures=(figure,))
+    return BenchmarkReport(benchmark="fuzz", figures=(figure(f"{name}, accepted", accepted),))
 
 
 class Block(NamedTuple):
@@ -322,8 +321,8 @@ def report_of(
         accepted[tally.target] += tally.accepted
         cpu_s[tally.target] += round(tally.cpu_s * 1e6)
     figures = [
-        Figure(name="inputs", unit="", values=(float(inputs.total()),), at_least=wanted),
-        Figure(name="crashes, hangs, memory", unit="", values=(float(len(finds)),), at_most=0.0),
+        figure("inputs", inputs.total(), at_least=wanted),
+        figure("crashes, hangs, memory", len(finds), at_most=0.0),
     ]
     notes = [
         f"{name}: {count} inputs, {accepted[name]} accepted, {cpu_s[name] / count:.0f} us each"

@@ -71,6 +71,19 @@ class Figure:
         return f"{wanted:<10} {'met' if self.met else 'MISSED'}"
 
 
+def figure(
+    name: str,
+    values: float | Iterable[float],
+    unit: str = "",
+    *,
+    at_least: float | None = None,
+    at_most: float | None = None,
+) -> Figure:
+    """Return a figure with one value, or with the values of all repetitions."""
+    found = tuple(values) if isinstance(values, Iterable) else (+values,)
+    return Figure(name=name, unit=unit, values=found, at_least=at_least, at_most=at_most)
+
+
 Measured = tuple[list[Figure], list[str]]
 """The figures and notes of a part of a benchmark."""
 

@@ -16,7 +16,7 @@ from random import Random
 from time import process_time
 from typing import Final, NamedTuple
 
-from checks.harness.figures import BenchmarkReport, Figure
+from checks.harness.figures import BenchmarkReport, figure
 from checks.simulation.defects import DEFECTS, Defect
 from checks.simulation.hosts.mavlink import CLIENTS, GATEWAY
 from checks.simulation.hosts.substitutes import simulated
@@ -481,12 +481,12 @@ def _report_of_many(
     return BenchmarkReport(
         benchmark=campaign.name,
         figures=(
-            Figure(name="seeds", unit="", values=(sum(part.seeds for part in done),)),
-            Figure(name=campaign.failure, unit="", values=(len(failed),), at_most=0),
-            Figure(
-                name="simulated time per CPU time of one core",
-                unit="x",
-                values=(simulated_ns / NS_PER_S / cpu_s,),
+            figure("seeds", sum(part.seeds for part in done)),
+            figure(campaign.failure, len(failed), at_most=0),
+            figure(
+                "simulated time per CPU time of one core",
+                simulated_ns / NS_PER_S / cpu_s,
+                "x",
                 at_least=campaign.pace,
             ),
         ),
@@ -498,10 +498,10 @@ def _report_of_one(
     options: argparse.Namespace, campaign: Campaign, result: RunResult
 ) -> BenchmarkReport:
     failed = result.violation is not None
-    figures = [Figure(name="violations", unit="", values=(int(failed),), at_most=0)]
+    figures = [figure("violations", failed, at_most=0)]
     if options.replay == AGAIN:
         same = campaign.run(result.scenario, "").digest == result.digest
-        figures.append(Figure(name="runs that differ", unit="", values=(int(not same),), at_most=0))
+        figures.append(figure("runs that differ", not same, at_most=0))
     return BenchmarkReport(
         benchmark=campaign.name,
         figures=tuple(figures),
@@ -524,11 +524,7 @@ def _report_of_defects(options: argparse.Namespace, campaign: Campaign) -> Bench
         notes.append(f"{name}, {campaign.defects[name].description}: {words}")
         print(f"{hunt.seeds:5} seeds  {notes[-1]}", file=sys.stderr, flush=True)
         seeds = hunt.seeds if hunt.found is not None else MOST_HUNTED + 1
-        figures.append(
-            Figure(
-                name=f"seeds until {name} is found", unit="", values=(seeds,), at_most=MOST_HUNTED
-            )
-        )
+        figures.append(figure(f"seeds until {name} is found", seeds, at_most=MOST_HUNTED))
     return BenchmarkReport(benchmark=campaign.name, figures=tuple(figures), notes=tuple(notes))
 
 

@@ -26,7 +26,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from checks.harness.figures import BenchmarkFunctions, BenchmarkReport, Figure, percentile
+from checks.harness.figures import BenchmarkFunctions, BenchmarkReport, Figure, figure, percentile
 from plant.model.configuration import LEVELS, noise_of
 from plant.sim.simulation import Plant
 from protocol.outcome import CHI2_2
@@ -160,19 +160,19 @@ def arrival_figures(
     worst_deg = max(one.heading_deg for one in arrivals)
     mean_s = sum(one.time_s for one in arrivals) / len(arrivals)
 
-    def figure(name: str, unit: str, value: float, most: float | None = None) -> Figure:
-        at_most = most if with_limits else None
-        return Figure(name=f"{label}: {name}", unit=unit, values=(value,), at_most=at_most)
+    def of_label(name: str, value: float, unit: str, at_most: float | None = None) -> Figure:
+        limit = at_most if with_limits else None
+        return figure(f"{label}: {name}", value, unit, at_most=limit)
 
-    yield figure("not reached", "%", percent([not one.reached for one in arrivals]), 0.0)
-    yield figure("position, worst", "m", worst_m, POSITION_M)
-    yield figure("heading, worst", "deg", worst_deg, HEADING_DEG)
+    yield of_label("not reached", percent([not one.reached for one in arrivals]), "%", 0.0)
+    yield of_label("position, worst", worst_m, "m", POSITION_M)
+    yield of_label("heading, worst", worst_deg, "deg", HEADING_DEG)
     turns = percent([turn > TURN_DEG for turn in turned])
-    yield figure(f"last turn over {TURN_DEG:g} deg", "%", turns, TURNS_PERCENT)
-    yield figure("last turn, p90", "deg", percentile(turned, 0.9))
-    yield figure("time, mean", "s", mean_s)
-    yield figure("path / distance, median", "", percentile(ratios, 0.5))
-    yield figure("path / distance, p90", "", percentile(ratios, 0.9))
+    yield of_label(f"last turn over {TURN_DEG:g} deg", turns, "%", TURNS_PERCENT)
+    yield of_label("last turn, p90", percentile(turned, 0.9), "deg")
+    yield of_label("time, mean", mean_s, "s")
+    yield of_label("path / distance, median", percentile(ratios, 0.5), "")
+    yield of_label("path / distance, p90", percentile(ratios, 0.9), "")
 
 
 def percent(found: list[bool]) -> float:
@@ -394,10 +394,10 @@ def nees_figures(level: str, found: Consistency) -> Iterator[Figure]:
     ):
         whole = f"{level}: NEES of the {name}"
         held = level != "none"
-        yield Figure(name=whole, unit="", values=(mean,), at_least=low if held else None)
-        yield Figure(name=whole, unit="", values=(mean,), at_most=high if held else None)
+        yield figure(whole, mean, at_least=low if held else None)
+        yield figure(whole, mean, at_most=high if held else None)
     name = f"{level}: true position inside its 95 % ellipse"
-    yield Figure(name=name, unit="", values=(found.inside,), at_least=MIN_INSIDE)
+    yield figure(name, found.inside, at_least=MIN_INSIDE)
 
 
 ARRIVAL = BenchmarkFunctions(add_arrival_options, measure_arrival)

@@ -33,7 +33,7 @@ from typing import Any, Final, TypeVar
 
 from textual.pilot import Pilot
 
-from checks.harness.figures import BenchmarkReport, Figure
+from checks.harness.figures import BenchmarkReport, Figure, figure
 from checks.harness.observer import PATIENCE_S, Observer, Shuttle, apart_m, observed
 from checks.harness.processes import resident_mb
 from checks.harness.terminal import CHUNK, SLOW_READ_S, Spent, Terminal
@@ -290,20 +290,12 @@ def key_figures_of(name: str, found: Presses) -> list[Figure]:
     """Return the figures of one key."""
     worst_ms = max(found.acted_ms)
     return [
-        Figure(
-            name=f"{name}: key to robot acts",
-            unit="ms",
-            values=tuple(found.acted_ms),
-            at_most=PERIOD_MS + SLACK_MS,
+        figure(f"{name}: key to robot acts", found.acted_ms, "ms", at_most=PERIOD_MS + SLACK_MS),
+        figure(
+            f"{name}: key to robot acts, worst", worst_ms, "ms", at_most=2 * PERIOD_MS + SLACK_MS
         ),
-        Figure(
-            name=f"{name}: key to robot acts, worst",
-            unit="ms",
-            values=(worst_ms,),
-            at_most=2 * PERIOD_MS + SLACK_MS,
-        ),
-        Figure(name=f"{name}: key to wheels at zero", unit="ms", values=tuple(found.wheels_ms)),
-        Figure(name=f"{name}: rolled", unit="m", values=tuple(found.rolled_m)),
+        figure(f"{name}: key to wheels at zero", found.wheels_ms, "ms"),
+        figure(f"{name}: rolled", found.rolled_m, "m"),
     ]
 
 
@@ -520,25 +512,11 @@ def long_run_figures(options: argparse.Namespace) -> tuple[list[Figure], list[st
     with observed(WORLD) as observer:
         during_ms, after_ms, grown_mb = during_flood(observer, options.lines, options.presses_after)
     figures = [
-        Figure(
-            name=f"growth, {name}",
-            unit="MB",
-            values=(sizes[-1] - sizes[1],),
-            at_most=GROWTH_AT_MOST_MB,
-        ),
-        Figure(
-            name="growth of its second half",
-            unit="MB",
-            values=(sizes[-1] - sizes[len(sizes) // 2],),
-        ),
-        Figure(name="key to screen, in the flood", unit="ms", values=tuple(during_ms)),
-        Figure(
-            name="key to screen, after it",
-            unit="ms",
-            values=tuple(after_ms),
-            at_most=KEY_AT_MOST_MS,
-        ),
-        Figure(name="growth of the process in the flood", unit="MB", values=(grown_mb,)),
+        figure(f"growth, {name}", sizes[-1] - sizes[1], "MB", at_most=GROWTH_AT_MOST_MB),
+        figure("growth of its second half", sizes[-1] - sizes[len(sizes) // 2], "MB"),
+        figure("key to screen, in the flood", during_ms, "ms"),
+        figure("key to screen, after it", after_ms, "ms", at_most=KEY_AT_MOST_MS),
+        figure("growth of the process in the flood", grown_mb, "MB"),
     ]
     tenths = ", ".join(f"{size:.0f}" for size in sizes)
     return figures, [
@@ -630,8 +608,8 @@ def figures_of(
     shares = tuple(one.cpu_percent for one in found)
     rates = tuple(one.kb_per_s for one in found)
     return [
-        Figure(name=f"CPU of one core, {name}", unit="%", values=shares, at_most=cpu),
-        Figure(name=f"written, {name}", unit="kB/s", values=rates, at_most=kb),
+        figure(f"CPU of one core, {name}", shares, "%", at_most=cpu),
+        figure(f"written, {name}", rates, "kB/s", at_most=kb),
     ]
 
 
@@ -649,13 +627,8 @@ def on_a_slow_line(terminal: AdjustableTerminal, options: argparse.Namespace) ->
             Event().wait(options.settle / 3)
     name = "slow line, 140x40"
     return [
-        Figure(name=f"written, {name}", unit="kB/s", values=(spent.kb_per_s,)),
-        Figure(
-            name=f"key to screen, {name}",
-            unit="ms",
-            values=tuple(waits_ms),
-            at_most=SLOW_KEY_AT_MOST_MS,
-        ),
+        figure(f"written, {name}", spent.kb_per_s, "kB/s"),
+        figure(f"key to screen, {name}", waits_ms, "ms", at_most=SLOW_KEY_AT_MOST_MS),
     ]
 
 
@@ -691,19 +664,14 @@ def paint_figures(options: argparse.Namespace) -> tuple[list[Figure], list[str]]
         rows = [in_turn(observer, Path(bytecode)) for _ in range(options.starts)]
     names = ["first paint", "first bytes", *(f"python -c '{line}'" for line in FLOORS)]
     figures = [
-        Figure(
-            name=name,
-            unit="s",
-            values=tuple(row[at] for row in rows),
-            at_most=AT_MOST_S if name == names[0] else None,
+        figure(
+            name, [row[at] for row in rows], "s", at_most=AT_MOST_S if name == names[0] else None
         )
         for at, name in enumerate(names)
     ]
     quotients = tuple(row[0] / row[3] for row in rows)
-    figures.append(Figure(name=f"first paint / '{FLOORS[1]}'", unit="x", values=quotients))
-    figures.append(
-        Figure(name="CPU time until the first paint", unit="s", values=tuple(r[4] for r in rows))
-    )
+    figures.append(figure(f"first paint / '{FLOORS[1]}'", quotients, "x"))
+    figures.append(figure("CPU time until the first paint", [r[4] for r in rows], "s"))
     return figures, [
         "first paint: the whole screen, with the robot found, at 80x24; its modules compiled before"
     ]

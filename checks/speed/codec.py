@@ -9,7 +9,7 @@ from collections.abc import Callable
 from time import process_time
 from typing import Any
 
-from checks.harness.figures import BenchmarkReport, Figure, ratios
+from checks.harness.figures import BenchmarkReport, figure, ratios
 from protocol.dialect.generate import oracle
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.message import Message
@@ -55,14 +55,9 @@ def measure(options: argparse.Namespace) -> BenchmarkReport:
         sum(pair) for pair in zip(costs["pymavlink encode"], costs["pymavlink decode"], strict=True)
     ]
     figures = [
-        Figure(
-            name="pymavlink / ours, encode + decode",
-            unit="x",
-            values=ratios(theirs, ours),
-            at_least=MIN_RATIO,
-        )
+        figure("pymavlink / ours, encode + decode", ratios(theirs, ours), "x", at_least=MIN_RATIO)
     ]
-    figures += [Figure(name=name, unit="us", values=tuple(cost)) for name, cost in costs.items()]
+    figures += [figure(name, cost, "us") for name, cost in costs.items()]
     crc = "fastcrc" if oracle().mcrf4xx else "pure Python, not comparable: install fastcrc"
     notes = (f"{len(samples)} messages, frames byte-identical; pymavlink's checksum: {crc}",)
     return BenchmarkReport(benchmark="codec", figures=tuple(figures), notes=notes)

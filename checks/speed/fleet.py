@@ -14,7 +14,7 @@ from time import monotonic_ns
 from typing import Final
 
 from checks.endurance.fleet import GoalSender, RobotTelemetry
-from checks.harness.figures import BenchmarkReport, Figure
+from checks.harness.figures import BenchmarkReport, Figure, figure
 from checks.harness.observer import Seen, standing_from, stood_s
 from checks.harness.terminal import Terminal
 from checks.harness.until import until
@@ -111,14 +111,10 @@ def fleet_figures(options: argparse.Namespace) -> tuple[list[Figure], list[str]]
     shares = tuple(one.cpu_percent for one in spent)
     name = f"{options.robots} robots, 80x24"
     figures = [
-        Figure(name=f"CPU of one core, {name}", unit="%", values=shares, at_most=CPU_AT_MOST),
-        Figure(name=f"written, {name}", unit="kB/s", values=tuple(one.kb_per_s for one in spent)),
-        Figure(
-            name=f"ticks missed with the app, {name}",
-            unit="ticks",
-            values=(float(after[1] - before[1]),),
-        ),
-        Figure(name=f"ticks missed before it, {name}", unit="ticks", values=(float(alone),)),
+        figure(f"CPU of one core, {name}", shares, "%", at_most=CPU_AT_MOST),
+        figure(f"written, {name}", [one.kb_per_s for one in spent], "kB/s"),
+        figure(f"ticks missed with the app, {name}", after[1] - before[1], "ticks"),
+        figure(f"ticks missed before it, {name}", alone, "ticks"),
     ]
     return figures, [
         f"fleet: {options.robots} robots at 20 Hz in {WORLD}, all driving, in wall time;"
@@ -239,10 +235,10 @@ def figures_of(worst_ms: list[float], of_robot: dict[str, list[float]]) -> list[
     """Return the figures of the last wheel of each press, and of each robot."""
     last = "key to the last wheel standing"
     return [
-        Figure(name=last, unit="ms", values=tuple(worst_ms)),
-        Figure(name=f"{last}, worst", unit="ms", values=(max(worst_ms),), at_most=AT_MOST_MS),
+        figure(last, worst_ms, "ms"),
+        figure(f"{last}, worst", max(worst_ms), "ms", at_most=AT_MOST_MS),
         *(
-            Figure(name=f"{robot}: key to wheels standing, worst", unit="ms", values=(max(ms),))
+            figure(f"{robot}: key to wheels standing, worst", max(ms), "ms")
             for robot, ms in sorted(of_robot.items())
         ),
     ]

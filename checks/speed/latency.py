@@ -29,7 +29,7 @@ from typing import Any
 import zenoh
 from zenoh.handlers import Callback
 
-from checks.harness.figures import BenchmarkReport, Figure, percentile
+from checks.harness.figures import BenchmarkReport, Figure, figure, percentile
 from checks.harness.processes import (
     ROBOT,
     StartedRobot,
@@ -305,11 +305,9 @@ def measure(options: argparse.Namespace) -> BenchmarkReport:
     for name, share in (("p50", 0.5), ("p99", 0.99)):
         bare_us, ours_us = percentile(busy_us, share), percentile(lockstep_us, share)
         figures += [
-            Figure(
-                name=f"ours / floor back to back, {name}", unit="x", values=(ours_us / bare_us,)
-            ),
-            Figure(name=f"sense to command back to back, {name}", unit="us", values=(ours_us,)),
-            Figure(name=f"floor back to back, {name}", unit="us", values=(bare_us,)),
+            figure(f"ours / floor back to back, {name}", ours_us / bare_us, "x"),
+            figure(f"sense to command back to back, {name}", ours_us, "us"),
+            figure(f"floor back to back, {name}", bare_us, "us"),
         ]
     lost = sum(options.ticks - len(ours) for ours, _ in blocks)
     notes = (
@@ -358,9 +356,9 @@ def figures_of(
     floors = tuple(percentile(block[1], share) for block in blocks)
     ratios = tuple(a / b for a, b in zip(ours, floors, strict=True))
     return [
-        Figure(name=f"ours / floor, {name}", unit="x", values=ratios, at_most=at_most),
-        Figure(name=f"sense to command, {name}", unit="us", values=ours),
-        Figure(name=f"floor at 20 Hz, {name}", unit="us", values=floors),
+        figure(f"ours / floor, {name}", ratios, "x", at_most=at_most),
+        figure(f"sense to command, {name}", ours, "us"),
+        figure(f"floor at 20 Hz, {name}", floors, "us"),
     ]
 
 

@@ -31,7 +31,7 @@ from tempfile import TemporaryDirectory
 from time import monotonic_ns
 from typing import Any, Final, NamedTuple
 
-from checks.harness.figures import BenchmarkFunctions, BenchmarkReport, Figure
+from checks.harness.figures import BenchmarkFunctions, BenchmarkReport, Figure, figure
 from checks.harness.processes import GoalDriver, LockstepRun, lockstep_run, stack
 from checks.speed.latency import PingPong, ping_pong, sizes, trip_us
 from plant.process.loop import Process
@@ -98,29 +98,16 @@ def figures_of(name: str, runs: list[TickCosts], *, router: bool) -> list[Figure
     """Return the figures of one world. Only the three processes without a router have limits."""
     paces = tuple(50_000.0 / run.lockstep_us for run in runs)
     return [
-        Figure(
-            name=f"{name}, real time",
-            unit="x",
-            values=paces,
-            at_least=None if router else AT_LEAST,
-        ),
-        Figure(
-            name=f"{name}, tick / (trial's tick + round trip)",
-            unit="x",
-            values=tuple(run.ratio for run in runs),
+        figure(f"{name}, real time", paces, "x", at_least=None if router else AT_LEAST),
+        figure(
+            f"{name}, tick / (trial's tick + round trip)",
+            [run.ratio for run in runs],
+            "x",
             at_most=None if router else AT_MOST,
         ),
-        Figure(name=f"{name}, wall", unit="us/tick", values=tuple(run.lockstep_us for run in runs)),
-        Figure(
-            name=f"{name}, wall of a trial",
-            unit="us/tick",
-            values=tuple(run.trial_us for run in runs),
-        ),
-        Figure(
-            name=f"{name}, bare round trip, p50",
-            unit="us",
-            values=tuple(run.round_trip_us for run in runs),
-        ),
+        figure(f"{name}, wall", [run.lockstep_us for run in runs], "us/tick"),
+        figure(f"{name}, wall of a trial", [run.trial_us for run in runs], "us/tick"),
+        figure(f"{name}, bare round trip, p50", [run.round_trip_us for run in runs], "us"),
     ]
 
 
@@ -179,18 +166,14 @@ def measure_breakdown(options: argparse.Namespace) -> BenchmarkReport:
         for _ in range(options.repetitions)
     ]
     figures = [
-        Figure(name="tick", unit="us", values=tuple(sum(run.stages_us) for run in runs)),
+        figure("tick", [sum(run.stages_us) for run in runs], "us"),
         *(
-            Figure(name=name, unit="us", values=tuple(run.stages_us[index] for run in runs))
+            figure(name, [run.stages_us[index] for run in runs], "us")
             for index, (name, _) in enumerate(STAGES)
         ),
         *usage_figures(runs),
         *(
-            Figure(
-                name=f"{name}: frames put",
-                unit="/tick",
-                values=tuple(frames_per_tick(run, name) for run in runs),
-            )
+            figure(f"{name}: frames put", [frames_per_tick(run, name) for run in runs], "/tick")
             for name in ("plant", "robot")
         ),
     ]
@@ -206,15 +189,15 @@ def usage_figures(runs: list[Breakdown]) -> Iterator[Figure]:
             costs: list[ThreadCost] = [getattr(run.usages[name], part) for run in runs]
             ticks = [run.run.score.ticks for run in runs]
             pairs = list(zip(costs, ticks, strict=True))
-            yield Figure(
-                name=f"{name}: CPU, {label}",
-                unit="us/tick",
-                values=tuple(cost.cpu_ns / NS_PER_US / count for cost, count in pairs),
+            yield figure(
+                f"{name}: CPU, {label}",
+                [cost.cpu_ns / NS_PER_US / count for cost, count in pairs],
+                "us/tick",
             )
-            yield Figure(
-                name=f"{name}: context switches, {label}",
-                unit="/tick",
-                values=tuple(cost.switches / count for cost, count in pairs),
+            yield figure(
+                f"{name}: context switches, {label}",
+                [cost.switches / count for cost, count in pairs],
+                "/tick",
             )
 
 
@@ -381,10 +364,9 @@ def measure_digests(options: argparse.Namespace) -> BenchmarkReport:
         found = digests(name)
         first = found["in-process"]
         figures += [
-            Figure(
-                name=f"{name}, {way} = in-process",
-                unit="",
-                values=(float(digest == first),),
+            figure(
+                f"{name}, {way} = in-process",
+                digest == first,
                 at_least=1.0 if way != OTHER else None,
                 at_most=0.0 if way == OTHER else None,
             )

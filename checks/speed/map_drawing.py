@@ -24,7 +24,7 @@ from textual.pilot import Pilot
 from textual.widget import Widget
 from textual_plotext import PlotextPlot
 
-from checks.harness.figures import BenchmarkReport, Figure, ratios
+from checks.harness.figures import BenchmarkReport, Figure, figure, ratios
 from ground.app.widgets.map import MapWidget
 from ground.map.canvas import Canvas, Dot
 from ground.map.drawing import draw
@@ -270,15 +270,13 @@ def figures(
     theirs_ms = [cost.median_ms for cost in theirs]
     quotients = ratios(ours_ms, theirs_ms)
     return (
-        Figure(name="frame, all moves", unit="ms", values=tuple(ours_ms), at_most=MAX_FRAME_MS),
-        Figure(name="ours / textual-plotext", unit="x", values=quotients, at_most=MAX_RATIO),
-        Figure(name="frame, driving", unit="ms", values=tuple(c.median_ms for c in driving)),
-        Figure(name="frame, textual-plotext", unit="ms", values=tuple(theirs_ms)),
-        Figure(name="written, all moves", unit="kB", values=tuple(c.median_kb for c in moving)),
-        Figure(name="written, driving", unit="kB", values=tuple(c.median_kb for c in driving)),
-        Figure(
-            name="written, textual-plotext", unit="kB", values=tuple(c.median_kb for c in theirs)
-        ),
+        figure("frame, all moves", ours_ms, "ms", at_most=MAX_FRAME_MS),
+        figure("ours / textual-plotext", quotients, "x", at_most=MAX_RATIO),
+        figure("frame, driving", [c.median_ms for c in driving], "ms"),
+        figure("frame, textual-plotext", theirs_ms, "ms"),
+        figure("written, all moves", [c.median_kb for c in moving], "kB"),
+        figure("written, driving", [c.median_kb for c in driving], "kB"),
+        figure("written, textual-plotext", [c.median_kb for c in theirs], "kB"),
     )
 
 

@@ -23,7 +23,14 @@ from tempfile import TemporaryDirectory
 from time import monotonic, monotonic_ns
 from typing import Final
 
-from checks.harness.figures import BenchmarkFunctions, BenchmarkReport, Figure, percentile, ratios
+from checks.harness.figures import (
+    BenchmarkFunctions,
+    BenchmarkReport,
+    Figure,
+    figure,
+    percentile,
+    ratios,
+)
 from checks.harness.processes import ROBOT, VALID, cpu_s, resident_mb, robot_process
 from checks.speed.latency import PlantStandIn, driving, paced, wait_until
 from plant.world.file import load
@@ -53,11 +60,8 @@ def measure_robot(options: argparse.Namespace) -> BenchmarkReport:
     """Measure import time, CPU, memory and growth."""
     world = load(options.world)
     figures = [
-        Figure(
-            name="imports, fresh process",
-            unit="s",
-            values=tuple(import_s() for _ in range(7)),
-            at_most=IMPORT_AT_MOST,
+        figure(
+            "imports, fresh process", [import_s() for _ in range(7)], "s", at_most=IMPORT_AT_MOST
         ),
         *in_wall_time(world, options.seconds, options.repetitions),
     ]
@@ -91,10 +95,8 @@ def in_wall_time(world: World, seconds: float, repetitions: int) -> list[Figure]
             shares.append(busy_percent(standin, robot.pid, seconds))
             sizes.append(resident_mb(robot.pid))
     return [
-        Figure(
-            name="CPU of one core at 20 Hz", unit="%", values=tuple(shares), at_most=CPU_AT_MOST
-        ),
-        Figure(name="resident", unit="MB", values=tuple(sizes), at_most=RSS_AT_MOST),
+        figure("CPU of one core at 20 Hz", shares, "%", at_most=CPU_AT_MOST),
+        figure("resident", sizes, "MB", at_most=RSS_AT_MOST),
     ]
 
 
@@ -120,10 +122,10 @@ def over_hours(world: World, hours: float) -> tuple[Figure, str]:
                     raise RuntimeError("the robot did not answer in lockstep")
             sizes.append(resident_mb(robot.pid))
         pace = hours * 3600 / (monotonic() - begun_s)
-    growth = Figure(
-        name=f"growth over {hours:g} simulated h",
-        unit="MB",
-        values=(sizes[-1] - sizes[SAMPLES // 10],),
+    growth = figure(
+        f"growth over {hours:g} simulated h",
+        sizes[-1] - sizes[SAMPLES // 10],
+        "MB",
         at_most=GROWTH_AT_MOST,
     )
     shown = ", ".join(f"{size:.1f}" for size in sizes[:: SAMPLES // 10])
@@ -200,20 +202,15 @@ def jitter_figures(name: str, runs: list[TimedDrive]) -> list[Figure]:
         return tuple(value(run) for run in runs)
 
     figures = [
-        Figure(
-            name=f"{name}, missed ticks",
-            unit="",
-            values=each(lambda run: run.missed),
-            at_most=0.0,
-        ),
-        Figure(name=f"{name}, over budget", unit="", values=each(lambda run: run.overruns)),
-        Figure(name=f"{name}, ticks", unit="", values=each(lambda run: len(run.reports))),
+        figure(f"{name}, missed ticks", each(lambda run: run.missed), at_most=0.0),
+        figure(f"{name}, over budget", each(lambda run: run.overruns)),
+        figure(f"{name}, ticks", each(lambda run: len(run.reports))),
     ]
     for word, share in SHARES.items():
         late = tuple(run.late_us(share) for run in runs)
-        figures.append(Figure(name=f"{name}, late {word}", unit="us", values=late))
+        figures.append(figure(f"{name}, late {word}", late, "us"))
     own = each(lambda run: percentile(run.published_late_us, 1.0))
-    figures.append(Figure(name=f"{name}, the substitute plant late, max", unit="us", values=own))
+    figures.append(figure(f"{name}, the substitute plant late, max", own, "us"))
     return figures
 
 
@@ -260,7 +257,7 @@ def measure_mtls(options: argparse.Namespace) -> BenchmarkReport:
     ]
     figures = [*mtls_figures(blocks, "p50", 0.5, MAX_RATIO), *mtls_figures(blocks, "p99", 0.99)]
     figures += [
-        Figure(name=f"CPU of the robot per tick, {name}", unit="us", values=(cpu / ticks * 1e6,))
+        figure(f"CPU of the robot per tick, {name}", cpu / ticks * 1e6, "us")
         for name, cpu in zip(KINDS, spent, strict=True)
     ]
     missing = ", ".join(f"{count} {name}" for name, count in zip(KINDS, lost, strict=True))
@@ -306,10 +303,10 @@ def mtls_figures(
     locked_ratio = f"locked / open, {name}"
     logging_ratio = f"locked with log of refusals / open, {name}"
     return [
-        Figure(name=locked_ratio, unit="x", values=ratios(locked, plain), at_most=at_most),
-        Figure(name=logging_ratio, unit="x", values=ratios(logging, plain)),
+        figure(locked_ratio, ratios(locked, plain), "x", at_most=at_most),
+        figure(logging_ratio, ratios(logging, plain), "x"),
         *(
-            Figure(name=f"sense to command, {kind}, {name}", unit="us", values=tuple(found))
+            figure(f"sense to command, {kind}, {name}", found, "us")
             for kind, found in zip(KINDS, values, strict=True)
         ),
     ]

@@ -34,6 +34,7 @@ from checks.harness.figures import (
     BenchmarkReport,
     Figure,
     digits,
+    figure,
     percentile,
     ratios,
 )
@@ -216,13 +217,11 @@ def time_trial(world: World) -> tuple[float, float]:
 def trial_figures(name: str, pairs: list[tuple[float, float, float]]) -> Iterator[Figure]:
     """Yield the figures of one world."""
     ours, costs, peers = (list(column) for column in zip(*pairs, strict=True))
-    yield Figure(name=f"{name}, real time", unit="x", values=tuple(ours), at_least=AT_LEAST)
-    yield Figure(
-        name=f"{name}, CPU with set-up", unit="us/tick", values=tuple(costs), at_most=AT_MOST_US
-    )
+    yield figure(f"{name}, real time", ours, "x", at_least=AT_LEAST)
+    yield figure(f"{name}, CPU with set-up", costs, "us/tick", at_most=AT_MOST_US)
     if all(peers):
-        yield Figure(name=f"{name}, ir-sim real time", unit="x", values=tuple(peers))
-        yield Figure(name=f"{name}, ours / ir-sim", unit="x", values=ratios(ours, peers))
+        yield figure(f"{name}, ir-sim real time", peers, "x")
+        yield figure(f"{name}, ours / ir-sim", ratios(ours, peers), "x")
 
 
 MEDIAN_US, WORST_US = 60.0, 200.0
@@ -254,10 +253,10 @@ def measure_steps(options: argparse.Namespace) -> BenchmarkReport:
     shares = {"median": 0.5, "p99": 0.99, "p99.9": 0.999, "worst": 1.0}
     limits = {"median": MEDIAN_US, "worst": WORST_US}
     figures = [
-        Figure(
-            name=f"brain.step, {name} of {options.steps}",
-            unit="us",
-            values=tuple(percentile(run, share) for run in runs),
+        figure(
+            f"brain.step, {name} of {options.steps}",
+            [percentile(run, share) for run in runs],
+            "us",
             at_most=limits.get(name),
         )
         for name, share in shares.items()
@@ -417,15 +416,15 @@ def compiled_figures(world: str, found: Measured) -> Iterator[Figure]:
     """Yield pace and ratios of a world; ratios are those of neighbours in time."""
     paces = {name: [one["pace"] for one in found[name]] for name in found if name != "ir-sim"}
     for name, (least, least_ratio) in LIMITS.items():
-        yield Figure(name=f"{world}, {name}", unit="x", values=tuple(paces[name]), at_least=least)
+        yield figure(f"{world}, {name}", paces[name], "x", at_least=least)
         if found["ir-sim"]:
             over = ratios(paces[name], found["ir-sim"])
             title = f"{world}, {name} / ir-sim"
-            yield Figure(name=title, unit="x", values=over, at_least=least_ratio)
+            yield figure(title, over, "x", at_least=least_ratio)
     over = ratios(paces["compiled"], paces["pure"])
-    yield Figure(name=f"{world}, compiled / pure", unit="x", values=over)
+    yield figure(f"{world}, compiled / pure", over, "x")
     same = float(len({one["digest"] for name in LIMITS for one in found[name]}) == 1)
-    yield Figure(name=f"{world}, equal digests", unit="", values=(same,), at_least=1.0)
+    yield figure(f"{world}, equal digests", same, at_least=1.0)
 
 
 def table(world: str, found: Measured) -> str:

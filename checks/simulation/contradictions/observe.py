@@ -31,7 +31,7 @@ from random import Random
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
-from checks.harness.figures import BenchmarkReport, Figure
+from checks.harness.figures import BenchmarkReport, figure
 from checks.harness.processes import free_port
 from checks.harness.until import until
 from checks.simulation import campaign
@@ -567,9 +567,9 @@ def measure(options: argparse.Namespace) -> BenchmarkReport:
     return BenchmarkReport(
         benchmark=CONTRADICTIONS.name,
         figures=(
-            Figure(name="deeds beside a real `up`", unit="", values=(len(journal.deeds),)),
-            Figure(name="words that were judged", unit="", values=(len(journal.words),)),
-            Figure(name="contradictions", unit="", values=(len(found),), at_most=0),
+            figure("deeds beside a real `up`", len(journal.deeds)),
+            figure("words that were judged", len(journal.words)),
+            figure("contradictions", len(found), at_most=0),
         ),
         notes=tuple(
             f"{one.time_ns / NS_PER_S:.1f} s «{one.invariant}»: {one.words}" for one in found

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from fastcrc.crc16 import mcrf4xx
 
-from checks.harness.figures import Figure
+from checks.harness.figures import Figure, figure
 from checks.harness.until import until
 from checks.speed.gateway.reactions import channels, stick, velocity
 from checks.speed.gateway.stage import (
@@ -328,15 +328,10 @@ def figures_of(trial: ForgeryTrial, refused: int, moved_m: float, *, is_same: bo
     ]
     found += [
         figure("refused for their signature, by the gateway's count", refused, at_least=sent / 2),
-        figure(f"commands of the owner obeyed, of {trial.owned}", trial.obeyed, trial.owned),
+        figure(
+            f"commands of the owner obeyed, of {trial.owned}", trial.obeyed, at_least=trial.owned
+        ),
         figure("the key is still the owner's", is_same, at_least=1.0),
-        Figure(name="way of the robot", unit="m", values=(moved_m,), at_most=STILL_M),
+        figure("way of the robot", moved_m, "m", at_most=STILL_M),
     ]
     return found
-
-
-def figure(
-    name: str, value: float, at_least: float | None = None, at_most: float | None = None
-) -> Figure:
-    """Return a figure with a single value."""
-    return Figure(name=name, unit="", values=(float(value),), at_least=at_least, at_most=at_most)

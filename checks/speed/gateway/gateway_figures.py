@@ -33,7 +33,7 @@ from pymavlink import mavftp
 
 from checks.flood.attackers import BURST_S
 from checks.flood.under_attack import peak_mb
-from checks.harness.figures import BenchmarkReport, Figure
+from checks.harness.figures import BenchmarkReport, Figure, figure
 from checks.harness.observer import stood_s
 from checks.harness.processes import cpu_s, resident_mb
 from checks.harness.relays import PERFECT, POOR, Impairment, UdpRelay
@@ -281,21 +281,15 @@ def stop_ms(air: Air, client: MavlinkClient) -> float:
 
 def flood_figures_of(name: str, found: FrameFloodRun) -> list[Figure]:
     """Return the figures of a run."""
-    stops = tuple(found.stops_ms)
     return [
-        figure(f"{name}: ticks missed of {found.ticks}", found.missed, "", 0.0),
-        Figure(name=f"{name}: stop to wheels at rest", unit="ms", values=stops),
-        figure(f"{name}: the same, worst", max(stops), "ms", STOP_AT_MOST_MS),
-        figure(f"{name}: gateway grown", found.grown_mb, "MB", GROWN_AT_MOST_MB),
+        figure(f"{name}: ticks missed of {found.ticks}", found.missed, at_most=0.0),
+        figure(f"{name}: stop to wheels at rest", found.stops_ms, "ms"),
+        figure(f"{name}: the same, worst", max(found.stops_ms), "ms", at_most=STOP_AT_MOST_MS),
+        figure(f"{name}: gateway grown", found.grown_mb, "MB", at_most=GROWN_AT_MOST_MB),
         figure(f"{name}: gateway at most", found.peak_mb, "MB"),
         figure(f"{name}: gateway's CPU of one core", found.cpu_percent, "%"),
         figure(f"{name}: frames sent", found.rate_hz, "Hz"),
     ]
-
-
-def figure(name: str, value: float, unit: str, at_most: float | None = None) -> Figure:
-    """Return a figure with a single value."""
-    return Figure(name=name, unit=unit, values=(float(value),), at_most=at_most)
 
 
 ALL_FLOODS: Final = (*KINDS, MIXED)
@@ -323,10 +317,10 @@ def cost_figures(options: argparse.Namespace) -> Figures:
             rates.append(len(client.arrivals) / took_s)
             kb.append(sum(one.size for one in client.arrivals) / took_s / 1e3)
     figures = [
-        Figure(name="CPU of one core", unit="%", values=tuple(shares), at_most=CPU_AT_MOST),
-        Figure(name="resident", unit="MB", values=tuple(sizes), at_most=RESIDENT_AT_MOST_MB),
-        Figure(name="messages to the client", unit="Hz", values=tuple(rates)),
-        Figure(name="bytes to the client", unit="kB/s", values=tuple(kb)),
+        figure("CPU of one core", shares, "%", at_most=CPU_AT_MOST),
+        figure("resident", sizes, "MB", at_most=RESIDENT_AT_MOST_MB),
+        figure("messages to the client", rates, "Hz"),
+        figure("bytes to the client", kb, "kB/s"),
     ]
     return figures, [f"cost: one robot that drives, one client; each reading {options.seconds:g} s"]
 
@@ -389,22 +383,17 @@ def line_figures_of(name: str, arrivals: Sequence[FrameArrival]) -> list[Figure]
     mean_kb = sum(one.size for one in arrivals[1:]) / seconds / 1e3
     parameters = sum(one.number == mavlink.MAVLINK_MSG_ID_PARAM_VALUE for one in arrivals)
     found = [
-        Figure(name=f"{name}: mean", unit="kB/s", values=(mean_kb,), at_most=AT_MOST_KB_S),
-        Figure(name=f"{name}: any second", unit="kB/s", values=(most_in_a_second(arrivals) / 1e3,)),
-        Figure(name=f"{name}: parameters", unit="", values=(float(parameters),), at_least=1.0),
+        figure(f"{name}: mean", mean_kb, "kB/s", at_most=AT_MOST_KB_S),
+        figure(f"{name}: any second", most_in_a_second(arrivals) / 1e3, "kB/s"),
+        figure(f"{name}: parameters", parameters, at_least=1.0),
     ]
     for number, at_most_s in GAP_AT_MOST_S.items():
         times_ns = [one.at_ns for one in arrivals if one.number == number]
         gaps = tuple((b - a) / NS_PER_S for a, b in pairwise(times_ns)) or (float("inf"),)
         kind = mavlink.mavlink_map[number].msgname
         found += [
-            Figure(name=f"{name}: between {kind}", unit="s", values=gaps),
-            Figure(
-                name=f"{name}: between {kind}, longest",
-                unit="s",
-                values=(max(gaps),),
-                at_most=at_most_s,
-            ),
+            figure(f"{name}: between {kind}", gaps, "s"),
+            figure(f"{name}: between {kind}, longest", max(gaps), "s", at_most=at_most_s),
         ]
     return found
 
@@ -578,8 +567,8 @@ def ready_figures(options: argparse.Namespace) -> Figures:
                     pause.wait(max(0.0, APART_S - times[-1]))
                 title = f"ready, parameters by {way}, {name}"
                 figures += [
-                    Figure(name=title, unit="s", values=tuple(times), at_most=at_most_s),
-                    Figure(name=f"{title}, worst", unit="s", values=(max(times),)),
+                    figure(title, times, "s", at_most=at_most_s),
+                    figure(f"{title}, worst", max(times), "s"),
                 ]
     return figures, [
         f"ready: heartbeat, all parameters, a mission of {ITEMS} items, home;"

@@ -16,7 +16,7 @@ from threading import Event, Thread
 from time import monotonic, monotonic_ns
 from typing import Final, NamedTuple, Self
 
-from checks.harness.figures import Figure, percentile
+from checks.harness.figures import Figure, figure, percentile
 from checks.harness.observer import Seen, stood_s
 from checks.harness.until import until
 from checks.speed.gateway.stage import FORCED, Air, Figures, MavlinkClient, on_air, position_target
@@ -229,17 +229,17 @@ def figures_of(blocks: list[tuple[list[float], list[float]]]) -> list[Figure]:
         ours = tuple(percentile(times, share) for times in by_gateway)
         bus = tuple(percentile(times, share) for times in by_bus)
         found += [
-            Figure(
-                name=f"goto to wheel command, over the bus's own, {name}",
-                unit="ms",
-                values=tuple(a - b for a, b in zip(ours, bus, strict=True)),
+            figure(
+                f"goto to wheel command, over the bus's own, {name}",
+                [a - b for a, b in zip(ours, bus, strict=True)],
+                "ms",
                 at_most=OVER_BUS_AT_MOST_MS if share == 0.5 else None,
             ),
-            Figure(name=f"by the gateway, {name}", unit="ms", values=ours),
-            Figure(name=f"by the bus, {name}", unit="ms", values=bus),
+            figure(f"by the gateway, {name}", ours, "ms"),
+            figure(f"by the bus, {name}", bus, "ms"),
         ]
     means = tuple(mean(a) - mean(b) for a, b in blocks)
-    found.append(Figure(name="over the bus's own, mean", unit="ms", values=means))
+    found.append(figure("over the bus's own, mean", means, "ms"))
     return found
 
 
@@ -316,12 +316,9 @@ def timeout_figures(options: argparse.Namespace) -> Figures:
             )
             title = f"{name}: time-out to wheels at rest"
             figures += [
-                Figure(name=title, unit="ms", values=times),
-                Figure(
-                    name=f"{title}, worst of {len(times)}",
-                    unit="ms",
-                    values=(max(times),),
-                    at_most=AFTER_AT_MOST_MS,
+                figure(title, times, "ms"),
+                figure(
+                    f"{title}, worst of {len(times)}", max(times), "ms", at_most=AFTER_AT_MOST_MS
                 ),
             ]
     return figures, [
