@@ -180,7 +180,7 @@ class Bus:
 
     def close(self) -> None:
         """Drop unanswered requests, undeclare everything and close the session."""
-        self.requester.close()
+        self.requester.clocks.close()
         self._queue.close()
         self._sessions.close()
         self._links.close()

@@ -85,10 +85,6 @@ class Requester:
         self._holder = holder
         self._now_ns = now_ns
 
-    def close(self) -> None:
-        """End the measurement of clocks."""
-        self.clocks.close()
-
     def steps(
         self, service: Service, message: Message | None, timeout_s: float, robot: str
     ) -> Steps[Message | bytes]:
