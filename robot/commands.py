@@ -96,34 +96,34 @@ class Commands:
         A repeated request gets its earlier answer. A different request with the same id is refused.
         An emergency stop is acted on every time.
         """
-        row, machine = row_of(request), self._machine
-        if row.is_emergency_stop:
+        kind, machine = kind_of(request), self._machine
+        if kind.is_emergency_stop:
             self._note_stop(request.request_id)
         else:
             known = self._answers.find(operator, request)
             if known is not None:
                 return known
         serial, mode = machine.serial, machine.mode
-        leader = self._leader(row, now_ms, operator)
-        reason = self._refusal(request, row, now_ms, leader)
+        leader = self._leader(kind, now_ms, operator)
+        reason = self._refusal(request, kind, now_ms, leader)
         if reason == reasons.OK:
             if isinstance(request, GoalRequest):
                 from_robot = request.from_robot != 0
                 goal = goal_in(request)
                 reason = self._core.drive_to(goal, request.mode, now_ms, from_robot=from_robot)
             else:
-                done = None if row.by_host is None else row.by_host(self, request, now_ms)
+                done = None if kind.by_host is None else kind.by_host(self, request, now_ms)
                 reason = self._core.command(request, now_ms) if done is None else done
         is_new = machine.serial != serial
         if is_new:
             self.goal_id = request.request_id
-        begins = is_new or (reason == reasons.OK and row.by_hand)
+        begins = is_new or (reason == reasons.OK and kind.by_hand)
         if begins:
             self.drive_id, self.begun_by = request.request_id, operator
-        if (begins or machine.mode not in (mode, states.HOLD)) and not row.leads_on:
+        if (begins or machine.mode not in (mode, states.HOLD)) and not kind.leads_on:
             self.driver = leader
         answer = acknowledge(request, reason)
-        if not row.is_emergency_stop:
+        if not kind.is_emergency_stop:
             self._answers.keep(operator, request, answer)
         return answer
 
@@ -138,20 +138,22 @@ class Commands:
             self._stop_ids.append(request_id)
         self._shown_id = request_id
 
-    def _leader(self, row: "CommandRow", now_ms: int, operator: str) -> str:
+    def _leader(self, kind: "CommandKind", now_ms: int, operator: str) -> str:
         """Return the program that has the robot move if this request makes it move.
 
         Who resumes the drive of an own program leaves it to that one while it is there.
         """
         is_own = bool(self.driver) and person_of(self.driver) == person_of(operator)
-        is_led = row.resumes and is_own and self._is_there(self.driver, now_ms)
+        is_led = kind.resumes and is_own and self._is_there(self.driver, now_ms)
         return self.driver if is_led else operator
 
-    def _refusal(self, request: CommandOrGoal, row: "CommandRow", now_ms: int, leader: str) -> int:
+    def _refusal(
+        self, request: CommandOrGoal, kind: "CommandKind", now_ms: int, leader: str
+    ) -> int:
         """Return why a request goes neither to the mission nor to the core, or 0."""
         machine = self._machine
         is_held = machine.mode == states.HOLD and machine.resume_mode == states.GUIDED
-        needs_operator = row.needs_operator or (row.resumes and is_held)
+        needs_operator = kind.needs_operator or (kind.resumes and is_held)
         # Without any operator the core itself refuses, and shows it in the state of the goal.
         if needs_operator and machine.operator and not self._is_there(leader, now_ms):
             return reasons.NO_OPERATOR
@@ -161,7 +163,7 @@ class Commands:
             return reasons.ALREADY_OVER
         if request.command not in TABLE:
             return reasons.UNKNOWN_COMMAND
-        are_finite = all(isfinite(getattr(request, name)) for name in row.uses)
+        are_finite = all(isfinite(getattr(request, name)) for name in kind.uses)
         return reasons.OK if are_finite else reasons.PARAMETER_OUT_OF_RANGE
 
     def _is_over(self, request: CommandRequest) -> bool:
@@ -269,7 +271,7 @@ def result_of(reason: int) -> int:
     return AckResult.UNSUPPORTED if reason == reasons.UNKNOWN_COMMAND else AckResult.DENIED
 
 
-class CommandRow(NamedTuple):
+class CommandKind(NamedTuple):
     """What a command is, with any value of its parameters or with one of them.
 
     Parameters that it does not use may have any value: MAVLink sets unused ones to NaN.
@@ -277,7 +279,7 @@ class CommandRow(NamedTuple):
 
     uses: tuple[str, ...] = ()
     value: float | None = None
-    """The row holds for this value of the first parameter used; without one for all others."""
+    """Value of the first parameter used that makes it this kind; without one all others do."""
 
     only_stops: bool = False
     """It can only stop the robot, so that it needs no lease: standing is never the wrong answer."""
@@ -299,57 +301,59 @@ class CommandRow(NamedTuple):
     """What is done without the core; it returns the reason, or None to leave it to the core."""
 
 
-TABLE: Final[Mapping[int, tuple[CommandRow, ...]]] = MappingProxyType(
+TABLE: Final[Mapping[int, tuple[CommandKind, ...]]] = MappingProxyType(
     {
         Command.COMPONENT_ARM_DISARM: (
-            CommandRow(("param1",), 0.0, only_stops=True),
-            CommandRow(("param1",), is_arm=True),
+            CommandKind(("param1",), 0.0, only_stops=True),
+            CommandKind(("param1",), is_arm=True),
         ),
         Command.DO_SET_MODE: (
-            CommandRow(("param2",), Mode.HOLD, only_stops=True),
-            CommandRow(("param2",), Mode.GUIDED, needs_operator=True),
-            CommandRow(("param2",), Mode.MANUAL, needs_operator=True, by_hand=True),
-            CommandRow(("param2",)),
+            CommandKind(("param2",), Mode.HOLD, only_stops=True),
+            CommandKind(("param2",), Mode.GUIDED, needs_operator=True),
+            CommandKind(("param2",), Mode.MANUAL, needs_operator=True, by_hand=True),
+            CommandKind(("param2",)),
         ),
         Command.DO_PAUSE_CONTINUE: (
-            CommandRow(("param1",), 0.0, only_stops=True),
-            CommandRow(("param1",), resumes=True, by_host=Commands._resume_mission),
+            CommandKind(("param1",), 0.0, only_stops=True),
+            CommandKind(("param1",), resumes=True, by_host=Commands._resume_mission),
         ),
-        Command.DO_FLIGHTTERMINATION: (CommandRow(only_stops=True, is_emergency_stop=True),),
-        Command.NAV_RETURN_TO_LAUNCH: (CommandRow(),),
-        Command.MISSION_START: (CommandRow(("param1",), by_host=Commands._start_mission),),
+        Command.DO_FLIGHTTERMINATION: (CommandKind(only_stops=True, is_emergency_stop=True),),
+        Command.NAV_RETURN_TO_LAUNCH: (CommandKind(),),
+        Command.MISSION_START: (CommandKind(("param1",), by_host=Commands._start_mission),),
         Command.DO_SET_MISSION_CURRENT: (
-            CommandRow(("param1",), leads_on=True, by_host=Commands._jump),
+            CommandKind(("param1",), leads_on=True, by_host=Commands._jump),
         ),
-        Command.PREFLIGHT_REBOOT_SHUTDOWN: (CommandRow(("param1",), by_host=Commands._restart),),
-        Command.SIDESTEP_SET_NAVIGATOR: (CommandRow(("param1", "param2")),),
-        Command.SIDESTEP_SET_POSE: (CommandRow(("param1", "param2"), by_host=Commands._keep_pose),),
+        Command.PREFLIGHT_REBOOT_SHUTDOWN: (CommandKind(("param1",), by_host=Commands._restart),),
+        Command.SIDESTEP_SET_NAVIGATOR: (CommandKind(("param1", "param2")),),
+        Command.SIDESTEP_SET_POSE: (
+            CommandKind(("param1", "param2"), by_host=Commands._keep_pose),
+        ),
         Command.SIDESTEP_ABORT_GOAL: (
-            CommandRow(only_stops=True, by_host=Commands._abort_mission),
+            CommandKind(only_stops=True, by_host=Commands._abort_mission),
         ),
-        Command.SIDESTEP_CLEAR_EMERGENCY_STOP: (CommandRow(is_clear=True),),
+        Command.SIDESTEP_CLEAR_EMERGENCY_STOP: (CommandKind(is_clear=True),),
     }
 )
-"""The rows of each command; the first one whose value fits holds."""
+"""The kinds of each command; it is the first one whose value fits."""
 
-NOTHING: Final = CommandRow()
+NOTHING: Final = CommandKind()
 
 
-def row_of(request: Message | None) -> CommandRow:
-    """Return what a request is; a request that is no command of the table is nothing special."""
+def kind_of(request: Message | None) -> CommandKind:
+    """Return what a request is; one that is no command of the table is nothing special."""
     if isinstance(request, GoalRequest):
-        return CommandRow(needs_operator=request.mode == Mode.GUIDED)
+        return CommandKind(needs_operator=request.mode == Mode.GUIDED)
     if not isinstance(request, CommandRequest):
         return NOTHING
-    rows = TABLE.get(request.command, (NOTHING,))
+    kinds = TABLE.get(request.command, (NOTHING,))
     return next(
-        row for row in rows if row.value is None or getattr(request, row.uses[0]) == row.value
+        kind for kind in kinds if kind.value is None or getattr(request, kind.uses[0]) == kind.value
     )
 
 
 def needs_no_lease(request: Message) -> bool:
     """Return whether a request is allowed without the lease: one that only stops, or only reads."""
-    return isinstance(request, READ_ONLY) or row_of(request).only_stops
+    return isinstance(request, READ_ONLY) or kind_of(request).only_stops
 
 
 class TeleopInput:

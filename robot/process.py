@@ -15,7 +15,7 @@ from protocol.wire.codec import Encoder
 from protocol.wire.enums import INPUT_BUDGET, INPUT_NAME_TAKEN, AckResult, Command, Severity
 from protocol.wire.messages import CommandRequest, CycleReport, Teleop
 from robot import telemetry
-from robot.commands import READ_ONLY, ack, operator_twist, row_of
+from robot.commands import READ_ONLY, ack, kind_of, operator_twist
 from robot.core import reasons
 from robot.core.brain import READ, STAGES, TICK_US
 from robot.core.values import Inputs, Outputs
@@ -257,7 +257,7 @@ class RobotProcess:
 
     def take(self, incoming: ServiceRequest) -> None:
         """Enqueue a request; thread-safe, the handler of all services."""
-        if row_of(incoming.message).is_emergency_stop:
+        if kind_of(incoming.message).is_emergency_stop:
             self._stop.press(incoming.operator, incoming.payload)
             self._wait_for_stop(incoming)  # last: the loop drops requests without a stop
             return
@@ -273,7 +273,7 @@ class RobotProcess:
     def _queue_for(self, incoming: ServiceRequest) -> SimpleQueue[ServiceRequest]:
         if self.vehicle.lease.allows(incoming.operator):
             return self._requests  # also what only stops: it must not overtake what came before
-        if not row_of(incoming.message).only_stops:
+        if not kind_of(incoming.message).only_stops:
             return self._unprivileged
         return self._halting.of(person_of(incoming.operator))
 
@@ -471,7 +471,7 @@ class RobotProcess:
         if until_ns is None or not 0 <= until_ns - self._bus.now_ns() <= MAX_VALIDITY_NS:
             return reasons.TOO_LATE
         request, vehicle = incoming.message, self.vehicle
-        if isinstance(request, CommandRequest) and row_of(request).is_clear:
+        if isinstance(request, CommandRequest) and kind_of(request).is_clear:
             is_named = request.stop_id == vehicle.commands.stop_id
             if self._is_unseen or (vehicle.stopped and not is_named):
                 return reasons.NEWER_STOP

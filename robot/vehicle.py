@@ -23,7 +23,7 @@ from protocol.wire.messages import (
     Teleop,
 )
 from robot import telemetry
-from robot.commands import Commands, TeleopInput, ack, acknowledge, needs_no_lease, row_of
+from robot.commands import Commands, TeleopInput, ack, acknowledge, kind_of, needs_no_lease
 from robot.core import modes, reasons, states
 from robot.core.brain import StageHook
 from robot.core.parameters import Params
@@ -181,12 +181,12 @@ class Vehicle:
 
         A stop is saved before the core acts on it, which may fail.
         """
-        row, kept = row_of(request), self._store.stop
-        if row.is_clear and kept.was_cleared_by(request.request_id):
+        kind, kept = kind_of(request), self._store.stop
+        if kind.is_clear and kept.was_cleared_by(request.request_id):
             return reasons.NEWER_STOP if self.stopped else reasons.OK
-        if row.is_arm and self._store.damaged and not self.stopped:
+        if kind.is_arm and self._store.damaged and not self.stopped:
             return reasons.PARAMETERS_DAMAGED
-        if row.is_emergency_stop:
+        if kind.is_emergency_stop:
             kept.keep(stopped=True)
         return None
 
@@ -199,7 +199,7 @@ class Vehicle:
         """
         if self.commands.driver != driver:
             self.teleop.clear()
-        if row_of(request).is_clear and before == states.EMERGENCY_STOP and not self.stopped:
+        if kind_of(request).is_clear and before == states.EMERGENCY_STOP and not self.stopped:
             self._store.stop.clear(request.request_id)
         self.parameters.adopt_navigator()
         if done.command == Command.SIDESTEP_SET_POSE and done.result_param2 == reasons.OK:

@@ -275,7 +275,7 @@ def _stops_need_the_lease() -> Patches:
 
     def needs_no_lease(request: Any) -> bool:
         is_read = isinstance(request, commands.READ_ONLY)
-        return is_read or bool(commands.row_of(request).is_emergency_stop)
+        return is_read or bool(commands.kind_of(request).is_emergency_stop)
 
     return {"robot.vehicle.needs_no_lease": needs_no_lease}
 

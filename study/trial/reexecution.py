@@ -44,7 +44,7 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from robot import telemetry
-from robot.commands import row_of
+from robot.commands import kind_of
 from robot.core import reasons
 from robot.core.modes import Machine
 from robot.core.parameters import Params
@@ -170,7 +170,7 @@ class RecordedDrive:
         request = self.requests.get(number)
         if request is None:
             return False
-        return isinstance(request.message, PREPARES) or row_of(request.message).is_emergency_stop
+        return isinstance(request.message, PREPARES) or kind_of(request.message).is_emergency_stop
 
     def _at_rest(self, tick: tuple[TickInputs, int]) -> bool:
         """Return whether the robot had no request to act on and no teleoperation."""

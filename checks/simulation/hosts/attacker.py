@@ -33,7 +33,7 @@ from protocol.wire.codec import Encoder, decode
 from protocol.wire.enums import Command
 from protocol.wire.message import LAYOUT, Field, Message
 from protocol.wire.messages import CommandRequest, Heartbeat, LeaseRequest, Teleop, WheelCommand
-from robot.commands import row_of
+from robot.commands import kind_of
 from runtime.units import NS_PER_MS
 
 ROBOT: Final = "sidestep/r1/"
@@ -207,7 +207,7 @@ class SimulatedAttacker:
         message = extreme(kind, random)
         if kind is CommandRequest and random.random() < 0.7:
             message = command(random.choice(tuple(Command)), random)
-        if row_of(message).is_emergency_stop:
+        if kind_of(message).is_emergency_stop:
             return
         end = random.choice((f"/{OWN_NAME}",) * 5 + ("", "/nobody"))
         frame = self._encoder.encode(message)

@@ -24,7 +24,7 @@ from protocol.wire.messages import (
     MissionVerdict,
     Teleop,
 )
-from robot.commands import row_of
+from robot.commands import kind_of
 from robot.core import reasons, states
 from robot.core.modes import Machine, goal_is_active
 from robot.lease import Holder
@@ -327,7 +327,7 @@ class RequestInvariants:
         if isinstance(request, GoalRequest) and ok and not request.from_robot:
             self._check_goal(machine, request)
         number = number_of(request)
-        if number and not row_of(request).is_emergency_stop:
+        if number and not kind_of(request).is_emergency_stop:
             self._late(number, request)
             self._acted[number].append(AnsweredRequest(now_ns, request, ok, operator))
 

@@ -35,8 +35,8 @@ from robot.commands import (
     AnswerCache,
     Commands,
     acknowledge,
+    kind_of,
     result_of,
-    row_of,
 )
 from robot.core import states
 from robot.core.parameters import DEFAULTS
@@ -160,7 +160,7 @@ def test_unnamed_operators_count_as_one() -> None:
 @each("mode", list(Mode))
 def test_a_mode_that_an_operator_watches_needs_one(mode: Mode) -> None:
     request = command(Command.DO_SET_MODE, 1.0, float(mode))
-    assert row_of(request).needs_operator == (mode in {Mode.GUIDED, Mode.MANUAL})
+    assert kind_of(request).needs_operator == (mode in {Mode.GUIDED, Mode.MANUAL})
 
 
 @each(
@@ -280,17 +280,17 @@ def test_stop_is_not_stored_with_the_answers() -> None:
 
 
 def test_only_an_emergency_stop_is_recognised_as_one() -> None:
-    assert row_of(STOP).is_emergency_stop
-    assert not row_of(CLEAR).is_emergency_stop
-    assert not row_of(goal(Command.DO_FLIGHTTERMINATION, 0.0, 0.0)).is_emergency_stop
-    assert not row_of(None).is_emergency_stop
+    assert kind_of(STOP).is_emergency_stop
+    assert not kind_of(CLEAR).is_emergency_stop
+    assert not kind_of(goal(Command.DO_FLIGHTTERMINATION, 0.0, 0.0)).is_emergency_stop
+    assert not kind_of(None).is_emergency_stop
 
 
 def test_only_a_release_is_recognised_as_one() -> None:
-    assert row_of(CLEAR).is_clear
-    assert not row_of(STOP).is_clear
-    assert not row_of(goal(Command.SIDESTEP_CLEAR_EMERGENCY_STOP, 0.0, 0.0)).is_clear
-    assert not row_of(None).is_clear
+    assert kind_of(CLEAR).is_clear
+    assert not kind_of(STOP).is_clear
+    assert not kind_of(goal(Command.SIDESTEP_CLEAR_EMERGENCY_STOP, 0.0, 0.0)).is_clear
+    assert not kind_of(None).is_clear
 
 
 # The stored answers are limited.
@@ -516,12 +516,12 @@ def test_restart_needs_a_robot_that_is_disarmed(
 
 def test_only_a_request_to_arm_arms() -> None:
     arm = Command.COMPONENT_ARM_DISARM
-    assert row_of(command(arm, 1.0)).is_arm
-    assert row_of(command(arm, 0.5)).is_arm, "as the core reads it"
-    assert not row_of(command(arm, 0.0)).is_arm
-    assert not row_of(command(Command.DO_SET_MODE, 1.0)).is_arm
-    assert not row_of(goal(1, 1.0, 1.0)).is_arm
-    assert not row_of(None).is_arm
+    assert kind_of(command(arm, 1.0)).is_arm
+    assert kind_of(command(arm, 0.5)).is_arm, "as the core reads it"
+    assert not kind_of(command(arm, 0.0)).is_arm
+    assert not kind_of(command(Command.DO_SET_MODE, 1.0)).is_arm
+    assert not kind_of(goal(1, 1.0, 1.0)).is_arm
+    assert not kind_of(None).is_arm
 
 
 FREE_COMMANDS = {
