@@ -26,7 +26,7 @@ from protocol.wire.messages import (
 from robot.core import modes, reasons, states
 from robot.core.values import Goal, Twist, goal_of, twist_of
 from robot.hosting import Core
-from robot.mission import Mission
+from robot.mission import MissionExecutor
 from runtime.units import NS_PER_MS
 
 MAX_OPERATORS: Final = 64
@@ -57,7 +57,7 @@ class Commands:
     def __init__(
         self,
         core: Core,
-        mission: Mission,
+        mission: MissionExecutor,
         is_there: Callable[[str, int], bool] = lambda _operator, _now_ms: True,
     ) -> None:
         self._core = core

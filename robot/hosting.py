@@ -69,7 +69,7 @@ NewCore: TypeAlias = Callable[[Params, Pose, tuple[int, int]], Core]
 """Returns a core from parameters, start pose and the encoder counters there."""
 
 
-class Host(Protocol):
+class CoreHost(Protocol):
     """Opens a place where the core runs, and closes it behind the block."""
 
     def __call__(self, *, lockstep: bool) -> AbstractContextManager[NewCore]:
@@ -79,7 +79,7 @@ class Host(Protocol):
         """
 
 
-HOSTS: Final[dict[str, Host]] = {}
+HOSTS: Final[dict[str, CoreHost]] = {}
 """Places besides this process, by the option that chooses each; their modules enter themselves."""
 
 

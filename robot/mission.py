@@ -86,7 +86,7 @@ CURRENT: Final = -1
 ACTIVE: Final = (MissionState.RUNNING, MissionState.HOLDING, MissionState.PAUSED)
 
 
-class Mission:
+class MissionExecutor:
     """`items` are the uploaded ones; `number` counts missions; `current` is an index from 0."""
 
     max_items = MAX_ITEMS
@@ -431,7 +431,7 @@ class ReceivedItems:
 class Transfers:
     """Answers the frames of all transfers of one robot."""
 
-    def __init__(self, mission: Mission, fence: ItemStore, kept: MissionStore) -> None:
+    def __init__(self, mission: MissionExecutor, fence: ItemStore, kept: MissionStore) -> None:
         self._mission = mission
         self._kept = kept
         self._held: dict[int, ItemStore] = {MissionType.MISSION: mission, MissionType.FENCE: fence}

@@ -23,7 +23,7 @@ from robot.emergency_stop import StopLatch, emergency_stop
 from robot.reports import Reports, SavedReplies
 from robot.senses import Senses
 from robot.telemetry import CoreInputs
-from robot.vehicle import Vehicle
+from robot.vehicle import RobotVehicle
 from runtime.clock import Clock, Tick
 from runtime.errors import LocalError
 from runtime.lockstep import LockstepLoop
@@ -179,7 +179,7 @@ class RobotProcess:
 
     def __init__(
         self,
-        vehicle: Vehicle,
+        vehicle: RobotVehicle,
         bus: Bus,
         clock: Clock,
         senses: Senses,

@@ -31,7 +31,7 @@ from robot import telemetry
 from robot.core import reasons
 from robot.core.values import Outputs, now_ms_of
 from robot.file_writer import StateFile, Ticket
-from robot.vehicle import Answer, Vehicle, not_saved, once_saved
+from robot.vehicle import Answer, RobotVehicle, not_saved, once_saved
 from runtime.units import NS_PER_MS, NS_PER_S, UINT32
 
 SIGN_OF_LIFE_NS: Final = 300 * NS_PER_MS
@@ -91,7 +91,7 @@ class Reports:
         )
         self._commands = (self._commands + 1) & UINT32
 
-    def tick(self, vehicle: Vehicle, outputs: Outputs, stamp_ns: int, now_ns: int) -> None:
+    def tick(self, vehicle: RobotVehicle, outputs: Outputs, stamp_ns: int, now_ns: int) -> None:
         """Publish the pose, the state, the navigation decision, and the cost on a board."""
         self.odometry.put(telemetry.odometry(vehicle.state, stamp_ns))
         self.state(vehicle, stamp_ns, now_ns)
@@ -100,7 +100,7 @@ class Reports:
         if board is not None:
             self.mcu.put(board)
 
-    def state(self, vehicle: Vehicle, stamp_ns: int, now_ns: int) -> None:
+    def state(self, vehicle: RobotVehicle, stamp_ns: int, now_ns: int) -> None:
         """Publish vehicle, mode and goal."""
         commands, now_ms = vehicle.commands, now_ms_of(now_ns)
         status = telemetry.status(
@@ -108,7 +108,7 @@ class Reports:
         )
         self.status.put(status)
 
-    def events(self, vehicle: Vehicle, stamp_ns: int, now_ns: int) -> None:
+    def events(self, vehicle: RobotVehicle, stamp_ns: int, now_ns: int) -> None:
         """Publish what is independent of ticks: heartbeat, lease, mission and new texts."""
         self._beat(vehicle, now_ns)
         lease = vehicle.lease_status(stamp_ns, now_ns)
@@ -120,7 +120,7 @@ class Reports:
         for text in vehicle.texts():
             self.text.put(text)
 
-    def _beat(self, vehicle: Vehicle, now_ns: int) -> None:
+    def _beat(self, vehicle: RobotVehicle, now_ns: int) -> None:
         """Publish a due heartbeat; with a slow or paused simulated time, also in wall time."""
         beat, wall_ns = vehicle.heartbeat(now_ns), self._now_ns()
         if beat is None and wall_ns - self._beat_ns >= SIGN_OF_LIFE_NS:
@@ -167,7 +167,7 @@ class SavedReplies:
     Meanwhile the requested change is already in force.
     """
 
-    def __init__(self, vehicle: Vehicle) -> None:
+    def __init__(self, vehicle: RobotVehicle) -> None:
         self._vehicle = vehicle
         self._withheld: list[WithheldReply] = []
         self._stalled: dict[StateFile, tuple[int, int]] = {}

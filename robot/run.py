@@ -45,7 +45,7 @@ from robot.process import CycleMeter, RobotProcess, summary_of
 from robot.senses import Senses
 from robot.stop_listener import StopListener
 from robot.storage import STOPPED, PreviousRun, Store, own
-from robot.vehicle import Vehicle
+from robot.vehicle import RobotVehicle
 from runtime import config
 from runtime.cli.parsers import new_parser
 from runtime.clock import SLACK, Pulse, PulseSource, Tick, WallClock, freeze_heap, ticks
@@ -178,7 +178,7 @@ def epoch() -> int:
 
 
 def run(
-    vehicle: Vehicle, network: Network, robot: str, options: Options, previous: PreviousRun
+    vehicle: RobotVehicle, network: Network, robot: str, options: Options, previous: PreviousRun
 ) -> int:
     """Run until stopped and return 0; raise NameTakenError, or the error that ended the core."""
     network = replace(network, patient=options.lockstep)
@@ -227,7 +227,9 @@ def has_free_port(endpoint: str) -> bool:
     return endpoint.partition("#")[0].partition("?")[0].endswith(":0")
 
 
-def report_previous_run(vehicle: Vehicle, robot: str, previous: PreviousRun, after: str) -> None:
+def report_previous_run(
+    vehicle: RobotVehicle, robot: str, previous: PreviousRun, after: str
+) -> None:
     """Report how the previous run ended, if abnormally."""
     before = previous.begin(after)
     if before:
@@ -242,14 +244,16 @@ def log_line(line: str) -> None:
 
 
 def by_the_wall_clock(
-    vehicle: Vehicle, bus: Bus, watchdog: Watchdog
+    vehicle: RobotVehicle, bus: Bus, watchdog: Watchdog
 ) -> tuple[RobotProcess, Callable[[], None]]:
     """Return a process and the function that runs it until it is stopped."""
     process, grid = in_wall_time(vehicle, bus, epoch())
     return process, partial(process.run, watchdog.reset_by(grid))
 
 
-def in_wall_time(vehicle: Vehicle, bus: Bus, epoch: int) -> tuple[RobotProcess, Iterator[Tick]]:
+def in_wall_time(
+    vehicle: RobotVehicle, bus: Bus, epoch: int
+) -> tuple[RobotProcess, Iterator[Tick]]:
     """Return a process and ticks that are phase-locked to arriving scans."""
     clock, pulse = WallClock(), Pulse()
     senses = Senses(bus, lockstep=False, beat=pulse.beat, accept=vehicle.lease.allows)
@@ -262,7 +266,7 @@ def in_wall_time(vehicle: Vehicle, bus: Bus, epoch: int) -> tuple[RobotProcess, 
 
 
 def in_lockstep(
-    vehicle: Vehicle, bus: Bus, watchdog: Watchdog, *, blocking: bool = False
+    vehicle: RobotVehicle, bus: Bus, watchdog: Watchdog, *, blocking: bool = False
 ) -> tuple[RobotProcess, Callable[[], None]]:
     """Return a process that the plant's clock drives, and the function that runs it.
 
@@ -311,7 +315,7 @@ def on_signal(stop: Callable[[], None]) -> None:
         signal.signal(number, lambda *_: stop())
 
 
-def apply_options(vehicle: Vehicle, options: Options) -> None:
+def apply_options(vehicle: RobotVehicle, options: Options) -> None:
     """Freeze the heap and use real-time scheduling as chosen; report each failure and go on.
 
     Call this last, when all objects that stay have been created.
@@ -328,7 +332,7 @@ BOARD: Final = "--mcu"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
+class RobotSettings:
     """Settings of a `--config` file: the robot's name, the network and the parameters."""
 
     robot: str = "r1"
@@ -339,7 +343,9 @@ class Settings:
 def main(argv: Sequence[str]) -> int:
     """Run the robot; return 0 after a normal stop, 1 after a failure and 2 for bad settings."""
     arguments = parser().parse_args(numbers_kept(argv))
-    settings = config.load_shared(arguments.config, Settings) if arguments.config else Settings()
+    settings = (
+        config.load_shared(arguments.config, RobotSettings) if arguments.config else RobotSettings()
+    )
     network = network_of(arguments, settings.network, listens=True)
     name = robot_name(arguments.id or settings.robot)
     if arguments.stop_at:
@@ -443,10 +449,10 @@ def add_start_options(parser: argparse.ArgumentParser) -> None:
 
 def vehicle_of(
     arguments: argparse.Namespace,
-    settings: Settings,
+    settings: RobotSettings,
     store: Store,
     new_core: NewCore = InProcessCore,
-) -> Vehicle:
+) -> RobotVehicle:
     """Return a vehicle with the parameters of all sources.
 
     Later sources override earlier ones: defaults, configuration file, values saved by an operator,
@@ -458,7 +464,7 @@ def vehicle_of(
     params = adjusted(params, dict(arguments.param), "--param")
     x_m, y_m, heading_deg = arguments.start
     start, totals = Pose(x_m, y_m, radians(heading_deg)), tuple(arguments.encoders)
-    vehicle = Vehicle(params, store, start, configured, totals, new_core)
+    vehicle = RobotVehicle(params, store, start, configured, totals, new_core)
     for warning in warnings:
         vehicle.announce(Severity.WARNING, warning)
     return vehicle

@@ -12,7 +12,7 @@ from protocol.bus.mailbox import Origin
 from protocol.topics import OPERATOR, SONAR, TELEOP, WHEELS
 from protocol.wire.messages import SonarScan, WheelTicks
 from robot.core.values import Inputs, Scan, Wheels, now_ms_of, scan_of, wheels_of
-from robot.vehicle import Vehicle
+from robot.vehicle import RobotVehicle
 from runtime.clock import Tick
 from runtime.lockstep import LockstepClock
 from runtime.sequence import MAX_LATE_NS, MAX_LATE_TICKS, Order, order_of
@@ -104,7 +104,7 @@ class Senses:
         self.stamp_ns = self.sequence = self.ping_age_us = 0
         self.wheels_seq = self.scan_seq = self.scan_age_ms = 0
 
-    def read(self, tick: Tick, now_ns: int, vehicle: Vehicle) -> Inputs:
+    def read(self, tick: Tick, now_ns: int, vehicle: RobotVehicle) -> Inputs:
         """Return the inputs of this tick, with None for a missing or stale sensor."""
         self._receive_operator(vehicle, now_ns)
         arrived = self._wheels.latest()
@@ -166,7 +166,7 @@ class Senses:
                 self.stamp_ns = stamp_ns
             self.sequence = scan.seq
 
-    def _receive_operator(self, vehicle: Vehicle, now_ns: int) -> None:
+    def _receive_operator(self, vehicle: RobotVehicle, now_ns: int) -> None:
         """Pass on the newest heartbeat and teleop frame of each program that may command."""
         for _, origin in self._operator.received():
             if self._is_accepted(origin, vehicle):
@@ -176,7 +176,7 @@ class Senses:
                 sent_ns = self._sent_ns(origin, now_ns)
                 vehicle.receive_teleop(teleop, sent_ns, origin.sender)
 
-    def _is_accepted(self, origin: Origin, vehicle: Vehicle) -> bool:
+    def _is_accepted(self, origin: Origin, vehicle: RobotVehicle) -> bool:
         """Return whether a frame is in time and from an operator that may command now."""
         sent_ns, arrived_ns = origin.sent_ns, origin.arrived_ns
         if not origin.sender or sent_ns is None or not vehicle.lease.allows(origin.sender):

@@ -35,7 +35,7 @@ from robot.core import reasons, states
 from robot.core.modes import Machine
 from robot.core.state import State
 from robot.core.values import Inputs, Outputs
-from robot.mission import Mission
+from robot.mission import MissionExecutor
 from runtime.units import NS_PER_MS, UINT32
 
 UNKNOWN_SPREAD: Final = (nan,) * 6
@@ -194,7 +194,7 @@ REPORTED_GOALS: Final = frozenset(
 class ChangeLog:
     """Report what has changed in the machine and the mission since the last call."""
 
-    def __init__(self, machine: Machine, mission: Mission) -> None:
+    def __init__(self, machine: Machine, mission: MissionExecutor) -> None:
         self._machine = machine
         self._mission = mission
         self._progress = (mission.number, mission.state, mission.current)

@@ -36,7 +36,7 @@ from robot.hosting import ORIGIN, InProcessCore, NewCore
 from robot.lease import Lease
 from robot.mission import (
     FenceItems,
-    Mission,
+    MissionExecutor,
     MissionStore,
     TransferReply,
     TransferRequest,
@@ -55,7 +55,7 @@ HEARTBEAT_NS: Final = 200_000_000
 SLOW_NS: Final = 500_000_000
 
 
-class Vehicle:
+class RobotVehicle:
     """Sans-I/O: takes requests and sensor data, returns answers, wheel speeds and texts.
 
     Time is passed in. `configured` bounds the safety parameters; by default the initial parameters
@@ -76,7 +76,7 @@ class Vehicle:
         self.state: State = self.core.state
         self.lease = Lease()
         self.teleop = TeleopInput()
-        self.mission = Mission(self.core)
+        self.mission = MissionExecutor(self.core)
         self.commands = Commands(self.core, self.mission, self._is_there)
         self.parameters = ParameterService(self.core, store, configured or params)
         self._store = store

@@ -23,7 +23,7 @@ from protocol.wire.messages import MissionCount, MissionVerdict, ParamSet, Param
 from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
 from robot.storage import Store
-from robot.vehicle import Vehicle
+from robot.vehicle import RobotVehicle
 from runtime import files
 
 
@@ -54,7 +54,7 @@ def run(fault: str, way: str, number: int, disk: ReorderingDisk | None = None) -
     """Cut the power once; the repetition has `reached` when all acknowledged changes are there."""
     disk, random = disk or ReorderingDisk(), Random(f"{fault} {number}")
     with patch.object(files, "os", disk), TemporaryDirectory() as folder:
-        changes = make_changes(Vehicle(DEFAULTS, Store(HOME)), disk, random)
+        changes = make_changes(RobotVehicle(DEFAULTS, Store(HOME)), disk, random)
         cut = random.randrange(len(disk.cuts))
         answered, before = [one for one in changes if one[0] <= cut + 1][-1]
         under_way = next((state for operations, state in changes if operations > cut + 1), before)
@@ -68,7 +68,7 @@ def run(fault: str, way: str, number: int, disk: ReorderingDisk | None = None) -
 
 
 def make_changes(
-    vehicle: Vehicle, disk: ReorderingDisk, random: Random
+    vehicle: RobotVehicle, disk: ReorderingDisk, random: Random
 ) -> list[tuple[int, SavedState]]:
     """Make changes; return each state with the number of disk operations until its answer."""
     state = SavedState()
@@ -82,14 +82,14 @@ def make_changes(
     return changes
 
 
-def set_value(vehicle: Vehicle, value: float) -> None:
+def set_value(vehicle: RobotVehicle, value: float) -> None:
     """Set the parameter."""
     answer = vehicle.receive(ParamSet(param_id=TUNED, param_value=value, param_type=9), 0)
     if not isinstance(answer, ParamValue):
         raise RuntimeError(f"the robot did not set {TUNED}: {answer}")
 
 
-def upload_fence(vehicle: Vehicle, radius_m: float) -> None:
+def upload_fence(vehicle: RobotVehicle, radius_m: float) -> None:
     """Upload a round fence."""
     (fence,) = fence_items_of(Circle(x_m=0.0, y_m=0.0, radius_m=radius_m))
     vehicle.receive(MissionCount(count=1, mission_type=MissionType.FENCE), 0)
@@ -103,7 +103,7 @@ def found_in(state: State, folder: Path) -> SavedState:
     with restarted(state, folder):
         store = Store(folder / str(HOME).removeprefix("/"))
         params, _ = store.load(DEFAULTS)
-        vehicle = Vehicle(params, store)
+        vehicle = RobotVehicle(params, store)
         vehicle.restore()
     fence = vehicle.state.machine.fence
     return SavedState(params.d_obs_m, 0.0 if fence is None else fence.radius_m)

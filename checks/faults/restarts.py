@@ -37,14 +37,13 @@ from protocol.bus.bus import Bus
 from protocol.bus.session import listens
 from protocol.topics import STATUS, TEXT, TRUTH
 from protocol.wire.codec import decode
-from protocol.wire.enums import Command
-from protocol.wire.enums import Vehicle as VehicleState
+from protocol.wire.enums import Command, Vehicle
 from protocol.wire.messages import CommandRequest, NavigatorStatus
 from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
 from robot.emergency_stop import SAVED, emergency_stop
 from robot.storage import Store
-from robot.vehicle import Vehicle
+from robot.vehicle import RobotVehicle
 from runtime import files
 from runtime.clock import WallClock
 from runtime.errors import RemoteError
@@ -238,7 +237,7 @@ class StopWitness:
         refused = perform(Arm(), self._session)
         reason = refused.reason if isinstance(refused, Refused) else Reason.NONE
         status = self._status
-        is_stopped = status is not None and status.vehicle == VehicleState.EMERGENCY_STOP
+        is_stopped = status is not None and status.vehicle == Vehicle.EMERGENCY_STOP
         return is_stopped and reason == Reason.EMERGENCY_STOPPED
 
     def release(self) -> None:
@@ -264,7 +263,7 @@ def held_after_cut(number: int) -> bool:
     """
     random, disk = Random(f"stop {number}"), ReorderingDisk()
     with patch.object(files, "os", disk), TemporaryDirectory() as folder:
-        vehicle = Vehicle(DEFAULTS, Store(HOME))
+        vehicle = RobotVehicle(DEFAULTS, Store(HOME))
         for request_id in range(random.randrange(3)):
             vehicle.receive(emergency_stop(request_id), 0)
             vehicle.receive(clearing(request_id), 0)
@@ -289,6 +288,6 @@ def clearing(request_id: int) -> CommandRequest:
 def is_stopped_after(state: State, folder: Path) -> bool:
     """Return whether a robot that is started after a power cut is stopped."""
     with restarted(state, folder):
-        vehicle = Vehicle(DEFAULTS, Store(folder / str(HOME).removeprefix("/")))
+        vehicle = RobotVehicle(DEFAULTS, Store(folder / str(HOME).removeprefix("/")))
         vehicle.restore()
     return vehicle.stopped

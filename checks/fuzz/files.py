@@ -64,7 +64,7 @@ from protocol.wire.messages import MissionItemInt
 from protocol.world import as_json
 from robot.core.parameters import DEFAULTS
 from robot.parameter_table import adjusted, described
-from robot.run import Settings
+from robot.run import RobotSettings
 from robot.run import parser as robot_parser
 from robot.storage import FILE_NAME, Store
 from runtime.cli.parsers import parser_of
@@ -115,7 +115,7 @@ WANTED: Final = {"worlds": {"box": "1"}, "code": "2", "seeds": 3}
 def settings(path: Path) -> None:
     """Read a settings file and its parameters."""
     load_shared(path, Config)
-    adjusted(DEFAULTS, load_shared(path, Settings).parameters, str(path))
+    adjusted(DEFAULTS, load_shared(path, RobotSettings).parameters, str(path))
 
 
 def calibration(path: Path) -> None:

@@ -78,7 +78,7 @@ from robot.hosting import InProcessCore
 from robot.parameter_service import ParameterService
 from robot.parameter_table import described
 from robot.storage import Store
-from robot.vehicle import Vehicle
+from robot.vehicle import RobotVehicle
 from runtime.clock import ManualClock
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS, NS_PER_S, PERIOD_MS
@@ -224,7 +224,7 @@ def sample(data: bytes, _: Path) -> None:
 
 def requests(data: bytes, _: Path) -> None:
     """Answer requests with messages that can be sent, and step the robot."""
-    vehicle, now_ns = Vehicle(DEFAULTS, Store(None)), 0
+    vehicle, now_ns = RobotVehicle(DEFAULTS, Store(None)), 0
     encoder = Encoder(1, 1)
     for place, piece in enumerate(pieces(data)):
         now_ns += PERIOD_MS * NS_PER_MS
@@ -239,7 +239,7 @@ def requests(data: bytes, _: Path) -> None:
             check(message)
 
 
-def published_by(vehicle: Vehicle, now_ns: int) -> list[Message]:
+def published_by(vehicle: RobotVehicle, now_ns: int) -> list[Message]:
     """Return the messages that a robot publishes."""
     found = [
         vehicle.heartbeat(now_ns),
@@ -252,7 +252,7 @@ def published_by(vehicle: Vehicle, now_ns: int) -> list[Message]:
 
 def senses(data: bytes, _: Path) -> None:
     """Step a driving robot with any senses."""
-    vehicle, now_ms = Vehicle(DEFAULTS, Store(None)), 0
+    vehicle, now_ms = RobotVehicle(DEFAULTS, Store(None)), 0
     scan, wheels = CLEAR, STILL
     for piece in pieces(packed(SCAN, ARM, GOAL) + data):
         now_ms += piece.after_ns // NS_PER_MS

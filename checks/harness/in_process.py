@@ -44,8 +44,7 @@ from protocol.topics import (
     Topic,
 )
 from protocol.wire.codec import decode
-from protocol.wire.enums import Command, GoalState, Mode, Navigator
-from protocol.wire.enums import Vehicle as VehicleState
+from protocol.wire.enums import Command, GoalState, Mode, Navigator, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, GoalRequest, GroundTruth, NavigatorStatus, Statustext
 from protocol.wire.reasons import Reason
@@ -57,7 +56,7 @@ from robot.parameter_table import with_value
 from robot.process import CycleMeter, RobotProcess
 from robot.senses import Senses
 from robot.storage import Store
-from robot.vehicle import Vehicle
+from robot.vehicle import RobotVehicle
 from runtime.clock import ManualClock, Tick
 from runtime.config import start_totals
 from runtime.units import NS_PER_MS, NS_PER_S, PERIOD_NS
@@ -157,7 +156,7 @@ class Peers:
     def _start_robot(self) -> None:
         bus = self._open("robot", Role.ROBOT)
         start = self.world.start
-        self.vehicle = Vehicle(
+        self.vehicle = RobotVehicle(
             self._params,
             Store(None),
             Pose(start.x_m, start.y_m, start.heading_rad),
@@ -412,9 +411,9 @@ class InProcess(Peers):
         return GoalState(self.vehicle.state.machine.goal_state)
 
     @property
-    def state(self) -> VehicleState:
+    def state(self) -> Vehicle:
         """The state of the vehicle."""
-        return VehicleState(self.vehicle.state.machine.vehicle)
+        return Vehicle(self.vehicle.state.machine.vehicle)
 
     @property
     def why(self) -> Reason:

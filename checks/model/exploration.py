@@ -57,7 +57,7 @@ from protocol.wire.messages import CommandRequest, LeaseRequest
 from robot.core import modes, reasons, states
 from robot.core.modes import Machine
 from robot.core.safety.failsafe import ROWS
-from robot.mission import Mission
+from robot.mission import MissionExecutor
 from runtime.units import NS_PER_MS
 
 SENDERS: Final = {speed_mm_s: operator for operator, speed_mm_s in SPEED_MM_S.items()}
@@ -138,7 +138,7 @@ def abstract(world: ModelWorld) -> Abstract:
     )
 
 
-def goal_of(machine: Machine, mission: Mission) -> str:
+def goal_of(machine: Machine, mission: MissionExecutor) -> str:
     """Return the state of the goal; its end matters only to a mission under way."""
     if modes.goal_is_active(machine):
         return LIVE
@@ -149,7 +149,7 @@ def goal_of(machine: Machine, mission: Mission) -> str:
     return GoalState(machine.goal_state).name
 
 
-def leg_of(machine: Machine, mission: Mission) -> str:
+def leg_of(machine: Machine, mission: MissionExecutor) -> str:
     """Return the progress of a mission with its item; it ends when the goal was replaced."""
     if not mission.active:
         return ""

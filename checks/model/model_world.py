@@ -31,7 +31,7 @@ from robot.core.state import State
 from robot.core.values import Inputs, Outputs, Pose
 from robot.senses import Senses
 from robot.storage import Store
-from robot.vehicle import Answer, Vehicle
+from robot.vehicle import Answer, RobotVehicle
 from runtime.clock import Tick
 from runtime.units import NS_PER_MS, PERIOD_NS
 
@@ -235,7 +235,7 @@ class ModelWorld:
     """A robot that stays in place: encoders follow the commands, the pose is reset each tick."""
 
     def __init__(self) -> None:
-        self.vehicle = Vehicle(PARAMS, Store(None), START)
+        self.vehicle = RobotVehicle(PARAMS, Store(None), START)
         self.boxes = MailboxBus()
         accept = self.vehicle.lease.allows
         self.senses = Senses(cast(Bus, self.boxes), lockstep=False, accept=accept)

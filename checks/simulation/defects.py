@@ -138,10 +138,10 @@ def _mission_to_auto() -> Patches:
         found = int(original(self))
         return reasons.OK if guided and found == reasons.OPERATOR_LOST else found
 
-    original = import_module("robot.mission").Mission._end
+    original = import_module("robot.mission").MissionExecutor._end
     return {
-        "robot.mission.Mission._mode": lambda self: states.AUTO,
-        "robot.mission.Mission._end": end,
+        "robot.mission.MissionExecutor._mode": lambda self: states.AUTO,
+        "robot.mission.MissionExecutor._end": end,
     }
 
 
@@ -255,18 +255,20 @@ def _overtaken_clear() -> Patches:
 
 def _any_program_drives() -> Patches:
     """Let a drive go on while any program of the person is there."""
-    age_ms = import_module("robot.vehicle").Vehicle._age_ms
-    return {"robot.vehicle.Vehicle.operator_age_ms": lambda self, now_ns: age_ms(self, "", now_ns)}
+    age_ms = import_module("robot.vehicle").RobotVehicle._age_ms
+    return {
+        "robot.vehicle.RobotVehicle.operator_age_ms": lambda self, now_ns: age_ms(self, "", now_ns)
+    }
 
 
 def _any_program_steers() -> Patches:
     """Take teleop frames of every program of the person."""
-    original = import_module("robot.vehicle").Vehicle.receive_teleop
+    original = import_module("robot.vehicle").RobotVehicle.receive_teleop
 
     def receive_teleop(self: Any, teleop: Any, sent_ns: int, _operator: str) -> None:
         original(self, teleop, sent_ns, self.commands.driver)
 
-    return {"robot.vehicle.Vehicle.receive_teleop": receive_teleop}
+    return {"robot.vehicle.RobotVehicle.receive_teleop": receive_teleop}
 
 
 def _stops_need_the_lease() -> Patches:
@@ -348,7 +350,7 @@ DEFECTS: Final[dict[str, Defect]] = {
     "D-fence": Defect("the fence's failsafe is inverted", _fence_inside_out),
     "early": Defect(
         "a change is acknowledged before it is saved",
-        lambda: {"robot.vehicle.Vehicle.saving": lambda self, request, answer: None},
+        lambda: {"robot.vehicle.RobotVehicle.saving": lambda self, request, answer: None},
     ),
     "d1": Defect("the latch is not read between two ticks in lockstep", _stop_waits_for_a_tick),
     "d2": Defect("old ticks are answered, and the answers last", _old_ticks),

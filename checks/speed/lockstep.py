@@ -40,7 +40,7 @@ from protocol.bus.mailbox import Mailbox
 from protocol.bus.publisher import Publisher
 from protocol.topics import CLOCK, DRIVE
 from robot.process import RobotProcess
-from robot.vehicle import Vehicle
+from robot.vehicle import RobotVehicle
 from runtime.units import NS_PER_US
 from study.trial.trial import Trial, run_trial
 
@@ -341,7 +341,7 @@ def run_probed(arguments: list[str]) -> None:
     watch(Process, "publish", "publish", "published")
     watch(Process, "advance", "advance")
     watch(RobotProcess, "cycle", "cycle", "cycled")
-    watch(Vehicle, "step", "step", "stepped")
+    watch(RobotVehicle, "step", "step", "stepped")
     watch_topics(Publisher, "put_frame", "put", "sent")
     watch_topics(Mailbox, "store", "arrived", "stored")
     sys.argv = ["sidestep", *words]

@@ -50,7 +50,7 @@ from robot.core.modes import Machine
 from robot.core.parameters import Params
 from robot.core.values import Inputs, Outputs, Pose, scan_of, twist_of, wheels_of
 from robot.storage import Store
-from robot.vehicle import Vehicle
+from robot.vehicle import RobotVehicle
 from runtime.errors import RemoteError, UserError
 from runtime.sequence import MAX_LATE_TICKS, Order, order_of
 from runtime.units import NS_PER_MS, NS_PER_S
@@ -284,7 +284,7 @@ class Reexecution:
         """Create the robot; with `other`, requests that choose a navigator are skipped."""
         self._recorded = recorded
         self._other = other
-        self._vehicle = Vehicle(params, Store(None), start, totals=totals)
+        self._vehicle = RobotVehicle(params, Store(None), start, totals=totals)
         self._vehicle.parameters.configured = None  # refusals that depend on it are skipped
         if recorded.fence_lost:
             self._vehicle.core.lose_fence()

@@ -31,7 +31,7 @@ from robot import telemetry
 from robot.core.parameters import Params
 from robot.core.values import Inputs, Outputs, Pose, scan_of, twist_of, wheels_of
 from robot.storage import Store
-from robot.vehicle import Vehicle
+from robot.vehicle import RobotVehicle
 from study.cli.reexecute import params_of, start_of
 from study.trial.reexecution import (
     RecordedDrive,
@@ -75,9 +75,9 @@ class Tape:
 
 def again(
     tape: Tape, heard: Heard, params: Params, start: Pose
-) -> Iterator[tuple[TickInputs, Vehicle, Outputs]]:
+) -> Iterator[tuple[TickInputs, RobotVehicle, Outputs]]:
     """Repeat the run, without a plant, an operator or a bus."""
-    vehicle = Vehicle(params, Store(None), start)
+    vehicle = RobotVehicle(params, Store(None), start)
     wheels = {one.seq: one for one in tape.of(WheelTicks)}
     scans = {one.seq: one for one in tape.of(SonarScan)}
     requests, done = tape.requests(), 0
@@ -137,7 +137,7 @@ def compare(tape: Tape, params: Params, start: Pose) -> None:
 
 
 def said_again(
-    given: TickInputs, vehicle: Vehicle, outputs: Outputs, sent: Message
+    given: TickInputs, vehicle: RobotVehicle, outputs: Outputs, sent: Message
 ) -> list[Message]:
     """Return the messages of a tick, with the counters of the command that was sent."""
     at_ns = given.time_ns

@@ -43,7 +43,7 @@ from robot.core.parameters import DEFAULTS
 from robot.process import MAX_WAITING, CycleMeter, RobotProcess
 from robot.senses import Senses
 from robot.storage import Store
-from robot.vehicle import Vehicle as RobotVehicle
+from robot.vehicle import RobotVehicle
 from runtime.clock import Tick, WallClock
 from runtime.units import PERIOD_NS
 from tests.support.attacker import EVE, Attacker, Reply, answered, attacked, order

@@ -401,7 +401,7 @@ def test_the_robot_accepts_the_configuration_of_the_reference(tmp_path: Path) ->
     text = toml_of("docs/reference/configuration.md")
     file = tmp_path / "stack.toml"
     file.write_text(text)
-    settings = config.load_shared(file, robot_cli.Settings)
+    settings = config.load_shared(file, robot_cli.RobotSettings)
     assert settings.robot == "r1"
     assert settings.network is not None
     assert set(settings.parameters) <= set(SPECS)

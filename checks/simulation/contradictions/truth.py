@@ -19,8 +19,7 @@ from checks.simulation.hosts.virtual_time import Argument, Host, Scheduler
 from plant.sim.simulation import Plant
 from protocol.topics import STATUS, STOP, STOP_SERVICE
 from protocol.wire.codec import decode
-from protocol.wire.enums import AckResult, Command, GoalState, MissionState, Mode
-from protocol.wire.enums import Vehicle as VehicleState
+from protocol.wire.enums import AckResult, Command, GoalState, MissionState, Mode, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandAck,
@@ -29,7 +28,7 @@ from protocol.wire.messages import (
     MissionVerdict,
     NavigatorStatus,
 )
-from robot.vehicle import Answer, Vehicle
+from robot.vehicle import Answer, RobotVehicle
 from runtime.clock import Tick
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS
@@ -63,12 +62,12 @@ class RobotRow(NamedTuple):
     @property
     def is_armed(self) -> bool:
         """Whether the wheels may turn."""
-        return self.vehicle == VehicleState.ACTIVE
+        return self.vehicle == Vehicle.ACTIVE
 
     @property
     def is_stopped(self) -> bool:
         """Whether the emergency stop is latched."""
-        return self.vehicle == VehicleState.EMERGENCY_STOP
+        return self.vehicle == Vehicle.EMERGENCY_STOP
 
     @property
     def has_goal(self) -> bool:
@@ -187,13 +186,15 @@ class Truth:
         """Note a start of the robot's process."""
         self.restarts_ns.append(self.now_ns)
 
-    def restored(self, vehicle: Vehicle) -> None:
+    def restored(self, vehicle: RobotVehicle) -> None:
         """Have no rules about files."""
 
     def held_up(self, until_ns: int) -> None:
         """Have no faults of the robot's timing."""
 
-    def received(self, vehicle: Vehicle, request: Message, answer: Answer, operator: str) -> None:
+    def received(
+        self, vehicle: RobotVehicle, request: Message, answer: Answer, operator: str
+    ) -> None:
         """Note a request that the robot has answered."""
         before = self.rows[-1] if self.rows else self._row(vehicle)
         after = self._row(vehicle)
@@ -210,7 +211,7 @@ class Truth:
         if side.vehicle is not None:
             self.rows.append(self._row(side.vehicle))
 
-    def _row(self, vehicle: Vehicle) -> RobotRow:
+    def _row(self, vehicle: RobotVehicle) -> RobotRow:
         machine, commands, plant = vehicle.state.machine, vehicle.commands, self.plant()
         truth = None if plant is None else plant.truth()
         holder: Any = vehicle.lease.holder

@@ -21,7 +21,7 @@ from robot.core.values import Pose
 from robot.file_writer import WriterThread
 from robot.process import RobotProcess
 from robot.storage import Store
-from robot.vehicle import Answer, Vehicle
+from robot.vehicle import Answer, RobotVehicle
 from runtime.clock import Clock, Tick
 
 SETTLES_NS: Final = 300_000_000
@@ -38,10 +38,12 @@ class RobotObserver(Protocol):
     def robot_started(self) -> None:
         """Receive the start of the process."""
 
-    def received(self, vehicle: Vehicle, request: Message, answer: Answer, operator: str) -> None:
+    def received(
+        self, vehicle: RobotVehicle, request: Message, answer: Answer, operator: str
+    ) -> None:
         """Receive a request and its answer."""
 
-    def restored(self, vehicle: Vehicle) -> None:
+    def restored(self, vehicle: RobotVehicle) -> None:
         """Receive the vehicle with its restored files."""
 
     def cycled(self, side: "RobotSide", tick: Tick) -> None:
@@ -51,7 +53,7 @@ class RobotObserver(Protocol):
         """Receive the time until which the process is delayed."""
 
 
-class ObservedVehicle(Vehicle):
+class ObservedVehicle(RobotVehicle):
     """The real vehicle, whose requests and answers are passed to an observer."""
 
     observer: RobotObserver

@@ -28,7 +28,7 @@ from robot.commands import kind_of
 from robot.core import reasons, states
 from robot.core.modes import Machine, goal_is_active
 from robot.lease import Holder
-from robot.vehicle import Answer, Vehicle
+from robot.vehicle import Answer, RobotVehicle
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS
 
@@ -146,7 +146,7 @@ class CommandingInvariants:
         self._seen.clear()
         self._certain = 0
 
-    def judge(self, vehicle: "Vehicle") -> None:
+    def judge(self, vehicle: "RobotVehicle") -> None:
         """Check at a command to move that the required operator is present."""
         facts, machine, now_ns = self._facts, vehicle.state.machine, self._facts.now_ns
         manual = machine.mode == states.MANUAL
@@ -175,12 +175,12 @@ class CommandingInvariants:
                 f"the robot drives; its newest teleop frame expired {words}",
             )
 
-    def beaten_ns(self, vehicle: "Vehicle") -> int:
+    def beaten_ns(self, vehicle: "RobotVehicle") -> int:
         """Return when the newest valid heartbeat that reached the robot was sent."""
         self._follow(vehicle)
         return self._newest(self._beat_ns)
 
-    def _follow(self, vehicle: "Vehicle") -> None:
+    def _follow(self, vehicle: "RobotVehicle") -> None:
         """Follow the holder of the lease."""
         holder = vehicle.lease.holder
         if holder != self._holder:
@@ -221,7 +221,7 @@ class CommandingInvariants:
                 f"the robot drives, for {idle_ns // NS_PER_MS} ms without a goal in {mode}",
             )
 
-    def cycled(self, vehicle: "Vehicle") -> None:
+    def cycled(self, vehicle: "RobotVehicle") -> None:
         """Check after each tick of the robot."""
         facts, holder, machine = self._facts, vehicle.lease.holder, vehicle.state.machine
         self._want(machine)
@@ -293,7 +293,9 @@ class RequestInvariants:
         self.commanded = False
         """True if a command was accepted since the last tick."""
 
-    def received(self, vehicle: Vehicle, request: Message, answer: Answer, operator: str) -> None:
+    def received(
+        self, vehicle: RobotVehicle, request: Message, answer: Answer, operator: str
+    ) -> None:
         """Record and check an answered request."""
         facts, machine, now_ns = self._facts, vehicle.state.machine, self._facts.now_ns
         ok = accepted(answer)
@@ -516,7 +518,7 @@ class ClientInvariants:
             late_ms = (stop_ns - clear_ns) // NS_PER_MS
             facts.fail(RELEASED, f"by a client's clear that arrived {late_ms} ms before a stop")
 
-    def cycled(self, vehicle: Vehicle) -> None:
+    def cycled(self, vehicle: RobotVehicle) -> None:
         """Check after each tick that a robot that needs its operator has not lost the client."""
         facts, machine, holder = self._facts, vehicle.state.machine, vehicle.lease.holder
         needs = machine.mode == states.MANUAL or (

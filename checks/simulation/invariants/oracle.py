@@ -22,13 +22,12 @@ from checks.simulation.invariants.persistence import PersistenceInvariants, Stop
 from checks.simulation.invariants.robot_loop import LoopInvariants, WheelInvariants
 from plant.sim.simulation import Plant
 from protocol.topics import STATUS
-from protocol.wire.enums import Mode
-from protocol.wire.enums import Vehicle as VehicleState
+from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.reasons import Reason
 from robot.core import states
 from robot.core.modes import Machine
-from robot.vehicle import Answer, Vehicle
+from robot.vehicle import Answer, RobotVehicle
 from runtime.clock import Tick
 
 FORGED_NS = 1_000_000_000
@@ -107,12 +106,14 @@ class Oracle:
         self.presence.robot_started()
         self.stops.robot_started()
 
-    def restored(self, vehicle: Vehicle) -> None:
+    def restored(self, vehicle: RobotVehicle) -> None:
         """Check the state that a robot has restored."""
         self.keeping.restored(vehicle)
         self.stops.restored(vehicle)
 
-    def received(self, vehicle: Vehicle, request: Message, answer: Answer, operator: str) -> None:
+    def received(
+        self, vehicle: RobotVehicle, request: Message, answer: Answer, operator: str
+    ) -> None:
         """Record a request that the robot has answered."""
         self.requests.received(vehicle, request, answer, operator)
         self.keeping.received(vehicle, request)
@@ -134,7 +135,7 @@ class Oracle:
 
     def _reach(self, machine: Machine) -> None:
         """Count each vehicle state and each failsafe once per run."""
-        state = VehicleState(machine.vehicle).name
+        state = Vehicle(machine.vehicle).name
         if machine.vehicle == states.FAILSAFE:
             state = f"{state} {Reason(machine.vehicle_reason).name}"
         elif machine.vehicle == states.ACTIVE:

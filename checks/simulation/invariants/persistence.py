@@ -26,7 +26,7 @@ from protocol.wire.messages import (
 from robot.core import states
 from robot.emergency_stop import UNREADABLE_ID
 from robot.mission import stop_of
-from robot.vehicle import Answer, Vehicle
+from robot.vehicle import Answer, RobotVehicle
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS
 
@@ -64,7 +64,7 @@ class PersistenceInvariants:
         self._last_mission: Items = ()
         self._fence_lost = False
 
-    def restored(self, vehicle: Vehicle) -> None:
+    def restored(self, vehicle: RobotVehicle) -> None:
         """Check the state that a restarted robot has restored."""
         for name, value in self._params.items():
             found = repr(float(getattr(vehicle.params, name)))
@@ -76,7 +76,7 @@ class PersistenceInvariants:
             if repr(items) not in value.possible and not self._shut_out(vehicle, kind, items):
                 self._fail(kind.name.lower(), f"{len(items)} items", value)
 
-    def _shut_out(self, vehicle: Vehicle, kind: int, items: Items) -> bool:
+    def _shut_out(self, vehicle: RobotVehicle, kind: int, items: Items) -> bool:
         """Return whether a mission is missing because it leaves the fence."""
         fence = vehicle.state.machine.fence
         if kind != MissionType.MISSION or fence is None or items:
@@ -101,7 +101,7 @@ class PersistenceInvariants:
         self._items[kind].taken(())
         self._fence_lost = self._fence_lost or kind == MissionType.FENCE
 
-    def cycled(self, vehicle: Vehicle) -> None:
+    def cycled(self, vehicle: RobotVehicle) -> None:
         """Check that a robot that lost its fence stays disarmed until it has a new one."""
         if self._fence_lost and vehicle.state.machine.vehicle == states.ACTIVE:
             self._facts.fail(
@@ -109,7 +109,7 @@ class PersistenceInvariants:
                 "the robot is armed, its fence was damaged on the disk",
             )
 
-    def received(self, vehicle: Vehicle, request: Message) -> None:
+    def received(self, vehicle: RobotVehicle, request: Message) -> None:
         """Record the changes of an answered request."""
         if isinstance(request, ParamSet) and hasattr(vehicle.params, request.param_id):
             name = request.param_id
@@ -150,7 +150,7 @@ def travelled(item: MissionItemInt) -> Message:
     return wire.unpack(wire.pack(item))
 
 
-def held(vehicle: Vehicle, kind: int) -> Items:
+def held(vehicle: RobotVehicle, kind: int) -> Items:
     """Return the items that a robot has."""
     transfers: Any = vehicle._transfers
     items: Items = transfers._held[kind].items
@@ -216,7 +216,9 @@ class StopInvariants:
         if isinstance(status, NavigatorStatus) and status.vehicle == states.EMERGENCY_STOP:
             self._shown_ns.setdefault(status.stop_id, self._facts.now_ns)
 
-    def received(self, vehicle: Vehicle, request: Message, answer: Answer, operator: str) -> None:
+    def received(
+        self, vehicle: RobotVehicle, request: Message, answer: Answer, operator: str
+    ) -> None:
         """Check an answered request."""
         stopped = vehicle.state.machine.vehicle == states.EMERGENCY_STOP
         if not isinstance(request, CommandRequest) or not accepted(answer):
@@ -250,7 +252,7 @@ class StopInvariants:
         if not self._promised:
             self._latched, self._seen_ns = False, None
 
-    def restored(self, vehicle: Vehicle) -> None:
+    def restored(self, vehicle: RobotVehicle) -> None:
         """Check the state in which a robot starts."""
         self._latched = vehicle.state.machine.vehicle == states.EMERGENCY_STOP
         self._first_ns.clear()
@@ -259,7 +261,7 @@ class StopInvariants:
             self._facts.coverage.reached["stop kept over a restart"] += 1
         self.cycled(vehicle)
 
-    def cycled(self, vehicle: Vehicle) -> None:
+    def cycled(self, vehicle: RobotVehicle) -> None:
         """Check after each tick that a stop is latched until it is cleared."""
         facts, machine = self._facts, vehicle.state.machine
         if self._promised and machine.vehicle != states.EMERGENCY_STOP:

@@ -15,7 +15,7 @@ from robot.core import reasons, states
 from robot.core.modes import Machine, drives, goal_is_active
 from robot.core.parameters import Params
 from robot.core.values import wrap
-from robot.vehicle import Vehicle
+from robot.vehicle import RobotVehicle
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS
 
@@ -116,7 +116,7 @@ class WheelInvariants:
                 self._fence(vehicle, believed(vehicle) if is_told else place)
         return fastest_m_s
 
-    def _measure(self, vehicle: Vehicle | None) -> None:
+    def _measure(self, vehicle: RobotVehicle | None) -> None:
         """Measure how long the wheels turn after an event that must stop them."""
         facts, now_ns = self._facts, self._facts.now_ns
         if self._forged() or facts.awake_ns > now_ns - limits.CALM_NS:
@@ -207,7 +207,7 @@ class WheelInvariants:
             self._facts.coverage.stops += sum(1 for asked in ended if asked.answered)
             pressed[:] = [asked for asked in pressed if asked.ended_ns is None]
 
-    def _fence(self, vehicle: Vehicle, place: Place) -> None:
+    def _fence(self, vehicle: RobotVehicle, place: Place) -> None:
         fence = vehicle.state.machine.fence
         if fence is None:
             return
@@ -216,7 +216,7 @@ class WheelInvariants:
             self._facts.fail("inside the fence", f"moves {out_m:.2f} m outside the fence")
 
 
-def believed(vehicle: Vehicle) -> Place:
+def believed(vehicle: RobotVehicle) -> Place:
     """Return the estimated position of the robot."""
     pose = vehicle.state.odometry.pose
     return pose.x_m, pose.y_m
@@ -271,7 +271,7 @@ class LoopInvariants:
         """Record the true pose."""
         self._place = x_m, y_m, heading_rad
 
-    def cycled(self, vehicle: Vehicle, process: Any) -> None:
+    def cycled(self, vehicle: RobotVehicle, process: Any) -> None:
         """Check after each tick."""
         machine = vehicle.state.machine
         self._ticks()
@@ -293,7 +293,7 @@ class LoopInvariants:
                 "no tick is missed", f"{gap_ns // NS_PER_MS} ms between two ticks of the robot"
             )
 
-    def _goals(self, vehicle: Vehicle, machine: Machine) -> None:
+    def _goals(self, vehicle: RobotVehicle, machine: Machine) -> None:
         """Check that goals and missions end with arming; a mission notices at the next tick."""
         active = machine.vehicle == states.ACTIVE
         if goal_is_active(machine) and not active:
@@ -307,7 +307,7 @@ class LoopInvariants:
                 "every goal ends", f"a mission runs in vehicle state {machine.vehicle}"
             )
 
-    def _causes(self, vehicle: Vehicle) -> None:
+    def _causes(self, vehicle: RobotVehicle) -> None:
         """Check that no failsafe trips without a fault or a forged frame for a while."""
         facts, machine = self._facts, vehicle.state.machine
         failsafe = machine.vehicle == states.FAILSAFE
@@ -327,7 +327,7 @@ class LoopInvariants:
         if reason in CALM or (reason == Reason.FENCE_BREACHED and inner_m > limits.FENCE_M):
             facts.fail("every failsafe has a cause", f"{reason.name} without a fault")
 
-    def _safety(self, vehicle: Vehicle) -> None:
+    def _safety(self, vehicle: RobotVehicle) -> None:
         """Check that safety parameters are as safe as configured, and constant while armed."""
         assert self._facts.robot is not None
         params, configured = vehicle.params, self._facts.robot.params

@@ -13,7 +13,7 @@ from protocol.wire.enums import Branch, GoalState, Mode
 from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStatus
 from robot import telemetry
 from robot.core.values import Outputs
-from robot.vehicle import Vehicle as RobotVehicle
+from robot.vehicle import RobotVehicle
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial
 

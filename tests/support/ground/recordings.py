@@ -23,7 +23,7 @@ from protocol.wire.messages import CycleReport, GoalRequest
 from protocol.world import as_json
 from robot import telemetry
 from robot.core.values import Outputs
-from robot.vehicle import Vehicle
+from robot.vehicle import RobotVehicle
 from runtime.clock import ManualClock
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial, wire_goal_of
@@ -44,7 +44,7 @@ class Recording:
 
     def __call__(self, plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
         state, now_ns = onboard.state, plant.now_ns
-        zone_m = Vehicle.zone_m.fget(onboard)  # type: ignore[attr-defined]
+        zone_m = RobotVehicle.zone_m.fget(onboard)  # type: ignore[attr-defined]
         self.put(TRUTH, plant.truth(), now_ns)
         self.put(ODOMETRY, telemetry.odometry(state, now_ns), now_ns)
         self.put(STATUS, telemetry.status(state, 7, now_ns, onboard.now_ms), now_ns)

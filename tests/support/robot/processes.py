@@ -22,7 +22,7 @@ from robot.file_writer import Done, Job, do
 from robot.process import CycleMeter, RobotProcess
 from robot.senses import Senses
 from robot.storage import Store
-from robot.vehicle import Vehicle
+from robot.vehicle import RobotVehicle
 from runtime.clock import ManualClock, Tick
 from runtime.units import NS_PER_MS as MS
 from runtime.units import PERIOD_NS
@@ -105,7 +105,7 @@ class Rig:
     def __init__(self, store: Store | None = None, *, enforced: bool = False) -> None:
         self.clock = ManualClock(10**12)
         self.bus = PlayedBus(self.clock)
-        self.vehicle = Vehicle(DEFAULTS, store or Store(None))
+        self.vehicle = RobotVehicle(DEFAULTS, store or Store(None))
         self.senses = Senses(self.bus, lockstep=False, accept=self.vehicle.lease.allows)
         self.meter = CycleMeter(self.clock, period_ns=PERIOD_NS, enforced=enforced)
         self.process = RobotProcess(self.vehicle, self.bus, self.clock, self.senses, self.meter)

@@ -17,7 +17,7 @@ from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Inputs, Outputs, Scan, Wheels
 from robot.storage import Store
-from robot.vehicle import Vehicle
+from robot.vehicle import RobotVehicle
 from runtime.units import NS_PER_MS as MS
 
 CLEAR = Scan((0,) * 8, (0,) * 8, 255, 0)
@@ -32,7 +32,7 @@ class Desk:
     """Steps the vehicle every 50 ms with fresh sensor data and, if wanted, a live operator."""
 
     def __init__(self, store: Store | None = None) -> None:
-        self.vehicle = Vehicle(DEFAULTS, store or Store(None))
+        self.vehicle = RobotVehicle(DEFAULTS, store or Store(None))
         self.now_ns = 0
         self.request_id = 0
         self.operator = False

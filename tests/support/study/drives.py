@@ -36,7 +36,7 @@ from robot.core.values import Inputs, Pose, now_ms_of, scan_of, wheels_of
 from robot.parameter_table import described, with_values
 from robot.storage import Store
 from robot.telemetry import CoreInputs
-from robot.vehicle import Vehicle
+from robot.vehicle import RobotVehicle
 from study.calibration import CCW, CW, SquareRun, believed
 from study.trial.trial import start_of, wire_goal_of
 from tests.support.study.made import boxed
@@ -65,7 +65,7 @@ class ScriptedDrive:
         """Return the places of a topic's frames in `frames`."""
         return [place for place, (key, _) in enumerate(self.frames) if key == topic.key("r1")]
 
-    def send(self, vehicle: Vehicle, request: Message, now_ns: int) -> None:
+    def send(self, vehicle: RobotVehicle, request: Message, now_ns: int) -> None:
         self.add_request(request, vehicle.receive(request, now_ns))
 
     def add_request(self, request: Message, answer: Message) -> None:
@@ -89,7 +89,7 @@ class ScriptedDrive:
         The requests in `asked` are sent in the second tick.
         """
         plant = Plant(self.world, 0, LEVELS["default"])
-        vehicle = Vehicle(self.params, store or Store(None), start_of(self.world))
+        vehicle = RobotVehicle(self.params, store or Store(None), start_of(self.world))
         for request, answer in vehicle.restore():
             self.add_request(request, answer)
         for tick in range(ticks):
@@ -102,7 +102,7 @@ class ScriptedDrive:
             plant.advance()
         return self
 
-    def _tick(self, plant: Plant, vehicle: Vehicle, tick: int) -> None:
+    def _tick(self, plant: Plant, vehicle: RobotVehicle, tick: int) -> None:
         now_ns = plant.now_ns
         wheels, scan = plant.senses()
         assert wheels is not None

@@ -30,7 +30,7 @@ from robot.core.safety import failsafe
 from robot.core.safety.failsafe import ROWS
 from robot.core.values import Goal, Twist
 from robot.lease import Lease
-from robot.mission import Mission
+from robot.mission import MissionExecutor
 from robot.parameter_service import ParameterService
 from robot.process import SERVICES
 
@@ -117,22 +117,22 @@ def operator_never_lost(patch: Patch) -> None:
 
 
 def any_program_will_do(patch: Patch) -> None:
-    def age_ms(robot: vehicle.Vehicle, now_ns: int) -> int | None:
+    def age_ms(robot: vehicle.RobotVehicle, now_ns: int) -> int | None:
         return robot._age_ms("", now_ns)
 
-    patch.setattr(vehicle.Vehicle, "operator_age_ms", age_ms)
+    patch.setattr(vehicle.RobotVehicle, "operator_age_ms", age_ms)
 
 
 def mission_takes_the_mode(patch: Patch) -> None:
-    set_off = Mission._set_off
+    set_off = MissionExecutor._set_off
 
-    def to_auto(mission: Mission, *how: Any) -> int:
+    def to_auto(mission: MissionExecutor, *how: Any) -> int:
         refusal = set_off(mission, *how)
         if refusal == reasons.OK:
             mission._machine.mode = states.AUTO
         return refusal
 
-    patch.setattr(Mission, "_set_off", to_auto)
+    patch.setattr(MissionExecutor, "_set_off", to_auto)
 
 
 def clear_arms(patch: Patch) -> None:
@@ -222,7 +222,7 @@ def disarm_keeps_the_goal(patch: Patch) -> None:
 
 
 def mission_ignores_the_vehicle(patch: Patch) -> None:
-    patch.setattr(Mission, "_end", lambda _: reasons.OK)
+    patch.setattr(MissionExecutor, "_end", lambda _: reasons.OK)
 
 
 def safety_group_is_empty(patch: Patch) -> None:

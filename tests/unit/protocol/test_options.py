@@ -22,7 +22,7 @@ from protocol.options import (
     numbers_kept,
     whole,
 )
-from robot.vehicle import Vehicle
+from robot.vehicle import RobotVehicle
 from runtime.errors import ConfigError, EndpointError, UserError
 from tests.support.each import each
 
@@ -261,10 +261,10 @@ def file(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def robot_runs(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Vehicle, Network, str]]:
-    runs: list[tuple[Vehicle, Network, str]] = []
+def robot_runs(monkeypatch: pytest.MonkeyPatch) -> list[tuple[RobotVehicle, Network, str]]:
+    runs: list[tuple[RobotVehicle, Network, str]] = []
 
-    def run(vehicle: Vehicle, network: Network, name: str, *_: Any) -> int:
+    def run(vehicle: RobotVehicle, network: Network, name: str, *_: Any) -> int:
         runs.append((vehicle, network, name))
         return 0
 
@@ -286,7 +286,7 @@ def plant_runs(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Network, list[str]
 
 def test_each_program_reads_its_own_tables(
     file: Path,
-    robot_runs: list[tuple[Vehicle, Network, str]],
+    robot_runs: list[tuple[RobotVehicle, Network, str]],
     plant_runs: list[tuple[Network, list[str]]],
 ) -> None:
     assert robot.run.main(["--config", str(file)]) == 0
@@ -304,7 +304,7 @@ def test_each_program_reads_its_own_tables(
 
 def test_command_line_overrides_robot_names(
     file: Path,
-    robot_runs: list[tuple[Vehicle, Network, str]],
+    robot_runs: list[tuple[RobotVehicle, Network, str]],
     plant_runs: list[tuple[Network, list[str]]],
 ) -> None:
     robot.run.main(["--config", str(file), "--id", "r2"])
@@ -325,7 +325,7 @@ def test_each_refuses_a_misspelt_name(tmp_path: Path, text: str) -> None:
 
 
 def test_keys_lie_beside_the_file_that_names_them(
-    tmp_path: Path, robot_runs: list[tuple[Vehicle, Network, str]]
+    tmp_path: Path, robot_runs: list[tuple[RobotVehicle, Network, str]]
 ) -> None:
     path = tmp_path / "robot-r1.toml"
     path.write_text(

@@ -41,8 +41,8 @@ from robot.commands import (
 from robot.core import states
 from robot.core.parameters import DEFAULTS
 from robot.hosting import InProcessCore
-from robot.mission import Mission
-from robot.vehicle import Vehicle
+from robot.mission import MissionExecutor
+from robot.vehicle import RobotVehicle
 from tests.support.each import each
 from tests.support.robot.vehicles import Desk, goal, line
 
@@ -59,7 +59,7 @@ class Robot:
         self.state = self.core.state
         self.machine = self.state.machine
         self.machine.vehicle, self.machine.senses = states.ACTIVE, True
-        self.mission = Mission(self.core)
+        self.mission = MissionExecutor(self.core)
         self.commands = Commands(self.core, self.mission)
 
     def ask(self, request: CommandRequest | GoalRequest, operator: str = ADA) -> int:
@@ -554,7 +554,7 @@ def every_request() -> Iterator[Message]:
                 yield make(kind)
 
 
-def lent() -> Vehicle:
+def lent() -> RobotVehicle:
     """Return a vehicle whose lease Ada holds."""
     vehicle = Desk().vehicle
     taken = vehicle.receive(LeaseRequest(request_id=1, action=LeaseAction.TAKE, name="Ada"), 0, ADA)

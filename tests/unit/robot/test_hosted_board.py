@@ -45,7 +45,7 @@ from robot.core.brain import ignore
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Inputs, Pose, Scan, Wheels, now_ms_of, scan_of, wheels_of
 from robot.storage import Store
-from robot.vehicle import Vehicle
+from robot.vehicle import RobotVehicle
 from runtime.errors import UserError
 from tests.support.each import each
 from tests.support.robot.hosted import Hosted, hosted_board
@@ -75,8 +75,8 @@ class Twins:
         self.plant = Plant(world, seed, noise_of(world, "default"))
         start = Pose(world.start.x_m, world.start.y_m, world.start.heading_rad)
         self.vehicles = (
-            Vehicle(PARAMS, Store(None), start),
-            Vehicle(PARAMS, Store(None), start, new_core=new_core),
+            RobotVehicle(PARAMS, Store(None), start),
+            RobotVehicle(PARAMS, Store(None), start, new_core=new_core),
         )
         self.requests = 0
 
@@ -84,7 +84,7 @@ class Twins:
     def now_ns(self) -> int:
         return self.plant.now_ns
 
-    def same(self, ask: Callable[[Vehicle], Any]) -> Any:
+    def same(self, ask: Callable[[RobotVehicle], Any]) -> Any:
         """Ask both and require the same answer."""
         here, board = map(ask, self.vehicles)
         assert on_the_wire(here) == on_the_wire(board)
@@ -311,22 +311,24 @@ ARM = CommandRequest(request_id=1, param1=1.0, param2=0.0, command=Command.COMPO
 
 
 @contextmanager
-def driving(patience_s: float = 2.0) -> Iterator[tuple[Vehicle, Board, Hosted]]:
+def driving(patience_s: float = 2.0) -> Iterator[tuple[RobotVehicle, Board, Hosted]]:
     """Return an armed robot on its way, with its board."""
     with hosted_board() as (board, hosted):
-        vehicle = Vehicle(DEFAULTS, Store(None), new_core=lambda *given: BoardCore(board, *given))
+        vehicle = RobotVehicle(
+            DEFAULTS, Store(None), new_core=lambda *given: BoardCore(board, *given)
+        )
         tick(vehicle, 1)
         assert vehicle.core.command(ARM, 0) == reasons.OK
         board.patience_s = patience_s
         yield vehicle, board, hosted
 
 
-def tick(vehicle: Vehicle, number: int) -> None:
+def tick(vehicle: RobotVehicle, number: int) -> None:
     wheels = Wheels(0, 0, 0, 50 * number)
     vehicle.step(Inputs(50 * number, wheels, OPEN_SPACE, 0), ignore)
 
 
-def fails(vehicle: Vehicle, words: str) -> None:
+def fails(vehicle: RobotVehicle, words: str) -> None:
     """Require the next tick to fail with these words, and the vehicle to be stopped."""
     assert vehicle.state.machine.vehicle == states.ACTIVE
     with pytest.raises(BoardError, match=words):

@@ -29,9 +29,9 @@ from robot.parameter_table import (
     with_value,
     with_values,
 )
-from robot.run import Settings, parser, vehicle_of
+from robot.run import RobotSettings, parser, vehicle_of
 from robot.storage import FILE_NAME, Store
-from robot.vehicle import Vehicle
+from robot.vehicle import RobotVehicle
 from runtime.errors import UserError
 from tests.support.each import each
 from tests.support.robot.vehicles import Desk
@@ -211,13 +211,13 @@ def test_configured_values_are_never_less_safe(
 # The configuration.
 
 
-def started(state: Path, *words: str, settings: dict[str, float] | None = None) -> Vehicle:
+def started(state: Path, *words: str, settings: dict[str, float] | None = None) -> RobotVehicle:
     """Return the vehicle of a robot process with these arguments."""
     arguments = parser().parse_args(["--state", str(state), "--lockstep", *words])
-    return vehicle_of(arguments, Settings(parameters=settings or {}), Store(arguments.state))
+    return vehicle_of(arguments, RobotSettings(parameters=settings or {}), Store(arguments.state))
 
 
-def warnings(vehicle: Vehicle) -> str:
+def warnings(vehicle: RobotVehicle) -> str:
     return "".join(text.text for text in vehicle.texts() if text.severity == Severity.WARNING)
 
 

@@ -54,7 +54,7 @@ from robot.core.values import Goal, Inputs
 from robot.process import SERVICES
 from robot.senses import Senses
 from robot.storage import Store
-from robot.vehicle import Vehicle as RobotVehicle
+from robot.vehicle import RobotVehicle
 from runtime.clock import ManualClock, Tick
 from runtime.errors import LocalError
 from runtime.units import NS_PER_MS as MS

@@ -24,7 +24,7 @@ from robot.run import (
     use_fifo,
 )
 from robot.storage import Store
-from robot.vehicle import Vehicle
+from robot.vehicle import RobotVehicle
 from runtime.clock import ManualClock, Tick, freeze_heap
 from runtime.units import NS_PER_MS as MS
 from runtime.units import NS_PER_US as US
@@ -242,7 +242,7 @@ def test_failed_option_is_announced_on_the_bus(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.delattr(os, "sched_setscheduler")
-    vehicle = Vehicle(DEFAULTS, Store(None))
+    vehicle = RobotVehicle(DEFAULTS, Store(None))
     apply_options(vehicle, Options(fifo=True))
     assert "warning: real-time scheduling" in capsys.readouterr().err
     assert any("real-time scheduling" in text.text for text in vehicle.texts())
@@ -254,7 +254,7 @@ def test_unselected_options_are_not_applied(
 ) -> None:
     monkeypatch.delattr(gc, "freeze")
     monkeypatch.delattr(os, "sched_setscheduler")
-    apply_options(Vehicle(DEFAULTS, Store(None)), Options(freeze=False))
+    apply_options(RobotVehicle(DEFAULTS, Store(None)), Options(freeze=False))
     assert capsys.readouterr().err == ""
 
 

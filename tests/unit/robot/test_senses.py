@@ -15,7 +15,7 @@ from robot.lease import Holder
 from robot.process import CycleMeter
 from robot.senses import MAX_SENDERS, DelayFilter, Senses, is_restarted, newer, sending_order
 from robot.storage import Store
-from robot.vehicle import Vehicle
+from robot.vehicle import RobotVehicle
 from runtime.clock import ManualClock, Tick
 from runtime.lockstep import LockstepClock
 from runtime.sequence import MAX_LATE_TICKS, Order
@@ -46,7 +46,7 @@ class SensesRig:
     def __init__(self, *, lockstep: bool = False, plant_clock: LockstepClock | None = None) -> None:
         self.clock = ManualClock(1_000 * S)
         self.bus = PlayedBus(self.clock)
-        self.vehicle = Vehicle(DEFAULTS, Store(None))
+        self.vehicle = RobotVehicle(DEFAULTS, Store(None))
         accept = self.vehicle.lease.allows
         self.senses = Senses(self.bus, lockstep=lockstep, accept=accept, clock=plant_clock)
 
@@ -309,7 +309,7 @@ TICKS = make(WheelTicks, seq=7)
 
 
 def test_scan_age_is_never_negative() -> None:
-    bus, vehicle = PlayedBus(ManualClock()), Vehicle(DEFAULTS, Store(None))
+    bus, vehicle = PlayedBus(ManualClock()), RobotVehicle(DEFAULTS, Store(None))
     senses = Senses(bus, lockstep=False)
     bus.say(SONAR, SCAN, at_ns=171 * MS)
     bus.say(WHEELS, TICKS, at_ns=171 * MS)
@@ -320,7 +320,7 @@ def test_scan_age_is_never_negative() -> None:
 
 
 def test_heartbeat_age_is_never_negative() -> None:
-    vehicle = Vehicle(DEFAULTS, Store(None))
+    vehicle = RobotVehicle(DEFAULTS, Store(None))
     vehicle.lease.beat("", 171 * MS)
     assert vehicle.operator_age_ms(100 * MS) == 0
 
@@ -332,7 +332,7 @@ def test_tick_lateness_is_never_negative() -> None:
 
 
 def test_operator_age_is_that_of_its_heartbeat() -> None:
-    bus, vehicle = PlayedBus(ManualClock()), Vehicle(DEFAULTS, Store(None))
+    bus, vehicle = PlayedBus(ManualClock()), RobotVehicle(DEFAULTS, Store(None))
     senses = Senses(bus, lockstep=False, accept=vehicle.lease.allows)
     bus.say(OPERATOR, OPERATOR_BEAT, sender="open/0a", at_ns=60 * MS)
     senses.read(Tick(0, 100 * MS, 0, 0), 100 * MS, vehicle)

@@ -29,7 +29,7 @@ from robot.storage import (
     Store,
     own,
 )
-from robot.vehicle import Vehicle
+from robot.vehicle import RobotVehicle
 from runtime.errors import UserError
 from runtime.watchdog import Watchdog
 from tests.support.each import each
@@ -378,7 +378,7 @@ def test_stack_traces_of_a_hung_run_are_kept(tmp_path: Path) -> None:
 def test_unwritable_directory_is_reported_and_the_robot_runs(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     store = Store(tmp_path / "file")
-    vehicle, life = Vehicle(DEFAULTS, store), PreviousRun(store.directory)
+    vehicle, life = RobotVehicle(DEFAULTS, store), PreviousRun(store.directory)
     assert life.begin("signal SIGKILL") == KILLED
     assert "life not saved: Not a directory" in [text.text for text in vehicle.texts()]
     with Watchdog(trace=life.trace):
@@ -396,7 +396,7 @@ def test_marks_are_written_by_the_writer(tmp_path: Path) -> None:
 
 def test_the_last_mark_is_written_when_the_robot_ends(tmp_path: Path) -> None:
     store = Store(tmp_path, HeldWriter())
-    vehicle, life = Vehicle(DEFAULTS, store), PreviousRun(store.directory)
+    vehicle, life = RobotVehicle(DEFAULTS, store), PreviousRun(store.directory)
     life.begin()
     life.end("ended by itself")
     vehicle.finish_saving(1.0)
@@ -409,7 +409,7 @@ def test_invalid_mark_counts_as_none(tmp_path: Path) -> None:
 
 
 def test_ending_is_announced_and_printed(capsys: pytest.CaptureFixture[str]) -> None:
-    vehicle = Vehicle(DEFAULTS, Store(None))
+    vehicle = RobotVehicle(DEFAULTS, Store(None))
     report_previous_run(vehicle, "r1", PreviousRun(Directory(None)), "signal SIGKILL")
     texts = vehicle.texts()
     words = f"restarted: the previous run {KILLED}"
@@ -421,7 +421,7 @@ def test_ending_is_announced_and_printed(capsys: pytest.CaptureFixture[str]) -> 
 
 
 def test_first_run_announces_nothing(capsys: pytest.CaptureFixture[str]) -> None:
-    vehicle = Vehicle(DEFAULTS, Store(None))
+    vehicle = RobotVehicle(DEFAULTS, Store(None))
     report_previous_run(vehicle, "r1", PreviousRun(Directory(None)), "")
     assert [text.text for text in vehicle.texts()] == ["started: disarmed, standing still"]
     assert capsys.readouterr().err == ""

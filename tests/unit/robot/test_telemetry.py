@@ -20,12 +20,12 @@ from robot.core import reasons, states
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Decision, Outputs, Twist
 from robot.hosting import InProcessCore
-from robot.mission import Mission
+from robot.mission import MissionExecutor
 from robot.reports import Reports
 from robot.run import epoch
 from robot.storage import Store
 from robot.telemetry import ChangeLog
-from robot.vehicle import ReportTimer, Vehicle
+from robot.vehicle import ReportTimer, RobotVehicle
 from runtime.clock import ManualClock
 from runtime.units import NS_PER_MS as MS
 from runtime.units import NS_PER_S as SECOND
@@ -106,7 +106,7 @@ def decoded(epoch_s: int, stamp_ns: int, sense_seq: int) -> list[WheelCommand]:
 
 def beats_in(seconds: float, *, factor: float, late_ms: Callable[[int], int]) -> int:
     """Return the number of heartbeats in wall time with a tick every 50 ms of simulated time."""
-    clock, vehicle = ManualClock(10 * SECOND), Vehicle(DEFAULTS, Store(None))
+    clock, vehicle = ManualClock(10 * SECOND), RobotVehicle(DEFAULTS, Store(None))
     bus = PlayedBus(clock)
     reports = Reports(cast(Bus, bus))
     beats = bus.publisher(HEARTBEAT).said
@@ -148,7 +148,7 @@ def test_last_brake_has_a_valid_stamp(stamp_ns: int, sense_seq: int) -> None:
 
 def news() -> ChangeLog:
     core = InProcessCore(DEFAULTS)
-    return ChangeLog(core.state.machine, Mission(core))
+    return ChangeLog(core.state.machine, MissionExecutor(core))
 
 
 @each("length", [1, 49, 50, 51, 99, 100, 101, 150, 400])
@@ -180,7 +180,7 @@ def test_mission_that_an_operator_ended_has_not_failed(
     reason: Reason, words: str, severity: Severity
 ) -> None:
     core = InProcessCore(DEFAULTS)
-    mission = Mission(core)
+    mission = MissionExecutor(core)
     log = ChangeLog(core.state.machine, mission)
     mission.state, mission.reason = MissionState.FAILED, reason
     (text,) = log.since_last_time()

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from msgspec import structs
 
 from ground.text.wording import StatustextAssembler
-from protocol.wire.enums import AckResult, Command, GoalState, Mode, Navigator, Severity
-from protocol.wire.enums import Vehicle as VehicleState
+from protocol.wire.enums import AckResult, Command, GoalState, Mode, Navigator, Severity, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandAck,
@@ -28,7 +27,7 @@ from robot.core import brain, states
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Pose
 from robot.storage import Store
-from robot.vehicle import Vehicle
+from robot.vehicle import RobotVehicle
 from runtime.units import NS_PER_MS as MS
 from tests.support.each import each
 from tests.support.robot.vehicles import Desk, goal, ready, start
@@ -132,7 +131,7 @@ def test_restarted_plant_makes_the_place_unknown() -> None:
 
 
 def test_totals_of_the_start_are_given_with_it() -> None:
-    vehicle = Vehicle(DEFAULTS, Store(None), Pose(1.0, 2.0, 0.0), totals=(5000, 5000))
+    vehicle = RobotVehicle(DEFAULTS, Store(None), Pose(1.0, 2.0, 0.0), totals=(5000, 5000))
     desk = Desk()
     desk.vehicle = vehicle
     desk.left = desk.right = 5000.0
@@ -144,7 +143,7 @@ def test_totals_of_the_start_are_given_with_it() -> None:
 def test_it_starts_disarmed_with_a_text() -> None:
     desk = Desk()
     desk.step()
-    assert desk.vehicle.state.machine.vehicle == VehicleState.STANDBY
+    assert desk.vehicle.state.machine.vehicle == Vehicle.STANDBY
     assert "started: disarmed, standing still" in [t.text for t in desk.vehicle.texts()]
 
 
@@ -231,7 +230,7 @@ def test_a_command_with_a_value_that_is_no_number_is_refused(
 def test_an_emergency_stop_with_unused_fields_of_mavlink_stops() -> None:
     desk = underway()
     desk.command(Command.DO_FLIGHTTERMINATION, nan, nan)
-    assert desk.vehicle.state.machine.vehicle == VehicleState.EMERGENCY_STOP
+    assert desk.vehicle.state.machine.vehicle == Vehicle.EMERGENCY_STOP
     assert (desk.step().left_mrad_s, desk.step().right_mrad_s) == (0, 0)
 
 
@@ -266,7 +265,7 @@ def test_guided_needs_an_operator_and_stops_without_one() -> None:
     assert desk.goto(2, 0, Mode.GUIDED) == Reason.NONE
     desk.operator = False
     ticks = 0
-    while desk.vehicle.state.machine.vehicle == VehicleState.ACTIVE:
+    while desk.vehicle.state.machine.vehicle == Vehicle.ACTIVE:
         desk.step()
         ticks += 1
         assert ticks < 60
@@ -289,7 +288,7 @@ def test_exception_in_the_core_stops_and_is_raised(
     with pytest.raises(ZeroDivisionError):
         desk.step()
     machine = desk.vehicle.state.machine
-    assert machine.vehicle == VehicleState.FAILSAFE
+    assert machine.vehicle == Vehicle.FAILSAFE
     assert machine.vehicle_reason == Reason.CORE_EXCEPTION
     assert (machine.goal_state, machine.goal_reason) == (
         GoalState.ABORTED,
