@@ -13,12 +13,11 @@ from gateways.mavlink.robot_port import NO_TELEMETRY, OVERTAKEN, STOPS, Answered
 from ground.blocking import perform
 from ground.client import stop_ways
 from ground.client.emergency_stop import EmergencyStop
-from ground.client.link import ALIVE, Link
+from ground.client.link import ALIVE, Link, ask_lease
 from ground.client.outcomes import Outcome, Stopped
 from ground.client.session import Operation, Session
 from ground.client.telemetry import Telemetry
 from ground.client.teleop_sender import TeleopSender
-from ground.commands.lease import ask_lease
 from ground.commands.stop import STOP_S
 from protocol.bus.mailbox import Mailbox
 from protocol.bus.publisher import Publisher

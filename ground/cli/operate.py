@@ -2,18 +2,18 @@
 
 from functools import partial
 
-from ground.blocking import perform
+from ground.blocking import BlockingRobot, perform, run_blocking
 from ground.cli.observe.live_line import follow
 from ground.cli.options import common_of
 from ground.client.floor import floor_of
+from ground.client.lease_holder import operator_name
 from ground.client.link import UnansweredError, open_link
-from ground.client.outcomes import Accepted, Outcome
+from ground.client.outcomes import Accepted, Outcome, RefusedError
 from ground.client.session import Operation, Session
 from ground.commands.all_robots import StopAll
 from ground.commands.command import OperatorCommand
 from ground.commands.doctor import Diagnose
 from ground.commands.export import Exported
-from ground.commands.lease import take
 from ground.commands.stop import StopNow
 from ground.grammar.looking import WatchWords
 from ground.grammar.words import FromFile, Offline, Words
@@ -40,7 +40,10 @@ def run(words: Words, output: Output) -> int:
         with open_link(common) as link:
             session = Session(link, output, floor=partial(floor_of, link))
             if words.seize:
-                take(session, LeaseAction.SEIZE)
+                robot = BlockingRobot(session)
+                seized = run_blocking(robot.change_lease(LeaseAction.SEIZE, operator_name(None)))
+                if not seized.ok:
+                    raise RefusedError(seized.text)
             outcome = perform(operation, session)
             return print_outcome(output, words, link.robot, outcome, effect_of(operation, outcome))
     except UnansweredError as error:

@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 from ground.client.goal import Destination
 from ground.client.link import Link
 from ground.missions.mission import inside
+from protocol.bus.bus import Bus
 from protocol.topics import WORLD
 from protocol.world import Circle, Polygon, World, world_in
 from runtime.errors import RemoteError, UserError
@@ -73,19 +74,19 @@ def goal_in(world: World) -> Destination:
     )
 
 
-def world_goal(link: Link) -> Destination:
+def world_goal(bus: Bus, robot: str) -> Destination:
     """Ask the plant for the goal of its world; UserError if this robot has none.
 
     Of several robots `up` sends only r1 there, and the others beside it.
     """
     try:
-        answer = link.bus.ask(WORLD, robot=link.robot)
+        answer = bus.ask(WORLD, robot=robot)
         goal = goal_in(world_in(answer if isinstance(answer, bytes) else b""))
     except (RemoteError, ValueError):
         raise UserError(
             f"X Y is missing, and there is no simulation with a goal; {EXAMPLE}"
         ) from None
-    if FOLLOWER.match(link.robot):
+    if FOLLOWER.match(robot):
         raise UserError(f"X Y is missing: the world's goal {goal} is that of r1; {EXAMPLE}")
     return goal
 

@@ -24,10 +24,10 @@ from ground.client.telemetry import Telemetry
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.publisher import Publisher
 from protocol.bus.rights import denial
-from protocol.topics import COMMAND, HEARTBEAT, OPERATOR, Role, Service, Topic
-from protocol.wire.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, SystemState
+from protocol.topics import COMMAND, HEARTBEAT, LEASE_SERVICE, OPERATOR, Role, Service, Topic
+from protocol.wire.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, LeaseAction, SystemState
 from protocol.wire.message import Message
-from protocol.wire.messages import CommandRequest, Heartbeat
+from protocol.wire.messages import CommandRequest, Heartbeat, LeaseRequest
 from protocol.wire.reasons import Reason
 from runtime.clock import Clock, Pulse, WallClock
 from runtime.errors import AccessDeniedError, NoPeerError, PeerHangsError, RemoteError
@@ -219,6 +219,12 @@ class Link:
                 return False
             self.pulse.wait_until(self.clock.now_ns() + left_ns)
         return True
+
+
+def ask_lease(link: Link, action: LeaseAction, name: str) -> Answer:
+    """Request the lease, or give it back, under an operator's name."""
+    request = LeaseRequest(request_id=link.ids.next(), action=action, name=name)
+    return link.ask(request, service=LEASE_SERVICE)
 
 
 @contextmanager

@@ -14,7 +14,6 @@ from typing import (
     Final,
     Literal,
     NamedTuple,
-    Self,
     TypeAlias,
     TypeVar,
     dataclass_transform,
@@ -69,8 +68,12 @@ class Argument(NamedTuple):
             return flag + next(name for name, one in self.names.items() if one == value)
         if self.spelt is not None:
             return flag + self.spelt(value)
-        is_number = isinstance(value, float)
-        return flag + (f"{round(value, DIGITS):g}" if is_number else shlex.quote(str(value)))
+        return flag + (number(value) if isinstance(value, float) else shlex.quote(str(value)))
+
+
+def number(value: float) -> str:
+    """Format a number with enough digits to parse it back."""
+    return f"{round(value, DIGITS):g}"
 
 
 def argument(default: Any, *parts: Any, **named: Any) -> Any:
@@ -142,14 +145,23 @@ def arguments_of(kind: Any) -> dict[str, Argument]:
     return {one.name: one.metadata["argument"] for one in fields(kind) if one.metadata}
 
 
-def parsed(kind: type[T], found: Any) -> T:
-    """Return the value of a class for parsed arguments; UserError for one that is out of range."""
+def typed_words(value: Any) -> list[str]:
+    """Return the arguments that would be typed for the fields of a value."""
+    given = ((one, getattr(value, one.name)) for one in fields(value) if one.metadata)
+    return [one.metadata["argument"].words(held) for one, held in given if held != one.default]
+
+
+def parsed(kind: type[T], found: Any, **known: Any) -> T:
+    """Return the value of a class for parsed arguments; UserError for one that is out of range.
+
+    `known` are the fields that are no arguments.
+    """
     typed = {
         name: one.value(given)
         for name, one in arguments_of(kind).items()
         if (given := getattr(found, name, None)) is not None
     }
-    return kind(**typed)
+    return kind(**typed, **known)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -249,6 +261,8 @@ class OperatorCommand:
     effect: ClassVar[str] = ""
     shared: ClassVar[tuple[str, ...]] = SHARED
     """Its options of `Reach`."""
+    typed: ClassVar[Any] = None
+    """A class with the arguments that `parsed` makes a field of; they stand first."""
 
     @property
     def verb(self) -> str:
@@ -263,16 +277,14 @@ class OperatorCommand:
     @property
     def line(self) -> str:
         """The line that would be typed for it in the app."""
-        words = [self.facts.short or self.facts.word]
-        for one in fields(self):  # type: ignore[arg-type]
-            value = getattr(self, one.name)
-            if one.metadata and value != one.default:
-                words.append(one.metadata["argument"].words(value))
-        return " ".join(words)
+        return " ".join((self.facts.short or self.facts.word, *typed_words(self)))
 
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
         """Declare its arguments and its shared options."""
+        if cls.typed is not None:
+            for name, one in arguments_of(cls.typed).items():
+                one.add_to(parser, name)
         seize = ("seize",) if cls.facts.seizes else ()
         for after, shared in (("", cls.shared), ("json", seize), ("seize", ())):
             for name, one in arguments_of(cls).items():
@@ -281,7 +293,7 @@ class OperatorCommand:
             add_shared(parser, *shared)
 
     @classmethod
-    def parsed(cls, found: Any) -> Self:
+    def parsed(cls, found: Any) -> "OperatorCommand":
         """Return the command for parsed arguments; UserError for a value out of range."""
         return parsed(cls, found)
 

@@ -4,129 +4,78 @@ A lease belongs to a person: the programs of one user on one computer, or of one
 it. It ends when they are silent, or when nothing has been driven for a while.
 """
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import Any, Final
 
-from ground.client.lease_holder import is_ours, operator_name
-from ground.client.link import Link
-from ground.client.outcomes import Answer, LeaseShown, RefusedError
-from ground.client.requests import BEAT_NS, CommandExchange
-from ground.client.session import Session, lease_status
-from protocol.topics import LEASE_SERVICE
+from ground.client.lease_holder import operator_name
+from ground.client.outcomes import Answer, LeaseShown
+from ground.commands.command import OperatorCommand, choice, command, option, parsed, seconds
+from ground.robot import Robot
 from protocol.wire.enums import LeaseAction
 from protocol.wire.limits import MAX_LEASE_MS
-from protocol.wire.messages import LeaseRequest
-from runtime.errors import RemoteError
-from runtime.units import NS_PER_S
+from runtime.cli.verb import MORE
 
-RELEASE_NS: Final = 200_000_000
 IDLE_S: Final = MAX_LEASE_MS // 1000
-AGAIN_NS: Final = 20 * NS_PER_S
-"""After this time a kept lease is asked for again: heartbeats alone do not keep an idle one."""
+SHOW: Final = "show"
+ACTIONS: Final = {
+    "take": LeaseAction.TAKE,
+    "release": LeaseAction.RELEASE,
+    "seize": LeaseAction.SEIZE,
+    SHOW: SHOW,
+}
 
 
-def ask_lease(link: Link, action: LeaseAction, name: str) -> Answer:
-    """Request the lease, or give it back, under an operator's name."""
-    request = LeaseRequest(request_id=link.ids.next(), action=action, name=name)
-    return link.ask(request, service=LEASE_SERVICE)
+@command(MORE, 50, "lease take --for 60", moves=True, seizes=False)
+class ChangeLease(OperatorCommand):
+    """Take or give back control of the robot, or show who has it.
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ChangeLease:
-    """Take the lease, seize it from another operator, or release it.
-
-    The robot takes it back when nothing has been driven for IDLE_S. With `for_s` a session that is
-    not attended keeps it for this time, or until it is interrupted.
+    The robot takes it back when nothing has been driven for IDLE_S. With `for_s` a program that
+    commands the robot alone keeps it for this time, or until it is interrupted.
     """
 
-    moves: ClassVar[bool] = True
-    action: LeaseAction
-    name: str | None = None
-    for_s: float | None = None
+    action: LeaseAction = choice(
+        ACTIONS,
+        parse=str,
+        help="take is refused while another person holds it; the robot takes it back when nothing"
+        f" has been driven for {IDLE_S} s",
+    )
+    name: str | None = option(
+        "--name",
+        default=None,
+        metavar="N",
+        help="name shown to other operators (default user@host:terminal)",
+    )
+    for_s: float | None = option(
+        "--for", default=None, parse=seconds, metavar="S", help="keep it for this time"
+    )
 
     @property
     def verb(self) -> str:
         """The verb, with the action."""
         return f"lease {self.action.name.lower()}"
 
-    def perform(self, session: Session) -> Answer:
-        """Change the lease; keep it while the session is not attended."""
-        link, name = session.link, operator_name(self.name)
-        answer = session.with_holder(ask_lease(link, self.action, name))
-        if not answer.ok or self.action is LeaseAction.RELEASE or session.attended:
+    @classmethod
+    def parsed(cls, found: Any) -> OperatorCommand:
+        """Return the command for parsed arguments; UserError for a value out of range."""
+        return ShowLease() if found.action == SHOW else parsed(cls, found)
+
+    async def perform(self, robot: Robot) -> Answer:
+        """Change the lease; keep it unless another part of the process does."""
+        name = operator_name(self.name)
+        answer = await robot.change_lease(self.action, name)
+        if not answer.ok or self.action is LeaseAction.RELEASE or not robot.follows:
             return answer
         if self.for_s is None:
             note = f"begin to drive within {IDLE_S} s, or the robot takes the lease back"
-            session.progress.note(f"{name} commands {link.robot}; {note}")
+            robot.progress.note(f"{name} commands {robot.name}; {note}")
             return answer
-        session.progress.note(f"{name} commands {link.robot}; Ctrl-C gives the lease back")
-        try:
-            refused = keep(link, name, self.for_s)
-        finally:
-            give_back(link)
-        return answer if refused is None else session.with_holder(refused)
+        robot.progress.note(f"{name} commands {robot.name}; Ctrl-C gives the lease back")
+        return await robot.keep_lease(self.for_s, name) or answer
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ShowLease:
+@command(word="lease show")
+class ShowLease(OperatorCommand):
     """Read which operator holds the lease."""
 
-    verb: ClassVar[str] = "lease show"
-    moves: ClassVar[bool] = False
-
-    def perform(self, session: Session) -> LeaseShown:
+    async def perform(self, robot: Robot) -> LeaseShown:
         """Return the lease; RemoteError if the robot publishes no lease status."""
-        link = session.link
-        found = lease_status(link)
-        if found is None:
-            raise RemoteError(f"the robot publishes no lease status: {link.diagnosis()}")
-        return LeaseShown(found, link.robot, is_ours(found, link.bus.operator))
-
-
-@contextmanager
-def leased(session: Session, name: str | None = None) -> Iterator[None]:
-    """Hold the lease during the context; RefusedError if another operator holds it."""
-    take(session, LeaseAction.TAKE, name)
-    try:
-        yield
-    finally:
-        give_back(session.link)
-
-
-def take(session: Session, action: LeaseAction, name: str | None = None) -> None:
-    """Take or seize the lease; RefusedError if that is refused."""
-    answer = session.with_holder(ask_lease(session.link, action, operator_name(name)))
-    if not answer.ok:
-        raise RefusedError(answer.text)
-
-
-def keep(link: Link, name: str, for_s: float) -> Answer | None:
-    """Keep the lease for `for_s`, or until an exception ends it; return why it was lost, if it was.
-
-    Send the operator's heartbeat, and ask for the lease again before it is idle for too long.
-    """
-    asked_ns = link.clock.now_ns()
-    until_ns = asked_ns + round(for_s * NS_PER_S)
-    while (now_ns := link.clock.now_ns()) < until_ns:
-        link.beat()
-        if now_ns - asked_ns >= AGAIN_NS:
-            asked_ns = now_ns
-            answer = ask_lease(link, LeaseAction.TAKE, name)
-            if not answer.ok:
-                return answer
-        link.clock.sleep_until(link.clock.now_ns() + BEAT_NS)
-    return None
-
-
-def give_back(link: Link) -> None:
-    """Leave the lease to other programs of this person, else release it.
-
-    A lost answer is ignored: the lease expires by itself.
-    """
-    request = LeaseRequest(request_id=link.ids.next(), action=LeaseAction.LEAVE, name="")
-    now_ns = link.clock.now_ns()
-    link.exchange(
-        CommandExchange(request, now_ns, attempts=1, patience_ns=RELEASE_NS), LEASE_SERVICE
-    )
+        return await robot.show_lease()

@@ -1,35 +1,57 @@
-"""Operations that set the pose of a robot."""
+"""`pose`: tell a robot where it is."""
 
 from dataclasses import dataclass
-from math import nan, radians
-from typing import ClassVar, Final
 
 from ground.client.connection import within
 from ground.client.goal import FARTHEST_M
 from ground.client.outcomes import Answer
-from ground.client.session import Session, patience_ns
-from ground.commands.command import command
-from ground.commands.plain import Parts, PlainCommand
-from protocol.topics import TRUTH
-from protocol.wire.enums import Command
-from runtime.errors import RemoteError
+from ground.commands.command import (
+    ANYWAY,
+    Group,
+    OperatorCommand,
+    command,
+    option,
+    place,
+    seconds,
+    switch,
+)
+from ground.robot import Robot
+from protocol.options import finite
+from runtime.cli.verb import MORE
 
-TRUTH_NS: Final = 1_000_000_000
-"""Longest wait for the plant's truth."""
+POSE = Group(MORE, 40, "pose set 2 1.5 90", "set the pose of a robot that has lost its place")
 
 
-@command(word="pose set", moves=True)
-class SetPose(PlainCommand):
-    """Set the pose of the robot in the world (metres, degrees); refused while a goal is active.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseCommand(OperatorCommand):
+    """A command of `pose`; given up after `timeout_s`, None: after the usual attempts."""
 
-    Without `heading_deg` the robot keeps its heading, if it knows its place.
-    `anyway`: send a pose outside of the known world, too.
+    timeout_s: float | None = option(
+        "--timeout",
+        default=None,
+        parse=seconds,
+        metavar="S",
+        help="give up after this time, in three attempts (default 1.5)",
+        after="seize",
+    )
+
+
+@command(POSE, example="pose set 2 1.5 90", moves=True)
+class SetPose(PoseCommand):
+    """Set the pose of the robot to X Y [DEG].
+
+    Refused while a goal is active. `anyway`: outside of the known world, too.
     """
 
-    x_m: float
-    y_m: float
-    heading_deg: float | None = None
-    anyway: bool = False
+    x_m: float = place("X", "metres", parse=finite)
+    y_m: float = place("Y", "metres", parse=finite)
+    heading_deg: float | None = place(
+        "DEG",
+        "heading; without it the robot keeps its own, if it knows its place",
+        default=None,
+        parse=finite,
+    )
+    anyway: bool = switch("--anyway", default=False, help=ANYWAY.format("a pose"))
 
     def __post_init__(self) -> None:
         within(self.x_m, -FARTHEST_M, FARTHEST_M, "x", "m")
@@ -37,37 +59,18 @@ class SetPose(PlainCommand):
         if self.heading_deg is not None:
             within(self.heading_deg, -360.0, 360.0, "heading", "deg")
 
-    def perform(self, session: Session) -> Answer:
+    async def perform(self, robot: Robot) -> Answer:
         """Send the pose; UserError for one outside of the known world, unless it is sent anyway."""
         if not self.anyway:
-            words = f"pose ({self.x_m:.3f}, {self.y_m:.3f})"
-            session.refuse_outside((words, self.x_m, self.y_m))
-        return PlainCommand.perform(self, session)
-
-    def wire(self) -> Parts:
-        """Return the command with x, y and heading as its parameters."""
-        heading_rad = nan if self.heading_deg is None else radians(self.heading_deg)
-        return Parts(Command.SIDESTEP_SET_POSE, self.x_m, self.y_m, heading_rad)
+            pose = f"pose ({self.x_m:.3f}, {self.y_m:.3f})"
+            await robot.refuse_outside((pose, self.x_m, self.y_m))
+        return await robot.set_pose(self.x_m, self.y_m, self.heading_deg, timeout_s=self.timeout_s)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SetTruePose:
-    """Set the pose of the robot to the true one, which only a simulated plant publishes."""
+@command(POSE, example="pose truth", moves=True)
+class SetTruePose(PoseCommand):
+    """Set the pose of a simulated robot to the true one."""
 
-    verb: ClassVar[str] = "pose truth"
-    moves: ClassVar[bool] = True
-    timeout_s: float | None = None
-
-    def perform(self, session: Session) -> Answer:
-        """Read the truth and send it; RemoteError if no plant publishes one."""
-        link = session.link
-        with link.subscribed(TRUTH) as telemetry:
-            link.wait(lambda: telemetry.fresh(TRUTH, link.clock.now_ns()) is not None, TRUTH_NS)
-            truth = telemetry.fresh(TRUTH, link.clock.now_ns())
-        if truth is None:
-            fix = "in the real world, or without rights to it, use `pose set X Y DEG`"
-            raise RemoteError(f"no simulation publishes the true place of {link.robot}: {fix}")
-        pose = truth.x_m, truth.y_m, truth.heading_rad
-        patience = patience_ns(self.timeout_s)
-        request = link.command(Command.SIDESTEP_SET_POSE, *pose)
-        return session.with_holder(link.ask(request, patience_ns=patience))
+    async def perform(self, robot: Robot) -> Answer:
+        """Send what the plant publishes; RemoteError if no plant does."""
+        return await robot.set_true_pose(timeout_s=self.timeout_s)

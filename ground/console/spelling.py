@@ -1,29 +1,19 @@
 """Operations as the lines that would be typed for them, for the log, the history and a shell."""
 
-from math import degrees
-
-from ground.client.goal import Destination
 from ground.client.outcomes import Outcome
 from ground.client.session import Operation
 from ground.commands.all_robots import ClearAll, StopAll
-from ground.commands.command import OperatorCommand
+from ground.commands.command import OperatorCommand, number
 from ground.commands.fence import SetFence
-from ground.commands.goto import Goto
 from ground.commands.param import SetParameter
 from ground.console.app_commands import AppCommand, SetTheme, Undo
 from ground.missions.draft import AddWaypoint, ClearDraft, RemoveWaypoint
 from ground.missions.mission import Circle
 
-DIGITS = 9
-"""Digits after the point: more would show rounding errors of the conversion to degrees."""
-
 
 def line_of(operation: Operation[Outcome] | AppCommand) -> str:
     """Return the line of an operation that has a key; for any other its verb."""
     match operation:
-        case Goto(goal=Destination() as goal):
-            heading = () if goal.heading_rad is None else (degrees(goal.heading_rad),)
-            return f"goal {numbers(goal.x_m, goal.y_m, *heading)}"
         case StopAll() | ClearAll():
             return f"{operation.verb} --all"
         case OperatorCommand():
@@ -48,4 +38,4 @@ def line_of(operation: Operation[Outcome] | AppCommand) -> str:
 
 def numbers(*values: float) -> str:
     """Format numbers with enough digits to parse them back."""
-    return " ".join(f"{round(value, DIGITS):g}" for value in values)
+    return " ".join(map(number, values))

@@ -1,17 +1,14 @@
-"""Arguments of the emergency stop and of the lease."""
+"""Arguments of the emergency stop."""
 
 import argparse
 from typing import Final
 
 from ground.commands.all_robots import ClearAll, StopAll
 from ground.commands.command import add_common, add_seize, seconds
-from ground.commands.lease import IDLE_S, ChangeLease, ShowLease
 from ground.commands.stop import STOP_S, ClearEmergencyStop, StopNow
 from ground.grammar.words import Words
-from protocol.wire.enums import LeaseAction
 from runtime.errors import UserError
 
-LEASE_ACTIONS: Final = ("take", "release", "seize", "show")
 ALL: Final = "all"
 
 
@@ -77,31 +74,3 @@ class StopWords(AllWords):
         if self.is_for_all:
             return StopAll(timeout_s=timeout_s)
         return StopNow(timeout_s=timeout_s)
-
-
-class LeaseWords(Words):
-    """The arguments of `lease`."""
-
-    name: str | None
-    hold: float | None
-
-    @classmethod
-    def declare(cls, parser: argparse.ArgumentParser) -> None:
-        """Declare the arguments."""
-        help = "take is refused while another person holds it; the robot takes it back when nothing"
-        help += f" has been driven for {IDLE_S} s"
-        parser.add_argument("action", choices=LEASE_ACTIONS, help=help)
-        parser.add_argument(
-            "--name", metavar="N", help="name shown to other operators (default user@host:terminal)"
-        )
-        parser.add_argument(
-            "--for", dest="hold", type=seconds, metavar="S", help="keep it for this time"
-        )
-        add_common(parser)
-
-    def operation(self) -> ShowLease | ChangeLease:
-        """Return the operation for the parsed arguments."""
-        if self.action == "show":
-            return ShowLease()
-        action = LeaseAction[self.action.upper()]
-        return ChangeLease(action=action, name=self.name, for_s=self.hold)

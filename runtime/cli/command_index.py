@@ -4,10 +4,18 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from runtime.cli.verb import Verb
+from runtime.cli.verb import Subcommand, Verb
 
 COMMANDS: Final[Mapping[str, Verb]] = MappingProxyType(
     {
+        "goto": Verb(
+            section="start and drive",
+            summary="drive to X Y [DEG] and wait for the outcome",
+            example="goto 5.4 2 90 --timeout 60",
+            module="ground.commands.goto",
+            words="Goto",
+            rank=40,
+        ),
         "hold": Verb(
             section="start and drive",
             summary="stop and keep the goal",
@@ -72,6 +80,14 @@ COMMANDS: Final[Mapping[str, Verb]] = MappingProxyType(
             words="SetNavigator",
             rank=140,
         ),
+        "teleop": Verb(
+            section="start and drive",
+            summary="drive by hand at a speed and a turn",
+            example="teleop 0.2 15 --for 3",
+            module="ground.commands.teleop",
+            words="DriveByHand",
+            rank=150,
+        ),
         "mark": Verb(
             section="rec",
             summary="add a remark to the recording",
@@ -79,6 +95,34 @@ COMMANDS: Final[Mapping[str, Verb]] = MappingProxyType(
             module="ground.commands.mark",
             words="Mark",
             rank=30,
+        ),
+        "pose": Verb(
+            section="groups",
+            summary="set the pose of a robot that has lost its place",
+            example="pose set 2 1.5 90",
+            module="ground.commands.pose",
+            words="POSE",
+            rank=40,
+            subcommands=MappingProxyType(
+                {
+                    "set": Subcommand(
+                        "set the pose of the robot to X Y [DEG]",
+                        "pose set 2 1.5 90",
+                    ),
+                    "truth": Subcommand(
+                        "set the pose of a simulated robot to the true one",
+                        "pose truth",
+                    ),
+                }
+            ),
+        ),
+        "lease": Verb(
+            section="groups",
+            summary="take or give back control of the robot, or show who has it",
+            example="lease take --for 60",
+            module="ground.commands.lease",
+            words="ChangeLease",
+            rank=50,
         ),
     }
 )

@@ -43,12 +43,6 @@ FENCE: Final[Mapping[str, Subcommand]] = MappingProxyType(
         "show": Subcommand("show the robot's fence", "fence show --json"),
     }
 )
-POSE: Final[Mapping[str, Subcommand]] = MappingProxyType(
-    {
-        "set": Subcommand("set the pose of the robot to X Y [DEG]", "pose set 2 1.5 90"),
-        "truth": Subcommand("set the pose of a simulated robot to the true one", "pose truth"),
-    }
-)
 PARAM: Final[Mapping[str, Subcommand]] = MappingProxyType(
     {
         "list": Subcommand("all parameters, with unit, range, default and meaning", "param list"),
@@ -127,7 +121,6 @@ STUDY: Final[Mapping[str, Subcommand]] = MappingProxyType(
 
 
 COMMANDS: Final = "ground.grammar.commands"
-DRIVING: Final = "ground.grammar.driving"
 LOOKING: Final = "ground.grammar.looking"
 OF_RECORDINGS: Final = "ground.grammar.recordings"
 RECORDINGS: Final = (".tlog", ".mcap")
@@ -162,14 +155,6 @@ PROGRAMS: Final[Mapping[str, Verb]] = MappingProxyType(
             arguments="ground_arguments",
             rank=30,
         ),
-        "goto": Verb(
-            DRIVE,
-            "drive to X Y [DEG] and wait for the outcome",
-            "goto 5.4 2 90 --timeout 60",
-            DRIVING,
-            words="GotoWords",
-            rank=40,
-        ),
         "estop": Verb(
             DRIVE,
             "emergency stop, latched",
@@ -185,14 +170,6 @@ PROGRAMS: Final[Mapping[str, Verb]] = MappingProxyType(
             COMMANDS,
             words="ClearWords",
             rank=120,
-        ),
-        "teleop": Verb(
-            DRIVE,
-            "drive by hand at a speed and a turn",
-            "teleop 0.2 15 --for 3",
-            DRIVING,
-            words="TeleopWords",
-            rank=150,
         ),
         "watch": Verb(
             LOOK,
@@ -407,23 +384,6 @@ PROGRAMS: Final[Mapping[str, Verb]] = MappingProxyType(
             words="FenceWords",
             subcommands=FENCE,
             rank=30,
-        ),
-        "pose": Verb(
-            MORE,
-            "set the pose of a robot that has lost its place",
-            "pose set 2 1.5 90",
-            "ground.grammar.places",
-            words="PoseWords",
-            subcommands=POSE,
-            rank=40,
-        ),
-        "lease": Verb(
-            MORE,
-            "take or give back control of the robot, or show who has it",
-            "lease take --for 60",
-            COMMANDS,
-            words="LeaseWords",
-            rank=50,
         ),
         "keys": Verb(
             MORE,

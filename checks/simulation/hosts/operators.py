@@ -21,11 +21,10 @@ from checks.simulation.hosts.virtual_time import (
 from ground.client.connection import Common
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.goal import destination, goal_request
-from ground.client.link import Link
+from ground.client.link import Link, ask_lease
 from ground.client.outcomes import Answer, Refused
 from ground.client.requests import BEAT_NS, is_saving
 from ground.client.teleop_sender import TeleopSender
-from ground.commands.lease import ask_lease
 from ground.missions.mission import Circle, Polygon, Waypoint
 from ground.missions.transfer import Clear, Upload, Verdict, fence_items_of, items_of
 from ground.station.robot.background_requests import JobResult

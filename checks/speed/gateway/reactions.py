@@ -25,13 +25,12 @@ from gateways.mavlink.motion.pilot import EnterGuided
 from ground.blocking import perform
 from ground.client.connection import Common
 from ground.client.goal import Destination
-from ground.client.link import Link
+from ground.client.link import Link, ask_lease
 from ground.client.outcomes import Outcome
 from ground.client.session import Operation, Session
 from ground.commands.arm import Arm
 from ground.commands.goto import Goto
 from ground.commands.hold import Hold
-from ground.commands.lease import ask_lease
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import Role

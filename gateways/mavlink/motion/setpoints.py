@@ -13,8 +13,8 @@ from gateways.mavlink.coordinates import PER_DEG, exists, heading_of, local_at, 
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from ground.client.goal import FARTHEST_M, Destination, from_robot
 from ground.client.teleop_sender import TTL_MS
-from ground.commands.teleop import FASTEST_DEG_S, FASTEST_M_S
 from ground.missions.mission import Home
+from ground.robot import FASTEST_DEG_S, FASTEST_M_S
 from protocol.wire.messages import PlanarOdometry
 from runtime.units import NS_PER_MS
 

@@ -20,7 +20,6 @@ from ground.commands.all_robots import ClearAll, StopAll
 from ground.commands.lease import ChangeLease
 from ground.commands.mode import SetMode
 from ground.commands.stop import ClearEmergencyStop, StopNow
-from ground.commands.teleop import set_mode
 from ground.console.app_commands import AppCommand, Undo
 from ground.console.argument_errors import shown
 from ground.console.completion import Assistance, Candidate, assist
@@ -35,7 +34,7 @@ from ground.station.robot.mission_items import target_of
 from ground.station.station import REPLAYED, Station
 from protocol.bus.bus import Bus
 from protocol.options import DEFAULT_ENDPOINT
-from protocol.wire.enums import LeaseAction, Mode, Severity
+from protocol.wire.enums import Command, LeaseAction, Mode, Severity
 from runtime.cli.verb_table import with_present_name
 from runtime.clock import Clock
 from runtime.errors import RemoteError, UserError
@@ -301,7 +300,7 @@ class DriveByKeys:
 
     def begin(self) -> Answer:
         """Choose MANUAL; then send zero speed once."""
-        request = set_mode(self._link, Mode.MANUAL)
+        request = self._link.command(Command.DO_SET_MODE, 1.0, float(Mode.MANUAL))
         self._id = request.request_id
         answer = Session(self._link, attended=True).with_holder(self._link.ask(request))
         if answer.ok:
@@ -310,7 +309,8 @@ class DriveByKeys:
 
     def end(self) -> Answer | None:
         """Choose HOLD for this drive, and for no other; None if it is over."""
-        outcome = self._link.end(set_mode(self._link, Mode.HOLD), self._id, attempts=ATTEMPTS)
+        hold = self._link.command(Command.DO_SET_MODE, 1.0, float(Mode.HOLD))
+        outcome = self._link.end(hold, self._id, attempts=ATTEMPTS)
         if isinstance(outcome, GaveUp):
             raise self._link.unanswered(outcome)
         return outcome

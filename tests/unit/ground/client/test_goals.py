@@ -1,6 +1,7 @@
 """Goals: as typed, inside the known world, followed to their end, aborted, and resumed."""
 
 import argparse
+import dataclasses
 import json
 from math import dist, inf, nan, pi, radians
 from typing import Any
@@ -28,7 +29,7 @@ from ground.commands.command import positive, seconds
 from ground.commands.goto import Goto
 from ground.commands.mission import UploadMission
 from ground.commands.resume import Resume
-from ground.grammar.driving import GotoWords
+from ground.grammar.words import CommandWords
 from ground.missions.mission import Mission, Waypoint
 from ground.missions.transfer import items_of
 from protocol.topics import LEASE, MISSION, MISSION_SERVICE, STATUS
@@ -60,8 +61,10 @@ from tests.support.ground.station import WORLD_TEXT
 
 def typed(*words: str) -> Goto:
     parser = argparse.ArgumentParser(exit_on_error=False)
-    GotoWords.declare(parser)
-    return parser.parse_args(list(words), GotoWords("goto")).operation()
+    Goto.declare(parser)
+    command = parser.parse_args(list(words), CommandWords("goto", Goto)).operation()
+    assert isinstance(command, Goto)
+    return command
 
 
 def test_metres_and_degrees_become_millimetres_and_microradians() -> None:
@@ -596,7 +599,7 @@ def test_goto_without_a_place_needs_a_world_with_a_goal(answer: bytes | None) ->
 
 def test_goal_of_the_world_is_not_that_of_a_further_robot() -> None:
     stage = Stage(WITH_GOAL)
-    stage.link.robot = "r2"
+    stage.link.common = dataclasses.replace(stage.link.common, robot="r2")
     with pytest.raises(UserError, match="is that of r1; example: goto"):
         perform(Goto(), session(stage))
 

@@ -9,8 +9,8 @@ from msgspec.structs import replace
 from ground.blocking import perform
 from ground.client.lease_holder import operator_name, shortened, terminal_name
 from ground.client.outcomes import DriveEnded, Refused, RefusedError
-from ground.client.teleop_sender import SETTLE_NS, lost_control
-from ground.commands.lease import ChangeLease, ShowLease, leased
+from ground.client.teleop_sender import SETTLE_NS, TeleopSender, lost_control
+from ground.commands.lease import ChangeLease, ShowLease
 from ground.commands.teleop import DriveByHand
 from protocol.topics import LEASE, OPERATOR, STATUS
 from protocol.wire.enums import Command, LeaseAction, Mode, Vehicle
@@ -103,13 +103,14 @@ def test_person_who_has_the_lease_by_now_is_not_the_other_operator() -> None:
     assert (outcome.reason, outcome.holder) == (Reason.LEASE_HELD, "")
 
 
-def test_lease_goes_back_when_the_work_under_it_fails() -> None:
-    stage = Stage(Reason.NONE, None)
-    with pytest.raises(ZeroDivisionError), leased(stage.session):
-        raise ZeroDivisionError
+def test_lease_goes_back_when_the_work_under_it_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    stage, drive = Stage(), DriveByHand(speed_m_s=0.2, turn_deg_s=0.0)
+    monkeypatch.setattr(TeleopSender, "drive", lambda *_: 1 // 0)
+    with pytest.raises(ZeroDivisionError):
+        perform(drive, stage.session)
     assert actions(stage) == [LeaseAction.TAKE, LeaseAction.LEAVE]
-    with pytest.raises(RefusedError), leased(Stage(Reason.LEASE_HELD).session):
-        raise AssertionError("the lease is another operator's")
+    with pytest.raises(RefusedError):
+        perform(drive, Stage(Reason.LEASE_HELD).session)
 
 
 def test_lease_status_is_shown() -> None:
