@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from fastcrc.crc16 import mcrf4xx
 
-from checks.harness.played_gateway import PlayedEndpoint, PlayedGateway
+from checks.harness.played_gateway import PlayedEndpoint, PlayedGateway, PlayedWork
 from gateways.mavlink.clients import ClientLink
 from gateways.mavlink.coordinates import DEFAULT_ORIGIN, place_of
 from gateways.mavlink.ftp_messages import HEADER as FILE_HEADER
@@ -98,6 +98,7 @@ class AnsweringRobot:
     identity = "gateway/1"
     is_busy = False
     wake: Callable[[], object]
+    settle: Callable[[], None]
 
     def __init__(self) -> None:
         self.flags = 0
@@ -167,7 +168,9 @@ def new_face(
 ) -> tuple[Face, AnsweringRobot]:
     """Return a vehicle with two clients."""
     robot = AnsweringRobot()
-    face = face_of(MavVehicle(1, robot, DEFAULT_ORIGIN, 0), folder, guard)
+    vehicle = MavVehicle(1, robot, DEFAULT_ORIGIN, 0)
+    robot.settle = PlayedWork(vehicle).settle
+    face = face_of(vehicle, folder, guard)
     for client in (1, 2):
         face.join(client)
     return face, robot
@@ -219,9 +222,10 @@ def raw(data: bytes, _: Path) -> None:
     """Receive bytes, in two parts, as they come from a socket."""
     link = ClientLink(1, "a", 0)
     found = received(link, data[: len(data) // 2], 0) + received(link, data[len(data) // 2 :], 1)
-    face, _robot = new_face()
+    face, robot = new_face()
     for message in found[:MAX_RECORDS]:
         face.receive(message, Sender(1, 255, 190), 1)
+        robot.settle()
     face.due(ROUND_NS)
 
 
@@ -252,6 +256,7 @@ def payloads(data: bytes, folder: Path) -> None:
             receive(face, message, robot.flags, now_ns)
         for _round in range(ROUNDS[robot.flags & 3]):
             now_ns += ROUND_NS
+            robot.settle()
             robot.deliver()
             face.due(now_ns)
             send(face)

@@ -1,19 +1,45 @@
 """A gateway for MAVLink on a played loop: the test is its peers, its robots, and moves its time."""
 
 import asyncio
+import atexit
 from collections.abc import Sequence
 from functools import partial
-from typing import Any, cast
+from typing import Any, Final, cast
 
 from checks.harness.loop import PlayedLoop
 from gateways.mavlink.bus_port import BusPort
 from gateways.mavlink.endpoints import Endpoint, Receiver
 from gateways.mavlink.gateway import Gateway
-from gateways.mavlink.mav_vehicle import Face
+from gateways.mavlink.mav_vehicle import Face, MavVehicle, Work
 from gateways.mavlink.robot_port import RobotPort
 from gateways.mavlink.signing import SigningGuard
 from gateways.mavlink.traffic_recorder import TrafficRecorder
 from runtime.clock import ManualClock
+
+LOOP: Final = PlayedLoop(ManualClock())
+"""Runs the work of all vehicles without a gateway; nothing there waits for a time."""
+atexit.register(LOOP.close)
+
+
+class PlayedWork:
+    """Runs the work of a vehicle without a gateway, when it is told to."""
+
+    def __init__(self, vehicle: MavVehicle) -> None:
+        self._tasks: set[asyncio.Task[None]] = set()
+        vehicle.start = self._start
+
+    def _start(self, work: Work) -> None:
+        task: Any = LOOP.create_task(work)
+        task._log_destroy_pending = False  # a test may end while a robot has not answered
+        self._tasks.add(task)
+
+    def settle(self) -> None:
+        """Run what need not wait any more; raise its errors."""
+        LOOP.advance()
+        ended = {task for task in self._tasks if task.done()}
+        self._tasks -= ended
+        for task in ended:
+            task.result()
 
 
 class PlayedEndpoint:

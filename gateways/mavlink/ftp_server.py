@@ -5,7 +5,7 @@ The names of its virtual tree are looked up in lists, so no path leads outside o
 `.ulg` as logs, so in `@MAV_LOG` the recordings have `.bin` behind their names.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import Final, NamedTuple
@@ -42,14 +42,13 @@ from gateways.mavlink.parameter_table import (
     packed,
     selection_in,
 )
+from runtime.errors import RemoteError
 from runtime.units import NS_PER_S
 
 PARAMETERS_FOLDER, PACKED_NAME = "@PARAM", "param.pck"
 LOGS_FOLDER, LOG_SUFFIX = "@MAV_LOG", ".bin"
 RECORDINGS_FOLDER: Final = "recordings"
 FOLDERS: Final = (LOGS_FOLDER, PARAMETERS_FOLDER, RECORDINGS_FOLDER)
-
-Opened = Callable[[DataSource | Failure], None]
 
 
 class FileEntry(NamedTuple):
@@ -85,7 +84,7 @@ class VirtualTree:
             case "" | ".":
                 return [*(FileEntry(name, is_folder=True) for name in FOLDERS), *self._metadata()]
             case "@PARAM":
-                table = self._store.table
+                table = self._store.values
                 size = 0 if table is None else len(packed(table, Selection()) or b"")
                 return [FileEntry(PACKED_NAME, size)]
             case "@MAV_LOG":
@@ -94,21 +93,23 @@ class VirtualTree:
                 return self._logs("", now_ns)
         return None
 
-    def open(self, path: str, then: Opened, now_ns: int) -> None:
-        """Call `then` with the file or the reason of a failure, perhaps in a later round."""
+    async def open(self, path: str, now_ns: int) -> DataSource | Failure:
+        """Return a file, or the reason of a failure."""
         name, _, query = path.removeprefix("/").partition("?")
         folder, slash, file = name.partition("/")
-        if name in (GENERAL_NAME, PARAMETERS_NAME):
-            self._store.known(lambda table, _: then(self._described(name, table)), now_ns)
-        elif name == f"{PARAMETERS_FOLDER}/{PACKED_NAME}":
-            selection = selection_in(query)
-            self._store.latest(lambda table, _: then(_packed(table, selection)), now_ns)
-        elif slash and folder == RECORDINGS_FOLDER:
-            then(self._recording(file, now_ns))
-        elif slash and folder == LOGS_FOLDER and file.endswith(LOG_SUFFIX):
-            then(self._recording(file.removesuffix(LOG_SUFFIX), now_ns))
-        else:
-            then(Failure.FILE_NOT_FOUND)
+        try:
+            if name in (GENERAL_NAME, PARAMETERS_NAME):
+                await self._store.known(now_ns)
+                return self._described(name)
+            if name == f"{PARAMETERS_FOLDER}/{PACKED_NAME}":
+                return _packed(await self._store.latest(now_ns), selection_in(query))
+        except RemoteError:
+            return Failure.FAIL
+        if slash and folder == RECORDINGS_FOLDER:
+            return self._recording(file, now_ns)
+        if slash and folder == LOGS_FOLDER and file.endswith(LOG_SUFFIX):
+            return self._recording(file.removesuffix(LOG_SUFFIX), now_ns)
+        return Failure.FILE_NOT_FOUND
 
     def _metadata(self) -> list[FileEntry]:
         found = self._store.metadata
@@ -126,9 +127,9 @@ class VirtualTree:
             self._entries[suffix] = found, entries
         return entries
 
-    def _described(self, name: str, table: MavTable | None) -> DataSource | Failure:
+    def _described(self, name: str) -> DataSource | Failure:
         found = self._store.metadata
-        if table is None or found is None:
+        if found is None:
             return Failure.FAIL
         return BytesSource(found.general if name == GENERAL_NAME else found.parameters)
 
@@ -142,8 +143,8 @@ class VirtualTree:
             return Failure.FAIL
 
 
-def _packed(table: MavTable | None, selection: Selection | None) -> DataSource | Failure:
-    data = None if table is None or selection is None else packed(table, selection)
+def _packed(table: MavTable, selection: Selection | None) -> DataSource | Failure:
+    data = None if selection is None else packed(table, selection)
     return Failure.FAIL if data is None else BytesSource(data)
 
 
@@ -345,10 +346,11 @@ class FileServer:
             self._opening[key] = request
         else:
             self._opening[key] = request
-            self._tree.open(path, lambda found: self._opened(request, found), self._now_ns)
+            self._vehicle.start(self._open_file(path, request))
 
-    def _opened(self, first: FileRequest, found: DataSource | Failure) -> None:
+    async def _open_file(self, path: str, first: FileRequest) -> None:
         """Answer the newest request for this file, unless the client has asked for another one."""
+        found = await self._tree.open(path, self._now_ns)
         request = self._opening.get(first.key)
         if request is None or not first.repeated_by(request):
             if not isinstance(found, Failure):

@@ -15,7 +15,7 @@ from gateways.mavlink.clients import ClientLink, Clients, GatewayClient
 from gateways.mavlink.endpoints import Endpoint
 from gateways.mavlink.framing import MavFrame, is_emergency_stop
 from gateways.mavlink.mav_service import NEWCOMER, WATCHER, Sender
-from gateways.mavlink.mav_vehicle import Face
+from gateways.mavlink.mav_vehicle import Face, Work
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.operator_control import Owner
 from gateways.mavlink.signing import DOUBTS, Rights, SignatureVerdict, SigningGuard
@@ -171,6 +171,7 @@ class Gateway:
         self._quiet_turns = 0
         self._timer: asyncio.TimerHandle | None = None
         self._timer_ns = 0
+        self._tasks: set[asyncio.Task[None]] = set()
 
     async def serve(self) -> None:
         """Serve clients until this is cancelled, or raise the first error of a callback."""
@@ -183,7 +184,20 @@ class Gateway:
             if not failure.done():
                 failure.set_exception(context.get("exception") or RuntimeError(context["message"]))
 
+        def end(task: asyncio.Task[None]) -> None:
+            self._tasks.discard(task)
+            if not task.cancelled() and (error := task.exception()) is not None:
+                fail(loop, {"exception": error})
+
+        def start(work: Work) -> None:
+            task = loop.create_task(work)
+            self._tasks.add(task)
+            task.add_done_callback(end)
+
         loop.set_exception_handler(fail)
+        for face in self._faces:
+            face.vehicle.start = start
+            face.vehicle.outbox.filled = partial(loop.call_soon, self._send)
         for port in self._ports:
             port.wake = partial(loop.call_soon_threadsafe, self._deliver)
         for endpoint in self._endpoints:
@@ -195,8 +209,10 @@ class Gateway:
         """Serve until the clients have the answers to their requests, for FINISH_NS at most."""
         end_ns = self._clock.now_ns() + FINISH_NS
         self._plan_round()  # a signal may have interrupted one
-        while any(port.is_busy for port in self._ports) and self._clock.now_ns() < end_ns:
-            await asyncio.sleep(FINISH_STEP_S)
+        is_busy = True
+        while is_busy and self._clock.now_ns() < end_ns:
+            is_busy = any(port.is_busy for port in self._ports)
+            await asyncio.sleep(FINISH_STEP_S)  # an answer follows the end of a request
 
     def close(self) -> None:
         """Close all endpoints."""
@@ -220,7 +236,7 @@ class Gateway:
         self._quiet_turns = 0
         self.clients.feed(endpoint, peer, data, now_ns, is_loopback=is_loopback)
         self._process(now_ns)
-        self._send(now_ns)
+        self._plan_round()
 
     def _round(self) -> None:
         """Process streams, retries and time-outs, and what clients sent beyond their shares."""
@@ -237,14 +253,13 @@ class Gateway:
                 face.vehicle.lossy = lossy
                 face.due(now_ns)
             self._report(now_ns)
-        self._send(now_ns)
+        self._plan_round()
 
     def _deliver(self) -> None:
         """Process the ends of requests."""
-        now_ns = self._awake()
+        self._awake()
         for port in self._ports:
             port.deliver()
-        self._send(now_ns)
 
     def _plan_round(self) -> None:
         """Let the next round begin when it is due; what clients ask brings it forward."""
@@ -339,7 +354,9 @@ class Gateway:
             for port, status in zip(self._ports, statuses, strict=True):
                 port.report(status)
 
-    def _send(self, now_ns: int) -> None:
+    def _send(self) -> None:
+        """Send what a turn of the event loop has put into the outboxes."""
+        now_ns = self._clock.now_ns()
         for face in self._faces:
             recorded: set[int] = set()
             for message, number in face.vehicle.outbox.take():

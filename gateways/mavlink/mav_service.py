@@ -3,7 +3,7 @@
 Parameter lists, files and logs share one budget of bytes for each client.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Final, NamedTuple, Protocol
 
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
@@ -47,14 +47,17 @@ class Send(NamedTuple):
 
 
 class Outbox:
-    """The messages of one vehicle that have not been sent."""
+    """The messages of one vehicle that have not been sent; `filled` is called at the first one."""
 
     def __init__(self) -> None:
+        self.filled: Callable[[], object] = lambda: None
         self._sends: list[Send] = []
         self._texts = 0
 
     def send(self, message: MavMessage, client: int | None = EVERYONE) -> None:
         """Add a message."""
+        if not self._sends:
+            self.filled()
         self._sends.append(Send(message, client))
 
     def text(self, severity: Severity, words: str, client: int | None = EVERYONE) -> None:

@@ -4,14 +4,14 @@ A service adds the messages that it can build to the catalogue in its constructo
 sends them, and REQUEST_MESSAGE builds one at once; both share those that were built in a round.
 """
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Awaitable, Callable, Collection, Coroutine, Iterator, Sequence
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
 from gateways.mavlink.mav_service import COMPONENT, MavService, Outbox, Sender
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.operator_control import OperatorControl
-from gateways.mavlink.robot_port import KEEPS_FENCE, Answered, Done, RobotPort, Snapshot
+from gateways.mavlink.robot_port import KEEPS_FENCE, Answered, Done, RobotPort, Snapshot, end_of
 from gateways.mavlink.signing import WATCHING
 from ground.client.requests import CROSSING_NS
 from ground.client.session import Operation
@@ -23,8 +23,9 @@ from runtime.units import NS_PER_MS, NS_PER_S, NS_PER_US, UINT32
 
 Build = Callable[[int], Sequence[MavMessage]]
 """Returns the messages of the present round, given its time; none if the values are missing."""
-Prepare = Callable[[Callable[[], None], int], None]
-"""Asks the robot for missing values, and calls back when it has answered or is silent."""
+Prepare = Callable[[int], Awaitable[object]]
+"""Asks the robot for missing values; RemoteError if it is silent."""
+Work = Coroutine[Any, Any, None]
 FRAME_BYTES: Final = 12 + 13
 """Header, checksum and signature."""
 
@@ -194,6 +195,12 @@ ANY: Final = 0
 """The target that addresses every system, or every component."""
 
 
+def not_served(work: Work) -> None:
+    """Refuse work before an event loop serves the vehicle."""
+    work.close()
+    raise RuntimeError("no event loop serves this vehicle")
+
+
 class MavVehicle:
     """The state that the protocols of one robot share; `snapshot` is that of the present round.
 
@@ -205,12 +212,14 @@ class MavVehicle:
     process; None without a clock. `commit` is that of this program. `is_armed` is what was seen
     last: a silent robot that was armed may still drive. `stop_id` names the newest emergency stop
     that was seen, None before the first status. `has_fence` is False once the robot is seen to have
-    none. `shortest_ns` is the shortest time between two messages of a stream.
+    none. `shortest_ns` is the shortest time between two messages of a stream. `start` begins work
+    that waits for the robot, in the next turn of the event loop.
     """
 
     def __init__(self, system: int, port: RobotPort, origin: Home, now_ns: int) -> None:
         self.system = system
         self.port = port
+        self.start: Callable[[Work], object] = not_served
         self.origin = origin
         self.origin_altitude_m = 0.0
         self.home = (0.0, 0.0)
@@ -260,6 +269,10 @@ class MavVehicle:
             self.control.ensure(sender, lambda answered: done(kept if answered.ok else answered))
             return
         self.control.perform(sender, operation, done)
+
+    async def ask(self, sender: Sender, operation: Operation[Any]) -> Answered:
+        """Perform an operation, and return its end."""
+        return await end_of(lambda done: self.perform(sender, operation, done))
 
 
 class Face:

@@ -3,7 +3,6 @@
 The parameters as last read from the robot are shared with the files and the streams.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -18,6 +17,7 @@ from gateways.mavlink.parameter_table import (
     metadata_of,
     table_of,
 )
+from gateways.mavlink.robot_copy import PERIOD_NS, RobotCopy
 from gateways.mavlink.robot_port import Answered
 from ground.commands.param import (
     ParameterChanged,
@@ -25,99 +25,58 @@ from ground.commands.param import (
     SetParameter,
     ShowParameters,
 )
-from runtime.units import NS_PER_MS, NS_PER_S
-
-FRESH_NS: Final = NS_PER_S
-PERIOD_NS: Final = 10 * NS_PER_S
-"""Changes by other operators are read within this time."""
-MAX_WAITING: Final = 64
-BUSY: Final = "too many requests for parameters at once"
-
-Then = Callable[[MavTable | None, str], None]
-"""Receives the table, or None with the reason."""
+from runtime.errors import RemoteError
+from runtime.units import NS_PER_MS
 
 
-class ParameterStore:
-    """Reads the list on request, and periodically while there are clients."""
+class ParameterStore(RobotCopy[MavTable]):
+    """The list of parameters; its values that have changed are sent to all clients."""
+
+    busy = "too many requests for parameters at once"
+    again_ns = PERIOD_NS
 
     def __init__(self, vehicle: MavVehicle) -> None:
-        self.table: MavTable | None = None
+        super().__init__(vehicle, ShowParameters(), table_in)
         self._metadata: Metadata | None = None
-        self._vehicle = vehicle
-        self._waiting: list[Then] = []
-        self._is_asking = False
-        self._asked_ns = -PERIOD_NS
-        self._read_ns = -PERIOD_NS
 
     @property
     def metadata(self) -> Metadata | None:
         """The files that describe the parameters, None while the parameters are unknown."""
-        if self._metadata is None and self.table is not None:
-            self._metadata = metadata_of(self.table)
+        if self._metadata is None and self.values is not None:
+            self._metadata = metadata_of(self.values)
         return self._metadata
 
-    def due(self, now_ns: int) -> None:
-        """Read the list if its time has come."""
-        vehicle = self._vehicle
-        is_time = now_ns - self._asked_ns >= PERIOD_NS
-        if is_time and vehicle.clients and vehicle.snapshot.is_live:
-            self._ask(now_ns)
-
-    def latest(self, then: Then, now_ns: int) -> None:
-        """Call `then` with a table that is at most a second old, perhaps in a later round."""
-        if self.table is not None and now_ns - self._read_ns < FRESH_NS:
-            then(self.table, "")
-        elif len(self._waiting) >= MAX_WAITING:
-            then(None, BUSY)
-        else:
-            self._waiting.append(then)
-            self._ask(now_ns)
-
-    def known(self, then: Then, now_ns: int) -> None:
-        """Call `then` with the table that was last read; read it if there is none."""
-        if self.table is None:
-            self.latest(then, now_ns)
-        else:
-            then(self.table, "")
-
-    def adopt(self, index: int, value: float) -> None:
+    def adopt_value(self, index: int, value: float) -> None:
         """Store the value that the robot has reported for one parameter.
 
         Send it to all clients.
         """
-        if self.table is not None and index < len(self.table):
-            self._use(self.table.with_value(index, value))
-            self._vehicle.outbox.send(self.table.message(index))
-            for client in self._vehicle.lossy:
-                self._vehicle.outbox.send(self.table.message(index), client)
-
-    def _ask(self, now_ns: int) -> None:
-        if not self._is_asking:
-            self._is_asking = True
-            self._asked_ns = now_ns
-            self._vehicle.port.perform(ShowParameters(), self._read)
-
-    def _read(self, answer: Answered) -> None:
-        self._is_asking = False
-        waiting, self._waiting = self._waiting, []
-        if not isinstance(answer.outcome, ParameterTable):
-            for then in waiting:
-                then(None, answer.text)
-            return
-        older, table = self.table, table_of(answer.outcome.parameters)
-        self._read_ns = self._asked_ns
-        self._use(table)
-        for index in [] if older is None else table.changed_since(older):
+        if self.values is not None and index < len(self.values):
+            table = self.values.with_value(index, value)
+            self._use(table)
             self._vehicle.outbox.send(table.message(index))
-        for then in waiting:
-            then(table, "")
+            for client in self._vehicle.lossy:
+                self._vehicle.outbox.send(table.message(index), client)
+
+    def _take(self, values: MavTable) -> None:
+        """Keep a table that has been read."""
+        older = self.values
+        self._use(values)
+        for index in [] if older is None else values.changed_since(older):
+            self._vehicle.outbox.send(values.message(index))
 
     def _use(self, table: MavTable) -> None:
-        if self.table is None or not table.describes_same(self.table):
+        if self.values is None or not table.describes_same(self.values):
             self._metadata = None
-        self.table = table
+        self.values = table
         own = (one.own for one in table.parameters if not one.is_fixed)
         self._vehicle.parameters = {one.name: one.value for one in own}
+
+
+def table_in(answered: Answered) -> MavTable | None:
+    """Return the table that the robot has sent, None if it has not answered."""
+    found = answered.outcome
+    return table_of(found.parameters) if isinstance(found, ParameterTable) else None
 
 
 VALUE_BYTES: Final = 37
@@ -169,25 +128,19 @@ class ParameterProtocol:
         self._pending: set[PendingChange] = set()
         self._now_ns = 0
         vehicle.catalogue.add(
-            MessageSource(ComponentMetadata.id, self._describe, prepare=self._prepare_description)
+            MessageSource(ComponentMetadata.id, self._describe, prepare=store.known)
         )
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
         """Start a list, or answer a request for one parameter."""
         self._now_ns = now_ns
-        number = message.get_msgId()
-        if number == mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST:
-            self._store.latest(lambda table, why: self._begin(sender, table, why), now_ns)
-        elif number == mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ:
-            self._store.known(lambda table, why: self._send(message, sender, table, why), now_ns)
-        else:
-            self._store.known(lambda table, why: self._set(message, sender, table, why), now_ns)
+        self._vehicle.start(self._answer(message, sender, now_ns))
 
     def due(self, now_ns: int) -> None:
         """Continue the lists, as fast as the line of each client allows."""
         self._now_ns = now_ns
         self._store.due(now_ns)
-        table = self._store.table
+        table = self._store.values
         for client, listing in list(self._lists.items()):
             if table is None or self._is_sent(client, listing, table):
                 del self._lists[client]
@@ -217,25 +170,26 @@ class ParameterProtocol:
         time_ms = self._vehicle.boot_ms(now_ns)
         return [] if found is None else [component_metadata(found, time_ms)]
 
-    def _prepare_description(self, then: Callable[[], None], now_ns: int) -> None:
-        self._store.known(lambda _table, _why: then(), now_ns)
-
-    def _begin(self, sender: Sender, table: MavTable | None, why: str) -> None:
-        if table is None:
-            self._say(sender, f"no parameters: {why}")
-        else:
+    async def _answer(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
+        number = message.get_msgId()
+        is_list = number == mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST
+        read = self._store.latest if is_list else self._store.known
+        try:
+            table = await read(now_ns)
+        except RemoteError as error:
+            self._say(sender, f"no parameters: {error}")
+            return
+        if is_list:
             is_slow = self._vehicle.clients.get(sender.client) is not None
             self._lists[sender.client] = Listing(1 if is_slow else PASSES, self._now_ns)
-
-    def _send(self, message: MavMessage, sender: Sender, table: MavTable | None, why: str) -> None:
-        index = self._index(message, sender, table, why)
-        if table is not None and index is not None:
-            self._vehicle.answer(table.message(index), sender.client)
-
-    def _set(self, message: MavMessage, sender: Sender, table: MavTable | None, why: str) -> None:
-        index = self._index(message, sender, table, why)
-        if table is None or index is None:
+        elif (index := self._index(message, sender, table)) is None:
             return
+        elif number == mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ:
+            self._vehicle.answer(table.message(index), sender.client)
+        else:
+            await self._set(message, sender, table, index)
+
+    async def _set(self, message: MavMessage, sender: Sender, table: MavTable, index: int) -> None:
         parameter, value = table.parameters[index], float(message.param_value)
         change = PendingChange(sender.client, index, value)
         if not is_cast(value):
@@ -250,14 +204,14 @@ class ParameterProtocol:
         elif change not in self._pending:
             self._pending.add(change)
             operation = SetParameter(name=parameter.own.name, value=value)
-            done = self._answered
-            self._vehicle.perform(sender, operation, lambda end: done(end, sender, change))
+            self._end(await self._vehicle.ask(sender, operation), sender, change)
 
-    def _answered(self, answer: Answered, sender: Sender, change: PendingChange) -> None:
+    def _end(self, answer: Answered, sender: Sender, change: PendingChange) -> None:
+        """Tell the end of a change: all clients the new value, or its client why there is none."""
         self._pending.discard(change)
-        found, table = answer.outcome, self._store.table
+        found, table = answer.outcome, self._store.values
         if isinstance(found, ParameterChanged) and found.now is not None:
-            self._store.adopt(change.number, found.now)
+            self._store.adopt_value(change.number, found.now)
             if not found.ok:
                 self._say(sender, found.text)
         elif table is not None and change.number < len(table):
@@ -275,13 +229,8 @@ class ParameterProtocol:
         outbox.send(table.message(index), sender.client)
         self._say(sender, f"{name} not changed: {why}")
 
-    def _index(
-        self, message: MavMessage, sender: Sender, table: MavTable | None, why: str
-    ) -> int | None:
+    def _index(self, message: MavMessage, sender: Sender, table: MavTable) -> int | None:
         """Return the index of the parameter that a message names; refuse it if there is none."""
-        if table is None:
-            self._say(sender, f"no parameters: {why}")
-            return None
         number = getattr(message, "param_index", BY_NAME)
         name = name_of(message.param_id)
         if number != BY_NAME and 0 <= number < len(table):

@@ -3,6 +3,7 @@
 The telemetry also tells why the robot cannot be armed.
 """
 
+import asyncio
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -87,6 +88,13 @@ class Answered:
 
 Done = Callable[[Answered], None]
 """Called once in the gateway's thread, in a later round."""
+
+
+async def end_of(begin: Callable[[Done], object]) -> Answered:
+    """Begin a request, and return its end."""
+    end: asyncio.Future[Answered] = asyncio.get_running_loop().create_future()
+    begin(end.set_result)
+    return await end
 
 
 class RobotPort(Protocol):

@@ -5,6 +5,7 @@ of a message that it does not know with FAILED.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from types import MappingProxyType
 from typing import Final, NamedTuple
@@ -25,6 +26,7 @@ from gateways.mavlink.commands.command_protocol import (
 from gateways.mavlink.mav_service import Sender
 from gateways.mavlink.mav_vehicle import Catalogue, MavVehicle, MessageSource
 from gateways.mavlink.mavlink_dialect import AvailableModes, CurrentMode, MavMessage, mavlink
+from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS, NS_PER_S, NS_PER_US
 
 ROUND_NS: Final = 50 * NS_PER_MS
@@ -332,23 +334,18 @@ class MessageRequests:
         elif number in self._indexed:
             reply.result(DENIED, f"message {number} has no index {call.param2:g}")
         else:
-            self._request_later(number, call, reply)
+            self._vehicle.start(self._request_later(number, call, reply))
 
-    def _request_later(self, number: int, call: CommandCall, reply: CommandReply) -> None:
+    async def _request_later(self, number: int, call: CommandCall, reply: CommandReply) -> None:
         """Answer when the robot has sent the values: QGroundControl does not ask a second time."""
         source = self._vehicle.catalogue.find(number)
-
-        def then() -> None:
-            now_ns = self._vehicle.snapshot.now_ns
-            if self.request(number, 0, call.sender, now_ns):
-                reply.result(ACCEPTED)
-            else:
-                reply.result(LATER, f"message {number}: the robot does not send its values now")
-
-        if source is None or source.prepare is None:
-            then()
+        if source is not None and source.prepare is not None:
+            with suppress(RemoteError):
+                await source.prepare(call.now_ns)
+        if self.request(number, 0, call.sender, self._vehicle.snapshot.now_ns):
+            reply.result(ACCEPTED)
         else:
-            source.prepare(then, call.now_ns)
+            reply.result(LATER, f"message {number}: the robot does not send its values now")
 
     def _set_interval(self, call: CommandCall, reply: CommandReply) -> None:
         number, interval_us = whole(call.param1), whole(call.param2)

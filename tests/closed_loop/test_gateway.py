@@ -10,6 +10,7 @@ from functools import partial
 from typing import Any
 
 from checks.harness.in_process import InProcess
+from checks.harness.played_gateway import PlayedWork
 from gateways.mavlink.bus_port import BusPort
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import (
@@ -87,6 +88,7 @@ class Client:
         self._port = BusPort(link_of(stack, Role.GROUND))
         now_ns = stack.clock.now_ns()
         self._face = face_of(MavVehicle(1, self._port, ORIGIN, now_ns))
+        self._work = PlayedWork(self._face.vehicle)
         self._face.due(now_ns)
 
     def send(self, message: MavMessage, answer: str) -> MavMessage:
@@ -96,8 +98,10 @@ class Client:
 
         def is_answered() -> bool:
             assert self._stack.robot is not None
+            self._work.settle()
             self._stack.robot.idle()
             self._port.deliver()
+            self._work.settle()
             sent = [one.message for one in self._face.vehicle.outbox.take()]
             found.extend(of_type(sent, answer))
             return bool(found)
@@ -148,13 +152,16 @@ class Gateway:
         beats = self.port._heartbeats
         self.port.heartbeat = lambda: stack.send(beats.key, lambda: beats.put(ALIVE))  # type: ignore[method-assign]
         self.face = face_of(MavVehicle(1, self.port, ORIGIN, stack.clock.now_ns()))
+        self._work = PlayedWork(self.face.vehicle)
         self.face.join(CLIENT.client)
         self.sent: list[MavMessage] = []
 
     def round(self) -> None:
         self.face.vehicle.control.heard(CLIENT, self._stack.clock.now_ns())
         self.port.deliver()
+        self._work.settle()
         self.face.due(self._stack.clock.now_ns())
+        self._work.settle()
         self.sent += [one.message for one in self.face.vehicle.outbox.take()]
 
     def ask(self, message: MavMessage, answer: str = "COMMAND_ACK") -> MavMessage:
@@ -163,6 +170,7 @@ class Gateway:
         self.face.receive(message, CLIENT, self._stack.clock.now_ns())
 
         def is_answered() -> bool:
+            self._work.settle()
             if self.port._waiting and self._stack.robot is not None:
                 self._stack.robot.idle()  # simulated time waits for the threads of the port
             else:

@@ -1,9 +1,6 @@
-"""The plans to upload and download: a mission, whose item 0 is home, and a fence.
+"""The plans to upload and download: a mission, whose item 0 is home, and a fence."""
 
-The gateway keeps a copy of what the robot has, which it reads on demand.
-"""
-
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from math import dist
 from typing import Any, Final, Generic, NamedTuple, Protocol, TypeVar
@@ -19,6 +16,7 @@ from gateways.mavlink.missions.plan_items import (
     mission_id,
     usual,
 )
+from gateways.mavlink.robot_copy import Key, RobotCopy
 from gateways.mavlink.robot_port import Answered
 from ground.client.session import Operation
 from ground.commands.fence import ClearFence, FenceShown, SetFence, ShowFence
@@ -38,103 +36,9 @@ from ground.missions.qgroundcontrol import (
     waypoint_of,
 )
 from protocol.wire.enums import FRAME_GLOBAL, Command, MissionType
-from runtime.units import NS_PER_S
-
-T = TypeVar("T")
-Key = tuple[int, int]
-Then = Callable[[tuple[T, ...] | None, str], None]
-"""Receives the robot's values, or None with the reason."""
-
-FRESH_NS: Final = NS_PER_S
-PERIOD_NS: Final = 10 * NS_PER_S
-"""A change of the fence by another operator is read within this time."""
-MAX_WAITING: Final = 64
-BUSY: Final = "too many requests at once"
 
 
-class RobotCopy(Generic[T]):
-    """The robot's values when they were last read; `values` is None before that.
-
-    `key` returns a value that changes with the robot's data, None if there is none. A copy without
-    a key is read again periodically while there are clients.
-    """
-
-    def __init__(
-        self,
-        vehicle: MavVehicle,
-        question: Operation[Any],
-        parse: Callable[[Answered], tuple[T, ...] | None],
-        key: Callable[[], Key | None],
-    ) -> None:
-        self.values: tuple[T, ...] | None = None
-        self._vehicle = vehicle
-        self._question = question
-        self._parse = parse
-        self._key = key
-        self._read_key: Key | None = None
-        self._asked_key: Key | None = None
-        self._read_ns = self._asked_ns = -PERIOD_NS
-        self._is_asking = False
-        self._waiting: list[Then[T]] = []
-
-    def latest(self, then: Then[T], now_ns: int) -> None:
-        """Call `then` with the robot's present values, perhaps in a later round."""
-        if self._is_fresh(now_ns):
-            then(self.values, "")
-        elif len(self._waiting) >= MAX_WAITING:
-            then(None, BUSY)
-        else:
-            self._waiting.append(then)
-            self._ask(now_ns)
-
-    def known(self, then: Then[T], now_ns: int) -> None:
-        """Call `then` with the values that were last read; read them if there are none."""
-        if self.values is None:
-            self.latest(then, now_ns)
-        else:
-            then(self.values, "")
-
-    def adopt(self, values: tuple[T, ...], key: Key | None, now_ns: int) -> None:
-        """Store the values that the robot has accepted."""
-        self.values, self._read_key = values, key
-        self._read_ns = self._asked_ns = now_ns
-
-    def due(self, now_ns: int) -> None:
-        """Read the values again if they have changed, or may have changed."""
-        vehicle, key = self._vehicle, self._key()
-        if not (vehicle.clients and vehicle.snapshot.is_live):
-            return
-        is_changed = key is not None and key != self._read_key
-        period_ns = FRESH_NS if is_changed or self.values is None else PERIOD_NS
-        is_unsure = key is None or is_changed
-        if is_unsure and now_ns - self._asked_ns >= period_ns:
-            self._ask(now_ns)
-
-    def _is_fresh(self, now_ns: int) -> bool:
-        if self.values is None:
-            return False
-        key = self._key()
-        recent = now_ns - self._read_ns < FRESH_NS
-        return recent if key is None else key == self._read_key
-
-    def _ask(self, now_ns: int) -> None:
-        if not self._is_asking:
-            self._is_asking = True
-            self._asked_ns, self._asked_key = now_ns, self._key()
-            self._vehicle.port.perform(self._question, self._read)
-
-    def _read(self, answered: Answered) -> None:
-        self._is_asking = False
-        waiting, self._waiting = self._waiting, []
-        found = self._parse(answered)
-        if found is not None:
-            self.values = found
-            self._read_key, self._read_ns = self._asked_key, self._asked_ns
-        for then in waiting:
-            then(found, "" if found is not None else answered.text)
-
-
-def mission_copy(vehicle: MavVehicle) -> RobotCopy[Waypoint]:
+def mission_copy(vehicle: MavVehicle) -> RobotCopy[tuple[Waypoint, ...]]:
     """Return the copy of a robot's mission; its status shows a change."""
 
     def key() -> Key | None:
@@ -152,9 +56,9 @@ def waypoints_in(answered: Answered) -> tuple[Waypoint, ...] | None:
     return () if isinstance(outcome, TransferOutcome) and outcome.is_none else None
 
 
-def fence_copy(vehicle: MavVehicle) -> RobotCopy[Fence]:
+def fence_copy(vehicle: MavVehicle) -> RobotCopy[tuple[Fence, ...]]:
     """Return the copy of a robot's fence, of which there is at most one."""
-    return RobotCopy(vehicle, ShowFence(), fences_in, lambda: None)
+    return RobotCopy(vehicle, ShowFence(), fences_in)
 
 
 def fences_in(answered: Answered) -> tuple[Fence, ...] | None:
@@ -187,7 +91,7 @@ class ItemKind(Protocol[V, P]):
     name: str
     type: MissionType
     home_items: int
-    copy: RobotCopy[V]
+    copy: RobotCopy[tuple[V, ...]]
 
     def part_of(self, item: Item, count: int) -> P:
         """Return an item as a part of `count`; UnsupportedItemError if it cannot be one."""
@@ -223,7 +127,7 @@ class MissionKind:
     home_items = 1
 
     def __init__(self, vehicle: MavVehicle) -> None:
-        self.copy: RobotCopy[Waypoint] = mission_copy(vehicle)
+        self.copy: RobotCopy[tuple[Waypoint, ...]] = mission_copy(vehicle)
         self._id = PlanId(mission_id)
         self._vehicle = vehicle
 
@@ -291,7 +195,7 @@ class FenceKind:
     home_items = 0
 
     def __init__(self, vehicle: MavVehicle) -> None:
-        self.copy: RobotCopy[Fence] = fence_copy(vehicle)
+        self.copy: RobotCopy[tuple[Fence, ...]] = fence_copy(vehicle)
         self._id = PlanId(fence_id)
         self._vehicle = vehicle
 

@@ -21,7 +21,7 @@ from gateways.mavlink.missions.plan_answers import (
 from gateways.mavlink.missions.plan_items import item_message
 from gateways.mavlink.missions.plan_kinds import HOME, ItemKind, MissionKind
 from gateways.mavlink.missions.plan_uploads import Uploads
-from gateways.mavlink.robot_port import Answered
+from runtime.errors import RemoteError
 
 MAX_WAITING: Final = 16
 """Requests of all clients that wait for the robot."""
@@ -37,51 +37,42 @@ class Downloads:
         self._kind = kind
         self._uploads = uploads
         self._answers = answers
-        self._waiting: set[tuple[ClientKey, int]] = set()
+        self._waiting: set[tuple[ClientKey, int | None]] = set()
 
-    def count(self, sender: Sender, now_ns: int) -> None:
-        """Send the number of items, as the robot has them now."""
-        if not self._may_read(sender, now_ns):
-            return
-        waiting = (key_of(sender), -1)
-        if self._is_waiting(waiting):
-            return
-        self._waiting.add(waiting)
-
-        def then(values: tuple[Any, ...] | None, why: str) -> None:
-            self._waiting.discard(waiting)
-            if values is None:
-                self._refuse(sender, ERROR, why)
-                return
-            number, kind = len(self._kind.items(values)), self._kind
-            fields = (sender.system, sender.component, number, kind.number, kind.id_of(values))
-            self._vehicle.answer(MissionCount(*fields), sender.client)
-
-        self._kind.copy.latest(then, now_ns)
-
-    def item(self, number: int, sender: Sender, now_ns: int, *, is_int: bool) -> None:
-        """Send one item, in the form that was asked for."""
+    def read(
+        self, number: int | None, sender: Sender, now_ns: int, *, is_int: bool = False
+    ) -> None:
+        """Send an item in the form that was asked for; for None the number of items."""
         if not self._may_read(sender, now_ns):
             return
         waiting = (key_of(sender), number)
-        if self._is_waiting(waiting):
-            return
-        self._waiting.add(waiting)
+        if waiting not in self._waiting and len(self._waiting) < MAX_WAITING:
+            self._waiting.add(waiting)
+            self._vehicle.start(self._answer(number, sender, now_ns, is_int=is_int))
 
-        def then(values: tuple[Any, ...] | None, why: str) -> None:
-            self._waiting.discard(waiting)
-            items = [] if values is None else list(self._kind.items(values))
-            if number == HOME and not items and isinstance(self._kind, MissionKind):
-                items = [self._kind.home]  # which DroneKit asks for without a mission, too
-            if number < len(items):
-                message = item_message(items[number], self._kind.number, sender, is_int=is_int)
-                self._vehicle.answer(message, sender.client)
-            elif values is None:
-                self._refuse(sender, ERROR, why)
-            else:
-                self._refuse(sender, SEQUENCE, f"there is no item {number}")
-
-        self._kind.copy.known(then, now_ns)
+    async def _answer(
+        self, number: int | None, sender: Sender, now_ns: int, *, is_int: bool
+    ) -> None:
+        """Answer a request: for the number of items as the robot has them now."""
+        kind, values, why = self._kind, None, ""
+        try:
+            values = await (kind.copy.latest(now_ns) if number is None else kind.copy.known(now_ns))
+        except RemoteError as error:
+            why = str(error)
+        self._waiting.discard((key_of(sender), number))
+        items = [] if values is None else list(kind.items(values))
+        if number == HOME and not items and isinstance(kind, MissionKind):
+            items = [kind.home]  # which DroneKit asks for without a mission, too
+        if number is not None and number < len(items):
+            message = item_message(items[number], kind.number, sender, is_int=is_int)
+            self._vehicle.answer(message, sender.client)
+        elif values is None:
+            self._refuse(sender, ERROR, why)
+        elif number is None:
+            fields = sender.system, sender.component, len(items), kind.number, kind.id_of(values)
+            self._vehicle.answer(MissionCount(*fields), sender.client)
+        else:
+            self._refuse(sender, SEQUENCE, f"there is no item {number}")
 
     def forget(self, client: int) -> None:
         """Drop the waiting requests of a client that has disconnected."""
@@ -96,9 +87,6 @@ class Downloads:
             return False
         self._uploads.cancel(sender)
         return True
-
-    def _is_waiting(self, waiting: tuple[ClientKey, int]) -> bool:
-        return waiting in self._waiting or len(self._waiting) >= MAX_WAITING
 
     def _refuse(self, sender: Sender, result: int, why: str) -> None:
         refusal = Refusal(result, f"{self._kind.name}: {why}")
@@ -131,6 +119,7 @@ class KindTransfers:
         self.kind = kind
         self.uploads = Uploads(vehicle, kind, answers)
         self.downloads = Downloads(vehicle, kind, self.uploads, answers)
+        self._vehicle = vehicle
         self._answers = answers
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
@@ -141,10 +130,10 @@ class KindTransfers:
         elif number in (ITEM, ITEM_INT):
             self.uploads.receive(message, sender, now_ns)
         elif number == REQUEST_LIST:
-            self.downloads.count(sender, now_ns)
+            self.downloads.read(None, sender, now_ns)
         elif number in (REQUEST, REQUEST_INT):
             is_int = number == REQUEST_INT
-            self.downloads.item(message.seq, sender, now_ns, is_int=is_int)
+            self.downloads.read(message.seq, sender, now_ns, is_int=is_int)
         elif number == WRITE_PARTIAL:
             self._begin_partly(message.start_index, message.end_index, sender, now_ns)
         elif number == REQUEST_PARTIAL:
@@ -164,19 +153,20 @@ class KindTransfers:
         self.downloads.forget(client)
 
     def _begin_partly(self, first: int, last: int, sender: Sender, now_ns: int) -> None:
-        def then(values: tuple[Any, ...] | None, why: str) -> None:
-            if values is None:
-                words = f"{self.kind.name}: {why}"
-                self._answers.refuse(sender, self.kind.number, Refusal(ERROR, words))
-            else:
-                parts = self.kind.parts(values)
-                self.uploads.begin_partly(first, last, parts, sender, now_ns)
-
         if self.uploads.is_of_other(sender):
             self.uploads.deny(sender)
         elif not self.uploads.is_active(sender, now_ns):
             self.uploads.cancel(sender)
-            self.kind.copy.latest(then, now_ns)
+            self._vehicle.start(self._change_partly(first, last, sender, now_ns))
+
+    async def _change_partly(self, first: int, last: int, sender: Sender, now_ns: int) -> None:
+        try:
+            parts = self.kind.parts(await self.kind.copy.latest(now_ns))
+        except RemoteError as error:
+            words = f"{self.kind.name}: {error}"
+            self._answers.refuse(sender, self.kind.number, Refusal(ERROR, words))
+        else:
+            self.uploads.begin_partly(first, last, parts, sender, now_ns)
 
 
 class MissionProtocol:
@@ -255,24 +245,20 @@ class MissionProtocol:
             one.uploads.is_active(sender, now_ns) for one in chosen
         ):
             self._clearing.add(waiting)
-            self._clear_next(chosen, number, sender)
+            self._vehicle.start(self._clear_all(chosen, number, sender))
 
-    def _clear_next(self, kinds: list[KindTransfers], number: int, sender: Sender) -> None:
-        transfers, *rest = kinds
-        transfers.uploads.cancel(sender)
-        kind = transfers.kind
-
-        def ended(answered: Answered) -> None:
-            if answered.ok:
-                kind.accepted((), answered, self._vehicle.snapshot.now_ns)
-            if answered.ok and rest:
-                self._clear_next(rest, number, sender)
-                return
-            self._clearing.discard((key_of(sender), number))
-            if answered.ok:
-                self._answers.acknowledge(sender, number, ACCEPTED)
-            else:
+    async def _clear_all(self, kinds: list[KindTransfers], number: int, sender: Sender) -> None:
+        refusal = None
+        for transfers in kinds:
+            kind = transfers.kind
+            transfers.uploads.cancel(sender)
+            answered = await self._vehicle.ask(sender, kind.clearing())
+            if not answered.ok:
                 refusal = refusal_of(answered, kind.name, kind.home_items)
-                self._answers.refuse(sender, number, refusal)
-
-        self._vehicle.perform(sender, kind.clearing(), ended)
+                break
+            kind.accepted((), answered, self._vehicle.snapshot.now_ns)
+        self._clearing.discard((key_of(sender), number))
+        if refusal is None:
+            self._answers.acknowledge(sender, number, ACCEPTED)
+        else:
+            self._answers.refuse(sender, number, refusal)

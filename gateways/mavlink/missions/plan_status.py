@@ -23,7 +23,7 @@ from gateways.mavlink.mav_vehicle import MavVehicle, MessageSource
 from gateways.mavlink.mavlink_dialect import MavMessage, MissionCurrent, mavlink
 from gateways.mavlink.missions.plan_answers import ClientKey, key_of, refusal_of
 from gateways.mavlink.missions.plan_kinds import FenceKind, MissionKind
-from gateways.mavlink.robot_port import Answered, Done
+from gateways.mavlink.robot_port import Answered, end_of
 from ground.client.requests import CROSSING_NS
 from ground.commands.fence import ClearFence, SetFence
 from ground.commands.mission import JumpTo
@@ -31,6 +31,7 @@ from ground.missions.mission import Fence
 from protocol.wire.enums import MissionState, Mode
 from protocol.wire.messages import MissionStatus
 from protocol.wire.reasons import Reason
+from runtime.errors import RemoteError
 from runtime.units import NS_PER_S
 
 NO_TOTAL: Final = 0xFFFF
@@ -85,27 +86,24 @@ class CurrentItem:
         if client in self._waiting or len(self._waiting) >= MAX_WAITING:
             return
         self._waiting.add(client)
+        self._vehicle.start(self._jump(message.seq, sender))
 
-        def ended(answered: Answered) -> None:
-            self._waiting.discard(client)
-            if not answered.ok:
-                words = refusal_of(answered, f"mission item {message.seq}", 0).words
-                self._vehicle.refusals.say(words, sender.client, self._vehicle.snapshot.now_ns)
+    async def _jump(self, item: int, sender: Sender) -> None:
+        answered = await self._choose(item, sender)
+        self._waiting.discard(key_of(sender))
+        if not answered.ok:
+            words = refusal_of(answered, f"mission item {item}", 0).words
+            self._vehicle.refusals.say(words, sender.client, self._vehicle.snapshot.now_ns)
 
-        self.choose(message.seq, sender, ended)
-
-    def choose(self, item: int, sender: Sender, done: Done) -> None:
+    async def _choose(self, item: int, sender: Sender) -> Answered:
         """Make an item the current one, and send MISSION_CURRENT if the robot accepts."""
-
-        def ended(answered: Answered) -> None:
-            if answered.ok:
-                snapshot = self._vehicle.snapshot
-                self._chosen, self.jumped_ns = item, snapshot.now_ns
-                self._of_mission = 0 if snapshot.mission is None else snapshot.mission.mission_id
-                self._announce()
-            done(answered)
-
-        self._vehicle.perform(sender, JumpTo(item=max(item, FIRST)), ended)
+        answered = await self._vehicle.ask(sender, JumpTo(item=max(item, FIRST)))
+        if answered.ok:
+            snapshot = self._vehicle.snapshot
+            self._chosen, self.jumped_ns = item, snapshot.now_ns
+            self._of_mission = 0 if snapshot.mission is None else snapshot.mission.mission_id
+            self._announce()
+        return answered
 
     def due(self, now_ns: int) -> None:
         """Read the robot's mission status, and send changes."""
@@ -157,7 +155,10 @@ class CurrentItem:
         if item is None or not 0 <= item <= MAX_ITEM:
             reply.result(DENIED, "parameter 1 must be the number of an item")
         else:
-            self.choose(item, call.sender, reply.ended)
+            self._vehicle.start(self._answer(item, call, reply))
+
+    async def _answer(self, item: int, call: CommandCall, reply: CommandReply) -> None:
+        reply.ended(await self._choose(item, call.sender))
 
 
 AGAIN_NS: Final = NS_PER_S
@@ -276,39 +277,29 @@ class FenceService:
     def _command(self, call: CommandCall, reply: CommandReply) -> None:
         if call.param1 not in (0.0, 1.0):
             reply.result(DENIED, "parameter 1 must be 1 to enable or 0 to disable the fence")
+        else:
+            self._vehicle.start(self._change(call, reply))
+
+    async def _change(self, call: CommandCall, reply: CommandReply) -> None:
+        try:
+            fences = await self._kind.copy.latest(call.now_ns)
+        except RemoteError as error:
+            reply.result(FAILED, f"fence: {error}")
             return
-
-        def then(fences: tuple[Fence, ...] | None, why: str) -> None:
-            if fences is None:
-                reply.result(FAILED, f"fence: {why}")
-            elif call.param1 == 0.0:
-                self._disable(fences, call, reply)
-            else:
-                self._enable(fences, call, reply)
-
-        self._kind.copy.latest(then, call.now_ns)
-
-    def _disable(self, fences: tuple[Fence, ...], call: CommandCall, reply: CommandReply) -> None:
-        def ended(answered: Answered) -> None:
+        vehicle, sender = self._vehicle, call.sender
+        if call.param1 == 0.0:
+            answered = await vehicle.ask(sender, ClearFence())
             if answered.ok:
                 self._disabled = fences or self._disabled
-                self._kind.accepted((), answered, self._vehicle.snapshot.now_ns)
-            reply.ended(answered)
-
-        self._vehicle.perform(call.sender, ClearFence(), ended)
-
-    def _enable(self, fences: tuple[Fence, ...], call: CommandCall, reply: CommandReply) -> None:
-        if fences:
-            self._vehicle.control.ensure(call.sender, reply.ended)
-            return
-        if not self._disabled:
+                self._kind.accepted((), answered, vehicle.snapshot.now_ns)
+        elif fences:
+            answered = await end_of(lambda done: vehicle.control.ensure(sender, done))
+        elif self._disabled:
+            kept = self._disabled
+            answered = await vehicle.ask(sender, SetFence(fence=kept[0]))
+            if answered.ok:
+                self._kind.accepted(kept, answered, vehicle.snapshot.now_ns)
+        else:
             reply.result(FAILED, "there is no fence: upload one")
             return
-        kept = self._disabled
-
-        def ended(answered: Answered) -> None:
-            if answered.ok:
-                self._kind.accepted(kept, answered, self._vehicle.snapshot.now_ns)
-            reply.ended(answered)
-
-        self._vehicle.perform(call.sender, SetFence(fence=kept[0]), ended)
+        reply.ended(answered)

@@ -26,8 +26,8 @@ from gateways.mavlink.missions.plan_answers import (
     refusal_of,
 )
 from gateways.mavlink.missions.plan_items import item_in
-from gateways.mavlink.missions.plan_kinds import ItemKind, PlanChange
-from gateways.mavlink.robot_port import Answered
+from gateways.mavlink.missions.plan_kinds import ItemKind
+from gateways.mavlink.robot_port import Answered, end_of
 from ground.commands.mission import AnnounceItems, TransferOutcome
 from ground.missions.qgroundcontrol import UnsupportedItemError
 from protocol.wire.enums import Severity
@@ -198,30 +198,34 @@ class Uploads:
     def _announce(self, upload: PlanUpload) -> None:
         if self._pending >= MAX_PENDING:
             self._refuse(upload, Refusal(ERROR, f"{self._kind.name}: too many requests at once"))
-            return
-        self._upload = upload
-        count = upload.count
-        self._pending += 1
-
-        def ended(answered: Answered) -> None:
-            self._pending -= 1
-            if self._upload is not upload:
-                return
-            if not answered.ok:
-                self._refuse(upload, self._refusal(answered))
-            elif upload.count != count:
-                self._announce(upload)  # the client has announced another number meanwhile
-            else:
-                now_ns = self._vehicle.snapshot.now_ns
-                upload.phase, upload.heard_ns = Phase.RECEIVING, now_ns
-                self._go_on(upload, now_ns)
-
-        robots = count - self._kind.home_items
-        if robots > 0:
-            question = AnnounceItems(kind=self._kind.type, count=robots)
-            self._vehicle.perform(upload.sender, question, ended)
         else:
-            self._vehicle.control.ensure(upload.sender, ended)
+            self._upload = upload
+            self._pending += 1
+            self._vehicle.start(self._await_announced(upload))
+
+    async def _await_announced(self, upload: PlanUpload) -> None:
+        """Ask whether the robot takes so many items; the client may change the number meanwhile."""
+        vehicle, sender, count = self._vehicle, upload.sender, -1
+        answered = Answered(None)
+        while self._upload is upload and upload.count != count:
+            count = upload.count
+            robots = count - self._kind.home_items
+            if robots > 0:
+                question = AnnounceItems(kind=self._kind.type, count=robots)
+                answered = await vehicle.ask(sender, question)
+            else:
+                answered = await end_of(lambda done: vehicle.control.ensure(sender, done))
+            if not answered.ok:
+                break
+        self._pending -= 1
+        if self._upload is not upload:
+            return
+        if answered.ok:
+            now_ns = vehicle.snapshot.now_ns
+            upload.phase, upload.heard_ns = Phase.RECEIVING, now_ns
+            self._go_on(upload, now_ns)
+        else:
+            self._refuse(upload, self._refusal(answered))
 
     def _ask(self, upload: PlanUpload, now_ns: int) -> None:
         upload.asked_ns = now_ns
@@ -254,25 +258,19 @@ class Uploads:
 
     def _go_on(self, upload: PlanUpload, now_ns: int) -> None:
         if upload.expected > upload.last:
-            self._store(upload)
+            upload.phase = Phase.STORING
+            self._vehicle.start(self._store(upload))
         else:
             self._ask(upload, now_ns)
 
-    def _store(self, upload: PlanUpload) -> None:
-        upload.phase = Phase.STORING
+    async def _store(self, upload: PlanUpload) -> None:
         try:
             change = self._kind.change_to([*upload.before, *upload.parts, *upload.after])
         except UnsupportedItemError as error:
             refusal = Refusal(PART_RESULTS[error.part], f"{self._kind.name}: {error}")
             self._refuse(upload, refusal)
             return
-
-        def ended(answered: Answered) -> None:
-            self._stored(upload, change, answered)
-
-        self._vehicle.perform(upload.sender, change.operation, ended)
-
-    def _stored(self, upload: PlanUpload, change: PlanChange[Any], answered: Answered) -> None:
+        answered = await self._vehicle.ask(upload.sender, change.operation)
         kind, now_ns, outcome = self._kind, self._vehicle.snapshot.now_ns, answered.outcome
         is_kept = isinstance(outcome, TransferOutcome) and outcome.verdict.in_force
         in_force = answered.ok or is_kept

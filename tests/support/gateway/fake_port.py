@@ -7,6 +7,7 @@ from math import radians
 from typing import Any
 
 from checks.harness.messages import make
+from checks.harness.played_gateway import PlayedWork
 from gateways.mavlink.mav_service import MavService, Sender
 from gateways.mavlink.mav_vehicle import Face, MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
@@ -97,6 +98,8 @@ class FakePort:
         self.heartbeats = 0
         self.texts: list[Statustext] = []
         self.driven: list[tuple[float, float]] = []
+        self.settle: Callable[[], object] = lambda: None
+        """Runs what waits for an answer."""
 
     def snapshot(self, now_ns: int) -> Snapshot:
         """Return the telemetry that the test has set."""
@@ -116,6 +119,7 @@ class FakePort:
         """End the oldest operation, by default with the robot's acceptance."""
         _, done = self.waiting.popleft()
         done(Answered(None, error) if error else Answered(outcome or Accepted(1)))
+        self.settle()
 
     def refuse(self, reason: Reason) -> None:
         """End the oldest operation with a refusal."""
@@ -149,11 +153,13 @@ class Bench:
         self.now_ns = 0
         self.vehicle = MavVehicle(system, self.port, ORIGIN, self.now_ns)
         self.vehicle.parameters |= READ
+        self.settle = self.port.settle = PlayedWork(self.vehicle).settle
         self.face = Face(self.vehicle, [service(self.vehicle) for service in services])
 
     def send(self, message: MavMessage, sender: Sender = CLIENT) -> list[MavMessage]:
         """Give a message to the face; return what it sends at once."""
         self.face.receive(message, sender, self.now_ns)
+        self.settle()
         return self.sent()
 
     def sent(self, client: int | None = None) -> list[MavMessage]:
@@ -168,6 +174,7 @@ class Bench:
         while self.now_ns < end_ns:
             self.now_ns += 20_000_000
             self.face.due(self.now_ns)
+            self.settle()
             found += self.sent()
         return found
 

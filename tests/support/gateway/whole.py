@@ -62,6 +62,7 @@ class WholeGateway(PlayedGateway):
         self._encoder = mavlink.MAVLink(NoFile(), 255, 190)
         endpoint = self.endpoint if real is None else real
         super().__init__(endpoint, [self.face], [self.port], ManualClock(1), recorder, guard)
+        self.port.settle = self.advance
 
     def send(
         self, message: MavMessage, peer: str = "a", system: int = 255, *, is_mavlink1: bool = False

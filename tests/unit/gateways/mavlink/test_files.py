@@ -274,10 +274,12 @@ def test_ten_thousand_sessions_are_bounded(bench: ParameterBench) -> None:
     for number in range(10_000):
         sender = CLIENT._replace(system=number % 250, component=number // 250)
         bench.face.receive(asked(Opcode.OPEN, PATH, session=number % 256), sender, 0)
+        bench.settle()
     assert open_files() - before == MAX_OF_CLIENT
     bench.sent()
     for client in range(100, 100 + 2 * MAX_OPEN):
         bench.face.receive(asked(Opcode.OPEN, PATH), CLIENT._replace(client=client), 0)
+        bench.settle()
     found = [Reply(one) for one in of_type(bench.sent(), "FILE_TRANSFER_PROTOCOL")]
     assert open_files() - before == MAX_OPEN
     assert found[-1].data == bytes([Failure.NO_SESSIONS])
@@ -289,6 +291,7 @@ def test_files_of_a_client_that_has_gone_are_closed(bench: ParameterBench) -> No
     before = open_files()
     opened(bench)
     bench.face.receive(asked(Opcode.CHECKSUM, PATH, session=1), CLIENT, 0)
+    bench.settle()
     assert open_files() == before + 2
     bench.face.forget(CLIENT.client)
     assert open_files() == before

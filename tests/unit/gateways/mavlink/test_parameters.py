@@ -220,6 +220,7 @@ def test_flood_of_changes_is_bounded() -> None:
     bench = loaded()
     for number in range(10_000):
         bench.face.receive(change("D_OBS_M", 0.1 + number * 1e-5), CLIENT, bench.now_ns)
+    bench.settle()
     assert len(bench.port.waiting) == MAX_PENDING
     texts = of_type(bench.sent(), "STATUSTEXT")
     assert 0 < len(texts) < 10
