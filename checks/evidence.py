@@ -59,6 +59,11 @@ class MeasuringStep(NamedTuple):
     in_work: bool = False
 
 
+def step(line: str, **more: bool) -> MeasuringStep:
+    """Return the step of a command line."""
+    return MeasuringStep(tuple(line.split()), **more)
+
+
 class EvidencePage(NamedTuple):
     """A page, the paths whose commits make it old, and how it is measured again.
 
@@ -137,7 +142,7 @@ EVIDENCE: Final = (
         "`python -m checks.site.outcomes_table`",
         (*DRIVES, "checks/site/outcomes_table.py"),
         6,
-        (MeasuringStep(("python", "-m", "checks.site.outcomes_table")),),
+        (step("python -m checks.site.outcomes_table"),),
     ),
     EvidencePage(
         "lockstep",
@@ -155,12 +160,7 @@ EVIDENCE: Final = (
         "`sidestep bench compiled --page FILE`",
         (*DRIVES, "hatch_build.py", "checks/speed/trials.py", "checks/speed/irsim_driver.py"),
         8,
-        (
-            MeasuringStep(
-                ("python", "-m", "checks", "compiled", "--page", f"{FOLDER}/compiled.md"),
-                may_miss=True,
-            ),
-        ),
+        (step(f"python -m checks compiled --page {FOLDER}/compiled.md", may_miss=True),),
     ),
     EvidencePage(
         "figures",
@@ -179,21 +179,15 @@ EVIDENCE: Final = (
         (*DRIVES, "checks/site/published_maps.py"),
         15,
         (
-            MeasuringStep(("make", "compiled")),
+            step("make compiled"),
             *(
-                MeasuringStep(
-                    ("git", "clone", "--depth", "1", f"https://github.com/{name}"), in_work=True
-                )
+                step(f"git clone --depth 1 https://github.com/{name}", in_work=True)
                 for name in ("Daffan/nav-competition-icra2022", "Kei18/pibt2")
             ),
-            MeasuringStep(
-                (
-                    *("python", "-P", "-m", "checks.site.published_maps"),
-                    *("--barn", "{work}/nav-competition-icra2022/jackal_helper/worlds/BARN"),
-                    *("--moving-ai", "{work}/pibt2/map"),
-                    *("--output", f"{FOLDER}/published-maps.json"),
-                    *("--page", f"{FOLDER}/published-maps.md"),
-                ),
+            step(
+                "python -P -m checks.site.published_maps --moving-ai {work}/pibt2/map"
+                " --barn {work}/nav-competition-icra2022/jackal_helper/worlds/BARN"
+                f" --output {FOLDER}/published-maps.json --page {FOLDER}/published-maps.md",
                 is_compiled=True,
             ),
         ),
@@ -207,13 +201,8 @@ EVIDENCE: Final = (
         ("runtime", "protocol", "gateways/mavlink", "vehicle_check", "robot"),
         12,
         (
-            MeasuringStep(
-                (
-                    *("python", "-m", "pytest", "-q", "-m", "interop", "--no-skips"),
-                    "tests/interop/test_judge.py",
-                )
-            ),
-            MeasuringStep(("python", "-m", "checks.site.rows_table")),
+            step("python -m pytest -q -m interop --no-skips tests/interop/test_judge.py"),
+            step("python -m checks.site.rows_table"),
         ),
         data=(f"{FOLDER}/mavlink",),
         file="docs/reference/mavlink-rows.md",
@@ -235,8 +224,8 @@ EVIDENCE: Final = (
         DRIVES,
         45,
         (
-            MeasuringStep(("make", "compiled")),
-            MeasuringStep(("python", "-P", "-m", "study.people"), is_compiled=True),
+            step("make compiled"),
+            step("python -P -m study.people", is_compiled=True),
         ),
         data=(f"{FOLDER}/people.json",),
     ),
@@ -248,14 +237,7 @@ EVIDENCE: Final = (
         "`make same-bits`",
         (*DRIVES, "constraints.txt", "checks/same_bits"),
         45,
-        (
-            MeasuringStep(
-                (
-                    *("python", "-m", "checks.same_bits", "--libraries", "--compiled"),
-                    *("--page", f"{FOLDER}/same-bits.md"),
-                )
-            ),
-        ),
+        (step(f"python -m checks.same_bits --libraries --compiled --page {FOLDER}/same-bits.md"),),
         data=(f"{FOLDER}/same-bits.json",),
     ),
     EvidencePage(
@@ -287,14 +269,12 @@ EVIDENCE: Final = (
         ("robot/core", "firmware", "robot/hosting.py", "plant/sim", "checks/speed/board"),
         90,
         (
-            MeasuringStep(("make", "firmware")),
-            MeasuringStep(("python", "-m", "checks.same_bits.on_board")),
-            MeasuringStep(("python", "-m", "checks.speed.board.measure")),
-            MeasuringStep(
-                ("python", "-m", "checks.speed.board.float32", "--output", "{work}/float32.json")
-            ),
-            MeasuringStep(("cp", "{work}/float32.json", f"{FOLDER}/microcontroller/float32.json")),
-            MeasuringStep(("make", "generate-docs")),
+            step("make firmware"),
+            step("python -m checks.same_bits.on_board"),
+            step("python -m checks.speed.board.measure"),
+            step("python -m checks.speed.board.float32 --output {work}/float32.json"),
+            step(f"cp {{work}}/float32.json {FOLDER}/microcontroller/float32.json"),
+            step("make generate-docs"),
         ),
         data=(f"{FOLDER}/microcontroller",),
     ),
@@ -306,11 +286,8 @@ EVIDENCE: Final = (
         (*STACK, "checks/faults"),
         110,
         (
-            MeasuringStep(
-                (
-                    *("python", "-m", "checks", "faults", "--keep", "{work}/faults.jsonl"),
-                    *("--page", f"{FOLDER}/faults.md"),
-                ),
+            step(
+                f"python -m checks faults --keep {{work}}/faults.jsonl --page {FOLDER}/faults.md",
                 may_miss=True,
             ),
         ),
@@ -746,7 +723,7 @@ class EvidenceCampaign:
                 link.symlink_to(self.root / name)
         file, heading = page.console
         text = (self.root / file).read_text(encoding="utf-8")
-        return (MeasuringStep(("make", "compiled")), *commands_under(text, heading))
+        return (step("make compiled"), *commands_under(text, heading))
 
     def _work(self, page: EvidencePage) -> Path:
         return self._file.parent / page.name

@@ -29,11 +29,13 @@ from pathlib import Path
 from random import Random
 from threading import Event, Thread
 from time import monotonic_ns
+from types import SimpleNamespace
 from typing import Any, Final, TypeVar
 
 from textual.pilot import Pilot
 
 from checks.harness.figures import BenchmarkReport, Figure, figure
+from checks.harness.messages import make
 from checks.harness.observer import PATIENCE_S, Observer, Shuttle, apart_m, observed
 from checks.harness.processes import resident_mb
 from checks.harness.terminal import CHUNK, SLOW_READ_S, Spent, Terminal
@@ -42,12 +44,10 @@ from checks.speed import fleet
 from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
 from ground.console.completion import Assistance
-from ground.map.scene import MapTarget
 from ground.station.station import Station
 from protocol.bus.bus import open_bus
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.bus.network import Network
-from protocol.ring import SONARS
 from protocol.topics import (
     CYCLE,
     DECISION,
@@ -62,7 +62,7 @@ from protocol.topics import (
     Topic,
 )
 from protocol.wire.codec import Encoder
-from protocol.wire.enums import GoalState, Mode, Navigator, Severity, Vehicle
+from protocol.wire.enums import GoalState, Mode, Severity, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     AvoidanceDecision,
@@ -353,53 +353,17 @@ class OfflineBus:
             handle(topic.path, frame, at_ns)
 
 
-class NoCommands:
-    """Ignore every command."""
-
-    last = ""
-    draft_items: tuple[MapTarget, ...] = ()
-
-    def begin_world(self, *, keeps_draft: bool) -> None:
-        """Do nothing."""
-
-    def run_line(self, line: str) -> None:
-        """Ignore a command line."""
-
-    def perform(self, command: object) -> None:
-        """Ignore a command."""
-
-    def is_local(self, line: str) -> bool:
-        """Return False: no line is local."""
-        return False
-
-    def assist(self, text: str) -> Assistance:
-        """Return no completions."""
-        return Assistance()
-
-    def search(self, words: str) -> Assistance:
-        """Return no earlier lines."""
-        return Assistance()
-
-    def recall(self, text: str, step: int) -> str:
-        """Return the text unchanged."""
-        return text
-
-    def begin_teleop(self) -> bool:
-        """Refuse to steer."""
-        return False
-
-    def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
-        """Ignore a steering command."""
-
-    def end_teleop(self) -> None:
-        """Ignore the end of steering."""
+def no_commands() -> Any:
+    """Return commands of which none is ever given."""
+    ignored = dict.fromkeys(("begin_world", "run_line", "perform"), lambda *_, **__: None)
+    return SimpleNamespace(last="", draft_items=(), assist=lambda _: Assistance(), **ignored)
 
 
 def sizes_mb(minutes: float, lines: int) -> list[float]:
     """Return resident memory in MB at the start and after each tenth."""
     clock, bus = ManualClock(1), OfflineBus()
     station = Station(bus, "r1", clock)
-    app = GroundApp(station, NoCommands(), None, Appearance(hz=0.0))
+    app = GroundApp(station, no_commands(), None, Appearance(hz=0.0))
     sizes: list[float] = []
     ticks = round(minutes * 60 * TELEMETRY_HZ)
 
@@ -439,60 +403,26 @@ def messages_of_tick(tick: int, now_ns: int) -> Iterator[tuple[Topic[Any], Messa
     angle_rad = 2.0 * pi * tick / (ROUND_S * TELEMETRY_HZ)
     radius_m = 1.0 + 0.05 * angle_rad
     x_m, y_m = radius_m * cos(angle_rad), radius_m * sin(angle_rad)
+    speed = {"time_ns": now_ns, "speed_m_s": 0.3, "yaw_rate_rad_s": 0.1}
+    sigmas = dict.fromkeys(("cov_xx_m2", "cov_yy_m2", "cov_hh_rad2"), 1e-3)
+    heading_rad = (angle_rad + pi / 2) % (2 * pi) - pi
+    place = {"x_m": x_m, "y_m": y_m, "heading_rad": heading_rad, "cov_xy_m2": 1e-4}
+    goal = {"goal_x_m": 9.0, "goal_y_m": 7.0, "goal_distance_m": 10.0 - x_m, "mode": Mode.AUTO}
+    state = GoalState.AVOIDING if tick % 500 < 250 else GoalState.DRIVING
+    times = {"time_ns": now_ns, "goal_started_ns": 1, "goal_id": 7}
+    seen = {"nearest_bearing_rad": 0.4, "nearest_range_m": 1.0 + 0.5 * sin(angle_rad)}
+    turn = {"zone_m": 0.3, "goal_bearing_rad": 0.1, "rotation_rad": 0.5 * sin(7 * angle_rad)}
+    virtual = {"virtual_x_m": x_m + 1.0, "virtual_y_m": y_m, "branch": 1}
+    cost = {"sense_age_us": 9000, "budget_us": 2500, "late_us": tick % 90, "tick": tick}
+    stages_us = (80, 12, 100 + tick % 50, 9, 150)
+    near_mm = tuple(600 + (tick * (3 + sonar)) % 1500 for sonar in range(8))
     if tick % 10 == 0:
-        yield (
-            HEARTBEAT,
-            Heartbeat(type=10, autopilot=0, base_mode=0, custom_mode=0, system_status=4),
-        )
-    yield (
-        ODOMETRY,
-        PlanarOdometry(
-            time_ns=now_ns, x_m=x_m, y_m=y_m, heading_rad=(angle_rad + pi / 2) % (2 * pi) - pi,
-            speed_m_s=0.3, yaw_rate_rad_s=0.1, cov_xx_m2=1e-3, cov_xy_m2=1e-4,
-            cov_xh_m_rad=0.0, cov_yy_m2=1e-3, cov_yh_m_rad=0.0, cov_hh_rad2=1e-3,
-        ),
-    )  # fmt: skip
-    yield (
-        STATUS,
-        NavigatorStatus(
-            time_ns=now_ns, goal_started_ns=1, goal_ended_ns=0, goal_id=7, goal_x_m=9.0,
-            goal_y_m=7.0, goal_heading_rad=0.0, goal_distance_m=10.0 - x_m,
-            vehicle=Vehicle.ACTIVE, mode=Mode.AUTO,
-            goal=GoalState.AVOIDING if tick % 500 < 250 else GoalState.DRIVING,
-            vehicle_reason=0, goal_reason=0, navigator=Navigator.VGM, side=1,
-        ),
-    )  # fmt: skip
-    yield from driving_messages(tick, now_ns, (x_m, y_m), angle_rad)
-
-
-def driving_messages(
-    tick: int, now_ns: int, place_m: tuple[float, float], angle_rad: float
-) -> Iterator[tuple[Topic[Any], Message]]:
-    """Yield decision, cycle report and sonar scan of the same tick."""
-    x_m, y_m = place_m
-    yield (
-        DECISION,
-        AvoidanceDecision(
-            time_ns=now_ns, nearest_bearing_rad=0.4, nearest_range_m=1.0 + 0.5 * sin(angle_rad),
-            zone_m=0.3, goal_bearing_rad=0.1, rotation_rad=0.5 * sin(7 * angle_rad),
-            virtual_x_m=x_m + 1.0, virtual_y_m=y_m, speed_m_s=0.3, yaw_rate_rad_s=0.1,
-            branch=1, guard=0,
-        ),
-    )  # fmt: skip
-    yield (
-        CYCLE,
-        CycleReport(
-            time_ns=now_ns, tick=tick, missed=0, overruns=0, rejected=0, late_us=tick % 90,
-            sense_age_us=9000, budget_us=2500, stage_us=(80, 12, 100 + tick % 50, 9, 150),
-        ),
-    )  # fmt: skip
-    near_mm = tuple(600 + (tick * (3 + sonar)) % 1500 for sonar in range(SONARS))
-    yield (
-        SONAR,
-        SonarScan(
-            time_ns=now_ns, seq=tick, range_mm=near_mm, ping_age_us=(0,) * 8, valid=255, echo=255
-        ),
-    )
+        yield HEARTBEAT, make(Heartbeat)
+    yield ODOMETRY, make(PlanarOdometry, **speed, **place, **sigmas)
+    yield STATUS, make(NavigatorStatus, **times, **goal, goal=state)
+    yield DECISION, make(AvoidanceDecision, **speed, **seen, **turn, **virtual)
+    yield CYCLE, make(CycleReport, time_ns=now_ns, stage_us=stages_us, **cost)
+    yield SONAR, make(SonarScan, time_ns=now_ns, seq=tick, range_mm=near_mm, echo=255)
 
 
 WORLD: Final = "forest_medium"
