@@ -249,7 +249,6 @@ class Robot(RobotLink):
 
     async def open(self) -> None:
         """Start the subscriptions and the heartbeat, for `connect`."""
-        self._loop = asyncio.get_running_loop()
         self._heartbeat = self.bus.publisher(OPERATOR, self.name)
         self._stops = self.bus.publisher(STOP, self.name)
         self._ways = stop_ways.ways_of(self.bus, self.name)

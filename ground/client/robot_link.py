@@ -88,6 +88,8 @@ class RobotLink:
         self._ids = RequestIds()
         self._slowdown = slowdown_in(self.clock)
         self._loop: asyncio.AbstractEventLoop | None = None
+        """The loop in which something waits for messages, once it has."""
+
         self._arrivals: set[asyncio.Future[None]] = set()
         """What waits for the next message."""
 
@@ -311,7 +313,7 @@ class RobotLink:
 
     async def _arrival(self, until_ns: int) -> None:
         """Wait for the next message of a subscribed topic, at most until the clock shows this."""
-        loop = asyncio.get_running_loop()
+        loop = self._loop = asyncio.get_running_loop()
         arrival = loop.create_future()
         self._arrivals.add(arrival)
         left_s = max(0, until_ns - self.clock.now_ns()) / NS_PER_S
