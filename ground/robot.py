@@ -56,6 +56,7 @@ from ground.client.outcomes import (
     RefusedError,
     Stopped,
 )
+from ground.client.parameters import Parameters
 from ground.client.requests import (
     ATTEMPTS,
     BEAT_NS,
@@ -223,6 +224,8 @@ class Robot(RobotLink):
         self._stopping: set[asyncio.Future[Any]] = set()
         self._own_stops: deque[int] = deque(maxlen=OWN_STOPS)
         """The stops of this program, the newest first."""
+
+        self.parameters = Parameters(self)
 
     def __repr__(self) -> str:
         """Return the robot, where it is, and what its newest status shows."""

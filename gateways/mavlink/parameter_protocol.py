@@ -19,12 +19,8 @@ from gateways.mavlink.parameter_table import (
 )
 from gateways.mavlink.robot_copy import PERIOD_NS, RobotCopy
 from gateways.mavlink.robot_port import Answered
-from ground.commands.param import (
-    ParameterChanged,
-    ParameterTable,
-    SetParameter,
-    ShowParameters,
-)
+from ground.client.parameters import ParameterChanged
+from ground.commands.param import ParameterTable, SetParameter, ShowParameters
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS
 

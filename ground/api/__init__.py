@@ -25,9 +25,9 @@ from ground.client.outcomes import (
     agreed,
 )
 from ground.client.parameter import Parameter
+from ground.client.parameters import ParameterChanged
 from ground.client.streams import ClosedError, Stream
 from ground.commands.mission import MissionEnded, TransferOutcome
-from ground.commands.param import ParameterChanged
 from ground.missions.mission import Circle, Mission, Polygon, Waypoint
 from protocol.wire.enums import GoalState, MissionState, Mode, Navigator, Severity, Vehicle
 from protocol.wire.reasons import Reason

@@ -10,6 +10,7 @@ from ground.client.outcomes import (
     Progress,
     Stopped,
 )
+from ground.client.parameters import ParameterChanged, ParametersLoaded, ParametersSaved
 from ground.client.session import Operation, Session
 from ground.commands.abort import Abort
 from ground.commands.all_robots import ClearAll, StopAll
@@ -39,9 +40,6 @@ from ground.commands.mode import SetMode
 from ground.commands.navigator import SetNavigator
 from ground.commands.param import (
     LoadParameters,
-    ParameterChanged,
-    ParametersLoaded,
-    ParametersSaved,
     ParameterTable,
     ResetParameter,
     SaveParameters,

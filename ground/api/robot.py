@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from ground import robot as client
-from ground.api.services import Fences, Leases, Missions, Parameters
+from ground.api.services import Fences, Leases, Missions
 from ground.client.connection import Common, common
 from ground.client.lease_holder import operator_name
 from ground.client.link import Link, UnansweredError, open_link
@@ -83,7 +83,6 @@ class Robot(client.Robot):
 
     def __init__(self, bus: Bus, common: Common, operator: str) -> None:
         super().__init__(bus, common, operator)
-        self.parameters = Parameters(self)
         self.mission = Missions(self)
         self.fence = Fences(self)
         self.lease = Leases(self)

@@ -6,9 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, Protocol, TypeVar
 
-from ground.client.connection import within
 from ground.client.outcomes import Answer, LeaseShown, Outcome, Refused
-from ground.client.parameter import Parameter
 from ground.client.requests import SILENCE_NS, Asker
 from ground.client.session import Operation
 from ground.client.streams import TopicStreams
@@ -25,24 +23,13 @@ from ground.commands.mission import (
     TransferOutcome,
     UploadMission,
 )
-from ground.commands.param import (
-    LoadParameters,
-    ParameterChanged,
-    ParametersLoaded,
-    ParametersSaved,
-    ResetParameter,
-    SaveParameters,
-    SetParameter,
-    ShowParameters,
-)
 from ground.missions import files
 from ground.missions.mission import Fence, Mission
 from ground.robot import CURRENT, Drive
 from protocol.topics import MISSION
 from protocol.wire.enums import Command, LeaseAction, MissionState
 from protocol.wire.messages import CommandRequest, MissionStatus
-from protocol.wire.reasons import Reason
-from runtime.errors import RemoteError, UserError
+from runtime.errors import RemoteError
 from runtime.units import NS_PER_S
 
 Out = TypeVar("Out", bound=Outcome)
@@ -89,49 +76,6 @@ class OperationRunner(Asker, Protocol):
 
     def request(self, command: Command, param1: float = 0.0) -> CommandRequest:
         """Return a request with an id of its own."""
-
-
-class Parameters:
-    """The robot's parameters, each in its own unit."""
-
-    def __init__(self, robot: OperationRunner) -> None:
-        self._robot = robot
-
-    async def list(self, pattern: str = "*") -> tuple[Parameter, ...]:
-        """Return the parameters whose names match, as in `sonar_*`; UserError if none does."""
-        return accepted(await self._robot.perform(ShowParameters(pattern=pattern))).parameters
-
-    async def get(self, name: str) -> Parameter:
-        """Return one parameter; UserError if the robot has no such parameter."""
-        (found,) = await self.list(name)
-        return found
-
-    async def changed(self) -> tuple[Parameter, ...]:
-        """Return the parameters that differ from their defaults."""
-        return accepted(await self._robot.perform(ShowParameters(only_changed=True))).parameters
-
-    async def set(self, name: str, value: float) -> ParameterChanged | Refused:
-        """Set one parameter; `ok` if the value is in force, `saved` if it survives a restart.
-
-        UserError if the robot has no such parameter.
-        """
-        within(value, -FLT_MAX, FLT_MAX, name, "the parameter's own unit")
-        changed = await self._robot.perform(SetParameter(name=name, value=value))
-        if isinstance(changed, ParameterChanged) and changed.reason == Reason.UNKNOWN_PARAMETER:
-            raise UserError(changed.refusal)
-        return changed
-
-    async def reset(self, name: str) -> ParameterChanged | Refused:
-        """Set one parameter to its default value."""
-        return await self._robot.perform(ResetParameter(name=name))
-
-    async def load(self, file: str | Path) -> ParametersLoaded | Refused:
-        """Set all values of a TOML file; none unless all are allowed (ConfigError)."""
-        return await self._robot.perform(LoadParameters(file=Path(file)))
-
-    async def save(self, file: str | Path) -> ParametersSaved | Refused:
-        """Write the parameters that differ from their defaults to a TOML file."""
-        return await self._robot.perform(SaveParameters(file=Path(file)))
 
 
 class Missions:

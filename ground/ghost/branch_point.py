@@ -8,12 +8,13 @@ from itertools import pairwise
 from math import degrees, dist, isfinite
 from typing import Any, Final, NamedTuple, TypeAlias
 
+from ground.blocking import BlockingRobot, run_blocking
 from ground.client.goal import Destination
 from ground.client.link import LISTEN_NS, Link, UnansweredError
 from ground.client.lost_drive import SAME_M
 from ground.client.parameter import Parameter, parameters_in
+from ground.client.session import Session
 from ground.client.vocabulary import SIDES
-from ground.commands.param import fetch
 from ground.recording.log_reader import LogIndex
 from ground.recording.world_metadata import world_of
 from protocol.outcome import ENDS, start_arguments
@@ -398,7 +399,8 @@ class LiveState:
 
     def parameters(self) -> dict[str, float]:
         """Return the robot's parameters for driving that differ from their defaults."""
-        return driving(changed(fetch(self._link)))
+        robot = BlockingRobot(Session(self._link, attended=True))
+        return driving(changed(run_blocking(robot.parameters.fetch())))
 
     def rest(self) -> PredictedPath:
         """Return an open result, because the robot is still driving."""

@@ -1,28 +1,21 @@
 """Test that parameters, fences and drafts are taken back."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from ground.app.commands import undo
 from ground.app.commands.local_commands import LocalCommands
 from ground.app.commands.runner import CommandRunner
 from ground.app.commands.undo import MAX_CHANGES, Change, UndoList, inverse_of
 from ground.client.connection import Common
 from ground.client.outcomes import Accepted
 from ground.client.parameter import Parameter
-from ground.client.session import Session
-from ground.commands import param
+from ground.client.parameters import ParameterChanged, Parameters, ParametersLoaded
 from ground.commands.fence import ClearFence, FenceShown, SetFence
 from ground.commands.hold import Hold
-from ground.commands.param import (
-    ParameterChanged,
-    ParametersLoaded,
-    ResetParameter,
-    SetParameter,
-)
+from ground.commands.param import ResetParameter, SetParameter
 from ground.console.app_commands import CopyText
 from ground.console.history import History
 from ground.missions.draft import EMPTY
@@ -32,6 +25,7 @@ from protocol.bus.network import Network
 from protocol.options import DEFAULT_ENDPOINT
 from runtime.clock import ManualClock
 from runtime.errors import UserError
+from tests.support.ground.client import Stage
 from tests.support.tui.fakes import FakeStation, driving, parameter
 from tests.support.tui.pilot import staged
 
@@ -46,28 +40,31 @@ class RobotStub:
         self._station = station
         stub = self
 
-        def change(operation: SetParameter, session: Session) -> ParameterChanged:
-            return stub.change(operation)
+        async def fetch(_: object) -> tuple[Parameter, ...]:
+            return tuple(station.parameters or ())
 
-        def set_all(
-            link: object, found: list[Parameter], wanted: Mapping[str, float]
+        async def change(_: object, name: str, value: float) -> ParameterChanged:
+            return stub.change(name, value)
+
+        async def restore(
+            _: object, found: Sequence[Parameter], wanted: Mapping[str, float]
         ) -> ParametersLoaded:
             return stub.set_all(found, wanted)
 
-        monkeypatch.setattr(SetParameter, "perform", change)
-        for module in (param, undo):
-            monkeypatch.setattr(module, "fetch", lambda link: list(station.parameters or ()))
-            monkeypatch.setattr(module, "set_values", set_all)
-        monkeypatch.setattr(CommandRunner, "_link", lambda runner, robot: None)
+        monkeypatch.setattr(Parameters, "fetch", fetch)
+        monkeypatch.setattr(Parameters, "_change", change)
+        monkeypatch.setattr(Parameters, "_restore", restore)
+        link = Stage().link
+        monkeypatch.setattr(CommandRunner, "_link", lambda runner, robot: link)
 
-    def change(self, operation: SetParameter) -> ParameterChanged:
-        if operation.value > 5.0:
-            return ParameterChanged(name=operation.name, asked=operation.value, now=None)
-        self.set.append((operation.name, operation.value))
-        self._station.parameters_now = (parameter(operation.name, 0.3, operation.value, ""),)
-        return ParameterChanged(name=operation.name, asked=operation.value, now=operation.value)
+    def change(self, name: str, value: float) -> ParameterChanged:
+        if value > 5.0:
+            return ParameterChanged(name=name, asked=value, now=None)
+        self.set.append((name, value))
+        self._station.parameters_now = (parameter(name, 0.3, value, ""),)
+        return ParameterChanged(name=name, asked=value, now=value)
 
-    def set_all(self, found: list[Parameter], wanted: Mapping[str, float]) -> ParametersLoaded:
+    def set_all(self, found: Sequence[Parameter], wanted: Mapping[str, float]) -> ParametersLoaded:
         """Set values until one is above 4.5."""
         values = {one.name: one.value for one in found}
         before: list[tuple[str, float]] = []
@@ -129,13 +126,13 @@ def test_change_under_way_belongs_to_its_world(monkeypatch: pytest.MonkeyPatch) 
 
 
 def late(
-    change: Callable[[SetParameter], ParameterChanged], runner: CommandRunner
-) -> Callable[[SetParameter], ParameterChanged]:
+    change: Callable[[str, float], ParameterChanged], runner: CommandRunner
+) -> Callable[[str, float], ParameterChanged]:
     """Return a change during which another world is started."""
 
-    def changed(operation: SetParameter) -> ParameterChanged:
+    def changed(name: str, value: float) -> ParameterChanged:
         runner.begin_world(keeps_draft=False)
-        return change(operation)
+        return change(name, value)
 
     return changed
 

@@ -28,7 +28,7 @@ from gateways.mavlink.mavlink_dialect import RESULT_NOT_IN_CONTROL, MavMessage, 
 from gateways.mavlink.motion.setpoints import GLOBAL_FRAMES
 from gateways.mavlink.robot_port import KEEPS_FENCE, NO_TELEMETRY, OVERTAKEN, Answered
 from ground.client.outcomes import Outcome
-from ground.commands.param import ParameterChanged
+from ground.client.parameters import ParameterChanged
 from protocol.wire.enums import GoalState, Mode, Severity
 from protocol.wire.enums import Vehicle as VehicleState
 from protocol.wire.reasons import Reason

@@ -6,19 +6,15 @@ from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple, TypeAlias
 
 from ground.blocking import perform
-from ground.client.outcomes import Outcome
+from ground.client.outcomes import Outcome, Refused
 from ground.client.parameter import Parameter
+from ground.client.parameters import ParametersLoaded
 from ground.client.session import Operation, Session
 from ground.commands.fence import ClearFence, FenceShown, SetFence, ShowFence
-from ground.commands.param import (
-    ParametersLoaded,
-    ResetParameter,
-    SetParameter,
-    fetch,
-    set_values,
-)
+from ground.commands.param import ResetParameter, SetParameter
 from ground.grammar.fences import SetFenceOfFile
 from ground.missions.mission import Mission
+from ground.robot import Robot
 from runtime.errors import UserError
 
 MAX_CHANGES: Final = 50
@@ -52,9 +48,9 @@ class RestoreParameters:
         """The description for the log."""
         return f"set back {', '.join(name for name, _ in self.values)}"
 
-    def perform(self, session: Session) -> ParametersLoaded:
+    async def perform(self, robot: Robot) -> ParametersLoaded | Refused:
         """Set the values that differ, until one is refused."""
-        return set_values(session.link, fetch(session.link), dict(self.values))
+        return await robot.parameters.restore(dict(self.values))
 
 
 class UndoList:

@@ -9,13 +9,14 @@ from gateways.mavlink.mav_service import WATCHER
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.motion.pilot import EnterGuided
 from gateways.mavlink.services import face_of
+from ground.client.parameters import ParameterChanged
 from ground.client.session import Operation
 from ground.commands.arm import Arm
 from ground.commands.disarm import Disarm
 from ground.commands.hold import Hold
 from ground.commands.mission import StartMission
 from ground.commands.mode import SetMode
-from ground.commands.param import ParameterChanged, ResetParameter, SetParameter
+from ground.commands.param import ResetParameter, SetParameter
 from ground.commands.resume import Resume
 from ground.commands.rtl import ReturnHome
 from ground.commands.stop import ClearEmergencyStop

@@ -12,9 +12,10 @@ from gateways.mavlink.motion.pilot import BeginDrive, DriveBegun, DriveOver, End
 from gateways.mavlink.motion.setpoints import SetpointError, Velocity, attitude_of, setpoint_of
 from ground.blocking import perform
 from ground.client.goal import Destination
+from ground.client.parameters import ParameterChanged
 from ground.commands.goto import Goto
 from ground.commands.mode import SetMode
-from ground.commands.param import ParameterChanged, SetParameter
+from ground.commands.param import SetParameter
 from ground.missions.qgroundcontrol import to_global
 from protocol.wire.enums import Command, Mode, Vehicle
 from protocol.wire.messages import LeaseStatus

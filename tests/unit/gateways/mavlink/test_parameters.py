@@ -24,7 +24,8 @@ from gateways.mavlink.parameter_table import (
     table_of,
 )
 from ground.client.outcomes import Refused
-from ground.commands.param import ParameterChanged, SetParameter
+from ground.client.parameters import ParameterChanged
+from ground.commands.param import SetParameter
 from protocol.wire.enums import LeaseAction
 from protocol.wire.reasons import Reason
 from robot.parameter_table import SPECS

@@ -3,7 +3,6 @@
 import json
 import tomllib
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -14,6 +13,7 @@ from ground.client import parameter_file
 from ground.client.link import UnansweredError
 from ground.client.parameter import Parameter, parameters_in
 from ground.client.parameter_rows import MAX_ROWS, MAX_TEXT, rows_in
+from ground.client.parameters import SAVING_NS, ParameterChanged, ParametersLoaded, hint
 from ground.client.vocabulary import (
     HINTS,
     MODE_SUMMARIES,
@@ -25,9 +25,7 @@ from ground.client.vocabulary import (
 )
 from ground.commands import param
 from ground.commands.param import (
-    SAVING_NS,
     LoadParameters,
-    ParameterChanged,
     ResetParameter,
     SaveParameters,
     SetParameter,
@@ -94,6 +92,7 @@ def test_only_changed_ones_may_be_none() -> None:
 def test_new_value_is_in_force_and_saved() -> None:
     stage = Stage(value(0.5), LIST)
     outcome = perform(SetParameter(name="d_obs_m", value=0.5), stage.session)
+    assert isinstance(outcome, ParameterChanged)
     assert (outcome.ok, outcome.now, outcome.saved) == (True, 0.5, True)
     assert outcome.text == "d_obs_m = 0.5, saved on the robot"
     (request, _) = stage.bus.requests
@@ -113,6 +112,7 @@ def test_another_value_in_force_is_no_success(now: float) -> None:
 def test_robot_that_lists_nothing_leaves_saved_unknown() -> None:
     stage = Stage(value(0.5), None, None, None)
     outcome = perform(SetParameter(name="d_obs_m", value=0.5), stage.session)
+    assert isinstance(outcome, ParameterChanged)
     assert outcome.saved is None
     assert "the robot does not report" in outcome.text
 
@@ -129,6 +129,7 @@ def test_robot_that_lists_nothing_leaves_saved_unknown() -> None:
 def test_refusal_shows_the_allowed_values(name: str, reason: Reason, words: str) -> None:
     stage = Stage(denied(reason), LIST)
     outcome = perform(SetParameter(name=name, value=9.0), stage.session)
+    assert isinstance(outcome, ParameterChanged)
     assert (outcome.ok, outcome.now) == (False, None)
     assert outcome.text.startswith(f"refused: {name} = 9: ")
     assert outcome.refusal.endswith(words)
@@ -167,6 +168,7 @@ def test_answer_that_is_no_list_is_refused() -> None:
 def test_default_is_set_again() -> None:
     stage = Stage(LIST, value(0.3), LIST)
     outcome = perform(ResetParameter(name="d_obs_m"), stage.session)
+    assert isinstance(outcome, ParameterChanged)
     assert (outcome.ok, outcome.asked) == (True, 0.3)
     with pytest.raises(UserError, match="did you mean d_obs_m"):
         perform(ResetParameter(name="d_obs"), Stage(LIST).session)
@@ -179,6 +181,7 @@ def test_file_keeps_what_differs_and_sets_it_again(tmp_path: Path) -> None:
     path.write_text("[parameters]\nd_obs_m = 0.6\nside = -1\n")
     stage = Stage(LIST, value(0.6), denied(Reason.UNKNOWN_PARAMETER))
     loaded = perform(LoadParameters(file=path), stage.session)
+    assert isinstance(loaded, ParametersLoaded)
     assert (loaded.ok, loaded.names) == (False, ("d_obs_m",))
     assert loaded.text == "refused: side = -1: the robot has no such parameter; set: d_obs_m"
 
@@ -207,7 +210,6 @@ def test_refused_change_as_json() -> None:
 
 STRICTER = with_value(DEFAULTS, "op_lost_ms", 900)
 STRICTER_ROWS = parameters_in(json.dumps(described(STRICTER, DEFAULTS)))
-LINK: Any = None
 
 
 @pytest.mark.parametrize(
@@ -219,11 +221,8 @@ LINK: Any = None
         ("track_m", "; configured: 0.2 m, within a tenth of that"),
     ],
 )
-def test_refusal_as_less_safe_shows_the_limit(
-    name: str, words: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(param, "fetch", lambda _: STRICTER_ROWS)
-    assert param.hint(LINK, name, Reason.LESS_SAFE_THAN_CONFIGURED) == words
+def test_refusal_as_less_safe_shows_the_limit(name: str, words: str) -> None:
+    assert hint(STRICTER_ROWS, name, Reason.LESS_SAFE_THAN_CONFIGURED, "") == words
 
 
 def test_list_shows_the_safer_direction() -> None:
