@@ -105,7 +105,9 @@ def perform(operation: OnRobot[Out], session: Session) -> Out: ...
 @overload
 def perform(operation: Operation[Out], session: Session) -> Out: ...
 def perform(operation: Any, session: Session) -> Any:
-    """Carry out an operation in this thread, on a session or on a robot."""
+    """Carry out an operation in this thread, on files, on a session or on a robot."""
+    if getattr(operation, "is_offline", False):
+        return operation.run(session.progress)
     if not iscoroutinefunction(operation.perform):
         return operation.perform(session)
     return run_blocking(operation.perform(BlockingRobot(session)))

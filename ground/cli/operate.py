@@ -1,6 +1,7 @@
 """Carries out the operation of a parsed verb and prints its outcome."""
 
 from functools import partial
+from typing import Any
 
 from ground.blocking import BlockingRobot, perform, run_blocking
 from ground.cli.observe.live_line import follow
@@ -11,12 +12,13 @@ from ground.client.link import UnansweredError, open_link
 from ground.client.outcomes import Accepted, Outcome, RefusedError
 from ground.client.session import Operation, Session
 from ground.commands.all_robots import StopAll
-from ground.commands.command import OperatorCommand
+from ground.commands.command import OperatorCommand, Reach, parsed
 from ground.commands.doctor import Diagnose
+from ground.commands.explain import Explain
 from ground.commands.export import Exported
 from ground.commands.stop import StopNow
-from ground.grammar.looking import WatchWords
-from ground.grammar.words import FromFile, Offline, Words
+from ground.commands.watch import Watch
+from ground.grammar.words import FromFile, Words
 from ground.text.output import Output
 from protocol.wire.enums import LeaseAction
 
@@ -26,11 +28,11 @@ def run(words: Words, output: Output) -> int:
 
     Values are checked before the program connects to a robot.
     """
-    if isinstance(words, WatchWords) and not (words.once or words.json):
+    operation: Any = words.operation()
+    if isinstance(operation, Watch) and not (operation.once or words.json):
         return follow(common_of(words, output))
-    operation = words.operation()
-    if isinstance(operation, Offline):
-        return run_offline(operation, words, output)
+    if getattr(operation, "is_offline", False):
+        return print_outcome(output, words, "", operation.run(output))
     if isinstance(operation, FromFile):
         operation = operation.read()
     common = common_of(words, output)
@@ -47,21 +49,16 @@ def run(words: Words, output: Output) -> int:
             outcome = perform(operation, session)
             return print_outcome(output, words, link.robot, outcome, effect_of(operation, outcome))
     except UnansweredError as error:
-        if (instead := words.without_robot()) is not None:
+        if isinstance(operation, Explain) and (
+            instead := operation.without_robot(parsed(Reach, words))
+        ):
             output.note(f"no robot answers at {common.endpoint}: this is the newest recording")
-            return run_offline(instead, words, output)
+            return print_outcome(output, words, "", instead.run(output))
         if not isinstance(operation, Diagnose):
             raise
         return print_outcome(
             output, words, common.robot, operation.not_connected(error, common.endpoint)
         )
-
-
-def run_offline(operation: Offline, words: Words, output: Output) -> int:
-    """Carry out an operation on files; print the remark on their choice, if any."""
-    if words.chosen:
-        output.note(words.chosen)
-    return print_outcome(output, words, "", operation.run(output))
 
 
 def effect_of(operation: Operation[Outcome], outcome: Outcome) -> str:

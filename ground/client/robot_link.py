@@ -97,6 +97,11 @@ class RobotLink:
         self._slots = asyncio.Semaphore(REQUESTS)
         self._is_closed = False
 
+    @property
+    def endpoint(self) -> str:
+        """The endpoints that were dialled, separated by commas."""
+        return self._common.endpoint
+
     def check_open(self) -> None:
         """Raise ClosedError after the end of `connect`."""
         if self._is_closed:

@@ -20,7 +20,7 @@ from typing import (
 )
 
 from ground.client.connection import LONGEST_S
-from protocol.options import CONFIG_HELP, DEFAULT_ENDPOINT, above_zero
+from protocol.options import CONFIG_HELP, DEFAULT_ENDPOINT, above_zero, up_to
 from runtime.cli.parsers import add_subcommands
 from runtime.cli.verb import GROUPS
 
@@ -29,6 +29,7 @@ DIGITS: Final = 9
 """Digits after the point: more would show rounding errors of the conversion to degrees."""
 positive: Final = above_zero()
 seconds: Final = above_zero(LONGEST_S)
+moment: Final = up_to(LONGEST_S)
 After: TypeAlias = Literal["", "json", "seize"]
 """The shared option that an argument follows in the help; without one it precedes them all."""
 
@@ -48,10 +49,13 @@ class Argument(NamedTuple):
 
     def add_to(self, parser: argparse.ArgumentParser, name: str) -> None:
         """Declare the argument; one that is not given is None."""
+        how = dict(self.how)
+        if callable(how["help"]):
+            how["help"] = how["help"]()
         if self.flags:
-            parser.add_argument(*self.flags, dest=name, **self.how)
+            parser.add_argument(*self.flags, dest=name, **how)
         else:
-            parser.add_argument(name, **self.how)
+            parser.add_argument(name, **how)
 
     def value(self, given: Any) -> Any:
         """Return the value of the field for what argparse has parsed."""
@@ -83,21 +87,23 @@ def argument(default: Any, *parts: Any, **named: Any) -> Any:
 
 def place(
     metavar: str,
-    help: str | None = None,
+    help: str | Callable[[], str] | None = None,
     *,
     default: Any = MISSING,
+    optional: bool = False,
     parse: Callable[[str], Any] = str,
     joined: Callable[[list[Any]], Any] | None = None,
     spelt: Callable[[Any], str] | None = None,
 ) -> Any:
     """Return a field that is typed without a flag; with a default it may be left out.
 
-    `joined`: makes the value of one or more words.
+    So may one that is `optional`: then the class overrides `parsed`, which knows the value.
+    `joined` makes the value of one or more words; a `help` that depends on the user is a function.
     """
-    how = {"metavar": metavar, "help": help, "type": parse}
+    how: dict[str, Any] = {"metavar": metavar, "help": help, "type": parse}
     if joined is not None:
         how["nargs"] = "+"
-    elif default is not MISSING:
+    elif optional or default is not MISSING:
         how["nargs"] = "?"
     return argument(default, (), how, joined=joined, spelt=spelt)
 
@@ -154,14 +160,14 @@ def typed_words(value: Any) -> list[str]:
 def parsed(kind: type[T], found: Any, **known: Any) -> T:
     """Return the value of a class for parsed arguments; UserError for one that is out of range.
 
-    `known` are the fields that are no arguments.
+    `known` are values that no argument has, or another than the typed one.
     """
     typed = {
         name: one.value(given)
         for name, one in arguments_of(kind).items()
         if (given := getattr(found, name, None)) is not None
     }
-    return kind(**typed, **known)
+    return kind(**{**typed, **known})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -275,6 +281,11 @@ class OperatorCommand:
         return self.facts.moves
 
     @property
+    def is_offline(self) -> bool:
+        """True if it reads files instead of the robot: then `run(progress)` carries it out."""
+        return False
+
+    @property
     def line(self) -> str:
         """The line that would be typed for it in the app."""
         return " ".join((self.facts.short or self.facts.word, *typed_words(self)))
@@ -305,10 +316,15 @@ class OperatorCommand:
 
 
 class FileCommand(OperatorCommand):
-    """A command on files, which needs no robot: `run(progress)` carries it out."""
+    """A command on files, which needs no robot."""
 
     __slots__ = ()
     shared = ("json",)
+
+    @property
+    def is_offline(self) -> bool:
+        """True."""
+        return True
 
 
 class Group:

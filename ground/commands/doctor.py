@@ -7,14 +7,16 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from time import time
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
-from ground.client.link import Link, UnansweredError
+from ground.client.link import UnansweredError
 from ground.client.outcomes import Report
-from ground.client.presence import PresentProcesses, explain_silence
-from ground.client.session import Session
+from ground.client.presence import PresentProcesses, explain_silence, present_processes
+from ground.client.requests import NO_COMMAND, RequestIds
 from ground.client.status_line import knows_place
 from ground.client.telemetry import Telemetry
+from ground.commands.command import OperatorCommand, command, option, seconds
+from ground.robot import Robot
 from ground.text.wording import StatustextAssembler, aged
 from protocol.bus.certificate import EXPIRES_SOON, RENEW, CertificateStatus, own_certificate, remedy
 from protocol.bus.mailbox import Mailbox
@@ -43,6 +45,7 @@ from protocol.wire.enums import Vehicle
 from protocol.wire.messages import CommandRequest, CycleReport, NavigatorStatus, PlanarOdometry
 from protocol.wire.reasons import Reason, reason_text
 from runtime.cli.packages import Conflict, conflicts
+from runtime.cli.verb import LOOK
 from runtime.errors import AccessDeniedError, PeerHangsError, RemoteError
 from runtime.units import NS_PER_MS, NS_PER_S
 from runtime.watchdog import slowdown_in
@@ -275,21 +278,25 @@ def lines(findings: Iterable[Finding]) -> str:
 
 LISTEN_S: Final = 1.0
 REQUEST_TIMEOUT_S: Final = 0.5
-NO_COMMAND: Final = 0
 SERVICES: Final = ((COMMAND, Role.ROBOT), (PARAMETERS, Role.ROBOT), (WORLD, Role.PLANT))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Diagnose:
-    """Listen for `listen_s`, call every service, and report faults and remedies."""
+@command(LOOK, 30, "doctor --timeout 5")
+class Diagnose(OperatorCommand):
+    """Find problems, and how to fix them."""
 
-    verb: ClassVar[str] = "doctor"
-    moves: ClassVar[bool] = False
-    listen_s: float = LISTEN_S
+    listen_s: float = option(
+        "--timeout",
+        default=LISTEN_S,
+        parse=seconds,
+        metavar="S",
+        help=f"listen for this time (default {LISTEN_S:g})",
+        after="json",
+    )
 
-    def perform(self, session: Session) -> Report:
-        """Examine the robot's system."""
-        seen = observe(session.link, round(self.listen_s * NS_PER_S))
+    async def perform(self, robot: Robot) -> Report:
+        """Listen, call every service, and report faults and remedies."""
+        seen = await observe(robot, round(self.listen_s * NS_PER_S))
         return report_of(seen, examine(seen))
 
     def not_connected(self, error: UnansweredError, endpoint: str) -> Report:
@@ -312,47 +319,51 @@ def dial_fault(error: UnansweredError, endpoint: str) -> tuple[str, str]:
     ), f"start `sidestep run robot` (or `sidestep run router`) at {endpoint}, or --connect"
 
 
-def observe(link: Link, listen_ns: int) -> Observed:
+async def observe(robot: Robot, listen_ns: int) -> Observed:
     """Observe all topics for the given time, then call the services."""
-    texts, assembler, clock = [], StatustextAssembler(), link.clock
+    texts, assembler, clock = [], StatustextAssembler(), robot.clock
 
     def take(_key: str, frame: bytes, sent_ns: int) -> None:
         with suppress(RemoteError):
             if text := assembler.receive(decode(frame).message):
                 texts.append(aged(text, clock.now_ns() - sent_ns))
 
-    box = link.bus.mailbox(TEXT, link.robot, take=take)
+    box = robot.bus.mailbox(TEXT, robot.name, take=take)
     try:
-        with link.subscribed(*TOPICS) as telemetry:
-            return observed(link, telemetry, texts, listen_ns)
+        with robot.subscribed(*TOPICS) as telemetry:
+            return await observed(robot, telemetry, texts, listen_ns)
     finally:
-        link.bus.unsubscribe(box)
+        robot.bus.unsubscribe(box)
 
 
-def observed(link: Link, telemetry: Telemetry, texts: Sequence[str], listen_ns: int) -> Observed:
+async def observed(
+    robot: Robot, telemetry: Telemetry, texts: Sequence[str], listen_ns: int
+) -> Observed:
     """Collect tokens, streams, status and the replies of the services."""
-    link.wait(lambda: False, listen_ns)
-    now_ns = link.clock.now_ns()
-    processes = link.processes()
+    await robot.wait(lambda: False, listen_ns)
+    now_ns = robot.clock.now_ns()
+    factor = slowdown_in(robot.clock)()
+    processes = present_processes(await robot.in_own_thread(lambda: robot.bus.present(factor)))
     status, cycle = telemetry.latest(STATUS), telemetry.latest(CYCLE)
     odometry = telemetry.latest(ODOMETRY)
+    answers = [
+        (service.path, why)
+        for service, role in SERVICES
+        if processes.has(robot.name, role)
+        and not denial(robot.bus.holder, robot.name, service)
+        and (why := await unanswered(robot, service))
+    ]
     return Observed(
-        robot=link.robot,
-        endpoint=link.endpoint,
+        robot=robot.name,
+        endpoint=robot.endpoint,
         processes=processes,
         listened_ns=listen_ns,
         streams=tuple(stream_of(box, now_ns) for box in telemetry.boxes().values()),
         status=None if status is None else status[0],
         odometry=None if odometry is None else odometry[0],
         cycle=None if cycle is None else cycle[0],
-        answers=tuple(
-            (service.path, why)
-            for service, role in SERVICES
-            if processes.has(link.robot, role)
-            and not denial(link.bus.holder, link.robot, service)
-            and (why := unanswered(link, service))
-        ),
-        certified=own_certificate(link.bus.network.tls) if link.bus.network.tls else None,
+        answers=tuple(answers),
+        certified=own_certificate(robot.bus.network.tls) if robot.bus.network.tls else None,
         clock_s=time(),
         conflicts=tuple(conflicts()),
         texts=tuple(texts),
@@ -366,16 +377,18 @@ def stream_of(box: Mailbox[Any], now_ns: int) -> Stream:
     return Stream(box.topic, age_ns, box.rejected, box.last_rejection)
 
 
-def unanswered(link: Link, service: Service) -> str:
+async def unanswered(robot: Robot, service: Service) -> str:
     """Return why a service does not answer, empty if it does. The request changes nothing."""
     request = None
     if CommandRequest in service.requests:
         request = CommandRequest(
-            request_id=link.ids.next(), param1=0.0, param2=0.0, command=NO_COMMAND
+            request_id=RequestIds().next(), param1=0.0, param2=0.0, command=NO_COMMAND
         )
+    timeout_s = REQUEST_TIMEOUT_S * slowdown_in(robot.clock)()
     try:
-        timeout_s = REQUEST_TIMEOUT_S * slowdown_in(link.clock)()
-        link.bus.ask(service, request, timeout_s, robot=link.robot)
+        await robot.in_own_thread(
+            lambda: robot.bus.ask(service, request, timeout_s, robot=robot.name)
+        )
     except RemoteError as error:
         return str(error)
     return ""

@@ -5,11 +5,12 @@ from collections.abc import Iterable
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Final, NamedTuple, TextIO
+from typing import Any, Final, NamedTuple, Self, TextIO
 
 from ground.client.connection import within
 from ground.client.outcomes import Progress
-from ground.client.session import Session
+from ground.commands.command import choice, command, option
+from ground.commands.recordings import SUFFIXES, RecordingCommand
 from ground.recording.log_reader import open_log
 from ground.recording.tables import (
     DEFAULT_RATE_HZ,
@@ -24,6 +25,8 @@ from ground.recording.tables import (
     write_csv,
     write_parquet,
 )
+from protocol.options import finite
+from runtime.cli.verb import REC
 from runtime.errors import UserError
 
 MIN_RATE_HZ: Final = 0.01
@@ -69,29 +72,59 @@ class Exported:
         return {"file": self.file, "out": self.out, **self.tally._asdict()}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Export:
-    """Write a recording as a table, to a file or to standard output.
+@command(REC, 40, "rec export drive.mcap --out drive.csv", suffixes=SUFFIXES)
+class Export(RecordingCommand):
+    """Convert a recording to a CSV or Parquet table.
 
     `shape` long: one row per received value; wide: one row per instant of a grid of `rate_hz` (20).
-    `begin_s` and `end_s` are seconds of the robot's time stamps.
+    `begin_s` and `end_s` are seconds of the robot's time stamps. Without `out` the table goes to
+    standard output.
     """
 
-    verb: ClassVar[str] = "export"
-    moves: ClassVar[bool] = False
-    file: str
-    format: str = "csv"
-    shape: str = "long"
-    rate_hz: float | None = None
-    begin_s: float | None = None
-    end_s: float | None = None
-    out: str | None = None
+    format: str = choice(
+        ("csv", "parquet"), "--format", default="csv", parse=str, help="(default csv)"
+    )
+    shape: str = choice(
+        ("long", "wide"),
+        "--shape",
+        default="long",
+        parse=str,
+        help="a row per value that came, or per instant of a grid (default long)",
+    )
+    rate_hz: float | None = option(
+        "--rate",
+        default=None,
+        parse=finite,
+        metavar="HZ",
+        help="instants of wide: the last value unless it is stale, else empty (default 20)",
+    )
+    begin_s: float | None = option(
+        "--from",
+        default=None,
+        parse=finite,
+        metavar="S",
+        help="begin at this second of the robot's stamps",
+    )
+    end_s: float | None = option("--to", default=None, parse=finite, metavar="S", help="end there")
+    out: str | None = option(
+        "--out", default=None, metavar="FILE", help="write here, not to standard output"
+    )
+
+    @classmethod
+    def parsed(cls, found: Any) -> Self:
+        """Return the command; UserError if table and JSON are wanted on standard output."""
+        if found.json and found.out is None:
+            both = "--json and the table cannot both use standard output"
+            raise UserError(f"{both}: add --out FILE")
+        return super(Export, cls).parsed(found)  # noqa: UP008 - slots make a new class
 
     def __post_init__(self) -> None:
         check(self)
 
     def run(self, progress: Progress) -> Exported:
         """Write the table; UserError if the file cannot be written."""
+        if self.remark:
+            progress.note(self.remark)
         axis = axis_of(self)
         try:
             columns, rows = table_of(self, axis)
@@ -103,10 +136,6 @@ class Export:
         log = axis.log
         tally = Tally(log.records, count, axis.unreadable, log.lost_bytes, log.damage())
         return Exported(self.file, self.out, tally)
-
-    def perform(self, session: Session) -> Exported:
-        """Write the table without using the session's robot."""
-        return self.run(session.progress)
 
 
 def check(asked: Export) -> None:

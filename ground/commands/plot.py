@@ -1,13 +1,13 @@
 """`plot`: draw a recorded run as a picture."""
 
 import os
-from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Final
+from typing import Final
 
 from ground.client.outcomes import Progress, Report
-from ground.client.session import Session
-from ground.launch.child_command import command
+from ground.commands.command import choice, command, option
+from ground.commands.recordings import SUFFIXES, RecordingCommand
+from ground.launch import child_command
 from ground.launch.scenario import world_facts
 from ground.map.scene import Shape
 from ground.recording.figure import SCREEN, STYLES, Run, write
@@ -15,32 +15,49 @@ from ground.recording.log_reader import Log, open_log
 from ground.recording.tables import RunSeries, TimeAxis, collect_series
 from ground.recording.world_metadata import world_of
 from ground.station.robot.mission_items import MissionItems
+from protocol.options import finite
 from protocol.ring import RADIUS_M
 from protocol.topics import ANSWERED, COMMANDED
 from protocol.world import World, world_in
+from runtime.cli.verb import REC
 from runtime.errors import UserError
 
 KINDS: Final = (".png", ".svg", ".pdf")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Plot:
-    """Draw a recorded run as a .png, .svg or .pdf; `world` is needed if the file has none.
+@command(REC, 50, "rec plot drive.mcap --out drive.svg", suffixes=SUFFIXES)
+class Plot(RecordingCommand):
+    """Draw a recorded run as a picture.
 
-    `begin_s` and `end_s` are seconds of the robot's time stamps; `style` is a name in STYLES.
+    `begin_s` and `end_s` are seconds of the robot's time stamps.
     """
 
-    verb: ClassVar[str] = "plot"
-    moves: ClassVar[bool] = False
-    file: str
-    out: str = ""
-    world: str | None = None
-    begin_s: float | None = None
-    end_s: float | None = None
-    style: str = SCREEN.name
+    out: str = option(
+        "--out", default="", metavar="FILE", help="a .png, .svg or .pdf (default FILE.png)"
+    )
+    style: str = choice(
+        list(STYLES),
+        "--style",
+        default=SCREEN.name,
+        parse=str,
+        help=f"for the screen, or one column of a paper (default {SCREEN.name})",
+    )
+    world: str | None = option(
+        "--world", default=None, metavar="W", help="the world of the run; an .mcap contains it"
+    )
+    begin_s: float | None = option(
+        "--from",
+        default=None,
+        parse=finite,
+        metavar="S",
+        help="begin at this second of the robot's stamps",
+    )
+    end_s: float | None = option("--to", default=None, parse=finite, metavar="S", help="end there")
 
     def run(self, progress: Progress) -> Report:
         """Draw the picture; UserError if there is nothing to draw or it cannot be written."""
+        if self.remark:
+            progress.note(self.remark)
         source = Path(self.file)
         target = Path(self.out) if self.out else source.with_suffix(".png")
         if target.suffix not in KINDS:
@@ -53,10 +70,6 @@ class Plot:
         row = {"file": str(source), "out": str(target), "damage": log.damage()}
         unknown = "" if world else "; without the world: add it with --world W"
         return Report(not log.damage(), f"{target}{damaged(log)}{unknown}", row)
-
-    def perform(self, session: Session) -> Report:
-        """Draw the picture without using the session's robot."""
-        return self.run(session.progress)
 
 
 def draw(asked: Plot, target: Path, robot: str, world: World | None) -> None:
@@ -94,7 +107,8 @@ def world_driven(name: str | None, log: Log) -> World | None:
     """Return the named world, or that in the recording, None if it holds none."""
     if name is None:
         return world_of(log.facts.get("world", ""))
-    return world_in(world_facts(command(["worlds", "show", name, "--json"], os.getpid())))
+    words = child_command.command(["worlds", "show", name, "--json"], os.getpid())
+    return world_in(world_facts(words))
 
 
 def damaged(log: Log) -> str:

@@ -1,17 +1,25 @@
 """`rec list`: the recordings of a folder, each with what it holds."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
-from typing import ClassVar, Final
+from typing import Any, Final, Self
 
 from ground.client.outcomes import Progress, Report
-from ground.client.session import Session
-from ground.recording.catalogue import recordings_in, size_text
+from ground.commands.command import FileCommand, command, parsed, place
+from ground.recording.catalogue import (
+    FILE_HELP,
+    recording_named,
+    recordings_in,
+    remark_on,
+    size_text,
+)
 from ground.recording.summary import Summary, summary_of
 from ground.user.folders import recordings_folder
+from runtime.cli.verb import REC
 
+SUFFIXES: Final = (".tlog", ".mcap")
 HEADS: Final = ("", "BEGAN", "LENGTH", "WORLD", "NAVIGATOR", "OUTCOME", "SIZE", "NAME")
 UNKNOWN: Final = "--"
 RUNNING: Final = "REC"
@@ -19,12 +27,29 @@ RUNNING: Final = "REC"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ListRecordings:
-    """List the recordings of a folder, by default that of the user, the newest first."""
+class RecordingCommand(FileCommand):
+    """A command on a recording; on the command line by default the newest finished one.
 
-    verb: ClassVar[str] = "recordings"
-    moves: ClassVar[bool] = False
-    folder: str | None = None
+    `remark` is what is said about the choice first.
+    """
+
+    file: str = place("FILE", FILE_HELP, optional=True)
+    remark: str = field(default="", compare=False)
+
+    @classmethod
+    def parsed(cls, found: Any) -> Self:
+        """Return the command for the recording that was named; UserError if there is none."""
+        path = recording_named(found.file)
+        return parsed(cls, found, file=str(path), remark=remark_on(path, found.file))
+
+
+@command(REC, 20, "rec list --json", word="recordings")
+class ListRecordings(FileCommand):
+    """List the recordings, the newest first."""
+
+    folder: str | None = place(
+        "DIR", lambda: f"their folder (default {recordings_folder()})", default=None
+    )
 
     def run(self, progress: Progress) -> Report:
         """List them without a robot."""
@@ -37,10 +62,6 @@ class ListRecordings:
         }
         none = f"{folder}: there is no recording; `sidestep up` makes one"
         return Report(True, "\n".join(table(found)) if found else none, row)
-
-    def perform(self, session: Session) -> Report:
-        """List them without using the session's robot."""
-        return self.run(session.progress)
 
 
 def as_json(one: Summary) -> dict[str, object]:

@@ -1,24 +1,25 @@
 """`share`: put a recording into one .zip, with its plot, explanation and how to repeat it."""
 
 import json
-from dataclasses import dataclass
 from math import degrees, isfinite
 from pathlib import Path
 from shlex import join
 from tempfile import TemporaryDirectory
-from typing import Any, ClassVar, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from ground.client.outcomes import Progress, Report
-from ground.client.session import Session
 from ground.client.vocabulary import NAVIGATORS, SIDES
+from ground.commands.command import command, option
 from ground.commands.plot import Plot
+from ground.commands.recordings import SUFFIXES, RecordingCommand
 from ground.explain.turns import Recorded
 from ground.recording.log_reader import LogIndex, files_of, open_log
 from protocol.topics import STATUS
 from protocol.wire.messages import NavigatorStatus
 from protocol.world import WorldRun, run_in
 from runtime.cli.terminal import printable_lines
+from runtime.cli.verb import LOOK
 from runtime.errors import UserError
 from runtime.files import value_in
 from runtime.units import NS_PER_S
@@ -31,20 +32,16 @@ MADE: Final = (1980, 1, 1, 0, 0, 0)
 """Time of every file in the archive, so that equal recordings give equal archives."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Share:
-    """Put a recording and everything to understand and repeat it into one .zip.
+@command(LOOK, 70, "share drive.mcap --out drive.zip", suffixes=SUFFIXES)
+class Share(RecordingCommand):
+    """Put a recording, its plot and its explanation into one .zip."""
 
-    `out` is the .zip, by default the recording's name with that suffix.
-    """
-
-    verb: ClassVar[str] = "share"
-    moves: ClassVar[bool] = False
-    file: str
-    out: str = ""
+    out: str = option("--out", default="", metavar="FILE", help="a .zip (default FILE.zip)")
 
     def run(self, progress: Progress) -> Report:
         """Write the archive; UserError if the recording cannot be read or nothing be written."""
+        if self.remark:
+            progress.note(self.remark)
         source = Path(self.file)
         target = Path(self.out) if self.out else source.with_suffix(".zip")
         if target.suffix != ".zip":
@@ -69,10 +66,6 @@ class Share:
         damage = f" (DAMAGED: {log_index.damage})" if log_index.damage else ""
         row = {"file": str(source), "out": str(target), "damage": log_index.damage}
         return Report(not log_index.damage, f"{target}{damage}", row)
-
-    def perform(self, session: Session) -> Report:
-        """Write the archive without using the session's robot."""
-        return self.run(session.progress)
 
 
 class Drive(NamedTuple):

@@ -1,43 +1,43 @@
-"""The present state of a robot: every stream once, with its age."""
+"""`watch`: print telemetry and texts as lines, or the state once."""
 
-from dataclasses import dataclass
-from typing import ClassVar
-
-from ground.client.link import LISTEN_NS, Link
+from ground.client.link import LISTEN_NS
 from ground.client.outcomes import Report
-from ground.client.session import Session
 from ground.client.status_line import watch_line
 from ground.client.telemetry import SUMMARY_TOPICS, Telemetry
+from ground.commands.command import OperatorCommand, command, switch
+from ground.robot import Robot
 from ground.text.status_parts import in_words
 from protocol.topics import STATUS
+from runtime.cli.verb import LOOK
 from runtime.units import NS_PER_S
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LookOnce:
-    """Read every stream once; `ok` if the robot's status arrives."""
+@command(LOOK, 10, "watch --once")
+class Watch(OperatorCommand):
+    """Print telemetry and texts as lines.
 
-    verb: ClassVar[str] = "watch"
-    moves: ClassVar[bool] = False
+    A program that shows lines all the time does so itself; this reads every stream once.
+    """
 
-    def perform(self, session: Session) -> Report:
-        """Wait for the streams and report them."""
-        with session.link.subscribed(*SUMMARY_TOPICS) as telemetry:
-            return look(session.link, telemetry)
+    once: bool = switch(
+        "--once", default=False, help="print the state once, as --json does", after="json"
+    )
 
+    async def perform(self, robot: Robot) -> Report:
+        """Report the state as soon as all streams have arrived, or after 0.7 s.
 
-def look(link: Link, telemetry: Telemetry) -> Report:
-    """Report the state as soon as all streams have arrived, or after 0.7 s."""
-    link.wait(lambda: all(telemetry.latest(topic) for topic in SUMMARY_TOPICS), LISTEN_NS)
-    now_ns = link.clock.now_ns()
-    has_status = telemetry.live(STATUS, now_ns) is not None
-    found = snapshot(telemetry, now_ns)
-    text = in_words(watch_line(telemetry, now_ns))
-    if not has_status:
-        why = link.diagnosis()
-        found |= {"reason": why}
-        text = f"{text}\n{why}"
-    return Report(has_status, text, {"robot": link.robot, "ok": has_status, **found})
+        It is `ok` if the robot's status arrives.
+        """
+        with robot.subscribed(*SUMMARY_TOPICS) as telemetry:
+            await robot.wait(lambda: all(map(telemetry.latest, SUMMARY_TOPICS)), LISTEN_NS)
+            now_ns = robot.clock.now_ns()
+            has_status = telemetry.live(STATUS, now_ns) is not None
+            row = {"robot": robot.name, "ok": has_status, **snapshot(telemetry, now_ns)}
+            text = in_words(watch_line(telemetry, now_ns))
+            if not has_status:
+                row["reason"] = await robot.diagnosis()
+                text = f"{text}\n{row['reason']}"
+            return Report(has_status, text, row)
 
 
 def snapshot(telemetry: Telemetry, now_ns: int) -> dict[str, object]:

@@ -5,11 +5,11 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 from ground.blocking import perform
-from ground.client.outcomes import Outcome, Progress, Success
-from ground.client.session import Operation, Session
+from ground.client.outcomes import Progress, Success
+from ground.client.session import Session
 from ground.commands.abort import Abort
 from ground.commands.command import add_anyway, add_common, add_json, add_seize
 from ground.commands.hold import Hold
@@ -107,6 +107,7 @@ class CheckMission:
     """Read a mission file; with `out`, write it in the format of that suffix."""
 
     moves: ClassVar[bool] = False
+    is_offline: ClassVar[bool] = True
     source: MissionFile
     out: Path | None = None
 
@@ -125,10 +126,6 @@ class CheckMission:
         for what in found.dropped:
             progress.note(f"left out: {what}")
         return MissionChecked(found, self.out, lost)
-
-    def perform(self, session: Session) -> MissionChecked:
-        """Check the file without using the session's robot."""
-        return self.run(session.progress)
 
 
 class MissionWords(Words):
@@ -167,9 +164,9 @@ class MissionWords(Words):
         for name in ("upload", "start", "resume", "jump", "clear"):
             add_seize(actions[name])
 
-    def operation(self) -> Operation[Outcome]:
+    def operation(self) -> Any:
         """Return the operation for the parsed arguments."""
-        meanings: dict[str, Callable[[], Operation[Outcome]]] = {
+        meanings: dict[str, Callable[[], Any]] = {
             "check": lambda: CheckMission(source=self._source()),
             "convert": lambda: CheckMission(source=self._source(), out=self.out),
             "upload": lambda: UploadMissionFile(source=self._source(), anyway=self.anyway),

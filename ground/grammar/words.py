@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, Protocol, runtime_checkable
 
-from ground.client.outcomes import Outcome, Progress
+from ground.client.outcomes import Outcome
 from ground.client.session import Operation
 from ground.commands.command import Group, OperatorCommand
 from runtime.cli.verb import Verb
@@ -20,8 +20,6 @@ class Words:
 
     verb: str
     action: str
-    chosen: str = ""
-    """The file that was chosen because none was named, or a remark on it; it is printed."""
     connect: str | None
     id: str | None
     config: str | None
@@ -42,10 +40,6 @@ class Words:
     def operation(self) -> Operation[Outcome]:
         """Return the operation for the parsed arguments; UserError for a value out of range."""
         raise NotImplementedError
-
-    def without_robot(self) -> "Offline | None":
-        """Return what is done instead when no robot was named and none answers, if anything."""
-        return None
 
     @property
     def title(self) -> str:
@@ -90,14 +84,6 @@ def words_of(verb: Verb) -> type[Words] | CommandParser:
 def common_verbs() -> dict[str, Verb]:
     """Return the verbs that are typed operations, which the app's command line has too."""
     return {word: verb for word, verb in VERBS.items() if verb.words}
-
-
-@runtime_checkable
-class Offline(Protocol):
-    """An operation on files, which needs no robot."""
-
-    def run(self, progress: Progress) -> Outcome:
-        """Carry it out."""
 
 
 @runtime_checkable

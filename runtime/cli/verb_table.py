@@ -121,8 +121,6 @@ STUDY: Final[Mapping[str, Subcommand]] = MappingProxyType(
 
 
 COMMANDS: Final = "ground.grammar.commands"
-LOOKING: Final = "ground.grammar.looking"
-OF_RECORDINGS: Final = "ground.grammar.recordings"
 RECORDINGS: Final = (".tlog", ".mcap")
 MISSIONS: Final = (".toml", ".plan", ".waypoints")
 
@@ -171,14 +169,6 @@ PROGRAMS: Final[Mapping[str, Verb]] = MappingProxyType(
             words="ClearWords",
             rank=120,
         ),
-        "watch": Verb(
-            LOOK,
-            "print telemetry and texts as lines",
-            "watch --once",
-            LOOKING,
-            words="WatchWords",
-            rank=10,
-        ),
         "ps": Verb(
             LOOK,
             "list what `up` runs here: endpoint, robots, world, processes",
@@ -186,23 +176,6 @@ PROGRAMS: Final[Mapping[str, Verb]] = MappingProxyType(
             "ground.cli.observe.ps",
             run="run",
             rank=20,
-        ),
-        "doctor": Verb(
-            LOOK,
-            "find problems, and how to fix them",
-            "doctor --timeout 5",
-            LOOKING,
-            words="DoctorWords",
-            rank=30,
-        ),
-        "explain": Verb(
-            LOOK,
-            "show why the robot turns, live or in a recording",
-            "explain drive.mcap --at 12.5",
-            OF_RECORDINGS,
-            words="ExplainWords",
-            suffixes=RECORDINGS,
-            rank=40,
         ),
         "ghost": Verb(
             LOOK,
@@ -222,15 +195,6 @@ PROGRAMS: Final[Mapping[str, Verb]] = MappingProxyType(
             run="run",
             suffixes=RECORDINGS,
             rank=60,
-        ),
-        "share": Verb(
-            LOOK,
-            "put a recording, its plot and its explanation into one .zip",
-            "share drive.mcap --out drive.zip",
-            OF_RECORDINGS,
-            words="ShareWords",
-            suffixes=RECORDINGS,
-            rank=70,
         ),
         "trial": Verb(
             TEST,
@@ -321,33 +285,6 @@ PROGRAMS: Final[Mapping[str, Verb]] = MappingProxyType(
             name="start",
             run="run",
             rank=10,
-        ),
-        "recordings": Verb(
-            REC,
-            "list the recordings, the newest first",
-            "rec list --json",
-            OF_RECORDINGS,
-            words="ListWords",
-            name="list",
-            rank=20,
-        ),
-        "export": Verb(
-            REC,
-            "convert a recording to a CSV or Parquet table",
-            "rec export drive.mcap --out drive.csv",
-            OF_RECORDINGS,
-            words="ExportWords",
-            suffixes=RECORDINGS,
-            rank=40,
-        ),
-        "plot": Verb(
-            REC,
-            "draw a recorded run as a picture",
-            "rec plot drive.mcap --out drive.svg",
-            OF_RECORDINGS,
-            words="PlotWords",
-            suffixes=RECORDINGS,
-            rank=50,
         ),
         "reexecute": Verb(
             REC,

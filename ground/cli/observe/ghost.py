@@ -7,7 +7,7 @@ from ground.cli.options import common_of
 from ground.client.goal import Destination, destination
 from ground.client.link import Link, open_link
 from ground.client.vocabulary import NAVIGATORS, SIDES
-from ground.commands.command import add_common, seconds
+from ground.commands.command import add_common, moment, seconds
 from ground.commands.explain import instant_ns
 from ground.ghost.branch_point import (
     FAILED,
@@ -20,7 +20,6 @@ from ground.ghost.branch_point import (
     side_of,
 )
 from ground.ghost.ghost import Ghost, Ghosts
-from ground.grammar.looking import moment
 from ground.recording.catalogue import recording_named
 from ground.recording.log_reader import LogIndex, open_log
 from ground.text.output import Output

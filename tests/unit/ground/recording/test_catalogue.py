@@ -14,6 +14,7 @@ import pytest
 import study.cli.reexecute
 from ground.cli.main import main, parse
 from ground.client.outcomes import NoProgress
+from ground.commands.command import Reach, parsed
 from ground.commands.share import Share
 from ground.launch.recording_session import DEFAULT_KEEP, byte_limit
 from ground.recording.catalogue import (
@@ -210,9 +211,9 @@ def test_a_named_file_is_not_announced(three: Path, capsys: pytest.CaptureFixtur
 
 @pytest.mark.usefixtures("folder")
 def test_explain_prefers_a_robot_that_is_named() -> None:
-    words = parse(["explain", "--connect", "tcp/127.0.0.1:9"])
-    assert words.without_robot() is None
-    assert parse(["explain"]).without_robot() is None
+    for line in (["explain", "--connect", "tcp/127.0.0.1:9"], ["explain"]):
+        words = parse(line)
+        assert words.operation().without_robot(parsed(Reach, words)) is None
 
 
 @pytest.mark.usefixtures("folder")
