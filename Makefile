@@ -155,10 +155,10 @@ interop: setup
 
 # From the results of `make interop`.
 clients-table: setup
-	@exec "$(BIN)/python" -m checks.site.clients_table
+	@exec "$(BIN)/python" -m checks.site.interop_tables clients
 
 rows-table: setup
-	@exec "$(BIN)/python" -m checks.site.rows_table
+	@exec "$(BIN)/python" -m checks.site.interop_tables rows
 
 # Some minutes; ARGS="--module guard" tries one module.
 mutation: setup

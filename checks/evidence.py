@@ -202,7 +202,7 @@ EVIDENCE: Final = (
         12,
         (
             step("python -m pytest -q -m interop --no-skips tests/interop/test_judge.py"),
-            step("python -m checks.site.rows_table"),
+            step("python -m checks.site.interop_tables rows"),
         ),
         data=(f"{FOLDER}/mavlink",),
         file="docs/reference/mavlink-rows.md",

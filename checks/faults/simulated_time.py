@@ -20,7 +20,7 @@ from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Final, NamedTuple, Self
 
-from checks.faults import power_cuts
+from checks.faults import restarts
 from checks.faults.bus_observer import ExtremeSender, second_robot
 from checks.faults.cases import (
     Act,
@@ -488,7 +488,7 @@ def run(fault: FaultCase, number: int, *, short: bool = False) -> Repetition:
     """Run a repetition; a failure becomes a repetition with `trouble`."""
     try:
         if fault.act is PlainAct.POWER_CUT:
-            return power_cuts.run(fault.name, Way.LOCKSTEP.value, number)
+            return restarts.run(fault.name, Way.LOCKSTEP.value, number)
         return LockstepDrill(fault, number, short=short).run()
     except Exception as error:
         why = f"{type(error).__name__}: {error}"

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from checks.faults import power_cuts
+from checks.faults import restarts
 from checks.faults.bus_observer import READ, RECEIVED, extremes, extremes_of, turns
 from checks.faults.cases import (
     FAULTS,
@@ -21,7 +21,7 @@ from checks.faults.cases import (
     page,
     stops,
 )
-from checks.faults.power_cuts import restarted
+from checks.faults.restarts import restarted
 from checks.faults.wall_time import lost_from, missing
 from checks.harness.reordering_disk import ReorderingDisk, State
 from ground.recording.log_reader import record_bytes
@@ -412,10 +412,10 @@ def test_turns_have_one_frame_per_topic_and_stops_last() -> None:
 
 @each("number", range(4))
 def test_acknowledged_changes_survive(number: int) -> None:
-    one = power_cuts.run("a cut", "lockstep", number)
+    one = restarts.run("a cut", "lockstep", number)
     assert (one.reached, one.trouble) == (True, "")
 
 
 def test_unsynchronised_rename_is_found() -> None:
-    found = [power_cuts.run("a cut", "lockstep", number, UnsyncedRenames()) for number in range(8)]
+    found = [restarts.run("a cut", "lockstep", number, UnsyncedRenames()) for number in range(8)]
     assert any("instead of SavedState" in one.trouble for one in found)

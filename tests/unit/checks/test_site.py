@@ -11,12 +11,12 @@ from xml.etree import ElementTree
 import pytest
 
 from checks.site import findings as findings_page
+from checks.site import interop_tables
 from checks.site import reference as protocol_page
-from checks.site import rows_table
 from checks.site.__main__ import problems, target
-from checks.site.clients_table import BEGIN, END, WORDS, main
 from checks.site.findings import WORLDS
 from checks.site.hooks import MAX_DRAWN, Box, box_diagram, edge, fence, state_diagram
+from checks.site.interop_tables import BEGIN, END, WORDS, write_clients
 from checks.site.outcomes_table import document, rows_of, with_summary
 from checks.site.outcomes_table import main as outcomes_table_main
 from checks.site.pictures import (
@@ -57,7 +57,7 @@ def page_from(folder: Path, *results: str) -> str:
     page, file = folder / "page.md", folder / "results.jsonl"
     page.write_text(f"before\n{BEGIN}old\n{END}after\n", encoding="utf-8")
     file.write_text("\n".join(results) + "\n", encoding="utf-8")
-    assert main(["--results", str(file), "--page", str(page)]) == 0
+    assert write_clients(["--results", str(file), "--page", str(page)]) == 0
     return page.read_text(encoding="utf-8")
 
 
@@ -88,14 +88,14 @@ def test_page_without_marks_is_left_alone(tmp_path: Path) -> None:
     page.write_text("no marks\n", encoding="utf-8")
     file.write_text(result("mavsdk", "clean") + "\n", encoding="utf-8")
     with pytest.raises(ValueError, match="clients-table"):
-        main(["--results", str(file), "--page", str(page)])
+        write_clients(["--results", str(file), "--page", str(page)])
     assert page.read_text(encoding="utf-8") == "no marks\n"
 
 
 def test_without_results_the_next_command_is_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["--results", str(tmp_path / "none.jsonl")]) == 1
+    assert write_clients(["--results", str(tmp_path / "none.jsonl")]) == 1
     assert "make interop" in capsys.readouterr().err
 
 
@@ -447,22 +447,24 @@ def write(folder: Path, line: str, *found: tuple[int, str, str]) -> None:
 
 
 def test_page_shows_the_results_in_the_tree() -> None:
-    page = rows_table.PAGE.read_text(encoding="utf-8")
-    found = rows_table.results_in(rows_table.EVIDENCE)
-    assert rows_table.with_table(page, found) == page
+    page = interop_tables.ROWS_PAGE.read_text(encoding="utf-8")
+    found = interop_tables.results_in(interop_tables.EVIDENCE)
+    assert interop_tables.with_table(page, found) == page
     for line, results in found.items():
         assert sorted(results) == sorted(judge_rows()), line
 
 
 def test_new_results_replace_the_evidence(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
-    page.write_text(f"text\n{rows_table.BEGIN}old\n{rows_table.END}more\n", encoding="utf-8")
+    page.write_text(
+        f"text\n{interop_tables.ROWS_BEGIN}old\n{interop_tables.ROWS_END}more\n", encoding="utf-8"
+    )
     write(tmp_path / "results", "udp", (1, "pass", "fine"), (59, "not applicable", "one system"))
     words = ["--results", str(tmp_path / "results"), "--page", str(page)]
-    assert rows_table.main([*words, "--evidence", str(tmp_path / "kept")]) == 0
+    assert interop_tables.write_rows([*words, "--evidence", str(tmp_path / "kept")]) == 0
     text = page.read_text(encoding="utf-8")
-    assert text.startswith(f"text\n{rows_table.BEGIN}")
-    assert text.endswith(f"{rows_table.END}more\n")
+    assert text.startswith(f"text\n{interop_tables.ROWS_BEGIN}")
+    assert text.endswith(f"{interop_tables.ROWS_END}more\n")
     assert "| UDP | 1 of 60 |" in text
     assert "| TCP | not run |" in text
     assert "- Row 59, UDP: not applicable. one system" in text
@@ -473,5 +475,5 @@ def test_without_results_the_page_is_kept(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["--results", str(tmp_path), "--page", str(tmp_path / "none")]
-    assert rows_table.main([*words, "--evidence", str(tmp_path / "kept")]) == 1
+    assert interop_tables.write_rows([*words, "--evidence", str(tmp_path / "kept")]) == 1
     assert "make interop" in capsys.readouterr().err
