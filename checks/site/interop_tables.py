@@ -223,7 +223,7 @@ def row_table(found: Mapping[str, Results]) -> str:
 def exceptions(found: Mapping[str, Results]) -> str:
     """Return the reason of each result that is no pass."""
     lines = [
-        f"- Row {number}, {LINES[line]}: {one.status}. {one.evidence}\n"
+        f"- Row {number}, {ROWS_LINES[line]}: {one.status}. {one.evidence}\n"
         for line, results in found.items()
         for number, one in sorted(results.items())
         if one.status != RowStatus.PASS
