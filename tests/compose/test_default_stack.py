@@ -34,9 +34,8 @@ from tests.support.compose import (
     token_in,
     tried,
 )
-from tests.support.stack.browser import DRAWN, browsing, chromium, drawn, keep, sees
 from tests.support.stack.processes import Witness, moved_not
-from tests.support.stack.tmux import Tmux
+from tests.support.stack.screens import DRAWN, Tmux, browsing, chromium, drawn, keep, sees
 from tests.support.until import until
 
 pytestmark = pytest.mark.compose

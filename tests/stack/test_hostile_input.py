@@ -34,8 +34,8 @@ from protocol.wire.codec import Encoder
 from protocol.wire.enums import AckResult, GoalState
 from protocol.wire.messages import CommandAck, CommandRequest, ParamSet, SonarScan, WheelTicks
 from protocol.wire.reasons import Reason
-from tests.support.plant.files import GOOD as WORLD_TEXTS_GOOD
-from tests.support.plant.files import goal, more
+from tests.support.plant import GOOD as WORLD_TEXTS_GOOD
+from tests.support.plant import goal, more
 from tests.support.played_robot import BEAT
 from tests.support.stack.processes import Crew, Running, Witness
 from tests.support.until import PATIENCE_S, until

@@ -32,7 +32,7 @@ from tests.support.stack.processes import (
     departs,
     free_port,
 )
-from tests.support.stack.tmux import Tmux
+from tests.support.stack.screens import Tmux
 from tests.support.until import PATIENCE_S, until
 
 SIDESTEP = Path(__file__).parents[2] / "sidestep.py"

@@ -25,7 +25,7 @@ from study.runner.store import ASIDE, RESULTS, SHARDS, read
 from study.runner.workers import Pool
 from study.runner.workers import workers as runner_workers
 from tests.support.stack.processes import children_of
-from tests.support.study.made import boxed, context_of, deadly, floor, ids, spoil, tasks
+from tests.support.studies import boxed, context_of, deadly, floor, ids, spoil, tasks
 from tests.support.until import until
 
 

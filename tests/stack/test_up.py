@@ -29,7 +29,7 @@ from tests.support.stack.processes import (
     frames_in,
     real_time,
 )
-from tests.support.stack.tmux import Tmux
+from tests.support.stack.screens import Tmux
 from tests.support.until import until
 
 pytestmark = pytest.mark.stack

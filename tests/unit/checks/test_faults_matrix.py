@@ -48,7 +48,7 @@ from robot.mission import MissionStore, text_of
 from robot.storage import Store
 from runtime import files
 from tests.support.each import each
-from tests.support.robot.vehicles import Desk, circle, line, upload
+from tests.support.robots import Desk, circle, line, upload
 
 UTC_2026_US = 1_795_000_000_000_000
 

@@ -19,7 +19,7 @@ from protocol.wire.messages import RunScore
 from protocol.world import Circle, Obstacle, Point, Polygon, Polyline, World
 from runtime.units import NS_PER_MS as MS
 from tests.support.each import each
-from tests.support.plant.rooms import FOREVER_NS, NONE, bumper, drive, room
+from tests.support.plant import FOREVER_NS, NONE, bumper, drive, room
 
 LEFT, RIGHT, REAR = 1, 2, 4
 THIN_WALL = Polyline(((2.0, 0.0), (2.0, 4.0)), 0.01)

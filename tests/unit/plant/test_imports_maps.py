@@ -16,7 +16,7 @@ from plant.imports.moving_ai import MAX_CELLS, MovingAiScenario, fits, parse_map
 from plant.imports.ros_map import load_ros_map, parse_map_yaml, parse_pgm
 from plant.model.errors import WorldError
 from tests.support.each import each
-from tests.support.plant.files import MAP, P2, P5, ROWS, SCEN, YAML, refused
+from tests.support.plant import MAP, P2, P5, ROWS, SCEN, YAML, refused
 
 
 def cells(text: str = MAP) -> Cells:

@@ -11,7 +11,7 @@ from plant.corpus import FAMILIES, generate
 from plant.model.geometry import clearance_m
 from plant.shortest_path import shortest_path_m
 from plant.world.file import load
-from tests.support.plant.files import MAP, P5, SCEN, YAML
+from tests.support.plant import MAP, P5, SCEN, YAML
 
 Told = pytest.CaptureFixture[str]
 

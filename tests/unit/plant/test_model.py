@@ -12,7 +12,7 @@ from plant.model.geometry import movers, still
 from plant.sim.physics import Mover
 from protocol.world import Circle, Polygon, Polyline
 from tests.support.each import each
-from tests.support.plant.rooms import room
+from tests.support.plant import room
 
 
 def test_track_too_narrow_for_the_speed_is_rejected() -> None:

@@ -18,7 +18,7 @@ from protocol.world import Circle, GoalPose, Obstacle, Point, Polygon, Polyline,
 from runtime.errors import UserError
 from study.cli.trial import elsewhere
 from tests.support.each import each
-from tests.support.plant.rooms import room
+from tests.support.plant import room
 
 
 def gone_to(robots: int, goal: Point, *obstacles: Obstacle) -> list[RobotGoal]:

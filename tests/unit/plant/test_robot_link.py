@@ -21,7 +21,7 @@ from protocol.wire.messages import GroundTruth, SonarScan, SystemTime, WheelComm
 from runtime.clock import ManualClock
 from runtime.units import PERIOD_MS, PERIOD_NS, UINT32
 from tests.support.each import each
-from tests.support.plant.rooms import FAST, command, gate_at, taken
+from tests.support.plant import FAST, command, gate_at, taken
 from tests.support.played_bus import PlayedBus
 
 BRAKE = WheelOutput(0, 0, 0)

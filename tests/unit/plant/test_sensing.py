@@ -24,7 +24,7 @@ from plant.sim.sonar import (
 from protocol.ring import SONARS
 from protocol.world import Circle, Obstacle, Polygon, Polyline
 from tests.support.each import each
-from tests.support.plant.rooms import room
+from tests.support.plant import room
 
 RIM_M = 0.12
 ALL = 0b1111_1111

@@ -22,7 +22,7 @@ from protocol.world import Circle, World
 from runtime.units import NS_PER_S as S
 from runtime.units import PERIOD_NS as TICK_NS
 from tests.support.each import each
-from tests.support.plant.rooms import (
+from tests.support.plant import (
     FOREVER_NS,
     NONE,
     bumper,

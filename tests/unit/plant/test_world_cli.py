@@ -15,7 +15,7 @@ from plant.world.file import SHIPPED_DIR, load, shipped
 from plant.world.writer import draw
 from protocol.world import Circle
 from tests.support.each import each
-from tests.support.plant.files import GOOD, goal, more, with_line
+from tests.support.plant import GOOD, goal, more, with_line
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from plant.world.file import from_json, load, loads, shipped
 from plant.world.writer import dumps, in_degrees
 from protocol.world import Circle, GoalPose, Obstacle, Polygon, Polyline, Start, World, as_json
 from tests.support.each import each
-from tests.support.plant.files import GOOD, Bad, assert_told, more, with_line
+from tests.support.plant import GOOD, Bad, assert_told, more, with_line
 
 GIVEN = ("name", "size_m", "start", "goal", "walls", "obstacles", "robot", "noise", "faults")
 

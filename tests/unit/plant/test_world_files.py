@@ -16,7 +16,7 @@ from plant.world.file import load, loads, shipped
 from protocol.world import Circle, Polygon, Polyline
 from study.trial.trial import Trial, run_trial, shortest_once
 from tests.support.each import each
-from tests.support.plant.files import (
+from tests.support.plant import (
     GOOD,
     ROBOT_AT,
     Bad,

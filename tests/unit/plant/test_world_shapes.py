@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from plant.model.geometry import area_m2, clearance_m, crossing_edges, from_segment_m, inside, meet
 from protocol.world import Circle, Point, Polygon, Polyline
 from tests.support.each import each
-from tests.support.plant.files import GOOD, Bad, assert_told, more, polygon, with_line
+from tests.support.plant import GOOD, Bad, assert_told, more, polygon, with_line
 
 BAD = [
     Bad(

@@ -24,7 +24,7 @@ from protocol.world import (
 from tests.support.each import each
 from tests.support.ground.station import WORLD_TEXT
 from tests.support.hostile import TEXT, raw_in
-from tests.support.plant.files import GOOD
+from tests.support.plant import GOOD
 
 OVERRIDES = """
 [robot]

@@ -44,7 +44,7 @@ from robot.hosting import InProcessCore
 from robot.mission import MissionExecutor
 from robot.vehicle import RobotVehicle
 from tests.support.each import each
-from tests.support.robot.vehicles import Desk, goal, line
+from tests.support.robots import Desk, goal, line
 
 ADA = "ada/1"
 ADAS_OTHER = "ada/3"

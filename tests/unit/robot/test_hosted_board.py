@@ -1,6 +1,10 @@
 """A core on a board does what one in the process does; a failing board ends the robot."""
 
 import os
+import signal
+import socket
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -12,7 +16,7 @@ from typing import Any
 import pytest
 
 from checks.harness.messages import make
-from firmware.board import RESTART, Board, BoardError, BoardMismatchError
+from firmware.board import RESTART, Board, BoardError, BoardMismatchError, SerialLine
 from firmware.host import WALL_TIME, BoardCore
 from firmware.image import core_hash, core_version
 from plant.model.configuration import noise_of
@@ -47,8 +51,53 @@ from robot.core.values import Inputs, Pose, Scan, Wheels, now_ms_of, scan_of, wh
 from robot.storage import Store
 from robot.vehicle import RobotVehicle
 from runtime.errors import UserError
+from tests.support import hosted_loop
 from tests.support.each import each
-from tests.support.robot.hosted import Hosted, hosted_board
+
+PATIENCE_S = 20.0
+
+
+class Hosted:
+    """A running hosted board; `line` is the host's end of its serial line."""
+
+    def __init__(self, which: str = "") -> None:
+        ours, theirs = socket.socketpair()
+        descriptor = ours.detach()
+        self.line = SerialLine(descriptor, os.dup(descriptor), self._is_alive)
+        words = [sys.executable, "-m", hosted_loop.__name__, str(theirs.fileno()), which]
+        self._process = subprocess.Popen(words, pass_fds=[theirs.fileno()])
+        theirs.close()
+
+    def _is_alive(self) -> bool:
+        return self._process.poll() is None
+
+    def suspend(self) -> None:
+        """Stop the board without ending it."""
+        self._process.send_signal(signal.SIGSTOP)
+
+    def kill(self) -> None:
+        """End the board and wait for its end."""
+        self._process.kill()
+        self._process.wait()
+
+    def close(self) -> None:
+        """End the board."""
+        self.line.close()
+        self._process.kill()
+        self._process.wait()
+
+
+@contextmanager
+def hosted_board(patience_s: float = PATIENCE_S, which: str = "") -> Iterator[tuple[Board, Hosted]]:
+    """Return a board that has said hello, and its process."""
+    hosted = Hosted(which)
+    try:
+        board = Board(hosted.line, patience_s)
+        board.wait_for_hello()
+        yield board, hosted
+    finally:
+        hosted.close()
+
 
 PARAMS = DEFAULTS._replace(v_max_m_s=0.25, progress_ms=60_000)
 COMMANDS = (

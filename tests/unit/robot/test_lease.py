@@ -26,7 +26,7 @@ from robot.core import states
 from robot.lease import IDLE_NS, LAPSE_NS, Lease
 from runtime.units import NS_PER_S as S
 from tests.support.each import each
-from tests.support.robot.vehicles import Desk, goal, item, upload
+from tests.support.robots import Desk, goal, item, upload
 
 ADA, ADAS_OTHER, ADAS_THIRD, BOB = "ada/1", "ada/2", "ada/3", "bob/0"
 CRASHED = (Severity.WARNING, "lease of Ada lapsed: no heartbeat for 3 s")

@@ -12,7 +12,7 @@ from protocol.wire.reasons import Reason
 from robot.core import states
 from runtime.units import UINT32
 from tests.support.each import each
-from tests.support.robot.vehicles import (
+from tests.support.robots import (
     Desk,
     circle,
     estop,

@@ -15,7 +15,7 @@ from protocol.wire.reasons import Reason
 from robot import telemetry
 from robot.core.values import Pose
 from robot.storage import Store
-from tests.support.robot.vehicles import Desk, circle, corners, line, start, state, until, upload
+from tests.support.robots import Desk, circle, corners, line, start, state, until, upload
 
 CLEAR = Command.SIDESTEP_CLEAR_EMERGENCY_STOP
 NEAR = corners((-1.0, -1.0), (2.0, -1.0), (2.0, 1.0), (-1.0, 1.0))

@@ -21,7 +21,7 @@ from robot.core import reasons
 from robot.file_writer import Directory
 from robot.mission import MAX_ITEMS, MissionStore, TransferRequest, Transfers
 from tests.support.each import each
-from tests.support.robot.vehicles import Desk, circle, corners, item, line, ready, start, upload
+from tests.support.robots import Desk, circle, corners, item, line, ready, start, upload
 
 
 def held(desk: Desk, kind: int = MissionType.MISSION) -> list[str]:

@@ -34,7 +34,7 @@ from robot.storage import FILE_NAME, Store
 from robot.vehicle import RobotVehicle
 from runtime.errors import UserError
 from tests.support.each import each
-from tests.support.robot.vehicles import Desk
+from tests.support.robots import Desk
 
 
 def test_every_setting_of_the_core_has_one_row_in_the_same_order() -> None:

@@ -61,7 +61,7 @@ from runtime.units import NS_PER_MS as MS
 from runtime.units import PERIOD_NS
 from tests.support.each import each
 from tests.support.played_bus import PlayedBus
-from tests.support.robot.processes import ADA, BRAKE, HeldWriter, Rig, driving, hold, speeds
+from tests.support.robots import ADA, BRAKE, HeldWriter, Rig, driving, hold, speeds
 
 
 def scan(number: int) -> SonarScan:

@@ -36,18 +36,19 @@ from runtime.units import NS_PER_MS as MS
 from runtime.units import NS_PER_S as S
 from tests.support.each import each
 from tests.support.messages import any_message, messages_of
-from tests.support.robot.processes import (
+from tests.support.robots import (
     ADA,
     BOB,
+    Desk,
     Request,
     Rig,
     arm,
     driving,
+    goal,
     hold,
     lease,
     press,
 )
-from tests.support.robot.vehicles import Desk, goal
 
 RESTART = CommandRequest(
     request_id=9, command=Command.PREFLIGHT_REBOOT_SHUTDOWN, param1=1.0, param2=0.0

@@ -20,7 +20,7 @@ from robot.process import SHOWN_NS
 from robot.storage import Store
 from runtime.units import NS_PER_MS as MS
 from tests.support.each import each
-from tests.support.robot.processes import (
+from tests.support.robots import (
     ADA,
     BOB,
     BRAKE,
@@ -31,12 +31,12 @@ from tests.support.robot.processes import (
     ask_to_stop,
     clear,
     driving,
+    goal,
     hold,
     lease,
     press,
     speeds,
 )
-from tests.support.robot.vehicles import goal
 
 
 def test_a_stop_brakes_in_the_next_period() -> None:

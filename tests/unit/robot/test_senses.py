@@ -24,9 +24,9 @@ from runtime.units import NS_PER_S as S
 from runtime.units import PERIOD_NS, UINT32
 from tests.support.each import each
 from tests.support.played_bus import PlayedBus
-from tests.support.robot.processes import ADA as PROCESSES_ADA
-from tests.support.robot.processes import BOB as PROCESSES_BOB
-from tests.support.robot.vehicles import Desk
+from tests.support.robots import ADA as PROCESSES_ADA
+from tests.support.robots import BOB as PROCESSES_BOB
+from tests.support.robots import Desk
 
 STEER = Teleop(time_ns=0, seq=0, speed_mm_s=200, yaw_rate_mrad_s=0, ttl_ms=500)
 AGES_US = (10_000, 20_000) * 4

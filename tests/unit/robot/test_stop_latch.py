@@ -23,8 +23,7 @@ from robot.storage import Store
 from runtime import files
 from runtime.units import NS_PER_MS as MS
 from tests.support.each import each
-from tests.support.robot.processes import HeldWriter
-from tests.support.robot.vehicles import Desk, goal
+from tests.support.robots import Desk, HeldWriter, goal
 
 ADA, BOB, STRANGER = "ada/1", "bob/2", ""
 

@@ -33,8 +33,7 @@ from robot.vehicle import RobotVehicle
 from runtime.errors import UserError
 from runtime.watchdog import Watchdog
 from tests.support.each import each
-from tests.support.robot.processes import HeldWriter
-from tests.support.robot.vehicles import Desk, circle, upload
+from tests.support.robots import Desk, HeldWriter, circle, upload
 
 
 def test_what_was_saved_is_in_force_after_a_restart(tmp_path: Path) -> None:

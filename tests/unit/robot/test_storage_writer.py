@@ -30,8 +30,18 @@ from robot.file_writer import Directory, Done, Job, WriterThread
 from robot.reports import MAX_WITHHELD, SAVING, SavedReplies
 from robot.storage import PreviousRun, Store
 from runtime import files as atomic_file
-from tests.support.robot.processes import ADA, HeldWriter, Question, Rig
-from tests.support.robot.vehicles import Desk, circle, count_of, goal, line, upload
+from tests.support.robots import (
+    ADA,
+    Desk,
+    HeldWriter,
+    Question,
+    Rig,
+    circle,
+    count_of,
+    goal,
+    line,
+    upload,
+)
 from tests.support.until import until
 
 FULL = OSError(28, "No space left on device")

@@ -32,7 +32,7 @@ from runtime.units import NS_PER_S as SECOND
 from runtime.units import PERIOD_NS
 from tests.support.each import each
 from tests.support.played_bus import PlayedBus
-from tests.support.robot.vehicles import Desk
+from tests.support.robots import Desk
 
 
 def test_status_without_a_goal_has_nan_and_no_times() -> None:

@@ -30,7 +30,7 @@ from robot.storage import Store
 from robot.vehicle import RobotVehicle
 from runtime.units import NS_PER_MS as MS
 from tests.support.each import each
-from tests.support.robot.vehicles import Desk, goal, ready, start
+from tests.support.robots import Desk, goal, ready, start
 
 
 def restarted() -> Desk:

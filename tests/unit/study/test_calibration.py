@@ -33,7 +33,7 @@ from study.calibration import (
     wheel_ratio,
 )
 from tests.support.each import each
-from tests.support.study.drives import SIDE_M, squares
+from tests.support.studies import SIDE_M, squares
 
 QUICK = ("calibrate", "--runs", "2", "--side", "1", "--noise", "none")
 

@@ -54,7 +54,7 @@ from study.falsify.shrink import walls_in
 from study.runner.workers import workers
 from study.trial.core_loop import CoreLoop
 from tests.support.each import each
-from tests.support.study.falsified import ARRIVED, STUCK, evaluation_of, search_of
+from tests.support.studies import ARRIVED, STUCK_RUN, evaluation_of, search_of
 
 FINDINGS = Path(__file__).parents[3] / "study" / "falsify" / "worlds"
 
@@ -338,11 +338,11 @@ def watched(moved_m: float = 0.0, branch: int = states.NO_BRANCH) -> Monitor:
     ("outcome", "reason", "monitor", "kind"),
     [
         (ARRIVED, Reason.NONE, watched(), "reached"),
-        (STUCK, Reason.UNREACHABLE, watched(), "claim"),
-        (STUCK, Reason.LOST, watched(), "lost"),
-        (STUCK, Reason.NO_PROGRESS, watched(), "no-progress"),
-        (replace(STUCK, outcome="timeout"), 0, watched(0.1), "timeout-still"),
-        (replace(STUCK, outcome="timeout"), 0, watched(2.0), "timeout-moving"),
+        (STUCK_RUN, Reason.UNREACHABLE, watched(), "claim"),
+        (STUCK_RUN, Reason.LOST, watched(), "lost"),
+        (STUCK_RUN, Reason.NO_PROGRESS, watched(), "no-progress"),
+        (replace(STUCK_RUN, outcome="timeout"), 0, watched(0.1), "timeout-still"),
+        (replace(STUCK_RUN, outcome="timeout"), 0, watched(2.0), "timeout-moving"),
     ],
 )
 def test_kind_of_end_is_named(outcome: Outcome, reason: int, monitor: Monitor, kind: str) -> None:
@@ -358,7 +358,7 @@ def test_kind_of_end_is_named(outcome: Outcome, reason: int, monitor: Monitor, k
     ],
 )
 def test_contact_is_named_by_the_branch_before_it(branch: int, kind: str) -> None:
-    collided = replace(STUCK, outcome="collided", own_contacts=1)
+    collided = replace(STUCK_RUN, outcome="collided", own_contacts=1)
     assert kind_of(collided, Reason.BUMPER, watched(0.0, branch)) == kind
 
 
@@ -418,15 +418,15 @@ WORLD = World(
     ("outcome", "reason", "reachable", "letters"),
     [
         (ARRIVED, Reason.NONE, True, ""),
-        (STUCK, Reason.BLOCKED, True, "a"),
-        (STUCK, Reason.LOST, True, "a"),
+        (STUCK_RUN, Reason.BLOCKED, True, "a"),
+        (STUCK_RUN, Reason.LOST, True, "a"),
         (replace(ARRIVED, outcome="timeout"), Reason.NONE, True, "a"),
-        (STUCK, Reason.UNREACHABLE, True, "b"),
-        (STUCK, Reason.UNREACHABLE, False, ""),
+        (STUCK_RUN, Reason.UNREACHABLE, True, "b"),
+        (STUCK_RUN, Reason.UNREACHABLE, False, ""),
         (replace(ARRIVED, outcome="collided", own_contacts=1), Reason.NONE, True, "c"),
         (replace(ARRIVED, contacts=1), Reason.NONE, True, ""),
         (replace(ARRIVED, path_m=31.0), Reason.NONE, True, "e"),
-        (STUCK, Reason.LOST, False, "f"),
+        (STUCK_RUN, Reason.LOST, False, "f"),
         (replace(ARRIVED, outcome="timeout"), Reason.NONE, False, "f"),
     ],
 )

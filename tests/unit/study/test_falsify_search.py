@@ -52,7 +52,7 @@ from study.falsify.shrink import (
 from study.runner import workers
 from study.runner.workers import InPlace, Workers
 from tests.support.each import each
-from tests.support.study.falsified import (
+from tests.support.studies import (
     SCENES,
     evaluation_of,
     first_violation,

@@ -46,7 +46,7 @@ from robot.storage import Store
 from runtime.errors import UserError
 from study.cli.reexecute import main
 from study.trial.reexecution import RecordedRequest, chooses_navigator, reason_in
-from tests.support.study.drives import ARM, ScriptedDrive
+from tests.support.studies import ARM, ScriptedDrive
 
 Values = dict[str, Any]
 Reexecute = Callable[..., tuple[int, Values]]

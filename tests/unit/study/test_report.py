@@ -48,13 +48,13 @@ from study.report.trials import (
 )
 from study.runner.store import SCHEMA, commands_of, compact, table_of, write_table
 from tests.support.each import each
-from tests.support.study.made import floor
-from tests.support.study.reports import (
+from tests.support.studies import (
     GAVE_UP,
     LOST,
     SHUT,
     STUCK,
     drive,
+    floor,
     row,
     study,
     trials,

@@ -38,8 +38,7 @@ from study.report.contacts import chosen_rows, events_of, explained, main
 from study.runner.store import table_of, write_table
 from study.trial.trial import Trial
 from tests.support.each import each
-from tests.support.study.made import floor
-from tests.support.study.reports import AHEAD, COLLIDED, RADIUS_M, echo, person, row, stored, tick
+from tests.support.studies import AHEAD, COLLIDED, RADIUS_M, echo, floor, person, row, stored, tick
 
 END = tick(10.0, clearance_m=0.0)
 REAR = Touched("disc", (-RADIUS_M, 0.0), is_edge=False)

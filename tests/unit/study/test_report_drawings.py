@@ -25,8 +25,7 @@ from study.runner.run_task import trial_of
 from study.runner.store import table_of
 from study.trial.trial import Trial, run_trial
 from tests.support.each import each
-from tests.support.study.made import boxed, floor
-from tests.support.study.reports import COLLIDED, GAVE_UP, SHUT, STUCK, drive, row, study
+from tests.support.studies import COLLIDED, GAVE_UP, SHUT, STUCK, boxed, drive, floor, row, study
 
 
 def shapes(drawing: SvgDrawing) -> list[str]:

@@ -62,8 +62,7 @@ from study.report.trials import trials_of
 from study.runner.rows import TrialRow
 from study.runner.store import SCHEMA
 from tests.support.each import each
-from tests.support.study.made import floor
-from tests.support.study.reports import COLLIDED, GAVE_UP, LOST, SHUT, STUCK, drive, row, trials
+from tests.support.studies import COLLIDED, GAVE_UP, LOST, SHUT, STUCK, drive, floor, row, trials
 
 NONE = trials_of(SCHEMA.empty_table())
 DETOUR_FACTOR: Sequence[Pose] = [

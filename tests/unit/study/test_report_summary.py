@@ -40,7 +40,7 @@ from study.report.trials import distinct, trials_of
 from study.runner.rows import TrialRow
 from study.runner.store import SCHEMA, table_of
 from tests.support.each import each
-from tests.support.study.reports import (
+from tests.support.studies import (
     COLLIDED,
     GAVE_UP,
     LOST,
@@ -50,7 +50,7 @@ from tests.support.study.reports import (
     trials,
     without_values,
 )
-from tests.support.study.reports import SHUT as REPORT_SHUT
+from tests.support.studies import SHUT as REPORT_SHUT
 
 ROOT = Path(__file__).parents[3]
 SUMMARY = ROOT / "docs" / "evidence" / "study" / "summary.json"

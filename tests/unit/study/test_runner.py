@@ -43,7 +43,7 @@ from study.runner.store import rows_of, table_of
 from study.runner.workers import Pool
 from study.trial.trial import run_trial
 from tests.support.each import each
-from tests.support.study.made import (
+from tests.support.studies import (
     CODE,
     Watch,
     boxed,
@@ -315,7 +315,7 @@ def test_pool_starts_no_more_workers_than_trials() -> None:
 BLOCKED = """
 from pathlib import Path
 from study.runner.workers import Pool
-from tests.support.study.made import context_of, floor, tasks
+from tests.support.studies import context_of, floor, tasks
 
 made = tasks(floor(), noise=('default',), seeds=8)
 with Pool(2, context_of(floor())) as pool:

@@ -35,7 +35,7 @@ from study.runner.plan import (
 )
 from study.runner.store import keep
 from tests.support.each import each
-from tests.support.study.made import boxed, floor, list_of, settings, tasks
+from tests.support.studies import boxed, floor, list_of, settings, tasks
 
 
 def test_plans_every_combination_once() -> None:

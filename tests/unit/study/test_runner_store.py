@@ -37,7 +37,7 @@ from study.runner.store import (
     with_added,
 )
 from tests.support.each import each
-from tests.support.study.made import CODE, boxed, floor, ids, list_of, rows, settings, spoil
+from tests.support.studies import CODE, boxed, floor, ids, list_of, rows, settings, spoil
 
 
 def names(directory: Path) -> list[str]:

@@ -15,7 +15,7 @@ from study.cli import study as study_cli
 from study.cli import study_run
 from study.cli.study_run import parser
 from study.runner.store import RESULTS, SHARDS, commands_of, read, rows_of, write_shard
-from tests.support.study.made import ids, rows, spoil
+from tests.support.studies import ids, rows, spoil
 
 SMALL = ("--worlds", "open", "--noise", "none", "default", "--navigators", "vgm", "--jobs", "1")
 

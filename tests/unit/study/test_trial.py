@@ -32,7 +32,7 @@ from study.cli.trial import COLUMNS, main, parser
 from study.trial.core_loop import Behaviour, CoreLoop
 from study.trial.trial import NAVIGATORS, Trial, params_of, run_trial, wire_goal_of
 from tests.support.each import each
-from tests.support.study.made import boxed, floor
+from tests.support.studies import boxed, floor
 
 NEAR = World(
     name="near",

@@ -35,8 +35,15 @@ from runtime.clock import ManualClock
 from runtime.errors import ConfigError, UserError
 from runtime.units import NS_PER_MS as MS
 from tests.support.each import each
-from tests.support.gateway.fake_port import CLIENT, Bench, acks, command, everything
-from tests.support.gateway.whole import CommandedPort, WholeGateway
+from tests.support.gateway.fake_port import (
+    CLIENT,
+    Bench,
+    CommandedPort,
+    WholeGateway,
+    acks,
+    command,
+    everything,
+)
 
 
 def rounds_until(pace: Pace, from_ms: int, to_ms: int) -> int:

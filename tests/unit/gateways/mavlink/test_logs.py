@@ -23,8 +23,15 @@ from protocol.wire.enums import Vehicle
 from runtime.errors import UserError
 from tests.support.each import each
 from tests.support.gateway.benches import ParameterBench, of_type
-from tests.support.gateway.fake_port import CLIENT, ORIGIN, OTHER, odometry, status
-from tests.support.gateway.whole import SilentPort, WholeGateway
+from tests.support.gateway.fake_port import (
+    CLIENT,
+    ORIGIN,
+    OTHER,
+    SilentPort,
+    WholeGateway,
+    odometry,
+    status,
+)
 from tests.support.until import PATIENCE_S, until
 
 OLD, NEW = "20261122T080000Z-r1.tlog", "20261123T131200Z-r1.tlog"

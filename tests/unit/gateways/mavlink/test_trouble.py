@@ -21,8 +21,16 @@ from protocol.wire.enums import Vehicle
 from protocol.wire.reasons import Reason
 from tests.support.each import each
 from tests.support.gateway.benches import line_of
-from tests.support.gateway.fake_port import SYSTEM, acks, command, everything, status, words
-from tests.support.gateway.whole import CommandedPort, WholeGateway
+from tests.support.gateway.fake_port import (
+    SYSTEM,
+    CommandedPort,
+    WholeGateway,
+    acks,
+    command,
+    everything,
+    status,
+    words,
+)
 from tests.support.until import PATIENCE_S, until
 
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)

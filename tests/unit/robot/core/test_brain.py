@@ -11,8 +11,8 @@ from robot.core import brain as budget
 from robot.core.parameters import DEFAULTS
 from robot.core.state import State
 from robot.core.values import Goal, Inputs, Pose, Scan, Twist, Wheels
+from tests.support.cores import AHEAD, Driven, armed, driving
 from tests.support.each import each
-from tests.support.robot.driving import AHEAD, Driven, armed, driving
 
 AGES = (25, 0) * 4
 VGM = DEFAULTS._replace(navigator=states.VGM)

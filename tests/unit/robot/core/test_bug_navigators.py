@@ -18,8 +18,7 @@ from robot.core.parameters import DEFAULTS
 from robot.core.perception.sonar_ring import Ring
 from robot.core.ring import BEARINGS, HALF_CONE
 from robot.core.values import Decision, Goal, Pose, wrap
-from tests.support.each import each
-from tests.support.robot.rings import (
+from tests.support.cores import (
     BEHIND_THE_TRAP,
     BOX_AROUND_THE_GOAL,
     DISC,
@@ -33,8 +32,9 @@ from tests.support.robot.rings import (
     seen_from,
     walk_to,
 )
-from tests.support.robot.rings import GOAL as COURSES_GOAL
-from tests.support.robot.rings import HERE as RINGS_HERE
+from tests.support.cores import GOAL as COURSES_GOAL
+from tests.support.cores import HERE as RINGS_HERE
+from tests.support.each import each
 
 AHEAD = Goal(5.0, 0.0, None, 0.05, 0.05)
 HERE = Pose(0.0, 0.0, 0.0)

@@ -18,9 +18,9 @@ from robot.core.ring import BEARINGS, HALF_CONE, SONARS
 from robot.core.values import Pose
 from study.trial.core_loop import Behaviour
 from study.trial.trial import Trial, run_trial
+from tests.support.cores import HERE, RADIUS_MM, SILENT, Wall, ring, seen_from
+from tests.support.cores import SIDES as VGM_MEMORY_SIDES
 from tests.support.each import each
-from tests.support.robot.rings import HERE, RADIUS_MM, SILENT, Wall, ring, seen_from
-from tests.support.robot.rings import SIDES as VGM_MEMORY_SIDES
 
 WIDTH_M = 0.001 * 2 * RADIUS_MM
 SLACK_M = 0.001 * SLACK_MM

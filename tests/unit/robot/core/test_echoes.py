@@ -37,8 +37,7 @@ from robot.core.perception.echoes import (
 from robot.core.perception.sonar_ring import FrozenSonar, Ring
 from robot.core.ring import BEARINGS, SONARS
 from robot.core.values import Pose, Scan, Wheels, goal_of, now_ms_of, scan_of, wheels_of
-from tests.support.each import each
-from tests.support.robot.rings import (
+from tests.support.cores import (
     HERE,
     RADIUS_MM,
     SILENT,
@@ -48,6 +47,7 @@ from tests.support.robot.rings import (
     ring,
     scan,
 )
+from tests.support.each import each
 
 
 def drive(

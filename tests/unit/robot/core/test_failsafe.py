@@ -11,8 +11,8 @@ from robot.core.safety import failsafe
 from robot.core.safety.fence import Fence
 from robot.core.values import Inputs, Pose, Scan, Twist, Wheels
 from robot.process import OVERRUNS_IN_A_ROW
+from tests.support.cores import OPEN_SPACE, Driven, armed, driving
 from tests.support.each import each
-from tests.support.robot.driving import OPEN_SPACE, Driven, armed, driving
 
 AGES = (25, 0) * 4
 

@@ -13,8 +13,8 @@ from robot.core.safety import failsafe
 from robot.core.safety import fence as fences
 from robot.core.safety.fence import Fence
 from robot.core.values import Goal, Pose
+from tests.support.cores import AHEAD, Driven, armed, driving
 from tests.support.each import each
-from tests.support.robot.driving import AHEAD, Driven, armed, driving
 
 Places = list[tuple[float, float]]
 

@@ -31,8 +31,7 @@ from robot.core.values import Decision, Goal, Outputs, Pose, wrap
 from runtime.units import PERIOD_MS
 from study.report.targets import STATE_BYTES
 from study.trial.trial import NAVIGATORS as TRIAL_NAVIGATORS
-from tests.support.each import each
-from tests.support.robot.driving import (
+from tests.support.cores import (
     ALL,
     Driver,
     Tick,
@@ -41,9 +40,10 @@ from tests.support.robot.driving import (
     mirrored,
     mirrored_goal,
     reversed_bits,
+    seen,
     sound,
 )
-from tests.support.robot.rings import seen
+from tests.support.each import each
 
 LIMIT_MRAD_S = DEFAULTS.wheel_max_m_s / DEFAULTS.wheel_radius_m * 1000.0
 numbers = st.sampled_from(sorted(NAVIGATORS))

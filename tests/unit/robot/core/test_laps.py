@@ -37,8 +37,8 @@ from robot.core.navigators.proof import (
 from robot.core.perception.echoes import BRADS, CIRCLE, HALF_CIRCLE
 from robot.core.perception.odometry import Odometry
 from robot.core.values import Pose, wrap
+from tests.support.cores import HERE, RADIUS_MM, SIDES, SILENT, Disc, Wall, ring, seen_from
 from tests.support.each import each
-from tests.support.robot.rings import HERE, RADIUS_MM, SIDES, SILENT, Disc, Wall, ring, seen_from
 
 STEP_M = 0.015
 EVERY = 3  # ticks per choice

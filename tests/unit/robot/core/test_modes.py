@@ -14,8 +14,8 @@ from robot.core.parameters import DEFAULTS
 from robot.core.safety import failsafe
 from robot.core.safety.fence import Fence
 from robot.core.values import Goal, Pose
+from tests.support.cores import AHEAD, Driven, armed, driving
 from tests.support.each import each
-from tests.support.robot.driving import AHEAD, Driven, armed, driving
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
 ELSEWHERE = Fence((10.0,), (0.0,), 1.0)

@@ -32,8 +32,8 @@ from robot.core.perception.echoes import FADE_TURNS
 from robot.core.perception.sonar_ring import SATURATED_M, Ring
 from robot.core.ring import BEARINGS, SONARS
 from robot.core.values import COSINES, SINES, Twist, wrap
+from tests.support.cores import SILENT, Ranges, heard
 from tests.support.each import each
-from tests.support.robot.rings import SILENT, Ranges, heard
 
 AHEAD = [2, 3, 4, 5]
 MOST_M_S = DEFAULTS.v_max_m_s

@@ -38,8 +38,8 @@ from robot.core.perception.echoes import (
 from robot.core.perception.sonar_ring import Ring
 from robot.core.ring import BEARINGS
 from robot.core.values import Pose
+from tests.support.cores import HERE, RADIUS_MM, SILENT, Ranges, any_ranges, heard, ring
 from tests.support.each import each
-from tests.support.robot.rings import HERE, RADIUS_MM, SILENT, Ranges, any_ranges, heard, ring
 
 SLIM_MM = RADIUS_MM + SQUEEZE_MM
 sides = st.sampled_from([1, -1])

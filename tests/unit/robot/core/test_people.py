@@ -39,8 +39,8 @@ from robot.core.perception.people import (
 from robot.core.perception.sonar_ring import Ring
 from robot.core.ring import BEARINGS, HALF_CONE
 from robot.core.values import Pose, Scan
+from tests.support.cores import Wall, ring, seen_from
 from tests.support.each import each
-from tests.support.robot.rings import Wall, ring, seen_from
 
 HERE = Pose(0.0, 0.0, 0.0)
 NO_ECHO: "list[float | None]" = [inf] * 8

@@ -10,8 +10,8 @@ from robot.core.parameters import DEFAULTS
 from robot.core.perception.odometry import Odometry
 from robot.core.safety.fence import Fence
 from robot.core.values import Pose, Wheels
+from tests.support.cores import AHEAD, Driven, armed, driving
 from tests.support.each import each
-from tests.support.robot.driving import AHEAD, Driven, armed, driving
 
 AROUND = Fence((0.0,), (0.0,), 5.0)
 GIVEN = Pose(1.5, -2.0, 0.5)

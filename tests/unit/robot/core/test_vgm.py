@@ -24,9 +24,8 @@ from robot.core.perception.sonar_ring import Ring
 from robot.core.ring import BEARINGS, SONARS
 from robot.core.values import Decision, Goal, Pose, wrap
 from study.trial.trial import NAVIGATORS as NAMES
+from tests.support.cores import AHEAD, SIDES, armed, heard, ring
 from tests.support.each import each
-from tests.support.robot.driving import AHEAD, armed
-from tests.support.robot.rings import SIDES, heard, ring
 
 places = st.floats(-20.0, 20.0)
 poses = st.builds(Pose, places, places, st.floats(-pi, pi))

@@ -21,9 +21,7 @@ from robot.core.perception.echoes import MAX_WEIGHT, REACH_M, SURE
 from robot.core.perception.sonar_ring import Ring
 from robot.core.ring import SONARS
 from robot.core.values import Goal, Pose, Scan, wrap
-from tests.support.each import each
-from tests.support.robot.driving import driving
-from tests.support.robot.rings import (
+from tests.support.cores import (
     GOAL_AHEAD,
     HERE,
     RADIUS_MM,
@@ -32,11 +30,13 @@ from tests.support.robot.rings import (
     Disc,
     Wall,
     clearance_m,
+    driving,
     ring,
     stand,
     step,
     walk_to,
 )
+from tests.support.each import each
 
 PASSING = {states.PASS_LEFT, states.PASS_RIGHT}
 
