@@ -14,8 +14,7 @@ from ground.client.link import Link, UnansweredError
 from ground.client.outcomes import Answer, Refused, Stopped
 from ground.client.requests import GaveUp
 from ground.client.session import STATUS_NS, Session, patience_ns
-from ground.commands.command import command
-from ground.commands.plain import Parts, PlainCommand
+from ground.commands.command import TimedCommand, command
 from protocol.bus.certificate import holder
 from protocol.topics import STATUS, STOP, Role
 from protocol.wire.enums import Command
@@ -35,7 +34,7 @@ LONGEST_NS: Final = 60 * NS_PER_S
 
 
 @command(word="clear-estop", moves=True)
-class ClearEmergencyStop(PlainCommand):
+class ClearEmergencyStop(TimedCommand):
     """Release an emergency stop that is known, and no newer one of somebody else.
 
     `stop_ids` are those known when the release was asked for: the one that the status named, then
@@ -43,7 +42,6 @@ class ClearEmergencyStop(PlainCommand):
     """
 
     effect = "emergency stop cleared"
-    parts = Parts(Command.SIDESTEP_CLEAR_EMERGENCY_STOP)
     stop_ids: tuple[int, ...] = ()
 
     def perform(self, session: Session) -> Answer:
@@ -59,9 +57,10 @@ class ClearEmergencyStop(PlainCommand):
         return answer
 
     def _release(self, session: Session, stop_id: int) -> Answer:
-        request = replace(self.request(session.link), stop_id=stop_id)
+        request = session.link.command(Command.SIDESTEP_CLEAR_EMERGENCY_STOP)
+        named = replace(request, stop_id=stop_id)
         patience = patience_ns(self.timeout_s)
-        return session.with_holder(session.link.ask(request, patience_ns=patience))
+        return session.with_holder(session.link.ask(named, patience_ns=patience))
 
 
 def stop_shown(link: Link) -> int:
