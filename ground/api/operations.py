@@ -44,7 +44,9 @@ from ground.commands.param import (
     ResetParameter,
     SaveParameters,
     SetParameter,
+    ShowChanged,
     ShowParameters,
+    ShowValues,
 )
 from ground.commands.pose import SetPose, SetTruePose
 from ground.commands.restart import Restart
@@ -100,10 +102,12 @@ __all__ = [
     "SetParameter",
     "SetPose",
     "SetTruePose",
+    "ShowChanged",
     "ShowFence",
     "ShowLease",
     "ShowMissionStatus",
     "ShowParameters",
+    "ShowValues",
     "StartMission",
     "StopAll",
     "StopNow",

@@ -1,19 +1,22 @@
-"""The robot's parameters: read all or some of them, set one or several."""
+"""`param`: read the robot's parameters, set one or several."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Final
+from typing import Any, Final, Self
 
 from ground.client.outcomes import Refused, Success
 from ground.client.parameter import Parameter, line
 from ground.client.parameter_rows import NAME_RULE
 from ground.client.parameters import ParameterChanged, ParametersLoaded, ParametersSaved, number
-from ground.client.vocabulary import value_words
+from ground.client.vocabulary import value_in_words, value_words
+from ground.commands.command import Group, OperatorCommand, command, place
 from ground.robot import Robot
 from protocol.wire.limits import MAX_PARAMETER_NAME_BYTES
+from runtime.cli.verb import MORE
 from runtime.errors import UserError
 
+PARAM: Final = Group(MORE, 10, "param set d_obs_m 0.35", "read and set the robot's parameters")
 COLUMNS: Final = ("name", "value", "unit", "minimum", "maximum", "default", "safer", "doc")
 
 
@@ -36,85 +39,96 @@ class ParameterTable(Success):
         return {"parameters": [one.as_json() for one in self.parameters]}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ShowParameters:
-    """Read the parameters whose names match a pattern such as `sonar_*`.
+@command(PARAM, example="param list")
+class ShowParameters(OperatorCommand):
+    """All parameters, with unit, range, default and meaning.
 
-    `only_changed` selects those that differ from their defaults, perhaps none.
+    With a `pattern` such as `sonar_*` those whose names match.
     """
 
-    moves: ClassVar[bool] = False
-    pattern: str = "*"
-    wide: bool = True
-    only_changed: bool = False
-
-    @property
-    def verb(self) -> str:
-        """The verb, by whether the table is wide."""
-        return "param list" if self.wide else "param get"
+    pattern: str = place("GLOB", default="*")
 
     async def perform(self, robot: Robot) -> ParameterTable:
         """Return the parameters; UserError if no name matches."""
-        parameters = robot.parameters
-        if self.only_changed:
-            return ParameterTable(await parameters.changed())
-        return ParameterTable(await parameters.list(self.pattern), self.wide)
+        return ParameterTable(await robot.parameters.list(self.pattern))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SetParameter:
-    """Set one parameter, in its own unit; a robot with --state saves it."""
+@command(PARAM, example="param get 'sonar_*'")
+class ShowValues(OperatorCommand):
+    """Parameters whose name matches, as in 'sonar_*'."""
 
-    verb: ClassVar[str] = "param set"
-    moves: ClassVar[bool] = True
-    name: str
-    value: float
+    pattern: str = place("GLOB")
+
+    async def perform(self, robot: Robot) -> ParameterTable:
+        """Return the parameters; UserError if no name matches."""
+        return ParameterTable(await robot.parameters.list(self.pattern), wide=False)
+
+
+@command(PARAM, example="param diff --json")
+class ShowChanged(OperatorCommand):
+    """Parameters that differ from their defaults."""
+
+    async def perform(self, robot: Robot) -> ParameterTable:
+        """Return the parameters, perhaps none."""
+        return ParameterTable(await robot.parameters.changed())
+
+
+@command(PARAM, example="param set d_obs_m 0.35", moves=True, short="set")
+class SetParameter(OperatorCommand):
+    """Set one parameter; a robot with --state saves it."""
+
+    name: str = place("NAME")
+    value: float = place("VALUE", "a number, or a name such as bug or left", spelt=repr)
 
     def __post_init__(self) -> None:
         if not self.name or len(self.name) > MAX_PARAMETER_NAME_BYTES or not self.name.isascii():
             raise UserError(f"{self.name!r} is not a valid parameter name: {NAME_RULE}")
+
+    @classmethod
+    def parsed(cls, found: Any) -> Self:
+        """Return the command for parsed arguments; UserError for a value without a meaning."""
+        return cls(name=found.name, value=value_in_words(found.name, found.value))
 
     async def perform(self, robot: Robot) -> ParameterChanged | Refused:
         """Set the value and read back whether it is saved."""
         return await robot.parameters.change(self.name, self.value)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ResetParameter:
+@command(PARAM, example="param reset d_obs_m", moves=True)
+class ResetParameter(OperatorCommand):
     """Set one parameter to its default value."""
 
-    verb: ClassVar[str] = "param reset"
-    moves: ClassVar[bool] = True
-    name: str
+    name: str = place("NAME")
 
     async def perform(self, robot: Robot) -> ParameterChanged | Refused:
         """Read the default and set it; UserError for an unknown parameter."""
         return await robot.parameters.reset(self.name)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SaveParameters:
-    """Write the parameters that differ from their defaults to a file.
+@command(PARAM, example="param save tuned.toml")
+class SaveParameters(OperatorCommand):
+    """Write the changed parameters to a file.
 
     Without a file, list those that the robot saves by itself.
     """
 
-    verb: ClassVar[str] = "param save"
-    moves: ClassVar[bool] = False
-    file: Path | None = None
+    file: Path | None = place(
+        "FILE", "without it, list what the robot saves by itself", default=None, parse=Path
+    )
 
     async def perform(self, robot: Robot) -> ParametersSaved:
         """Write the file, or list the names."""
         return await robot.parameters.save(self.file)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LoadParameters:
-    """Set all values of a file; set none unless all of them are allowed (ConfigError)."""
+@command(PARAM, example="param load tuned.toml", moves=True)
+class LoadParameters(OperatorCommand):
+    """Set all values of a file, if all are allowed.
 
-    verb: ClassVar[str] = "param load"
-    moves: ClassVar[bool] = True
-    file: Path
+    ConfigError if one is not: then none is set.
+    """
+
+    file: Path = place("FILE", "TOML with [parameters]", parse=Path)
 
     async def perform(self, robot: Robot) -> ParametersLoaded | Refused:
         """Set the values that differ, until one is refused."""

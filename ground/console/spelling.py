@@ -5,7 +5,6 @@ from ground.client.session import Operation
 from ground.commands.all_robots import ClearAll, StopAll
 from ground.commands.command import OperatorCommand, number
 from ground.commands.fence import SetFence
-from ground.commands.param import SetParameter
 from ground.console.app_commands import AppCommand, SetTheme, Undo
 from ground.missions.draft import AddWaypoint, ClearDraft, RemoveWaypoint
 from ground.missions.mission import Circle
@@ -18,8 +17,6 @@ def line_of(operation: Operation[Outcome] | AppCommand) -> str:
             return f"{operation.verb} --all"
         case OperatorCommand():
             return operation.line
-        case SetParameter(name=name, value=value):
-            return f"set {name} {value!r}"
         case AddWaypoint(waypoint):
             turned = () if waypoint.heading_deg is None else (waypoint.heading_deg,)
             return f"wp add {numbers(waypoint.x_m, waypoint.y_m, *turned)}"

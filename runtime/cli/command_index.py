@@ -157,6 +157,46 @@ COMMANDS: Final[Mapping[str, Verb]] = MappingProxyType(
             rank=50,
             suffixes=(".tlog", ".mcap"),
         ),
+        "param": Verb(
+            section="groups",
+            summary="read and set the robot's parameters",
+            example="param set d_obs_m 0.35",
+            module="ground.commands.param",
+            words="PARAM",
+            rank=10,
+            subcommands=MappingProxyType(
+                {
+                    "list": Subcommand(
+                        "all parameters, with unit, range, default and meaning",
+                        "param list",
+                    ),
+                    "get": Subcommand(
+                        "parameters whose name matches, as in 'sonar_*'",
+                        "param get 'sonar_*'",
+                    ),
+                    "diff": Subcommand(
+                        "parameters that differ from their defaults",
+                        "param diff --json",
+                    ),
+                    "set": Subcommand(
+                        "set one parameter; a robot with --state saves it",
+                        "param set d_obs_m 0.35",
+                    ),
+                    "reset": Subcommand(
+                        "set one parameter to its default value",
+                        "param reset d_obs_m",
+                    ),
+                    "save": Subcommand(
+                        "write the changed parameters to a file",
+                        "param save tuned.toml",
+                    ),
+                    "load": Subcommand(
+                        "set all values of a file, if all are allowed",
+                        "param load tuned.toml",
+                    ),
+                }
+            ),
+        ),
         "pose": Verb(
             section="groups",
             summary="set the pose of a robot that has lost its place",

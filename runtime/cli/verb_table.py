@@ -43,19 +43,6 @@ FENCE: Final[Mapping[str, Subcommand]] = MappingProxyType(
         "show": Subcommand("show the robot's fence", "fence show --json"),
     }
 )
-PARAM: Final[Mapping[str, Subcommand]] = MappingProxyType(
-    {
-        "list": Subcommand("all parameters, with unit, range, default and meaning", "param list"),
-        "get": Subcommand("parameters whose name matches, as in 'sonar_*'", "param get 'sonar_*'"),
-        "diff": Subcommand("parameters that differ from their defaults", "param diff --json"),
-        "set": Subcommand(
-            "set one parameter; a robot with --state saves it", "param set d_obs_m 0.35"
-        ),
-        "reset": Subcommand("set one parameter to its default value", "param reset d_obs_m"),
-        "save": Subcommand("write the changed parameters to a file", "param save tuned.toml"),
-        "load": Subcommand("set all values of a file, if all are allowed", "param load tuned.toml"),
-    }
-)
 KEYS: Final[Mapping[str, Subcommand]] = MappingProxyType(
     {
         "new": Subcommand(
@@ -293,15 +280,6 @@ PROGRAMS: Final[Mapping[str, Verb]] = MappingProxyType(
             "study.cli.reexecute",
             suffixes=RECORDINGS,
             rank=60,
-        ),
-        "param": Verb(
-            MORE,
-            "read and set the robot's parameters",
-            "param set d_obs_m 0.35",
-            "ground.grammar.parameters",
-            words="ParameterWords",
-            subcommands=PARAM,
-            rank=10,
         ),
         "mission": Verb(
             MORE,

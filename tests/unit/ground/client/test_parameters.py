@@ -29,7 +29,9 @@ from ground.commands.param import (
     ResetParameter,
     SaveParameters,
     SetParameter,
+    ShowChanged,
     ShowParameters,
+    ShowValues,
     table,
 )
 from protocol.wire.enums import Mode, Navigator
@@ -71,7 +73,7 @@ def test_parameters_are_typed_and_keep_what_was_listed() -> None:
 
 
 def test_pattern_chooses_and_must_match_something() -> None:
-    outcome = perform(ShowParameters(pattern="d_*", wide=False), Stage(LIST).session)
+    outcome = perform(ShowValues(pattern="d_*"), Stage(LIST).session)
     assert outcome.text == "d_obs_m = 0.4 m"
     with pytest.raises(UserError, match="no parameter matches 'zzz'"):
         perform(ShowParameters(pattern="zzz"), Stage(LIST).session)
@@ -80,12 +82,12 @@ def test_pattern_chooses_and_must_match_something() -> None:
 @each("pattern", ["d_obs", "d_osb_m"])
 def test_pattern_without_a_match_suggests_a_name(pattern: str) -> None:
     with pytest.raises(UserError, match=r"did you mean 'd_obs_m'\?"):
-        perform(ShowParameters(pattern=pattern, wide=False), Stage(LIST).session)
+        perform(ShowValues(pattern=pattern), Stage(LIST).session)
 
 
 def test_only_changed_ones_may_be_none() -> None:
     rows = json.dumps([ROWS[1]]).encode()
-    outcome = perform(ShowParameters(only_changed=True), Stage(rows).session)
+    outcome = perform(ShowChanged(), Stage(rows).session)
     assert (outcome.ok, outcome.text) == (True, "all parameters have their default values")
 
 
