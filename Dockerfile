@@ -45,7 +45,7 @@ RUN --mount=type=secret,id=pip_config --mount=type=secret,id=ca \
     ./install --python /pip/bin/python -r build.txt
 
 FROM compiler AS sources
-COPY README.md LICENSE sidestep.py hatch_build.py pyproject.toml ./
+COPY README.md LICENSE hatch_build.py pyproject.toml ./
 COPY runtime runtime
 COPY protocol protocol
 COPY robot robot
@@ -55,6 +55,7 @@ COPY ground ground
 COPY gateways gateways
 COPY vehicle_check vehicle_check
 COPY study study
+COPY sidestep sidestep
 RUN /pip/bin/python hatch_build.py sources /compiled-from
 
 # Only what the compiler reads: another change does not compile again.

@@ -26,6 +26,7 @@ PACKAGES: Final = (
     "gateways",
     "vehicle_check",
     "study",
+    "sidestep",
 )
 APART: Final = (
     f"install {NAME} in an environment of its own, with `python3 -m venv`, `pipx install` or "

@@ -15,7 +15,6 @@ import msgspec
 import pytest
 import zenoh
 
-import sidestep
 from checks.harness.terminal import Terminal
 from ground.blocking import perform
 from ground.cli import main as cli
@@ -37,6 +36,7 @@ from protocol.wire.reasons import Reason
 from protocol.wire.statustext import pieces_of
 from runtime.clock import WallClock
 from runtime.errors import RemoteError, UserError
+from sidestep.__main__ import main
 from tests.support.ground.client import Notes
 from tests.support.ground.spoken import SPOKEN
 from tests.support.hostile import OWNED, raw_in
@@ -113,7 +113,7 @@ def run(
     monkeypatch.chdir(tmp_path)
 
     def said(*words: str) -> str:
-        sidestep.main([*words, "--connect", endpoint])
+        main([*words, "--connect", endpoint])
         found = capsys.readouterr()
         return found.out + found.err
 

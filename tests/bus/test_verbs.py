@@ -421,7 +421,7 @@ def read_one_line_of(*words: str, both: bool = False) -> tuple[str, int, str]:
     """Return the first line, the exit code after the pipe closes, and standard error."""
     error = subprocess.STDOUT if both else subprocess.PIPE
     with subprocess.Popen(
-        [sys.executable, str(ROOT / "sidestep.py"), *words],
+        [sys.executable, "-m", "sidestep", *words],
         stdout=subprocess.PIPE,
         stderr=error,
         text=True,
@@ -458,7 +458,7 @@ def test_reader_closed_before_output_gives_broken_pipe(words: tuple[str, ...]) -
     os.close(reader)
     with played() as (_, endpoint):
         done = subprocess.run(
-            [sys.executable, str(ROOT / "sidestep.py"), *words, "--connect", endpoint],
+            [sys.executable, "-m", "sidestep", *words, "--connect", endpoint],
             stdout=writer,
             stderr=subprocess.PIPE,
             check=False,

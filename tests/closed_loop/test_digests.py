@@ -252,7 +252,7 @@ def test_every_listed_module_is_loaded_compiled(installation: Path) -> None:
 
 def test_study_sends_trials_to_compiled_workers(installation: Path, tmp_path: Path) -> None:
     words = ("study", "--worlds", "box", "--noise", "none", "--no-report", "--output")
-    run = run_python(installation, "sidestep.py", *words, str(tmp_path))
+    run = run_python(installation, "-m", "sidestep", *words, str(tmp_path))
     assert run.returncode == 0, run.stderr
     assert "reached" in run.stdout + run.stderr
 
@@ -264,14 +264,14 @@ def test_compiled_installation_knows_its_commit(installation: Path) -> None:
 
 
 def test_version_names_a_compiled_installation(installation: Path) -> None:
-    assert run_python(installation, "sidestep.py", "--version").stdout.endswith(" (compiled)\n")
+    assert run_python(installation, "-m", "sidestep", "--version").stdout.endswith(" (compiled)\n")
 
 
 def test_a_changed_source_of_a_compiled_module_is_refused(
     installation: Path, changed: Path
 ) -> None:
     changed.write_text(changed.read_text() + "\n# changed\n")
-    run = run_python(installation, "sidestep.py", "trial", "--world", "box")
+    run = run_python(installation, "-m", "sidestep", "trial", "--world", "box")
     assert (run.returncode, run.stdout) == (2, "")
     assert f"{CORE} has changed since it was compiled" in run.stderr
 

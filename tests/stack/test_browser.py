@@ -221,7 +221,6 @@ def test_web_page_commands_nothing_by_any_protocol_of_a_browser(
             one.whole.close()
 
 
-SIDESTEP = Path(__file__).parents[2] / "sidestep.py"
 DRIVER = "textual.drivers.web_driver:WebDriver"
 READY = b"__GANGLION__\n"
 LEAVE = "\x11"
@@ -242,7 +241,15 @@ def packet(text: str) -> bytes:
 def test_after_any_paste_keys_still_count(tmp_path: Path, text: str) -> None:
     with Crew() as crew:
         crew.robot()
-        words = [sys.executable, str(SIDESTEP), "ground", "--connect", crew.endpoint, "--no-record"]
+        words = [
+            sys.executable,
+            "-m",
+            "sidestep",
+            "ground",
+            "--connect",
+            crew.endpoint,
+            "--no-record",
+        ]
         environment = {**os.environ, "TEXTUAL_DRIVER": DRIVER, "XDG_STATE_HOME": str(tmp_path)}
         drawn = tmp_path / "drawn"
         with (

@@ -49,7 +49,7 @@ def set_up(checkout: Path) -> tuple[str, ...]:
     """
     programs = checkout / ".venv" / "bin"
     programs.mkdir(parents=True)
-    for name, words in (("python", ""), ("sidestep", f"{checkout}/sidestep.py ")):
+    for name, words in (("python", ""), ("sidestep", "-m sidestep ")):
         program = programs / name
         program.write_text(f'#!/bin/sh\nexec {sys.executable} {words}"$@"\n')
         program.chmod(0o755)

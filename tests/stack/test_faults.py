@@ -32,7 +32,7 @@ ROOT = Path(__file__).parents[2]
 FAILS_ON_SIGNAL = """
 import os, signal, sys
 sys.path.insert(0, sys.argv.pop(1))
-import sidestep
+from sidestep.__main__ import main
 from ground.launch.child_command import die_with_parent
 from robot.core import brain
 die_with_parent(int(sys.argv.pop(1)))
@@ -45,7 +45,7 @@ def step(*given):
     return whole(*given)
 
 brain.step = step
-sys.exit(sidestep.main())
+sys.exit(main())
 """
 HANGS_ON_SIGNAL = FAILS_ON_SIGNAL.replace(
     'raise ZeroDivisionError("as the test wants it")', "import time; time.sleep(600)"
@@ -208,7 +208,7 @@ TOUCHED = "the control thread used the file system"
 SLOW_DISK = f"""
 import os, sys, threading, time
 sys.path.insert(0, sys.argv.pop(1))
-import sidestep
+from sidestep.__main__ import main
 from ground.launch.child_command import die_with_parent
 from robot.process import RobotProcess
 die_with_parent(int(sys.argv.pop(1)))
@@ -240,7 +240,7 @@ def end(what):
 
 os.fsync, RobotProcess.run = slow, watched
 sys.addaudithook(audit)
-sys.exit(sidestep.main())
+sys.exit(main())
 """
 WHOLE_WORLD = """
 [[waypoint]]

@@ -35,7 +35,6 @@ from tests.support.stack.processes import (
 from tests.support.stack.screens import Tmux
 from tests.support.until import PATIENCE_S, until
 
-SIDESTEP = Path(__file__).parents[2] / "sidestep.py"
 USUAL = (80, 24)
 READY = "read: ready"
 KEYS = "ctrl+p Palette  ? Help"
@@ -95,7 +94,7 @@ def opened(
     environment: Mapping[str, str] | None = None,
 ) -> Iterator[Tmux]:
     """Open the app on a robot."""
-    words = [sys.executable, str(SIDESTEP), "ground", "--connect", stack.endpoint, "--no-record"]
+    words = [sys.executable, "-m", "sidestep", "ground", "--connect", stack.endpoint, "--no-record"]
     with Tmux(folder, words, size, environment) as tmux:
         yield tmux
 

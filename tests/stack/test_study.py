@@ -251,7 +251,7 @@ SIDESTEP = f"""
 import os
 import signal
 import sys
-import sidestep
+from sidestep.__main__ import main
 from study.runner import conduct
 
 conduct.FLUSH_S = 0.0
@@ -264,7 +264,7 @@ def write_and_suspend(*shard):
     return written[-1]
 
 conduct.write_shard = write_and_suspend
-sys.exit(sidestep.main())
+sys.exit(main())
 """
 """Every row is written at once, and the study cannot end before the test acts."""
 

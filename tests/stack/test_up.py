@@ -20,7 +20,6 @@ from protocol.outcome import Outcome
 from protocol.wire.codec import decode
 from protocol.wire.messages import Statustext
 from tests.support.stack.processes import (
-    ROOT,
     Crew,
     Running,
     alive,
@@ -45,7 +44,7 @@ goal = { x_m = 1.7, y_m = 1.1, heading_deg = 0.0 }
 
 def sidestep(*words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, str(ROOT / "sidestep.py"), *words],
+        [sys.executable, "-m", "sidestep", *words],
         capture_output=True,
         text=True,
         timeout=PATIENCE_S,
@@ -56,7 +55,7 @@ def sidestep(*words: str) -> subprocess.CompletedProcess[str]:
 @contextmanager
 def driving(folder: Path) -> Iterator[tuple[subprocess.Popen[str], list[int]]]:
     """Start `up`; yield it on its way, with the processes it has started."""
-    words = [sys.executable, str(ROOT / "sidestep.py"), "up", "--json", "--record", str(folder)]
+    words = [sys.executable, "-m", "sidestep", "up", "--json", "--record", str(folder)]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as up:
         assert up.stderr is not None
         # Robot, recorder and link are up by now; before, a slow disk may have been complained of.
@@ -318,7 +317,7 @@ def test_ctrl_c_while_one_is_started_again_leaves_nothing_behind(born: bool) -> 
 
 @pytest.mark.skipif(shutil.which("tmux") is None, reason="no tmux on this machine")
 def test_app_shows_which_process_was_restarted_and_why(clock: str, tmp_path: Path) -> None:
-    words = [sys.executable, str(ROOT / "sidestep.py"), "up", "--clock", clock, "--world", "open"]
+    words = [sys.executable, "-m", "sidestep", "up", "--clock", clock, "--world", "open"]
     words += ["--no-record"]
     with Tmux(tmp_path, words, (140, 30), {"COLUMNS": "140"}) as tmux:
         tmux.shows("read: ready")
@@ -344,7 +343,7 @@ def test_app_shows_which_process_was_restarted_and_why(clock: str, tmp_path: Pat
 
 @pytest.mark.skipif(shutil.which("tmux") is None, reason="no tmux on this machine")
 def test_app_changes_the_world_and_drives_without_a_loss(clock: str, tmp_path: Path) -> None:
-    words = [sys.executable, str(ROOT / "sidestep.py"), "up", "--clock", clock, "--world", "box"]
+    words = [sys.executable, "-m", "sidestep", "up", "--clock", clock, "--world", "box"]
     words += ["--no-record"]
     with Tmux(tmp_path, words, (140, 40), {"COLUMNS": "140"}) as tmux:
         tmux.shows("read: ready")
@@ -408,7 +407,7 @@ def test_two_runs_are_told_apart_and_a_killed_one_is_forgotten() -> None:
 
 @pytest.mark.usefixtures("state")
 def test_the_app_prints_outcome_and_recording_when_it_is_left(tmp_path: Path) -> None:
-    words = [sys.executable, str(ROOT / "sidestep.py"), "up", "--world", "open"]
+    words = [sys.executable, "-m", "sidestep", "up", "--world", "open"]
     with Tmux(tmp_path, words, (110, 30)) as tmux:
         tmux.shows("pose", "AUTO")
         tmux.press("C-q", "C-q")

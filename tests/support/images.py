@@ -26,7 +26,7 @@ NAME: Final = "sidestep:built-"
 KEPT: Final = 3
 PRODUCT: Final = (
     "Dockerfile", "docker", "pyproject.toml", "README.md", "LICENSE",
-    "sidestep.py", "hatch_build.py", "runtime", "protocol", "robot", "firmware", "plant", "ground",
+    "sidestep", "hatch_build.py", "runtime", "protocol", "robot", "firmware", "plant", "ground",
     "gateways", "vehicle_check", "study",
 )  # fmt: skip
 """What the Dockerfile copies for the image of the product."""

@@ -263,7 +263,7 @@ class Session:
         tools = folder / ".bin"
         tools.mkdir()
         program = tools / "sidestep"
-        program.write_text(f'#!/bin/sh\nexec {sys.executable} {ROOT}/sidestep.py "$@"\n')
+        program.write_text(f'#!/bin/sh\nexec {sys.executable} -m sidestep "$@"\n')
         program.chmod(0o755)
         self._environment = {
             **os.environ,

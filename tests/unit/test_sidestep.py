@@ -13,10 +13,10 @@ from types import SimpleNamespace
 
 import pytest
 
-import sidestep
 from runtime.cli.packages import Conflict
 from runtime.cli.verb import GROUPS, Verb
 from runtime.cli.verb_table import VERBS, command_of
+from sidestep.__main__ import main
 from tests.support.each import each
 
 ROOT = Path(__file__).parents[2]
@@ -61,8 +61,8 @@ def fail_with(error: BaseException) -> Entry:
 def test_package_with_several_verbs_receives_the_verb(install: Install) -> None:
     heard: list[list[str]] = []
     install(listen(heard, code=1))
-    assert sidestep.main(["goto", "2", "1", "90"]) == 1
-    assert sidestep.main(["run", "robot", "--id", "r1"]) == 1
+    assert main(["goto", "2", "1", "90"]) == 1
+    assert main(["run", "robot", "--id", "r1"]) == 1
     assert heard == [["goto", "2", "1", "90"], ["--id", "r1"]]
 
 
@@ -88,7 +88,7 @@ def test_help_of_a_verb_has_summary_and_example(
     word: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with suppress(SystemExit):
-        sidestep.main([*command_of(word).split(), "--help"])
+        main([*command_of(word).split(), "--help"])
     printed = capsys.readouterr()
     assert VERBS[word].summary in " ".join(printed.out.split())
     assert f"example:\n  sidestep {VERBS[word].example}\n" in printed.out
@@ -103,7 +103,7 @@ def test_help_of_a_subcommand_has_an_example(
     word: str, name: str, example: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with suppress(SystemExit):
-        sidestep.main([word, name, "--help"])
+        main([word, name, "--help"])
     printed = capsys.readouterr()
     assert printed.out.endswith(f"\n\nexample:\n  sidestep {example}\n")
     assert printed.err == ""
@@ -112,7 +112,7 @@ def test_help_of_a_subcommand_has_an_example(
 def test_negative_numbers_and_foreign_options_are_handed_on(install: Install) -> None:
     heard: list[list[str]] = []
     install(listen(heard, code=0))
-    assert sidestep.main(["goto", "-1", "-2", "--traceback"]) == 0
+    assert main(["goto", "-1", "-2", "--traceback"]) == 0
     assert heard == [["goto", "-1", "-2", "--traceback"]]
 
 
@@ -132,16 +132,16 @@ def test_negative_numbers_and_foreign_options_are_handed_on(install: Install) ->
 def test_misspelt_verb_gets_a_suggestion(
     word: str, meant: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert sidestep.main(word.split()) == 2
+    assert main(word.split()) == 2
     assert f"did you mean '{meant}'?" in capsys.readouterr().err
 
 
 def test_unknown_verb_gets_no_guess_and_no_verb_the_usage(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert sidestep.main(["xyzzy"]) == 2
+    assert main(["xyzzy"]) == 2
     assert "did you mean" not in capsys.readouterr().err
-    assert sidestep.main([]) == 2
+    assert main([]) == 2
     said = capsys.readouterr()
     assert "usage: sidestep" in said.err
     assert "  goto " in said.err
@@ -155,7 +155,7 @@ def verbs_in(help_text: str) -> list[str]:
 def test_help_fits_one_screen_with_groups_and_short_verbs(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert sidestep.main(["--help"]) == 0
+    assert main(["--help"]) == 0
     overview = capsys.readouterr().out
     short = [word for word, verb in VERBS.items() if not verb.is_grouped]
     assert sorted(verbs_in(overview)) == sorted([*short, *GROUPS])
@@ -165,7 +165,7 @@ def test_help_fits_one_screen_with_groups_and_short_verbs(
 
 @each("group", GROUPS)
 def test_help_of_a_group_lists_its_verbs(group: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert sidestep.main([group, "--help"]) == 0
+    assert main([group, "--help"]) == 0
     names = [command_of(word) for word, verb in VERBS.items() if verb.section == group]
     assert [f"{group} {word}" for word in verbs_in(capsys.readouterr().out)] == names
 
@@ -174,12 +174,12 @@ def test_help_of_a_group_lists_its_verbs(group: str, capsys: pytest.CaptureFixtu
 def test_help_of_a_group_has_an_example(
     words: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert sidestep.main(words) == 0
+    assert main(words) == 0
     assert capsys.readouterr().out.endswith(f"example:\n  sidestep {VERBS['record'].example}\n")
 
 
 def test_help_before_a_verb_is_its_help(capsys: pytest.CaptureFixture[str]) -> None:
-    assert sidestep.main(["help", "rec", "plot"]) == 0
+    assert main(["help", "rec", "plot"]) == 0
     assert capsys.readouterr().out.startswith("usage: sidestep rec plot ")
 
 
@@ -198,7 +198,7 @@ def test_misspelt_argument_is_answered_with_the_one_meant(
     line: str, meant: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     try:
-        code: object = sidestep.main(line.split())
+        code: object = main(line.split())
     except SystemExit as done:
         code = done.code
     printed = capsys.readouterr()
@@ -210,7 +210,7 @@ def test_misspelt_argument_is_answered_with_the_one_meant(
 def test_group_without_a_verb_is_wrong_usage(
     words: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert sidestep.main(words) == 2
+    assert main(words) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
     assert " ".join(words) in printed.err
@@ -224,9 +224,9 @@ def test_old_name_does_the_same_and_prints_the_new_one(
 ) -> None:
     heard: list[list[str]] = []
     install(listen(heard, code=3))
-    assert sidestep.main([old, "x.tlog", "--json"]) == 3
+    assert main([old, "x.tlog", "--json"]) == 3
     assert capsys.readouterr().err == f"sidestep {old}: old name, use `sidestep {now}`\n"
-    assert sidestep.main([*now.split(), "x.tlog", "--json"]) == 3
+    assert main([*now.split(), "x.tlog", "--json"]) == 3
     assert capsys.readouterr().err == ""
     assert heard == [[old, "x.tlog", "--json"]] * 2
 
@@ -235,7 +235,7 @@ def test_an_error_meant_for_the_user_is_its_own_line(
     install: Install, capsys: pytest.CaptureFixture[str]
 ) -> None:
     install(fail_with(TooManyRequestedError("no world 'moon'")))
-    assert sidestep.main(["up"]) == 2
+    assert main(["up"]) == 2
     assert capsys.readouterr().err == "sidestep up: no world 'moon'\n"
 
 
@@ -243,7 +243,7 @@ def test_defect_names_its_place_and_how_to_see_more(
     install: Install, capsys: pytest.CaptureFixture[str]
 ) -> None:
     install(fail_with(ZeroDivisionError("division by zero")))
-    assert sidestep.main(["up"]) == 1
+    assert main(["up"]) == 1
     said = capsys.readouterr().err
     assert "internal error: ZeroDivisionError: division by zero" in said
     assert "test_sidestep.py:" in said
@@ -254,7 +254,7 @@ def test_defect_names_its_place_and_how_to_see_more(
 def test_traceback_option_raises_the_error(install: Install) -> None:
     install(fail_with(ZeroDivisionError()))
     with pytest.raises(ZeroDivisionError):
-        sidestep.main(["--traceback", "up"])
+        main(["--traceback", "up"])
 
 
 @pytest.mark.parametrize(
@@ -287,14 +287,14 @@ def test_defect_with_a_shadowed_package_names_the_package(
     conflict = Conflict("package `robot` is not ours", "install apart", wins=True)
     monkeypatch.setattr("runtime.cli.packages.conflicts", lambda: [conflict])
     install(fail_with(ImportError("cannot import name 'Options' from 'robot.run'")))
-    assert sidestep.main(["up"]) == 2
+    assert main(["up"]) == 2
     said = capsys.readouterr().err
     assert said == "sidestep up: package `robot` is not ours: install apart\n"
 
 
 def test_ctrl_c_prints_nothing(install: Install, capsys: pytest.CaptureFixture[str]) -> None:
     install(fail_with(KeyboardInterrupt()))
-    assert sidestep.main(["watch"]) == 130
+    assert main(["watch"]) == 130
     assert capsys.readouterr() == ("", "")
 
 
@@ -302,7 +302,7 @@ def test_ctrl_c_prints_nothing(install: Install, capsys: pytest.CaptureFixture[s
 def test_closed_output_pipe_is_no_error(word: str) -> None:
     reader, writer = os.pipe()
     os.close(reader)
-    command = [sys.executable, "sidestep.py", word]
+    command = [sys.executable, "-m", "sidestep", word]
     run = subprocess.run(command, cwd=ROOT, stdout=writer, stderr=subprocess.PIPE, check=False)
     os.close(writer)
     assert (run.returncode, run.stderr) == (141, b"")
@@ -310,7 +310,7 @@ def test_closed_output_pipe_is_no_error(word: str) -> None:
 
 def test_the_help_imports_no_package_that_does_the_work() -> None:
     code = (
-        "import sys, sidestep; sidestep.main(['--help']);"
+        "import sys; from sidestep.__main__ import main; main(['--help']);"
         "print([m for m in sys.modules if m.split('.')[0] in OURS])"
     )
     ours = "('protocol', 'robot', 'plant', 'ground', 'study', 'zenoh', 'numpy', 'argparse')"
@@ -336,8 +336,8 @@ def test_the_help_imports_no_package_that_does_the_work() -> None:
 )
 def test_a_process_imports_only_what_it_needs(verb: str, foreign: set[str]) -> None:
     code = (
-        "import sys, sidestep\n"
-        "try:\n    sidestep.main([*sys.argv[1].split(), '--help'])\n"
+        "import sys\nfrom sidestep.__main__ import main\n"
+        "try:\n    main([*sys.argv[1].split(), '--help'])\n"
         "except SystemExit:\n    pass\n"
         "print(*{name.split('.')[0] for name in sys.modules}, file=sys.stderr)"
     )

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-import sidestep
 from runtime.cli import compiled, packages
 from runtime.cli.packages import APART, PACKAGES, ROOT, broken_files, conflicts, displaced
+from sidestep import __main__ as executable
 
 OURS = "our = 1\n"
 
@@ -207,8 +207,8 @@ def test_a_module_of_another_python_is_ignored(tmp_path: Path) -> None:
 def test_the_executable_refuses_modules_that_do_not_match(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(sidestep.own("compiled"), "complaint", lambda: "brain.py has changed")
-    assert sidestep.main(["trial", "--world", "box"]) == 2
+    monkeypatch.setattr(executable.own("compiled"), "complaint", lambda: "brain.py has changed")
+    assert executable.main(["trial", "--world", "box"]) == 2
     assert capsys.readouterr().err == "sidestep trial: brain.py has changed\n"
 
 
@@ -219,9 +219,9 @@ def test_the_version_shows_compiled_modules(
     is_compiled: bool,
     end: str,
 ) -> None:
-    monkeypatch.setattr(sidestep, "version", lambda: "1.0")
-    monkeypatch.setattr(sidestep.own("compiled"), "is_compiled", lambda: is_compiled)
-    assert sidestep.main(["--version"]) == 0
+    monkeypatch.setattr(executable, "version", lambda: "1.0")
+    monkeypatch.setattr(executable.own("compiled"), "is_compiled", lambda: is_compiled)
+    assert executable.main(["--version"]) == 0
     assert capsys.readouterr().out.endswith(end)
 
 

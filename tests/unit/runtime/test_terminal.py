@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import sidestep
 from ground.recording.log_reader import record_bytes
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import Statustext
 from runtime.cli.terminal import CLEAR_LINE, guarded, guarded_output, printable, steer
+from sidestep.__main__ import main
 from tests.support.each import each
 from tests.support.hostile import OWNED, TEXT, raw_in
 
@@ -28,8 +28,8 @@ sys.modules["ground.cli.main"] = hostile = types.ModuleType("hostile")
 def main(arguments, ends_process):
     {does}
 hostile.main = main
-import sidestep
-sys.exit(sidestep.main(sys.argv[1:]))
+from sidestep.__main__ import main
+sys.exit(main(sys.argv[1:]))
 """
 WORDS = r"'\x1b]0;OWNED\x07 \x9b2J \u202e \u2028 \ud800 end'"
 
@@ -176,7 +176,7 @@ def test_a_verb_lets_no_control_character_out(
     """Include the name of the folder in each argument that is a file."""
     words = [str(folder / word) if "." in word else word for word in line.split()]
     with suppress(SystemExit):
-        sidestep.main(words)
+        main(words)
     said = "".join(capsys.readouterr())
     assert said
     assert "internal error" not in said

@@ -142,7 +142,7 @@ def test_errors_print_nothing(
 @pytest.mark.usefixtures("folder")
 def test_verbs_are_completed_without_loading_their_packages() -> None:
     code = (
-        "import sys, sidestep; sidestep.main(['complete', '--', 'rec', '']);"
+        "import sys; from sidestep.__main__ import main; main(['complete', '--', 'rec', '']);"
         "print({name.split('.')[0] for name in sys.modules}"
         " & {'protocol', 'robot', 'plant', 'ground', 'study', 'zenoh', 'numpy'})"
     )
@@ -183,7 +183,7 @@ def test_bash_completes_with_the_script(words: list[str], found: list[str], fold
     (folder / "a drive.mcap").touch()
     (folder / "bin").mkdir()
     program = folder / "bin" / "sidestep"
-    program.write_text(f'#!/bin/sh\nexec {sys.executable} {ROOT}/sidestep.py "$@"\n')
+    program.write_text(f'#!/bin/sh\nexec {sys.executable} -m sidestep "$@"\n')
     program.chmod(0o755)
     environment = {**os.environ, "PATH": f"{folder / 'bin'}:{os.environ['PATH']}"}
     done = subprocess.run(

@@ -16,7 +16,7 @@ from robot.storage import Store
 from runtime import config
 from runtime.config import Calibration
 from runtime.errors import ConfigError
-from sidestep import main as sidestep
+from sidestep.__main__ import main as sidestep
 from study import calibration
 from study.calibration import (
     CCW,

@@ -9,7 +9,7 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
-import sidestep
+from sidestep.__main__ import main
 from study.cli import report as report_cli
 from study.cli import study as study_cli
 from study.cli import study_run
@@ -22,7 +22,7 @@ SMALL = ("--worlds", "open", "--noise", "none", "default", "--navigators", "vgm"
 
 def study(place: Path, *words: str, small: tuple[str, ...] = SMALL) -> int:
     """Run the verb and return its exit code."""
-    return sidestep.main(["study", *small, "--no-report", "--output", str(place), *words])
+    return main(["study", *small, "--no-report", "--output", str(place), *words])
 
 
 @pytest.fixture(scope="module")
@@ -145,7 +145,7 @@ def test_missing_extra_is_reported_with_its_command(
         return None if name == study_cli.NEEDED else there(name, package)
 
     monkeypatch.setattr(importlib.util, "find_spec", find)
-    assert sidestep.main(["study", "--quick"]) == 2
+    assert main(["study", "--quick"]) == 2
     assert "pyarrow missing; pip install 'sidestep[study]'" in capsys.readouterr().err
 
 
@@ -160,7 +160,7 @@ def test_quick_study_uses_fewer_paper_seeds(
         return [tmp_path]
 
     monkeypatch.setattr(report_cli, "report", report)
-    assert sidestep.main(["study", *SMALL, "--output", str(tmp_path / "s"), *words]) == 0
+    assert main(["study", *SMALL, "--output", str(tmp_path / "s"), *words]) == 0
     assert asked == [seeds]
 
 

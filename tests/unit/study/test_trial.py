@@ -27,7 +27,7 @@ from robot.hosting import InProcessCore
 from robot.parameter_table import OutOfRangeError, UnknownParameterError
 from runtime.errors import UserError
 from runtime.units import PERIOD_NS
-from sidestep import main as sidestep
+from sidestep.__main__ import main as sidestep
 from study.cli.trial import COLUMNS, main, parser
 from study.trial.core_loop import Behaviour, CoreLoop
 from study.trial.trial import NAVIGATORS, Trial, params_of, run_trial, wire_goal_of

@@ -1,11 +1,7 @@
-"""Sidestep: the command line, and the Python API.
+"""The command line of Sidestep.
 
 The executable looks a verb up in `runtime.cli.verb_table` and imports only the package that
-implements it. `import sidestep` provides the names of `ground.api`, each imported at its
-first use:
-
-    async with sidestep.connect() as robot:
-        outcome = await robot.goto(5.4, 2.0)
+implements it.
 """
 
 import importlib
@@ -16,12 +12,9 @@ import threading
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
-if TYPE_CHECKING:
-    from ground.api import *  # noqa: F403
-
-ROOT = Path(__file__).resolve().parent
+ROOT = Path(__file__).resolve().parents[1]
 EXIT_USAGE = 2
 EXIT_INTERRUPTED = 130
 EXIT_BROKEN_PIPE = 141
@@ -263,30 +256,6 @@ def version() -> str:
         return metadata.version("sidestep")
     except metadata.PackageNotFoundError:
         return "(not installed: make setup)"
-
-
-def __getattr__(name: str) -> object:
-    """Return a name of the API."""
-    if not name.startswith("_"):
-        public = public_names()
-        if name in public.__all__:
-            return getattr(public, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    """Return the names of this module and of the API."""
-    return sorted({*globals(), *public_names().__all__})
-
-
-def public_names() -> ModuleType:
-    """Return the module of the API; raise ImportError if another package shadows ours."""
-    try:
-        return importlib.import_module("ground.api")
-    except Exception as error:  # another package may raise anything
-        if conflict := shadowing_package():
-            raise ImportError(conflict) from error
-        raise
 
 
 def entry() -> NoReturn:

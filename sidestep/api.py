@@ -1,0 +1,78 @@
+"""The public names of `import sidestep`: the asyncio client, its values, events and errors."""
+
+from ground.api import operations
+from ground.api.robot import Robot, connect
+from ground.client.events import (
+    Event,
+    EventStream,
+    GoalChanged,
+    LeaseChanged,
+    MissionChanged,
+    ModeChanged,
+    TextReceived,
+    VehicleChanged,
+)
+from ground.client.link import UnansweredError
+from ground.client.outcomes import (
+    Accepted,
+    AllAnswered,
+    DriveEnded,
+    GoalEnded,
+    Outcome,
+    Refused,
+    RefusedError,
+    Stopped,
+    agreed,
+)
+from ground.client.parameter import Parameter
+from ground.client.parameters import ParameterChanged
+from ground.client.streams import ClosedError, Stream
+from ground.commands.mission import MissionEnded, TransferOutcome
+from ground.missions.mission import Circle, Mission, Polygon, Waypoint
+from protocol.wire.enums import GoalState, MissionState, Mode, Navigator, Severity, Vehicle
+from protocol.wire.reasons import Reason
+from runtime.errors import ConfigError, RemoteError, UserError
+
+__all__ = [
+    "Accepted",
+    "AllAnswered",
+    "Circle",
+    "ClosedError",
+    "ConfigError",
+    "DriveEnded",
+    "Event",
+    "EventStream",
+    "GoalChanged",
+    "GoalEnded",
+    "GoalState",
+    "LeaseChanged",
+    "Mission",
+    "MissionChanged",
+    "MissionEnded",
+    "MissionState",
+    "Mode",
+    "ModeChanged",
+    "Navigator",
+    "Outcome",
+    "Parameter",
+    "ParameterChanged",
+    "Polygon",
+    "Reason",
+    "Refused",
+    "RefusedError",
+    "RemoteError",
+    "Robot",
+    "Severity",
+    "Stopped",
+    "Stream",
+    "TextReceived",
+    "TransferOutcome",
+    "UnansweredError",
+    "UserError",
+    "Vehicle",
+    "VehicleChanged",
+    "Waypoint",
+    "agreed",
+    "connect",
+    "operations",
+]
