@@ -7,13 +7,13 @@ from collections.abc import Iterator, Sequence
 from math import degrees, radians
 from pathlib import Path
 from struct import pack
-from typing import Any
 
 from ground.recording.catalogue import FILE_HELP, recording_named
 from ground.recording.log_reader import open_log
 from ground.recording.tables import shortest_single
 from protocol.outcome import rounded_heading_rad
 from protocol.wire.messages import PlanarOdometry
+from protocol.world import Start, run_in, world_in
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose
 from robot.parameter_table import adjusted
@@ -99,26 +99,26 @@ def start_of(recorded: RecordedDrive) -> tuple[Pose, bool]:
 def candidates(world: str, recorded_pose: Pose) -> Iterator[Pose]:
     """Yield the starts of the world, then the shortest numbers that a user may have typed."""
     for start in starts_in(world):
-        yield Pose(start["x_m"], start["y_m"], rounded_heading_rad(radians(start["heading_deg"])))
+        yield Pose(start.x_m, start.y_m, rounded_heading_rad(start.heading_rad))
     x_m, y_m = (float(shortest_single(value)) for value in recorded_pose[:2])
     for digits in range(7):
         yield Pose(x_m, y_m, radians(round(degrees(recorded_pose.heading_rad), digits)))
 
 
-def starts_in(world: str) -> list[dict[str, Any]]:
+def starts_in(world: str) -> list[Start]:
     """Return the starts in the recorded description of a world; none if it cannot be read."""
     try:
-        facts = value_in(world)
-        return [*facts.get("starts", ()), facts["start"]]
-    except (ValueError, KeyError, AttributeError, TypeError):
+        run = run_in(world)
+    except ValueError:
         return []
+    return [*run.starts, run.world.start]
 
 
 def totals_in(world: str) -> tuple[int, int]:
     """Return the encoder totals at the start in the recorded description of a world."""
     try:
-        return start_totals(value_in(world).get("robot", {}))
-    except (ValueError, AttributeError, TypeError):
+        return start_totals(world_in(world).robot)
+    except (ValueError, TypeError):
         return 0, 0
 
 
