@@ -22,7 +22,7 @@ WHEEL: Final = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hat
     "targets"
 ]["wheel"]
 METADATA: Final = "Metadata-Version: 2.1\nName: robotframework\nVersion: 7.5\n"
-PACKAGES: Final = [name for name in WHEEL["only-include"] if not name.endswith(".py")]
+PACKAGES: Final = WHEEL["only-include"]
 
 
 def tried(*command: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -87,7 +87,7 @@ def test_the_wheel_carries_every_file_of_its_packages(wheel: Path) -> None:
     wanted = {
         str(path.relative_to(ROOT))
         for package in PACKAGES
-        for pattern in ("*.py", "*.toml", "*.xml")
+        for pattern in ("*.py", "*.toml", "*.xml", "py.typed")
         for path in (ROOT / package).rglob(pattern)
     }
     assert wanted <= carried
@@ -96,7 +96,7 @@ def test_the_wheel_carries_every_file_of_its_packages(wheel: Path) -> None:
 def test_the_wheel_carries_no_other_package(wheel: Path) -> None:
     tops = {name.partition("/")[0] for name in zipfile.ZipFile(wheel).namelist()}
     (metadata,) = (top for top in tops if top.endswith(".dist-info"))
-    assert tops == {*PACKAGES, "sidestep.py", metadata}
+    assert tops == {*PACKAGES, metadata}
 
 
 def test_the_installed_wheel_starts_away_from_the_tree(installed: Path, tmp_path: Path) -> None:
@@ -139,3 +139,48 @@ def test_doctor_of_a_wheel_alone_finds_no_package_of_others(
     done = tried(installed, "doctor", "--connect", "tcp/127.0.0.1:1", "--json", cwd=tmp_path)
     findings = json.loads(done.stdout)["findings"]
     assert [found["what"] for found in findings if "package" in found["what"]] == []
+
+
+TYPED: Final = """\
+import asyncio
+
+import sidestep
+from sidestep import GoalEnded, Mission, Refused, Robot, Waypoint
+
+
+async def drive(robot: Robot) -> float | None:
+    mission = Mission(waypoints=(Waypoint(x_m=1.0, y_m=2.0),))
+    sidestep.agreed(await robot.mission.upload(mission))
+    ended: GoalEnded | Refused = await robot.goto(5.4, 2.0)
+    robot.fly()  # type: ignore[attr-defined]
+    sidestep.fly()  # type: ignore[attr-defined]
+    return None if isinstance(ended, Refused) else ended.wall_s
+
+
+async def main() -> None:
+    async with sidestep.connect() as robot:
+        print(await drive(robot))
+
+
+asyncio.run(main())
+"""
+"""Without types, mypy would complain that it has nothing to ignore."""
+
+
+def test_a_users_script_passes_strict_mypy_with_the_wheel(installed: Path, tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(TYPED)
+    python = str(installed.parent / "python")
+    words = ("-m", "mypy", "--strict", "--config-file=", "--python-executable", python)
+    assert "Success" in run(python, *words, script, cwd=tmp_path)
+
+
+def test_the_package_shows_its_api_only(installed: Path, tmp_path: Path) -> None:
+    code = (
+        "import sys, sidestep; before = set(sys.modules); print(*dir(sidestep));"
+        "print({'ground', 'zenoh'} & before, hasattr(sidestep, 'main'), sidestep.Robot.__name__)"
+    )
+    names, facts = run(installed.parent / "python", "-c", code, cwd=tmp_path).splitlines()
+    assert {"Robot", "connect", "GoalState", "operations"} <= set(names.split())
+    assert not {"main", "sys", "os", "api", "ROOT"} & set(names.split())
+    assert facts == "set() False Robot"
