@@ -98,7 +98,7 @@ class AnsweringRobot:
     identity = "gateway/1"
     is_busy = False
     wake: Callable[[], object]
-    settle: Callable[[], None]
+    work: PlayedWork
 
     def __init__(self) -> None:
         self.flags = 0
@@ -169,7 +169,7 @@ def new_face(
     """Return a vehicle with two clients."""
     robot = AnsweringRobot()
     vehicle = MavVehicle(1, robot, DEFAULT_ORIGIN, 0)
-    robot.settle = PlayedWork(vehicle).settle
+    robot.work = PlayedWork(vehicle)
     face = face_of(vehicle, folder, guard)
     for client in (1, 2):
         face.join(client)
@@ -224,9 +224,8 @@ def raw(data: bytes, _: Path) -> None:
     found = received(link, data[: len(data) // 2], 0) + received(link, data[len(data) // 2 :], 1)
     face, robot = new_face()
     for message in found[:MAX_RECORDS]:
-        face.receive(message, Sender(1, 255, 190), 1)
-        robot.settle()
-    face.due(ROUND_NS)
+        robot.work.within(face.receive, message, Sender(1, 255, 190), 1)
+    robot.work.within(face.due, ROUND_NS)
 
 
 def received(link: ClientLink, data: bytes, now_ns: int) -> list[MavMessage]:
@@ -253,12 +252,12 @@ def payloads(data: bytes, folder: Path) -> None:
         payload = data[at + 2 : at + 2 + size].ljust(size, b"\0")
         at += 2 + size
         for message in received(link, framed(number, payload), now_ns):
-            receive(face, message, robot.flags, now_ns)
+            robot.work.within(receive, face, message, robot.flags, now_ns)
         for _round in range(ROUNDS[robot.flags & 3]):
             now_ns += ROUND_NS
-            robot.settle()
             robot.deliver()
-            face.due(now_ns)
+            robot.work.settle()
+            robot.work.within(face.due, now_ns)
             send(face)
     for client in (1, 2):
         face.forget(client)

@@ -2,7 +2,7 @@
 
 import asyncio
 import atexit
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Final, cast
 
@@ -26,9 +26,17 @@ class PlayedWork:
 
     def __init__(self, vehicle: MavVehicle) -> None:
         self._tasks: set[asyncio.Task[None]] = set()
-        vehicle.start = self._start
+        vehicle.go_on = self._go_on
 
-    def _start(self, work: Work) -> None:
+    def within(self, call: Callable[..., object], *arguments: Any) -> None:
+        """Call a function in the event loop."""
+
+        async def inside() -> None:
+            call(*arguments)
+
+        LOOP.run(inside())
+
+    def _go_on(self, work: Work) -> None:
         task: Any = LOOP.create_task(work)
         task._log_destroy_pending = False  # a test may end while a robot has not answered
         self._tasks.add(task)

@@ -189,14 +189,14 @@ class Gateway:
             if not task.cancelled() and (error := task.exception()) is not None:
                 fail(loop, {"exception": error})
 
-        def start(work: Work) -> None:
+        def go_on(work: Work) -> None:
             task = loop.create_task(work)
             self._tasks.add(task)
             task.add_done_callback(end)
 
         loop.set_exception_handler(fail)
         for face in self._faces:
-            face.vehicle.start = start
+            face.vehicle.go_on = go_on
             face.vehicle.outbox.filled = partial(loop.call_soon, self._send)
         for port in self._ports:
             port.wake = partial(loop.call_soon_threadsafe, self._deliver)

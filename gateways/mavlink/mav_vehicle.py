@@ -4,14 +4,16 @@ A service adds the messages that it can build to the catalogue in its constructo
 sends them, and REQUEST_MESSAGE builds one at once; both share those that were built in a round.
 """
 
+import asyncio
 from collections.abc import Awaitable, Callable, Collection, Coroutine, Iterator, Sequence
+from contextlib import suppress
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
 from gateways.mavlink.mav_service import COMPONENT, MavService, Outbox, Sender
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.operator_control import OperatorControl
-from gateways.mavlink.robot_port import KEEPS_FENCE, Answered, Done, RobotPort, Snapshot, end_of
+from gateways.mavlink.robot_port import KEEPS_FENCE, Answered, RobotPort, Snapshot
 from gateways.mavlink.signing import WATCHING
 from ground.client.requests import CROSSING_NS
 from ground.client.session import Operation
@@ -201,6 +203,14 @@ def not_served(work: Work) -> None:
     raise RuntimeError("no event loop serves this vehicle")
 
 
+async def rest_of(work: Work, waits_for: "asyncio.Future[Any]") -> None:
+    """Go on with work that has begun, and waits for this."""
+    with suppress(StopIteration):
+        while True:
+            await asyncio.wait((waits_for,))
+            waits_for = work.send(None)
+
+
 class MavVehicle:
     """The state that the protocols of one robot share; `snapshot` is that of the present round.
 
@@ -212,14 +222,14 @@ class MavVehicle:
     process; None without a clock. `commit` is that of this program. `is_armed` is what was seen
     last: a silent robot that was armed may still drive. `stop_id` names the newest emergency stop
     that was seen, None before the first status. `has_fence` is False once the robot is seen to have
-    none. `shortest_ns` is the shortest time between two messages of a stream. `start` begins work
-    that waits for the robot, in the next turn of the event loop.
+    none. `shortest_ns` is the shortest time between two messages of a stream. `go_on`
+    runs the rest of work as a task of the event loop.
     """
 
     def __init__(self, system: int, port: RobotPort, origin: Home, now_ns: int) -> None:
         self.system = system
         self.port = port
-        self.start: Callable[[Work], object] = not_served
+        self.go_on: Callable[[Work], object] = not_served
         self.origin = origin
         self.origin_altitude_m = 0.0
         self.home = (0.0, 0.0)
@@ -258,21 +268,25 @@ class MavVehicle:
         for _ in range(2 if client in self.lossy else 1):
             self.outbox.send(message, client)
 
-    def perform(self, sender: Sender, operation: Operation[Any], done: Done) -> None:
-        """Start an operation for a client that has control or obtains it now.
+    def start(self, work: Work) -> None:
+        """Run work up to its first wait now, and the rest as a task.
+
+        So does `eager_start` of Python 3.12: what is asked keeps its order, and what needs no wait
+        is answered at once.
+        """
+        with suppress(StopIteration):
+            self.go_on(rest_of(work, work.send(None)))
+
+    async def perform(self, sender: Sender, operation: Operation[Any]) -> Answered:
+        """Perform an operation for a client that has control or obtains it now; return its end.
 
         An armed robot keeps its fence, which may be replaced but not removed: no single message,
         perhaps a forged one, makes it drive on without.
         """
         if self.is_armed and self.has_fence and isinstance(operation, ClearFence):
-            kept = Answered(None, KEEPS_FENCE)
-            self.control.ensure(sender, lambda answered: done(kept if answered.ok else answered))
-            return
-        self.control.perform(sender, operation, done)
-
-    async def ask(self, sender: Sender, operation: Operation[Any]) -> Answered:
-        """Perform an operation, and return its end."""
-        return await end_of(lambda done: self.perform(sender, operation, done))
+            answered = await self.control.ensure(sender)
+            return Answered(None, KEEPS_FENCE) if answered.ok else answered
+        return await self.control.perform(sender, operation)
 
 
 class Face:

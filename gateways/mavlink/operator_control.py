@@ -9,12 +9,13 @@ Any frame of the client in control tells that it is there, and PING asks for one
 MAVSDK answer PING. MAVProxy and most scripts answer nothing, and send one HEARTBEAT a second.
 """
 
+import asyncio
 from collections.abc import Collection
 from typing import Any, Final, NamedTuple
 
 from gateways.mavlink.mav_service import Outbox, Sender
 from gateways.mavlink.mavlink_dialect import mavlink
-from gateways.mavlink.robot_port import OVERTAKEN, STOPS, Answered, Done, RobotPort, Snapshot
+from gateways.mavlink.robot_port import OVERTAKEN, STOPS, Answered, RobotPort, Snapshot, end_of
 from ground.client.lease_holder import is_ours
 from ground.client.outcomes import Accepted, Refused
 from ground.client.requests import CROSSING_NS, HeartbeatTimer
@@ -110,8 +111,8 @@ class OperatorControl:
         self._outbox = outbox
         self._snapshot: Snapshot | None = None
         self._now_ns = self._changed_ns = 0
-        self._taking: list[tuple[Sender, Done]] = []
-        self._returning: list[tuple[Sender, Done]] = []
+        self._taking: list[asyncio.Future[tuple[Sender, Answered]]] | None = None
+        self._returning: list[tuple[Sender, asyncio.Future[Answered | None]]] = []
         self._returning_ns = 0
         self._heartbeat = HeartbeatTimer()
         self._stopping = 0
@@ -154,40 +155,27 @@ class OperatorControl:
         if self._presence is not None and self.holds(sender):
             self._presence.answered()
 
-    def perform(self, sender: Sender, operation: Operation[Any], done: Done) -> None:
-        """Start an operation.
+    async def perform(self, sender: Sender, operation: Operation[Any]) -> Answered:
+        """Perform an operation, and return its end.
 
         Take control first if it moves the robot and no client has control.
         """
         if not sender.may_command:
-            done(Answered(None, sender.barred))
-        elif not operation.moves or self.holds(sender):
-            self._perform(operation, done)
-        else:
-            stops = self.stops
-            self.ensure(sender, lambda answer: self._go_on(answer, operation, done, stops))
-
-    def _go_on(self, answer: Answered, operation: Operation[Any], done: Done, stops: int) -> None:
-        if not answer.ok:
-            done(answer)
-        elif self.stops != stops:
-            done(Answered(None, OVERTAKEN))
-        else:
-            self._perform(operation, done)
-
-    def _perform(self, operation: Operation[Any], done: Done) -> None:
+            return Answered(None, sender.barred)
+        if operation.moves and not self.holds(sender):
+            stops, granted = self.stops, await self.ensure(sender)
+            if not granted.ok:
+                return granted
+            if self.stops != stops:
+                return Answered(None, OVERTAKEN)
         self.serial += operation.moves
-        if not isinstance(operation, STOPS):
-            self._port.perform(operation, done)
-            return
-
-        def stopped(answered: Answered) -> None:
-            self._stopping -= 1
-            done(answered)
-
-        self.stops += 1
-        self._stopping += 1
-        self._port.perform(operation, stopped)
+        is_stop = isinstance(operation, STOPS)
+        self.stops += is_stop
+        self._stopping += is_stop
+        try:
+            return await end_of(lambda done: self._port.perform(operation, done))
+        finally:
+            self._stopping -= is_stop
 
     @property
     def is_stopping(self) -> bool:
@@ -201,77 +189,79 @@ class OperatorControl:
             return None
         return held_by(station, sender)
 
-    def ensure(self, sender: Sender, done: Done) -> None:
-        """Give control to the sender if no other client has it.
+    async def ensure(self, sender: Sender) -> Answered:
+        """Give control to the sender if no other client has it, otherwise return the refusal.
 
         A client that has come back with the same ids from another address gets it as soon as the
-        old address is silent. Otherwise `done` receives the refusal.
+        old address is silent.
         """
-        refusal = self.refusal(sender)
-        if not sender.may_command:
-            done(Answered(None, sender.barred))
-        elif self.holds(sender):
-            done(Answered(Accepted(0)))
-        elif refusal is not None:
-            done(refusal)
-        elif self.owner is None:
-            self._take(sender, done)
-        elif len(self._returning) >= MAX_TAKING:
-            done(Answered(None, BUSY))
-        else:
+        while True:
+            refusal = self.refusal(sender)
+            if not sender.may_command:
+                return Answered(None, sender.barred)
+            if self.holds(sender):
+                return Answered(Accepted(0))
+            if refusal is not None:
+                return refusal
+            if self.owner is None:
+                return await self._take(sender)
+            if len(self._returning) >= MAX_TAKING:
+                return Answered(None, BUSY)
             if not self._returning:
                 self._returning_ns = self._now_ns
-            self._returning.append((sender, done))
+            decided: asyncio.Future[Answered | None] = asyncio.get_running_loop().create_future()
+            self._returning.append((sender, decided))
+            refusal = await decided
+            if refusal is not None:
+                return refusal
 
-    def request(self, sender: Sender, *, allow_takeover: bool, done: Done) -> None:
+    async def request(self, sender: Sender, *, allow_takeover: bool) -> Answered:
         """Give control to the sender if that is permitted.
 
         Set whether others may take it over.
         """
-
-        def granted(answer: Answered) -> None:
-            if answer.ok and self.holds(sender):
-                self._takeover_allowed = allow_takeover
-            done(answer)
-
         if self.owner is None or self.holds(sender) or not self.takeover_allowed:
-            self.ensure(sender, granted)
+            answered = await self.ensure(sender)
         elif not sender.may_command:
-            done(Answered(None, sender.barred))
+            return Answered(None, sender.barred)
         else:
-            self._take(sender, granted)
+            answered = await self._take(sender)
+        if answered.ok and self.holds(sender):
+            self._takeover_allowed = allow_takeover
+        return answered
 
-    def release(self, sender: Sender, done: Done) -> None:
+    async def release(self, sender: Sender) -> Answered:
         """Give back the lease if the sender is in control."""
         if self.holds(sender):
             self._lose()
-            self._port.change_lease(LeaseAction.RELEASE, "", done)
-        elif self._presence is None or self.owner is None:
-            done(Answered(Accepted(0)))
-        else:
-            done(held_by(self._presence.station, sender))
+            return await end_of(lambda done: self._port.change_lease(LeaseAction.RELEASE, "", done))
+        if self._presence is None or self.owner is None:
+            return Answered(Accepted(0))
+        return held_by(self._presence.station, sender)
 
-    def _take(self, sender: Sender, done: Done) -> None:
-        if len(self._taking) >= MAX_TAKING:
-            done(Answered(None, BUSY))
-            return
-        self._taking.append((sender, done))
-        if len(self._taking) == 1:
-            self._port.change_lease(
-                LeaseAction.TAKE, name_of(sender), lambda answer: self._taken(sender, answer)
+    async def _take(self, sender: Sender) -> Answered:
+        """Take the lease for a client; those that ask meanwhile get the same answer."""
+        if self._taking is None:
+            self._taking = []
+            answered = await end_of(
+                lambda done: self._port.change_lease(LeaseAction.TAKE, name_of(sender), done)
             )
-
-    def _taken(self, sender: Sender, answer: Answered) -> None:
-        waiting, self._taking = self._taking, []
-        if answer.ok:
-            self._give(sender)
-            self._changed_ns = self._now_ns
-            self._port.heartbeat()
-        for other, done in waiting:
-            if answer.ok and not self.holds(other):
-                done(held_by(sender, other))
-            else:
-                done(answer)
+            waiting, self._taking = self._taking, None
+            if answered.ok:
+                self._give(sender)
+                self._changed_ns = self._now_ns
+                self._port.heartbeat()
+            for taken in waiting:
+                taken.set_result((sender, answered))
+            return answered
+        if len(self._taking) >= MAX_TAKING - 1:
+            return Answered(None, BUSY)
+        found: asyncio.Future[tuple[Sender, Answered]]
+        found = asyncio.get_running_loop().create_future()
+        self._taking.append(found)
+        owner, answered = await found
+        is_others = answered.ok and not self.holds(sender)
+        return held_by(owner, sender) if is_others else answered
 
     def _give(self, sender: Sender) -> None:
         """Give control to a client, and tell the one that had it."""
@@ -318,7 +308,7 @@ class OperatorControl:
 
     def _let_return(self, now_ns: int) -> None:
         """Give control to a client that has come back, or refuse it if the old address is alive."""
-        waiting, presence = self._returning, self._presence
+        waiting, presence, owner = self._returning, self._presence, None
         if not waiting:
             return
         if presence is not None and self.owner is not None:
@@ -328,13 +318,10 @@ class OperatorControl:
                     return
                 self._give(waiting[0][0])
             else:
-                self._returning = []
-                for sender, done in waiting:
-                    done(held_by(presence.station, sender))
-                return
+                owner = presence.station
         self._returning = []
-        for sender, done in waiting:
-            self.ensure(sender, done)
+        for sender, decided in waiting:
+            decided.set_result(None if owner is None else held_by(owner, sender))
 
     def forget(self, client: int) -> None:
         """Give up control if the client in control has disconnected."""

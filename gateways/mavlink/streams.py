@@ -17,10 +17,11 @@ from gateways.mavlink.commands.command_protocol import (
     FAILED,
     LATER,
     UNSUPPORTED,
+    CommandAnswer,
     CommandCall,
-    CommandReply,
     CommandRow,
     CommandTable,
+    Handled,
     whole,
 )
 from gateways.mavlink.mav_service import Sender
@@ -323,54 +324,51 @@ class MessageRequests:
             self._vehicle.answer(message, sender.client)
         return bool(messages)
 
-    def _request_message(self, call: CommandCall, reply: CommandReply) -> None:
+    def _request_message(self, call: CommandCall) -> Handled:
         number, index = whole(call.param1), whole(call.param2)
         if number is None or not 0 <= number <= MAX_NUMBER:
-            reply.result(DENIED, "parameter 1 must be the id of a message")
-        elif not self.knows(number):
-            reply.result(UNSUPPORTED, f"no message {number}")
-        elif self.request(number, index or 0, call.sender, call.now_ns):
-            reply.result(ACCEPTED)
-        elif number in self._indexed:
-            reply.result(DENIED, f"message {number} has no index {call.param2:g}")
-        else:
-            self._vehicle.start(self._request_later(number, call, reply))
+            return CommandAnswer(DENIED, "parameter 1 must be the id of a message")
+        if not self.knows(number):
+            return CommandAnswer(UNSUPPORTED, f"no message {number}")
+        if self.request(number, index or 0, call.sender, call.now_ns):
+            return CommandAnswer(ACCEPTED)
+        if number in self._indexed:
+            return CommandAnswer(DENIED, f"message {number} has no index {call.param2:g}")
+        return self._request_later(number, call)
 
-    async def _request_later(self, number: int, call: CommandCall, reply: CommandReply) -> None:
+    async def _request_later(self, number: int, call: CommandCall) -> CommandAnswer:
         """Answer when the robot has sent the values: QGroundControl does not ask a second time."""
         source = self._vehicle.catalogue.find(number)
         if source is not None and source.prepare is not None:
             with suppress(RemoteError):
                 await source.prepare(call.now_ns)
         if self.request(number, 0, call.sender, self._vehicle.snapshot.now_ns):
-            reply.result(ACCEPTED)
-        else:
-            reply.result(LATER, f"message {number}: the robot does not send its values now")
+            return CommandAnswer(ACCEPTED)
+        words = f"message {number}: the robot does not send its values now"
+        return CommandAnswer(LATER, words)
 
-    def _set_interval(self, call: CommandCall, reply: CommandReply) -> None:
+    def _set_interval(self, call: CommandCall) -> CommandAnswer:
         number, interval_us = whole(call.param1), whole(call.param2)
         if number is None or interval_us is None or interval_us < -1:
-            reply.result(DENIED, "parameter 1 must be the id of a message, 2 its interval in us")
-            return
+            words = "parameter 1 must be the id of a message, 2 its interval in us"
+            return CommandAnswer(DENIED, words)
         interval_us = min(interval_us, MAX_INTERVAL_US)
         is_set = self._scheduler.set_interval(call.sender.client, number, interval_us, call.now_ns)
-        reply.result(ACCEPTED if is_set else FAILED, "" if is_set else f"no stream {number}")
+        return CommandAnswer(ACCEPTED) if is_set else CommandAnswer(FAILED, f"no stream {number}")
 
-    def _get_interval(self, call: CommandCall, reply: CommandReply) -> None:
+    def _get_interval(self, call: CommandCall) -> CommandAnswer:
         number = whole(call.param1)
         if number is None or not 0 <= number <= MAX_INTERVAL_NUMBER:
-            reply.result(DENIED, "parameter 1 must be the id of a message")
-            return
+            return CommandAnswer(DENIED, "parameter 1 must be the id of a message")
         self.request(INTERVAL, number, call.sender, call.now_ns)
         is_known = self._vehicle.catalogue.find(number) is not None
-        reply.result(ACCEPTED if is_known else FAILED, "" if is_known else f"no stream {number}")
+        return CommandAnswer(ACCEPTED) if is_known else CommandAnswer(FAILED, f"no stream {number}")
 
-    def _version(self, call: CommandCall, reply: CommandReply) -> None:
-        if call.param1 == 1.0:
-            self.request(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, 0, call.sender, call.now_ns)
-            reply.result(ACCEPTED)
-        else:
-            reply.result(DENIED, "parameter 1 must be 1")
+    def _version(self, call: CommandCall) -> CommandAnswer:
+        if call.param1 != 1.0:
+            return CommandAnswer(DENIED, "parameter 1 must be 1")
+        self.request(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, 0, call.sender, call.now_ns)
+        return CommandAnswer(ACCEPTED)
 
     def _modes(self, index: int, sender: Sender, now_ns: int) -> Sequence[MavMessage]:
         period_us = self._scheduler.interval_us(sender.client, CurrentMode.id, now_ns)

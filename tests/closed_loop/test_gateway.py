@@ -89,16 +89,15 @@ class Client:
         now_ns = stack.clock.now_ns()
         self._face = face_of(MavVehicle(1, self._port, ORIGIN, now_ns))
         self._work = PlayedWork(self._face.vehicle)
-        self._face.due(now_ns)
+        self._work.within(self._face.due, now_ns)
 
     def send(self, message: MavMessage, answer: str) -> MavMessage:
         """Send a message; return the first answer of this type, without a tick of the robot."""
         found: list[MavMessage] = []
-        self._face.receive(message, CLIENT, self._stack.clock.now_ns())
+        self._work.within(self._face.receive, message, CLIENT, self._stack.clock.now_ns())
 
         def is_answered() -> bool:
             assert self._stack.robot is not None
-            self._work.settle()
             self._stack.robot.idle()
             self._port.deliver()
             self._work.settle()
@@ -160,17 +159,15 @@ class Gateway:
         self.face.vehicle.control.heard(CLIENT, self._stack.clock.now_ns())
         self.port.deliver()
         self._work.settle()
-        self.face.due(self._stack.clock.now_ns())
-        self._work.settle()
+        self._work.within(self.face.due, self._stack.clock.now_ns())
         self.sent += [one.message for one in self.face.vehicle.outbox.take()]
 
     def ask(self, message: MavMessage, answer: str = "COMMAND_ACK") -> MavMessage:
         """Send a message; return the first answer of this type."""
         self.sent.clear()
-        self.face.receive(message, CLIENT, self._stack.clock.now_ns())
+        self._work.within(self.face.receive, message, CLIENT, self._stack.clock.now_ns())
 
         def is_answered() -> bool:
-            self._work.settle()
             if self.port._waiting and self._stack.robot is not None:
                 self._stack.robot.idle()  # simulated time waits for the threads of the port
             else:

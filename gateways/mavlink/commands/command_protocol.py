@@ -14,13 +14,13 @@ is no new wish of its sender: if somebody has stopped the robot since, it does n
 """
 
 from collections import Counter, OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Awaitable, Callable, Coroutine, Mapping
 from dataclasses import dataclass
 from enum import Enum, auto
 from math import isfinite, nan
 from struct import Struct
 from types import MappingProxyType
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from gateways.mavlink.mav_service import NEWCOMER, WATCHER, Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
@@ -387,25 +387,27 @@ BUSY: Final = "too many commands wait for the robot: send it again"
 UNDONE: Final = "the robot was stopped since: to go on, send it as a new command"
 
 
-class CommandReply:
-    """The answer to one command, given once: by `result`, or by `ended` as its operation ends."""
+class CommandAnswer(NamedTuple):
+    """A MAV_RESULT; `words` give the reason of a refusal."""
 
-    def __init__(self, send: Callable[[int, str, Severity], None]) -> None:
-        self._send = send
-        self._is_given = False
-
-    def result(self, result: int, words: str = "", severity: Severity = Severity.WARNING) -> None:
-        """Acknowledge with a MAV_RESULT; `words` give the reason of a refusal."""
-        if not self._is_given:
-            self._is_given = True
-            self._send(result, words, severity)
-
-    def ended(self, answered: Answered) -> None:
-        """Acknowledge with the end of an operation."""
-        self.result(result_of(answered), "" if answered.ok else answered.text)
+    result: int
+    words: str = ""
+    severity: Severity = Severity.WARNING
 
 
-Handler = Callable[[CommandCall, CommandReply], None]
+def answer_to(answered: Answered) -> CommandAnswer:
+    """Return the answer to a command by the end of its operation."""
+    return CommandAnswer(result_of(answered), "" if answered.ok else answered.text)
+
+
+async def answer_after(work: Awaitable[Answered]) -> CommandAnswer:
+    """Wait for the end of an operation, and return the answer by it."""
+    return answer_to(await work)
+
+
+Handled = CommandAnswer | Coroutine[Any, Any, CommandAnswer]
+"""The answer to a command, or the work that waits for the robot and returns it."""
+Handler = Callable[[CommandCall], Handled]
 
 
 class CommandRow(NamedTuple):
@@ -426,6 +428,15 @@ class CommandRow(NamedTuple):
 
 
 CommandTable = Mapping[int, CommandRow]
+
+
+class ReceivedCommand(NamedTuple):
+    """A command that is executed; `kept` unless it only reads."""
+
+    call: CommandCall
+    acknowledged: int
+    kept: Kept | None = None
+    is_limited: bool = False
 
 
 class CommandService:
@@ -455,7 +466,7 @@ class CommandService:
         elif not (row.reads or sender.may_command):
             self._answer(call, acknowledged, DENIED, sender.barred)
         elif row.reads:
-            row.handler(call, self._reply(call, acknowledged))
+            self._begin(row, ReceivedCommand(call, acknowledged))
         else:
             self._act(row, call, acknowledged, message)
 
@@ -487,18 +498,26 @@ class CommandService:
         self._endings.pressed += stops
         kept = self._repeats.keep(call, sequence, outlasts=row.outlasts)
         self._waiting[client] += is_limited
+        self._begin(row, ReceivedCommand(call, acknowledged, kept, is_limited))
 
-        def send(result: int, words: str, severity: Severity) -> None:
-            self._repeats.answered(kept, result)
-            self._waiting[client] -= is_limited
+    def _begin(self, row: CommandRow, received: ReceivedCommand) -> None:
+        found = row.handler(received.call)
+        if isinstance(found, CommandAnswer):
+            self._end(found, received)
+        else:
+            self._vehicle.start(self._await_end(found, received))
+
+    async def _await_end(self, work: Awaitable[CommandAnswer], received: ReceivedCommand) -> None:
+        self._end(await work, received)
+
+    def _end(self, answer: CommandAnswer, received: ReceivedCommand) -> None:
+        client = received.call.sender.client
+        if received.kept is not None:
+            self._repeats.answered(received.kept, answer.result)
+            self._waiting[client] -= received.is_limited
             if not self._waiting[client]:
                 del self._waiting[client]
-            self._answer(call, acknowledged, result, words, severity)
-
-        row.handler(call, CommandReply(send))
-
-    def _reply(self, call: CommandCall, acknowledged: int) -> CommandReply:
-        return CommandReply(lambda *answer: self._answer(call, acknowledged, *answer))
+        self._answer(received.call, received.acknowledged, *answer)
 
     def _answer(
         self,

@@ -16,10 +16,12 @@ from gateways.mavlink.commands.command_protocol import (
     ACCEPTED,
     DENIED,
     FAILED,
+    CommandAnswer,
     CommandCall,
-    CommandReply,
     CommandRow,
     CommandTable,
+    Handled,
+    answer_after,
     whole,
 )
 from gateways.mavlink.mav_service import Sender
@@ -33,7 +35,6 @@ from gateways.mavlink.mavlink_dialect import (
     mavlink,
 )
 from gateways.mavlink.operator_control import Owner
-from gateways.mavlink.robot_port import Answered
 from protocol.wire.enums import Severity
 from runtime.units import NS_PER_S
 
@@ -101,32 +102,27 @@ class OperatorCommands:
         flags, main = self._state()
         return (ControlStatus(flags, main, list(NO_SECONDARY)),)
 
-    def _change(self, call: CommandCall, reply: CommandReply) -> None:
+    def _change(self, call: CommandCall) -> Handled:
         action, requester = whole(call.param1), whole(call.param4)
         if requester not in (0, call.sender.system):
-            reply.result(DENIED, "parameter 4 must be the system id of the sender")
-        elif action == 0:
-            self._vehicle.control.release(call.sender, reply.ended)
-        elif action == 1 and call.param2 in (0.0, 1.0):
-            self._request(call, reply)
-        else:
-            words = "parameter 1 must be 0 to release or 1 to request, parameter 2 0 or 1"
-            reply.result(DENIED, words)
+            return CommandAnswer(DENIED, "parameter 4 must be the system id of the sender")
+        if action == 0:
+            return answer_after(self._vehicle.control.release(call.sender))
+        if action == 1 and call.param2 in (0.0, 1.0):
+            return self._request(call)
+        words = "parameter 1 must be 0 to release or 1 to request, parameter 2 0 or 1"
+        return CommandAnswer(DENIED, words)
 
-    def _request(self, call: CommandCall, reply: CommandReply) -> None:
+    async def _request(self, call: CommandCall) -> CommandAnswer:
         control, owner = self._vehicle.control, self._vehicle.control.owner
-
-        def ended(answered: Answered) -> None:
-            if answered.ok:
-                reply.result(ACCEPTED)
-            elif owner is None or control.owner != owner or owner.system == call.sender.system:
-                reply.result(FAILED, answered.text)
-            else:
-                self._ask(owner, call)
-                words = f"MAVLink {owner.system} has control and is asked to permit it"
-                reply.result(FAILED, words, Severity.INFO)
-
-        control.request(call.sender, allow_takeover=call.param2 == 1.0, done=ended)
+        answered = await control.request(call.sender, allow_takeover=call.param2 == 1.0)
+        if answered.ok:
+            return CommandAnswer(ACCEPTED)
+        if owner is None or control.owner != owner or owner.system == call.sender.system:
+            return CommandAnswer(FAILED, answered.text)
+        self._ask(owner, call)
+        words = f"MAVLink {owner.system} has control and is asked to permit it"
+        return CommandAnswer(FAILED, words, Severity.INFO)
 
     def _ask(self, owner: Owner, call: CommandCall) -> None:
         """Send the request on to the owner, once within the time for the answer."""

@@ -10,14 +10,17 @@ from gateways.mavlink.commands.command_protocol import (
     DENIED,
     FAILED,
     UNSUPPORTED_FRAME,
+    CommandAnswer,
     CommandCall,
-    CommandReply,
     CommandRow,
     CommandTable,
+    Handled,
+    answer_after,
     is_unset,
     whole,
 )
 from gateways.mavlink.coordinates import heading_of
+from gateways.mavlink.mav_service import Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import mavlink
 from gateways.mavlink.motion.guided import GuidedDrive
@@ -64,50 +67,45 @@ class DrivingCommands:
             }
         )
 
-    def _set_mode(self, call: CommandCall, reply: CommandReply) -> None:
+    def _set_mode(self, call: CommandCall) -> Handled:
         number = whole(call.param2)
         mode = None if number is None else MODES_BY_NUMBER.get(number)
         if mode is None or number is None:
-            reply.result(DENIED, f"no mode {call.param2:g}: use {MODE_NAMES}")
-        else:
-            self._pilot.set_mode(mode, number, call.sender, reply.ended)
+            return CommandAnswer(DENIED, f"no mode {call.param2:g}: use {MODE_NAMES}")
+        return answer_after(self._pilot.set_mode(mode, number, call.sender))
 
-    def _return_home(self, call: CommandCall, reply: CommandReply) -> None:
-        self._pilot.return_home(RTL, call.sender, reply.ended)
+    def _return_home(self, call: CommandCall) -> Handled:
+        return answer_after(self._pilot.return_home(RTL, call.sender))
 
-    def _start_mission(self, call: CommandCall, reply: CommandReply) -> None:
+    def _start_mission(self, call: CommandCall) -> Handled:
         if is_unset(call.param1) and is_unset(call.param2):
-            self._pilot.start_mission(call.sender, reply.ended)
-        else:
-            words = "first and last item must be 0: set the current item, then start"
-            reply.result(DENIED, words)
+            return answer_after(self._pilot.start_mission(call.sender))
+        words = "first and last item must be 0: set the current item, then start"
+        return CommandAnswer(DENIED, words)
 
-    def _pause_continue(self, call: CommandCall, reply: CommandReply) -> None:
+    def _pause_continue(self, call: CommandCall) -> Handled:
         if call.param1 == 0.0:
-            self._pilot.hold(call.sender, reply.ended)
-        elif call.param1 == 1.0:
-            self._vehicle.perform(call.sender, Resume(), reply.ended)
-        else:
-            reply.result(DENIED, "parameter 1 must be 0 to pause or 1 to continue")
+            return answer_after(self._pilot.hold(call.sender))
+        if call.param1 == 1.0:
+            return answer_after(self._vehicle.perform(call.sender, Resume()))
+        return CommandAnswer(DENIED, "parameter 1 must be 0 to pause or 1 to continue")
 
-    def _change_speed(self, call: CommandCall, reply: CommandReply) -> None:
+    def _change_speed(self, call: CommandCall) -> Handled:
         kind, speed_m_s = call.param1, call.param2
         if kind == kind and kind not in GROUND_SPEEDS:
-            reply.result(DENIED, "only the ground speed can be changed: parameter 1 must be 0 or 1")
-        elif speed_m_s == UNCHANGED:
-            self._vehicle.control.ensure(call.sender, reply.ended)
-        elif speed_m_s == DEFAULT:
-            self._vehicle.perform(call.sender, ResetParameter(name=SPEED), reply.ended)
-        else:
-            self._vehicle.perform(
-                call.sender, SetParameter(name=SPEED, value=speed_m_s), reply.ended
-            )
+            words = "only the ground speed can be changed: parameter 1 must be 0 or 1"
+            return CommandAnswer(DENIED, words)
+        if speed_m_s == UNCHANGED:
+            return answer_after(self._vehicle.control.ensure(call.sender))
+        if speed_m_s == DEFAULT:
+            return answer_after(self._vehicle.perform(call.sender, ResetParameter(name=SPEED)))
+        change = SetParameter(name=SPEED, value=speed_m_s)
+        return answer_after(self._vehicle.perform(call.sender, change))
 
-    def _set_reverse(self, call: CommandCall, reply: CommandReply) -> None:
+    def _set_reverse(self, call: CommandCall) -> Handled:
         if call.param1 == 0.0:
-            reply.result(ACCEPTED)
-        else:
-            reply.result(DENIED, "the robot drives to its goals forwards only")
+            return CommandAnswer(ACCEPTED)
+        return CommandAnswer(DENIED, "the robot drives to its goals forwards only")
 
 
 def is_hold(call: CommandCall) -> bool:
@@ -144,24 +142,18 @@ class GuidingCommands:
             }
         )
 
-    def _reposition(self, call: CommandCall, reply: CommandReply) -> None:
+    def _reposition(self, call: CommandCall) -> Handled:
         flags = whole(call.param2) or 0
         if not (flags & CHANGE_MODE or self._is_guided):
-            reply.result(DENIED, f"{OUTSIDE}, or with the flag that changes the mode")
-            return
+            return CommandAnswer(DENIED, f"{OUTSIDE}, or with the flag that changes the mode")
         if not call.is_global:
-            reply.result(UNSUPPORTED_FRAME, f"frame {call.frame} is not global")
-            return
+            return CommandAnswer(UNSUPPORTED_FRAME, f"frame {call.frame} is not global")
         try:
             goal = self._goal(call, is_relative=bool(flags & RELATIVE_YAW))
             speed_m_s = speed_in(call.param1)
         except SetpointError as error:
-            reply.result(DENIED, str(error))
-            return
-        if speed_m_s is None:
-            self._pilot.goto(goal, call.sender, reply.ended)
-        else:
-            self._drive_at(speed_m_s, goal, call, reply)
+            return CommandAnswer(DENIED, str(error))
+        return answer_after(self._drive_at(speed_m_s, goal, call.sender))
 
     def _goal(self, call: CommandCall, *, is_relative: bool) -> Destination:
         pose = pose_in(self._vehicle.snapshot.odometry) if is_relative else None
@@ -169,26 +161,22 @@ class GuidingCommands:
         origin = self._vehicle.origin
         return place_goal(origin, call.latitude_deg, call.longitude_deg, heading_rad)
 
-    def _drive_at(
-        self, speed_m_s: float, goal: Destination, call: CommandCall, reply: CommandReply
-    ) -> None:
-        control = self._vehicle.control
-        stops = control.stops
+    async def _drive_at(
+        self, speed_m_s: float | None, goal: Destination, sender: Sender
+    ) -> Answered:
+        if speed_m_s is not None:
+            control = self._vehicle.control
+            stops, change = control.stops, SetParameter(name=SPEED, value=speed_m_s)
+            limited = await self._vehicle.perform(sender, change)
+            if not limited.ok:
+                return limited
+            if control.stops != stops:
+                return Answered(None, OVERTAKEN)
+        return await self._pilot.goto(goal, sender)
 
-        def limited(answered: Answered) -> None:
-            if answered.ok and control.stops != stops:
-                reply.ended(Answered(None, OVERTAKEN))
-            elif answered.ok:
-                self._pilot.goto(goal, call.sender, reply.ended)
-            else:
-                reply.ended(answered)
-
-        self._vehicle.perform(call.sender, SetParameter(name=SPEED, value=speed_m_s), limited)
-
-    def _yaw_and_speed(self, call: CommandCall, reply: CommandReply) -> None:
+    def _yaw_and_speed(self, call: CommandCall) -> Handled:
         if not self._is_guided:
-            reply.result(FAILED, OUTSIDE)
-            return
+            return CommandAnswer(FAILED, OUTSIDE)
         try:
             require_finite((call.param1, call.param2))
             angle_rad = radians(call.param1)
@@ -196,16 +184,14 @@ class GuidingCommands:
             if call.param3 > 0.0:
                 heading_rad = pose_in(self._vehicle.snapshot.odometry).heading_rad - angle_rad
         except SetpointError as error:
-            reply.result(DENIED, str(error))
-            return
+            return CommandAnswer(DENIED, str(error))
+        return answer_after(self._follow(Velocity(call.param2, heading_rad=heading_rad), call))
 
-        def ensured(answered: Answered) -> None:
-            if answered.ok:
-                velocity = Velocity(call.param2, heading_rad=heading_rad)
-                self._drive.follow(velocity, call.sender, call.now_ns)
-            reply.ended(answered)
-
-        self._vehicle.control.ensure(call.sender, ensured)
+    async def _follow(self, velocity: Velocity, call: CommandCall) -> Answered:
+        answered = await self._vehicle.control.ensure(call.sender)
+        if answered.ok:
+            self._drive.follow(velocity, call.sender, call.now_ns)
+        return answered
 
     @property
     def _is_guided(self) -> bool:

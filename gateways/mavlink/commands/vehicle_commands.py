@@ -12,6 +12,7 @@ and only from this machine or signed with the present key. The message holds the
 recorded, logged or forwarded.
 """
 
+import asyncio
 from math import isfinite
 from types import MappingProxyType
 from typing import Final
@@ -23,10 +24,13 @@ from gateways.mavlink.commands.command_protocol import (
     DENIED,
     LATER,
     UNSUPPORTED_FRAME,
+    CommandAnswer,
     CommandCall,
-    CommandReply,
     CommandRow,
     CommandTable,
+    Handled,
+    answer_after,
+    answer_to,
     result_of,
 )
 from gateways.mavlink.coordinates import GlobalPlace, home_at, knows_place, place_of
@@ -34,7 +38,7 @@ from gateways.mavlink.mav_service import EVERYONE, Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import RESULT_NOT_IN_CONTROL, MavMessage, mavlink
 from gateways.mavlink.motion.setpoints import NO_POSE, SetpointError, destination, place_goal
-from gateways.mavlink.robot_port import NO_TELEMETRY, Answered, Done, arming_faults
+from gateways.mavlink.robot_port import NO_TELEMETRY, Answered, arming_faults
 from gateways.mavlink.signing import SigningGuard
 from gateways.mavlink.telemetry_messages import altitude_mm, gps_origin, home_position
 from ground.client.goal import Destination
@@ -51,6 +55,7 @@ from runtime.units import MM_PER_M
 PREARM: Final = "PreArm: "
 """The prefix by which clients recognise why a robot cannot be armed."""
 REFUSED: Final = "refused: "
+NO_STOP: Final = CommandAnswer(LATER, "no status of the robot has named an emergency stop yet")
 
 
 class ArmingCommands:
@@ -73,65 +78,60 @@ class ArmingCommands:
             }
         )
 
-    def _arm_disarm(self, call: CommandCall, reply: CommandReply) -> None:
-        is_forced = call.param2 in FORCE
+    def _arm_disarm(self, call: CommandCall) -> Handled:
         if call.param1 == 1.0:
-            self._arm(call, reply, is_forced=is_forced)
-        elif call.param1 == 0.0:
-            self._vehicle.perform(call.sender, Disarm(), reply.ended)
-        else:
-            reply.result(DENIED, "parameter 1 must be 1 to arm or 0 to disarm")
+            return self._arm(call)
+        if call.param1 == 0.0:
+            return answer_after(self._vehicle.perform(call.sender, Disarm()))
+        return CommandAnswer(DENIED, "parameter 1 must be 1 to arm or 0 to disarm")
 
-    def _arm(self, call: CommandCall, reply: CommandReply, *, is_forced: bool) -> None:
-        def ended(answered: Answered) -> None:
-            words = "" if answered.ok else f"{PREARM}{answered.text.removeprefix(REFUSED)}"
-            reply.result(result_of(answered), words, Severity.CRITICAL)
-
-        def arm(answered: Answered) -> None:
-            if answered.ok:
-                self._vehicle.perform(call.sender, Arm(), ended)
-            else:
-                ended(answered)
-
+    async def _arm(self, call: CommandCall) -> CommandAnswer:
         status = self._vehicle.snapshot.status
         is_stopped = status is not None and status.vehicle == VehicleState.EMERGENCY_STOP
-        if is_forced and is_stopped:
-            self._clear(call, reply, arm)
-        else:
-            self._vehicle.perform(call.sender, Arm(), ended)
+        answered = None
+        if call.param2 in FORCE and is_stopped:
+            answered = await self._clear(call.sender)
+            if answered is None:
+                return NO_STOP
+        if answered is None or answered.ok:
+            answered = await self._vehicle.perform(call.sender, Arm())
+        words = "" if answered.ok else f"{PREARM}{answered.text.removeprefix(REFUSED)}"
+        return CommandAnswer(result_of(answered), words, Severity.CRITICAL)
 
-    def _clear(self, call: CommandCall, reply: CommandReply, done: Done) -> None:
+    async def _clear(self, sender: Sender) -> Answered | None:
         """Release the newest stop seen now: the request waits for those before.
 
-        A stop that a client has just pressed may be acknowledged before the status shows it.
+        A stop that a client has just pressed may be acknowledged before the status shows it. None
+        if none has been seen.
         """
         known = (self._vehicle.stop_id, self._pressed_id)
         stop_ids = tuple(one for one in known if one is not None)
         if not stop_ids:
-            reply.result(LATER, "no status of the robot has named an emergency stop yet")
-        else:
-            self._vehicle.perform(call.sender, ClearEmergencyStop(stop_ids=stop_ids), done)
+            return None
+        return await self._vehicle.perform(sender, ClearEmergencyStop(stop_ids=stop_ids))
 
-    def _stop(self, reply: CommandReply) -> None:
-        self._pressed_id = self._vehicle.port.stop(reply.ended)
+    async def _clear_stop(self, sender: Sender) -> CommandAnswer:
+        answered = await self._clear(sender)
+        return NO_STOP if answered is None else answer_to(answered)
 
-    def _check(self, call: CommandCall, reply: CommandReply) -> None:
+    def _check(self, call: CommandCall) -> CommandAnswer:
         status = self._vehicle.snapshot.status
         if status is not None and status.vehicle == VehicleState.ACTIVE:
-            reply.result(LATER, "already armed")
-            return
+            return CommandAnswer(LATER, "already armed")
         for fault in arming_faults(self._vehicle.snapshot):
             words, client = f"{PREARM}{fault}", call.sender.client
             self._vehicle.refusals.say(words, client, call.now_ns, Severity.CRITICAL)
-        reply.result(ACCEPTED)
+        return CommandAnswer(ACCEPTED)
 
-    def _terminate(self, call: CommandCall, reply: CommandReply) -> None:
+    def _terminate(self, call: CommandCall) -> Handled:
         if is_termination(call):
-            self._stop(reply)
-        elif call.param1 == 0.0:
-            self._clear(call, reply, reply.ended)
-        else:
-            reply.result(DENIED, "parameter 1 must be 1 to stop or 0 to clear the emergency stop")
+            stopped: asyncio.Future[Answered] = asyncio.get_running_loop().create_future()
+            self._pressed_id = self._vehicle.port.stop(stopped.set_result)
+            return answer_after(stopped)
+        if call.param1 == 0.0:
+            return self._clear_stop(call.sender)
+        words = "parameter 1 must be 1 to stop or 0 to clear the emergency stop"
+        return CommandAnswer(DENIED, words)
 
 
 def is_disarm(call: CommandCall) -> bool:
@@ -169,34 +169,32 @@ class UpkeepCommands:
             }
         )
 
-    def _send_banner(self, call: CommandCall, reply: CommandReply) -> None:
+    def _send_banner(self, call: CommandCall) -> CommandAnswer:
         vehicle = self._vehicle
         for line in ardupilot.banner(vehicle.port.name, vehicle.commit):
             vehicle.refusals.say(line, call.sender.client, call.now_ns, Severity.INFO)
-        reply.result(ACCEPTED)
+        return CommandAnswer(ACCEPTED)
 
-    def _get_home(self, call: CommandCall, reply: CommandReply) -> None:
+    def _get_home(self, call: CommandCall) -> CommandAnswer:
         is_sent = self._tell_home(call.sender.client, call.now_ns)
-        reply.result(ACCEPTED if is_sent else LATER, "" if is_sent else NO_HOME)
+        return CommandAnswer(ACCEPTED) if is_sent else CommandAnswer(LATER, NO_HOME)
 
-    def _set_home(self, call: CommandCall, reply: CommandReply) -> None:
+    def _set_home(self, call: CommandCall) -> Handled:
         try:
             home = self._wanted_home(call)
         except SetpointError as error:
-            reply.result(DENIED, str(error))
-            return
+            return CommandAnswer(DENIED, str(error))
         if not call.is_global:
-            reply.result(UNSUPPORTED_FRAME, f"frame {call.frame} is not global")
-            return
+            return CommandAnswer(UNSUPPORTED_FRAME, f"frame {call.frame} is not global")
+        return answer_after(self._choose_home(home, call.sender))
 
-        def ensured(answered: Answered) -> None:
-            if answered.ok:
-                self._vehicle.home = home.x_m, home.y_m
-                self._vehicle.is_home_chosen = True
-                self._tell_home(EVERYONE, self._vehicle.snapshot.now_ns)
-            reply.ended(answered)
-
-        self._vehicle.control.ensure(call.sender, ensured)
+    async def _choose_home(self, home: Destination, sender: Sender) -> Answered:
+        answered = await self._vehicle.control.ensure(sender)
+        if answered.ok:
+            self._vehicle.home = home.x_m, home.y_m
+            self._vehicle.is_home_chosen = True
+            self._tell_home(EVERYONE, self._vehicle.snapshot.now_ns)
+        return answered
 
     def _wanted_home(self, call: CommandCall) -> Destination:
         """Return the robot's position for parameter 1 = 1, otherwise the given position."""
@@ -216,16 +214,15 @@ class UpkeepCommands:
             self._vehicle.outbox.send(message, client)
         return bool(messages)
 
-    def _restart(self, call: CommandCall, reply: CommandReply) -> None:
+    def _restart(self, call: CommandCall) -> Handled:
         status = self._vehicle.snapshot.status
         if call.param1 != RESTART:
-            reply.result(DENIED, ONLY_RESTART)
-        elif status is None:
-            reply.result(LATER, NO_TELEMETRY)
-        elif status.vehicle == VehicleState.ACTIVE:
-            reply.result(DENIED, NO_RESTART_ARMED)
-        else:
-            self._vehicle.perform(call.sender, Restart(), reply.ended)
+            return CommandAnswer(DENIED, ONLY_RESTART)
+        if status is None:
+            return CommandAnswer(LATER, NO_TELEMETRY)
+        if status.vehicle == VehicleState.ACTIVE:
+            return CommandAnswer(DENIED, NO_RESTART_ARMED)
+        return answer_after(self._vehicle.perform(call.sender, Restart()))
 
 
 SET_GLOBAL_ORIGIN: Final = 611
@@ -264,14 +261,13 @@ class OriginService:
     def forget(self, client: int) -> None:
         """Keep nothing for a client."""
 
-    def _command(self, call: CommandCall, reply: CommandReply) -> None:
+    def _command(self, call: CommandCall) -> CommandAnswer:
         if not all(map(isfinite, (call.latitude_deg, call.longitude_deg, call.z))):
-            reply.result(DENIED, NO_PLACE)
-            return
+            return CommandAnswer(DENIED, NO_PLACE)
         place = place_of(call.latitude_deg, call.longitude_deg)
         result, words = self._move(place, round(call.z * MM_PER_M), call.sender)
-        reply.result(result, words)
         self._tell(call.sender.client if words else EVERYONE, call.now_ns)
+        return CommandAnswer(result, words)
 
     def _move(self, place: GlobalPlace, height_mm: int, sender: Sender) -> Refusal:
         """Return the result and, for a refusal, the reason."""

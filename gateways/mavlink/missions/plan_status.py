@@ -12,10 +12,13 @@ from typing import Final
 from gateways.mavlink.commands.command_protocol import (
     DENIED,
     FAILED,
+    CommandAnswer,
     CommandCall,
-    CommandReply,
     CommandRow,
     CommandTable,
+    Handled,
+    answer_after,
+    answer_to,
     whole,
 )
 from gateways.mavlink.mav_service import Sender
@@ -23,7 +26,7 @@ from gateways.mavlink.mav_vehicle import MavVehicle, MessageSource
 from gateways.mavlink.mavlink_dialect import MavMessage, MissionCurrent, mavlink
 from gateways.mavlink.missions.plan_answers import ClientKey, key_of, refusal_of
 from gateways.mavlink.missions.plan_kinds import FenceKind, MissionKind
-from gateways.mavlink.robot_port import Answered, end_of
+from gateways.mavlink.robot_port import Answered
 from ground.client.requests import CROSSING_NS
 from ground.commands.fence import ClearFence, SetFence
 from ground.commands.mission import JumpTo
@@ -97,7 +100,7 @@ class CurrentItem:
 
     async def _choose(self, item: int, sender: Sender) -> Answered:
         """Make an item the current one, and send MISSION_CURRENT if the robot accepts."""
-        answered = await self._vehicle.ask(sender, JumpTo(item=max(item, FIRST)))
+        answered = await self._vehicle.perform(sender, JumpTo(item=max(item, FIRST)))
         if answered.ok:
             snapshot = self._vehicle.snapshot
             self._chosen, self.jumped_ns = item, snapshot.now_ns
@@ -150,15 +153,11 @@ class CurrentItem:
         is_first = status.current == 0 and status.state not in UNDER_WAY
         return self._chosen == 0 and is_first
 
-    def _command(self, call: CommandCall, reply: CommandReply) -> None:
+    def _command(self, call: CommandCall) -> Handled:
         item = whole(call.param1)
         if item is None or not 0 <= item <= MAX_ITEM:
-            reply.result(DENIED, "parameter 1 must be the number of an item")
-        else:
-            self._vehicle.start(self._answer(item, call, reply))
-
-    async def _answer(self, item: int, call: CommandCall, reply: CommandReply) -> None:
-        reply.ended(await self._choose(item, call.sender))
+            return CommandAnswer(DENIED, "parameter 1 must be the number of an item")
+        return answer_after(self._choose(item, call.sender))
 
 
 AGAIN_NS: Final = NS_PER_S
@@ -274,32 +273,30 @@ class FenceService:
         fields = (int(self._is_breached), self._breaches, kind, self._breached_ms)
         return (mavlink.MAVLink_fence_status_message(*fields),)
 
-    def _command(self, call: CommandCall, reply: CommandReply) -> None:
-        if call.param1 not in (0.0, 1.0):
-            reply.result(DENIED, "parameter 1 must be 1 to enable or 0 to disable the fence")
-        else:
-            self._vehicle.start(self._change(call, reply))
+    def _command(self, call: CommandCall) -> Handled:
+        if call.param1 in (0.0, 1.0):
+            return self._change(call)
+        words = "parameter 1 must be 1 to enable or 0 to disable the fence"
+        return CommandAnswer(DENIED, words)
 
-    async def _change(self, call: CommandCall, reply: CommandReply) -> None:
+    async def _change(self, call: CommandCall) -> CommandAnswer:
         try:
             fences = await self._kind.copy.latest(call.now_ns)
         except RemoteError as error:
-            reply.result(FAILED, f"fence: {error}")
-            return
+            return CommandAnswer(FAILED, f"fence: {error}")
         vehicle, sender = self._vehicle, call.sender
         if call.param1 == 0.0:
-            answered = await vehicle.ask(sender, ClearFence())
+            answered = await vehicle.perform(sender, ClearFence())
             if answered.ok:
                 self._disabled = fences or self._disabled
                 self._kind.accepted((), answered, vehicle.snapshot.now_ns)
         elif fences:
-            answered = await end_of(lambda done: vehicle.control.ensure(sender, done))
+            answered = await vehicle.control.ensure(sender)
         elif self._disabled:
             kept = self._disabled
-            answered = await vehicle.ask(sender, SetFence(fence=kept[0]))
+            answered = await vehicle.perform(sender, SetFence(fence=kept[0]))
             if answered.ok:
                 self._kind.accepted(kept, answered, vehicle.snapshot.now_ns)
         else:
-            reply.result(FAILED, "there is no fence: upload one")
-            return
-        reply.ended(answered)
+            return CommandAnswer(FAILED, "there is no fence: upload one")
+        return answer_to(answered)

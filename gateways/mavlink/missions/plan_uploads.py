@@ -27,7 +27,7 @@ from gateways.mavlink.missions.plan_answers import (
 )
 from gateways.mavlink.missions.plan_items import item_in
 from gateways.mavlink.missions.plan_kinds import ItemKind
-from gateways.mavlink.robot_port import Answered, end_of
+from gateways.mavlink.robot_port import Answered
 from ground.commands.mission import AnnounceItems, TransferOutcome
 from ground.missions.qgroundcontrol import UnsupportedItemError
 from protocol.wire.enums import Severity
@@ -212,9 +212,9 @@ class Uploads:
             robots = count - self._kind.home_items
             if robots > 0:
                 question = AnnounceItems(kind=self._kind.type, count=robots)
-                answered = await vehicle.ask(sender, question)
+                answered = await vehicle.perform(sender, question)
             else:
-                answered = await end_of(lambda done: vehicle.control.ensure(sender, done))
+                answered = await vehicle.control.ensure(sender)
             if not answered.ok:
                 break
         self._pending -= 1
@@ -270,7 +270,7 @@ class Uploads:
             refusal = Refusal(PART_RESULTS[error.part], f"{self._kind.name}: {error}")
             self._refuse(upload, refusal)
             return
-        answered = await self._vehicle.ask(upload.sender, change.operation)
+        answered = await self._vehicle.perform(upload.sender, change.operation)
         kind, now_ns, outcome = self._kind, self._vehicle.snapshot.now_ns, answered.outcome
         is_kept = isinstance(outcome, TransferOutcome) and outcome.verdict.in_force
         in_force = answered.ok or is_kept

@@ -66,7 +66,7 @@ class GuidedDrive:
         self._until_ns = now_ns + TIMEOUT_NS
         self._leave_ns = self._until_ns + BRAKING_NS
         if self._stage is Stage.IDLE:
-            self._enter()
+            self._vehicle.start(self._enter(sender))
         elif self._stage is Stage.DRIVING:
             self._drive()
 
@@ -96,41 +96,36 @@ class GuidedDrive:
             self._stage = Stage.IDLE
             self._pilot.hold_drive(self._drive_id)
         elif now_ns >= self._leave_ns:
-            self._stage = Stage.LEAVING
-            self._pilot.await_goal(self._drive_id, sender, self._left)
+            self._vehicle.start(self._leave(sender))
         elif now_ns - self._sent_ns >= REPEAT_NS and self._is_valid():
             self._drive()
 
     def _is_valid(self) -> bool:
         return self._now_ns <= self._until_ns - LIFE_NS
 
-    def _enter(self) -> None:
-        if self._sender is not None:
-            self._stage = Stage.ENTERING
-            self._pilot.velocity(self._sender, self._entered)
-
-    def _entered(self, answered: Answered) -> None:
+    async def _enter(self, sender: Sender) -> None:
+        self._stage = Stage.ENTERING
+        answered = await self._pilot.velocity(sender)
         if answered.ok:
             begun = answered.outcome
             self._drive_id = begun.drive_id if isinstance(begun, DriveBegun) else 0
             self._stage = Stage.DRIVING
             if self._is_valid():  # the answer may have been late
                 self._drive()
-        else:
-            self._refused(answered)
-
-    def _left(self, answered: Answered) -> None:
-        self._stage = Stage.IDLE
-        if not answered.ok:
-            self._pilot.hold_drive(self._drive_id)
-        elif self._now_ns < self._until_ns:
-            self._enter()
-
-    def _refused(self, answered: Answered) -> None:
+            return
         self._stage = Stage.IDLE
         if self._sender is not None:
             words = f"speeds not followed: {answered.text}"
             self._vehicle.refusals.say(words, self._sender.client, self._now_ns)
+
+    async def _leave(self, sender: Sender) -> None:
+        self._stage = Stage.LEAVING
+        answered = await self._pilot.await_goal(self._drive_id, sender)
+        self._stage = Stage.IDLE
+        if not answered.ok:
+            self._pilot.hold_drive(self._drive_id)
+        elif self._now_ns < self._until_ns and self._sender is not None:
+            await self._enter(self._sender)
 
     def _drive(self) -> None:
         odometry = self._vehicle.snapshot.odometry
@@ -173,12 +168,12 @@ class GuidedItems:
         except SetpointError as error:
             result = mavlink.MAV_MISSION_INVALID_PARAM5_X
             self._answer(sender, result, str(error), now_ns)
-            return
+        else:
+            self._vehicle.start(self._go(goal, sender))
 
-        def ended(answered: Answered) -> None:
-            self._answer(sender, *result_of(answered), self._vehicle.snapshot.now_ns)
-
-        self._pilot.goto(goal, sender, ended)
+    async def _go(self, goal: Destination, sender: Sender) -> None:
+        result = result_of(await self._pilot.goto(goal, sender))
+        self._answer(sender, *result, self._vehicle.snapshot.now_ns)
 
     def due(self, now_ns: int) -> None:
         """Do nothing: no state of this service depends on time."""
@@ -282,26 +277,24 @@ class SetpointStream:
         else:
             self._target, self._seen_ns = target, now_ns
             self._drive.end()
-            self._go(setpoint, sender)
+            self._next = setpoint, sender
+            if not self._is_asking:
+                self._vehicle.start(self._go())
 
-    def _go(self, goal: Destination, sender: Sender) -> None:
-        """Send a goal; while one is being sent, store only the newest."""
-        if self._is_asking:
-            self._next = goal, sender
-            return
+    async def _go(self) -> None:
+        """Send goals one after another, of those that wait only the newest."""
         self._is_asking = True
-        self._pilot.goto(goal, sender, lambda answered: self._gone(sender, answered))
-
-    def _gone(self, sender: Sender, answered: Answered) -> None:
+        while self._next is not None:
+            (goal, sender), self._next = self._next, None
+            answered = await self._pilot.goto(goal, sender)
+            if not answered.ok:
+                words = f"goal refused: {answered.text}"
+                now_ns = self._vehicle.snapshot.now_ns
+                self._vehicle.refusals.say(words, sender.client, now_ns)
+            is_guided = self._vehicle.modes.number == Mode.GUIDED
+            if not is_guided or self._vehicle.control.is_stopping:
+                self._next = None
         self._is_asking = False
-        if not answered.ok:
-            words = f"goal refused: {answered.text}"
-            now_ns = self._vehicle.snapshot.now_ns
-            self._vehicle.refusals.say(words, sender.client, now_ns)
-        following, self._next = self._next, None
-        is_guided = self._vehicle.modes.number == Mode.GUIDED
-        if following is not None and is_guided and not self._vehicle.control.is_stopping:
-            self._go(*following)
 
     def _refuse(self, message: MavMessage, why: str, sender: Sender, now_ns: int) -> None:
         words = f"{message.get_type()} ignored: {why}"

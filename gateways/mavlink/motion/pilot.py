@@ -1,13 +1,14 @@
 """Requests of clients to the robot: change the mode, start the mission, drive to a position."""
 
+import asyncio
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final, NamedTuple
+from typing import Any, ClassVar, Final
 
 from gateways.mavlink.ardupilot import RTL
 from gateways.mavlink.mav_service import Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage
-from gateways.mavlink.robot_port import OVERTAKEN, Answered, Done
+from gateways.mavlink.robot_port import OVERTAKEN, Answered
 from ground.client.goal import Destination
 from ground.client.outcomes import Accepted, Answer, Outcome, Refused
 from ground.client.requests import GaveUp
@@ -101,18 +102,6 @@ class EnterGuided:
         return await robot.set_mode(Mode.GUIDED)
 
 
-class DriveAttempt(NamedTuple):
-    """An operation that is repeated until the robot has received the operator's heartbeat."""
-
-    sender: Sender
-    operation: Operation[Any]
-    mode: Mode
-    number: int | None
-    done: Done
-    until_ns: int
-    stops: int
-
-
 class Pilot:
     """Executes requests that change the mode, and updates `vehicle.modes`."""
 
@@ -120,65 +109,63 @@ class Pilot:
 
     def __init__(self, vehicle: MavVehicle) -> None:
         self._vehicle = vehicle
-        self._again: list[DriveAttempt] = []
+        self._rounds: list[asyncio.Future[None]] = []
+        """Of those that wait for the next round."""
         self._mission_waits: Sender | None = None
         self._now_ns = 0
 
-    def set_mode(self, mode: Mode, number: int, sender: Sender, done: Done) -> None:
+    async def set_mode(self, mode: Mode, number: int, sender: Sender) -> Answered:
         """Change the mode; AUTO starts or continues the mission once the robot is armed."""
         if mode is Mode.AUTO:
-            self._enter_auto(sender, done)
-        elif mode is Mode.GUIDED and self._vehicle.modes.number == Mode.GUIDED:
-            self._vehicle.control.ensure(sender, done)
-        elif mode is Mode.GUIDED:
-            self._try(sender, EnterGuided(), mode, None, done)
-        elif mode is Mode.SMART_RTL:
-            self.return_home(number, sender, done)
-        elif mode is Mode.HOLD:
-            self.hold(sender, done)
-        else:
-            self._try(sender, SetMode(mode=mode), mode, None, done)
+            return await self._enter_auto(sender)
+        if mode is Mode.GUIDED and self._vehicle.modes.number == Mode.GUIDED:
+            return await self._vehicle.control.ensure(sender)
+        if mode is Mode.GUIDED:
+            return await self._try(sender, EnterGuided(), mode)
+        if mode is Mode.SMART_RTL:
+            return await self.return_home(number, sender)
+        if mode is Mode.HOLD:
+            return await self.hold(sender)
+        return await self._try(sender, SetMode(mode=mode), mode)
 
-    def hold(self, sender: Sender, done: Done) -> None:
+    async def hold(self, sender: Sender) -> Answered:
         """Stop and keep goal and mission."""
-        self._try(sender, Hold(), Mode.HOLD, None, done)
+        return await self._try(sender, Hold(), Mode.HOLD)
 
-    def return_home(self, number: int, sender: Sender, done: Done) -> None:
+    async def return_home(self, number: int, sender: Sender) -> Answered:
         """Drive back along the trail, by RTL to the home that a client has chosen, if any.
 
         Clients receive the mode RTL or SMART_RTL, by `number`.
         """
         if number != RTL:
-            self._try(sender, ReturnHome(), Mode.SMART_RTL, None, done)
-        elif self._vehicle.is_home_chosen:
+            return await self._try(sender, ReturnHome(), Mode.SMART_RTL)
+        if self._vehicle.is_home_chosen:
             x_m, y_m = self._vehicle.home
             home = Destination(x_m=x_m, y_m=y_m, heading_rad=None)
-            self._try(sender, Goto(goal=home, wait=False, arms=False), Mode.AUTO, RTL, done)
-        else:
-            self._try(sender, ReturnHome(), Mode.SMART_RTL, RTL, done)
+            return await self._try(sender, Goto(goal=home, wait=False, arms=False), Mode.AUTO, RTL)
+        return await self._try(sender, ReturnHome(), Mode.SMART_RTL, RTL)
 
-    def goto(self, goal: Destination, sender: Sender, done: Done) -> None:
+    async def goto(self, goal: Destination, sender: Sender) -> Answered:
         """Drive to a position in GUIDED; an unarmed robot refuses."""
-        self._try(sender, Goto(goal=goal, arms=False), Mode.GUIDED, None, done)
+        return await self._try(sender, Goto(goal=goal, arms=False), Mode.GUIDED)
 
-    def start_mission(self, sender: Sender, done: Done) -> None:
+    async def start_mission(self, sender: Sender) -> Answered:
         """Start the mission at its current item, or continue it; an unarmed robot refuses."""
         mission = self._vehicle.snapshot.mission
         state = MissionState.NONE if mission is None else mission.state
         if state in MISSION_UNDER_WAY and self._vehicle.modes.mode in (Mode.AUTO, Mode.HOLD):
-            self._try(sender, SetMode(mode=Mode.AUTO), Mode.AUTO, None, done)
-            return
+            return await self._try(sender, SetMode(mode=Mode.AUTO), Mode.AUTO)
         item = None if state == MissionState.DONE else FROM_CURRENT
-        self._try(sender, StartMission(item=item, arms=False), Mode.AUTO, None, done)
+        return await self._try(sender, StartMission(item=item, arms=False), Mode.AUTO)
 
-    def velocity(self, sender: Sender, done: Done) -> None:
+    async def velocity(self, sender: Sender) -> Answered:
         """Choose MANUAL for the speeds of a client in GUIDED; clients receive GUIDED."""
-        self._try(sender, BeginDrive(), Mode.MANUAL, int(Mode.GUIDED), done)
+        return await self._try(sender, BeginDrive(), Mode.MANUAL, int(Mode.GUIDED))
 
-    def await_goal(self, drive_id: int, sender: Sender, done: Done) -> None:
+    async def await_goal(self, drive_id: int, sender: Sender) -> Answered:
         """Choose GUIDED without a goal, after the speeds of a client; clients still receive it."""
         self._vehicle.modes.show(Mode.HOLD, Mode.GUIDED)
-        self._try(sender, EndDrive(drive_id, Mode.GUIDED), Mode.GUIDED, None, done)
+        return await self._try(sender, EndDrive(drive_id, Mode.GUIDED), Mode.GUIDED)
 
     def hold_drive(self, drive_id: int) -> None:
         """End speeds in HOLD, without control."""
@@ -189,17 +176,11 @@ class Pilot:
         """Take no message."""
 
     def due(self, now_ns: int) -> None:
-        """Repeat the operation that waits for the heartbeat.
-
-        Start the mission that waits for arming.
-        """
+        """Repeat what waits for the heartbeat; start the mission that waits for arming."""
         self._now_ns = now_ns
-        again, self._again = self._again, []
-        for attempt in again:
-            if attempt.stops == self._vehicle.control.stops:
-                self._perform(attempt)
-            else:
-                attempt.done(Answered(None, OVERTAKEN))
+        rounds, self._rounds = self._rounds, []
+        for begun in rounds:
+            begun.set_result(None)
         waiting, status = self._mission_waits, self._vehicle.snapshot.status
         if waiting is None or status is None:
             return
@@ -207,52 +188,47 @@ class Pilot:
             self._mission_waits = None
         elif status.vehicle == VehicleState.ACTIVE and status.mode == Mode.AUTO:
             self._mission_waits = None
-            self.start_mission(waiting, lambda answered: self._started(waiting, answered))
+            self._vehicle.start(self._start_waiting(waiting))
 
     def forget(self, client: int) -> None:
         """Do nothing: the loss of control ends the wait of a client that has disconnected."""
 
-    def _enter_auto(self, sender: Sender, done: Done) -> None:
+    async def _enter_auto(self, sender: Sender) -> Answered:
         status, mission = self._vehicle.snapshot.status, self._vehicle.snapshot.mission
         has_mission = mission is not None and mission.state != MissionState.NONE
         if not has_mission or status is None or status.vehicle == VehicleState.ACTIVE:
-            self.start_mission(sender, done)
-            return
+            return await self.start_mission(sender)
+        answered = await self._try(sender, SetMode(mode=Mode.AUTO), Mode.AUTO)
+        if answered.ok:
+            self._mission_waits = sender
+        return answered
 
-        def entered(answered: Answered) -> None:
-            if answered.ok:
-                self._mission_waits = sender
-            done(answered)
-
-        self._try(sender, SetMode(mode=Mode.AUTO), Mode.AUTO, None, entered)
-
-    def _started(self, sender: Sender, answered: Answered) -> None:
+    async def _start_waiting(self, sender: Sender) -> None:
+        answered = await self.start_mission(sender)
         if not answered.ok:
             words = f"mission not started: {answered.text}"
             self._vehicle.refusals.say(words, sender.client, self._now_ns)
 
-    def _try(
-        self,
-        sender: Sender,
-        operation: Operation[Any],
-        mode: Mode,
-        number: int | None,
-        done: Done,
-    ) -> None:
+    async def _try(
+        self, sender: Sender, operation: Operation[Any], mode: Mode, number: int | None = None
+    ) -> Answered:
+        """Perform an operation, again until the robot has received the operator's heartbeat."""
         self._mission_waits = None
-        until_ns = self._now_ns + PATIENCE_NS
-        stops = self._vehicle.control.stops
-        self._perform(DriveAttempt(sender, operation, mode, number, done, until_ns, stops))
+        until_ns, stops = self._now_ns + PATIENCE_NS, self._vehicle.control.stops
+        while is_early(answered := await self._vehicle.perform(sender, operation)):
+            if self._now_ns >= until_ns:
+                break
+            begun: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+            self._rounds.append(begun)
+            await begun
+            if self._vehicle.control.stops != stops:
+                return Answered(None, OVERTAKEN)
+        if answered.ok:
+            self._vehicle.modes.accepted(mode, number)
+        return answered
 
-    def _perform(self, attempt: DriveAttempt) -> None:
-        def ended(answered: Answered) -> None:
-            outcome = answered.outcome
-            is_early = isinstance(outcome, Refused) and outcome.reason == Reason.NO_OPERATOR
-            if is_early and self._now_ns < attempt.until_ns:
-                self._again.append(attempt)
-                return
-            if answered.ok:
-                self._vehicle.modes.accepted(attempt.mode, attempt.number)
-            attempt.done(answered)
 
-        self._vehicle.perform(attempt.sender, attempt.operation, ended)
+def is_early(answered: Answered) -> bool:
+    """Return whether the robot has not received the operator's heartbeat yet."""
+    outcome = answered.outcome
+    return isinstance(outcome, Refused) and outcome.reason == Reason.NO_OPERATOR

@@ -7,7 +7,7 @@ from math import radians
 from typing import Any
 
 from checks.harness.messages import make
-from checks.harness.played_gateway import PlayedEndpoint, PlayedGateway, PlayedWork
+from checks.harness.played_gateway import LOOP, PlayedEndpoint, PlayedGateway, PlayedWork
 from gateways.mavlink.clients import NoFile
 from gateways.mavlink.endpoints import Endpoint
 from gateways.mavlink.mav_service import MavService, Sender
@@ -162,17 +162,45 @@ class Bench:
         self.now_ns = 0
         self.vehicle = MavVehicle(system, self.port, ORIGIN, self.now_ns)
         self.vehicle.parameters |= READ
-        self.settle = self.port.settle = PlayedWork(self.vehicle).settle
+        self._work = PlayedWork(self.vehicle)
+        self.settle = self.port.settle = self._work.settle
         self.face = Face(self.vehicle, [service(self.vehicle) for service in services])
 
     def send(self, message: MavMessage, sender: Sender = CLIENT) -> list[MavMessage]:
         """Give a message to the face; return what it sends at once."""
-        self.face.receive(message, sender, self.now_ns)
-        self.settle()
+        self.receive(message, sender)
         return self.sent()
+
+    def receive(self, message: MavMessage, sender: Sender = CLIENT) -> None:
+        """Give a message to the face."""
+        self._work.within(self.face.receive, message, sender, self.now_ns)
+        self.settle()
+
+    def perform(
+        self, sender: Sender, operation: Operation[Any], answers: list[Answered] | None = None
+    ) -> None:
+        """Let a client perform an operation; add its end to `answers`."""
+
+        async def performed() -> None:
+            answered = await self.vehicle.perform(sender, operation)
+            if answers is not None:
+                answers.append(answered)
+
+        self._work.within(self.vehicle.start, performed())
+        self.settle()
+
+    def take_control(self, sender: Sender) -> None:
+        """Give control to a client."""
+        LOOP.run(self.vehicle.control.ensure(sender))
+
+    def due(self) -> None:
+        """Let the face do what is due."""
+        self._work.within(self.face.due, self.now_ns)
+        self.settle()
 
     def sent(self, client: int | None = None) -> list[MavMessage]:
         """Return the messages that wait in the outbox, for everyone or this client."""
+        self.settle()
         taken = self.vehicle.outbox.take()
         return [one.message for one in taken if client is None or one.client in (None, client)]
 
@@ -182,8 +210,7 @@ class Bench:
         end_ns = self.now_ns + round(seconds * 1e9)
         while self.now_ns < end_ns:
             self.now_ns += 20_000_000
-            self.face.due(self.now_ns)
-            self.settle()
+            self.due()
             found += self.sent()
         return found
 

@@ -71,7 +71,7 @@ def test_unknown_command_is_unsupported_at_once(bench: Bench) -> None:
 
 
 def test_ack_goes_to_the_sender_only(bench: Bench) -> None:
-    bench.face.receive(command(ARM, 1), OTHER, 0)
+    bench.receive(command(ARM, 1), OTHER)
     bench.port.answer()
     sends = bench.vehicle.outbox.take()
     assert [(one.client, one.message.target_system) for one in sends] == [(2, 254)]
@@ -544,7 +544,7 @@ def test_home_in_a_local_frame_is_refused(upkeep_bench: Bench) -> None:
 
 
 def test_home_of_another_client_is_refused(upkeep_bench: Bench) -> None:
-    upkeep_bench.vehicle.control.ensure(CLIENT, lambda _: None)
+    upkeep_bench.take_control(CLIENT)
     sent = upkeep_bench.send(command_int(SET_HOME, 0, x=X, y=Y), OTHER)
     assert acks(sent) == [(SET_HOME, NOT_IN_CONTROL)]
 

@@ -451,7 +451,7 @@ FASTEST_M_S, FASTEST_RAD_S = LIMITS["v_max_m_s"], LIMITS["yaw_max_rad_s"]
 @pytest.fixture
 def manual_bench() -> Bench:
     bench = driving_bench(Mode.MANUAL)
-    bench.vehicle.control.ensure(CLIENT, lambda _: None)
+    bench.take_control(CLIENT)
     bench.face.join(CLIENT.client)
     return bench
 

@@ -273,13 +273,11 @@ def test_ten_thousand_sessions_are_bounded(bench: ParameterBench) -> None:
     before = open_files()
     for number in range(10_000):
         sender = CLIENT._replace(system=number % 250, component=number // 250)
-        bench.face.receive(asked(Opcode.OPEN, PATH, session=number % 256), sender, 0)
-        bench.settle()
+        bench.receive(asked(Opcode.OPEN, PATH, session=number % 256), sender)
     assert open_files() - before == MAX_OF_CLIENT
     bench.sent()
     for client in range(100, 100 + 2 * MAX_OPEN):
-        bench.face.receive(asked(Opcode.OPEN, PATH), CLIENT._replace(client=client), 0)
-        bench.settle()
+        bench.receive(asked(Opcode.OPEN, PATH), CLIENT._replace(client=client))
     found = [Reply(one) for one in of_type(bench.sent(), "FILE_TRANSFER_PROTOCOL")]
     assert open_files() - before == MAX_OPEN
     assert found[-1].data == bytes([Failure.NO_SESSIONS])
@@ -290,8 +288,7 @@ def test_ten_thousand_sessions_are_bounded(bench: ParameterBench) -> None:
 def test_files_of_a_client_that_has_gone_are_closed(bench: ParameterBench) -> None:
     before = open_files()
     opened(bench)
-    bench.face.receive(asked(Opcode.CHECKSUM, PATH, session=1), CLIENT, 0)
-    bench.settle()
+    bench.receive(asked(Opcode.CHECKSUM, PATH, session=1), CLIENT)
     assert open_files() == before + 2
     bench.face.forget(CLIENT.client)
     assert open_files() == before
@@ -374,7 +371,7 @@ def test_random_payloads_raise_nothing(bench: ParameterBench) -> None:
         payload[4] %= 241
         if source.random() < 0.5:
             payload[12 : 12 + len(PATH)] = PATH
-        bench.face.receive(message_of(payload), CLIENT, bench.now_ns)
+        bench.receive(message_of(payload), CLIENT)
         if not source.randrange(100):
             bench.after(0.02)
     bench.face.forget(CLIENT.client)

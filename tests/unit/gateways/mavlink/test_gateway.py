@@ -123,7 +123,7 @@ def test_1000_commands_for_one_robot_never_reach_the_other() -> None:
     for bench in (first, second):
         bench.face = face_of(bench.vehicle)
         bench.port.telemetry |= everything()
-        bench.face.due(0)
+        bench.due()
         bench.vehicle.outbox.take()
     for turn, number in enumerate(islice(cycle(NUMBERS), 1_000)):
         sender = CLIENT._replace(system=100 + turn % 50)

@@ -272,7 +272,7 @@ def test_bad_setpoint_says_why(bench: Bench) -> None:
 
 
 def test_setpoint_of_another_client_is_refused(bench: Bench) -> None:
-    bench.vehicle.control.ensure(CLIENT, lambda _: None)
+    bench.take_control(CLIENT)
     sent = bench.send(local_target(vx=0.5), OTHER)
     assert "MAVLink 255" in words(sent)
     assert performed(bench) == []

@@ -149,13 +149,13 @@ def test_another_log_replaces_the_one_that_is_sent(bench: ParameterBench) -> Non
 
 def test_flood_of_requests_is_bounded(bench: ParameterBench) -> None:
     for _ in range(10_000):
-        bench.face.receive(wanted(2, 0, 1), CLIENT, 0)
+        bench.receive(wanted(2, 0, 1), CLIENT)
     assert len(of_type(bench.after(2.0), "LOG_DATA")) == MAX_RANGES
 
 
 def test_two_clients_download_at_once(bench: ParameterBench) -> None:
-    bench.face.receive(wanted(1), CLIENT, 0)
-    bench.face.receive(wanted(2), OTHER, 0)
+    bench.receive(wanted(1), CLIENT)
+    bench.receive(wanted(2), OTHER)
     found = of_type(bench.after(2.0), "LOG_DATA")
     assert content([one for one in found if one.id == 1]) == CONTENTS[OLD]
     assert content([one for one in found if one.id == 2]) == CONTENTS[NEW]

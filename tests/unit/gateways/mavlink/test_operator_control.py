@@ -89,7 +89,7 @@ def test_owner_is_asked_and_may_permit_or_release(bench: ControlBench) -> None:
     bench.asks(CLIENT)
     bench.vehicle.outbox.take()
     message = command(CONTROL, 1, 0, 10, OTHER.system)
-    bench.face.receive(message, OTHER, bench.now_ns)
+    bench.receive(message, OTHER)
     sends = bench.vehicle.outbox.take()
     (question,) = [one for one in sends if one.message.get_type() == "COMMAND_LONG"]
     assert question.client == CLIENT.client
@@ -194,7 +194,7 @@ def reason_of(answer: Answered) -> int:
 
 def test_first_command_takes_the_lease() -> None:
     bench, answers = Bench(), list[Answered]()
-    bench.vehicle.perform(CLIENT, Arm(), answers.append)
+    bench.perform(CLIENT, Arm(), answers)
     assert bench.port.leases == [(LeaseAction.TAKE, "MAVLink 255")]
     bench.port.answer()
     assert answers[0].ok
@@ -203,8 +203,8 @@ def test_first_command_takes_the_lease() -> None:
 
 def test_command_of_another_client_is_refused() -> None:
     bench, answers = Bench(), list[Answered]()
-    bench.vehicle.perform(CLIENT, Arm(), answers.append)
-    bench.vehicle.perform(OTHER, Arm(), answers.append)
+    bench.perform(CLIENT, Arm(), answers)
+    bench.perform(OTHER, Arm(), answers)
     assert reason_of(answers[0]) == Reason.LEASE_HELD
     assert "MAVLink 255" in answers[0].text
 
@@ -218,12 +218,12 @@ def test_stranger_with_the_same_ids_gets_no_control(remote: Sender | None) -> No
     bench, answers = Bench(), list[Answered]()
     owner = CLIENT._replace(is_loopback=remote is SAME)
     stranger = SAME._replace(is_loopback=remote is CLIENT)
-    bench.vehicle.perform(owner, Arm(), answers.append)
-    bench.vehicle.perform(stranger, Arm(), answers.append)
+    bench.perform(owner, Arm(), answers)
+    bench.perform(stranger, Arm(), answers)
     assert reason_of(answers[0]) == Reason.LEASE_HELD
     assert answers[0].text.startswith("the same ids 255/190 are in control from another address")
     bench.after(SILENCE_NS / 1e9 - 0.1)
-    bench.vehicle.perform(stranger, Arm(), answers.append)
+    bench.perform(stranger, Arm(), answers)
     assert not answers[1].ok
     assert bench.vehicle.control.holds(owner)
 
@@ -232,12 +232,12 @@ def test_stranger_with_the_same_ids_gets_no_control(remote: Sender | None) -> No
 @each("quiet_s", [0.0, 0.5, 1.0, 3.0])
 def test_client_that_is_back_at_another_address_gets_control(back: Sender, quiet_s: float) -> None:
     bench, answers = Bench(), list[Answered]()
-    bench.vehicle.perform(CLIENT, Arm(), lambda _: None)
+    bench.perform(CLIENT, Arm())
     bench.port.answer()
     bench.after(quiet_s)
     bench.send(HEARTBEAT, back)
-    bench.vehicle.perform(back, Hold(), answers.append)
-    bench.vehicle.perform(back, Resume(), answers.append)
+    bench.perform(back, Hold(), answers)
+    bench.perform(back, Resume(), answers)
     told = bench.after(0.95)
     assert bench.vehicle.control.holds(back)
     assert bench.port.performed == [Arm(), Hold(), Resume()]
@@ -248,9 +248,9 @@ def test_client_that_is_back_at_another_address_gets_control(back: Sender, quiet
 @each("sign_of_life", ["heartbeat", "answer"])
 def test_station_that_lives_keeps_control_from_its_twin(sign_of_life: str) -> None:
     bench, answers = Bench(ClockSync), list[Answered]()
-    bench.vehicle.perform(CLIENT, Arm(), lambda _: None)
+    bench.perform(CLIENT, Arm())
     bench.after(0.7)
-    bench.vehicle.perform(SAME, Arm(), answers.append)
+    bench.perform(SAME, Arm(), answers)
     assert answers == []
     asked = bench.after(0.1)
     assert [one.get_type() for one in asked].count("PING") == 1
@@ -265,8 +265,8 @@ def test_station_that_lives_keeps_control_from_its_twin(sign_of_life: str) -> No
 @each("component", [0, 191])
 def test_text_names_the_component_if_the_system_is_the_same(component: int) -> None:
     bench, answers = Bench(), list[Answered]()
-    bench.vehicle.perform(CLIENT, Arm(), answers.append)
-    bench.vehicle.perform(SAME._replace(component=component), Arm(), answers.append)
+    bench.perform(CLIENT, Arm(), answers)
+    bench.perform(SAME._replace(component=component), Arm(), answers)
     assert answers[0].text == "refused: another operator commands the robot: MAVLink 255/190"
 
 
@@ -274,17 +274,18 @@ def test_what_waited_for_control_moves_nothing_after_a_stop() -> None:
     bench, answers = Bench(), list[Answered]()
     granted: list[Done] = []
     bench.port.change_lease = lambda *given: granted.append(given[2])  # type: ignore[method-assign]
-    bench.vehicle.perform(CLIENT, Resume(), answers.append)
-    bench.vehicle.perform(OTHER, Hold(), answers.append)
+    bench.perform(CLIENT, Resume(), answers)
+    bench.perform(OTHER, Hold(), answers)
     granted[0](Answered(Accepted(1)))
+    bench.settle()
     assert bench.port.performed == [Hold()]
     assert [one.error for one in answers] == [OVERTAKEN]
 
 
 def test_command_that_only_stops_needs_no_control() -> None:
     bench, answers = Bench(), list[Answered]()
-    bench.vehicle.perform(CLIENT, Arm(), answers.append)
-    bench.vehicle.perform(OTHER, Hold(), answers.append)
+    bench.perform(CLIENT, Arm(), answers)
+    bench.perform(OTHER, Hold(), answers)
     assert bench.port.performed == [Arm(), Hold()]
 
 
@@ -293,11 +294,12 @@ def test_flood_of_requests_for_control_is_bounded() -> None:
     granted: list[Done] = []
     bench.port.change_lease = lambda *given: granted.append(given[2])  # type: ignore[method-assign]
     for number in range(1_000):
-        bench.vehicle.perform(CLIENT._replace(system=number % 250), Arm(), answers.append)
+        bench.perform(CLIENT._replace(system=number % 250), Arm(), answers)
     assert len(answers) == 1_000 - MAX_TAKING
     assert all(one.error == BUSY for one in answers)
     (grant,) = granted
     grant(Answered(Accepted(1)))
+    bench.settle()
     assert bench.port.performed == [Arm()]
     assert len(answers) == 999
 
@@ -305,14 +307,14 @@ def test_flood_of_requests_for_control_is_bounded() -> None:
 def test_lease_of_another_operator_is_named() -> None:
     bench, answers = Bench(), list[Answered]()
     bench.port.holder = "ada"
-    bench.vehicle.perform(CLIENT, Arm(), answers.append)
+    bench.perform(CLIENT, Arm(), answers)
     assert "ada" in answers[0].text
     assert bench.port.performed == []
 
 
 def test_client_that_may_only_watch_commands_nothing() -> None:
     bench, answers = Bench(), list[Answered]()
-    bench.vehicle.perform(CLIENT._replace(barred=WATCHER), Hold(), answers.append)
+    bench.perform(CLIENT._replace(barred=WATCHER), Hold(), answers)
     assert not answers[0].ok
     assert not bench.port.performed
     assert not bench.port.leases
@@ -320,7 +322,7 @@ def test_client_that_may_only_watch_commands_nothing() -> None:
 
 def test_heartbeat_to_the_robot_ends_with_the_client() -> None:
     bench = Bench()
-    bench.vehicle.perform(CLIENT, Arm(), lambda _: None)
+    bench.perform(CLIENT, Arm())
     bench.send(HEARTBEAT)
     bench.after(SILENCE_NS / 1e9)
     sent = bench.port.heartbeats
@@ -337,7 +339,7 @@ def test_client_that_the_robot_has_not_missed_is_in_control_again(
     back_s: float, is_kept: bool
 ) -> None:
     bench = Bench()
-    bench.vehicle.perform(CLIENT, Arm(), lambda _: None)
+    bench.perform(CLIENT, Arm())
     bench.after(SILENCE_NS / 1e9 + back_s)
     sent = bench.port.heartbeats
     bench.send(HEARTBEAT)
@@ -348,9 +350,9 @@ def test_client_that_the_robot_has_not_missed_is_in_control_again(
 
 def test_another_client_gets_control_after_the_silence() -> None:
     bench, answers = Bench(), list[Answered]()
-    bench.vehicle.perform(CLIENT, Arm(), lambda _: None)
+    bench.perform(CLIENT, Arm())
     bench.after(SILENCE_NS / 1e9)
-    bench.vehicle.perform(OTHER, Arm(), answers.append)
+    bench.perform(OTHER, Arm(), answers)
     told = bench.after(0.02)
     assert bench.vehicle.control.holds(OTHER)
     assert "MAVLink 254 has taken control" in words(told)
@@ -360,7 +362,7 @@ def test_another_client_gets_control_after_the_silence() -> None:
 
 def test_frames_for_other_robots_are_signs_of_life() -> None:
     bench = Bench()
-    bench.vehicle.perform(CLIENT, Arm(), lambda _: None)
+    bench.perform(CLIENT, Arm())
     for _ in range(8):
         bench.after(1.0)
         bench.send(mavlink.MAVLink_param_request_list_message(7, 1))
@@ -369,7 +371,7 @@ def test_frames_for_other_robots_are_signs_of_life() -> None:
 
 def test_control_is_lost_with_the_lease() -> None:
     bench = Bench()
-    bench.vehicle.perform(CLIENT, Arm(), lambda _: None)
+    bench.perform(CLIENT, Arm())
     lease = LeaseStatus(time_ns=0, lapses_ms=1000, held=1, holder=IDENTITY, name="MAVLink 255")
     bench.port.telemetry["lease"] = lease
     bench.after(1.0)
@@ -387,7 +389,7 @@ def test_lease_that_another_program_of_the_gateway_took_is_its_own() -> None:
     bench.port.telemetry["lease"] = LeaseStatus(
         time_ns=0, lapses_ms=1000, held=1, holder="gateway/6", name="MAVLink 255"
     )
-    bench.vehicle.perform(CLIENT, Arm(), lambda _: None)
+    bench.perform(CLIENT, Arm())
     bench.after(1.0)
     assert not bench.vehicle.control.is_foreign
     assert bench.vehicle.control.holds(CLIENT)

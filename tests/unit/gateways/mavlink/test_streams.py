@@ -61,7 +61,7 @@ class Rates:
         found: Counter[str] = Counter()
         for _ in range(50 * seconds):
             self.bench.now_ns += 20_000_000
-            self.bench.face.due(self.bench.now_ns)
+            self.bench.due()
             found.update(message.get_type() for message in self.bench.sent(client))
         return found
 
@@ -168,7 +168,7 @@ def sent_bytes_s(rates: Rates, seconds: int) -> float:
     total = 0
     for _ in range(50 * seconds):
         rates.bench.now_ns += 20_000_000
-        rates.bench.face.due(rates.bench.now_ns)
+        rates.bench.due()
         total += sum(len(one.pack(encoder)) for one in rates.bench.sent(CLIENT.client))
     return total / seconds
 
@@ -301,12 +301,12 @@ def test_each_client_is_told_once_why_and_when_it_is_over(bench: Bench) -> None:
     assert words(bench.after(0.2)).startswith("no telemetry arrives from the robot")
     bench.face.join(OTHER.client)
     bench.now_ns += 20_000_000
-    bench.face.due(bench.now_ns)
+    bench.due()
     assert words(bench.sent(CLIENT.client)) == ""
     bench.after(3.9)
     bench.port.telemetry |= everything()
     bench.now_ns += 20_000_000
-    bench.face.due(bench.now_ns)
+    bench.due()
     sends = [one for one in bench.vehicle.outbox.take() if one.message.get_type() == "STATUSTEXT"]
     assert [one.client for one in sends] == [CLIENT.client, OTHER.client]
     assert words([sends[0].message]) == "telemetry arrives again, after 5 s"
@@ -568,7 +568,7 @@ def test_origin_in_space_is_refused() -> None:
 
 def test_other_client_does_not_move_the_origin() -> None:
     bench = origin_bench()
-    bench.vehicle.control.ensure(OTHER, lambda _: None)
+    bench.take_control(OTHER)
     assert move(bench, THERE).latitude == HERE[0]
 
 
@@ -604,7 +604,7 @@ def test_command_moves_the_origin_too(x: int, height_m: float, result: int) -> N
 def test_timesync_is_answered_to_its_sender_in_the_time_of_the_messages() -> None:
     bench = Bench(ClockSync)
     bench.after(2.0)
-    bench.face.receive(TimeSync(0, 77), CLIENT, bench.now_ns)
+    bench.receive(TimeSync(0, 77), CLIENT)
     (send,) = bench.vehicle.outbox.take()
     answer = send.message
     assert (send.client, answer.ts1, answer.tc1) == (CLIENT.client, 77, 2_000_000_000)
