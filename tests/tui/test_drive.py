@@ -83,7 +83,7 @@ async def test_draft_is_shown_until_the_robot_has_it() -> None:
         await stage.redraw()
         assert stage.drive.map.scene.draft == ways
         assert "2 waypoints, W sends" in stage.words("side")
-        stage.station.items_now = ways
+        stage.station.mission_items_now = ways
         await stage.redraw()
         assert not stage.drive.map.scene.draft
         assert "waypoints" not in stage.words("side")

@@ -152,6 +152,6 @@ def test_draft_of_a_sent_mission_is_not_needed() -> None:
     for goal_id in (7, 8):
         drive.state(GoalState.REACHED, goal_id=goal_id)
         drive.step_after()
-    drive.station.items_now = (MapTarget(1.0, 1.0),)
+    drive.station.mission_items_now = (MapTarget(1.0, 1.0),)
     drive.mission(MissionState.READY)
     assert drive.step_after() == 5

@@ -160,7 +160,7 @@ async def test_one_key_sends_starts_and_lists_the_mission() -> None:
         await stage.redraw()
         assert stage.words("keybar").startswith(" space E-STOP  W Send 2 waypoints ")
         await stage.press("W")
-        station.items_now = WAYS
+        station.mission_items_now = WAYS
         ready = make(
             MissionStatus, time_ns=station.now_ns, state=MissionState.READY, count=2,
             mission_id=1,

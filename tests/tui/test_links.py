@@ -86,8 +86,8 @@ async def test_links_show_restarts_and_their_cause() -> None:
     async with staged() as stage:
         await stage.press("5")
         assert "restarted" not in stage.words("about")
-        stage.station.restarts_now = {Role.ROBOT: 1, Role.PLANT: 2}
-        stage.station.cause_now = "the one before was killed (signal SIGKILL)"
+        stage.station.restarts_of = {Role.ROBOT: 1, Role.PLANT: 2}
+        stage.station.restart_cause_now = "the one before was killed (signal SIGKILL)"
         await stage.redraw()
         rows = stage.words("about").splitlines()
         assert rows[1].endswith("restarted 1 time; the one before was killed (signal SIGKILL)")
@@ -107,12 +107,12 @@ def lossy() -> FakeStation:
     """Return a station with two robots, of which the streams of r1 lose frames."""
     station = driving(FakeStation())
     station.robots_now = ["r1", "r2"]
-    station.roster_now = [
+    station.entries = [
         RosterEntry("r2", False, Attention.NONE, "ready", NOTHING, round_trip_ms=31.0)
     ]
-    station.streams_now = [
+    station.rows = [
         row._replace(lost=number, lost_percent=float(number))
-        for number, row in enumerate(station.streams_now)
+        for number, row in enumerate(station.rows)
     ]
     return station
 
@@ -156,11 +156,11 @@ async def test_rejected_frames_fit_into_eighty_columns(is_framed: bool, columns:
         failed = stopped_status(Vehicle.FAILSAFE, station.now_ns)
         station.bus.say(STATUS, failed)
     async with staged((80, 24), station=station) as stage:
-        first = stage.station.streams_now[0]
+        first = stage.station.rows[0]
         why = "has dialect 3, this station has 4"
-        stage.station.streams_now = [
+        stage.station.rows = [
             first._replace(rejected=4321, last_rejection=why),
-            *stage.station.streams_now[1:],
+            *stage.station.rows[1:],
         ]
         await stage.press("5", "down")
         assert stage.app.screen.query_one("#columns").size.width == columns
@@ -252,7 +252,7 @@ def test_place_of_the_roster_depends_on_the_number_of_robots() -> None:
 async def test_click_on_the_roster_selects_the_robot() -> None:
     async with staged(size=(80, 24)) as stage:
         stage.station.robots_now = ["r1", "r2", "r3"]
-        stage.station.roster_now = FLEET
+        stage.station.entries = FLEET
         await stage.redraw()  # makes the row visible
         await stage.redraw()
         roster = stage.app.screen.query_one("#roster", ButtonRow)

@@ -259,7 +259,7 @@ def test_sentence_is_kept_for_half_a_second_unless_the_state_changes() -> None:
 def test_fields_of_the_status_line_have_a_fixed_width() -> None:
     def shown(trip_ms: float, percent: float) -> str:
         station = driving(FakeStation())
-        station.round_trip_now, station.percent_now = trip_ms, percent
+        station.round_trip_ms_now, station.link_percent_now = trip_ms, percent
         return words_of(status_row(station, SessionInfo(kind="SIM 1.0x"), 80))
 
     for other in (shown(42.0, 100.0), shown(142.0, 99.0), shown(8.0, 9.0)):
@@ -341,7 +341,9 @@ def test_all_panel_characters_have_an_ascii_form() -> None:
 def test_mission_is_listed_around_the_current_item() -> None:
     station = driving(FakeStation())
     assert mission_rows(station) == []
-    station.items_now = tuple(MapTarget(float(k), 1.0, None if k else 0.0) for k in range(12))
+    station.mission_items_now = tuple(
+        MapTarget(float(k), 1.0, None if k else 0.0) for k in range(12)
+    )
     running = MissionStatus(
         time_ns=station.now_ns, mission_id=1, hold_left_ms=2000, count=12, current=7,
         state=MissionState.RUNNING, reason=0,
@@ -405,7 +407,7 @@ def turned(ago_ns: int = 2 * S) -> FakeStation:
     """Return a station whose robot passed on the right, and `ago_ns` before now on the left."""
     station = driving(FakeStation())
     last_ns = station.now_ns - ago_ns
-    station.decisions_now = [
+    station.decided = [
         (last_ns + (tick - 2) * 50 * MS, decided(time_ns=tick * 50 * MS, branch=branch))
         for tick, branch in enumerate(TURNS)
     ]
@@ -439,10 +441,10 @@ async def test_turns_are_collected_on_other_screens() -> None:
     station = turned()
     async with staged((110, 30), station=station) as stage:
         await stage.press("4")
-        station.decisions_now.append(
+        station.decided.append(
             (station.now_ns - S, decided(time_ns=150 * MS, branch=Branch.TO_GOAL))
         )
-        station.decisions_now.append(
+        station.decided.append(
             (station.now_ns - S + 50 * MS, decided(time_ns=200 * MS, branch=Branch.TO_GOAL))
         )
         await stage.press("1", "e")

@@ -198,11 +198,11 @@ SHOWS = ("drive", "params", "log", "links", "worlds", "faults", "completion")
 def hostile() -> FakeStation:
     station = driving(FakeStation())
     station.parameters_now = (replace(parameter(f"p{TEXT}", 0.3, 0.4, f"doc {TEXT}"), unit=TEXT),)
-    station.streams_now = [StreamRow(HEARTBEAT, 1.0, MS, Age.LIVE, 1, 0, 0.0, 3, f"no {TEXT}")]
+    station.rows = [StreamRow(HEARTBEAT, 1.0, MS, Age.LIVE, 1, 0, 0.0, 3, f"no {TEXT}")]
     station.lease_now = LeaseView(held=True, holder=TEXT, name=TEXT)
     station.robots_now = ["r1", f"r{TEXT}"]
-    station.last_now = station.cause_now = station.restarted_now = TEXT
-    station.restarts_now = {Role.ROBOT: 2}
+    station.last_command_now = station.restart_cause_now = station.restarted_now = TEXT
+    station.restarts_of = {Role.ROBOT: 2}
     for number in range(3):
         station.note(f"{number} {TEXT}", Severity.ERROR)
     station.loss_now = Loss(LossKind.HUNG, TEXT, TEXT, TEXT, station.now_ns)

@@ -168,7 +168,7 @@ def in_forest() -> FakeStation:
     station.world_now = world._replace(size_m=(7.0, 7.0))
     trees = tuple(Disc(1.0 + 1.3 * (k % 5), 0.8 + 1.2 * (k // 5), 0.15) for k in range(25))
     around = [(3.0 + 1.2 * cos(k / 9), 2.4 + 1.2 * sin(k / 9)) for k in range(57)]
-    station.items_now = (MapTarget(1.6, 5.0), MapTarget(6.0, 6.2, 0.0), MapTarget(6.2, 1.4))
+    station.mission_items_now = (MapTarget(1.6, 5.0), MapTarget(6.0, 6.2, 0.0), MapTarget(6.2, 1.4))
     station.scene_now = replace(
         station.scene_now,
         size_m=(7.0, 7.0),
@@ -182,7 +182,7 @@ def in_forest() -> FakeStation:
         hits=(),
         virtual_goal=None,
         goal=MapTarget(6.0, 6.2, 0.0),
-        mission=station.items_now,
+        mission=station.mission_items_now,
         current=1,
     )
     running = make(

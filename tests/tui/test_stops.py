@@ -162,14 +162,14 @@ async def test_stop_of_another_robot_has_a_row_of_its_own() -> None:
     station.robots_now = ["r1", "r2", "r3", "r4"]
     failed = stopped_status(Vehicle.FAILSAFE, station.now_ns)
     halted = stopped_status(Vehicle.EMERGENCY_STOP, station.now_ns)
-    station.roster_now = [entry("r2", failed), entry("r3", halted, Age.GONE)]
+    station.entries = [entry("r2", failed), entry("r3", halted, Age.GONE)]
     async with staged(station=station) as stage:
         assert " ".join(stage.words("alarm").split()) == (
             "r2 FAILSAFE: control loop too slow (computer busy) [ ] select"
         )
         assert roles(stage) == {"failsafe"}
         assert not stage.app.screen.has_class("-failsafe")
-        station.roster_now = [entry("r2", failed), entry("r3", halted)]
+        station.entries = [entry("r2", failed), entry("r3", halted)]
         await stage.redraw()
         assert "r2 FAILSAFE, r3 EMERGENCY STOP" in stage.words("alarm")
         assert roles(stage) == {"alarm"}
@@ -186,7 +186,7 @@ def left(stage: Stage) -> bool:
 def under_way(**changes: int) -> FakeStation:
     station = driving(FakeStation())
     message: NavigatorStatus = replace(status(station.now_ns), **changes)
-    station.roster_now = [entry("r1", message)]
+    station.entries = [entry("r1", message)]
     return station
 
 
@@ -206,7 +206,7 @@ async def test_robot_that_is_not_selected_keeps_the_app_open_too() -> None:
     station = under_way(goal=GoalState.REACHED)
     station.robots_now = ["r1", "r2"]
     by_hand = replace(status(station.now_ns), mode=Mode.MANUAL, goal=GoalState.NONE)
-    station.roster_now.append(entry("r2", by_hand))
+    station.entries.append(entry("r2", by_hand))
     async with staged(station=station) as stage:
         await stage.press("ctrl+q")
         assert "r2 drives" in stage.log()
@@ -303,8 +303,8 @@ class Ear:
 def show(stage: Stage, robot: str, shown: NavigatorStatus, age: Age = Age.LIVE) -> None:
     """Let the app see a status of a robot, several times."""
     stage.station.robots_now = sorted({*stage.station.robots_now, robot})
-    others = [one for one in stage.station.roster_now if one.robot != robot]
-    stage.station.roster_now = [*others, entry(robot, shown, age)]
+    others = [one for one in stage.station.entries if one.robot != robot]
+    stage.station.entries = [*others, entry(robot, shown, age)]
     for _ in range(3):
         stage.app.sample()
 
@@ -386,7 +386,7 @@ async def test_robots_that_are_watched_no_more_are_forgotten() -> None:
         failed = stopped_status(Vehicle.FAILSAFE, stage.station.now_ns)
         for number in range(MOST_KEPT + 1):
             stage.station.robots_now = ["r1", f"x{number}"]
-            stage.station.roster_now = [entry(f"x{number}", failed)]
+            stage.station.entries = [entry(f"x{number}", failed)]
             stage.app._alerts.poll()
         stage.app._alerts.poll()
         assert set(stage.app._alerts.watch._robots) == {f"x{MOST_KEPT}"}
@@ -399,7 +399,7 @@ async def test_robot_that_comes_and_goes_in_failsafe_rings_once() -> None:
         for _ in range(10):
             show(stage, "r2", failed)
             show(stage, "r2", failed, Age.GONE)
-            stage.station.roster_now, stage.station.robots_now = [], ["r1"]
+            stage.station.entries, stage.station.robots_now = [], ["r1"]
             stage.app.sample()
         assert ear.rings == 1
 

@@ -11,16 +11,15 @@ from ground.client.outcomes import Outcome
 from ground.client.parameter import Parameter
 from ground.client.presence import PresentProcesses
 from ground.client.session import Operation
-from ground.client.telemetry import Age, AgedMessage, Telemetry
+from ground.client.telemetry import Age, AgedMessage
 from ground.console.app_commands import AppCommand
 from ground.console.completion import Assistance, Candidate, assist
 from ground.console.spelling import line_of
 from ground.map.scene import MapScene, MapTarget, Outline, RobotMark
 from ground.station.fleet import Attention, RosterEntry, by_attention
 from ground.station.history.decision_history import Moment
-from ground.station.history.event_log import EventLog, LogLine
+from ground.station.history.event_log import EventLog
 from ground.station.history.goal_progress import GoalProgress
-from ground.station.history.time_series import MessageSeries, SeriesTable
 from ground.station.link.loss import Loss
 from ground.station.link.streams import StreamRow
 from ground.station.robot.background_requests import JobResult
@@ -35,12 +34,11 @@ from protocol.topics import (
     ODOMETRY,
     SONAR,
     STATUS,
-    TOPICS,
     TRUTH,
     Role,
     Topic,
 )
-from protocol.wire.enums import Branch, GoalState, Severity, Vehicle
+from protocol.wire.enums import Branch, GoalState, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     AvoidanceDecision,
@@ -56,166 +54,110 @@ from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
 from runtime.units import NS_PER_MS as MS
 from runtime.units import NS_PER_S as S
+from tests.support.ground.station import Inline
 from tests.support.played_bus import PlayedBus
 
 NOTHING = AgedMessage(None, None, Age.GONE)
 
 
 class FakeStation(Station):
-    """A station whose attributes are public; requests run at once and are kept in `asked`."""
+    """The station on a played bus, which a test does not poll; it shows what the test pins.
+
+    `station.loss_now = x` pins what `station.loss()` returns, and so on for every name of Station.
+    Requests run at once and are kept in `asked`.
+    """
+
+    live_now: bool
+    world_now: WorldFacts | None
+    loss_now: Loss | None
+    progress_now: GoalProgress
+    last_stop_now: StopRecord | None
+    stopping_now: str
+    restarted_now: str
+    restart_cause_now: str
+    last_command_now: str
 
     def __init__(self, clock: ManualClock | None = None) -> None:
         self.clock = clock or ManualClock(100 * S)
-        self._began_ns = self.clock.now_ns()
         self.bus = PlayedBus(self.clock)
-        self._telemetry = Telemetry(self.bus, "r1", TOPICS)
-        self._fields = MessageSeries(self._telemetry, self._began_ns)
-        self._figures, self.log = SeriesTable(), EventLog()
-        self.polls = 0
-        self.begun_again = 0
-        self.stops = 0
-        self.stops_of_all = 0
-        self.last_stop_now: StopRecord | None = None
+        super().__init__(self.bus, "r1", self.clock, workers=lambda _name: Inline())
+        self.log = EventLog()
+        here = frozenset({("r1", "robot"), ("r1", "plant"), ("r1", "ground")})
+        self._present = PresentProcesses(here)
         self.asked: list[str] = []
-        self.world_now: WorldFacts | None = None
+        self.polls = self.begun_again = self.stops = self.stops_of_all = 0
+        self.robot_now, self.robots_now = "r1", ["r1"]
         self.scene_now = MapScene()
-        self.decisions_now: list[tuple[int, AvoidanceDecision]] = []
-        self.loss_now: Loss | None = None
-        self.ready_now, self.waiting_now = True, ""
+        self.ready_now, self.waiting_for_now = True, ""
         self.lease_now = LeaseView()
         self.parameters_now: tuple[Parameter, ...] | None = ()
-        self.streams_now: list[StreamRow] = []
-        self.round_trip_now, self.percent_now = 12.0, 100.0
-        self.progress_now = GoalProgress()
-        self.items_now: tuple[MapTarget, ...] = ()
-        self.robots_now = ["r1"]
-        self.robot_now = "r1"
-        self.roster_now: list[RosterEntry] = []
-        self.stopping_now = ""
-        self.restarts_now: dict[Role, int] = {}
-        self.restarted_now = self.cause_now = ""
-        self.last_now = ""
-        self.live_now = True
-        self.closed = False
+        self.round_trip_ms_now, self.link_percent_now = 12.0, 100.0
+        self.mission_items_now: tuple[MapTarget, ...] = ()
+        self.restarts_of: dict[Role, int] = {}
+        self.entries: list[RosterEntry] = []
+        self.rows: list[StreamRow] = []
+        self.decided: list[tuple[int, AvoidanceDecision]] = []
 
-    def set_pace(self, pace: float) -> None:
-        self._telemetry.pace = pace
+    def __getattribute__(self, name: str) -> Any:
+        pinned = object.__getattribute__(self, "__dict__")
+        if f"{name}_now" not in pinned:
+            return super().__getattribute__(name)
+        value = pinned[f"{name}_now"]
+        return value if isinstance(vars(Station)[name], property) else lambda *_, **__: value
 
-    def begin_again(self, ended: Collection[str] = ()) -> None:
-        self.begun_again += 1
+    def __setattr__(self, name: str, value: object) -> None:
+        if name.endswith("_now") and name.removesuffix("_now") not in vars(Station):
+            raise AttributeError(f"a station has no {name.removesuffix('_now')}")
+        super().__setattr__(name, value)
+
+    @property
+    def _now_ns(self) -> int:
+        """The time of a poll that is always just now."""
+        return self.clock.now_ns()
+
+    @_now_ns.setter
+    def _now_ns(self, _: int) -> None:
+        """Ignore the time of the last poll."""
 
     def poll(self) -> None:
         self.polls += 1
 
-    def close(self) -> None:
-        self.closed = True
-
-    @property
-    def robot(self) -> str:
-        return self.robot_now
-
-    def robots(self) -> list[str]:
-        return self.robots_now
-
-    def roster(self, *, links: bool = False) -> list[RosterEntry]:
-        """Return `roster_now`, and a quiet entry for each other robot of `robots_now`."""
-        given = {entry.robot: entry for entry in self.roster_now}
-        entries = [
-            given.get(robot, RosterEntry(robot, False, Attention.NONE, "ready", NOTHING))
-            for robot in self.robots_now
-        ]
-        return by_attention(
-            entry._replace(is_selected=entry.robot == self.robot_now) for entry in entries
-        )
+    def begin_again(self, ended: Collection[str] = ()) -> None:
+        self.begun_again += 1
 
     def select(self, robot: str) -> None:
+        """Show the telemetry of r1 under another name."""
+        if not self._fleet.models:
+            super().select(robot)
         self.robot_now = robot
 
-    @property
-    def live(self) -> bool:
-        return self.live_now
+    def roster(self, *, links: bool = False) -> list[RosterEntry]:
+        """Return `entries`, and a quiet one for each other robot."""
+        given = {entry.robot: entry for entry in self.entries}
+        entries = [
+            given.get(robot, RosterEntry(robot, False, Attention.NONE, "ready", NOTHING))
+            for robot in self.robots()
+        ]
+        return by_attention(
+            entry._replace(is_selected=entry.robot == self.robot) for entry in entries
+        )
 
-    @property
-    def now_ns(self) -> int:
-        return self.clock.now_ns()
-
-    @property
-    def time_s(self) -> float:
-        return (self.clock.now_ns() - self._began_ns) / S
-
-    @property
-    def telemetry(self) -> Telemetry:
-        return self._telemetry
-
-    def seen(self, topic: Topic[Any]) -> AgedMessage:
-        return self._telemetry.seen(topic, self.now_ns)
+    def streams(self, robot: str = "") -> list[StreamRow]:
+        """Return `rows` for the selected robot; the others have no streams."""
+        return self.rows if robot in ("", self.robot) else []
 
     def status_of(self, robot: str) -> AgedMessage:
         return self.seen(STATUS)
 
-    @property
-    def present(self) -> PresentProcesses:
-        return PresentProcesses(frozenset({("r1", "robot"), ("r1", "plant"), ("r1", "ground")}))
-
-    def streams(self, robot: str = "") -> list[StreamRow]:
-        """Return `streams_now` for the selected robot; the others have no streams."""
-        return self.streams_now if robot in ("", self.robot_now) else []
-
     def restarts(self, role: Role) -> int:
-        return self.restarts_now.get(role, 0)
-
-    @property
-    def restarted(self) -> str:
-        return self.restarted_now
-
-    @property
-    def restart_cause(self) -> str:
-        return self.cause_now
-
-    @property
-    def round_trip_ms(self) -> float | None:
-        return self.round_trip_now
-
-    @property
-    def link_percent(self) -> float | None:
-        return self.percent_now
-
-    def loss(self) -> Loss | None:
-        return self.loss_now
-
-    @property
-    def ready(self) -> bool:
-        return self.ready_now
-
-    @property
-    def waiting_for(self) -> str:
-        return self.waiting_now
-
-    @property
-    def lease(self) -> LeaseView:
-        return self.lease_now
-
-    @property
-    def mission_items(self) -> tuple[MapTarget, ...]:
-        return self.items_now
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...] | None:
-        return self.parameters_now
+        return self.restarts_of.get(role, 0)
 
     def limit(self, name: str) -> float | None:
-        values = {one.name: one.value for one in self.parameters_now or ()}
-        return values.get(name)
+        return {one.name: one.value for one in self.parameters or ()}.get(name)
 
     @property
     def parameters_words(self) -> str:
-        return (
-            "41" if self.parameters_now is not None else "41 missing: requested 2 times, no answer"
-        )
-
-    @property
-    def world(self) -> WorldFacts | None:
-        return self.world_now
+        return "41" if self.parameters is not None else "41 missing: requested 2 times, no answer"
 
     @property
     def worst_cycle(self) -> CycleReport | None:
@@ -227,22 +169,6 @@ class FakeStation(Station):
         newest = self.telemetry.latest(SONAR)
         return 0 if newest is None else 0xFF & ~newest[0].valid
 
-    @property
-    def progress(self) -> GoalProgress:
-        return self.progress_now
-
-    @property
-    def fields(self) -> MessageSeries:
-        return self._fields
-
-    @property
-    def history(self) -> SeriesTable:
-        return self._figures
-
-    def note(self, text: str, severity: int = Severity.INFO) -> None:
-        self.answer = LogLine(self.time_s, severity, "ground", text)
-        self.log.add(self.answer)
-
     def moment(self, time_ns: int | None = None) -> Moment | None:
         heard, now_ns = self.telemetry, self.now_ns
         decision = heard.live(DECISION, now_ns)
@@ -252,13 +178,10 @@ class FakeStation(Station):
         return Moment(now_ns, decision, None, status, cycle)
 
     def decisions(self, after_ns: int) -> list[tuple[int, AvoidanceDecision]]:
-        return [pair for pair in self.decisions_now if pair[0] > after_ns]
-
-    def scene(self) -> MapScene:
-        return self.scene_now
+        return [pair for pair in self.decided if pair[0] > after_ns]
 
     def refusal(self, *, moves: bool = True) -> str:
-        return "" if self.ready_now or not moves else "no message from the robot for 2.0 s"
+        return "" if self.ready or not moves else "no message from the robot for 2.0 s"
 
     def submit(self, words: str, job: Callable[[], JobResult], *, moves: bool = True) -> bool:
         self.asked.append(words)
@@ -266,26 +189,11 @@ class FakeStation(Station):
         self.note(f"{words}: {why or job().text}")
         return not why
 
-    @property
-    def busy(self) -> str:
-        return ""
-
-    @property
-    def last_command(self) -> str:
-        return self.last_now
-
     def estop(self, robot: str = "") -> None:
         self.stops += 1
 
     def estop_all(self) -> None:
         self.stops_of_all += 1
-
-    def last_stop(self, robot: str) -> StopRecord | None:
-        return self.last_stop_now
-
-    @property
-    def stopping(self) -> str:
-        return self.stopping_now
 
     def take_lease(self, *, seize: bool = False) -> None:
         self.lease_now = LeaseView(held=True, ours=True)
@@ -355,7 +263,7 @@ def driving(station: FakeStation, at_s: float = 0.0) -> FakeStation:
         then = status(now_ns - round(ago_s * S))
         then = replace(then, goal_started_ns=now_ns - 8_900 * MS)
         then = replace(then, goal_distance_m=6.42 + 0.265 * ago_s)
-        station.progress_now.update(then)
+        station.progress.update(then)
     station.world_now = WorldFacts(
         "demo", (10.0, 8.0), (), (), (0.8, 1.0, 0.0), MapTarget(9.0, 7.0, 0.0), 0.12, "{}"
     )
@@ -365,7 +273,7 @@ def driving(station: FakeStation, at_s: float = 0.0) -> FakeStation:
         parameter("guard_stop_m", 0.1, 0.1, "nearer than this it does not drive ahead"),
         parameter("sonar_max_m", 3.0, 3.0, "farther than this there is no echo"),
     )
-    station.streams_now = [
+    station.rows = [
         StreamRow(topic, topic.rate_hz, 30 * MS, Age.LIVE, 178, 0, 0.0, 0, "")
         for topic in (HEARTBEAT, STATUS, ODOMETRY, SONAR, CYCLE)
     ]
@@ -481,8 +389,8 @@ def show(station: FakeStation, shown: NavigatorStatus) -> None:
     assert isinstance(odometry, PlanarOdometry)
     station.bus.say(STATUS, shown)
     station.bus.say(ODOMETRY, replace(odometry, speed_m_s=0.0, yaw_rate_rad_s=0.0))
-    station.roster_now = [*(one for one in station.roster_now if one.robot != "r1")]
-    station.roster_now.append(entry("r1", shown))
+    station.entries = [*(one for one in station.entries if one.robot != "r1")]
+    station.entries.append(entry("r1", shown))
 
 
 def stopped_status(vehicle: Vehicle, now_ns: int) -> NavigatorStatus:
