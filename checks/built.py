@@ -265,7 +265,9 @@ def firmware(variant: str = image.IMAGE.name) -> Path:
     chosen.folder.mkdir(parents=True, exist_ok=True)
     for path in entry.iterdir():
         target = chosen.folder / path.name
-        if path.name != LISTED and not _is_same(path, target):
+        if path.name != LISTED and not (
+            target.exists() and content_hash(path) == content_hash(target)
+        ):
             # Another process may read the old one at this moment.
             shutil.copy2(path, target.with_suffix(f".new-{os.getpid()}"))
             target.with_suffix(f".new-{os.getpid()}").replace(target)
@@ -276,10 +278,6 @@ def _fetch(place: Path) -> None:
     """Fetch the source of MicroPython, which is needed once for all states of the core."""
     build.fetch(place / build.TARBALL)
     build.check(place / build.TARBALL)
-
-
-def _is_same(path: Path, other: Path) -> bool:
-    return other.exists() and content_hash(path) == content_hash(other)
 
 
 # Environments of other programs

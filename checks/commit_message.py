@@ -14,15 +14,7 @@ SUBJECT = re.compile(r"[A-Za-z0-9_.,/ -]+: \S.*[^.\s]")
 GENERATED = ("Merge ", "Revert ", "fixup! ", "squash! ", "amend! ")
 NO_IMPERATIVE = re.compile(r"(\w+ed|\w+ing|fixes|adds|removes|changes|updates|renames)\b")
 IMPERATIVES = (
-    "bring",
-    "embed",
-    "exceed",
-    "feed",
-    "need",
-    "ring",
-    "seed",
-    "shed",
-    "speed",
+    *("bring", "embed", "exceed", "feed", "need", "ring", "seed", "shed", "speed"),
     "string",
 )
 

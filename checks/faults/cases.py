@@ -527,7 +527,11 @@ class Repetition:
         """Return how the repetition misses its requirement, in words; empty if it does not."""
         if self.trouble:
             return [self.trouble]
-        found = [f"{self.contacts} contacts"] if self.contacts and not may_touch(fault) else []
+        found = (
+            [f"{self.contacts} contacts"]
+            if self.contacts and fault.must is not Must.TOUCH_AT_MOST
+            else []
+        )
         if fault.must_stop:
             return found + self._late(fault)
         if self.missed_ticks:
@@ -550,11 +554,6 @@ class Repetition:
         if fault.stands_s is not None:
             found += over("stopped", self.stood_s, fault.stands_s)
         return found
-
-
-def may_touch(fault: FaultCase) -> bool:
-    """Return whether a fault may end in a contact."""
-    return fault.must is Must.TOUCH_AT_MOST
 
 
 def over(what: str, took_s: float | None, limit_s: float) -> list[str]:

@@ -482,7 +482,11 @@ class WallTimeDrill:
             return
         again_s = getattr(self._fault.act, "again_s", None)
         if again_s is None and self._stops:
-            stands_s = self._known_s() if self._fault.must is Must.SAY else self._stood_s()
+            stands_s = (
+                self._known_s()
+                if self._fault.must is Must.SAY
+                else stood_s(self._observer.seen(self._at_ns))
+            )
             again_s = None if stands_s is None else stands_s + HEALS_S
         if again_s is not None and now_s > again_s:
             self._healed_ns = monotonic_ns()
@@ -494,9 +498,6 @@ class WallTimeDrill:
     def _known_s(self) -> float | None:
         known_ns = self._observer.known_ns(self._at_ns)
         return None if known_ns is None else self._since(known_ns)
-
-    def _stood_s(self) -> float | None:
-        return stood_s(self._observer.seen(self._at_ns))
 
     def _check_impostor(self) -> None:
         """Raise RuntimeError when the robot has not reported the impostor."""

@@ -167,7 +167,7 @@ def forbidden() -> list[tuple[Service, Message]]:
     found: list[tuple[Service, Message]] = [(COMMAND, forged_command(n, n)) for n in COMMANDS]
     return [
         *found,
-        (COMMAND, forged_goal(99)),
+        (COMMAND, auto_goal_request(99, wire_goal(0.0, 0.0, None, 0.05, 0.009999))),
         (PARAMETER, ParamSet(param_id="v_max_m_s", param_value=0.01, param_type=9)),
         (LEASE_SERVICE, LeaseRequest(request_id=98, action=LeaseAction.TAKE, name="mallory")),
         (LEASE_SERVICE, LeaseRequest(request_id=97, action=LeaseAction.RELEASE, name="mallory")),
@@ -177,11 +177,6 @@ def forbidden() -> list[tuple[Service, Message]]:
 def forged_command(request_id: int, command: int, param1: float = 1.0) -> CommandRequest:
     """Return a command of an attacker."""
     return CommandRequest(request_id=request_id, param1=param1, param2=Mode.GUIDED, command=command)
-
-
-def forged_goal(request_id: int) -> GoalRequest:
-    """Return a goal of an attacker."""
-    return auto_goal_request(request_id, wire_goal(0.0, 0.0, None, 0.05, 0.009999))
 
 
 def forged_wheels(answered: int) -> Iterable[WheelCommand]:
@@ -216,11 +211,6 @@ class StopStatus(NamedTuple):
 
     at_ns: int
     stopped: bool
-
-
-def slice_of(at_ns: int) -> int:
-    """Return the number of the time slice that contains a monotonic time."""
-    return at_ns // SLICE_NS
 
 
 def unfounded(accepted: Mapping[int, int], shown: Sequence[StopStatus]) -> int:
@@ -363,7 +353,7 @@ class Attacker:
         word = "unanswered" if reply.ok is None else outcome_of(reply.ok)
         self.answers[word] += 1
         if word == ACTED:
-            self.accepted[slice_of(monotonic_ns())] += 1
+            self.accepted[(monotonic_ns() // SLICE_NS)] += 1
 
 
 def open_unrestricted(network: Network) -> zenoh.Session:

@@ -556,29 +556,12 @@ LINES: Final = (
 )
 TYPED_WORDS: Final = (
     *(
-        b"'",
-        b'"',
-        b"\\",
-        b" -- ",
-        b" --json",
-        b" --at ",
-        b" -1e3",
-        b" nan",
-        b" inf",
-        b"=",
-        b"@",
-        b"%",
+        *(b"'", b'"', b"\\", b" -- ", b" --json", b" --at ", b" -1e3", b" nan", b" inf", b"="),
+        *(b"@", b"%"),
     ),
     *(
-        b" --id ",
-        b" --config ",
-        b"goto ",
-        b"param ",
-        b"mission ",
-        b"~",
-        b"/",
-        b"\xe2\x80\xae",
-        b"\0",
+        *(b" --id ", b" --config ", b"goto ", b"param ", b"mission ", b"~", b"/"),
+        *(b"\xe2\x80\xae", b"\0"),
     ),
 )
 COMMAND_LINES: Final = (

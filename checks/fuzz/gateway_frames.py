@@ -155,12 +155,7 @@ def accepted(operation: Operation[Any] | None) -> Answered:
     return Answered(MISSION_ANSWERS.get(type(operation), Accepted(1)))
 
 
-def robots_list() -> Outcome:
-    """Return the robot's parameters."""
-    return ParameterTable(tuple(parameters_in(json.dumps(described(DEFAULTS)))))
-
-
-LIST: Final = robots_list()
+LIST: Final = ParameterTable(tuple(parameters_in(json.dumps(described(DEFAULTS)))))
 
 
 def new_face(

@@ -185,21 +185,8 @@ def blow_up(data: bytes, random: Random) -> bytes:
 
 
 MUTATIONS: Final[tuple[Mutation, ...]] = (
-    flip_a_bit,
-    set_a_byte,
-    cut_off,
-    cut_out,
-    extend,
-    put_noise,
-    put_a_word,
-    put_a_word,
-    repeat,
-    splice,
-    move,
-    put_a_number,
-    put_a_number,
-    put_limit,
-    nest,
+    *(flip_a_bit, set_a_byte, cut_off, cut_out, extend, put_noise, put_a_word, put_a_word),
+    *(repeat, splice, move, put_a_number, put_a_number, put_limit, nest),
 )
 
 
@@ -255,12 +242,7 @@ class FuzzTarget:
 TOML_WORDS: Final = (
     *(b"[[", b"]]", b"[", b"]", b"{", b"}", b" = ", b",", b"\n", b"#", b'"', b'"""', b"'''", b"."),
     *(
-        b"true",
-        b"1979-05-27T07:32:00Z",
-        b"07:32:00",
-        b"\\u0000",
-        b"\\uD800",
-        b"\xff",
+        *(b"true", b"1979-05-27T07:32:00Z", b"07:32:00", b"\\u0000", b"\\uD800", b"\xff"),
         b"\xef\xbb\xbf",
     ),
     *(b"[[obstacle]]\n", b"circle_m = ", b"polygon_m = ", b"wall_m = ", b"path_m = [[1, 1]]\n"),

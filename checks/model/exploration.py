@@ -373,23 +373,12 @@ def safety_parameters_stay_safe(step: Transition) -> bool:
 
 FAILSAFES: Final = frozenset(row.reason for row in ROWS)
 INVARIANTS: Final[tuple[Callable[[Transition], bool], ...]] = (
-    wheels_turn_only_on_command,
-    operator_modes_need_an_operator,
-    a_drive_needs_its_program,
-    only_requests_change_the_mode,
-    only_arming_arms,
-    lost_fence_prevents_arming,
-    world_needs_a_place,
-    fence_needs_a_place,
-    only_clear_ends_an_emergency_stop,
-    stop_takes_effect_at_once,
-    failsafe_stops_at_once,
-    only_the_holder_commands,
-    other_operators_change_nothing,
-    refusal_changes_nothing,
-    every_end_has_a_reason,
-    disarmed_robot_has_no_goal,
-    disarmed_robot_has_no_mission,
+    *(wheels_turn_only_on_command, operator_modes_need_an_operator),
+    *(a_drive_needs_its_program, only_requests_change_the_mode, only_arming_arms),
+    *(lost_fence_prevents_arming, world_needs_a_place, fence_needs_a_place),
+    *(only_clear_ends_an_emergency_stop, stop_takes_effect_at_once, failsafe_stops_at_once),
+    *(only_the_holder_commands, other_operators_change_nothing, refusal_changes_nothing),
+    *(every_end_has_a_reason, disarmed_robot_has_no_goal, disarmed_robot_has_no_mission),
     safety_parameters_stay_safe,
 )
 

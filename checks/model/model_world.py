@@ -324,17 +324,16 @@ class ModelWorld:
             WheelTicks(time_ns=now_ns, seq=seq, left=left, right=right, bumper=0, expired=0),
             now_ns,
         )
-        self.boxes.put(SONAR, clear_scan(now_ns, seq), now_ns)
+        self.boxes.put(
+            SONAR,
+            SonarScan(
+                time_ns=now_ns, seq=seq, range_mm=(0,) * 8, ping_age_us=(0,) * 8, valid=255, echo=0
+            ),
+            now_ns,
+        )
 
 
 BEAT: Final = Heartbeat(type=6, autopilot=8, base_mode=0, custom_mode=0, system_status=4)
-
-
-def clear_scan(now_ns: int, seq: int) -> SonarScan:
-    """Return a scan in which all sonars have measured and none has an echo."""
-    return SonarScan(
-        time_ns=now_ns, seq=seq, range_mm=(0,) * 8, ping_age_us=(0,) * 8, valid=255, echo=0
-    )
 
 
 def ignore(_stage: int) -> None:

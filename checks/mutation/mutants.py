@@ -112,7 +112,7 @@ def statements(node: ast.stmt) -> Iterator[ast.stmt]:
     elif isinstance(node, ast.Return):
         if node.value is None:
             yield ast.Pass()
-        elif not is_nothing(node.value):
+        elif not (isinstance(node.value, ast.Constant) and node.value.value in (None, False, "")):
             yield ast.Return(ast.Constant(None))
     elif isinstance(node, ast.Break):
         yield ast.Continue()
@@ -121,11 +121,6 @@ def statements(node: ast.stmt) -> Iterator[ast.stmt]:
             changed = copy(node)
             changed.test = flag
             yield changed
-
-
-def is_nothing(node: ast.expr) -> bool:
-    """Return whether None would have the same effect."""
-    return isinstance(node, ast.Constant) and node.value in (None, False, "")
 
 
 MAX_TEXT: Final = 100

@@ -240,11 +240,6 @@ class MutantLoop:
 CHOSEN: Final = "_hypothesis_internal_use_settings"
 
 
-def is_property(item: pytest.Item) -> bool:
-    """Return whether Hypothesis runs this test with many examples."""
-    return hasattr(getattr(item, "function", None), CHOSEN)
-
-
 def derandomize(item: pytest.Item) -> None:
     """Let a property draw the same examples each time, and stop at the first that fails."""
     test: Any = getattr(item, "function", None)
@@ -264,7 +259,10 @@ def first_run(target: MutationTarget, session: pytest.Session) -> Tests | None:
 
     def run() -> None:
         callers: dict[str, list[int]] = {}
-        for at in sorted(range(len(session.items)), key=lambda at: is_property(session.items[at])):
+        for at in sorted(
+            range(len(session.items)),
+            key=lambda at: hasattr(getattr(session.items[at], "function", None), CHOSEN),
+        ):
             with CallRecorder(str(target.path)) as called:
                 passed = passes(session, (at,))
             if not passed:

@@ -135,12 +135,12 @@ def _of_pyenv(name: str) -> str | None:
     """Return a Python of that name installed by pyenv, the newest."""
     folders = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")).glob("versions/*/bin")
     found = [folder / name for folder in folders if (folder / name).exists()]
-    newest = max(found, key=lambda path: _numbers(path.parts[-3]), default=None)
+    newest = max(
+        found,
+        key=lambda path: [int(number) for number in re.findall(r"\d+", path.parts[-3])],
+        default=None,
+    )
     return None if newest is None else str(newest)
-
-
-def _numbers(version: str) -> list[int]:
-    return [int(number) for number in re.findall(r"\d+", version)]
 
 
 def _environment(python: str, folder: Path, lowest: bool) -> str | None:

@@ -218,14 +218,14 @@ def run_with_notes(name: str, *, all_topics: bool) -> Breakdown:
             driver = GoalDriver(processes.bus)
             run = driver.drive(trial.world, lambda: before.update(usages(pids)))
             after = usages(pids)
-        notes = {role: read_notes(file) for role, file in files.items()}
+        notes = {
+            role: [
+                (point, time_ns) for point, time_ns in json.loads(file.read_text(encoding="utf-8"))
+            ]
+            for role, file in files.items()
+        }
     used = {role: difference(after[role], before[role]) for role in pids}
     return Breakdown(run, stages_us(notes), used, notes)
-
-
-def read_notes(file: Path) -> Notes:
-    """Return the notes of a process."""
-    return [(point, time_ns) for point, time_ns in json.loads(file.read_text(encoding="utf-8"))]
 
 
 def stages_us(notes: dict[str, Notes]) -> list[float]:

@@ -245,7 +245,7 @@ def heap_bytes(thing: Any, seen: set[int] | None = None) -> int:
     if isinstance(thing, float):
         return BOX_BYTES
     if isinstance(thing, int):
-        return 2 * BOX_BYTES if is_long(thing) else 0
+        return 2 * BOX_BYTES if (not -SMALL_INT <= thing < SMALL_INT) else 0
     if id(thing) in seen:
         return 0
     seen.add(id(thing))
@@ -295,11 +295,6 @@ def lengths(thing: Any, seen: set[int] | None = None) -> int:
     seen.add(id(thing))
     own = len(thing) if isinstance(thing, bytearray | list) else 0
     return own + sum(lengths(part, seen) for part in parts(thing))
-
-
-def is_long(value: int) -> bool:
-    """Return whether an int is on the heap."""
-    return not -SMALL_INT <= value < SMALL_INT
 
 
 def rounded(size_bytes: int) -> int:

@@ -88,13 +88,13 @@ def valid(random: Random) -> Iterator[bytes]:
     orders = [  # an emergency stop is open to all: it would end the drive
         one for one in commands((0, 0)) if getattr(one, "command", 0) not in stops
     ]
-    moves = [one for one in orders if one.get_type() != "SETUP_SIGNING" and not is_hold(one)]
+    moves = [
+        one
+        for one in orders
+        if one.get_type() != "SETUP_SIGNING"
+        and not (getattr(one, "param2", None) == 4.0 or getattr(one, "custom_mode", None) == 4)
+    ]
     return packed([beat, *reads, *asks, *moves])
-
-
-def is_hold(message: Any) -> bool:
-    """Return whether a message only stops the robot, which is open to all."""
-    return getattr(message, "param2", None) == 4.0 or getattr(message, "custom_mode", None) == 4
 
 
 def broken(random: Random) -> Iterator[bytes]:
