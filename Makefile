@@ -177,7 +177,7 @@ same-bits-mcu: setup
 # Some minutes; after a change of constraints.txt or of what pyproject.toml wants. The lists hold the
 # files that pip chooses, of the index that it is configured for.
 hashes: setup
-	@exec "$(BIN)/python" -m checks.hashes
+	@exec "$(BIN)/python" -m checks.built hashes
 
 generate: setup
 	@"$(BIN)/python" -m protocol.dialect.generate

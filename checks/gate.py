@@ -111,7 +111,7 @@ def brief_phases(extra: Sequence[str]) -> list[Phase]:
                 GateStep("format", (*PYTHON, "ruff", "format", "--check", "."), 1),
                 GateStep("lint", (*PYTHON, "ruff", "check", "."), 1),
                 GateStep("import contracts", (lint_imports,), 3),
-                GateStep("branch coverage", (*PYTHON, "checks.mutation.kernel"), 8),
+                GateStep("branch coverage", (*PYTHON, "checks.mutation", "--branches"), 8),
                 tests("brief tests", ELSEWHERE, checked, 70),
             ],
         ],

@@ -21,8 +21,8 @@ from packaging.utils import canonicalize_name
 from packaging.version import Version
 
 import hatch_build
+from checks.built import FOLDER, LISTS, MACHINES, RUNTIME, needed, wanted_in
 from checks.built import ROOT as BUILT_ROOT
-from checks.hashes import FOLDER, LISTS, MACHINES, RUNTIME, needed, wanted_in
 from runtime.cli.packages import PACKAGES
 from tests.support import images
 from tests.support.each import each

@@ -8,7 +8,7 @@ from textwrap import dedent
 import pytest
 
 from checks.mutation import mutants, runner
-from checks.mutation.kernel import TARGETS
+from checks.mutation.__main__ import TARGETS
 from checks.mutation.mutants import EquivalentMutants, Identity, mistakes, mutants_of, page
 from checks.mutation.runner import MutantVerdict
 from tests.support.each import each
