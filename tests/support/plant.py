@@ -1,5 +1,6 @@
 """Rooms, wheel commands, and files of worlds and foreign formats, valid and made invalid."""
 
+import re
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -152,15 +153,15 @@ def more(text: str) -> str:
     return GOOD + text
 
 
+TOLD = re.compile(r"(\d+) (\S+): (.*) -> (.*)", re.DOTALL)
+
+
 class Bad(NamedTuple):
-    """An invalid file, and the line, key and parts of reason and fix in its message."""
+    """An invalid file, and what its message tells: "LINE KEY: part of reason -> part of fix"."""
 
     story: str
     text: str
-    line: int
-    key: str
-    reason: str
-    fix: str
+    told: str
 
 
 def refusal(text: str) -> WorldError:
@@ -173,12 +174,13 @@ def assert_told(bad: Bad, alone: bool) -> None:
     """Require file, line, key, reason and fix in the error; no other problem if `alone`."""
     error = refusal(bad.text)
     lines = str(error).split("\n")
-    about_key = [line for line in lines if f": {bad.key}: " in line] or lines
-    place, _, rest = about_key[0].partition(f": {bad.key}: ")
+    at, told_key, told_reason, told_fix = TOLD.fullmatch(bad.told).groups()  # type: ignore[union-attr]
+    about_key = [line for line in lines if f": {told_key}: " in line] or lines
+    place, _, rest = about_key[0].partition(f": {told_key}: ")
     reason, _, fix = rest.partition("; fix: ")
-    assert place == f"bad.toml:{bad.line}"
-    assert bad.reason in reason
-    assert bad.fix in fix
+    assert place == f"bad.toml:{at}"
+    assert told_reason in reason
+    assert told_fix in fix
     assert not alone or len(error.problems) == 1, str(error)
 
 
