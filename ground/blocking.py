@@ -1,15 +1,22 @@
 """A robot without an event loop, for the faces that still work in threads."""
 
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Sequence
+from contextlib import closing
 from inspect import iscoroutinefunction
 from typing import Any, Protocol, TypeVar, overload
 
+from ground.client import stop_ways
+from ground.client.emergency_stop import EmergencyStop
 from ground.client.lease_holder import operator_name
-from ground.client.outcomes import Outcome
+from ground.client.outcomes import AllAnswered, Outcome, Stopped
+from ground.client.requests import GaveUp
 from ground.client.session import Operation, Session
-from ground.robot import Leasing, Robot
-from protocol.topics import Service
+from ground.client.stopping import at_once, stop_all
+from ground.robot import STOP_S, Leasing, Robot
+from protocol.topics import COMMAND, STATUS, STOP, Service
 from protocol.wire.message import Message
+from protocol.wire.messages import NavigatorStatus
+from runtime.units import NS_PER_S
 
 T = TypeVar("T")
 Out = TypeVar("Out", bound=Outcome)
@@ -63,6 +70,39 @@ class BlockingRobot(Robot):
     async def in_own_thread(self, job: Callable[[], T]) -> T:
         """Run it in this thread."""
         return job()
+
+    async def at_once(self, works: Sequence[Callable[[], Coroutine[Any, Any, T]]]) -> list[T]:
+        """Run each in a thread of its own."""
+        return at_once(lambda work: run_blocking(work()), works)
+
+    def to(self, robot: str) -> Robot:
+        """Return another robot on the same bus, whose lease is not taken."""
+        return BlockingRobot(Session(self._link.to(robot), attended=True))
+
+    async def emergency_stop(self, *, timeout_s: float = STOP_S) -> Stopped:
+        """Repeat the stop by an open session and all other ways.
+
+        Raises UnansweredError if no status arrives from the robot.
+        """
+        with (
+            self.subscribed(STATUS) as telemetry,
+            closing(stop_ways.ways_of(self.bus, self.name)) as ways,
+        ):
+
+            def newest() -> tuple[NavigatorStatus, int] | None:
+                return telemetry.latest(STATUS)
+
+            publisher = self.bus.publisher(STOP, self.name)
+            stop = EmergencyStop(self.bus, publisher, self.name, self.clock, newest, ways)
+            outcome = stop.run(give_up_ns=round(timeout_s * NS_PER_S))
+            is_silent = newest() is None
+        if is_silent and not outcome.acknowledged:
+            raise await self.unanswered(GaveUp(outcome.why), COMMAND)
+        return Stopped(outcome, self.name)
+
+    async def emergency_stop_all(self, *, timeout_s: float = STOP_S) -> AllAnswered:
+        """Stop the robots that are known by name at once, then all that are present."""
+        return stop_all(self._link, round(timeout_s * NS_PER_S))
 
     async def _uninterrupted(
         self, _gate: object, work: Callable[[], Coroutine[Any, Any, T]], _started: object = None

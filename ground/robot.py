@@ -1,26 +1,35 @@
 """One robot, with this program as its operator: the client that every face of the ground stands on.
 
-It sends requests, takes the lease, follows goals and drives by hand. Each clean-up names the goal
-or the drive that it ends, and touches no other.
+    async with sidestep.connect() as robot:
+        outcome = await robot.goto(5.4, 2.0)
 
-A command of `ground.commands` is performed on it. Values are checked before a request is sent:
-UserError names one that is out of range. A refusal is a value (`Refused`). UnansweredError names
-the process that is missing.
+It sends requests, takes the lease, follows goals and drives by hand. Each clean-up names the goal
+or the drive that it ends, and touches no other. An emergency stop is sent before anything is
+awaited.
+
+All values are checked before a request is sent: UserError names one that is out of range. A refusal
+is a value (`Refused`), not an exception; `sidestep.agreed(outcome)` raises it as RefusedError.
+UnansweredError, a RemoteError, names the process that is missing.
+
+The event loop sends the operator's heartbeat. A program that blocks its event loop sends none, so
+the robot stops by itself after its `op_lost_ms`, by default 1.5 s.
 """
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Coroutine
+from collections.abc import AsyncIterator, Callable, Coroutine, Mapping
+from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import replace
 from enum import Enum, IntEnum
 from functools import partial
 from math import nan, radians
-from typing import Any, Final, TypeVar
+from pathlib import Path
+from typing import Any, Final, Protocol, TypeVar
 
 from msgspec import structs
 
 from ground.client import stop_ways
-from ground.client.connection import LONGEST_S, Common, within
+from ground.client.connection import LONGEST_S, Common, common, within
 from ground.client.emergency_stop import EmergencyStop, StopWays, new_press
 from ground.client.floor import Floor
 from ground.client.goal import (
@@ -31,8 +40,8 @@ from ground.client.goal import (
     destination,
     goal_request,
 )
-from ground.client.lease_holder import is_ours
-from ground.client.link import ALIVE, END_NS, Link
+from ground.client.lease_holder import is_ours, operator_name
+from ground.client.link import ALIVE, END_NS, Link, UnansweredError, open_link
 from ground.client.lost_drive import (
     LostDrive,
     LostGoal,
@@ -42,6 +51,7 @@ from ground.client.lost_drive import (
     has_failed,
     lost_drive,
 )
+from ground.client.missions import CURRENT, Fences, Missions, fetch
 from ground.client.outcomes import (
     Accepted,
     AllAnswered,
@@ -51,10 +61,12 @@ from ground.client.outcomes import (
     LeaseShown,
     Marked,
     NoProgress,
+    Outcome,
     Progress,
     Refused,
     RefusedError,
     Stopped,
+    Unanswered,
 )
 from ground.client.parameters import Parameters
 from ground.client.requests import (
@@ -72,16 +84,18 @@ from ground.client.robot_link import (
     LEASE_NS,
     NEWEST_NS,
     REQUESTS,
+    Drive,
     RobotLink,
+    finish,
     in_own_thread,
     settled,
 )
 from ground.client.status_line import goal_line, reason_of, state_of
-from ground.client.stopping import stop_all
+from ground.client.stopping import present_robots, stop_all
 from ground.client.telemetry import Telemetry
 from ground.client.teleop_sender import TeleopSender, lost_control
-from ground.client.vocabulary import SIDES
-from ground.missions.transfer import Download, Downloaded, waypoints_of
+from ground.client.vocabulary import PYTHON, SIDES
+from ground.missions.transfer import Downloaded, waypoints_of
 from protocol.bus.bus import Bus
 from protocol.bus.publisher import Publisher
 from protocol.outcome import doubt_of
@@ -92,7 +106,6 @@ from protocol.topics import (
     LEASE_SERVICE,
     MARK,
     MISSION,
-    MISSION_SERVICE,
     ODOMETRY,
     OPERATOR,
     STATUS,
@@ -127,13 +140,12 @@ T = TypeVar("T")
 M = TypeVar("M", bound=Message)
 R = TypeVar("R", bound=Request)
 E = TypeVar("E", bound=IntEnum)
-Out = TypeVar("Out")
+Out = TypeVar("Out", bound=Outcome)
+Out_co = TypeVar("Out_co", bound=Outcome, covariant=True)
 RETRY_NS: Final = 2 * NS_PER_S
 """Time within which causes of a refusal are removed."""
 MISSION_NS: Final = 700 * NS_PER_MS
 """A robot publishes the status of its mission twice a second."""
-CURRENT: Final = -1
-"""Starts a mission at its current item."""
 STOP_S: Final = 5.0
 """Duration for which an emergency stop without acknowledgement is repeated."""
 TICK_NS: Final = 50 * NS_PER_MS
@@ -152,6 +164,48 @@ NO_ANSWER: Final = (
 )
 
 
+@asynccontextmanager
+async def connect(
+    endpoint: str | None = None,
+    *,
+    robot: str | None = None,
+    config: str | Path | None = None,
+    name: str | None = None,
+) -> AsyncIterator["Robot"]:
+    """Connect to a robot; give its lease back when the context ends.
+
+    `endpoint` is where the robot or its router listens (that of the only `sidestep up` that runs
+    here, else tcp/127.0.0.1:7447), `robot` its name (r1),
+    `config` a file as for `--config`, `name` the name shown to other operators (user@host:tty).
+
+    Raises UserError for an invalid value, UnansweredError if no process listens at the endpoint.
+    """
+    where, operator = common(endpoint, robot, config, remedies=PYTHON), operator_name(name)
+    async with AsyncExitStack() as stack:
+        link_opened = open_link(where)
+        try:
+            link = await asyncio.to_thread(link_opened.__enter__)
+        except UnansweredError as error:  # its text says all: no traceback of threads and the bus
+            raise error.with_traceback(None) from None
+        stack.push_async_callback(asyncio.to_thread, link_opened.__exit__, None, None, None)
+        client = Robot(link.bus, where, operator)
+        try:
+            await client.open()
+            yield client
+        finally:
+            await finish(client.close())
+
+
+class RobotCommand(Protocol[Out_co]):
+    """Something that an operator can do with a robot."""
+
+    async def perform(self, robot: "Robot", /) -> Out_co:
+        """Carry it out and return the outcome.
+
+        Raises UserError, RemoteError or UnansweredError if there is no outcome.
+        """
+
+
 class Leasing(Enum):
     """When a program takes the lease by itself."""
 
@@ -160,31 +214,42 @@ class Leasing(Enum):
     NEVER = "another part of this process takes it"
 
 
-class Drive:
-    """A drive that this program begins, follows and ends."""
+class Leases:
+    """The right of one person to command the robot."""
 
-    def __init__(self) -> None:
-        self.request_id = 0
-        """That of the newest request that may have begun it; 0 before the first."""
-        self.sending: asyncio.Future[Answer] | None = None
-        self.ended = asyncio.Event()
+    def __init__(self, robot: "Robot") -> None:
+        self._robot = robot
 
-    def sent_by(self, sending: "asyncio.Future[Answer]") -> None:
-        """Note what sends its requests."""
-        self.sending = sending
+    async def take(self) -> Answer:
+        """Become the robot's operator; refused while another person holds the lease."""
+        return await self._robot.change_lease(LeaseAction.TAKE)
 
-    def begun_by(self, request: R) -> R:
-        """Note that a request which is now sent may begin the drive."""
-        self.request_id = request.request_id
-        return request
+    async def seize(self) -> Answer:
+        """Become the robot's operator in place of another one."""
+        return await self._robot.change_lease(LeaseAction.SEIZE)
+
+    async def give_back(self) -> Answer:
+        """Release the lease, for all programs of this person.
+
+        A robot that one of them drives in GUIDED or MANUAL then stops by itself.
+        """
+        return await self._robot.change_lease(LeaseAction.RELEASE)
+
+    async def show(self) -> LeaseShown:
+        """Return the lease; RemoteError if the robot publishes no lease status."""
+        return await self._robot.show_lease()
 
 
 class Robot(RobotLink):
-    """One robot, with this program as its operator.
+    """One robot, with this program as its operator; created by `connect`.
 
-    `leasing`: when it takes the lease by itself. `follows`: a command that begins a drive waits for
-    its end; otherwise another part of the process follows it. `floor` returns the floor of the
-    world, if it is known; it may block.
+    Operations that can move the robot take its lease first. If another person holds it they return
+    `Refused` with that operator's name. All programs of one user on one computer share the lease;
+    each sends its own heartbeat. The robot takes it back when nothing has been driven for 30 s, and
+    the next operation takes it again.
+
+    At the end of the context the drives of this program end: the robot stops. Then every method
+    raises ClosedError.
     """
 
     _heartbeat: Publisher[Heartbeat]
@@ -203,6 +268,12 @@ class Robot(RobotLink):
         progress: Progress | None = None,
         floor: Callable[[], Floor | None] = lambda: None,
     ) -> None:
+        """Stand on an open bus.
+
+        `leasing`: when it takes the lease by itself. `follows`: a command that begins a drive waits
+        for its end; otherwise another part of the process follows it. `floor` returns the floor of
+        the world, if it is known; it may block.
+        """
         super().__init__(bus, common, clock)
         self.follows = follows
         self.progress: Progress = progress or NoProgress()
@@ -226,6 +297,9 @@ class Robot(RobotLink):
         """The stops of this program, the newest first."""
 
         self.parameters = Parameters(self)
+        self.mission = Missions(self)
+        self.fence = Fences(self)
+        self.lease = Leases(self)
 
     def __repr__(self) -> str:
         """Return the robot, where it is, and what its newest status shows."""
@@ -237,18 +311,9 @@ class Robot(RobotLink):
         return f"<{where}: {state}, {'with' if self._holds_lease else 'without'} its lease>"
 
     def to(self, robot: str) -> "Robot":
-        """Return another robot on the same bus."""
+        """Return another robot on the same bus, whose lease is not taken."""
         common = replace(self._common, robot=robot)
-        return Robot(
-            self.bus,
-            common,
-            self._operator,
-            clock=self.clock,
-            leasing=self._leasing,
-            follows=self.follows,
-            progress=self.progress,
-            floor=self._floor,
-        )
+        return Robot(self.bus, common, clock=self.clock, leasing=Leasing.NEVER)
 
     async def open(self) -> None:
         """Start the subscriptions and the heartbeat, for `connect`."""
@@ -690,6 +755,14 @@ class Robot(RobotLink):
 
     # Commands.
 
+    async def perform(self, command: RobotCommand[Out]) -> Out:
+        """Carry out any command of `sidestep.operations`.
+
+        Cancelling this does not withdraw a request that was sent.
+        """
+        self.check_open()
+        return await command.perform(self)
+
     async def command(
         self,
         request: CommandRequest,
@@ -861,9 +934,8 @@ class Robot(RobotLink):
         newest = telemetry.latest(MISSION)
         if newest is None or not has_failed(newest[0]):
             return lost_drive(status, None, ())
-        download = Download(MissionType.MISSION, self.clock.now_ns())
-        outcome = await self.exchange(download, MISSION_SERVICE)
-        items = waypoints_of(outcome.items) if isinstance(outcome, Downloaded) else ()
+        found = await fetch(self, MissionType.MISSION)
+        items = waypoints_of(found.items) if isinstance(found, Downloaded) else ()
         return lost_drive(status, newest[0], items)
 
     def _request_for(self, lost: LostDrive, mode: Mode) -> Request:
@@ -944,6 +1016,30 @@ class Robot(RobotLink):
             if isinstance(answer, Refused) and answer.reason == Reason.NEWER_STOP:
                 answer = await self._release_stop(stop_id, timeout_s)
         return answer
+
+    async def clear_emergency_stop_all(
+        self, stop_ids: Mapping[str, tuple[int, ...]], *, timeout_s: float | None = None
+    ) -> AllAnswered:
+        """Release the emergency stop of every robot that is present; each is then disarmed.
+
+        `stop_ids` are the stops that are known, by robot; of others it is that of the status of
+        now. Raises UnansweredError if no robot is present.
+        """
+        if (refused := await self.ensure_lease()) is not None:
+            return AllAnswered(((self.name, refused),))
+        link = Link(self.bus, self._common, self.clock)
+        robots = await self.in_own_thread(lambda: present_robots(link))
+
+        async def clear(robot: str) -> Answer | Unanswered:
+            try:
+                return await self.to(robot).clear_emergency_stop(
+                    *stop_ids.get(robot, ()), timeout_s=timeout_s
+                )
+            except RemoteError as error:
+                return Unanswered(str(error))
+
+        answers = await self.at_once([partial(clear, robot) for robot in robots])
+        return AllAnswered(tuple(zip(robots, answers, strict=True)))
 
     @property
     def stops_known(self) -> tuple[int, ...]:

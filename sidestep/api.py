@@ -1,7 +1,6 @@
 """The public names of `import sidestep`: the asyncio client, its values, events and errors."""
 
-from ground.api import operations
-from ground.api.robot import Robot, connect
+import sidestep.operations as operations
 from ground.client.events import (
     Event,
     EventStream,
@@ -13,6 +12,7 @@ from ground.client.events import (
     VehicleChanged,
 )
 from ground.client.link import UnansweredError
+from ground.client.missions import MissionEnded, TransferOutcome
 from ground.client.outcomes import (
     Accepted,
     AllAnswered,
@@ -27,8 +27,8 @@ from ground.client.outcomes import (
 from ground.client.parameter import Parameter
 from ground.client.parameters import ParameterChanged
 from ground.client.streams import ClosedError, Stream
-from ground.commands.mission import MissionEnded, TransferOutcome
 from ground.missions.mission import Circle, Mission, Polygon, Waypoint
+from ground.robot import Robot, connect
 from protocol.wire.enums import GoalState, MissionState, Mode, Navigator, Severity, Vehicle
 from protocol.wire.reasons import Reason
 from runtime.errors import ConfigError, RemoteError, UserError

@@ -30,17 +30,12 @@ from gateways.mavlink.mavlink_dialect import (
 from gateways.mavlink.robot_port import Answered, Done, Snapshot
 from gateways.mavlink.services import face_of
 from gateways.mavlink.signing import EPOCH_S, PER_S, STAMP_NS, Policy, SigningGuard
+from ground.client.missions import TransferOutcome
 from ground.client.outcomes import Accepted, Outcome, Refused
 from ground.client.parameter import parameters_in
 from ground.client.session import Operation
 from ground.commands.fence import ClearFence, FenceShown, SetFence, ShowFence
-from ground.commands.mission import (
-    ClearMission,
-    FetchMission,
-    MissionFetched,
-    TransferOutcome,
-    UploadMission,
-)
+from ground.commands.mission import ClearMission, FetchMission, MissionFetched, UploadMission
 from ground.commands.param import ParameterTable, ShowParameters
 from ground.missions.mission import Circle, Mission, Waypoint
 from ground.missions.transfer import Verdict

@@ -5,7 +5,7 @@ withdrawn by a cancellation.
 """
 
 import asyncio
-from collections.abc import Awaitable, Callable, Coroutine, Iterator
+from collections.abc import Awaitable, Callable, Coroutine, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -25,6 +25,7 @@ from ground.client.requests import (
     CommandExchange,
     Exchange,
     GaveUp,
+    R,
     Request,
     RequestIds,
 )
@@ -73,6 +74,25 @@ NEWEST_NS: Final = NS_PER_S
 """Longest wait for a stream of the robot."""
 LEASE_NS: Final = 1_500 * NS_PER_MS
 """A robot publishes the status of its lease twice a second."""
+
+
+class Drive:
+    """A drive that this program begins, follows and ends."""
+
+    def __init__(self) -> None:
+        self.request_id = 0
+        """That of the newest request that may have begun it; 0 before the first."""
+        self.sending: asyncio.Future[Answer] | None = None
+        self.ended = asyncio.Event()
+
+    def sent_by(self, sending: "asyncio.Future[Answer]") -> None:
+        """Note what sends its requests."""
+        self.sending = sending
+
+    def begun_by(self, request: R) -> R:
+        """Note that a request which is now sent may begin the drive."""
+        self.request_id = request.request_id
+        return request
 
 
 class RobotLink:
@@ -343,6 +363,10 @@ class RobotLink:
     async def in_own_thread(self, job: Callable[[], T]) -> T:
         """Run what blocks in a thread of its own, which outlives a cancellation."""
         return await in_own_thread(job, f"sidestep {self.name}")
+
+    async def at_once(self, works: Sequence[Callable[[], Coroutine[Any, Any, T]]]) -> list[T]:
+        """Return the results of coroutines that run at the same time, in order."""
+        return list(await asyncio.gather(*(work() for work in works)))
 
     async def _uninterrupted(
         self,

@@ -5,12 +5,11 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, TypeVar
 
 from ground.client.connection import Common
-from ground.client.link import Link, open_link
-from ground.client.outcomes import AllAnswered, Answer, Stopped, Unanswered
-from ground.client.session import Session
-from ground.client.stopping import at_once, known_robots, present_robots, stop_all
-from ground.commands.stop import STOP_S, ClearEmergencyStop, StopNow
-from runtime.errors import RemoteError
+from ground.client.link import open_link
+from ground.client.outcomes import AllAnswered, Stopped, Unanswered
+from ground.client.stopping import at_once, known_robots, stop_all
+from ground.commands.stop import STOP_S, StopNow
+from ground.robot import Robot
 from runtime.units import NS_PER_S
 
 T = TypeVar("T")
@@ -28,9 +27,9 @@ class StopAll:
     moves: ClassVar[bool] = False
     timeout_s: float = STOP_S
 
-    def perform(self, session: Session) -> AllAnswered:
+    async def perform(self, robot: Robot) -> AllAnswered:
         """Stop the robots that are known by name at once, then all that are present."""
-        return stop_all(session.link, round(self.timeout_s * NS_PER_S))
+        return await robot.emergency_stop_all(timeout_s=self.timeout_s)
 
     def perform_alone(self, common: Common) -> AllAnswered:
         """Stop all robots that are known by name at once, then by a session all that are present.
@@ -53,7 +52,7 @@ class StopAll:
         def stop_present() -> AllAnswered | Exception:
             try:
                 with open_link(common) as link:
-                    found = self.perform(Session(link))
+                    found = stop_all(link, round(self.timeout_s * NS_PER_S))
             except Exception as error:
                 return error
             met.update(robot for robot, outcome in found.of if outcome.ok)
@@ -87,17 +86,6 @@ class ClearAll:
     timeout_s: float | None = None
     stop_ids: tuple[tuple[str, tuple[int, ...]], ...] = ()
 
-    def perform(self, session: Session) -> AllAnswered:
+    async def perform(self, robot: Robot) -> AllAnswered:
         """Ask every robot that is present; UnansweredError if none is."""
-        links = [session.link.to(robot) for robot in present_robots(session.link)]
-
-        def clear(link: Link) -> Answer | Unanswered:
-            try:
-                stop_ids = dict(self.stop_ids).get(link.robot, ())
-                operation = ClearEmergencyStop(timeout_s=self.timeout_s, stop_ids=stop_ids)
-                return operation.perform(Session(link, attended=session.attended))
-            except RemoteError as error:
-                return Unanswered(str(error))
-
-        robots = [link.robot for link in links]
-        return AllAnswered(tuple(zip(robots, at_once(clear, links), strict=True)))
+        return await robot.clear_emergency_stop_all(dict(self.stop_ids), timeout_s=self.timeout_s)

@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ground.client.outcomes import Success
-from ground.client.session import Session
-from ground.commands.mission import TransferOutcome, fetch, send, send_fence, with_holder
+from ground.client.missions import TransferOutcome
+from ground.client.outcomes import Refused, Success
 from ground.missions.mission import Circle, Fence
-from ground.missions.transfer import Clear, Verdict, fence_of
-from protocol.wire.enums import MissionType
+from ground.robot import Robot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,10 +21,9 @@ class SetFence:
         """The verb, with the kind of the fence."""
         return f"fence {'circle' if isinstance(self.fence, Circle) else 'polygon'}"
 
-    def perform(self, session: Session) -> TransferOutcome:
+    async def perform(self, robot: Robot) -> TransferOutcome | Refused:
         """Upload the fence and return the robot's verdict."""
-        verdict = send_fence(session.link, self.fence)
-        return with_holder(session.link, verdict, f"ok, {self.fence}")
+        return await robot.fence.set(self.fence)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,11 +33,9 @@ class ClearFence:
     verb: ClassVar[str] = "fence off"
     moves: ClassVar[bool] = True
 
-    def perform(self, session: Session) -> TransferOutcome:
+    async def perform(self, robot: Robot) -> TransferOutcome | Refused:
         """Delete the fence from the robot and return its verdict."""
-        link = session.link
-        verdict = send(link, Clear(MissionType.FENCE, link.clock.now_ns()))
-        return with_holder(link, verdict, "ok, there is no fence")
+        return await robot.fence.clear()
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,12 +67,10 @@ class ShowFence:
     verb: ClassVar[str] = "fence show"
     moves: ClassVar[bool] = False
 
-    def perform(self, session: Session) -> FenceShown | TransferOutcome:
+    async def perform(self, robot: Robot) -> FenceShown | TransferOutcome:
         """Download the fence; a verdict if the robot does not send it."""
-        found = fetch(session.link, MissionType.FENCE)
-        if isinstance(found, Verdict):
-            return with_holder(session.link, found, "no fence")
-        return FenceShown(fence_of(found.items))
+        found = await robot.fence.download()
+        return found if isinstance(found, TransferOutcome) else FenceShown(found)
 
 
 def in_words(fence: Fence) -> str:

@@ -1,139 +1,15 @@
 """Missions: upload one to the robot, download, start, stop and delete it, and read its progress."""
 
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import ClassVar, Final
+from typing import ClassVar
 
-from ground.client.link import Link
-from ground.client.outcomes import Answer, Success, refusal_words
-from ground.client.requests import GaveUp
-from ground.client.session import Session, refusing_holder
-from ground.client.vocabulary import SHELL, Remedies
+from ground.client.missions import MissionProgress, TransferOutcome
+from ground.client.outcomes import Answer, Refused, Success
 from ground.missions import files
-from ground.missions.mission import Fence, Home, Mission
-from ground.missions.transfer import (
-    Announcement,
-    Clear,
-    Download,
-    Downloaded,
-    Transfer,
-    Upload,
-    Verdict,
-    fence_items_of,
-    fence_of,
-    items_of,
-    waypoints_of,
-)
-from protocol.outcome import mission_state
-from protocol.topics import MISSION, MISSION_SERVICE
-from protocol.wire.enums import Command, MissionState, MissionType
-from protocol.wire.messages import CommandRequest, MissionStatus
-from protocol.wire.reasons import Reason, reason_text
-from runtime.errors import RemoteError
-
-STATUS_NS: Final = 1_500_000_000
-CURRENT: Final = -1
-"""Starts a mission at its current item."""
-NO_MISSION: Final = Verdict(Reason.NO_MISSION, None)
-
-
-def send(link: Link, transfer: Transfer) -> Verdict:
-    """Return the robot's verdict on an upload or a deletion; UnansweredError without one."""
-    outcome = run_transfer(link, transfer)
-    if not isinstance(outcome, Verdict):
-        raise RemoteError("the robot sent a mission instead of a verdict")
-    return outcome
-
-
-def send_fence(link: Link, fence: Fence) -> Verdict:
-    """Upload a fence and return the robot's verdict."""
-    items = fence_items_of(fence)
-    return send(link, Upload(items, MissionType.FENCE, link.clock.now_ns()))
-
-
-def fetch(link: Link, kind: MissionType) -> Downloaded | Verdict:
-    """Download items from the robot; a verdict if it does not send them."""
-    return run_transfer(link, Download(kind, link.clock.now_ns()))
-
-
-def run_transfer(link: Link, transfer: Transfer) -> Downloaded | Verdict:
-    """Run a transfer to its end; UnansweredError if the robot does not answer."""
-    link.exchange(transfer, MISSION_SERVICE)
-    outcome = transfer.outcome
-    if outcome is None or isinstance(outcome, GaveUp):
-        raise link.unanswered(outcome)
-    return outcome
-
-
-def mission_status(link: Link) -> MissionStatus | None:
-    """Return the robot's mission status; None if it publishes none."""
-    return link.newest(MISSION, STATUS_NS)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TransferOutcome:
-    """The robot's verdict on a mission or a fence; `done` is the text of a success.
-
-    `what` names what the verdict is about.
-    """
-
-    verdict: Verdict
-    done: str
-    what: str = ""
-    holder: str = ""
-    remedies: Remedies = field(default=SHELL, compare=False, repr=False)
-
-    @property
-    def ok(self) -> bool:
-        """True if the robot accepted it."""
-        return self.verdict.ok
-
-    @property
-    def reason(self) -> int:
-        """The `Reason` of the verdict."""
-        return self.verdict.reason
-
-    @property
-    def item(self) -> int | None:
-        """The item that is wrong, from 1; None if the verdict is not about one item."""
-        return self.verdict.item
-
-    @property
-    def is_none(self) -> bool:
-        """True if the robot has no mission."""
-        return self.reason == Reason.NO_MISSION
-
-    @property
-    def text(self) -> str:
-        """The text of a success, or the refusal with its remedy."""
-        if self.ok:
-            return self.done
-        reason = f"{self.what}{self.verdict.text}"
-        no = "not saved" if self.verdict.in_force else "refused"
-        hints = self.remedies.refusals
-        return f"{no}: {refusal_words(reason, self.verdict.reason, self.holder, hints)}"
-
-    def as_json(self, verb: str, robot: str) -> dict[str, object]:
-        """Return the verdict as a row."""
-        return {
-            "verb": verb,
-            "robot": robot,
-            "ok": self.ok,
-            "reason": f"{self.what}{self.verdict.text}",
-            "reason_code": self.verdict.reason,
-            "item": self.verdict.item,
-        }
-
-
-def with_holder(link: Link, verdict: Verdict, done: str, what: str = "") -> TransferOutcome:
-    """Return the verdict, with the lease holder's name if the lease is the reason."""
-    return TransferOutcome(
-        verdict=verdict,
-        done=done,
-        what=what,
-        holder=refusing_holder(link, verdict.reason),
-        remedies=link.common.remedies,
-    )
+from ground.missions.mission import Home, Mission
+from ground.robot import Robot
+from protocol.wire.enums import MissionType
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,14 +21,12 @@ class AnnounceItems:
     kind: MissionType
     count: int
 
-    def perform(self, session: Session) -> TransferOutcome:
+    async def perform(self, robot: Robot) -> TransferOutcome | Refused:
         """Return the robot's verdict.
 
         For too many items it names the first item beyond the limit.
         """
-        link = session.link
-        verdict = send(link, Announcement(self.count, self.kind, link.clock.now_ns()))
-        return with_holder(link, verdict, "ok, the robot takes them")
+        return await robot.mission.announce(self.kind, self.count)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -169,23 +43,15 @@ class UploadMission:
     dropped: tuple[str, ...] = ()
     anyway: bool = False
 
-    def perform(self, session: Session) -> TransferOutcome:
+    async def perform(self, robot: Robot) -> TransferOutcome | Refused:
         """Upload the fence if there is one, then the mission; return the last verdict."""
-        link, mission = session.link, self.mission
         if not self.anyway:
-            waypoints = enumerate(mission.waypoints, start=1)
-            session.refuse_outside(*((f"waypoint {at} {p}", p.x_m, p.y_m) for at, p in waypoints))
+            waypoints = enumerate(self.mission.waypoints, start=1)
+            places = ((f"waypoint {at} {place}", place.x_m, place.y_m) for at, place in waypoints)
+            await robot.refuse_outside(*places)
         for what in self.dropped:
-            session.progress.note(f"left out: {what}")
-        if mission.fence is not None:
-            verdict = send_fence(link, mission.fence)
-            if not verdict.in_force:
-                return with_holder(link, verdict, "", "the fence: ")
-            if not verdict.ok:
-                session.progress.note(f"the fence: {verdict.text}")
-        items = items_of(mission.waypoints)
-        verdict = send(link, Upload(items, MissionType.MISSION, link.clock.now_ns()))
-        return with_holder(link, verdict, f"ok, the robot has {mission}")
+            robot.progress.note(f"left out: {what}")
+        return await robot.mission.upload(self.mission)
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,18 +81,10 @@ class FetchMission:
     verb: ClassVar[str] = "mission list"
     moves: ClassVar[bool] = False
 
-    def perform(self, session: Session) -> MissionFetched | TransferOutcome:
+    async def perform(self, robot: Robot) -> MissionFetched | TransferOutcome:
         """Return the mission; a verdict if the robot has none or does not send it."""
-        link = session.link
-        found = fetch(link, MissionType.MISSION)
-        fence = fetch(link, MissionType.FENCE)
-        if isinstance(found, Verdict):
-            return with_holder(link, found, "")
-        if not found.items:
-            return with_holder(link, NO_MISSION, "")
-        corners = fence.items if isinstance(fence, Downloaded) else ()
-        mission = Mission(waypoints=waypoints_of(found.items), fence=fence_of(corners))
-        return MissionFetched(mission)
+        found = await robot.mission.download()
+        return MissionFetched(found) if isinstance(found, Mission) else found
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,13 +115,13 @@ class DownloadMission:
     file: Path
     home: Home | None = None
 
-    def perform(self, session: Session) -> MissionWritten | TransferOutcome:
+    async def perform(self, robot: Robot) -> MissionWritten | TransferOutcome:
         """Download the mission and write it; UserError for an unknown file type."""
         files.ending_of(self.file)  # refuse a wrong file type before sending a request
-        found = FetchMission().perform(session)
+        found = await robot.mission.download()
         if isinstance(found, TransferOutcome):
             return found
-        mission = replace(found.mission, home=self.home)
+        mission = replace(found, home=self.home)
         return MissionWritten(self.file, mission, files.write(self.file, mission))
 
 
@@ -279,21 +137,9 @@ class StartMission:
     item: int | None = None
     arms: bool = True
 
-    def perform(self, session: Session) -> Answer:
+    async def perform(self, robot: Robot) -> Answer:
         """Start the mission until the robot accepts it."""
-        first = first_of(session.link) if self.item is None else self.item - 1
-
-        def request() -> CommandRequest:
-            return session.link.command(Command.MISSION_START, float(first))
-
-        return session.ask_until_accepted(request, beats=False, arms=self.arms)[0]
-
-
-def first_of(link: Link) -> int:
-    """Return the item at which a mission begins by default, counted as on the wire."""
-    found = mission_status(link)
-    over = found is not None and found.state == MissionState.DONE
-    return 0 if over else CURRENT
+        return await robot.mission.start(self.item, arms=self.arms)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -304,11 +150,9 @@ class JumpTo:
     moves: ClassVar[bool] = True
     item: int
 
-    def perform(self, session: Session) -> Answer:
+    async def perform(self, robot: Robot) -> Answer:
         """Send the command and return the robot's answer."""
-        link = session.link
-        request = link.command(Command.DO_SET_MISSION_CURRENT, float(self.item - 1))
-        return session.with_holder(link.ask(request))
+        return await robot.mission.jump(self.item)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -318,52 +162,9 @@ class ClearMission:
     verb: ClassVar[str] = "mission clear"
     moves: ClassVar[bool] = True
 
-    def perform(self, session: Session) -> TransferOutcome:
+    async def perform(self, robot: Robot) -> TransferOutcome | Refused:
         """Delete the mission and return the robot's verdict."""
-        link = session.link
-        verdict = send(link, Clear(MissionType.MISSION, link.clock.now_ns()))
-        return with_holder(link, verdict, "ok, the robot has no mission")
-
-
-@dataclass(frozen=True, slots=True)
-class MissionProgress(Success):
-    """The robot's mission status."""
-
-    status: MissionStatus
-
-    @property
-    def text(self) -> str:
-        """One line such as `holding, item 3 of 5, 3.2 s left`."""
-        status = self.status
-        if status.state == MissionState.NONE:
-            return "no mission"
-        left = f", {status.hold_left_ms / 1000:.1f} s left" if status.hold_left_ms else ""
-        reason = f": {reason_text(status.reason)}" if status.reason else ""
-        where = f"item {status.current + 1} of {status.count}"
-        return f"{mission_state(status.state, status.reason).lower()}, {where}{left}{reason}"
-
-    def as_json(self, verb: str, robot: str) -> dict[str, object]:
-        """Return the status as a row; items count from 1."""
-        status = self.status
-        return {
-            "robot": robot,
-            "ok": True,
-            "state": mission_state(status.state, status.reason).lower(),
-            "items": status.count,
-            "current": status.current + 1 if status.count else None,
-            "hold_left_s": status.hold_left_ms / 1000,
-            "reason": reason_text(status.reason) if status.reason else None,
-        }
-
-
-@dataclass(frozen=True, slots=True)
-class MissionEnded(MissionProgress):
-    """The end of a mission; `ok` if all items were reached."""
-
-    @property
-    def ok(self) -> bool:
-        """True if all items were reached."""
-        return self.status.state == MissionState.DONE
+        return await robot.mission.clear()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -373,9 +174,6 @@ class ShowMissionStatus:
     verb: ClassVar[str] = "mission status"
     moves: ClassVar[bool] = False
 
-    def perform(self, session: Session) -> MissionProgress:
+    async def perform(self, robot: Robot) -> MissionProgress:
         """Return the status; RemoteError if the robot publishes none."""
-        status = mission_status(session.link)
-        if status is None:
-            raise RemoteError(f"the robot publishes no mission status: {session.link.diagnosis()}")
-        return MissionProgress(status)
+        return await robot.mission.status()

@@ -5,21 +5,15 @@ from contextlib import closing
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from msgspec.structs import replace
-
 from ground.client import stop_ways
 from ground.client.connection import Common
 from ground.client.emergency_stop import EmergencyStop
-from ground.client.link import Link, UnansweredError
-from ground.client.outcomes import Answer, Refused, Stopped
-from ground.client.requests import GaveUp
-from ground.client.session import STATUS_NS, Session, patience_ns
+from ground.client.link import UnansweredError
+from ground.client.outcomes import Answer, Stopped
 from ground.commands.command import TimedCommand, command
+from ground.robot import Robot
 from protocol.bus.certificate import holder
-from protocol.topics import STATUS, STOP, Role
-from protocol.wire.enums import Command
-from protocol.wire.messages import NavigatorStatus
-from protocol.wire.reasons import Reason
+from protocol.topics import Role
 from runtime.clock import WallClock
 from runtime.errors import KeysError
 from runtime.units import NS_PER_S
@@ -44,31 +38,12 @@ class ClearEmergencyStop(TimedCommand):
     effect = "emergency stop cleared"
     stop_ids: tuple[int, ...] = ()
 
-    def perform(self, session: Session) -> Answer:
+    async def perform(self, robot: Robot) -> Answer:
         """Name one stop after the other until the robot finds its newest among them.
 
         Raises UnansweredError if none is known.
         """
-        first, *others = dict.fromkeys(self.stop_ids or (stop_shown(session.link),))
-        answer = self._release(session, first)
-        for stop_id in others:
-            if isinstance(answer, Refused) and answer.reason == Reason.NEWER_STOP:
-                answer = self._release(session, stop_id)
-        return answer
-
-    def _release(self, session: Session, stop_id: int) -> Answer:
-        request = session.link.command(Command.SIDESTEP_CLEAR_EMERGENCY_STOP)
-        named = replace(request, stop_id=stop_id)
-        patience = patience_ns(self.timeout_s)
-        return session.with_holder(session.link.ask(named, patience_ns=patience))
-
-
-def stop_shown(link: Link) -> int:
-    """Return the stop that the status of now names; UnansweredError without a status."""
-    newest = link.newest(STATUS, STATUS_NS)
-    if newest is None:
-        raise link.unanswered(GaveUp("no status names the emergency stop to clear"))
-    return newest.stop_id
+        return await robot.clear_emergency_stop(*self.stop_ids, timeout_s=self.timeout_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,27 +57,9 @@ class StopNow:
     moves: ClassVar[bool] = False
     timeout_s: float = STOP_S
 
-    def perform(self, session: Session) -> Stopped:
-        """Repeat the stop by an open session and all other ways.
-
-        Raises UnansweredError if no status arrives from the robot.
-        """
-        link = session.link
-        with (
-            link.subscribed(STATUS) as telemetry,
-            closing(stop_ways.ways_of(link.bus, link.robot)) as ways,
-        ):
-            publisher = link.bus.publisher(STOP, link.robot)
-
-            def newest() -> tuple[NavigatorStatus, int] | None:
-                return telemetry.latest(STATUS)
-
-            stop = EmergencyStop(link.bus, publisher, link.robot, link.clock, newest, ways)
-            outcome = stop.run(give_up_ns=round(self.timeout_s * NS_PER_S))
-            is_silent = newest() is None
-        if is_silent and not outcome.acknowledged:
-            raise link.unanswered(GaveUp(outcome.why))
-        return Stopped(outcome, link.robot)
+    async def perform(self, robot: Robot) -> Stopped:
+        """Repeat the stop by an open session and all other ways."""
+        return await robot.emergency_stop(timeout_s=self.timeout_s)
 
     def perform_alone(
         self, common: Common, *, opens: bool = True, is_met: Callable[[], bool] = lambda: False

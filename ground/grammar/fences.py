@@ -5,16 +5,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from ground.blocking import perform
 from ground.client.connection import within
-from ground.client.outcomes import Outcome
-from ground.client.session import Operation, Session
+from ground.client.missions import TransferOutcome
+from ground.client.outcomes import Outcome, Refused
+from ground.client.session import Operation
 from ground.commands.command import add_common, add_seize, positive
 from ground.commands.fence import ClearFence, SetFence, ShowFence
-from ground.commands.mission import TransferOutcome
 from ground.grammar.words import Words
 from ground.missions.files import ENDINGS, read_fence
 from ground.missions.mission import FARTHEST_M, Circle, Polygon, fault_of
+from ground.robot import Robot
 from protocol.options import finite
 from runtime.cli.parsers import add_subcommands
 from runtime.errors import UserError
@@ -32,9 +32,9 @@ class SetFenceOfFile:
         """Read the file; MissionError names its faults."""
         return SetFence(fence=read_fence(self.file))
 
-    def perform(self, session: Session) -> TransferOutcome:
+    async def perform(self, robot: Robot) -> TransferOutcome | Refused:
         """Read the file and upload the fence."""
-        return perform(self.read(), session)
+        return await self.read().perform(robot)
 
 
 class FenceWords(Words):

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
-from ground.blocking import perform
-from ground.client.outcomes import Progress, Success
-from ground.client.session import Session
+from ground.client.missions import TransferOutcome
+from ground.client.outcomes import Progress, Refused, Success
 from ground.commands.abort import Abort
 from ground.commands.command import add_anyway, add_common, add_json, add_seize
 from ground.commands.hold import Hold
@@ -20,7 +19,6 @@ from ground.commands.mission import (
     JumpTo,
     ShowMissionStatus,
     StartMission,
-    TransferOutcome,
     UploadMission,
 )
 from ground.commands.resume import Resume
@@ -28,6 +26,7 @@ from ground.grammar.words import Words
 from ground.missions import files
 from ground.missions.mission import Home
 from ground.missions.qgroundcontrol import Foreign, home_at
+from ground.robot import Robot
 from protocol.options import finite, whole
 from runtime.cli.parsers import add_subcommands
 from runtime.errors import UserError
@@ -70,9 +69,9 @@ class UploadMissionFile:
         found = self.source.read()
         return UploadMission(mission=found.mission, dropped=found.dropped, anyway=self.anyway)
 
-    def perform(self, session: Session) -> TransferOutcome:
+    async def perform(self, robot: Robot) -> TransferOutcome | Refused:
         """Read the file and upload the mission."""
-        return perform(self.read(), session)
+        return await self.read().perform(robot)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ import pytest
 
 from checks.harness.in_process import InProcess, reason_in
 from checks.harness.processes import OPERATOR_BEAT
-from ground.api import robot
+from ground import robot
 from ground.client.connection import Common
 from ground.client.vocabulary import Remedies
 from ground.station.link.loss import LossKind

@@ -9,14 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from checks.site import reference as protocol_page
-from ground.api import robot as client
-from ground.api.robot import Robot
+from ground import robot as client
 from ground.client.emergency_stop import HELD_NS, REPEAT_NS
 from ground.client.parameter_rows import NAME, NAME_RULE
 from ground.client.teleop_sender import TTL_MS
 from ground.commands.stop import StopNow
 from ground.map import pen
 from ground.missions import files as mission_file
+from ground.robot import Robot
 from plant.process.robot_link import MAX_AGE_TICKS
 from plant.world import file as world_file
 from protocol.topics import DRIVE, OPERATOR, SONAR, STOP, TELEOP, WHEELS, Role, Service, Topic

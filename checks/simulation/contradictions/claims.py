@@ -27,8 +27,8 @@ from checks.simulation.contradictions.truth import (
 from checks.simulation.hosts.mavlink import GATEWAY
 from checks.simulation.invariants.limits import InvariantViolation
 from gateways.mavlink.mavlink_dialect import mavlink
+from ground.client.missions import MissionEnded
 from ground.client.outcomes import Accepted, GoalEnded, Refused, Stopped
-from ground.commands.mission import MissionEnded
 from ground.station.robot.lease_state import LeaseView
 from protocol.outcome import Outcome
 from protocol.wire.enums import Command, GoalState, Mode

@@ -64,9 +64,9 @@ from checks.simulation.hosts.mavlink import CLIENTS, command, reposition
 from checks.simulation.invariants.limits import InvariantViolation
 from gateways.mavlink.clients import NoFile
 from gateways.mavlink.mavlink_dialect import mavlink
-from ground.api.robot import connect
 from ground.client.connection import common
 from ground.client.outcomes import Accepted, GoalEnded, Refused
+from ground.robot import connect
 from ground.user.runs import read_runs
 from protocol.bus.bus import open_bus
 from protocol.topics import LEASE, MISSION, STATUS, TRUTH, Role

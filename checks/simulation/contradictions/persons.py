@@ -177,7 +177,7 @@ def _stranger_to_itself() -> Patches:
 
 def _failed_for_taken_over() -> Patches:
     """Call every mission failed that has not been completed."""
-    return {"ground.commands.mission.mission_state": lambda state, *_: MissionState(state).name}
+    return {"ground.client.missions.mission_state": lambda state, *_: MissionState(state).name}
 
 
 DEFECTS: Final[dict[str, Defect]] = {
@@ -612,7 +612,7 @@ def replacements() -> dict[str, object]:
         "ground.client.link.open_bus": open_bus_here,
         "ground.client.link.WallClock": SimulatedClock,
         "ground.client.robot_link.WallClock": SimulatedClock,
-        "ground.api.robot.common": common_here,
+        "ground.robot.common": common_here,
         "ground.client.robot_link.Thread": SimulatedThread,
         "ground.client.lease_holder.gethostname": lambda: "sim",
         "ground.client.lease_holder.terminal_name": terminal,

@@ -30,7 +30,6 @@ from checks.simulation.hosts.virtual_time import (
     current_host,
 )
 from gateways.mavlink.mavlink_dialect import mavlink
-from ground.api.robot import Robot, connect
 from ground.app.stops.band import BandKeys, stop_band
 from ground.blocking import perform
 from ground.client.connection import Common
@@ -54,6 +53,7 @@ from ground.commands.teleop import DriveByHand
 from ground.launch.fleet_run import FleetRun, goal_runs_of
 from ground.launch.scenario import Scenario, ScenarioRobot
 from ground.missions.mission import Mission, Waypoint
+from ground.robot import Robot, connect
 from ground.station.robot.background_requests import JobResult
 from ground.station.station import Station
 from ground.text.status_parts import Part, in_words

@@ -7,7 +7,7 @@ from gateways.mavlink.mav_service import NEWCOMER, WATCHER, Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import MissionAck, mavlink
 from gateways.mavlink.robot_port import Answered
-from ground.commands.mission import TransferOutcome
+from ground.client.missions import TransferOutcome
 from ground.missions.qgroundcontrol import ItemPart
 from protocol.wire.enums import Severity
 from protocol.wire.reasons import Reason, reason_text

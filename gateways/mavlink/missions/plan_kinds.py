@@ -18,15 +18,10 @@ from gateways.mavlink.missions.plan_items import (
 )
 from gateways.mavlink.robot_copy import Key, RobotCopy
 from gateways.mavlink.robot_port import Answered
+from ground.client.missions import TransferOutcome
 from ground.client.session import Operation
 from ground.commands.fence import ClearFence, FenceShown, SetFence, ShowFence
-from ground.commands.mission import (
-    ClearMission,
-    FetchMission,
-    MissionFetched,
-    TransferOutcome,
-    UploadMission,
-)
+from ground.commands.mission import ClearMission, FetchMission, MissionFetched, UploadMission
 from ground.missions.mission import Fence, Mission, Waypoint
 from ground.missions.qgroundcontrol import (
     Item,

@@ -28,7 +28,8 @@ from gateways.mavlink.missions.plan_answers import (
 from gateways.mavlink.missions.plan_items import item_in
 from gateways.mavlink.missions.plan_kinds import ItemKind
 from gateways.mavlink.robot_port import Answered
-from ground.commands.mission import AnnounceItems, TransferOutcome
+from ground.client.missions import TransferOutcome
+from ground.commands.mission import AnnounceItems
 from ground.missions.qgroundcontrol import UnsupportedItemError
 from protocol.wire.enums import Severity
 from runtime.units import NS_PER_MS, NS_PER_S

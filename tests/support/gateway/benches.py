@@ -21,6 +21,7 @@ from gateways.mavlink.mav_vehicle import Face
 from gateways.mavlink.mavlink_dialect import MavMessage, MissionCount, mavlink
 from gateways.mavlink.services import missions_of, parameters_and_files
 from gateways.mavlink.streams import StreamScheduler
+from ground.client.missions import TransferOutcome
 from ground.client.outcomes import Accepted, Outcome, Refused
 from ground.client.parameter import parameters_in
 from ground.commands.fence import ClearFence, FenceShown, SetFence, ShowFence
@@ -30,7 +31,6 @@ from ground.commands.mission import (
     FetchMission,
     JumpTo,
     MissionFetched,
-    TransferOutcome,
     UploadMission,
 )
 from ground.commands.param import ParameterTable, ShowParameters

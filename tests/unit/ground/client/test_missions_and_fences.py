@@ -7,6 +7,7 @@ import pytest
 
 from ground.blocking import perform
 from ground.client.link import UnansweredError
+from ground.client.missions import MissionProgress, TransferOutcome
 from ground.commands.fence import ClearFence, SetFence, ShowFence
 from ground.commands.mission import (
     ClearMission,
@@ -14,11 +15,9 @@ from ground.commands.mission import (
     FetchMission,
     JumpTo,
     MissionFetched,
-    MissionProgress,
     MissionWritten,
     ShowMissionStatus,
     StartMission,
-    TransferOutcome,
     UploadMission,
 )
 from ground.missions.mission import Circle, Mission, Polygon, Waypoint
@@ -71,6 +70,7 @@ def test_mission_is_given_item_by_item_after_its_fence() -> None:
 def test_refused_mission_names_the_item_and_the_lease_holder() -> None:
     stage = Stage(*wants(0), verdict(Reason.MISSION_ITEM_BAD, item=0))
     outcome = perform(UploadMission(mission=Mission(waypoints=WAYPOINTS)), stage.session)
+    assert isinstance(outcome, TransferOutcome)
     assert (outcome.ok, outcome.item, outcome.reason) == (False, 1, Reason.MISSION_ITEM_BAD)
     assert outcome.text.startswith("refused: item 1: ")
     assert outcome.as_json("mission upload", "r1")["item"] == 1

@@ -1,5 +1,6 @@
 """The public names of `sidestep.operations`: all operations, and their outcomes."""
 
+from ground.client.missions import MissionEnded, MissionProgress, TransferOutcome
 from ground.client.outcomes import (
     AllAnswered,
     DriveEnded,
@@ -27,13 +28,10 @@ from ground.commands.mission import (
     DownloadMission,
     FetchMission,
     JumpTo,
-    MissionEnded,
     MissionFetched,
-    MissionProgress,
     MissionWritten,
     ShowMissionStatus,
     StartMission,
-    TransferOutcome,
     UploadMission,
 )
 from ground.commands.mode import SetMode
