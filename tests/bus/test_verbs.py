@@ -15,7 +15,6 @@ import pytest
 from ground.cli.main import main
 from ground.client.requests import ATTEMPTS
 from ground.client.status_line import goal_line
-from ground.commands import goto
 from ground.recording.log_reader import record_bytes
 from ground.text.status_parts import Part, in_words
 from protocol.bus.bus import open_bus
@@ -211,8 +210,11 @@ def test_goto_outside_the_world_is_an_error_unless_it_is_sent_anyway(
     robot: PlayedRobot, say: Say
 ) -> None:
     robot.vehicle = Vehicle.ACTIVE
-    facts = b'{"name": "box", "size_m": [6.0, 4.0]}'
-    robot.bus.serve(WORLD, lambda incoming: incoming.reply(facts), "r1")
+    start = {"x_m": 0.6, "y_m": 2.0, "heading_deg": 0.0}
+    goal = {"x_m": 5.0, "y_m": 2.0, "heading_deg": None}
+    goal |= {"position_tolerance_m": 0.05, "heading_tolerance_deg": 3.0}
+    facts = {"name": "box", "size_m": [6.0, 4.0], "start": start, "goal": goal, "obstacles": []}
+    robot.bus.serve(WORLD, lambda incoming: incoming.reply(json.dumps(facts).encode()), "r1")
     code, _, err = say("goto", "100", "100", "--no-wait")
     assert code == 2
     assert "goal (100.000, 100.000) lies outside the world box (6 x 4 m); --anyway" in err
@@ -234,8 +236,8 @@ def test_goto_ignores_the_result_of_the_previous_goal(
             robot.goal = GoalState.REACHED
         return parts
 
-    monkeypatch.setattr(goto, "goal_line", line)
-    monkeypatch.setattr(goto, "SHOW_PLAIN_NS", 1_000_000)
+    monkeypatch.setattr("ground.robot.goal_line", line)
+    monkeypatch.setattr("ground.robot.SHOW_PLAIN_NS", 1_000_000)
     robot.vehicle, robot.goal_id, robot.goal = Vehicle.ACTIVE, 7, GoalState.REACHED
     robot.stale = robot.status()
 
