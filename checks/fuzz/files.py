@@ -39,11 +39,11 @@ from ground.cli.verbs import VERBS
 from ground.client.connection import Config
 from ground.client.parameter import parameters_in
 from ground.client.parameter_file import read as values_in
+from ground.commands.fence import outlined
 from ground.console.completion import complete
 from ground.console.history import History
 from ground.console.parser import read
 from ground.ghost.branch_point import PathReader
-from ground.grammar.fences import outlined
 from ground.missions import files, qgroundcontrol
 from ground.missions.mission import Circle, Home, Mission, Polygon, Waypoint
 from ground.missions.transfer import fence_items_of, items_of

@@ -11,7 +11,6 @@ from ground.client.requests import SILENCE_NS, Asker
 from ground.client.robot_link import Drive
 from ground.client.streams import TopicStreams
 from ground.client.vocabulary import SHELL, Remedies
-from ground.missions import files
 from ground.missions.mission import Fence, Mission
 from ground.missions.transfer import (
     Announcement,
@@ -189,6 +188,8 @@ class Missions:
         all faults of a file.
         """
         if not isinstance(mission, Mission):
+            from ground.missions import files  # slow to import, and needed only for a file
+
             mission = files.read(Path(mission)).mission
         robot = self._robot
         if (refused := await robot.ensure_lease()) is not None:

@@ -115,13 +115,14 @@ def option(
     metavar: str | tuple[str, ...],
     parse: Callable[[str], Any] = str,
     joined: Callable[[list[Any]], Any] | None = None,
+    spelt: Callable[[Any], str] | None = None,
     after: After = "",
 ) -> Any:
     """Return a field that is typed after a flag; of several words `joined` makes the value."""
     how: dict[str, Any] = {"metavar": metavar, "help": help, "type": parse}
     if isinstance(metavar, tuple):
         how["nargs"] = len(metavar)
-    return argument(default, flags, how, after, joined=joined)
+    return argument(default, flags, how, after, joined=joined, spelt=spelt)
 
 
 def switch(flag: str, *, default: bool, help: str, after: After = "") -> Any:
@@ -230,11 +231,6 @@ def add_shared(parser: argparse.ArgumentParser, *names: str) -> None:
 ANYWAY: Final = "send {} outside of the known world or in an obstacle, too"
 
 
-def add_anyway(parser: argparse.ArgumentParser, what: str) -> None:
-    """Declare `--anyway`."""
-    parser.add_argument("--anyway", action="store_true", help=ANYWAY.format(what))
-
-
 class Facts(NamedTuple):
     """What the decorator says of a command.
 
@@ -292,13 +288,14 @@ class OperatorCommand:
 
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
-        """Declare its arguments and its shared options."""
+        """Declare its arguments, those without a flag first, and its shared options."""
         if cls.typed is not None:
             for name, one in arguments_of(cls.typed).items():
                 one.add_to(parser, name)
         seize = ("seize",) if cls.facts.seizes else ()
+        own = sorted(arguments_of(cls).items(), key=lambda named: bool(named[1].flags))
         for after, shared in (("", cls.shared), ("json", seize), ("seize", ())):
-            for name, one in arguments_of(cls).items():
+            for name, one in own:
                 if one.after == after:
                     one.add_to(parser, name)
             add_shared(parser, *shared)

@@ -1,37 +1,112 @@
-"""The fence: a circle or polygon that the robot does not leave, and that all goals must lie in."""
+"""`fence`: a circle or polygon that the robot does not leave, and that all goals must lie in."""
 
+import argparse
 from dataclasses import dataclass
-from typing import ClassVar
+from pathlib import Path
+from typing import Any, ClassVar, Final
 
+from ground.client.connection import within
 from ground.client.missions import TransferOutcome
 from ground.client.outcomes import Refused, Success
-from ground.missions.mission import Circle, Fence
+from ground.commands.command import (
+    Group,
+    OperatorCommand,
+    command,
+    number,
+    parsed,
+    place,
+    positive,
+)
+from ground.missions.files import ENDINGS, read_fence
+from ground.missions.mission import FARTHEST_M, Circle, Fence, Polygon, fault_of
 from ground.robot import Robot
+from protocol.options import finite
+from runtime.cli.verb import MORE
+from runtime.errors import UserError
+
+FENCE: Final = Group(
+    MORE, 30, "fence circle 3 2 2.5", "keep the robot inside of a circle or polygon"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SetFence:
-    """Keep the robot inside a circle or polygon (metres, in the robot's own frame)."""
+class TypedCircle:
+    """A circle as it is typed, in metres."""
 
-    moves: ClassVar[bool] = True
+    x: float = place("X", "metres", parse=finite)
+    y: float = place("Y", "metres", parse=finite)
+    radius: float = place("R", "metres", parse=positive)
+
+    def circle(self) -> Circle:
+        """Return the circle; UserError for one that is too large or too far away."""
+        for name, value in (("x", self.x), ("y", self.y), ("radius", self.radius)):
+            within(value, -FARTHEST_M, FARTHEST_M, name, "m")
+        return Circle(x_m=self.x, y_m=self.y, radius_m=self.radius)
+
+
+@command(FENCE, example="fence circle 3 2 2.5", moves=True)
+class SetFence(OperatorCommand):
+    """Stay within R metres of X Y.
+
+    Or in a polygon; in metres, in the robot's own frame.
+    """
+
+    typed: ClassVar[Any] = TypedCircle
     fence: Fence
+
+    @classmethod
+    def parsed(cls, found: Any) -> OperatorCommand:
+        """Return the command for a circle."""
+        return cls(fence=parsed(TypedCircle, found).circle())
 
     @property
     def verb(self) -> str:
         """The verb, with the kind of the fence."""
         return f"fence {'circle' if isinstance(self.fence, Circle) else 'polygon'}"
 
+    @property
+    def line(self) -> str:
+        """The line that would be typed for it in the app."""
+        if isinstance(self.fence, Circle):
+            numbers = [self.fence.x_m, self.fence.y_m, self.fence.radius_m]
+        else:
+            numbers = [value for corner in self.fence.corners for value in corner]
+        return " ".join((self.verb, *map(number, numbers)))
+
     async def perform(self, robot: Robot) -> TransferOutcome | Refused:
         """Upload the fence and return the robot's verdict."""
         return await robot.fence.set(self.fence)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ClearFence:
-    """Remove the fence."""
+@command(FENCE, example="fence polygon 0 0 6 0 6 4 0 4", moves=True)
+class SetFenceOfFile(OperatorCommand):
+    """Stay inside these corners.
 
-    verb: ClassVar[str] = "fence off"
-    moves: ClassVar[bool] = True
+    Those of the fence of a mission file.
+    """
+
+    file: Path = place("FILE", "a mission file with a fence, or X Y X Y X Y ...", joined=list)
+
+    @classmethod
+    def parsed(cls, found: Any) -> OperatorCommand:
+        """Return the command for a file; `SetFence` for numbers."""
+        words: list[str] = found.file
+        if len(words) == 1 and words[0].lower().endswith(ENDINGS):
+            return cls(file=Path(words[0]))
+        return SetFence(fence=outlined(words))
+
+    def read(self) -> SetFence:
+        """Read the file; MissionError names its faults."""
+        return SetFence(fence=read_fence(self.file))
+
+    async def perform(self, robot: Robot) -> TransferOutcome | Refused:
+        """Read the file and upload the fence."""
+        return await self.read().perform(robot)
+
+
+@command(FENCE, example="fence off", moves=True)
+class ClearFence(OperatorCommand):
+    """Remove the fence."""
 
     async def perform(self, robot: Robot) -> TransferOutcome | Refused:
         """Delete the fence from the robot and return its verdict."""
@@ -60,12 +135,9 @@ class FenceShown(Success):
         return row
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ShowFence:
-    """Read the robot's fence."""
-
-    verb: ClassVar[str] = "fence show"
-    moves: ClassVar[bool] = False
+@command(FENCE, example="fence show --json")
+class ShowFence(OperatorCommand):
+    """Show the robot's fence."""
 
     async def perform(self, robot: Robot) -> FenceShown | TransferOutcome:
         """Download the fence; a verdict if the robot does not send it."""
@@ -78,3 +150,19 @@ def in_words(fence: Fence) -> str:
     if isinstance(fence, Circle):
         return str(fence)
     return f"{fence}: {' '.join(f'({x:g}, {y:g})' for x, y in fence.corners)}"
+
+
+def outlined(words: list[str]) -> Polygon:
+    """Parse X Y X Y ... as corners; UserError if they enclose no area."""
+    try:
+        numbers = [finite(word) for word in words]
+    except argparse.ArgumentTypeError as error:
+        raise UserError(f"{error}; a fence is X Y X Y X Y ..., or a mission file") from error
+    if len(numbers) % 2:
+        raise UserError(f"{len(numbers)} numbers are not pairs: give X Y for each corner")
+    for value in numbers:
+        within(value, -FARTHEST_M, FARTHEST_M, "corner", "m")
+    polygon = Polygon(corners=tuple(zip(numbers[::2], numbers[1::2], strict=True)))
+    if fault := fault_of(polygon.corners):
+        raise UserError(f"not a fence: {fault}; give the corners in order around the area")
+    return polygon

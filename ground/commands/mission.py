@@ -1,44 +1,122 @@
-"""Missions: upload one to the robot, download, start, stop and delete it, and read its progress."""
+"""`mission`: check a mission file, upload it to the robot, start, stop and delete the mission."""
 
-from dataclasses import asdict, dataclass, replace
+import sys
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import ClassVar
+from typing import Final
 
 from ground.client.missions import MissionProgress, TransferOutcome
-from ground.client.outcomes import Answer, Refused, Success
+from ground.client.outcomes import Answer, Progress, Refused, Success
+from ground.commands.abort import Abort
+from ground.commands.command import (
+    ANYWAY,
+    FileCommand,
+    Group,
+    OperatorCommand,
+    command,
+    option,
+    place,
+    switch,
+)
+from ground.commands.hold import Hold
+from ground.commands.resume import Resume
 from ground.missions import files
 from ground.missions.mission import Home, Mission
+from ground.missions.qgroundcontrol import Foreign, home_at
 from ground.robot import Robot
+from protocol.options import finite, whole
 from protocol.wire.enums import MissionType
+from runtime.cli.verb import MORE
+from runtime.errors import UserError
+
+MISSION: Final = Group(
+    MORE,
+    20,
+    "mission upload mission.toml",
+    "waypoints: check, send, start, pause, jump, fetch, convert",
+    suffixes=files.ENDINGS,
+)
+MOST_ITEMS: Final = 65_535
+"""Limit of an item's number; people count from 1, the wire from 0."""
+item_number: Final = whole(1, MOST_ITEMS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AnnounceItems:
-    """Ask whether the robot accepts this number of items now; nothing is changed."""
+class OfMissionFile(OperatorCommand):
+    """A command on a mission file; `-` is standard input, or the text that `draft` returns.
 
-    verb: ClassVar[str] = "mission announce"
-    moves: ClassVar[bool] = True
-    kind: MissionType
-    count: int
-
-    async def perform(self, robot: Robot) -> TransferOutcome | Refused:
-        """Return the robot's verdict.
-
-        For too many items it names the first item beyond the limit.
-        """
-        return await robot.mission.announce(self.kind, self.count)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UploadMission:
-    """Upload a mission, whole or not at all; `dropped` was left out of its file.
-
-    The fence goes first, so that the robot checks the mission against it. A waypoint outside of the
-    known world is an error, unless `anyway` is set.
+    `home` is where x and y are 0 on Earth. `drop`: leave out items that the robot cannot carry out.
     """
 
-    verb: ClassVar[str] = "mission upload"
-    moves: ClassVar[bool] = True
+    file: Path = place("FILE", ".toml, .plan or .waypoints", parse=Path)
+    home: Home | None = option(
+        "--home",
+        default=None,
+        parse=finite,
+        metavar=("LATITUDE", "LONGITUDE"),
+        help="origin of x (east) and y (north) on Earth, for .plan and .waypoints",
+        joined=lambda numbers: home_at(*numbers),
+        spelt=lambda home: f"{home.latitude_deg!r} {home.longitude_deg!r}",
+    )
+    drop: bool = switch(
+        "--drop", default=False, help="leave out and list items that the robot cannot carry out"
+    )
+    draft: Callable[[], str] | None = field(default=None, compare=False)
+
+    def found(self) -> Foreign:
+        """Read the mission; MissionError names all faults of the file."""
+        if self.file != files.DASH:
+            return files.read(self.file, home=self.home, drop=self.drop)
+        text = sys.stdin.read(files.LARGEST_BYTES) if self.draft is None else self.draft()
+        return files.read_text(text, self.file, home=self.home, drop=self.drop)
+
+
+@dataclass(frozen=True, slots=True)
+class MissionChecked(Success):
+    """A valid mission file; written as `out`, without the items in `lost`."""
+
+    found: Foreign
+    out: Path | None = None
+    lost: tuple[str, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """The mission, or the file that was written."""
+        mission = self.found.mission
+        return f"ok, {mission}" if self.out is None else files.written(self.out, mission, self.lost)
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return counts and losses as a row."""
+        row: dict[str, object] = {
+            "verb": verb,
+            "ok": True,
+            "items": len(self.found.mission.waypoints),
+            "dropped": list(self.found.dropped),
+        }
+        if self.out is None:
+            return row
+        return row | {"file": str(self.out), "lost": list(self.lost)}
+
+
+@command(MISSION, example="mission check mission.toml")
+class CheckMission(OfMissionFile, FileCommand):
+    """Report the faults of a mission file."""
+
+    def run(self, progress: Progress) -> MissionChecked:
+        """Check the file without a robot."""
+        found = self.found()
+        note_dropped(found.dropped, progress)
+        return MissionChecked(found)
+
+
+@command(word="mission upload", moves=True)
+class UploadMission(OperatorCommand):
+    """Upload a mission, whole or not at all; `dropped` was left out of its file.
+
+    A waypoint outside of the known world is an error, unless `anyway` is set.
+    """
+
     mission: Mission
     dropped: tuple[str, ...] = ()
     anyway: bool = False
@@ -47,11 +125,59 @@ class UploadMission:
         """Upload the fence if there is one, then the mission; return the last verdict."""
         if not self.anyway:
             waypoints = enumerate(self.mission.waypoints, start=1)
-            places = ((f"waypoint {at} {place}", place.x_m, place.y_m) for at, place in waypoints)
+            places = [(f"waypoint {at} {one}", one.x_m, one.y_m) for at, one in waypoints]
             await robot.refuse_outside(*places)
-        for what in self.dropped:
-            robot.progress.note(f"left out: {what}")
+        note_dropped(self.dropped, robot.progress)
         return await robot.mission.upload(self.mission)
+
+
+@command(MISSION, example="mission upload mission.toml", moves=True)
+class UploadMissionFile(OfMissionFile):
+    """Send a mission and its fence, if any, to the robot."""
+
+    anyway: bool = switch("--anyway", default=False, help=ANYWAY.format("waypoints"))
+
+    def read(self) -> UploadMission:
+        """Read the file."""
+        found = self.found()
+        return UploadMission(mission=found.mission, dropped=found.dropped, anyway=self.anyway)
+
+    async def perform(self, robot: Robot) -> TransferOutcome | Refused:
+        """Read the file and upload the mission."""
+        return await self.read().perform(robot)
+
+
+@dataclass(frozen=True, slots=True)
+class MissionWritten(Success):
+    """A mission in a file; `lost` names what the file format cannot hold."""
+
+    file: Path
+    mission: Mission
+    lost: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """The file, and what it cannot hold."""
+        return files.written(self.file, self.mission, self.lost)
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return file, number of items and losses as a row."""
+        row: dict[str, object] = {"verb": verb, "ok": True, "file": str(self.file)}
+        return row | {"items": len(self.mission.waypoints), "lost": list(self.lost)}
+
+
+@command(MISSION, example="mission download fetched.plan")
+class DownloadMission(OfMissionFile):
+    """Write the robot's mission to a file."""
+
+    async def perform(self, robot: Robot) -> MissionWritten | TransferOutcome:
+        """Download the mission and write it; UserError for an unknown file type."""
+        files.ending_of(self.file)  # refuse a wrong file type before sending a request
+        found = await robot.mission.download()
+        if isinstance(found, TransferOutcome):
+            return found
+        mission = replace(found, home=self.home)
+        return MissionWritten(self.file, mission, files.write(self.file, mission))
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,12 +200,12 @@ class MissionFetched(Success):
         return {"verb": verb, "ok": True, "waypoints": waypoints}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FetchMission:
-    """Download the robot's mission, with its fence."""
+@command(MISSION, example="mission list --json")
+class FetchMission(OperatorCommand):
+    """Show the items of the robot's mission.
 
-    verb: ClassVar[str] = "mission list"
-    moves: ClassVar[bool] = False
+    Its fence is shown, too.
+    """
 
     async def perform(self, robot: Robot) -> MissionFetched | TransferOutcome:
         """Return the mission; a verdict if the robot has none or does not send it."""
@@ -87,54 +213,20 @@ class FetchMission:
         return MissionFetched(found) if isinstance(found, Mission) else found
 
 
-@dataclass(frozen=True, slots=True)
-class MissionWritten(Success):
-    """A mission in a file; `lost` names what the file format cannot hold."""
+@command(MISSION, example="mission start 2", moves=True, begins=True)
+class StartMission(OperatorCommand):
+    """Drive the mission, from an item on.
 
-    file: Path
-    mission: Mission
-    lost: tuple[str, ...]
-
-    @property
-    def text(self) -> str:
-        """The file, and what it cannot hold."""
-        return files.written(self.file, self.mission, self.lost)
-
-    def as_json(self, verb: str, robot: str) -> dict[str, object]:
-        """Return file, number of items and losses as a row."""
-        row: dict[str, object] = {"verb": verb, "ok": True, "file": str(self.file)}
-        return row | {"items": len(self.mission.waypoints), "lost": list(self.lost)}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DownloadMission:
-    """Write the robot's mission to a file; `home` is where x and y are 0 on Earth."""
-
-    verb: ClassVar[str] = "mission download"
-    moves: ClassVar[bool] = False
-    file: Path
-    home: Home | None = None
-
-    async def perform(self, robot: Robot) -> MissionWritten | TransferOutcome:
-        """Download the mission and write it; UserError for an unknown file type."""
-        files.ending_of(self.file)  # refuse a wrong file type before sending a request
-        found = await robot.mission.download()
-        if isinstance(found, TransferOutcome):
-            return found
-        mission = replace(found, home=self.home)
-        return MissionWritten(self.file, mission, files.write(self.file, mission))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StartMission:
-    """Start the robot's mission at an item (from 1 on); with `arms`, arm a robot in standby.
-
-    Without an item the mission continues at the current one, or starts again if it is complete.
+    Without an item the mission continues at the current one, or begins again if it is complete.
+    `arms`: arm a robot in standby.
     """
 
-    verb: ClassVar[str] = "mission start"
-    moves: ClassVar[bool] = True
-    item: int | None = None
+    item: int | None = place(
+        "ITEM",
+        "from 1; without it the current one, or the first of a mission that is done",
+        default=None,
+        parse=item_number,
+    )
     arms: bool = True
 
     async def perform(self, robot: Robot) -> Answer:
@@ -142,38 +234,86 @@ class StartMission:
         return await robot.mission.start(self.item, arms=self.arms)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JumpTo:
-    """Continue with another item of the mission, from 1."""
+@command(MISSION, example="mission pause", only_stops=True)
+class PauseMission(Hold):
+    """Stop, and keep the mission."""
 
-    verb: ClassVar[str] = "mission jump"
-    moves: ClassVar[bool] = True
-    item: int
+    timeout_s: float | None = None
+
+
+@command(MISSION, example="mission resume", moves=True, begins=True)
+class ResumeMission(Resume):
+    """Continue the mission."""
+
+    timeout_s: float | None = None
+
+
+@command(MISSION, example="mission abort --id r2", only_stops=True)
+class AbortMission(Abort):
+    """Cancel the mission and stop."""
+
+    timeout_s: float | None = None
+
+
+@command(MISSION, example="mission jump 3", moves=True, begins=True)
+class JumpTo(OperatorCommand):
+    """Continue with another item."""
+
+    item: int = place("ITEM", "from 1", parse=item_number)
 
     async def perform(self, robot: Robot) -> Answer:
         """Send the command and return the robot's answer."""
         return await robot.mission.jump(self.item)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ClearMission:
-    """Delete the mission from the robot."""
+@command(MISSION, example="mission status --json")
+class ShowMissionStatus(OperatorCommand):
+    """Show the progress of the mission."""
 
-    verb: ClassVar[str] = "mission clear"
-    moves: ClassVar[bool] = True
+    async def perform(self, robot: Robot) -> MissionProgress:
+        """Return the status; RemoteError if the robot publishes none."""
+        return await robot.mission.status()
+
+
+@command(MISSION, example="mission clear --id r2", moves=True)
+class ClearMission(OperatorCommand):
+    """Delete the mission from the robot."""
 
     async def perform(self, robot: Robot) -> TransferOutcome | Refused:
         """Delete the mission and return the robot's verdict."""
         return await robot.mission.clear()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ShowMissionStatus:
-    """Read the progress of the mission."""
+@command(MISSION, example="mission convert mission.toml mission.plan")
+class ConvertMission(OfMissionFile, FileCommand):
+    """Convert between formats of mission files, chosen by the suffixes."""
 
-    verb: ClassVar[str] = "mission status"
-    moves: ClassVar[bool] = False
+    file: Path = place("IN", parse=Path)
+    out: Path = place("OUT", parse=Path)
 
-    async def perform(self, robot: Robot) -> MissionProgress:
-        """Return the status; RemoteError if the robot publishes none."""
-        return await robot.mission.status()
+    def run(self, progress: Progress) -> MissionChecked:
+        """Read the file, and write it in the format of the suffix of `out`."""
+        found = self.found()
+        if self.out.resolve() == self.file.resolve():
+            raise UserError(f"{self.out} is also the input: give another name")
+        lost = files.write(self.out, found.mission)
+        note_dropped(found.dropped, progress)
+        return MissionChecked(found, self.out, lost)
+
+
+@command(word="mission announce", moves=True)
+class AnnounceItems(OperatorCommand):
+    """Ask whether the robot accepts this number of items now; nothing is changed."""
+
+    kind: MissionType
+    count: int
+
+    async def perform(self, robot: Robot) -> TransferOutcome | Refused:
+        """Return the robot's verdict."""
+        return await robot.mission.announce(self.kind, self.count)
+
+
+def note_dropped(dropped: tuple[str, ...], progress: Progress) -> None:
+    """List what was left out of a mission file."""
+    for what in dropped:
+        progress.note(f"left out: {what}")

@@ -7,6 +7,7 @@ reason and the remedy.
 import argparse
 import shlex
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from difflib import get_close_matches
 from itertools import chain
 from types import MappingProxyType
@@ -15,9 +16,9 @@ from typing import Final, NoReturn
 from ground.client.outcomes import Outcome
 from ground.client.session import Operation
 from ground.commands.export import Export
+from ground.commands.mission import OfMissionFile
 from ground.console.app_commands import LOCAL, AppArguments, AppCommand
 from ground.console.argument_errors import in_words
-from ground.grammar.missions import MissionWords
 from ground.grammar.words import common_verbs
 from ground.grammar.words import words_of as words_class
 from protocol.options import numbers_kept
@@ -209,9 +210,9 @@ def read(text: str, draft: Callable[[], str] | None = None) -> Operation[Outcome
             raise UserError(f"--{name} cannot be used here: it was fixed when the app started")
     if found.seize:
         raise UserError("--seize is for a shell: give `lease seize` first")
-    if isinstance(found, MissionWords):
-        found.typed = draft
     operation = found.operation()
+    if isinstance(operation, OfMissionFile):
+        operation = replace(operation, draft=draft)
     if isinstance(operation, Export) and operation.out is None:
         raise UserError("there is no standard output here: add --out FILE")
     return operation

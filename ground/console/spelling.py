@@ -4,10 +4,8 @@ from ground.client.outcomes import Outcome
 from ground.client.session import Operation
 from ground.commands.all_robots import ClearAll, StopAll
 from ground.commands.command import OperatorCommand, number
-from ground.commands.fence import SetFence
 from ground.console.app_commands import AppCommand, SetTheme, Undo
 from ground.missions.draft import AddWaypoint, ClearDraft, RemoveWaypoint
-from ground.missions.mission import Circle
 
 
 def line_of(operation: Operation[Outcome] | AppCommand) -> str:
@@ -20,8 +18,6 @@ def line_of(operation: Operation[Outcome] | AppCommand) -> str:
         case AddWaypoint(waypoint):
             turned = () if waypoint.heading_deg is None else (waypoint.heading_deg,)
             return f"wp add {numbers(waypoint.x_m, waypoint.y_m, *turned)}"
-        case SetFence(fence=Circle() as circle):
-            return f"fence circle {numbers(circle.x_m, circle.y_m, circle.radius_m)}"
         case ClearDraft():
             return "wp clear"
         case RemoveWaypoint(item):

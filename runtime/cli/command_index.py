@@ -197,6 +197,95 @@ COMMANDS: Final[Mapping[str, Verb]] = MappingProxyType(
                 }
             ),
         ),
+        "mission": Verb(
+            section="groups",
+            summary="waypoints: check, send, start, pause, jump, fetch, convert",
+            example="mission upload mission.toml",
+            module="ground.commands.mission",
+            words="MISSION",
+            rank=20,
+            suffixes=(".toml", ".plan", ".waypoints"),
+            subcommands=MappingProxyType(
+                {
+                    "check": Subcommand(
+                        "report the faults of a mission file",
+                        "mission check mission.toml",
+                    ),
+                    "upload": Subcommand(
+                        "send a mission and its fence, if any, to the robot",
+                        "mission upload mission.toml",
+                    ),
+                    "download": Subcommand(
+                        "write the robot's mission to a file",
+                        "mission download fetched.plan",
+                    ),
+                    "list": Subcommand(
+                        "show the items of the robot's mission",
+                        "mission list --json",
+                    ),
+                    "start": Subcommand(
+                        "drive the mission, from an item on",
+                        "mission start 2",
+                    ),
+                    "pause": Subcommand(
+                        "stop, and keep the mission",
+                        "mission pause",
+                    ),
+                    "resume": Subcommand(
+                        "continue the mission",
+                        "mission resume",
+                    ),
+                    "abort": Subcommand(
+                        "cancel the mission and stop",
+                        "mission abort --id r2",
+                    ),
+                    "jump": Subcommand(
+                        "continue with another item",
+                        "mission jump 3",
+                    ),
+                    "status": Subcommand(
+                        "show the progress of the mission",
+                        "mission status --json",
+                    ),
+                    "clear": Subcommand(
+                        "delete the mission from the robot",
+                        "mission clear --id r2",
+                    ),
+                    "convert": Subcommand(
+                        "convert between formats of mission files, chosen by the suffixes",
+                        "mission convert mission.toml mission.plan",
+                    ),
+                }
+            ),
+        ),
+        "fence": Verb(
+            section="groups",
+            summary="keep the robot inside of a circle or polygon",
+            example="fence circle 3 2 2.5",
+            module="ground.commands.fence",
+            words="FENCE",
+            rank=30,
+            subcommands=MappingProxyType(
+                {
+                    "circle": Subcommand(
+                        "stay within R metres of X Y",
+                        "fence circle 3 2 2.5",
+                    ),
+                    "polygon": Subcommand(
+                        "stay inside these corners",
+                        "fence polygon 0 0 6 0 6 4 0 4",
+                    ),
+                    "off": Subcommand(
+                        "remove the fence",
+                        "fence off",
+                    ),
+                    "show": Subcommand(
+                        "show the robot's fence",
+                        "fence show --json",
+                    ),
+                }
+            ),
+        ),
         "pose": Verb(
             section="groups",
             summary="set the pose of a robot that has lost its place",

@@ -11,38 +11,6 @@ from typing import Final, NamedTuple
 from runtime.cli.command_index import COMMANDS as LISTED
 from runtime.cli.verb import DRIVE, GROUPS, LOOK, MORE, REC, RUN, SECTIONS, TEST, Subcommand, Verb
 
-MISSION: Final[Mapping[str, Subcommand]] = MappingProxyType(
-    {
-        "check": Subcommand("report the faults of a mission file", "mission check mission.toml"),
-        "upload": Subcommand(
-            "send a mission and its fence, if any, to the robot",
-            "mission upload mission.toml",
-        ),
-        "download": Subcommand(
-            "write the robot's mission to a file", "mission download fetched.plan"
-        ),
-        "list": Subcommand("show the items of the robot's mission", "mission list --json"),
-        "start": Subcommand("drive the mission, from an item on", "mission start 2"),
-        "pause": Subcommand("stop, and keep the mission", "mission pause"),
-        "resume": Subcommand("continue the mission", "mission resume"),
-        "abort": Subcommand("cancel the mission and stop", "mission abort --id r2"),
-        "jump": Subcommand("continue with another item", "mission jump 3"),
-        "status": Subcommand("show the progress of the mission", "mission status --json"),
-        "clear": Subcommand("delete the mission from the robot", "mission clear --id r2"),
-        "convert": Subcommand(
-            "convert between formats of mission files, chosen by the suffixes",
-            "mission convert mission.toml mission.plan",
-        ),
-    }
-)
-FENCE: Final[Mapping[str, Subcommand]] = MappingProxyType(
-    {
-        "circle": Subcommand("stay within R metres of X Y", "fence circle 3 2 2.5"),
-        "polygon": Subcommand("stay inside these corners", "fence polygon 0 0 6 0 6 4 0 4"),
-        "off": Subcommand("remove the fence", "fence off"),
-        "show": Subcommand("show the robot's fence", "fence show --json"),
-    }
-)
 KEYS: Final[Mapping[str, Subcommand]] = MappingProxyType(
     {
         "new": Subcommand(
@@ -109,7 +77,6 @@ STUDY: Final[Mapping[str, Subcommand]] = MappingProxyType(
 
 COMMANDS: Final = "ground.grammar.commands"
 RECORDINGS: Final = (".tlog", ".mcap")
-MISSIONS: Final = (".toml", ".plan", ".waypoints")
 
 
 PROGRAMS: Final[Mapping[str, Verb]] = MappingProxyType(
@@ -280,25 +247,6 @@ PROGRAMS: Final[Mapping[str, Verb]] = MappingProxyType(
             "study.cli.reexecute",
             suffixes=RECORDINGS,
             rank=60,
-        ),
-        "mission": Verb(
-            MORE,
-            "waypoints: check, send, start, pause, jump, fetch, convert",
-            "mission upload mission.toml",
-            "ground.grammar.missions",
-            words="MissionWords",
-            suffixes=MISSIONS,
-            subcommands=MISSION,
-            rank=20,
-        ),
-        "fence": Verb(
-            MORE,
-            "keep the robot inside of a circle or polygon",
-            "fence circle 3 2 2.5",
-            "ground.grammar.fences",
-            words="FenceWords",
-            subcommands=FENCE,
-            rank=30,
         ),
         "keys": Verb(
             MORE,

@@ -10,9 +10,8 @@ from ground.client.outcomes import Outcome, Refused
 from ground.client.parameter import Parameter
 from ground.client.parameters import ParametersLoaded
 from ground.client.session import Operation, Session
-from ground.commands.fence import ClearFence, FenceShown, SetFence, ShowFence
+from ground.commands.fence import ClearFence, FenceShown, SetFence, SetFenceOfFile, ShowFence
 from ground.commands.param import ResetParameter, SetParameter
-from ground.grammar.fences import SetFenceOfFile
 from ground.missions.mission import Mission
 from ground.robot import Robot
 from runtime.errors import UserError

@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.commands.fence import SetFence, in_words
+from ground.commands.fence import FENCE, SetFence, SetFenceOfFile, in_words, outlined
 from ground.console.parser import read
-from ground.grammar.fences import FenceWords, SetFenceOfFile, outlined
 from ground.missions.draft import Draft, Edit
 from ground.missions.files import read_text
 from ground.missions.mission import FARTHEST_M, Circle, Fence, Home, Polygon, Waypoint, fault_of
@@ -179,8 +178,8 @@ def test_corners_in_order_round_a_place_are_a_fence(polygon: Polygon) -> None:
 def typed(*words: str) -> Fence:
     """Return the fence that is set, from a file if one was named."""
     parser = argparse.ArgumentParser()
-    FenceWords.declare(parser)
-    operation = parser.parse_args(list(words), FenceWords("fence")).operation()
+    FENCE.declare(parser)
+    operation = FENCE.parsed(parser.parse_args(list(words)))
     if isinstance(operation, SetFenceOfFile):
         operation = operation.read()
     assert isinstance(operation, SetFence)
