@@ -34,7 +34,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from checks.harness.processes import OPERATOR_BEAT, auto_goal_request, tls_of
-from checks.harness.relays import SlowRelay, address_of
+from checks.harness.relays import TcpProxy, address_of
 from protocol.bus.network import Network
 from protocol.bus.rights import operator_name
 from protocol.bus.robot_clock import time_bytes
@@ -774,7 +774,7 @@ def open_sessions(kind: AttackKind, access: Access, scope: ExitStack) -> list[At
     """Open the sessions of an attack, through a slow relay if its kind reads slowly."""
     endpoint = access.endpoint
     if kind.bytes_per_s:
-        endpoint = scope.enter_context(SlowRelay(endpoint, kind.bytes_per_s)).endpoint
+        endpoint = scope.enter_context(TcpProxy(endpoint, kind.bytes_per_s)).endpoint
     return [Attacker(access.network(endpoint), access.name) for _ in range(kind.sessions)]
 
 

@@ -40,7 +40,7 @@ from checks.flood.attackers import (
     unfounded,
 )
 from checks.harness.figures import BenchmarkReport, Figure, figure, percentile
-from checks.harness.observer import HOLDS, Observer, Seen, observed, stood_s
+from checks.harness.observer import HOLDS, Observer, Seen, motion_since, observed, stood_s
 from checks.harness.processes import (
     OPERATOR_BEAT,
     arm_request,
@@ -77,9 +77,6 @@ FAST_M_S: Final = 0.2
 SETS_OFF_S: Final = 20.0
 STANDS_S: Final = 1.0
 """A robot that still moves this long after the acknowledgement has not stopped."""
-
-RECENT: Final = 40
-"""Samples whose least delay gives the offset of the plant's clock."""
 
 
 class StopTimes(NamedTuple):
@@ -217,11 +214,11 @@ class DrivingOperator:
         """Wait until the robot is at rest after a stop that took so long."""
         enough_s = took_ns / NS_PER_S + STANDS_S + HOLDS * PERIOD_S
         until_s = monotonic() + PRESS_S
-        seen = self._seen(pressed_ns)
+        seen = motion_since(self._observer.truths, pressed_ns)
         while stood_s(seen) is None and seen_s(seen) <= enough_s and monotonic() < until_s:
             self.send_heartbeat()
             self._pause.wait(PERIOD_S)
-            seen = self._seen(pressed_ns)
+            seen = motion_since(self._observer.truths, pressed_ns)
         found = stood_s(seen)
         return StopTimes(
             None if found is None else found * 1e3,
@@ -252,14 +249,6 @@ class DrivingOperator:
         if status.vehicle != Vehicle.ACTIVE:
             why = reason_text(status.vehicle_reason)
             self.stopped.append(f"{Vehicle(status.vehicle).name} {why}")
-
-    def _seen(self, pressed_ns: int) -> list[Seen]:
-        """Return the motion since the press, by the plant's time stamps, free of network delays."""
-        truths = tuple(self._observer.truths)
-        early = [(m, at_ns) for m, at_ns in truths if at_ns < pressed_ns][-RECENT:]
-        offset_ns = min(at_ns - message.time_ns for message, at_ns in early)
-        seen = [Seen((m.time_ns + offset_ns - pressed_ns) / NS_PER_S, m) for m, _ in truths]
-        return [one for one in seen if one.at_s > 0.0]
 
     def _ask(self, request: CommandRequest | GoalRequest) -> None:
         self.send_heartbeat()

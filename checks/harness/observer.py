@@ -1,7 +1,7 @@
 """Robot and plant as real processes, an observer that keeps the robot driving, its true motion."""
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from itertools import count, cycle, pairwise
 from math import hypot
@@ -29,7 +29,7 @@ from protocol.wire.enums import Command, GoalState, RunAction
 from protocol.wire.message import Message
 from protocol.wire.messages import GroundTruth, NavigatorStatus, RunRequest, WheelCommand
 from protocol.world import World
-from runtime.units import PERIOD_S
+from runtime.units import NS_PER_S, PERIOD_S
 
 STILL_M_S: Final = 0.001
 STILL_RAD_S: Final = 0.01
@@ -52,6 +52,19 @@ class Seen(NamedTuple):
 def is_still(truth: GroundTruth) -> bool:
     """Return whether a robot neither drives nor turns."""
     return abs(truth.speed_m_s) < STILL_M_S and abs(truth.yaw_rate_rad_s) < STILL_RAD_S
+
+
+RECENT: Final = 40
+"""Samples whose least delay gives the offset of the plant's clock."""
+
+
+def motion_since(truths: Iterable[tuple[GroundTruth, int]], since_ns: int) -> list[Seen]:
+    """Return the motion from a moment on, by the plant's stamps, which no network delays."""
+    rows = tuple(truths)
+    early = [(one, at_ns) for one, at_ns in rows if at_ns < since_ns][-RECENT:]
+    offset_ns = min(at_ns - one.time_ns for one, at_ns in early)
+    seen = [Seen((one.time_ns + offset_ns - since_ns) / NS_PER_S, one) for one, _ in rows]
+    return [one for one in seen if one.at_s > 0.0]
 
 
 def standing_from(seen: Sequence[Seen]) -> int | None:

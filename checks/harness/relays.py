@@ -16,11 +16,20 @@ from typing import Final, NamedTuple, Self
 
 from runtime.units import NS_PER_MS, NS_PER_S
 
+CHUNK: Final = 1024
+BUFFER: Final = 4096
+"""Size of the receive buffer of a slow line: the system grants at least this."""
+
 
 class TcpProxy:
-    """Forwards bytes both ways; once cut it forwards nothing and accepts no connections."""
+    """Forwards bytes both ways; once cut it forwards nothing and accepts no connections.
 
-    def __init__(self, endpoint: str) -> None:
+    With `bytes_per_s` those from the far end pass at this rate.
+    """
+
+    def __init__(self, endpoint: str, bytes_per_s: float = 0.0) -> None:
+        self._pause_s = CHUNK / bytes_per_s if bytes_per_s else 0.0
+        self._closing = threading.Event()
         protocol = endpoint.partition("/")[0]
         self._far = address_of(endpoint)
         self._sockets = ExitStack()
@@ -36,6 +45,7 @@ class TcpProxy:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._closing.set()
         self._fillers.close()
         close_socket(self._listener)
         self._sockets.close()
@@ -77,21 +87,27 @@ class TcpProxy:
         with suppress(OSError):
             while True:
                 near, _ = listener.accept()
+                far = socket.socket()
+                if self._pause_s:
+                    far.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
                 try:
-                    far = socket.create_connection(self._far)
+                    far.connect(self._far)
                 except OSError:  # the far end refuses, so the client is refused too
                     close_socket(near)
+                    far.close()
                     continue
                 for end in (near, far):
                     self._sockets.callback(close_socket, end)
-                for pair in ((near, far), (far, near)):
-                    threading.Thread(target=self._forward, args=pair, daemon=True).start()
+                for way in ((near, far, 0.0), (far, near, self._pause_s)):
+                    threading.Thread(target=self._forward, args=way, daemon=True).start()
 
-    def _forward(self, source: socket.socket, sink: socket.socket) -> None:
+    def _forward(self, source: socket.socket, sink: socket.socket, pause_s: float) -> None:
         with suppress(OSError):
-            while data := source.recv(65_536):
+            while data := source.recv(CHUNK if pause_s else 65_536):
                 if self._whole.is_set():
                     sink.sendall(data)
+                if pause_s:
+                    self._closing.wait(pause_s)
         with suppress(OSError):  # also after an error: each end learns that the other one has gone
             sink.shutdown(socket.SHUT_RDWR)
 
@@ -107,52 +123,6 @@ def close_socket(end: socket.socket) -> None:
     with suppress(OSError):
         end.shutdown(socket.SHUT_RDWR)
     end.close()
-
-
-CHUNK: Final = 1024
-BUFFER: Final = 4096
-"""Size of the receive buffer: the system grants at least this."""
-
-
-class SlowRelay:
-    """Forwards bytes both ways, those from the hub at `bytes_per_s`; clients dial `endpoint`."""
-
-    def __init__(self, endpoint: str, bytes_per_s: float) -> None:
-        self._far = address_of(endpoint)
-        self._pause_s = CHUNK / bytes_per_s
-        self._closing = threading.Event()
-        self._sockets = ExitStack()
-        self._listener = socket.create_server(("127.0.0.1", 0))
-        self._sockets.callback(close_socket, self._listener)
-        self.endpoint = f"{endpoint.partition('/')[0]}/127.0.0.1:{self._listener.getsockname()[1]}"
-        threading.Thread(target=self._accept_connections, daemon=True).start()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._closing.set()
-        self._sockets.close()
-
-    def _accept_connections(self) -> None:
-        with suppress(OSError):
-            while True:
-                near, _ = self._listener.accept()
-                far = socket.socket()
-                far.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
-                for end in (near, far):
-                    self._sockets.callback(close_socket, end)
-                far.connect(self._far)
-                for pair in ((near, far, 0.0), (far, near, self._pause_s)):
-                    threading.Thread(target=self._pass_on, args=pair, daemon=True).start()
-
-    def _pass_on(self, source: socket.socket, sink: socket.socket, pause_s: float) -> None:
-        with suppress(OSError):
-            while data := source.recv(CHUNK if pause_s else 65_536):
-                sink.sendall(data)
-                if pause_s:
-                    self._closing.wait(pause_s)
-            sink.shutdown(socket.SHUT_RDWR)
 
 
 OVERTAKEN_NS: Final = 30 * NS_PER_MS

@@ -4,10 +4,12 @@ It can be slow: then it reads at most so many bytes a second, like a serial line
 """
 
 import os
+import signal
 import subprocess
 import sys
 import termios
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from threading import Event, Lock, Thread
 from time import monotonic_ns
@@ -107,6 +109,21 @@ class Terminal:
         at_ns = monotonic_ns()
         os.write(self._end, keys.encode())
         return at_ns
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Set the size in columns and rows, and notify the app as a terminal emulator does."""
+        columns, rows = size
+        termios.tcsetwinsize(self._end, (rows, columns))
+        os.kill(self.pid, signal.SIGWINCH)  # it is not the terminal's controlling process
+
+    @contextmanager
+    def slow(self, most_per_s: int) -> Iterator[None]:
+        """Read at most so many bytes a second until the block ends."""
+        self._pause_s, self._chunk = SLOW_READ_S, max(1, round(most_per_s * SLOW_READ_S))
+        try:
+            yield
+        finally:
+            self._pause_s, self._chunk = 0.0, CHUNK
 
     def reading(self) -> TerminalReading:
         """Read the CPU time and the number of bytes written."""

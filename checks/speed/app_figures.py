@@ -16,11 +16,9 @@ log lines arrive.
 import argparse
 import asyncio
 import os
-import signal
 import subprocess
 import sys
 import tempfile
-import termios
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -38,7 +36,7 @@ from checks.harness.figures import BenchmarkReport, Figure, figure
 from checks.harness.messages import make
 from checks.harness.observer import PATIENCE_S, Observer, Shuttle, apart_m, observed
 from checks.harness.processes import resident_mb
-from checks.harness.terminal import CHUNK, SLOW_READ_S, Spent, Terminal
+from checks.harness.terminal import Spent, Terminal
 from checks.harness.until import until
 from checks.speed import fleet
 from ground.app.app import GroundApp
@@ -86,32 +84,13 @@ RECORDINGS: Final = Path("sidestep") / "recordings"
 APP_PATIENCE_S: Final = 30.0
 
 
-class AdjustableTerminal(Terminal):
-    """A terminal whose size and speed change while the app runs, which is not started again."""
-
-    def resize(self, size: tuple[int, int]) -> None:
-        """Set the size in columns and rows, and notify the app as a terminal emulator does."""
-        columns, rows = size
-        termios.tcsetwinsize(self._end, (rows, columns))
-        os.kill(self.pid, signal.SIGWINCH)  # it is not the terminal's controlling process
-
-    @contextmanager
-    def slow(self, most_per_s: int) -> Iterator[None]:
-        """Read at most so many bytes a second until the block ends."""
-        self._pause_s, self._chunk = SLOW_READ_S, max(1, round(most_per_s * SLOW_READ_S))
-        try:
-            yield
-        finally:
-            self._pause_s, self._chunk = 0.0, CHUNK
-
-
 @contextmanager
 def on_terminal(
     observer: Observer,
     size: tuple[int, int],
     *,
     bytecode: Path | None = None,
-) -> Iterator[AdjustableTerminal]:
+) -> Iterator[Terminal]:
     """Start `sidestep ground` with a state folder of its own.
 
     With `bytecode` compiled modules are kept there, as in an installation.
@@ -120,12 +99,12 @@ def on_terminal(
     environment = {"XDG_STATE_HOME": str(observer.folder)}
     if bytecode is not None:
         environment["PYTHONPYCACHEPREFIX"] = str(bytecode)
-    with AdjustableTerminal(words, size, environment) as terminal:
+    with Terminal(words, size, environment) as terminal:
         yield terminal
 
 
 @contextmanager
-def commanding(observer: Observer, size: tuple[int, int]) -> Iterator[AdjustableTerminal]:
+def commanding(observer: Observer, size: tuple[int, int]) -> Iterator[Terminal]:
     """Start the app and wait until it has read all that it needs."""
     with on_terminal(observer, size) as terminal:
         terminal.shown(READY, APP_PATIENCE_S)
@@ -543,7 +522,7 @@ def figures_of(
     ]
 
 
-def on_a_slow_line(terminal: AdjustableTerminal, options: argparse.Namespace) -> list[Figure]:
+def on_a_slow_line(terminal: Terminal, options: argparse.Namespace) -> list[Figure]:
     """Measure at the larger size, which has the most output."""
     waits_ms = []
     with terminal.slow(SLOW_LINE):

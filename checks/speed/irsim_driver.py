@@ -21,10 +21,9 @@ def main() -> None:
         sys.argv[1], headless=True, log_level="ERROR"
     )
     environment.step(CIRCLING)
-    rays = len(environment.get_lidar_scan()["ranges"])
-    answer({"version": version("ir-sim"), "rays": rays})
+    facts = {"version": version("ir-sim"), "rays": len(environment.get_lidar_scan()["ranges"])}
     for line in sys.stdin:
-        answer(timed(environment, int(line)))
+        print(json.dumps(facts | timed(environment, int(line))), flush=True)
 
 
 def timed(environment: Any, steps: int) -> dict[str, float]:
@@ -33,11 +32,6 @@ def timed(environment: Any, steps: int) -> dict[str, float]:
     for _ in range(steps):
         environment.step(CIRCLING)
     return {"cpu_s": time.process_time() - cpu, "wall_s": time.perf_counter() - wall}
-
-
-def answer(what: dict[str, Any]) -> None:
-    """Print one JSON line."""
-    print(json.dumps(what), flush=True)
 
 
 if __name__ == "__main__":

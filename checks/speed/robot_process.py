@@ -17,7 +17,6 @@ import argparse
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic, monotonic_ns
@@ -31,7 +30,7 @@ from checks.harness.figures import (
     percentile,
     ratios,
 )
-from checks.harness.processes import ROBOT, VALID, cpu_s, resident_mb, robot_process
+from checks.harness.processes import ROBOT, cpu_s, made_keys, resident_mb, robot_process
 from checks.speed.latency import PlantStandIn, driving, paced, wait_until
 from plant.world.file import load
 from protocol.bus.bus import open_bus
@@ -233,12 +232,8 @@ def measure_mtls(options: argparse.Namespace) -> BenchmarkReport:
     with (
         TemporaryDirectory(prefix="sidestep-") as folder,
         robot_process(world) as plain,
-        robot_process(
-            world, keys=made_keys(Path(folder) / "silent", logs_refusals=False)
-        ) as locked,
-        robot_process(
-            world, keys=made_keys(Path(folder) / "logging", logs_refusals=True)
-        ) as logging,
+        robot_process(world, keys=silent_keys(Path(folder) / "silent")) as locked,
+        robot_process(world, keys=made_keys(Path(folder) / "logging")) as logging,
         driving(world, plain, lockstep=False) as open_plant,
         driving(world, locked, lockstep=False) as locked_plant,
         driving(world, logging, lockstep=False) as logging_plant,
@@ -268,15 +263,11 @@ def measure_mtls(options: argparse.Namespace) -> BenchmarkReport:
     return BenchmarkReport(benchmark="mtls", figures=tuple(figures), notes=notes)
 
 
-def made_keys(folder: Path, *, logs_refusals: bool) -> Path:
-    """Make certificates for this run."""
-    from ground.certificates.folder import make  # its library is optional for other benchmarks
-
-    now = datetime.now(UTC)
-    make(folder, [ROBOT], {}, now - VALID, now + VALID)
-    if not logs_refusals:
-        with (folder / f"robot-{ROBOT}.toml").open("a", encoding="utf-8") as config:
-            config.write("tell_refusals = false\n")
+def silent_keys(folder: Path) -> Path:
+    """Make certificates for a robot that logs no refusals."""
+    made_keys(folder)
+    with (folder / f"robot-{ROBOT}.toml").open("a", encoding="utf-8") as config:
+        config.write("tell_refusals = false\n")
     return folder
 
 

@@ -20,8 +20,8 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from math import pi
 from pathlib import Path
 from statistics import median
@@ -55,52 +55,58 @@ DRIVER = Path(__file__).with_name("irsim_driver.py")
 RAYS = 40
 
 
+Ask = Callable[[object], Any]
+"""What asks a child: a line, which it answers with a line of JSON."""
+
+
+@contextmanager
+def json_child(words: Sequence[str | Path], **settings: Any) -> Iterator[Ask]:
+    """Run a program that answers each line with JSON; other lines of it are skipped."""
+    with subprocess.Popen(
+        words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, **settings
+    ) as child:
+
+        def ask(line: object) -> Any:
+            assert child.stdin is not None
+            assert child.stdout is not None
+            child.stdin.write(f"{line}\n")
+            child.stdin.flush()
+            for answer in child.stdout:
+                if answer.startswith("{"):
+                    return json.loads(answer)
+            raise RuntimeError(f"{words[-1]} ended without a reply")
+
+        try:
+            yield ask
+        finally:
+            child.kill()
+
+
 class IrSim:
     """A child process that steps the world."""
 
-    def __init__(self, child: "subprocess.Popen[str]") -> None:
-        self._child = child
-        greeting = self._answer()
+    def __init__(self, ask: Ask) -> None:
+        self._ask = ask
+        greeting = ask(0)
         self.version: str = greeting["version"]
         if greeting["rays"] != RAYS:
             raise RuntimeError(f"ir-sim casts {greeting['rays']} rays instead of {RAYS}")
 
     def run(self, steps: int) -> tuple[float, float]:
         """Run the steps; return CPU and wall time in s."""
-        assert self._child.stdin is not None
-        self._child.stdin.write(f"{steps}\n")
-        self._child.stdin.flush()
-        answer = self._answer()
+        answer = self._ask(steps)
         return answer["cpu_s"], answer["wall_s"]
-
-    def _answer(self) -> Any:
-        """Return the next JSON line; ir-sim prints on standard output too."""
-        assert self._child.stdout is not None
-        for line in self._child.stdout:
-            if line.startswith("{"):
-                return json.loads(line)
-        raise RuntimeError("ir-sim exited without a reply")
 
 
 @contextmanager
 def running_irsim(world: World, venv: Path) -> Iterator[IrSim]:
     """Start ir-sim with this world."""
-    python = prepared(venv)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "world.yaml"
         path.write_text(json.dumps(scene_of(world)), encoding="utf-8")  # JSON is YAML
-        with subprocess.Popen(
-            [python, "-P", DRIVER, path],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            env={**os.environ, "MPLBACKEND": "Agg"},
-            text=True,
-        ) as child:
-            try:
-                yield IrSim(child)
-            finally:
-                child.kill()
+        settings = {"stderr": subprocess.DEVNULL, "env": {**os.environ, "MPLBACKEND": "Agg"}}
+        with json_child([prepared(venv), "-P", DRIVER, path], **settings) as ask:
+            yield IrSim(ask)
 
 
 def prepared(venv: Path) -> Path:
@@ -334,35 +340,10 @@ Measured = dict[str, list[Any]]
 """Replies of each child, by its name."""
 
 
-class StagesChild:
-    """A process that measures trials with the packages of one folder."""
-
-    def __init__(self, process: "subprocess.Popen[str]") -> None:
-        self._process = process
-
-    def measure(self, world: str) -> dict[str, Any]:
-        """Return the figures of one world."""
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        self._process.stdin.write(f"{world}\n")
-        self._process.stdin.flush()
-        found: dict[str, Any] = json.loads(self._process.stdout.readline())
-        return found
-
-
-@contextmanager
-def running_stages(folder: Path) -> Iterator[StagesChild]:
-    """Start a child with the packages of a folder."""
-    with subprocess.Popen(
-        [sys.executable, "-P", STAGES],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(folder)},
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    ) as process:
-        yield StagesChild(process)
-        process.kill()
+def running_stages(folder: Path) -> AbstractContextManager[Ask]:
+    """Start a child that measures trials with the packages of a folder."""
+    environment = {**os.environ, "PYTHONPATH": str(folder)}
+    return json_child([sys.executable, "-P", STAGES], cwd=folder, env=environment)
 
 
 def add_compiled_options(parser: argparse.ArgumentParser) -> None:
@@ -395,7 +376,7 @@ def measure_compiled(options: argparse.Namespace) -> BenchmarkReport:
 
 
 def stages_in_turn(
-    world: str, children: Mapping[str, StagesChild], options: argparse.Namespace
+    world: str, children: Mapping[str, Ask], options: argparse.Namespace
 ) -> Measured:
     """Measure a world with every child, and ir-sim's pace, some times in turn."""
     found: Measured = {name: [] for name in (*children, "ir-sim")}
@@ -405,7 +386,7 @@ def stages_in_turn(
             peer = stack.enter_context(running_irsim(load(world), options.venv))
         for _ in range(options.repetitions):
             for name, child in children.items():
-                found[name].append(child.measure(world))
+                found[name].append(child(world))
             if peer is not None:
                 cpu_s, _ = peer.run(PEER_STEPS)
                 found["ir-sim"].append(PEER_STEPS * PERIOD_S / cpu_s)

@@ -18,7 +18,7 @@ from zenoh import ZBytes
 from zenoh.handlers import Callback
 
 from checks.harness.processes import OPERATOR_BEAT
-from checks.harness.relays import SlowRelay
+from checks.harness.relays import TcpProxy
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.mailbox import Mailbox
 from protocol.bus.network import Network, person_here
@@ -482,7 +482,7 @@ WAITS_S = 4.0
 @contextmanager
 def slow_viewer(robot: Bus, ring: Keyring) -> Iterator[zenoh.Session]:
     """Only listens, behind locked doors, and reads 20 kB/s."""
-    with SlowRelay(robot.locator(), BYTES_PER_S) as relay:
+    with TcpProxy(robot.locator(), BYTES_PER_S) as relay:
         network = Network(mode="client", connect=(relay.endpoint,), tls=ring.tls("viewer"))
         with zenoh.open(configured(network, 2.0)) as session:
             yield session

@@ -34,13 +34,12 @@ from pymavlink import mavftp
 from checks.flood.attackers import BURST_S
 from checks.flood.under_attack import peak_mb
 from checks.harness.figures import BenchmarkReport, Figure, figure
-from checks.harness.observer import stood_s
+from checks.harness.observer import motion_since, stood_s
 from checks.harness.processes import cpu_s, resident_mb
 from checks.harness.relays import PERFECT, POOR, Impairment, UdpRelay
 from checks.harness.until import until
 from checks.speed.gateway import forgery, reactions
 from checks.speed.gateway.forgery import NoFile, command, commands
-from checks.speed.gateway.reactions import since
 from checks.speed.gateway.stage import (
     GROUND_STATION,
     Air,
@@ -274,9 +273,13 @@ def run_flood(
 def stop_ms(air: Air, client: MavlinkClient) -> float:
     """Send the emergency stop as the owner; return the time in ms until the wheels stand."""
     sent_ns = client.command(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 1.0)
-    until(lambda: stood_s(since(air, sent_ns)) is not None, "wheels at rest", STOP_S)
+    until(
+        lambda: stood_s(motion_since(air.observer.truths, sent_ns)) is not None,
+        "wheels at rest",
+        STOP_S,
+    )
     Event().wait(SETTLE_S / 10)
-    return (stood_s(since(air, sent_ns)) or 0.0) * 1e3
+    return (stood_s(motion_since(air.observer.truths, sent_ns)) or 0.0) * 1e3
 
 
 def flood_figures_of(name: str, found: FrameFloodRun) -> list[Figure]:

@@ -17,7 +17,7 @@ from time import monotonic, monotonic_ns
 from typing import Final, NamedTuple, Self
 
 from checks.harness.figures import Figure, figure, percentile
-from checks.harness.observer import Seen, stood_s
+from checks.harness.observer import motion_since, stood_s
 from checks.harness.until import until
 from checks.speed.gateway.stage import FORCED, Air, Figures, MavlinkClient, on_air, position_target
 from gateways.mavlink.mavlink_dialect import REQUEST_OPERATOR_CONTROL, MavMessage, mavlink
@@ -37,7 +37,7 @@ from protocol.topics import Role
 from protocol.wire.enums import LeaseAction, Mode
 from protocol.wire.messages import WheelCommand
 from runtime.clock import WallClock
-from runtime.units import NS_PER_S, PERIOD_NS, PERIOD_S
+from runtime.units import PERIOD_NS, PERIOD_S
 
 OVER_BUS_AT_MOST_MS: Final = 5.0
 BEAT_S: Final = 0.2
@@ -246,10 +246,6 @@ AFTER_AT_MOST_MS: Final = 200.0
 EVERY_S: Final = 0.1
 DRIVES_S: Final = 1.2
 FAST_M_S: Final = 0.1
-RECENT: Final = 40
-"""Samples whose least delay gives the offset of the plant's clock."""
-NEWEST: Final = 200
-"""Samples that are looked at: ten seconds."""
 VELOCITY_MASK: Final = 0b1101_1100_0111
 """A SET_POSITION_TARGET with a velocity only."""
 ATTITUDE_MASK: Final = 0b0000_0011
@@ -337,18 +333,13 @@ def after_ms(air: Air, client: MavlinkClient, setpoint: Setpoint, phase: float) 
     while monotonic() < until_s:
         sent_ns = client.send(setpoint.message(share))
         pause.wait(EVERY_S)
-    until(lambda: stood_s(since(air, sent_ns)) is not None, "wheels at rest", 10.0)
-    seen = since(air, sent_ns)
+    until(
+        lambda: stood_s(motion_since(air.observer.truths, sent_ns)) is not None,
+        "wheels at rest",
+        10.0,
+    )
+    seen = motion_since(air.observer.truths, sent_ns)
     if abs(seen[0].truth.speed_m_s) < FAST_M_S:
         raise RuntimeError(f"the robot did not drive: {client.texts[-3:]}")
     stood = stood_s(seen)
     return ((stood or 0.0) - setpoint.timeout_s) * 1e3
-
-
-def since(air: Air, sent_ns: int) -> list[Seen]:
-    """Return the motion from a moment on, by the plant's stamps, which no network delays."""
-    truths = tuple(air.observer.truths)[-NEWEST:]
-    early = [(one, at_ns) for one, at_ns in truths if at_ns < sent_ns][-RECENT:]
-    offset_ns = min(at_ns - one.time_ns for one, at_ns in early)
-    rows = [Seen((one.time_ns + offset_ns - sent_ns) / NS_PER_S, one) for one, _ in truths]
-    return [one for one in rows if one.at_s > 0.0]
