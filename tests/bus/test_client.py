@@ -25,11 +25,18 @@ UNSEEN_S = 0.5
 """Time after which a stop is given up that no status shows."""
 
 
+@asynccontextmanager
+async def connected(stage: Stage) -> AsyncIterator[sidestep.Robot]:
+    """Open a client of the played robot."""
+    async with asyncio.timeout(PATIENCE_S), sidestep.connect(stage[1], name="anna") as robot:
+        yield robot
+
+
 def driven(stage: Stage, story: Callable[[sidestep.Robot], Coroutine[Any, Any, Any]]) -> Any:
     """Run a program of the API against the played robot."""
 
     async def program() -> Any:
-        async with asyncio.timeout(PATIENCE_S), sidestep.connect(stage[1], name="anna") as robot:
+        async with connected(stage) as robot:
             return await story(robot)
 
     return asyncio.run(program())
@@ -107,13 +114,11 @@ def test_value_that_cannot_be_is_one_named_error(
     assert (stage[0].asked, leases(stage[0])) == ([], [])
 
 
-def test_navigator_and_mode_have_names(stage: Stage) -> None:
-    async def story(robot: sidestep.Robot) -> None:
+async def test_navigator_and_mode_have_names(stage: Stage) -> None:
+    async with connected(stage) as robot:
         assert (await robot.set_navigator("bug", "right")).ok
         assert (await robot.set_navigator(sidestep.Navigator.BUG, -1)).ok
         assert (await robot.set_mode("hold")).ok
-
-    driven(stage, story)
     first, second, mode = (one for one in stage[0].asked if isinstance(one, CommandRequest))
     assert (first.param1, first.param2) == (second.param1, second.param2) == (1.0, -1.0)
     assert mode.param2 == Mode.HOLD
@@ -139,24 +144,20 @@ def test_other_robot_is_named_in_the_words_of_python(stage: Stage) -> None:
     assert "--id" not in str(caught.value)
 
 
-def test_cancelled_goal_is_aborted_before_the_error_goes_on(stage: Stage) -> None:
+async def test_cancelled_goal_is_aborted_before_the_error_goes_on(stage: Stage) -> None:
     played, _ = stage
-
-    async def story(robot: sidestep.Robot) -> None:
+    async with connected(stage) as robot:
         with pytest.raises(TimeoutError):
             async with asyncio.timeout(0.5):
                 await robot.goto(1.0, 2.0)
         assert played.commands[-1] == Command.SIDESTEP_ABORT_GOAL
-
-    driven(stage, story)
     assert leases(played) == [LeaseAction.TAKE, LeaseAction.LEAVE]
 
 
-def test_goal_cancelled_while_it_is_sent_is_aborted_after_it(stage: Stage) -> None:
+async def test_goal_cancelled_while_it_is_sent_is_aborted_after_it(stage: Stage) -> None:
     played, _ = stage
     played.answers = [None, Reason.NONE]
-
-    async def story(robot: sidestep.Robot) -> None:
+    async with connected(stage) as robot:
         assert (await robot.lease.take()).ok
         going = asyncio.ensure_future(robot.goto(1.0, 2.0))
         await until(lambda: bool(played.asked))
@@ -165,8 +166,6 @@ def test_goal_cancelled_while_it_is_sent_is_aborted_after_it(stage: Stage) -> No
             await asyncio.sleep(0.01)
         with pytest.raises(asyncio.CancelledError):
             await going
-
-    driven(stage, story)
     goal = Command.DO_REPOSITION
     assert played.commands == [goal, goal, Command.SIDESTEP_ABORT_GOAL]
 
@@ -280,11 +279,10 @@ async def with_robot(stage: Stage, story: Callable[[sidestep.Robot], Awaitable[A
         return await story(robot)
 
 
-def test_cancelled_stop_is_still_sent(stage: Stage) -> None:
+async def test_cancelled_stop_is_still_sent(stage: Stage) -> None:
     played, _ = stage
     played.deaf = True
-
-    async def story(robot: sidestep.Robot) -> None:
+    async with connected(stage) as robot:
         stopping = asyncio.ensure_future(robot.emergency_stop(timeout_s=PATIENCE_S))
         await asyncio.sleep(0)
         stopping.cancel()
@@ -293,13 +291,10 @@ def test_cancelled_stop_is_still_sent(stage: Stage) -> None:
         played.deaf = False
         await until(lambda: played.vehicle is Vehicle.EMERGENCY_STOP)
 
-    driven(stage, story)
 
-
-def test_blocked_loop_sends_no_heartbeat(stage: Stage) -> None:
+async def test_blocked_loop_sends_no_heartbeat(stage: Stage) -> None:
     played, _ = stage
-
-    async def story(robot: sidestep.Robot) -> None:
+    async with connected(stage) as robot:
         assert (await robot.lease.take()).ok
         await until(lambda: played.beats > 3)
         loop_is_free = asyncio.Event()
@@ -310,39 +305,31 @@ def test_blocked_loop_sends_no_heartbeat(stage: Stage) -> None:
         loop_is_free.set()
         await until(lambda: played.beats > before + 2)
 
-    driven(stage, story)
 
-
-def test_lease_that_was_seized_ends_the_heartbeat(stage: Stage) -> None:
+async def test_lease_that_was_seized_ends_the_heartbeat(stage: Stage) -> None:
     played, _ = stage
-
-    async def story(robot: sidestep.Robot) -> None:
+    async with connected(stage) as robot:
         assert (await robot.lease.take()).ok
         assert (await robot.lease.show()).ours
         played.desk.held = ("ben/beef", "ben")
         await until(lambda: not robot.holds_lease)
-
-    driven(stage, story)
     assert leases(played) == [LeaseAction.TAKE], "what is another operator's is not given back"
 
 
-def test_lease_that_the_robot_took_back_is_taken_for_the_next_goal(stage: Stage) -> None:
+async def test_lease_that_the_robot_took_back_is_taken_for_the_next_goal(stage: Stage) -> None:
     """Its status may still be on the way when the next operation begins."""
     played, _ = stage
     played.reach_goals()
-
-    async def story(robot: sidestep.Robot) -> None:
+    async with connected(stage) as robot:
         assert (await robot.goto(1.0, 2.0)).ok
         played.desk.held = None
         assert robot.holds_lease
         assert (await robot.goto(1.0, 2.0)).ok
         assert played.desk.held is not None
 
-    driven(stage, story)
 
-
-def test_telemetry_is_iterated_and_what_is_not_read_gives_way(stage: Stage) -> None:
-    async def story(robot: sidestep.Robot) -> None:
+async def test_telemetry_is_iterated_and_what_is_not_read_gives_way(stage: Stage) -> None:
+    async with connected(stage) as robot:
         short = robot.status(size=3)
         stamps = []
         async for status in robot.status():
@@ -353,8 +340,6 @@ def test_telemetry_is_iterated_and_what_is_not_read_gives_way(stage: Stage) -> N
         assert short.dropped > 0
         await short.aclose()
         assert len([status async for status in short]) == 3
-
-    driven(stage, story)
 
 
 def test_events_report_changes(stage: Stage) -> None:
@@ -379,8 +364,8 @@ def test_events_report_changes(stage: Stage) -> None:
     assert any(isinstance(event, sidestep.LeaseChanged) and event.ours for event in found)
 
 
-def test_parameters_are_typed_and_checked(stage: Stage) -> None:
-    async def story(robot: sidestep.Robot) -> None:
+async def test_parameters_are_typed_and_checked(stage: Stage) -> None:
+    async with connected(stage) as robot:
         found = await robot.parameters.get("d_obs_m")
         assert (found.value, found.unit, found.maximum) == (0.4, "m", 3.0)
         assert [one.name for one in await robot.parameters.changed()] == ["d_obs_m"]
@@ -393,16 +378,13 @@ def test_parameters_are_typed_and_checked(stage: Stage) -> None:
         with pytest.raises(sidestep.UserError, match=r"no parameter 'zzz'.*parameters.list\(\)"):
             await robot.parameters.reset("zzz")
 
-    driven(stage, story)
-
 
 MISSION = sidestep.Mission(waypoints=(sidestep.Waypoint(x_m=1.0, y_m=2.0),))
 
 
-def test_mission_is_given_driven_and_fetched(stage: Stage) -> None:
+async def test_mission_is_given_driven_and_fetched(stage: Stage) -> None:
     played, _ = stage
-
-    async def story(robot: sidestep.Robot) -> None:
+    async with connected(stage) as robot:
         assert await robot.mission.fetch() is None
         assert (await robot.mission.upload(MISSION)).ok
         assert await robot.mission.fetch() == MISSION
@@ -417,35 +399,27 @@ def test_mission_is_given_driven_and_fetched(stage: Stage) -> None:
         assert isinstance(ended, sidestep.MissionEnded)
         assert (ended.ok, ended.status.state) == (True, MissionState.DONE)
 
-    driven(stage, story)
 
-
-def test_mission_that_is_cancelled_pauses(stage: Stage) -> None:
+async def test_mission_that_is_cancelled_pauses(stage: Stage) -> None:
     played, _ = stage
-
-    async def story(robot: sidestep.Robot) -> None:
+    async with connected(stage) as robot:
         assert (await robot.mission.upload(MISSION)).ok
         played.desk.status = MissionState.RUNNING
         with pytest.raises(TimeoutError):
             async with asyncio.timeout(0.4):
                 await robot.mission.run()
-
-    driven(stage, story)
     last = played.asked[-1]
     assert isinstance(last, CommandRequest)
     assert (last.command, last.param1) == (Command.DO_PAUSE_CONTINUE, 0.0)
 
 
-def test_fence_is_set_and_read(stage: Stage) -> None:
+async def test_fence_is_set_and_read(stage: Stage) -> None:
     circle = sidestep.Circle(x_m=0.0, y_m=0.0, radius_m=5.0)
-
-    async def story(robot: sidestep.Robot) -> None:
+    async with connected(stage) as robot:
         assert await robot.fence.get() is None
         assert (await robot.fence.set(circle)).ok
         assert await robot.fence.get() == circle
         assert (await robot.fence.clear()).ok
-
-    driven(stage, story)
 
 
 def test_endpoint_without_a_robot_is_unanswered() -> None:
