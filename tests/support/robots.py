@@ -168,10 +168,15 @@ def start(desk: Desk, first: int = 0) -> int:
     return desk.command(Command.MISSION_START, first)
 
 
+def armed(store: Store | None = None) -> Desk:
+    desk = Desk(store)
+    desk.arm()
+    return desk
+
+
 def ready(count: int = 3, hold_s: float = 0.0) -> Desk:
     """Armed, with a mission straight ahead."""
-    desk = Desk()
-    desk.arm()
+    desk = armed()
     assert upload(desk, line(count, hold_s)).reason == Reason.NONE
     return desk
 

@@ -8,6 +8,7 @@ from math import inf, nan
 from typing import Any, Self
 
 from checks.harness.messages import make
+from ground.station.link.loss import Loss
 from ground.station.robot.background_requests import Job, JobResult, outcome_of
 from ground.station.station import Station
 from ground.station.world import WorldFacts
@@ -259,6 +260,13 @@ class Play:
     @property
     def robot(self) -> Robot:
         return self.robots[0]
+
+    @property
+    def loss(self) -> Loss:
+        """The loss that there must be."""
+        loss = self.station.loss()
+        assert loss is not None, "nothing is lost"
+        return loss
 
     @property
     def beats(self) -> int:

@@ -26,7 +26,7 @@ from robot.core import states
 from robot.lease import IDLE_NS, LAPSE_NS, Lease
 from runtime.units import NS_PER_S as S
 from tests.support.each import each
-from tests.support.robots import Desk, goal, item, upload
+from tests.support.robots import Desk, armed, goal, item, upload
 
 ADA, ADAS_OTHER, ADAS_THIRD, BOB = "ada/1", "ada/2", "ada/3", "bob/0"
 CRASHED = (Severity.WARNING, "lease of Ada lapsed: no heartbeat for 3 s")
@@ -386,8 +386,7 @@ def test_any_order_of_requests_leaves_one_person_at_most(
 
 def leased() -> Desk:
     """Return an armed robot whose lease Ada holds."""
-    desk = Desk()
-    desk.arm()
+    desk = armed()
     assert reason(desk, ask(LeaseAction.TAKE, "Ada"), ADA) == Reason.NONE
     return desk
 
@@ -632,8 +631,7 @@ def test_who_resumes_after_the_program_that_began_it_is_the_driver() -> None:
 
 def held_by_ada() -> Desk:
     """Return a robot without a lease whose goal Ada has begun and held; Bob is there, too."""
-    desk = Desk()
-    desk.arm()
+    desk = armed()
     beaten(desk, ADA, BOB)
     assert reason(desk, *guided(ADA)) == Reason.NONE
     assert reason(desk, command(Command.DO_PAUSE_CONTINUE), ADA) == Reason.NONE
@@ -661,8 +659,7 @@ def test_another_person_without_a_heartbeat_resumes_nothing() -> None:
 @each("resumer", [ADA, BOB])
 def test_jump_to_another_item_keeps_the_driver(resumer: str) -> None:
     """A jump leads the mission on, of which the program that began it goes on to be asked."""
-    desk = Desk()
-    desk.arm()
+    desk = armed()
     upload(desk, [item(0, 3.0, 0.0), item(1, 6.0, 0.0)])
     assert reason(desk, command(Command.MISSION_START), ADA) == Reason.NONE
     jump = command(Command.DO_SET_MISSION_CURRENT, 1.0)
@@ -753,8 +750,7 @@ def test_a_free_lease_that_is_taken_takes_over_the_drive() -> None:
 
 
 def test_a_lease_that_is_taken_makes_no_driver_of_its_holder() -> None:
-    desk = Desk()
-    desk.arm()
+    desk = armed()
     reason(desk, ask(LeaseAction.TAKE, "Ada"), ADA)
     assert desk.vehicle.commands.driver == ""
 

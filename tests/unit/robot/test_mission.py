@@ -14,6 +14,7 @@ from runtime.units import UINT32
 from tests.support.each import each
 from tests.support.robots import (
     Desk,
+    armed,
     circle,
     estop,
     item,
@@ -72,8 +73,7 @@ def test_start_and_jump_refuse_a_missing_item(first: int) -> None:
 
 
 def test_start_and_jump_refuse_a_missing_mission() -> None:
-    desk = Desk()
-    desk.arm()
+    desk = armed()
     assert start(desk) == Reason.NO_MISSION
     assert desk.command(Command.DO_SET_MISSION_CURRENT, 0) == Reason.NO_MISSION
 

@@ -21,7 +21,7 @@ from robot.core import reasons
 from robot.file_writer import Directory
 from robot.mission import MAX_ITEMS, MissionStore, TransferRequest, Transfers
 from tests.support.each import each
-from tests.support.robots import Desk, circle, corners, item, line, ready, start, upload
+from tests.support.robots import Desk, armed, circle, corners, item, line, ready, start, upload
 
 
 def held(desk: Desk, kind: int = MissionType.MISSION) -> list[str]:
@@ -177,8 +177,7 @@ def test_other_kinds_of_missions_are_unknown() -> None:
     ],
 )
 def test_uploaded_fence_refuses_goals(items: list[MissionItemInt]) -> None:
-    desk = Desk()
-    desk.arm()
+    desk = armed()
     assert upload(desk, items).reason == Reason.NONE
     assert held(desk, MissionType.FENCE) == [repr(one) for one in items]
     assert desk.goto(1.5, 4.0) == Reason.OUTSIDE_FENCE

@@ -34,7 +34,7 @@ from robot.storage import FILE_NAME, Store
 from robot.vehicle import RobotVehicle
 from runtime.errors import UserError
 from tests.support.each import each
-from tests.support.robots import Desk
+from tests.support.robots import Desk, armed
 
 
 def test_every_setting_of_the_core_has_one_row_in_the_same_order() -> None:
@@ -142,8 +142,7 @@ def moved(name: str, by: float) -> float:
 
 @each(("name", "value"), WEAKER)
 def test_driving_robot_refuses_weaker_failsafes(name: str, value: float) -> None:
-    desk = Desk()
-    desk.arm()
+    desk = armed()
     desk.goto(3.0, 0.0)
     assert put(desk, name, value) == Reason.NOT_WHILE_ARMED
     assert desk.vehicle.params == DEFAULTS
@@ -169,8 +168,7 @@ def test_safer_is_accepted_and_less_safe_refused(name: str) -> None:
 
 @each("name", [spec.name for spec in GROUP])
 def test_safety_parameters_change_only_while_disarmed(name: str) -> None:
-    desk = Desk()
-    desk.arm()
+    desk = armed()
     safer = moved(name, SAFER[SPECS[name].safer])
     assert put(desk, name, safer) == Reason.NOT_WHILE_ARMED
     assert put(desk, name, value_of(desk, name)) == Reason.NONE, "a repeated request is harmless"
@@ -179,8 +177,7 @@ def test_safety_parameters_change_only_while_disarmed(name: str) -> None:
 
 
 def test_all_other_parameters_change_under_way() -> None:
-    desk = Desk()
-    desk.arm()
+    desk = armed()
     for spec in TABLE:
         if not spec.safer:
             assert put(desk, spec.name, spec.default) == Reason.NONE
@@ -284,8 +281,7 @@ def test_arming_lists_what_is_not_as_configured() -> None:
 
 
 def test_arming_as_configured_lists_nothing() -> None:
-    desk = Desk()
-    desk.arm()
+    desk = armed()
     assert notices(desk) == []
 
 

@@ -39,10 +39,10 @@ from tests.support.messages import any_message, messages_of
 from tests.support.robots import (
     ADA,
     BOB,
-    Desk,
     Request,
     Rig,
     arm,
+    armed,
     driving,
     goal,
     hold,
@@ -410,8 +410,7 @@ askers = st.sampled_from(["", "ada", "bob"])
 def test_any_request_gets_an_answer_that_can_be_sent(
     asked: list[tuple[Message, str]], teleop: Message
 ) -> None:
-    desk = Desk()
-    desk.arm()
+    desk = armed()
     encoder = Encoder(1, 1)
     assert isinstance(teleop, Teleop)
     for request, operator in asked:

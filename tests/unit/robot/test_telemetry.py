@@ -32,7 +32,7 @@ from runtime.units import NS_PER_S as SECOND
 from runtime.units import PERIOD_NS
 from tests.support.each import each
 from tests.support.played_bus import PlayedBus
-from tests.support.robots import Desk
+from tests.support.robots import Desk, armed
 
 
 def test_status_without_a_goal_has_nan_and_no_times() -> None:
@@ -44,8 +44,7 @@ def test_status_without_a_goal_has_nan_and_no_times() -> None:
 
 
 def test_goal_times_are_converted_to_the_sensor_clock() -> None:
-    desk = Desk()
-    desk.arm()
+    desk = armed()
     desk.goto(2, 0)  # at 50 ms on the core's clock
     status = telemetry.status(desk.vehicle.state, 9, 1_000 * MS, 80)
     assert status.goal_started_ns == 970 * MS

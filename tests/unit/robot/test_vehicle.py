@@ -30,7 +30,7 @@ from robot.storage import Store
 from robot.vehicle import RobotVehicle
 from runtime.units import NS_PER_MS as MS
 from tests.support.each import each
-from tests.support.robots import Desk, goal, ready, start
+from tests.support.robots import Desk, armed, goal, ready, start
 
 
 def restarted() -> Desk:
@@ -119,8 +119,7 @@ def test_heading_that_is_not_given_stays() -> None:
 
 
 def test_restarted_plant_makes_the_place_unknown() -> None:
-    desk = Desk()
-    desk.arm()
+    desk = armed()
     desk.goto(2, 0)
     desk.vehicle.lose_position(desk.now_ns)
     assert desk.vehicle.state.machine.vehicle_reason == Reason.TICKS_LOST
@@ -163,8 +162,7 @@ def test_an_armed_robot_takes_a_goal_and_drives() -> None:
 
 
 def test_repeated_request_is_answered_but_not_acted_on() -> None:
-    desk = Desk()
-    desk.arm()
+    desk = armed()
     request = goal(77, 2, 0)
     first = desk.vehicle.receive(request, desk.now_ns)
     serial = desk.vehicle.state.machine.serial
@@ -244,21 +242,18 @@ def test_an_unknown_command_is_unsupported() -> None:
 
 @given(st.integers(0, 2**16 - 1), st.floats(width=32), st.floats(width=32))
 def test_no_command_values_raise_an_exception(command: int, param1: float, param2: float) -> None:
-    desk = Desk()
-    desk.arm()
+    desk = armed()
     desk.command(command, param1, param2)
     desk.step()
 
 
 def test_a_goal_farther_than_the_robot_accepts_is_refused() -> None:
-    desk = Desk()
-    desk.arm()
+    desk = armed()
     assert desk.goto(101, 0) == Reason.GOAL_OUT_OF_RANGE
 
 
 def test_guided_needs_an_operator_and_stops_without_one() -> None:
-    desk = Desk()
-    desk.arm()
+    desk = armed()
     assert desk.goto(2, 0, Mode.GUIDED) == Reason.NO_OPERATOR
     desk.operator = True
     desk.step()
@@ -277,8 +272,7 @@ def test_guided_needs_an_operator_and_stops_without_one() -> None:
 def test_exception_in_the_core_stops_and_is_raised(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    desk = Desk()
-    desk.arm()
+    desk = armed()
     desk.goto(2, 0)
 
     def broken(*_: object) -> None:
@@ -297,8 +291,7 @@ def test_exception_in_the_core_stops_and_is_raised(
 
 
 def test_a_violated_budget_stops_the_wheels_with_its_reason() -> None:
-    desk = Desk()
-    desk.arm()
+    desk = armed()
     desk.goto(2, 0)
     desk.step()
     desk.vehicle.core.report(Reason.BUDGET)
@@ -308,8 +301,7 @@ def test_a_violated_budget_stops_the_wheels_with_its_reason() -> None:
 
 
 def test_every_change_is_announced_once() -> None:
-    desk = Desk()
-    desk.arm()
+    desk = armed()
     desk.goto(2, 0)
     desk.step()
     told = [text.text for text in desk.vehicle.texts()]
@@ -405,8 +397,7 @@ def test_an_unknown_parameter_is_refused() -> None:
 
 
 def test_the_navigator_is_a_parameter_that_changes_under_way_too() -> None:
-    desk = Desk()
-    desk.arm()
+    desk = armed()
     desk.goto(2, 0)
     assert DEFAULTS.navigator != Navigator.BUG
     set_parameter(desk, "navigator", Navigator.BUG)
@@ -463,8 +454,7 @@ def test_list_shows_which_values_survive_a_restart(tmp_path: Path, keeps: bool) 
 
 
 def test_the_end_of_the_process_ends_the_goal() -> None:
-    desk = Desk()
-    desk.arm()
+    desk = armed()
     desk.goto(2, 0)
     desk.vehicle.stop(Reason.SHUT_DOWN, desk.now_ns)
     machine = desk.vehicle.state.machine

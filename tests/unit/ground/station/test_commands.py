@@ -509,8 +509,7 @@ def test_what_stops_is_sent_while_another_person_has_the_lease(line: str, tmp_pa
     play = Play()
     play.robot.lease.holder, play.robot.lease.name = "theirs", "ben"
     play.forward(1.0)
-    loss = play.station.loss()
-    assert loss is not None
+    loss = play.loss
     assert loss.response == "hold, abort, disarm and E-STOP work. Take over: `lease seize`"
     commands_of(play, tmp_path).run_line(line)
     play.forward(0.2)

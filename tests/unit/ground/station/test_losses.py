@@ -118,15 +118,12 @@ Lost = tuple[Play, Row]
 
 def test_each_loss_is_classified_in_time(lost: Lost) -> None:
     play, row = lost
-    loss = play.station.loss()
-    assert loss is not None
-    assert loss.kind is row.kind
+    assert play.loss.kind is row.kind
 
 
 def test_loss_has_its_cause_and_response(lost: Lost) -> None:
     play, row = lost
-    loss = play.station.loss()
-    assert loss is not None
+    loss = play.loss
     assert row.words in loss.cause
     assert row.response in loss.response
     banner = loss.banner(play.station.now_ns)
@@ -136,8 +133,7 @@ def test_loss_has_its_cause_and_response(lost: Lost) -> None:
 
 def test_loss_starts_at_the_last_message(lost: Lost) -> None:
     play, row = lost
-    loss = play.station.loss()
-    assert loss is not None
+    loss = play.loss
     lasts_s = (play.station.now_ns - loss.since_ns) / 1e9
     assert lasts_s <= row.within_s + 0.25
     if row.kind is not LossKind.OTHER_OPERATOR:
@@ -271,13 +267,10 @@ def test_returning_hub_is_not_called_hanging_at_once() -> None:
     play.forward(2.0)
     play.bus.linked_by = Hub.HANGS
     play.forward(1.0)
-    loss = play.station.loss()
-    assert loss is not None
+    loss = play.loss
     assert loss.kind is LossKind.TRANSPORT
     play.forward(2.0)
-    loss = play.station.loss()
-    assert loss is not None
-    assert loss.kind is LossKind.HUNG
+    assert play.loss.kind is LossKind.HUNG
 
 
 def test_death_of_a_blind_robot_is_reported_soon() -> None:
@@ -286,9 +279,7 @@ def test_death_of_a_blind_robot_is_reported_soon() -> None:
     play.forward(1.0)
     play.die()
     play.forward(0.9)
-    loss = play.station.loss()
-    assert loss is not None
-    assert loss.kind is LossKind.PROCESS_DEAD
+    assert play.loss.kind is LossKind.PROCESS_DEAD
 
 
 def test_robot_never_received_is_dead_not_hung() -> None:
@@ -297,8 +288,7 @@ def test_robot_never_received_is_dead_not_hung() -> None:
     play.forward(0.3)
     assert play.station.loss() is None
     play.forward(1.0)
-    loss = play.station.loss()
-    assert loss is not None
+    loss = play.loss
     assert loss.kind is LossKind.PROCESS_DEAD
     assert loss.cause == "no process of r1 is running"
 
@@ -309,8 +299,7 @@ def test_dead_robot_behind_a_router_may_be_disconnected() -> None:
     play.forward(1.0)
     play.die()
     play.forward(1.0)
-    loss = play.station.loss()
-    assert loss is not None
+    loss = play.loss
     assert "or its link is interrupted" in loss.cause
 
 
@@ -318,9 +307,7 @@ def test_silent_hub_that_accepts_connections_hangs() -> None:
     play = Play().forward(1.0)
     play.cut(Hub.HANGS)
     play.forward(1.2)
-    loss = play.station.loss()
-    assert loss is not None
-    assert loss.kind is LossKind.HUNG
+    assert play.loss.kind is LossKind.HUNG
 
 
 @each("linked_by", [Hub.ROUTER, Hub.PEER])
@@ -331,15 +318,12 @@ def test_rejecting_hub_is_a_lost_transport(linked_by: Hub) -> None:
     play.bus.shut = "the process at tls/r:7447 rejects this one: ground.pem expired yesterday"
     play.cut(Hub.HANGS)
     play.forward(4.0)
-    loss = play.station.loss()
-    assert loss is not None
+    loss = play.loss
     assert loss.kind is LossKind.TRANSPORT
     assert loss.cause == play.bus.shut
     play.bus.shut = ""
     play.forward(3.0)
-    loss = play.station.loss()
-    assert loss is not None
-    assert loss.kind is not LossKind.TRANSPORT
+    assert play.loss.kind is not LossKind.TRANSPORT
 
 
 def test_hang_needs_proof_of_the_link() -> None:
@@ -354,9 +338,7 @@ def test_hang_needs_proof_of_the_link() -> None:
     play.workers["selected reads"].waits = False
     play.workers["selected reads"].work()
     play.forward(0.6)
-    loss = play.station.loss()
-    assert loss is not None
-    assert loss.kind is LossKind.HUNG
+    assert play.loss.kind is LossKind.HUNG
 
 
 def test_robot_can_report_missing_sensor_data() -> None:
@@ -364,8 +346,7 @@ def test_robot_can_report_missing_sensor_data() -> None:
     play.robot.flags = 1
     play.robot.vehicle, play.robot.vehicle_reason = Vehicle.FAILSAFE, Reason.SCAN_LOST
     play.forward(0.2)
-    loss = play.station.loss()
-    assert loss is not None
+    loss = play.loss
     assert loss.kind is LossKind.SENSES_STALE
     assert loss.response.startswith("failsafe: it is stopped (")
 
@@ -407,8 +388,7 @@ def test_response_depends_on_the_last_state(
     play.forward(1.0)
     play.cut(Hub.UNREACHABLE)
     play.forward(1.5)
-    loss = play.station.loss()
-    assert loss is not None
+    loss = play.loss
     assert response in loss.response
 
 
@@ -420,8 +400,7 @@ def test_response_has_the_limit_of_the_robot_itself(lost_ms: int, response: str)
     play.forward(1.0)
     play.cut(Hub.UNREACHABLE)
     play.forward(4.0)
-    loss = play.station.loss()
-    assert loss is not None
+    loss = play.loss
     assert response in loss.response
 
 
@@ -438,8 +417,7 @@ def test_limit_that_was_set_meanwhile_is_in_the_response() -> None:
     play.forward(0.1)
     play.cut(Hub.UNREACHABLE)
     play.forward(2.0)
-    loss = play.station.loss()
-    assert loss is not None
+    loss = play.loss
     assert "stops 0.9 s after" in loss.response
 
 
@@ -450,8 +428,7 @@ def test_limit_that_was_not_read_is_unknown() -> None:
     play.forward(1.0)
     play.cut(Hub.UNREACHABLE)
     play.forward(2.0)
-    loss = play.station.loss()
-    assert loss is not None
+    loss = play.loss
     assert loss.response.endswith("after an unknown time (op_lost_ms not read)")
 
 
@@ -466,8 +443,7 @@ def test_limit_of_a_restarted_robot_is_unknown_until_it_is_read() -> None:
     play.forward(0.5)
     play.cut(Hub.UNREACHABLE)
     play.forward(2.0)
-    loss = play.station.loss()
-    assert loss is not None
+    loss = play.loss
     assert "unknown time" in loss.response
 
 
@@ -475,8 +451,7 @@ def test_unknown_robot_has_an_unknown_response() -> None:
     play = Play()
     play.cut(Hub.UNREACHABLE)
     play.forward(1.5)
-    loss = play.station.loss()
-    assert loss is not None
+    loss = play.loss
     assert loss.response == "the state of the robot is unknown"
 
 
