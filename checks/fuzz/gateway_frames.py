@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from fastcrc.crc16 import mcrf4xx
 
+from checks.harness.messages import make
 from checks.harness.played_gateway import PlayedEndpoint, PlayedGateway, PlayedWork
 from gateways.mavlink.clients import ClientLink
 from gateways.mavlink.coordinates import DEFAULT_ORIGIN, place_of
@@ -74,9 +75,7 @@ STATUS: Final[dict[str, Any]] = dict.fromkeys(NavigatorStatus.__struct_fields__,
     "navigator": Navigator.VGM,
     "side": 1,
 }
-MISSION: Final = MissionStatus(
-    time_ns=5, mission_id=1, hold_left_ms=0, count=2, current=0, state=MissionState.READY, reason=0
-)
+MISSION: Final = make(MissionStatus, time_ns=5, mission_id=1, count=2, state=MissionState.READY)
 WAYPOINTS: Final = (Waypoint(x_m=1.0, y_m=2.0), Waypoint(x_m=3.0, y_m=4.0, heading_deg=90.0))
 KEPT: Final = TransferOutcome(verdict=Verdict(Reason.NONE, None, 1), done="")
 MISSION_ANSWERS: Final[dict[type, Outcome]] = {

@@ -19,6 +19,7 @@ from fastcrc.crc16 import mcrf4xx
 from mcap.writer import CompressionType, Writer
 
 from checks.fuzz.target import JSON_WORDS, REFUSALS, FuzzTarget
+from checks.harness.messages import make
 from checks.harness.processes import arm_request, auto_goal_request, command_request
 from ground.cli.observe.replay import lines
 from ground.client.outcomes import NoProgress
@@ -150,12 +151,8 @@ FULL_MRAD_S: Final = 200_000
 CLEAR: Final = Scan((0,) * 8, (0,) * 8, 255, 0)
 STILL: Final = Wheels(0, 0, 0, 0)
 ENCODINGS: Final = (
-    ENCODING,
-    ENCODING,
-    ENCODING,
-    "application/mavlink2;sidestep@2",
-    "",
-    "zenoh/bytes",
+    *(ENCODING, ENCODING, ENCODING),
+    *("application/mavlink2;sidestep@2", "", "zenoh/bytes"),
 )
 OPERATORS: Final = ("", "ada", "bob")
 
@@ -168,34 +165,24 @@ TICKS: Final = WheelTicks(time_ns=50_000_000, seq=1, left=9, right=9, bumper=0, 
 TELEOP: Final = Teleop(time_ns=1, seq=1, speed_mm_s=200, yaw_rate_mrad_s=300, ttl_ms=300)
 TAKE: Final = LeaseRequest(request_id=3, action=LeaseAction.TAKE, name="ada")
 SET: Final = ParamSet(param_id="d_obs_m", param_value=0.4, param_type=9)
-ITEM: Final = MissionItemInt(
-    seq=0,
+ITEM: Final = make(
+    MissionItemInt,
     frame=FRAME_LOCAL_FLU,
     command=Command.SIDESTEP_NAV_POSE,
     autocontinue=1,
-    param1=0.0,
     param2=0.05,
     param3=3.0,
     param4=nan,
     x=20_000,
     y=10_000,
-    z=0.0,
     mission_type=MissionType.MISSION,
 )
 COUNT: Final = MissionCount(count=1, mission_type=MissionType.MISSION)
 START: Final = command_request(4, Command.MISSION_START)
 TEXT: Final = Statustext(severity=6, text="started", id=0, chunk_seq=0)
 EXAMPLES: Final[tuple[Message, ...]] = (
-    ARM,
-    GOAL,
-    SCAN,
-    TICKS,
-    TELEOP,
-    TAKE,
-    SET,
-    ITEM,
-    COUNT,
-    TEXT,
+    *(ARM, GOAL, SCAN, TICKS, TELEOP),
+    *(TAKE, SET, ITEM, COUNT, TEXT),
 )
 
 
@@ -341,10 +328,10 @@ MOST_ROWS: Final = 20_000
 NAME: Final = "20261121T190000Z-r1"
 NAN: Final = float("nan")
 
-STATUS = NavigatorStatus(
+STATUS = make(
+    NavigatorStatus,
     time_ns=50_000_000,
     goal_started_ns=1,
-    goal_ended_ns=0,
     goal_id=2,
     goal_x_m=4.0,
     goal_y_m=1.0,
@@ -353,64 +340,47 @@ STATUS = NavigatorStatus(
     vehicle=2,
     mode=10,
     goal=2,
-    vehicle_reason=0,
-    goal_reason=0,
     navigator=2,
-    side=1,
 )
-ODOMETRY = PlanarOdometry(
+ODOMETRY = make(
+    PlanarOdometry,
     time_ns=50_000_000,
     x_m=0.6,
     y_m=2.0,
-    heading_rad=0.0,
     speed_m_s=0.2,
-    yaw_rate_rad_s=0.0,
     cov_xx_m2=0.01,
-    cov_xy_m2=0.0,
-    cov_xh_m_rad=0.0,
     cov_yy_m2=0.01,
-    cov_yh_m_rad=0.0,
     cov_hh_rad2=0.01,
 )
-DECISION = AvoidanceDecision(
+DECISION = make(
+    AvoidanceDecision,
     time_ns=50_000_000,
     nearest_bearing_rad=0.2,
     nearest_range_m=0.5,
     zone_m=0.3,
     goal_bearing_rad=0.1,
-    rotation_rad=0.0,
     virtual_x_m=4.0,
     virtual_y_m=1.0,
     speed_m_s=0.2,
     yaw_rate_rad_s=0.1,
     branch=2,
-    guard=0,
 )
-INPUTS = TickInputs(
+INPUTS = make(
+    TickInputs,
     time_ns=50_000_000,
     now_ms=50,
     tick=1,
     wheels_seq=1,
     scan_seq=1,
-    requests=0,
     scan_age_ms=20,
-    operator_age_ms=0,
-    speed_mm_s=0,
-    yaw_rate_mrad_s=0,
     flags=INPUT_SCAN | INPUT_WHEELS,
 )
 COMMAND = WheelCommand(
     time_ns=50_000_000, seq=1, sense_seq=1, left_mrad_s=5, right_mrad_s=5, ttl_ms=150
 )
 TICK_MESSAGES: Final[tuple[Message, ...]] = (
-    SCAN,
-    TICKS,
-    INPUTS,
-    COMMAND,
-    ODOMETRY,
-    STATUS,
-    DECISION,
-    TEXT,
+    *(SCAN, TICKS, INPUTS, COMMAND),
+    *(ODOMETRY, STATUS, DECISION, TEXT),
 )
 """The messages of a robot in one tick."""
 

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Any, Final, NamedTuple, TypeAlias, TypeVar, cast
 
+from checks.harness.messages import make
 from protocol.bus.bus import Bus
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.topics import ENCODING, OPERATOR, SONAR, TELEOP, WHEELS, Topic
@@ -326,9 +327,7 @@ class ModelWorld:
         )
         self.boxes.put(
             SONAR,
-            SonarScan(
-                time_ns=now_ns, seq=seq, range_mm=(0,) * 8, ping_age_us=(0,) * 8, valid=255, echo=0
-            ),
+            make(SonarScan, time_ns=now_ns, seq=seq, range_mm=(0,) * 8, ping_age_us=(0,) * 8),
             now_ns,
         )
 
