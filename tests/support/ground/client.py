@@ -3,23 +3,21 @@
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from io import StringIO
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 from checks.harness.messages import make
 from ground.client.connection import Common
 from ground.client.link import Link
-from ground.client.outcomes import Accepted, Answer, Refused
-from ground.client.requests import NO_COMMAND, Request, RequestIds, command_of
+from ground.client.requests import NO_COMMAND, Request, command_of
 from ground.client.session import Session
 from ground.text.output import Output
 from ground.text.status_parts import Part, in_words
 from protocol.bus.network import Network
 from protocol.topics import LEASE, STATUS, Service
-from protocol.wire.enums import AckResult, Command, Vehicle
+from protocol.wire.enums import AckResult, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandAck,
-    CommandRequest,
     CycleReport,
     LeaseStatus,
     NavigatorStatus,
@@ -166,52 +164,6 @@ def status(vehicle: Vehicle = Vehicle.ACTIVE, **changes: Any) -> NavigatorStatus
 
 HELD = (LEASE, lease_of("anna"))
 STANDBY = (STATUS, status(Vehicle.STANDBY))
-
-
-LIST_ANSWER_NS = 10 * MS
-
-
-class AnsweringLink:
-    """Accepts every request once the list is empty; every answer takes 10 ms."""
-
-    robot = "r1"
-
-    def __init__(self, *answers: Reason) -> None:
-        self.answers = list(answers)
-        self.newest_messages: dict[str, Message] = {}
-        """By path of the topic, what the robot output whenever somebody listens."""
-        self.asked: list[Message] = []
-        self.beats = 0
-        self.clock = ManualClock()
-        self.ids = RequestIds()
-
-    def as_link(self) -> Link:
-        return cast(Link, self)
-
-    def command(self, command: Command, param1: float = 0.0, param2: float = 0.0) -> CommandRequest:
-        return CommandRequest(
-            request_id=self.ids.next(), param1=param1, param2=param2, command=command
-        )
-
-    def ask(self, request: Message, **_: Any) -> Answer:
-        self.asked.append(request)
-        self.clock.advance(LIST_ANSWER_NS)
-        reason = self.answers.pop(0) if self.answers else Reason.NONE
-        return (
-            Accepted(LIST_ANSWER_NS) if reason is Reason.NONE else Refused(reason, LIST_ANSWER_NS)
-        )
-
-    def beat(self) -> None:
-        self.beats += 1
-
-    def newest(self, topic: Any, patience_ns: int) -> Message | None:
-        if topic.path not in self.newest_messages:
-            self.clock.advance(patience_ns)
-        return self.newest_messages.get(topic.path)
-
-    @property
-    def commands(self) -> list[int]:
-        return [one.command for one in self.asked if isinstance(one, CommandRequest)]
 
 
 def captured_output() -> tuple[Output, Callable[[], tuple[str, str]]]:

@@ -4,13 +4,13 @@ from math import inf, isnan, nan, radians
 
 import pytest
 
-from ground.blocking import perform
+from ground.blocking import BlockingRobot, perform, run_blocking
 from ground.client.floor import Floor, floor_in
 from ground.client.goal import destination
 from ground.client.link import UnansweredError
 from ground.client.outcomes import Accepted, Outcome, Refused, RefusedError, agreed
 from ground.client.requests import ATTEMPTS
-from ground.client.session import RETRY_NS, Operation, Session
+from ground.client.session import Operation, Session
 from ground.client.status_line import knows_place, pose_of
 from ground.commands.abort import Abort
 from ground.commands.arm import Arm
@@ -25,13 +25,14 @@ from ground.commands.restart import Restart
 from ground.commands.resume import Resume
 from ground.commands.rtl import ReturnHome
 from ground.commands.stop import ClearEmergencyStop, StopNow
-from protocol.topics import ODOMETRY, STATUS, STOP, TRUTH
+from ground.robot import RETRY_NS
+from protocol.topics import ODOMETRY, OPERATOR, STATUS, STOP, TRUTH
 from protocol.wire.enums import Command, Mode, Navigator, Vehicle
 from protocol.wire.messages import CommandRequest, GoalRequest
 from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError, UserError
 from tests.support.each import each
-from tests.support.ground.client import ANSWER_NS, HELD, AnsweringLink, Notes, Stage, status
+from tests.support.ground.client import ANSWER_NS, HELD, Stage, status
 from tests.support.ground.station import WORLD_TEXT, Robot
 
 
@@ -203,79 +204,84 @@ ARM = Command.COMPONENT_ARM_DISARM
 START = Command.MISSION_START
 
 
-def asked_until_accepted(link: AnsweringLink, *, beats: bool = False) -> tuple[int, str]:
+def asked_until_accepted(stage: Stage, *, beats: bool = False) -> tuple[int, str]:
     """Return the last reason and the notes."""
-
-    def request() -> CommandRequest:
-        return link.command(START)
-
-    notes = Notes()
-    answer, _ = Session(link.as_link(), notes).ask_until_accepted(request, beats=beats)
+    robot = BlockingRobot(stage.session)
+    answer, _ = run_blocking(robot.accepted(lambda: robot.request(START), beats=beats))
     reason = answer.reason if isinstance(answer, Refused) else Reason.NONE
-    return reason, "".join(f"{note}\n" for note in notes.notes)
+    return reason, "".join(f"{note}\n" for note in stage.notes.notes)
+
+
+def commands(stage: Stage) -> list[int]:
+    return [one.command for one in stage.bus.requests]
+
+
+def beats(stage: Stage) -> int:
+    return [key for key, _ in stage.bus.sent].count(OPERATOR.path)
 
 
 def test_what_the_robot_does_at_once_is_asked_once() -> None:
-    link = AnsweringLink()
-    assert asked_until_accepted(link) == (Reason.NONE, "")
-    assert link.commands == [START]
+    stage = Stage()
+    assert asked_until_accepted(stage) == (Reason.NONE, "")
+    assert commands(stage) == [START]
 
 
 def test_standby_robot_is_armed_and_request_repeated() -> None:
-    link = AnsweringLink(Reason.NOT_ARMED)
-    link.newest_messages[STATUS.path] = status(Vehicle.STANDBY)
-    assert asked_until_accepted(link) == (Reason.NONE, "armed\n")
-    assert link.commands == [START, ARM, START]
-    ids = [one.request_id for one in link.asked if isinstance(one, CommandRequest)]
+    stage = Stage(Reason.NOT_ARMED)
+    stage.bus.say(STATUS, status(Vehicle.STANDBY))
+    assert asked_until_accepted(stage) == (Reason.NONE, "armed\n")
+    assert commands(stage) == [START, ARM, START]
+    ids = [one.request_id for one in stage.bus.requests]
     assert len(set(ids)) == 3
 
 
 @each("vehicle", [Vehicle.FAILSAFE, Vehicle.EMERGENCY_STOP])
 def test_a_robot_that_was_stopped_for_a_reason_is_never_armed(vehicle: Vehicle) -> None:
-    link = AnsweringLink(Reason.NOT_ARMED)
-    link.newest_messages[STATUS.path] = status(vehicle)
-    assert asked_until_accepted(link) == (Reason.NOT_ARMED, "")
-    assert ARM not in link.commands
+    stage = Stage(Reason.NOT_ARMED)
+    stage.bus.say(STATUS, status(vehicle))
+    assert asked_until_accepted(stage) == (Reason.NOT_ARMED, "")
+    assert ARM not in commands(stage)
 
 
 def test_robot_without_a_status_tells_why_it_cannot_be_armed() -> None:
     """Without a plant its control loop does not run; `arm` tells the cause."""
-    link = AnsweringLink(Reason.NOT_ARMED, Reason.NO_SENSES)
-    assert asked_until_accepted(link) == (Reason.NO_SENSES, "")
-    assert link.commands == [START, ARM]
+    stage = Stage(Reason.NOT_ARMED, Reason.NO_SENSES)
+    assert asked_until_accepted(stage) == (Reason.NO_SENSES, "")
+    assert commands(stage) == [START, ARM]
 
 
 @each("vehicle", [Vehicle.STANDBY, Vehicle.BOOT])
 def test_refused_arming_is_the_answer(vehicle: Vehicle) -> None:
-    link = AnsweringLink(Reason.NOT_ARMED, Reason.NO_SENSES)
-    link.newest_messages[STATUS.path] = status(vehicle)
-    assert asked_until_accepted(link) == (Reason.NO_SENSES, "")
-    assert link.commands == [START, ARM]
+    stage = Stage(Reason.NOT_ARMED, Reason.NO_SENSES)
+    stage.bus.say(STATUS, status(vehicle))
+    assert asked_until_accepted(stage) == (Reason.NO_SENSES, "")
+    assert commands(stage) == [START, ARM]
 
 
 def test_missing_operator_is_remedied_by_a_heartbeat() -> None:
-    link = AnsweringLink(Reason.NO_OPERATOR, Reason.NO_OPERATOR)
-    assert asked_until_accepted(link, beats=True)[0] == Reason.NONE
-    assert link.beats == 2
+    stage = Stage(Reason.NO_OPERATOR, Reason.NO_OPERATOR)
+    assert asked_until_accepted(stage, beats=True)[0] == Reason.NONE
+    assert beats(stage) == 2
 
 
 def test_no_heartbeat_is_sent_without_beats() -> None:
-    link = AnsweringLink(Reason.NO_OPERATOR)
-    assert asked_until_accepted(link)[0] == Reason.NO_OPERATOR
-    assert link.beats == 0
+    stage = Stage(Reason.NO_OPERATOR)
+    assert asked_until_accepted(stage)[0] == Reason.NO_OPERATOR
+    assert beats(stage) == 0
 
 
 def test_it_is_not_asked_for_ever() -> None:
-    link = AnsweringLink(*[Reason.NO_OPERATOR] * 10_000)
-    assert asked_until_accepted(link, beats=True)[0] == Reason.NO_OPERATOR
-    assert RETRY_NS <= link.clock.now_ns() < 2 * RETRY_NS
+    stage = Stage(*[Reason.NO_OPERATOR] * 10_000)
+    began_ns = stage.clock.now_ns()
+    assert asked_until_accepted(stage, beats=True)[0] == Reason.NO_OPERATOR
+    assert RETRY_NS <= stage.clock.now_ns() - began_ns < 2 * RETRY_NS
 
 
 @each("reason", [Reason.OUTSIDE_FENCE, Reason.LEASE_HELD, Reason.NO_MISSION])
 def test_what_nothing_remedies_is_the_answer(reason: Reason) -> None:
-    link = AnsweringLink(reason)
-    assert asked_until_accepted(link, beats=True)[0] == reason
-    assert link.commands == [START]
+    stage = Stage(reason)
+    assert asked_until_accepted(stage, beats=True)[0] == reason
+    assert commands(stage) == [START]
 
 
 def sent(stage: Stage) -> CommandRequest:
