@@ -15,7 +15,7 @@ from plant.sim.simulation import Plant
 from plant.world.file import load, shipped
 from protocol.outcome import Outcome
 from protocol.wire.reasons import Reason, reason_text
-from protocol.world import Circle, GoalPose, Obstacle, Polygon, Settings, Start, World
+from protocol.world import Circle, Obstacle, Polygon, Settings, World
 from robot.core import brain, modes, reasons, states
 from robot.core.navigators.registry import NAVIGATORS
 from robot.core.parameters import DEFAULTS, Params
@@ -25,6 +25,7 @@ from study.trial.core_loop import Behaviour, CoreLoop
 from study.trial.trial import NAVIGATORS as TRIAL_NAVIGATORS
 from study.trial.trial import SIDES, Trial, run_trial
 from tests.support.each import each
+from tests.support.plant import plain_world
 
 RAYS = 7
 
@@ -376,14 +377,7 @@ some_navigators = pytest.mark.parametrize("navigator", TRIAL_NAVIGATORS)
 
 
 def room(*obstacles: Obstacle, goal: tuple[float, float], walls: bool = True) -> World:
-    return World(
-        name="room",
-        size_m=(5.0, 4.0),
-        start=Start(x_m=1.0, y_m=2.0, heading_rad=0.0),
-        goal=GoalPose(x_m=goal[0], y_m=goal[1]),
-        walls=walls,
-        obstacles=obstacles,
-    )
+    return plain_world("room", (5.0, 4.0), (1.0, 2.0), (goal[0], goal[1]), *obstacles, walls=walls)
 
 
 def ends(

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -18,6 +18,21 @@ from runtime.units import UINT32
 
 NONE = LEVELS["none"]
 FOREVER_NS = 10**18
+POSE = ("x_m", "y_m", "heading_rad")
+
+
+def plain_world(
+    name: str,
+    size_m: tuple[float, float],
+    start: tuple[float, ...],
+    goal: tuple[float, ...],
+    *obstacles: Obstacle,
+    **more: Any,
+) -> World:
+    """Return a world; start and goal are x, y and, if given, the heading."""
+    begin = Start(**dict(zip(POSE, start, strict=False)))
+    end = GoalPose(**dict(zip(POSE, goal, strict=False)))
+    return World(name=name, size_m=size_m, start=begin, goal=end, obstacles=obstacles, **more)
 
 
 def room(
@@ -27,14 +42,8 @@ def room(
     walls: bool = True,
     robot: Settings | None = None,
 ) -> World:
-    return World(
-        name="room",
-        size_m=size_m,
-        start=Start(x_m=start[0], y_m=start[1], heading_rad=start[2]),
-        goal=GoalPose(x_m=3.0, y_m=3.0),
-        walls=walls,
-        obstacles=obstacles,
-        robot=robot or {},
+    return plain_world(
+        "room", size_m, start, (3.0, 3.0), *obstacles, walls=walls, robot=robot or {}
     )
 
 

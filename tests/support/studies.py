@@ -40,7 +40,7 @@ from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandRequest, GoalRequest, WheelCommand
 from protocol.wire.reasons import Reason
-from protocol.world import Circle, GoalPose, Point, Start, World
+from protocol.world import Circle, Point, World
 from robot import telemetry
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.states import TO_GOAL
@@ -62,17 +62,18 @@ from study.runner.rows import CodeVersion, TrialRow
 from study.runner.run_task import StudyContext, failed, published_score, spl
 from study.runner.store import SCHEMA, table_of
 from study.trial.trial import Trial, start_of, wire_goal_of
+from tests.support.plant import plain_world
 
 CODE = CodeVersion(commit="c0ffee", dirty=False, version="0.1.0", digest="d1")
 
 
 def floor(name: str = "floor", *, far_m: float = 0.4, family: str | None = "open") -> World:
     """Return a world with the goal straight ahead, a second or two away."""
-    return World(
-        name=name,
-        size_m=(4.0, 3.0),
-        start=Start(x_m=1.0, y_m=1.0),
-        goal=GoalPose(x_m=1.0 + far_m, y_m=1.0),
+    return plain_world(
+        name,
+        (4.0, 3.0),
+        (1.0, 1.0),
+        (1.0 + far_m, 1.0),
         family=family,
         shortest_path_m=far_m,
         reachable=True,

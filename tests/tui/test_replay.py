@@ -16,11 +16,12 @@ from ground.app.widgets.rows import width_of, words_of
 from ground.console.app_commands import AppCommand
 from ground.console.parser import read
 from ground.user.folders import recordings_folder
-from protocol.world import GoalPose, Start, World, as_json
+from protocol.world import as_json
 from runtime.clock import ManualClock
 from runtime.errors import UserError
 from runtime.units import NS_PER_S as S
 from tests.support.ground.made_recordings import written
+from tests.support.plant import plain_world
 from tests.support.tui.fakes import FakeCommandSink, FakeStation, driving
 from tests.support.tui.pilot import Stage, recorded, staged
 from tests.support.until import PATIENCE_S
@@ -180,12 +181,7 @@ async def test_keys_control_the_replay(tmp_path: Path) -> None:
         assert "this is a replay" in "\n".join(line.text for line in shown.station.log)
 
 
-FLOOR = World(
-    name="floor",
-    size_m=(10.0, 8.0),
-    start=Start(x_m=0.8, y_m=1.0),
-    goal=GoalPose(x_m=9.0, y_m=7.0),
-)
+FLOOR = plain_world("floor", (10.0, 8.0), (0.8, 1.0), (9.0, 7.0))
 
 
 def simulated() -> FakeStation:

@@ -18,7 +18,7 @@ from protocol.world import Circle, GoalPose, Obstacle, Point, Polygon, Polyline,
 from runtime.errors import UserError
 from study.cli.trial import elsewhere
 from tests.support.each import each
-from tests.support.plant import room
+from tests.support.plant import plain_world, room
 
 
 def gone_to(robots: int, goal: Point, *obstacles: Obstacle) -> list[RobotGoal]:
@@ -192,13 +192,13 @@ RADIUS_M = 0.12
 
 
 def world_with(*obstacles: Obstacle, walls: bool = True, radius_m: float = RADIUS_M) -> World:
-    return World(
-        name="test",
-        size_m=(6.0, 4.0),
-        start=Start(x_m=1.0, y_m=2.0),
-        goal=GoalPose(x_m=5.0, y_m=2.0),
+    return plain_world(
+        "test",
+        (6.0, 4.0),
+        (1.0, 2.0),
+        (5.0, 2.0),
+        *obstacles,
         walls=walls,
-        obstacles=obstacles,
         robot={"radius_m": radius_m, "track_m": radius_m},
     )
 

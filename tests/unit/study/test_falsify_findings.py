@@ -22,7 +22,7 @@ from plant.shortest_path import shortest_path_m
 from protocol.outcome import Outcome
 from protocol.wire.messages import GroundTruth
 from protocol.wire.reasons import Reason
-from protocol.world import Circle, GoalPose, Obstacle, Polyline, Start, World
+from protocol.world import Circle, GoalPose, Obstacle, Polyline, World
 from robot.core import states
 from robot.core.navigators import proof as proofs
 from runtime.errors import UserError
@@ -54,6 +54,7 @@ from study.falsify.shrink import walls_in
 from study.runner.workers import workers
 from study.trial.core_loop import CoreLoop
 from tests.support.each import each
+from tests.support.plant import plain_world
 from tests.support.studies import ARRIVED, STUCK_RUN, evaluation_of, search_of
 
 FINDINGS = Path(__file__).parents[3] / "study" / "falsify" / "worlds"
@@ -198,13 +199,7 @@ PERSON = Circle(x_m=1.0, y_m=3.0, radius_m=0.2, path_m=((1.0, 3.0), (3.0, 3.0)),
 
 
 def world_of(*obstacles: Obstacle) -> World:
-    return World(
-        name="w",
-        size_m=(4.0, 4.0),
-        start=Start(x_m=0.5, y_m=0.5),
-        goal=GoalPose(x_m=3.0, y_m=1.0),
-        obstacles=obstacles,
-    )
+    return plain_world("w", (4.0, 4.0), (0.5, 0.5), (3.0, 1.0), *obstacles)
 
 
 def truth_at(x_m: float, y_m: float, heading_rad: float = 0.0, time_s: float = 0.0) -> GroundTruth:
@@ -404,14 +399,7 @@ def test_workers_end_with_their_context() -> None:
         os.kill(number, 0)
 
 
-WORLD = World(
-    name="w",
-    size_m=(4.0, 3.0),
-    start=Start(x_m=1.0, y_m=1.0),
-    goal=GoalPose(x_m=3.0, y_m=1.0),
-    shortest_path_m=3.0,
-    reachable=True,
-)
+WORLD = plain_world("w", (4.0, 3.0), (1.0, 1.0), (3.0, 1.0), shortest_path_m=3.0, reachable=True)
 
 
 @each(

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from protocol.world import Circle, GoalPose, Point, Polyline, Start, World
+from protocol.world import Circle, Point, Polyline, World
 from robot.core.perception.people import PROVEN, People
 from runtime.units import PERIOD_S
 from study.people import __main__ as command
@@ -49,6 +49,7 @@ from study.people.encounters import (
 from study.trial.trial import Trial, run_trial
 from tests.support.each import each
 from tests.support.pages import ROOT
+from tests.support.plant import plain_world
 
 BUG, MEMORY = "bug:right", "vgm_memory:left"
 SERIES = TrialSeries("crowd", "default", 5, 4, (BUG, MEMORY))
@@ -195,13 +196,7 @@ STILL_M_S = (0.0, 0.0)
 
 
 def world(*people: Circle) -> World:
-    return World(
-        name="way",
-        size_m=(5.0, 3.0),
-        start=Start(x_m=1.0, y_m=1.5),
-        goal=GoalPose(x_m=3.0, y_m=1.5),
-        obstacles=people,
-    )
+    return plain_world("way", (5.0, 3.0), (1.0, 1.5), (3.0, 1.5), *people)
 
 
 def walker_met(x_m: float, speed_m_s: float = 0.0) -> Walker:
@@ -263,13 +258,7 @@ def test_only_a_proven_track_near_a_person_counts() -> None:
 
 def floor_with(*obstacles: Circle | Polyline) -> World:
     """Return 4 by 2 m with a straight way of 3 m through its middle."""
-    return World(
-        name="crossing",
-        size_m=(4.0, 2.0),
-        start=Start(x_m=0.5, y_m=1.0),
-        goal=GoalPose(x_m=3.5, y_m=1.0),
-        obstacles=obstacles,
-    )
+    return plain_world("crossing", (4.0, 2.0), (0.5, 1.0), (3.5, 1.0), *obstacles)
 
 
 def walker(speed_m_s: float, *path: Point) -> Circle:

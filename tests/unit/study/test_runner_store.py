@@ -37,6 +37,7 @@ from study.runner.store import (
     with_added,
 )
 from tests.support.each import each
+from tests.support.plant import plain_world
 from tests.support.studies import CODE, boxed, floor, ids, list_of, rows, settings, spoil
 
 
@@ -308,14 +309,7 @@ def test_spl_never_exceeds_one() -> None:
 
 
 def room(*obstacles: Polyline | Polygon, walls: bool = True) -> World:
-    return World(
-        name="room",
-        size_m=(8.0, 6.0),
-        start=Start(x_m=1.0, y_m=1.0),
-        goal=GoalPose(x_m=5.0, y_m=3.0),
-        obstacles=obstacles,
-        walls=walls,
-    )
+    return plain_world("room", (8.0, 6.0), (1.0, 1.0), (5.0, 3.0), *obstacles, walls=walls)
 
 
 @each("walls", [True, False])

@@ -19,7 +19,7 @@ from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.outcome import WireGoal
 from protocol.wire.messages import GroundTruth, SonarScan, WheelTicks
-from protocol.world import Circle, GoalPose, Start, World
+from protocol.world import Circle, GoalPose, Start
 from robot.core import reasons, states
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Decision, Outputs, Twist
@@ -32,14 +32,10 @@ from study.cli.trial import COLUMNS, main, parser
 from study.trial.core_loop import Behaviour, CoreLoop
 from study.trial.trial import NAVIGATORS, Trial, params_of, run_trial, wire_goal_of
 from tests.support.each import each
+from tests.support.plant import plain_world
 from tests.support.studies import boxed, floor
 
-NEAR = World(
-    name="near",
-    size_m=(3.0, 2.0),
-    start=Start(x_m=0.6, y_m=1.0),
-    goal=GoalPose(x_m=1.4, y_m=1.0, heading_rad=0.0),
-)
+NEAR = plain_world("near", (3.0, 2.0), (0.6, 1.0), (1.4, 1.0, 0.0))
 WALLED_IN = replace(
     NEAR,
     name="walled_in",

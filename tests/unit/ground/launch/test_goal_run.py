@@ -33,24 +33,17 @@ from protocol.wire.messages import (
     RunScore,
 )
 from protocol.wire.reasons import Reason
-from protocol.world import GoalPose, Start, World, WorldRun
+from protocol.world import WorldRun
 from runtime.clock import ManualClock
 from runtime.errors import NoAnswerError
 from runtime.units import NS_PER_S as SECOND
 from tests.support.each import each
 from tests.support.ground.made_recordings import truth
+from tests.support.plant import plain_world
 from tests.support.played_bus import PlayedBus
 
 SILENT = "no process answers"
-RUN = WorldRun(
-    world=World(
-        name="open",
-        size_m=(10.0, 10.0),
-        start=Start(x_m=1.0, y_m=1.0),
-        goal=GoalPose(x_m=9.0, y_m=9.0),
-        shortest_path_m=1.0,
-    )
-)
+RUN = WorldRun(world=plain_world("open", (10.0, 10.0), (1.0, 1.0), (9.0, 9.0), shortest_path_m=1.0))
 SCENARIO = Scenario(
     world="open", name="open", run=RUN, scenario_robots=(), navigator="vgm", side="left",
     seed=0, noise="none", speed="1", router=False, record=None, timeout_s=100.0,
