@@ -403,6 +403,7 @@ def call_soon(
 def in_own_thread(job: Callable[[], T], name: str) -> "asyncio.Future[T]":
     """Run a job in a thread of its own, which outlives a cancellation."""
     future: Future[T] = Future()
+    future.set_running_or_notify_cancel()  # from now on no cancelled wait takes its result away
 
     def work() -> None:
         try:

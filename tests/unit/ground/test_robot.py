@@ -577,3 +577,22 @@ def test_robot_on_the_same_bus_has_its_own_name() -> None:
         assert (other.name, other.clock, other.bus) == ("r2", robot.clock, robot.bus)
 
     lived(stage, story)
+
+
+def test_work_in_a_thread_outlives_the_cancellation_of_its_wait(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    jobs: list[Callable[[], object]] = []
+
+    class ThreadLater(ThreadAtOnce):
+        def __init__(self, target: Callable[[], object], **_: object) -> None:
+            self.start = lambda: jobs.append(target)
+
+    async def program() -> None:
+        waiting = robot_link.in_own_thread(lambda: 1, "job")
+        waiting.cancel()
+        await asyncio.sleep(0)
+        jobs[0]()
+
+    monkeypatch.setattr(robot_link, "Thread", ThreadLater)
+    asyncio.run(program())
