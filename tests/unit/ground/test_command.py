@@ -23,6 +23,7 @@ from ground.commands.command import (
     positive,
     switch,
 )
+from ground.commands.mission import CheckMission
 from protocol.options import finite, numbers_kept
 from runtime.cli.command_index import COMMANDS
 from runtime.cli.verb import MORE
@@ -155,6 +156,11 @@ def kinds() -> list[type[OperatorCommand]]:
         for one in named
         for kind in (one.commands.values() if isinstance(one, Group) else [one])
     ]
+
+
+def test_line_of_a_mission_file_has_its_home() -> None:
+    line = "m.plan --home 47.3977 8.5456 --drop"
+    assert read(CheckMission, line).line == f"mission check {line}"
 
 
 @each("kind", kinds())
