@@ -4,9 +4,10 @@ Traffic is signed, forged and unsigned frames of four peers and two systems, thr
 gateway. Its robot is simulated: it accepts, refuses or does not answer.
 """
 
+import asyncio
 import json
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from hashlib import sha256
 from pathlib import Path
@@ -28,7 +29,7 @@ from gateways.mavlink.mavlink_dialect import (
     MissionCount,
     mavlink,
 )
-from gateways.mavlink.robot_port import Answered, Done, Snapshot
+from gateways.mavlink.robot_port import Answered, Snapshot, StopPress
 from gateways.mavlink.services import face_of
 from gateways.mavlink.signing import EPOCH_S, PER_S, STAMP_NS, Policy, SigningGuard
 from ground.client.missions import TransferOutcome
@@ -91,12 +92,11 @@ class AnsweringRobot:
     name = "r1"
     identity = "gateway/1"
     is_busy = False
-    wake: Callable[[], object]
     work: PlayedWork
 
     def __init__(self) -> None:
         self.flags = 0
-        self._waiting: deque[tuple[Done, Operation[Any] | None]] = deque()
+        self._waiting: deque[tuple[asyncio.Future[Answered], Operation[Any] | None]] = deque()
 
     def snapshot(self, now_ns: int) -> Snapshot:
         """Return telemetry, or none of it."""
@@ -111,18 +111,22 @@ class AnsweringRobot:
         """Return no texts."""
         return []
 
-    def perform(self, operation: Operation[Any], done: Done) -> None:
+    async def perform(self, operation: Operation[Any]) -> Answered:
         """Keep the request."""
-        self._waiting.append((done, operation))
+        return await self._kept(operation)
 
-    def change_lease(self, action: LeaseAction, name: str, done: Done) -> None:
+    async def change_lease(self, action: LeaseAction, name: str) -> Answered:
         """Keep the request."""
-        self._waiting.append((done, None))
+        return await self._kept(None)
 
-    def stop(self, done: Done) -> int:
+    def stop(self) -> StopPress:
         """Keep the request."""
-        self._waiting.append((done, None))
-        return len(self._waiting)
+        return StopPress(len(self._waiting) + 1, self._kept(None))
+
+    def _kept(self, operation: Operation[Any] | None) -> asyncio.Future[Answered]:
+        end: asyncio.Future[Answered] = asyncio.get_running_loop().create_future()
+        self._waiting.append((end, operation))
+        return end
 
     def heartbeat(self) -> None:
         """Ignore the heartbeat."""
@@ -137,9 +141,9 @@ class AnsweringRobot:
         """Answer the waiting requests."""
         answer = ANSWERS[self.flags >> 3 & 3]
         for _ in range(len(self._waiting) if answer is not None else 0):
-            done, operation = self._waiting.popleft()
+            end, operation = self._waiting.popleft()
             assert answer is not None, "checked above"
-            done(accepted(operation) if answer is ANSWERS[0] else answer)
+            end.set_result(accepted(operation) if answer is ANSWERS[0] else answer)
 
 
 def accepted(operation: Operation[Any] | None) -> Answered:
@@ -386,6 +390,7 @@ def traffic(data: bytes, folder: Path) -> None:
                 endpoint.deliver(str(way & PEER), piece)
             for _round in range(max(1, ROUNDS[robot.flags & 3])):
                 gateway.advance(ROUND_NS)
+                robot.deliver()
             endpoint.sent.clear()
 
 

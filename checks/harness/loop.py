@@ -65,7 +65,9 @@ class PlayedLoop(asyncio.SelectorEventLoop):
     def run_in_executor(  # type: ignore[override]  # of typeshed, with TypeVarTuple
         self, executor: Any, job: Callable[..., T], *arguments: Any
     ) -> "asyncio.Future[T]":
-        """Run a job at once: it takes no time."""
+        """Run a job in a thread of an executor; without one at once: it takes no time."""
+        if executor is not None:
+            return super().run_in_executor(executor, job, *arguments)
         done: asyncio.Future[T] = self.create_future()
         try:
             done.set_result(job(*arguments))
@@ -92,5 +94,5 @@ class PlayedLoop(asyncio.SelectorEventLoop):
         due_ns = None if timeout_s is None else now_ns + ceil(timeout_s * NS_PER_S)
         if due_ns is None and until_ns is None:
             raise RuntimeError("nothing is left that could end this wait")
-        self._is_idle = until_ns == now_ns and due_ns != now_ns
+        self._is_idle = until_ns is not None and now_ns >= until_ns and due_ns != now_ns
         self._clock.sleep_until(min(one for one in (due_ns, until_ns) if one is not None))

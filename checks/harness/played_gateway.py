@@ -110,7 +110,8 @@ class PlayedGateway:
 
     def close(self) -> None:
         """End the gateway."""
-        self._serving.cancel()
+        for task in asyncio.all_tasks(self.loop):
+            task.cancel()
         self.gateway.close()
         self.loop.advance()
         self.loop.close()

@@ -307,14 +307,14 @@ def _stop_in_the_queue() -> Patches:
     """Let an emergency stop wait behind the other requests to the robot."""
     port = import_module("gateways.mavlink.bus_port")
 
-    def stop(self: Any, done: Any) -> int:
+    def stop(self: Any) -> Any:
         waiting = self._new_stop()
 
         def job() -> Any:
             return port.Stopped(waiting.run(), self.name)
 
-        self._request(job, done, is_tried=True, expires=False)
-        return int(waiting.request_id)
+        asked = self._request(job, is_tried=True, expires=False)
+        return port.StopPress(waiting.request_id, asked)
 
     return {"gateways.mavlink.bus_port.BusPort.stop": stop}
 

@@ -1,5 +1,6 @@
 """The port to one robot over the bus: mailboxes for telemetry, threads for requests."""
 
+import asyncio
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -9,7 +10,14 @@ from typing import Any, Final
 
 from msgspec.structs import replace
 
-from gateways.mavlink.robot_port import NO_TELEMETRY, OVERTAKEN, STOPS, Answered, Done, Snapshot
+from gateways.mavlink.robot_port import (
+    NO_TELEMETRY,
+    OVERTAKEN,
+    STOPS,
+    Answered,
+    Snapshot,
+    StopPress,
+)
 from ground.blocking import perform
 from ground.client import stop_ways
 from ground.client.emergency_stop import EmergencyStop
@@ -56,48 +64,53 @@ LOAD_NS: Final = 10 * NS_PER_S
 """Time between two looks at the load of the robot, which changes slowly and costs 20 samples/s."""
 MAX_ASKING: Final = 256
 """Presses of the stop that wait for an acknowledgement; more are sent, and get none."""
-Ended = tuple[Done, Answered]
-Repeat = Callable[[EmergencyStop, Done], None]
+Job = Callable[[], Outcome]
+Ending = asyncio.Future[Answered]
+"""The end of a job that runs in a thread."""
 
 
 class StopLine:
     """Presses the stop; under a flood of presses, the newest one is repeated for all.
 
-    `repeat` repeats a stop in another thread, and calls `done` in the gateway's at its end.
+    `repeat` repeats a stop in another thread.
     """
 
-    def __init__(self, new: Callable[[], EmergencyStop], repeat: Repeat) -> None:
+    def __init__(
+        self, new: Callable[[], EmergencyStop], repeat: Callable[[EmergencyStop], Ending]
+    ) -> None:
+        self.is_repeating = False
         self._new = new
         self._repeat = repeat
         self._newest: EmergencyStop | None = None
-        self._asking: list[Done] = []
-        self._is_repeating = False
+        self._asking: list[Ending] = []
 
-    def press(self, done: Done) -> int:
-        """Send a stop at once, whatever else waits, and repeat it; return its id."""
+    def press(self) -> StopPress:
+        """Send a stop at once, whatever else waits, and repeat it."""
         stop = self._new()
         stop.press()
         self._newest = stop
+        ended: Ending | None = None
         if len(self._asking) < MAX_ASKING:
-            self._asking.append(done)
-        if not self._is_repeating:
+            ended = asyncio.get_running_loop().create_future()
+            self._asking.append(ended)
+        if not self.is_repeating:
             self._go_on()
-        return stop.request_id
+        return StopPress(stop.request_id, ended)
 
     def _go_on(self) -> None:
         """Repeat the newest stop for all that have pressed since the last repetition began."""
         stop, asking = self._newest, self._asking
+        self._newest, self._asking, self.is_repeating = None, [], stop is not None
         if stop is None:
             return
-        self._newest, self._asking, self._is_repeating = None, [], True
 
-        def ended(answered: Answered) -> None:
-            self._is_repeating = False
+        def end(repeated: Ending) -> None:
             self._go_on()
-            for done in asking:
-                done(answered)
+            for ended in asking:
+                if not ended.done():
+                    ended.set_result(repeated.result())
 
-        self._repeat(stop, ended)
+        self._repeat(stop).add_done_callback(end)
 
 
 class LoadSampler:
@@ -125,7 +138,7 @@ class LoadSampler:
 
 
 class BusPort:
-    """One robot on the bus. `wake` is called from other threads when a request has ended.
+    """One robot on the bus.
 
     `was_there` is True if the robot was found at the start.
     """
@@ -133,7 +146,6 @@ class BusPort:
     def __init__(self, link: Link) -> None:
         self.name = link.robot
         self.identity = link.bus.operator or ""
-        self.wake: Callable[[], object] = lambda: None
         self._link = link
         self._telemetry = Telemetry(link.bus, link.robot, TOPICS)
         self._load = LoadSampler(link)
@@ -142,16 +154,14 @@ class BusPort:
         self._ways = stop_ways.ways_of(link.bus, link.robot)
         self._reports: Publisher[GatewayStatus] = link.bus.publisher(GATEWAY, link.robot)
         self._stick = TeleopSender(link.bus, link.robot, link.clock)
-        self._ended: SimpleQueue[Ended] = SimpleQueue()
         self._texts: SimpleQueue[tuple[bytes, int]] = SimpleQueue()
         self._requests = ThreadPoolExecutor(1, thread_name_prefix=f"requests {link.robot}")
         self._halting = ThreadPoolExecutor(1, thread_name_prefix=f"halt {link.robot}")
         self._stopping = ThreadPoolExecutor(1, thread_name_prefix=f"stop {link.robot}")
-        self._halt: Callable[[], Outcome] | None = None
+        self._halt: Job | None = None
         self._halts = self._halting_now = 0
-        self._after_halts: list[tuple[Callable[[], Outcome], Done]] = []
+        self._after_halts: list[tuple[Job, asyncio.Future[Ending]]] = []
         self._waiting = 0
-        self._unanswered = 0
         self._stop_line = StopLine(self._new_stop, self._repeat_stop)
         self._started_ns = link.clock.now_ns()
         link.bus.stream(TEXT, lambda _, frame, at_ns: self._texts.put((frame, at_ns)), link.robot)
@@ -184,8 +194,8 @@ class BusPort:
                     found.append(message)
         return found
 
-    def perform(self, operation: Operation[Any], done: Done) -> None:
-        """Start an operation; operations of one robot run one after another.
+    async def perform(self, operation: Operation[Any]) -> Answered:
+        """Perform an operation; operations of one robot run one after another.
 
         One that only stops the robot runs at once. What was asked before it and has not begun does
         not move the robot any more; if something has, the stop is repeated after it. What is asked
@@ -193,16 +203,17 @@ class BusPort:
         """
         job = partial(perform, operation, self._session())
         if not isinstance(operation, STOPS):
-            self._request(job, done, expires=operation.moves, moves=operation.moves)
-        elif self._waiting >= MAX_WAITING + MAX_HALTS:
-            self._end(done, Answered(None, BUSY))
-        else:
-            self._halt = job
-            self._halts += 1
-            self._halting_now += 1
-            self._wait(self._halting, job, lambda answered: self._halted(answered, done))
+            return await self._request(job, expires=operation.moves, moves=operation.moves)
+        if self._waiting >= MAX_WAITING + MAX_HALTS:
+            return Answered(None, BUSY)
+        self._halt = job
+        self._halts += 1
+        self._halting_now += 1
+        halted = self._begin(self._halting, job)
+        halted.add_done_callback(self._end_halt)
+        return await halted
 
-    def change_lease(self, action: LeaseAction, name: str, done: Done) -> None:
+    async def change_lease(self, action: LeaseAction, name: str) -> Answered:
         """Take, seize or release the lease."""
 
         def ask() -> Outcome:
@@ -213,11 +224,11 @@ class BusPort:
             return session.with_holder(answer, known)
 
         takes = action is not LeaseAction.RELEASE
-        self._request(ask, done, is_tried=not takes, expires=takes)
+        return await self._request(ask, is_tried=not takes, expires=takes)
 
-    def stop(self, done: Done) -> int:
-        """Send the emergency stop at once, and repeat it in a separate thread; return its id."""
-        return self._stop_line.press(done)
+    def stop(self) -> StopPress:
+        """Send the emergency stop at once, and repeat it in a separate thread."""
+        return self._stop_line.press()
 
     def heartbeat(self) -> None:
         """Send one operator's heartbeat."""
@@ -235,14 +246,8 @@ class BusPort:
 
     @property
     def is_busy(self) -> bool:
-        """Whether the answer to a request or to a stop is still to be delivered."""
-        return self._unanswered > 0 or bool(self._after_halts)
-
-    def deliver(self) -> None:
-        """Call `done` for every request that has ended since the last call."""
-        for _ in range(self._ended.qsize()):
-            done, answer = self._ended.get()
-            done(answer)
+        """Whether a request or a stop has not ended."""
+        return bool(self._waiting or self._after_halts or self._stop_line.is_repeating)
 
     def close(self) -> None:
         """Wait for the requests that run."""
@@ -258,10 +263,10 @@ class BusPort:
         newest, link = (lambda: self._telemetry.latest(STATUS)), self._link
         return EmergencyStop(link.bus, self._stops, self.name, link.clock, newest, self._ways)
 
-    def _repeat_stop(self, stop: EmergencyStop, done: Done) -> None:
+    def _repeat_stop(self, stop: EmergencyStop) -> Ending:
         give_up_ns = round(STOP_S * NS_PER_S)
-        self._submit(
-            self._stopping, lambda: Stopped(stop.run(give_up_ns=give_up_ns), self.name), done
+        return in_thread(
+            self._stopping, lambda: Stopped(stop.run(give_up_ns=give_up_ns), self.name)
         )
 
     def _is_silent(self) -> bool:
@@ -271,16 +276,10 @@ class BusPort:
         now_ns = self._link.bus.now_ns()
         return bool(arrived_ns) and now_ns - max(arrived_ns) >= SILENT_NS
 
-    def _request(
-        self,
-        job: Callable[[], Outcome],
-        done: Done,
-        *,
-        is_tried: bool = False,
-        expires: bool,
-        moves: bool = False,
-    ) -> None:
-        """Queue a request.
+    async def _request(
+        self, job: Job, *, is_tried: bool = False, expires: bool, moves: bool = False
+    ) -> Answered:
+        """Carry out a request when it is its turn.
 
         `is_tried`: also to a silent robot; `expires`: only for a short time; `moves`: only if no
         stop overtakes it.
@@ -304,48 +303,42 @@ class BusPort:
                         self._halt()
 
         if self._is_silent() and not is_tried:
-            self._end(done, Answered(None, NO_TELEMETRY))
-        elif self._waiting + len(self._after_halts) >= MAX_WAITING:
-            self._end(done, Answered(None, BUSY))
-        elif moves and self._halting_now:
-            self._after_halts.append((checked, done))
-        else:
-            self._wait(self._requests, checked, done)
+            return Answered(None, NO_TELEMETRY)
+        if self._waiting + len(self._after_halts) >= MAX_WAITING:
+            return Answered(None, BUSY)
+        if not (moves and self._halting_now):
+            return await self._begin(self._requests, checked)
+        begun: asyncio.Future[Ending] = asyncio.get_running_loop().create_future()
+        self._after_halts.append((checked, begun))
+        return await (await begun)
 
-    def _halted(self, answered: Answered, done: Done) -> None:
-        """Go on after the answer to a request to stop."""
+    def _end_halt(self, _: Ending) -> None:
+        """Begin, in their order, the requests that waited for the answer to the last halt."""
         self._halting_now -= 1
-        done(answered)
         if not self._halting_now:
             waiting, self._after_halts = self._after_halts, []
-            for checked, then in waiting:
-                self._wait(self._requests, checked, then)
+            for checked, begun in waiting:
+                begun.set_result(self._begin(self._requests, checked))
 
-    def _wait(self, pool: ThreadPoolExecutor, job: Callable[[], Outcome], done: Done) -> None:
-        def ended(answered: Answered) -> None:
-            self._waiting -= 1
-            done(answered)
-
+    def _begin(self, pool: ThreadPoolExecutor, job: Job) -> Ending:
         self._waiting += 1
-        self._submit(pool, job, ended)
+        ending = in_thread(pool, job)
+        ending.add_done_callback(self._end)
+        return ending
 
-    def _submit(self, pool: ThreadPoolExecutor, job: Callable[[], Outcome], done: Done) -> None:
-        def delivered(answer: Answered) -> None:
-            self._unanswered -= 1
-            done(answer)
+    def _end(self, _: Ending) -> None:
+        self._waiting -= 1
 
-        def run() -> None:
-            try:
-                answer = Answered(job())
-            except (LocalError, RemoteError) as error:
-                answer = Answered(None, str(error))
-            except Exception as error:  # such as one of the bus: without an answer, clients hang
-                answer = Answered(None, f"{type(error).__name__}: {error}")
-            self._end(delivered, answer)
 
-        self._unanswered += 1
-        pool.submit(run)
+def in_thread(pool: ThreadPoolExecutor, job: Job) -> Ending:
+    """Carry out a job in a thread; an error is an answer, too."""
 
-    def _end(self, done: Done, answer: Answered) -> None:
-        self._ended.put((done, answer))
-        self.wake()
+    def work() -> Answered:
+        try:
+            return Answered(job())
+        except (LocalError, RemoteError) as error:
+            return Answered(None, str(error))
+        except Exception as error:  # such as one of the bus: without an answer, clients hang
+            return Answered(None, f"{type(error).__name__}: {error}")
+
+    return asyncio.get_running_loop().run_in_executor(pool, work)

@@ -198,8 +198,6 @@ class Gateway:
         for face in self._faces:
             face.vehicle.go_on = go_on
             face.vehicle.outbox.filled = partial(loop.call_soon, self._send)
-        for port in self._ports:
-            port.wake = partial(loop.call_soon_threadsafe, self._deliver)
         for endpoint in self._endpoints:
             await endpoint.attach(self)
         self._round()
@@ -246,20 +244,12 @@ class Gateway:
         if self._pace.is_due(now_ns, shortest_ns):
             self.clients.begin_round(now_ns)
             self._process(now_ns)
-            for port in self._ports:
-                port.deliver()
             lossy = {client.link.number for client in self.clients if client.is_lossy}
             for face in self._faces:
                 face.vehicle.lossy = lossy
                 face.due(now_ns)
             self._report(now_ns)
         self._plan_round()
-
-    def _deliver(self) -> None:
-        """Process the ends of requests."""
-        self._awake()
-        for port in self._ports:
-            port.deliver()
 
     def _plan_round(self) -> None:
         """Let the next round begin when it is due; what clients ask brings it forward."""

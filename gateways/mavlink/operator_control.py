@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple
 
 from gateways.mavlink.mav_service import Outbox, Sender
 from gateways.mavlink.mavlink_dialect import mavlink
-from gateways.mavlink.robot_port import OVERTAKEN, STOPS, Answered, RobotPort, Snapshot, end_of
+from gateways.mavlink.robot_port import OVERTAKEN, STOPS, Answered, RobotPort, Snapshot
 from ground.client.lease_holder import is_ours
 from ground.client.outcomes import Accepted, Refused
 from ground.client.requests import CROSSING_NS, HeartbeatTimer
@@ -173,7 +173,7 @@ class OperatorControl:
         self.stops += is_stop
         self._stopping += is_stop
         try:
-            return await end_of(lambda done: self._port.perform(operation, done))
+            return await self._port.perform(operation)
         finally:
             self._stopping -= is_stop
 
@@ -234,7 +234,7 @@ class OperatorControl:
         """Give back the lease if the sender is in control."""
         if self.holds(sender):
             self._lose()
-            return await end_of(lambda done: self._port.change_lease(LeaseAction.RELEASE, "", done))
+            return await self._port.change_lease(LeaseAction.RELEASE, "")
         if self._presence is None or self.owner is None:
             return Answered(Accepted(0))
         return held_by(self._presence.station, sender)
@@ -243,9 +243,7 @@ class OperatorControl:
         """Take the lease for a client; those that ask meanwhile get the same answer."""
         if self._taking is None:
             self._taking = []
-            answered = await end_of(
-                lambda done: self._port.change_lease(LeaseAction.TAKE, name_of(sender), done)
-            )
+            answered = await self._port.change_lease(LeaseAction.TAKE, name_of(sender))
             waiting, self._taking = self._taking, None
             if answered.ok:
                 self._give(sender)

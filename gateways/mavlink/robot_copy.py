@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any, Final, Generic, TypeVar
 
 from gateways.mavlink.mav_vehicle import MavVehicle
-from gateways.mavlink.robot_port import Answered, end_of
+from gateways.mavlink.robot_port import Answered
 from ground.client.session import Operation
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_S
@@ -88,7 +88,7 @@ class RobotCopy(Generic[T]):
             self._vehicle.start(self._read(self._key()))
 
     async def _read(self, key: Key | None) -> None:
-        answered = await end_of(lambda done: self._vehicle.port.perform(self._question, done))
+        answered = await self._vehicle.port.perform(self._question)
         self._is_asking = False
         waiting, self._waiting = self._waiting, []
         values = self._parse(answered)

@@ -3,8 +3,7 @@
 The telemetry also tells why the robot cannot be armed.
 """
 
-import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Awaitable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple, Protocol
@@ -86,19 +85,15 @@ class Answered:
         return self.outcome.text
 
 
-Done = Callable[[Answered], None]
-"""Called once in the gateway's thread, in a later round."""
+class StopPress(NamedTuple):
+    """An emergency stop that was sent; `ended` is None if nobody waits for its acknowledgement."""
 
-
-async def end_of(begin: Callable[[Done], object]) -> Answered:
-    """Begin a request, and return its end."""
-    end: asyncio.Future[Answered] = asyncio.get_running_loop().create_future()
-    begin(end.set_result)
-    return await end
+    request_id: int
+    ended: Awaitable[Answered] | None
 
 
 class RobotPort(Protocol):
-    """One robot. No call blocks: other threads do the work that must wait."""
+    """One robot. No call blocks."""
 
     @property
     def name(self) -> str:
@@ -114,16 +109,16 @@ class RobotPort(Protocol):
     def new_texts(self) -> list[Statustext]:
         """Return the robot's texts, in pieces, that have arrived since the last call."""
 
-    def perform(self, operation: Operation[Any], done: Done) -> None:
-        """Start an operation; operations of one robot run one after another."""
+    async def perform(self, operation: Operation[Any]) -> Answered:
+        """Perform an operation; operations of one robot run one after another."""
 
-    def change_lease(self, action: LeaseAction, name: str, done: Done) -> None:
+    async def change_lease(self, action: LeaseAction, name: str) -> Answered:
         """Take, seize or release the lease."""
 
-    def stop(self, done: Done) -> int:
-        """Send the emergency stop before all requests; repeat it until telemetry shows it.
+    def stop(self) -> StopPress:
+        """Send the emergency stop before this returns; repeat it until telemetry shows it.
 
-        Return its id, which a clear names.
+        Its id is what a clear names.
         """
 
     def heartbeat(self) -> None:

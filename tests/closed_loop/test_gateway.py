@@ -99,7 +99,6 @@ class Client:
         def is_answered() -> bool:
             assert self._stack.robot is not None
             self._stack.robot.idle()
-            self._port.deliver()
             self._work.settle()
             sent = [one.message for one in self._face.vehicle.outbox.take()]
             found.extend(of_type(sent, answer))
@@ -157,7 +156,6 @@ class Gateway:
 
     def round(self) -> None:
         self.face.vehicle.control.heard(CLIENT, self._stack.clock.now_ns())
-        self.port.deliver()
         self._work.settle()
         self._work.within(self.face.due, self._stack.clock.now_ns())
         self.sent += [one.message for one in self.face.vehicle.outbox.take()]

@@ -19,7 +19,7 @@ from unittest.mock import patch
 from checks.harness.reordering_disk import DiskFile, ReorderingDisk, apply
 from checks.simulation.hosts.virtual_time import (
     SimulatedClock,
-    SimulatedPool,
+    SimulatedExecutor,
     SimulatedQueue,
     SimulatedThread,
     SimulatedThreading,
@@ -247,7 +247,7 @@ SPECIAL: Final[dict[str, object]] = {
     "robot.run.on_signal": lambda _stop: None,
     "ground.client.link.Pulse": lambda: Pulse(current_host().now_ns),
     "ground.client.stop_ways.ways_of": lambda _bus, _robot: NO_WAYS,
-    "gateways.mavlink.bus_port.ThreadPoolExecutor": SimulatedPool,
+    "gateways.mavlink.bus_port.ThreadPoolExecutor": SimulatedExecutor,
     "plant.process.loop.Patience": PATIENCE,
     "runtime.files.os": HostsDisk(),
 }

@@ -422,19 +422,6 @@ class SimulatedThread:
             self._ended.wait(timeout)
 
 
-class SimulatedPool:
-    """Replaces a ThreadPoolExecutor of one thread; it ends with its process."""
-
-    def __init__(self, _threads: int, thread_name_prefix: str = "") -> None:
-        self._jobs: SimulatedQueue[Callable[[], object]] = SimulatedQueue()
-        self.submit = self._jobs.put
-        SimulatedThread(name=thread_name_prefix, target=self._work).start()
-
-    def _work(self) -> None:
-        while True:
-            self._jobs.get()()
-
-
 class SimulatedThreading:
     """Replaces the module `threading`; product code never waits with a lock held."""
 

@@ -407,7 +407,8 @@ async def answer_after(work: Awaitable[Answered]) -> CommandAnswer:
 
 Handled = CommandAnswer | Coroutine[Any, Any, CommandAnswer]
 """The answer to a command, or the work that waits for the robot and returns it."""
-Handler = Callable[[CommandCall], Handled]
+Handler = Callable[[CommandCall], Handled | None]
+"""Handles a command; None if it is not acknowledged."""
 
 
 class CommandRow(NamedTuple):
@@ -504,7 +505,7 @@ class CommandService:
         found = row.handler(received.call)
         if isinstance(found, CommandAnswer):
             self._end(found, received)
-        else:
+        elif found is not None:
             self._vehicle.start(self._await_end(found, received))
 
     async def _await_end(self, work: Awaitable[CommandAnswer], received: ReceivedCommand) -> None:

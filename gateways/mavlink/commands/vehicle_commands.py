@@ -12,7 +12,6 @@ and only from this machine or signed with the present key. The message holds the
 recorded, logged or forwarded.
 """
 
-import asyncio
 from math import isfinite
 from types import MappingProxyType
 from typing import Final
@@ -123,11 +122,10 @@ class ArmingCommands:
             self._vehicle.refusals.say(words, client, call.now_ns, Severity.CRITICAL)
         return CommandAnswer(ACCEPTED)
 
-    def _terminate(self, call: CommandCall) -> Handled:
+    def _terminate(self, call: CommandCall) -> Handled | None:
         if is_termination(call):
-            stopped: asyncio.Future[Answered] = asyncio.get_running_loop().create_future()
-            self._pressed_id = self._vehicle.port.stop(stopped.set_result)
-            return answer_after(stopped)
+            self._pressed_id, ended = self._vehicle.port.stop()
+            return None if ended is None else answer_after(ended)
         if call.param1 == 0.0:
             return self._clear_stop(call.sender)
         words = "parameter 1 must be 1 to stop or 0 to clear the emergency stop"

@@ -170,7 +170,10 @@ class Pilot:
     def hold_drive(self, drive_id: int) -> None:
         """End speeds in HOLD, without control."""
         self._vehicle.modes.show_own()
-        self._vehicle.port.perform(EndDrive(drive_id, Mode.HOLD), lambda _: None)
+        self._vehicle.start(self._end_drive(drive_id))
+
+    async def _end_drive(self, drive_id: int) -> None:
+        await self._vehicle.port.perform(EndDrive(drive_id, Mode.HOLD))
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
         """Take no message."""

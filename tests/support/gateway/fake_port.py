@@ -1,5 +1,6 @@
 """A robot port for tests, its telemetry, the messages of clients, and a whole gateway."""
 
+import asyncio
 from collections import deque
 from collections.abc import Callable
 from itertools import count
@@ -13,7 +14,7 @@ from gateways.mavlink.endpoints import Endpoint
 from gateways.mavlink.mav_service import MavService, Sender
 from gateways.mavlink.mav_vehicle import Face, MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
-from gateways.mavlink.robot_port import Answered, Done, Snapshot
+from gateways.mavlink.robot_port import Answered, Snapshot, StopPress
 from gateways.mavlink.services import face_of
 from gateways.mavlink.signing import SigningGuard
 from gateways.mavlink.traffic_recorder import TrafficRecorder
@@ -99,11 +100,11 @@ class FakePort:
 
     def __init__(self) -> None:
         self.telemetry: dict[str, Any] = {}
-        self.waiting: deque[tuple[Operation[Any], Done]] = deque()
+        self.waiting: deque[tuple[Operation[Any], Callable[[Answered], None]]] = deque()
         self.performed: list[Any] = []
         self.leases: list[tuple[LeaseAction, str]] = []
         self.holder = ""
-        self.stops: list[Done] = []
+        self.stops: list[Callable[[Answered], None]] = []
         self.heartbeats = 0
         self.texts: list[Statustext] = []
         self.driven: list[tuple[float, float]] = []
@@ -119,10 +120,12 @@ class FakePort:
         taken, self.texts = self.texts, []
         return taken
 
-    def perform(self, operation: Operation[Any], done: Done) -> None:
+    async def perform(self, operation: Operation[Any]) -> Answered:
         """Keep the operation for `answer`."""
+        end: asyncio.Future[Answered] = asyncio.get_running_loop().create_future()
         self.performed.append(operation)
-        self.waiting.append((operation, done))
+        self.waiting.append((operation, end.set_result))
+        return await end
 
     def answer(self, outcome: Outcome | None = None, error: str = "") -> None:
         """End the oldest operation, by default with the robot's acceptance."""
@@ -134,16 +137,17 @@ class FakePort:
         """End the oldest operation with a refusal."""
         self.answer(Refused(reason, 1))
 
-    def change_lease(self, action: LeaseAction, name: str, done: Done) -> None:
+    async def change_lease(self, action: LeaseAction, name: str) -> Answered:
         """Grant the lease unless another operator holds it."""
         self.leases.append((action, name))
         is_refused = bool(self.holder) and action is LeaseAction.TAKE
-        done(Answered(Refused(Reason.LEASE_HELD, 1, self.holder) if is_refused else Accepted(1)))
+        return Answered(Refused(Reason.LEASE_HELD, 1, self.holder) if is_refused else Accepted(1))
 
-    def stop(self, done: Done) -> int:
+    def stop(self) -> StopPress:
         """Keep the stop; its id is 101, that of the next one 102."""
-        self.stops.append(done)
-        return 100 + len(self.stops)
+        end: asyncio.Future[Answered] = asyncio.get_running_loop().create_future()
+        self.stops.append(end.set_result)
+        return StopPress(100 + len(self.stops), end)
 
     def heartbeat(self) -> None:
         """Count the heartbeat."""
@@ -366,15 +370,10 @@ def accept_all(bench: Bench) -> None:
 class SilentPort(FakePort):
     """A robot that ends requests only when the test says so."""
 
-    wake: Callable[[], object]
-
     @property
     def is_busy(self) -> bool:
-        """Whether an answer is still to be delivered: never, as the test delivers them."""
+        """Whether a request has not ended: never, as the test ends them."""
         return False
-
-    def deliver(self) -> None:
-        """End no request."""
 
     def report(self, status: GatewayStatus) -> None:
         """Publish nothing."""
@@ -383,10 +382,11 @@ class SilentPort(FakePort):
 class CommandedPort(SilentPort):
     """A robot that never answers what is only read, so that the rest stands alone."""
 
-    def perform(self, operation: Operation[Any], done: Done) -> None:
+    async def perform(self, operation: Operation[Any]) -> Answered:
         """Keep the operation unless it only reads."""
-        if not isinstance(operation, (ShowParameters, FetchMission, ShowFence)):
-            super().perform(operation, done)
+        if isinstance(operation, (ShowParameters, FetchMission, ShowFence)):
+            await asyncio.get_running_loop().create_future()
+        return await super().perform(operation)
 
 
 class WholeGateway(PlayedGateway):

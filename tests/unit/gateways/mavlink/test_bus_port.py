@@ -1,11 +1,13 @@
 """The port on a played bus: a robot that is silent, slow or flooded, and the emergency stop."""
 
-from collections.abc import Iterator
+import asyncio
+from collections.abc import Awaitable, Coroutine, Iterator
 from threading import Event
 from typing import Any, cast
 
 import pytest
 
+from checks.harness.loop import PlayedLoop
 from gateways.mavlink.bus_port import (
     BUSY,
     LATE_NS,
@@ -16,7 +18,7 @@ from gateways.mavlink.bus_port import (
     SILENT_NS,
     BusPort,
 )
-from gateways.mavlink.robot_port import NO_TELEMETRY, OVERTAKEN, Answered
+from gateways.mavlink.robot_port import NO_TELEMETRY, OVERTAKEN, Answered, StopPress
 from ground.client.connection import Common
 from ground.client.link import Link
 from ground.commands.arm import Arm
@@ -48,8 +50,10 @@ class Room:
         self.asked: list[int] = []
         self.bus.answers[COMMAND.path] = self._answer
         common = Common(network=Network(connect=("tcp/127.0.0.1:1",)), robot="r1")
+        self.loop = PlayedLoop(self.clock)
         self.port = BusPort(Link(cast("Any", self.bus), common, self.clock))
         self.answers: list[Answered] = []
+        self.tasks: list[asyncio.Task[None]] = []
         self.stops = self.bus.publisher(STOP)
 
     def _answer(self, request: Message | None) -> Message:
@@ -59,11 +63,31 @@ class Room:
         return CommandAck(command=request.command, result=AckResult.ACCEPTED)
 
     def perform(self, operation: Any) -> None:
-        self.port.perform(operation, self.answers.append)
+        self.start(self.port.perform(operation))
+
+    def start(self, work: Coroutine[Any, Any, Answered]) -> None:
+        """Begin a request; its end is one of the answers."""
+
+        async def run() -> None:
+            self.answers.append(await work)
+
+        self.tasks.append(self.loop.create_task(run()))
+        self.loop.advance()
+
+    def press(self) -> StopPress:
+        """Press the emergency stop; its end is one of the answers, if it has one."""
+
+        async def pressed() -> StopPress:
+            return self.port.stop()
+
+        press = self.loop.run(pressed())
+        if press.ended is not None:
+            self.start(ended(press.ended))
+        return press
 
     def wait(self, count: int) -> list[str]:
         def is_answered() -> bool:
-            self.port.deliver()
+            self.loop.advance()
             return len(self.answers) >= count
 
         until(is_answered)
@@ -76,12 +100,21 @@ class Room:
         self.bus.say(STATUS, shown)
 
 
+async def ended(work: Awaitable[Answered]) -> Answered:
+    return await work
+
+
 @pytest.fixture
 def room() -> Iterator[Room]:
     room = Room()
     yield room
     room.gate.set()
     room.port.close()
+    room.loop.advance()
+    for task in room.tasks:
+        task.cancel()
+    room.loop.advance()
+    room.loop.close()
 
 
 def test_silent_robot_refuses_at_once_but_is_asked_to_stop(room: Room) -> None:
@@ -93,9 +126,9 @@ def test_silent_robot_refuses_at_once_but_is_asked_to_stop(room: Room) -> None:
     assert room.wait(2) == ["", ""]
     room.clock.advance(1)
     room.perform(Arm())
-    room.port.change_lease(LeaseAction.TAKE, "MAVLink 255", room.answers.append)
+    room.start(room.port.change_lease(LeaseAction.TAKE, "MAVLink 255"))
     room.perform(ShowParameters())
-    room.port.deliver()
+    room.loop.advance()
     assert [one.error for one in room.answers][2:] == [NO_TELEMETRY] * 3
     assert LEASE_SERVICE.path not in [path for _, path, _ in room.bus.asked]
     room.perform(Hold())
@@ -111,7 +144,7 @@ def test_refused_lease_names_the_holder_at_once(room: Room) -> None:
     room.bus.answers[LEASE_SERVICE.path] = lambda request: ack(request, Reason.LEASE_HELD)
     room.bus.say(STATUS, status())
     room.bus.say(LEASE, lease_of("ada"))
-    room.port.change_lease(LeaseAction.TAKE, "MAVLink 255", room.answers.append)
+    room.start(room.port.change_lease(LeaseAction.TAKE, "MAVLink 255"))
     room.wait(1)
     assert room.answers[0].text == "refused: another operator commands the robot: ada"
 
@@ -120,11 +153,11 @@ def test_requests_that_wait_are_limited(room: Room) -> None:
     room.gate.clear()
     for _ in range(MAX_WAITING + 10):
         room.perform(Arm())
-    room.port.deliver()
+    room.loop.advance()
     assert [one.error for one in room.answers] == [BUSY] * 10
     for _ in range(MAX_HALTS + 10):
         room.perform(Disarm())
-    room.port.deliver()
+    room.loop.advance()
     assert [one.error for one in room.answers] == [BUSY] * 20
     room.gate.set()
     room.wait(MAX_WAITING + MAX_HALTS + 20)
@@ -189,7 +222,7 @@ def test_emergency_stop_is_sent_before_all_that_waits(room: Room) -> None:
     for _ in range(MAX_WAITING):
         room.perform(Disarm())
     room.stops.heard = lambda _: room.show_stop()
-    room.port.stop(room.answers.append)
+    room.press()
     assert room.stops.said
     room.wait(1)
     assert room.answers[0].ok
@@ -198,14 +231,14 @@ def test_emergency_stop_is_sent_before_all_that_waits(room: Room) -> None:
 
 def test_flood_of_stops_is_sent_whole_in_bounded_memory(room: Room) -> None:
     for _ in range(5_000):
-        room.port.stop(room.answers.append)
+        room.press()
     assert len(room.stops.said) >= 5_000
     assert len(room.port._stop_line._asking) <= MAX_ASKING
     assert room.port._stopping._work_queue.qsize() <= 1
 
     def all_shown() -> bool:
         room.show_stop()
-        room.port.deliver()
+        room.loop.advance()
         return len(room.answers) > MAX_ASKING
 
     until(all_shown)

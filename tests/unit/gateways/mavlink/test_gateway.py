@@ -1,6 +1,7 @@
 """The whole gateway: its settings, the pace of its loop, two robots, and lossy lines."""
 
 import argparse
+import asyncio
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -31,7 +32,6 @@ from ground.cli.main import main
 from ground.client.connection import Common
 from ground.user.mavlink_keys import KeyRing, new_key, write_keys
 from protocol.bus.network import Network, Tls, gateway_here
-from runtime.clock import ManualClock
 from runtime.errors import ConfigError, UserError
 from runtime.units import NS_PER_MS as MS
 from tests.support.each import each
@@ -81,30 +81,27 @@ class LatePort(CommandedPort):
     """A robot that answers a stop `late_ns` after the gateway was told to end."""
 
     late_ns = 0
-
-    clock = ManualClock()
-    told_ns: int | None = None
+    is_told = False
 
     @property
     def is_busy(self) -> bool:
         """Whether a stop is not answered."""
-        if self.told_ns is None:
-            self.told_ns = self.clock.now_ns()
+        if not self.is_told:
+            self.is_told = True
+            asyncio.get_running_loop().call_later(self.late_ns / 1e9, self._end_stops)
         return bool(self.stops)
 
-    def deliver(self) -> None:
-        """Answer the stop when it is time."""
-        if self.told_ns is not None and self.clock.now_ns() >= self.told_ns + self.late_ns:
-            for done in self.stops:
-                done(self.accepted)
-            self.stops.clear()
+    def _end_stops(self) -> None:
+        for end in self.stops:
+            end(self.accepted)
+        self.stops.clear()
 
 
 @each(("late_ns", "count"), [(100 * MS, 1), (2 * FINISH_NS, 0)])
 def test_end_waits_half_a_second_for_the_answer_to_a_stop(late_ns: int, count: int) -> None:
     port = LatePort()
     whole = WholeGateway(port)
-    port.late_ns, port.clock = late_ns, whole.clock
+    port.late_ns = late_ns
     port.telemetry |= everything()
     whole.send(command(185, 1))
     whole.run(0.04)

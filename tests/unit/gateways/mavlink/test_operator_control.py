@@ -1,5 +1,7 @@
 """Operator control: one owner at a time, shown to all, and asked before it changes hands."""
 
+import asyncio
+from collections.abc import Callable
 from math import nan
 from typing import Any
 
@@ -13,7 +15,7 @@ from gateways.mavlink.mav_service import WATCHER, Sender
 from gateways.mavlink.mav_vehicle import Face
 from gateways.mavlink.mavlink_dialect import RESULT_NOT_IN_CONTROL, MavMessage, mavlink
 from gateways.mavlink.operator_control import BUSY, MAX_TAKING, SILENCE_NS
-from gateways.mavlink.robot_port import OVERTAKEN, Answered, Done
+from gateways.mavlink.robot_port import OVERTAKEN, Answered
 from gateways.mavlink.streams import StreamScheduler
 from ground.client.outcomes import Accepted, Refused
 from ground.commands.arm import Arm
@@ -270,10 +272,22 @@ def test_text_names_the_component_if_the_system_is_the_same(component: int) -> N
     assert answers[0].text == "refused: another operator commands the robot: MAVLink 255/190"
 
 
+def held_leases(bench: Bench) -> list[Callable[[Answered], None]]:
+    """Let the robot answer requests for the lease when the test calls what is returned."""
+    granted: list[Callable[[Answered], None]] = []
+
+    async def held(action: LeaseAction, name: str) -> Answered:
+        end: asyncio.Future[Answered] = asyncio.get_running_loop().create_future()
+        granted.append(end.set_result)
+        return await end
+
+    bench.port.change_lease = held  # type: ignore[method-assign]
+    return granted
+
+
 def test_what_waited_for_control_moves_nothing_after_a_stop() -> None:
     bench, answers = Bench(), list[Answered]()
-    granted: list[Done] = []
-    bench.port.change_lease = lambda *given: granted.append(given[2])  # type: ignore[method-assign]
+    granted = held_leases(bench)
     bench.perform(CLIENT, Resume(), answers)
     bench.perform(OTHER, Hold(), answers)
     granted[0](Answered(Accepted(1)))
@@ -291,8 +305,7 @@ def test_command_that_only_stops_needs_no_control() -> None:
 
 def test_flood_of_requests_for_control_is_bounded() -> None:
     bench, answers = Bench(), list[Answered]()
-    granted: list[Done] = []
-    bench.port.change_lease = lambda *given: granted.append(given[2])  # type: ignore[method-assign]
+    granted = held_leases(bench)
     for number in range(1_000):
         bench.perform(CLIENT._replace(system=number % 250), Arm(), answers)
     assert len(answers) == 1_000 - MAX_TAKING
