@@ -660,17 +660,13 @@ async def test_unanswered_abort_ends_the_heartbeat(cancelled_stage: Stage) -> No
         assert (await new_goal(robot)).ok
 
 
-def test_end_of_the_context_ends_its_goal_and_waits_for_that(cancelled_stage: Stage) -> None:
+async def test_end_of_the_context_ends_its_goal_and_waits_for_that(cancelled_stage: Stage) -> None:
     played, endpoint = cancelled_stage
-
-    async def program() -> None:
-        async with sidestep.connect(endpoint) as robot:
-            old = await far_goal(robot)
-        assert played.commands[-1] == Command.SIDESTEP_ABORT_GOAL
-        with pytest.raises(sidestep.ClosedError, match="this client is closed: use the robot"):
-            await old
-
-    asyncio.run(program())
+    async with sidestep.connect(endpoint) as robot:
+        old = await far_goal(robot)
+    assert played.commands[-1] == Command.SIDESTEP_ABORT_GOAL
+    with pytest.raises(sidestep.ClosedError, match="this client is closed: use the robot"):
+        await old
     assert played.goal == GoalState.ABORTED
     assert played.desk.held is None
 
@@ -701,61 +697,51 @@ async def test_closed_client_says_so_in_one_word(
     assert repr(robot) == f"<robot r1 at {cancelled_stage[1]}: closed>"
 
 
-def test_lease_that_was_taken_in_vain_is_left(cancelled_stage: Stage) -> None:
+async def test_lease_that_was_taken_in_vain_is_left(cancelled_stage: Stage) -> None:
     """The request goes on in its thread when it is cancelled."""
     played, endpoint = cancelled_stage
-
-    async def program() -> None:
-        async with sidestep.connect(endpoint) as robot:
-            taking = asyncio.create_task(robot.lease.take())
-            await asyncio.sleep(0)
-            taking.cancel()
-            await asyncio.gather(taking, return_exceptions=True)
-
-    asyncio.run(program())
+    async with sidestep.connect(endpoint) as robot:
+        taking = asyncio.create_task(robot.lease.take())
+        await asyncio.sleep(0)
+        taking.cancel()
+        await asyncio.gather(taking, return_exceptions=True)
     assert played.desk.held is None
 
 
-def test_old_goal_that_is_still_being_sent_does_not_overtake_the_next_drive(
+async def test_old_goal_that_is_still_being_sent_does_not_overtake_the_next_drive(
     cancelled_stage: Stage,
 ) -> None:
     played, endpoint = cancelled_stage
-
-    async def program() -> None:
-        async with sidestep.connect(endpoint) as robot:
-            assert (await robot.lease.take()).ok
-            played.answers = [None, Reason.NONE]
-            first = asyncio.create_task(robot.goto(3.0, 1.0))
-            while not played.asked:
-                await asyncio.sleep(0.01)
-            first.cancel()
-            assert (await robot.return_home()).ok
-            await ended(first)
-
-    asyncio.run(program())
+    async with sidestep.connect(endpoint) as robot:
+        assert (await robot.lease.take()).ok
+        played.answers = [None, Reason.NONE]
+        first = asyncio.create_task(robot.goto(3.0, 1.0))
+        while not played.asked:
+            await asyncio.sleep(0.01)
+        first.cancel()
+        assert (await robot.return_home()).ok
+        await ended(first)
     goal, home = Command.DO_REPOSITION, Command.NAV_RETURN_TO_LAUNCH
     begun = [command for command in played.commands if command in (goal, home)]
     assert begun == [goal, goal, home]
 
 
-def test_goal_that_waits_in_turn_is_not_sent_when_it_is_cancelled(cancelled_stage: Stage) -> None:
+async def test_goal_that_waits_in_turn_is_not_sent_when_it_is_cancelled(
+    cancelled_stage: Stage,
+) -> None:
     played, endpoint = cancelled_stage
-
-    async def program() -> None:
-        async with sidestep.connect(endpoint) as robot:
-            assert (await robot.lease.take()).ok
-            played.answers = [None, Reason.NONE]
-            first = asyncio.create_task(robot.goto(3.0, 1.0))
-            while not played.asked:
-                await asyncio.sleep(0.01)
-            second = asyncio.create_task(robot.goto(2.0, 2.0))
-            await asyncio.sleep(0.05)
-            second.cancel()
-            await ended(second)
-            await shown(robot)
-            first.cancel()
-            await ended(first)
-
-    asyncio.run(program())
+    async with sidestep.connect(endpoint) as robot:
+        assert (await robot.lease.take()).ok
+        played.answers = [None, Reason.NONE]
+        first = asyncio.create_task(robot.goto(3.0, 1.0))
+        while not played.asked:
+            await asyncio.sleep(0.01)
+        second = asyncio.create_task(robot.goto(2.0, 2.0))
+        await asyncio.sleep(0.05)
+        second.cancel()
+        await ended(second)
+        await shown(robot)
+        first.cancel()
+        await ended(first)
     goals = {one.x_mm for one in played.asked if isinstance(one, GoalRequest)}
     assert goals == {3000}

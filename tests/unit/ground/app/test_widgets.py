@@ -296,7 +296,7 @@ def test_kept_strips_equal_the_general_way() -> None:
     assert drawn(StillContainer, Lines) == drawn(Container, PlainLines)
 
 
-def test_still_container_is_drawn_once(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_still_container_is_drawn_once(monkeypatch: pytest.MonkeyPatch) -> None:
     names: list[str | None] = []
     general = StylesCache.render_widget
 
@@ -304,16 +304,13 @@ def test_still_container_is_drawn_once(monkeypatch: pytest.MonkeyPatch) -> None:
         names.append(widget.id)
         return general(self, widget, crop)
 
-    async def run() -> None:
-        app = EdgeApp(StillContainer, Lines)
-        async with app.run_test(size=(30, 8)) as pilot:
+    app = EdgeApp(StillContainer, Lines)
+    async with app.run_test(size=(30, 8)) as pilot:
+        await pilot.pause()
+        monkeypatch.setattr(StylesCache, "render_widget", note)
+        for words in ("one", "two"):
+            app.query_one("#lines", Lines).show([row(words)])
             await pilot.pause()
-            monkeypatch.setattr(StylesCache, "render_widget", note)
-            for words in ("one", "two"):
-                app.query_one("#lines", Lines).show([row(words)])
-                await pilot.pause()
-
-    asyncio.run(run())
     assert "outer" not in names
     assert "lines" not in names
 
