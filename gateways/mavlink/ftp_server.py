@@ -30,7 +30,7 @@ from gateways.mavlink.log_protocol import (
     Recording,
     Recordings,
 )
-from gateways.mavlink.mav_service import Pacing, Sender
+from gateways.mavlink.mav_service import MavService, Pacing, Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.parameter_protocol import ParameterStore
@@ -243,7 +243,7 @@ class RunningChecksum:
     value: int = 0
 
 
-class FileServer:
+class FileServer(MavService):
     """Answers FILE_TRANSFER_PROTOCOL."""
 
     handles = (mavlink.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL,)

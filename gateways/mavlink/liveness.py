@@ -9,7 +9,7 @@ first is lost.
 from typing import Final
 
 from gateways.mavlink import ardupilot
-from gateways.mavlink.mav_service import Sender
+from gateways.mavlink.mav_service import MavService, Sender
 from gateways.mavlink.mav_vehicle import SILENT_NS, MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage, TimeSync, mavlink
 from gateways.mavlink.robot_port import NO_TELEMETRY
@@ -21,10 +21,8 @@ PERIOD_NS: Final = NS_PER_S
 AGAIN_NS: Final = 200 * NS_PER_MS
 
 
-class HeartbeatStream:
+class HeartbeatStream(MavService):
     """Sends the heartbeat to all clients."""
-
-    handles = ()
 
     def __init__(self, vehicle: MavVehicle) -> None:
         self._vehicle = vehicle
@@ -33,9 +31,6 @@ class HeartbeatStream:
         self._live_ns = -SILENT_NS
         self._greeted: set[int] = set()
         self._again_ns: dict[int, int] = {}
-
-    def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
-        """Take no message."""
 
     def due(self, now_ns: int) -> None:
         """Send the heartbeat if its second is over or the state has changed."""
@@ -73,17 +68,12 @@ class HeartbeatStream:
         self._again_ns.pop(client, None)
 
 
-class RobotTexts:
+class RobotTexts(MavService):
     """Joins the pieces of the robot's texts and sends each under a number of this vehicle."""
-
-    handles = ()
 
     def __init__(self, vehicle: MavVehicle) -> None:
         self._vehicle = vehicle
         self._assembler = StatustextAssembler()
-
-    def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
-        """Take no message."""
 
     def due(self, now_ns: int) -> None:
         """Forward the texts that have arrived."""
@@ -93,25 +83,17 @@ class RobotTexts:
                 severity = min(max(piece.severity, Severity.EMERGENCY), Severity.DEBUG)
                 self._vehicle.outbox.text(Severity(severity), words)
 
-    def forget(self, client: int) -> None:
-        """Keep nothing for a client."""
-
 
 SILENT: Final = f"{NO_TELEMETRY}: commands are refused, but stops are sent"
 
 
-class SilenceTexts:
+class SilenceTexts(MavService):
     """Says why nothing is live any more."""
-
-    handles = ()
 
     def __init__(self, vehicle: MavVehicle) -> None:
         self._vehicle = vehicle
         self._heard_ns: int | None = None
         self._told: set[int] = set()
-
-    def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
-        """Take no message."""
 
     def due(self, now_ns: int) -> None:
         """Send a text if the telemetry has ended or is back."""
@@ -138,7 +120,7 @@ class SilenceTexts:
 EVERYONE: Final = 0
 
 
-class ClockSync:
+class ClockSync(MavService):
     """Answers with the time of the messages of this vehicle."""
 
     handles = (mavlink.MAVLINK_MSG_ID_TIMESYNC, mavlink.MAVLINK_MSG_ID_PING)
@@ -160,9 +142,3 @@ class ClockSync:
             self._vehicle.control.answered(sender)
         if answer is not None:
             self._vehicle.outbox.send(answer, sender.client)
-
-    def due(self, now_ns: int) -> None:
-        """Ask for nothing."""
-
-    def forget(self, client: int) -> None:
-        """Keep nothing for a client."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, NamedTuple, Protocol
 
-from gateways.mavlink.mav_service import Pacing, Sender
+from gateways.mavlink.mav_service import MavService, Pacing, Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from ground.recording.catalogue import began
@@ -166,7 +166,7 @@ class LogClient:
     transfer: LogTransfer | None = None
 
 
-class LogProtocol:
+class LogProtocol(MavService):
     """Answers LOG_REQUEST_LIST, LOG_REQUEST_DATA, LOG_REQUEST_END and LOG_ERASE."""
 
     handles = (

@@ -4,7 +4,7 @@ Parameter lists, files and logs share one budget of bytes for each client.
 """
 
 from collections.abc import Callable, Collection, Mapping
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple
 
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from protocol.wire.enums import Severity
@@ -77,12 +77,13 @@ class Outbox:
         return taken
 
 
-class MavService(Protocol):
-    """One MAVLink protocol of one vehicle, without I/O. Answers go into the vehicle's outbox."""
+class MavService:
+    """One MAVLink protocol of one vehicle, without I/O. Answers go into the vehicle's outbox.
 
-    @property
-    def handles(self) -> Collection[int]:
-        """The ids of the messages that `receive` takes."""
+    `handles` are the ids of the messages that `receive` takes.
+    """
+
+    handles: Collection[int] = ()
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
         """Process a message for this vehicle."""

@@ -6,7 +6,7 @@ The parameters as last read from the robot are shared with the files and the str
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from gateways.mavlink.mav_service import Pacing, Sender
+from gateways.mavlink.mav_service import MavService, Pacing, Sender
 from gateways.mavlink.mav_vehicle import MavVehicle, MessageSource
 from gateways.mavlink.mavlink_dialect import ComponentMetadata, MavMessage, mavlink
 from gateways.mavlink.parameter_table import (
@@ -106,7 +106,7 @@ class Listing:
     index: int = 0
 
 
-class ParameterProtocol:
+class ParameterProtocol(MavService):
     """Answers each client. A value that the robot has accepted is sent to all clients."""
 
     handles = (

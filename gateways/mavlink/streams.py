@@ -24,7 +24,7 @@ from gateways.mavlink.commands.command_protocol import (
     Handled,
     whole,
 )
-from gateways.mavlink.mav_service import Sender
+from gateways.mavlink.mav_service import MavService, Sender
 from gateways.mavlink.mav_vehicle import Catalogue, MavVehicle, MessageSource
 from gateways.mavlink.mavlink_dialect import AvailableModes, CurrentMode, MavMessage, mavlink
 from runtime.errors import RemoteError
@@ -194,7 +194,7 @@ NOT_SENT_US: Final = -1
 MAX_INTERVAL_US: Final = 0x7FFF_FFFF
 
 
-class StreamScheduler:
+class StreamScheduler(MavService):
     """Sends the due messages to each client; CURRENT_MODE also after a change of the mode."""
 
     handles = (mavlink.MAVLINK_MSG_ID_REQUEST_DATA_STREAM,)
@@ -272,7 +272,7 @@ MODE_US: Final = 2_000_000
 pymavlink counts each message that is missing in its dialect as lost."""
 
 
-class MessageRequests:
+class MessageRequests(MavService):
     """Sends a message once to the client that asks for it, and sets intervals."""
 
     handles = (mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION_REQUEST,)
@@ -301,12 +301,6 @@ class MessageRequests:
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
         """Answer AUTOPILOT_VERSION_REQUEST."""
         self.request(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, 0, sender, now_ns)
-
-    def due(self, now_ns: int) -> None:
-        """Do nothing: no state of this service depends on time."""
-
-    def forget(self, client: int) -> None:
-        """Keep nothing for a client."""
 
     def knows(self, number: int) -> bool:
         """Return whether the vehicle can send a message at all."""

@@ -22,7 +22,7 @@ from struct import Struct
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
-from gateways.mavlink.mav_service import NEWCOMER, WATCHER, Sender
+from gateways.mavlink.mav_service import NEWCOMER, WATCHER, MavService, Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import RESULT_NOT_IN_CONTROL, MavMessage, mavlink
 from gateways.mavlink.motion.setpoints import GLOBAL_FRAMES
@@ -440,7 +440,7 @@ class ReceivedCommand(NamedTuple):
     is_limited: bool = False
 
 
-class CommandService:
+class CommandService(MavService):
     """COMMAND_LONG, COMMAND_INT and SET_MODE; the commands are the rows of all tables."""
 
     handles = (

@@ -24,7 +24,7 @@ from gateways.mavlink.commands.command_protocol import (
     answer_after,
     whole,
 )
-from gateways.mavlink.mav_service import Sender
+from gateways.mavlink.mav_service import MavService, Sender
 from gateways.mavlink.mav_vehicle import MavVehicle, MessageSource
 from gateways.mavlink.mavlink_dialect import (
     CONTROL_SYSTEM_MANAGER,
@@ -53,10 +53,8 @@ class Asked(NamedTuple):
     until_ns: int
 
 
-class OperatorCommands:
+class OperatorCommands(MavService):
     """Requests and releases control for clients, and reports the owner to all of them."""
-
-    handles = ()
 
     def __init__(self, vehicle: MavVehicle) -> None:
         self._vehicle = vehicle
@@ -71,9 +69,6 @@ class OperatorCommands:
         """The command by its number; each repetition is a separate request."""
         row = CommandRow(self._change, repeats=True)
         return MappingProxyType({REQUEST_OPERATOR_CONTROL: row})
-
-    def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
-        """Take no message."""
 
     def due(self, now_ns: int) -> None:
         """Send the status to all clients at once if it has changed."""

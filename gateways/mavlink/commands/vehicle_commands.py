@@ -33,7 +33,7 @@ from gateways.mavlink.commands.command_protocol import (
     result_of,
 )
 from gateways.mavlink.coordinates import GlobalPlace, home_at, knows_place, place_of
-from gateways.mavlink.mav_service import EVERYONE, Sender
+from gateways.mavlink.mav_service import EVERYONE, MavService, Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import RESULT_NOT_IN_CONTROL, MavMessage, mavlink
 from gateways.mavlink.motion.setpoints import NO_POSE, SetpointError, destination, place_goal
@@ -232,7 +232,7 @@ ORIGIN_UNSEEN: Final = "origin: it moves only while the robot is seen to be disa
 Refusal = tuple[int, str]
 
 
-class OriginService:
+class OriginService(MavService):
     """Moves the origin for clients."""
 
     handles = (mavlink.MAVLINK_MSG_ID_SET_GPS_GLOBAL_ORIGIN,)
@@ -252,12 +252,6 @@ class OriginService:
         if words:
             self._vehicle.refusals.say(words, sender.client, now_ns, Severity.WARNING)
         self._tell(sender.client if words else EVERYONE, now_ns)
-
-    def due(self, now_ns: int) -> None:
-        """Do nothing: no state of this service depends on time."""
-
-    def forget(self, client: int) -> None:
-        """Keep nothing for a client."""
 
     def _command(self, call: CommandCall) -> CommandAnswer:
         if not all(map(isfinite, (call.latitude_deg, call.longitude_deg, call.z))):
@@ -302,7 +296,7 @@ KEY_STRANGER: Final = (
 KEY_NEEDED: Final = "signing: an endpoint requires it, so it cannot be ended here"
 
 
-class SigningSetup:
+class SigningSetup(MavService):
     """Changes the key of the gateway for clients of one vehicle."""
 
     handles = (mavlink.MAVLINK_MSG_ID_SETUP_SIGNING,)
@@ -324,12 +318,6 @@ class SigningSetup:
                 words = f"signing: {error}"
         if words:
             self._vehicle.refusals.say(words, sender.client, now_ns, Severity.ERROR)
-
-    def due(self, now_ns: int) -> None:
-        """Do nothing: no state of this service depends on time."""
-
-    def forget(self, client: int) -> None:
-        """Keep nothing for a client."""
 
     def _is_in_force(self, wanted: bytes | None) -> bool:
         return not self._guard.is_signing if wanted is None else self._guard.is_current(wanted)

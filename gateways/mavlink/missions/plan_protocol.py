@@ -2,7 +2,7 @@
 
 from typing import Any, Final
 
-from gateways.mavlink.mav_service import Sender
+from gateways.mavlink.mav_service import MavService, Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage, MissionCount, mavlink
 from gateways.mavlink.missions.plan_answers import (
@@ -169,7 +169,7 @@ class KindTransfers:
             self.uploads.begin_partly(first, last, parts, sender, now_ns)
 
 
-class MissionProtocol:
+class MissionProtocol(MavService):
     """Missions and fences of one vehicle; there are no rally points."""
 
     handles = (

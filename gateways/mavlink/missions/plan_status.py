@@ -21,7 +21,7 @@ from gateways.mavlink.commands.command_protocol import (
     answer_to,
     whole,
 )
-from gateways.mavlink.mav_service import Sender
+from gateways.mavlink.mav_service import MavService, Sender
 from gateways.mavlink.mav_vehicle import MavVehicle, MessageSource
 from gateways.mavlink.mavlink_dialect import MavMessage, MissionCurrent, mavlink
 from gateways.mavlink.missions.plan_answers import ClientKey, key_of, refusal_of
@@ -59,7 +59,7 @@ IN_MISSION_MODE: Final = 1
 SUSPENDED: Final = 2
 
 
-class CurrentItem:
+class CurrentItem(MavService):
     """Chooses the current item, and sends it on request, after a change, and periodically."""
 
     handles = (mavlink.MAVLINK_MSG_ID_MISSION_SET_CURRENT,)
@@ -165,14 +165,12 @@ COPIES: Final = 4
 """Number of repetitions of the message: MAVSDK does not finish a mission before it receives one."""
 
 
-class ReachedItems:
+class ReachedItems(MavService):
     """Sends each item that is reached, after a change of the robot's mission status.
 
     The robot waits at an item, starts the next one, or has finished the last one. A jump to the
     next item by another operator looks like the second case.
     """
-
-    handles = ()
 
     def __init__(self, vehicle: MavVehicle, current: CurrentItem) -> None:
         self._vehicle = vehicle
@@ -181,9 +179,6 @@ class ReachedItems:
         self._reached: int | None = None
         self._copies = 0
         self._next_ns = 0
-
-    def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
-        """Take no message."""
 
     def due(self, now_ns: int) -> None:
         """Find reached items, and repeat the message some times."""
@@ -199,9 +194,6 @@ class ReachedItems:
                 self._reached = None  # the robot drives to it once more
         if self._copies and now_ns >= self._next_ns:
             self._send(now_ns)
-
-    def forget(self, client: int) -> None:
-        """Keep nothing for a client."""
 
     def _index(self, last: MissionStatus, status: MissionStatus, now_ns: int) -> int | None:
         """Return the index of the item that has been reached between two states."""
@@ -220,10 +212,8 @@ class ReachedItems:
         self._vehicle.outbox.send(mavlink.MAVLink_mission_item_reached_message(item))
 
 
-class FenceService:
+class FenceService(MavService):
     """Counts breaches, and enables the fence."""
-
-    handles = ()
 
     def __init__(self, vehicle: MavVehicle, kind: FenceKind) -> None:
         self._vehicle = vehicle
@@ -242,9 +232,6 @@ class FenceService:
             {mavlink.MAV_CMD_DO_FENCE_ENABLE: CommandRow(self._command, outlasts=True)}
         )
 
-    def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
-        """Take no message."""
-
     def due(self, now_ns: int) -> None:
         """Count a breach, and send it at once."""
         if self._kind.copy.values is not None:
@@ -260,9 +247,6 @@ class FenceService:
             self._is_breached = is_breached
             for message in self.messages(now_ns):
                 self._vehicle.outbox.send(message)
-
-    def forget(self, client: int) -> None:
-        """Keep nothing for a client."""
 
     def messages(self, now_ns: int) -> Sequence[MavMessage]:
         """Return FENCE_STATUS; nothing without the robot's status."""

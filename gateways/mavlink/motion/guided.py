@@ -10,7 +10,7 @@ from enum import Enum, auto
 from typing import Final
 
 from gateways.mavlink.coordinates import PER_DEG
-from gateways.mavlink.mav_service import Sender
+from gateways.mavlink.mav_service import MavService, Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.motion.pilot import DriveBegun, Pilot
@@ -143,7 +143,7 @@ ALTITUDE: Final = 3
 NOT_IN_CONTROL: Final = (Reason.LEASE_HELD, Reason.NO_IDENTITY)
 
 
-class GuidedItems:
+class GuidedItems(MavService):
     """Executes guided items for one vehicle and acknowledges them."""
 
     handles = (mavlink.MAVLINK_MSG_ID_MISSION_ITEM, mavlink.MAVLINK_MSG_ID_MISSION_ITEM_INT)
@@ -174,12 +174,6 @@ class GuidedItems:
     async def _go(self, goal: Destination, sender: Sender) -> None:
         result = result_of(await self._pilot.goto(goal, sender))
         self._answer(sender, *result, self._vehicle.snapshot.now_ns)
-
-    def due(self, now_ns: int) -> None:
-        """Do nothing: no state of this service depends on time."""
-
-    def forget(self, client: int) -> None:
-        """Keep nothing for a client."""
 
     def _problem(self, message: MavMessage) -> tuple[int, str]:
         if message.current == ALTITUDE or message.command != mavlink.MAV_CMD_NAV_WAYPOINT:
@@ -216,7 +210,7 @@ sent again after this time to a robot that is not armed.
 Target = tuple[object, ...]
 
 
-class SetpointStream:
+class SetpointStream(MavService):
     """Executes the setpoints of the client in control; ignores them outside GUIDED."""
 
     handles = (

@@ -8,7 +8,7 @@ after the newest message, those of RC_CHANNELS_OVERRIDE for a second.
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from gateways.mavlink.mav_service import Sender
+from gateways.mavlink.mav_service import MavService, Sender
 from gateways.mavlink.mav_vehicle import ANY, MavVehicle, MessageSource
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.motion.setpoints import LIFE_NS, REPEAT_NS, SPEED, TURN, within
@@ -43,7 +43,7 @@ class Stick(NamedTuple):
     until_ns: int
 
 
-class ManualDriving:
+class ManualDriving(MavService):
     """Sends the speeds to the robot while they are valid."""
 
     handles = (

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Final
 
 from gateways.mavlink.ardupilot import RTL
-from gateways.mavlink.mav_service import Sender
+from gateways.mavlink.mav_service import MavService, Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
-from gateways.mavlink.mavlink_dialect import MavMessage
 from gateways.mavlink.robot_port import OVERTAKEN, Answered
 from ground.client.goal import Destination
 from ground.client.outcomes import Accepted, Answer, Outcome, Refused
@@ -102,10 +101,8 @@ class EnterGuided:
         return await robot.set_mode(Mode.GUIDED)
 
 
-class Pilot:
+class Pilot(MavService):
     """Executes requests that change the mode, and updates `vehicle.modes`."""
-
-    handles = ()
 
     def __init__(self, vehicle: MavVehicle) -> None:
         self._vehicle = vehicle
@@ -174,9 +171,6 @@ class Pilot:
 
     async def _end_drive(self, drive_id: int) -> None:
         await self._vehicle.port.perform(EndDrive(drive_id, Mode.HOLD))
-
-    def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
-        """Take no message."""
 
     def due(self, now_ns: int) -> None:
         """Repeat what waits for the heartbeat; start the mission that waits for arming."""
