@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.tui.pilot import FAULTS, WORLD, hasten
+from tests.support.app import FAULTS, WORLD, hasten
 
 
 @pytest.fixture(autouse=True)

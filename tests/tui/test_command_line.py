@@ -31,11 +31,20 @@ from protocol.wire.enums import Vehicle
 from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
 from runtime.errors import UserError
+from tests.support.app import (
+    STOP_ID,
+    FakeCommandSink,
+    FakeStation,
+    Stage,
+    SynchronousApp,
+    driving,
+    recorded,
+    staged,
+    stopped,
+)
 from tests.support.each import each
 from tests.support.ground.client import ScriptedBus, status
 from tests.support.ground.station import WORLD_TEXT
-from tests.support.tui.fakes import STOP_ID, FakeCommandSink, FakeStation, driving, stopped
-from tests.support.tui.pilot import Stage, SynchronousApp, recorded, staged
 
 ELSEWHERE = "tcp/10.0.0.7:7447"
 

@@ -14,9 +14,8 @@ from ground.station.link.loss import Loss, LossKind
 from protocol.topics import ODOMETRY, STATUS, TRUTH
 from runtime.units import NS_PER_MS as MS
 from runtime.units import NS_PER_S as S
+from tests.support.app import NAMES, FakeStation, Stage, drive_messages, driving, staged, status
 from tests.support.each import each
-from tests.support.tui.fakes import FakeStation, drive_messages, driving, status
-from tests.support.tui.pilot import NAMES, Stage, staged
 
 
 async def test_drive_screen_shows_pose_and_state() -> None:

@@ -14,9 +14,8 @@ from protocol.topics import MISSION, STATUS
 from protocol.wire.enums import GoalState, MissionState, Vehicle
 from protocol.wire.messages import MissionStatus
 from runtime.errors import UserError
+from tests.support.app import FakeStation, driving, staged, status
 from tests.support.each import each
-from tests.support.tui.fakes import FakeStation, driving, status
-from tests.support.tui.pilot import staged
 
 
 def test_each_mark_of_the_map_has_a_meaning() -> None:

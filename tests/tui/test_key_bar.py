@@ -22,9 +22,8 @@ from protocol.wire.enums import GoalState, MissionState, Mode, Severity, Vehicle
 from protocol.wire.messages import MissionStatus
 from protocol.wire.reasons import Reason
 from runtime.units import NS_PER_S as S
+from tests.support.app import FakeStation, driving, staged, status
 from tests.support.each import each
-from tests.support.tui.fakes import FakeStation, driving, status
-from tests.support.tui.pilot import staged
 
 
 @each("width", [0, 1, 20, 40, 80, 160])

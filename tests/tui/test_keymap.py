@@ -27,9 +27,8 @@ from ground.map.drawing import described, measured
 from ground.map.scene import Disc, MapScene, Outline
 from protocol.wire.reasons import Reason
 from runtime.errors import ConfigError
+from tests.support.app import FakeStation, driving, staged
 from tests.support.each import each
-from tests.support.tui.fakes import FakeStation, driving
-from tests.support.tui.pilot import staged
 
 BELOW = (Layer.ROBOT, Layer.FLEET, Layer.STATION)
 

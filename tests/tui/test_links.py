@@ -12,10 +12,9 @@ from protocol.topics import GATEWAY, MCU, STATUS, Role
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.messages import GatewayStatus
 from runtime.units import NS_PER_S
+from tests.support.app import NOTHING, FakeStation, driving, mcu_status, staged, stopped_status
 from tests.support.each import each
 from tests.support.ground.station import Robot
-from tests.support.tui.fakes import NOTHING, FakeStation, driving, mcu_status, stopped_status
-from tests.support.tui.pilot import staged
 
 
 async def test_links_show_processes_and_streams() -> None:

@@ -14,9 +14,8 @@ from ground.app.widgets.rows import words_of
 from ground.station.history.event_log import EventLog, LogLine
 from protocol.wire.enums import Severity, Vehicle
 from runtime.units import NS_PER_S as S
+from tests.support.app import FakeStack, FakeStation, Stage, driving, on, parameter, staged, stopped
 from tests.support.each import each
-from tests.support.tui.fakes import FakeStation, driving, parameter, stopped
-from tests.support.tui.pilot import FakeStack, Stage, on, staged
 
 MANY = [Choice(f"run-{number}", f"file {number}") for number in range(1, 60)]
 

@@ -29,17 +29,17 @@ from protocol.wire.messages import MissionStatus, NavigatorStatus, PlanarOdometr
 from protocol.wire.reasons import Reason, reason_text
 from runtime.units import NS_PER_MS as MS
 from runtime.units import NS_PER_S as S
-from tests.support.each import each
-from tests.support.ground.decisions import decided
-from tests.support.tui.fakes import (
+from tests.support.app import (
     FakeStation,
     drive_messages,
     driving,
     mcu_status,
     parameter,
+    staged,
     status,
 )
-from tests.support.tui.pilot import staged
+from tests.support.each import each
+from tests.support.ground.decisions import decided
 
 
 def shown(**changes: int) -> FakeStation:

@@ -25,8 +25,8 @@ from ground.app.screens import SCREENS
 from ground.app.screens.choice import ChoiceScreen
 from ground.app.screens.list_screen import ScrolledScreen
 from ground.app.widgets.command_line import CommandLine
+from tests.support.app import Stage, staged
 from tests.support.each import each
-from tests.support.tui.pilot import Stage, staged
 
 ESC = "\x1b"
 LATER_S = 10.0

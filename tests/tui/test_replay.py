@@ -20,10 +20,9 @@ from protocol.world import as_json
 from runtime.clock import ManualClock
 from runtime.errors import UserError
 from runtime.units import NS_PER_S as S
+from tests.support.app import FakeCommandSink, FakeStation, Stage, driving, recorded, staged
 from tests.support.ground.made_recordings import written
 from tests.support.plant import plain_world
-from tests.support.tui.fakes import FakeCommandSink, FakeStation, driving
-from tests.support.tui.pilot import Stage, recorded, staged
 from tests.support.until import PATIENCE_S
 
 

@@ -27,10 +27,9 @@ from ground.station.robot.lease_state import LeaseView
 from protocol.topics import HEARTBEAT, Role
 from protocol.wire.enums import Severity
 from runtime.units import NS_PER_MS as MS
+from tests.support.app import FakeCommandSink, FakeStation, Stage, driving, parameter, staged
 from tests.support.each import each
 from tests.support.hostile import LETTERS, OWNED, TEXT, raw_in
-from tests.support.tui.fakes import FakeCommandSink, FakeStation, driving, parameter
-from tests.support.tui.pilot import Stage, staged
 from tests.support.until import until
 
 TINY = ((1, 1), (2, 1), (1, 24), (20, 5), (40, 12), (59, 17), (300, 90))

@@ -26,9 +26,18 @@ from plant.world.file import load
 from protocol.topics import ODOMETRY, SONAR, STATUS
 from runtime.errors import UserError
 from runtime.units import NS_PER_S as S
+from tests.support.app import (
+    FakeCommandSink,
+    FakeStack,
+    FakeStation,
+    Stage,
+    drive_messages,
+    driving,
+    on,
+    parameter,
+    staged,
+)
 from tests.support.each import each
-from tests.support.tui.fakes import FakeCommandSink, FakeStation, drive_messages, driving, parameter
-from tests.support.tui.pilot import FakeStack, Stage, on, staged
 
 
 def parameters() -> tuple[Parameter, ...]:

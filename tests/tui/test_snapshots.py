@@ -28,8 +28,20 @@ from protocol.wire.reasons import Reason, reason_text
 from runtime.clock import ManualClock
 from runtime.units import NS_PER_MS as MS
 from runtime.units import NS_PER_S as S
-from tests.support.tui.fakes import FakeCommandSink, FakeStation, drive_messages, driving, stopped
-from tests.support.tui.pilot import ACTUAL, FakeStack, Stage, compare, on, recorded, staged
+from tests.support.app import (
+    ACTUAL,
+    FakeCommandSink,
+    FakeStack,
+    FakeStation,
+    Stage,
+    compare,
+    drive_messages,
+    driving,
+    on,
+    recorded,
+    staged,
+    stopped,
+)
 
 SIZES = ((80, 24), (120, 40), (200, 60), (40, 12))
 THEMES = ("dark", "light", "mono")

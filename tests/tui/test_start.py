@@ -14,8 +14,7 @@ from ground.app.app import BackgroundJobs, GroundApp
 from ground.app.appearance import Appearance
 from ground.app.start import capture_output
 from runtime.errors import UserError
-from tests.support.tui.fakes import FakeCommandSink, FakeStation, driving
-from tests.support.tui.pilot import staged
+from tests.support.app import FakeCommandSink, FakeStation, driving, staged
 from tests.support.until import PATIENCE_S, until
 
 

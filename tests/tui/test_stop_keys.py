@@ -15,9 +15,8 @@ from ground.app.screens import SCREENS
 from protocol.wire.enums import Vehicle
 from runtime.units import NS_PER_MS as MS
 from runtime.units import NS_PER_S as S
+from tests.support.app import Stage, driving, staged, stopped
 from tests.support.each import each
-from tests.support.tui.fakes import driving, stopped
-from tests.support.tui.pilot import Stage, staged
 
 SCREEN_KEYS = {name: str(number) for name, number in SCREENS.items()}
 

@@ -17,18 +17,19 @@ from protocol.topics import STATUS
 from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus
 from protocol.wire.reasons import Reason
-from tests.support.each import each
-from tests.support.tui.fakes import (
+from tests.support.app import (
     FakeCommandSink,
     FakeStation,
+    Stage,
     driving,
     entry,
+    staged,
     status,
     stopped,
     stopped_status,
 )
-from tests.support.tui.fakes import show as stopped_show
-from tests.support.tui.pilot import Stage, staged
+from tests.support.app import show as stopped_show
+from tests.support.each import each
 
 KINDS = [(Vehicle.EMERGENCY_STOP, "EMERGENCY STOP r1", "alarm", "-estop"),
          (Vehicle.FAILSAFE, "FAILSAFE r1", "failsafe", "-failsafe")]  # fmt: skip

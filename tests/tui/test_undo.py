@@ -25,9 +25,8 @@ from protocol.bus.network import Network
 from protocol.options import DEFAULT_ENDPOINT
 from runtime.clock import ManualClock
 from runtime.errors import UserError
+from tests.support.app import FakeStation, driving, parameter, staged
 from tests.support.ground.client import Stage
-from tests.support.tui.fakes import FakeStation, driving, parameter
-from tests.support.tui.pilot import staged
 
 CIRCLE = Circle(x_m=1.0, y_m=2.0, radius_m=3.0)
 

@@ -23,11 +23,11 @@ from protocol.wire.messages import CycleReport, NavigatorStatus, PlanarOdometry,
 from protocol.wire.reasons import Reason
 from runtime.units import NS_PER_S
 from runtime.units import NS_PER_S as S
+from tests.support.app import status
 from tests.support.each import each
 from tests.support.ground.made_recordings import odometry
 from tests.support.ground.made_recordings import status as recording_status
 from tests.support.ground.station import Play, Robot
-from tests.support.tui.fakes import status
 
 
 def test_moment_has_its_decision_and_the_previous_one() -> None:
