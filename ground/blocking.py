@@ -8,11 +8,13 @@ from typing import Any, Protocol, TypeVar, overload
 from ground.client import stop_ways
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.lease_holder import operator_name
+from ground.client.leases import Leases, Leasing
+from ground.client.link import Link
 from ground.client.outcomes import AllAnswered, Outcome, Stopped
 from ground.client.requests import GaveUp
 from ground.client.session import Operation, Session
 from ground.client.stopping import at_once, stop_all
-from ground.robot import STOP_S, Leasing, Robot
+from ground.robot import STOP_S, Robot
 from protocol.topics import COMMAND, STATUS, STOP, Service
 from protocol.wire.message import Message
 from protocol.wire.messages import NavigatorStatus
@@ -21,6 +23,20 @@ from runtime.units import NS_PER_S
 T = TypeVar("T")
 Out = TypeVar("Out", bound=Outcome)
 Out_co = TypeVar("Out_co", bound=Outcome, covariant=True)
+
+
+class BlockingLeases(Leases):
+    """Sends the heartbeat when it is asked to, because no task does."""
+
+    def __init__(self, robot: Robot, link: Link) -> None:
+        super().__init__(robot, operator_name(None), robot.lease.leasing)
+        self._sender = link
+
+    def beat(self) -> None:
+        """Send the heartbeat once."""
+        self._sender.beat()
+
+    attend = beat
 
 
 class BlockingRobot(Robot):
@@ -34,7 +50,6 @@ class BlockingRobot(Robot):
         super().__init__(
             link.bus,
             link.common,
-            operator_name(None),
             clock=link.clock,
             leasing=Leasing.NEVER if session.attended else Leasing.DRIVES,
             follows=not session.attended,
@@ -42,15 +57,7 @@ class BlockingRobot(Robot):
             floor=session.floor,
         )
         self._link = link
-
-    def beat(self) -> None:
-        """Send the operator's heartbeat once."""
-        self._link.beat()
-
-    _attend = beat
-
-    def _lease_granted(self) -> None:
-        """Send no heartbeat for a lease that is only taken."""
+        self.lease = BlockingLeases(self, link)
 
     async def _answer(
         self, service: Service, message: Message | None, timeout_s: float
@@ -104,12 +111,14 @@ class BlockingRobot(Robot):
         """Stop the robots that are known by name at once, then all that are present."""
         return stop_all(self._link, round(timeout_s * NS_PER_S))
 
-    async def _uninterrupted(
+    async def uninterrupted(
         self, _gate: object, work: Callable[[], Coroutine[Any, Any, T]], _started: object = None
     ) -> T:
+        """Do it at once."""
         return await work()
 
-    async def _finish(self, work: Coroutine[Any, Any, T]) -> T:
+    async def finish(self, work: Coroutine[Any, Any, T]) -> T:
+        """Do it at once."""
         return await work
 
 

@@ -20,7 +20,7 @@ from collections import deque
 from collections.abc import AsyncIterator, Callable, Coroutine, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import replace
-from enum import Enum, IntEnum
+from enum import IntEnum
 from functools import partial
 from math import nan, radians
 from pathlib import Path
@@ -40,8 +40,9 @@ from ground.client.goal import (
     destination,
     goal_request,
 )
-from ground.client.lease_holder import is_ours, operator_name
-from ground.client.link import ALIVE, END_NS, Link, UnansweredError, open_link
+from ground.client.lease_holder import operator_name
+from ground.client.leases import TICK_NS, Leases, Leasing
+from ground.client.link import END_NS, Link, UnansweredError, open_link
 from ground.client.lost_drive import (
     LostDrive,
     LostGoal,
@@ -58,7 +59,6 @@ from ground.client.outcomes import (
     Answer,
     DriveEnded,
     GoalEnded,
-    LeaseShown,
     Marked,
     NoProgress,
     Outcome,
@@ -72,7 +72,6 @@ from ground.client.parameters import Parameters
 from ground.client.requests import (
     ATTEMPTS,
     BEAT_NS,
-    CROSSING_NS,
     CommandExchange,
     GaveUp,
     GoalEnd,
@@ -81,7 +80,6 @@ from ground.client.requests import (
     Request,
 )
 from ground.client.robot_link import (
-    LEASE_NS,
     NEWEST_NS,
     REQUESTS,
     Drive,
@@ -103,18 +101,15 @@ from protocol.topics import (
     COMMAND,
     DECISION,
     LEASE,
-    LEASE_SERVICE,
     MARK,
     MISSION,
     ODOMETRY,
-    OPERATOR,
     STATUS,
     STOP,
     TRUTH,
 )
 from protocol.wire.enums import (
     Command,
-    LeaseAction,
     MissionType,
     Mode,
     Navigator,
@@ -125,8 +120,6 @@ from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandRequest,
     GoalRequest,
-    Heartbeat,
-    LeaseRequest,
     NavigatorStatus,
     PlanarOdometry,
 )
@@ -148,12 +141,8 @@ MISSION_NS: Final = 700 * NS_PER_MS
 """A robot publishes the status of its mission twice a second."""
 STOP_S: Final = 5.0
 """Duration for which an emergency stop without acknowledgement is repeated."""
-TICK_NS: Final = 50 * NS_PER_MS
 SHOW_NS: Final = 200 * NS_PER_MS
 SHOW_PLAIN_NS: Final = 2 * NS_PER_S
-RELEASE_NS: Final = 200 * NS_PER_MS
-AGAIN_NS: Final = 20 * NS_PER_S
-"""After this time a kept lease is asked for again: heartbeats alone do not keep an idle one."""
 READY_S: Final = 0.5
 OWN_STOPS: Final = 16
 """So many of its newest stops a program may release: several may be repeated at the same time."""
@@ -206,40 +195,6 @@ class RobotCommand(Protocol[Out_co]):
         """
 
 
-class Leasing(Enum):
-    """When a program takes the lease by itself."""
-
-    ALWAYS = "before everything that moves the robot, and keeps it"
-    DRIVES = "before a drive that it follows, and leaves it after that"
-    NEVER = "another part of this process takes it"
-
-
-class Leases:
-    """The right of one person to command the robot."""
-
-    def __init__(self, robot: "Robot") -> None:
-        self._robot = robot
-
-    async def take(self) -> Answer:
-        """Become the robot's operator; refused while another person holds the lease."""
-        return await self._robot.change_lease(LeaseAction.TAKE)
-
-    async def seize(self) -> Answer:
-        """Become the robot's operator in place of another one."""
-        return await self._robot.change_lease(LeaseAction.SEIZE)
-
-    async def give_back(self) -> Answer:
-        """Release the lease, for all programs of this person.
-
-        A robot that one of them drives in GUIDED or MANUAL then stops by itself.
-        """
-        return await self._robot.change_lease(LeaseAction.RELEASE)
-
-    async def show(self) -> LeaseShown:
-        """Return the lease; RemoteError if the robot publishes no lease status."""
-        return await self._robot.show_lease()
-
-
 class Robot(RobotLink):
     """One robot, with this program as its operator; created by `connect`.
 
@@ -252,7 +207,6 @@ class Robot(RobotLink):
     raises ClosedError.
     """
 
-    _heartbeat: Publisher[Heartbeat]
     _stops: Publisher[CommandRequest]
     _ways: StopWays
 
@@ -277,17 +231,10 @@ class Robot(RobotLink):
         super().__init__(bus, common, clock)
         self.follows = follows
         self.progress: Progress = progress or NoProgress()
-        self._operator = operator
-        self._leasing = leasing
         self._floor = floor
         self._turn = asyncio.Lock()
         """Held by what begins a drive, while it is sent: an old one must not overtake a new one."""
 
-        self._taking, self._changing = asyncio.Lock(), asyncio.Lock()
-        self._holds_lease = False
-        self._taken_ns = 0
-        self._heartbeat_timer = HeartbeatTimer()
-        self._beating: asyncio.Task[None] | None = None
         self._drives: set[Drive] = set()
         """The drives of this program that have not ended, clean-up included."""
 
@@ -299,7 +246,7 @@ class Robot(RobotLink):
         self.parameters = Parameters(self)
         self.mission = Missions(self)
         self.fence = Fences(self)
-        self.lease = Leases(self)
+        self.lease = Leases(self, operator, leasing, lambda: bool(self._drives))
 
     def __repr__(self) -> str:
         """Return the robot, where it is, and what its newest status shows."""
@@ -308,7 +255,7 @@ class Robot(RobotLink):
         if self._is_closed or newest is None:
             return f"<{where}: {'closed' if self._is_closed else 'no status yet'}>"
         state = f"{state_of(newest[0])} {reason_of(newest[0])}".rstrip()
-        return f"<{where}: {state}, {'with' if self._holds_lease else 'without'} its lease>"
+        return f"<{where}: {state}, {'with' if self.holds_lease else 'without'} its lease>"
 
     def to(self, robot: str) -> "Robot":
         """Return another robot on the same bus, whose lease is not taken."""
@@ -317,30 +264,29 @@ class Robot(RobotLink):
 
     async def open(self) -> None:
         """Start the subscriptions and the heartbeat, for `connect`."""
-        self._heartbeat = self.bus.publisher(OPERATOR, self.name)
         self._stops = self.bus.publisher(STOP, self.name)
         self._ways = stop_ways.ways_of(self.bus, self.name)
         self.streams.keep(STATUS, LEASE, MISSION)
         self.bus.announce(self.name)
-        publishers: list[Publisher[Any]] = [self._heartbeat, self._stops]
+        publishers: list[Publisher[Any]] = [self.lease.open(), self._stops]
         await self.in_own_thread(lambda: self.bus.await_matched(publishers, timeout_s=READY_S))
-        self._beating = asyncio.create_task(self._beat())
+
+    @property
+    def holds_lease(self) -> bool:
+        """True if this program is the robot's operator."""
+        return self.lease.is_ours
 
     async def close(self) -> None:
         """End the drives of this program, leave the lease and end all streams, for `connect`."""
         self._is_closed = True
         while self._drives:
             await next(iter(self._drives)).ended.wait()
-        if self._beating is not None:
-            self._beating.cancel()
-            await settled(self._beating)
+        await self.lease.end_heartbeat()
         self.streams.close()
         for stop in tuple(self._stopping):
             await settled(stop)
         self._ways.close()
-        async with self._changing:
-            if self._holds_lease:
-                await self._leave()
+        await self.lease.close()
         for _ in range(REQUESTS):  # those that have been sent end, too
             await self._slots.acquire()
 
@@ -372,7 +318,7 @@ class Robot(RobotLink):
         if reason == Reason.NOT_ARMED and arms:
             return await self._arm_if_standing_by()
         if reason == Reason.NO_OPERATOR and beats:
-            self.beat()
+            self.lease.beat()
             await self.sleep_until(self.clock.now_ns() + BEAT_NS // 4)
             return Accepted(0)
         return None
@@ -406,7 +352,7 @@ class Robot(RobotLink):
             attempts=attempts,
             patience_ns=END_NS,
         )
-        outcome = await self._carry(ending, COMMAND)
+        outcome = await self.carry(ending, COMMAND)
         is_over = isinstance(outcome, Refused) and outcome.reason == Reason.ALREADY_OVER
         return None if is_over else outcome
 
@@ -423,115 +369,6 @@ class Robot(RobotLink):
         if floor is not None:
             for place in places:
                 floor.refuse_outside(*place, "; --anyway sends it nevertheless")
-
-    # The lease.
-
-    @property
-    def holds_lease(self) -> bool:
-        """True if this program is the robot's operator."""
-        return self._holds_lease
-
-    async def ensure_lease(self, *, for_drive: bool = False) -> Refused | None:
-        """Take the lease if this program does so by itself; return the refusal, if any.
-
-        Not while it drives under it. Between two drives the robot may take it back at any moment.
-        """
-        if self._leasing is Leasing.NEVER or (self._leasing is Leasing.DRIVES and not for_drive):
-            return None
-        async with self._taking:
-            if self._holds_lease and self._drives:
-                self.check_open()
-                return None
-            answer = await self.change_lease(LeaseAction.TAKE)
-        return answer if isinstance(answer, Refused) else None
-
-    async def change_lease(self, action: LeaseAction, name: str | None = None) -> Answer:
-        """Take, seize or release the lease; the heartbeat follows it, also if this is cancelled.
-
-        `name` is shown to other operators.
-        """
-        self.check_open()
-        if action is LeaseAction.RELEASE:
-            self._holds_lease = False
-        return await self._uninterrupted(
-            self._changing, partial(self._change_lease, action, name or self._operator)
-        )
-
-    async def _change_lease(self, action: LeaseAction, name: str) -> Answer:
-        request = LeaseRequest(request_id=self._ids.next(), action=action, name=name)
-        answer = await self.ask(request, service=LEASE_SERVICE)
-        if isinstance(answer, Accepted) and action is not LeaseAction.RELEASE:
-            self._lease_granted()
-        return answer
-
-    async def keep_lease(self, for_s: float, name: str | None = None) -> Answer | None:
-        """Keep the lease for this time, then leave it; return why it was lost, if it was.
-
-        It is asked for again before it is idle for too long.
-        """
-        asked_ns = self.clock.now_ns()
-        until_ns = asked_ns + round(for_s * NS_PER_S)
-        try:
-            while (now_ns := self.clock.now_ns()) < until_ns:
-                self._attend()
-                if now_ns - asked_ns >= AGAIN_NS:
-                    asked_ns = now_ns
-                    answer = await self.change_lease(LeaseAction.TAKE, name)
-                    if not answer.ok:
-                        return answer
-                await self.sleep_until(self.clock.now_ns() + BEAT_NS)
-            return None
-        finally:
-            await self._finish(self._leave())
-
-    async def show_lease(self) -> LeaseShown:
-        """Return the lease; RemoteError if the robot publishes no lease status."""
-        newest = await self.newest(LEASE, LEASE_NS)
-        if newest is None:
-            raise RemoteError(f"the robot publishes no lease status: {await self.diagnosis()}")
-        return LeaseShown(newest, self.name, is_ours(newest, self.bus.operator))
-
-    async def _leave(self) -> None:
-        """Leave the lease to other programs of this person, else release it.
-
-        A lost answer is ignored: the lease expires by itself.
-        """
-        self._holds_lease = False
-        request = LeaseRequest(request_id=self._ids.next(), action=LeaseAction.LEAVE, name="")
-        now_ns = self.clock.now_ns()
-        leaving = CommandExchange(request, now_ns, attempts=1, patience_ns=RELEASE_NS)
-        await self._carry(leaving, LEASE_SERVICE)
-
-    def _lease_granted(self) -> None:
-        """Begin to send the heartbeat."""
-        self._taken_ns, self._holds_lease = self.clock.now_ns(), True
-        self.beat()
-
-    def beat(self) -> None:
-        """Send the operator's heartbeat once."""
-        self._heartbeat.put(ALIVE)
-
-    def _attend(self) -> None:
-        """Send the heartbeat if it is due, while this program commands the robot."""
-        newest = self.streams.latest(STATUS)
-        stamp_ns = 0 if newest is None else newest[0].time_ns
-        if self._holds_lease and self._heartbeat_timer.due(self.clock.now_ns(), stamp_ns):
-            self.beat()
-
-    async def _beat(self) -> None:
-        """Send the heartbeat from the event loop only, so that a blocked loop sends none."""
-        while True:
-            self._check_lease()
-            self._attend()
-            await self.sleep_until(self.clock.now_ns() + TICK_NS)
-
-    def _check_lease(self) -> None:
-        """Stop the heartbeat once the robot reports another person as operator, or nobody."""
-        newest = self.streams.latest(LEASE)
-        if newest is None or newest[1] < self._taken_ns + CROSSING_NS:
-            return
-        if not is_ours(newest[0], self.bus.operator):
-            self._holds_lease = False
 
     # Goals.
 
@@ -586,7 +423,7 @@ class Robot(RobotLink):
             with self.subscribed(STATUS, ODOMETRY, DECISION, LEASE) as telemetry:
                 end = await self.follow(watch, telemetry)
                 if end.abort:
-                    await self._finish(self._end(drive, abort, end.reason))
+                    await self.finish(self._end(drive, abort, end.reason))
                     end = watch.outrun(telemetry.latest) or end
                 return self._goal_ended(end, telemetry, asked_ns)
 
@@ -599,11 +436,11 @@ class Robot(RobotLink):
         self, goal: Destination, mode: Mode, *, from_robot: bool = False, arms: bool = True
     ) -> tuple[Answer, int]:
         """Send a goal until the robot accepts it; return the answer and the id of its request."""
-        if (refused := await self.ensure_lease()) is not None:
+        if (refused := await self.lease.ensure()) is not None:
             return refused, 0
         drive = Drive()
         sending = partial(self._send_goal, drive, goal, mode, from_robot, arms)
-        return await self._uninterrupted(self._turn, sending), drive.request_id
+        return await self.uninterrupted(self._turn, sending), drive.request_id
 
     async def _send_goal(
         self, drive: Drive, goal: Destination, mode: Mode, from_robot: bool, arms: bool
@@ -611,9 +448,7 @@ class Robot(RobotLink):
         place = goal.on_the_wire()
 
         def request() -> GoalRequest:
-            return drive.begun_by(
-                goal_request(place, self._ids.next(), mode, from_robot=from_robot)
-            )
+            return drive.begun_by(goal_request(place, self.ids.next(), mode, from_robot=from_robot))
 
         answer, _ = await self.accepted(request, beats=mode == Mode.GUIDED, arms=arms)
         return answer
@@ -626,7 +461,7 @@ class Robot(RobotLink):
             watch.look(telemetry.latest)
             now_ns = self.clock.now_ns()
             if watch.due(now_ns):
-                self._attend()
+                self.lease.attend()
             is_due = now_ns - shown_ns >= every_ns or (watch.end and self.progress.live)
             if watch.is_shown and is_due:
                 shown_ns = now_ns
@@ -663,7 +498,7 @@ class Robot(RobotLink):
             self._stick = stick
             await self.in_own_thread(stick.open)
             why = await self._steer(stick, speed_m_s, radians(turn_deg_s), for_s)
-            await self._finish(self._end(drive, hold))
+            await self.finish(self._end(drive, hold))
             return DriveEnded(why)
 
         def hold() -> CommandRequest:
@@ -699,7 +534,7 @@ class Robot(RobotLink):
                 if newest is not None and (why := lost_control(newest[0], now_ns - began_ns)):
                     return why
                 if heartbeat.due(now_ns, 0 if newest is None else newest[0].time_ns):
-                    self._attend()
+                    self.lease.attend()
                 stick.drive(speed_m_s, turn_rad_s)
                 await self.sleep_until(now_ns + TICK_NS)
 
@@ -714,23 +549,23 @@ class Robot(RobotLink):
         `begin` notes its requests in the drive. `ending` returns the hold or the abort that ends
         it.
         """
-        if (refused := await self.ensure_lease(for_drive=True)) is not None:
-            if self._leasing is Leasing.DRIVES:
+        if (refused := await self.lease.ensure(for_drive=True)) is not None:
+            if self.lease.leasing is Leasing.DRIVES:
                 raise RefusedError(refused.text)
             return refused
         self.check_open()
         drive = Drive()
         self._drives.add(drive)
         try:
-            self._attend()
-            answer = await self._uninterrupted(self._turn, partial(begin, drive), drive.sent_by)
+            self.lease.attend()
+            answer = await self.uninterrupted(self._turn, partial(begin, drive), drive.sent_by)
             return answer if isinstance(answer, Refused) else await follow(drive)
         except BaseException:
-            await self._finish(self._end_after(drive, ending))
+            await self.finish(self._end_after(drive, ending))
             raise
         finally:
-            if self._leasing is Leasing.DRIVES:
-                await self._finish(self._leave())
+            if self.lease.leasing is Leasing.DRIVES:
+                await self.finish(self.lease.leave())
             self._drives.discard(drive)
             drive.ended.set()
 
@@ -745,11 +580,11 @@ class Robot(RobotLink):
 
         Then the robot stops by itself. The progress tells the end of a goal, and `why`.
         """
-        attempts = 1 if self._leasing is Leasing.DRIVES else ATTEMPTS
+        attempts = 1 if self.lease.leasing is Leasing.DRIVES else ATTEMPTS
         request = ending()
         outcome = await self.end(request, drive.request_id, attempts)
         if isinstance(outcome, GaveUp) and len(self._drives) == 1:
-            self._holds_lease = False
+            self.lease.is_ours = False
         if outcome is not None and request.command == Command.SIDESTEP_ABORT_GOAL:
             self.progress.note(f"{why}: {words_of_abort(outcome)}")
 
@@ -776,7 +611,7 @@ class Robot(RobotLink):
         One that `moves` the robot takes the lease first; one that `begins` a drive waits for what
         began one before.
         """
-        if moves and (refused := await self.ensure_lease()) is not None:
+        if moves and (refused := await self.lease.ensure()) is not None:
             return refused
         patience_ns = None if timeout_s is None else max(1, round(timeout_s * NS_PER_S / ATTEMPTS))
         asking = partial(self.ask, request, patience_ns=patience_ns)
@@ -875,14 +710,14 @@ class Robot(RobotLink):
 
     async def mark(self, remark: str) -> Marked | Refused:
         """Add a remark to what is being recorded; `ok` if a recorder received it."""
-        if (refused := await self.ensure_lease()) is not None:
+        if (refused := await self.lease.ensure()) is not None:
             return refused
         publisher = self.bus.publisher(MARK, self.name)
         missing = await self.in_own_thread(
             lambda: self.bus.await_matched([publisher], timeout_s=READY_S)
         )
         if not missing:
-            for piece in pieces_of(remark, self._ids.next() & 0xFFFF or 1, Severity.NOTICE):
+            for piece in pieces_of(remark, self.ids.next() & 0xFFFF or 1, Severity.NOTICE):
                 publisher.put(piece)
         return Marked(remark, not missing)
 
@@ -890,7 +725,7 @@ class Robot(RobotLink):
 
     async def resume(self, *, timeout_s: float | None = None) -> Answer:
         """Continue to the goal, also to one that a failsafe, a stop or an abort has ended."""
-        if (refused := await self.ensure_lease()) is not None:
+        if (refused := await self.lease.ensure()) is not None:
             return refused
         return await self.in_turn(partial(self._resume, timeout_s))
 
@@ -920,7 +755,7 @@ class Robot(RobotLink):
             stopped = status.vehicle == Vehicle.EMERGENCY_STOP
             reason = Reason.EMERGENCY_STOPPED if stopped else Reason.NOT_ARMED
             return replace(refusal, reason=reason)
-        attends = self._leasing is not Leasing.DRIVES
+        attends = self.lease.leasing is not Leasing.DRIVES
         is_attended = attends and isinstance(lost, LostGoal) and not lost.is_auto
         mode = Mode.GUIDED if is_attended else Mode.AUTO
         answer, _ = await self.accepted(
@@ -943,7 +778,7 @@ class Robot(RobotLink):
         if isinstance(lost, LostMission):
             return self.request(Command.MISSION_START, float(CURRENT))
         if isinstance(lost, LostGoal):
-            return goal_request(lost.goal.on_the_wire(), self._ids.next(), mode)
+            return goal_request(lost.goal.on_the_wire(), self.ids.next(), mode)
         return self.request(Command.NAV_RETURN_TO_LAUNCH)
 
     # The emergency stop.
@@ -1008,7 +843,7 @@ class Robot(RobotLink):
         known = stop_ids or self.stops_known
         if self._stopping:
             await asyncio.wait(tuple(self._stopping))
-        if (refused := await self.ensure_lease()) is not None:
+        if (refused := await self.lease.ensure()) is not None:
             return refused
         first, *others = dict.fromkeys(known or (await self._stop_shown(),))
         answer = await self._release_stop(first, timeout_s)
@@ -1025,7 +860,7 @@ class Robot(RobotLink):
         `stop_ids` are the stops that are known, by robot; of others it is that of the status of
         now. Raises UnansweredError if no robot is present.
         """
-        if (refused := await self.ensure_lease()) is not None:
+        if (refused := await self.lease.ensure()) is not None:
             return AllAnswered(((self.name, refused),))
         link = Link(self.bus, self._common, self.clock)
         robots = await self.in_own_thread(lambda: present_robots(link))
@@ -1066,7 +901,7 @@ class Robot(RobotLink):
 
         Cancelled while it waits, it is not sent; cancelled later, it is sent nevertheless.
         """
-        return await self._uninterrupted(self._turn, sending)
+        return await self.uninterrupted(self._turn, sending)
 
 
 def words_of_abort(outcome: Answer | GaveUp) -> str:

@@ -43,7 +43,7 @@ def run(words: Words, output: Output) -> int:
             session = Session(link, output, floor=partial(floor_of, link))
             if words.seize:
                 robot = BlockingRobot(session)
-                seized = run_blocking(robot.change_lease(LeaseAction.SEIZE, operator_name(None)))
+                seized = run_blocking(robot.lease.change(LeaseAction.SEIZE, operator_name(None)))
                 if not seized.ok:
                     raise RefusedError(seized.text)
             outcome = perform(operation, session)

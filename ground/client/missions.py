@@ -6,8 +6,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, Protocol, TypeVar
 
+from ground.client.leases import Asker
 from ground.client.outcomes import Answer, Refused, Success, refusal_words
-from ground.client.requests import SILENCE_NS, Asker
+from ground.client.requests import SILENCE_NS
 from ground.client.robot_link import Drive
 from ground.client.streams import TopicStreams
 from ground.client.vocabulary import SHELL, Remedies
@@ -192,7 +193,7 @@ class Missions:
 
             mission = files.read(Path(mission)).mission
         robot = self._robot
-        if (refused := await robot.ensure_lease()) is not None:
+        if (refused := await robot.lease.ensure()) is not None:
             return refused
         if mission.fence is not None:
             verdict = await send_fence(robot, mission.fence)
@@ -210,7 +211,7 @@ class Missions:
         For too many items the verdict names the first item beyond the limit.
         """
         robot = self._robot
-        if (refused := await robot.ensure_lease()) is not None:
+        if (refused := await robot.lease.ensure()) is not None:
             return refused
         verdict = await send(robot, Announcement(count, kind, robot.clock.now_ns()))
         return await judged(robot, verdict, "ok, the robot takes them")
@@ -241,7 +242,7 @@ class Missions:
 
     async def start(self, item: int | None = None, *, arms: bool = True) -> Answer:
         """Drive the mission from an item (from 1) on, in AUTO; arm a robot in standby."""
-        if (refused := await self._robot.ensure_lease()) is not None:
+        if (refused := await self._robot.lease.ensure()) is not None:
             return refused
         return await self._robot.in_turn(partial(self._start, item, arms, Drive()))
 
@@ -291,7 +292,7 @@ class Missions:
     async def clear(self) -> TransferOutcome | Refused:
         """Delete the mission from the robot."""
         robot = self._robot
-        if (refused := await robot.ensure_lease()) is not None:
+        if (refused := await robot.lease.ensure()) is not None:
             return refused
         verdict = await send(robot, Clear(MissionType.MISSION, robot.clock.now_ns()))
         return await judged(robot, verdict, "ok, the robot has no mission")
@@ -332,14 +333,14 @@ class Fences:
 
     async def set(self, fence: Fence) -> TransferOutcome | Refused:
         """Keep the robot inside a `Circle` or `Polygon` (metres, in its own frame)."""
-        if (refused := await self._robot.ensure_lease()) is not None:
+        if (refused := await self._robot.lease.ensure()) is not None:
             return refused
         return await judged(self._robot, await send_fence(self._robot, fence), f"ok, {fence}")
 
     async def clear(self) -> TransferOutcome | Refused:
         """Remove the fence."""
         robot = self._robot
-        if (refused := await robot.ensure_lease()) is not None:
+        if (refused := await robot.lease.ensure()) is not None:
             return refused
         verdict = await send(robot, Clear(MissionType.FENCE, robot.clock.now_ns()))
         return await judged(robot, verdict, "ok, there is no fence")

@@ -11,9 +11,10 @@ from typing import Final
 
 from ground.client import parameter_file
 from ground.client.connection import within
+from ground.client.leases import Asker
 from ground.client.outcomes import Refused
 from ground.client.parameter import Parameter, parameters_in, same
-from ground.client.requests import Asker, Exchange, is_saving
+from ground.client.requests import Exchange, is_saving
 from ground.client.vocabulary import value_words
 from protocol.topics import PARAMETER, PARAMETERS
 from protocol.wire.enums import PARAM_TYPE_REAL32
@@ -197,7 +198,7 @@ class Parameters:
 
     async def reset(self, name: str) -> ParameterChanged | Refused:
         """Set one parameter to its default value; UserError if the robot has none for it."""
-        if (refused := await self._robot.ensure_lease()) is not None:
+        if (refused := await self._robot.lease.ensure()) is not None:
             return refused
         defaults = {one.name: one.default for one in await self.fetch()}
         value = defaults.get(name)
@@ -209,7 +210,7 @@ class Parameters:
 
     async def load(self, file: str | Path) -> ParametersLoaded | Refused:
         """Set all values of a TOML file; none unless all are allowed (ConfigError)."""
-        if (refused := await self._robot.ensure_lease()) is not None:
+        if (refused := await self._robot.lease.ensure()) is not None:
             return refused
         found = await self.fetch()
         return await self._restore(found, parameter_file.read(Path(file), found))
@@ -233,13 +234,13 @@ class Parameters:
 
     async def change(self, name: str, value: float) -> ParameterChanged | Refused:
         """Set one parameter, and read back whether it is saved."""
-        if (refused := await self._robot.ensure_lease()) is not None:
+        if (refused := await self._robot.lease.ensure()) is not None:
             return refused
         return await self._change(name, value)
 
     async def restore(self, wanted: Mapping[str, float]) -> ParametersLoaded | Refused:
         """Set the values that differ, until one is refused."""
-        if (refused := await self._robot.ensure_lease()) is not None:
+        if (refused := await self._robot.lease.ensure()) is not None:
             return refused
         return await self._restore(await self.fetch(), wanted)
 

@@ -4,15 +4,13 @@ All repetitions of a request have one id, so a retry never acts twice.
 """
 
 import secrets
-from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any, Final, Generic, Protocol, TypeAlias, TypeVar
+from typing import Final, Generic, Protocol, TypeAlias, TypeVar
 
-from ground.client.outcomes import Accepted, Answer, Progress, Refused
-from ground.client.vocabulary import Remedies
+from ground.client.outcomes import Accepted, Answer, Refused
 from protocol.outcome import REPLACED, goal_end
-from protocol.topics import LEASE, STATUS, Service, Topic
+from protocol.topics import LEASE, STATUS, Topic
 from protocol.wire.enums import AckResult, Command
 from protocol.wire.message import Message
 from protocol.wire.messages import (
@@ -25,7 +23,6 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason, reason_text
 from runtime.cli.terminal import printable
-from runtime.clock import Clock
 from runtime.sequence import MAX_LATE_NS, Order, order_of
 from runtime.units import NS_PER_MS, NS_PER_S
 
@@ -210,55 +207,6 @@ def replaced_by(by: NavigatorStatus, driver: str) -> str:
     has_place = isfinite(by.goal_x_m) and isfinite(by.goal_y_m)
     where = f"by the goal {by.goal_x_m:z.1f} {by.goal_y_m:z.1f}" if has_place else BY_ANOTHER
     return f"{where}{of}"
-
-
-class Asker(Protocol):
-    """The client of one robot, as its parameters, missions and fence use it."""
-
-    @property
-    def name(self) -> str:
-        """The robot."""
-
-    @property
-    def clock(self) -> Clock:
-        """The clock of this process."""
-
-    @property
-    def remedies(self) -> Remedies:
-        """What to do about refusals."""
-
-    @property
-    def progress(self) -> Progress:
-        """Displays what happens before an outcome."""
-
-    async def ensure_lease(self) -> Refused | None:
-        """Take the lease if this program does so by itself; return the refusal, if any."""
-
-    async def ask(self, request: Request, /) -> Answer:
-        """Send a request until it is answered; a refusal for the lease names its holder."""
-
-    async def exchange(self, exchange: Exchange[Out], service: Service, /) -> Out:
-        """Send the requests of an exchange until it is over; return its outcome."""
-
-    async def accepted(
-        self, make: Callable[[], R], /, *, beats: bool, arms: bool = True
-    ) -> tuple[Answer, R]:
-        """Repeat a request after each remedy; return the last answer and its request."""
-
-    async def in_turn(self, sending: Callable[[], Coroutine[Any, Any, T]], /) -> T:
-        """Send what begins a drive after what began one before."""
-
-    async def newest(self, topic: Topic[M], patience_ns: int, /) -> M | None:
-        """Return the next message of a topic; None if none arrives in time."""
-
-    async def refusing_holder(self, reason: int, /) -> str:
-        """Return the name of the lease holder if `reason` is that another one holds it, else ""."""
-
-    async def refuse_outside(self, *places: tuple[str, float, float]) -> None:
-        """Raise UserError for a place (name, x, y) outside of the known world."""
-
-    async def diagnosis(self) -> str:
-        """Explain why the robot does not answer."""
 
 
 class HeartbeatTimer:

@@ -105,7 +105,7 @@ class RobotLink:
         self.remedies = common.remedies
         self.streams = TopicStreams(bus, self.name)
         self._common = common
-        self._ids = RequestIds()
+        self.ids = RequestIds()
         self._slowdown = slowdown_in(self.clock)
         self._loop: asyncio.AbstractEventLoop | None = None
         """The loop in which something waits for messages, once it has."""
@@ -115,6 +115,9 @@ class RobotLink:
 
         self._has_arrived = False
         self._slots = asyncio.Semaphore(REQUESTS)
+        self._under_way: set[asyncio.Future[Any]] = set()
+        """What ends by itself; the event loop would forget it."""
+
         self._is_closed = False
 
     @property
@@ -134,7 +137,7 @@ class RobotLink:
     ) -> CommandRequest:
         """Return a request with an id of its own."""
         return CommandRequest(
-            request_id=self._ids.next(),
+            request_id=self.ids.next(),
             param1=param1,
             param2=param2,
             command=command,
@@ -172,12 +175,13 @@ class RobotLink:
         UnansweredError, which names the process that is missing or hangs.
         """
         self.check_open()
-        outcome = await self._uninterrupted(self._slots, partial(self._carry, exchange, service))
+        outcome = await self.uninterrupted(self._slots, partial(self.carry, exchange, service))
         if outcome is None or isinstance(outcome, GaveUp):
             raise await self.unanswered(outcome, service)
         return outcome
 
-    async def _carry(self, exchange: Exchange[Out], service: Service) -> Out | GaveUp | None:
+    async def carry(self, exchange: Exchange[Out], service: Service) -> Out | GaveUp | None:
+        """Send the requests of an exchange until it is over; its outcome may be that it gave up."""
         while not exchange.over:
             for send in exchange.due(self.clock.now_ns()):
                 try:
@@ -368,7 +372,7 @@ class RobotLink:
         """Return the results of coroutines that run at the same time, in order."""
         return list(await asyncio.gather(*(work() for work in works)))
 
-    async def _uninterrupted(
+    async def uninterrupted(
         self,
         gate: asyncio.Lock | asyncio.Semaphore,
         work: Callable[[], Coroutine[Any, Any, T]],
@@ -377,11 +381,17 @@ class RobotLink:
         """Begin work when the gate lets it pass, and carry it to its end, cancelled or not."""
         await gate.acquire()
         working = asyncio.ensure_future(work())
-        working.add_done_callback(lambda _: gate.release())
+        self._under_way.add(working)
+
+        def end(_: object) -> None:
+            self._under_way.discard(working)
+            gate.release()
+
+        working.add_done_callback(end)
         started(working)
         return await asyncio.shield(working)
 
-    async def _finish(self, work: Coroutine[Any, Any, T]) -> T:
+    async def finish(self, work: Coroutine[Any, Any, T]) -> T:
         """Await clean-up to its end, even if the caller is cancelled meanwhile."""
         return await finish(work)
 

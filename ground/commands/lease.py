@@ -61,7 +61,7 @@ class ChangeLease(OperatorCommand):
     async def perform(self, robot: Robot) -> Answer:
         """Change the lease; keep it unless another part of the process does."""
         name = operator_name(self.name)
-        answer = await robot.change_lease(self.action, name)
+        answer = await robot.lease.change(self.action, name)
         if not answer.ok or self.action is LeaseAction.RELEASE or not robot.follows:
             return answer
         if self.for_s is None:
@@ -69,7 +69,7 @@ class ChangeLease(OperatorCommand):
             robot.progress.note(f"{name} commands {robot.name}; {note}")
             return answer
         robot.progress.note(f"{name} commands {robot.name}; Ctrl-C gives the lease back")
-        return await robot.keep_lease(self.for_s, name) or answer
+        return await robot.lease.keep(self.for_s, name) or answer
 
 
 @command(word="lease show")
@@ -78,4 +78,4 @@ class ShowLease(OperatorCommand):
 
     async def perform(self, robot: Robot) -> LeaseShown:
         """Return the lease; RemoteError if the robot publishes no lease status."""
-        return await robot.show_lease()
+        return await robot.lease.show()

@@ -103,7 +103,7 @@ def _unbound_clean_up() -> Patches:
     async def end_on_loop(self: Any, request: Any, drive_id: int, attempts: int = 3) -> Any:
         if not drive_id:
             return None
-        return await self._carry(ending(self.clock.now_ns(), request, attempts), COMMAND)
+        return await self.carry(ending(self.clock.now_ns(), request, attempts), COMMAND)
 
     return {"ground.client.link.Link.end": end, "ground.robot.Robot.end": end_on_loop}
 

@@ -11,9 +11,10 @@ from checks.harness.loop import PlayedLoop
 from ground.blocking import BlockingRobot, run_blocking
 from ground.client import robot_link
 from ground.client.goal import destination
+from ground.client.leases import TICK_NS, Leasing
 from ground.client.outcomes import Accepted, GoalEnded, Refused, RefusedError
 from ground.client.streams import ClosedError
-from ground.robot import TICK_NS, Leasing, Robot
+from ground.robot import Robot
 from protocol.topics import LEASE, ODOMETRY, OPERATOR, STATUS, STOP
 from protocol.wire.enums import Command, GoalState, LeaseAction, Mode, Vehicle
 from protocol.wire.messages import CommandRequest, GoalRequest, LeaseRequest, Teleop
@@ -239,11 +240,11 @@ def test_heartbeat_follows_the_lease() -> None:
     async def story(robot: Robot) -> None:
         await asyncio.sleep(1.0)
         assert beats(stage) == 0
-        assert (await robot.change_lease(LeaseAction.TAKE)).ok
+        assert (await robot.lease.change(LeaseAction.TAKE)).ok
         assert (robot.holds_lease, beats(stage)) == (True, 1)
         await asyncio.sleep(2.0)
         assert 9 <= beats(stage) <= 12
-        await robot.change_lease(LeaseAction.RELEASE)
+        await robot.lease.change(LeaseAction.RELEASE)
         before = beats(stage)
         await asyncio.sleep(1.0)
         assert beats(stage) == before
@@ -256,7 +257,7 @@ def test_blocked_loop_sends_no_heartbeat_and_makes_up_for_none() -> None:
     stage = Stage()
 
     async def story(robot: Robot) -> None:
-        await robot.change_lease(LeaseAction.TAKE)
+        await robot.lease.change(LeaseAction.TAKE)
         await asyncio.sleep(1.0)
         before = beats(stage)
         stage.clock.advance(10 * NS_PER_S)
@@ -272,7 +273,7 @@ def test_heartbeat_ends_when_another_person_has_the_lease() -> None:
     stage = Stage()
 
     async def story(robot: Robot) -> None:
-        await robot.change_lease(LeaseAction.TAKE)
+        await robot.lease.change(LeaseAction.TAKE)
         stage.bus.say(*HELD)
         await asyncio.sleep(0.2)
         assert robot.holds_lease
@@ -348,7 +349,7 @@ def test_drive_that_waits_in_turn_is_not_sent_when_it_is_cancelled() -> None:
     stage = Stage()
 
     async def story(robot: Robot) -> None:
-        await robot.change_lease(LeaseAction.TAKE)
+        await robot.lease.change(LeaseAction.TAKE)
         held = stage.bus.held = []
         first = asyncio.ensure_future(robot.in_turn(lambda: robot.ask(home(robot))))
         await until(lambda: len(held) == 1)
@@ -460,7 +461,7 @@ def test_lease_that_was_taken_in_vain_is_left() -> None:
 
     async def story(robot: Robot) -> None:
         held = stage.bus.held = []
-        taking = asyncio.ensure_future(robot.change_lease(LeaseAction.TAKE))
+        taking = asyncio.ensure_future(robot.lease.change(LeaseAction.TAKE))
         await until(lambda: bool(held))
         taking.cancel()
         await asyncio.gather(taking, return_exceptions=True)
