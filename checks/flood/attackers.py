@@ -11,13 +11,10 @@ into EMERGENCY_STOP.
 """
 
 import json
-import os
 import secrets
 import socket
 import ssl
-import subprocess
 import sys
-import tempfile
 import threading
 from bisect import bisect_left
 from collections import Counter, deque
@@ -33,7 +30,13 @@ from typing import Any, Final, NamedTuple, Self
 import zenoh
 from zenoh.handlers import Callback
 
-from checks.harness.processes import OPERATOR_BEAT, auto_goal_request, tls_of
+from checks.harness.processes import (
+    OPERATOR_BEAT,
+    ToldProcess,
+    auto_goal_request,
+    send_when_told,
+    tls_of,
+)
 from checks.harness.relays import TcpProxy, address_of
 from protocol.bus.network import Network
 from protocol.bus.rights import operator_name
@@ -75,9 +78,8 @@ from protocol.wire.messages import (
     WheelTicks,
 )
 from protocol.wire.reasons import Reason
-from runtime.clock import WallClock
 from runtime.errors import RemoteError
-from runtime.units import NS_PER_S, PERIOD_NS, UINT32
+from runtime.units import PERIOD_NS, UINT32
 
 OVERSIZED: Final = 2_000_000
 GOOD_FOR_NS: Final = 1_000_000_000
@@ -642,12 +644,9 @@ class Strangers:
         one.close()
 
 
-BURST_S: Final = 0.1
 """At most this much delay is made up for at once."""
 
 ACCEPTED: Final = "accepted"
-LAST_S: Final = 20.0
-LAST_WORDS: Final = 500
 
 
 class Access:
@@ -672,102 +671,28 @@ class Access:
         return operator_name(self.role if self.keys else None) or "eve"
 
 
-class Attack:
+class Attack(ToldProcess):
     """A running attacker process.
 
-    It runs at a lower priority because a real attacker would use another machine. After its end,
-    `summary` counts what it sent and the answers, and `accepted` counts the answers that accepted
-    a command, by time slice.
+    After its end, `summary` counts what it sent and the answers, and `accepted` counts the answers
+    that accepted a command, by time slice.
     """
 
     def __init__(self, kind: str, access: Access, rate_hz: float | None = None) -> None:
         self.kind, self.access = kind, access
         self.summary: dict[str, object] = {}
         self.accepted: dict[int, int] = {}
-        self.errors = ""
         rate = str(KINDS[kind].rate_hz if rate_hz is None else rate_hz)
-        words = [sys.executable, "-m", "checks.flood.attackers", kind, rate, *access.words]
-        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed when it ends
-        self._child = subprocess.Popen(
-            ["nice", *words],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._errors,
-            text=True,
-        )
-        assert self._child.stdout is not None
-        if "ready" not in self._child.stdout.readline():
-            self.end()
-            raise RuntimeError(f"the attacker ({kind}) did not connect: {self.errors}")
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.end()
-
-    def go(self) -> None:
-        """Begin or resume the attack."""
-        self._send("go")
-
-    def hold(self) -> None:
-        """Pause the attack."""
-        self._send("hold")
+        super().__init__("checks.flood.attackers", kind, rate, *access.words, is_nice=True)
 
     def end(self) -> None:
-        """End the process and read its summary; kill a process that does not end."""
-        try:
-            output, _ = self._child.communicate(timeout=LAST_S)
-        except subprocess.TimeoutExpired:
-            self._child.kill()
-            output, _ = self._child.communicate()
-        if output:
-            self.summary = json.loads(output)
+        """End the process and read its summary."""
+        super().end()
+        if self.last:
+            self.summary = json.loads(self.last)
             accepted = self.summary.pop(ACCEPTED, {})
             assert isinstance(accepted, dict)
             self.accepted = {int(number): answers for number, answers in accepted.items()}
-        self.errors = os.pread(self._errors.fileno(), 1 << 20, 0).decode()[-LAST_WORDS:]
-        self._errors.close()
-
-    def _send(self, word: str) -> None:
-        assert self._child.stdin is not None
-        with suppress(BrokenPipeError):
-            self._child.stdin.write(f"{word}\n")
-            self._child.stdin.flush()
-
-
-class AttackControl:
-    """The commands that the attacker process has received: go, hold, or the end of its input."""
-
-    def __init__(self) -> None:
-        self.on = threading.Event()
-        self.over = False
-
-    def read_commands(self) -> None:
-        """Read commands from standard input until it ends."""
-        for line in sys.stdin:
-            if line.strip() == "go":
-                self.on.set()
-            else:
-                self.on.clear()
-        self.over = True
-        self.on.set()
-
-
-def run_attack(send: Send, rate_hz: float, control: AttackControl) -> int:
-    """Send at a rate while the attack is on; return how often, when the attacker must end."""
-    clock, total = WallClock(), 0
-    while not control.over:
-        control.on.wait()
-        begun_ns, sent = clock.now_ns(), 0
-        while control.on.is_set() and not control.over:
-            due = round((clock.now_ns() - begun_ns) / NS_PER_S * rate_hz)
-            for _ in range(min(due - sent, max(1, round(rate_hz * BURST_S)))):
-                send()
-                total += 1
-            sent = due
-            clock.sleep_until(clock.now_ns() + round(TURN_S * NS_PER_S))
-    return total
 
 
 def open_sessions(kind: AttackKind, access: Access, scope: ExitStack) -> list[Attacker]:
@@ -782,13 +707,10 @@ def main(arguments: Sequence[str]) -> None:
     """Attack according to the arguments until standard input ends, then print the summary."""
     name, rate_hz, endpoint, *locked = arguments
     access = Access(endpoint, Path(locked[0]), locked[1]) if locked else Access(endpoint)
-    kind, control = KINDS[name], AttackControl()
+    kind = KINDS[name]
     with ExitStack() as scope:
         first, *others = open_sessions(kind, access, scope)
-        send = kind.prepare(first)
-        print("ready", flush=True)
-        threading.Thread(target=control.read_commands, daemon=True).start()
-        sent = run_attack(send, float(rate_hz), control)
+        sent = send_when_told(kind.prepare(first), float(rate_hz))
         answers = {**first.answers, ACCEPTED: first.accepted}
         print(json.dumps({"sent": sent, **answers}), flush=True)
         for attacker in (first, *others):

@@ -9,6 +9,7 @@ import os
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,7 +19,7 @@ from itertools import count
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from time import monotonic, monotonic_ns, perf_counter
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, Self
 
 from ground.launch.child_command import die_with_parent
 from protocol.bus.bus import Bus, open_bus
@@ -48,8 +49,10 @@ from protocol.wire.messages import (
 )
 from protocol.world import World
 from robot.core.parameters import DEFAULTS
+from runtime.clock import WallClock
 from runtime.config import totals_arguments
 from runtime.errors import NoAnswerError
+from runtime.units import NS_PER_S
 from study.trial.trial import Trial, params_of, wire_goal_of
 
 ATTEMPT_S: Final = 0.5
@@ -157,6 +160,104 @@ def sidestep(
             child.terminate()
             if started is not None:
                 started.join()
+
+
+LAST_S: Final = 20.0
+LAST_WORDS: Final = 500
+
+
+class ToldProcess:
+    """A module that prints a line when it is ready, and obeys its standard input until that ends.
+
+    `is_nice`: it runs at a lower priority, as what would use another machine in reality. After its
+    end, `last` is what else it printed, and `errors` the end of its standard error.
+    """
+
+    def __init__(self, module: str, *arguments: str, is_nice: bool = False) -> None:
+        words = [sys.executable, "-m", module, *arguments]
+        self.last = self.errors = ""
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed when it ends
+        self._child = subprocess.Popen(
+            ["nice", *words] if is_nice else words,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._errors,
+            text=True,
+        )
+        assert self._child.stdout is not None
+        if not self._child.stdout.readline():
+            self.end()
+            raise RuntimeError(f"{module} {arguments[0]} did not begin: {self.errors}")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
+
+    def go(self) -> None:
+        """Tell it to begin, or to resume."""
+        self._tell("go")
+
+    def hold(self) -> None:
+        """Tell it to pause."""
+        self._tell("hold")
+
+    def end(self) -> None:
+        """End the process and read what it printed; kill a process that does not end."""
+        try:
+            self.last, _ = self._child.communicate(timeout=LAST_S)
+        except subprocess.TimeoutExpired:
+            self._child.kill()
+            self.last, _ = self._child.communicate()
+        self.errors = os.pread(self._errors.fileno(), 1 << 20, 0).decode()[-LAST_WORDS:]
+        self._errors.close()
+
+    def _tell(self, word: str) -> None:
+        assert self._child.stdin is not None
+        with suppress(BrokenPipeError):
+            self._child.stdin.write(f"{word}\n")
+            self._child.stdin.flush()
+
+
+TURN_NS: Final = NS_PER_S // 200
+BURST_S: Final = 0.1
+
+
+class SendingControl:
+    """What a process that sends is told: go, hold, or the end of its input."""
+
+    def __init__(self) -> None:
+        self.on = threading.Event()
+        self.over = False
+
+    def read(self) -> None:
+        """Read standard input until it ends."""
+        for line in sys.stdin:
+            if line.strip() == "go":
+                self.on.set()
+            else:
+                self.on.clear()
+        self.over = True
+        self.on.set()
+
+
+def send_when_told(send: Callable[[], object], rate_hz: float) -> int:
+    """Be a process that sends at a rate while it is told to; return how often, at its end."""
+    control, clock, total = SendingControl(), WallClock(), 0
+    print("ready", flush=True)
+    threading.Thread(target=control.read, daemon=True).start()
+    while not control.over:
+        control.on.wait()
+        begun_ns, sent = clock.now_ns(), 0
+        while control.on.is_set() and not control.over:
+            due = round((clock.now_ns() - begun_ns) / NS_PER_S * rate_hz)
+            for _ in range(min(due - sent, max(1, round(rate_hz * BURST_S)))):
+                send()
+                total += 1
+            sent = due
+            clock.sleep_until(clock.now_ns() + TURN_NS)
+    return total
 
 
 class StartedRobot(NamedTuple):

@@ -15,7 +15,6 @@ Both use direct callbacks and the flow settings of the stack.
 
 import argparse
 import json
-import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -33,6 +32,7 @@ from checks.harness.figures import BenchmarkReport, Figure, figure, percentile
 from checks.harness.processes import (
     ROBOT,
     StartedRobot,
+    ToldProcess,
     arm_request,
     auto_goal_request,
     await_subscribers,
@@ -90,15 +90,11 @@ class PingPong:
 def ping_pong(ping_bytes: int, pong_bytes: int) -> Iterator[PingPong]:
     """Start the replying process and yield the ping-pong."""
     port = free_port()
-    command = [sys.executable, "-m", "checks.speed.latency", str(port), str(pong_bytes)]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as child:
-        assert child.stdout is not None
-        try:
-            child.stdout.readline()  # wait until it listens
-            with zenoh.open(configured("client", connect=f"tcp/127.0.0.1:{port}")) as session:
-                yield PingPong(session, ping_bytes)
-        finally:
-            child.kill()
+    with (
+        ToldProcess("checks.speed.latency", str(port), str(pong_bytes)),
+        zenoh.open(configured("client", connect=f"tcp/127.0.0.1:{port}")) as session,
+    ):
+        yield PingPong(session, ping_bytes)
 
 
 def answer_pings(port: int, size: int) -> None:

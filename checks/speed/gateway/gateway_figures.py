@@ -15,9 +15,7 @@
 
 import argparse
 import socket
-import subprocess
 import sys
-import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
@@ -27,15 +25,14 @@ from queue import Empty, SimpleQueue
 from random import Random
 from threading import Event, Thread
 from time import monotonic
-from typing import Any, Final, Self
+from typing import Any, Final
 
 from pymavlink import mavftp
 
-from checks.flood.attackers import BURST_S
 from checks.flood.under_attack import peak_mb
 from checks.harness.figures import BenchmarkReport, Figure, figure
 from checks.harness.observer import motion_since, stood_s
-from checks.harness.processes import cpu_s, resident_mb
+from checks.harness.processes import ToldProcess, cpu_s, resident_mb, send_when_told
 from checks.harness.relays import PERFECT, POOR, Impairment, UdpRelay
 from checks.harness.until import until
 from checks.speed.gateway import forgery, reactions
@@ -53,10 +50,8 @@ from checks.speed.gateway.stage import (
     on_air,
 )
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
-from runtime.clock import WallClock
 from runtime.units import NS_PER_S
 
-TURN_NS: Final = NS_PER_S // 200
 MIXED: Final = "mixed"
 SUPPLY: Final = 500
 SYSTEM: Final = 200
@@ -132,71 +127,20 @@ def supply_of(kind: str) -> list[bytes]:
     return [next(source) for _ in range(SUPPLY) for source in sources]
 
 
-class FrameFlood:
-    """A running sender, at a lower priority: a real one would use another machine."""
-
-    def __init__(self, kind: str, rate_hz: float, peers: int, port: int) -> None:
-        arguments = (kind, str(rate_hz), str(peers), str(port))
-        self.sent = 0
-        self._child = subprocess.Popen(
-            ["nice", sys.executable, "-m", "checks.speed.gateway.gateway_figures", *arguments],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        assert self._child.stdout is not None
-        if "ready" not in self._child.stdout.readline():
-            raise RuntimeError(f"no sender of {kind} frames")
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        output, _errors = self._child.communicate("", timeout=20.0)
-        self.sent = int(output)
-
-    def go(self) -> None:
-        """Begin."""
-        assert self._child.stdin is not None
-        self._child.stdin.write("go\n")
-        self._child.stdin.flush()
-
-
-def send(frames: Sequence[bytes], rate_hz: float, peers: int, port: int, over: list[bool]) -> int:
-    """Send at a rate, from so many sockets in turn, until it is over; return how many."""
+def send_flood(kind: str, rate_hz: float, peers: int, port: int) -> None:
+    """Send at a rate, from so many sockets in turn, when told; print how many frames."""
     sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(peers)]
     for one in sockets:
         one.connect(("127.0.0.1", port))
         one.setblocking(False)
-    pairs = zip(cycle(frames), cycle(sockets), strict=False)
-    clock, sent, total = WallClock(), 0, 0
-    begun_ns = clock.now_ns()
-    while not over:
-        due = round((clock.now_ns() - begun_ns) / NS_PER_S * rate_hz)
-        for _ in range(min(due - sent, round(rate_hz * BURST_S))):
-            frame, one = next(pairs)
-            with suppress(OSError):
-                one.send(frame)
-            total += 1
-        sent = due
-        clock.sleep_until(clock.now_ns() + TURN_NS)
-    return total
+    pairs = zip(cycle(supply_of(kind)), cycle(sockets), strict=False)
 
+    def send() -> None:
+        frame, one = next(pairs)
+        with suppress(OSError):
+            one.send(frame)
 
-def send_flood(kind: str, rate_hz: float, peers: int, port: int) -> None:
-    """Send after the first line of standard input, until it ends."""
-    frames, over = supply_of(kind), list[bool]()
-    print("ready", flush=True)
-    if not sys.stdin.readline():
-        print(0)
-        return
-
-    def wait() -> None:
-        sys.stdin.read()
-        over.append(True)
-
-    threading.Thread(target=wait, daemon=True).start()
-    print(send(frames, rate_hz, peers, port, over), flush=True)
+    print(send_when_told(send, rate_hz), flush=True)
 
 
 CROWD: Final = 16
@@ -254,15 +198,15 @@ def run_flood(
         port = dummy.getsockname()[1] if is_dummy else air.port
         before_mb, missed, ticks = peak_mb(air.pid), air.missed, air.ticks
         begun_s, begun_cpu_s = monotonic(), cpu_s(air.pid)
-        flood = FrameFlood(kind, options.rate, peers, port)
-        with flood:
+        words = (kind, str(options.rate), str(peers), str(port))
+        with ToldProcess(__name__, *words, is_nice=True) as flood:
             flood.go()
             driver.drive(options.drive)
             for _ in range(options.presses):
                 driver.set_off()
                 found.stops_ms.append(stop_ms(air, client))
             took_s = monotonic() - begun_s
-        found.rate_hz = flood.sent / took_s
+        found.rate_hz = int(flood.last) / took_s
         found.cpu_percent = 100.0 * (cpu_s(air.pid) - begun_cpu_s) / took_s
         found.peak_mb = peak_mb(air.pid)
         found.grown_mb = found.peak_mb - before_mb
