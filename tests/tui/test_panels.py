@@ -39,7 +39,7 @@ from tests.support.app import (
     status,
 )
 from tests.support.each import each
-from tests.support.ground.decisions import decided
+from tests.support.ground.recordings import decided
 
 
 def shown(**changes: int) -> FakeStation:

@@ -20,8 +20,17 @@ from protocol.wire.reasons import Reason, reason_text
 from runtime.units import NS_PER_S as S
 from study.trial.trial import NAVIGATORS
 from tests.support.each import each
-from tests.support.ground.decisions import WORLDS, cycle, decided, drive, standing, turning_points
-from tests.support.ground.recordings import BEGAN_NS, Recording, box
+from tests.support.ground.recordings import (
+    BEGAN_NS,
+    WORLDS,
+    Recording,
+    box,
+    cycle,
+    decided,
+    drive,
+    standing,
+    turning_points,
+)
 
 TO_GOAL: dict[str, float] = {"branch": Branch.TO_GOAL, "rotation_rad": 0.0}
 STILL: dict[str, float] = {"speed_m_s": 0.0, "yaw_rate_rad_s": 0.0}

@@ -60,7 +60,6 @@ from runtime.units import NS_PER_S as S
 from study.cli.trial import goal_of, parser, start_of
 from study.trial.trial import NAVIGATORS, Trial, wire_goal_of
 from tests.support.each import each
-from tests.support.ground.decisions import standing
 from tests.support.ground.recordings import (
     WORLD,
     Recording,
@@ -70,6 +69,7 @@ from tests.support.ground.recordings import (
     ghost_in,
     goal_in,
     recorded,
+    standing,
 )
 from tests.support.until import until
 

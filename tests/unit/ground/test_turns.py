@@ -13,8 +13,7 @@ from protocol.wire.enums import Branch
 from protocol.wire.messages import AvoidanceDecision
 from protocol.wire.reasons import Reason
 from runtime.units import PERIOD_NS as TICK_NS
-from tests.support.ground.decisions import decided, turning_points
-from tests.support.ground.recordings import Recording, Show, box
+from tests.support.ground.recordings import Recording, Show, box, decided, turning_points
 
 
 @pytest.fixture(scope="module")
