@@ -304,9 +304,9 @@ def tls_of(keys: Path, role: str) -> Tls:
     return Tls(ca=str(keys / "ca.pem"), certificate=certificate, key=key)
 
 
-def free_port() -> int:
-    """Return a loopback port that no process uses at the moment."""
-    with socket.socket() as probe:
+def free_port(kind: int = socket.SOCK_STREAM) -> int:
+    """Return a loopback port of a kind of sockets that no process uses at the moment."""
+    with socket.socket(socket.AF_INET, kind) as probe:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]
     return port

@@ -11,6 +11,7 @@ from typing import Any, Final, NamedTuple
 import pytest
 
 from checks.built import ROOT
+from checks.harness.processes import free_port
 from checks.harness.relays import PERFECT, POOR, Impairment, UdpRelay
 from tests.support.stack.processes import Crew, Running
 
@@ -38,7 +39,7 @@ def robot_on_air(folder: Path, line: str, seed: int) -> Iterator[RobotOnAir]:
     recordings.mkdir()
     recording = recordings / "20261123T120000Z-r1.tlog"
     recording.write_bytes(bytes(n * n % 251 for n in range(RECORDING_BYTES)))
-    port = free_udp_port()
+    port = free_port(socket.SOCK_DGRAM)
     with Crew() as crew:
         crew.robot("--lockstep")
         crew.plant("--lockstep", "--speed", "1")
@@ -47,14 +48,6 @@ def robot_on_air(folder: Path, line: str, seed: int) -> Iterator[RobotOnAir]:
         gateway.says("is MAVLink system")
         with UdpRelay(("127.0.0.1", port), LINES[line], seed) as relay:
             yield RobotOnAir(relay.port, recording, gateway)
-
-
-def free_udp_port() -> int:
-    """Return a loopback port that no process uses at the moment."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-    return port
 
 
 YARD: Final = """
@@ -93,7 +86,7 @@ def two_robots(folder: Path, kind: str, patch: pytest.MonkeyPatch) -> Iterator[J
     recordings.mkdir()
     recording = recordings / "20261123T120000Z-r1.tlog"
     recording.write_bytes(bytes(n * n % 251 for n in range(RECORDING_BYTES)))
-    port = free_udp_port()
+    port = free_port(socket.SOCK_DGRAM)
     with Crew() as crew:
         for words in (("new",), ("show", "--secret")):
             keys = crew.start("keys", "signing", *words)

@@ -450,7 +450,7 @@ def beside_up(seed: int, seconds: float) -> tuple[tuple[InvariantViolation, ...]
         os.environ["XDG_STATE_HOME"] = folder  # no other run is here
         os.environ["SIDESTEP_PERSON"] = "ada"
         journal = Journal(WallTime())  # type: ignore[arg-type]  # only its time is asked
-        port = free_port()
+        port = free_port(socket.SOCK_DGRAM)
         up = ends.enter_context(running_up(journal, str(world), port))
         until(lambda: bool(read_runs().found) or up.poll() is not None, "`up` runs")
         where = common(None, None, None)

@@ -26,7 +26,7 @@ from checks.speed.gateway.stage import (
     position_target,
     stamp_now,
 )
-from gateways.mavlink.clients import MAVLINK_1_IDS
+from gateways.mavlink.clients import MAVLINK_1_IDS, NoFile
 from gateways.mavlink.mavlink_dialect import REQUEST_OPERATOR_CONTROL, MavMessage, mavlink
 from gateways.mavlink.signing import PER_S
 from ground.user.mavlink_keys import KeyRing, new_key, write_keys
@@ -42,13 +42,6 @@ OWN_KEY: Final = bytes(range(32))
 """The attacker's own key."""
 MODES: Final = (Mode.MANUAL, Mode.HOLD, Mode.AUTO, Mode.GUIDED)
 FULL_SPEED: Final = 1.0
-
-
-class NoFile:
-    """The output of an encoder that never sends."""
-
-    def write(self, data: bytes) -> None:
-        """Ignore the bytes."""
 
 
 def command(number: int, *params: float) -> MavMessage:

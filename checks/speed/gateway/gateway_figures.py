@@ -36,7 +36,7 @@ from checks.harness.processes import ToldProcess, cpu_s, resident_mb, send_when_
 from checks.harness.relays import PERFECT, POOR, Impairment, UdpRelay
 from checks.harness.until import until
 from checks.speed.gateway import forgery, reactions
-from checks.speed.gateway.forgery import NoFile, command, commands
+from checks.speed.gateway.forgery import command, commands
 from checks.speed.gateway.stage import (
     GROUND_STATION,
     Air,
@@ -49,6 +49,7 @@ from checks.speed.gateway.stage import (
     UdpLine,
     on_air,
 )
+from gateways.mavlink.clients import NoFile
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from runtime.units import NS_PER_S
 

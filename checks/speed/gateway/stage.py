@@ -22,7 +22,7 @@ from typing import Any, Final, NamedTuple, Protocol, Self
 
 from checks.harness.figures import Figure
 from checks.harness.observer import Observer, is_still, keeper, observed
-from checks.harness.processes import sidestep
+from checks.harness.processes import free_port, sidestep
 from checks.harness.relays import LARGEST
 from checks.harness.until import until
 from gateways.mavlink.mavlink_dialect import REQUEST_OPERATOR_CONTROL, MavMessage, mavlink
@@ -124,16 +124,14 @@ class MavlinkClient:
     frames are signed. `takes` is called with each message.
     """
 
-    def __init__(
-        self, line: Line, *, system: int = GROUND_STATION, key: bytes | None = None
-    ) -> None:
+    def __init__(self, line: Line, *, key: bytes | None = None) -> None:
         self.line = line
         self.newest: dict[str, Any] = {}
         self.arrivals: list[FrameArrival] = []
         self.texts: list[str] = []
         self.sent: list[bytes] | None = None
         self.takes: Callable[[MavMessage], object] = lambda _: None
-        self._mav: Any = mavlink.MAVLink(self, srcSystem=system, srcComponent=190)
+        self._mav: Any = mavlink.MAVLink(self, srcSystem=GROUND_STATION, srcComponent=190)
         self._mav.robust_parsing = True
         if key is not None:
             self._mav.signing.secret_key = key
@@ -165,13 +163,8 @@ class MavlinkClient:
             self._mav.send(message)
         return at_ns
 
-    def command(
-        self, number: int, *params: float, answers: Sequence[int] = (mavlink.MAV_RESULT_ACCEPTED,)
-    ) -> int:
-        """Send a COMMAND_LONG until it is acknowledged; return the time of the first.
-
-        RuntimeError if the result is none of `answers`.
-        """
+    def command(self, number: int, *params: float) -> int:
+        """Send a COMMAND_LONG until it is accepted; return the time of the first."""
         values = (*params, *(0.0,) * (7 - len(params)))
         results: list[int] = []
         deadline_s, tries, first_ns = monotonic() + ANSWER_S, 0, 0
@@ -187,7 +180,7 @@ class MavlinkClient:
             tries += 1
             with suppress(RuntimeError):
                 until(lambda: self._answers(number, results), "an answer", AGAIN_S)
-        if results[0] not in answers:
+        if results[0] != mavlink.MAV_RESULT_ACCEPTED:
             raise RuntimeError(f"command {number}: result {results[0]}, {self.texts[-3:]}")
         return first_ns
 
@@ -277,16 +270,16 @@ class Air:
 
 
 @contextmanager
-def on_air(*words: str, endpoints: Sequence[str] = (), world: str = WORLD) -> Iterator[Air]:
+def on_air(*words: str, endpoints: Sequence[str] = ()) -> Iterator[Air]:
     """Run a robot with its plant, and a gateway with these words.
 
     Without `endpoints` it listens to a UDP port. A policy or a serial line needs them; `{port}` in
     them is the UDP port.
     """
-    port = free_udp_port()
+    port = free_port(socket.SOCK_DGRAM)
     places = [text.format(port=port) for text in endpoints or ("udpin:127.0.0.1:{port}",)]
     with ExitStack() as scope:
-        observer = scope.enter_context(observed(world))
+        observer = scope.enter_context(observed(WORLD))
         folder = Path(scope.enter_context(TemporaryDirectory(prefix="sidestep-gateway-")))
         names = ("XDG_STATE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME")
         gateway = scope.enter_context(
@@ -300,14 +293,6 @@ def on_air(*words: str, endpoints: Sequence[str] = (), world: str = WORLD) -> It
         observer.bus.stream(CYCLE, keeper(CYCLE, air.cycles), observer.robot)
         until(lambda: air.cycles, "a cycle report")
         yield air
-
-
-def free_udp_port() -> int:
-    """Return a loopback port that no process uses at the moment."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-    return port
 
 
 class Driver:

@@ -28,7 +28,7 @@ from checks.speed.accuracy import KINDS as ACCURACY_KINDS
 from checks.speed.accuracy import PEER, Array, arrive, bounds, consistency_of, speeds_of
 from checks.speed.app_figures import first, held, sizes_mb, stopped
 from checks.speed.gateway import gateway_figures, reactions
-from checks.speed.gateway.forgery import KINDS, Forger, NoFile, command, sign
+from checks.speed.gateway.forgery import KINDS, Forger, command, sign
 from checks.speed.gateway.gateway_figures import KINDS as FLOODS
 from checks.speed.gateway.gateway_figures import SUPPLY, FrameFloodRun, supply_of
 from checks.speed.gateway.reactions import first_ns
@@ -44,6 +44,7 @@ from checks.speed.map_drawing import (
 )
 from checks.speed.stages import measured
 from checks.speed.trials import RAYS, Measured, compiled_figures, page, scene_of, table
+from gateways.mavlink.clients import NoFile
 from gateways.mavlink.framing import Deframer, MavFrame
 from gateways.mavlink.mavlink_dialect import mavlink
 from gateways.mavlink.motion.setpoints import Velocity, attitude_of, setpoint_of

@@ -9,6 +9,7 @@ from threading import Event
 
 import pytest
 
+from checks.harness.processes import free_port
 from ground.client.stop_datagrams import StopDatagrams
 from protocol.bus.network import Network, Tls
 from protocol.stop_datagram import (
@@ -48,17 +49,11 @@ class Stopping:
         self.ticked, self.stopped = len(self.pressed), True
 
 
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
-        taken.bind((LOCAL, 0))
-        return int(taken.getsockname()[1])
-
-
 class Stage:
     """A listener, its robot, and what it has logged."""
 
     def __init__(self, network: Network | None = None) -> None:
-        self.port = free_port()
+        self.port = free_port(socket.SOCK_DGRAM)
         self.robot, self.lines = Stopping(), list[str]()
         self.network = (
             Network(connect=(f"tcp/{LOCAL}:{self.port}",)) if network is None else network
@@ -248,7 +243,7 @@ def refused(*_: object) -> None:
 
 
 def test_all_addresses_of_a_name_are_received_at(monkeypatch: pytest.MonkeyPatch) -> None:
-    port, lines, robot = free_port(), list[str](), Stopping()
+    port, lines, robot = free_port(socket.SOCK_DGRAM), list[str](), Stopping()
     lacking = "192.0.2.1"  # no interface has it
     sent: list[tuple[str, int]] = []
 
