@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Final, TypeVar
 
 from protocol.bus.bus import Bus
-from protocol.bus.mailbox import Origin
+from protocol.bus.mailbox import MAX_SENDERS, Origin
 from protocol.topics import OPERATOR, SONAR, TELEOP, WHEELS
 from protocol.wire.messages import SonarScan, WheelTicks
 from robot.core.values import Inputs, Scan, Wheels, now_ms_of, scan_of, wheels_of
@@ -23,8 +23,6 @@ MAX_EXTRA_NS: Final = 200_000_000
 
 SPAN_NS: Final = 5_000_000_000
 """The usual delay is the minimum over this time span and the one before it."""
-
-MAX_SENDERS: Final = 16
 
 
 class UsualDelay:

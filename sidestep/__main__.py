@@ -18,6 +18,8 @@ ROOT = Path(__file__).resolve().parents[1]
 EXIT_USAGE = 2
 EXIT_INTERRUPTED = 130
 EXIT_BROKEN_PIPE = 141
+"""As in `runtime.errors`, which is not imported before it is known to be ours."""
+
 STOP_OF_ITS_OWN = "stop of its own"
 OPERATOR = "ground.cli.main"
 

@@ -196,6 +196,9 @@ class Way(Enum):
     WALL = "wall"
 
 
+RUNS_OUT_S: Final = 0.5
+"""Wheels that were turning when the plant was stopped may run on for this long."""
+
 BOTH: Final = (Way.LOCKSTEP, Way.WALL)
 WALL: Final = (Way.WALL,)
 LOCKSTEP: Final = (Way.LOCKSTEP,)

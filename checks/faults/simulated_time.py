@@ -23,6 +23,7 @@ from typing import Final, NamedTuple, Self
 from checks.faults import restarts
 from checks.faults.bus_observer import ExtremeSender, second_robot
 from checks.faults.cases import (
+    RUNS_OUT_S,
     Act,
     BoardFault,
     BodyFault,
@@ -197,8 +198,6 @@ class Debugger:
 
 
 HEALS_S: Final = 1.0
-RUNS_OUT_S: Final = 0.5
-"""Wheels that were turning when the plant was stopped may run on for this long."""
 NEAR_X_M: Final = 1.8
 PAST_CORNER_M: Final = (3.0, 2.6)
 """Start and goal in the short form: they keep contacts with the box, in a third of the time."""

@@ -31,6 +31,7 @@ from checks.faults.bus_observer import (
     Impostor,
 )
 from checks.faults.cases import (
+    RUNS_OUT_S,
     Act,
     BodyFault,
     Cut,
@@ -270,7 +271,6 @@ FAST_M_S: Final = 0.2
 SET_OFF_S: Final = 1.5
 HEALS_S: Final = 0.6
 WATCHED_S: Final = 2.5
-RUNS_OUT_S: Final = 0.5
 LONGEST_S: Final = {True: 15.0, False: 300.0}
 SAVED_S: Final = 20.0
 """Time until the newest changes are saved on a slow disk."""

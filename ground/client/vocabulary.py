@@ -9,6 +9,7 @@ from protocol.wire.enums import Navigator
 from protocol.wire.reasons import Reason
 from runtime.errors import UserError
 
+NOISES: Final = ("none", "default", "lossy", "harsh")
 SIDES: Final = MappingProxyType({"left": 1, "right": -1})
 NAVIGATORS: Final = MappingProxyType({name.name.lower(): name for name in Navigator})
 NAVIGATOR_SUMMARIES: Final = MappingProxyType(

@@ -6,7 +6,7 @@ from typing import Final
 from ground.cli.options import common_of
 from ground.client.goal import Destination, destination
 from ground.client.link import Link, open_link
-from ground.client.vocabulary import NAVIGATORS, SIDES
+from ground.client.vocabulary import NAVIGATORS, NOISES, SIDES
 from ground.commands.command import add_common, moment, seconds
 from ground.commands.explain import instant_ns
 from ground.ghost.branch_point import (
@@ -31,7 +31,6 @@ from runtime.clock import Clock, WallClock
 from runtime.errors import UserError
 
 ALL: Final = "all"
-NOISES: Final = ("none", "default", "lossy", "harsh")
 POLL_NS: Final = 20_000_000
 REAL: Final = "(real)"
 UNKNOWN: Final = "--"

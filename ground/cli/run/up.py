@@ -18,7 +18,7 @@ from ground.app.start import run as run_app
 from ground.client.connection import Common
 from ground.client.link import UnansweredError
 from ground.client.stop_ways import StopServer
-from ground.client.vocabulary import NAVIGATORS, SIDES, USUAL_NAVIGATOR
+from ground.client.vocabulary import NAVIGATORS, NOISES, SIDES, USUAL_NAVIGATOR
 from ground.commands.command import add_json, positive, seconds
 from ground.launch import fleet_run
 from ground.launch.child_command import command
@@ -53,7 +53,6 @@ from study.oracle.names import STUDY_ONLY
 
 TIMEOUT_S: Final = 300.0
 CHECK_S: Final = 60.0
-NOISES: Final = ("none", "default", "lossy", "harsh")
 OPEN_NS: Final = 30 * NS_PER_S
 PLAIN_NS: Final = 5 * NS_PER_S
 RECORDERS_NS: Final = 10 * NS_PER_S

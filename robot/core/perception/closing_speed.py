@@ -21,7 +21,7 @@ from robot.core.perception.people import (
     expect,
     goes_on,
 )
-from robot.core.perception.sonar_ring import FRONT, Ring
+from robot.core.perception.sonar_ring import CLAMPED_M, FRONT, Ring
 from robot.core.ring import BEARINGS, HALF_CONE, SONARS
 from robot.core.values import COSINES, EVERY, SINES, wrap
 from runtime.elementary import cos, cos_sin
@@ -47,7 +47,6 @@ ROUND_M: Final = 0.35  # radius of curvature up to that of a person
 CROWD: Final = 3  # with more near echoes, apparent crossing may be several static ones
 CAPPED_M_S: Final = 0.3
 TURNING_RAD_S: Final = 0.15
-CLAMPED_M: Final = 0.03  # nearer than a sonar can measure every echo seems static
 EDGE_RAD: Final = 1.2  # farther aside, the bearing is too uncertain for a speed across
 FORGET: Final = 0.95  # decay per scan of the recent speed
 FLANK_M: Final = 0.06  # a pedestrian comes 3 cm nearer while the wheels stop

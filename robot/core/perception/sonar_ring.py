@@ -19,6 +19,7 @@ from robot.core.values import EVERY, Scan
 FRONT: Final = (2, 3, 4, 5)
 AHEAD: Final = (3, 4)
 NEVER_MS: Final = -1_000_000
+CLAMPED_M: Final = 0.03  # nearer than a sonar can measure, every echo seems static
 BEYOND: Final = 1.1  # noise may carry a true echo a little beyond the maximum range
 SATURATED_M: Final = 0.0205
 """Below it a range is an upper bound: our sonars measure none below 0.02 m, however near."""

@@ -25,7 +25,7 @@ from typing import Final
 from robot.core.parameters import Params
 from robot.core.perception.odometry import Odometry
 from robot.core.perception.slip import Slip
-from robot.core.perception.sonar_ring import Ring
+from robot.core.perception.sonar_ring import CLAMPED_M, Ring
 from robot.core.values import Pose, wrap
 from runtime.elementary import cos_sin, exp
 
@@ -34,7 +34,6 @@ MIN_ECHOES: Final = 8
 """Echoes in a block."""
 MAX_ECHOES: Final = 80
 FAR_M: Final = 0.6
-CLAMPED_M: Final = 0.03  # nearer than a sonar can measure
 AWAY_RAD: Final = 0.2  # turned farther away, the normal of the wall is outside of the cone
 TOWARDS_RAD: Final = 0.33
 GATE: Final = 250  # tenths of a millimetre between two echoes of the same wall

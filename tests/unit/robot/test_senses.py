@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from checks.harness.messages import make
 from checks.harness.processes import OPERATOR_BEAT
+from protocol.bus.mailbox import MAX_SENDERS
 from protocol.topics import OPERATOR, SONAR, TELEOP, WHEELS
 from protocol.wire.limits import MAX_TELEOP_TTL_MS
 from protocol.wire.messages import SonarScan, Teleop, WheelTicks
@@ -13,7 +14,7 @@ from robot.core.parameters import DEFAULTS
 from robot.core.values import Inputs, Twist
 from robot.lease import Holder
 from robot.process import CycleMeter
-from robot.senses import MAX_SENDERS, DelayFilter, Senses, is_restarted, newer, sending_order
+from robot.senses import DelayFilter, Senses, is_restarted, newer, sending_order
 from robot.storage import Store
 from robot.vehicle import RobotVehicle
 from runtime.clock import ManualClock, Tick
