@@ -24,7 +24,8 @@ atexit.register(LOOP.close)
 class PlayedWork:
     """Runs the work of a vehicle without a gateway, when it is told to."""
 
-    def __init__(self, vehicle: MavVehicle) -> None:
+    def __init__(self, vehicle: MavVehicle, loop: PlayedLoop = LOOP) -> None:
+        self.loop = loop
         self._tasks: set[asyncio.Task[None]] = set()
         vehicle.go_on = self._go_on
 
@@ -34,16 +35,16 @@ class PlayedWork:
         async def inside() -> None:
             call(*arguments)
 
-        LOOP.run(inside())
+        self.loop.run(inside())
 
     def _go_on(self, work: Work) -> None:
-        task: Any = LOOP.create_task(work)
+        task: Any = self.loop.create_task(work)
         task._log_destroy_pending = False  # a test may end while a robot has not answered
         self._tasks.add(task)
 
     def settle(self) -> None:
         """Run what need not wait any more; raise its errors."""
-        LOOP.advance()
+        self.loop.advance()
         ended = {task for task in self._tasks if task.done()}
         self._tasks -= ended
         for task in ended:

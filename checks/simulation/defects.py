@@ -311,7 +311,7 @@ def _stop_in_the_queue() -> Patches:
         waiting = self._new_stop()
 
         def job() -> Any:
-            return port.Stopped(waiting.run(), self.name)
+            return port.in_own_thread(lambda: port.Stopped(waiting.run(), self.name), "stop")
 
         asked = self._request(job, is_tried=True, expires=False)
         return port.StopPress(waiting.request_id, asked)

@@ -1,8 +1,7 @@
-"""The port to one robot over the bus: mailboxes for telemetry, threads for requests."""
+"""The port to one robot over the bus: mailboxes for telemetry, and requests one after another."""
 
 import asyncio
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from functools import partial
 from queue import SimpleQueue
@@ -18,15 +17,18 @@ from gateways.mavlink.robot_port import (
     Snapshot,
     StopPress,
 )
-from ground.blocking import perform
 from ground.client import stop_ways
 from ground.client.emergency_stop import EmergencyStop
-from ground.client.link import ALIVE, Link, ask_lease
+from ground.client.lease_holder import holder_name, is_ours
+from ground.client.leases import Leases, Leasing
+from ground.client.link import ALIVE, Link
 from ground.client.outcomes import Outcome, Stopped
-from ground.client.session import Operation, Session
+from ground.client.robot_link import in_own_thread
+from ground.client.session import Operation
 from ground.client.telemetry import Telemetry
 from ground.client.teleop_sender import TeleopSender
 from ground.commands.stop import STOP_S
+from ground.robot import Robot
 from protocol.bus.mailbox import Mailbox
 from protocol.bus.publisher import Publisher
 from protocol.topics import (
@@ -46,6 +48,7 @@ from protocol.topics import (
 from protocol.wire.codec import decode
 from protocol.wire.enums import LeaseAction
 from protocol.wire.messages import CycleReport, GatewayStatus, Heartbeat, Statustext
+from protocol.wire.reasons import Reason
 from runtime.errors import LocalError, RemoteError
 from runtime.units import NS_PER_MS, NS_PER_S
 
@@ -64,9 +67,17 @@ LOAD_NS: Final = 10 * NS_PER_S
 """Time between two looks at the load of the robot, which changes slowly and costs 20 samples/s."""
 MAX_ASKING: Final = 256
 """Presses of the stop that wait for an acknowledgement; more are sent, and get none."""
-Job = Callable[[], Outcome]
-Ending = asyncio.Future[Answered]
-"""The end of a job that runs in a thread."""
+Job = Callable[[], Awaitable[Outcome]]
+
+
+async def answered_by(work: Awaitable[Outcome]) -> Answered:
+    """Return the end of a request; an error is an answer, too."""
+    try:
+        return Answered(await work)
+    except (LocalError, RemoteError) as error:
+        return Answered(None, str(error))
+    except Exception as error:  # such as one of the bus: without an answer, clients hang
+        return Answered(None, f"{type(error).__name__}: {error}")
 
 
 class StopLine:
@@ -76,41 +87,75 @@ class StopLine:
     """
 
     def __init__(
-        self, new: Callable[[], EmergencyStop], repeat: Callable[[EmergencyStop], Ending]
+        self,
+        new: Callable[[], EmergencyStop],
+        repeat: Callable[[EmergencyStop], Awaitable[Outcome]],
     ) -> None:
-        self.is_repeating = False
+        self.repeating: asyncio.Task[None] | None = None
         self._new = new
         self._repeat = repeat
         self._newest: EmergencyStop | None = None
-        self._asking: list[Ending] = []
+        self._asking: list[asyncio.Future[Answered]] = []
+
+    @property
+    def is_repeating(self) -> bool:
+        """True while a stop is repeated."""
+        return self.repeating is not None and not self.repeating.done()
 
     def press(self) -> StopPress:
         """Send a stop at once, whatever else waits, and repeat it."""
         stop = self._new()
         stop.press()
         self._newest = stop
-        ended: Ending | None = None
+        loop, ended = asyncio.get_running_loop(), None
         if len(self._asking) < MAX_ASKING:
-            ended = asyncio.get_running_loop().create_future()
+            ended = loop.create_future()
             self._asking.append(ended)
         if not self.is_repeating:
-            self._go_on()
+            self.repeating = loop.create_task(self._repeat_newest())
         return StopPress(stop.request_id, ended)
 
-    def _go_on(self) -> None:
+    async def _repeat_newest(self) -> None:
         """Repeat the newest stop for all that have pressed since the last repetition began."""
-        stop, asking = self._newest, self._asking
-        self._newest, self._asking, self.is_repeating = None, [], stop is not None
-        if stop is None:
-            return
-
-        def end(repeated: Ending) -> None:
-            self._go_on()
+        while (stop := self._newest) is not None:
+            asking, self._newest, self._asking = self._asking, None, []
+            answered = await answered_by(self._repeat(stop))
             for ended in asking:
                 if not ended.done():
-                    ended.set_result(repeated.result())
+                    ended.set_result(answered)
 
-        self._repeat(stop).add_done_callback(end)
+
+class PortLeases(Leases):
+    """Sends the heartbeat when it is told to: the gateway decides when its client is there."""
+
+    def __init__(self, robot: Robot, heartbeat: Publisher[Heartbeat]) -> None:
+        super().__init__(robot, "", Leasing.NEVER)
+        self._publisher = heartbeat
+
+    def beat(self) -> None:
+        """Send the heartbeat once."""
+        self._publisher.put(ALIVE)
+
+
+class PortRobot(Robot):
+    """The robot of a port, which knows who holds the lease."""
+
+    def __init__(self, link: Link, heartbeat: Publisher[Heartbeat], telemetry: Telemetry) -> None:
+        super().__init__(
+            link.bus, link.common, clock=link.clock, leasing=Leasing.NEVER, follows=False
+        )
+        self.lease: PortLeases = PortLeases(self, heartbeat)
+        self._telemetry = telemetry
+
+    async def refusing_holder(self, reason: int) -> str:
+        """Return the name of the lease holder who is the reason of a refusal, "" for another one.
+
+        To wait for the next lease status would hold up the requests behind this one.
+        """
+        newest = self._telemetry.fresh(LEASE, self.clock.now_ns())
+        if reason != Reason.LEASE_HELD or newest is None or not newest.held:
+            return ""
+        return "" if is_ours(newest, self.bus.operator) else holder_name(newest)
 
 
 class LoadSampler:
@@ -149,24 +194,24 @@ class BusPort:
         self._link = link
         self._telemetry = Telemetry(link.bus, link.robot, TOPICS)
         self._load = LoadSampler(link)
-        self._heartbeats: Publisher[Heartbeat] = link.bus.publisher(OPERATOR, link.robot)
+        heartbeats: Publisher[Heartbeat] = link.bus.publisher(OPERATOR, link.robot)
         self._stops = link.bus.publisher(STOP, link.robot)
         self._ways = stop_ways.ways_of(link.bus, link.robot)
         self._reports: Publisher[GatewayStatus] = link.bus.publisher(GATEWAY, link.robot)
         self._stick = TeleopSender(link.bus, link.robot, link.clock)
         self._texts: SimpleQueue[tuple[bytes, int]] = SimpleQueue()
-        self._requests = ThreadPoolExecutor(1, thread_name_prefix=f"requests {link.robot}")
-        self._halting = ThreadPoolExecutor(1, thread_name_prefix=f"halt {link.robot}")
-        self._stopping = ThreadPoolExecutor(1, thread_name_prefix=f"stop {link.robot}")
+        self._robot = PortRobot(link, heartbeats, self._telemetry)
+        self._requesting, self._halting = asyncio.Lock(), asyncio.Lock()
+        self._is_closed = False
+        self._tasks: set[asyncio.Task[Answered]] = set()
         self._halt: Job | None = None
         self._halts = self._halting_now = 0
-        self._after_halts: list[tuple[Job, asyncio.Future[Ending]]] = []
-        self._waiting = 0
+        self._after_halts: list[tuple[Job, asyncio.Future[asyncio.Task[Answered]]]] = []
         self._stop_line = StopLine(self._new_stop, self._repeat_stop)
         self._started_ns = link.clock.now_ns()
         link.bus.stream(TEXT, lambda _, frame, at_ns: self._texts.put((frame, at_ns)), link.robot)
         link.bus.announce(link.robot)
-        missing = link.bus.await_matched([self._heartbeats, self._stops], timeout_s=READY_S)
+        missing = link.bus.await_matched([heartbeats, self._stops], timeout_s=READY_S)
         self.was_there = not missing
 
     def snapshot(self, now_ns: int) -> Snapshot:
@@ -201,10 +246,10 @@ class BusPort:
         not move the robot any more; if something has, the stop is repeated after it. What is asked
         after it waits for its answer.
         """
-        job = partial(perform, operation, self._session())
+        job = partial(operation.perform, self._robot)
         if not isinstance(operation, STOPS):
             return await self._request(job, expires=operation.moves, moves=operation.moves)
-        if self._waiting >= MAX_WAITING + MAX_HALTS:
+        if len(self._tasks) >= MAX_WAITING + MAX_HALTS:
             return Answered(None, BUSY)
         self._halt = job
         self._halts += 1
@@ -215,15 +260,8 @@ class BusPort:
 
     async def change_lease(self, action: LeaseAction, name: str) -> Answered:
         """Take, seize or release the lease."""
-
-        def ask() -> Outcome:
-            session = self._session()
-            answer = ask_lease(session.link, action, name)
-            # To wait for the next lease status would hold up the requests behind this one.
-            known = self._telemetry.fresh(LEASE, self._link.bus.now_ns())
-            return session.with_holder(answer, known)
-
         takes = action is not LeaseAction.RELEASE
+        ask = partial(self._robot.lease.change, action, name)
         return await self._request(ask, is_tried=not takes, expires=takes)
 
     def stop(self) -> StopPress:
@@ -232,7 +270,7 @@ class BusPort:
 
     def heartbeat(self) -> None:
         """Send one operator's heartbeat."""
-        self._heartbeats.put(ALIVE)
+        self._robot.lease.beat()
 
     def report(self, status: GatewayStatus) -> None:
         """Publish the state of the gateway, stamped with the robot's time."""
@@ -247,26 +285,23 @@ class BusPort:
     @property
     def is_busy(self) -> bool:
         """Whether a request or a stop has not ended."""
-        return bool(self._waiting or self._after_halts or self._stop_line.is_repeating)
+        return bool(self._tasks or self._after_halts or self._stop_line.is_repeating)
 
-    def close(self) -> None:
-        """Wait for the requests that run."""
-        self._halting.shutdown()
-        self._stopping.shutdown()
+    async def close(self) -> None:
+        """Wait for the requests and the stop that have begun."""
+        self._is_closed = True
+        repeating = self._stop_line.repeating
+        await asyncio.gather(*self._tasks, *([repeating] if repeating else ()))
         self._ways.close()
-        self._requests.shutdown(cancel_futures=True)
-
-    def _session(self) -> Session:
-        return Session(Link(self._link.bus, self._link.common, self._link.clock), attended=True)
 
     def _new_stop(self) -> EmergencyStop:
         newest, link = (lambda: self._telemetry.latest(STATUS)), self._link
         return EmergencyStop(link.bus, self._stops, self.name, link.clock, newest, self._ways)
 
-    def _repeat_stop(self, stop: EmergencyStop) -> Ending:
+    def _repeat_stop(self, stop: EmergencyStop) -> Awaitable[Outcome]:
         give_up_ns = round(STOP_S * NS_PER_S)
-        return in_thread(
-            self._stopping, lambda: Stopped(stop.run(give_up_ns=give_up_ns), self.name)
+        return in_own_thread(
+            lambda: Stopped(stop.run(give_up_ns=give_up_ns), self.name), f"stop {self.name}"
         )
 
     def _is_silent(self) -> bool:
@@ -286,59 +321,48 @@ class BusPort:
         """
         asked_ns, halts = self._link.bus.now_ns(), self._halts
 
-        def checked() -> Outcome:
-            if self._is_silent() and not is_tried:
+        async def checked() -> Outcome:
+            if self._is_closed or (self._is_silent() and not is_tried):
                 raise RemoteError(NO_TELEMETRY)
             if expires and self._link.bus.now_ns() - asked_ns >= LATE_NS:
                 raise RemoteError(BUSY)
             if not moves:
-                return job()
+                return await job()
             if self._halts != halts:
                 raise RemoteError(OVERTAKEN)
             try:
-                return job()
+                return await job()
             finally:
                 if self._halts != halts and self._halt is not None:
                     with suppress(RemoteError):
-                        self._halt()
+                        await self._halt()
 
         if self._is_silent() and not is_tried:
             return Answered(None, NO_TELEMETRY)
-        if self._waiting + len(self._after_halts) >= MAX_WAITING:
+        if len(self._tasks) + len(self._after_halts) >= MAX_WAITING:
             return Answered(None, BUSY)
         if not (moves and self._halting_now):
-            return await self._begin(self._requests, checked)
-        begun: asyncio.Future[Ending] = asyncio.get_running_loop().create_future()
+            return await self._begin(self._requesting, checked)
+        begun: asyncio.Future[asyncio.Task[Answered]] = asyncio.get_running_loop().create_future()
         self._after_halts.append((checked, begun))
         return await (await begun)
 
-    def _end_halt(self, _: Ending) -> None:
+    def _end_halt(self, _: object) -> None:
         """Begin, in their order, the requests that waited for the answer to the last halt."""
         self._halting_now -= 1
         if not self._halting_now:
             waiting, self._after_halts = self._after_halts, []
             for checked, begun in waiting:
-                begun.set_result(self._begin(self._requests, checked))
+                begun.set_result(self._begin(self._requesting, checked))
 
-    def _begin(self, pool: ThreadPoolExecutor, job: Job) -> Ending:
-        self._waiting += 1
-        ending = in_thread(pool, job)
-        ending.add_done_callback(self._end)
-        return ending
+    def _begin(self, turn: asyncio.Lock, job: Job) -> asyncio.Task[Answered]:
+        """Begin a job once those before it have ended."""
 
-    def _end(self, _: Ending) -> None:
-        self._waiting -= 1
+        async def work() -> Answered:
+            async with turn:
+                return await answered_by(job())
 
-
-def in_thread(pool: ThreadPoolExecutor, job: Job) -> Ending:
-    """Carry out a job in a thread; an error is an answer, too."""
-
-    def work() -> Answered:
-        try:
-            return Answered(job())
-        except (LocalError, RemoteError) as error:
-            return Answered(None, str(error))
-        except Exception as error:  # such as one of the bus: without an answer, clients hang
-            return Answered(None, f"{type(error).__name__}: {error}")
-
-    return asyncio.get_running_loop().run_in_executor(pool, work)
+        task = asyncio.get_running_loop().create_task(work())
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return task

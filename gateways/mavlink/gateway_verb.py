@@ -311,7 +311,7 @@ def serve(
         finally:
             gateway.close()
             for port in ports:
-                port.close()
+                runner.run(port.close())
     loss = "" if recorder is None else recorder.close()
     if loss:
         output.note(loss)

@@ -10,6 +10,7 @@ from functools import partial
 from typing import Any
 
 from checks.harness.in_process import InProcess
+from checks.harness.loop import PlayedLoop
 from checks.harness.played_gateway import PlayedWork
 from gateways.mavlink.bus_port import BusPort
 from gateways.mavlink.mav_vehicle import MavVehicle
@@ -88,7 +89,7 @@ class Client:
         self._port = BusPort(link_of(stack, Role.GROUND))
         now_ns = stack.clock.now_ns()
         self._face = face_of(MavVehicle(1, self._port, ORIGIN, now_ns))
-        self._work = PlayedWork(self._face.vehicle)
+        self._work = PlayedWork(self._face.vehicle, PlayedLoop(stack.clock))
         self._work.within(self._face.due, now_ns)
 
     def send(self, message: MavMessage, answer: str) -> MavMessage:
@@ -108,7 +109,8 @@ class Client:
         return found[0]
 
     def close(self) -> None:
-        self._port.close()
+        self._work.loop.run(self._port.close())
+        self._work.loop.close()
 
 
 def flown_by_mavlink() -> str:
@@ -147,12 +149,16 @@ class Gateway:
     def __init__(self, stack: InProcess) -> None:
         self._stack = stack
         self.port = BusPort(link_of(stack, Role.GROUND))
-        beats = self.port._heartbeats
+        beats = self.port._robot.lease._publisher
         self.port.heartbeat = lambda: stack.send(beats.key, lambda: beats.put(ALIVE))  # type: ignore[method-assign]
         self.face = face_of(MavVehicle(1, self.port, ORIGIN, stack.clock.now_ns()))
-        self._work = PlayedWork(self.face.vehicle)
+        self._work = PlayedWork(self.face.vehicle, PlayedLoop(stack.clock))
         self.face.join(CLIENT.client)
         self.sent: list[MavMessage] = []
+
+    def close(self) -> None:
+        self._work.loop.run(self.port.close())
+        self._work.loop.close()
 
     def round(self) -> None:
         self.face.vehicle.control.heard(CLIENT, self._stack.clock.now_ns())
@@ -166,8 +172,8 @@ class Gateway:
         self._work.within(self.face.receive, message, CLIENT, self._stack.clock.now_ns())
 
         def is_answered() -> bool:
-            if self.port._waiting and self._stack.robot is not None:
-                self._stack.robot.idle()  # simulated time waits for the threads of the port
+            if self.port.is_busy and self._stack.robot is not None:
+                self._stack.robot.idle()  # simulated time waits for the robot's answers
             else:
                 self._stack.cycle()
             self.round()
@@ -205,7 +211,7 @@ def stack_with_gateway() -> Iterator[tuple[InProcess, Gateway]]:
         gateway = Gateway(stack)
         stack.until(gateway.is_live)
         yield stack, gateway
-        gateway.port.close()
+        gateway.close()
 
 
 def goto(gateway: Gateway) -> int:
@@ -234,7 +240,7 @@ def test_guided_goal_ends_and_clients_of_a_new_gateway_go_on() -> None:
         assert newer.command(SET_MODE, 1, GUIDED) == 0
         assert goto(newer) == 0
         stack.until(newer.drives)
-        newer.port.close()
+        newer.close()
 
 
 def test_clients_learn_of_a_silence_and_go_on_after_it() -> None:
@@ -356,4 +362,4 @@ def test_gateway_after_a_restart_commands_at_once() -> None:
         assert newer.command(SET_MODE, 1, Mode.GUIDED) == ACCEPTED
         assert goto(newer) == ACCEPTED
         stack.until(newer.drives)
-        newer.port.close()
+        newer.close()

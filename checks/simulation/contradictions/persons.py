@@ -45,7 +45,6 @@ from checks.simulation.hosts.virtual_time import (
     Host,
     Scheduler,
     SimulatedClock,
-    SimulatedThread,
     current_host,
 )
 from checks.simulation.invariants.limits import Coverage, InvariantViolation
@@ -613,7 +612,6 @@ def replacements() -> dict[str, object]:
         "ground.client.link.WallClock": SimulatedClock,
         "ground.client.robot_link.WallClock": SimulatedClock,
         "ground.robot.common": common_here,
-        "ground.client.robot_link.Thread": SimulatedThread,
         "ground.client.lease_holder.gethostname": lambda: "sim",
         "ground.client.lease_holder.terminal_name": terminal,
         "ground.client.lease_holder.pwd": SimpleNamespace(getpwuid=of_here),

@@ -19,7 +19,6 @@ from unittest.mock import patch
 from checks.harness.reordering_disk import DiskFile, ReorderingDisk, apply
 from checks.simulation.hosts.virtual_time import (
     SimulatedClock,
-    SimulatedExecutor,
     SimulatedQueue,
     SimulatedThread,
     SimulatedThreading,
@@ -246,8 +245,8 @@ SPECIAL: Final[dict[str, object]] = {
     # A simulated process is stopped by a call of its `stop`.
     "robot.run.on_signal": lambda _stop: None,
     "ground.client.link.Pulse": lambda: Pulse(current_host().now_ns),
+    "ground.client.robot_link.Thread": SimulatedThread,
     "ground.client.stop_ways.ways_of": lambda _bus, _robot: NO_WAYS,
-    "gateways.mavlink.bus_port.ThreadPoolExecutor": SimulatedExecutor,
     "plant.process.loop.Patience": PATIENCE,
     "runtime.files.os": HostsDisk(),
 }
