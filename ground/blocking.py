@@ -38,6 +38,9 @@ class BlockingLeases(Leases):
 
     attend = beat
 
+    async def open(self, *_: object) -> None:
+        """Begin nothing: the heartbeat is sent when it is asked for."""
+
 
 class BlockingRobot(Robot):
     """Waits by blocking the thread that commands it, so that no coroutine of it ever suspends.

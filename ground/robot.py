@@ -41,7 +41,7 @@ from ground.client.goal import (
     goal_request,
 )
 from ground.client.lease_holder import operator_name
-from ground.client.leases import TICK_NS, Leases, Leasing
+from ground.client.leases import READY_S, TICK_NS, Leases, Leasing
 from ground.client.link import END_NS, Link, UnansweredError, open_link
 from ground.client.lost_drive import (
     LostDrive,
@@ -143,7 +143,6 @@ STOP_S: Final = 5.0
 """Duration for which an emergency stop without acknowledgement is repeated."""
 SHOW_NS: Final = 200 * NS_PER_MS
 SHOW_PLAIN_NS: Final = 2 * NS_PER_S
-READY_S: Final = 0.5
 OWN_STOPS: Final = 16
 """So many of its newest stops a program may release: several may be repeated at the same time."""
 FASTEST_M_S: Final = 5.0
@@ -266,10 +265,9 @@ class Robot(RobotLink):
         """Start the subscriptions and the heartbeat, for `connect`."""
         self._stops = self.bus.publisher(STOP, self.name)
         self._ways = stop_ways.ways_of(self.bus, self.name)
-        self.streams.keep(STATUS, LEASE, MISSION)
+        self.streams.keep(MISSION)
         self.bus.announce(self.name)
-        publishers: list[Publisher[Any]] = [self.lease.open(), self._stops]
-        await self.in_own_thread(lambda: self.bus.await_matched(publishers, timeout_s=READY_S))
+        await self.lease.open(self._stops)
 
     @property
     def holds_lease(self) -> bool:
@@ -557,6 +555,8 @@ class Robot(RobotLink):
         drive = Drive()
         self._drives.add(drive)
         try:
+            if self.lease.leasing is Leasing.DRIVES:
+                await self.lease.open()
             self.lease.attend()
             answer = await self.uninterrupted(self._turn, partial(begin, drive), drive.sent_by)
             return answer if isinstance(answer, Refused) else await follow(drive)

@@ -1,16 +1,17 @@
 """Carries out the operation of a parsed verb and prints its outcome."""
 
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
-from ground.blocking import BlockingRobot, perform, run_blocking
+from ground.cli.event_loop import run_until_signal
 from ground.cli.observe.live_line import follow
 from ground.cli.options import common_of
 from ground.client.floor import floor_of
 from ground.client.lease_holder import operator_name
-from ground.client.link import UnansweredError, open_link
-from ground.client.outcomes import Accepted, Outcome, RefusedError
-from ground.client.session import Operation, Session
+from ground.client.leases import Leasing
+from ground.client.link import Link, UnansweredError, open_link
+from ground.client.outcomes import Accepted, Outcome, Progress, RefusedError
+from ground.client.session import Operation
 from ground.commands.all_robots import StopAll
 from ground.commands.command import OperatorCommand, Reach, parsed
 from ground.commands.doctor import Diagnose
@@ -19,8 +20,10 @@ from ground.commands.export import Exported
 from ground.commands.stop import StopNow
 from ground.commands.watch import Watch
 from ground.grammar.words import FromFile, Words
+from ground.robot import Robot, RobotCommand
 from ground.text.output import Output
-from protocol.wire.enums import LeaseAction
+
+Out = TypeVar("Out", bound=Outcome)
 
 
 def run(words: Words, output: Output) -> int:
@@ -40,14 +43,9 @@ def run(words: Words, output: Output) -> int:
         return print_outcome(output, words, common.robot, operation.perform_alone(common))
     try:
         with open_link(common) as link:
-            session = Session(link, output, floor=partial(floor_of, link))
-            if words.seize:
-                robot = BlockingRobot(session)
-                seized = run_blocking(robot.lease.change(LeaseAction.SEIZE, operator_name(None)))
-                if not seized.ok:
-                    raise RefusedError(seized.text)
-            outcome = perform(operation, session)
-            return print_outcome(output, words, link.robot, outcome, effect_of(operation, outcome))
+            robot = robot_of(link, output)
+            outcome = run_until_signal(lambda: perform(operation, robot, seizes=words.seize))
+            return print_outcome(output, words, robot.name, outcome, effect_of(operation, outcome))
     except UnansweredError as error:
         if isinstance(operation, Explain) and (
             instead := operation.without_robot(parsed(Reach, words))
@@ -59,6 +57,28 @@ def run(words: Words, output: Output) -> int:
         return print_outcome(
             output, words, common.robot, operation.not_connected(error, common.endpoint)
         )
+
+
+def robot_of(link: Link, progress: Progress) -> Robot:
+    """Return a robot that this program drives, and whose drives it follows."""
+    return Robot(
+        link.bus,
+        link.common,
+        operator_name(None),
+        clock=link.clock,
+        leasing=Leasing.DRIVES,
+        progress=progress,
+        floor=partial(floor_of, link),
+    )
+
+
+async def perform(operation: RobotCommand[Out], robot: Robot, *, seizes: bool = False) -> Out:
+    """Carry out an operation; with `seizes` take the lease from another operator first."""
+    if seizes:
+        seized = await robot.lease.seize()
+        if not seized.ok:
+            raise RefusedError(seized.text)
+    return await operation.perform(robot)
 
 
 def effect_of(operation: Operation[Outcome], outcome: Outcome) -> str:

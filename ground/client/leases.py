@@ -33,6 +33,7 @@ Out = TypeVar("Out")
 M = TypeVar("M", bound=Message)
 R = TypeVar("R", bound=Request)
 TICK_NS: Final = 50 * NS_PER_MS
+READY_S: Final = 0.5
 RELEASE_NS: Final = 200 * NS_PER_MS
 AGAIN_NS: Final = 20 * NS_PER_S
 """After this time a kept lease is asked for again: heartbeats alone do not keep an idle one."""
@@ -134,6 +135,7 @@ class Leases:
         asked_ns = clock.now_ns()
         until_ns = asked_ns + round(for_s * NS_PER_S)
         try:
+            await self.open()
             while (now_ns := clock.now_ns()) < until_ns:
                 self.attend()
                 if now_ns - asked_ns >= AGAIN_NS:
@@ -159,11 +161,18 @@ class Leases:
 
     # The heartbeat.
 
-    def open(self) -> Publisher[Heartbeat]:
-        """Begin to send the heartbeat while the lease is ours; return its publisher."""
-        publisher = self._heartbeat = self._link.bus.publisher(OPERATOR, self._link.name)
-        self._beating = asyncio.create_task(self._beat())
-        return publisher
+    async def open(self, *others: Publisher[Any]) -> None:
+        """Begin to send the heartbeat while the lease is ours, once the robot subscribes to it.
+
+        `others` are publishers whose subscribers are waited for as well.
+        """
+        if self._heartbeat is None:
+            bus = self._link.bus
+            self._heartbeat = bus.publisher(OPERATOR, self._link.name)
+            self._link.streams.keep(STATUS, LEASE)
+            publishers = [self._heartbeat, *others]
+            await self._link.in_own_thread(lambda: bus.await_matched(publishers, timeout_s=READY_S))
+            self._beating = asyncio.create_task(self._beat())
 
     async def end_heartbeat(self) -> None:
         """Send no heartbeat any more."""

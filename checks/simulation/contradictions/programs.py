@@ -32,6 +32,7 @@ from checks.simulation.hosts.virtual_time import (
 from gateways.mavlink.mavlink_dialect import mavlink
 from ground.app.stops.band import BandKeys, stop_band
 from ground.blocking import perform
+from ground.cli import operate
 from ground.client.connection import Common
 from ground.client.goal import destination
 from ground.client.lease_holder import operator_name
@@ -193,6 +194,9 @@ class Shell(PersonsProgram):
     def __init__(self, scheduler: Scheduler, name: str, journal: Journal) -> None:
         super().__init__(scheduler, name, journal)
         self._running: dict[Host, tuple[Deed, Task]] = {}
+        self._cancels: dict[Host, Callable[[], object]] = {}
+        """Cancels the task of a command, once its event loop runs."""
+
         self._hosts: list[Host] = []
 
     def do(self, verb: str, arguments: Arguments) -> None:
@@ -208,26 +212,43 @@ class Shell(PersonsProgram):
             ended = self._perform(deed)
         except GreenletExit:
             raise
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, asyncio.CancelledError):
             ended = Ended(INTERRUPTED)
         except (RemoteError, LocalError) as error:
             ended = Ended(getattr(error, "exit_code", 1), None, str(error))
         self.journal.end(deed, ended)
         self._running.pop(current_host(), None)
+        self._cancels.pop(current_host(), None)
 
     def _perform(self, deed: Deed) -> Ended:
         operation = operation_of(deed.verb, deed.arguments)
         with open_link(common_here()) as link:
-            outcome = perform(operation, Session(link, Telling(self.journal, deed)))
+            robot = operate.robot_of(link, Telling(self.journal, deed))
+            outcome: Outcome = SimulatedLoop().run(self._carry_out(operation, robot))
+            if deed.cancelled_ns is not None:
+                raise KeyboardInterrupt
             self.journal.say(deed.program, outcome, deed)
             return Ended(0 if outcome.ok else 1, outcome)
+
+    async def _carry_out(self, operation: Any, robot: Robot) -> Outcome:
+        task: Any = asyncio.current_task()
+        self._cancels[current_host()] = partial(
+            asyncio.get_running_loop().call_soon_threadsafe, task.cancel
+        )
+        if isinstance(operation, StopNow):
+            await robot.open()
+        outcome: Outcome = await operate.perform(operation, robot)
+        return outcome
 
     def cancel(self) -> None:
         """Press Ctrl-C for the newest command."""
         for deed, task in reversed(self._running.values()):
             if deed.cancelled_ns is None:
                 self.journal.cancel(deed)
-                task.interrupt(KeyboardInterrupt())
+                if (cancel := self._cancels.get(task.host)) is None:
+                    task.interrupt(KeyboardInterrupt())  # it dials
+                else:
+                    task.host.call(cancel)
                 return
 
     def kill(self) -> None:

@@ -516,15 +516,27 @@ class SimulatedLoop(PlayedLoop):
         return asyncio.wrap_future(threads.submit(job, *arguments), loop=self)
 
     def run(self, work: Coroutine[Any, Any, T]) -> T:
-        """Run a program to its end; its host may be killed meanwhile."""
+        """Run a program to its end, then cancel what it has left; its host may be killed."""
         try:
-            return super().run(work)
+            try:
+                return super().run(work)
+            finally:
+                self._cancel_rest()
         except GreenletExit:
             with self._running():
                 self._abandon()
             raise
         finally:
             self.close()
+
+    def _cancel_rest(self) -> None:
+        """Cancel the tasks that are left, as `asyncio.run` does, and let them end."""
+        rest = asyncio.all_tasks(self) if self._waiter.host.alive else set()
+        for task in rest:
+            task.cancel()
+        with self._running():
+            while not all(task.done() for task in rest):
+                self._turn()
 
     def _wait(self, timeout_s: float | None) -> None:
         """Wait until the time is up, or until another task calls the loop."""

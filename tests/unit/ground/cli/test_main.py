@@ -1,17 +1,20 @@
 """The command line: verbs, exit codes, one JSON object in every case, and answers to commands."""
 
 import argparse
+import asyncio
 import json
 import os
 import signal
 import sys
 import threading
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
+from typing import Any
 
 import pytest
 
 from ground.cli import main as cli
+from ground.cli.event_loop import run_until_signal
 from ground.cli.main import Interrupted, main
 from ground.cli.operate import effect_of
 from ground.cli.verbs import VERBS, LoadedVerb
@@ -235,6 +238,61 @@ def test_a_signal_that_is_lost_again_and_again_arrives_at_last(
     install(run)
     assert main(["mark"]) == 143
     assert len(reached) == 3
+
+
+@each("is_finalizer", [False, True])
+@each("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_an_event_loop_after_its_clean_up(
+    install: Callable[[Run], None], number: signal.Signals, is_finalizer: bool
+) -> None:
+    ends, before = [], signal.getsignal(number)
+    send = Interrupting if is_finalizer else signal.raise_signal
+
+    async def drive() -> None:
+        send(number)
+        try:
+            await asyncio.sleep(PATIENCE_S)
+        finally:  # the next signal does not cut it short
+            signal.raise_signal(signal.SIGINT)
+            await asyncio.sleep(0.0)
+            await asyncio.sleep(0.0)
+            ends.append(number)
+
+    def run(options: argparse.Namespace, output: Output) -> int:
+        run_until_signal(drive)
+        raise AssertionError("it goes on after the signal")
+
+    install(run)
+    assert main(["mark"]) == 128 + number
+    assert ends == [number]
+    assert signal.getsignal(number) is before
+
+
+def test_a_signal_before_the_task_begins_ends_the_verb(
+    install: Callable[[Run], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs = asyncio.run
+
+    def late(work: Coroutine[Any, Any, None]) -> None:
+        signal.raise_signal(signal.SIGTERM)
+        runs(work)
+
+    async def drive() -> None:
+        raise AssertionError("it begins after the signal")
+
+    monkeypatch.setattr(asyncio, "run", late)
+    install(lambda _options, _output: run_until_signal(drive) or 0)
+    assert main(["mark"]) == 143
+
+
+def test_a_signal_that_comes_too_late_to_cancel_ends_the_verb(
+    install: Callable[[Run], None],
+) -> None:
+    async def drive() -> None:
+        signal.raise_signal(signal.SIGTERM)
+
+    install(lambda _options, _output: run_until_signal(drive) or 0)
+    assert main(["mark"]) == 143
 
 
 def test_another_ignored_exception_is_reported_as_before(
