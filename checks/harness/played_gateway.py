@@ -19,6 +19,7 @@ from runtime.clock import ManualClock
 LOOP: Final = PlayedLoop(ManualClock())
 """Runs the work of all vehicles without a gateway; nothing there waits for a time."""
 atexit.register(LOOP.close)
+atexit.register(LOOP.advance)  # before: what has just begun need not be waited for
 
 
 class PlayedWork:
