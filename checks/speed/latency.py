@@ -160,8 +160,8 @@ def wait_until(deadline_ns: int) -> None:
 ANSWER_WITHIN_S = 0.04
 READY_WITHIN_S = 10.0
 STANDS_AFTER = 4
-TOO_BUSY = (Reason.BUDGET, Reason.NOT_ARMED)
-"""Why a robot whose loop is too slow refuses to be armed, or, disarmed since, to drive."""
+TOO_BUSY = (Reason.BUDGET, Reason.NOT_ARMED, Reason.NO_SENSES)
+"""Why a robot whose loop is too slow, or this program, refuses to be armed, or to drive."""
 SETS_OFF_WITHIN = 100
 
 

@@ -8,6 +8,7 @@ below it, and to match one with many `**` takes exponential time and memory.
 """
 
 import time
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 from threading import Lock
@@ -54,18 +55,60 @@ SOURCES: Final = 1000
 
 
 def caching_publisher(
-    session: zenoh.Session, key: str, newest: int, **service: Any
+    session: zenoh.Session,
+    key: str,
+    newest: int,
+    congestion_control: zenoh.CongestionControl,
+    **service: Any,
 ) -> "ext.AdvancedPublisher":
     """Return a publisher that caches its `newest` samples for late joiners."""
     return ext.declare_advanced_publisher(
         session,
         key,
-        congestion_control=LIVE,
+        congestion_control=congestion_control,
         cache=ext.CacheConfig(newest),
         sample_miss_detection=ext.MissDetectionConfig(heartbeat=BEAT_S, sporadic_heartbeat=None),
         publisher_detection=True,
         **service,
     )
+
+
+class PublishedEvent(NamedTuple):
+    """An event as it was put, with its UTC time, which no other event of the bus has."""
+
+    frame: bytes
+    note: bytes | None
+    stamp: Any
+
+    def put_by(self, publisher: Any) -> None:
+        """Put the event, once more perhaps."""
+        publisher.put(self.frame, attachment=self.note, timestamp=self.stamp)
+
+
+class CachingPublishers:
+    """The publishers of one topic with a history: that of the present session, and its archive.
+
+    Events that were put while the link was broken are in the cache of a session, and are lost with
+    it when a fresh one replaces it. The archive of the fresh one has them again; who has received
+    some of them already knows them by their UTC times.
+    """
+
+    def __init__(self, key: str, newest: int, **service: Any) -> None:
+        self.events: deque[PublishedEvent] = deque(maxlen=newest)
+        self._key, self._service = key, service
+        self._archive: Any = None
+
+    def declare(self, session: zenoh.Session) -> Any:
+        """Return the publisher on a session, which is fresh if there are events already."""
+        if self.events:
+            self._archive = self._caching(session, FETCHED)
+            for event in tuple(self.events):
+                event.put_by(self._archive)
+        return self._caching(session, LIVE)
+
+    def _caching(self, session: zenoh.Session, congestion: zenoh.CongestionControl) -> Any:
+        newest = self.events.maxlen or 0
+        return caching_publisher(session, self._key, newest, congestion, **self._service)
 
 
 class Subscriptions(NamedTuple):
@@ -91,7 +134,7 @@ def fetching_subscriber(
     def ask(source: Source, due: int, got: Got) -> None:
         fetch(session, keys.get(source, key), newest, source, due, got)
 
-    late_join = LateJoin(ask, take)
+    late_join = LateJoin(ask, each_once(take, newest))
 
     def receive(sample: zenoh.Sample) -> None:
         source = source_of(sample)
@@ -116,6 +159,23 @@ def fetching_subscriber(
         )
 
     return session.declare(declare)
+
+
+def each_once(take: Take, newest: int) -> Take:
+    """Return `take` for events, which may come again from the archive of a fresh session."""
+    known: dict[str, None] = {}
+    """The times of as many events as two sessions cache, the oldest first."""
+
+    def take_new(sample: zenoh.Sample) -> None:
+        stamp = str(sample.timestamp)
+        if sample.timestamp is not None and stamp in known:
+            return
+        known[stamp] = None
+        if len(known) > 2 * newest:
+            del known[next(iter(known))]
+        take(sample)
+
+    return take_new
 
 
 class ArrivedSamples:
@@ -316,10 +376,11 @@ class Publisher(Generic[M]):
         )
         self._matching = plain  # an advanced publisher has no matching status
         self._publisher: Declared[Any] = plain
+        self._events: deque[PublishedEvent] | None = None
         if topic.history:
-            self._publisher = session.declare(
-                lambda one: caching_publisher(one, key, topic.history, **service)
-            )
+            caching = CachingPublishers(key, topic.history, **service)
+            self._events = caching.events
+            self._publisher = session.declare(caching.declare)
 
     def put(self, message: M) -> bytes:
         """Send a message and return its frame; LocalError if it fits neither topic nor wire."""
@@ -335,14 +396,22 @@ class Publisher(Generic[M]):
 
     def put_frame(self, frame: bytes) -> None:
         """Send a frame unchanged: prepared by `frame`, replayed, or malformed on purpose."""
-        publisher = self._publisher.now
-        try:
-            stamp = self._session.now.new_timestamp() if self.topic.history else None
-            publisher.put(frame, attachment=self._sent(), timestamp=stamp)
-        except zenoh.ZError:
+        stamp = None if self._events is None else self._session.now.new_timestamp()
+        event = PublishedEvent(frame, self._sent(), stamp)
+        if self._events is not None:
+            self._events.append(event)
+        while True:
+            publisher = self._publisher.now
+            try:
+                event.put_by(publisher)
+                if self._events is None:
+                    return
+            except zenoh.ZError:
+                if publisher is self._publisher.now:
+                    raise
             if publisher is self._publisher.now:
-                raise
-            self.put_frame(frame)  # a fresh session has replaced the one before
+                return
+            # A fresh session has replaced the one before, perhaps without this event.
 
     def _sent(self) -> bytes | None:
         time_ns = None if self._time_ns is None else self._time_ns()

@@ -95,8 +95,8 @@ class Line:
             if way == "robot":
                 robot, dialled = dialled, robot
             self.begin(self._dialling(robot))
-        recorder = stack.enter_context(open_bus(self._dialling(dialled), None, "r1"))
-        self.heard = Heard(recorder)
+        self._dialled = dialled
+        self.heard = Heard(self.join())
 
     def begin(self, network: Network) -> None:
         """Start a robot, or replace one that was killed."""
@@ -104,6 +104,10 @@ class Line:
         self.network = network
         self.robot = self._scope.enter_context(open_bus(network, Role.ROBOT, "r1"))
         self._publisher = self.robot.publisher(TEXT)
+
+    def join(self) -> Bus:
+        """Return one more recorder."""
+        return self._stack.enter_context(open_bus(self._dialling(self._dialled), None, "r1"))
 
     def tell(self, words: str) -> None:
         self.told.append(words)
@@ -155,6 +159,27 @@ def test_no_event_is_lost_or_doubled_over_a_cut() -> None:
             assert line.heard.words == line.told
             assert line.heard.counter.lost == 0, "what came late counts as lost"
             assert max(line.heard.ages_s) > CUT_S / 2, "what is old looks new"
+
+
+@pytest.mark.stack
+def test_no_event_is_lost_or_doubled_by_a_fresh_session() -> None:
+    with lines("robot", count=1) as (line,):
+        sessions = vars(line.robot)["_sessions"]
+        for life in range(3):
+            line.tell(f"before {life}")
+            until(line.whole)
+            line.cable.cut()
+            tell([line], *(f"during {life}.{number}" for number in range(20)))
+            line.cable.restore()
+            until(lambda: sessions.replace(sessions.now))
+        line.tell("after")
+        until(line.whole)
+        assert line.heard.words == line.told
+        assert line.heard.counter.lost == 0
+        late = Heard(line.join())
+        until(lambda: len(late.words) == len(line.told))
+        assert sorted(late.words) == sorted(line.told), "who joins late hears them, too"
+        assert max(late.ages_s) > 3.0
 
 
 @pytest.mark.stack
