@@ -147,7 +147,7 @@ def test_a_change_keeps_comments_and_order(file: Path) -> None:
     set_setting("contexts.lab.id", "r3")
     set_setting("contexts.yard.connect", "tcp/h:1")
     assert file.read_text() == (
-        '# mine\ntheme = "light"\n\n# the lab\nhz = 5\n'
+        '# mine\ntheme = "light"  # at night\n\n# the lab\nhz = 5\n\n'
         '[contexts.lab]\nconnect = "tcp/10.0.0.5:7447"\nid = "r3"\n'
         '\n[contexts.yard]\nconnect = "tcp/h:1"\n'
     )
@@ -179,12 +179,17 @@ def test_an_invalid_change_leaves_the_file_as_it_was(file: Path, key: str, value
     assert file.read_text() == LAB
 
 
-def test_a_value_over_several_lines_is_left_to_an_editor(file: Path) -> None:
-    text = 'startup = [\n  "layers trail",\n]\n'
-    file.write_text(text)
-    with pytest.raises(UserError, match="edit the file"):
-        set_setting("startup", "[]")
-    assert file.read_text() == text
+def test_a_value_over_several_lines_is_set_too(file: Path) -> None:
+    file.write_text('startup = [\n  "layers trail",\n]  # mine\n')
+    set_setting("startup", "[]")
+    assert file.read_text() == "startup = []  # mine\n"
+
+
+def test_a_key_below_a_value_is_refused(file: Path) -> None:
+    file.write_text("hz = 5\n")
+    with pytest.raises(UserError, match=r"hz\.x: hz is a value"):
+        set_setting("hz.x", "1")
+    assert file.read_text() == "hz = 5\n"
 
 
 def test_a_fault_can_be_mended_by_a_change(file: Path) -> None:
