@@ -166,7 +166,7 @@ def write(path: Path, result: CalibrationResult) -> None:
     figure = Figure(figsize=(9.0, 5.2), layout="constrained")
     panels = figure.subplots(1, 2)
     runs = ((result.first, result.before), (result.second, result.after))
-    most_m = max(farthest_m(some, params) for some, params in runs)
+    most_m = max(float(abs(errors_of(some, params)[:, :2]).max()) for some, params in runs)
     for axes, name, (some, params), mark in zip(
         panels, ("before", "after"), runs, result.marks(), strict=True
     ):
@@ -177,11 +177,6 @@ def write(path: Path, result: CalibrationResult) -> None:
     figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
     figure.suptitle(f"Return errors: {result.source}", color=INK)
     figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
-
-
-def farthest_m(runs: Sequence[SquareRun], params: Params) -> float:
-    """Return the largest coordinate of a return error."""
-    return float(abs(errors_of(runs, params)[:, :2]).max())
 
 
 def draw(axes: "Axes", runs: Sequence[SquareRun], params: Params, mark: Umbmark) -> None:

@@ -25,7 +25,7 @@ from study.intervals import CONFIDENT
 from study.report.build import ReportRequest, page_of
 from study.report.charts.gallery import PER_NAVIGATOR
 from study.report.drives import SEEDS, run_paper
-from study.report.evidence import MeasuredEvidence, read_evidence
+from study.report.evidence import read_evidence
 from study.report.page import (
     DASH,
     PageTable,
@@ -39,7 +39,7 @@ from study.report.page import (
 from study.report.paper import Claim, claims
 from study.report.summary import HEAD, as_json, numbers, summaries
 from study.report.targets import targets
-from study.report.trials import NOISES, PLANNER, Trials, apart_of, distinct, main_of, trials_of
+from study.report.trials import NOISES, PLANNER, apart_of, distinct, main_of, trials_of
 from study.runner.plan import world_of
 from study.runner.store import commands_of, read
 
@@ -57,11 +57,12 @@ def write_files(
     request = request or ReportRequest()
     page = numbered(page_of(table, request))
     summary = summary_of(table, request)
+    trials = main_of(distinct(trials_of(table)))
     texts = {
         "report.html": html_of(page),
         "report.md": markdown_of(page, FIGURES),
         SUMMARY: json.dumps(summary, indent=1, ensure_ascii=False) + "\n",
-        "summary.csv": _csv([numbers(one) for one in summaries(_corpus_of(table))]),
+        "summary.csv": _csv([numbers(one) for one in summaries(trials)]),
     }
     for figure in figures_of(page.sections):
         texts[f"{FIGURES}/{figure.name}.svg"] = figure.drawing.alone()
@@ -94,22 +95,14 @@ def summary_of(table: pa.Table, request: ReportRequest) -> dict[str, Any]:
         "families": len(counted.values("family")),
         "rows": as_json(summaries(trials)),
         "rows_apart": {group: as_json(summaries(some)) for group, some in apart.items()},
-        "figures_to_reach": _targets(whole, request.evidence),
+        "figures_to_reach": [asdict(target) for target in targets(whole, request.evidence)],
         "claims": [_claim(claim) for claim in claims(trials, request.runs)],
     }
-
-
-def _corpus_of(table: pa.Table) -> Trials:
-    return main_of(distinct(trials_of(table)))
 
 
 def _claim(claim: Claim) -> dict[str, str]:
     fields = asdict(claim)
     return {"says": fields.pop("statement"), **fields}
-
-
-def _targets(trials: Trials, found: MeasuredEvidence) -> list[Mapping[str, str]]:
-    return [asdict(target) for target in targets(trials, found)]
 
 
 def _csv(rows: Sequence[Mapping[str, object]]) -> str:

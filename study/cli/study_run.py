@@ -161,7 +161,8 @@ def selection_of(options: argparse.Namespace) -> WorldSelection:
 def study_settings(options: argparse.Namespace) -> StudySettings:
     """Return the settings; raise UserError for an unknown navigator or noise level."""
     navigators = [navigator_of(text) for text in options.navigators or EVERY_NAVIGATOR]
-    noise = [noise_of(text) for text in options.noise or _default_noise(options.quick)]
+    levels = options.noise or (QUICK_NOISE if options.quick else LEVELS)
+    noise = [noise_of(text) for text in levels]
     return StudySettings(
         navigators=tuple(dict.fromkeys(navigators)),
         noise=tuple(dict.fromkeys(noise)),
@@ -170,10 +171,6 @@ def study_settings(options: argparse.Namespace) -> StudySettings:
         parameters=dict(options.param),
         calibrated=not options.uncalibrated,
     )
-
-
-def _default_noise(quick: bool) -> tuple[str, ...]:
-    return QUICK_NOISE if quick else tuple(LEVELS)
 
 
 def output_of(options: argparse.Namespace) -> Path:

@@ -287,11 +287,7 @@ def _html_block(block: Block) -> str:
         return _table(block)
     if isinstance(block, PageFigure):
         return _html_figure(block)
-    return _html_gallery(block)
-
-
-def _html_gallery(gallery: Gallery) -> str:
-    return f'<div class="gallery">{"".join(map(_html_figure, gallery.figures))}</div>'
+    return f'<div class="gallery">{"".join(map(_html_figure, block.figures))}</div>'
 
 
 def _html_figure(figure: PageFigure) -> str:
@@ -389,11 +385,7 @@ def _markdown_block(block: Block, folder: str) -> str:
         return f"{block.caption}\n\n{table_lines(block)}"
     if isinstance(block, PageFigure):
         return _markdown_figure(block, folder)
-    return _markdown_gallery(block, folder)
-
-
-def _markdown_gallery(gallery: Gallery, folder: str) -> str:
-    return "\n\n".join(_markdown_figure(figure, folder) for figure in gallery.figures)
+    return "\n\n".join(_markdown_figure(figure, folder) for figure in block.figures)
 
 
 def _markdown_figure(figure: PageFigure, folder: str) -> str:

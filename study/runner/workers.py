@@ -12,7 +12,7 @@ import signal
 import threading
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor
+from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from itertools import islice
@@ -251,7 +251,7 @@ def run_on_cluster(
 
     capacity = ClusterCapacity(client)
     while True:
-        for task in islice(waiting, max(0, capacity.max_tasks() - len(running))):
+        for task in islice(waiting, max(0, DASK_AHEAD * capacity.threads() - len(running))):
             submit(task)
         if not running:
             return
@@ -278,10 +278,6 @@ class ClusterCapacity:
         self._client = client
         self._threads = self._times = 0
         self._idle_s = 0.0
-
-    def max_tasks(self) -> int:
-        """Return how many tasks to keep in the cluster; UserError if the scheduler has gone."""
-        return DASK_AHEAD * self.threads()
 
     def threads(self) -> int:
         """Return the number of threads, at least 1; UserError if the scheduler has gone."""
@@ -336,19 +332,6 @@ def _result(
 
 def _first_line(error: BaseException) -> str:
     return (str(error).splitlines() or [type(error).__name__])[0]
-
-
-class InPlace(Executor):
-    """Run every task at once in this process."""
-
-    def submit(self, call: Any, /, *args: Any, **keywords: Any) -> "Future[Any]":
-        """Run a task and return its result as a future."""
-        done: Future[Any] = Future()
-        try:
-            done.set_result(call(*args, **keywords))
-        except Exception as error:
-            done.set_exception(error)
-        return done
 
 
 class Workers(NamedTuple):

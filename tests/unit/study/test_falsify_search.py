@@ -50,7 +50,7 @@ from study.falsify.shrink import (
     walls_in,
 )
 from study.runner import workers
-from study.runner.workers import InPlace, Workers
+from study.runner.workers import Workers
 from tests.support.each import each
 from tests.support.studies import (
     SCENES,
@@ -65,6 +65,18 @@ SEEDS = {"bug": 32, "bug:right": 1, "vgm": 7}
 
 MOST_TRIALS = 12
 MOST_WORLDS = 30
+
+
+class InPlace(Executor):
+    """Run every task at once in this process."""
+
+    def submit(self, call: Any, /, *args: Any, **keywords: Any) -> "Future[Any]":
+        done: Future[Any] = Future()
+        try:
+            done.set_result(call(*args, **keywords))
+        except Exception as error:
+            done.set_exception(error)
+        return done
 
 
 @cache
@@ -480,7 +492,7 @@ def test_replay_from_near_starts_counts_the_drives_that_fail(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(
-        workers, "workers", lambda *_: nullcontext(workers.Workers(workers.InPlace(), lambda: 1))
+        workers, "workers", lambda *_: nullcontext(workers.Workers(InPlace(), lambda: 1))
     )
     settings = search_of("vgm", "a", seed=3)
     found = finding_of(settings.subject, "a", first_violation(settings, 12).evaluation, 400, "one")
