@@ -185,7 +185,9 @@ class _FleetFloor:
         self._size_m = world.size_m
         self._margin_m = needed_m if world.walls else 0.0
         self._needed_m = needed_m
-        self._obstacles = [one for one in world.obstacles if not _moves(one)]
+        self._obstacles = [
+            one for one in world.obstacles if not (isinstance(one, Circle) and one.path_m)
+        ]
 
     def free(self, place: Point) -> bool:
         """Return whether a robot fits at a place."""
@@ -209,7 +211,3 @@ class _FleetFloor:
             )
             for step in range(steps)
         )
-
-
-def _moves(obstacle: Obstacle) -> bool:
-    return isinstance(obstacle, Circle) and bool(obstacle.path_m)

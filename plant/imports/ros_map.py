@@ -151,11 +151,6 @@ OTHERS: Final = {
 }
 
 
-def load_pgm(path: Path) -> NDArray[np.float64]:
-    """Return rows of brightness from 0 to 1, the first at the top; raise WorldError."""
-    return parse_pgm(read_bytes(path, MAX_PICTURE_BYTES), str(path))
-
-
 def parse_pgm(data: bytes, file: str) -> NDArray[np.float64]:
     """Return rows of brightness from 0 to 1, the first at the top; raise WorldError."""
     magic = data[:2]
@@ -237,7 +232,7 @@ def load_ros_map(path: Path) -> Cells:
     if image.suffix.lower() != ".pgm":
         reason = f"{image.name} is no .pgm file"
         raise settings.refuse("image", reason, "map.pgm, and save the picture as PGM")
-    whiteness = load_pgm(image)
+    whiteness = parse_pgm(read_bytes(image, MAX_PICTURE_BYTES), str(image))
     occupancy = whiteness if negated else 1.0 - whiteness
     free = occupancy < free_below
     if not free.any():

@@ -85,7 +85,8 @@ class Score:
     def until(self, until_ns: int) -> RunScore:
         """Return the score from the first tick to the one at `until_ns`, or to the newest."""
         ticks = max(0, min(self.ticks, (until_ns - self._start_ns) // PERIOD_NS))
-        x_m, y_m, heading_rad, path_m, clearance_m = self._row(ticks)
+        row = self._rows[ticks * COLUMNS : (ticks + 1) * COLUMNS]
+        x_m, y_m, heading_rad, path_m, clearance_m = row.tolist()
         return RunScore(
             time_ns=self._start_ns + ticks * PERIOD_NS,
             ticks=ticks,
@@ -96,15 +97,8 @@ class Score:
             heading_rad=heading_rad,
             path_m=path_m,
             min_clearance_m=clearance_m,
-            digest=tuple(self._digest(ticks)),
+            digest=tuple(self._hash(ticks - ticks % HASHED, ticks).digest()),
         )
-
-    def _row(self, tick: int) -> list[float]:
-        return self._rows[tick * COLUMNS : (tick + 1) * COLUMNS].tolist()
-
-    def _digest(self, ticks: int) -> bytes:
-        """Return the SHA-256 over stamp and true pose of every tick but the first."""
-        return self._hash(ticks - ticks % HASHED, ticks).digest()
 
     def _hash(self, kept: int, ticks: int) -> "_Hash":
         """Return the hash up to a tick, from the state kept at an earlier tick."""

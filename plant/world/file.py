@@ -26,11 +26,6 @@ ADDED: Final = ("shortest_path_m", "starts", "goals", "seed", "noise_level")
 """Keys that are computed from a world or belong to one run, and are ignored when reading."""
 
 
-def is_json(text: str) -> bool:
-    """Return whether a text is JSON: TOML cannot begin with a brace."""
-    return text.lstrip().startswith("{")
-
-
 def from_json(text: str, file: str) -> World:
     """Return the world; raise WorldError, as for a world file."""
     try:
@@ -106,7 +101,7 @@ def load(path_or_name: str | Path) -> World:
 
 def loads(text: str, file: str = "world") -> World:
     """Return the world that a text describes; `file` is its name in errors. Raises WorldError."""
-    if is_json(text):
+    if text.lstrip().startswith("{"):  # TOML cannot begin with a brace
         return from_json(text, file)
     try:
         raw = table_in(text)

@@ -262,9 +262,6 @@ class Corpus(NamedTuple):
     reachable: bool | None = None
 
 
-UNKNOWN: Final = Corpus()
-
-
 def read_corpus(raw: object, at: Key, report: WorldReport) -> Corpus:
     """Return the contents of the table, and report its problems."""
     table = FileTable(raw, at, CORPUS_EXAMPLES, report)
