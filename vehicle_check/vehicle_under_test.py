@@ -216,15 +216,10 @@ class VehicleCheck:
             return bool(self.set_mode(mode) == mavlink.MAV_RESULT_ACCEPTED)
         return self.mode == mode
 
-    @property
-    def silent_s(self) -> float:
-        """How long the vehicle has sent nothing."""
-        return (self.station.now_ns - self.station.heard_ns) / NS_PER_S
-
     def is_silent(self) -> bool:
         """Wait for a vehicle that sends nothing; return True if it is gone."""
         before_ns = self.station.heard_ns
-        left_s = SILENCE_S - self.silent_s
+        left_s = SILENCE_S - (self.station.now_ns - before_ns) / NS_PER_S
         return not self.station.wait(left_s, lambda: self.station.heard_ns > before_ns)
 
     @cached_property

@@ -2,7 +2,7 @@
 
 from functools import wraps
 from math import nan
-from typing import Any, Final
+from typing import Final
 
 from runtime.units import NS_PER_MS
 from vehicle_check import row_steps
@@ -202,7 +202,9 @@ def answers(check: VehicleCheck) -> RowVerdict:
     for _ in range(check.station.tries):
         since, start_ns = check.main.mark(), check.station.now_ns
         check.main.send(check.main.command_long(NO_COMMAND))
-        ack = check.main.expect_sent("COMMAND_ACK", 1.0, _is_unknown, since)
+        ack = check.main.expect_sent(
+            "COMMAND_ACK", 1.0, lambda one: bool(one.command == NO_COMMAND), since
+        )
         if ack is not None:
             break
     late_ms = (check.station.now_ns - start_ns) / NS_PER_MS
@@ -211,10 +213,6 @@ def answers(check: VehicleCheck) -> RowVerdict:
     is_right = result == UNSUPPORTED and late_ms <= most_ms
     found.expect(is_right, f"{NO_COMMAND}: {result_name(result)} in {late_ms:.0f} ms")
     return found.verdict()
-
-
-def _is_unknown(ack: Any) -> bool:
-    return bool(ack.command == NO_COMMAND)
 
 
 @row(
