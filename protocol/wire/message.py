@@ -66,11 +66,10 @@ def _layout(line: str) -> Layout:
     return Layout(name, int(number), int(crc_extra), tuple(_field(word) for word in fields))
 
 
-def _lines() -> list[str]:
-    return LAYOUTS.replace("\n  ", " ").split("\n")[1:-1]
-
-
-LAYOUT: Final = {class_name(layout.name): layout for layout in map(_layout, _lines())}
+LAYOUT: Final = {
+    class_name(layout.name): layout
+    for layout in map(_layout, LAYOUTS.replace("\n  ", " ").split("\n")[1:-1])
+}
 
 
 class Message(msgspec.Struct, frozen=True, kw_only=True, gc=False):
