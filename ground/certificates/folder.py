@@ -84,17 +84,12 @@ def make(
             create_file(folder / f"{role}.key", pair.key, PRIVATE_FILE, written)
             text = configuration(role, robot, robots, operators)
             create_file(folder / f"{role}.toml", text.encode(), PUBLIC_MODE, written)
-        write_stop_secrets(folder, robots, operators_of(operators), written)
+        write_stop_secrets(folder, robots, [GROUND, GATEWAY, *operators], written)
     except OSError as error:
         for path in written:  # an incomplete set is useless and would block the next attempt
             path.unlink(missing_ok=True)
         raise UserError(f"{folder}: {error.strerror}: all new files were removed") from error
     return [role for role, _, _ in roles_of(robots, operators)]
-
-
-def operators_of(operators: Sequence[str]) -> list[str]:
-    """Return all operators that may stop a robot: the common ones and those with a name."""
-    return [GROUND, GATEWAY, *operators]
 
 
 def write_stop_secrets(

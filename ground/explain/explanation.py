@@ -58,21 +58,6 @@ def navigator_words(number: int) -> str:
     return word(Navigator, number, "navigator").lower()
 
 
-def mode_words(number: int) -> str:
-    """Name a mode."""
-    return word(Mode, number, "mode")
-
-
-def vehicle_words(number: int) -> str:
-    """Name a vehicle state."""
-    return word(Vehicle, number, "vehicle")
-
-
-def goal_words(number: int) -> str:
-    """Name a goal state."""
-    return word(GoalState, number, "goal")
-
-
 def word(kind: type[Navigator | Mode | Vehicle | GoalState], number: int, what: str) -> str:
     """Return the name of a number, or the number itself."""
     try:
@@ -358,7 +343,11 @@ def guard(decision: AvoidanceDecision) -> str:
 
 def state(status: NavigatorStatus) -> str:
     """Return vehicle state, mode, goal state and navigator, with the present reason."""
-    names = (vehicle_words(status.vehicle), mode_words(status.mode), goal_words(status.goal))
+    names = (
+        word(Vehicle, status.vehicle, "vehicle"),
+        word(Mode, status.mode, "mode"),
+        word(GoalState, status.goal, "goal"),
+    )
     words = f"{' '.join(names)}, {navigator_words(status.navigator)}"
     return because(words, present_reason(status))
 

@@ -200,11 +200,6 @@ def draw_trail(pen: Pen, scene: MapScene) -> None:
     pen.path(scene.trail, "trail")
 
 
-def draw_trail_end(pen: Pen, scene: MapScene, drawn: int) -> None:
-    """Draw the trail of the robot after its first `drawn` points."""
-    pen.path(scene.trail[max(0, drawn - 1) :], "trail")
-
-
 def draw_ellipse(pen: Pen, scene: MapScene) -> None:
     """Draw the uncertainty of the robot's position."""
     robot, covariance = scene.robot, scene.covariance
@@ -428,7 +423,7 @@ def draw_traces(
     if drawn is None:
         _draw(TRACES, scene, Pen(canvas, view), layers)
     elif "trail" in layers:
-        draw_trail_end(Pen(canvas, view), scene, drawn)
+        Pen(canvas, view).path(scene.trail[max(0, drawn - 1) :], "trail")
 
 
 def draw_moving(

@@ -113,12 +113,9 @@ def ending_of(path: Path) -> str:
     """Return the suffix; UserError for one that is not supported."""
     ending = path.suffix.lower()
     if ending not in ENDINGS:
-        raise UserError(f"{path}: a mission file ends in {_listed(ENDINGS)}")
+        *others, last = ENDINGS
+        raise UserError(f"{path}: a mission file ends in {', '.join(others)} or {last}")
     return ending
-
-
-def _listed(words: Sequence[str]) -> str:
-    return f"{', '.join(words[:-1])} or {words[-1]}"
 
 
 def _text(path: Path) -> str:

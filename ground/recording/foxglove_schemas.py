@@ -14,7 +14,6 @@ Point: TypeAlias = tuple[float, float]
 Colour: TypeAlias = tuple[float, float, float, float]
 FLOAT32: Final = 7
 DIGITS: Final = 4
-LINE_STRIP: Final = 0
 LINE_LOOP: Final = 1
 LINE_LIST: Final = 2
 PRIMITIVES: Final = (

@@ -285,11 +285,6 @@ def new_log(folder: Path, robot: str, started: datetime) -> LogFile:
     raise FileExistsError("a thousand logs of this second exist already")
 
 
-def sibling(log: LogFile, suffix: str) -> LogFile:
-    """Create another file of the same run with another suffix."""
-    return LogFile(log.path.with_suffix(suffix))
-
-
 TLOG_EVERY = 1
 MCAP_EVERY = 2
 """Number of rounds between two batches; longer MCAP chunks compress better."""
@@ -380,7 +375,7 @@ class DualLog:
         """Create two files of the same name; OSError when one of them cannot be created."""
         log = new_log(folder, robot, started)
         facts = build()
-        mcap = sibling(log, ".mcap")
+        mcap = LogFile(log.path.with_suffix(".mcap"))
         began_us = round(started.timestamp() * 1e6)
 
         def mcap_at(begins_us: int) -> LogFormat:
