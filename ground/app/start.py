@@ -33,7 +33,6 @@ from runtime.errors import EXIT_SIGNAL
 
 if TYPE_CHECKING:
     from ground.app.app import GroundApp
-    from ground.app.commands.runner import CommandRunner
     from ground.launch.launcher import Stack
     from ground.launch.recording_session import RecordingSession
     from ground.station.station import Station
@@ -112,6 +111,7 @@ def open_log(log: Path) -> int:
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 CHECK_S: Final = 1.0
 CLOSING_S: Final = 3.0
+ENDING_S: Final = 1.0
 SAVING: Final = Lock()
 FREEZE_AFTER_S: Final = 3.0
 """By then the app has created its permanent objects. A full collection later takes 60 ms."""
@@ -136,12 +136,14 @@ def run(
     # Textual is imported only here, so that other verbs start fast.
     from ground.app.app import GroundApp
     from ground.app.commands.local_commands import LocalCommands
+    from ground.app.commands.runner import CommandRunner
+    from ground.console.history import History
     from ground.station.station import Station
 
-    clock = WallClock()
-    stops = StopServer(link)
-    station = Station(link.bus, link.robot, clock, name=operator_name(None))
-    commands = runner_of(link, common, station, clock, keymap)
+    stops, common = StopServer(link), replace(common, robot=link.robot)
+    station = Station(link.bus, link.robot, WallClock(), name=operator_name(None), common=common)
+    station.use_remedies(key_hints(keymap))
+    commands = CommandRunner(lambda: station, common, History(state_folder() / "history"))
     app = GroundApp(station, commands, keymap, appearance, stack, recording=recording)
     app.is_first_start, app.remember_theme = is_first_start(state_folder()), remember_theme
     if lessons:
@@ -150,26 +152,12 @@ def run(
     try:
         with capture_output(state_folder() / "ground.log") as terminal:
             app.limit_frame_rate(terminal)
-            code = run_app(app)
+            code = run_app(app, station)
         print_summary(station.last_drives(), None if recording is None else recording.file)
         return code
     finally:
         stops.close()
         run_with_timeout(station.close)
-
-
-def runner_of(
-    link: Link, common: Common, station: "Station", clock: WallClock, keymap: Keymap
-) -> "CommandRunner":
-    """Return a runner of the commands of a robot, with the history of this user."""
-    from ground.app.commands.runner import CommandRunner
-    from ground.console.history import History
-
-    common = replace(common, robot=link.robot)
-    history = History(state_folder() / "history")
-    commands = CommandRunner(lambda: station, link.bus, common, clock, history)
-    commands.hints = key_hints(keymap)
-    return commands
 
 
 def print_summary(drives: Mapping[str, str], recorded: Path | None) -> None:
@@ -209,7 +197,7 @@ def run_replay(
     player.seek(at_s)
     common = Common(network=Network(), robot=player.bus.robot)
     history = History(state_folder() / "history")
-    commands = CommandRunner(lambda: player.station, None, common, clock, history)
+    commands = CommandRunner(lambda: player.station, common, history)
     app = GroundApp(None, commands, keymap, appearance, player=player)
     app.remember_theme = remember_theme
     commands.local = LocalCommands(app).do_command
@@ -218,9 +206,10 @@ def run_replay(
         return run_app(app)
 
 
-def run_app(app: "GroundApp") -> int:
+def run_app(app: "GroundApp", station: "Station | None" = None) -> int:
     """Run the app until the operator leaves or a signal ends it; raise a defect.
 
+    What the station has begun then ends, such as a drive by hand, but never late.
     A signal handler that raises would only cancel Textual's tasks, and Textual would go on.
     """
 
@@ -232,6 +221,9 @@ def run_app(app: "GroundApp") -> int:
             watch_terminal(loop, app, sys.__stdin__.fileno())
         loop.call_later(FREEZE_AFTER_S, freeze_heap)
         code = await app.run_async() or 0
+        if station is not None:
+            with suppress(TimeoutError):
+                await asyncio.wait_for(station.over(), ENDING_S)
         if app.defect is not None:
             raise app.defect
         return code

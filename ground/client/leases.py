@@ -168,11 +168,15 @@ class Leases:
         """
         if self._heartbeat is None:
             bus = self._link.bus
-            self._heartbeat = bus.publisher(OPERATOR, self._link.name)
+            publishers = [self.declare_heartbeat(), *others]
             self._link.streams.keep(STATUS, LEASE)
-            publishers = [self._heartbeat, *others]
             await self._link.in_own_thread(lambda: bus.await_matched(publishers, timeout_s=READY_S))
             self._beating = asyncio.create_task(self._beat())
+
+    def declare_heartbeat(self) -> Publisher[Heartbeat]:
+        """Let `beat` send the heartbeat, when another part of the process finds it due."""
+        self._heartbeat = self._link.bus.publisher(OPERATOR, self._link.name)
+        return self._heartbeat
 
     async def end_heartbeat(self) -> None:
         """Send no heartbeat any more."""

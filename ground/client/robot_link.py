@@ -33,7 +33,6 @@ from ground.client.streams import CLOSED, QUEUE, ClosedError, Stream, TopicStrea
 from ground.client.telemetry import Telemetry
 from protocol.bus.bus import Bus
 from protocol.bus.rights import denial
-from protocol.bus.services import ServiceQuery
 from protocol.topics import (
     COMMAND,
     DECISION,
@@ -198,26 +197,24 @@ class RobotLink:
         self, service: Service, message: Message | None, timeout_s: float
     ) -> Message | bytes:
         """Return the answer of a service of the robot; NoAnswerError has the cause without one."""
+        loop = asyncio.get_running_loop()
         steps = self.bus.requester.steps(service, message, timeout_s, self.name)
+        answer: Reply
         try:
             query = next(steps)
             while True:
-                answer = await self._reply_to(query)
+                replied: asyncio.Future[Reply] = loop.create_future()
+                self.bus.requester.send(query, partial(call_soon, loop, settle, replied))
+                try:
+                    async with asyncio.timeout(query.timeout_s + GRACE_S):
+                        answer = await replied
+                except TimeoutError:
+                    why = f"no answer within {query.patience_s:.2g} s"
+                    answer = NoAnswerError(f"{query.service.path}: {why}")
                 query = steps.throw(answer) if isinstance(answer, Exception) else steps.send(answer)
         except StopIteration as end:
             result: Message | bytes = end.value
             return result
-
-    async def _reply_to(self, query: ServiceQuery) -> Reply:
-        """Send a query; return its answer, or the error."""
-        loop = asyncio.get_running_loop()
-        replied: asyncio.Future[Reply] = loop.create_future()
-        self.bus.requester.send(query, partial(call_soon, loop, settle, replied))
-        try:
-            async with asyncio.timeout(query.timeout_s + GRACE_S):
-                return await replied
-        except TimeoutError:
-            return NoAnswerError(f"{query.service.path}: no answer within {query.patience_s:.2g} s")
 
     async def refusing_holder(self, reason: int) -> str:
         """Return the name of the lease holder if `reason` is that another one holds it, else "".

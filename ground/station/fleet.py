@@ -5,19 +5,25 @@ Robots that are long gone are replaced when there are too many.
 
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import replace
 from enum import IntEnum
 from math import isfinite
 from typing import Final, NamedTuple
 
+from ground.client.connection import Common
+from ground.client.floor import Floor, floor_in
+from ground.client.leases import Leasing
 from ground.client.status_line import PLACE_UNKNOWN, doing, knows_place
 from ground.client.telemetry import Age, AgedMessage
-from ground.station.bus_protocols import LiveBus, ReadableBus, Token
+from ground.robot import Robot
+from ground.station.bus_protocols import ReadableBus, Token
 from ground.station.link.link_monitor import HubState
 from ground.station.link.loss import Loss, LossKind
 from ground.station.robot.background_requests import RequestWorker
 from ground.station.robot.lease_state import UNKNOWN, LeaseView
 from ground.station.robot.robot_model import AddLine, RobotModel
 from ground.station.robot.robot_session import RobotSession
+from protocol.bus.bus import Bus
 from protocol.bus.network import MAX_ROBOTS
 from protocol.topics import LEASE, ODOMETRY, STATUS
 from protocol.wire.enums import GoalState, Vehicle
@@ -40,6 +46,7 @@ class Fleet:
     def __init__(
         self,
         bus: ReadableBus,
+        common: Common,
         clock: Clock,
         workers: Callable[[str], RequestWorker],
         add_line: AddLine,
@@ -49,7 +56,8 @@ class Fleet:
         self.unwatched: tuple[str, ...] = ()
         """Names of robots that are present, but too many to be watched."""
         self._bus = bus
-        self._live_bus = bus if isinstance(bus, LiveBus) else None
+        self._live_bus = bus if isinstance(bus, Bus) else None
+        self._common = common
         self._clock = clock
         self._workers = workers
         self._add_line = add_line
@@ -69,13 +77,28 @@ class Fleet:
         self.models[robot] = model
         if bus is not None:
             self.sessions[robot] = RobotSession(
-                bus,
+                self._robot(bus, robot),
                 model,
-                self._clock,
                 self._workers(f"{robot} e-stop"),
                 self._add_line,
                 self._hub_state,
             )
+
+    def _robot(self, bus: Bus, name: str) -> Robot:
+        """Return a robot whose lease, heartbeat and goals the station itself looks after."""
+
+        def floor() -> Floor | None:
+            world = self.sessions[name].link_monitor.world
+            return None if world is None else floor_in(world.text)
+
+        return Robot(
+            bus,
+            replace(self._common, robot=name),
+            clock=self._clock,
+            leasing=Leasing.NEVER,
+            follows=False,
+            floor=floor,
+        )
 
     def watch(self, present: Collection[str], now_ns: int) -> list[str]:
         """Watch the robots that are present, as far as there is room; return the new ones."""

@@ -6,10 +6,10 @@ from queue import SimpleQueue
 from typing import Final, NamedTuple
 
 from ground.client.parameter import Parameter, parameters_in
-from ground.station.bus_protocols import LiveBus
 from ground.station.robot.background_requests import JobResult, RequestWorker
 from ground.station.robot.mission_items import DownloadedItems, downloaded
 from ground.station.world import WorldFacts, parse_world
+from protocol.bus.bus import Bus
 from protocol.bus.network import Hub
 from protocol.topics import PARAMETER, PARAMETERS, WORLD
 from protocol.wire.enums import MissionType
@@ -64,7 +64,7 @@ class Reader:
     `watches_only`.
     """
 
-    def __init__(self, bus: LiveBus, clock: Clock, robot: str) -> None:
+    def __init__(self, bus: Bus, clock: Clock, robot: str) -> None:
         self.asked = 0
         """Number of requests for the parameters since they were last wanted."""
         self.asked_ns = 0

@@ -1,17 +1,19 @@
 """Define the ground station without a screen: poll it, then read the state of its robots."""
 
-from collections.abc import Callable, Collection
+import asyncio
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from time import monotonic, time_ns
 from typing import Any, Final
 
+from ground.client.connection import Common
 from ground.client.parameter import Parameter, parameters_in
 from ground.client.presence import PresentProcesses, present_processes
 from ground.client.status_line import knows_place
 from ground.client.telemetry import Age, AgedMessage, Telemetry
 from ground.map.scene import MapScene, MapTarget
-from ground.station.bus_protocols import LiveBus, ReadableBus
+from ground.station.bus_protocols import ReadableBus
 from ground.station.fleet import Fleet, RosterEntry, name_key, roster_of
 from ground.station.history.decision_history import Moment
 from ground.station.history.event_log import EventLog, LogLine
@@ -19,15 +21,16 @@ from ground.station.history.goal_progress import GoalProgress
 from ground.station.history.time_series import MessageSeries, SeriesTable
 from ground.station.link.loss import Loss
 from ground.station.link.streams import StreamRow
-from ground.station.robot.background_requests import Job, RequestThread, RequestWorker
-from ground.station.robot.command_queue import CommandQueue
+from ground.station.robot.background_requests import RequestThread, RequestWorker
+from ground.station.robot.command_queue import Begin, CommandQueue, Given, QueuedCommand
 from ground.station.robot.lease_state import UNKNOWN, LeaseView, lease_from
 from ground.station.robot.robot_model import RobotModel
 from ground.station.robot.robot_session import RobotSession
 from ground.station.robot.robot_stop import StopRecord
 from ground.station.scene import others_of, scene_of, without_place
 from ground.station.world import WorldFacts, parse_world
-from protocol.bus.network import MAX_ROBOTS
+from protocol.bus.bus import Bus
+from protocol.bus.network import MAX_ROBOTS, Network
 from protocol.topics import (
     LEASE,
     ODOMETRY,
@@ -65,9 +68,9 @@ PROCESSES: Final = frozenset((Role.ROBOT.value, Role.PLANT.value))
 class Station:
     """Everything an operator sees of one or several robots, with the operations to command them.
 
-    No method waits: requests run in threads, and their results are in the log after a later `poll`.
-    All methods are called from one thread. With a bus that only receives (a played recording) the
-    station only shows; after a jump back in the recording, create a new station.
+    No method waits: commands are carried out by the event loop that calls `poll`, and their results
+    are in the log. All methods are called from one thread. With a bus that only receives (a played
+    recording) the station only shows; after a jump back in the recording, create a new station.
     """
 
     answer: LogLine | None = None
@@ -81,21 +84,23 @@ class Station:
         world: WorldFacts | None = None,
         *,
         name: str = "operator",
+        common: Common | None = None,
         workers: Callable[[str], RequestWorker] = RequestThread,
+        begin: Begin = asyncio.create_task,
     ) -> None:
         """Create a station; `name` is shown to others while it holds a lease."""
-        self.log = EventLog(began_s=time_ns() / NS_PER_S if isinstance(bus, LiveBus) else None)
+        self.log = EventLog(began_s=time_ns() / NS_PER_S if isinstance(bus, Bus) else None)
         self._bus = bus
         self._clock = clock
         self._robot = robot
         self._given_world = world
         self._began_ns = self._now_ns = clock.now_ns()
         self._present = PresentProcesses(frozenset())
-        self._fleet = Fleet(bus, clock, workers, self._add_line)
+        common = common or Common(network=Network(), robot=robot)
+        self._fleet = Fleet(bus, common, clock, workers, self._add_line)
         self._ended: frozenset[tuple[str, str]] = frozenset()
-        self._worker = workers("requests")
-        self._commanding = CommandQueue(bus, clock, self._worker, self.note, name)
-        if isinstance(bus, LiveBus):
+        self._commanding = CommandQueue(clock, begin, self.note, name)
+        if isinstance(bus, Bus):
             bus.watch(lambda _who, _came: None)
         self.select(robot)
 
@@ -112,17 +117,16 @@ class Station:
         self._present = present_processes(present)
         self._watch(now_ns)
         self._fleet.poll(present, self._robot, now_ns)
-        self._commanding.poll(now_ns)
+        self._commanding.poll()
         for session in self._fleet.sessions.values():
             session.beat(now_ns)
 
     def close(self) -> None:
         """Give the lease back and end the threads, within 2 s; call it in a thread."""
         deadline_s = monotonic() + CLOSING_S
-        self._worker.close(deadline_s - CLOSING_S / 2)
-        for robot, session in self._fleet.sessions.items():
+        for session in self._fleet.sessions.values():
             if session.holding.is_used:
-                self._commanding.leave(robot, session.holding)
+                self._commanding.leave(session)
         self._fleet.close(deadline_s)
 
     @property
@@ -448,27 +452,34 @@ class Station:
             return REPLAYED
         return self._session.refusal() if moves else ""
 
-    def submit(self, words: str, job: Job, *, moves: bool = True) -> bool:
-        """Run a request in a thread; return False with the reason in the log if it is rejected.
+    def submit(self, words: str, command: QueuedCommand, *, moves: bool = True) -> bool:
+        """Perform a command; return False with the reason in the log if it is rejected.
 
-        One request is pending at a time, and a few can wait. A request that `moves` the robot
-        takes the lease first. The result is a line in the log.
+        One is pending at a time, and a few can wait. One that `moves` the robot takes the lease
+        first. The result is a line in the log.
         """
         why, session = self.refusal(moves=moves), self._session
         if why or session is None:
             self.note(f"refused: {words}: {why}", Severity.WARNING)
             return False
-        refusal = session.refusal if moves else None
-        return self._commanding.submit(words, self._robot, session.holding, job, refusal)
+        return self._commanding.submit(Given(words, session, command, moves))
+
+    async def over(self) -> None:
+        """Wait until no command is pending."""
+        await self._commanding.over()
+
+    def use_remedies(self, hints: Mapping[int, str]) -> None:
+        """Name these remedies of refusals, by reason, such as the keys of the app."""
+        self._commanding.hints = hints
 
     @property
     def busy(self) -> str:
-        """Words of the pending request."""
+        """Words of the pending command."""
         return self._commanding.busy
 
     @property
     def last_command(self) -> str:
-        """The last request and its result."""
+        """The last command and its result."""
         return self._commanding.last
 
     def estop(self, robot: str = "") -> None:
@@ -523,7 +534,7 @@ class Station:
         if self._session is None:
             self.note(REPLAYED, Severity.WARNING)
         else:
-            self._commanding.lease(self._robot, self._session.holding, action)
+            self._commanding.lease(self._session, action)
 
     def reread(self) -> None:
         """Read state, parameters and lease again, as after a loss."""

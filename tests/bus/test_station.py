@@ -4,27 +4,21 @@ import threading
 from collections.abc import Callable, Iterator
 from statistics import median
 from time import monotonic, thread_time
+from typing import Any
 
 import pytest
 
 from checks.harness.messages import make
 from checks.harness.relays import TcpProxy
-from ground.blocking import perform
 from ground.client.connection import Common
-from ground.client.link import Link
-from ground.client.session import Session
 from ground.console.app_commands import AppCommand
 from ground.console.parser import read
 from ground.station import fleet
 from ground.station.link.loss import LossKind
-from ground.station.robot.background_requests import Job, JobResult
-from ground.station.station import Station
-from protocol.bus.bus import Bus
 from protocol.bus.network import MAX_ROBOTS
 from protocol.topics import COMMAND, LEASE_SERVICE, ODOMETRY, STATUS, STOP, TOPICS, Role
 from protocol.wire.enums import AckResult, Command, LeaseAction, Mode, Vehicle
 from protocol.wire.messages import CommandAck, CommandRequest, LeaseRequest
-from runtime.clock import WallClock
 from tests.support.ground.station import Robot
 from tests.support.networks import Net, net
 from tests.support.stacks import Lively, Watching
@@ -34,24 +28,16 @@ from tests.support.until import PATIENCE_S, until
 pytestmark = pytest.mark.stack
 
 
-def typed(seen: Watching, words: str) -> Job:
-    """Run `words` as the app's command line does, over the bus of the station."""
-    bus = seen.station._bus
-    assert isinstance(bus, Bus)
+def typed(words: str) -> Any:
+    """Return the command of `words`, as they are typed in the app."""
     operation = read(words)
     assert not isinstance(operation, AppCommand)
-
-    def job() -> JobResult:
-        link = Link(bus, Common(network=bus.network, robot="r1"), WallClock())
-        outcome = perform(operation, Session(link, attended=True))
-        return JobResult(outcome.ok, outcome.text)
-
-    return job
+    return operation
 
 
 def done(seen: Watching, words: str, *, moves: bool = True) -> str:
     """Type it, and wait for what comes of it."""
-    assert seen.station.submit(words, typed(seen, words), moves=moves)
+    assert seen.station.submit(words, typed(words), moves=moves)
     seen.until(lambda: not seen.station.busy)
     return seen.station.last_command
 
@@ -96,12 +82,12 @@ def test_two_stations_one_commands_and_the_other_may_still_stop_it() -> None:
         done(anna, "arm")
 
         def bens() -> bool:
-            anna.station.poll()
+            anna.turn()
             return ben.station.lease.others
 
         ben.until(bens)
         assert ben.station.lease.name == "anna"
-        assert not ben.station.submit("arm", typed(ben, "arm"))
+        assert not ben.station.submit("arm", typed("arm"))
         assert done(ben, "hold", moves=False).startswith("hold: ok ")
         ben.station.estop()
         ben.until(lambda: ben.station.log.find("E-STOP acknowledged by r1 after"))
@@ -121,13 +107,13 @@ def test_two_programs_of_one_person_share_the_lease() -> None:
         first.until(lambda: stack.vehicle.state.machine.mode == Mode.GUIDED)
 
         def settled() -> bool:
-            first.station.poll()
+            first.turn()
             return second.station.ready and not second.station.busy
 
         second.until(settled)
         assert second.station.lease.ours
         assert second.station.loss() is None
-        assert second.station.submit("goal 3 2", typed(second, "goal 3 2"))
+        assert second.station.submit("goal 3 2", typed("goal 3 2"))
         second.until(settled)
         assert second.station.last_command.startswith("goal 3 2: ok ")
         first.until(lambda: first.station.log.find("r1: goal 5.0 2.0 replaced by the goal 3.0 2.0"))
@@ -213,11 +199,11 @@ def network() -> Iterator[Net]:
 
 @pytest.fixture
 def watching(network: Net) -> Iterator[Watching]:
-    station = Station(network.ground, "r1", WallClock())
+    seen = Watching(network.ground, Common(network=network.ground.network, robot="r1"), "anna")
     try:
-        yield Watching(station)
+        yield seen
     finally:
-        station.close()
+        seen.close()
 
 
 def names(seen: Watching) -> list[str]:

@@ -9,10 +9,12 @@ import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager, suppress
+from contextvars import ContextVar
 from dataclasses import replace
 from pathlib import Path
 from threading import Event, Thread
 from types import FrameType
+from typing import Any
 
 import pytest
 
@@ -22,6 +24,7 @@ from ground.app.commands.runner import CommandRunner
 from ground.client.connection import Common, given
 from ground.client.emergency_stop import FRESH_NS, EmergencyStop, StopWays
 from ground.client.link import Link, open_link
+from ground.client.robot_link import RobotLink
 from ground.client.stop_datagrams import StopDatagrams
 from ground.client.stop_ways import (
     MOST_BYTES,
@@ -35,8 +38,8 @@ from ground.client.stop_ways import (
 from ground.commands.all_robots import StopAll
 from ground.commands.stop import StopNow
 from ground.console.history import History
-from ground.station.robot.background_requests import RequestThread
-from protocol.bus.bus import Bus
+from ground.station.station import Station
+from protocol.bus.network import Network
 from protocol.bus.services import Requester, ServiceQuery
 from protocol.stop_datagram import OPEN_SECRET, press_in, sealed_answer
 from protocol.topics import COMMAND
@@ -348,40 +351,54 @@ def calls(frame: FrameType | None) -> list[str]:
     return found
 
 
+PATH: ContextVar[tuple[str, ...]] = ContextVar("PATH", default=())
+"""The calls that led to the present task."""
+
+
+@contextmanager
+def handed_over(name: str) -> Iterator[None]:
+    """Let the tasks that begin now know the calls that led to them."""
+    found = calls(sys._getframe(3))
+    before = found[: found.index(ACTION) + 1] if ACTION in found else found
+    token = PATH.set((*PATH.get(), *reversed(before), name))
+    try:
+        yield
+    finally:
+        PATH.reset(token)
+
+
 def test_key_reaches_the_bus_in_fifteen_calls(monkeypatch: pytest.MonkeyPatch) -> None:
-    to_thread: list[str] = []
     to_bus: list[str] = []
-    start, put = RequestThread.start, Requester._put
+    submit, uninterrupted, send = Station.submit, RobotLink.uninterrupted, Requester.send
 
-    def started(self: RequestThread, job: object) -> bool:
-        found = calls(sys._getframe().f_back)
-        if not to_bus and ACTION in found:  # outside of it is only what brings keys into order
-            to_thread[:] = [*found[: found.index(ACTION) + 1], "start"]
-        return start(self, job)  # type: ignore[arg-type]
+    def submitted(self: Station, *given: Any, **how: Any) -> bool:
+        with handed_over("submit"):
+            return submit(self, *given, **how)
 
-    def asked(self: Requester, query: ServiceQuery) -> object:
-        if query.service is COMMAND:
-            to_bus[:] = [*calls(sys._getframe().f_back), "put"]
-        return put(self, query)
+    async def begun(self: RobotLink, *given: Any) -> Any:
+        with handed_over("uninterrupted"):
+            return await uninterrupted(self, *given)
 
-    monkeypatch.setattr(RequestThread, "start", started)
-    monkeypatch.setattr(Requester, "_put", asked)
+    def asked(self: Requester, query: ServiceQuery, done: Any) -> None:
+        if query.service is COMMAND and not to_bus and ACTION in PATH.get():
+            to_bus[:] = [*PATH.get(), *reversed(calls(sys._getframe().f_back)), "send"]
+        send(self, query, done)
+
+    monkeypatch.setattr(Station, "submit", submitted)
+    monkeypatch.setattr(RobotLink, "uninterrupted", begun)
+    monkeypatch.setattr(Requester, "send", asked)
     with Lively() as stack, stack.going(), watching(stack) as seen:
         seen.until_ready()
-        bus = seen.station._bus
-        assert isinstance(bus, Bus)
-        common = Common(network=bus.network, robot="r1")
-        clock = WallClock()
-        commands = CommandRunner(lambda: seen.station, bus, common, clock, History())
+        common = Common(network=Network(), robot="r1")
+        commands = CommandRunner(lambda: seen.station, common, History())
         app = GroundApp(seen.station, commands, None, Appearance(hz=0.0))
 
         async def press() -> None:
             async with app.run_test() as pilot, asyncio.timeout(PATIENCE_S):
                 await pilot.press("h")
-                while not to_bus:
+                while not to_bus or seen.station.busy:
                     await pilot.pause(0.02)
 
         asyncio.run(press())
-        seen.until(lambda: not seen.station.busy)
-    assert to_thread
-    assert len(to_thread) + len(to_bus) <= LIMIT, " ".join(to_thread + to_bus)
+    assert to_bus[0] == ACTION
+    assert len(to_bus) <= LIMIT, " ".join(to_bus)

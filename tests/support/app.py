@@ -24,10 +24,14 @@ from ground.app.input.keymap import Keymap
 from ground.app.screens.drive import DriveScreen
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import words_of
+from ground.blocking import BlockingRobot, run_blocking
+from ground.client.connection import Common
+from ground.client.floor import floor_in
+from ground.client.link import Link
 from ground.client.outcomes import Outcome
 from ground.client.parameter import Parameter
 from ground.client.presence import PresentProcesses
-from ground.client.session import Operation
+from ground.client.session import Operation, Session
 from ground.client.telemetry import Age, AgedMessage
 from ground.console.app_commands import AppCommand
 from ground.console.completion import Assistance, Candidate, assist
@@ -44,10 +48,12 @@ from ground.station.history.goal_progress import GoalProgress
 from ground.station.link.loss import Loss
 from ground.station.link.streams import StreamRow
 from ground.station.robot.background_requests import JobResult
+from ground.station.robot.command_queue import Ended, QueuedCommand
 from ground.station.robot.lease_state import LeaseView
 from ground.station.robot.robot_stop import StopRecord
 from ground.station.station import Station
 from ground.station.world import WorldFacts
+from protocol.bus.network import Network
 from protocol.topics import (
     CYCLE,
     DECISION,
@@ -79,6 +85,7 @@ from protocol.wire.reasons import Reason
 from protocol.world import run_in
 from runtime import files
 from runtime.clock import ManualClock
+from runtime.errors import RemoteError, UserError
 from runtime.units import NS_PER_MS as MS
 from runtime.units import NS_PER_S as S
 from runtime.units import PERIOD_MS
@@ -105,6 +112,8 @@ class FakeStation(Station):
     restarted_now: str
     restart_cause_now: str
     last_command_now: str
+    robot_bus: PlayedBus | None = None
+    """That of the robot, if it is not that of the station."""
 
     def __init__(self, clock: ManualClock | None = None) -> None:
         self.clock = clock or ManualClock(100 * S)
@@ -212,11 +221,23 @@ class FakeStation(Station):
     def refusal(self, *, moves: bool = True) -> str:
         return "" if self.ready or not moves else "no message from the robot for 2.0 s"
 
-    def submit(self, words: str, job: Callable[[], JobResult], *, moves: bool = True) -> bool:
+    def submit(self, words: str, command: QueuedCommand, *, moves: bool = True) -> bool:
         self.asked.append(words)
         why = self.refusal(moves=moves)
-        self.note(f"{words}: {why or job().text}")
+        self.note(f"{words}: {why or self.end_of(command).text}")
         return not why
+
+    def end_of(self, command: QueuedCommand) -> Ended:
+        """Perform a command on the robot that is shown."""
+        common = Common(network=Network(), robot=self.robot)
+        link = Link(self.robot_bus or self.bus, common, self.clock)
+        world = self.world
+        floor = None if world is None else floor_in(world.text)
+        robot = BlockingRobot(Session(link, attended=True, floor=lambda: floor))
+        try:
+            return run_blocking(command.perform(robot))
+        except (RemoteError, UserError) as error:
+            return JobResult(False, str(error))
 
     def estop(self, robot: str = "") -> None:
         self.stops += 1

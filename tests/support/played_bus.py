@@ -1,8 +1,8 @@
 """Buses that a test plays: no sockets, no threads; mailboxes hold what the test puts in."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from protocol.bus.bus import Bus, Presence
 from protocol.bus.mailbox import Mailbox, Sample
@@ -44,6 +44,16 @@ class PlayedPublisher:
             self.heard(message)
 
 
+class PlayedQuery(NamedTuple):
+    """A query of a played bus."""
+
+    service: Service
+    message: Message | None
+    timeout_s: float
+    patience_s: float
+    robot: str
+
+
 class PlayedBus(Bus):
     """`say` publishes for other processes; `answers` has the reply of each service, by path.
 
@@ -61,6 +71,7 @@ class PlayedBus(Bus):
 
     def __init__(self, clock: ManualClock) -> None:
         self._clock = clock
+        self.requester: Any = self
         self._now_ns = clock.now_ns
         self._boxes: list[tuple[str, Mailbox[Any]]] = []
         self._handlers: list[tuple[str, str, Handler]] = []
@@ -185,6 +196,21 @@ class PlayedBus(Bus):
         if answer is None:
             raise NoAnswerError(f"{service.path}: no process serves it")
         return answer(message)
+
+    def steps(
+        self, service: Service, message: Message | None, timeout_s: float, robot: str
+    ) -> Iterator["PlayedQuery"]:
+        return (yield PlayedQuery(service, message, timeout_s, timeout_s, robot))
+
+    def send(self, query: "PlayedQuery", done: Callable[[object], object]) -> None:
+        """Answer at once."""
+        try:
+            answer: object = self.ask(
+                query.service, query.message, query.timeout_s, robot=query.robot
+            )
+        except NoAnswerError as error:
+            answer = error
+        done(answer)
 
     def publisher(self, topic: Topic[Any], robot: str | None = None) -> Any:
         publisher = PlayedPublisher(topic.path, self.sent)

@@ -1,7 +1,8 @@
 """The stack in one process: driven tick by tick or on its own, with its operators."""
 
+import asyncio
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager
 from math import nan
 from typing import Any, Final
@@ -15,7 +16,7 @@ from ground.client.connection import Common
 from ground.client.vocabulary import Remedies
 from ground.station.link.loss import LossKind
 from ground.station.station import Station
-from protocol.bus.bus import open_bus
+from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
 from protocol.topics import (
     COMMAND,
@@ -115,16 +116,39 @@ class Paced(Lively):
 
 
 class Watching:
-    """A station with a link of its own, polled by the waiting test."""
+    """A station with a link and an event loop of its own, polled by the waiting test."""
 
-    def __init__(self, station: Station) -> None:
-        self.station = station
+    def __init__(self, bus: Bus, common: Common, name: str) -> None:
+        self.loop = asyncio.new_event_loop()
+        self.station = Station(
+            bus, common.robot, WallClock(), name=name, common=common, begin=self._begin
+        )
+
+    def _begin(self, work: Coroutine[Any, Any, None]) -> object:
+        """Begin a command in the loop that runs: that of the app, if there is one."""
+        try:
+            return asyncio.create_task(work)
+        except RuntimeError:
+            return self.loop.create_task(work)
+
+    def turn(self) -> None:
+        """Let the loop do what it can do now, and poll."""
+        self.loop.call_soon(self.loop.stop)
+        self.loop.run_forever()
+        self.station.poll()
+
+    def close(self) -> None:
+        self.station.close()
+        for task in asyncio.all_tasks(self.loop):
+            task.cancel()
+        self.turn()
+        self.loop.close()
 
     def until(self, condition: Callable[[], object], within_s: float = PATIENCE_S) -> float:
         """Poll until it holds; how long that took."""
 
         def met() -> object:
-            self.station.poll()
+            self.turn()
             return condition()
 
         return until(met, within_s, lambda: "\n".join(map(str, self.station.log)), POLL_S)
@@ -158,11 +182,11 @@ def watching(
     hub, prefix = endpoint or stack._hub, stack._prefix
     network = Network(mode="client", connect=(hub,), prefix=prefix, person=name)
     with open_bus(network, Role.GROUND, "r1") as bus:
-        station = Station(bus, "r1", WallClock(), name=name)
+        seen = Watching(bus, Common(network=network, robot="r1"), name)
         try:
-            yield Watching(station)
+            yield seen
         finally:
-            station.close()
+            seen.close()
 
 
 def dials(stack: Lively, monkeypatch: pytest.MonkeyPatch) -> list[str]:

@@ -30,7 +30,6 @@ from protocol.topics import STATUS
 from protocol.wire.enums import Vehicle
 from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
-from runtime.errors import UserError
 from tests.support.app import (
     STOP_ID,
     FakeCommandSink,
@@ -52,7 +51,7 @@ ELSEWHERE = "tcp/10.0.0.7:7447"
 def command_runner(endpoint: str = DEFAULT_ENDPOINT) -> tuple[CommandRunner, FakeStation]:
     station = driving(FakeStation())
     common = Common(network=Network(mode="client", connect=(endpoint,)), robot="r1")
-    return CommandRunner(lambda: station, None, common, ManualClock(), History()), station
+    return CommandRunner(lambda: station, common, History()), station
 
 
 def log(station: FakeStation) -> str:
@@ -108,10 +107,10 @@ def test_a_release_of_all_names_the_stops_that_are_shown() -> None:
     runner, station = command_runner()
     given: list[Any] = []
     station.all_stops_known = lambda: (("r1", (8,)), ("r2", (9, 10)))  # type: ignore[method-assign]
-    station.submit = lambda _, job, **__: bool(given.append(job))  # type: ignore
+    station.submit = lambda _, command, **__: bool(given.append(command))  # type: ignore
     runner.run_line("clear-estop --all")
-    (job,) = given
-    assert job.args[0].stop_ids == (("r1", (8,)), ("r2", (9, 10)))
+    (command,) = given
+    assert command.stop_ids == (("r1", (8,)), ("r2", (9, 10)))
 
 
 @each("typed", [False, True])
@@ -121,7 +120,8 @@ def test_a_release_names_the_stop_that_is_shown(typed: bool) -> None:
     bus.say(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=8))
     station = stopped(Vehicle.EMERGENCY_STOP)
     common = Common(network=Network(mode="client", connect=(ELSEWHERE,)), robot="r1")
-    runner = CommandRunner(lambda: station, bus, common, ManualClock(), History())
+    station.robot_bus = bus
+    runner = CommandRunner(lambda: station, common, History())
     if typed:
         runner.run_line("clear-estop")
     else:
@@ -135,7 +135,8 @@ def test_a_release_may_name_the_last_stop_of_this_station() -> None:
     station = stopped(Vehicle.EMERGENCY_STOP)
     station.last_stop_now = StopRecord(21, station.clock.now_ns(), None)
     common = Common(network=Network(mode="client", connect=(ELSEWHERE,)), robot="r1")
-    runner = CommandRunner(lambda: station, bus, common, ManualClock(), History())
+    station.robot_bus = bus
+    runner = CommandRunner(lambda: station, common, History())
     runner.run_line("clear-estop")
     assert [request.stop_id for request in bus.requests] == [STOP_ID, 21]
 
@@ -206,12 +207,9 @@ def test_waypoint_outside_the_world_is_not_drafted() -> None:
 def test_goal_outside_the_world_is_refused_before_it_is_sent(line: str) -> None:
     runner, station = command_runner()
     station.world_now = parse_world(WORLD_TEXT)
-    operation = read(line)
-    assert not isinstance(operation, AppCommand)
-    bus = ScriptedBus(ManualClock(), ())
-    runner._bus = bus
-    with pytest.raises(UserError, match="outside the world box"):
-        runner._done(operation)
+    bus = station.robot_bus = ScriptedBus(ManualClock(), ())
+    runner.run_line(line)
+    assert "outside the world box" in log(station)
     assert bus.requests == []
 
 
@@ -230,6 +228,7 @@ def test_lines_are_recalled_and_completed() -> None:
 
 def test_teleop_is_refused_in_a_replay() -> None:
     runner, station = command_runner()
+    station.live_now = False
     runner.steer(1.0, 1.0)
     assert not runner.begin_teleop()
     assert REPLAYED in log(station)

@@ -9,10 +9,12 @@ import pytest
 from ground.app.commands.local_commands import LocalCommands
 from ground.app.commands.runner import CommandRunner
 from ground.app.commands.undo import MAX_CHANGES, Change, UndoList, inverse_of
+from ground.blocking import run_blocking
 from ground.client.connection import Common
-from ground.client.outcomes import Accepted
+from ground.client.outcomes import Outcome
 from ground.client.parameter import Parameter
 from ground.client.parameters import ParameterChanged, Parameters, ParametersLoaded
+from ground.client.session import Operation
 from ground.commands.fence import ClearFence, FenceShown, SetFence
 from ground.commands.hold import Hold
 from ground.commands.param import ResetParameter, SetParameter
@@ -20,13 +22,11 @@ from ground.console.app_commands import CopyText
 from ground.console.history import History
 from ground.missions.draft import EMPTY
 from ground.missions.mission import Circle
-from ground.station.robot.background_requests import JobResult
+from ground.station.robot.command_queue import QueuedCommand
 from protocol.bus.network import Network
 from protocol.options import DEFAULT_ENDPOINT
-from runtime.clock import ManualClock
 from runtime.errors import UserError
 from tests.support.app import FakeStation, driving, parameter, staged
-from tests.support.ground.client import Stage
 
 CIRCLE = Circle(x_m=1.0, y_m=2.0, radius_m=3.0)
 
@@ -53,8 +53,6 @@ class RobotStub:
         monkeypatch.setattr(Parameters, "fetch", fetch)
         monkeypatch.setattr(Parameters, "_change", change)
         monkeypatch.setattr(Parameters, "_restore", restore)
-        link = Stage().link
-        monkeypatch.setattr(CommandRunner, "_link", lambda runner, robot: link)
 
     def change(self, name: str, value: float) -> ParameterChanged:
         if value > 5.0:
@@ -81,7 +79,7 @@ class RobotStub:
 def command_runner() -> tuple[CommandRunner, FakeStation]:
     station = driving(FakeStation())
     common = Common(network=Network(mode="client", connect=(DEFAULT_ENDPOINT,)), robot="r1")
-    return CommandRunner(lambda: station, None, common, ManualClock(), History()), station
+    return CommandRunner(lambda: station, common, History()), station
 
 
 def log(station: FakeStation) -> str:
@@ -140,37 +138,19 @@ def test_undo_takes_back_the_change_that_is_under_way(monkeypatch: pytest.Monkey
     runner, station = command_runner()
     robot = RobotStub(station, monkeypatch)
     runner.run_line("set d_obs_m 0.5")
-    waiting: list[Callable[[], JobResult]] = []
+    waiting: list[QueuedCommand] = []
     monkeypatch.setattr(FakeStation, "busy", property(lambda station: "set" if waiting else ""))
 
-    def submit(words: str, job: Callable[[], JobResult], *, moves: bool = True) -> bool:
-        waiting.append(job)
+    def submit(words: str, command: QueuedCommand, *, moves: bool = True) -> bool:
+        waiting.append(command)
         return True
 
     monkeypatch.setattr(station, "submit", submit)
     for line in ("set d_obs_m 0.7", "undo", "wp add 1 2", "undo"):
         runner.run_line(line)
-    texts = [job().text for job in waiting]
+    texts = [station.end_of(command).text for command in waiting]
     assert [value for _, value in robot.set] == [0.5, 0.7, 0.5]
     assert texts[2].startswith("undone: wp add 1 2")
-
-
-def test_command_is_for_the_robot_that_was_shown(monkeypatch: pytest.MonkeyPatch) -> None:
-    runner, station = command_runner()
-    asked: list[str] = []
-    waiting: list[Callable[[], JobResult]] = []
-
-    def submit(words: str, job: Callable[[], JobResult], *, moves: bool = True) -> bool:
-        waiting.append(job)
-        return True
-
-    monkeypatch.setattr(CommandRunner, "_link", lambda runner, robot: asked.append(robot))
-    monkeypatch.setattr(Hold, "perform", lambda operation, session: Accepted(0))
-    monkeypatch.setattr(station, "submit", submit)
-    runner.run_line("hold")
-    station.robot_now = "r2"
-    assert waiting[0]().ok
-    assert asked == ["r1"]
 
 
 def test_refused_change_cannot_be_undone(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -254,17 +234,23 @@ def test_draft_is_restored_after_clearing_it() -> None:
 def test_fence_returns_to_what_the_robot_had(
     before: Circle | None, back: object, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ground.app.commands.undo.ShowFence.perform", lambda *_: FenceShown(before))
-    session: Any = None
-    assert inverse_of(ClearFence(), (), session) == back
+    async def perform(*_: object) -> FenceShown:
+        return FenceShown(before)
+
+    monkeypatch.setattr("ground.app.commands.undo.ShowFence.perform", perform)
+    assert inverse(ClearFence()) == back
+
+
+def inverse(operation: Operation[Outcome], known: Sequence[Parameter] = ()) -> object:
+    robot: Any = None
+    return run_blocking(inverse_of(operation, known, robot))
 
 
 def test_unknown_value_cannot_be_restored() -> None:
-    session: Any = None
-    assert inverse_of(SetParameter(name="d_obs_m", value=1.0), (), session) is None
-    assert inverse_of(Hold(), (), session) is None
+    assert inverse(SetParameter(name="d_obs_m", value=1.0)) is None
+    assert inverse(Hold()) is None
     known = [parameter("d_obs_m", 0.3, 0.4, "")]
-    back = inverse_of(ResetParameter(name="d_obs_m"), known, session)
+    back = inverse(ResetParameter(name="d_obs_m"), known)
     assert back == SetParameter(name="d_obs_m", value=0.4)
 
 

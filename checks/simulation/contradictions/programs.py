@@ -31,14 +31,13 @@ from checks.simulation.hosts.virtual_time import (
 )
 from gateways.mavlink.mavlink_dialect import mavlink
 from ground.app.stops.band import BandKeys, stop_band
-from ground.blocking import perform
 from ground.cli import operate
 from ground.client.connection import Common
 from ground.client.goal import destination
 from ground.client.lease_holder import operator_name
-from ground.client.link import Link, open_link
-from ground.client.outcomes import Outcome, Refused
-from ground.client.session import Operation, Session
+from ground.client.link import open_link
+from ground.client.outcomes import Outcome
+from ground.client.session import Operation
 from ground.client.vocabulary import HINTS
 from ground.commands.abort import Abort
 from ground.commands.arm import Arm
@@ -55,7 +54,6 @@ from ground.launch.fleet_run import FleetRun, goal_runs_of
 from ground.launch.scenario import Scenario, ScenarioRobot
 from ground.missions.mission import Mission, Waypoint
 from ground.robot import Robot, connect
-from ground.station.robot.background_requests import JobResult
 from ground.station.station import Station
 from ground.text.status_parts import Part, in_words
 from protocol.bus.bus import Bus, open_bus
@@ -376,6 +374,21 @@ CELLS: Final[dict[str, Callable[..., Coroutine[Any, Any, Any]]]] = {
 }
 
 
+class Typed(NamedTuple):
+    """A command that a person has typed, whose outcome is noted."""
+
+    command: Operation[Outcome]
+    deed: Deed
+    journal: Journal
+
+    async def perform(self, robot: Robot) -> Outcome:
+        """Perform it."""
+        command: Any = self.command
+        outcome: Outcome = await command.perform(robot)
+        self.journal.end(self.deed, outcome)
+        return outcome
+
+
 class App(PersonsProgram):
     """The ground station without its screen: it shows lease, loss, band and log."""
 
@@ -388,16 +401,20 @@ class App(PersonsProgram):
 
     def _main(self) -> None:
         common, clock = common_here(), SimulatedClock()
-        bus = open_bus_here(common.network, Role.GROUND, "r1")
-        live: Any = bus
-        station = self.station = Station(live, "r1", clock, name=operator_name(None))
-        self._common, self._clock, self._bus = common, clock, bus
+        bus = self._bus = open_bus_here(common.network, Role.GROUND, "r1")
+        name = operator_name(None)
+        station = self.station = Station(bus, "r1", clock, name=name, common=common)
+        station.use_remedies(HINTS)
         self._shown: dict[str, object] = {}
         self._lines, self._since_ns, self._vehicle = 0, None, None
+        self._loop = SimulatedLoop()
+        self._loop.run(self._polling(station))
+
+    async def _polling(self, station: Station) -> None:
         while True:
             station.poll()
             self._tell(station)
-            clock.sleep_until(clock.now_ns() + POLL_NS)
+            await asyncio.sleep(POLL_NS / NS_PER_S)
 
     def do(self, verb: str, arguments: Arguments) -> None:
         """Type a command."""
@@ -405,7 +422,7 @@ class App(PersonsProgram):
         if station is None or not self.host.alive:
             return
         deed = self.journal.begin(self.name, verb, arguments)
-        self.host.call(self._type, station, deed)
+        self.host.call(self._loop.call_soon_threadsafe, self._type, station, deed)
 
     def _type(self, station: Station, deed: Deed) -> None:
         if deed.verb == "estop":
@@ -420,15 +437,8 @@ class App(PersonsProgram):
                 operation = operation_of(verb, deed.arguments if verb != "start" else ())
                 if isinstance(operation, ClearEmergencyStop):
                     operation = replace(operation, stop_ids=station.stops_known("r1"))
-                job = partial(self._perform, operation, deed)
-                station.submit(str(deed), job, moves=operation.moves)
-
-    def _perform(self, operation: Operation[Outcome], deed: Deed) -> JobResult:
-        link = Link(self._bus, self._common, self._clock)
-        outcome = perform(operation, Session(link, attended=True))
-        self.journal.end(deed, outcome)
-        text = outcome.in_words(HINTS) if isinstance(outcome, Refused) else outcome.text
-        return JobResult(outcome.ok, text)
+                typed = Typed(operation, deed, self.journal)
+                station.submit(str(deed), typed, moves=operation.moves)
 
     def _tell(self, station: Station) -> None:
         """Say everything that is shown and has changed; a loss and a band count the time."""

@@ -6,16 +6,18 @@ the other its emergency stops, which do not wait. Its heartbeat has a thread of 
 heartbeat, emergency stop and requests are its own.
 """
 
+import asyncio
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from checks.simulation.hosts.virtual_time import (
     Argument,
     Host,
     Scheduler,
     SimulatedClock,
+    SimulatedLoop,
     SimulatedQueue,
 )
 from ground.client.connection import Common
@@ -27,6 +29,7 @@ from ground.client.requests import BEAT_NS, is_saving
 from ground.client.teleop_sender import TeleopSender
 from ground.missions.mission import Circle, Polygon, Waypoint
 from ground.missions.transfer import Clear, Upload, Verdict, fence_items_of, items_of
+from ground.robot import Robot
 from ground.station.robot.background_requests import JobResult
 from ground.station.station import Station
 from protocol.bus.bus import open_bus
@@ -331,6 +334,20 @@ STILL: Final = ("param", "fence")
 """Actions that do not move the robot, for which the station takes no lease."""
 
 
+class Action(NamedTuple):
+    """An action of an operator, as a command of the station."""
+
+    operator: SimulatedOperator
+    action: str
+    arguments: tuple[Argument, ...]
+
+    async def perform(self, robot: Robot) -> JobResult:
+        """Run it in a thread of its own."""
+        link, act = self.operator.link, ACTIONS[self.action]
+        ok = await robot.in_own_thread(lambda: act(self.operator, link, *self.arguments))
+        return JobResult(ok, self.action)
+
+
 class StationOperator(SimulatedOperator):
     """An operator whose answers appear in the station's log."""
 
@@ -340,25 +357,26 @@ class StationOperator(SimulatedOperator):
 
     def _main(self) -> None:
         bus = open_bus(self.dials, Role.GROUND, "r1", self.host.now_ns)
-        clock = SimulatedClock()
-        link = Link(bus, Common(network=self.dials, robot="r1"), clock)
-        actions = self._actions = SimulatedQueue()
-        live: Any = bus
-        station = self._station = Station(live, "r1", clock, name=self.name)
+        common, clock = Common(network=self.dials, robot="r1"), SimulatedClock()
+        self._actions = SimulatedQueue()
+        station = self._station = Station(bus, "r1", clock, name=self.name, common=common)
         self._press = None
-        self.link = link
+        self.link = Link(bus, common, clock)
         while self._early:
-            actions.put(self._early.popleft())
+            self._actions.put(self._early.popleft())
+        SimulatedLoop().run(self._polling(station, self._actions))
+
+    async def _polling(
+        self, station: Station, actions: SimulatedQueue[tuple[str, tuple[Argument, ...]]]
+    ) -> None:
         while True:
             if not station.busy and actions.qsize():
-                self._act(station, link, *actions.get_nowait())
+                self._act(station, *actions.get_nowait())
             station.poll()
             self._see_stop(station)
-            clock.sleep_until(clock.now_ns() + POLL_NS)
+            await asyncio.sleep(POLL_NS / NS_PER_S)
 
-    def _act(
-        self, station: Station, link: Link, action: str, arguments: tuple[Argument, ...]
-    ) -> None:
+    def _act(self, station: Station, action: str, arguments: tuple[Argument, ...]) -> None:
         if action == "lease":
             if arguments[0] == "RELEASE":
                 station.release_lease()
@@ -366,10 +384,7 @@ class StationOperator(SimulatedOperator):
                 station.take_lease(seize=arguments[0] == "SEIZE")
             return
 
-        def job() -> JobResult:
-            return JobResult(ACTIONS[action](self, link, *arguments), action)
-
-        station.submit(action, job, moves=action not in STILL)
+        station.submit(action, Action(self, action, arguments), moves=action not in STILL)
 
     def _stop(self) -> None:
         """Press the station's emergency stop, which repeats until acknowledged or given up."""

@@ -218,7 +218,8 @@ BLOCKS: Final = (
     *("protocol.bus.services", "protocol.bus.session", "runtime.clock", "runtime.lockstep"),
     "robot.process",
     *("robot.file_writer", "ground.client.emergency_stop", "ground.client.requests"),
-    *("ground.station.robot.background_requests", "ground.station.station"),
+    *("ground.client.robot_link", "ground.station.robot.background_requests"),
+    "ground.station.station",
     *("ground.station.reader", "gateways.mavlink.bus_port", "gateways.mavlink.gateway"),
     "plant.process.loop",
 )

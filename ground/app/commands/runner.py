@@ -1,21 +1,17 @@
-"""Run the commands of the app, from keys and from typed lines, outside of the UI thread."""
+"""Run the commands of the app, from keys and from typed lines."""
 
 import shlex
 from collections.abc import Callable
-from dataclasses import replace
-from functools import partial
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
-from ground.app.commands.undo import Change, UndoList, inverse_of
-from ground.blocking import perform
+from ground.app.commands.undo import UNDONE, Change, Restore, TakeBack, Undoable, UndoList
 from ground.client.connection import Common
 from ground.client.floor import Floor, floor_in
-from ground.client.link import Link
-from ground.client.outcomes import Answer, Outcome, Refused
-from ground.client.requests import ATTEMPTS, GaveUp
-from ground.client.session import Operation, Session
+from ground.client.outcomes import Answer, Outcome
+from ground.client.requests import GaveUp
+from ground.client.session import Operation
 from ground.client.teleop_sender import TeleopSender
-from ground.client.vocabulary import HINTS
 from ground.commands.all_robots import ClearAll, StopAll
 from ground.commands.lease import ChangeLease
 from ground.commands.mode import SetMode
@@ -29,14 +25,15 @@ from ground.console.spelling import line_of
 from ground.map.scene import MapTarget
 from ground.missions.draft import AddWaypoint, Draft, Edit
 from ground.missions.mission import Mission
+from ground.robot import Robot
 from ground.station.robot.background_requests import JobResult
+from ground.station.robot.command_queue import Ended, QueuedCommand
 from ground.station.robot.mission_items import target_of
 from ground.station.station import REPLAYED, Station
-from protocol.bus.bus import Bus
 from protocol.options import DEFAULT_ENDPOINT
+from protocol.topics import COMMAND
 from protocol.wire.enums import Command, LeaseAction, Mode, Severity
 from runtime.cli.verb_table import with_present_name
-from runtime.clock import Clock
 from runtime.errors import RemoteError, UserError
 
 MANUAL: Final = SetMode(mode=Mode.MANUAL)
@@ -47,25 +44,15 @@ OVER: Final = "the drive by hand was already over"
 class CommandRunner:
     """Runs commands of keys and typed lines.
 
-    `local` performs commands for the screen and returns their message. `hints` are the remedies of
-    refusals by reason.
+    `local` performs commands for the screen and returns their message.
     """
 
-    def __init__(
-        self,
-        station: Callable[[], Station],
-        bus: Bus | None,
-        common: Common,
-        clock: Clock,
-        history: History,
-    ) -> None:
-        """Create a runner. `station` is called each time; without a `bus` there is no robot."""
-        self._station_now = station
-        self._bus, self._common, self._clock = bus, common, clock
+    def __init__(self, station: Callable[[], Station], common: Common, history: History) -> None:
+        """Create a runner. `station` is called each time."""
+        self._station_now, self._common = station, common
         self._history = history
         self._drive: DriveByKeys | None = None
         self.local: Callable[[AppCommand], str] = refuse
-        self.hints = HINTS
         self.draft = Draft()
         self._undo_list = UndoList()
         self.last = ""
@@ -110,8 +97,14 @@ class CommandRunner:
             case _ if isinstance(command, AppCommand):
                 self._locally(command)
             case _:
-                job = partial(self._done, command, line, self._station.robot)
-                self._station.submit(line, job, moves=command.moves)
+                self._station.submit(line, self._told(command, line), moves=command.moves)
+
+    def _told(self, command: Operation[Outcome], line: str) -> QueuedCommand:
+        """Return a command so that the event loop may perform it, and `undo` take it back."""
+        if isinstance(command, UNDONE):
+            return Undoable(command, line, self._undo_list, self._station)
+        on_loop: Any = command
+        return OnFiles(command) if getattr(command, "is_offline", False) else on_loop
 
     def is_local(self, line: str) -> bool:
         """Return whether a line concerns only the screen."""
@@ -148,56 +141,25 @@ class CommandRunner:
 
     def begin_teleop(self) -> bool:
         """Switch to MANUAL, then send teleop commands. Return False when refused."""
-        if self._bus is None:
+        if not self._station.live:
             self._station.note(REPLAYED, Severity.WARNING)
             return False
-        drive = DriveByKeys(self._link(self._station.robot))
-
-        def begin() -> JobResult:
-            return self._result(drive.begin())
-
-        begun = self._station.submit(line_of(MANUAL), begin)
+        drive = DriveByKeys()
+        begun = self._station.submit(line_of(MANUAL), drive)
         self._drive = drive if begun else None
         return begun
 
     def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
         """Send a teleop command."""
         if self._drive is not None:
-            self._drive.stick.drive(speed_m_s, yaw_rate_rad_s)
+            self._drive.steer(speed_m_s, yaw_rate_rad_s)
 
     def end_teleop(self) -> None:
         """Stop the robot and switch to HOLD, unless something else drives it meanwhile."""
         drive, self._drive = self._drive, None
-        if drive is None:
-            return
-
-        def end() -> JobResult:
-            outcome = drive.end()
-            return JobResult(True, OVER) if outcome is None else self._result(outcome)
-
-        drive.stick.stop()
-        self._station.submit(line_of(HOLD), end, moves=False)
-
-    def _done(self, operation: Operation[Outcome], line: str = "", robot: str = "") -> JobResult:
-        """Perform an operation in another thread, for the robot that was shown when it was given.
-
-        It has its own link, so that request ids are unique. With the `line` that was typed, it can
-        be undone.
-        """
-        station, undo_list = self._station, self._undo_list
-        robot = robot or station.robot
-        parameters = station.parameters or () if station.robot == robot else ()
-        session = Session(self._link(robot), attended=True, floor=self._floor)
-        back = inverse_of(operation, parameters, session) if line else None
-        outcome = perform(operation, session)
-        if line:
-            undo_list.note(robot, line, operation, outcome, back)
-        return self._result(outcome)
-
-    def _result(self, outcome: Outcome) -> JobResult:
-        """Return an outcome in words; a refusal names the keys of the app that remedy it."""
-        text = outcome.in_words(self.hints) if isinstance(outcome, Refused) else outcome.text
-        return JobResult(outcome.ok, text)
+        if drive is not None:
+            drive.steer(0.0, 0.0)
+            self._station.submit(line_of(HOLD), EndOfDrive(drive), moves=False)
 
     def _floor(self) -> Floor | None:
         """Return the floor of the robot's world, if it is known."""
@@ -205,46 +167,23 @@ class CommandRunner:
         return None if world is None else floor_in(world.text)
 
     def _undo(self) -> str:
-        """Undo the last change; a pending request may make one, so it is ended first."""
+        """Undo the last change; a pending command may make one, so it is ended first."""
         station, robot = self._station, self._station.robot
-        if not station.busy:
-            return self._take_back(robot)
-        station.submit("undo", partial(self._take_back_in_turn, robot))
-        return ""
-
-    def _take_back_in_turn(self, robot: str) -> JobResult:
-        change = self._undo_list.take(robot)
-        if isinstance(change.back, Mission):
-            return JobResult(True, self._restore_draft(change, change.back))
-        outcome = self._restore(change, robot)
-        return outcome._replace(text=f"{change.line}: {outcome.text}")
-
-    def _take_back(self, robot: str) -> str:
+        if station.busy:
+            station.submit("undo", TakeBack(self._undo_list, robot, self._restore_draft))
+            return ""
         change = self._undo_list.take(robot)
         if isinstance(change.back, Mission):
             return self._restore_draft(change, change.back)
         assert change.back is not None, "refused by take()"
         words = f"undo {change.line}: {line_of(change.back)}"
-        if not self._station.submit(words, partial(self._restore, change, robot)):
+        if not station.submit(words, Restore(self._undo_list, change)):
             self._undo_list.add(change)
         return ""
 
     def _restore_draft(self, change: Change, before: Mission) -> str:
         self.draft.mission = before
         return f"undone: {change.line}; {self.draft.listed()}"
-
-    def _restore(self, change: Change, robot: str) -> JobResult:
-        """Restore the state before a change of a robot.
-
-        After a refusal the change can be undone again.
-        """
-        undo_list, back = self._undo_list, change.back
-        assert back is not None, "refused by take()"
-        assert not isinstance(back, Mission), "the draft is restored without a request"
-        outcome = self._done(back, robot=robot)
-        if not outcome.ok:
-            undo_list.add(change)
-        return outcome
 
     def _edit(self, command: Edit) -> str:
         """Edit the draft, and remember how to take it back."""
@@ -271,13 +210,6 @@ class CommandRunner:
             floor.refuse_outside(f"waypoint {place}", place.x_m, place.y_m)
         return self._edit(command) if isinstance(command, Edit) else self.local(command)
 
-    def _link(self, robot: str) -> Link:
-        """Return a link to a robot."""
-        if self._bus is None:
-            raise UserError(REPLAYED)
-        common = replace(self._common, robot=robot)
-        return Link(self._bus, common, self._clock)
-
     def _for_a_shell(self, line: str) -> str:
         words = expanded(words_of(line))
         if words[0] in COMMANDS:  # not a command of the app
@@ -291,28 +223,56 @@ class CommandRunner:
 
 
 class DriveByKeys:
-    """One drive by hand: the command that begins it, its speeds, and the one that ends it."""
+    """One drive by hand: it begins by MANUAL, and its speeds follow."""
 
-    def __init__(self, link: Link) -> None:
-        self.stick = TeleopSender(link.bus, link.robot, link.clock)
-        self._link = link
-        self._id = 0
+    def __init__(self) -> None:
+        self.request_id = 0
+        """That of the request which began it; 0 before that was sent."""
+        self._stick: TeleopSender | None = None
 
-    def begin(self) -> Answer:
+    async def perform(self, robot: Robot) -> Answer:
         """Choose MANUAL; then send zero speed once."""
-        request = self._link.command(Command.DO_SET_MODE, 1.0, float(Mode.MANUAL))
-        self._id = request.request_id
-        answer = Session(self._link, attended=True).with_holder(self._link.ask(request))
+        request = robot.request(Command.DO_SET_MODE, 1.0, float(Mode.MANUAL))
+        self.request_id = request.request_id
+        answer = await robot.ask(request)
         if answer.ok:
-            self.stick.stop()
+            stick = TeleopSender(robot.bus, robot.name, robot.clock)
+            await robot.in_own_thread(stick.open)
+            self._stick = stick
+            stick.stop()
         return answer
 
-    def end(self) -> Answer | None:
-        """Choose HOLD for this drive, and for no other; None if it is over."""
-        hold = self._link.command(Command.DO_SET_MODE, 1.0, float(Mode.HOLD))
-        outcome = self._link.end(hold, self._id, attempts=ATTEMPTS)
+    def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
+        """Send speeds once, unless it has not begun."""
+        if self._stick is not None:
+            self._stick.drive(speed_m_s, yaw_rate_rad_s)
+
+
+@dataclass(frozen=True, slots=True)
+class EndOfDrive:
+    """Ends a drive by hand, and no other."""
+
+    drive: DriveByKeys
+
+    async def perform(self, robot: Robot) -> Ended:
+        """Choose HOLD; UnansweredError without an answer."""
+        hold = robot.request(Command.DO_SET_MODE, 1.0, float(Mode.HOLD))
+        outcome = await robot.end(hold, self.drive.request_id)
         if isinstance(outcome, GaveUp):
-            raise self._link.unanswered(outcome)
+            raise await robot.unanswered(outcome, COMMAND)
+        return outcome or JobResult(True, OVER)
+
+
+@dataclass(frozen=True, slots=True)
+class OnFiles:
+    """A command that works on files alone, and so for long: in a thread of its own."""
+
+    command: Operation[Outcome]
+
+    async def perform(self, robot: Robot) -> Outcome:
+        """Carry it out."""
+        command: Any = self.command
+        outcome: Outcome = await robot.in_own_thread(lambda: command.run(robot.progress))
         return outcome
 
 

@@ -1,24 +1,28 @@
 """Remember how to take back changes of parameters, of the fence and of the mission draft."""
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Final, NamedTuple, TypeAlias
+from typing import Any, ClassVar, Final, NamedTuple, TypeAlias
 
-from ground.blocking import perform
 from ground.client.outcomes import Outcome, Refused
 from ground.client.parameter import Parameter
 from ground.client.parameters import ParametersLoaded
-from ground.client.session import Operation, Session
+from ground.client.session import Operation
 from ground.commands.fence import ClearFence, FenceShown, SetFence, SetFenceOfFile, ShowFence
-from ground.commands.param import ResetParameter, SetParameter
+from ground.commands.param import LoadParameters, ResetParameter, SetParameter
 from ground.missions.mission import Mission
 from ground.robot import Robot
+from ground.station.robot.background_requests import JobResult
+from ground.station.station import Station
 from runtime.errors import UserError
 
 MAX_CHANGES: Final = 50
 FENCES: Final = (SetFence, SetFenceOfFile, ClearFence)
 CHANGES: Final = (SetParameter, ResetParameter, *FENCES)
+UNDONE: Final = (*CHANGES, LoadParameters)
+"""Commands that can be taken back; the last one perhaps in part."""
+
 NO_CHANGE: Final = "no parameter, fence or draft was changed here"
 NEW_WORLD: Final = "nothing was changed since the world was started"
 Back: TypeAlias = Operation[Outcome] | Mission
@@ -106,8 +110,8 @@ class UndoList:
         return newest
 
 
-def inverse_of(
-    operation: Operation[Outcome], parameters: Iterable[Parameter], session: Session
+async def inverse_of(
+    operation: Operation[Outcome], parameters: Iterable[Parameter], robot: Robot
 ) -> Operation[Outcome] | None:
     """Return the operation that restores the present state; None if that is unknown.
 
@@ -117,8 +121,69 @@ def inverse_of(
         before = next((one.value for one in parameters if one.name == operation.name), None)
         return None if before is None else SetParameter(name=operation.name, value=before)
     if isinstance(operation, FENCES):
-        found = perform(ShowFence(), session)
-        if not isinstance(found, FenceShown):
+        shown = await ShowFence().perform(robot)
+        if not isinstance(shown, FenceShown):
             return None
-        return ClearFence() if found.fence is None else SetFence(fence=found.fence)
+        return ClearFence() if shown.fence is None else SetFence(fence=shown.fence)
     return None
+
+
+@dataclass(frozen=True, slots=True)
+class Undoable:
+    """A command that `undo` takes back; it notes how."""
+
+    command: Operation[Outcome]
+    line: str
+    changes: UndoList
+    station: Station
+
+    async def perform(self, robot: Robot) -> Outcome:
+        """Carry it out on the robot that was shown when it was given."""
+        is_shown = self.station.robot == robot.name
+        parameters = self.station.parameters or () if is_shown else ()
+        back = await inverse_of(self.command, parameters, robot)
+        outcome = await performed(self.command, robot)
+        self.changes.note(robot.name, self.line, self.command, outcome, back)
+        return outcome
+
+
+@dataclass(frozen=True, slots=True)
+class Restore:
+    """Restores the state before a change; after a refusal the change can be undone again."""
+
+    changes: UndoList
+    change: Change
+
+    async def perform(self, robot: Robot) -> Outcome:
+        """Perform what takes it back."""
+        back = self.change.back
+        assert back is not None, "refused by take()"
+        assert not isinstance(back, Mission), "the draft is restored without a request"
+        outcome = await performed(back, robot)
+        if not outcome.ok:
+            self.changes.add(self.change)
+        return outcome
+
+
+@dataclass(frozen=True, slots=True)
+class TakeBack:
+    """Takes back the newest change of when its turn comes."""
+
+    changes: UndoList
+    robot: str
+    restore_draft: Callable[[Change, Mission], str]
+
+    async def perform(self, robot: Robot) -> JobResult:
+        """Restore what it was; UserError if there is nothing."""
+        change = self.changes.take(self.robot)
+        if isinstance(change.back, Mission):
+            return JobResult(True, self.restore_draft(change, change.back))
+        outcome = await Restore(self.changes, change).perform(robot)
+        return JobResult(outcome.ok, f"{change.line}: {outcome.text}")
+
+
+async def performed(operation: Operation[Outcome], robot: Robot) -> Outcome:
+    """Perform an operation on a robot."""
+    command: Any = operation
+    outcome: Outcome = await command.perform(robot)
+    return outcome

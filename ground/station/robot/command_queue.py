@@ -1,30 +1,37 @@
-"""Send one request at a time; acquire the lease before a request that moves the robot."""
+"""Perform one command of the operator after the other; take the lease before one that moves."""
 
+import asyncio
+import logging
 from collections import deque
-from collections.abc import Callable
-from enum import Enum
-from functools import partial
-from typing import Final, NamedTuple
+from collections.abc import Callable, Coroutine, Mapping
+from dataclasses import dataclass
+from typing import Any, Final, Protocol, TypeAlias
 
 from ground.client.link import run_exchange
 from ground.client.outcomes import Accepted, Refused
 from ground.client.requests import ATTEMPTS, CommandExchange, RequestIds
-from ground.station.bus_protocols import ReadableBus
-from ground.station.robot.background_requests import Job, JobResult, RequestWorker, outcome_of
-from ground.station.robot.lease_holding import LeaseHolding
+from ground.client.vocabulary import HINTS
+from ground.robot import Robot
+from ground.station.robot.background_requests import JobResult
+from ground.station.robot.robot_session import RobotSession
 from protocol.topics import LEASE_SERVICE
 from protocol.wire.enums import LeaseAction, Severity
 from protocol.wire.limits import MAX_OPERATOR_NAME_BYTES
 from protocol.wire.messages import LeaseRequest
 from protocol.wire.reasons import reason_text
 from runtime.clock import Clock
+from runtime.errors import LocalError, RemoteError
 from runtime.units import NS_PER_MS
 from runtime.watchdog import slowdown_in
 
+LOG = logging.getLogger(__name__)
 AddNote = Callable[[str, Severity], None]
+Begin: TypeAlias = Callable[[Coroutine[Any, Any, None]], object]
+"""Begins a coroutine in the event loop."""
+
 PATIENCE_NS: Final = 400 * NS_PER_MS
 MAX_WAITING: Final = 4
-"""Requests that wait for the pending one, such as commands that are typed ahead."""
+"""Commands that wait for the pending one, such as those that are typed ahead."""
 DONE: Final = {
     LeaseAction.TAKE: "taken",
     LeaseAction.RELEASE: "released",
@@ -33,205 +40,198 @@ DONE: Final = {
 }
 
 
-class CommandStage(Enum):
-    """Stage of the pending request."""
+class Ended(Protocol):
+    """The end of a command."""
 
-    TAKING = "taking the lease"
-    SETTLING = "waiting until the robot has received a heartbeat"
-    RUNNING = "running"
-    LEASE = "requesting or releasing the lease"
+    @property
+    def ok(self) -> bool:
+        """True if it succeeded."""
+
+    @property
+    def text(self) -> str:
+        """The end in one or more lines."""
 
 
-class Pending(NamedTuple):
-    """The pending request and its robot."""
+class QueuedCommand(Protocol):
+    """A command of `ground.commands`, or what a screen does with a robot."""
+
+    async def perform(self, robot: Robot, /) -> Ended:
+        """Carry it out."""
+        ...
+
+
+@dataclass(slots=True, eq=False)
+class Given:
+    """A command or a change of the lease, until its end is known."""
 
     words: str
-    robot: str
-    holding: LeaseHolding
-    job: Job | None
-    stage: CommandStage
-    action: LeaseAction | None = None
-    had_lease: bool = False
-    """True if the lease is only prolonged."""
-
-
-class Waiting(NamedTuple):
-    """A waiting request; `begin` starts it."""
-
-    words: str
-    begin: Callable[[], bool]
+    session: RobotSession
+    command: QueuedCommand | LeaseAction
+    moves: bool = False
+    is_sent: bool = False
+    asks_lease: bool = False
+    """The lease that it needs has been asked for."""
+    is_dropped: bool = False
 
 
 class CommandQueue:
-    """The pending request and the waiting ones; `last` is the last request with its result."""
+    """The pending command and those that wait; `last` is the last one with its result.
 
-    def __init__(
-        self, bus: ReadableBus, clock: Clock, worker: RequestWorker, note: AddNote, name: str
-    ) -> None:
+    `hints` are the remedies of refusals by reason.
+    """
+
+    def __init__(self, clock: Clock, begin: Begin, note: AddNote, name: str) -> None:
         self.last = ""
-        self._bus = bus
+        self.hints: Mapping[int, str] = HINTS
         self._clock = clock
-        self._worker = worker
+        self._begin = begin
         self._note = note
         self._name = name.encode()[:MAX_OPERATOR_NAME_BYTES].decode(errors="ignore")
         self._ids = RequestIds()
-        self._pending: Pending | None = None
-        self._waiting: deque[Waiting] = deque()
+        self._pending: Given | None = None
+        self._waiting: deque[Given] = deque()
+        self._polled = asyncio.Event()
 
     @property
     def busy(self) -> str:
-        """Words of the pending request; empty without one."""
+        """Words of the pending command; empty without one."""
         return "" if self._pending is None else self._pending.words
 
-    def submit(
-        self,
-        words: str,
-        robot: str,
-        holding: LeaseHolding,
-        job: Job,
-        refusal: Callable[[], str] | None,
-    ) -> bool:
-        """Queue a request; return False with a note in the log if too many wait.
-
-        One that moves the robot has a `refusal`: why it is rejected now, empty if it is not.
-        """
-        if self._pending is not None:
-            again = partial(self.submit, words, robot, holding, job, refusal)
-            return self._let_wait(Waiting(words, again), self._pending)
-        if refusal is not None and (why := refusal()):
-            self._note(f"refused: {words}: {why}", Severity.WARNING)
-        elif refusal is not None and not holding.is_sure(self._clock.now_ns()):
-            taking = Pending(words, robot, holding, job, CommandStage.TAKING)
-            self._ask_lease(taking._replace(had_lease=holding.is_used), LeaseAction.TAKE)
-        elif refusal is not None and not holding.settled(self._clock.now_ns()):
-            self._pending = Pending(words, robot, holding, job, CommandStage.SETTLING)
+    def submit(self, given: Given) -> bool:
+        """Perform a command in turn; return False with a note in the log if too many wait."""
+        pending = self._pending
+        if pending is None:
+            self._pending = given
+            self._begin(self._carry_out(given))
+        elif len(self._waiting) == MAX_WAITING:
+            words = f"not sent: {given.words}: `{pending.words}` is under way"
+            self._note(words, Severity.WARNING)
+            return False
         else:
-            if refusal is not None:
-                holding.use(self._clock.now_ns())
-            self._run(Pending(words, robot, holding, job, CommandStage.RUNNING), job)
+            self._waiting.append(given)
         return True
 
-    def lease(self, robot: str, holding: LeaseHolding, action: LeaseAction) -> bool:
-        """Queue a request to acquire or release the lease.
-
-        A release then stops the heartbeat at once.
-        """
-        words = f"lease {action.name.lower()}"
-        if self._pending is not None:
-            again = partial(self.lease, robot, holding, action)
-            return self._let_wait(Waiting(words, again), self._pending)
-        if action is LeaseAction.RELEASE:
-            holding.release(self._clock.now_ns())
-        self._ask_lease(Pending(words, robot, holding, None, CommandStage.LEASE, action), action)
-        return True
+    def lease(self, session: RobotSession, action: LeaseAction) -> bool:
+        """Acquire or release the lease in turn; a release then stops the heartbeat at once."""
+        return self.submit(Given(f"lease {action.name.lower()}", session, action))
 
     def cancel(self, why: str) -> None:
-        """Drop the requests that have not been sent yet; still wait for the pending answer."""
+        """Drop the commands that have not been sent yet; still wait for the pending answer."""
         pending = self._pending
-        dropped = [one.words for one in self._waiting]
+        dropped = [given.words for given in self._waiting]
         self._waiting.clear()
-        if pending is not None and pending.stage in (CommandStage.TAKING, CommandStage.SETTLING):
+        if pending is not None and pending.moves and not pending.is_sent:
             dropped.insert(0, pending.words)
-            lease = pending._replace(words="lease take", job=None, stage=CommandStage.LEASE)
-            self._pending = lease if pending.stage is CommandStage.TAKING else None
+            pending.is_dropped = True
+            if pending.asks_lease:
+                pending.words = "lease take"
+            else:
+                self._pending = None
         for words in dropped:
             self._note(f"not sent: {words}: {why}", Severity.WARNING)
 
-    def request(self, action: LeaseAction) -> LeaseRequest:
-        """Return a request for the lease."""
-        return LeaseRequest(request_id=self._ids.next(), action=action, name=self._name)
-
-    def leave(self, robot: str, holding: LeaseHolding) -> JobResult:
+    def leave(self, session: RobotSession) -> None:
         """Give the lease back at the end, unless another program of the same person uses it.
 
-        There is one attempt. It blocks, so call it in a thread.
+        There is one attempt, and no answer is awaited for longer. It blocks: call it in a thread.
         """
-        holding.release(self._clock.now_ns())
-        request = self.request(LeaseAction.LEAVE)
-        return outcome_of(lambda: ask_lease(self._bus, self._clock, robot, request, attempts=1))
+        session.holding.release(self._clock.now_ns())
+        leaving = self._lease_exchange(LeaseAction.LEAVE, attempts=1)
+        run_exchange(session.robot.bus, self._clock, session.robot.name, leaving, LEASE_SERVICE)
 
-    def poll(self, now_ns: int) -> None:
-        """Continue the pending request and report its result; then start those that wait."""
-        self._continue(now_ns)
-        while self._pending is None and self._waiting:
-            self._waiting.popleft().begin()
+    async def over(self) -> None:
+        """Wait until no command is pending."""
+        while self._pending is not None:
+            await asyncio.sleep(0.01)
 
-    def _continue(self, now_ns: int) -> None:
-        pending = self._pending
-        if pending is None:
-            return
-        if pending.stage is CommandStage.SETTLING:
-            self._settle(pending, now_ns)
-            return
-        outcome = self._worker.done()
-        if outcome is None:
-            return
-        self._pending = None
-        self._finish(pending, outcome, now_ns)
+    def poll(self) -> None:
+        """Let what waits for the lease look at it again."""
+        self._polled.set()
+        self._polled.clear()
 
-    def _let_wait(self, request: Waiting, pending: Pending) -> bool:
-        """Add a waiting request; return False with a note in the log if too many wait."""
-        if len(self._waiting) == MAX_WAITING:
-            words = f"not sent: {request.words}: `{pending.words}` is under way"
-            self._note(words, Severity.WARNING)
+    async def _carry_out(self, given: Given) -> None:
+        """Perform a command and report its end; then begin the next one."""
+        try:
+            if isinstance(given.command, LeaseAction):
+                await self._change_lease(given, given.command)
+            elif not given.moves or await self._is_in_command(given):
+                given.is_sent = True
+                ended = await given.command.perform(given.session.robot)
+                refused = ended if isinstance(ended, Refused) else None
+                text = refused.in_words(self.hints) if refused else ended.text
+                self._end(given, ended.ok, text)
+        except (RemoteError, LocalError) as error:
+            self._end(given, False, str(error))
+        except Exception as error:
+            LOG.exception("a command has failed")
+            self._end(given, False, f"internal error of the ground station: {error!r}")
+        finally:
+            if self._pending is given:
+                self._pending = None
+                if self._waiting:
+                    self.submit(self._waiting.popleft())
+
+    async def _is_in_command(self, given: Given) -> bool:
+        """Take the lease if need be; return False, with the reason in the log, without it."""
+        session, holding = given.session, given.session.holding
+        if given.is_dropped:
             return False
-        self._waiting.append(request)
+        if why := session.refusal():
+            self._note(f"refused: {given.words}: {why}", Severity.WARNING)
+            return False
+        if not holding.is_sure(self._clock.now_ns()):
+            is_prolonged = holding.is_used
+            given.asks_lease = True
+            taken = await self._ask_lease(session, LeaseAction.TAKE)
+            given.asks_lease = False
+            if not (taken.ok or given.is_dropped):
+                taken = JobResult(False, f"not sent: {given.words}: {taken.text}")
+            if given.is_dropped or not (taken.ok and is_prolonged):
+                self._report(taken)
+            if given.is_dropped or not taken.ok:
+                return False
+        while holding.ours and not holding.settled(self._clock.now_ns()):
+            await self._polled.wait()
+            if given.is_dropped:
+                return False
+        if not holding.ours:
+            lost = f"the lease of {session.robot.name} was lost meanwhile"
+            self._note(f"not sent: {given.words}: {lost}", Severity.WARNING)
+            return False
+        holding.use(self._clock.now_ns())
         return True
 
-    def _ask_lease(self, pending: Pending, action: LeaseAction) -> None:
-        request = self.request(action)
-        self._run(pending, lambda: ask_lease(self._bus, self._clock, pending.robot, request))
+    async def _change_lease(self, given: Given, action: LeaseAction) -> None:
+        if action is LeaseAction.RELEASE:
+            given.session.holding.release(self._clock.now_ns())
+        self._report(await self._ask_lease(given.session, action), loud=action is LeaseAction.SEIZE)
 
-    def _run(self, pending: Pending, job: Job) -> None:
-        self._pending = pending
-        self._worker.start(job)
+    async def _ask_lease(self, session: RobotSession, action: LeaseAction) -> JobResult:
+        """Take, release or seize the lease; repeat the same request without an answer."""
+        robot = session.robot
+        asking = self._lease_exchange(action, round(ATTEMPTS * slowdown_in(self._clock)()))
+        answer = await robot.carry(asking, LEASE_SERVICE)
+        if isinstance(answer, Refused):
+            return JobResult(False, f"lease of {robot.name} refused: {reason_text(answer.reason)}")
+        if not isinstance(answer, Accepted):
+            why = "no answer" if answer is None else answer.why
+            return JobResult(False, f"lease of {robot.name}: {why}")
+        if action is not LeaseAction.RELEASE:
+            session.holding.granted(self._clock.now_ns())
+        took = f"{answer.took_ns / NS_PER_MS:.0f} ms"
+        return JobResult(True, f"lease of {robot.name} {DONE[action]} ({took})")
 
-    def _settle(self, pending: Pending, now_ns: int) -> None:
-        if not pending.holding.ours:
-            self._pending = None
-            self._note(
-                f"not sent: {pending.words}: the lease of {pending.robot} was lost meanwhile",
-                Severity.WARNING,
-            )
-        elif pending.holding.settled(now_ns) and pending.job is not None:
-            self._run(pending._replace(stage=CommandStage.RUNNING), pending.job)
+    def _lease_exchange(self, action: LeaseAction, attempts: int) -> CommandExchange:
+        request = LeaseRequest(request_id=self._ids.next(), action=action, name=self._name)
+        now_ns = self._clock.now_ns()
+        return CommandExchange(request, now_ns, attempts=attempts, patience_ns=PATIENCE_NS)
 
-    def _finish(self, pending: Pending, outcome: JobResult, now_ns: int) -> None:
-        if pending.stage is CommandStage.RUNNING:
-            self.last = f"{pending.words}: {outcome.text}"
-            several = "\n" in outcome.text.strip()
-            self._report(outcome if several else outcome._replace(text=self.last))
-            return
-        if outcome.ok and pending.action is not LeaseAction.RELEASE:
-            pending.holding.granted(now_ns)
-        if pending.stage is CommandStage.LEASE:
-            self._report(outcome, loud=pending.action is LeaseAction.SEIZE)
-        elif outcome.ok:
-            if not pending.had_lease:
-                self._report(outcome)
-            self._pending = pending._replace(stage=CommandStage.SETTLING)
-        else:
-            self._report(JobResult(False, f"not sent: {pending.words}: {outcome.text}"))
+    def _end(self, given: Given, ok: bool, text: str) -> None:
+        self.last = f"{given.words}: {text}"
+        several = "\n" in text.strip()
+        self._report(JobResult(ok, text if several else self.last))
 
-    def _report(self, outcome: JobResult, *, loud: bool = False) -> None:
+    def _report(self, result: JobResult, *, loud: bool = False) -> None:
         usual = Severity.WARNING if loud else Severity.INFO
-        for line in outcome.text.splitlines():
-            self._note(line, usual if outcome.ok else Severity.WARNING)
-
-
-def ask_lease(
-    bus: ReadableBus, clock: Clock, robot: str, request: LeaseRequest, attempts: int = ATTEMPTS
-) -> JobResult:
-    """Take, release or seize the lease; repeat the same request without an answer."""
-    if attempts > 1:  # the one attempt at the end of a session must not delay it
-        attempts = round(attempts * slowdown_in(clock)())
-    asking = CommandExchange(request, clock.now_ns(), attempts=attempts, patience_ns=PATIENCE_NS)
-    run_exchange(bus, clock, robot, asking, LEASE_SERVICE)
-    answer = asking.outcome
-    if isinstance(answer, Refused):
-        return JobResult(False, f"lease of {robot} refused: {reason_text(answer.reason)}")
-    if not isinstance(answer, Accepted):
-        why = "no answer" if answer is None else answer.why
-        return JobResult(False, f"lease of {robot}: {why}")
-    took = f"{answer.took_ns / NS_PER_MS:.0f} ms"
-    return JobResult(True, f"lease of {robot} {DONE[LeaseAction(request.action)]} ({took})")
+        for line in result.text.splitlines():
+            self._note(line, usual if result.ok else Severity.WARNING)

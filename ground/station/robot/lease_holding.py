@@ -2,11 +2,10 @@
 
 from typing import Final
 
-from ground.client.emergency_stop import MessagePublisher
-from ground.client.link import ALIVE
 from ground.client.requests import CROSSING_NS, HeartbeatTimer
+from ground.robot import Robot
 from ground.station.robot.lease_state import UNKNOWN, lease_from
-from protocol.wire.messages import Heartbeat, LeaseStatus
+from protocol.wire.messages import LeaseStatus
 from runtime.units import NS_PER_MS, NS_PER_S
 
 SETTLED_NS: Final = 110 * NS_PER_MS
@@ -88,10 +87,10 @@ class LeaseHolding:
             self._first_heartbeat_ns is not None and now_ns - self._first_heartbeat_ns >= SETTLED_NS
         )
 
-    def beat(self, heartbeats: MessagePublisher[Heartbeat], now_ns: int, stamp_ns: int) -> None:
+    def beat(self, robot: Robot, now_ns: int, stamp_ns: int) -> None:
         """Send a heartbeat if it is due and this program uses the lease."""
         if not self.is_used or not self._pace.due(now_ns, stamp_ns):
             return
-        heartbeats.put(ALIVE)
+        robot.lease.beat()
         if self._first_heartbeat_ns is None:
             self._first_heartbeat_ns = now_ns

@@ -1,7 +1,6 @@
 """Watch and operate one robot: link and e-stop; when selected, lease and heartbeat, too."""
 
-from ground.client.emergency_stop import MessagePublisher
-from ground.station.bus_protocols import LiveBus
+from ground.robot import Robot
 from ground.station.link.link_monitor import HubState, LinkMonitor
 from ground.station.link.loss import Loss, LossKind
 from ground.station.reader import Reader
@@ -9,10 +8,8 @@ from ground.station.robot.background_requests import RequestWorker
 from ground.station.robot.lease_holding import LeaseHolding
 from ground.station.robot.robot_model import AddLine, RobotModel
 from ground.station.robot.robot_stop import RobotStop
-from protocol.topics import LEASE, OPERATOR, STATUS, Role
+from protocol.topics import LEASE, STATUS, Role
 from protocol.wire.enums import Severity
-from protocol.wire.messages import Heartbeat
-from runtime.clock import Clock
 
 
 class RobotSession:
@@ -23,35 +20,34 @@ class RobotSession:
 
     def __init__(
         self,
-        bus: LiveBus,
+        robot: Robot,
         model: RobotModel,
-        clock: Clock,
         stop_worker: RequestWorker,
         add_line: AddLine,
         hub_state: HubState,
     ) -> None:
-        robot, now_ns = model.robot, clock.now_ns()
+        bus, clock = robot.bus, robot.clock
+        self.robot = robot
         self.holding = LeaseHolding(bus.operator or "")
-        self.reader = Reader(bus, clock, robot)
-        self.link_monitor = LinkMonitor(model, self.reader, now_ns, add_line, hub_state)
+        self.reader = Reader(bus, clock, robot.name)
+        self.link_monitor = LinkMonitor(model, self.reader, clock.now_ns(), add_line, hub_state)
         self.stop = RobotStop(bus, model, clock, stop_worker, add_line)
-        self._bus = bus
         self._model = model
         self._add_line = add_line
-        self._heartbeats: MessagePublisher[Heartbeat] | None = None
+        self._attends = False
 
     def select(self) -> None:
         """Read everything of this robot, and announce this station as its operator's."""
         self.reader.watches_only = False
         self._model.is_selected = True
-        self._operate()
+        self._attend()
 
-    def _operate(self) -> MessagePublisher[Heartbeat]:
-        """Return the publisher of heartbeats; announce this station with the first call."""
-        if self._heartbeats is None:
-            self._heartbeats = self._bus.publisher(OPERATOR, self._model.robot)
-            self._bus.announce(self._model.robot)
-        return self._heartbeats
+    def _attend(self) -> None:
+        """Announce this station, once."""
+        if not self._attends:
+            self._attends = True
+            self.robot.lease.declare_heartbeat()
+            self.robot.bus.announce(self.robot.name)
 
     def deselect(self) -> None:
         """Only watch this robot from now on; a held lease is kept."""
@@ -61,7 +57,7 @@ class RobotSession:
     @property
     def can_end(self) -> bool:
         """True if ending the session gives up neither a lease nor a pending stop."""
-        return not self.holding.is_used and not self.stop.is_pending and self._heartbeats is None
+        return not self.holding.is_used and not self.stop.is_pending and not self._attends
 
     @property
     def is_busy(self) -> bool:
@@ -80,8 +76,9 @@ class RobotSession:
         """Send a heartbeat if it is due."""
         if not self.holding.is_used:
             return
+        self._attend()
         newest = self._model.telemetry.latest(STATUS)
-        self.holding.beat(self._operate(), now_ns, 0 if newest is None else newest[0].time_ns)
+        self.holding.beat(self.robot, now_ns, 0 if newest is None else newest[0].time_ns)
 
     def refusal(self) -> str:
         """Return why a request that moves the robot is rejected; empty when it is allowed."""

@@ -5,9 +5,9 @@ from typing import Final, NamedTuple
 
 from ground.client import stop_ways
 from ground.client.emergency_stop import EmergencyStop, MessagePublisher, StopOutcome, outcome_words
-from ground.station.bus_protocols import LiveBus
 from ground.station.robot.background_requests import JobResult, RequestWorker
 from ground.station.robot.robot_model import AddLine, RobotModel
+from protocol.bus.bus import Bus
 from protocol.topics import STATUS, STOP
 from protocol.wire.enums import Severity
 from protocol.wire.messages import CommandRequest
@@ -31,7 +31,7 @@ class RobotStop:
 
     def __init__(
         self,
-        bus: LiveBus,
+        bus: Bus,
         model: RobotModel,
         clock: Clock,
         worker: RequestWorker,

@@ -1,9 +1,9 @@
 """Links whose bus answers from a script or a list, on a manual clock."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from io import StringIO
-from typing import Any, NamedTuple
+from typing import Any
 
 from checks.harness.messages import make
 from ground.client.connection import Common
@@ -26,22 +26,13 @@ from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
 from runtime.errors import NoAnswerError
 from runtime.units import NS_PER_MS as MS
-from tests.support.played_bus import PlayedBus
+from tests.support.played_bus import PlayedBus, PlayedQuery
 
 ANSWER_NS = 14 * MS
 
 Reply = Message | bytes | Reason | None
 IN_PROGRESS = CommandAck(command=0, result=AckResult.IN_PROGRESS)
 CYCLE = make(CycleReport, time_ns=1, tick=100, budget_us=1, stage_us=(1, 1, 1, 1, 1))
-
-
-class ScriptedQuery(NamedTuple):
-    """A query of a scripted bus."""
-
-    service: Service
-    message: Message | None
-    timeout_s: float
-    patience_s: float
 
 
 class ScriptedBus(PlayedBus):
@@ -57,7 +48,6 @@ class ScriptedBus(PlayedBus):
         super().__init__(clock)
         self.clock = clock
         self.script = list(script)
-        self.requester: Any = self
         self.held: list[Callable[[], None]] | None = None
         """What gives each answer, if the test holds them."""
         self.on_ask: Callable[[int], None] = lambda _number: None
@@ -79,24 +69,12 @@ class ScriptedBus(PlayedBus):
         self.clock.advance(ANSWER_NS)
         return ack(message, reply) if isinstance(reply, Reason) else reply
 
-    def steps(
-        self, service: Service, message: Message | None, timeout_s: float, robot: str
-    ) -> Iterator["ScriptedQuery"]:
-        return (yield ScriptedQuery(service, message, timeout_s, timeout_s))
-
-    def send(self, query: "ScriptedQuery", done: Callable[[object], object]) -> None:
+    def send(self, query: PlayedQuery, done: Callable[[object], object]) -> None:
         """Answer at once, or when the test does, if it holds the answers."""
         if self.held is not None:
-            self.held.append(partial(self.send_now, query, done))
+            self.held.append(partial(super().send, query, done))
             return
-        self.send_now(query, done)
-
-    def send_now(self, query: "ScriptedQuery", done: Callable[[object], object]) -> None:
-        try:
-            answer: object = self.ask(query.service, query.message, query.timeout_s)
-        except NoAnswerError as error:
-            answer = error
-        done(answer)
+        super().send(query, done)
 
     @property
     def requests(self) -> list[Any]:

@@ -1,12 +1,15 @@
 """A robot, a plant and a station on a played bus; a test owns time and sets messages."""
 
+import asyncio
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from math import inf, nan
 from typing import Any, Self
+from weakref import finalize
 
+from checks.harness.loop import PlayedLoop
 from checks.harness.messages import make
 from ground.station.link.loss import Loss
 from ground.station.robot.background_requests import Job, JobResult, outcome_of
@@ -202,6 +205,13 @@ WORLD_TEXT = b"""{"name": "box", "size_m": [6.0, 4.0], "walls": true,
  "robot": {"radius_m": 0.15}}"""
 
 
+class ThreadAtOnce:
+    """Does its work when it is started."""
+
+    def __init__(self, target: Callable[[], object], **_: object) -> None:
+        self.start = target
+
+
 class Inline:
     """A lane without a thread: the job runs at once, or when the test calls `work`."""
 
@@ -233,8 +243,19 @@ class Inline:
         self.busy = False
 
 
+def end(loop: PlayedLoop) -> None:
+    """Drop what a loop has not done yet, and close it."""
+    for task in asyncio.all_tasks(loop):
+        task.cancel()
+    loop.advance()
+    loop.close()
+
+
 class Play:
-    """`forward` lets time go by in periods of 50 ms; the station is polled in each."""
+    """`forward` lets time go by in periods of 50 ms; the station is polled in each.
+
+    `turn` lets the event loop do what it can do now.
+    """
 
     def __init__(
         self, world: WorldFacts | None = None, workers: Callable[[str], Inline] | None = None
@@ -253,8 +274,17 @@ class Play:
             self.bus.publisher(STOP, name).heard = partial(self._press, name)
         self._worker = workers or (lambda _name: Inline())
         self._serve()
+        self.loop = PlayedLoop(self.clock)
+        self.loop.set_exception_handler(lambda _loop, _context: None)
+        finalize(self, end, self.loop)
         self.station = Station(
-            self.bus, "r1", self.clock, world, name="anna", workers=self._make_lane
+            self.bus,
+            "r1",
+            self.clock,
+            world,
+            name="anna",
+            workers=self._make_lane,
+            begin=self.loop.create_task,
         )
 
     @property
@@ -275,13 +305,17 @@ class Play:
 
     def forward(self, seconds: float, *, poll: bool = True) -> Self:
         for _ in range(round(seconds * 20)):
+            self.turn()
             for robot in self.robots:
                 for topic, message in robot.said():
                     (self.bus.say if self.delivered else self.bus.lose)(topic, message, robot.name)
             if poll:
                 self.station.poll()
-            self.clock.advance(PERIOD_NS)
+            self.loop.advance(PERIOD_NS)
         return self
+
+    def turn(self) -> None:
+        self.loop.advance()
 
     def texts(self, words: str = "") -> list[str]:
         return [line.text for line in self.station.log.find(words)]

@@ -23,6 +23,7 @@ from runtime.errors import RemoteError
 from runtime.units import NS_PER_S
 from tests.support.each import each
 from tests.support.ground.client import HELD, STANDBY, Stage, lease_of, status
+from tests.support.ground.station import ThreadAtOnce
 
 GOAL = destination([1.0, 2.0])
 DRIVING, ARM, MODE = "GUIDED", "COMPONENT_ARM_DISARM", "DO_SET_MODE"
@@ -30,13 +31,6 @@ ABORT = "SIDESTEP_ABORT_GOAL"
 T = TypeVar("T")
 Call = Callable[[Robot], Coroutine[Any, Any, Any]]
 Driver = Callable[[Stage, Call], Any]
-
-
-class ThreadAtOnce:
-    """Does its work when it is started."""
-
-    def __init__(self, target: Callable[[], object], **_: object) -> None:
-        self.start = target
 
 
 @pytest.fixture(autouse=True)

@@ -2,8 +2,8 @@
 
 import asyncio
 import threading
-from collections.abc import Awaitable, Callable, Coroutine, Generator, Iterator
-from typing import Any, NamedTuple, cast
+from collections.abc import Awaitable, Callable, Coroutine, Iterator
+from typing import Any, cast
 
 import pytest
 
@@ -27,7 +27,7 @@ from ground.commands.hold import Hold
 from ground.commands.param import ShowParameters
 from ground.commands.resume import Resume
 from protocol.bus.network import Network
-from protocol.topics import COMMAND, CYCLE, LEASE, LEASE_SERVICE, STATUS, STOP, Service
+from protocol.topics import COMMAND, CYCLE, LEASE, LEASE_SERVICE, STATUS, STOP
 from protocol.wire.enums import AckResult, Command, LeaseAction, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest
@@ -35,17 +35,8 @@ from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
 from tests.support.gateway.fake_port import cycle, status
 from tests.support.ground.client import ack, lease_of
-from tests.support.played_bus import PlayedBus
+from tests.support.played_bus import PlayedBus, PlayedQuery
 from tests.support.until import until
-
-
-class Query(NamedTuple):
-    """A query of a service."""
-
-    service: Service
-    message: Message | None
-    timeout_s: float
-    patience_s: float
 
 
 class Gate:
@@ -78,14 +69,8 @@ class GatedBus(PlayedBus):
     def __init__(self, clock: ManualClock, gate: Gate) -> None:
         super().__init__(clock)
         self.gate = gate
-        self.requester: Any = self
 
-    def steps(
-        self, service: Service, message: Message | None, timeout_s: float, robot: str
-    ) -> Generator[Query, Message | bytes, Message | bytes]:
-        return (yield Query(service, message, timeout_s, timeout_s))
-
-    def send(self, query: Query, done: Callable[[object], object]) -> None:
+    def send(self, query: PlayedQuery, done: Callable[[object], object]) -> None:
         self.asked.append((self.robot, query.service.path, query.message))
 
         def answer() -> None:

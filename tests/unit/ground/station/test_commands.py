@@ -1,29 +1,32 @@
 """The station commands: lease, requests one at a time, and the emergency stop."""
 
+import asyncio
 from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 from threading import Event, current_thread
 from time import monotonic
-from typing import cast
+from typing import NamedTuple
 
 import pytest
 
 from ground.app.commands.runner import CommandRunner
+from ground.client import robot_link
 from ground.client.connection import Common
 from ground.console.history import History
+from ground.robot import Robot
 from ground.station.robot.background_requests import Job, JobResult, RequestThread
 from ground.station.robot.command_queue import MAX_WAITING
-from protocol.bus.bus import Bus, Presence
+from protocol.bus.bus import Presence
 from protocol.bus.network import Network
-from protocol.topics import LEASE_SERVICE, STOP, Role
+from protocol.topics import COMMAND, LEASE_SERVICE, STOP, Role
 from protocol.wire.enums import AckResult, Command, LeaseAction, Mode, Severity
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest, LeaseRequest
 from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError, UserError
 from tests.support.each import each
-from tests.support.ground.station import Inline, Play, silent
+from tests.support.ground.station import Inline, Play, ThreadAtOnce, silent
 from tests.support.until import PATIENCE_S, until
 
 
@@ -37,12 +40,19 @@ def no_texts() -> list[str]:
     return []
 
 
-def job(done: list[str], text: str = "ok 14 ms", ok: bool = True) -> Job:
-    def run() -> JobResult:
-        done.append(text)
-        return JobResult(ok, text)
+class Noted(NamedTuple):
+    """A command that notes that it is performed; it ends when `go` is set, if there is one."""
 
-    return run
+    done: list[str]
+    text: str = "ok 14 ms"
+    ok: bool = True
+    go: asyncio.Event | None = None
+
+    async def perform(self, robot: Robot) -> JobResult:
+        if self.go is not None:
+            await self.go.wait()
+        self.done.append(self.text)
+        return JobResult(self.ok, self.text)
 
 
 def lease_asked(play: Play) -> list[int]:
@@ -51,8 +61,9 @@ def lease_asked(play: Play) -> list[int]:
 
 def test_moving_request_takes_the_lease_first() -> None:
     play, done = ready(), no_texts()
-    assert play.station.submit("goal 9 7", job(done))
+    assert play.station.submit("goal 9 7", Noted(done))
     assert play.station.busy == "goal 9 7"
+    play.turn()
     assert lease_asked(play) == [LeaseAction.TAKE]
     play.forward(0.05)
     assert (play.beats, done) == (1, [])
@@ -65,16 +76,17 @@ def test_moving_request_takes_the_lease_first() -> None:
 
 def test_second_command_is_sent_at_once() -> None:
     play, done = ready(), no_texts()
-    play.station.submit("arm", job(done))
+    play.station.submit("arm", Noted(done))
     play.forward(0.5)
-    play.station.submit("hold", job(done, "ok 9 ms"))
+    play.station.submit("hold", Noted(done, "ok 9 ms"))
+    play.turn()
     assert done == ["ok 14 ms", "ok 9 ms"]
     assert lease_asked(play) == [LeaseAction.TAKE]
 
 
 def test_request_without_motion_takes_no_lease() -> None:
     play, done = ready(), no_texts()
-    assert play.station.submit("get sonar_*", job(done), moves=False)
+    assert play.station.submit("get sonar_*", Noted(done), moves=False)
     play.forward(1.0)
     assert done == ["ok 14 ms"]
     assert lease_asked(play) == []
@@ -124,7 +136,7 @@ def test_foreign_lease_rejects_motion_and_names_the_holder() -> None:
     play.robot.lease.holder, play.robot.lease.name = "theirs", "ben"
     play.forward(1.0)
     assert play.station.lease.words == "ben"
-    assert not play.station.submit("goal 9 7", job(done))
+    assert not play.station.submit("goal 9 7", Noted(done))
     assert play.texts("refused: goal 9 7: other operator: read-only: ben is in command")
     assert "lease seize" in play.station.refusal()
 
@@ -132,7 +144,7 @@ def test_foreign_lease_rejects_motion_and_names_the_holder() -> None:
 def test_lost_race_for_the_lease_is_reported() -> None:
     play, done = ready(), no_texts()
     play.robot.lease.holder, play.robot.lease.name = "theirs", "ben"
-    play.station.submit("goal 9 7", job(done))
+    play.station.submit("goal 9 7", Noted(done))
     play.forward(0.3)
     assert done == []
     assert play.texts("not sent: goal 9 7: lease of r1 refused")
@@ -176,7 +188,7 @@ def test_lease_that_ended_is_taken_again_by_a_command() -> None:
     beats = play.beats
     play.forward(1.0)
     assert play.beats == beats
-    play.station.submit("goal 9 7", job(done))
+    play.station.submit("goal 9 7", Noted(done))
     play.forward(0.5)
     assert done == ["ok 14 ms"]
     assert play.station.lease.ours
@@ -204,10 +216,10 @@ def test_typed_lease_of_this_station_is_kept_alive() -> None:
 
 def test_requests_wait_for_the_pending_one_in_order() -> None:
     play, done = ready(), no_texts()
-    play.station.submit("hold", job(done, "first"))
-    play.station.submit("arm", job(done, "second", ok=False))
+    play.station.submit("hold", Noted(done, "first"))
+    play.station.submit("arm", Noted(done, "second", ok=False))
     play.station.take_lease()
-    play.station.submit("goal 9 7", job(done, "third"))
+    play.station.submit("goal 9 7", Noted(done, "third"))
     play.forward(1.0)
     assert done == ["first", "second", "third"]
     assert lease_asked(play) == [LeaseAction.TAKE, LeaseAction.TAKE]
@@ -217,22 +229,22 @@ def test_requests_wait_for_the_pending_one_in_order() -> None:
 
 def test_request_is_rejected_when_too_many_wait() -> None:
     play, done = ready(), no_texts()
-    play.workers["requests"].waits = True
-    play.station.submit("arm", job(done), moves=False)
+    go = asyncio.Event()
+    play.station.submit("arm", Noted(done, go=go), moves=False)
     for _ in range(MAX_WAITING):
-        assert play.station.submit("hold", job(done), moves=False)
-    assert not play.station.submit("hold", job(done), moves=False)
+        assert play.station.submit("hold", Noted(done), moves=False)
+    assert not play.station.submit("hold", Noted(done), moves=False)
     assert play.texts("not sent: hold: `arm` is under way")
     play.station.release_lease()
     assert play.texts("not sent: lease release: `arm` is under way")
-    play.workers["requests"].work()
+    go.set()
     play.forward(0.1)
-    assert play.station.submit("hold", job(done), moves=False)
+    assert play.station.submit("hold", Noted(done), moves=False)
 
 
 def test_waiting_release_keeps_the_heartbeat_until_its_turn() -> None:
     play, done = ready(), no_texts()
-    play.station.submit("hold", job(done))
+    play.station.submit("hold", Noted(done))
     play.station.release_lease()
     play.forward(1.0)
     assert done == ["ok 14 ms"], "the lease was needed for this"
@@ -242,12 +254,12 @@ def test_waiting_release_keeps_the_heartbeat_until_its_turn() -> None:
 
 def test_waiting_request_is_refused_if_the_robot_is_lost_meanwhile() -> None:
     play, done = ready(), no_texts()
-    play.workers["requests"].waits = True
-    play.station.submit("get", job(done), moves=False)
-    play.station.submit("goal 9 7", job(done))
+    go = asyncio.Event()
+    play.station.submit("get", Noted(done, go=go), moves=False)
+    play.station.submit("goal 9 7", Noted(done))
     play.die()
     play.forward(1.0)
-    play.workers["requests"].work()
+    go.set()
     play.forward(0.1)
     assert done == ["ok 14 ms"]
     assert play.texts("refused: goal 9 7: ")
@@ -257,8 +269,8 @@ def test_waiting_request_is_refused_if_the_robot_is_lost_meanwhile() -> None:
 @each("until_sent_s", [0.0, 0.1])
 def test_stop_drops_all_requests_that_were_not_sent(until_sent_s: float, of_all: bool) -> None:
     play, done = ready(), no_texts()
-    play.station.submit("clear-estop", job(done))
-    play.station.submit("arm", job(done))
+    play.station.submit("clear-estop", Noted(done))
+    play.station.submit("arm", Noted(done))
     play.forward(until_sent_s)
     assert done == []
     (play.station.estop_all if of_all else play.station.estop)()
@@ -267,27 +279,27 @@ def test_stop_drops_all_requests_that_were_not_sent(until_sent_s: float, of_all:
     for words in ("clear-estop", "arm"):
         assert play.texts(f"not sent: {words}: an emergency stop came first")
     assert play.station.busy == ""
-    play.station.submit("hold", job(done))
+    play.station.submit("hold", Noted(done))
     play.forward(0.5)
     assert done == ["ok 14 ms"]
 
 
 def test_answer_of_a_request_is_awaited_after_a_stop() -> None:
     play, done = ready(), no_texts()
-    play.workers["requests"].waits = True
-    play.station.submit("get", job(done), moves=False)
-    play.station.submit("arm", job(done), moves=False)
+    go = asyncio.Event()
+    play.station.submit("get", Noted(done, go=go), moves=False)
+    play.station.submit("arm", Noted(done), moves=False)
     play.station.estop()
     assert play.station.busy == "get"
-    play.workers["requests"].work()
+    go.set()
     play.forward(0.1)
     assert (done, play.station.busy) == (["ok 14 ms"], "")
 
 
 def test_requests_that_wait_are_dropped_with_the_world() -> None:
     play, done = ready(), no_texts()
-    play.station.submit("hold", job(done))
-    play.station.submit("arm", job(done))
+    play.station.submit("hold", Noted(done))
+    play.station.submit("arm", Noted(done))
     play.station.begin_again()
     play.forward(1.0)
     assert done == []
@@ -296,17 +308,19 @@ def test_requests_that_wait_are_dropped_with_the_world() -> None:
 
 def test_refusal_is_a_warning_with_its_reason() -> None:
     play, done = ready(), no_texts()
-    play.station.submit("arm", job(done, "refused: bumper\nremove it", ok=False), moves=False)
+    play.station.submit("arm", Noted(done, "refused: bumper\nremove it", ok=False), moves=False)
     play.forward(0.1)
     expected = [line for line in play.station.log if line.severity == Severity.WARNING]
     assert [line.text for line in expected] == ["refused: bumper", "remove it"]
 
 
-def raises(error: Exception) -> Job:
-    def run() -> JobResult:
-        raise error
+class Failing(NamedTuple):
+    """A command that fails."""
 
-    return run
+    error: Exception
+
+    async def perform(self, robot: Robot) -> JobResult:
+        raise self.error
 
 
 @each(
@@ -318,7 +332,7 @@ def raises(error: Exception) -> Job:
 )
 def test_failed_request_is_reported_in_words(error: Exception, expected: str) -> None:
     play = ready()
-    play.station.submit("arm", raises(error), moves=False)
+    play.station.submit("arm", Failing(error), moves=False)
     play.forward(0.1)
     assert play.texts(expected)
     assert play.station.busy == ""
@@ -331,8 +345,8 @@ def answers(*, result: AckResult, reason: Reason) -> Callable[[Message | None], 
 def test_lease_request_is_repeated_with_one_id() -> None:
     play, done = ready(), no_texts()
     play.bus.answers[LEASE_SERVICE.path] = silent
-    play.station.submit("goal 9 7", job(done))
-    play.forward(0.1)
+    play.station.submit("goal 9 7", Noted(done))
+    play.forward(2.0)
     asked = [one for _, _, one in play.bus.asked if isinstance(one, LeaseRequest)]
     assert len(asked) == 3
     assert len({one.request_id for one in asked}) == 1
@@ -342,7 +356,8 @@ def test_lease_request_is_repeated_with_one_id() -> None:
 
 def test_lease_lost_before_sending_cancels_the_command() -> None:
     play, done = ready(), no_texts()
-    play.station.submit("goal 9 7", job(done))
+    play.station.submit("goal 9 7", Noted(done))
+    play.turn()
     play.station.poll()
     own = play.station._fleet.sessions["r1"]
     own.holding.release(play.clock.now_ns())
@@ -364,7 +379,7 @@ def test_lease_of_another_program_of_the_same_person_is_ours() -> None:
     assert play.station.loss() is None
     assert play.beats == 0, "nothing was commanded here"
     assert play.texts("you are in command (by anna@desk:pts/1)")
-    assert play.station.submit("goal 9 7", job(done))
+    assert play.station.submit("goal 9 7", Noted(done))
     play.forward(0.05)
     assert (play.beats, done) == (1, [])
     play.forward(0.3)
@@ -385,14 +400,14 @@ def test_program_that_commanded_nothing_leaves_the_lease_of_another_one() -> Non
 def test_lease_is_prolonged_before_a_command_after_a_pause() -> None:
     """The robot may give it back while the command is on its way; then nobody would beat."""
     play, done = ready(), no_texts()
-    play.station.submit("arm", job(done))
+    play.station.submit("arm", Noted(done))
     play.forward(9.0)
-    play.station.submit("arm", job(done))
+    play.station.submit("arm", Noted(done))
     play.forward(9.0)
     assert lease_asked(play) == [LeaseAction.TAKE]
     play.robot.lease.lapses_ms = 1500
     play.forward(0.6)
-    play.station.submit("goal 9 7", job(done))
+    play.station.submit("goal 9 7", Noted(done))
     play.forward(0.2)
     assert lease_asked(play) == [LeaseAction.TAKE, LeaseAction.TAKE]
     assert len(done) == 3
@@ -471,8 +486,7 @@ def commands_of(play: Play, folder: Path) -> CommandRunner:
     """Return what runs the commands of an app; they reach the played robot."""
     network = Network(mode="client", connect=("tcp/127.0.0.1:7447",))
     common = Common(network=network, robot="r1")
-    history, bus = History(folder / "history"), cast(Bus, play.bus)
-    return CommandRunner(lambda: play.station, bus, common, play.clock, history)
+    return CommandRunner(lambda: play.station, common, History(folder / "history"))
 
 
 @pytest.fixture
@@ -516,6 +530,21 @@ def test_what_stops_is_sent_while_another_person_has_the_lease(line: str, tmp_pa
     assert len(play.commands) == 1
     assert not [one for _, _, one in play.bus.asked if isinstance(one, LeaseRequest)]
     assert play.texts(f"{line}: ok")
+
+
+def test_command_is_for_the_robot_that_was_shown(
+    commanding: tuple[Play, CommandRunner],
+) -> None:
+    play, commands = commanding
+    commands.run_line("hold")
+    play.station.select("r2")
+    play.turn()
+    assert [robot for robot, path, _ in play.bus.asked if path == COMMAND.path] == ["r1"]
+
+
+@pytest.fixture(autouse=True)
+def _no_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(robot_link, "Thread", ThreadAtOnce)
 
 
 @pytest.fixture
@@ -610,7 +639,6 @@ def test_failed_estop_reports_the_robots_response() -> None:
 
 def test_estop_waits_for_no_request_and_needs_no_lease() -> None:
     play = Play().forward(1.0)
-    play.workers["requests"].waits = True
     play.station.take_lease()
     play.station.estop()
     assert len(play.commands) == 1

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 import pytest
 
 from ground.client.telemetry import Age
+from ground.commands.hold import Hold
 from ground.station.link.link_monitor import CHANGED_NS, ONSET_NS, Contact
 from ground.station.link.loss import LossInputs, LossKind, classify
 from ground.station.link.streams import StreamCounter, StreamRow
-from ground.station.robot.background_requests import JobResult
 from protocol.bus.network import Hub
 from protocol.topics import (
     ANSWERED,
@@ -160,16 +160,10 @@ def test_only_received_data_are_live(lost: Lost) -> None:
 
 def test_loss_rejects_requests_that_move(lost: Lost) -> None:
     play, row = lost
-    sent: list[str] = []
-
-    def job() -> JobResult:
-        sent.append("sent")
-        return JobResult(True, "ok")
-
     assert row.words in play.station.refusal()
-    assert not play.station.submit("goal 9 7", job)
+    assert not play.station.submit("goal 9 7", Hold())
     play.forward(0.5)
-    assert sent == []
+    assert play.commands == []
     assert play.texts("refused: goal 9 7")
 
 
