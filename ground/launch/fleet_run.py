@@ -1,19 +1,22 @@
 """Run several goals as one: send all goals before time starts, then wait for all outcomes."""
 
+import asyncio
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Final
 
 from ground.client.connection import Common
-from ground.client.link import Link
+from ground.client.leases import Leasing
 from ground.launch.goal_run import GoalRun, NoOutcomeError
 from ground.launch.scenario import Scenario
 from ground.launch.supervisor import VoidRun
+from ground.robot import Robot
 from ground.text.status_parts import Part
 from protocol.bus.bus import Bus
 from protocol.outcome import Outcome
 from runtime.clock import Clock
+from runtime.units import NS_PER_S
 
 LOOK_NS: Final = 100_000_000
 POLL_NS: Final = 2_000_000
@@ -38,37 +41,39 @@ class FleetRun:
         self._check = check
         self._show = show
 
-    def run(self, *, lockstep: bool, launched: Callable[[], None] = lambda: None) -> list[Outcome]:
+    async def run(
+        self, *, lockstep: bool, launched: Callable[[], None] = lambda: None
+    ) -> list[Outcome]:
         """Return the outcome of each goal. Raises NoOutcomeError when the run cannot be judged.
 
         In lockstep time stops at the end, so that a recorder can catch up.
         """
-        self.launch(lockstep=lockstep)
+        await self.launch(lockstep=lockstep)
         launched()
         for goal_run in self._goal_runs:
-            goal_run.begin()
-        outcomes = self._follow()
+            await goal_run.begin()
+        outcomes = await self._follow()
         if lockstep:
-            self._goal_runs[0].pause()
+            await self._goal_runs[0].pause()
         return outcomes
 
-    def launch(self, *, lockstep: bool) -> None:
+    async def launch(self, *, lockstep: bool) -> None:
         """Arm every robot, send every goal and start time."""
         first = self._goal_runs[0]
         for goal_run in self._goal_runs:
-            goal_run.prepare()
+            await goal_run.prepare()
         if not lockstep:
-            first.start()  # the score begins with the goal
+            await first.start()  # the score begins with the goal
         for goal_run in self._goal_runs:
-            goal_run.send()
+            await goal_run.send()
         if lockstep:
-            first.start()  # each goal arrives in the same tick of every run
+            await first.start()  # each goal arrives in the same tick of every run
 
-    def _follow(self) -> list[Outcome]:
+    async def _follow(self) -> list[Outcome]:
         shown_ns = self._clock.now_ns()
         while True:
             for goal_run in self._goal_runs:
-                goal_run.look()
+                await goal_run.look()
             now_ns = self._clock.now_ns()
             is_over = all(goal_run.is_over for goal_run in self._goal_runs)
             if now_ns - shown_ns >= LOOK_NS or is_over:
@@ -77,7 +82,7 @@ class FleetRun:
             if is_over:
                 return self._outcomes()
             self._check()
-            self._clock.sleep_until(now_ns + POLL_NS)
+            await asyncio.sleep(POLL_NS / NS_PER_S)
 
     def _outcomes(self) -> list[Outcome]:
         void_reason = dict.fromkeys(
@@ -110,7 +115,7 @@ def goal_runs_of(
     """Return one run for each robot; `void` returns why the trial of a robot is void."""
     return [
         GoalRun(
-            Link(bus, replace(common, robot=one.robot), clock),
+            Robot(bus, replace(common, robot=one.robot), clock=clock, leasing=Leasing.NEVER),
             scenario,
             one,
             check,

@@ -10,7 +10,7 @@ from typing import Final
 from msgspec import structs
 
 from ground.client.goal import goal_request
-from ground.client.link import Link, UnansweredError
+from ground.client.link import UnansweredError
 from ground.client.outcomes import Accepted, Refused
 from ground.client.requests import GoalEnd, GoalWatch
 from ground.client.status_line import goal_line, short_line
@@ -19,6 +19,7 @@ from ground.client.time_factor import TimeFactor
 from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.launch.scenario import Scenario, ScenarioRobot
 from ground.launch.supervisor import VoidRun
+from ground.robot import Robot
 from ground.text.status_parts import Part
 from protocol.outcome import REPLACED, Outcome, RunEnd, doubt_of, evaluated
 from protocol.topics import CYCLE, DECISION, LEASE, MISSION, ODOMETRY, RUN, STATUS, TRUTH
@@ -56,17 +57,17 @@ class GoalRun:
 
     def __init__(
         self,
-        link: Link,
+        robot: Robot,
         scenario: Scenario,
         scenario_robot: ScenarioRobot,
         check: Callable[[], None],
         void: Callable[[], VoidRun | None] = lambda: None,
     ) -> None:
-        self.link = link
+        self.robot = robot
         self._poses: deque[bytes] = deque(maxlen=MAX_POSES)
         self.telemetry = Telemetry(
-            link.bus,
-            link.robot,
+            robot.bus,
+            robot.name,
             (STATUS, ODOMETRY, DECISION, CYCLE, TRUTH, LEASE, MISSION),
             taker=lambda path: self._keep_pose if path == ODOMETRY.path else None,
         )
@@ -89,21 +90,23 @@ class GoalRun:
     def _keep_pose(self, _key: str, frame: bytes, _at_ns: int) -> None:
         self._poses.append(frame)
 
-    def prepare(self) -> None:
+    async def prepare(self) -> None:
         """Choose the navigator and arm; arming is accepted as soon as the robot has sensor data."""
         navigator = float(NAVIGATORS[self._scenario.navigator])
         side = float(SIDES[self._scenario.side])
-        self._request_until_accepted(Command.SIDESTEP_SET_NAVIGATOR, navigator, side)
-        self._request_until_accepted(Command.COMPONENT_ARM_DISARM, 1.0)
+        await self._request_until_accepted(Command.SIDESTEP_SET_NAVIGATOR, navigator, side)
+        await self._request_until_accepted(Command.COMPONENT_ARM_DISARM, 1.0)
 
-    def _request_until_accepted(self, command: Command, param1: float, param2: float = 0.0) -> None:
+    async def _request_until_accepted(
+        self, command: Command, param1: float, param2: float = 0.0
+    ) -> None:
         """Repeat a command until accepted: a robot that starts may not answer or lack data."""
-        clock = self.link.clock
+        clock = self.robot.clock
         deadline_ns = clock.now_ns() + READY_NS
         while True:
             self._check()
             try:
-                answer = self.link.ask(self.link.command(command, param1, param2))
+                answer = await self.robot.ask(self.robot.request(command, param1, param2))
             except UnansweredError:
                 if clock.now_ns() > deadline_ns:
                     raise
@@ -114,46 +117,46 @@ class GoalRun:
                     raise NoOutcomeError(
                         f"the robot refused {command.name.lower()}: {answer.words}"
                     )
-            clock.sleep_until(clock.now_ns() + RETRY_NS)
+            await self.robot.sleep_until(clock.now_ns() + RETRY_NS)
 
-    def start(self) -> None:
+    async def start(self) -> None:
         """Start the plant's time in lockstep; otherwise start the score of all robots."""
-        answer = self._ask_plant(RunRequest(until_ns=0, action=RunAction.START))
+        answer = await self._ask_plant(RunRequest(until_ns=0, action=RunAction.START))
         if not isinstance(answer, CommandAck) or answer.result:
             raise NoOutcomeError("the plant did not start the run")
 
-    def pause(self) -> None:
+    async def pause(self) -> None:
         """Stop simulated time, if the plant still answers."""
         with suppress(NoAnswerError):
-            self._ask_plant(RunRequest(until_ns=0, action=RunAction.PAUSE))
+            await self._ask_plant(RunRequest(until_ns=0, action=RunAction.PAUSE))
 
-    def send(self) -> None:
+    async def send(self) -> None:
         """Send the goal. A refusal is an outcome, too, but is kept until time has started.
 
         On a busy computer a failsafe may have disarmed the robot since `prepare`, for example
         because it lost ticks: then it is armed again.
         """
-        deadline_ns = self.link.clock.now_ns() + READY_NS
+        deadline_ns = self.robot.clock.now_ns() + READY_NS
         while True:
-            request = goal_request(self._goal.on_the_wire(), self.link.ids.next(), Mode.AUTO)
+            request = goal_request(self._goal.on_the_wire(), self.robot.ids.next(), Mode.AUTO)
             self._goal_id = request.request_id
-            asked_ns = self.link.clock.now_ns()
-            answer = self.link.ask(request)
+            asked_ns = self.robot.clock.now_ns()
+            answer = await self.robot.ask(request)
             self._refusal = answer if isinstance(answer, Refused) else None
-            if self._refusal is None or not self._was_disarmed(self._refusal, asked_ns):
+            if self._refusal is None or not await self._was_disarmed(self._refusal, asked_ns):
                 return
-            if self.link.clock.now_ns() > deadline_ns:
+            if self.robot.clock.now_ns() > deadline_ns:
                 return
-            self._request_until_accepted(Command.COMPONENT_ARM_DISARM, 1.0)
+            await self._request_until_accepted(Command.COMPONENT_ARM_DISARM, 1.0)
 
-    def _was_disarmed(self, refusal: Refused, asked_ns: int) -> bool:
+    async def _was_disarmed(self, refusal: Refused, asked_ns: int) -> bool:
         """Return whether a goal was refused because of a failsafe whose cause passes by itself."""
 
         def newest() -> NavigatorStatus | None:
             found = self.telemetry.latest(STATUS)
             return None if found is None or found[1] < asked_ns else found[0]
 
-        if refusal.reason != Reason.NOT_ARMED or not self.link.wait(
+        if refusal.reason != Reason.NOT_ARMED or not await self.robot.wait(
             lambda: newest() is not None, NS_PER_S
         ):
             return False
@@ -164,11 +167,11 @@ class GoalRun:
             and status.vehicle_reason in PASSING
         )
 
-    def begin(self) -> None:
+    async def begin(self) -> None:
         """Follow the goal from now on; call it after `start`."""
-        self._begun_ns = self.link.clock.now_ns()
+        self._begun_ns = self.robot.clock.now_ns()
         if self._refusal is not None:
-            self._end(self._refused(self._refusal))
+            await self._end(await self._refused(self._refusal))
             if self.outcome is not None and self.outcome.outcome == "timeout":  # the goal before
                 reason = self._refusal.words
                 self.outcome = replace(self.outcome, outcome="aborted", reason=reason)
@@ -181,7 +184,7 @@ class GoalRun:
         """True when the run has an outcome and nobody else drives on, or when it is void."""
         return bool(self.void_reason) or (self.outcome is not None and not self._is_commanded)
 
-    def look(self) -> None:
+    async def look(self) -> None:
         """Check whether the goal has ended; NoOutcomeError when the robot is lost."""
         if self.is_over or self._watch is None:
             return
@@ -200,7 +203,7 @@ class GoalRun:
         if newest is not None and newest[0].goal_id == self._goal_id:
             self._of_goal = newest[0]
         self._watch.look(self.telemetry.latest)
-        self._watch.due(self.link.clock.now_ns())
+        self._watch.due(self.robot.clock.now_ns())
         end, of_goal = self._watch.end, self._of_goal
         if end is None:
             return
@@ -208,21 +211,21 @@ class GoalRun:
             of_goal = never_shown(newest[0])
         is_judged = end.outcome in ("timeout", REPLACED) or (of_goal and of_goal.goal_ended_ns)
         if of_goal is None or not is_judged:
-            self._lost(lambda: f"{end.reason}: {self.link.diagnosis()}")
+            if self._is_lost():
+                raise NoOutcomeError(f"{end.reason}: {await self.robot.diagnosis()}")
             return
         try:
-            self._end(of_goal, end)
+            await self._end(of_goal, end)
         except NoAnswerError as error:
-            why = str(error)
-            self._lost(lambda: why)
+            if self._is_lost():
+                raise NoOutcomeError(str(error)) from error
 
-    def _lost(self, why: Callable[[], str]) -> None:
-        """Raise NoOutcomeError, but allow time for a restart."""
-        now_ns = self.link.clock.now_ns()
+    def _is_lost(self) -> bool:
+        """Return whether the time for a restart is over."""
+        now_ns = self.robot.clock.now_ns()
         self._lost_ns = self._lost_ns or now_ns
         self._check()
-        if now_ns - self._lost_ns > RESTART_WAIT_NS:
-            raise NoOutcomeError(why())
+        return now_ns - self._lost_ns > RESTART_WAIT_NS
 
     @property
     def _is_commanded(self) -> bool:
@@ -243,7 +246,7 @@ class GoalRun:
         """Return the status line of this run."""
         if self._waiting:
             return [Part(self._waiting)]
-        now_ns = self.link.clock.now_ns()
+        now_ns = self.robot.clock.now_ns()
         if self.outcome is not None and not self.is_over:
             parts = goal_line(self.telemetry, now_ns, 0)
             return [Part(f"goal {self.outcome.outcome}, an operator commands"), *parts]
@@ -255,8 +258,8 @@ class GoalRun:
     def short_line(self) -> Part:
         """Return a short status, for a line that covers several robots."""
         if self.outcome is not None:
-            return Part(f"{self.link.robot} {self.outcome.outcome}")
-        return short_line(self.telemetry, self.link.robot, self.link.clock.now_ns())
+            return Part(f"{self.robot.name} {self.outcome.outcome}")
+        return short_line(self.telemetry, self.robot.name, self.robot.clock.now_ns())
 
     def time(self) -> Part:
         """Return the time since the goal was set, by the robot's clock."""
@@ -267,39 +270,42 @@ class GoalRun:
 
     def pace(self) -> Part:
         """Return how slowly simulated time runs; empty when it is as fast as chosen."""
-        now_ns = self.link.clock.now_ns()
+        now_ns = self.robot.clock.now_ns()
         hint, words = self._time_factor.hint(now_ns), self._time_factor.words(now_ns)
         return Part(f"{words}, {hint}", words) if hint else Part("")
 
     def close(self) -> None:
         """End the subscriptions."""
         for mailbox in self.telemetry.boxes().values():
-            self.link.bus.unsubscribe(mailbox)
+            self.robot.bus.unsubscribe(mailbox)
 
     @property
     def refusal(self) -> str:
         """Why the robot refused the goal; empty if it did not."""
         return "" if self._refusal is None else self._refusal.words
 
-    def _end(self, status: NavigatorStatus, end: GoalEnd | None = None) -> None:
-        wall_s = (self.link.clock.now_ns() - self._begun_ns) / NS_PER_S
+    async def _end(self, status: NavigatorStatus, end: GoalEnd | None = None) -> None:
+        wall_s = (self.robot.clock.now_ns() - self._begun_ns) / NS_PER_S
         replaced = end is not None and end.outcome == REPLACED
-        self.outcome = self._judge(status, wall_s, status.time_ns if replaced else None)
+        self.outcome = await self._judge(status, wall_s, status.time_ns if replaced else None)
         if end is not None and replaced and self.outcome.outcome == "timeout":
             self.outcome = replace(self.outcome, outcome=REPLACED, reason=end.reason)
 
-    def _ask_plant(self, request: RunRequest) -> object:
-        timeout_s = REQUEST_TIMEOUT_S * slowdown_in(self.link.clock)()
-        return self.link.bus.ask(RUN, request, timeout_s, robot=self.link.robot)
+    async def _ask_plant(self, request: RunRequest) -> object:
+        timeout_s = REQUEST_TIMEOUT_S * slowdown_in(self.robot.clock)()
+        robot = self.robot
+        return await robot.in_own_thread(
+            lambda: robot.bus.ask(RUN, request, timeout_s, robot=robot.name)
+        )
 
-    def _refused(self, refusal: Refused) -> NavigatorStatus:
-        self.link.wait(lambda: self.telemetry.latest(STATUS) is not None, READY_NS)
+    async def _refused(self, refusal: Refused) -> NavigatorStatus:
+        await self.robot.wait(lambda: self.telemetry.latest(STATUS) is not None, READY_NS)
         newest = self.telemetry.latest(STATUS)
         if newest is None:
             raise NoOutcomeError(f"the goal was refused: {refusal.words}")
         return newest[0]
 
-    def _judge(
+    async def _judge(
         self, status: NavigatorStatus, wall_s: float, until_ns: int | None = None
     ) -> Outcome:
         """Have the plant score the run until this stamp, else until its goal or its time ended."""
@@ -307,7 +313,7 @@ class GoalRun:
         ended = status.goal in tuple(GoalState) and status.goal >= GoalState.REACHED
         if until_ns is None:
             until_ns = status.goal_ended_ns if ended else status.goal_started_ns + timeout_ns
-        score = self._ask_plant(RunRequest(until_ns=until_ns, action=RunAction.SCORE))
+        score = await self._ask_plant(RunRequest(until_ns=until_ns, action=RunAction.SCORE))
         if not isinstance(score, RunScore):
             raise NoOutcomeError("the plant did not return a score")
         pose = self._estimate(until_ns)

@@ -1,5 +1,6 @@
 """Start, supervise and restart the processes of `up`, also in another world."""
 
+import asyncio
 import json
 import signal
 import socket
@@ -225,18 +226,22 @@ class Stack:
                 raise NoOutcomeError(f"{scenario.name}: another world was started")
 
         goal_runs = goal_runs_of(scenario, self.common, bus, self._clock, check)
+        run = FleetRun(goal_runs, self._clock, check, lambda _: None)
+
+        async def launch() -> None:
+            try:
+                await run.launch(lockstep=scenario.lockstep)
+            except RemoteError:
+                with suppress(RemoteError):  # a robot that was stopped can still be driven
+                    await goal_runs[0].start()
+                raise
+
         try:
-            FleetRun(goal_runs, self._clock, check, lambda _: None).launch(
-                lockstep=scenario.lockstep
-            )
-        except RemoteError:
-            with suppress(RemoteError):  # a robot that was stopped meanwhile can still be driven
-                goal_runs[0].start()
-            raise
+            asyncio.run(launch())
         finally:
             for goal_run in goal_runs:
                 goal_run.close()
-        return [f"{one.link.robot}: {one.refusal}" for one in goal_runs if one.refusal]
+        return [f"{one.robot.name}: {one.refusal}" for one in goal_runs if one.refusal]
 
     def _begin_supervision(self) -> None:
         bus = self._bus

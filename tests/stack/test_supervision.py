@@ -1,5 +1,6 @@
 """Processes that are restarted, interrupted, killed or slow: what they keep and say."""
 
+import asyncio
 import fcntl
 import json
 import os
@@ -107,7 +108,7 @@ class Stage:
             real_time(pid)
         deadline_s = time.monotonic() + DRIVES_S
         while time.monotonic() < deadline_s:
-            fleet_run.launch(lockstep=False)
+            asyncio.run(fleet_run.launch(lockstep=False))
             stopped = len(witness.statuses)
             self.until(partial(self.under_way, stopped), "driving")
             if self.moves():

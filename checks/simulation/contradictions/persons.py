@@ -65,17 +65,17 @@ def _any_goal() -> Patches:
     run = import_module("ground.launch.goal_run").GoalRun
     look = run.look
 
-    def looked(self: Any) -> None:
+    async def looked(self: Any) -> None:
         newest, watch = self.telemetry.latest(STATUS), self._watch
         is_replaced = watch is not None and watch.end is not None and watch.end.outcome == REPLACED
         if not is_replaced or self.outcome is not None:
-            look(self)
+            await look(self)
         elif newest[0].goal_ended_ns:
-            self._end(newest[0])
+            await self._end(newest[0])
 
-    def judged(self: Any, status: Any, end: Any = None) -> None:
+    async def judged(self: Any, status: Any, end: Any = None) -> None:
         if end is None or end.outcome != REPLACED:
-            ended(self, status, end)
+            await ended(self, status, end)
 
     ended = run._end
     return {
@@ -122,14 +122,16 @@ def _stop_with_lease_only() -> Patches:
 
 def _lost_for_replaced() -> Patches:
     """Report a robot whose goal was replaced as one that does not answer."""
-    run = import_module("ground.launch.goal_run").GoalRun
-    ended = run._end
+    runs = import_module("ground.launch.goal_run")
+    ended = runs.GoalRun._end
 
-    def end(self: Any, status: Any, end: Any = None) -> None:
+    async def end(self: Any, status: Any, end: Any = None) -> None:
         if end is None or end.outcome != REPLACED:
-            ended(self, status, end)
+            await ended(self, status, end)
         else:
-            self._lost(lambda: f"replaced by a new goal: {self.link.diagnosis()}")
+            if self._is_lost():
+                why = f"replaced by a new goal: {await self.robot.diagnosis()}"
+                raise runs.NoOutcomeError(why)
 
     return {"ground.launch.goal_run.GoalRun._end": end}
 

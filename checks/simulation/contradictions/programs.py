@@ -502,7 +502,7 @@ class Up(PersonsProgram):
         runs = goal_runs_of(scenario, common, bus, clock, lambda: None)
         run = FleetRun(runs, clock, lambda: None, partial(self._line, deed))
         try:
-            (outcome,) = run.run(lockstep=False)
+            (outcome,) = SimulatedLoop().run(run.run(lockstep=False))
             ended = Ended(0 if outcome.reached else 1, outcome)
         except (RemoteError, LocalError) as error:
             ended = Ended(getattr(error, "exit_code", 1), None, str(error))

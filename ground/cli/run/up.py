@@ -15,8 +15,9 @@ from typing import Final
 from ground.app.appearance import add_appearance_options
 from ground.app.start import has_screen
 from ground.app.start import run as run_app
+from ground.cli.event_loop import run_until_signal
 from ground.client.connection import Common
-from ground.client.link import UnansweredError
+from ground.client.link import Link, UnansweredError
 from ground.client.stop_ways import StopServer
 from ground.client.vocabulary import NAVIGATORS, NOISES, SIDES, USUAL_NAVIGATOR
 from ground.commands.command import add_json, positive, seconds
@@ -177,9 +178,11 @@ def run_headless(
                 progress_display(output, clock, in_lines=options.plain),
             )
             try:
-                with StopServer(goal_runs[0].link):
-                    outcomes = fleet_run.run(
-                        lockstep=scenario.lockstep, launched=partial(stack.supervise, bus)
+                with StopServer(Link(bus, stack.common, clock)):
+                    outcomes = run_until_signal(
+                        lambda: fleet_run.run(
+                            lockstep=scenario.lockstep, launched=partial(stack.supervise, bus)
+                        )
                     )
                 close_records(stack, output, clock)
                 return outcomes
@@ -196,9 +199,8 @@ def run_with_app(
         stack.start(paused=scenario.lockstep, ready=partial(recorders_ready, stack, clock, output))
         with connect(stack.common, clock, stack.check) as bus:
             goal_runs = goal_runs_of(stack, bus, output, clock)
-            FleetRun(goal_runs, clock, stack.check, progress_display(output, clock)).launch(
-                lockstep=scenario.lockstep
-            )
+            fleet_run = FleetRun(goal_runs, clock, stack.check, progress_display(output, clock))
+            run_until_signal(lambda: fleet_run.launch(lockstep=scenario.lockstep))
             stack.supervise(bus)
             folder = Path(scenario.record or recordings_folder())
             config = ground_file(scenario.locks)
@@ -206,7 +208,7 @@ def run_with_app(
                 if scenario.record is not None:
                     recording.watch(partial(stack.recording_of, stack.common.robot))
                 lessons = vars(options).get("lessons", False)
-                link = goal_runs[0].link
+                link = Link(bus, stack.common, clock)
                 return run_app(options, link, stack.common, stack, recording, lessons=lessons)
 
 

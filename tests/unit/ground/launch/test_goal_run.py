@@ -1,21 +1,25 @@
 """Goal runs of one robot and of several: order, restarts, end, and JSON."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
+from contextlib import closing
 from dataclasses import replace
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import pytest
 from msgspec import structs
 
+from checks.harness.loop import PlayedLoop
 from checks.harness.messages import make
 from ground.client.connection import Common
 from ground.client.goal import destination
-from ground.client.link import Link, UnansweredError
+from ground.client.leases import Leasing
+from ground.client.link import UnansweredError
 from ground.client.requests import ATTEMPTS
 from ground.launch.fleet_run import FleetRun, as_json, in_words
 from ground.launch.goal_run import READY_NS, RESTART_WAIT_NS, GoalRun, NoOutcomeError
 from ground.launch.scenario import WALL, Scenario, ScenarioRobot
 from ground.launch.supervisor import VoidRun
+from ground.robot import Robot
 from ground.text.status_parts import Part
 from protocol.bus.network import Network
 from protocol.outcome import Outcome
@@ -34,7 +38,7 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from protocol.world import WorldRun
-from runtime.clock import ManualClock
+from runtime.clock import Clock, ManualClock
 from runtime.errors import NoAnswerError
 from runtime.units import NS_PER_S as SECOND
 from tests.support.each import each
@@ -42,6 +46,7 @@ from tests.support.ground.made_recordings import truth
 from tests.support.plant import plain_world
 from tests.support.played_bus import PlayedBus
 
+T = TypeVar("T")
 SILENT = "no process answers"
 RUN = WorldRun(world=plain_world("open", (10.0, 10.0), (1.0, 1.0), (9.0, 9.0), shortest_path_m=1.0))
 SCENARIO = Scenario(
@@ -96,9 +101,24 @@ class Wired(PlayedBus):
         return CommandAck(command=message.command, result=AckResult.ACCEPTED)
 
 
-class Dialled(Link):
-    def diagnosis(self) -> str:
+class Dialled(Robot):
+    """A robot that answers at once."""
+
+    async def _answer(
+        self, service: Service, message: Message | None, timeout_s: float
+    ) -> Message | bytes:
+        return self.bus.ask(service, message, timeout_s)
+
+    async def in_own_thread(self, job: Callable[[], T]) -> T:
+        return job()
+
+    async def diagnosis(self) -> str:
         return "it hangs"
+
+
+def ran(work: Coroutine[Any, Any, T], clock: Clock) -> T:
+    with closing(PlayedLoop(clock)) as loop:
+        return loop.run(work)
 
 
 class Stage:
@@ -109,17 +129,21 @@ class Stage:
         self.bus = Wired(self.clock)
         self.void: VoidRun | None = None
         network = Network(mode="client", connect=("tcp/127.0.0.1:1",))
-        link = Dialled(self.bus, Common(network=network, robot="r1"), self.clock)
+        common = Common(network=network, robot="r1")
+        robot = Dialled(self.bus, common, clock=self.clock, leasing=Leasing.NEVER)
         goal = destination([3.0, 2.0])
         scenario_robot = ScenarioRobot(robot="r1", start=(0.0, 0.0, 0.0), goal=goal)
         scenario = SCENARIO if lockstep else replace(SCENARIO, clock=WALL)
-        self.goal_run = GoalRun(link, scenario, scenario_robot, lambda: None, lambda: self.void)
+        self.goal_run = GoalRun(robot, scenario, scenario_robot, lambda: None, lambda: self.void)
 
     @classmethod
     def begun(cls, *, lockstep: bool = False) -> Self:
         stage = cls(lockstep=lockstep)
-        stage.goal_run.begin()
+        stage.run(stage.goal_run.begin())
         return stage
+
+    def run(self, work: Coroutine[Any, Any, T]) -> T:
+        return ran(work, self.clock)
 
     def receive(
         self,
@@ -146,20 +170,20 @@ class Stage:
     def wait(self, seconds: float) -> None:
         for _ in range(round(seconds * 10)):
             self.clock.advance(SECOND // 10)
-            self.goal_run.look()
+            self.run(self.goal_run.look())
 
 
 def test_prepare_retries_until_the_robot_answers() -> None:
     stage = Stage()
     stage.bus.serves_after = 3 * ATTEMPTS
-    stage.goal_run.prepare()
+    stage.run(stage.goal_run.prepare())
     assert stage.bus.requests == 3 * ATTEMPTS + 2
 
 
 def test_prepare_gives_up_on_a_silent_robot() -> None:
     stage = Stage()
     with pytest.raises(UnansweredError, match=SILENT):
-        stage.goal_run.prepare()
+        stage.run(stage.goal_run.prepare())
     assert READY_NS < stage.clock.now_ns() - SECOND < 2 * READY_NS
 
 
@@ -168,7 +192,7 @@ def sent(vehicle: Vehicle, reason: Reason, *refusals: int) -> Stage:
     stage = Stage()
     stage.bus.serves_after, stage.bus.refusals = 0, refusals
     stage.bus.on_refusal = lambda: stage.receive(GoalState.NONE, vehicle=vehicle, reason=reason)
-    stage.goal_run.send()
+    stage.run(stage.goal_run.send())
     return stage
 
 
@@ -393,22 +417,22 @@ class RecordedRun(GoalRun):
         self._looks = looks
         self._calls = calls
 
-    def prepare(self) -> None:
+    async def prepare(self) -> None:
         self._calls.append(f"prepare {self.name}")
 
-    def start(self) -> None:
+    async def start(self) -> None:
         self._calls.append("start")
 
-    def pause(self) -> None:
+    async def pause(self) -> None:
         self._calls.append("pause")
 
-    def send(self) -> None:
+    async def send(self) -> None:
         self._calls.append(f"send {self.name}")
 
-    def begin(self) -> None:
+    async def begin(self) -> None:
         self._calls.append(f"begin {self.name}")
 
-    def look(self) -> None:
+    async def look(self) -> None:
         self._looks -= 1
         if self._looks == 0:
             self.outcome = replace(REACHED, path_m=float(len(self.name)))
@@ -435,9 +459,14 @@ def fleet_run(
     return FleetRun(goal_runs, ManualClock(), check, shown.append), calls, shown
 
 
+def ended(run: FleetRun, **how: Any) -> list[Outcome]:
+    """Run it to its end, on its own clock."""
+    return ran(run.run(**how), run._clock)
+
+
 def test_lockstep_sends_all_goals_before_start() -> None:
     run, calls, _ = fleet_run(1, 1)
-    run.run(lockstep=True)
+    ended(run, lockstep=True)
     assert calls == [
         "prepare r1",
         "prepare r2",
@@ -452,21 +481,21 @@ def test_lockstep_sends_all_goals_before_start() -> None:
 
 def test_wall_time_starts_the_score_before_the_goals() -> None:
     run, calls, _ = fleet_run(1, 1)
-    run.run(lockstep=False)
+    ended(run, lockstep=False)
     assert calls[2:5] == ["start", "send r1", "send r2"]
     assert "pause" not in calls
 
 
 def test_fleet_run_ends_with_the_last_robot() -> None:
     run, _, shown = fleet_run(200, 3)
-    assert len(run.run(lockstep=True)) == 2
+    assert len(ended(run, lockstep=True)) == 2
     assert [part.text for part in shown[0]] == ["r1 on its way", "r2 there", "3 s", ""]
     assert [part.text for part in shown[-1]] == ["r1 there", "r2 there", "3 s", ""]
 
 
 def test_single_robot_uses_the_full_line() -> None:
     run, _, shown = fleet_run(1)
-    run.run(lockstep=True)
+    ended(run, lockstep=True)
     assert [part.text for part in shown[-1]] == ["r1", "alone", ""]
 
 
@@ -475,7 +504,7 @@ def test_exit_of_a_process_ends_the_run() -> None:
         raise NoOutcomeError("gone")
 
     with pytest.raises(NoOutcomeError, match="gone"):
-        fleet_run(5, check=check)[0].run(lockstep=True)
+        ended(fleet_run(5, check=check)[0], lockstep=True)
 
 
 def test_restart_voids_the_trial_after_others_arrive() -> None:
@@ -483,7 +512,7 @@ def test_restart_voids_the_trial_after_others_arrive() -> None:
     lost = run._goal_runs[1]
     lost.void_reason = "the robot r2 process was killed (signal SIGKILL)"
     with pytest.raises(NoOutcomeError, match=r"no valid trial: .* \(signal SIGKILL\); r1 there"):
-        run.run(lockstep=False, launched=lambda: calls.append("launched"))
+        ended(run, lockstep=False, launched=lambda: calls.append("launched"))
     assert calls[5:] == ["launched", "begin r1", "begin r2"]
     assert shown[-1][0].text == "r1 there"
 
