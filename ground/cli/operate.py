@@ -1,29 +1,54 @@
 """Carries out the operation of a parsed verb and prints its outcome."""
 
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from ground.cli.event_loop import run_until_signal
-from ground.cli.observe.live_line import follow
 from ground.cli.options import common_of
+from ground.client.connection import Common
 from ground.client.floor import floor_of
 from ground.client.lease_holder import operator_name
 from ground.client.leases import Leasing
 from ground.client.link import Link, UnansweredError, open_link
 from ground.client.outcomes import Accepted, Outcome, Progress, RefusedError
 from ground.client.session import Operation
-from ground.commands.all_robots import StopAll
 from ground.commands.command import OperatorCommand, Reach, parsed
-from ground.commands.doctor import Diagnose
-from ground.commands.explain import Explain
-from ground.commands.export import Exported
-from ground.commands.stop import StopNow
-from ground.commands.watch import Watch
 from ground.grammar.words import FromFile, Words
 from ground.robot import Robot, RobotCommand
 from ground.text.output import Output
 
 Out = TypeVar("Out", bound=Outcome)
+
+
+@runtime_checkable
+class StopsAlone(Protocol):
+    """A command that opens no session before it acts."""
+
+    def perform_alone(self, common: Common) -> Outcome:
+        """Carry it out by every way there is."""
+
+
+class OnFiles(Protocol):
+    """A command that needs no robot."""
+
+    def run(self, progress: Progress) -> Outcome:
+        """Carry it out."""
+
+
+@runtime_checkable
+class HasRecording(Protocol):
+    """A command that can look at a recording instead."""
+
+    def without_robot(self, reach: Reach) -> OnFiles | None:
+        """Return the same for the newest recording, if no robot was named."""
+
+
+@runtime_checkable
+class ExplainsSilence(Protocol):
+    """A command whose outcome says why nobody answers."""
+
+    def not_connected(self, error: UnansweredError, endpoint: str) -> Outcome:
+        """Return the outcome for a connection that failed."""
 
 
 def run(words: Words, output: Output) -> int:
@@ -32,14 +57,16 @@ def run(words: Words, output: Output) -> int:
     Values are checked before the program connects to a robot.
     """
     operation: Any = words.operation()
-    if isinstance(operation, Watch) and not (operation.once or words.json):
+    if getattr(operation, "is_live", False) and not words.json:
+        from ground.cli.observe.live_line import follow
+
         return follow(common_of(words, output))
     if getattr(operation, "is_offline", False):
         return print_outcome(output, words, "", operation.run(output))
     if isinstance(operation, FromFile):
         operation = operation.read()
     common = common_of(words, output)
-    if isinstance(operation, StopNow | StopAll):
+    if isinstance(operation, StopsAlone):
         return print_outcome(output, words, common.robot, operation.perform_alone(common))
     try:
         with open_link(common) as link:
@@ -47,12 +74,12 @@ def run(words: Words, output: Output) -> int:
             outcome = run_until_signal(lambda: perform(operation, robot, seizes=words.seize))
             return print_outcome(output, words, robot.name, outcome, effect_of(operation, outcome))
     except UnansweredError as error:
-        if isinstance(operation, Explain) and (
+        if isinstance(operation, HasRecording) and (
             instead := operation.without_robot(parsed(Reach, words))
         ):
             output.note(f"no robot answers at {common.endpoint}: this is the newest recording")
             return print_outcome(output, words, "", instead.run(output))
-        if not isinstance(operation, Diagnose):
+        if not isinstance(operation, ExplainsSilence):
             raise
         return print_outcome(
             output, words, common.robot, operation.not_connected(error, common.endpoint)
@@ -95,7 +122,7 @@ def print_outcome(
 
     `effect` is added to the text for people.
     """
-    if isinstance(outcome, Exported) and outcome.out is None:
+    if getattr(outcome, "is_printed", False):
         output.note(outcome.text)
     else:
         output.result(outcome.as_json(words.title, robot), outcome.text + effect)

@@ -7,19 +7,19 @@ modules it needs.
 import argparse
 from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
-from ground.cli import operate
-from ground.cli.options import common_of
-from ground.client.link import Link, open_link
-from ground.grammar.words import Words, words_of
 from ground.text.output import Output
 from runtime.cli import verb_table
 from runtime.cli.verb import Verb
 
+if TYPE_CHECKING:
+    from ground.client.link import Link
+    from ground.grammar.words import Words
+
 Run: TypeAlias = Callable[[Any, Output], int]
 """Runs a verb with its parsed arguments: its `Words`, or argparse's own object."""
-Act: TypeAlias = Callable[[argparse.Namespace, Link, Output], int]
+Act: TypeAlias = Callable[[argparse.Namespace, "Link", Output], int]
 
 
 class LoadedVerb(NamedTuple):
@@ -29,12 +29,15 @@ class LoadedVerb(NamedTuple):
     """
 
     run: Run
-    words: Callable[[str], Words] | None = None
+    words: "Callable[[str], Words] | None" = None
 
 
 def loaded(verb: Verb) -> LoadedVerb:
     """Import the module of a verb; one without `run` gets a link and acts on it."""
     if verb.words:
+        from ground.cli import operate
+        from ground.grammar.words import words_of
+
         words = words_of(verb)
         return LoadedVerb(operate.run, words)
     module = import_module(verb.module)
@@ -46,6 +49,9 @@ def with_link(act: Act) -> Run:
     """Return a function that opens a link and calls `act` with it."""
 
     def run(options: argparse.Namespace, output: Output) -> int:
+        from ground.cli.options import common_of
+        from ground.client.link import open_link
+
         with open_link(common_of(options, output)) as link:
             return act(options, link, output)
 

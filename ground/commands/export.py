@@ -67,6 +67,11 @@ class Exported:
             text += f"; {tally.unreadable} frames are not of this dialect"
         return f"{text}; DAMAGED: {tally.damage}" if tally.damage else text
 
+    @property
+    def is_printed(self) -> bool:
+        """True if the table went to standard output."""
+        return self.out is None
+
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
         """Return files and counts as a row."""
         return {"file": self.file, "out": self.out, **self.tally._asdict()}

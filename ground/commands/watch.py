@@ -23,6 +23,11 @@ class Watch(OperatorCommand):
         "--once", default=False, help="print the state once, as --json does", after="json"
     )
 
+    @property
+    def is_live(self) -> bool:
+        """True if it shows the state all the time, unless as JSON."""
+        return not self.once
+
     async def perform(self, robot: Robot) -> Report:
         """Report the state as soon as all streams have arrived, or after 0.7 s.
 
