@@ -37,14 +37,13 @@ from ground.client.goal import Destination, goal_request
 from ground.client.requests import RequestIds
 from ground.launch.child_command import die_with_parent
 from ground.launch.child_processes import Children
-from ground.launch.restart_policy import RestartSchedule
 from ground.launch.scenario import (
     Scenario,
     process_arguments,
     run_of,
     scenario_of,
 )
-from ground.launch.supervisor import Supervisor
+from ground.launch.supervisor import RestartSchedule, Supervisor
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
 from protocol.topics import COMMAND, CYCLE, DRIVE, ODOMETRY, SONAR, STATUS, Role

@@ -36,8 +36,8 @@ from ground.client.session import Session
 from ground.commands.arm import Arm
 from ground.commands.stop import ClearEmergencyStop, StopNow
 from ground.launch.launcher import Stack
-from ground.launch.restart_policy import RestartPolicy
 from ground.launch.scenario import WALL, run_of, scenario_of
+from ground.launch.supervisor import RestartPolicy
 from ground.missions.mission import Circle
 from ground.missions.transfer import fence_items_of
 from ground.text.wording import StatustextAssembler

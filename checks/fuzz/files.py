@@ -34,7 +34,7 @@ from checks.fuzz.target import (
 from gateways.mavlink.signing import StampClock
 from ground.app.input.keymap import Keymap, as_toml
 from ground.app.input.keymap import load as keymap_in
-from ground.certificates.folder import check, make
+from ground.certificates import check, make
 from ground.cli.verbs import VERBS
 from ground.client.connection import Config
 from ground.client.parameter import parameters_in

@@ -26,11 +26,11 @@ from ground.client.outcomes import NoProgress
 from ground.client.parameter import parameters_in
 from ground.commands.export import Export
 from ground.commands.param import table
-from ground.explain.turns import Recorded as Decided
+from ground.explain import Recorded as Decided
 from ground.ghost.branch_point import GhostRecording, changed_in
 from ground.map.canvas import Canvas
 from ground.map.drawing import draw
-from ground.map.view import View
+from ground.map.scene import View
 from ground.missions.transfer import fence_of, waypoints_of
 from ground.recording.foxglove_scene import GREY
 from ground.recording.log_reader import LogIndex, open_log, record_bytes

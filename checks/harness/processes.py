@@ -315,7 +315,7 @@ def free_port(kind: int = socket.SOCK_STREAM) -> int:
 def made_keys(folder: Path, operators: Sequence[str] = ()) -> Path:
     """Create a folder of certificates for the robots r1 and r2, valid for a day, and return it."""
     # Imported here because other measurements run without its library.
-    from ground.certificates.folder import make
+    from ground.certificates import make
 
     now = datetime.now(UTC)
     make(folder, ["r1", "r2"], {}, now - VALID, now + VALID, operators)

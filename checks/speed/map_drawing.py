@@ -28,8 +28,17 @@ from checks.harness.figures import BenchmarkReport, Figure, figure, ratios
 from ground.app.widgets.map import MapWidget
 from ground.map.canvas import Canvas, Dot
 from ground.map.drawing import draw
-from ground.map.scene import Disc, MapScene, MapTarget, Outline, RobotMark, Shape, floor
-from ground.map.view import Point, View
+from ground.map.scene import (
+    Disc,
+    MapScene,
+    MapTarget,
+    Outline,
+    Point,
+    RobotMark,
+    Shape,
+    View,
+    floor,
+)
 from protocol.ring import RADIUS_M
 
 Lines = Sequence[tuple[tuple[int, int, int], Sequence[Dot]]]

@@ -13,7 +13,7 @@ from typing import Final, Protocol
 
 from textual.theme import Theme
 
-from ground.text.theme_names import THEMES
+from ground.text.wording import THEMES
 from ground.user.settings import RATES_HZ, USUAL_HZ, Settings
 
 FEW_COLOURS: Final = ("linux", "vt100", "vt220", "ansi", "dumb", "xterm", "screen", "tmux", "rxvt")

@@ -7,7 +7,7 @@ from typing import Protocol, TypeAlias
 from ground.client.emergency_stop import StopOutcome, outcome_words
 from ground.client.lease_holder import holder_name
 from ground.client.vocabulary import SHELL, Remedies
-from ground.text.status_parts import Part
+from ground.text.wording import Part
 from protocol.outcome import LOST, REPLACED, detail_of, doubt_words
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason, reason_text

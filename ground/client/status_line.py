@@ -5,7 +5,7 @@ from math import degrees, isfinite
 from typing import Any, Final, TypeVar
 
 from ground.client.telemetry import Age, Telemetry
-from ground.text.status_parts import Part, present_reason
+from ground.text.wording import Part, present_reason
 from protocol.outcome import goal_end
 from protocol.topics import CYCLE, DECISION, HEARTBEAT, ODOMETRY, STATUS, Topic
 from protocol.wire.enums import GoalState, Mode, Vehicle

@@ -17,8 +17,7 @@ from ground.commands.command import (
     switch,
 )
 from ground.commands.recordings import SUFFIXES
-from ground.explain.explanation import Explanation, explain
-from ground.explain.turns import Recorded, Turn
+from ground.explain import Explanation, Recorded, Turn, explain
 from ground.recording.catalogue import recording_named, recordings_in, remark_on
 from ground.recording.log_reader import LogIndex, open_log
 from ground.robot import Robot

@@ -13,7 +13,7 @@ from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.commands.command import command, option
 from ground.commands.plot import Plot
 from ground.commands.recordings import SUFFIXES, RecordingCommand
-from ground.explain.turns import Recorded
+from ground.explain import Recorded
 from ground.recording.log_reader import LogIndex, files_of, open_log
 from protocol.topics import STATUS
 from protocol.wire.messages import NavigatorStatus

@@ -6,7 +6,7 @@ from ground.client.status_line import watch_line
 from ground.client.telemetry import SUMMARY_TOPICS, Telemetry
 from ground.commands.command import OperatorCommand, command, switch
 from ground.robot import Robot
-from ground.text.status_parts import in_words
+from ground.text.wording import in_words
 from protocol.topics import STATUS
 from runtime.cli.verb import LOOK
 from runtime.units import NS_PER_S

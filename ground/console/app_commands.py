@@ -7,7 +7,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final, NamedTuple, TypeAlias
 
-from ground.missions.draft import (
+from ground.missions.files import (
     AddWaypoint,
     ClearDraft,
     Edit,

@@ -23,7 +23,7 @@ from ground.console.parser import (
     words_of_group,
 )
 from ground.map.scene import LAYERS
-from ground.text.theme_names import THEMES
+from ground.text.wording import THEMES
 from runtime.cli.completion import files, options_of, place_in, positionals_of
 from runtime.cli.verb import GROUPS
 from runtime.errors import UserError

@@ -5,7 +5,7 @@ from ground.client.session import Operation
 from ground.commands.all_robots import ClearAll, StopAll
 from ground.commands.command import OperatorCommand, number
 from ground.console.app_commands import AppCommand, SetTheme, Undo
-from ground.missions.draft import AddWaypoint, ClearDraft, RemoveWaypoint
+from ground.missions.files import AddWaypoint, ClearDraft, RemoveWaypoint
 
 
 def line_of(operation: Operation[Outcome] | AppCommand) -> str:

@@ -12,7 +12,7 @@ from ground.launch.goal_run import GoalRun, NoOutcomeError
 from ground.launch.scenario import Scenario
 from ground.launch.supervisor import VoidRun
 from ground.robot import Robot
-from ground.text.status_parts import Part
+from ground.text.wording import Part
 from protocol.bus.bus import Bus
 from protocol.outcome import Outcome
 from runtime.clock import Clock

@@ -20,7 +20,7 @@ from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.launch.scenario import Scenario, ScenarioRobot
 from ground.launch.supervisor import VoidRun
 from ground.robot import Robot
-from ground.text.status_parts import Part
+from ground.text.wording import Part
 from protocol.outcome import REPLACED, Outcome, RunEnd, doubt_of, evaluated
 from protocol.topics import CYCLE, DECISION, LEASE, MISSION, ODOMETRY, RUN, STATUS, TRUTH
 from protocol.wire.codec import decode

@@ -18,9 +18,7 @@ from ground.client.connection import Common
 from ground.launch.child_processes import ChildExitError, Children
 from ground.launch.fleet_run import FleetRun, goal_runs_of
 from ground.launch.goal_run import NoOutcomeError
-from ground.launch.hang_detector import PACED_SILENT_NS, ROUTER, SILENT_NS, HangDetector
-from ground.launch.recorder_files import RECORDER, RecorderFiles
-from ground.launch.restart_policy import RestartPolicy, RestartSchedule
+from ground.launch.recording_session import RECORDER, RecorderFiles
 from ground.launch.scenario import (
     GATEWAY_ROLE,
     RunOptions,
@@ -29,7 +27,16 @@ from ground.launch.scenario import (
     run_of,
     scenario_of,
 )
-from ground.launch.supervisor import Supervisor, VoidRun
+from ground.launch.supervisor import (
+    PACED_SILENT_NS,
+    ROUTER,
+    SILENT_NS,
+    HangDetector,
+    RestartPolicy,
+    RestartSchedule,
+    Supervisor,
+    VoidRun,
+)
 from ground.launch.tls_configs import check, dialling
 from protocol.bus.bus import Bus
 from protocol.bus.network import Network

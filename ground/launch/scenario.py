@@ -12,7 +12,7 @@ from ground.client.floor import floor_from, goal_in
 from ground.client.goal import Destination, destination
 from ground.client.time_factor import chosen_speed
 from ground.launch.child_command import command
-from ground.launch.recorder_files import RECORDER
+from ground.launch.recording_session import RECORDER
 from ground.launch.tls_configs import locked, with_locks
 from protocol.outcome import RunSettings, start_arguments
 from protocol.world import WorldRun, run_in

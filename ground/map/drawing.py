@@ -14,15 +14,17 @@ from ground.map.canvas import DOTS_WIDE, DOTTED, MARKS, Canvas
 from ground.map.pen import Pen, ellipse
 from ground.map.scene import (
     LAYERS,
+    MIN_LEGEND_ROWS,
     Disc,
     MapScene,
     MapTarget,
     Outline,
+    Point,
     RobotMark,
     Shape,
+    View,
     floor,
 )
-from ground.map.view import MIN_LEGEND_ROWS, Point, View
 from protocol.ring import CONE_RAD
 
 NOT_LIVE: Final = "NOT LIVE"

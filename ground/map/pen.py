@@ -8,8 +8,7 @@ from math import atan2, ceil, cos, floor, hypot, isfinite, pi, sin, sqrt
 from typing import Final
 
 from ground.map.canvas import DOTS_HIGH, DOTS_WIDE, Canvas, Dot
-from ground.map.scene import Disc, Shape
-from ground.map.view import Point, View
+from ground.map.scene import Disc, Point, Shape, View
 from protocol.outcome import CHI2_2
 
 WHOLE_TURN_RAD: Final = 2.0 * pi

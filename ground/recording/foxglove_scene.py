@@ -12,6 +12,7 @@ from ground.recording import foxglove_schemas
 from ground.recording.foxglove_schemas import (
     LINE_LIST,
     LINE_LOOP,
+    Json,
     Point,
     arrow,
     ball,
@@ -25,7 +26,6 @@ from ground.recording.foxglove_schemas import (
     turn,
     vector,
 )
-from ground.recording.json_schemas import Json
 from ground.recording.world_metadata import solids, world_of
 from ground.text.wording import StatustextAssembler
 from protocol.ring import BEARINGS_RAD, RADIUS_M

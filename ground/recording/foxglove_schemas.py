@@ -1,14 +1,76 @@
-"""Messages that Foxglove and Lichtblick draw: their schemas, and builders in m and rad."""
+"""Messages that Foxglove and Lichtblick draw: their schemas, and builders in m and rad.
 
+Build JSON schemas of the contents of a recording; those of messages follow from their layout.
+"""
+
+import json
 from base64 import b64encode
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from math import cos, sin
 from struct import pack
 from types import MappingProxyType
-from typing import Final, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
-from ground.recording.json_schemas import Json, Schema, many, named, record
+from protocol.wire.message import LAYOUT, Field, Message
 from runtime.units import NS_PER_S
+
+Json: TypeAlias = dict[str, object]
+
+
+class Schema(NamedTuple):
+    """A name and a JSON schema as text."""
+
+    name: str
+    text: bytes
+
+
+def record(title: str, **properties: Json) -> Json:
+    """Return the schema of an object with all of these properties."""
+    return {
+        "title": title,
+        "type": "object",
+        "properties": properties,
+        "required": list(properties),
+    }
+
+
+def many(items: Json) -> Json:
+    """Return the schema of an array."""
+    return {"type": "array", "items": items}
+
+
+def named(content: Json) -> Schema:
+    """Return a schema under its title."""
+    return Schema(str(content["title"]), json.dumps(content).encode())
+
+
+@cache
+def schema_of(message: type[Message]) -> Schema:
+    """Return the schema of a message; floating-point values may be null."""
+    layout = LAYOUT[message.__name__]
+    fields = {field.name: _field(field) for field in layout.fields}
+    return named(record(f"sidestep.{message.__name__}", **fields))
+
+
+def _field(field: Field) -> Json:
+    if field.is_text:
+        return {"type": "string", "maxLength": field.length}
+    number = _number(field)
+    if not field.length:
+        return number
+    return many(number) | {"minItems": field.length, "maxItems": field.length}
+
+
+def _number(field: Field) -> Json:
+    if field.limits is None:
+        return {"type": ["number", "null"]}
+    low, high = field.limits
+    return {"type": "integer", "minimum": low, "maximum": high}
+
+
+KEY_SCHEMA: Final = named(record("sidestep.FrameKey", key={"type": "string"}))
+
 
 Point: TypeAlias = tuple[float, float]
 Colour: TypeAlias = tuple[float, float, float, float]

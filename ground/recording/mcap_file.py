@@ -27,8 +27,7 @@ from mcap.records import Channel, Chunk, ChunkIndex, Metadata
 from mcap.writer import CompressionType, Writer
 
 from ground.recording.foxglove_scene import SceneDrawer, ViewerMessage
-from ground.recording.foxglove_schemas import SHAPES
-from ground.recording.json_schemas import KEY_SCHEMA, Schema, schema_of
+from ground.recording.foxglove_schemas import KEY_SCHEMA, SHAPES, Schema, schema_of
 from protocol.topics import COMPONENT, ENCODING, ENCODING_FAMILY, PREFIX, TOPICS, path_of
 from protocol.wire.codec import HEADER_SIZE, WIRE_OF_ID, WIRE_OF_TYPE, decode
 from protocol.wire.message import Message

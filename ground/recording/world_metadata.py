@@ -5,8 +5,7 @@ from itertools import pairwise
 from math import atan2, hypot
 from typing import Final
 
-from ground.recording.foxglove_schemas import Colour, Point, colour, disc, pose, vector
-from ground.recording.json_schemas import Json
+from ground.recording.foxglove_schemas import Colour, Json, Point, colour, disc, pose, vector
 from protocol.world import Circle, Polygon, Polyline, World, world_in
 
 HEIGHT_M: Final = 0.3

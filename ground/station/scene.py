@@ -11,7 +11,7 @@ from ground.map.scene import MapScene, MapTarget, RobotMark
 from ground.station.history.trail import Point, ranges_m
 from ground.station.robot.robot_model import RobotModel
 from ground.station.world import WorldFacts
-from ground.text.status_parts import driving
+from ground.text.wording import driving
 from protocol.outcome import CHI2_2
 from protocol.topics import DECISION, MISSION, ODOMETRY, SONAR, STATUS, TRUTH
 from protocol.wire.enums import Mode, Vehicle

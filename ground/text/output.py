@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import Final, TextIO
 
-from ground.text.status_parts import Part, fitted, in_words
+from ground.text.wording import Part, fitted, in_words
 from runtime.cli.terminal import DIM, LINE_START, PLAIN, guarded, steer
 
 DEFAULT_WIDTH: Final = 80

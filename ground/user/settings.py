@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from ground.text.theme_names import THEMES
+from ground.text.wording import THEMES
 from ground.user.folders import config_folder
 from protocol.bus.network import check_endpoint
 from protocol.topic import robot_name

@@ -23,7 +23,7 @@ from ground.client.link import Link
 from ground.client.session import Session
 from ground.console.app_commands import AppCommand
 from ground.console.parser import read
-from ground.missions.draft import Draft
+from ground.missions.files import Draft
 from ground.missions.mission import Waypoint
 from protocol.bus.bus import open_bus
 from protocol.bus.mailbox import Mailbox

@@ -16,7 +16,7 @@ from ground.cli.main import main
 from ground.client.requests import ATTEMPTS
 from ground.client.status_line import goal_line
 from ground.recording.log_reader import record_bytes
-from ground.text.status_parts import Part, in_words
+from ground.text.wording import Part, in_words
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import WORLD, Role

@@ -13,7 +13,7 @@ import pytest
 import zenoh
 
 from checks.flood.under_attack import peak_mb
-from ground.certificates.folder import make
+from ground.certificates import make
 from ground.launch.child_command import command
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network, Tls

@@ -35,8 +35,8 @@ from ground.launch.child_command import command
 from ground.launch.child_processes import ChildExitError
 from ground.launch.fleet_run import FleetRun
 from ground.launch.launcher import Stack
-from ground.launch.restart_policy import RestartPolicy
 from ground.launch.scenario import CLOCKS, WALL
+from ground.launch.supervisor import RestartPolicy
 from ground.text.output import Output
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.reasons import Reason

@@ -10,8 +10,7 @@ from typing import Any, Literal
 import zenoh
 from zenoh.handlers import Callback
 
-from ground.certificates.authority import Authority
-from ground.certificates.folder import CA, dialled_at
+from ground.certificates import CA, Authority, dialled_at
 from ground.user.folders import PRIVATE_FILE
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Mode, Network, Tls

@@ -20,7 +20,7 @@ from ground.app.widgets.map import MapWidget
 from ground.map.scene import Disc, MapTarget, RobotMark
 from ground.station.history.event_log import EventLog
 from ground.station.link.loss import Loss, LossKind
-from ground.text.theme_names import THEMES as THEME_NAMES_THEMES
+from ground.text.wording import THEMES as THEME_NAMES_THEMES
 from protocol.topics import MISSION, ODOMETRY
 from protocol.wire.enums import MissionState, Vehicle
 from protocol.wire.messages import MissionStatus

@@ -20,7 +20,7 @@ from ground.commands.hold import Hold
 from ground.commands.param import ResetParameter, SetParameter
 from ground.console.app_commands import CopyText
 from ground.console.history import History
-from ground.missions.draft import EMPTY
+from ground.missions.files import EMPTY
 from ground.missions.mission import Circle
 from ground.station.robot.command_queue import QueuedCommand
 from protocol.bus.network import Network

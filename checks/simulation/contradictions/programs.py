@@ -55,7 +55,7 @@ from ground.launch.scenario import Scenario, ScenarioRobot
 from ground.missions.mission import Mission, Waypoint
 from ground.robot import Robot, connect
 from ground.station.station import Station
-from ground.text.status_parts import Part, in_words
+from ground.text.wording import Part, in_words
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
 from protocol.topics import Role

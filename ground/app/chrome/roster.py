@@ -8,7 +8,7 @@ from ground.app.chrome.tabs import ASCII_MARKS, MARKS
 from ground.app.panels.aged import live
 from ground.app.widgets.rows import Row, Span, faint, row
 from ground.station.fleet import Attention, RosterEntry
-from ground.text.status_parts import CAUTION, DANGER, NEUTRAL, state_role
+from ground.text.wording import CAUTION, DANGER, NEUTRAL, state_role
 
 ENTRY: Final = 18
 """Columns of a robot with its state, by which the place of the roster is chosen."""

@@ -8,7 +8,7 @@ from ground.app.screens.help import show_help
 from ground.console import app_commands
 from ground.map.scene import LAYERS
 from ground.recording.catalogue import recording_named
-from ground.text.theme_names import THEMES
+from ground.text.wording import THEMES
 from protocol.topics import ODOMETRY
 from runtime.errors import UserError
 

@@ -12,7 +12,7 @@ from ground.app.input.keymap import KeyBinding, shown
 from ground.app.screens.app_screen import AppScreen
 from ground.console.app_commands import SetTheme
 from ground.console.help import summaries
-from ground.text.theme_names import THEMES
+from ground.text.wording import THEMES
 
 
 @runtime_checkable

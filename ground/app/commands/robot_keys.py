@@ -38,8 +38,7 @@ from ground.commands.rtl import ReturnHome
 from ground.commands.stop import ClearEmergencyStop
 from ground.console.app_commands import Undo
 from ground.station.station import Station
-from ground.text.status_parts import GOAL_MODES
-from ground.text.theme_names import THEMES
+from ground.text.wording import GOAL_MODES, THEMES
 from ground.user.folders import state_folder
 from protocol.topics import STATUS
 from protocol.wire.enums import GoalState, Mode, Vehicle

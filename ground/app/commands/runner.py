@@ -23,7 +23,7 @@ from ground.console.history import History
 from ground.console.parser import COMMANDS, expanded, read, words_of
 from ground.console.spelling import line_of
 from ground.map.scene import MapTarget
-from ground.missions.draft import AddWaypoint, Draft, Edit
+from ground.missions.files import AddWaypoint, Draft, Edit
 from ground.missions.mission import Mission
 from ground.robot import Robot
 from ground.station.robot.background_requests import JobResult

@@ -12,9 +12,8 @@ from ground.client.goal import Destination, destination
 from ground.commands.goto import Goto
 from ground.map.canvas import DOTS_WIDE
 from ground.map.drawing import described, measured
-from ground.map.scene import MapScene
-from ground.map.view import Point, View
-from ground.missions.draft import AddWaypoint, waypoint_at
+from ground.map.scene import MapScene, Point, View
+from ground.missions.files import AddWaypoint, waypoint_at
 
 WAYS: Final = {"up": (0, 1), "down": (0, -1), "left": (-1, 0), "right": (1, 0)}
 

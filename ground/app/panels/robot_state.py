@@ -13,12 +13,11 @@ from ground.app.widgets.bars import HEIGHTS, bar, spark_rows
 from ground.app.widgets.rows import Row, Span, cut, faint, head, row, width_of
 from ground.client.status_line import PLACE_UNKNOWN, doing, knows_place
 from ground.client.telemetry import Age, AgedMessage
-from ground.explain.explanation import headline
+from ground.explain import headline
 from ground.map.scene import MapTarget
 from ground.station.history.telemetry_history import uncertainty_m
 from ground.station.station import Station
-from ground.text.status_parts import state_role
-from ground.text.wording import SONAR_NAMES
+from ground.text.wording import SONAR_NAMES, state_role
 from protocol.outcome import LOST, doubt_of, doubt_words, goal_end, mission_state
 from protocol.ring import SONARS
 from protocol.topics import CYCLE, DECISION, HEARTBEAT, MCU, MISSION, ODOMETRY, SONAR, STATUS, TRUTH

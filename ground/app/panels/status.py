@@ -8,7 +8,7 @@ from ground.client.status_line import PLACE_UNKNOWN, name_of
 from ground.client.telemetry import Age, AgedMessage
 from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.station.station import Station
-from ground.text.status_parts import CAUTION, DANGER, OK, vehicle_role
+from ground.text.wording import CAUTION, DANGER, OK, vehicle_role
 from protocol.topics import HEARTBEAT, STATUS
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus

@@ -26,11 +26,9 @@ from ground.app.widgets.lines import Lines
 from ground.app.widgets.map import MapWidget
 from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.app.widgets.strip_widget import StillColumn, StillGrid
-from ground.explain.explanation import NAMES, Explanation
-from ground.explain.turns import Why, explained
+from ground.explain import NAMES, Explanation, Why, explained
 from ground.map.canvas import DOTS_HIGH, DOTS_WIDE
-from ground.map.scene import LAYERS, MapTarget
-from ground.map.view import MARGIN_DOTS
+from ground.map.scene import LAYERS, MARGIN_DOTS, MapTarget
 from ground.station.station import Station
 from runtime.errors import UserError
 from runtime.units import NS_PER_S

@@ -11,7 +11,7 @@ from ground.client.lost_drive import LostDrive, LostMission, has_failed, lost_dr
 from ground.client.telemetry import Age
 from ground.station.fleet import RosterEntry
 from ground.station.station import Station
-from ground.text.status_parts import STOPS
+from ground.text.wording import STOPS
 from protocol.topics import MISSION, ODOMETRY, STATUS
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.messages import MissionStatus, NavigatorStatus, PlanarOdometry

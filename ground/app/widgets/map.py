@@ -14,8 +14,7 @@ from ground.app.widgets.role_colours import styles_of
 from ground.app.widgets.strip_widget import StripWidget
 from ground.map.canvas import ROLES, Canvas
 from ground.map.drawing import KeptLayers, draw_moving
-from ground.map.scene import LAYERS, MapScene
-from ground.map.view import Point, View
+from ground.map.scene import LAYERS, MapScene, Point, View
 
 WHEEL_FACTOR = 1.25
 RIGHT = 3

@@ -10,7 +10,7 @@ from typing import Final
 
 from rich.style import Style
 
-from ground.text.theme_names import THEMES
+from ground.text.wording import THEMES
 
 PAINTS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {

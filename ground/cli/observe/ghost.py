@@ -23,7 +23,7 @@ from ground.ghost.ghost import Ghost, Ghosts
 from ground.recording.catalogue import recording_named
 from ground.recording.log_reader import LogIndex, open_log
 from ground.text.output import Output
-from ground.text.status_parts import Part
+from ground.text.wording import Part
 from protocol.options import finite, whole
 from protocol.outcome import WIDEST, detail_of
 from protocol.wire.messages import NavigatorStatus

@@ -97,7 +97,7 @@ def judged_over(
 
     An interrupted check notes what of the vehicle it has put back.
     """
-    from ground.text.status_parts import Part
+    from ground.text.wording import Part
     from vehicle_check.judge import judge
 
     def progress(text: str) -> None:

@@ -11,8 +11,7 @@ from ground.cli.options import common_of
 from ground.client.link import Link, open_link
 from ground.commands.command import add_common
 from ground.launch.child_processes import defer_signals
-from ground.launch.recorder_files import created_line
-from ground.launch.recording_session import add_keep, byte_limit
+from ground.launch.recording_session import add_keep, byte_limit, created_line
 from ground.recording.catalogue import Retention, part_bytes
 from ground.recording.log_writer import FLUSH_NS, SYNC_EVERY, DualLog, LogWriter, Track
 from ground.recording.metadata import MetadataReader

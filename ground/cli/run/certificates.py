@@ -112,7 +112,7 @@ def require_library() -> None:
 
 def run_new(options: argparse.Namespace, output: Output) -> int:
     """Create a folder of certificates; UserError for duplicate robots or an unknown host."""
-    from ground.certificates.folder import make
+    from ground.certificates import make
 
     robots = [robot_name(name) for name in options.robots]
     if len(set(robots)) < len(robots):
@@ -139,7 +139,7 @@ def run_new(options: argparse.Namespace, output: Output) -> int:
 
 def run_renew(options: argparse.Namespace, output: Output) -> int:
     """Create new certificates and keys with a kept authority."""
-    from ground.certificates.folder import renew
+    from ground.certificates import renew
 
     now = datetime.now(UTC)
     wanted = now + timedelta(days=options.days)
@@ -158,7 +158,7 @@ def run_renew(options: argparse.Namespace, output: Output) -> int:
 
 def run_revoke(options: argparse.Namespace, output: Output) -> int:
     """Add certificates to the revoked ones in all configurations of a folder."""
-    from ground.certificates.folder import revoke
+    from ground.certificates import revoke
 
     found = revoke(options.folder, options.names)
     use = "copy the .toml files to the processes that use them, and restart these processes"
@@ -169,7 +169,7 @@ def run_revoke(options: argparse.Namespace, output: Output) -> int:
 
 def run_stops(options: argparse.Namespace, output: Output) -> int:
     """Add the secrets of the stop datagram to a folder of an older version."""
-    from ground.certificates.folder import add_stop_secrets
+    from ground.certificates import add_stop_secrets
 
     roles = add_stop_secrets(options.folder)
     use = "copy each .stops file to where the .key of the same name is, and restart the robots"
@@ -192,7 +192,7 @@ def hosts_of(places: Sequence[tuple[str, str]], robots: Sequence[str]) -> dict[s
 
 def run_check(options: argparse.Namespace, output: Output) -> int:
     """Check all certificates of a folder; return 1 if one is not valid."""
-    from ground.certificates.folder import check
+    from ground.certificates import check
     from protocol.bus.certificate import EXPIRES_SOON
 
     all_checked = check(options.folder, datetime.now(UTC))

@@ -38,8 +38,8 @@ from ground.launch.tls_configs import ground_file, locked
 from ground.recording.catalogue import size_of_run
 from ground.recording.log_reader import parts_of
 from ground.text.output import Output
-from ground.text.status_parts import Part
-from ground.text.status_parts import in_words as in_line
+from ground.text.wording import Part
+from ground.text.wording import in_words as in_line
 from ground.user.folders import recordings_folder
 from ground.user.runs import RunFile, reason_of, this_run
 from protocol.bus.bus import Bus, open_bus

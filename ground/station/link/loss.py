@@ -4,7 +4,7 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 from ground.station.robot.lease_state import LeaseView
-from ground.text.status_parts import driving
+from ground.text.wording import driving
 from protocol.bus.network import Hub
 from protocol.topics import HEARTBEAT
 from protocol.wire.enums import Mode, Vehicle

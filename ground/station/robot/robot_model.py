@@ -14,8 +14,7 @@ from ground.station.history.telemetry_history import TelemetryHistory
 from ground.station.link.processes import LineBudget, PresenceLog, RestartNotice, Restarts
 from ground.station.link.streams import Streams
 from ground.station.robot.mission_items import MissionItems
-from ground.text.status_parts import driving
-from ground.text.wording import StatustextAssembler, aged
+from ground.text.wording import StatustextAssembler, aged, driving
 from protocol.outcome import REPLACED
 from protocol.topics import (
     ANSWERED,

@@ -11,7 +11,7 @@ from ground.client.link import Link
 from ground.client.requests import NO_COMMAND, Request, command_of
 from ground.client.session import Session
 from ground.text.output import Output
-from ground.text.status_parts import Part, in_words
+from ground.text.wording import Part, in_words
 from protocol.bus.network import Network
 from protocol.topics import LEASE, STATUS, Service
 from protocol.wire.enums import AckResult, Vehicle

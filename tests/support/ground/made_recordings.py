@@ -18,7 +18,7 @@ from mcap.writer import Writer
 
 from checks.harness.messages import make
 from ground.launch.child_processes import Child, Children
-from ground.launch.recorder_files import created_line
+from ground.launch.recording_session import created_line
 from ground.recording.log_reader import record_bytes, robot_in
 from ground.recording.mcap_file import McapFormat
 from protocol.topics import (

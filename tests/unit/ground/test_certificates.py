@@ -11,9 +11,8 @@ import pytest
 from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
-from ground.certificates import folder as folder_module
-from ground.certificates.authority import Pair, hosts_in
-from ground.certificates.folder import check, make, renew
+from ground import certificates as folder_module
+from ground.certificates import Pair, check, hosts_in, make, renew
 from ground.cli.main import main, parse
 from ground.cli.options import common_of
 from protocol.bus.certificate import own_certificate

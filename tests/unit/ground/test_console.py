@@ -37,7 +37,7 @@ from ground.console.parser import (
 )
 from ground.console.spelling import line_of
 from ground.grammar.words import Words
-from ground.missions.draft import AddWaypoint
+from ground.missions.files import AddWaypoint
 from ground.missions.mission import Waypoint
 from protocol.wire.enums import LeaseAction, Mode, Navigator
 from runtime.cli.verb_table import VERBS

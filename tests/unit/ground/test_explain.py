@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.cli.main import main
-from ground.explain.explanation import TURNS_DEG_S, explain, headline
-from ground.explain.turns import Recorded
+from ground.explain import TURNS_DEG_S, Recorded, explain, headline
 from ground.recording.log_reader import LogIndex
 from protocol.topics import CYCLE, DECISION, STATUS
 from protocol.wire.codec import decode

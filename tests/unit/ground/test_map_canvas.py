@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from ground.map.canvas import DOTS, HEADINGS, MARKS, POINTERS, Canvas, ascii_art, braille, stroke
 from ground.map.drawing import MARKED_OUTCOMES
 from ground.map.pen import Pen
-from ground.map.view import MAX_M_PER_DOT, MIN_M_PER_DOT, Box, View
+from ground.map.scene import MAX_M_PER_DOT, MIN_M_PER_DOT, Box, View
 from protocol.outcome import OUTCOMES
 from tests.support.each import each
 

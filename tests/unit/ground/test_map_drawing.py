@@ -32,9 +32,9 @@ from ground.map.scene import (
     MapTarget,
     Outline,
     RobotMark,
+    View,
     floor,
 )
-from ground.map.view import View
 from tests.support.each import each
 
 ROOM: Final = MapScene(

@@ -15,25 +15,23 @@ from hypothesis import strategies as st
 
 from checks.harness.messages import make
 from ground.text.output import Output
-from ground.text.status_parts import (
-    Part,
-    Piece,
-    fitted,
-    in_words,
-    present_reason,
-    state_role,
-    vehicle_role,
-)
 from ground.text.wording import (
     NONE,
     SONAR_NAMES,
+    Part,
+    Piece,
     StatustextAssembler,
     echo,
+    fitted,
     heading_deg,
+    in_words,
     metres,
     place,
+    present_reason,
     side,
     sonar,
+    state_role,
+    vehicle_role,
 )
 from protocol.wire.enums import GoalState, Mode, Severity, Vehicle
 from protocol.wire.messages import NavigatorStatus, Statustext

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from ground.explain.turns import MANY, Why, explained
+from ground.explain import MANY, Why, explained
 from ground.station.history.decision_history import AT_ONCE
 from protocol.wire.codec import decode
 from protocol.wire.enums import Branch

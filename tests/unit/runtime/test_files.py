@@ -11,7 +11,7 @@ import pytest
 
 from checks.harness.reordering_disk import ReorderingDisk, content_of
 from ground.app.input import keymap
-from ground.certificates.folder import read as read_certificate
+from ground.certificates import read as read_certificate
 from ground.client import parameter_file
 from ground.client.connection import Config
 from ground.console.history import History

@@ -22,8 +22,7 @@ from ground.app.widgets.map import MapWidget, bands
 from ground.app.widgets.rows import row
 from ground.app.widgets.strip_widget import StillContainer
 from ground.map.canvas import DOTS_HIGH, DOTS_WIDE
-from ground.map.scene import MapScene, MapTarget, RobotMark
-from ground.map.view import View
+from ground.map.scene import MapScene, MapTarget, RobotMark, View
 from tests.support.each import each
 
 STYLES = {"robot": Style(color="yellow", bold=True), "truth": Style(color="white")}

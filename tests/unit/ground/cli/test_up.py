@@ -13,7 +13,7 @@ from ground.cli.observe.record import LAST_FRAMES_NS, PAUSE_NS, REPEAT_NS, Alarm
 from ground.cli.run.up import await_complete_records, await_records, progress_display
 from ground.launch.scenario import Scenario, run_of, scenario_of
 from ground.text.output import Output
-from ground.text.status_parts import Part
+from ground.text.wording import Part
 from runtime.clock import ManualClock
 from tests.support.each import each
 from tests.support.ground.client import captured_output

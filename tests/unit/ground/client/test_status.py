@@ -30,7 +30,7 @@ from ground.client.status_line import (
 from ground.client.streams import Stream, TopicStreams
 from ground.client.telemetry import Age, Telemetry, age_of
 from ground.client.time_factor import TimeFactor, chosen_speed
-from ground.text.status_parts import fitted, in_words
+from ground.text.wording import fitted, in_words
 from protocol.topics import DECISION, HEARTBEAT, ODOMETRY, STATUS, TEXT
 from protocol.wire.enums import GoalState, MissionState, Mode, Severity, Vehicle
 from protocol.wire.messages import (

@@ -20,7 +20,7 @@ from ground.launch.goal_run import READY_NS, RESTART_WAIT_NS, GoalRun, NoOutcome
 from ground.launch.scenario import WALL, Scenario, ScenarioRobot
 from ground.launch.supervisor import VoidRun
 from ground.robot import Robot
-from ground.text.status_parts import Part
+from ground.text.wording import Part
 from protocol.bus.network import Network
 from protocol.outcome import Outcome
 from protocol.topic import Service

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from ground.certificates.folder import make
+from ground.certificates import make
 from ground.cli.main import parse
 from ground.launch.child_command import command
 from ground.launch.child_processes import Children

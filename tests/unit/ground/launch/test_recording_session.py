@@ -10,8 +10,7 @@ import pytest
 
 from ground.cli.main import parse
 from ground.client.connection import Common
-from ground.launch.recorder_files import RecorderFiles
-from ground.launch.recording_session import RecordingSession, folder_of
+from ground.launch.recording_session import RecorderFiles, RecordingSession, folder_of
 from ground.user.folders import recordings_folder
 from protocol.bus.network import Network
 from runtime.clock import ManualClock

@@ -7,16 +7,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.launch.child_processes import ChildExit, Children
-from ground.launch.hang_detector import (
+from ground.launch.supervisor import (
     PACED_SILENT_NS,
+    RESTART_WAIT_NS,
     ROUTER,
+    SETTLED_NS,
     SILENT_NS,
     SLOW_NS,
     STARTING_NS,
     HangDetector,
+    RestartPolicy,
+    RestartSchedule,
+    Supervisor,
 )
-from ground.launch.restart_policy import RestartPolicy, RestartSchedule
-from ground.launch.supervisor import RESTART_WAIT_NS, SETTLED_NS, Supervisor
 from runtime.clock import ManualClock
 from runtime.units import NS_PER_MS, NS_PER_S
 from tests.support.each import each

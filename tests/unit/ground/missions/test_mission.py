@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from ground.commands.fence import FENCE, SetFence, SetFenceOfFile, in_words, outlined
 from ground.console.parser import read
-from ground.missions.draft import Draft, Edit
-from ground.missions.files import read_text
+from ground.missions.files import Draft, Edit, read_text
 from ground.missions.mission import FARTHEST_M, Circle, Fence, Home, Polygon, Waypoint, fault_of
 from ground.missions.qgroundcontrol import heading_of, to_global, to_local, yaw_of
 from runtime.errors import UserError

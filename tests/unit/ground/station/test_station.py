@@ -14,7 +14,7 @@ from checks.harness.messages import make
 from ground.client.telemetry import Age
 from ground.map.canvas import Canvas
 from ground.map.drawing import draw
-from ground.map.view import View
+from ground.map.scene import View
 from ground.station.robot.lease_state import LeaseView
 from ground.station.station import Station
 from protocol.topics import (
