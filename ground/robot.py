@@ -54,6 +54,7 @@ from ground.client.lost_drive import (
 )
 from ground.client.missions import CURRENT, Fences, Missions, fetch
 from ground.client.outcomes import (
+    DRIVE_REPLACED,
     Accepted,
     AllAnswered,
     Answer,
@@ -321,12 +322,15 @@ class Robot(RobotLink):
             return Accepted(0)
         return None
 
-    async def _arm_if_standing_by(self) -> Answer | None:
+    async def _arm_if_standing_by(self, *, knows_stop: bool = True) -> Answer | None:
         """Arm a robot in STANDBY; return its answer, None if it was not asked.
 
-        One that starts up or has no status may lack its sensors: its answer tells.
+        One that starts up or has no status may lack its sensors: its answer tells. Unless what is
+        asked for `knows_stop`, a robot in an emergency stop is refused here.
         """
         newest = await self.newest(STATUS, NEWEST_NS)
+        if newest is not None and newest.vehicle == Vehicle.EMERGENCY_STOP and not knows_stop:
+            return Refused(Reason.EMERGENCY_STOPPED, 0, remedies=self.remedies)
         if newest is not None and newest.vehicle not in (Vehicle.STANDBY, Vehicle.BOOT):
             return None
         answer = await self.ask(self.request(Command.COMPONENT_ARM_DISARM, 1.0))
@@ -496,8 +500,8 @@ class Robot(RobotLink):
             self._stick = stick
             await self.in_own_thread(stick.open)
             why = await self._steer(stick, speed_m_s, radians(turn_deg_s), for_s)
-            await self.finish(self._end(drive, hold))
-            return DriveEnded(why)
+            is_over = await self.finish(self._end(drive, hold)) is None
+            return DriveEnded(DRIVE_REPLACED if is_over and not why else why)
 
         def hold() -> CommandRequest:
             if self._stick is stick:  # those of a later drive go on
@@ -511,7 +515,7 @@ class Robot(RobotLink):
         answer, _ = await self.accepted(
             lambda: drive.begun_by(self._mode_request(Mode.MANUAL)), beats=True
         )
-        armed = await self._arm_if_standing_by() if answer.ok else None
+        armed = await self._arm_if_standing_by(knows_stop=False) if answer.ok else None
         if not isinstance(armed, Refused):
             return answer
         await self._end(drive, partial(self._mode_request, Mode.HOLD))
@@ -575,10 +579,13 @@ class Robot(RobotLink):
             await settled(drive.sending)
         await self._end(drive, ending, "interrupted")
 
-    async def _end(self, drive: Drive, ending: Callable[[], CommandRequest], why: str = "") -> None:
+    async def _end(
+        self, drive: Drive, ending: Callable[[], CommandRequest], why: str = ""
+    ) -> Answer | GaveUp | None:
         """End this drive, and no other; without an answer the heartbeat ends, unless others drive.
 
-        Then the robot stops by itself. The progress tells the end of a goal, and `why`.
+        Then the robot stops by itself. The progress tells the end of a goal, and `why`. Return the
+        answer; None if the drive was over.
         """
         attempts = 1 if self.lease.leasing is Leasing.DRIVES else ATTEMPTS
         request = ending()
@@ -587,6 +594,9 @@ class Robot(RobotLink):
             self.lease.is_ours = False
         if outcome is not None and request.command == Command.SIDESTEP_ABORT_GOAL:
             self.progress.note(f"{why}: {words_of_abort(outcome)}")
+        elif why and isinstance(outcome, Accepted):
+            self.progress.note(f"{why}: the robot holds")
+        return outcome
 
     # Commands.
 

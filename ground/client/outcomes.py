@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, TypeAlias
+from typing import Final, Protocol, TypeAlias
 
 from ground.client.emergency_stop import StopOutcome, outcome_words
 from ground.client.lease_holder import holder_name
@@ -177,6 +177,10 @@ class GoalEnded:
         }
 
 
+DRIVE_REPLACED: Final = "replaced by what was asked of the robot since; it may still drive"
+"""The end of a drive by hand after which another one, or a goal, has begun."""
+
+
 @dataclass(frozen=True, slots=True)
 class DriveEnded:
     """The end of a drive by hand; `reason` is empty if its time was up."""
@@ -191,6 +195,8 @@ class DriveEnded:
     @property
     def text(self) -> str:
         """The reason, or that the robot holds."""
+        if self.reason == DRIVE_REPLACED:
+            return self.reason
         return f"stopped: {self.reason}" if self.reason else "done, the robot holds"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:

@@ -24,7 +24,7 @@ ACTIONS: Final = {
 }
 
 
-@command(MORE, 50, "lease take --for 60", moves=True, seizes=False)
+@command(MORE, 50, "lease take --for 60", moves=True)
 class ChangeLease(OperatorCommand):
     """Take or give back control of the robot, or show who has it.
 

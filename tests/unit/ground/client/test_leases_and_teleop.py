@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from ground.blocking import perform
 from ground.client.lease_holder import operator_name, shortened, terminal_name
-from ground.client.outcomes import DriveEnded, Refused, RefusedError
+from ground.client.outcomes import DRIVE_REPLACED, DriveEnded, Refused, RefusedError
 from ground.client.teleop_sender import SETTLE_NS, TeleopSender, lost_control
 from ground.commands.lease import ChangeLease, ShowLease
 from ground.commands.teleop import DriveByHand
@@ -199,6 +199,13 @@ def test_drive_that_ends_holds_itself_and_no_other() -> None:
 MODE = Command.DO_SET_MODE
 
 
+def test_drive_that_was_replaced_does_not_say_that_the_robot_holds() -> None:
+    stage = Stage(Reason.NONE, Reason.NONE, Reason.ALREADY_OVER)
+    stage.bus.say(STATUS, status(mode=Mode.MANUAL))
+    outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0, for_s=0.5), stage.session)
+    assert (outcome.text, outcome.ok) == (DRIVE_REPLACED, False)
+
+
 def test_drive_by_hand_ends_when_the_robot_leaves_manual() -> None:
     stage = Stage()
     stage.bus.say(STATUS, status(mode=Mode.AUTO))
@@ -211,6 +218,16 @@ def test_refused_manual_mode_drives_nothing() -> None:
     stage.bus.say(*STANDBY)
     outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0), stage.session)
     assert isinstance(outcome, Refused)
+    assert not [frame for _, frame in stage.bus.sent if isinstance(frame, Teleop)]
+
+
+def test_robot_in_an_emergency_stop_refuses_to_be_driven_by_hand() -> None:
+    """It takes MANUAL, as every mode, but no speed."""
+    stage = Stage()
+    stage.bus.say(STATUS, status(Vehicle.EMERGENCY_STOP))
+    outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0), stage.session)
+    assert isinstance(outcome, Refused)
+    assert "emergency stop is latched" in outcome.text
     assert not [frame for _, frame in stage.bus.sent if isinstance(frame, Teleop)]
 
 
