@@ -170,7 +170,8 @@ def fly(tmux: Tmux) -> None:
     ):
         tmux.type(f":{line}")
         tmux.press("Enter")
-        tmux.shows(f"ground {line}: ", answer)
+        # The line of the last answer keeps it; newer lines of the log may hide the one there.
+        tmux.shows(f" {line}: ", answer)
 
 
 @pytest.mark.stack
