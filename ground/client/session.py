@@ -1,19 +1,13 @@
 """The context of an operation: the link, the progress display, and whether another part attends."""
 
 from collections.abc import Callable, Coroutine
-from dataclasses import replace
-from typing import Any, Final, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from ground.client.floor import Floor
-from ground.client.lease_holder import holder_name, is_ours
 from ground.client.link import Link
-from ground.client.outcomes import Accepted, Answer, NoProgress, Outcome, Progress
-from protocol.topics import LEASE
-from protocol.wire.messages import LeaseStatus
-from protocol.wire.reasons import Reason
+from ground.client.outcomes import NoProgress, Outcome, Progress
 
 O_co = TypeVar("O_co", bound=Outcome, covariant=True)
-LEASE_NS: Final = 1_500_000_000
 
 
 class Session:
@@ -37,15 +31,6 @@ class Session:
         self.attended = attended
         self.floor = floor
 
-    def with_holder(self, answer: Answer, known: LeaseStatus | None = None) -> Answer:
-        """Return an answer; a refusal for the lease gets the lease holder's name.
-
-        `known` is a lease status that has just arrived; without one the next is waited for.
-        """
-        if isinstance(answer, Accepted):
-            return answer
-        return replace(answer, holder=refusing_holder(self.link, answer.reason, known))
-
 
 class Operation(Protocol[O_co]):
     """Something that an operator can do with a robot."""
@@ -63,16 +48,3 @@ class Operation(Protocol[O_co]):
 
         Raises UserError, RemoteError or UnansweredError if there is no outcome.
         """
-
-
-def refusing_holder(link: Link, reason: int, known: LeaseStatus | None = None) -> str:
-    """Return the name of the lease holder if `reason` is that another one holds it, else "".
-
-    The lease may have passed to this person since, who then is not the other one.
-    """
-    if reason != Reason.LEASE_HELD:
-        return ""
-    found = known if known is not None and known.held else link.newest(LEASE, LEASE_NS)
-    if found is None or not found.held or is_ours(found, link.bus.operator):
-        return ""
-    return holder_name(found)
