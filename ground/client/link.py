@@ -5,8 +5,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, Final, TypeVar
 
-import msgspec
-
 from ground.client.connection import Common
 from ground.client.emergency_stop import ServiceCaller
 from ground.client.outcomes import Answer, Refused
@@ -28,7 +26,6 @@ from protocol.topics import COMMAND, HEARTBEAT, LEASE_SERVICE, OPERATOR, Role, S
 from protocol.wire.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, LeaseAction, SystemState
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandRequest, Heartbeat, LeaseRequest
-from protocol.wire.reasons import Reason
 from runtime.clock import Clock, Pulse, WallClock
 from runtime.errors import AccessDeniedError, NoPeerError, PeerHangsError, RemoteError
 from runtime.units import NS_PER_S
@@ -125,27 +122,6 @@ class Link:
         if isinstance(asking.outcome, Refused):
             return replace(asking.outcome, remedies=self.common.remedies)
         return asking.outcome
-
-    def end(
-        self, request: CommandRequest, ends_id: int, attempts: int = 1
-    ) -> Answer | GaveUp | None:
-        """End a drive by a hold or an abort, and no other; None if it is over, or never began.
-
-        `ends_id` is the request_id that began it. Waits a short time, because a robot without its
-        operator's heartbeat stops by itself.
-        """
-        if not ends_id:
-            return None
-        ending = CommandExchange(
-            msgspec.structs.replace(request, ends_id=ends_id),
-            self.clock.now_ns(),
-            attempts=attempts,
-            patience_ns=END_NS,
-        )
-        run_exchange(self.bus, self.clock, self.robot, ending, COMMAND)
-        outcome = ending.outcome
-        is_over = isinstance(outcome, Refused) and outcome.reason == Reason.ALREADY_OVER
-        return None if is_over else outcome
 
     def exchange(self, exchange: Exchange[Any], service: Service) -> None:
         """Send the requests of an exchange to a service until it is over."""

@@ -88,23 +88,15 @@ def _unbound_clean_up() -> Patches:
     """End whatever the robot does, when a drive is cleaned up."""
     links = import_module("ground.client.link")
 
-    def ending(now_ns: int, request: Any, attempts: int) -> Any:
-        patience_ns = links.END_NS
-        return links.CommandExchange(request, now_ns, attempts=attempts, patience_ns=patience_ns)
-
-    def end(self: Any, request: Any, ends_id: int, attempts: int = 1) -> Any:
-        if not ends_id:
-            return None
-        exchange = ending(self.clock.now_ns(), request, attempts)
-        links.run_exchange(self.bus, self.clock, self.robot, exchange, COMMAND)
-        return exchange.outcome
-
-    async def end_on_loop(self: Any, request: Any, drive_id: int, attempts: int = 3) -> Any:
+    async def end(self: Any, request: Any, drive_id: int, attempts: int = 3) -> Any:
         if not drive_id:
             return None
-        return await self.carry(ending(self.clock.now_ns(), request, attempts), COMMAND)
+        ending = links.CommandExchange(
+            request, self.clock.now_ns(), attempts=attempts, patience_ns=links.END_NS
+        )
+        return await self.carry(ending, COMMAND)
 
-    return {"ground.client.link.Link.end": end, "ground.robot.Robot.end": end_on_loop}
+    return {"ground.robot.Robot.end": end}
 
 
 def _stop_with_lease_only() -> Patches:
