@@ -21,9 +21,9 @@ from robot.core.navigators import proof as proofs
 from robot.core.navigators.proof import LEAD, TAIL
 from robot.core.navigators.vgm_following import Memory
 from robot.core.values import EVERY, Outputs
-from study.report.charts.charts import DARK, DRAWING_RULES, LIGHT
-from study.report.charts.world_map import WorldMap, end_mark, simplified
+from study.report.charts import DARK, DRAWING_RULES, LIGHT
 from study.report.drives import DrivenTrial, drive_all, drive_trial
+from study.report.gallery import WorldMap, end_mark, simplified
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial
 

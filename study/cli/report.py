@@ -23,9 +23,9 @@ from runtime.cli.parsers import new_subcommand_parser
 from runtime.errors import UserError
 from study.intervals import CONFIDENT
 from study.report.build import ReportRequest, page_of
-from study.report.charts.gallery import PER_NAVIGATOR
 from study.report.drives import SEEDS, run_paper
 from study.report.evidence import read_evidence
+from study.report.gallery import PER_NAVIGATOR
 from study.report.page import (
     DASH,
     PageTable,

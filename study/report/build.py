@@ -15,7 +15,6 @@ import pyarrow as pa
 from protocol.world import World
 from runtime.errors import UserError
 from study.intervals import Share
-from study.report.charts.gallery import PER_NAVIGATOR, WorldOf, gallery, selected_failures
 from study.report.comparisons import (
     LEVEL,
     PairedComparison,
@@ -25,6 +24,7 @@ from study.report.comparisons import (
 )
 from study.report.drives import PaperRuns
 from study.report.evidence import MeasuredEvidence
+from study.report.gallery import PER_NAVIGATOR, WorldOf, gallery, selected_failures
 from study.report.page import (
     DASH,
     Block,

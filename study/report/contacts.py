@@ -21,9 +21,7 @@ from protocol.wire.enums import Branch
 from protocol.wire.reasons import reason_text
 from protocol.world import Circle, Point, Polygon, World
 from runtime.units import MM_PER_M
-from study.report.charts.charts import Dot, SvgDrawing, colour
-from study.report.charts.gallery import WorldOf, command_of
-from study.report.charts.world_map import simplified, wall_parts
+from study.report.charts import Dot, SvgDrawing, colour
 from study.report.contact_kinds import (
     BLOCK,
     RULES,
@@ -37,6 +35,7 @@ from study.report.contact_kinds import (
     touched,
     world_at,
 )
+from study.report.gallery import WorldOf, command_of, simplified, wall_parts
 from study.report.page import DASH, PageTable, number, table_lines
 from study.report.targets import OWN
 from study.runner.plan import world_of

@@ -16,7 +16,7 @@ from math import isfinite, isnan
 from typing import Final, TypeAlias
 
 from study.intervals import Interval, Share
-from study.report.charts.charts import DRAWING_RULES, PAGE_STYLE, SvgDrawing
+from study.report.charts import DRAWING_RULES, PAGE_STYLE, SvgDrawing
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,6 @@ from typing import Final, NamedTuple, TypeAlias
 from plant.model.configuration import LEVELS
 from plant.world.file import load
 from study.intervals import CONFIDENT, Share, quantile, quantile_interval
-from study.report.charts.world_map import WorldMap
 from study.report.comparisons import LEVEL, comparison, runs_by_pair
 from study.report.drives import (
     PLACES,
@@ -24,6 +23,7 @@ from study.report.drives import (
     remaining_deviation,
     remaining_turn_deg,
 )
+from study.report.gallery import WorldMap
 from study.report.page import (
     Block,
     Gallery,

@@ -12,7 +12,7 @@ import numpy as np
 
 from protocol.outcome import LOST
 from study.intervals import CONFIDENT, Floats, Share, mean, quantile
-from study.report.charts.charts import bars, distribution_chart, success_chart
+from study.report.charts import bars, distribution_chart, success_chart
 from study.report.page import DASH, Block, PageFigure, PageTable, count_text, number, percent, share
 from study.report.targets import ERRORS, PER, RATIO
 from study.report.trials import Trials

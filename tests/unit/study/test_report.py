@@ -17,7 +17,7 @@ from runtime.errors import UserError
 from study.cli.report import lines_of, main, summary_of, write_files
 from study.intervals import Share
 from study.report.build import ReportRequest, in_words, page_of, reached, verdict
-from study.report.charts.charts import SvgDrawing
+from study.report.charts import SvgDrawing
 from study.report.comparisons import comparisons
 from study.report.drives import PaperRuns
 from study.report.page import (

@@ -14,10 +14,19 @@ from protocol.outcome import CHI2_2
 from protocol.world import World
 from runtime.errors import UserError
 from study.intervals import Share
-from study.report.charts.charts import SvgDrawing, bars, distribution_chart, n, steps, success_chart
-from study.report.charts.gallery import command_of, diverse, gallery, kind_of, selected_failures
-from study.report.charts.world_map import WorldMap, ellipse, end_mark, simplified
+from study.report.charts import SvgDrawing, bars, distribution_chart, n, steps, success_chart
 from study.report.drives import drive_all, drive_trial
+from study.report.gallery import (
+    WorldMap,
+    command_of,
+    diverse,
+    ellipse,
+    end_mark,
+    gallery,
+    kind_of,
+    selected_failures,
+    simplified,
+)
 from study.report.page import Gallery, Paragraph
 from study.report.trials import distinct, trials_of
 from study.runner.rows import TrialRow
