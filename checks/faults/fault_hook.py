@@ -17,11 +17,11 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
-import plant.process.run
+import plant.process
 import robot.run
 from ground.launch.child_command import die_with_parent
 from plant.model.configuration import Fault
-from plant.process.loop import Process
+from plant.process import Process
 from protocol.bus.bus import Bus
 from protocol.bus.link_faults import LinkFaults
 from runtime.clock import WallClock
@@ -71,7 +71,7 @@ def disturb(options: Mapping[str, Any]) -> Callable[[], object]:
     """Disturb the network of the process."""
     trouble = LinkFaults(**{**options, "paths": tuple(options.get("paths", ()))})
     buses: list[Bus] = []
-    for module in (plant.process.run, robot.run):
+    for module in (plant.process, robot.run):
         keep(module, "open_bus", buses)
 
     def act() -> None:
@@ -84,7 +84,7 @@ def disturb(options: Mapping[str, Any]) -> Callable[[], object]:
 def sense(options: Mapping[str, Any]) -> Callable[[], object]:
     """Inject a fault into the plant."""
     processes: list[Process] = []
-    keep(plant.process.run, "Process", processes)
+    keep(plant.process, "Process", processes)
 
     def act() -> None:
         for process in processes:

@@ -51,7 +51,7 @@ from ground.user.folders import PRIVATE_FILE
 from ground.user.mavlink_keys import KeyRing, new_key, read_keys, write_keys
 from ground.web import WebAccess, address_of, token_of
 from plant.imports.importer import ImportOptions, import_worlds
-from plant.process.run import parser as plant_parser
+from plant.process import parser as plant_parser
 from plant.world.file import SHIPPED_DIR, loads
 from plant.world.file import load as load_world
 from plant.world.writer import dumps

@@ -17,9 +17,9 @@ from uuid import uuid4
 from checks.harness.observer import is_still
 from checks.harness.processes import OPERATOR_BEAT, await_subscribers, command_request
 from plant.model.configuration import Fault, noise_of
-from plant.process.loop import Process as PlantProcess
-from plant.process.loop import RequestQueue, Wake
-from plant.process.robot_link import RobotLink
+from plant.process import Process as PlantProcess
+from plant.process import RequestQueue, Wake
+from plant.robot_link import RobotLink
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.bus.bus import Bus, open_bus

@@ -61,7 +61,7 @@ TARGETS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "protocol/stop_datagram.py": ("tests/unit/protocol/test_stop_datagram.py",),
         "protocol/bus/mailbox.py": ("tests/unit/protocol/test_bus_mailbox.py",),
         "protocol/bus/robot_clock.py": ("tests/unit/protocol/test_bus_clock.py",),
-        "plant/process/robot_link.py": ("tests/unit/plant/test_robot_link.py",),
+        "plant/robot_link.py": ("tests/unit/plant/test_robot_link.py",),
         "protocol/wire/codec.py": ("tests/unit/protocol/test_wire_codec.py",),
     }
 )
@@ -74,7 +74,7 @@ KERNEL: Final = (
     "robot/core/safety/failsafe.py",
     "robot/core/modes.py",
     "robot/lease.py",
-    "plant/process/robot_link.py",
+    "plant/robot_link.py",
     "protocol/bus/mailbox.py",
     "protocol/wire/codec.py",
     "protocol/stop_datagram.py",

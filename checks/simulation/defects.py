@@ -107,7 +107,7 @@ def _trusting_driver() -> Patches:
             pending, self._pending = self._pending, None
             return pending
 
-    return {"plant.process.robot_link.CommandGate": Gate}
+    return {"plant.robot_link.CommandGate": Gate}
 
 
 def _unbounded_stamp() -> Patches:
@@ -213,7 +213,7 @@ def _stop_waits_for_a_tick() -> Patches:
 
 def _old_ticks() -> Patches:
     """Take commands that answer a tick 3 x as old, and let them last as long as new ones."""
-    gate = import_module("plant.process.robot_link")
+    gate = import_module("plant.robot_link")
     move = gate.CommandGate._move
 
     def moved(self: Any, command: Any, tick: int) -> str:
@@ -226,8 +226,8 @@ def _old_ticks() -> Patches:
         return why
 
     return {
-        "plant.process.robot_link.WINDOW": 3 * gate.MAX_AGE_TICKS + 1,
-        "plant.process.robot_link.CommandGate._move": moved,
+        "plant.robot_link.WINDOW": 3 * gate.MAX_AGE_TICKS + 1,
+        "plant.robot_link.CommandGate._move": moved,
     }
 
 

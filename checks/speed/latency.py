@@ -41,7 +41,7 @@ from checks.harness.processes import (
     robot_process,
 )
 from plant.model.configuration import noise_of
-from plant.process.robot_link import RobotLink
+from plant.robot_link import RobotLink
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.bus.bus import Bus, open_bus

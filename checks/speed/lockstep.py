@@ -34,7 +34,7 @@ from typing import Any, Final, NamedTuple
 from checks.harness.figures import BenchmarkFunctions, BenchmarkReport, Figure, figure
 from checks.harness.processes import GoalDriver, LockstepRun, lockstep_run, stack
 from checks.speed.latency import PingPong, ping_pong, sizes, trip_us
-from plant.process.loop import Process
+from plant.process import Process
 from plant.world.file import load
 from protocol.bus.mailbox import Mailbox
 from protocol.bus.publisher import Publisher

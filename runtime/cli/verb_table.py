@@ -185,7 +185,7 @@ PROGRAMS: Final[Mapping[str, Verb]] = MappingProxyType(
             RUN,
             "the world: pymunk, sonars, wheels, noise",
             "run plant --world box --lockstep --speed 3",
-            "plant.process.run",
+            "plant.process",
         ),
         "robot": Verb(
             RUN,

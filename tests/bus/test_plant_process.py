@@ -9,8 +9,7 @@ from math import inf
 import pytest
 
 from plant.model.configuration import noise_of
-from plant.process.loop import Process, Wake
-from plant.process.run import assemble
+from plant.process import Process, Wake, assemble
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.bus.bus import Bus, open_bus

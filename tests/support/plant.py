@@ -8,7 +8,7 @@ import pytest
 
 from plant.model.configuration import LEVELS
 from plant.model.errors import WorldError, WorldProblem
-from plant.process.robot_link import CommandGate, WheelOutput
+from plant.robot_link import CommandGate, WheelOutput
 from plant.sim.simulation import Plant
 from plant.world.file import loads
 from protocol.wire.limits import MAX_WHEEL_TTL_MS

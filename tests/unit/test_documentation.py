@@ -17,7 +17,7 @@ from ground.commands.stop import StopNow
 from ground.map import pen
 from ground.missions import files as mission_file
 from ground.robot import Robot
-from plant.process.robot_link import MAX_AGE_TICKS
+from plant.robot_link import MAX_AGE_TICKS
 from plant.world import file as world_file
 from protocol.topics import DRIVE, OPERATOR, SONAR, STOP, TELEOP, WHEELS, Role, Service, Topic
 from protocol.wire.limits import (

@@ -6,9 +6,8 @@ from typing import Any, Final, Protocol
 from checks.simulation.hosts.substitutes import DISKS, STATE, SimulatedDisk
 from checks.simulation.hosts.virtual_time import Host, Scheduler, SimulatedClock, current_task
 from plant.model.configuration import Noise
-from plant.process.loop import Process, RequestQueue, Wake
-from plant.process.robot_link import RobotLink
-from plant.process.run import watch_robots
+from plant.process import Process, RequestQueue, Wake, watch_robots
+from plant.robot_link import RobotLink
 from plant.sim.simulation import Plant
 from protocol.bus.bus import Bus, claim, open_bus
 from protocol.bus.network import Network

@@ -223,7 +223,7 @@ BLOCKS: Final = (
     *("ground.client.robot_link", "ground.station.robot.background_requests"),
     "ground.station.station",
     *("ground.station.reader", "gateways.mavlink.bus_port", "gateways.mavlink.gateway"),
-    "plant.process.loop",
+    "plant.process",
 )
 """Modules in which each blocking name that they have is replaced."""
 
@@ -250,7 +250,7 @@ SPECIAL: Final[dict[str, object]] = {
     "ground.client.link.Pulse": lambda: Pulse(current_host().now_ns),
     "ground.client.robot_link.Thread": SimulatedThread,
     "ground.client.stop_ways.ways_of": lambda _bus, _robot: NO_WAYS,
-    "plant.process.loop.Patience": PATIENCE,
+    "plant.process.Patience": PATIENCE,
     "runtime.files.os": HostsDisk(),
 }
 

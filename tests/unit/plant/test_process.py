@@ -8,7 +8,7 @@ from typing import cast
 import pytest
 
 from plant.model.configuration import LEVELS
-from plant.process.loop import MAX_ANSWERED, MAX_WAITING, Process, RequestQueue, Wake
+from plant.process import MAX_ANSWERED, MAX_WAITING, Process, RequestQueue, Wake
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.bus.services import ServiceRequest

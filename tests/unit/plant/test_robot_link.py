@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plant.model.configuration import LEVELS, Body, Fault
-from plant.process.robot_link import HELD_TICKS, SILENT_TICKS, CommandGate, RobotLink, WheelOutput
-from plant.process.run import RejectLog
+from plant.process import RejectLog
+from plant.robot_link import HELD_TICKS, SILENT_TICKS, CommandGate, RobotLink, WheelOutput
 from plant.sim.active_faults import NO_TROUBLE
 from plant.sim.drive import DifferentialDrive
 from plant.sim.simulation import Plant

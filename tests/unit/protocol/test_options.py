@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import plant.process.run
+import plant.process
 import robot.run
 from ground.cli.main import parse
 from ground.cli.options import common_of
@@ -280,7 +280,7 @@ def plant_runs(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Network, list[str]
         runs.append((network, robots))
         return 0
 
-    monkeypatch.setattr(plant.process.run, "run", run)
+    monkeypatch.setattr(plant.process, "run", run)
     return runs
 
 
@@ -290,7 +290,7 @@ def test_each_program_reads_its_own_tables(
     plant_runs: list[tuple[Network, list[str]]],
 ) -> None:
     assert robot.run.main(["--config", str(file)]) == 0
-    assert plant.process.run.main(["--config", str(file)]) == 0
+    assert plant.process.main(["--config", str(file)]) == 0
     ((vehicle, waiting, name),) = robot_runs
     ((dialling, robots),) = plant_runs
     common = common_of(parse(["hold", "--config", str(file)]))
@@ -308,7 +308,7 @@ def test_command_line_overrides_robot_names(
     plant_runs: list[tuple[Network, list[str]]],
 ) -> None:
     robot.run.main(["--config", str(file), "--id", "r2"])
-    plant.process.run.main(["--config", str(file), "--robots", "r1,r2"])
+    plant.process.main(["--config", str(file), "--robots", "r1,r2"])
     assert robot_runs[0][2] == "r2"
     assert plant_runs[0][1] == ["r1", "r2"]
 
@@ -317,7 +317,7 @@ def test_command_line_overrides_robot_names(
 def test_each_refuses_a_misspelt_name(tmp_path: Path, text: str) -> None:
     path = tmp_path / "bad.toml"
     path.write_text(text)
-    for read in (robot.run.main, plant.process.run.main):
+    for read in (robot.run.main, plant.process.main):
         with pytest.raises(ConfigError, match="unknown key"):
             read(["--config", str(path)])
     with pytest.raises(ConfigError, match="unknown key"):

@@ -16,7 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.process.loop import Wake
+from plant.process import Wake
 from runtime import watchdog
 from runtime.clock import Clock, ManualClock, Pulse, Tick, WakeUp, WallClock, ticks
 from runtime.errors import ClockStoppedError

@@ -1,1 +1,0 @@
-"""The plant process on the bus."""
