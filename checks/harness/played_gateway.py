@@ -3,12 +3,11 @@
 import asyncio
 import atexit
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any, Final, cast
 
 from checks.harness.loop import PlayedLoop
 from gateways.mavlink.bus_port import BusPort
-from gateways.mavlink.endpoints import Endpoint, Receiver
+from gateways.mavlink.endpoints import Arrival, Endpoint, Receiver
 from gateways.mavlink.gateway import Gateway
 from gateways.mavlink.mav_vehicle import Face, MavVehicle, Work
 from gateways.mavlink.robot_port import RobotPort
@@ -71,8 +70,8 @@ class PlayedEndpoint:
 
     def deliver(self, peer: str, data: bytes) -> None:
         """Let bytes of a peer arrive in the next turn of the loop."""
-        receive = partial(self._receiver.received, is_loopback=self.is_loopback)
-        self._loop.call_soon_threadsafe(receive, self, peer, data)
+        arrived = [Arrival(peer, data, self.is_loopback)]
+        self._loop.call_soon_threadsafe(self._receiver.received, self, arrived)
 
     def send(self, peer: str, data: bytes, *, is_stream: bool) -> None:
         """Keep a frame."""

@@ -3,7 +3,7 @@
 A round processes only so much of their traffic.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Final, NamedTuple
 
 from gateways.mavlink.endpoints import MAX_PEERS, Endpoint
@@ -196,6 +196,8 @@ class Clients:
         self._join, self._leave, self._is_owner = join, leave, is_owner
         self._known: dict[Key, GatewayClient] = {}
         self._guests: dict[Key, GatewayClient] = {}
+        self._keys: dict[int, Key] = {}
+        """Those of both, by the numbers of their links."""
         self._connected: dict[Key, None] = {}
         self._unread: dict[Key, None] = {}
         self._unwanted: dict[Key, None] = {}
@@ -208,12 +210,13 @@ class Clients:
     def __len__(self) -> int:
         return len(self._known)
 
-    def addressed(self, number: int | None) -> Iterator[GatewayClient]:
+    def addressed(self, number: int | None) -> Sequence[GatewayClient]:
         """Return all clients for None, otherwise the client or guest with a number."""
         if number is None:
-            return iter(self)
-        both = (*self._known.values(), *self._guests.values())
-        return (client for client in both if client.link.number == number)
+            return tuple(self._known.values())
+        key = self._keys.get(number)
+        client = None if key is None else self._known.get(key) or self._guests.get(key)
+        return () if client is None else (client,)
 
     def connect(self, endpoint: Endpoint, peer: str, now_ns: int) -> None:
         """Add a peer that stays while it is silent: a connection or a line."""
@@ -327,13 +330,15 @@ class Clients:
         return True
 
     def _add(self, client: GatewayClient) -> None:
-        self._known[client.endpoint, client.peer] = client
+        key = self._keys[client.link.number] = client.endpoint, client.peer
+        self._known[key] = client
         self._join(client)
 
     def _add_guest(self, client: GatewayClient) -> None:
         if len(self._guests) >= MAX_GUESTS:
             self._push_out(next(iter(self._guests.values())))
-        self._guests[client.endpoint, client.peer] = client
+        key = self._keys[client.link.number] = client.endpoint, client.peer
+        self._guests[key] = client
 
     def _take_stops(self, client: GatewayClient, now_ns: int) -> None:
         """Take the emergency stops of a guest now, before others push it out."""
@@ -350,4 +355,5 @@ class Clients:
     def _drop(self, key: Key) -> None:
         client = self._known.pop(key, None) or self._guests.pop(key, None)
         if client is not None:
+            del self._keys[client.link.number]
             self._leave(client)

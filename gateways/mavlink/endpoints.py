@@ -12,9 +12,9 @@ import os
 import socket
 import termios
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager, suppress
 from difflib import get_close_matches
-from functools import partial
+from functools import lru_cache, partial
 from ipaddress import ip_address
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple, Protocol
@@ -42,22 +42,29 @@ def explained(text: str) -> Iterator[None]:
         raise UserError(f"{text}: {why}") from error
 
 
+CACHED: Final = 64
+"""Addresses whose text is kept: more than there are clients."""
+
+
 def resolved(host: str, port: int) -> Address:
     """Return the IPv4 address of a host."""
     return socket.gethostbyname(host), port
 
 
+@lru_cache(CACHED)
 def name_of(address: Address) -> str:
     """Return an address as text."""
     return f"{address[0]}:{address[1]}"
 
 
+@lru_cache(CACHED)
 def address_of(name: str) -> Address:
     """Return the address that a text names."""
     host, _, port = name.rpartition(":")
     return host, int(port)
 
 
+@lru_cache(CACHED)
 def is_loopback(address: Address) -> bool:
     """Return whether an address is of this machine only."""
     return ip_address(address[0]).is_loopback
@@ -67,8 +74,16 @@ MAX_PEERS: Final = 16
 """Clients of one endpoint at a time; more are not served."""
 
 
+class Arrival(NamedTuple):
+    """Bytes of a peer, whose name is unique within its endpoint."""
+
+    peer: str
+    data: bytes
+    is_loopback: bool
+
+
 class Receiver(Protocol):
-    """Takes what arrives at endpoints, at once. `peer` is unique within its endpoint."""
+    """Takes what arrives at endpoints, at once."""
 
     def connected(self, endpoint: "Endpoint", peer: str) -> None:
         """Note a peer that stays while it is silent: a connection or a line."""
@@ -76,8 +91,8 @@ class Receiver(Protocol):
     def disconnected(self, endpoint: "Endpoint", peer: str) -> None:
         """Note that its connection or line has ended."""
 
-    def received(self, endpoint: "Endpoint", peer: str, data: bytes, *, is_loopback: bool) -> None:
-        """Process bytes of a peer."""
+    def received(self, endpoint: "Endpoint", arrived: Sequence[Arrival]) -> None:
+        """Process bytes of peers."""
 
 
 class Endpoint(Protocol):
@@ -108,7 +123,12 @@ class Endpoint(Protocol):
         """Close it."""
 
 
-class UdpEndpoint(asyncio.DatagramProtocol):
+MAX_DATAGRAM: Final = 65_536
+MAX_DATAGRAMS: Final = 64
+"""Datagrams that are read at once; a turn of the event loop costs as much as to process one."""
+
+
+class UdpEndpoint:
     """A UDP socket. `listens`: it is bound to the address, otherwise that is its only peer."""
 
     line_bytes_s = None
@@ -116,9 +136,9 @@ class UdpEndpoint(asyncio.DatagramProtocol):
 
     def __init__(self, text: str, host: str, port: int, *, listens: bool) -> None:
         self.text = text
+        self._loop: asyncio.AbstractEventLoop | None = None
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
-        self._transport: Any = None
         try:
             with explained(text):
                 address = resolved(host, port)
@@ -136,36 +156,37 @@ class UdpEndpoint(asyncio.DatagramProtocol):
 
     async def attach(self, receiver: Receiver) -> None:
         """Begin to receive; an only peer is sent to before anything has come from it."""
-        self._receiver = receiver
-        loop = asyncio.get_running_loop()
-        await loop.create_datagram_endpoint(lambda: self, sock=self._socket)
+        self._receiver, self._loop = receiver, asyncio.get_running_loop()
+        self._loop.add_reader(self._socket, self._read)
         if self._only is not None:
             receiver.connected(self, self._only)
 
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Keep the transport."""
-        self._transport = transport
-
-    def datagram_received(self, data: bytes, address: Address) -> None:
-        """Pass on a datagram of a peer."""
-        peer = name_of(address)
-        if self._only in (None, peer):
-            self._receiver.received(self, peer, data, is_loopback=is_loopback(address))
+    def _read(self) -> None:
+        """Pass on the datagrams that have arrived."""
+        arrived = []
+        with suppress(OSError):  # most often: there is none left
+            for _ in range(MAX_DATAGRAMS):
+                data, address = self._socket.recvfrom(MAX_DATAGRAM)
+                peer = name_of(address)
+                if self._only in (None, peer):
+                    arrived.append(Arrival(peer, data, is_loopback(address)))
+        if arrived:
+            self._receiver.received(self, arrived)
 
     def send(self, peer: str, data: bytes, *, is_stream: bool) -> None:
         """Send one datagram; drop it if the socket's buffer is full."""
-        if not self._transport.get_write_buffer_size():
-            self._transport.sendto(data, address_of(peer))
+        with suppress(OSError):
+            self._socket.sendto(data, address_of(peer))
 
     def forget(self, peer: str) -> None:
         """Keep nothing of a peer."""
 
     def close(self) -> None:
         """Close the socket."""
-        if self._transport is None:
-            self._socket.close()
-        else:
-            self._transport.abort()
+        if self._loop is not None:
+            self._loop.remove_reader(self._socket)
+            self._loop = None
+        self._socket.close()
 
 
 MAX_BYTES: Final = 65_536
@@ -271,7 +292,7 @@ class TcpEndpoint:
 
     def received(self, connection: Connection, peer: str, data: bytes) -> None:
         """Pass on bytes of a client."""
-        self._receiver.received(self, peer, data, is_loopback=connection.is_loopback)
+        self._receiver.received(self, [Arrival(peer, data, connection.is_loopback)])
 
     def send(self, peer: str, data: bytes, *, is_stream: bool) -> None:
         """Send a frame, or keep it if the client reads slowly, or drop it."""
@@ -381,7 +402,7 @@ class SerialEndpoint:
         except OSError:
             data = b""
         if data:
-            self._receiver.received(self, self._device, data, is_loopback=False)
+            self._receiver.received(self, [Arrival(self._device, data, is_loopback=False)])
         else:
             self._lose()
 

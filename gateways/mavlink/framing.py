@@ -103,6 +103,8 @@ class Deframer:
     def take(self, now_ns: int) -> list[MavFrame]:
         """Return the next frames, as many as the allowance permits; the rest waits."""
         found: list[MavFrame] = []
+        if self.allowance <= 0:
+            return found
         waiting, at = bytes(self._waiting), 0
         while self.allowance > 0 and not self.is_foreign:
             start = _next_start(waiting, at)
@@ -192,6 +194,8 @@ class Deframer:
 
 def _next_start(data: bytes, at: int) -> int:
     """Return the position of the next byte that can start a frame, or the end."""
+    if at < len(data) and data[at] in STARTS:
+        return at
     places = (data.find(V1, at), data.find(V2, at))
     return min((place for place in places if place >= 0), default=len(data))
 

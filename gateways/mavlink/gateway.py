@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 
 from gateways.mavlink.bus_port import BusPort
 from gateways.mavlink.clients import ClientLink, Clients, GatewayClient
-from gateways.mavlink.endpoints import Endpoint
+from gateways.mavlink.endpoints import Arrival, Endpoint
 from gateways.mavlink.framing import MavFrame, is_emergency_stop
 from gateways.mavlink.mav_service import NEWCOMER, WATCHER, Sender
 from gateways.mavlink.mav_vehicle import Face, Work
@@ -228,11 +228,12 @@ class Gateway:
         """Drop a peer whose connection has ended."""
         self.clients.disconnect(endpoint, peer)
 
-    def received(self, endpoint: Endpoint, peer: str, data: bytes, *, is_loopback: bool) -> None:
-        """Process bytes of a peer: its emergency stop is sent before this returns."""
+    def received(self, endpoint: Endpoint, arrived: Sequence[Arrival]) -> None:
+        """Process bytes of peers: their emergency stops are sent before this returns."""
         now_ns = self._awake()
         self._quiet_turns = 0
-        self.clients.feed(endpoint, peer, data, now_ns, is_loopback=is_loopback)
+        for peer, data, is_loopback in arrived:
+            self.clients.feed(endpoint, peer, data, now_ns, is_loopback=is_loopback)
         self._process(now_ns)
         self._plan_round()
 

@@ -2,7 +2,7 @@
 
 import os
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,10 +14,12 @@ from checks.harness.loop import PlayedLoop
 from gateways.mavlink.endpoints import (
     MAX_BYTES,
     MAX_CONNECTIONS,
+    MAX_DATAGRAMS,
     MAX_PEERS,
     REOPEN_S,
     STREAM_BYTES,
     VANISHED_MS,
+    Arrival,
     Endpoint,
     SerialEndpoint,
     all_opened,
@@ -38,6 +40,7 @@ class Arrivals:
         self.loop = PlayedLoop(ManualClock())
         self.endpoint: Any = opened(text)
         self.data: list[tuple[str, bytes]] = []
+        self.together: list[int] = []
         self.peers: list[str] = []
         self.ended: list[str] = []
         self.loop.run(self.endpoint.attach(self))
@@ -49,8 +52,9 @@ class Arrivals:
         self.peers.remove(peer)
         self.ended.append(peer)
 
-    def received(self, endpoint: Endpoint, peer: str, data: bytes, *, is_loopback: bool) -> None:
-        self.data.append((peer, data))
+    def received(self, endpoint: Endpoint, arrived: Sequence[Arrival]) -> None:
+        self.together.append(len(arrived))
+        self.data += [(one.peer, one.data) for one in arrived]
 
     def until(self, is_met: Callable[[], object]) -> None:
         """Let the endpoint work until a condition is met."""
@@ -99,15 +103,33 @@ def test_udp_keeps_no_datagram_that_the_socket_does_not_take(
     stack: ExitStack, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     at = stack.enter_context(closing(Arrivals("udpin:127.0.0.1:0")))
+    room = [b"one frame"]
+
+    def sendto(data: bytes, _: object) -> None:
+        if not room:
+            raise BlockingIOError
+        room.pop()
+        sent.append(data)
+
     sent: list[bytes] = []
-    full = SimpleNamespace(
-        get_write_buffer_size=lambda: len(sent), sendto=lambda data, _: sent.append(data)
-    )
     with monkeypatch.context() as patch:
-        patch.setattr(at.endpoint, "_transport", full)
-        for _ in range(3):
-            at.endpoint.send("127.0.0.1:9", b"frame", is_stream=False)
-    assert sent == [b"frame"]
+        patch.setattr(at.endpoint, "_socket", SimpleNamespace(sendto=sendto))
+        for number in range(3):
+            at.endpoint.send("127.0.0.1:9", bytes((number,)), is_stream=False)
+        room.append(b"one frame")
+        at.endpoint.send("127.0.0.1:9", b"newest", is_stream=False)
+    assert sent == [b"\0", b"newest"]
+
+
+def test_udp_passes_on_together_what_has_arrived_together(stack: ExitStack) -> None:
+    at = stack.enter_context(closing(Arrivals("udpin:127.0.0.1:0")))
+    sender = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+    for number in range(MAX_DATAGRAMS + 1):
+        sender.sendto(bytes((number,)), ("127.0.0.1", at.endpoint.port))
+    assert [data for _, data in at.take(MAX_DATAGRAMS + 1)] == [
+        bytes((number,)) for number in range(MAX_DATAGRAMS + 1)
+    ]
+    assert at.together == [MAX_DATAGRAMS, 1]
 
 
 def test_udpout_sends_first_and_hears_only_its_peer(stack: ExitStack) -> None:

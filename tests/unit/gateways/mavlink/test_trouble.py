@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from gateways.mavlink.clients import NoFile
-from gateways.mavlink.endpoints import MAX_PEERS, opened
+from gateways.mavlink.endpoints import MAX_PEERS, Arrival, opened
 from gateways.mavlink.gateway import MAX_OLD_TURNS, STALL_NS
 from gateways.mavlink.mavlink_dialect import MavMessage, MissionCount, mavlink
 from gateways.mavlink.operator_control import SILENCE_NS
@@ -334,7 +334,7 @@ def test_flood_after_a_stop_of_the_process_is_not_old_for_ever(whole: WholeGatew
     received = whole.gateway.received
 
     def receive_again(left: int) -> None:
-        received(whole.endpoint, "a", frame_of(ARM), is_loopback=True)
+        received(whole.endpoint, [Arrival("a", frame_of(ARM), is_loopback=True)])
         if left and not whole.port.performed:
             whole.loop.call_soon(receive_again, left - 1)
 
