@@ -26,15 +26,11 @@ from unittest.mock import patch
 
 from checks.faults.cases import Repetition
 from checks.harness.figures import BenchmarkReport, Figure, figure
+from checks.harness.operator import ThreadedOperator
 from checks.harness.reordering_disk import ReorderingDisk, State
-from ground.blocking import perform
 from ground.cli.main import parse
 from ground.cli.run.up import connect, free_endpoint
-from ground.client.link import Link, open_link
 from ground.client.outcomes import Refused
-from ground.client.session import Session
-from ground.commands.arm import Arm
-from ground.commands.stop import ClearEmergencyStop, StopNow
 from ground.launch.launcher import Stack
 from ground.launch.scenario import WALL, run_of, scenario_of
 from ground.launch.supervisor import RestartPolicy
@@ -272,8 +268,12 @@ def kept_stops(repetitions: int) -> list[Figure]:
     """Return how many stops outlived kills, hangs and power cuts, and how long saving them took."""
     held: dict[str, int] = {}
     saved_ms: list[float] = []
-    with running(router=False) as (stack, arrivals, clock), open_link(stack.common) as link:
-        witness = StopWitness(stack, link, arrivals, clock)
+    with (
+        running(router=False) as (stack, arrivals, clock),
+        connect(stack.common, clock, stack.check) as bus,
+        ThreadedOperator(bus, stack.common.robot) as operator,
+    ):
+        witness = StopWitness(stack, operator, arrivals, clock)
         for what, fault in (("kills", "end"), ("hangs", "hang")):
             held[what] = 0
             for _ in range(repetitions):
@@ -298,10 +298,11 @@ def kept_stops(repetitions: int) -> list[Figure]:
 class StopWitness:
     """An operator who stops the robot and sees what becomes of it."""
 
-    def __init__(self, stack: Stack, link: Link, arrivals: ArrivalTimes, clock: WallClock) -> None:
+    def __init__(
+        self, stack: Stack, operator: ThreadedOperator, arrivals: ArrivalTimes, clock: WallClock
+    ) -> None:
         self._stack, self._arrivals, self._clock = stack, arrivals, clock
-        self._session = Session(link)
-        self._link = link
+        self._operator, self._robot = operator, operator.robot
         self._texts: list[str] = []
         self._status: NavigatorStatus | None = None
         assembler = StatustextAssembler()
@@ -314,13 +315,13 @@ class StopWitness:
                 self._texts.append(words)
 
         for topic in (STATUS, TEXT):
-            link.bus.stream(topic, take)
+            operator.robot.bus.stream(topic, take)
 
     def stop(self) -> int:
         """Stop the robot; return the time in ns until it has reported that the stop is saved."""
         self._texts.clear()
         pressed_ns = self._clock.now_ns()
-        if not perform(StopNow(), self._session).ok:
+        if not self._operator.wait(self._robot.emergency_stop()).ok:
             raise RemoteError("the robot did not acknowledge its emergency stop")
         self._await(lambda: SAVED in self._texts, SAVED)
         return self._clock.now_ns() - pressed_ns
@@ -332,7 +333,7 @@ class StopWitness:
         self._stack.inject_fault("robot r1", fault)
         self._await(lambda: any(RESTARTED in words for words in self._texts), RESTARTED)
         await_both(self._stack, self._arrivals, self._clock, hurt_ns + ECHO_NS, HANG_NS)
-        refused = perform(Arm(), self._session)
+        refused = self._operator.wait(self._robot.arm())
         reason = refused.reason if isinstance(refused, Refused) else Reason.NONE
         status = self._status
         is_stopped = status is not None and status.vehicle == Vehicle.EMERGENCY_STOP
@@ -340,7 +341,7 @@ class StopWitness:
 
     def release(self) -> None:
         """Release the stop."""
-        if not perform(ClearEmergencyStop(), self._session).ok:
+        if not self._operator.wait(self._robot.clear_emergency_stop()).ok:
             raise RemoteError("the robot did not release its emergency stop")
 
     def _await(self, condition: Callable[[], object], what: str) -> None:

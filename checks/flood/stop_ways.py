@@ -260,8 +260,8 @@ def driving(options: argparse.Namespace, folder: Path, keys: Path | None) -> Ite
         observed(
             options.world, "--connect", router.endpoint, keys=keys, operator=OPERATOR_NAME
         ) as observer,
+        DrivingOperator(observer) as operator,
     ):
-        operator = DrivingOperator(observer)
         operator.take_lease()
         scene = AttackScene(
             observer=observer,
@@ -346,7 +346,7 @@ def pressing(scene: AttackScene, row: StopRow, link: str, way: str) -> Iterator[
             relay.cut()
             relay.redirect(router.endpoint)  # ends the connection, and none is accepted
             taken = scope.enter_context(TakenId(scene.access(), zid))
-            beating(scene, lambda: taken.calls, "a try to take the id")
+            until(lambda: taken.calls, "a try to take the id", PATIENCE_S)
             relay.restore()
             operator.drive(scene.random.uniform(0.0, WAITS_S))
             if killed == BEFORE:
@@ -381,7 +381,7 @@ def app_at(scene: AttackScene, endpoint: str) -> Iterator[Terminal]:
     words = ("ground", "--id", scene.observer.robot, "--connect", endpoint, "--config", scene.file)
     environment = {"XDG_STATE_HOME": str(scene.folder)}
     with Terminal((*words, "--no-record", "--quiet-bell"), SIZE, environment) as app:
-        beating(scene, lambda: HEARS in app.text(), "the app hears the robot")
+        until(lambda: HEARS in app.text(), "the app hears the robot", PATIENCE_S)
         yield app
 
 
@@ -392,7 +392,7 @@ def idle_session(scene: AttackScene, endpoint: str) -> Iterator[str]:
     network = Network(mode="client", connect=(endpoint,), tls=tls, connect_timeout_s=PATIENCE_S)
     with open_bus(network, Role.GROUND, scene.observer.robot) as bus:
         box = bus.mailbox(STATUS)
-        beating(scene, box.latest, "a status by the router")
+        until(box.latest, "a status by the router", PATIENCE_S)
         yield bus.zid
 
 
@@ -407,11 +407,6 @@ def operator_beside(observer: Observer) -> str:
 
     until(is_there, "another operator is announced", PATIENCE_S)
     return found[0]
-
-
-def beating(scene: AttackScene, condition: Callable[[], object], what: str) -> None:
-    """Wait for a condition and send the operator's heartbeats meanwhile."""
-    until(lambda: scene.operator.send_heartbeat() or condition(), what, PATIENCE_S)
 
 
 def figures_of(name: str, way: str, wanted: int, row: StopRow) -> Iterator[Figure]:

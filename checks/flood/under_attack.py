@@ -17,8 +17,8 @@ import os
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, closing, suppress
+from collections.abc import Callable, Coroutine, Iterator, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import cycle
@@ -26,7 +26,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Event
 from time import monotonic, monotonic_ns
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from checks.flood.attackers import (
     ACTED,
@@ -41,38 +41,24 @@ from checks.flood.attackers import (
 )
 from checks.harness.figures import BenchmarkReport, Figure, figure, percentile
 from checks.harness.observer import HOLDS, Observer, Seen, motion_since, observed, stood_s
-from checks.harness.processes import (
-    OPERATOR_BEAT,
-    arm_request,
-    command_request,
-    cpu_s,
-    made_keys,
-    resident_mb,
-)
+from checks.harness.operator import ThreadedOperator
+from checks.harness.processes import cpu_s, made_keys, resident_mb
 from checks.harness.until import until
-from ground.client import stop_ways
-from ground.client.emergency_stop import EmergencyStop
-from ground.client.requests import RequestIds
+from ground.client.goal import Destination, destination
+from ground.client.outcomes import Answer
 from ground.launch.child_command import command
-from protocol.outcome import wire_goal
-from protocol.topics import COMMAND, CYCLE, LEASE_SERVICE, OPERATOR, STATUS, STOP, TELEOP
+from protocol.topics import CYCLE, STATUS
 from protocol.wire.codec import decode
-from protocol.wire.enums import Command, GoalState, LeaseAction, Mode, Vehicle
-from protocol.wire.messages import (
-    CommandRequest,
-    CycleReport,
-    GoalRequest,
-    LeaseRequest,
-    NavigatorStatus,
-)
+from protocol.wire.enums import GoalState, Mode, Vehicle
+from protocol.wire.messages import CycleReport, NavigatorStatus
 from protocol.wire.reasons import reason_text
-from runtime.clock import WallClock
-from runtime.errors import NoAnswerError
+from runtime.errors import RemoteError
 from runtime.units import NS_PER_S, PERIOD_S
 
-BEAT_S: Final = 0.2
+LOOK_S: Final = 0.2
 PRESS_S: Final = 10.0
-AGAIN_S: Final = 0.25
+AGAIN_S: Final = 0.75
+"""Longest wait for an answer, in three attempts."""
 FAST_M_S: Final = 0.2
 SETS_OFF_S: Final = 20.0
 STANDS_S: Final = 1.0
@@ -98,7 +84,7 @@ class StopTimes(NamedTuple):
         return self.seen_ms > over_ms and (self.stood_ms is None or self.stood_ms > over_ms)
 
 
-class DrivingOperator:
+class DrivingOperator(ThreadedOperator):
     """Drives the robot to and fro between the start of the world and its goal.
 
     After an emergency stop the robot continues to the same end, because turning takes long. After
@@ -106,26 +92,18 @@ class DrivingOperator:
     """
 
     def __init__(self, observer: Observer) -> None:
+        super().__init__(observer.bus, observer.robot, "anna")
         self.stopped: list[str] = []
         """The reasons of stops that the operator did not command."""
-        self._observer, self._bus = observer, observer.bus
-        self._beat = observer.bus.publisher(OPERATOR, observer.robot)
-        self._stop = observer.bus.publisher(STOP, observer.robot)
-        self._handle = observer.bus.publisher(TELEOP, observer.robot)
-        self._bus.await_matched([self._beat, self._stop, self._handle], PRESS_S)
+        self._observer = observer
         start, goal = observer.world.start, observer.world.goal
         self._places = cycle([(goal.x_m, goal.y_m), (start.x_m, start.y_m)])
         self._place = next(self._places)
-        self._ids = RequestIds()
-        self._beaten_s = 0.0
         self._pause = Event()
 
     def take_lease(self) -> None:
         """Take the lease."""
-        self._observer.ask(
-            LEASE_SERVICE,
-            lambda n: LeaseRequest(request_id=n, action=LeaseAction.TAKE, name="anna"),
-        )
+        until(lambda: self._ask(self.robot.lease.take()), "the lease", PRESS_S)
 
     def set_off(self) -> None:
         """Command a goal until the robot drives fast.
@@ -143,41 +121,32 @@ class DrivingOperator:
 
     def go_on(self) -> None:
         """Send a goal unless the robot drives to one."""
-        self.send_heartbeat()
         if not self._observer.on_its_way:
             status = self._observer.status
             ended = status.goal in (GoalState.REACHED, GoalState.STUCK)
             if ended or status.vehicle == Vehicle.FAILSAFE:
                 self._place = next(self._places)
-            place = wire_goal(*self._place, None, 0.1, 0.1)._asdict()
-            self._ask(arm_request(self._ids.next()))
-            self._ask(GoalRequest(request_id=self._ids.next(), mode=Mode.GUIDED, **place))
+            goal = destination([*self._place], position_tolerance_m=0.1)
+            self._ask(self.robot.arm(timeout_s=AGAIN_S))
+            self._ask(self._send(goal))
+
+    async def _send(self, goal: Destination) -> Answer:
+        answer, _ = await self.robot.send_goal(goal, Mode.GUIDED, arms=False)
+        return answer
 
     def drive(self, seconds: float) -> None:
         """Keep the robot driving for a time; note why it stopped, and set off again."""
         until_s = monotonic() + seconds
         while monotonic() < until_s:
-            self._pause.wait(BEAT_S)
+            self._pause.wait(LOOK_S)
             self.note()
             self.go_on()
-
-    def wait(self, seconds: float) -> None:
-        """Send only heartbeats for a time."""
-        until_s = monotonic() + seconds
-        while monotonic() < until_s:
-            self.send_heartbeat()
-            self._pause.wait(BEAT_S)
 
     def press(self) -> StopTimes:
         """Press the stop as the app does, and wait until the robot is at rest."""
         self.note()
-        robot, statuses = self._observer.robot, self._observer.statuses
         pressed_ns = monotonic_ns()
-        with closing(stop_ways.ways_of(self._bus, robot)) as ways:
-            stop = EmergencyStop(
-                self._bus, self._stop, robot, WallClock(), lambda: statuses[-1], ways
-            )
-            outcome = stop.run(self.send_heartbeat, round(PRESS_S * NS_PER_S))
+        outcome = self.wait(self.robot.emergency_stop(timeout_s=PRESS_S)).stop
         return self._times(pressed_ns, outcome.took_ns, is_acknowledged=outcome.acknowledged)
 
     def press_elsewhere(
@@ -191,7 +160,6 @@ class DrivingOperator:
         pressed_ns = key()
         until_ns = pressed_ns + round(PRESS_S * NS_PER_S)
         while not (shown := acknowledged()) and monotonic_ns() < until_ns:
-            self.send_heartbeat()
             self._pause.wait(PERIOD_S / 10)
         return self._times(pressed_ns, monotonic_ns() - pressed_ns, is_acknowledged=shown)
 
@@ -205,7 +173,6 @@ class DrivingOperator:
             stderr=subprocess.DEVNULL,
         ) as process:
             while process.poll() is None:
-                self.send_heartbeat()
                 self._pause.wait(PERIOD_S / 10)
         took_ns = monotonic_ns() - started_ns
         return self._times(started_ns, took_ns, is_acknowledged=process.returncode == 0)
@@ -216,7 +183,6 @@ class DrivingOperator:
         until_s = monotonic() + PRESS_S
         seen = motion_since(self._observer.truths, pressed_ns)
         while stood_s(seen) is None and seen_s(seen) <= enough_s and monotonic() < until_s:
-            self.send_heartbeat()
             self._pause.wait(PERIOD_S)
             seen = motion_since(self._observer.truths, pressed_ns)
         found = stood_s(seen)
@@ -232,16 +198,9 @@ class DrivingOperator:
         while self._observer.status.vehicle == Vehicle.EMERGENCY_STOP:
             if monotonic() > deadline_s:
                 raise RuntimeError("the emergency stop cannot be cleared")
-            clear, stop_id = Command.SIDESTEP_CLEAR_EMERGENCY_STOP, self._observer.status.stop_id
-            self._ask(command_request(self._ids.next(), clear, stop_id=stop_id))
+            shown = self._observer.status.stop_id
+            self._ask(self.robot.clear_emergency_stop(shown, timeout_s=AGAIN_S))
             self._pause.wait(PERIOD_S)
-
-    def send_heartbeat(self) -> bool:
-        """Send a heartbeat if one is due; return False, so that a stop is never given up."""
-        if monotonic() >= self._beaten_s + BEAT_S:
-            self._beaten_s = monotonic()
-            self._beat.put(OPERATOR_BEAT)
-        return False
 
     def note(self) -> None:
         """Note why the robot has stopped, if it has."""
@@ -250,10 +209,11 @@ class DrivingOperator:
             why = reason_text(status.vehicle_reason)
             self.stopped.append(f"{Vehicle(status.vehicle).name} {why}")
 
-    def _ask(self, request: CommandRequest | GoalRequest) -> None:
-        self.send_heartbeat()
-        with suppress(NoAnswerError):
-            self._bus.ask(COMMAND, request, AGAIN_S, self._observer.robot)
+    def _ask(self, work: Coroutine[Any, Any, Answer]) -> bool:
+        """Return whether the robot accepts it; no answer is no success."""
+        with suppress(RemoteError):
+            return self.wait(work).ok
+        return False
 
 
 def seen_s(seen: Sequence[Seen]) -> float:
@@ -364,7 +324,7 @@ def run(options: argparse.Namespace, kind: str, keys: Path | None) -> FloodRun:
             for access in accesses(observer, keys, options.roles):
                 attack = Attack(kind, access, options.rate)
                 found.attacks.append(scope.enter_context(attack))
-        operator = DrivingOperator(observer)
+        operator = scope.enter_context(DrivingOperator(observer))
         operator.take_lease()
         operator.set_off()
         until(lambda: found.reports, "cycle reports")
@@ -410,7 +370,7 @@ def flood(found: FloodRun, operator: DrivingOperator, seconds: float) -> None:
     """Attack for a time; the robot drives, or is only observed if the attack must pause."""
     switch(found, on=True)
     if found.pauses:
-        operator.wait(seconds)
+        Event().wait(seconds)
         switch(found, on=False)
         operator.clear()
     else:

@@ -16,15 +16,11 @@ from typing import Final
 from checks.endurance.fleet import GoalSender, RobotTelemetry
 from checks.harness.figures import BenchmarkReport, Figure, figure
 from checks.harness.observer import Seen, standing_from, stood_s
+from checks.harness.operator import ThreadedOperator
 from checks.harness.terminal import Terminal
 from checks.harness.until import until
-from ground.blocking import perform
 from ground.cli.main import parse
 from ground.cli.run.up import free_endpoint
-from ground.client.connection import Common
-from ground.client.link import Link
-from ground.client.session import Session
-from ground.commands.all_robots import ClearAll
 from ground.launch.child_processes import Children
 from ground.launch.scenario import process_arguments, run_of, scenario_of
 from protocol.bus.bus import Bus, open_bus
@@ -196,13 +192,13 @@ def measure(options: argparse.Namespace) -> BenchmarkReport:
         words = ("ground", "--id", "r1", "--connect", fleet.endpoint, "--quiet-bell")
         with (
             open_bus(network, Role.GROUND, "r1") as bus,
+            ThreadedOperator(bus, "r1") as operator,
             Terminal(words, SIZE, {"XDG_STATE_HOME": folder}) as terminal,
         ):
             wheels = Wheels(bus, fleet.robots)
-            session = Session(Link(bus, Common(network=network, robot="r1"), WallClock()))
             terminal.shown(DRAWN, PATIENCE_S)
             for _ in range(options.presses):
-                took_ms = one_press(terminal, wheels, session, random)
+                took_ms = one_press(terminal, wheels, operator, random)
                 worst_ms.append(max(took_ms.values()))
                 for robot, ms in took_ms.items():
                     of_robot.setdefault(robot, []).append(ms)
@@ -214,7 +210,7 @@ def measure(options: argparse.Namespace) -> BenchmarkReport:
 
 
 def one_press(
-    terminal: Terminal, wheels: Wheels, session: Session, random: Random
+    terminal: Terminal, wheels: Wheels, operator: ThreadedOperator, random: Random
 ) -> dict[str, float]:
     """Press the key, and return the time in ms until the wheels of each robot stood."""
     until(wheels.all_drive, "all robots driving", within_s=DRIVES_S)
@@ -225,7 +221,7 @@ def one_press(
     took_ms = {
         robot: (stood_s(seen) or 0.0) * 1e3 for robot, seen in wheels.since(pressed_ns).items()
     }
-    released = perform(ClearAll(), session)
+    released = operator.wait(operator.robot.clear_emergency_stop_all({}))
     if not released.ok:
         raise RuntimeError(released.text)
     return took_ms

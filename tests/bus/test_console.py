@@ -1,11 +1,12 @@
 """The app's console sends the requests of the command line; hostile texts are not printed."""
 
+import asyncio
 import json
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from io import StringIO
 from pathlib import Path
 from subprocess import PIPE, STDOUT
@@ -16,16 +17,16 @@ import pytest
 import zenoh
 
 from checks.harness.terminal import Terminal
-from ground.blocking import perform
 from ground.cli import main as cli
 from ground.cli.options import common_of
-from ground.client.link import Link
-from ground.client.session import Session
+from ground.client.connection import Common
+from ground.client.leases import Leasing
 from ground.console.app_commands import AppCommand
 from ground.console.parser import read
 from ground.missions.files import Draft
 from ground.missions.mission import Waypoint
-from protocol.bus.bus import open_bus
+from ground.robot import Robot
+from protocol.bus.bus import Bus, open_bus
 from protocol.bus.mailbox import Mailbox
 from protocol.bus.services import ServiceRequest
 from protocol.topics import DECISION, LEASE, TEXT, WORLD, Role
@@ -34,7 +35,6 @@ from protocol.wire.message import Message
 from protocol.wire.messages import CommandRequest, GoalRequest, Statustext
 from protocol.wire.reasons import Reason
 from protocol.wire.statustext import pieces_of
-from runtime.clock import WallClock
 from runtime.errors import RemoteError, UserError
 from sidestep.__main__ import main
 from tests.support.ground.client import Notes
@@ -203,16 +203,36 @@ def typed_in(endpoint: str, text: str, draft: Draft | None = None) -> tuple[int,
     shell = cli.parse(["hold", "--connect", endpoint])
     common = common_of(shell)
     with open_bus(common.network, Role.GROUND, common.robot) as bus:
-        return done(text, Link(bus, common, WallClock()), draft or Draft())
+        return asyncio.run(done([text], bus, common, draft or Draft()))[0]
 
 
-def done(text: str, link: Link, draft: Draft) -> tuple[int, str, str]:
-    """Run a typed line as the app does, over its link."""
+async def done(
+    texts: Sequence[str],
+    bus: Bus,
+    common: Common,
+    draft: Draft,
+    begun: Callable[[], object] = lambda: None,
+) -> list[tuple[int, str, str]]:
+    """Run typed lines as the app does, on one robot; call `begun` when that is open."""
     notes = Notes()
+    robot = Robot(bus, common, leasing=Leasing.NEVER, follows=False, progress=notes)
+    await robot.open()
+    begun()
     try:
-        operation = read(text, lambda: draft.text)
+        return [await perform(text, robot, notes, draft) for text in texts]
+    finally:
+        robot._ways.close()  # a robot that is closed leaves its lease
+
+
+async def perform(text: str, robot: Robot, notes: Notes, draft: Draft) -> tuple[int, str, str]:
+    notes.notes.clear()
+    try:
+        operation: Any = read(text, lambda: draft.text)
         assert not isinstance(operation, AppCommand)
-        outcome = perform(operation, Session(link, notes, attended=True))
+        if getattr(operation, "is_offline", False):
+            outcome = operation.run(notes)
+        else:
+            outcome = await operation.perform(robot)
     except UserError as error:
         return 2, "", str(error)
     except RemoteError as error:
@@ -344,10 +364,11 @@ def test_a_long_session_does_not_listen_more_with_each_command(
             forgotten.append(box)
             forget(box)
 
-        monkeypatch.setattr(bus, "mailbox", listen)
-        monkeypatch.setattr(bus, "unsubscribe", leave)
-        for typed, argv in TALKING:
-            if argv[0] != "lease":
-                done(typed, Link(bus, common, WallClock()), Draft())
+        def watch() -> None:
+            monkeypatch.setattr(bus, "mailbox", listen)
+            monkeypatch.setattr(bus, "unsubscribe", leave)
+
+        lines = [typed for typed, argv in TALKING if argv[0] != "lease"]
+        asyncio.run(done(lines, bus, common, Draft(), watch))
     assert len(heard) > 10
     assert len(forgotten) == len(heard)

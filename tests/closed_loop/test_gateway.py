@@ -1,5 +1,6 @@
 """The gateway in closed loop: a plan is driven, the robot is stopped, the gateway dies."""
 
+import asyncio
 import json
 import re
 from collections.abc import Callable, Iterator
@@ -21,19 +22,20 @@ from gateways.mavlink.mavlink_dialect import (
     mavlink,
 )
 from gateways.mavlink.services import face_of
-from ground.blocking import perform
 from ground.client.connection import Common
 from ground.client.goal import Destination
+from ground.client.leases import Leasing
 from ground.client.link import ALIVE, Link
 from ground.client.outcomes import Outcome
-from ground.client.session import Operation, Session
 from ground.commands.arm import Arm
 from ground.commands.goto import Goto
 from ground.commands.lease import ChangeLease
 from ground.commands.mission import StartMission, UploadMission
 from ground.missions import qgroundcontrol
 from ground.missions.mission import Waypoint
-from protocol.bus.bus import open_bus
+from ground.robot import Robot
+from protocol.bus.bus import Bus, open_bus
+from protocol.bus.network import Network
 from protocol.topics import Role
 from protocol.wire.enums import GoalState, LeaseAction, MissionState, Mode
 from protocol.wire.enums import Vehicle as VehicleState
@@ -68,14 +70,22 @@ def is_over(stack: InProcess, answer: Future[Outcome]) -> bool:
     return answer.done()
 
 
+def carry_out(operation: Any, bus: Bus) -> Outcome:
+    """Carry out an operation as the app does, which attends it; without a heartbeat."""
+    where = Common(network=Network(), robot="r1")
+    robot = Robot(bus, where, leasing=Leasing.NEVER, follows=False)
+    outcome: Outcome = asyncio.run(operation.perform(robot))
+    return outcome
+
+
 def flown_by_operations() -> str:
     """Read the plan, upload, arm and start as the app does."""
     with InProcess("open") as stack, ThreadPoolExecutor(1) as pool:
-        session = Session(link_of(stack, Role.GROUND), attended=True)
+        bus = stack.join(Role.GROUND)
         mission = qgroundcontrol.read_plan(json.dumps(PLAN), "tour.plan").mission
-        steps: list[Operation[Any]] = [UploadMission(mission=mission), Arm()]
+        steps: list[Any] = [UploadMission(mission=mission), Arm()]
         for operation in (*steps, StartMission(item=0)):
-            answer = pool.submit(perform, operation, session)
+            answer = pool.submit(carry_out, operation, bus)
             until(partial(is_over, stack, answer))
             assert answer.result().ok
         return flown(stack)
@@ -299,21 +309,18 @@ IN_TIME_NS = 100_000_000
 
 
 @contextmanager
-def app(stack: InProcess, person: str) -> Iterator[Callable[[Operation[Any]], None]]:
+def app(stack: InProcess, person: str) -> Iterator[Callable[[Any], None]]:
     """Return what performs the operations of another person, who has the lease."""
     network = replace(stack.client_network, person=person)
     with open_bus(network, Role.GROUND, "r1") as bus, ThreadPoolExecutor(1) as pool:
-        session = Session(
-            Link(bus, Common(network=network, robot="r1"), WallClock()), attended=True
-        )
 
-        def carry_out(operation: Operation[Any]) -> None:
-            answer = pool.submit(perform, operation, session)
+        def perform(operation: Any) -> None:
+            answer = pool.submit(carry_out, operation, bus)
             until(partial(is_over, stack, answer))
             assert answer.result().ok, answer.result().text
 
-        carry_out(ChangeLease(action=LeaseAction.TAKE, name=person))
-        yield carry_out
+        perform(ChangeLease(action=LeaseAction.TAKE, name=person))
+        yield perform
 
 
 def is_at_rest(stack: InProcess) -> bool:

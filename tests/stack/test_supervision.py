@@ -20,12 +20,10 @@ from threading import Event, Thread
 import pytest
 
 from checks.faults.restarts import NO_PAUSE, ArrivalTimes, kept_stops, running
-from ground.blocking import perform
+from checks.harness.operator import ThreadedOperator
 from ground.cli.run.up import goal_runs_of
 from ground.client.goal import destination
-from ground.client.link import open_link
 from ground.client.outcomes import Refused
-from ground.client.session import Session
 from ground.commands.arm import Arm
 from ground.commands.goto import Goto
 from ground.commands.pose import SetTruePose
@@ -38,6 +36,8 @@ from ground.launch.launcher import Stack
 from ground.launch.scenario import CLOCKS, WALL
 from ground.launch.supervisor import RestartPolicy
 from ground.text.output import Output
+from protocol.bus.bus import open_bus
+from protocol.topics import Role
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.reasons import Reason
 from runtime.clock import WallClock
@@ -75,6 +75,16 @@ def sabotage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Sabotage:
     found = Sabotage(tmp_path)
     monkeypatch.setattr(child_command, "START", found.start)
     return found
+
+
+@contextmanager
+def operating(stack: Stack) -> Iterator[ThreadedOperator]:
+    """Yield an operator of the robot of a stack."""
+    with (
+        open_bus(stack.common.network, Role.GROUND, stack.common.robot) as bus,
+        ThreadedOperator(bus, stack.common.robot) as operator,
+    ):
+        yield operator
 
 
 class Stage:
@@ -118,12 +128,11 @@ class Stage:
     def set_true_place(self) -> None:
         """Require that the robot refuses a goal for its unknown place, and give it the true one."""
         self.until(lambda: self.said("PLACE UNKNOWN"), "the loss of the place")
-        with open_link(self.stack.common) as link:
-            session = Session(link)
-            refused = perform(Goto(goal=destination([1.0, 1.0]), wait=False), session)
+        with operating(self.stack) as operator:
+            refused = operator.perform(Goto(goal=destination([1.0, 1.0]), wait=False))
             assert isinstance(refused, Refused)
             assert refused.reason == Reason.PLACE_UNKNOWN
-            assert perform(SetTruePose(), session).ok
+            assert operator.perform(SetTruePose()).ok
 
     def under_way(self, before: int) -> bool:
         return self.moves() or self.failed(before)
@@ -241,19 +250,18 @@ def the_others_find_the_router_again(
 def a_robot_that_was_stopped_comes_back_stopped(
     stage: Stage, how: str, cause: str, sabotage: Sabotage
 ) -> None:
-    with open_link(stage.stack.common) as link:
-        assert perform(StopNow(), Session(link)).ok
+    with operating(stage.stack) as operator:
+        assert operator.perform(StopNow()).ok
     stage.until(lambda: stage.said("emergency stop saved"), "the stop on the disk")
     stage.hurt("robot r1", how, sabotage)
     stage.until(lambda: stage.said_why("robot r1", cause, how), "the cause")
     stage.until(lambda: stage.said("emergency stop of the previous run still holds"), "the stop")
     stage.until(lambda: stage.witness.status.vehicle == Vehicle.EMERGENCY_STOP, "stopped")
-    with open_link(stage.stack.common) as link:
-        session = Session(link)
-        refused = perform(Arm(), session)
+    with operating(stage.stack) as operator:
+        refused = operator.perform(Arm())
         assert isinstance(refused, Refused)
         assert refused.reason == Reason.EMERGENCY_STOPPED
-        assert perform(ClearEmergencyStop(), session).ok
+        assert operator.perform(ClearEmergencyStop()).ok
     stage.until(lambda: stage.witness.status.vehicle == Vehicle.STANDBY, "STANDBY")
 
 

@@ -5,7 +5,7 @@ import asyncio
 import json
 import re
 from collections.abc import AsyncIterator, Callable, Collection
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, closing
 from math import inf, radians
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -17,6 +17,7 @@ from textual.css.model import RuleSet
 from textual.css.stylesheet import Stylesheet
 from textual.pilot import Pilot
 
+from checks.harness.loop import PlayedLoop
 from checks.harness.messages import make
 from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
@@ -24,14 +25,13 @@ from ground.app.input.keymap import Keymap
 from ground.app.screens.drive import DriveScreen
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import words_of
-from ground.blocking import BlockingRobot, run_blocking
 from ground.client.connection import Common
 from ground.client.floor import floor_in
-from ground.client.link import Link
+from ground.client.leases import Leasing
 from ground.client.outcomes import Outcome
 from ground.client.parameter import Parameter
 from ground.client.presence import PresentProcesses
-from ground.client.session import Operation, Session
+from ground.client.session import Operation
 from ground.client.telemetry import Age, AgedMessage
 from ground.console.app_commands import AppCommand
 from ground.console.completion import Assistance, Candidate, assist
@@ -41,6 +41,7 @@ from ground.launch.scenario import Scenario
 from ground.map.scene import MapScene, MapTarget, Outline, RobotMark
 from ground.recording.log_reader import record_bytes
 from ground.recording.mcap_file import McapFormat
+from ground.robot import Robot
 from ground.station.fleet import Attention, RosterEntry, by_attention
 from ground.station.history.decision_history import Moment
 from ground.station.history.event_log import EventLog
@@ -89,6 +90,7 @@ from runtime.errors import RemoteError, UserError
 from runtime.units import NS_PER_MS as MS
 from runtime.units import NS_PER_S as S
 from runtime.units import PERIOD_MS
+from tests.support.ground.client import run_on
 from tests.support.ground.station import WORLD_TEXT, Inline
 from tests.support.played_bus import PlayedBus
 from tests.support.until import PATIENCE_S
@@ -230,12 +232,19 @@ class FakeStation(Station):
     def end_of(self, command: QueuedCommand) -> Ended:
         """Perform a command on the robot that is shown."""
         common = Common(network=Network(), robot=self.robot)
-        link = Link(self.robot_bus or self.bus, common, self.clock)
         world = self.world
         floor = None if world is None else floor_in(world.text)
-        robot = BlockingRobot(Session(link, attended=True, floor=lambda: floor))
+        robot = Robot(
+            self.robot_bus or self.bus,
+            common,
+            clock=self.clock,
+            leasing=Leasing.NEVER,
+            follows=False,
+            floor=lambda: floor,
+        )
         try:
-            return run_blocking(command.perform(robot))
+            with closing(PlayedLoop(self.clock)) as loop:
+                return run_on(loop, command.perform(robot))
         except (RemoteError, UserError) as error:
             return JobResult(False, str(error))
 

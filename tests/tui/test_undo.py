@@ -1,5 +1,6 @@
 """Test that parameters, fences and drafts are taken back."""
 
+import asyncio
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,6 @@ import pytest
 from ground.app.commands.local_commands import LocalCommands
 from ground.app.commands.runner import CommandRunner
 from ground.app.commands.undo import MAX_CHANGES, Change, UndoList, inverse_of
-from ground.blocking import run_blocking
 from ground.client.connection import Common
 from ground.client.outcomes import Outcome
 from ground.client.parameter import Parameter
@@ -243,7 +243,7 @@ def test_fence_returns_to_what_the_robot_had(
 
 def inverse(operation: Operation[Outcome], known: Sequence[Parameter] = ()) -> object:
     robot: Any = None
-    return run_blocking(inverse_of(operation, known, robot))
+    return asyncio.run(inverse_of(operation, known, robot))
 
 
 def test_unknown_value_cannot_be_restored() -> None:

@@ -7,40 +7,34 @@ time-out.
 """
 
 import argparse
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Coroutine, Iterable, Mapping
 from contextlib import suppress
+from functools import partial
 from itertools import cycle
 from random import Random
 from statistics import mean
-from threading import Event, Thread
+from threading import Event
 from time import monotonic, monotonic_ns
-from typing import Final, NamedTuple, Self
+from typing import Any, Final, NamedTuple
 
 from checks.harness.figures import Figure, figure, percentile
 from checks.harness.observer import motion_since, stood_s
+from checks.harness.operator import ThreadedOperator
 from checks.harness.until import until
 from checks.speed.gateway.stage import FORCED, Air, Figures, MavlinkClient, on_air, position_target
 from gateways.mavlink.mavlink_dialect import REQUEST_OPERATOR_CONTROL, MavMessage, mavlink
 from gateways.mavlink.motion.pilot import EnterGuided
-from ground.blocking import perform
-from ground.client.connection import Common
 from ground.client.goal import Destination
-from ground.client.link import Link, ask_lease
-from ground.client.outcomes import Outcome
-from ground.client.session import Operation, Session
-from ground.commands.arm import Arm
-from ground.commands.goto import Goto
-from ground.commands.hold import Hold
+from ground.client.outcomes import Answer
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import Role
-from protocol.wire.enums import LeaseAction, Mode
+from protocol.wire.enums import Mode
 from protocol.wire.messages import WheelCommand
 from runtime.clock import WallClock
 from runtime.units import PERIOD_NS, PERIOD_S
 
 OVER_BUS_AT_MOST_MS: Final = 5.0
-BEAT_S: Final = 0.2
 AGAIN_S: Final = 0.05
 TRIES: Final = 40
 BLOCKS: Final = 4
@@ -49,59 +43,42 @@ MAX_LOST: Final = 10
 NEAR_M: Final = 0.2
 
 
-class BusOperator:
+class BusOperator(ThreadedOperator):
     """The typed client of the bus; it beats while it holds the lease."""
-
-    def __init__(self, link: Link) -> None:
-        self._session = Session(link, attended=True)
-        self._link = link
-        self._holds, self._over = Event(), Event()
-        self._thread = Thread(target=self._beat, daemon=True)
 
     def take(self) -> None:
         """Take the lease as soon as it is free, choose GUIDED and arm."""
-        for _ in range(TRIES):
-            if ask_lease(self._link, LeaseAction.TAKE, "bench").ok:
-                break
-            self._over.wait(AGAIN_S)
-        self._link.beat()
-        self._holds.set()
-        self.perform(EnterGuided())
-        self.perform(Arm())
+        for call in (
+            self.robot.lease.take,
+            partial(self.robot.perform, EnterGuided()),
+            self.robot.arm,
+        ):
+            self._repeat(call)
 
     def goto(self, x_m: float, y_m: float) -> int:
         """Send a goal; return the time before."""
         at_ns = monotonic_ns()
-        self.perform(Goto(goal=Destination(x_m=x_m, y_m=y_m, heading_rad=None), arms=False))
+        goal = Destination(x_m=x_m, y_m=y_m, heading_rad=None)
+        self._repeat(partial(self._send, goal))
         return at_ns
+
+    async def _send(self, goal: Destination) -> Answer:
+        answer, _ = await self.robot.send_goal(goal, Mode.GUIDED, arms=False)
+        return answer
 
     def release(self) -> None:
         """Stop, and give back the lease."""
-        self.perform(Hold())
-        self._holds.clear()
-        ask_lease(self._link, LeaseAction.RELEASE, "bench")
+        self._repeat(self.robot.hold)
+        self._repeat(self.robot.lease.give_back)
 
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._over.set()
-        self._thread.join()
-
-    def perform(self, operation: Operation[Outcome]) -> None:
-        """Carry out an operation; again if the first heartbeat has not arrived yet."""
+    def _repeat(self, call: Callable[[], Coroutine[Any, Any, Answer]]) -> None:
+        """Ask; again if the lease is not free yet, or the first heartbeat has not arrived."""
         for _ in range(TRIES):
-            outcome = perform(operation, self._session)
-            if outcome.ok:
+            answer = self.wait(call())
+            if answer.ok:
                 return
-            self._over.wait(AGAIN_S)
-        raise RuntimeError(f"{operation.verb}: {outcome}")
-
-    def _beat(self) -> None:
-        while not self._over.wait(BEAT_S):
-            if self._holds.is_set():
-                self._link.beat()
+            Event().wait(AGAIN_S)
+        raise RuntimeError(answer.text)
 
 
 class GatewayOperator:
@@ -201,11 +178,13 @@ def goto_figures(options: argparse.Namespace) -> Figures:
     goals = max(1, options.goals // BLOCKS)
     with on_air() as air, MavlinkClient(air.line()) as client:
         client.await_vehicle()
-        network = Network(mode="client", connect=(air.observer.endpoint,))
-        common = Common(network=network, robot=air.observer.robot)
+        network, robot = (
+            Network(mode="client", connect=(air.observer.endpoint,)),
+            air.observer.robot,
+        )
         with (
-            open_bus(network, Role.GROUND, air.observer.robot) as bus,
-            BusOperator(Link(bus, common, WallClock())) as bus_operator,
+            open_bus(network, Role.GROUND, robot) as bus,
+            BusOperator(bus, robot) as bus_operator,
         ):
             race = Race(air, (GatewayOperator(client), bus_operator))
             race.drive_to_the_middle()

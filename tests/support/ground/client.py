@@ -1,15 +1,20 @@
-"""Links whose bus answers from a script or a list, on a manual clock."""
+"""Clients of a robot whose bus answers from a script, on a manual clock."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Coroutine, Sequence
 from functools import partial
 from io import StringIO
-from typing import Any
+from typing import Any, TypeVar
+from unittest.mock import patch
+from weakref import finalize
 
+from checks.harness.loop import PlayedLoop
 from checks.harness.messages import make
+from ground.client import robot_link
 from ground.client.connection import Common
-from ground.client.link import Link
+from ground.client.floor import Floor
+from ground.client.leases import Leasing
 from ground.client.requests import NO_COMMAND, Request, command_of
-from ground.client.session import Session
+from ground.robot import Robot
 from ground.text.output import Output
 from ground.text.wording import Part, in_words
 from protocol.bus.network import Network
@@ -26,7 +31,11 @@ from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
 from runtime.errors import NoAnswerError
 from runtime.units import NS_PER_MS as MS
+from tests.support.ground.station import ThreadAtOnce, end
 from tests.support.played_bus import PlayedBus, PlayedQuery
+
+T = TypeVar("T")
+AT = Network(mode="client", connect=("tcp/127.0.0.1:1",))
 
 ANSWER_NS = 14 * MS
 
@@ -81,19 +90,6 @@ class ScriptedBus(PlayedBus):
         return [message for *_, message in self.asked]
 
 
-class Pulse:
-    """A pulse whose waiting advances the clock."""
-
-    def __init__(self, clock: ManualClock) -> None:
-        self._clock = clock
-
-    def beat(self, now_ns: int) -> None:
-        """Ignore it: nothing arrives by itself."""
-
-    def wait_until(self, deadline_ns: int) -> None:
-        self._clock.sleep_until(deadline_ns)
-
-
 class Notes:
     """A progress display that records notes and lines."""
 
@@ -111,16 +107,43 @@ class Notes:
 
 
 class Stage:
-    """A session over a scripted bus."""
+    """The client of a robot over a scripted bus; what waits or blocks takes no real time.
+
+    It takes the lease for the drives that it follows, or another part does, if it is `attended`.
+    """
 
     def __init__(self, *script: Reply, attended: bool = False) -> None:
         self.clock = ManualClock(1_000 * MS)
         self.bus = ScriptedBus(self.clock, script)
-        network = Network(mode="client", connect=("tcp/127.0.0.1:1",))
-        self.link = Link(self.bus, Common(network=network, robot="r1"), self.clock)
-        self.link.pulse = Pulse(self.clock)  # type: ignore[assignment]
+        self.common = Common(network=AT, robot="r1")
         self.notes = Notes()
-        self.session = Session(self.link, self.notes, attended=attended)
+        self.floor: Floor | None = None
+        self.robot = Robot(
+            self.bus,
+            self.common,
+            clock=self.clock,
+            leasing=Leasing.NEVER if attended else Leasing.DRIVES,
+            follows=not attended,
+            progress=self.notes,
+            floor=lambda: self.floor,
+        )
+        self._loop = PlayedLoop(self.clock)
+        finalize(self, end, self._loop)
+
+    def run(self, work: Coroutine[Any, Any, T]) -> T:
+        """Run a coroutine to its end."""
+        return run_on(self._loop, work)
+
+
+def run_on(loop: PlayedLoop, work: Coroutine[Any, Any, T]) -> T:
+    """Run a coroutine to its end; what it would do in a thread is done at once."""
+    with patch.object(robot_link, "Thread", ThreadAtOnce):
+        return loop.run(work)
+
+
+def perform(command: Any, stage: Stage) -> Any:
+    """Carry out a command on the robot of a stage."""
+    return stage.run(command.perform(stage.robot))
 
 
 def ack(request: Message | None, reason: Reason) -> CommandAck:

@@ -1,4 +1,4 @@
-"""The client of one robot, in a thread and on an event loop: what it sends, and what it ends."""
+"""The client of one robot, what it sends, and what it ends."""
 
 import asyncio
 from collections.abc import AsyncIterator, Callable, Coroutine
@@ -8,10 +8,9 @@ from typing import Any, TypeVar
 import pytest
 
 from checks.harness.loop import PlayedLoop
-from ground.blocking import BlockingRobot, run_blocking
 from ground.client import robot_link
 from ground.client.goal import destination
-from ground.client.leases import TICK_NS, Leasing
+from ground.client.leases import TICK_NS
 from ground.client.outcomes import Accepted, GoalEnded, Refused, RefusedError
 from ground.client.streams import ClosedError
 from ground.robot import Robot
@@ -30,7 +29,6 @@ DRIVING, ARM, MODE = "GUIDED", "COMPONENT_ARM_DISARM", "DO_SET_MODE"
 ABORT = "SIDESTEP_ABORT_GOAL"
 T = TypeVar("T")
 Call = Callable[[Robot], Coroutine[Any, Any, Any]]
-Driver = Callable[[Stage, Call], Any]
 
 
 @pytest.fixture(autouse=True)
@@ -44,27 +42,13 @@ def played(stage: Stage, program: Coroutine[Any, Any, T]) -> T:
         return loop.run(program)
 
 
-def in_thread(stage: Stage, call: Call) -> Any:
-    return run_blocking(call(BlockingRobot(stage.session)))
-
-
-def on_loop(stage: Stage, call: Call) -> Any:
-    async def program() -> Any:
-        leasing = Leasing.NEVER if stage.session.attended else Leasing.DRIVES
-        return await call(robot_of(stage, leasing=leasing, progress=stage.notes))
-
-    return played(stage, program())
-
-
-@pytest.fixture(params=[in_thread, on_loop])
-def done(request: pytest.FixtureRequest) -> Driver:
-    """Runs a coroutine of the robot of the command line."""
-    found: Driver = request.param
-    return found
+def done(stage: Stage, call: Call) -> Any:
+    """Run a coroutine of the robot of the command line."""
+    return stage.run(call(stage.robot))
 
 
 def robot_of(stage: Stage, **how: Any) -> Robot:
-    return Robot(stage.bus, stage.link.common, "anna", clock=stage.clock, **how)
+    return Robot(stage.bus, stage.common, "anna", clock=stage.clock, **how)
 
 
 @asynccontextmanager
@@ -138,7 +122,7 @@ async def until(condition: Callable[[], bool]) -> None:
     ],
 )
 def test_command_is_one_request_without_the_lease(
-    done: Driver, call: Call, wire: tuple[int, float, float]
+    call: Call, wire: tuple[int, float, float]
 ) -> None:
     stage = Stage()
     assert isinstance(done(stage, call), Accepted)
@@ -147,14 +131,14 @@ def test_command_is_one_request_without_the_lease(
 
 
 @each("attended", [False, True])
-def test_goal_that_is_not_followed_is_only_sent(done: Driver, attended: bool) -> None:
+def test_goal_that_is_not_followed_is_only_sent(attended: bool) -> None:
     stage = Stage(attended=attended)
     answer, goal_id = done(stage, lambda robot: robot.send_goal(GOAL, Mode.AUTO))
     (request,) = stage.bus.requests
     assert (answer.ok, request.request_id) == (True, goal_id)
 
 
-def test_drive_that_another_operator_forbids_begins_nothing(done: Driver) -> None:
+def test_drive_that_another_operator_forbids_begins_nothing() -> None:
     stage = Stage(Reason.LEASE_HELD)
     stage.bus.say(*HELD)
     with pytest.raises(RefusedError, match="anna"):
@@ -162,26 +146,23 @@ def test_drive_that_another_operator_forbids_begins_nothing(done: Driver) -> Non
     assert sent(stage) == ["TAKE"]
 
 
-def test_drive_that_cannot_be_armed_ends_in_hold(done: Driver) -> None:
+def test_drive_that_cannot_be_armed_ends_in_hold() -> None:
     stage = Stage(Reason.NONE, Reason.NONE, Reason.NO_SENSES)
     stage.bus.say(*STANDBY)
-    if done is on_loop:
-        refused = lived(stage, lambda robot: robot.drive(0.1, 0.0))
-    else:
-        refused = done(stage, lambda robot: robot.drive(0.1, 0.0))
+    refused = lived(stage, lambda robot: robot.drive(0.1, 0.0))
     assert isinstance(refused, Refused)
     assert sent(stage) == ["TAKE", MODE, ARM, MODE, "LEAVE"]
     manual, hold = (one for one in stage.bus.requests if name_of(one) == MODE)
     assert (hold.param2, hold.ends_id) == (Mode.HOLD, manual.request_id)
 
 
-def test_refusal_for_the_lease_names_its_holder(done: Driver) -> None:
+def test_refusal_for_the_lease_names_its_holder() -> None:
     stage = Stage(Reason.LEASE_HELD)
     stage.bus.say(LEASE, lease_of("ben"))
     assert done(stage, lambda robot: robot.arm()).holder == "ben"
 
 
-def test_stop_that_is_not_known_is_that_of_the_status(done: Driver) -> None:
+def test_stop_that_is_not_known_is_that_of_the_status() -> None:
     stage = Stage(Reason.NEWER_STOP, Reason.NONE)
     stage.bus.say(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=9))
     assert done(stage, lambda robot: robot.clear_emergency_stop(7, 8)).ok
@@ -189,29 +170,24 @@ def test_stop_that_is_not_known_is_that_of_the_status(done: Driver) -> None:
     assert [request.stop_id for request in stage.bus.requests] == [7, 8, 9]
 
 
-def test_robot_without_a_pose_has_no_place_ahead_of_it(done: Driver) -> None:
+def test_robot_without_a_pose_has_no_place_ahead_of_it() -> None:
     stage = Stage()
     with pytest.raises(RemoteError, match="the robot publishes no pose"):
         done(stage, lambda robot: robot.pose())
     assert ("r1", ODOMETRY.path) in stage.bus.subscribed
 
 
-def test_request_is_repeated_with_its_id_until_it_is_answered(done: Driver) -> None:
+def test_request_is_repeated_with_its_id_until_it_is_answered() -> None:
     stage = Stage(None, None, Reason.NONE)
     assert done(stage, lambda robot: robot.hold()).ok
     assert len({request.request_id for request in stage.bus.requests}) == 1
     assert len(stage.bus.requests) == 3
 
 
-def test_silence_is_explained(done: Driver) -> None:
+def test_silence_is_explained() -> None:
     stage = Stage(*[None] * 3)
     with pytest.raises(RemoteError, match=r"no robot at tcp/127.0.0.1:1.*\(no answer within"):
         done(stage, lambda robot: robot.hold())
-
-
-def test_coroutine_that_needs_an_event_loop_is_a_defect() -> None:
-    with pytest.raises(RuntimeError, match="waits for an event loop"):
-        run_blocking(asyncio.sleep(0))
 
 
 def test_what_moves_takes_the_lease_and_what_stops_does_not() -> None:

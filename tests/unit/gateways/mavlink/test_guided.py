@@ -10,7 +10,6 @@ from gateways.mavlink.mav_service import WATCHER
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.motion.pilot import BeginDrive, DriveBegun, DriveOver, EndDrive, EnterGuided
 from gateways.mavlink.motion.setpoints import SetpointError, Velocity, attitude_of, setpoint_of
-from ground.blocking import perform
 from ground.client.goal import Destination
 from ground.client.parameters import ParameterChanged
 from ground.commands.goto import Goto
@@ -42,7 +41,7 @@ from tests.support.gateway.fake_port import (
     show,
     words,
 )
-from tests.support.ground.client import Stage
+from tests.support.ground.client import Stage, perform
 
 ACCEPTED = 0
 DENIED = 2
@@ -678,7 +677,7 @@ def test_twist_is_bounded() -> None:
 @each("aborted", [Reason.NONE, Reason.NO_GOAL])
 def test_entering_guided_drops_the_goal_first(aborted: Reason) -> None:
     stage = Stage(aborted, Reason.NONE, attended=True)
-    assert perform(EnterGuided(), stage.session).ok
+    assert perform(EnterGuided(), stage).ok
     abort, mode = stage.bus.requests
     assert abort.command == Command.SIDESTEP_ABORT_GOAL
     assert (mode.command, mode.param2) == (Command.DO_SET_MODE, Mode.GUIDED)

@@ -4,13 +4,12 @@ from math import inf, isnan, nan, radians
 
 import pytest
 
-from ground.blocking import BlockingRobot, perform, run_blocking
 from ground.client.floor import Floor, floor_in
 from ground.client.goal import destination
 from ground.client.link import UnansweredError
 from ground.client.outcomes import Accepted, Outcome, Refused, RefusedError, agreed
 from ground.client.requests import ATTEMPTS
-from ground.client.session import Operation, Session
+from ground.client.session import Operation
 from ground.client.status_line import knows_place, pose_of
 from ground.commands.abort import Abort
 from ground.commands.arm import Arm
@@ -32,13 +31,13 @@ from protocol.wire.messages import CommandRequest, GoalRequest
 from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError, UserError
 from tests.support.each import each
-from tests.support.ground.client import ANSWER_NS, HELD, Stage, status
+from tests.support.ground.client import ANSWER_NS, HELD, Stage, perform, status
 from tests.support.ground.station import WORLD_TEXT, Robot
 
 
 def test_agreement_is_accepted_with_the_time_it_took() -> None:
     stage = Stage()
-    outcome = perform(Hold(), stage.session)
+    outcome = perform(Hold(), stage)
     assert outcome == Accepted(ANSWER_NS)
     assert outcome.text == "ok 14 ms"
     assert outcome.as_json("hold", "r1") == {
@@ -52,7 +51,7 @@ def test_agreement_is_accepted_with_the_time_it_took() -> None:
 
 
 def test_refusal_names_the_reason_and_the_remedy() -> None:
-    outcome = perform(Arm(), Stage(Reason.EMERGENCY_STOPPED).session)
+    outcome = perform(Arm(), Stage(Reason.EMERGENCY_STOPPED))
     assert isinstance(outcome, Refused)
     assert (outcome.ok, outcome.reason) == (False, Reason.EMERGENCY_STOPPED)
     assert outcome.text.startswith("refused: ")
@@ -64,14 +63,14 @@ def test_refusal_names_the_reason_and_the_remedy() -> None:
 def test_refusal_for_the_lease_names_its_holder() -> None:
     stage = Stage(Reason.LEASE_HELD)
     stage.bus.say(*HELD)
-    outcome = perform(Arm(), stage.session)
+    outcome = perform(Arm(), stage)
     assert isinstance(outcome, Refused)
     assert (outcome.holder, "anna (--seize takes it over" in outcome.text) == ("anna", True)
 
 
 def test_lost_answers_are_asked_for_again_under_one_id() -> None:
     stage = Stage(None, None, Reason.NONE)
-    assert perform(Hold(), stage.session).ok
+    assert perform(Hold(), stage).ok
     assert len(stage.bus.requests) == 3
     assert len({request.request_id for request in stage.bus.requests}) == 1
 
@@ -79,7 +78,7 @@ def test_lost_answers_are_asked_for_again_under_one_id() -> None:
 @each("reason", [Reason.TOO_LATE, Reason.TOO_MANY_REQUESTS])
 def test_request_that_the_robot_did_not_look_at_is_repeated(reason: Reason) -> None:
     stage = Stage(reason, Reason.NONE)
-    assert perform(Hold(), stage.session).ok
+    assert perform(Hold(), stage).ok
     assert len(stage.bus.requests) == 2
 
 
@@ -87,7 +86,7 @@ def test_silence_is_given_up_after_the_time_allowed() -> None:
     stage = Stage(*[None] * 10)
     began_ns = stage.clock.now_ns()
     with pytest.raises(UnansweredError, match="no answer within the time"):
-        perform(Hold(timeout_s=0.6), stage.session)
+        perform(Hold(timeout_s=0.6), stage)
     assert len(stage.bus.requests) == ATTEMPTS
     assert stage.clock.now_ns() - began_ns >= 600_000_000
 
@@ -108,7 +107,7 @@ def test_values_become_the_parameters_of_the_command(
     operation: Operation[Outcome], wire: tuple[int, float, float]
 ) -> None:
     stage = Stage()
-    perform(operation, stage.session)
+    perform(operation, stage)
     (request,) = stage.bus.requests
     assert (request.command, request.param1, request.param2) == wire
 
@@ -117,39 +116,39 @@ def test_a_release_names_the_stop_of_the_newest_status() -> None:
     stage = Stage(None, Reason.NONE)
     stage.bus.say(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=7))
     stage.bus.on_ask = lambda _: stage.bus.say(STATUS, status(stop_id=8))
-    assert perform(ClearEmergencyStop(), stage.session).ok
+    assert perform(ClearEmergencyStop(), stage).ok
     assert [request.stop_id for request in stage.bus.requests] == [7, 7], "by each repetition"
 
 
 def test_a_release_names_the_stop_that_was_shown_when_it_was_asked_for() -> None:
     stage = Stage()
     stage.bus.say(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=8))
-    perform(ClearEmergencyStop(stop_ids=(7,)), stage.session)
+    perform(ClearEmergencyStop(stop_ids=(7,)), stage)
     assert [request.stop_id for request in stage.bus.requests] == [7]
 
 
 def test_a_release_names_own_stops_after_the_one_that_was_shown() -> None:
     stage = Stage(Reason.NEWER_STOP, Reason.NEWER_STOP, Reason.NONE)
-    assert perform(ClearEmergencyStop(stop_ids=(7, 7, 21, 22, 23)), stage.session).ok
+    assert perform(ClearEmergencyStop(stop_ids=(7, 7, 21, 22, 23)), stage).ok
     assert [request.stop_id for request in stage.bus.requests] == [7, 21, 22]
     assert len({request.request_id for request in stage.bus.requests}) == 3
 
 
 def test_a_release_that_is_refused_for_another_reason_names_no_other_stop() -> None:
     stage = Stage(Reason.LEASE_HELD)
-    assert not perform(ClearEmergencyStop(stop_ids=(7, 21)), stage.session).ok
+    assert not perform(ClearEmergencyStop(stop_ids=(7, 21)), stage).ok
     assert [request.stop_id for request in stage.bus.requests if request] == [7]
 
 
 def test_a_release_is_not_sent_without_a_status() -> None:
     stage = Stage()
     with pytest.raises(UnansweredError, match="no status names the emergency stop to clear"):
-        perform(ClearEmergencyStop(), stage.session)
+        perform(ClearEmergencyStop(), stage)
     assert stage.bus.requests == []
 
 
 def test_a_refusal_for_a_newer_stop_says_what_to_do() -> None:
-    outcome = perform(ClearEmergencyStop(stop_ids=(7,)), Stage(Reason.NEWER_STOP).session)
+    outcome = perform(ClearEmergencyStop(stop_ids=(7,)), Stage(Reason.NEWER_STOP))
     assert outcome.text == (
         "refused: a newer emergency stop was pressed: look, then clear again (sidestep clear-estop)"
     )
@@ -173,16 +172,18 @@ def test_stop_is_repeated_until_the_status_shows_it() -> None:
             stage.bus.say(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=request.request_id))
 
     stage.bus.on_ask = show
-    outcome = perform(StopNow(), stage.session)
+    stage.run(stage.robot.open())
+    outcome = perform(StopNow(), stage)
     assert outcome.ok
     assert outcome.text.startswith("E-STOP acknowledged by r1")
-    assert [key for key, _ in stage.bus.sent] == [STOP.path] * 2
+    assert [key for key, _ in stage.bus.sent] == [STOP.path] * 3, "at once, and with each question"
 
 
 def test_unacknowledged_stop_is_given_up_with_a_warning() -> None:
     stage = Stage()
     stage.bus.say(STATUS, status(Vehicle.ACTIVE))
-    outcome = perform(StopNow(timeout_s=0.2), stage.session)
+    stage.run(stage.robot.open())
+    outcome = perform(StopNow(timeout_s=0.2), stage)
     assert not outcome.ok
     assert outcome.text.startswith("E-STOP GIVEN UP")
     assert outcome.as_json("estop", "r1")["reason_code"] is None
@@ -191,9 +192,9 @@ def test_unacknowledged_stop_is_given_up_with_a_warning() -> None:
 
 def test_mark_reports_that_no_recorder_runs() -> None:
     stage = Stage()
-    assert perform(Mark(remark="it turned"), stage.session).text == "marked: it turned"
+    assert perform(Mark(remark="it turned"), stage).text == "marked: it turned"
     stage.bus.has_subscriber = False
-    outcome = perform(Mark(remark="it turned"), stage.session)
+    outcome = perform(Mark(remark="it turned"), stage)
     assert (outcome.ok, outcome.text) == (
         False,
         "no recorder is running: start one with sidestep rec start DIR",
@@ -206,8 +207,10 @@ START = Command.MISSION_START
 
 def asked_until_accepted(stage: Stage, *, beats: bool = False) -> tuple[int, str]:
     """Return the last reason and the notes."""
-    robot = BlockingRobot(stage.session)
-    answer, _ = run_blocking(robot.accepted(lambda: robot.request(START), beats=beats))
+    robot = stage.robot
+    if beats:
+        stage.run(robot.lease.open())
+    answer, _ = stage.run(robot.accepted(lambda: robot.request(START), beats=beats))
     reason = answer.reason if isinstance(answer, Refused) else Reason.NONE
     return reason, "".join(f"{note}\n" for note in stage.notes.notes)
 
@@ -293,7 +296,7 @@ def sent(stage: Stage) -> CommandRequest:
 
 def test_pose_is_sent_in_metres_and_radians() -> None:
     stage = Stage()
-    assert perform(SetPose(x_m=1.5, y_m=-2.0, heading_deg=90.0), stage.session).ok
+    assert perform(SetPose(x_m=1.5, y_m=-2.0, heading_deg=90.0), stage).ok
     request = sent(stage)
     assert (request.param1, request.param2) == (1.5, -2.0)
     assert request.param3 == pytest.approx(radians(90.0))
@@ -301,7 +304,7 @@ def test_pose_is_sent_in_metres_and_radians() -> None:
 
 def test_pose_without_a_heading_leaves_the_heading_open() -> None:
     stage = Stage()
-    perform(SetPose(x_m=1.0, y_m=2.0), stage.session)
+    perform(SetPose(x_m=1.0, y_m=2.0), stage)
     assert isnan(sent(stage).param3)
 
 
@@ -319,25 +322,25 @@ def test_pose_out_of_range_is_refused_before_it_is_sent(
 @each(("x_m", "words"), [(7.0, "outside the world box"), (2.5, "an obstacle of the world box")])
 def test_pose_outside_the_world_is_not_set_unless_anyway(x_m: float, words: str) -> None:
     stage = Stage()
-    session = Session(stage.link, floor=lambda: floor_in(WORLD_TEXT))
+    stage.floor = floor_in(WORLD_TEXT)
     with pytest.raises(UserError, match=rf"pose \({x_m:.3f}, 1.400\) lies .*{words}.*; --anyway"):
-        perform(SetPose(x_m=x_m, y_m=1.4), session)
+        perform(SetPose(x_m=x_m, y_m=1.4), stage)
     assert stage.bus.requests == []
-    assert perform(SetPose(x_m=x_m, y_m=1.4, anyway=True), session).ok
+    assert perform(SetPose(x_m=x_m, y_m=1.4, anyway=True), stage).ok
     assert sent(stage).param1 == x_m
 
 
 def test_pose_inside_the_world_is_set() -> None:
     stage = Stage()
-    session = Session(stage.link, floor=lambda: floor_in(WORLD_TEXT))
-    assert perform(SetPose(x_m=1.0, y_m=1.0), session).ok
+    stage.floor = floor_in(WORLD_TEXT)
+    assert perform(SetPose(x_m=1.0, y_m=1.0), stage).ok
     assert sent(stage).param1 == 1.0
 
 
 def test_truth_of_the_plant_becomes_the_pose() -> None:
     stage = Stage()
     stage.bus.say(TRUTH, Robot(x_m=2.5).truth())
-    assert isinstance(perform(SetTruePose(), stage.session), Accepted)
+    assert isinstance(perform(SetTruePose(), stage), Accepted)
     request = sent(stage)
     assert (request.param1, request.param2, request.param3) == (2.5, 0.0, 0.0)
 
@@ -345,14 +348,12 @@ def test_truth_of_the_plant_becomes_the_pose() -> None:
 def test_without_a_simulation_there_is_no_truth() -> None:
     stage = Stage()
     with pytest.raises(RemoteError, match="use `pose set X Y DEG`"):
-        perform(SetTruePose(), stage.session)
+        perform(SetTruePose(), stage)
     assert stage.bus.requests == []
 
 
 def test_refused_goal_names_the_command_that_sets_the_place() -> None:
-    outcome = perform(
-        Goto(goal=destination([1.0, 2.0]), wait=False), Stage(Reason.PLACE_UNKNOWN).session
-    )
+    outcome = perform(Goto(goal=destination([1.0, 2.0]), wait=False), Stage(Reason.PLACE_UNKNOWN))
     assert isinstance(outcome, Refused)
     assert "does not know where it is" in outcome.text
     assert "pose set X Y DEG" in outcome.text
@@ -363,7 +364,7 @@ def test_goal_says_that_it_was_given_relative_to_the_robot(seen_by_robot: bool) 
     stage = Stage()
     stage.bus.say(ODOMETRY, Robot(placed=False).odometry())
     goto = Goto(goal=destination([1.0, 0.0]), seen_by_robot=seen_by_robot, wait=False)
-    assert perform(goto, stage.session).ok
+    assert perform(goto, stage).ok
     (goal,) = stage.bus.requests
     assert isinstance(goal, GoalRequest)
     assert goal.from_robot == int(seen_by_robot)
@@ -382,11 +383,11 @@ def test_pose_of_a_robot_without_a_place_is_no_number() -> None:
 def test_goal_ahead_that_is_outside_the_world_is_refused(placed: bool, anyway: bool) -> None:
     stage = Stage()
     stage.bus.say(ODOMETRY, Robot(x_m=3.0, placed=placed).odometry())
-    session = Session(stage.session.link, floor=lambda: Floor("box", 6.0, 4.0))
+    stage.floor = Floor("box", 6.0, 4.0)
     goto = Goto(goal=destination([4.0, 0.0]), seen_by_robot=True, wait=False, anyway=anyway)
     if placed and not anyway:
         with pytest.raises(UserError, match=r"goal \(7\.000, 0\.000\) lies outside the world box"):
-            perform(goto, session)
+            perform(goto, stage)
         assert stage.bus.requests == []
     else:
-        assert perform(goto, session).ok
+        assert perform(goto, stage).ok

@@ -1,8 +1,8 @@
 """Goals: as typed, inside the known world, followed to their end, aborted, and resumed."""
 
 import argparse
-import dataclasses
 import json
+from asyncio import CancelledError
 from math import dist, inf, nan, pi, radians
 from typing import Any
 
@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from ground.blocking import perform
 from ground.cli.main import parse
 from ground.client.floor import Floor, floor_in, floor_of
 from ground.client.goal import Destination, destination, from_robot, goal_request
+from ground.client.link import Link
 from ground.client.lost_drive import (
     LostGoal,
     LostMission,
@@ -24,7 +24,6 @@ from ground.client.lost_drive import (
     lost_drive,
 )
 from ground.client.outcomes import Accepted, GoalEnded, Refused, RefusedError
-from ground.client.session import Session
 from ground.commands.command import positive, seconds
 from ground.commands.goto import Goto
 from ground.commands.mission import UploadMission
@@ -55,7 +54,7 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError, UserError
 from tests.support.each import each
-from tests.support.ground.client import HELD, STANDBY, Stage, lease_of, status
+from tests.support.ground.client import HELD, STANDBY, Reply, Stage, lease_of, perform, status
 from tests.support.ground.station import WORLD_TEXT
 
 
@@ -172,7 +171,7 @@ def stage_of(shown: NavigatorStatus, *replies: object, attended: bool = True) ->
 
 def test_kept_goal_is_resumed_by_the_robot_itself() -> None:
     stage = Stage(Reason.NONE)
-    assert type(perform(Resume(), stage.session)) is Accepted
+    assert type(perform(Resume(), stage)) is Accepted
     assert len(stage.bus.requests) == 1
 
 
@@ -189,7 +188,7 @@ def test_lost_goal_is_sent_again_as_the_status_shows_it(
     attended: bool, mode: Mode, sent: Mode
 ) -> None:
     stage = stage_of(ended(mode=mode), attended=attended)
-    outcome = perform(Resume(), stage.session)
+    outcome = perform(Resume(), stage)
     assert isinstance(outcome, Resumed)
     assert outcome.text == "go on to 6.40 6.40 45: ok 14 ms"
     assert outcome.as_json("resume", "r1")["to"] == "6.40 6.40 45"
@@ -209,7 +208,7 @@ def test_lost_goal_is_sent_again_as_the_status_shows_it(
 )
 def test_robot_that_is_not_armed_gets_no_goal(vehicle: Vehicle, reason: Reason) -> None:
     stage = stage_of(ended(vehicle))
-    outcome = perform(Resume(), stage.session)
+    outcome = perform(Resume(), stage)
     assert isinstance(outcome, Refused)
     assert outcome.reason == reason
     assert [type(one) for one in stage.bus.requests] == [CommandRequest]
@@ -217,7 +216,7 @@ def test_robot_that_is_not_armed_gets_no_goal(vehicle: Vehicle, reason: Reason) 
 
 @each("goal", [GoalState.NONE, GoalState.REACHED, GoalState.REFUSED])
 def test_without_a_lost_goal_there_is_nothing_to_resume(goal: GoalState) -> None:
-    outcome = perform(Resume(), stage_of(ended(goal=goal)).session)
+    outcome = perform(Resume(), stage_of(ended(goal=goal)))
     assert isinstance(outcome, NothingToResume)
     assert outcome.text == "nothing to resume. `goto X Y` sets a goal"
     keys: dict[int, str] = {Reason.NO_GOAL: "`g` sets a goal"}
@@ -230,7 +229,7 @@ def test_mission_continues_at_its_item() -> None:
     count = MissionCount(count=2, mission_type=MissionType.MISSION)
     stage = stage_of(ended(), count, *items, Reason.NONE)
     stage.bus.say(MISSION, mission())
-    outcome = perform(Resume(), stage.session)
+    outcome = perform(Resume(), stage)
     assert isinstance(outcome, Resumed)
     assert outcome.text.startswith("go on to mission item 2 of 2: ok")
     sent = stage.bus.requests[-1]
@@ -253,7 +252,7 @@ def test_mission_that_waited_at_an_item_is_lost_too() -> None:
 
 def test_return_is_continued_as_a_return() -> None:
     stage = stage_of(ended(mode=Mode.SMART_RTL), Reason.NONE)
-    outcome = perform(Resume(), stage.session)
+    outcome = perform(Resume(), stage)
     assert isinstance(outcome, Resumed)
     assert isinstance(outcome.drive, LostReturn)
     assert stage.bus.requests[-1].command == Command.NAV_RETURN_TO_LAUNCH
@@ -287,30 +286,26 @@ def name_of(request: Message) -> str:
 
 def following(stage: Stage, *ends: Any) -> None:
     """Let the robot publish these statuses of the goal, one at each poll."""
-    waiting, pulse = list(ends), stage.link.pulse
+    waiting, sleep_until = list(ends), stage.clock.sleep_until
 
-    def publish() -> None:
+    def publish(deadline_ns: int) -> None:
         goals = [one for one in stage.bus.requests if isinstance(one, GoalRequest)]
-        if goals and waiting:
+        if goals and waiting and (polls := list(stage.robot._arrivals)):
             found = waiting.pop(0)
             if isinstance(found, BaseException):
-                raise found
-            stage.bus.say(STATUS, status(goal_id=goals[-1].request_id, **found))
+                polls[0].set_exception(found)
+            else:
+                stage.bus.say(STATUS, status(goal_id=goals[-1].request_id, **found))
+        sleep_until(deadline_ns)
 
-    wait = pulse.wait_until
-
-    def wait_until(deadline_ns: int) -> None:
-        publish()
-        wait(deadline_ns)
-
-    pulse.wait_until = wait_until  # type: ignore[method-assign]
+    stage.clock.sleep_until = publish  # type: ignore[method-assign]
 
 
 def test_goal_is_followed_to_its_end_under_the_lease() -> None:
     stage = Stage()
     driving = {"goal": GoalState.DRIVING, "time_ns": 2}
     following(stage, driving, {"goal": GoalState.REACHED, "time_ns": 3})
-    outcome = perform(Goto(goal=GOAL), stage.session)
+    outcome = perform(Goto(goal=GOAL), stage)
     assert isinstance(outcome, GoalEnded)
     assert (outcome.ok, outcome.outcome, outcome.distance_m) == (True, "reached", 1.5)
     assert kinds(stage) == ["TAKE", "GUIDED", "LEAVE"]
@@ -321,7 +316,7 @@ def test_standing_robot_is_armed_first() -> None:
     stage = Stage(Reason.NONE, Reason.NOT_ARMED, Reason.NONE, Reason.NONE)
     stage.bus.say(*STANDBY)
     following(stage, {"goal": GoalState.REACHED, "time_ns": 3})
-    assert perform(Goto(goal=GOAL), stage.session).ok
+    assert perform(Goto(goal=GOAL), stage).ok
     assert kinds(stage) == ["TAKE", "GUIDED", "COMPONENT_ARM_DISARM", "GUIDED", "LEAVE"]
     assert stage.notes.notes[0] == "armed"
 
@@ -331,7 +326,7 @@ def test_goal_that_may_not_arm_is_refused(attended: bool) -> None:
     replies = [Reason.NOT_ARMED] if attended else [Reason.NONE, Reason.NOT_ARMED]
     stage = Stage(*replies, attended=attended)
     stage.bus.say(*STANDBY)
-    outcome = perform(Goto(goal=GOAL, arms=False), stage.session)
+    outcome = perform(Goto(goal=GOAL, arms=False), stage)
     assert isinstance(outcome, Refused)
     assert outcome.reason == Reason.NOT_ARMED
     assert "COMPONENT_ARM_DISARM" not in kinds(stage)
@@ -339,7 +334,7 @@ def test_goal_that_may_not_arm_is_refused(attended: bool) -> None:
 
 def test_refused_goal_is_the_outcome_and_the_lease_goes_back() -> None:
     stage = Stage(Reason.NONE, Reason.OUTSIDE_FENCE)
-    outcome = perform(Goto(goal=GOAL), stage.session)
+    outcome = perform(Goto(goal=GOAL), stage)
     assert isinstance(outcome, Refused)
     assert outcome.reason == Reason.OUTSIDE_FENCE
     assert kinds(stage) == ["TAKE", "GUIDED", "LEAVE"]
@@ -349,16 +344,16 @@ def test_lease_of_another_operator_ends_it_before_the_goal() -> None:
     stage = Stage(Reason.LEASE_HELD)
     stage.bus.say(*HELD)
     with pytest.raises(RefusedError, match="anna"):
-        perform(Goto(goal=GOAL), stage.session)
+        perform(Goto(goal=GOAL), stage)
     assert kinds(stage) == ["TAKE"]
 
 
-@each("error", [KeyboardInterrupt(), RuntimeError("a defect")])
+@each("error", [CancelledError(), RuntimeError("a defect")])
 def test_whatever_interrupts_it_aborts_the_goal(error: BaseException) -> None:
     stage = Stage()
     following(stage, {"goal": GoalState.DRIVING, "time_ns": 2}, error)
     with pytest.raises(type(error)):
-        perform(Goto(goal=GOAL), stage.session)
+        perform(Goto(goal=GOAL), stage)
     assert kinds(stage) == ["TAKE", "GUIDED", "SIDESTEP_ABORT_GOAL", "LEAVE"]
 
 
@@ -377,18 +372,18 @@ def test_interrupted_goal_aborts_itself_and_no_other() -> None:
     """The goal that was accepted at last is named, not one that was refused before."""
     stage = Stage(Reason.NONE, Reason.NOT_ARMED)
     stage.bus.say(*STANDBY)
-    following(stage, {"goal": GoalState.DRIVING, "time_ns": 2}, KeyboardInterrupt())
-    with pytest.raises(KeyboardInterrupt):
-        perform(Goto(goal=GOAL), stage.session)
+    following(stage, {"goal": GoalState.DRIVING, "time_ns": 2}, CancelledError())
+    with pytest.raises(CancelledError):
+        perform(Goto(goal=GOAL), stage)
     assert ended_id(stage) == goal_id(stage)
     assert stage.notes.notes[-1] == "interrupted: goal aborted, the robot stops"
 
 
 def test_abort_of_a_goal_that_is_over_says_nothing() -> None:
     stage = Stage(Reason.NONE, Reason.NONE, Reason.ALREADY_OVER)
-    following(stage, {"goal": GoalState.DRIVING, "time_ns": 2}, KeyboardInterrupt())
-    with pytest.raises(KeyboardInterrupt):
-        perform(Goto(goal=GOAL), stage.session)
+    following(stage, {"goal": GoalState.DRIVING, "time_ns": 2}, CancelledError())
+    with pytest.raises(CancelledError):
+        perform(Goto(goal=GOAL), stage)
     assert kinds(stage)[-2:] == ["SIDESTEP_ABORT_GOAL", "LEAVE"]
     assert "abort" not in stage.notes.notes[-1]
 
@@ -397,17 +392,17 @@ def test_goal_that_another_one_replaces_is_replaced_and_aborts_nothing() -> None
     stage = Stage()
     driving = {"goal": GoalState.DRIVING, "time_ns": 2}
     following(stage, driving, {"goal": GoalState.DRIVING, "time_ns": 3})
-    wait = stage.link.pulse.wait_until
+    sleep_until = stage.clock.sleep_until
 
-    def wait_until(deadline_ns: int) -> None:
-        wait(deadline_ns)
+    def publish(deadline_ns: int) -> None:
+        sleep_until(deadline_ns)
         if stage.clock.now_ns() > 2_000_000_000:
             other = status(goal_id=4, goal=GoalState.DRIVING, time_ns=9, goal_x_m=1.3, goal_y_m=2.0)
             stage.bus.say(STATUS, other)
             stage.bus.say(LEASE, replace(lease_of("ben"), drive_id=4, driver="ben@desk:p/2"))
 
-    stage.link.pulse.wait_until = wait_until  # type: ignore[method-assign]
-    outcome = perform(Goto(goal=GOAL), stage.session)
+    stage.clock.sleep_until = publish  # type: ignore[method-assign]
+    outcome = perform(Goto(goal=GOAL), stage)
     assert isinstance(outcome, GoalEnded)
     assert not outcome.ok
     assert outcome.text.startswith("replaced by the goal 1.3 2.0 of ben@desk:p/2 after ")
@@ -436,7 +431,7 @@ def test_goal_that_had_ended_unheard_ends_as_it_did(
             stage.bus.say(STATUS, shown)
 
     stage.bus.on_ask = heard_again
-    ended = perform(Goto(goal=GOAL), stage.session)
+    ended = perform(Goto(goal=GOAL), stage)
     assert isinstance(ended, GoalEnded)
     assert ended.text.startswith(outcome)
 
@@ -446,7 +441,7 @@ def test_nothing_is_shown_until_the_robot_has_the_goal() -> None:
     stage.bus.say(STATUS, status(goal_id=4, goal=GoalState.REACHED))
     following(stage, {"goal": GoalState.DRIVING, "time_ns": 2}, REACHED_LATER)
     stage.notes.live = True
-    assert perform(Goto(goal=GOAL), stage.session).ok
+    assert perform(Goto(goal=GOAL), stage).ok
     assert stage.notes.lines
     assert not [line for line in stage.notes.lines if "waiting" in line]
 
@@ -454,7 +449,7 @@ def test_nothing_is_shown_until_the_robot_has_the_goal() -> None:
 def test_goal_whose_answers_were_lost_is_aborted() -> None:
     stage = Stage(Reason.NONE, None, None, None)
     with pytest.raises(RemoteError):
-        perform(Goto(goal=GOAL), stage.session)
+        perform(Goto(goal=GOAL), stage)
     assert ended_id(stage) == goal_id(stage)
     assert kinds(stage)[-2:] == ["SIDESTEP_ABORT_GOAL", "LEAVE"]
 
@@ -463,7 +458,7 @@ def test_goal_that_takes_too_long_is_aborted() -> None:
     stage = Stage()
     times = range(2, 200)
     following(stage, *({"goal": GoalState.DRIVING, "time_ns": at} for at in times))
-    outcome = perform(Goto(goal=GOAL, timeout_s=1.0), stage.session)
+    outcome = perform(Goto(goal=GOAL, timeout_s=1.0), stage)
     assert isinstance(outcome, GoalEnded)
     assert (outcome.ok, outcome.outcome, outcome.reason) == (
         False,
@@ -474,7 +469,7 @@ def test_goal_that_takes_too_long_is_aborted() -> None:
 
 
 def test_silent_robot_ends_the_goal() -> None:
-    outcome = perform(Goto(goal=GOAL), Stage().session)
+    outcome = perform(Goto(goal=GOAL), Stage())
     assert isinstance(outcome, GoalEnded)
     assert outcome.outcome == "aborted"
     assert "no message" in outcome.reason
@@ -482,13 +477,13 @@ def test_silent_robot_ends_the_goal() -> None:
 
 def test_attended_goal_ends_with_the_answer() -> None:
     stage = Stage(attended=True)
-    assert perform(Goto(goal=GOAL), stage.session).text == "ok 14 ms"
+    assert perform(Goto(goal=GOAL), stage).text == "ok 14 ms"
     assert kinds(stage) == ["GUIDED"]
 
 
 def test_goal_that_needs_no_operator_is_in_auto() -> None:
     stage = Stage()
-    assert perform(Goto(goal=GOAL, wait=False), stage.session).ok
+    assert perform(Goto(goal=GOAL, wait=False), stage).ok
     assert (kinds(stage), stage.bus.sent) == (["AUTO"], [])
 
 
@@ -496,21 +491,21 @@ def test_goal_that_needs_no_operator_is_in_auto() -> None:
 def test_timeout_is_refused_without_waiting(wait: bool, attended: bool) -> None:
     stage = Stage(attended=attended)
     with pytest.raises(UserError, match="--timeout"):
-        perform(Goto(goal=GOAL, wait=wait, timeout_s=3.0), stage.session)
+        perform(Goto(goal=GOAL, wait=wait, timeout_s=3.0), stage)
     assert stage.bus.asked == []
 
 
 def test_goal_ahead_of_a_robot_without_a_pose_is_not_sent() -> None:
     stage = Stage()
     with pytest.raises(RemoteError, match="publishes no pose"):
-        perform(Goto(goal=GOAL, seen_by_robot=True, wait=False), stage.session)
+        perform(Goto(goal=GOAL, seen_by_robot=True, wait=False), stage)
     assert stage.bus.asked == []
 
 
 def test_robot_in_a_failsafe_is_never_armed_by_a_goal() -> None:
     stage = Stage(Reason.NOT_ARMED, attended=True)
     stage.bus.say(STATUS, status(Vehicle.FAILSAFE))
-    assert not perform(Goto(goal=GOAL), stage.session).ok
+    assert not perform(Goto(goal=GOAL), stage).ok
     assert kinds(stage) == ["GUIDED"]
 
 
@@ -523,26 +518,33 @@ WITH_GOAL = json.dumps({**FACTS, "goal": GOAL_JSON}).encode()
 WITHOUT_GOAL = json.dumps(FACTS).encode()
 
 
-def session(stage: Stage, floor: Floor | None = BOX) -> Session:
-    return Session(stage.link, stage.notes, attended=True, floor=lambda: floor)
+def attended(*script: Reply, floor: Floor | None = BOX) -> Stage:
+    """Return a stage that knows the floor of its world."""
+    stage = Stage(*script, attended=True)
+    stage.floor = floor
+    return stage
+
+
+def link_of(stage: Stage) -> Link:
+    return Link(stage.bus, stage.common, stage.clock)
 
 
 @each("place", [(100.0, 100.0), (-0.01, 1.0), (1.0, 4.01), (6.01, 1.0)])
 def test_goal_outside_the_world_is_not_sent(place: tuple[float, float]) -> None:
-    stage = Stage()
+    stage = attended()
     with pytest.raises(UserError, match=r"outside the world box \(6 x 4 m\); --anyway"):
-        perform(Goto(goal=destination([*place])), session(stage))
+        perform(Goto(goal=destination([*place])), stage)
     assert stage.bus.requests == []
 
 
 @each("place", [(0.0, 0.0), (6.0, 4.0), (3.0, 2.0)])
 def test_goal_inside_the_world_is_sent(place: tuple[float, float]) -> None:
-    assert perform(Goto(goal=destination([*place])), session(Stage())).ok
+    assert perform(Goto(goal=destination([*place])), attended()).ok
 
 
 def test_goal_outside_the_world_may_be_sent_anyway() -> None:
-    stage = Stage()
-    assert perform(Goto(goal=destination([100.0, 1.0]), anyway=True), session(stage)).ok
+    stage = attended()
+    assert perform(Goto(goal=destination([100.0, 1.0]), anyway=True), stage).ok
     assert isinstance(stage.bus.requests[-1], GoalRequest)
 
 
@@ -552,35 +554,35 @@ def test_goal_outside_the_world_may_be_sent_anyway() -> None:
      ((1.0, 1.0), False), ((1.0, 3.0), False)],
 )  # fmt: skip
 def test_goal_in_an_obstacle_is_not_sent(place: tuple[float, float], refused: bool) -> None:
-    stage, floor = Stage(), floor_in(WORLD_TEXT)
+    stage = attended(floor=floor_in(WORLD_TEXT))
     goal, words = destination([*place]), r"lies in an obstacle of the world box; --anyway"
     if refused:
         with pytest.raises(UserError, match=words):
-            perform(Goto(goal=goal), session(stage, floor))
+            perform(Goto(goal=goal), stage)
         assert stage.bus.requests == []
-    assert perform(Goto(goal=goal, anyway=refused), session(stage, floor)).ok
+    assert perform(Goto(goal=goal, anyway=refused), stage).ok
 
 
 def test_without_a_known_world_the_robot_decides() -> None:
-    assert perform(Goto(goal=destination([100.0, 1.0])), session(Stage(), None)).ok
+    assert perform(Goto(goal=destination([100.0, 1.0])), attended(floor=None)).ok
 
 
 def test_mission_names_the_waypoint_outside_the_world() -> None:
-    stage = Stage()
+    stage = attended()
     inside, outside = Waypoint(x_m=1.0, y_m=1.0), Waypoint(x_m=1.0, y_m=9.0)
     mission = Mission(waypoints=(inside, outside))
     with pytest.raises(UserError, match=r"waypoint 2 \(1, 9\) lies outside the world box"):
-        perform(UploadMission(mission=mission), session(stage))
+        perform(UploadMission(mission=mission), stage)
     assert stage.bus.requests == []
 
 
 def test_floor_is_read_from_the_plant() -> None:
-    assert floor_of(Stage(WITH_GOAL).link) == BOX
+    assert floor_of(link_of(Stage(WITH_GOAL))) == BOX
 
 
 def test_goto_without_a_place_drives_to_the_goal_of_the_world() -> None:
-    stage = Stage(WITH_GOAL)
-    assert perform(Goto(), session(stage)).ok
+    stage = attended(WITH_GOAL)
+    assert perform(Goto(), stage).ok
     request = stage.bus.requests[-1]
     assert isinstance(request, GoalRequest)
     place = destination([5.0, 2.0]).on_the_wire()
@@ -589,19 +591,19 @@ def test_goto_without_a_place_drives_to_the_goal_of_the_world() -> None:
 
 @each("answer", [WITHOUT_GOAL, None, b"{}", b"[]", b"\xff"])
 def test_goto_without_a_place_needs_a_world_with_a_goal(answer: bytes | None) -> None:
-    stage = Stage(answer)
+    stage = attended(answer)
     with pytest.raises(
         UserError, match="X Y is missing, and there is no simulation with a goal; example"
     ):
-        perform(Goto(), session(stage))
+        perform(Goto(), stage)
     assert not any(isinstance(one, GoalRequest) for one in stage.bus.requests)
 
 
 def test_goal_of_the_world_is_not_that_of_a_further_robot() -> None:
-    stage = Stage(WITH_GOAL)
-    stage.link.common = dataclasses.replace(stage.link.common, robot="r2")
+    stage = attended(WITH_GOAL)
+    stage.robot = stage.robot.to("r2")
     with pytest.raises(UserError, match="is that of r1; example: goto"):
-        perform(Goto(), session(stage))
+        perform(Goto(), stage)
 
 
 @each("words", ["1", "--frame body", "--tol 0.2"])
@@ -611,7 +613,7 @@ def test_part_of_a_goal_is_refused_with_an_example(words: str) -> None:
 
 
 def test_plant_that_does_not_answer_knows_no_world() -> None:
-    assert floor_of(Stage(None).link) is None
+    assert floor_of(link_of(Stage(None))) is None
 
 
 @each(

@@ -6,7 +6,6 @@ from math import nan
 import pytest
 from msgspec.structs import replace
 
-from ground.blocking import perform
 from ground.client.lease_holder import operator_name, shortened, terminal_name
 from ground.client.outcomes import DRIVE_REPLACED, DriveEnded, Refused, RefusedError
 from ground.client.teleop_sender import SETTLE_NS, TeleopSender, lost_control
@@ -21,7 +20,15 @@ from robot.lease import Lease
 from runtime.errors import RemoteError, UserError
 from runtime.units import NS_PER_S
 from tests.support.each import each
-from tests.support.ground.client import HELD, STANDBY, ScriptedBus, Stage, lease_of, status
+from tests.support.ground.client import (
+    HELD,
+    STANDBY,
+    ScriptedBus,
+    Stage,
+    lease_of,
+    perform,
+    status,
+)
 
 LATER_NS = SETTLE_NS + 1
 
@@ -32,7 +39,7 @@ def actions(stage: Stage) -> list[int]:
 
 def test_lease_is_kept_with_a_heartbeat_and_given_back() -> None:
     stage = Stage()
-    outcome = perform(ChangeLease(action=LeaseAction.TAKE, name="anna", for_s=1.0), stage.session)
+    outcome = perform(ChangeLease(action=LeaseAction.TAKE, name="anna", for_s=1.0), stage)
     assert outcome.ok
     assert actions(stage) == [LeaseAction.TAKE, LeaseAction.LEAVE]
     assert [key for key, _ in stage.bus.sent] == [OPERATOR.path] * 5
@@ -52,9 +59,9 @@ def test_a_kept_lease_outlasts_the_time_after_which_an_idle_one_ends(
     def answer(_: int) -> None:
         lease.receive(stage.bus.requests[-1], program, stage.clock.now_ns())
 
-    monkeypatch.setattr(stage.link, "beat", beat)
+    monkeypatch.setattr(stage.robot.lease, "beat", beat)
     stage.bus.on_ask = answer
-    perform(ChangeLease(action=LeaseAction.SEIZE, name="anna", for_s=95.0), stage.session)
+    perform(ChangeLease(action=LeaseAction.SEIZE, name="anna", for_s=95.0), stage)
     assert all(held)
     assert stage.clock.now_ns() >= 95 * NS_PER_S
     assert actions(stage) == [LeaseAction.SEIZE, *[LeaseAction.TAKE] * 4, LeaseAction.LEAVE]
@@ -64,7 +71,7 @@ def test_a_kept_lease_outlasts_the_time_after_which_an_idle_one_ends(
 def test_a_kept_lease_that_another_operator_has_seized_is_refused_with_its_name() -> None:
     stage = Stage(Reason.NONE, Reason.LEASE_HELD)
     stage.bus.say(*HELD)
-    outcome = perform(ChangeLease(action=LeaseAction.TAKE, name="ben", for_s=60.0), stage.session)
+    outcome = perform(ChangeLease(action=LeaseAction.TAKE, name="ben", for_s=60.0), stage)
     assert isinstance(outcome, Refused)
     assert outcome.holder == "anna"
     assert stage.clock.now_ns() < 30 * NS_PER_S
@@ -73,21 +80,21 @@ def test_a_kept_lease_that_another_operator_has_seized_is_refused_with_its_name(
 @each("action", [LeaseAction.TAKE, LeaseAction.SEIZE])
 def test_lease_without_a_time_returns_at_once(action: LeaseAction) -> None:
     stage = Stage()
-    assert perform(ChangeLease(action=action, name="anna"), stage.session).ok
+    assert perform(ChangeLease(action=action, name="anna"), stage).ok
     assert (actions(stage), stage.bus.sent) == ([action], [])
     assert "anna commands r1; begin to drive within 30 s" in stage.notes.notes[0]
 
 
 def test_lease_of_an_attended_robot_is_only_asked_for() -> None:
     stage = Stage(attended=True)
-    assert perform(ChangeLease(action=LeaseAction.SEIZE, name="anna"), stage.session).ok
+    assert perform(ChangeLease(action=LeaseAction.SEIZE, name="anna"), stage).ok
     assert (actions(stage), stage.bus.sent) == ([LeaseAction.SEIZE], [])
 
 
 def test_refused_lease_names_its_holder() -> None:
     stage = Stage(Reason.LEASE_HELD)
     stage.bus.say(*HELD)
-    outcome = perform(ChangeLease(action=LeaseAction.TAKE, name="ben"), stage.session)
+    outcome = perform(ChangeLease(action=LeaseAction.TAKE, name="ben"), stage)
     assert isinstance(outcome, Refused)
     assert outcome.holder == "anna"
     assert actions(stage) == [LeaseAction.TAKE]
@@ -98,7 +105,7 @@ def test_person_who_has_the_lease_by_now_is_not_the_other_operator() -> None:
     stage = Stage(Reason.LEASE_HELD)
     holder = ScriptedBus.operator.replace("0a", "0b")
     stage.bus.say(LEASE, replace(lease_of("anna"), holder=holder))
-    outcome = perform(ChangeLease(action=LeaseAction.RELEASE, name="anna"), stage.session)
+    outcome = perform(ChangeLease(action=LeaseAction.RELEASE, name="anna"), stage)
     assert isinstance(outcome, Refused)
     assert (outcome.reason, outcome.holder) == (Reason.LEASE_HELD, "")
 
@@ -107,16 +114,16 @@ def test_lease_goes_back_when_the_work_under_it_fails(monkeypatch: pytest.Monkey
     stage, drive = Stage(), DriveByHand(speed_m_s=0.2, turn_deg_s=0.0)
     monkeypatch.setattr(TeleopSender, "drive", lambda *_: 1 // 0)
     with pytest.raises(ZeroDivisionError):
-        perform(drive, stage.session)
+        perform(drive, stage)
     assert actions(stage) == [LeaseAction.TAKE, LeaseAction.LEAVE]
     with pytest.raises(RefusedError):
-        perform(drive, Stage(Reason.LEASE_HELD).session)
+        perform(drive, Stage(Reason.LEASE_HELD))
 
 
 def test_lease_status_is_shown() -> None:
     stage = Stage()
     stage.bus.say(LEASE, lease_of("anna"))
-    shown = perform(ShowLease(), stage.session)
+    shown = perform(ShowLease(), stage)
     assert shown.text == (
         "anna commands r1; without a heartbeat or a drive the lease expires in 2.0 s"
     )
@@ -128,12 +135,12 @@ def test_lease_of_another_program_of_this_person_is_ours() -> None:
     stage = Stage()
     stage.bus.say(LEASE, replace(lease_of("app"), holder="open/beef"))
     assert stage.bus.operator == "open/0a"
-    assert perform(ShowLease(), stage.session).text.startswith("app (this is you) commands r1")
+    assert perform(ShowLease(), stage).text.startswith("app (this is you) commands r1")
 
 
 def test_lease_status_that_does_not_come_is_an_error() -> None:
     with pytest.raises(RemoteError, match="publishes no lease status"):
-        perform(ShowLease(), Stage().session)
+        perform(ShowLease(), Stage())
 
 
 @each(
@@ -177,7 +184,7 @@ def test_name_that_does_not_fit_is_refused(name: str) -> None:
 def test_drive_by_hand_ends_in_hold() -> None:
     stage = Stage()
     stage.bus.say(STATUS, status(mode=Mode.MANUAL))
-    outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=-30.0, for_s=0.5), stage.session)
+    outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=-30.0, for_s=0.5), stage)
     assert isinstance(outcome, DriveEnded)
     assert outcome.text == "done, the robot holds"
     speeds = [frame.speed_mm_s for _, frame in stage.bus.sent if isinstance(frame, Teleop)]
@@ -190,7 +197,7 @@ def test_drive_by_hand_ends_in_hold() -> None:
 def test_drive_that_ends_holds_itself_and_no_other() -> None:
     stage = Stage(Reason.NONE, Reason.NONE, Reason.NONE, Reason.ALREADY_OVER)
     stage.bus.say(STATUS, status(mode=Mode.MANUAL))
-    outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0, for_s=0.5), stage.session)
+    outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0, for_s=0.5), stage)
     assert outcome.text == "done, the robot holds"
     manual, hold = (one for one in stage.bus.requests if getattr(one, "command", 0) == MODE)
     assert (manual.ends_id, hold.ends_id) == (0, manual.request_id)
@@ -202,21 +209,21 @@ MODE = Command.DO_SET_MODE
 def test_drive_that_was_replaced_does_not_say_that_the_robot_holds() -> None:
     stage = Stage(Reason.NONE, Reason.NONE, Reason.ALREADY_OVER)
     stage.bus.say(STATUS, status(mode=Mode.MANUAL))
-    outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0, for_s=0.5), stage.session)
+    outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0, for_s=0.5), stage)
     assert (outcome.text, outcome.ok) == (DRIVE_REPLACED, False)
 
 
 def test_drive_by_hand_ends_when_the_robot_leaves_manual() -> None:
     stage = Stage()
     stage.bus.say(STATUS, status(mode=Mode.AUTO))
-    outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0), stage.session)
+    outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0), stage)
     assert outcome.text == "stopped: the robot has left MANUAL mode"
 
 
 def test_refused_manual_mode_drives_nothing() -> None:
     stage = Stage(Reason.NONE, Reason.EMERGENCY_STOPPED)
     stage.bus.say(*STANDBY)
-    outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0), stage.session)
+    outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0), stage)
     assert isinstance(outcome, Refused)
     assert not [frame for _, frame in stage.bus.sent if isinstance(frame, Teleop)]
 
@@ -225,7 +232,7 @@ def test_robot_in_an_emergency_stop_refuses_to_be_driven_by_hand() -> None:
     """It takes MANUAL, as every mode, but no speed."""
     stage = Stage()
     stage.bus.say(STATUS, status(Vehicle.EMERGENCY_STOP))
-    outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0), stage.session)
+    outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0), stage)
     assert isinstance(outcome, Refused)
     assert "emergency stop is latched" in outcome.text
     assert not [frame for _, frame in stage.bus.sent if isinstance(frame, Teleop)]
@@ -247,7 +254,7 @@ def test_speed_that_no_robot_has_is_refused(speed_m_s: float, turn_deg_s: float,
 def test_attended_drive_needs_an_end() -> None:
     stage = Stage(attended=True)
     with pytest.raises(UserError, match="--for S is missing"):
-        perform(DriveByHand(speed_m_s=0.1, turn_deg_s=0.0), stage.session)
+        perform(DriveByHand(speed_m_s=0.1, turn_deg_s=0.0), stage)
     assert stage.bus.asked == []
 
 

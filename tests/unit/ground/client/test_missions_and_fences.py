@@ -5,7 +5,6 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from ground.blocking import perform
 from ground.client.link import UnansweredError
 from ground.client.missions import MissionProgress, TransferOutcome
 from ground.commands.fence import ClearFence, SetFence, ShowFence
@@ -35,7 +34,7 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError, UserError
 from tests.support.each import each
-from tests.support.ground.client import HELD, STANDBY, Stage
+from tests.support.ground.client import HELD, STANDBY, Stage, perform
 
 WAYPOINTS = (Waypoint(x_m=1.0, y_m=2.0), Waypoint(x_m=3.0, y_m=4.0, heading_deg=90.0))
 CIRCLE = Circle(x_m=0.0, y_m=0.0, radius_m=5.0)
@@ -60,7 +59,7 @@ def test_mission_is_given_item_by_item_after_its_fence() -> None:
     fence = MissionType.FENCE
     stage = Stage(*wants(0, kind=fence), verdict(kind=fence), *wants(0, 1), verdict())
     mission = Mission(waypoints=WAYPOINTS, fence=CIRCLE)
-    outcome = perform(UploadMission(mission=mission, dropped=("item 3: no",)), stage.session)
+    outcome = perform(UploadMission(mission=mission, dropped=("item 3: no",)), stage)
     assert outcome.text == f"ok, the robot has {mission}"
     kinds = [request.mission_type for request in stage.bus.requests]
     assert kinds == [MissionType.FENCE] * 2 + [MissionType.MISSION] * 3
@@ -69,42 +68,42 @@ def test_mission_is_given_item_by_item_after_its_fence() -> None:
 
 def test_refused_mission_names_the_item_and_the_lease_holder() -> None:
     stage = Stage(*wants(0), verdict(Reason.MISSION_ITEM_BAD, item=0))
-    outcome = perform(UploadMission(mission=Mission(waypoints=WAYPOINTS)), stage.session)
+    outcome = perform(UploadMission(mission=Mission(waypoints=WAYPOINTS)), stage)
     assert isinstance(outcome, TransferOutcome)
     assert (outcome.ok, outcome.item, outcome.reason) == (False, 1, Reason.MISSION_ITEM_BAD)
     assert outcome.text.startswith("refused: item 1: ")
     assert outcome.as_json("mission upload", "r1")["item"] == 1
     stage = Stage(verdict(Reason.LEASE_HELD))
     stage.bus.say(*HELD)
-    refused = perform(UploadMission(mission=Mission(waypoints=WAYPOINTS)), stage.session)
+    refused = perform(UploadMission(mission=Mission(waypoints=WAYPOINTS)), stage)
     assert "anna (--seize takes it over" in refused.text
 
 
 def test_refused_fence_ends_the_upload() -> None:
     stage = Stage(verdict(Reason.FENCE_NOT_SIMPLE, MissionType.FENCE))
     mission = Mission(waypoints=WAYPOINTS, fence=SQUARE)
-    outcome = perform(UploadMission(mission=mission), stage.session)
+    outcome = perform(UploadMission(mission=mission), stage)
     assert outcome.text.startswith("refused: the fence: ")
     assert len(stage.bus.asked) == 1
 
 
 def test_mission_that_is_in_force_but_not_saved_is_no_success() -> None:
     stage = Stage(verdict(Reason.NOT_SAVED))
-    outcome = perform(UploadMission(mission=Mission(waypoints=WAYPOINTS)), stage.session)
+    outcome = perform(UploadMission(mission=Mission(waypoints=WAYPOINTS)), stage)
     assert (outcome.ok, outcome.text.startswith("not saved: ")) == (False, True)
 
 
 def test_lost_frames_of_a_transfer_are_repeated() -> None:
     stage = Stage(None, *wants(0), None, *wants(1), verdict())
-    assert perform(UploadMission(mission=Mission(waypoints=WAYPOINTS)), stage.session).ok
+    assert perform(UploadMission(mission=Mission(waypoints=WAYPOINTS)), stage).ok
     with pytest.raises(UnansweredError):
-        perform(ClearMission(), Stage(*[None] * 10).session)
+        perform(ClearMission(), Stage(*[None] * 10))
 
 
 def test_mission_is_fetched_with_its_fence_and_written(tmp_path: Path) -> None:
     items = replies(items_of(WAYPOINTS), MissionType.MISSION)
     fence = replies(fence_items_of(CIRCLE), MissionType.FENCE)
-    outcome = perform(FetchMission(), Stage(*items, *fence).session)
+    outcome = perform(FetchMission(), Stage(*items, *fence))
     assert isinstance(outcome, MissionFetched)
     assert outcome.mission == Mission(waypoints=WAYPOINTS, fence=CIRCLE)
     assert outcome.text.splitlines()[1:] == [
@@ -112,7 +111,7 @@ def test_mission_is_fetched_with_its_fence_and_written(tmp_path: Path) -> None:
         "fence: circle of 5 m around (0, 0)",
     ]
     path = tmp_path / "m.toml"
-    written = perform(DownloadMission(file=path), Stage(*items, *fence).session)
+    written = perform(DownloadMission(file=path), Stage(*items, *fence))
     assert isinstance(written, MissionWritten)
     assert (path.exists(), written.lost) == (True, ())
 
@@ -120,7 +119,7 @@ def test_mission_is_fetched_with_its_fence_and_written(tmp_path: Path) -> None:
 def test_robot_without_a_mission_is_reported(tmp_path: Path) -> None:
     nothing = [MissionCount(count=0, mission_type=kind) for kind in MissionType]
     for operation in (FetchMission(), DownloadMission(file=tmp_path / "m.toml")):
-        outcome = perform(operation, Stage(*nothing).session)
+        outcome = perform(operation, Stage(*nothing))
         assert isinstance(outcome, TransferOutcome)
         assert outcome.reason == Reason.NO_MISSION
 
@@ -128,7 +127,7 @@ def test_robot_without_a_mission_is_reported(tmp_path: Path) -> None:
 def test_wrong_file_type_is_refused_before_any_request() -> None:
     stage = Stage()
     with pytest.raises(UserError, match="ends in"):
-        perform(DownloadMission(file=Path("m.txt")), stage.session)
+        perform(DownloadMission(file=Path("m.txt")), stage)
     assert stage.bus.asked == []
 
 
@@ -136,7 +135,7 @@ def test_mission_starts_where_it_is_or_at_an_item() -> None:
     for item, param in ((None, -1.0), (2, 1.0)):
         stage = Stage(Reason.NOT_ARMED)
         stage.bus.say(*STANDBY)
-        assert perform(StartMission(item=item), stage.session).ok
+        assert perform(StartMission(item=item), stage).ok
         requests = stage.bus.requests
         assert (requests[-1].command, requests[-1].param1) == (Command.MISSION_START, param)
         assert len(requests) == 3
@@ -145,20 +144,20 @@ def test_mission_starts_where_it_is_or_at_an_item() -> None:
 def test_mission_that_may_not_arm_is_refused() -> None:
     stage = Stage(Reason.NOT_ARMED)
     stage.bus.say(*STANDBY)
-    assert not perform(StartMission(item=1, arms=False), stage.session).ok
+    assert not perform(StartMission(item=1, arms=False), stage).ok
     assert [one.command for one in stage.bus.requests] == [Command.MISSION_START]
 
 
 def test_mission_that_is_done_begins_again() -> None:
     stage = Stage()
     stage.bus.say(MISSION, progress(MissionState.DONE))
-    perform(StartMission(), stage.session)
+    perform(StartMission(), stage)
     assert stage.bus.requests[0].param1 == 0.0
 
 
 def test_jump_counts_items_from_one() -> None:
     stage = Stage()
-    assert perform(JumpTo(item=3), stage.session).ok
+    assert perform(JumpTo(item=3), stage).ok
     assert stage.bus.requests[0].param1 == 2.0
 
 
@@ -172,24 +171,24 @@ def progress(state: MissionState) -> MissionStatus:
 def test_progress_of_the_mission_is_one_line() -> None:
     stage = Stage()
     stage.bus.say(MISSION, progress(MissionState.HOLDING))
-    outcome = perform(ShowMissionStatus(), stage.session)
+    outcome = perform(ShowMissionStatus(), stage)
     assert outcome.text == "holding, item 3 of 5, 3.2 s left"
     assert outcome.as_json("", "r1")["current"] == 3
     with pytest.raises(RemoteError, match="publishes no mission status"):
-        perform(ShowMissionStatus(), Stage().session)
+        perform(ShowMissionStatus(), Stage())
 
 
 @each("fence", [CIRCLE, SQUARE])
 def test_fence_is_set_shown_and_taken_away(fence: Circle | Polygon) -> None:
     kind, items = MissionType.FENCE, fence_items_of(fence)
     stage = Stage(*wants(*range(len(items)), kind=kind), verdict(kind=kind))
-    assert perform(SetFence(fence=fence), stage.session).text == f"ok, {fence}"
-    shown = perform(ShowFence(), Stage(*replies(items, kind)).session)
+    assert perform(SetFence(fence=fence), stage).text == f"ok, {fence}"
+    shown = perform(ShowFence(), Stage(*replies(items, kind)))
     assert str(fence) in shown.text
     assert shown.as_json("fence show", "r1")["fence"]
-    cleared = perform(ClearFence(), Stage(verdict(kind=kind)).session)
+    cleared = perform(ClearFence(), Stage(verdict(kind=kind)))
     assert cleared.text == "ok, there is no fence"
-    empty = perform(ShowFence(), Stage(MissionCount(count=0, mission_type=kind)).session)
+    empty = perform(ShowFence(), Stage(MissionCount(count=0, mission_type=kind)))
     assert (empty.text, empty.as_json("fence show", "r1")["fence"]) == ("no fence", None)
 
 

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from ground.blocking import perform
 from ground.client import parameter_file
 from ground.client.link import UnansweredError
 from ground.client.parameter import Parameter, parameters_in
@@ -41,7 +40,7 @@ from robot.core.parameters import DEFAULTS
 from robot.parameter_table import described, with_value
 from runtime.errors import ConfigError, RemoteError, UserError
 from tests.support.each import each
-from tests.support.ground.client import ANSWER_NS, IN_PROGRESS, Stage
+from tests.support.ground.client import ANSWER_NS, IN_PROGRESS, Stage, perform
 from tests.support.hostile import TEXT, raw_in
 
 ROWS = [
@@ -63,7 +62,7 @@ def denied(reason: Reason) -> CommandAck:
 
 
 def test_parameters_are_typed_and_keep_what_was_listed() -> None:
-    outcome = perform(ShowParameters(), Stage(LIST).session)
+    outcome = perform(ShowParameters(), Stage(LIST))
     first, second = outcome.parameters
     assert (first.name, first.value, first.default, first.unit) == ("d_obs_m", 0.4, 0.3, "m")
     assert (first.is_default, second.is_default) == (False, True)
@@ -73,27 +72,27 @@ def test_parameters_are_typed_and_keep_what_was_listed() -> None:
 
 
 def test_pattern_chooses_and_must_match_something() -> None:
-    outcome = perform(ShowValues(pattern="d_*"), Stage(LIST).session)
+    outcome = perform(ShowValues(pattern="d_*"), Stage(LIST))
     assert outcome.text == "d_obs_m = 0.4 m"
     with pytest.raises(UserError, match="no parameter matches 'zzz'"):
-        perform(ShowParameters(pattern="zzz"), Stage(LIST).session)
+        perform(ShowParameters(pattern="zzz"), Stage(LIST))
 
 
 @each("pattern", ["d_obs", "d_osb_m"])
 def test_pattern_without_a_match_suggests_a_name(pattern: str) -> None:
     with pytest.raises(UserError, match=r"did you mean 'd_obs_m'\?"):
-        perform(ShowValues(pattern=pattern), Stage(LIST).session)
+        perform(ShowValues(pattern=pattern), Stage(LIST))
 
 
 def test_only_changed_ones_may_be_none() -> None:
     rows = json.dumps([ROWS[1]]).encode()
-    outcome = perform(ShowChanged(), Stage(rows).session)
+    outcome = perform(ShowChanged(), Stage(rows))
     assert (outcome.ok, outcome.text) == (True, "all parameters have their default values")
 
 
 def test_new_value_is_in_force_and_saved() -> None:
     stage = Stage(value(0.5), LIST)
-    outcome = perform(SetParameter(name="d_obs_m", value=0.5), stage.session)
+    outcome = perform(SetParameter(name="d_obs_m", value=0.5), stage)
     assert isinstance(outcome, ParameterChanged)
     assert (outcome.ok, outcome.now, outcome.saved) == (True, 0.5, True)
     assert outcome.text == "d_obs_m = 0.5, saved on the robot"
@@ -103,7 +102,7 @@ def test_new_value_is_in_force_and_saved() -> None:
 
 @each("now", [0.4, float("nan")])
 def test_another_value_in_force_is_no_success(now: float) -> None:
-    outcome = perform(SetParameter(name="d_obs_m", value=0.5), Stage(value(now), LIST).session)
+    outcome = perform(SetParameter(name="d_obs_m", value=0.5), Stage(value(now), LIST))
     assert (outcome.ok, outcome.text) == (
         False,
         f"not changed: the robot keeps d_obs_m = {now:.7g}",
@@ -113,7 +112,7 @@ def test_another_value_in_force_is_no_success(now: float) -> None:
 
 def test_robot_that_lists_nothing_leaves_saved_unknown() -> None:
     stage = Stage(value(0.5), None, None, None)
-    outcome = perform(SetParameter(name="d_obs_m", value=0.5), stage.session)
+    outcome = perform(SetParameter(name="d_obs_m", value=0.5), stage)
     assert isinstance(outcome, ParameterChanged)
     assert outcome.saved is None
     assert "the robot does not report" in outcome.text
@@ -130,7 +129,7 @@ def test_robot_that_lists_nothing_leaves_saved_unknown() -> None:
 )
 def test_refusal_shows_the_allowed_values(name: str, reason: Reason, words: str) -> None:
     stage = Stage(denied(reason), LIST)
-    outcome = perform(SetParameter(name=name, value=9.0), stage.session)
+    outcome = perform(SetParameter(name=name, value=9.0), stage)
     assert isinstance(outcome, ParameterChanged)
     assert (outcome.ok, outcome.now) == (False, None)
     assert outcome.text.startswith(f"refused: {name} = 9: ")
@@ -146,43 +145,43 @@ def test_invalid_parameter_name_is_refused_before_sending() -> None:
 
 def test_robot_that_is_saving_is_asked_until_it_has_saved() -> None:
     stage = Stage(*[IN_PROGRESS] * 20, value(0.5), LIST)
-    assert perform(SetParameter(name="d_obs_m", value=0.5), stage.session).ok
+    assert perform(SetParameter(name="d_obs_m", value=0.5), stage).ok
 
 
 def test_robot_that_never_saves_is_given_up() -> None:
     stage = Stage(*[IN_PROGRESS] * (SAVING_NS // ANSWER_NS + 10))
     with pytest.raises(UnansweredError, match="still being saved"):
-        perform(SetParameter(name="d_obs_m", value=0.5), stage.session)
+        perform(SetParameter(name="d_obs_m", value=0.5), stage)
 
 
 def test_lost_answers_are_asked_for_three_times() -> None:
     stage = Stage(None, None, None)
     with pytest.raises(UnansweredError, match="no answer within the time"):
-        perform(ShowParameters(), stage.session)
+        perform(ShowParameters(), stage)
     assert len(stage.bus.asked) == 3
 
 
 def test_answer_that_is_no_list_is_refused() -> None:
     with pytest.raises(RemoteError, match="not a parameter list"):
-        perform(ShowParameters(), Stage(value(1.0)).session)
+        perform(ShowParameters(), Stage(value(1.0)))
 
 
 def test_default_is_set_again() -> None:
     stage = Stage(LIST, value(0.3), LIST)
-    outcome = perform(ResetParameter(name="d_obs_m"), stage.session)
+    outcome = perform(ResetParameter(name="d_obs_m"), stage)
     assert isinstance(outcome, ParameterChanged)
     assert (outcome.ok, outcome.asked) == (True, 0.3)
     with pytest.raises(UserError, match="did you mean d_obs_m"):
-        perform(ResetParameter(name="d_obs"), Stage(LIST).session)
+        perform(ResetParameter(name="d_obs"), Stage(LIST))
 
 
 def test_file_keeps_what_differs_and_sets_it_again(tmp_path: Path) -> None:
     path = tmp_path / "p.toml"
-    saved = perform(SaveParameters(file=path), Stage(LIST).session)
+    saved = perform(SaveParameters(file=path), Stage(LIST))
     assert (saved.ok, saved.text) == (True, f"{path}: d_obs_m")
     path.write_text("[parameters]\nd_obs_m = 0.6\nside = -1\n")
     stage = Stage(LIST, value(0.6), denied(Reason.UNKNOWN_PARAMETER))
-    loaded = perform(LoadParameters(file=path), stage.session)
+    loaded = perform(LoadParameters(file=path), stage)
     assert isinstance(loaded, ParametersLoaded)
     assert (loaded.ok, loaded.names) == (False, ("d_obs_m",))
     assert loaded.text == "refused: side = -1: the robot has no such parameter; set: d_obs_m"
@@ -193,15 +192,15 @@ def test_file_with_an_impossible_value_sets_nothing(tmp_path: Path) -> None:
     path.write_text("[parameters]\nside = 1\nd_obs_m = 99\n")
     stage = Stage(LIST)
     with pytest.raises(ConfigError, match="99 is out of range"):
-        perform(LoadParameters(file=path), stage.session)
+        perform(LoadParameters(file=path), stage)
     assert len(stage.bus.asked) == 1
 
 
 def test_save_without_a_file_lists_the_saved_parameters() -> None:
-    outcome = perform(SaveParameters(), Stage(LIST).session)
+    outcome = perform(SaveParameters(), Stage(LIST))
     assert outcome.text == "nothing to do: saved on the robot: d_obs_m"
     none = json.dumps([ROWS[1]]).encode()
-    assert not perform(SaveParameters(), Stage(none).session).ok
+    assert not perform(SaveParameters(), Stage(none)).ok
 
 
 def test_refused_change_as_json() -> None:

@@ -1,13 +1,12 @@
 """The emergency stop of one robot and of all: repeated until acknowledged, or given up."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from contextlib import closing
 from typing import Any
 
 import pytest
 
-from ground.blocking import perform
-from ground.client import link as links
+from checks.harness.loop import PlayedLoop
 from ground.client.connection import Common
 from ground.client.emergency_stop import (
     HELD_NS,
@@ -17,13 +16,12 @@ from ground.client.emergency_stop import (
     StopOutcome,
     outcome_words,
 )
-from ground.client.link import Link, UnansweredError
+from ground.client.link import UnansweredError
 from ground.client.outcomes import AllAnswered
-from ground.client.session import Session
 from ground.commands.all_robots import ClearAll, StopAll
 from ground.console.spelling import line_of
+from ground.robot import Robot
 from protocol.bus.bus import Presence
-from protocol.bus.network import Network
 from protocol.topics import COMMAND, STATUS, STOP, STOP_SERVICE, Service, Topic
 from protocol.wire.enums import AckResult, Vehicle
 from protocol.wire.message import Message
@@ -33,8 +31,8 @@ from runtime.clock import ManualClock
 from runtime.errors import NoAnswerError
 from runtime.units import NS_PER_MS as MS
 from tests.support.each import each
-from tests.support.ground.client import Pulse, ack, status
-from tests.support.ground.station import Robot
+from tests.support.ground.client import AT, ack, run_on, status
+from tests.support.ground.station import Robot as StatusSource
 from tests.support.played_bus import PlayedBus
 
 YES = CommandAck(command=185, result=AckResult.ACCEPTED, result_param2=0)
@@ -44,7 +42,7 @@ BUSY = CommandAck(
 
 
 def stopped(stop_id: int) -> NavigatorStatus:
-    return Robot(vehicle=Vehicle.EMERGENCY_STOP, stop_id=stop_id).status()
+    return StatusSource(vehicle=Vehicle.EMERGENCY_STOP, stop_id=stop_id).status()
 
 
 class Pressing:
@@ -145,7 +143,7 @@ def test_stop_held_for_a_second_of_repeats_is_acknowledged() -> None:
     acknowledgement.receive(stopped(6), 0)
     acknowledgement.receive(stopped(7), HELD_NS - 1)
     assert not acknowledgement.given
-    acknowledgement.receive(Robot(vehicle=Vehicle.ACTIVE).status(), HELD_NS)
+    acknowledgement.receive(StatusSource(vehicle=Vehicle.ACTIVE).status(), HELD_NS)
     acknowledgement.receive(stopped(8), HELD_NS + 1)
     acknowledgement.receive(stopped(8), 2 * HELD_NS)
     assert not acknowledgement.given
@@ -166,7 +164,7 @@ def test_late_statuses_of_an_older_stop_are_no_acknowledgement(answer: Message |
 
 def test_moving_robot_that_shows_my_id_is_not_stopped() -> None:
     acknowledgement = Acknowledgement(5)
-    acknowledgement.receive(Robot(vehicle=Vehicle.STANDBY, stop_id=5).status(), 0)
+    acknowledgement.receive(StatusSource(vehicle=Vehicle.STANDBY, stop_id=5).status(), 0)
     assert not acknowledgement.given
 
 
@@ -224,24 +222,20 @@ class Fleet(PlayedBus):
         return ack(message, self.reasons.get(name, Reason.NONE))
 
 
-@pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> ManualClock:
-    """Return the clock of each link, which advances when a link waits."""
-    clock = ManualClock(1_000_000_000)
-    monkeypatch.setattr(links, "Pulse", lambda: Pulse(clock))
-    return clock
+def perform(command: StopAll | ClearAll, fleet: Fleet, known: tuple[str, ...] = ()) -> AllAnswered:
+    """Carry it out for r1, beside which these robots are known."""
+    with closing(PlayedLoop(fleet.clock)) as loop:
+        robot = Robot(fleet, Common(network=AT, robot="r1", robots=known), clock=fleet.clock)
+        return run_on(loop, command.perform(robot))
 
 
-def fleet_of(clock: ManualClock, *robots: str, dead: Iterable[str] = ()) -> tuple[Fleet, Session]:
-    fleet = Fleet(clock, *robots, dead=dead)
-    network = Network(mode="client", connect=("tcp/127.0.0.1:1",))
-    return fleet, Session(Link(fleet, Common(network=network, robot="r1"), clock))
+def fleet_of(*robots: str, dead: Iterable[str] = ()) -> Fleet:
+    return Fleet(ManualClock(1_000_000_000), *robots, dead=dead)
 
 
-@pytest.mark.usefixtures("clock")
-def test_all_robots_are_sent_the_stop_before_any_is_awaited(clock: ManualClock) -> None:
-    fleet, session = fleet_of(clock, "r1", "r2", "r3")
-    outcome = perform(StopAll(), session)
+def test_all_robots_are_sent_the_stop_before_any_is_awaited() -> None:
+    fleet = fleet_of("r1", "r2", "r3")
+    outcome = perform(StopAll(), fleet)
     assert outcome.ok
     assert fleet.order[:4] == ["sent r1", "present", "sent r2", "sent r3"]
     assert [line.split(" after ")[0] for line in outcome.text.splitlines()] == [
@@ -249,42 +243,35 @@ def test_all_robots_are_sent_the_stop_before_any_is_awaited(clock: ManualClock) 
     ]
 
 
-@pytest.mark.usefixtures("clock")
-def test_robots_that_are_known_are_sent_the_stop_before_anybody_is_asked(
-    clock: ManualClock,
-) -> None:
-    fleet, session = fleet_of(clock, "r1", "r2", "r3")
-    common = replace(session.link.common, robots=("r1", "r2", "r9"))
-    outcome = perform(StopAll(), Session(Link(fleet, common, clock)))
+def test_robots_that_are_known_are_sent_the_stop_before_anybody_is_asked() -> None:
+    fleet = fleet_of("r1", "r2", "r3")
+    outcome = perform(StopAll(), fleet, ("r1", "r2", "r9"))
     assert fleet.order[:5] == ["sent r1", "sent r2", "sent r9", "present", "sent r3"]
     stopped = {robot: found.ok for robot, found in outcome.of}
     assert stopped == {"r1": True, "r2": True, "r3": True, "r9": False}, "r9 is not there"
 
 
-@pytest.mark.usefixtures("clock")
 @each("raises", ["publisher", "present"])
-def test_a_bus_that_fails_skips_no_robot(raises: str, clock: ManualClock) -> None:
-    fleet, session = fleet_of(clock, "r1", "r2")
+def test_a_bus_that_fails_skips_no_robot(raises: str) -> None:
+    fleet = fleet_of("r1", "r2")
 
     def fail(*_: object, **__: object) -> Any:
         raise RuntimeError("closed")
 
     setattr(fleet, raises, fail)
-    common = replace(session.link.common, robots=("r1", "r2"))
     stop = StopAll(timeout_s=0.3)
     if raises == "publisher":  # the services are left
-        assert perform(stop, Session(Link(fleet, common, clock))).ok
+        assert perform(stop, fleet, ("r1", "r2")).ok
         return
     with pytest.raises(RuntimeError):
-        perform(stop, Session(Link(fleet, common, clock)))
+        perform(stop, fleet, ("r1", "r2"))
     asked = {line for line in fleet.order if line.startswith(STOP_SERVICE.path)}
     assert asked == {f"{STOP_SERVICE.path} r1", f"{STOP_SERVICE.path} r2"}
 
 
-@pytest.mark.usefixtures("clock")
-def test_robot_that_does_not_acknowledge_fails_the_stop_of_all(clock: ManualClock) -> None:
-    _, session = fleet_of(clock, "r1", "r2", dead=["r1"])
-    outcome = perform(StopAll(timeout_s=0.3), session)
+def test_robot_that_does_not_acknowledge_fails_the_stop_of_all() -> None:
+    fleet = fleet_of("r1", "r2", dead=["r1"])
+    outcome = perform(StopAll(timeout_s=0.3), fleet)
     assert not outcome.ok
     first, second = outcome.text.splitlines()
     assert first.startswith("r1: E-STOP GIVEN UP")
@@ -295,13 +282,12 @@ def test_robot_that_does_not_acknowledge_fails_the_stop_of_all(clock: ManualCloc
     assert [(one["robot"], one["ok"]) for one in row["robots"]] == [("r1", False), ("r2", True)]
 
 
-@pytest.mark.usefixtures("clock")
-def test_all_robots_are_released_with_a_line_for_each(clock: ManualClock) -> None:
-    fleet, session = fleet_of(clock, "r1", "r2", "r3", dead=["r3"])
+def test_all_robots_are_released_with_a_line_for_each() -> None:
+    fleet = fleet_of("r1", "r2", "r3", dead=["r3"])
     fleet.reasons["r2"] = Reason.LEASE_HELD
     for robot, stop_id in (("r1", 71), ("r2", 72)):
         fleet.say(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=stop_id), robot)
-    outcome = perform(ClearAll(), session)
+    outcome = perform(ClearAll(), fleet)
     assert isinstance(outcome, AllAnswered)
     texts = dict(outcome.of)
     assert texts["r1"].ok
@@ -311,17 +297,15 @@ def test_all_robots_are_released_with_a_line_for_each(clock: ManualClock) -> Non
     assert fleet.cleared == {"r1": 71, "r2": 72}, "each by the stop that its status shows"
 
 
-@pytest.mark.usefixtures("clock")
 @pytest.mark.parametrize("operation", [StopAll(), ClearAll()])
 def test_without_a_robot_there_is_nothing_to_stop(
-    clock: ManualClock, operation: StopAll | ClearAll
+    operation: StopAll | ClearAll,
 ) -> None:
-    _, session = fleet_of(clock)
+    fleet = fleet_of()
     with pytest.raises(UnansweredError, match="no robot is present"):
-        perform(operation, session)
+        perform(operation, fleet)
 
 
-@pytest.mark.usefixtures("clock")
 def test_stop_of_all_needs_no_lease() -> None:
     assert not StopAll.moves
     assert line_of(StopAll()) == "estop --all"
