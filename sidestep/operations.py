@@ -14,7 +14,6 @@ from ground.client.outcomes import (
 from ground.client.parameters import ParameterChanged, ParametersLoaded, ParametersSaved
 from ground.client.session import Operation, Session
 from ground.commands.abort import Abort
-from ground.commands.all_robots import ClearAll, StopAll
 from ground.commands.arm import Arm
 from ground.commands.disarm import Disarm
 from ground.commands.fence import ClearFence, FenceShown, SetFence, ShowFence
@@ -50,7 +49,7 @@ from ground.commands.pose import SetPose, SetTruePose
 from ground.commands.restart import Restart
 from ground.commands.resume import Resume
 from ground.commands.rtl import ReturnHome
-from ground.commands.stop import ClearEmergencyStop, StopNow
+from ground.commands.stop import ClearAll, ClearEmergencyStop, StopAll, StopNow
 from ground.commands.teleop import DriveByHand
 
 __all__ = [

@@ -27,8 +27,7 @@ from ground.client.robot_link import in_own_thread
 from ground.client.session import Operation
 from ground.client.telemetry import Telemetry
 from ground.client.teleop_sender import TeleopSender
-from ground.commands.stop import STOP_S
-from ground.robot import Robot
+from ground.robot import STOP_S, Robot
 from protocol.bus.mailbox import Mailbox
 from protocol.bus.publisher import Publisher
 from protocol.topics import (

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
-from typing import Any, Final
+from typing import Final
 
 from ground.cli.verbs import VERBS
 from ground.text.output import Output
@@ -48,7 +48,7 @@ def main(argv: Sequence[str], *, ends_process: bool = False) -> int:
     output = Output(as_json=options.json)
     try:
         with signals(keep=ends_process):
-            return VERBS[options.verb].run(options, output)
+            return VERBS[options.verb](options, output)
     except KeyboardInterrupt as error:
         number = error.number if isinstance(error, Interrupted) else signal.SIGINT
         return failed(output, options.verb, "interrupted", EXIT_SIGNAL + number)
@@ -59,15 +59,13 @@ def main(argv: Sequence[str], *, ends_process: bool = False) -> int:
         return failed(output, options.verb, str(error), code)
 
 
-def parse(argv: Sequence[str]) -> Any:
+def parse(argv: Sequence[str]) -> argparse.Namespace:
     """Parse the arguments of a verb; SystemExit after an error message, as argparse does."""
     word = argv[0] if argv else ""
     if word not in VERBS:
         print(f"sidestep: unknown verb {word!r}; known: {', '.join(VERBS)}", file=sys.stderr)
         raise SystemExit(EXIT_USAGE)
-    verb = VERBS[word]
-    found = argparse.Namespace(verb=word) if verb.words is None else verb.words(word)
-    return parser_of(word).parse_args(numbers_kept(argv[1:]), found)
+    return parser_of(word).parse_args(numbers_kept(argv[1:]), argparse.Namespace(verb=word))
 
 
 def failed(output: Output, verb: str, why: str, code: int) -> int:

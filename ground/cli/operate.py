@@ -1,5 +1,6 @@
 """Carries out the operation of a parsed verb and prints its outcome."""
 
+import argparse
 from functools import partial
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
@@ -11,9 +12,7 @@ from ground.client.lease_holder import operator_name
 from ground.client.leases import Leasing
 from ground.client.link import Link, UnansweredError, open_link
 from ground.client.outcomes import Accepted, Outcome, Progress, RefusedError
-from ground.client.session import Operation
-from ground.commands.command import OperatorCommand, Reach, parsed
-from ground.grammar.words import FromFile, Words
+from ground.commands.command import OperatorCommand, Reach, command_in, parsed
 from ground.robot import Robot, RobotCommand
 from ground.text.output import Output
 
@@ -36,6 +35,14 @@ class OnFiles(Protocol):
 
 
 @runtime_checkable
+class FromFile(Protocol):
+    """A command whose values are in a file."""
+
+    def read(self) -> RobotCommand[Outcome]:
+        """Read the file; UserError if its values are invalid."""
+
+
+@runtime_checkable
 class HasRecording(Protocol):
     """A command that can look at a recording instead."""
 
@@ -51,38 +58,37 @@ class ExplainsSilence(Protocol):
         """Return the outcome for a connection that failed."""
 
 
-def run(words: Words, output: Output) -> int:
+def run(options: argparse.Namespace, output: Output) -> int:
     """Carry out a verb; return 0 for success, 1 for failure.
 
     Values are checked before the program connects to a robot.
     """
-    operation: Any = words.operation()
-    if getattr(operation, "is_live", False) and not words.json:
+    operation: Any = command_in(options)
+    reach, verb = parsed(Reach, options), operation.verb
+    if getattr(operation, "is_live", False) and not reach.json:
         from ground.cli.observe.live_line import follow
 
-        return follow(common_of(words, output))
-    if getattr(operation, "is_offline", False):
-        return print_outcome(output, words, "", operation.run(output))
+        return follow(common_of(reach, output))
+    if operation.is_offline:
+        return print_outcome(output, verb, "", operation.run(output))
     if isinstance(operation, FromFile):
         operation = operation.read()
-    common = common_of(words, output)
+    common = common_of(reach, output)
     if isinstance(operation, StopsAlone):
-        return print_outcome(output, words, common.robot, operation.perform_alone(common))
+        return print_outcome(output, verb, common.robot, operation.perform_alone(common))
     try:
         with open_link(common) as link:
             robot = robot_of(link, output)
-            outcome = run_until_signal(lambda: perform(operation, robot, seizes=words.seize))
-            return print_outcome(output, words, robot.name, outcome, effect_of(operation, outcome))
+            outcome = run_until_signal(lambda: perform(operation, robot, seizes=reach.seize))
+            return print_outcome(output, verb, robot.name, outcome, effect_of(operation, outcome))
     except UnansweredError as error:
-        if isinstance(operation, HasRecording) and (
-            instead := operation.without_robot(parsed(Reach, words))
-        ):
+        if isinstance(operation, HasRecording) and (instead := operation.without_robot(reach)):
             output.note(f"no robot answers at {common.endpoint}: this is the newest recording")
-            return print_outcome(output, words, "", instead.run(output))
+            return print_outcome(output, verb, "", instead.run(output))
         if not isinstance(operation, ExplainsSilence):
             raise
         return print_outcome(
-            output, words, common.robot, operation.not_connected(error, common.endpoint)
+            output, verb, common.robot, operation.not_connected(error, common.endpoint)
         )
 
 
@@ -108,16 +114,14 @@ async def perform(operation: RobotCommand[Out], robot: Robot, *, seizes: bool = 
     return await operation.perform(robot)
 
 
-def effect_of(operation: Operation[Outcome], outcome: Outcome) -> str:
+def effect_of(operation: object, outcome: Outcome) -> str:
     """Return what is so after an accepted command, such as `: motors armed`."""
     if isinstance(operation, OperatorCommand) and type(outcome) is Accepted and operation.effect:
         return f": {operation.effect}"
     return ""
 
 
-def print_outcome(
-    output: Output, words: Words, robot: str, outcome: Outcome, effect: str = ""
-) -> int:
+def print_outcome(output: Output, verb: str, robot: str, outcome: Outcome, effect: str = "") -> int:
     """Print the outcome; a table that went to standard output is the result already.
 
     `effect` is added to the text for people.
@@ -125,5 +129,5 @@ def print_outcome(
     if getattr(outcome, "is_printed", False):
         output.note(outcome.text)
     else:
-        output.result(outcome.as_json(words.title, robot), outcome.text + effect)
+        output.result(outcome.as_json(verb, robot), outcome.text + effect)
     return 0 if outcome.ok else 1

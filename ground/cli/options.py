@@ -5,14 +5,14 @@ from dataclasses import replace
 from pathlib import Path
 
 from ground.client.connection import Common, Config, common
-from ground.grammar.words import Words
+from ground.commands.command import Reach
 from ground.text.output import Output
 from protocol.bus.network import Network
 from protocol.options import usual_endpoint
 from runtime.config import load_shared
 
 
-def common_of(options: argparse.Namespace | Words, output: Output | None = None) -> Common:
+def common_of(options: argparse.Namespace | Reach, output: Output | None = None) -> Common:
     """Merge defaults, the file and the command line; UserError or ConfigError for a bad value.
 
     With an output, print which run the endpoint was taken from.

@@ -7,7 +7,7 @@ modules it needs.
 import argparse
 from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 from ground.text.output import Output
 from runtime.cli import verb_table
@@ -15,34 +15,21 @@ from runtime.cli.verb import Verb
 
 if TYPE_CHECKING:
     from ground.client.link import Link
-    from ground.grammar.words import Words
 
-Run: TypeAlias = Callable[[Any, Output], int]
-"""Runs a verb with its parsed arguments: its `Words`, or argparse's own object."""
+Run: TypeAlias = Callable[[argparse.Namespace, Output], int]
+"""Runs a verb with its parsed arguments; returns the exit code."""
 Act: TypeAlias = Callable[[argparse.Namespace, "Link", Output], int]
 
 
-class LoadedVerb(NamedTuple):
-    """The functions of a verb; `run` returns the exit code.
-
-    `words` creates the typed object for the parsed arguments; without it they stay argparse's own.
-    """
-
-    run: Run
-    words: "Callable[[str], Words] | None" = None
-
-
-def loaded(verb: Verb) -> LoadedVerb:
+def loaded(verb: Verb) -> Run:
     """Import the module of a verb; one without `run` gets a link and acts on it."""
     if verb.words:
         from ground.cli import operate
-        from ground.grammar.words import words_of
 
-        words = words_of(verb)
-        return LoadedVerb(operate.run, words)
+        return operate.run
     module = import_module(verb.module)
     run: Run = getattr(module, verb.run) if verb.run else with_link(getattr(module, verb.act))
-    return LoadedVerb(run)
+    return run
 
 
 def with_link(act: Act) -> Run:
@@ -58,13 +45,13 @@ def with_link(act: Act) -> Run:
     return run
 
 
-class Verbs(Mapping[str, LoadedVerb]):
+class Verbs(Mapping[str, Run]):
     """The operator's verbs of the table, each loaded when it is looked up."""
 
     def __init__(self, table: Mapping[str, Verb]) -> None:
         self._rows = {word: verb for word, verb in table.items() if not verb.is_program}
 
-    def __getitem__(self, word: str) -> LoadedVerb:
+    def __getitem__(self, word: str) -> Run:
         return loaded(self._rows[word])
 
     def __iter__(self) -> Iterator[str]:

@@ -8,6 +8,7 @@ import argparse
 import shlex
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, fields
+from importlib import import_module
 from typing import (
     Any,
     ClassVar,
@@ -22,7 +23,8 @@ from typing import (
 from ground.client.connection import LONGEST_S
 from protocol.options import CONFIG_HELP, DEFAULT_ENDPOINT, above_zero, up_to
 from runtime.cli.parsers import add_subcommands
-from runtime.cli.verb import GROUPS
+from runtime.cli.verb import GROUPS, Verb
+from runtime.cli.verb_table import VERBS
 
 T = TypeVar("T")
 DIGITS: Final = 9
@@ -349,6 +351,17 @@ class Group:
     def parsed(self, found: Any) -> OperatorCommand:
         """Return the command for parsed arguments; UserError for a value out of range."""
         return self.commands[found.action].parsed(found)
+
+
+def kind_of(verb: Verb) -> type[OperatorCommand] | Group:
+    """Import the command of a verb, or the group of its commands."""
+    kind: type[OperatorCommand] | Group = getattr(import_module(verb.module), verb.words)
+    return kind
+
+
+def command_in(found: Any) -> Any:
+    """Return the command for a verb and its parsed arguments; UserError for an invalid value."""
+    return kind_of(VERBS[found.verb]).parsed(found)
 
 
 @dataclass_transform(

@@ -15,12 +15,11 @@ from typing import Final, NoReturn
 
 from ground.client.outcomes import Outcome
 from ground.client.session import Operation
+from ground.commands.command import command_in, kind_of
 from ground.commands.export import Export
 from ground.commands.mission import OfMissionFile
 from ground.console.app_commands import LOCAL, AppArguments, AppCommand
 from ground.console.argument_errors import in_words
-from ground.grammar.words import common_verbs
-from ground.grammar.words import words_of as words_class
 from protocol.options import numbers_kept
 from runtime.cli.parsers import subcommands_of
 from runtime.cli.verb import GROUPS
@@ -101,7 +100,8 @@ UNAVAILABLE: Final[Mapping[str, str]] = MappingProxyType(
 """Verbs of the command line that the app does not have, and why."""
 FIXED_OPTIONS: Final = ("connect", "run", "context", "id", "config", "json")
 """Options that were fixed when the app started."""
-COMMANDS: Final = common_verbs()
+COMMANDS: Final = {word: verb for word, verb in VERBS.items() if verb.words}
+"""The verbs that are typed operations, which the app's command line has too."""
 MAX_GUESSED: Final = 24
 COLUMNS: Final = 60
 
@@ -158,7 +158,7 @@ def parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
         LOCAL[word].declare(parser)
     elif word in COMMANDS:
         parser = ConsoleParser(command_of(word), description=COMMANDS[word].summary)
-        words_class(COMMANDS[word]).declare(parser)
+        kind_of(COMMANDS[word]).declare(parser)
     else:
         raise UserError(_unknown(word))
     for inner in all_parsers(parser):
@@ -204,13 +204,13 @@ def read(text: str, draft: Callable[[], str] | None = None) -> Operation[Outcome
     if is_local(words):
         arguments = parser_for(words).parse_args(rest, AppArguments())
         return LOCAL[words[0]].command(arguments)
-    found = parser_for(words).parse_args(rest, words_class(COMMANDS[words[0]])(words[0]))
+    found = parser_for(words).parse_args(rest, argparse.Namespace(verb=words[0]))
     for name in FIXED_OPTIONS:
         if getattr(found, name, None):
             raise UserError(f"--{name} cannot be used here: it was fixed when the app started")
-    if found.seize:
+    if getattr(found, "seize", False):
         raise UserError("--seize is for a shell: give `lease seize` first")
-    operation = found.operation()
+    operation: Operation[Outcome] = command_in(found)
     if isinstance(operation, OfMissionFile):
         operation = replace(operation, draft=draft)
     if isinstance(operation, Export) and operation.out is None:

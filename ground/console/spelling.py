@@ -2,7 +2,6 @@
 
 from ground.client.outcomes import Outcome
 from ground.client.session import Operation
-from ground.commands.all_robots import ClearAll, StopAll
 from ground.commands.command import OperatorCommand, number
 from ground.console.app_commands import AppCommand, SetTheme, Undo
 from ground.missions.files import AddWaypoint, ClearDraft, RemoveWaypoint
@@ -11,8 +10,6 @@ from ground.missions.files import AddWaypoint, ClearDraft, RemoveWaypoint
 def line_of(operation: Operation[Outcome] | AppCommand) -> str:
     """Return the line of an operation that has a key; for any other its verb."""
     match operation:
-        case StopAll() | ClearAll():
-            return f"{operation.verb} --all"
         case OperatorCommand():
             return operation.line
         case AddWaypoint(waypoint):

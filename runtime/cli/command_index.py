@@ -64,6 +64,22 @@ COMMANDS: Final[Mapping[str, Verb]] = MappingProxyType(
             words="Disarm",
             rank=100,
         ),
+        "estop": Verb(
+            section="start and drive",
+            summary="emergency stop, latched",
+            example="estop --all",
+            module="ground.commands.stop",
+            words="StopNow",
+            rank=110,
+        ),
+        "clear-estop": Verb(
+            section="start and drive",
+            summary="release the emergency stop",
+            example="clear-estop --all",
+            module="ground.commands.stop",
+            words="ClearEmergencyStop",
+            rank=120,
+        ),
         "mode": Verb(
             section="start and drive",
             summary="choose the mode",

@@ -75,7 +75,6 @@ STUDY: Final[Mapping[str, Subcommand]] = MappingProxyType(
 )
 
 
-COMMANDS: Final = "ground.grammar.commands"
 RECORDINGS: Final = (".tlog", ".mcap")
 
 
@@ -106,22 +105,6 @@ PROGRAMS: Final[Mapping[str, Verb]] = MappingProxyType(
             run="run_ground",
             arguments="ground_arguments",
             rank=30,
-        ),
-        "estop": Verb(
-            DRIVE,
-            "emergency stop, latched",
-            "estop --all",
-            COMMANDS,
-            words="StopWords",
-            rank=110,
-        ),
-        "clear-estop": Verb(
-            DRIVE,
-            "release the emergency stop",
-            "clear-estop --all",
-            COMMANDS,
-            words="ClearWords",
-            rank=120,
         ),
         "ps": Verb(
             LOOK,

@@ -35,8 +35,7 @@ from ground.client.stop_ways import (
     stem_of,
     ways_of,
 )
-from ground.commands.all_robots import StopAll
-from ground.commands.stop import StopNow
+from ground.commands.stop import StopAll, StopNow
 from ground.console.history import History
 from ground.station.station import Station
 from protocol.bus.network import Network

@@ -12,10 +12,9 @@ from ground.client.outcomes import Answer, Outcome
 from ground.client.requests import GaveUp
 from ground.client.session import Operation
 from ground.client.teleop_sender import TeleopSender
-from ground.commands.all_robots import ClearAll, StopAll
 from ground.commands.lease import ChangeLease
 from ground.commands.mode import SetMode
-from ground.commands.stop import ClearEmergencyStop, StopNow
+from ground.commands.stop import ClearAll, ClearEmergencyStop, StopAll, StopNow
 from ground.console.app_commands import AppCommand, Undo
 from ground.console.argument_errors import shown
 from ground.console.completion import Assistance, Candidate, assist

@@ -10,10 +10,9 @@ from ground.app.playback.player import Player
 from ground.client.outcomes import Outcome
 from ground.client.session import Operation
 from ground.commands.abort import Abort
-from ground.commands.all_robots import StopAll
 from ground.commands.disarm import Disarm
 from ground.commands.hold import Hold
-from ground.commands.stop import StopNow
+from ground.commands.stop import StopAll, StopNow
 from ground.console.app_commands import AppCommand, Undo
 from ground.map.scene import MapTarget
 from ground.station.station import Station

@@ -13,6 +13,7 @@ from ground.client.goal import destination
 from ground.client.outcomes import Outcome
 from ground.client.parameter import Parameter
 from ground.client.session import Operation
+from ground.commands.command import command_in
 from ground.commands.goto import Goto
 from ground.commands.hold import Hold
 from ground.commands.lease import ChangeLease
@@ -36,7 +37,6 @@ from ground.console.parser import (
     words_of,
 )
 from ground.console.spelling import line_of
-from ground.grammar.words import Words
 from ground.missions.files import AddWaypoint
 from ground.missions.mission import Waypoint
 from protocol.wire.enums import LeaseAction, Mode, Navigator
@@ -50,9 +50,7 @@ GRACE_S = 1.0
 
 @each(("typed", "argv"), SPOKEN)
 def test_the_console_reads_what_the_command_line_reads(typed: str, argv: list[str]) -> None:
-    shell = cli.parse(argv)
-    assert isinstance(shell, Words)
-    assert read(typed) == shell.operation()
+    assert read(typed) == command_in(cli.parse(argv))
 
 
 @each(

@@ -17,7 +17,7 @@ from ground.cli import main as cli
 from ground.cli.event_loop import run_until_signal
 from ground.cli.main import Interrupted, main
 from ground.cli.operate import effect_of
-from ground.cli.verbs import VERBS, LoadedVerb
+from ground.cli.verbs import VERBS
 from ground.client.outcomes import Accepted, Refused
 from ground.commands.abort import Abort
 from ground.commands.arm import Arm
@@ -46,7 +46,7 @@ def install(monkeypatch: pytest.MonkeyPatch) -> Callable[[Run], None]:
             parser.add_argument("--json", action="store_true")
             return parser
 
-        monkeypatch.setattr(cli, "VERBS", {"mark": LoadedVerb(run)})
+        monkeypatch.setattr(cli, "VERBS", {"mark": run})
         monkeypatch.setattr(cli, "parser_of", parser_of)
 
     return put

@@ -158,7 +158,7 @@ def test_what_stops_the_robot_needs_no_lease() -> None:
     plain = (Hold, Resume, Abort, ReturnHome, Arm, Disarm, ClearEmergencyStop)
     still = {operation().verb for operation in plain if not operation().moves}
     assert still == {"hold", "abort", "disarm"}
-    assert not StopNow.moves
+    assert not StopNow().moves
     assert [mode for mode in Mode if not SetMode(mode=mode).moves] == [Mode.HOLD]
 
 

@@ -24,11 +24,10 @@ from ground.client.lost_drive import (
     lost_drive,
 )
 from ground.client.outcomes import Accepted, GoalEnded, Refused, RefusedError
-from ground.commands.command import positive, seconds
+from ground.commands.command import command_in, positive, seconds
 from ground.commands.goto import Goto
 from ground.commands.mission import UploadMission
 from ground.commands.resume import Resume
-from ground.grammar.words import CommandWords
 from ground.missions.mission import Mission, Waypoint
 from ground.missions.transfer import items_of
 from protocol.topics import LEASE, MISSION, MISSION_SERVICE, STATUS
@@ -61,7 +60,7 @@ from tests.support.ground.station import WORLD_TEXT
 def typed(*words: str) -> Goto:
     parser = argparse.ArgumentParser(exit_on_error=False)
     Goto.declare(parser)
-    command = parser.parse_args(list(words), CommandWords("goto", Goto)).operation()
+    command = Goto.parsed(parser.parse_args(list(words)))
     assert isinstance(command, Goto)
     return command
 
@@ -609,7 +608,7 @@ def test_goal_of_the_world_is_not_that_of_a_further_robot() -> None:
 @each("words", ["1", "--frame body", "--tol 0.2"])
 def test_part_of_a_goal_is_refused_with_an_example(words: str) -> None:
     with pytest.raises(UserError, match="example: goto 2"):
-        parse(["goto", *words.split()]).operation()
+        command_in(parse(["goto", *words.split()]))
 
 
 def test_plant_that_does_not_answer_knows_no_world() -> None:

@@ -18,7 +18,7 @@ from ground.client.emergency_stop import (
 )
 from ground.client.link import UnansweredError
 from ground.client.outcomes import AllAnswered
-from ground.commands.all_robots import ClearAll, StopAll
+from ground.commands.stop import ClearAll, StopAll
 from ground.console.spelling import line_of
 from ground.robot import Robot
 from protocol.bus.bus import Presence
@@ -307,6 +307,6 @@ def test_without_a_robot_there_is_nothing_to_stop(
 
 
 def test_stop_of_all_needs_no_lease() -> None:
-    assert not StopAll.moves
+    assert not StopAll().moves
     assert line_of(StopAll()) == "estop --all"
     assert line_of(ClearAll()) == "clear-estop --all"

@@ -14,7 +14,8 @@ import pytest
 import study.cli.reexecute
 from ground.cli.main import main, parse
 from ground.client.outcomes import NoProgress
-from ground.commands.command import Reach, parsed
+from ground.commands.command import Reach, command_in, parsed
+from ground.commands.explain import Explain
 from ground.commands.share import Share
 from ground.launch.recording_session import DEFAULT_KEEP, byte_limit
 from ground.recording.catalogue import (
@@ -213,7 +214,9 @@ def test_a_named_file_is_not_announced(three: Path, capsys: pytest.CaptureFixtur
 def test_explain_prefers_a_robot_that_is_named() -> None:
     for line in (["explain", "--connect", "tcp/127.0.0.1:9"], ["explain"]):
         words = parse(line)
-        assert words.operation().without_robot(parsed(Reach, words)) is None
+        explain = command_in(words)
+        assert isinstance(explain, Explain)
+        assert explain.without_robot(parsed(Reach, words)) is None
 
 
 @pytest.mark.usefixtures("folder")
