@@ -310,7 +310,13 @@ class Robot(RobotLink):
             if self.clock.now_ns() <= deadline_ns:
                 remedy = await self._remedy(answer.reason, beats=beats, arms=arms)
             if not isinstance(remedy, Accepted):
-                return remedy or answer, sent
+                return await self._explained(remedy or answer), sent
+
+    async def _explained(self, answer: Answer) -> Answer:
+        """Add to a refusal that no simulated time passes for the robot, if that is why."""
+        if isinstance(answer, Refused) and answer.reason in (Reason.NO_OPERATOR, Reason.NO_SENSES):
+            return replace(answer, cause=await self.standstill())
+        return answer
 
     async def _remedy(self, reason: int, *, beats: bool, arms: bool) -> Answer | None:
         """Remove the cause of a refusal; return whether that was accepted, None if it cannot be."""
@@ -426,7 +432,7 @@ class Robot(RobotLink):
                 end = await self.follow(watch, telemetry)
                 if end.abort:
                     await self.finish(self._end(drive, abort, end.reason))
-                    end = watch.outrun(telemetry.latest) or end
+                    end = watch.outrun(telemetry.latest) or await self._caused(end)
                 return self._goal_ended(end, telemetry, asked_ns)
 
         def abort() -> CommandRequest:
@@ -471,6 +477,11 @@ class Robot(RobotLink):
             if watch.end is not None:
                 return watch.end
             await self._arrival(now_ns + BEAT_NS // 2)
+
+    async def _caused(self, end: GoalEnd) -> GoalEnd:
+        """Add why no simulated time passes for the robot to the end of a goal, if that is so."""
+        cause = await self.standstill()
+        return replace(end, reason=f"{end.reason}: {cause}") if cause else end
 
     def _goal_ended(self, end: GoalEnd, telemetry: Telemetry, asked_ns: int) -> GoalEnded:
         status, pose = telemetry.latest(STATUS), telemetry.latest(ODOMETRY)
@@ -625,7 +636,7 @@ class Robot(RobotLink):
             return refused
         patience_ns = None if timeout_s is None else max(1, round(timeout_s * NS_PER_S / ATTEMPTS))
         asking = partial(self.ask, request, patience_ns=patience_ns)
-        return await (self.in_turn(asking) if begins else asking())
+        return await self._explained(await (self.in_turn(asking) if begins else asking()))
 
     async def hold(self, *, timeout_s: float | None = None) -> Answer:
         """Stop and keep the goal; needs no lease."""
@@ -709,7 +720,8 @@ class Robot(RobotLink):
         truth = await self.fresh(TRUTH)
         if truth is None:
             fix = "in the real world, or without rights to it, use `pose set X Y DEG`"
-            raise RemoteError(f"no simulation publishes the true place of {self.name}: {fix}")
+            why = f"no simulation publishes the true place of {self.name}: {fix}"
+            raise RemoteError(await self.standstill() or why)
         return await self._set_pose(truth.x_m, truth.y_m, truth.heading_rad, timeout_s)
 
     async def _set_pose(

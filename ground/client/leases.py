@@ -266,3 +266,6 @@ class Asker(Protocol):
 
     async def diagnosis(self) -> str:
         """Explain why the robot does not answer."""
+
+    async def standstill(self) -> str:
+        """Return why no simulated time passes for the robot, and what to do; "" while it does."""

@@ -314,9 +314,8 @@ class Missions:
             late = now_ns - began_ns > BEGUN_NS
             silent_ns = now_ns - max(began_ns, 0 if newest is None else newest[1])
             if silent_ns >= SILENCE_NS:
-                raise RemoteError(
-                    f"no mission status from the robot for {silent_ns / NS_PER_S:.1f} s"
-                )
+                silence = f"no mission status from the robot for {silent_ns / NS_PER_S:.1f} s"
+                raise RemoteError(await self._robot.standstill() or silence)
             if newest is not None and newest[1] > began_ns:
                 if newest[0].state in UNDER_WAY:
                     seen = True

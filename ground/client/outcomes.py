@@ -67,13 +67,15 @@ class Accepted(Success):
 class Refused:
     """The robot refused for a `Reason`.
 
-    `holder` is the operator that holds the lease, if that is why. `remedies` are in the
-    words of the command line or of Python.
+    `holder` is the operator that holds the lease, if that is why. `cause` is what lies behind the
+    reason, with its remedy, and is told instead of it. `remedies` are in the words of the command
+    line or of Python.
     """
 
     reason: int
     took_ns: int
     holder: str = ""
+    cause: str = field(default="", compare=False)
     remedies: Remedies = field(default=SHELL, compare=False, repr=False)
 
     @property
@@ -84,9 +86,7 @@ class Refused:
     @property
     def words(self) -> str:
         """The reason, with the lease holder and the remedy where there is one."""
-        return refusal_words(
-            reason_text(self.reason), self.reason, self.holder, self.remedies.refusals
-        )
+        return self._words(self.remedies.refusals)
 
     @property
     def text(self) -> str:
@@ -95,8 +95,12 @@ class Refused:
 
     def in_words(self, hints: Mapping[int, str]) -> str:
         """Return the reason with a remedy of `hints`, such as the keys of the app."""
-        words = refusal_words(reason_text(self.reason), self.reason, self.holder, hints)
-        return f"refused: {words}"
+        return f"refused: {self._words(hints)}"
+
+    def _words(self, hints: Mapping[int, str]) -> str:
+        return self.cause or refusal_words(
+            reason_text(self.reason), self.reason, self.holder, hints
+        )
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
         """Return the refusal as a row."""

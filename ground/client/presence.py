@@ -46,6 +46,7 @@ def explain_silence(
     endpoint: str,
     *,
     is_beating: bool,
+    has_status: bool = True,
     other: str = SHELL.robot,
 ) -> str:
     """Return why a robot does not answer and what to do, in the form "fault: remedy".
@@ -54,17 +55,26 @@ def explain_silence(
     """
     if not processes.has(robot, Role.ROBOT):
         return _no_robot(processes, robot, endpoint, other)
-    if is_beating:
+    if not is_beating:
+        what = f"robot {robot} is slow or hangs, its process is alive but sends no heartbeat"
+        return f"{what}: restart it"
+    if has_status:
         return f"robot {robot} sends its heartbeat, but does not answer requests"
+    return explain_standstill(processes, robot)
+
+
+def explain_standstill(processes: PresentProcesses, robot: str) -> str:
+    """Return why no time passes for a robot that sends its heartbeat, but no status.
+
+    Only one in simulated time does so. In the form "fault: remedy".
+    """
+    what = f"the simulated time of {robot} stands still"
     if not processes.has(robot, Role.PLANT):
         return (
-            f"robot {robot} runs, but its control loop does not, because it has no plant: "
-            "start one with `sidestep run plant`"
+            f"{what}, no plant steps it: start one in its world W with `sidestep run plant"
+            f" --lockstep --world W --robots {robot}`"
         )
-    return (
-        f"robot {robot} is slow or hangs, its process is alive but sends no heartbeat: "
-        "restart it, unless its plant is paused"
-    )
+    return f"{what}, its plant is paused, hangs or waits for another robot: restart that process"
 
 
 def _no_robot(processes: PresentProcesses, robot: str, endpoint: str, other: str) -> str:

@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from threading import Thread
-from typing import Any, Final, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 from ground.client.connection import Common
 from ground.client.events import EventStream
@@ -92,6 +92,19 @@ class Drive:
         """Note that a request which is now sent may begin the drive."""
         self.request_id = request.request_id
         return request
+
+
+class Heard(NamedTuple):
+    """What a robot sent within a short time; `rejection`: why its heartbeat could not be read."""
+
+    is_beating: bool
+    has_status: bool
+    rejection: str
+
+    @property
+    def stands(self) -> bool:
+        """True if no simulated time passes for it: its status comes with each control cycle."""
+        return self.is_beating and not self.has_status
 
 
 class RobotLink:
@@ -236,29 +249,44 @@ class RobotLink:
         return UnansweredError(f"{await self.diagnosis()} ({why})")
 
     async def diagnosis(self) -> str:
-        """Explain why the robot does not answer; listens for its heartbeat for up to 0.7 s.
+        """Explain why the robot does not answer; listens to it for up to 0.7 s.
 
         Listens longer while this machine is busy.
         """
-        with self.subscribed(HEARTBEAT) as telemetry:
-            box = telemetry.boxes()[HEARTBEAT.path]
-            await self.wait(lambda: box.latest() is not None or box.rejected > 0, LISTEN_NS)
-            is_beating = box.latest() is not None
-            if box.rejected and not is_beating:
-                return f"robot {self.name} runs, but its heartbeat {box.last_rejection}"
-        why = await self.in_own_thread(lambda: self._silence(is_beating=is_beating))
-        return why + load_words(self._slowdown())
+        heard = await self._hear()
+        if heard.rejection and not heard.is_beating:
+            return f"robot {self.name} runs, but its heartbeat {heard.rejection}"
+        return await self.in_own_thread(lambda: self._silence(heard))
 
-    def _silence(self, *, is_beating: bool) -> str:
+    async def standstill(self) -> str:
+        """Return why no simulated time passes for the robot, and what to do; "" while it does."""
+        heard = await self._hear()
+        return await self.in_own_thread(lambda: self._silence(heard)) if heard.stands else ""
+
+    async def _hear(self) -> Heard:
+        with self.subscribed(HEARTBEAT, STATUS) as telemetry:
+            box = telemetry.boxes()[HEARTBEAT.path]
+
+            def heard() -> Heard:
+                is_beating = box.latest() is not None
+                has_status = telemetry.live(STATUS, self.clock.now_ns()) is not None
+                return Heard(is_beating, has_status, box.last_rejection if box.rejected else "")
+
+            await self.wait(lambda: all(heard()[:2]) or box.rejected > 0, LISTEN_NS)
+            return heard()
+
+    def _silence(self, heard: Heard) -> str:
         """Explain it by what is linked; blocks."""
         present = present_processes(self.bus.present(self._slowdown()))
-        return self.bus.lost() or explain_silence(
+        why = self.bus.lost() or explain_silence(
             present,
             self.name,
             self._common.endpoint,
-            is_beating=is_beating,
+            is_beating=heard.is_beating,
+            has_status=heard.has_status,
             other=self.remedies.robot,
         )
+        return why if heard.stands else why + load_words(self._slowdown())
 
     # What arrives.
 

@@ -11,7 +11,12 @@ from typing import Any, Final
 
 from ground.client.link import UnansweredError
 from ground.client.outcomes import Report
-from ground.client.presence import PresentProcesses, explain_silence, present_processes
+from ground.client.presence import (
+    PresentProcesses,
+    explain_silence,
+    explain_standstill,
+    present_processes,
+)
 from ground.client.requests import NO_COMMAND, RequestIds
 from ground.client.status_line import knows_place
 from ground.client.telemetry import Telemetry
@@ -166,8 +171,19 @@ def taken_ids(texts: Iterable[str]) -> Iterator[Finding]:
             yield Finding(text, do, bad=False)
 
 
+def stands(seen: Observed) -> bool:
+    """Return whether no simulated time passes for the robot: it sends its heartbeat, no status."""
+    fresh = {one.topic.path: one.fresh or one.rejected > 0 for one in seen.streams}
+    is_there = seen.processes.has(seen.robot, Role.ROBOT) and fresh.get(HEARTBEAT.path, False)
+    return is_there and not fresh.get(STATUS.path, True)
+
+
 def processes(seen: Observed) -> Iterator[Finding]:
-    """Yield the processes that are missing or hang."""
+    """Yield the processes that are missing or hang, or that simulated time stands still."""
+    if stands(seen):
+        what, _, do = explain_standstill(seen.processes, seen.robot).partition(": ")
+        yield Finding(what, do)
+        return
     heartbeat = next((stream for stream in seen.streams if stream.topic is HEARTBEAT), None)
     unreadable = (
         heartbeat is not None and heartbeat.age_ns is None and heartbeat.rejected > 0
@@ -179,9 +195,10 @@ def processes(seen: Observed) -> Iterator[Finding]:
         what, _, do = why.partition(": ")
         yield Finding(what, do or "restart the robot")
     if not any(role == Role.PLANT.value for _, role in seen.processes.present):
-        yield Finding(
-            "no plant is running", "start `sidestep run plant --world box` with the same endpoint"
+        do = (
+            "start `sidestep run plant --world W` with the same endpoint, W being the robot's world"
         )
+        yield Finding("no plant is running", do)
 
 
 def streams(seen: Observed) -> Iterator[Finding]:
@@ -189,11 +206,12 @@ def streams(seen: Observed) -> Iterator[Finding]:
 
     A stream whose publisher does not run is left out: that process is a finding already.
     """
+    has_time = not stands(seen)
     for stream in seen.streams:
         topic = stream.topic
         if stream.rejected:
             yield rejection(stream)
-        if not expected(seen, topic) or stream.fresh or topic is HEARTBEAT:
+        if not (has_time and expected(seen, topic)) or stream.fresh or topic is HEARTBEAT:
             continue
         sender = topic.publisher.value
         if stream.age_ns is None and seen.listened_ns * topic.rate_hz < MIN_PERIODS * NS_PER_S:

@@ -158,14 +158,35 @@ def test_missed_ticks_rejected_frames_dead_services_are_found() -> None:
         (set(), False, "no robot at tcp/h:1, though a process listens there"),
         ({("r2", "robot")}, False, "only r2: use --id"),
         ({("r1", "plant")}, False, "only its plant is"),
-        ({("r1", "robot")}, False, "it has no plant"),
+        ({("r1", "robot")}, False, "hangs"),
         ({("r1", "robot"), ("r1", "plant")}, False, "hangs"),
         ({("r1", "robot"), ("r1", "plant")}, True, "sends its heartbeat, but does not answer"),
     ],
 )
-def test_silence_has_six_causes(there: set[tuple[str, str]], is_beating: bool, words: str) -> None:
+def test_silence_has_its_causes(there: set[tuple[str, str]], is_beating: bool, words: str) -> None:
     assert words in explain_silence(
         PresentProcesses(frozenset(there)), "r1", "tcp/h:1", is_beating=is_beating
+    )
+
+
+@each(
+    ("there", "cause", "remedy"),
+    [
+        ({("r1", "robot")}, "no plant steps it", "run plant --lockstep --world W --robots r1"),
+        ({("r1", "robot"), ("r1", "plant")}, "its plant is paused, hangs or waits", "restart"),
+    ],
+)
+def test_simulated_time_that_stands_is_one_finding(
+    there: set[tuple[str, str]], cause: str, remedy: str
+) -> None:
+    """A robot in lockstep without its plant's time sends its heartbeat, and nothing else."""
+    crew = PresentProcesses(frozenset(there))
+    silent = [topic for topic in TOPICS if topic is not HEARTBEAT]
+    (finding,) = examine(replace(seen(silent, crew), status=None)).findings
+    assert finding.what.startswith(f"the simulated time of r1 stands still, {cause}")
+    assert remedy in finding.do
+    assert explain_silence(crew, "r1", "tcp/h:1", is_beating=True, has_status=False) == (
+        f"{finding.what}: {finding.do}"
     )
 
 

@@ -11,10 +11,11 @@ from checks.harness.loop import PlayedLoop
 from ground.client import robot_link
 from ground.client.goal import destination
 from ground.client.leases import TICK_NS
+from ground.client.link import ALIVE
 from ground.client.outcomes import Accepted, GoalEnded, Refused, RefusedError
 from ground.client.streams import ClosedError
 from ground.robot import Robot
-from protocol.topics import LEASE, ODOMETRY, OPERATOR, STATUS, STOP
+from protocol.topics import HEARTBEAT, LEASE, ODOMETRY, OPERATOR, STATUS, STOP, Role
 from protocol.wire.enums import Command, GoalState, LeaseAction, Mode, Vehicle
 from protocol.wire.messages import CommandRequest, GoalRequest, LeaseRequest, Teleop
 from protocol.wire.reasons import Reason
@@ -567,3 +568,57 @@ def test_work_in_a_thread_outlives_the_cancellation_of_its_wait(
 
     monkeypatch.setattr(robot_link, "Thread", ThreadLater)
     asyncio.run(program())
+
+
+def stands(stage: Stage, *, heard: bool = True) -> None:
+    """Let a robot in lockstep be there whose plant has ended."""
+    stage.bus.come(Role.ROBOT)
+    if heard:
+        stage.bus.say(HEARTBEAT, ALIVE)
+
+
+@each(
+    "call",
+    [
+        lambda robot: robot.drive_to(GOAL),
+        lambda robot: robot.drive(0.1, 0.0),
+        lambda robot: robot.set_mode("guided"),
+        lambda robot: robot.mission.start(),
+    ],
+)
+def test_refusal_without_simulated_time_names_that_cause(call: Call) -> None:
+    """The operator's heartbeat does arrive, but no cycle reads it."""
+    stage = Stage(Reason.NONE, *[Reason.NO_OPERATOR] * 10_000)
+    stands(stage)
+    refused = lived(stage, call)
+    assert refused.text.startswith(
+        "refused: the simulated time of r1 stands still, no plant steps it: start one "
+    )
+    assert "heartbeat" not in refused.text
+
+
+def test_what_no_simulated_time_keeps_back_names_that_cause() -> None:
+    for call in (
+        lambda robot: robot.lease.show(),
+        lambda robot: robot.mission.status(),
+        lambda robot: robot.set_true_pose(),
+        lambda robot: robot.clear_emergency_stop(),
+    ):
+        stage = Stage()
+        stands(stage)
+        with pytest.raises(RemoteError, match="the simulated time of r1 stands still"):
+            lived(stage, call)
+
+
+def test_goal_in_simulated_time_that_stops_ends_with_that_cause() -> None:
+    stage = Stage(attended=True)
+
+    def drives(number: int) -> None:
+        if isinstance(stage.bus.requests[number - 1], GoalRequest):
+            stands(stage)
+            shows(stage)
+
+    stage.bus.on_ask = drives
+    ended = lived(stage, lambda robot: robot.drive_to(GOAL))
+    assert ended.outcome == "aborted"
+    assert "the simulated time of r1 stands still" in ended.reason

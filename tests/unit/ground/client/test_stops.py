@@ -292,7 +292,7 @@ def test_all_robots_are_released_with_a_line_for_each() -> None:
     texts = dict(outcome.of)
     assert texts["r1"].ok
     assert texts["r2"].text.startswith("refused: another operator commands the robot")
-    assert texts["r3"].text.startswith("robot r3 runs, but")
+    assert texts["r3"].text.startswith("robot r3 is slow or hangs")
     assert not outcome.ok
     assert fleet.cleared == {"r1": 71, "r2": 72}, "each by the stop that its status shows"
 
