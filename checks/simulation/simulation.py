@@ -497,9 +497,9 @@ def apply_link(simulation: Simulation, event: Event) -> None:
     """
     name, how, for_ms = str(event.arguments[0]), str(event.arguments[1]), int(event.arguments[2])
     operator, facts = simulation.operators[name], simulation.oracle.facts
-    if operator.link is None or not operator.host.alive:
+    if operator.bus is None or not operator.host.alive:
         return
-    session: Any = operator.link.bus._session
+    session: Any = operator.bus._session
     session.lose_link()
     until_ns = after(simulation, for_ms, session.regain_link)
     if how == "broken":
@@ -524,8 +524,8 @@ def await_replaced(
     That takes `within_ns` while its process runs and can reach the robot, and begins anew later.
     """
     operator, facts = simulation.operators[name], simulation.oracle.facts
-    link, host = operator.link, operator.host
-    if session.linked or link is None or link.bus._session is not session:
+    bus, host = operator.bus, operator.host
+    if session.linked or bus is None or bus._session is not session:
         return
     if not again or host.suspended or not simulation.accepts(host):
         facts.impaired(simulation.scheduler.now_ns + within_ns)

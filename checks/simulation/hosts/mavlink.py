@@ -33,7 +33,6 @@ from gateways.mavlink.gateway_verb import GatewaySettings
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import REQUEST_OPERATOR_CONTROL, MavMessage, mavlink
 from gateways.mavlink.services import face_of
-from ground.client.connection import Common
 from ground.client.link import Link
 from protocol.bus.bus import open_bus
 from protocol.topics import Role
@@ -72,9 +71,9 @@ class GatewaySide(SimulatedOperator):
     arrived: Callable[[int, str], None]
 
     def _main(self) -> None:
-        bus = open_bus(self.dials, Role.GROUND, "r1", self.host.now_ns)
+        bus = self.bus = open_bus(self.dials, Role.GROUND, "r1", self.host.now_ns)
         clock = SimulatedClock()
-        link = self.link = Link(bus, Common(network=self.dials, robot="r1"), clock)
+        link = Link(bus, self.common, clock)
         host = self.host
         endpoint = DatagramEndpoint(lambda peer, data: self.answer(host, peer, data))
         port = BusPort(link)

@@ -1,15 +1,16 @@
-"""Operators of the simulation: at the command line's own client code, or at the ground station.
+"""Operators of the simulation: with the one client of a robot, or at the ground station.
 
-At the command line an operator is a process with two threads of work: one runs its actions in turn,
-the other its emergency stops, which do not wait. Its heartbeat has a thread of its own, as in
-`lease take`. The ground station is its model without the screen, polled 20 times a second; lease,
-heartbeat, emergency stop and requests are its own.
+An operator is a process with an event loop: it runs its actions in turn, and its emergency stops at
+once. Each request is drawn: it asks without the lease, too, and sends its heartbeat whether the
+robot has another operator or none, as no program of ours does. The ground station is its model
+without the screen, polled 20 times a second; lease, heartbeat and emergency stop are its own.
 """
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, Final, NamedTuple
 
 from checks.simulation.hosts.virtual_time import (
@@ -18,26 +19,26 @@ from checks.simulation.hosts.virtual_time import (
     Scheduler,
     SimulatedClock,
     SimulatedLoop,
-    SimulatedQueue,
 )
 from ground.client.connection import Common
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.goal import destination, goal_request
-from ground.client.link import Link, ask_lease
-from ground.client.outcomes import Answer, Refused
-from ground.client.requests import BEAT_NS, is_saving
+from ground.client.missions import send
+from ground.client.outcomes import Refused
+from ground.client.parameters import ParameterExchange
+from ground.client.requests import BEAT_NS
 from ground.client.teleop_sender import TeleopSender
 from ground.missions.mission import Circle, Polygon, Waypoint
-from ground.missions.transfer import Clear, Upload, Verdict, fence_items_of, items_of
+from ground.missions.transfer import Clear, Upload, fence_items_of, items_of
 from ground.robot import Robot
 from ground.station.robot.background_requests import JobResult
 from ground.station.station import Station
-from protocol.bus.bus import open_bus
+from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
-from protocol.topics import MISSION_SERVICE, PARAMETER, STATUS, STOP, Role
+from protocol.topics import COMMAND, LEASE_SERVICE, PARAMETER, STATUS, STOP, Role, Service
 from protocol.wire.enums import PARAM_TYPE_REAL32, Command, LeaseAction, MissionType, Mode
 from protocol.wire.message import Message
-from protocol.wire.messages import MissionItemInt, ParamSet, ParamValue
+from protocol.wire.messages import LeaseRequest, MissionItemInt, ParamSet, ParamValue
 from runtime.errors import LocalError, RemoteError
 from runtime.units import NS_PER_MS, NS_PER_S
 
@@ -108,18 +109,25 @@ class SimulatedOperator:
         self.host = Host(scheduler, name)
         self.host.alive = False
         self.starts = 0
-        self.link: Link | None = None
+        self.bus: Bus | None = None
         self.beating = False
         self.closed = False
         self._scheduler = scheduler
         self._history = history
-        self._actions: SimulatedQueue[tuple[str, tuple[Argument, ...]]] | None = None
-        self._early: deque[tuple[str, tuple[Argument, ...]]] = deque()
+        self._loop: SimulatedLoop | None = None
+        self._actions: deque[tuple[str, tuple[Argument, ...]]] = deque()
+        self._has_actions: asyncio.Event | None = None
+        self._stopping: set[asyncio.Task[None]] = set()
 
     @property
     def dials(self) -> Network:
         """The network of the process, with its person."""
         return replace(DIALS, person=self.person)
+
+    @property
+    def common(self) -> Common:
+        """The robot, and the way to it."""
+        return Common(network=self.dials, robot="r1")
 
     def start(self) -> None:
         """Start the process."""
@@ -129,55 +137,64 @@ class SimulatedOperator:
         offset_ns = (700 + 13 * self.starts + len(self.name)) * 1_000_000_000
         self.host = Host(self._scheduler, self.name, offset_ns)
         self.beating = False
-        self._early.clear()
+        self._actions.clear()
         self.host.spawn(self._main)
 
     def kill(self) -> None:
         """Kill the process; the lease is not released."""
-        if self.link is not None and self.host.alive:
+        if self.bus is not None and self.host.alive:
             self.host.alive = False
-            session: Any = self.link.bus._session
+            session: Any = self.bus._session
             session.close()
             self.host.kill()
         for one in self._history.open:
             if one.operator == self.name and one.ended_ns is None:
                 one.ended_ns, one.killed = self._scheduler.now_ns, True
-        self.link = self._actions = None
+        self.bus = self._loop = self._has_actions = None
 
     def do(self, action: str, arguments: tuple[Argument, ...]) -> None:
         """Run an action: a stop at once, others after the current one."""
         if not self.host.alive:
             return
-        if action == "stop":
-            self.host.spawn(self._stop)
-        elif self._actions is None:
-            self._early.append((action, arguments))
-        else:
-            self._actions.put((action, arguments))
+        call = self._press_stop
+        if action != "stop":
+            self._actions.append((action, arguments))
+            call = self._go_on
+        if self._loop is not None:
+            self.host.call(self._loop.call_soon_threadsafe, call)
+
+    def _go_on(self) -> None:
+        if self._has_actions is not None:
+            self._has_actions.set()
 
     def _main(self) -> None:
-        bus = open_bus(self.dials, Role.GROUND, "r1", self.host.now_ns)
-        link = Link(bus, Common(network=self.dials, robot="r1"), SimulatedClock())
-        actions = self._actions = SimulatedQueue()
+        bus = self.bus = open_bus(self.dials, Role.GROUND, "r1", self.host.now_ns)
         bus.announce("r1")
-        self.link = link
-        self.host.spawn(self._beat)
-        while self._early:
-            actions.put(self._early.popleft())
-        while True:
-            action, arguments = actions.get()
-            ACTIONS[action](self, link, *arguments)
+        robot = self._robot = Robot(bus, self.common, clock=SimulatedClock())
+        self._loop = SimulatedLoop()
+        self._loop.run(self._live(robot))
 
-    def _beat(self) -> None:
-        link = self._linked()
+    async def _live(self, robot: Robot) -> None:
+        await asyncio.gather(self._beat(robot), self._act_in_turn(robot))
+
+    async def _act_in_turn(self, robot: Robot) -> None:
+        has_actions = self._has_actions = asyncio.Event()
+        while True:
+            while self._actions:
+                action, arguments = self._actions.popleft()
+                await ACTIONS[action](self, robot, *arguments)
+            has_actions.clear()
+            await has_actions.wait()
+
+    async def _beat(self, robot: Robot) -> None:
+        publisher = None
         while True:
             if self.beating:
-                link.beat()
-            link.clock.sleep_until(link.clock.now_ns() + BEAT_NS)
-
-    def _linked(self) -> Link:
-        assert self.link is not None
-        return self.link
+                if publisher is None:
+                    heartbeat = publisher = robot.lease.declare_heartbeat()
+                    await robot.in_own_thread(partial(robot.bus.await_matched, [heartbeat], 0.5))
+                robot.lease.beat()
+            await robot.sleep_until(robot.clock.now_ns() + BEAT_NS)
 
     # Actions; each request is added to the history.
 
@@ -191,95 +208,99 @@ class SimulatedOperator:
         asked.answered, asked.reason = answered, reason
         return bool(answered)
 
-    def _ask(self, action: str, request: Any, ask: Callable[[], Answer]) -> bool:
-        asked = self._begin(action, request)
+    async def ask(
+        self, robot: Robot, action: str, request: Any, service: Service = COMMAND
+    ) -> bool:
+        """Send a request; the history has that for the lease without its number."""
+        asked = self._begin(action, request if service is COMMAND else None)
         try:
-            answer = ask()
+            answer = await robot.ask(request, service=service)
         except (RemoteError, LocalError):
             return self._end(asked, None)
         return self._end(asked, answer.ok, answer.reason if isinstance(answer, Refused) else 0)
 
-    def command(self, link: Link, action: str, request: Any) -> bool:
-        """Send a command."""
-        return self._ask(action, request, lambda: link.ask(request))
+    def _press_stop(self) -> None:
+        pressing = asyncio.ensure_future(self._stop(self._robot))
+        self._stopping.add(pressing)
+        pressing.add_done_callback(self._end_stop)
 
-    def _stop(self) -> None:
-        """Press the station's emergency stop."""
-        link = self._linked()
-        with link.subscribed(STATUS) as telemetry:
-            publisher = link.bus.publisher(STOP, link.robot)
+    def _end_stop(self, pressing: "asyncio.Task[None]") -> None:
+        self._stopping.discard(pressing)
+        if not pressing.cancelled() and (error := pressing.exception()) is not None:
+            self.host.error = error  # an invariant judges it
+
+    async def _stop(self, robot: Robot) -> None:
+        """Press the emergency stop, and repeat it until it is acknowledged or given up."""
+        with robot.subscribed(STATUS) as telemetry:
             stop = EmergencyStop(
-                link.bus, publisher, link.robot, link.clock, lambda: telemetry.latest(STATUS)
+                robot.bus,
+                robot.bus.publisher(STOP, robot.name),
+                robot.name,
+                robot.clock,
+                lambda: telemetry.latest(STATUS),
             )
             asked = self._begin("stop", None, stop.request_id)
-            outcome = stop.run()
+            outcome = await robot.in_own_thread(stop.run)
         self._end(asked, True if outcome.acknowledged else None)
 
-    def take(self, link: Link, how: str) -> bool:
+    async def take(self, robot: Robot, how: str) -> bool:
         """Take, seize or release the lease."""
         action = LeaseAction[how]
-
-        def ask() -> Answer:
-            return ask_lease(link, action, self.name)
-
-        ok = self._ask(f"lease {how}", None, ask)
+        request = LeaseRequest(request_id=robot.ids.next(), action=action, name=self.name)
+        ok = await self.ask(robot, f"lease {how}", request, LEASE_SERVICE)
         if ok:
             self.beating = action in (LeaseAction.TAKE, LeaseAction.SEIZE)
         return ok
 
-    def order(self, link: Link, verb: str) -> bool:
+    async def order(self, robot: Robot, verb: str) -> bool:
         """Send the command of a verb."""
-        return self.command(link, verb, link.command(*ORDERS[verb]))
+        return await self.ask(robot, verb, robot.request(*ORDERS[verb]))
 
-    def mode(self, link: Link, name: str) -> bool:
+    async def mode(self, robot: Robot, name: str) -> bool:
         """Change the mode."""
-        mode = float(Mode[name])
-        return self.command(link, f"mode {name}", link.command(Command.DO_SET_MODE, 1.0, mode))
+        request = robot.request(Command.DO_SET_MODE, 1.0, float(Mode[name]))
+        return await self.ask(robot, f"mode {name}", request)
 
-    def goto(self, link: Link, x_m: float, y_m: float, mode: str) -> bool:
+    async def goto(self, robot: Robot, x_m: float, y_m: float, mode: str) -> bool:
         """Send a goal."""
         where = destination([x_m, y_m]).on_the_wire()
-        return self.command(link, "goto", goal_request(where, link.ids.next(), Mode[mode]))
+        return await self.ask(robot, "goto", goal_request(where, robot.ids.next(), Mode[mode]))
 
-    def teleop(self, link: Link, speed_m_s: float, yaw_rad_s: float, for_s: float) -> bool:
+    async def teleop(self, robot: Robot, speed_m_s: float, yaw_rad_s: float, for_s: float) -> bool:
         """Arm, choose MANUAL and steer."""
-        if not self.mode(link, "MANUAL"):
+        if not await self.mode(robot, "MANUAL"):
             return False
-        self.order(link, "arm")
-        stick = TeleopSender(link.bus, link.robot, link.clock)
-        until_ns = link.clock.now_ns() + round(for_s * NS_PER_S)
-        while link.clock.now_ns() < until_ns:
+        await self.order(robot, "arm")
+        stick, clock = TeleopSender(robot.bus, robot.name, robot.clock), robot.clock
+        until_ns = clock.now_ns() + round(for_s * NS_PER_S)
+        while clock.now_ns() < until_ns:
             stick.drive(speed_m_s, yaw_rad_s)
-            link.clock.sleep_until(link.clock.now_ns() + STEER_NS)
+            await robot.sleep_until(clock.now_ns() + STEER_NS)
         stick.stop()
         return True
 
-    def drive(self, link: Link, x_m: float, y_m: float, mode: str) -> bool:
+    async def drive(self, robot: Robot, x_m: float, y_m: float, mode: str) -> bool:
         """Arm and send a goal."""
-        self.order(link, "arm")
-        return self.goto(link, x_m, y_m, mode)
+        await self.order(robot, "arm")
+        return await self.goto(robot, x_m, y_m, mode)
 
-    def param(self, link: Link, name: str, value: float) -> bool:
+    async def param(self, robot: Robot, name: str, value: float) -> bool:
         """Set a parameter."""
         request = ParamSet(param_id=name, param_value=value, param_type=PARAM_TYPE_REAL32)
         asked = self._begin("param", request, name, value)
-        answer: object = None
-        left = 3
-        while left and (answer is None or is_saving(answer)):
-            try:
-                answer = link.bus.ask(PARAMETER, request, 0.5, robot=link.robot)
-            except RemoteError:
-                answer, left = None, left - 1
-        if answer is None:
+        try:
+            setting = ParameterExchange(request, robot.clock.now_ns())
+            answer = await robot.exchange(setting, PARAMETER)
+        except RemoteError:
             return self._end(asked, None)
         if isinstance(answer, ParamValue):
             return self._end(asked, True)
         return self._end(asked, False, getattr(answer, "result_param2", 0))
 
-    def fence(self, link: Link, radius_m: float, corners: int = 0) -> bool:
+    async def fence(self, robot: Robot, radius_m: float, corners: int = 0) -> bool:
         """Upload a circle around the start, or a square as wide; clear the fence for 0."""
         if not radius_m:
-            return self._transfer(link, "fence off", MissionType.FENCE, ())
+            return await self._transfer(robot, "fence off", MissionType.FENCE, ())
         x_m, y_m = self.centre
         fence: Circle | Polygon = Circle(x_m=x_m, y_m=y_m, radius_m=radius_m)
         if corners:
@@ -288,34 +309,35 @@ class SimulatedOperator:
                 corners=tuple((x_m + right * radius_m, y_m + up * radius_m) for right, up in sides)
             )
         items = tuple(fence_items_of(fence))
-        return self._transfer(link, "fence", MissionType.FENCE, items)
+        return await self._transfer(robot, "fence", MissionType.FENCE, items)
 
-    def mission(self, link: Link, hold_s: float, *places: float) -> bool:
+    async def mission(self, robot: Robot, hold_s: float, *places: float) -> bool:
         """Upload stops and start the mission."""
         stops = zip(places[::2], places[1::2], strict=True)
         waypoints = [Waypoint(x_m=x_m, y_m=y_m, hold_s=hold_s) for x_m, y_m in stops]
         items = tuple(items_of(waypoints))
-        if not self._transfer(link, "mission", MissionType.MISSION, items):
+        if not await self._transfer(robot, "mission", MissionType.MISSION, items):
             return False
-        self.order(link, "arm")
-        return self.command(link, "start", link.command(Command.MISSION_START, 0.0))
+        await self.order(robot, "arm")
+        return await self.ask(robot, "start", robot.request(Command.MISSION_START, 0.0))
 
-    def _transfer(
-        self, link: Link, action: str, kind: MissionType, items: tuple[MissionItemInt, ...]
+    async def _transfer(
+        self, robot: Robot, action: str, kind: MissionType, items: tuple[MissionItemInt, ...]
     ) -> bool:
-        now_ns = link.clock.now_ns()
-        talk = Upload(items, kind, now_ns) if items else Clear(kind, now_ns)
+        now_ns = robot.clock.now_ns()
         asked = self._begin(action, None, kind, items)
-        link.exchange(talk, MISSION_SERVICE)
-        outcome = talk.outcome
-        if isinstance(outcome, Verdict):
-            return self._end(asked, outcome.ok, outcome.reason)
-        return self._end(asked, None)
+        try:
+            verdict = await send(
+                robot, Upload(items, kind, now_ns) if items else Clear(kind, now_ns)
+            )
+        except RemoteError:
+            return self._end(asked, None)
+        return self._end(asked, verdict.ok, verdict.reason)
 
     centre: tuple[float, float] = (0.0, 0.0)
 
 
-ACTIONS: Final[dict[str, Callable[..., bool]]] = {
+ACTIONS: Final[dict[str, Callable[..., Coroutine[Any, Any, bool]]]] = {
     "lease": SimulatedOperator.take,
     "order": SimulatedOperator.order,
     "mode": SimulatedOperator.mode,
@@ -342,9 +364,8 @@ class Action(NamedTuple):
     arguments: tuple[Argument, ...]
 
     async def perform(self, robot: Robot) -> JobResult:
-        """Run it in a thread of its own."""
-        link, act = self.operator.link, ACTIONS[self.action]
-        ok = await robot.in_own_thread(lambda: act(self.operator, link, *self.arguments))
+        """Run it on the station's robot."""
+        ok = await ACTIONS[self.action](self.operator, robot, *self.arguments)
         return JobResult(ok, self.action)
 
 
@@ -352,26 +373,21 @@ class StationOperator(SimulatedOperator):
     """An operator whose answers appear in the station's log."""
 
     _station: Station | None = None
-    _press: OperatorRequest | None = None
+    _pressed: OperatorRequest | None = None
     _lines_before = 0
 
     def _main(self) -> None:
-        bus = open_bus(self.dials, Role.GROUND, "r1", self.host.now_ns)
-        common, clock = Common(network=self.dials, robot="r1"), SimulatedClock()
-        self._actions = SimulatedQueue()
-        station = self._station = Station(bus, "r1", clock, name=self.name, common=common)
-        self._press = None
-        self.link = Link(bus, common, clock)
-        while self._early:
-            self._actions.put(self._early.popleft())
-        SimulatedLoop().run(self._polling(station, self._actions))
+        bus = self.bus = open_bus(self.dials, Role.GROUND, "r1", self.host.now_ns)
+        clock = SimulatedClock()
+        station = self._station = Station(bus, "r1", clock, name=self.name, common=self.common)
+        self._pressed = None
+        self._loop = SimulatedLoop()
+        self._loop.run(self._polling(station))
 
-    async def _polling(
-        self, station: Station, actions: SimulatedQueue[tuple[str, tuple[Argument, ...]]]
-    ) -> None:
+    async def _polling(self, station: Station) -> None:
         while True:
-            if not station.busy and actions.qsize():
-                self._act(station, *actions.get_nowait())
+            if not station.busy and self._actions:
+                self._act(station, *self._actions.popleft())
             station.poll()
             self._see_stop(station)
             await asyncio.sleep(POLL_NS / NS_PER_S)
@@ -386,21 +402,21 @@ class StationOperator(SimulatedOperator):
 
         station.submit(action, Action(self, action, arguments), moves=action not in STILL)
 
-    def _stop(self) -> None:
+    def _press_stop(self) -> None:
         """Press the station's emergency stop, which repeats until acknowledged or given up."""
         station = self._station
         if station is None:
             return
         station.estop()
-        if self._press is None:
+        if self._pressed is None:
             self._lines_before = station.log.total
-            self._press = self._begin("stop", None)
+            self._pressed = self._begin("stop", None)
 
     def _see_stop(self, station: Station) -> None:
-        press = self._press
+        press = self._pressed
         if press is None or station.stopping:
             return
-        self._press = None
+        self._pressed = None
         acknowledged = any(
             ACKNOWLEDGED in line.text for line in station.log.since(self._lines_before)
         )
