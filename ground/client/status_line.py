@@ -5,7 +5,7 @@ from math import degrees, isfinite
 from typing import Any, Final, TypeVar
 
 from ground.client.telemetry import Age, Telemetry
-from ground.text.wording import Part, present_reason
+from ground.text.wording import Part, driving, present_reason
 from protocol.outcome import goal_end
 from protocol.topics import CYCLE, DECISION, HEARTBEAT, ODOMETRY, STATUS, Topic
 from protocol.wire.enums import GoalState, Mode, Vehicle
@@ -106,10 +106,13 @@ def driven(status: NavigatorStatus) -> str:
 
 
 def state_of(status: NavigatorStatus) -> str:
-    """Return the names of vehicle state, mode and goal state; an unknown number stays a number."""
-    vehicle = name_of(Vehicle, status.vehicle)
-    mode, goal = name_of(Mode, status.mode), name_of(GoalState, status.goal)
-    return f"{vehicle} {mode} {goal}"
+    """Return the names of vehicle state, mode and goal state; an unknown number stays a number.
+
+    A goal under way that the mode does not drive to is kept.
+    """
+    vehicle, mode = name_of(Vehicle, status.vehicle), name_of(Mode, status.mode)
+    is_kept = status.mode == Mode.HOLD and driving(status)
+    return f"{vehicle} {mode} {'goal kept' if is_kept else name_of(GoalState, status.goal)}"
 
 
 def name_of(kind: type[Vehicle] | type[Mode] | type[GoalState], number: int) -> str:

@@ -27,7 +27,7 @@ from ground.text.wording import StatustextAssembler
 from protocol.outcome import detail_of, goal_end
 from protocol.topics import MARK, STATUS
 from protocol.wire.codec import decode
-from protocol.wire.enums import GoalState, Navigator, Vehicle
+from protocol.wire.enums import GoalState, Mode, Navigator, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import NavigatorStatus
 from protocol.wire.reasons import reason_text
@@ -99,6 +99,8 @@ TAIL_BYTES: Final = 1 << 18
 """This much of the end of a .tlog holds several seconds of a robot."""
 FIRST_FRAMES: Final = 20_000
 DRIVING: Final = "driving"
+HELD: Final = "held"
+UNFINISHED: Final = "unfinished"
 NO_GOAL: Final = "no goal"
 
 
@@ -139,7 +141,7 @@ def summary_of(path: Path) -> Summary:
         length_s=length_s,
         world="" if world is None else world.name,
         navigator="" if last is None else navigator_of(last),
-        outcome="" if last is None else outcome_of(last),
+        outcome="" if last is None else outcome_of(last, is_running=is_running(path)),
         size=sum(map(size_of, files_of(path))),
         is_running=is_running(path),
     )
@@ -180,9 +182,16 @@ def navigator_of(status: NavigatorStatus) -> str:
     return str(status.navigator)
 
 
-def outcome_of(status: NavigatorStatus) -> str:
-    """Return how the last goal ended; a goal that has not ended is `driving`."""
+def outcome_of(status: NavigatorStatus, *, is_running: bool = True) -> str:
+    """Return how the last goal ended.
+
+    One that has not ended is `driving` or `held`, or `unfinished` if the recording is complete.
+    """
     end = goal_end(status.goal, status.goal_reason)
     if end is not None:
         return end
-    return NO_GOAL if status.goal == GoalState.NONE else DRIVING
+    if status.goal == GoalState.NONE:
+        return NO_GOAL
+    if not is_running:
+        return UNFINISHED
+    return HELD if status.mode == Mode.HOLD else DRIVING

@@ -476,7 +476,7 @@ class ClaimsObserver:
 def ends_of(row: RobotRow) -> tuple[str, ...]:
     """Return the words for the end of the robot's goal, or for the time before it."""
     if row.has_goal:
-        return ("driving",)
+        return ("held",) if row.mode == Mode.HOLD else ("driving",)
     return SUMMARIES[row.goal_state]
 
 

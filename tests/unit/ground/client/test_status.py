@@ -168,6 +168,13 @@ def test_states_of_a_newer_robot_are_shown_as_numbers() -> None:
     assert state_of(status(goal=99, vehicle=77)) == "Vehicle 77 GUIDED GoalState 99"
 
 
+def test_goal_under_way_is_kept_while_the_robot_holds() -> None:
+    for goal in (GoalState.ACCEPTED, GoalState.DRIVING, GoalState.AVOIDING, GoalState.ALIGNING):
+        assert state_of(status(goal, mode=Mode.HOLD)) == "ACTIVE HOLD goal kept"
+    assert state_of(status(GoalState.REACHED, mode=Mode.HOLD)) == "ACTIVE HOLD REACHED"
+    assert state_of(status(GoalState.DRIVING)) == "ACTIVE GUIDED DRIVING"
+
+
 def test_no_number_is_missing_and_infinity_is_no_echo() -> None:
     assert (metres(nan), metres(inf), metres(0.5)) == ("--", "--", "0.50 m")
     assert (echo_of(nan), echo_of(inf), echo_of(0.5)) == ("--", "none", "0.50 m")

@@ -409,6 +409,15 @@ def test_other_goal_states_keep_their_names() -> None:
     assert outcome_of(status(GoalState.DRIVING)) == "driving"
 
 
+def test_goal_of_a_complete_recording_is_not_driven_any_more() -> None:
+    driven = status(GoalState.AVOIDING)
+    held = replace(driven, mode=Mode.HOLD)
+    assert [outcome_of(one) for one in (driven, held)] == ["driving", "held"]
+    assert {outcome_of(one, is_running=False) for one in (driven, held)} == {"unfinished"}
+    assert outcome_of(status(GoalState.ABORTED), is_running=False) == "aborted"
+    assert outcome_of(status(GoalState.NONE), is_running=False) == "no goal"
+
+
 def test_goal_that_another_one_replaces_has_an_end() -> None:
     first, over = status(GoalState.DRIVING), status(GoalState.REACHED)
     other = replace(first, goal_id=8, goal_x_m=4.0)
