@@ -3,17 +3,20 @@
 One stack serves all tests of this file. A client without a key, or with a wrong one, is refused.
 """
 
+import socket
 from collections.abc import Iterator
+from contextlib import suppress
 from math import nan
 from pathlib import Path
 from typing import Final
 
 import pytest
 
+from checks.harness.mavlink_client import MavlinkClient, UdpLine
+from checks.harness.processes import free_port
 from gateways.mavlink.mavlink_dialect import mavlink
 from protocol.wire.enums import Vehicle
 from tests.support.compose import LAST_WORDS, POLL_S, Compose, docker, project
-from tests.support.stack.processes import MavlinkClient, free_port
 from tests.support.until import until
 
 pytestmark = pytest.mark.compose
@@ -31,7 +34,7 @@ def fleet(image: str) -> Iterator[Compose]:
     settings = {
         "ROBOTS": "2",
         "WORLD": "open",
-        "MAVLINK_PORT": str(free_port()),
+        "MAVLINK_PORT": str(free_port(socket.SOCK_DGRAM)),
     }
     with project(image, "secure", "mavlink", "record", settings=settings) as compose:
         compose.up()
@@ -135,24 +138,26 @@ def test_each_robot_drives_to_its_goal_behind_locked_doors(fleet: Compose) -> No
 
 
 def test_mavlink_client_of_the_host_drives_a_robot(fleet: Compose) -> None:
-    client = MavlinkClient(int(fleet.settings["MAVLINK_PORT"]))
+    with MavlinkClient(UdpLine(int(fleet.settings["MAVLINK_PORT"]))) as client:
+        drive_to_the_west(client)
+    keys = fleet.inside("mavlink", "ls", "/keys").said.split()
+    assert keys == ["bus.toml", "ca.pem", "gateway.key", "gateway.pem", "gateway.stops"]
+
+
+def drive_to_the_west(client: MavlinkClient) -> None:
     before = client.next("GLOBAL_POSITION_INT")
     change_mode = float(mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE)
     to_the_west = (-1.0, change_mode, 0.0, nan, before.lat, before.lon - 80, 0.0)  # 0.7 m
 
     def has_moved() -> bool:  # a busy machine may stop a robot: it drives on when armed again
-        client.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
-        frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
-        client.link.mav.command_int_send(
-            1, 1, frame, mavlink.MAV_CMD_DO_REPOSITION, 0, 0, *to_the_west
-        )
+        with suppress(RuntimeError):
+            client.arm()
+        frame, number = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, mavlink.MAV_CMD_DO_REPOSITION
+        client.send(mavlink.MAVLink_command_int_message(1, 1, frame, number, 0, 0, *to_the_west))
         return bool(client.next("GLOBAL_POSITION_INT").lon < before.lon - 20)
 
     until(has_moved, SOON_S, "motion")
-    assert client.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0.0) == mavlink.MAV_RESULT_ACCEPTED
-    client.link.close()
-    keys = fleet.inside("mavlink", "ls", "/keys").said.split()
-    assert keys == ["bus.toml", "ca.pem", "gateway.key", "gateway.pem", "gateway.stops"]
+    client.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0.0)
 
 
 def test_once_locked_the_doors_stay_locked(fleet: Compose) -> None:

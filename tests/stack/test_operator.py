@@ -4,9 +4,10 @@ import os
 import re
 import shutil
 import signal
+import socket
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from itertools import cycle
 from pathlib import Path
@@ -16,7 +17,8 @@ from typing import Any, NamedTuple
 import pyte
 import pytest
 
-from checks.harness.processes import ask_until_accepted, command_request
+from checks.harness.mavlink_client import MavlinkClient, UdpLine
+from checks.harness.processes import ask_until_accepted, command_request, free_port
 from checks.harness.terminal import Terminal
 from gateways.mavlink.mavlink_dialect import mavlink
 from ground.missions.files import read
@@ -26,11 +28,9 @@ from protocol.wire.messages import MissionStatus
 from tests.support.stack.processes import (
     LOCAL,
     Crew,
-    MavlinkClient,
     Running,
     Witness,
     departs,
-    free_port,
 )
 from tests.support.stack.screens import Tmux
 from tests.support.until import PATIENCE_S, until
@@ -471,10 +471,10 @@ def is_driving(heartbeat: Any) -> bool:
 @pytest.mark.stack
 @pytest.mark.brief
 def test_client_of_up_sees_the_drive_and_stops_it() -> None:
-    port = free_port()
-    with Crew() as crew:
+    port = free_port(socket.SOCK_DGRAM)
+    with Crew() as crew, ExitStack() as here:
         up = crew.start(*SLOW_DRIVE, "--mavlink", f"udpin:{LOCAL}:{port}")
-        client = MavlinkClient(port)
+        client = here.enter_context(MavlinkClient(UdpLine(port)))
         client.next("HEARTBEAT", is_driving)
         first = client.next("GLOBAL_POSITION_INT")
         second = client.next("GLOBAL_POSITION_INT", lambda one: one.lon != first.lon)
@@ -484,8 +484,7 @@ def test_client_of_up_sees_the_drive_and_stops_it() -> None:
         client.next("HEARTBEAT", is_driving)
         client.next("GLOBAL_POSITION_INT", lambda one: one.lon != second.lon)
         assert gateway_of(up.process.pid) != gateway
-        assert client.command(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 1.0) == 0
-        client.link.close()
+        client.command(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 1.0)
         assert up.ends() == 1
         assert "emergency stop" in up.said
         assert "Traceback" not in up.said, up.said

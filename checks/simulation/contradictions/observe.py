@@ -32,6 +32,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 from checks.harness.figures import BenchmarkReport, figure
+from checks.harness.mavlink_client import MavlinkClient, UdpLine
 from checks.harness.processes import free_port
 from checks.harness.until import until
 from checks.simulation import campaign
@@ -62,7 +63,6 @@ from checks.simulation.contradictions.truth import (
 )
 from checks.simulation.hosts.mavlink import CLIENTS, command, reposition
 from checks.simulation.invariants.limits import InvariantViolation
-from gateways.mavlink.clients import NoFile
 from gateways.mavlink.mavlink_dialect import mavlink
 from ground.client.connection import common
 from ground.client.outcomes import Accepted, GoalEnded, Refused
@@ -362,19 +362,21 @@ class RealStation:
 
     def __init__(self, name: str, journal: Journal, port: int) -> None:
         self._name, self._journal, self._port = name, journal, port
-        self._parser = mavlink.MAVLink(NoFile(), CLIENTS[name], mavlink.MAV_COMP_ID_MISSIONPLANNER)
         self._sent: dict[int, tuple[tuple[float, ...], int]] = {}
-        self._closed = threading.Event()
-        self._socket = socket.socket(type=socket.SOCK_DGRAM)
-        threading.Thread(target=self._beat, daemon=True).start()
-        threading.Thread(target=self._listen, daemon=True).start()
+        self._scope = ExitStack()
+        self._start()
+
+    def _start(self) -> None:
+        """Start a client from a new port, which sends a heartbeat at once."""
+        client = MavlinkClient(UdpLine(self._port), system=CLIENTS[self._name])
+        client.takes = self._take
+        self._client = self._scope.enter_context(client)
 
     def do(self, verb: str, arguments: Arguments) -> None:
         """Send a command."""
         if verb == "restart":
-            before, self._socket = self._socket, socket.socket(type=socket.SOCK_DGRAM)
-            before.close()
-            self._send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+            self._scope.close()
+            self._start()
             return
         if verb not in SENT:
             return
@@ -383,37 +385,14 @@ class RealStation:
         if verb == "drive":
             self._ask(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
             x_m, y_m = (float(one) for one in arguments[:2])
-            self._send(reposition(x_m, y_m))
+            self._client.send(reposition(x_m, y_m))
         else:
             number, *params = SENT[verb](*arguments)
             self._ask(int(number), *params)
 
     def _ask(self, number: int, *params: float) -> None:
         self._sent[number] = params, self._journal.scheduler.now_ns
-        self._send(command(number, *params))
-
-    def _send(self, message: Any) -> None:
-        data = message.pack(self._parser)
-        self._parser.seq = (self._parser.seq + 1) & 0xFF
-        with suppress(OSError):
-            self._socket.sendto(data, ("127.0.0.1", self._port))
-
-    def _beat(self) -> None:
-        while not self._closed.wait(1.0):
-            self._send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
-
-    def _listen(self) -> None:
-        reader = mavlink.MAVLink(NoFile())
-        reader.robust_parsing = True
-        while not self._closed.is_set():
-            current = self._socket
-            try:
-                current.settimeout(0.2)
-                data = current.recv(2048)
-            except OSError:
-                continue
-            for message in reader.parse_buffer(data) or ():
-                self._take(message)
+        self._client.send(command(number, *params))
 
     def _take(self, message: Any) -> None:
         kind = message.get_type()
@@ -426,7 +405,7 @@ class RealStation:
 
     def close(self) -> None:
         """Be silent from now on."""
-        self._closed.set()
+        self._scope.close()
 
 
 SENT: Final[dict[str, Callable[..., tuple[float, ...]]]] = {

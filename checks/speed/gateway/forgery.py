@@ -14,18 +14,10 @@ from typing import Any, Final
 from fastcrc.crc16 import mcrf4xx
 
 from checks.harness.figures import Figure, figure
+from checks.harness.mavlink_client import GROUND_STATION, Line, MavlinkClient, stamp_now
 from checks.harness.until import until
 from checks.speed.gateway.reactions import channels, stick, velocity
-from checks.speed.gateway.stage import (
-    GROUND_STATION,
-    Air,
-    Figures,
-    Line,
-    MavlinkClient,
-    on_air,
-    position_target,
-    stamp_now,
-)
+from checks.speed.gateway.stage import Air, Figures, on_air, position_target
 from gateways.mavlink.clients import MAVLINK_1_IDS, NoFile
 from gateways.mavlink.mavlink_dialect import REQUEST_OPERATOR_CONTROL, MavMessage, mavlink
 from gateways.mavlink.signing import PER_S

@@ -31,24 +31,21 @@ from pymavlink import mavftp
 
 from checks.flood.under_attack import peak_mb
 from checks.harness.figures import BenchmarkReport, Figure, figure
+from checks.harness.mavlink_client import (
+    GROUND_STATION,
+    FrameArrival,
+    Line,
+    MavlinkClient,
+    PseudoLine,
+    UdpLine,
+)
 from checks.harness.observer import motion_since, stood_s
 from checks.harness.processes import ToldProcess, cpu_s, resident_mb, send_when_told
 from checks.harness.relays import PERFECT, POOR, Impairment, UdpRelay
 from checks.harness.until import until
 from checks.speed.gateway import forgery, reactions
 from checks.speed.gateway.forgery import command, commands
-from checks.speed.gateway.stage import (
-    GROUND_STATION,
-    Air,
-    Driver,
-    Figures,
-    FrameArrival,
-    Line,
-    MavlinkClient,
-    PseudoLine,
-    UdpLine,
-    on_air,
-)
+from checks.speed.gateway.stage import Air, Driver, Figures, on_air
 from gateways.mavlink.clients import NoFile
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from runtime.units import NS_PER_S

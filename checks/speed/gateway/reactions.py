@@ -18,10 +18,11 @@ from time import monotonic, monotonic_ns
 from typing import Any, Final, NamedTuple
 
 from checks.harness.figures import Figure, figure, percentile
+from checks.harness.mavlink_client import MavlinkClient
 from checks.harness.observer import motion_since, stood_s
 from checks.harness.operator import ThreadedOperator
 from checks.harness.until import until
-from checks.speed.gateway.stage import FORCED, Air, Figures, MavlinkClient, on_air, position_target
+from checks.speed.gateway.stage import FORCED, Air, Figures, on_air, position_target
 from gateways.mavlink.mavlink_dialect import REQUEST_OPERATOR_CONTROL, MavMessage, mavlink
 from gateways.mavlink.motion.pilot import EnterGuided
 from ground.client.goal import Destination

@@ -1,8 +1,7 @@
-"""Real processes of the stack, a witness, their table, and a MAVLink ground station."""
+"""Real processes of the stack, a witness, and their table."""
 
 import os
 import signal
-import socket
 import subprocess
 import tempfile
 import time
@@ -12,11 +11,9 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import IO, Any, Self
+from typing import IO, Self
 
-from pymavlink import mavutil
-
-from gateways.mavlink.mavlink_dialect import mavlink
+from checks.harness.processes import free_port
 from ground.launch.child_command import command
 from ground.recording.log_reader import TlogReader
 from protocol.bus.bus import Bus, open_bus
@@ -46,9 +43,7 @@ LOCAL = "127.0.0.1"
 
 
 def free_endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind((LOCAL, 0))
-        return f"tcp/{LOCAL}:{probe.getsockname()[1]}"
+    return f"tcp/{LOCAL}:{free_port()}"
 
 
 @dataclass
@@ -357,30 +352,3 @@ def frames_in(folder: Path) -> int:
             decode(record.frame)
     assert reader.lost_bytes < 300, "more than the record that was being written is lost"
     return reader.records
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind((LOCAL, 0))
-        return int(probe.getsockname()[1])
-
-
-class MavlinkClient:
-    """Sends heartbeats, and waits for messages of system 1."""
-
-    def __init__(self, port: int) -> None:
-        self.link: Any = mavutil.mavlink_connection(f"udpout:{LOCAL}:{port}", source_system=255)
-
-    def next(self, kind: str, accepts: Callable[[Any], bool] = lambda _: True) -> Any:
-        until_s = time.monotonic() + PATIENCE_S
-        while time.monotonic() < until_s:
-            self.link.mav.heartbeat_send(mavlink.MAV_TYPE_GCS, 8, 0, 0, 4)
-            found = self.link.recv_match(type=kind, blocking=True, timeout=1.0)
-            if found is not None and accepts(found):
-                return found
-        raise AssertionError(f"no {kind} within {PATIENCE_S:g} s")
-
-    def command(self, number: int, *params: float) -> int:
-        values = (*params, *(0.0,) * (7 - len(params)))
-        self.link.mav.command_long_send(1, 1, number, 0, *values)
-        return int(self.next("COMMAND_ACK", lambda ack: ack.command == number).result)

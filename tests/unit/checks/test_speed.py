@@ -19,6 +19,7 @@ from rich.text import Text
 from checks.__main__ import BENCHMARKS, benchmark_of, main
 from checks.evidence import EVIDENCE, FIGURES, GATEWAY, LONG_FIGURES, ROOT, TICK
 from checks.harness.figures import BenchmarkReport, Figure
+from checks.harness.mavlink_client import FrameArrival, stamp_now
 from checks.harness.terminal import Terminal
 from checks.site import figures_page
 from checks.speed import accuracy
@@ -32,7 +33,7 @@ from checks.speed.gateway.forgery import KINDS, Forger, command, sign
 from checks.speed.gateway.gateway_figures import KINDS as FLOODS
 from checks.speed.gateway.gateway_figures import SUPPLY, FrameFloodRun, supply_of
 from checks.speed.gateway.reactions import first_ns
-from checks.speed.gateway.stage import FrameArrival, position_target, stamp_now
+from checks.speed.gateway.stage import position_target
 from checks.speed.lockstep import STAGES, ThreadCost, Usage, difference, points_ns, stages_us
 from checks.speed.map_drawing import (
     PlotextMap,
