@@ -21,10 +21,11 @@ from ground.launch.scenario import Scenario, ScenarioRobot
 from ground.launch.supervisor import VoidRun
 from ground.robot import Robot
 from ground.text.wording import Part
-from protocol.outcome import REPLACED, Outcome, RunEnd, doubt_of, evaluated
+from protocol.outcome import REPLACED, WANTED_ENDS, Outcome, RunEnd, doubt_of, evaluated
 from protocol.topics import CYCLE, DECISION, LEASE, MISSION, ODOMETRY, RUN, STATUS, TRUTH
 from protocol.wire.codec import decode
 from protocol.wire.enums import Command, GoalState, MissionState, Mode, RunAction, Vehicle
+from protocol.wire.limits import MAX_LEASE_MS
 from protocol.wire.messages import CommandAck, NavigatorStatus, PlanarOdometry, RunRequest, RunScore
 from protocol.wire.reasons import Reason
 from runtime.errors import NoAnswerError, RemoteError
@@ -33,6 +34,8 @@ from runtime.watchdog import slowdown_in
 
 READY_NS: Final = 60 * NS_PER_S
 """A busy computer needs many seconds to start the processes; one that ends is noticed at once."""
+IDLE_S: Final = MAX_LEASE_MS // 1000
+"""So long an operator who has ended the goal may leave the robot idle before the run ends."""
 RETRY_NS: Final = 20_000_000
 REQUEST_TIMEOUT_S: Final = 2.0
 RESTART_WAIT_NS: Final = 5 * NS_PER_S
@@ -52,7 +55,7 @@ class GoalRun:
 
     `check` raises when a process has exited. `void` returns the reason when a process was
     restarted: then `void_reason` is set instead of `outcome`. A goal that an operator has ended or
-    replaced is judged at once, but the run goes on while an operator commands the robot.
+    replaced is judged at once, but the run goes on until nobody has commanded the robot for IDLE_S.
     """
 
     def __init__(
@@ -81,6 +84,9 @@ class GoalRun:
         self._void = void
         self._goal_id = 0
         self._begun_ns = self._lost_ns = 0
+        self._commanded_ns: int | None = None
+        """When an operator last commanded the robot, once the goal has ended."""
+
         self._of_goal: NavigatorStatus | None = None
         """The newest status of the goal of this run."""
 
@@ -182,7 +188,25 @@ class GoalRun:
     @property
     def is_over(self) -> bool:
         """True when the run has an outcome and nobody else drives on, or when it is void."""
-        return bool(self.void_reason) or (self.outcome is not None and not self._is_commanded)
+        return bool(self.void_reason) or (
+            self.outcome is not None and not self._is_commanded and not self._left_s
+        )
+
+    @property
+    def ending(self) -> str:
+        """Why a run has gone on after its goal and now ends; empty if it has not gone on."""
+        if self._commanded_ns is None:
+            return ""
+        robot = self.robot.name
+        return f"{robot}: nothing driven and no lease held for {IDLE_S} s, so the run ends"
+
+    @property
+    def _left_s(self) -> int:
+        """Time in which an operator who has commanded the robot may go on."""
+        if self._commanded_ns is None:
+            return 0
+        idle_ns = self.robot.clock.now_ns() - self._commanded_ns
+        return max(0, -((idle_ns - IDLE_S * NS_PER_S) // NS_PER_S))
 
     async def look(self) -> None:
         """Check whether the goal has ended; NoOutcomeError when the robot is lost."""
@@ -190,6 +214,8 @@ class GoalRun:
             return
         if self.outcome is not None:
             self._check()
+            if self._is_commanded:
+                self._commanded_ns = self.robot.clock.now_ns()
             return
         truth = self.telemetry.latest(TRUTH)
         if truth is not None:
@@ -249,7 +275,8 @@ class GoalRun:
         now_ns = self.robot.clock.now_ns()
         if self.outcome is not None and not self.is_over:
             parts = goal_line(self.telemetry, now_ns, 0)
-            return [Part(f"goal {self.outcome.outcome}, an operator commands"), *parts]
+            on = "an operator commands" if self._is_commanded else f"ends in {self._left_s} s"
+            return [Part(f"goal {self.outcome.outcome}, {on}"), *parts]
         watch = self._watch if self.outcome is None else None  # at the end it is not fed any more
         silent_ns = 0 if watch is None else watch.silent_ns(now_ns)
         unseen = self._goal_id if self._of_goal is None else None
@@ -290,6 +317,9 @@ class GoalRun:
         self.outcome = await self._judge(status, wall_s, status.time_ns if replaced else None)
         if end is not None and replaced and self.outcome.outcome == "timeout":
             self.outcome = replace(self.outcome, outcome=REPLACED, reason=end.reason)
+        is_wanted = self.outcome.outcome == "aborted" and status.goal_reason in WANTED_ENDS
+        if self.outcome.outcome == REPLACED or is_wanted:
+            self._commanded_ns = self.robot.clock.now_ns()
 
     async def _ask_plant(self, request: RunRequest) -> object:
         timeout_s = REQUEST_TIMEOUT_S * slowdown_in(self.robot.clock)()

@@ -184,6 +184,8 @@ def run_headless(
                             lockstep=scenario.lockstep, launched=partial(stack.supervise, bus)
                         )
                     )
+                for ending in filter(None, (goal_run.ending for goal_run in goal_runs)):
+                    output.note(ending)
                 close_records(stack, output, clock)
                 return outcomes
             except (UnansweredError, RemoteError):

@@ -16,7 +16,7 @@ from ground.client.leases import Leasing
 from ground.client.link import UnansweredError
 from ground.client.requests import ATTEMPTS
 from ground.launch.fleet_run import FleetRun, as_json, in_words
-from ground.launch.goal_run import READY_NS, RESTART_WAIT_NS, GoalRun, NoOutcomeError
+from ground.launch.goal_run import IDLE_S, READY_NS, RESTART_WAIT_NS, GoalRun, NoOutcomeError
 from ground.launch.scenario import WALL, Scenario, ScenarioRobot
 from ground.launch.supervisor import VoidRun
 from ground.robot import Robot
@@ -290,6 +290,28 @@ def test_goal_of_somebody_else_is_not_taken_for_ours() -> None:
     assert outcome.text().startswith("replaced by the goal 1.3 2.0 of ben@desk:pts/2 in open with ")
 
 
+def ends_after_the_idle_time(stage: Stage, line: str) -> None:
+    """Two goals of a shell have nothing between them: no drive and no lease."""
+    stage.wait(IDLE_S - 1.0)
+    assert not stage.goal_run.is_over
+    assert stage.goal_run.line()[0].text == f"{line} 1 s"
+    stage.wait(1.0)
+    assert stage.goal_run.is_over
+    assert stage.goal_run.ending == (
+        "r1: nothing driven and no lease held for 30 s, so the run ends"
+    )
+
+
+def test_run_goes_on_when_the_next_goal_comes_in_time() -> None:
+    stage = replaced_run(held=False)
+    for _ in range(3):
+        stage.receive(GoalState.REACHED, goal_id=OTHER)
+        stage.wait(IDLE_S - 1.0)
+        assert not stage.goal_run.is_over
+        stage.receive(GoalState.DRIVING, goal_id=OTHER)
+        stage.wait(0.1)
+
+
 def test_run_goes_on_while_an_operator_drives_or_holds_the_lease() -> None:
     stage = replaced_run()
     for goal in (GoalState.DRIVING, GoalState.REACHED):
@@ -298,7 +320,7 @@ def test_run_goes_on_while_an_operator_drives_or_holds_the_lease() -> None:
         assert not stage.goal_run.is_over
         assert stage.goal_run.line()[0].text == "goal replaced, an operator commands"
     stage.lease(False)
-    assert stage.goal_run.is_over
+    ends_after_the_idle_time(stage, "goal replaced, ends in")
     assert stage.bus.score_until_ns is not None
     assert len(stage.bus.score_until_ns) == 1
 
@@ -318,6 +340,7 @@ def test_run_without_a_lease_goes_on_while_the_robot_is_driven(
 ) -> None:
     stage = replaced_run(held=False)
     stage.receive(goal, goal_id=OTHER, mode=mode, vehicle=vehicle)
+    stage.wait(IDLE_S + 0.1)
     assert stage.goal_run.is_over == is_over
 
 
@@ -336,7 +359,7 @@ def test_run_goes_on_after_an_operator_has_taken_the_robot_by_hand() -> None:
     assert not stage.goal_run.is_over
     stage.receive(GoalState.ABORTED, ended_ns=ended_ns, mode=Mode.HOLD)
     stage.lease(False)
-    assert stage.goal_run.is_over
+    ends_after_the_idle_time(stage, "goal aborted, ends in")
 
 
 @each(
@@ -347,7 +370,7 @@ def test_run_goes_on_after_an_operator_has_taken_the_robot_by_hand() -> None:
         (Reason.BY_EMERGENCY_STOP, "by the emergency stop", Vehicle.EMERGENCY_STOP),
     ],
 )
-def test_goal_that_another_person_ends_ends_the_run(
+def test_goal_that_another_person_ends_leaves_time_for_the_next(
     reason: Reason, words: str, vehicle: Vehicle
 ) -> None:
     """None of these needs the lease, so nobody may have it."""
@@ -359,7 +382,19 @@ def test_goal_that_another_person_ends_ends_the_run(
     outcome = stage.goal_run.outcome
     assert outcome is not None
     assert (outcome.outcome, outcome.reason, outcome.reached) == ("aborted", words, False)
+    ends_after_the_idle_time(stage, "goal aborted, ends in")
+
+
+def test_failsafe_ends_the_run_at_once() -> None:
+    stage = Stage.begun()
+    stage.bus.score_until_ns = []
+    ended_ns = stage.clock.now_ns()
+    stage.receive(
+        GoalState.ABORTED, ended_ns=ended_ns, goal_reason=Reason.BUMPER, vehicle=Vehicle.FAILSAFE
+    )
+    stage.wait(0.1)
     assert stage.goal_run.is_over
+    assert stage.goal_run.ending == ""
 
 
 def test_reached_goal_ends_the_run_whoever_holds_the_lease() -> None:
@@ -412,7 +447,7 @@ class RecordedRun(GoalRun):
 
     def __init__(self, name: str, looks: int, calls: list[str]) -> None:
         self.name = name
-        self.outcome = None
+        self.outcome = self._commanded_ns = None
         self.void_reason = ""
         self._looks = looks
         self._calls = calls
