@@ -199,9 +199,9 @@ def keys() -> str:
     parts = []
     for layer in Layer:
         rows = [
-            (" ".join(f"`{key}`" for key in names), action, f"`{name}`")
-            for name, names, action, where, _ in KEYS
-            if where is layer
+            (" ".join(f"`{word}`" for word in key.keys), key.description, f"`{key.id}`")
+            for key in KEYS
+            if key.layer is layer
         ]
         if rows:
             parts += [f"## {layer.value.capitalize()}", table(("keys", "action", "id"), rows)]

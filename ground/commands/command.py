@@ -9,6 +9,7 @@ import shlex
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from importlib import import_module
+from types import MappingProxyType
 from typing import (
     Any,
     ClassVar,
@@ -23,7 +24,7 @@ from typing import (
 from ground.client.connection import LONGEST_S
 from protocol.options import CONFIG_HELP, DEFAULT_ENDPOINT, above_zero, up_to
 from runtime.cli.parsers import add_subcommands
-from runtime.cli.verb import GROUPS, Verb
+from runtime.cli.verb import GROUPS, Subcommand, Verb
 from runtime.cli.verb_table import VERBS
 
 T = TypeVar("T")
@@ -104,7 +105,7 @@ def place(
     """
     how: dict[str, Any] = {"metavar": metavar, "help": help, "type": parse}
     if joined is not None:
-        how["nargs"] = "+"
+        how["nargs"] = "+" if default is MISSING else "*"
     elif optional or default is not MISSING:
         how["nargs"] = "?"
     return argument(default, (), how, joined=joined, spelt=spelt)
@@ -238,7 +239,8 @@ class Facts(NamedTuple):
 
     `word` is the verb of JSON output, with its group if it has one. `only_stops`: it needs no
     lease, overtakes what waits, and is allowed in a replay. `begins`: it begins a drive, so it is
-    sent in turn. `seizes`: it has the option `--seize`. `short` is its word in lines of the app.
+    sent in turn. `seizes`: it has the option `--seize`. `short` is its word in lines of the app,
+    and `also` are all other words for it there, each with the arguments that it stands for.
     """
 
     section: str = ""
@@ -250,6 +252,7 @@ class Facts(NamedTuple):
     begins: bool = False
     seizes: bool = False
     short: str = ""
+    also: Mapping[str, tuple[str, ...]] = MappingProxyType({})
     suffixes: tuple[str, ...] = ()
 
 
@@ -337,20 +340,61 @@ class Group:
         summary: str,
         suffixes: tuple[str, ...] = (),
     ) -> None:
-        self.section, self.rank, self.example, self.suffixes = section, rank, example, suffixes
-        self.summary = summary
-        self.word = example.split()[0]
+        self.facts = Facts(section, rank, example, example.split()[0], suffixes=suffixes)
+        self._summary = summary
         self.commands: dict[str, type[OperatorCommand]] = {}
+
+    def summary(self) -> str:
+        """Return what its commands are for, as it stands in a table."""
+        return self._summary
 
     def declare(self, parser: argparse.ArgumentParser) -> None:
         """Declare the commands below the first word."""
-        parsers = add_subcommands(parser, self.word)
+        parsers = add_subcommands(parser, subcommands_in(self))
         for name, kind in self.commands.items():
             kind.declare(parsers[name])
 
     def parsed(self, found: Any) -> OperatorCommand:
         """Return the command for parsed arguments; UserError for a value out of range."""
         return self.commands[found.action].parsed(found)
+
+
+def subcommands_in(kind: type[OperatorCommand] | Group) -> Mapping[str, Subcommand]:
+    """Return the rows of the commands of a group."""
+    below = kind.commands if isinstance(kind, Group) else {}
+    return {
+        name: Subcommand(one.summary(), one.facts.example, also=one.facts.also)
+        for name, one in below.items()
+    }
+
+
+def rows_in(names: Mapping[str, Any]) -> dict[str, Verb]:
+    """Return the rows of the verbs that a module defines; `names` are its own, with their values.
+
+    A command without a section is none.
+    """
+    rows, module = {}, names["__name__"]
+    for name, kind in names.items():
+        is_here = isinstance(kind, type) and kind.__module__ == module
+        if not (isinstance(kind, Group) or (is_here and issubclass(kind, OperatorCommand))):
+            continue
+        facts: Facts = kind.facts
+        if facts.section:
+            last = facts.example.split()[facts.section in GROUPS]
+            rows[facts.word] = Verb(
+                facts.section,
+                kind.summary(),
+                facts.example,
+                module,
+                words=name,
+                name="" if last == facts.word else last,
+                suffixes=facts.suffixes,
+                subcommands=subcommands_in(kind),
+                rank=facts.rank,
+                also=facts.also,
+                only_stops=facts.only_stops,
+            )
+    return rows
 
 
 def kind_of(verb: Verb) -> type[OperatorCommand] | Group:
@@ -376,6 +420,7 @@ def command(
     *,
     word: str = "",
     short: str = "",
+    also: Iterable[str] | Mapping[str, tuple[str, ...]] = (),
     moves: bool = False,
     only_stops: bool = False,
     begins: bool = False,
@@ -386,9 +431,10 @@ def command(
 
     The first word of the example that names no group is the verb, unless `word` does. In a `Group`
     commands stand in the order of their definition. One that moves has `--seize`, unless told
-    otherwise.
+    otherwise. `also` are other words for it in the app, which may stand for its arguments, too.
     """
     group = section if isinstance(section, Group) else None
+    aliases = dict(also) if isinstance(also, Mapping) else dict.fromkeys(also, ())
     below = section in GROUPS
     words = example.split()
 
@@ -404,6 +450,7 @@ def command(
             begins=begins,
             seizes=moves if seizes is None else seizes,
             short=short,
+            also=MappingProxyType({short: (), **aliases} if short else aliases),
             suffixes=suffixes,
         )
         if group:

@@ -6,7 +6,14 @@ from ground.robot import Robot
 from runtime.cli.verb import REC
 
 
-@command(REC, 30, "rec mark the door is closed now", moves=True, seizes=False)
+@command(
+    REC,
+    30,
+    "rec mark the door is closed now",
+    moves=True,
+    seizes=False,
+    also=("record mark",),
+)
 class Mark(OperatorCommand):
     """Add a remark to the recording.
 

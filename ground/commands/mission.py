@@ -37,6 +37,8 @@ MISSION: Final = Group(
     "waypoints: check, send, start, pause, jump, fetch, convert",
     suffixes=files.ENDINGS,
 )
+DRAFT: Final = "wp upload"
+"""The line of the app that uploads its draft."""
 MOST_ITEMS: Final = 65_535
 """Limit of an item's number; people count from 1, the wire from 0."""
 item_number: Final = whole(1, MOST_ITEMS)
@@ -131,11 +133,23 @@ class UploadMission(OperatorCommand):
         return await robot.mission.upload(self.mission)
 
 
-@command(MISSION, example="mission upload mission.toml", moves=True)
+@command(
+    MISSION,
+    example="mission upload mission.toml",
+    moves=True,
+    also={DRAFT: (str(files.DASH),)},
+)
 class UploadMissionFile(OfMissionFile):
     """Send a mission and its fence, if any, to the robot."""
 
     anyway: bool = switch("--anyway", default=False, help=ANYWAY.format("waypoints"))
+
+    @property
+    def line(self) -> str:
+        """The line that would be typed for it in the app."""
+        if self.file == files.DASH and not (self.home or self.drop or self.anyway):
+            return DRAFT
+        return super(UploadMissionFile, self).line  # noqa: UP008 - slots make a new class
 
     def read(self) -> UploadMission:
         """Read the file."""
@@ -213,7 +227,13 @@ class FetchMission(OperatorCommand):
         return MissionFetched(found) if isinstance(found, Mission) else found
 
 
-@command(MISSION, example="mission start 2", moves=True, begins=True)
+@command(
+    MISSION,
+    example="mission start 2",
+    moves=True,
+    begins=True,
+    also={"mission restart": ("1",)},
+)
 class StartMission(OperatorCommand):
     """Drive the mission, from an item on.
 

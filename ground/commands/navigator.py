@@ -8,7 +8,7 @@ from protocol.wire.enums import Navigator
 from runtime.cli.verb import DRIVE
 
 
-@command(DRIVE, 140, "navigator bug left", moves=True)
+@command(DRIVE, 140, "navigator bug left", moves=True, also=("algo",))
 class SetNavigator(TimedCommand):
     """Choose the navigator.
 

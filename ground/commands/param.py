@@ -53,7 +53,7 @@ class ShowParameters(OperatorCommand):
         return ParameterTable(await robot.parameters.list(self.pattern))
 
 
-@command(PARAM, example="param get 'sonar_*'")
+@command(PARAM, example="param get 'sonar_*'", also=("get",))
 class ShowValues(OperatorCommand):
     """Parameters whose name matches, as in 'sonar_*'."""
 

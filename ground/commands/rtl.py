@@ -6,7 +6,7 @@ from ground.robot import Robot
 from runtime.cli.verb import DRIVE
 
 
-@command(DRIVE, 80, "rtl", moves=True, begins=True)
+@command(DRIVE, 80, "rtl", moves=True, begins=True, also=("mode rtl",))
 class ReturnHome(TimedCommand):
     """Drive back along the robot's own trail."""
 

@@ -75,7 +75,7 @@ class RepeatedStop(OperatorCommand):
     )
 
 
-@command(DRIVE, 110, "estop --all", only_stops=True)
+@command(DRIVE, 110, "estop --all", only_stops=True, also=("stop",))
 class StopNow(RepeatedStop):
     """Emergency stop, latched.
 

@@ -1,294 +1,285 @@
-"""Commands that only the app has: those of the screen and of its recordings and drafts."""
+"""Commands that only the app has: those of the screen and of its recordings and drafts.
 
-import argparse
-from collections.abc import Callable, Mapping
+Each is a class as in `ground/commands/`, without a robot: the app carries it out.
+"""
+
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final, NamedTuple, TypeAlias
+from typing import Any, ClassVar, Final, Self
 
-from ground.missions.files import (
-    AddWaypoint,
-    ClearDraft,
-    Edit,
-    ListDraft,
-    LoadDraft,
-    RemoveWaypoint,
-    SaveDraft,
-    waypoint_at,
+from ground.commands.command import (
+    Group,
+    OperatorCommand,
+    choice,
+    command,
+    option,
+    parsed,
+    place,
+    rows_in,
+    typed_words,
 )
-from protocol.options import finite, whole
+from ground.commands.mission import DRAFT, item_number
+from ground.missions.files import Draft, waypoint_at
+from ground.missions.mission import Waypoint
+from protocol.options import finite
+from runtime.cli.verb import APP, Verb
 
 SCREENS: Final = ("drive", "plots", "params", "log", "links", "worlds", "faults", "replay")
-COPIED: Final = ("pose", "last", "row")
-MAX_WAYPOINTS: Final = 65_535
-ZOOM_KEYS: Final = {"in": "zoom-in", "out": "zoom-out", "fit": "fit"}
 
 
-@dataclass(frozen=True, slots=True)
-class ShowHelp:
+class AppCommand(OperatorCommand):
+    """A command that the app carries out itself."""
+
+    __slots__ = ()
+    shared = ()
+
+
+class KeyCommand(AppCommand):
+    """A command that does what the key with the id `key` does."""
+
+    __slots__ = ()
+    key: Any
+    """A string; a property of a class whose key follows from its value."""
+
+
+@command(APP, example="help goto", also=("?",))
+class ShowHelp(AppCommand):
     """Show all commands, or the arguments of one."""
 
-    word: str = ""
+    word: str = place("VERB", default="")
 
 
-@dataclass(frozen=True, slots=True)
-class RunKey:
-    """Do what the key with this id does."""
+@command(APP, example="quit", also=("q", "exit"))
+class Quit(KeyCommand):
+    """Leave the app; gives the lease back, unless another program of yours is there."""
 
-    id: str
-
-
-@dataclass(frozen=True, slots=True)
-class SetTheme:
-    """Choose the colours; without a name, list the themes."""
-
-    name: str | None = None
+    key = "quit"
 
 
-@dataclass(frozen=True, slots=True)
-class SaveScreen:
-    """Save the screen as a picture, an .svg."""
+@command(APP, example="keys")
+class ShowKeys(KeyCommand):
+    """Show the keys of this screen."""
 
-    file: Path | None = None
+    key = "help"
 
 
-@dataclass(frozen=True, slots=True)
-class GoToScreen:
+@command(APP, example="theme light")
+class SetTheme(AppCommand):
+    """Choose the colours."""
+
+    name: str | None = place("THEME", "without it, list the themes", default=None)
+
+
+@command(APP, example="snap screen.svg")
+class SaveScreen(AppCommand):
+    """Save the screen as a picture."""
+
+    file: Path | None = place("FILE", "an .svg", default=None, parse=Path)
+
+
+@command(APP, example="screen plots")
+class GoToScreen(AppCommand):
     """Go to a screen."""
 
-    name: str
+    name: str = choice(SCREENS)
 
 
-@dataclass(frozen=True, slots=True)
-class SwitchLayers:
-    """Switch layers of the map on or off; without names, open the choice."""
+@command(APP, example="layers trail truth")
+class SwitchLayers(AppCommand):
+    """Choose the layers of the map."""
 
-    names: tuple[str, ...] = ()
+    names: tuple[str, ...] = place(
+        "LAYER", "switch these on or off", default=(), joined=tuple, spelt=" ".join
+    )
 
 
-@dataclass(frozen=True, slots=True)
-class FindText:
+@command(APP, example="zoom in")
+class Zoom(KeyCommand):
+    """Zoom the map in, out, or to the whole world."""
+
+    how: str = choice({"in": "zoom-in", "out": "zoom-out", "fit": "fit"}, parse=str)
+
+    @property
+    def key(self) -> str:
+        """The id of its key."""
+        return self.how
+
+
+@command(APP, example="follow")
+class FollowRobot(KeyCommand):
+    """Centre the map on the robot, or stop it."""
+
+    key = "follow"
+
+
+@command(APP, example="find refused")
+class FindText(AppCommand):
     """Search the log."""
 
-    text: str
+    text: str = place("TEXT", joined=" ".join)
 
 
-@dataclass(frozen=True, slots=True)
-class SelectRobot:
+@command(APP, example="select r2")
+class SelectRobot(AppCommand):
     """Show another robot."""
 
-    robot: str
+    robot: str = place("ROBOT", "name of the robot")
 
 
-@dataclass(frozen=True, slots=True)
-class RecordHere:
-    """Start or stop a recording."""
+@command(APP, example="teleop")
+class BeginTeleop(KeyCommand):
+    """Drive by hand with the arrow keys."""
 
-    begin: bool
-
-
-@dataclass(frozen=True, slots=True)
-class OpenReplay:
-    """Show a recording; `file` as for `recording_named`."""
-
-    file: str | None
+    key = "teleop"
 
 
-@dataclass(frozen=True, slots=True)
-class Undo:
-    """Take back the last change of a parameter, the fence or the mission draft."""
+WP: Final = Group(APP, 0, "wp add 5.4 2 90", "draft a mission")
 
 
-@dataclass(frozen=True, slots=True)
-class CopyText:
-    """Copy the pose of the robot, the last command, or the chosen row to the clipboard."""
+class DraftCommand(AppCommand):
+    """A command on the draft of a mission."""
 
-    what: str
+    __slots__ = ()
 
-
-@dataclass(frozen=True, slots=True)
-class ShowGhost:
-    """Show another navigator from here, as a ghost on the map."""
-
-    navigator: str | None = None
+    def edit(self, draft: Draft) -> str:
+        """Do it and return what was done, in words; UserError on failure."""
+        raise NotImplementedError
 
 
-AppCommand: TypeAlias = (
-    ShowHelp
-    | RunKey
-    | SetTheme
-    | SaveScreen
-    | GoToScreen
-    | SwitchLayers
-    | FindText
-    | SelectRobot
-    | RecordHere
-    | OpenReplay
-    | ShowGhost
-    | Undo
-    | CopyText
-    | Edit
-)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TypedWaypoint:
+    """A waypoint as it is typed, in metres and degrees."""
+
+    x: float = place("X", "metres", parse=finite)
+    y: float = place("Y", "metres", parse=finite)
+    heading: float | None = place("DEG", "degrees", default=None, parse=finite)
+    hold: float = option("--hold", default=0.0, parse=finite, metavar="S", help="wait there")
 
 
-class AppArguments:
-    """The parsed arguments of a command; argparse sets those that the command declares."""
+@command(WP, example="wp add 5.4 2 90")
+class AddWaypoint(DraftCommand):
+    """Append a waypoint to the draft."""
 
-    word: str
-    name: str
-    file: Path
-    names: list[str]
-    how: str
-    text: list[str]
-    robot: str
-    action: str
-    navigator: str | None
-    x: float
-    y: float
-    heading: float | None
-    hold: float
-    item: int
-    what: str
+    typed: ClassVar[Any] = TypedWaypoint
+    waypoint: Waypoint
 
+    @classmethod
+    def parsed(cls, found: Any) -> Self:
+        """Return the command for parsed arguments; UserError for a value out of range."""
+        typed = parsed(TypedWaypoint, found)
+        return cls(waypoint=waypoint_at(typed.x, typed.y, typed.heading, typed.hold))
 
-def _declare_theme(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("name", nargs="?", metavar="THEME", help="without it, list the themes")
+    @property
+    def line(self) -> str:
+        """The line that would be typed for it."""
+        at = self.waypoint
+        typed = TypedWaypoint(x=at.x_m, y=at.y_m, heading=at.heading_deg, hold=at.hold_s)
+        return " ".join((self.facts.word, *typed_words(typed)))
 
-
-def _declare_layers(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("names", nargs="*", metavar="LAYER", help="switch these on or off")
+    def edit(self, draft: Draft) -> str:
+        """Append it."""
+        return draft.add(self.waypoint)
 
 
-def _declare_ghost(parser: argparse.ArgumentParser) -> None:
-    text = "navigator of the ghost"
-    parser.add_argument("navigator", nargs="?", metavar="NAVIGATOR", help=text)
+@command(WP, example="wp remove 2")
+class RemoveWaypoint(DraftCommand):
+    """Remove a waypoint from the draft."""
+
+    item: int = place("ITEM", parse=item_number)
+
+    def edit(self, draft: Draft) -> str:
+        """Remove it; `item` counts from 1."""
+        return draft.remove(self.item)
 
 
-def _declare_draft(parser: argparse.ArgumentParser) -> None:
-    names = "add|remove|list|clear|load|save|upload"
-    actions = parser.add_subparsers(dest="action", required=True, metavar=names)
-    adding = actions.add_parser("add", help="append a waypoint to the draft")
-    adding.add_argument("x", type=finite, metavar="X", help="metres")
-    adding.add_argument("y", type=finite, metavar="Y", help="metres")
-    adding.add_argument("heading", type=finite, nargs="?", metavar="DEG", help="degrees")
-    adding.add_argument("--hold", type=finite, default=0.0, metavar="S", help="wait there")
-    removing = actions.add_parser("remove", help="remove a waypoint from the draft")
-    removing.add_argument("item", type=whole(1, MAX_WAYPOINTS), metavar="ITEM")
-    others = {"list": "show the draft", "clear": "empty the draft", "upload": "send to the robot"}
-    for name, text in others.items():
-        actions.add_parser(name, help=text)
-    for name in ("load", "save"):
-        filing = actions.add_parser(name, help="a .toml, .plan or .waypoints file")
-        filing.add_argument("file", type=Path, metavar="FILE")
+@command(WP, example="wp list")
+class ListDraft(DraftCommand):
+    """Show the draft."""
+
+    def edit(self, draft: Draft) -> str:
+        """Return its lines."""
+        return draft.listed()
 
 
-def _draft_edit(arguments: AppArguments) -> Edit:
-    match arguments.action:
-        case "add":
-            x_m, y_m, heading_deg = arguments.x, arguments.y, arguments.heading
-            return AddWaypoint(waypoint_at(x_m, y_m, heading_deg, arguments.hold))
-        case "remove":
-            return RemoveWaypoint(arguments.item)
-        case "load":
-            return LoadDraft(arguments.file)
-        case "save":
-            return SaveDraft(arguments.file)
-        case "list":
-            return ListDraft()
-    return ClearDraft()
+@command(WP, example="wp clear")
+class ClearDraft(DraftCommand):
+    """Empty the draft."""
+
+    def edit(self, draft: Draft) -> str:
+        """Empty it."""
+        return draft.clear()
 
 
-def _no_arguments(_: argparse.ArgumentParser) -> None:
-    """Declare nothing."""
+@command(WP, example=DRAFT)
+class SendDraft(AppCommand):
+    """Send to the robot.
 
-
-class LocalVerb(NamedTuple):
-    """A verb of the app: its summary, its command, and the declaration of its arguments.
-
-    `command` raises UserError for an argument out of range.
+    It is here for the help and the completion: its line is read as `mission upload -`.
     """
 
-    summary: str
-    command: Callable[[AppArguments], AppCommand]
-    declare: Callable[[argparse.ArgumentParser], object] = _no_arguments
+
+@command(WP, example="wp load mission.toml")
+class LoadDraft(DraftCommand):
+    """A .toml, .plan or .waypoints file."""
+
+    file: Path = place("FILE", parse=Path)
+
+    def edit(self, draft: Draft) -> str:
+        """Make the mission of the file the draft."""
+        return draft.load(self.file)
 
 
-LOCAL: Final[Mapping[str, LocalVerb]] = MappingProxyType(
-    {
-        "help": LocalVerb(
-            "show all commands, or the arguments of one",
-            lambda arguments: ShowHelp(arguments.word),
-            lambda parser: parser.add_argument("word", nargs="?", default="", metavar="VERB"),
-        ),
-        "quit": LocalVerb(
-            "leave the app; gives the lease back, unless another program of yours is there",
-            lambda _: RunKey("quit"),
-        ),
-        "keys": LocalVerb("show the keys of this screen", lambda _: RunKey("help")),
-        "theme": LocalVerb(
-            "choose the colours", lambda arguments: SetTheme(arguments.name), _declare_theme
-        ),
-        "snap": LocalVerb(
-            "save the screen as a picture",
-            lambda arguments: SaveScreen(arguments.file),
-            lambda parser: parser.add_argument(
-                "file", nargs="?", type=Path, metavar="FILE", help="an .svg"
-            ),
-        ),
-        "screen": LocalVerb(
-            "go to a screen",
-            lambda arguments: GoToScreen(arguments.name),
-            lambda parser: parser.add_argument("name", type=str.lower, choices=SCREENS),
-        ),
-        "layers": LocalVerb(
-            "choose the layers of the map",
-            lambda arguments: SwitchLayers(tuple(arguments.names)),
-            _declare_layers,
-        ),
-        "zoom": LocalVerb(
-            "zoom the map in, out, or to the whole world",
-            lambda arguments: RunKey(ZOOM_KEYS[arguments.how]),
-            lambda parser: parser.add_argument("how", choices=tuple(ZOOM_KEYS)),
-        ),
-        "follow": LocalVerb("centre the map on the robot, or stop it", lambda _: RunKey("follow")),
-        "find": LocalVerb(
-            "search the log",
-            lambda arguments: FindText(" ".join(arguments.text)),
-            lambda parser: parser.add_argument("text", nargs="+", metavar="TEXT"),
-        ),
-        "select": LocalVerb(
-            "show another robot",
-            lambda arguments: SelectRobot(arguments.robot),
-            lambda parser: parser.add_argument("robot", metavar="ROBOT", help="name of the robot"),
-        ),
-        "teleop": LocalVerb("drive by hand with the arrow keys", lambda _: RunKey("teleop")),
-        "wp": LocalVerb("draft a mission", _draft_edit, _declare_draft),
-        "record": LocalVerb(
-            "start or stop a recording",
-            lambda arguments: RecordHere(arguments.action == "start"),
-            lambda parser: parser.add_argument("action", choices=("start", "stop")),
-        ),
-        "replay": LocalVerb(
-            "show a log as if it were live",
-            lambda arguments: OpenReplay(None if arguments.file is None else str(arguments.file)),
-            lambda parser: parser.add_argument(
-                "file", nargs="?", metavar="FILE", help="a .tlog or .mcap (default the newest)"
-            ),
-        ),
-        "undo": LocalVerb(
-            "take back the last change of a parameter, the fence or the draft", lambda _: Undo()
-        ),
-        "copy": LocalVerb(
-            "copy the pose, the last command or the chosen row",
-            lambda arguments: CopyText(arguments.what),
-            lambda parser: parser.add_argument("what", choices=COPIED),
-        ),
-        "ghost": LocalVerb(
-            "show another navigator from here, as a ghost on the map",
-            lambda arguments: ShowGhost(arguments.navigator),
-            _declare_ghost,
-        ),
-        "why": LocalVerb("explain why the robot turned", lambda _: RunKey("explain")),
-    }
-)
+@command(WP, example="wp save mission.toml")
+class SaveDraft(DraftCommand):
+    """A .toml, .plan or .waypoints file."""
+
+    file: Path = place("FILE", parse=Path)
+
+    def edit(self, draft: Draft) -> str:
+        """Write the draft to the file."""
+        return draft.save(self.file)
+
+
+@command(APP, example="record start", also={"rec start": ("start",), "rec stop": ("stop",)})
+class RecordHere(AppCommand):
+    """Start or stop a recording."""
+
+    action: str = choice(("start", "stop"), parse=str)
+
+
+@command(APP, example="replay drive.mcap")
+class OpenReplay(AppCommand):
+    """Show a log as if it were live."""
+
+    file: str | None = place("FILE", "a .tlog or .mcap (default the newest)", default=None)
+
+
+@command(APP, example="undo")
+class Undo(AppCommand):
+    """Take back the last change of a parameter, the fence or the draft."""
+
+
+@command(APP, example="copy pose")
+class CopyText(AppCommand):
+    """Copy the pose, the last command or the chosen row."""
+
+    what: str = choice(("pose", "last", "row"), parse=str)
+
+
+@command(APP, example="ghost bug")
+class ShowGhost(AppCommand):
+    """Show another navigator from here, as a ghost on the map."""
+
+    navigator: str | None = place("NAVIGATOR", "navigator of the ghost", default=None)
+
+
+@command(APP, example="why")
+class ExplainTurn(KeyCommand):
+    """Explain why the robot turned."""
+
+    key = "explain"
+
+
+LOCAL: Final[Mapping[str, Verb]] = MappingProxyType(rows_in(globals()))

@@ -12,10 +12,9 @@ from ground.client.parameter import Parameter
 from ground.client.vocabulary import MODE_SUMMARIES, NAVIGATOR_SUMMARIES
 from ground.console.app_commands import LOCAL
 from ground.console.parser import (
-    ALIASES,
     COMMANDS,
     MAX_LENGTH,
-    PAIRS,
+    MEANT,
     expanded,
     last_word,
     parser_for,
@@ -102,11 +101,11 @@ def verb_summaries() -> dict[str, str]:
 
 
 def _summary(word: str) -> str:
-    if word in ALIASES:
-        return f"short for {' '.join(ALIASES[word])}"
+    if (word,) in MEANT:
+        return f"short for {' '.join(MEANT[word,])}"
     if word in GROUPS and word not in COMMANDS:
         return GROUPS[word]
-    return LOCAL[word].summary if word in LOCAL else COMMANDS[word].summary
+    return (LOCAL.get(word) or COMMANDS[word]).summary
 
 
 def _quoted(word: str) -> str:
@@ -126,8 +125,7 @@ def _arguments(
     before: Sequence[str], begun: str, parameters: Mapping[str, str], folder: Path
 ) -> Mapping[str, str]:
     if len(before) == 1 and before[0] in GROUPS:
-        meant = {second: PAIRS[first, second][0] for first, second in PAIRS if first == before[0]}
-        return {word: _summary(meant[word]) for word in words_of_group(before[0])}
+        return {word: _summary(meant) for word, meant in words_of_group(before[0]).items()}
     try:
         parser, words = _parser_and_words(before, begun)
     except UserError:

@@ -1,4 +1,4 @@
-"""Parse a typed line into the operation that the shell would run for the same words.
+"""Parse a typed line into the command that the shell would run for the same words.
 
 Short words stand for words of the command line. Nothing here prints or exits: UserError holds the
 reason and the remedy.
@@ -6,23 +6,19 @@ reason and the remedy.
 
 import argparse
 import shlex
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from itertools import chain
 from types import MappingProxyType
 from typing import Final, NoReturn
 
-from ground.client.outcomes import Outcome
-from ground.client.session import Operation
-from ground.commands.command import command_in, kind_of
+from ground.commands.command import SHARED, OperatorCommand, kind_of
 from ground.commands.export import Export
-from ground.commands.mission import OfMissionFile
-from ground.console.app_commands import LOCAL, AppArguments, AppCommand
+from ground.console.app_commands import LOCAL
 from ground.console.argument_errors import in_words
 from protocol.options import numbers_kept
 from runtime.cli.parsers import subcommands_of
-from runtime.cli.verb import GROUPS
+from runtime.cli.verb import APP, GROUPS, Verb
 from runtime.cli.verb_table import VERBS, command_of
 from runtime.errors import UserError
 
@@ -55,55 +51,32 @@ def last_word(text: str) -> tuple[list[str], str]:
     return [], text
 
 
-ALIASES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
-    {
-        "goal": ("goto",),
-        "algo": ("navigator",),
-        "set": ("param", "set"),
-        "get": ("param", "get"),
-        "stop": ("estop",),
-        "q": ("quit",),
-        "exit": ("quit",),
-        "?": ("help",),
-    }
-)
-PAIRS: Final[Mapping[tuple[str, ...], tuple[str, ...]]] = MappingProxyType(
-    {tuple(command_of(word).split()): (word,) for word, verb in VERBS.items() if verb.is_grouped}
-    | {
-        ("mode", "rtl"): ("rtl",),
-        ("mission", "restart"): ("mission", "start", "1"),
-        ("record", "mark"): ("mark",),
-        ("rec", "start"): ("record", "start"),
-        ("rec", "stop"): ("record", "stop"),
-        ("wp", "upload"): ("mission", "upload", "-"),
-    }
-)
+COMMANDS: Final = {word: row for word, row in VERBS.items() if row.words}
+"""The verbs of the shell that are commands, which the app has too."""
+MAX_GUESSED: Final = 24
+COLUMNS: Final = 60
+
+
+def other_words() -> Iterator[tuple[tuple[str, ...], tuple[str, ...]]]:
+    """Yield the other words for commands, in lower case, each with those that it stands for."""
+    for word, row in (*VERBS.items(), *LOCAL.items()):
+        if row.is_grouped:
+            yield tuple(command_of(word).split()), (word,)
+        for also, arguments in row.also.items():
+            yield tuple(also.split()), (word, *arguments)
+        for name, below in row.subcommands.items():
+            for also, arguments in below.also.items():
+                yield tuple(also.split()), (word, name, *arguments)
+
+
+MEANT: Final[Mapping[tuple[str, ...], tuple[str, ...]]] = MappingProxyType(dict(other_words()))
 
 
 def expanded(words: Sequence[str]) -> list[str]:
-    """Replace a short word by the words of the command line."""
-    pair = PAIRS.get(tuple(word.lower() for word in words[:2]))
-    if pair is not None:
+    """Replace a short word, or a pair of words, by the words of the command line."""
+    if len(words) > 1 and (pair := MEANT.get(tuple(word.lower() for word in words[:2]))):
         return [*pair, *words[2:]]
-    first, *rest = words
-    return [*ALIASES.get(first, (first,)), *rest]
-
-
-UNAVAILABLE: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        "up": "it starts its own robot: run it in another terminal",
-        "ground": "the ground station is running already",
-        "berth": "it is for processes in a container",
-        "health": "it is for health checks of containers: doctor reports more",
-    }
-)
-"""Verbs of the command line that the app does not have, and why."""
-FIXED_OPTIONS: Final = ("connect", "run", "context", "id", "config", "json")
-"""Options that were fixed when the app started."""
-COMMANDS: Final = {word: verb for word, verb in VERBS.items() if verb.words}
-"""The verbs that are typed operations, which the app's command line has too."""
-MAX_GUESSED: Final = 24
-COLUMNS: Final = 60
+    return [*MEANT.get((words[0],), words[:1]), *words[1:]]
 
 
 class ConsoleParser(argparse.ArgumentParser):
@@ -130,37 +103,36 @@ def usage_of(parser: argparse.ArgumentParser) -> str:
 
 def verbs() -> list[str]:
     """Return every word a command can begin with."""
-    return sorted(
-        {*COMMANDS, *LOCAL, *(word for word in ALIASES if word.isalpha() and word != "q")}
-    )
+    short = {words[0] for words in MEANT if len(words) == 1 and words[0].isalpha()} - {"q"}
+    return sorted({*COMMANDS, *LOCAL, *short})
 
 
-def words_of_group(group: str) -> list[str]:
-    """Return the words that may follow a group of verbs in the app."""
-    found = (words for words, meant in PAIRS.items() if meant[0] in {*COMMANDS, *LOCAL})
-    return [second for first, second in found if first == group]
+def words_of_group(group: str) -> dict[str, str]:
+    """Return the words that may follow a group of verbs in the app, each with its command."""
+    pairs = {words: meant for words, meant in MEANT.items() if words[0] == group}
+    here = {*COMMANDS, *LOCAL}
+    return {words[-1]: meant[0] for words, meant in pairs.items() if meant[0] in here}
 
 
-def is_local(words: Sequence[str]) -> bool:
-    """Return whether the app carries it out itself.
+def row_for(words: Sequence[str]) -> Verb:
+    """Return the row of a command; UserError for an unknown verb.
 
     `teleop` alone is a mode of the app; with speeds it is the verb.
     """
-    first = words[0]
-    return first in LOCAL and not (first == "teleop" and len(words) > 1)
+    word = words[0]
+    rows = (COMMANDS, LOCAL) if word == "teleop" and len(words) > 1 else (LOCAL, COMMANDS)
+    row = rows[0].get(word) or rows[1].get(word)
+    if row is None:
+        raise UserError(_unknown(word))
+    return row
 
 
 def parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
     """Return the parser of a command; UserError for an unknown verb."""
-    word = words[0]
-    if is_local(words):
-        parser = ConsoleParser(word, description=LOCAL[word].summary)
-        LOCAL[word].declare(parser)
-    elif word in COMMANDS:
-        parser = ConsoleParser(command_of(word), description=COMMANDS[word].summary)
-        kind_of(COMMANDS[word]).declare(parser)
-    else:
-        raise UserError(_unknown(word))
+    row = row_for(words)
+    title = words[0] if row.section == APP else command_of(words[0])
+    parser = ConsoleParser(title, description=row.summary)
+    kind_of(row).declare(parser)
     for inner in all_parsers(parser):
         hide_fixed_options(inner)
     return parser
@@ -171,8 +143,7 @@ def _unknown(word: str) -> str:
         names = ", ".join(words_of_group(word)) or "none of them is available here"
         return f"{word!r} needs a second word: {names}"
     if word in VERBS:
-        why = UNAVAILABLE.get(word, "run it in another terminal")
-        return f"{command_of(word)!r} is not available here: {why}"
+        return f"{command_of(word)!r} is not available here: {VERBS[word].elsewhere}"
     shown = word if len(word) <= MAX_GUESSED else f"{word[:MAX_GUESSED]}..."
     near = get_close_matches(word[:MAX_GUESSED], verbs(), n=1)
     return f"no such command: {shown!r}; {f'did you mean {near[0]!r}?' if near else 'try help'}"
@@ -187,32 +158,36 @@ def all_parsers(parser: argparse.ArgumentParser) -> list[argparse.ArgumentParser
 def hide_fixed_options(parser: argparse.ArgumentParser) -> None:
     """Hide the options that are fixed in the app, or for a shell."""
     for action in parser._actions:
-        if action.dest in (*FIXED_OPTIONS, "seize") and action.option_strings:
+        if action.dest in (*SHARED, "seize") and action.option_strings:
             action.help = argparse.SUPPRESS
 
 
-def read(text: str, draft: Callable[[], str] | None = None) -> Operation[Outcome] | AppCommand:
-    """Parse a line into an operation or a command of the app; UserError if it is invalid.
-
-    `draft` returns what `mission upload -` sends, where a shell would have standard input.
-    """
+def read(text: str) -> OperatorCommand:
+    """Parse a line into a command; UserError if it is invalid."""
     words = words_of(text)
     if not words:
         raise UserError("nothing to do: type a command, or help")
     words = expanded(words)
-    rest = numbers_kept(words[1:])
-    if is_local(words):
-        arguments = parser_for(words).parse_args(rest, AppArguments())
-        return LOCAL[words[0]].command(arguments)
-    found = parser_for(words).parse_args(rest, argparse.Namespace(verb=words[0]))
-    for name in FIXED_OPTIONS:
+    found = parser_for(words).parse_args(numbers_kept(words[1:]))
+    for name in SHARED:
         if getattr(found, name, None):
             raise UserError(f"--{name} cannot be used here: it was fixed when the app started")
     if getattr(found, "seize", False):
         raise UserError("--seize is for a shell: give `lease seize` first")
-    operation: Operation[Outcome] = command_in(found)
-    if isinstance(operation, OfMissionFile):
-        operation = replace(operation, draft=draft)
-    if isinstance(operation, Export) and operation.out is None:
+    command = kind_of(row_for(words)).parsed(found)
+    if isinstance(command, Export) and command.out is None:
         raise UserError("there is no standard output here: add --out FILE")
-    return operation
+    return command
+
+
+def summaries() -> dict[str, str]:
+    """Return the summary of every command."""
+    rows = {command_of(word): row.summary for word, row in COMMANDS.items()}
+    return rows | {word: row.summary for word, row in LOCAL.items()}
+
+
+def help_text(word: str) -> str:
+    """Return the usage of a command and its arguments; UserError if there is no such command."""
+    parser = parser_for(expanded([word]))
+    rest = parser.format_help().split("\n\n", 1)[-1].strip()
+    return f"{usage_of(parser)}\n{rest}"

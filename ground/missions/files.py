@@ -7,10 +7,10 @@ Edit a mission waypoint by waypoint before it is saved or sent.
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from math import dist
 from pathlib import Path
-from typing import Any, Final, TypeAlias, TypeVar
+from typing import Any, Final, TypeVar
 
 from ground.missions import qgroundcontrol
 from ground.missions.mission import (
@@ -263,47 +263,6 @@ EMPTY: Final = Mission(waypoints=())
 NOTHING: Final = "the draft is empty: wp add X Y [DEG]"
 
 
-@dataclass(frozen=True, slots=True)
-class AddWaypoint:
-    """Append a waypoint to the draft."""
-
-    waypoint: Waypoint
-
-
-@dataclass(frozen=True, slots=True)
-class RemoveWaypoint:
-    """Remove a waypoint from the draft; `item` counts from 1."""
-
-    item: int
-
-
-@dataclass(frozen=True, slots=True)
-class ListDraft:
-    """List the draft."""
-
-
-@dataclass(frozen=True, slots=True)
-class ClearDraft:
-    """Empty the draft."""
-
-
-@dataclass(frozen=True, slots=True)
-class LoadDraft:
-    """Make the mission of a file the draft."""
-
-    file: Path
-
-
-@dataclass(frozen=True, slots=True)
-class SaveDraft:
-    """Write the draft to a file."""
-
-    file: Path
-
-
-Edit: TypeAlias = AddWaypoint | RemoveWaypoint | ListDraft | ClearDraft | LoadDraft | SaveDraft
-
-
 class Draft:
     """A mission under construction; each edit replaces it, so any thread may read it."""
 
@@ -316,22 +275,6 @@ class Draft:
         if not self.mission.waypoints:
             raise UserError(NOTHING)
         return toml_text(self.mission)
-
-    def apply(self, edit: Edit) -> str:
-        """Apply an edit and return what was done, in words; UserError on failure."""
-        match edit:
-            case AddWaypoint(waypoint):
-                return self.add(waypoint)
-            case RemoveWaypoint(item):
-                return self.remove(item)
-            case LoadDraft(file):
-                return self.load(file)
-            case SaveDraft(file):
-                return self.save(file)
-            case ListDraft():
-                return self.listed()
-            case ClearDraft():
-                return self.clear()
 
     def add(self, waypoint: Waypoint) -> str:
         """Append a waypoint."""

@@ -15,6 +15,7 @@ COMMANDS: Final[Mapping[str, Verb]] = MappingProxyType(
             module="ground.commands.goto",
             words="Goto",
             rank=40,
+            also=MappingProxyType({"goal": ()}),
         ),
         "hold": Verb(
             section="start and drive",
@@ -23,6 +24,7 @@ COMMANDS: Final[Mapping[str, Verb]] = MappingProxyType(
             module="ground.commands.hold",
             words="Hold",
             rank=50,
+            only_stops=True,
         ),
         "resume": Verb(
             section="start and drive",
@@ -39,6 +41,7 @@ COMMANDS: Final[Mapping[str, Verb]] = MappingProxyType(
             module="ground.commands.abort",
             words="Abort",
             rank=70,
+            only_stops=True,
         ),
         "rtl": Verb(
             section="start and drive",
@@ -47,6 +50,7 @@ COMMANDS: Final[Mapping[str, Verb]] = MappingProxyType(
             module="ground.commands.rtl",
             words="ReturnHome",
             rank=80,
+            also=MappingProxyType({"mode rtl": ()}),
         ),
         "arm": Verb(
             section="start and drive",
@@ -63,6 +67,7 @@ COMMANDS: Final[Mapping[str, Verb]] = MappingProxyType(
             module="ground.commands.disarm",
             words="Disarm",
             rank=100,
+            only_stops=True,
         ),
         "estop": Verb(
             section="start and drive",
@@ -71,6 +76,8 @@ COMMANDS: Final[Mapping[str, Verb]] = MappingProxyType(
             module="ground.commands.stop",
             words="StopNow",
             rank=110,
+            also=MappingProxyType({"stop": ()}),
+            only_stops=True,
         ),
         "clear-estop": Verb(
             section="start and drive",
@@ -95,6 +102,7 @@ COMMANDS: Final[Mapping[str, Verb]] = MappingProxyType(
             module="ground.commands.navigator",
             words="SetNavigator",
             rank=140,
+            also=MappingProxyType({"algo": ()}),
         ),
         "teleop": Verb(
             section="start and drive",
@@ -154,6 +162,7 @@ COMMANDS: Final[Mapping[str, Verb]] = MappingProxyType(
             module="ground.commands.mark",
             words="Mark",
             rank=30,
+            also=MappingProxyType({"record mark": ()}),
         ),
         "export": Verb(
             section="rec",
@@ -189,6 +198,7 @@ COMMANDS: Final[Mapping[str, Verb]] = MappingProxyType(
                     "get": Subcommand(
                         "parameters whose name matches, as in 'sonar_*'",
                         "param get 'sonar_*'",
+                        also=MappingProxyType({"get": ()}),
                     ),
                     "diff": Subcommand(
                         "parameters that differ from their defaults",
@@ -197,6 +207,7 @@ COMMANDS: Final[Mapping[str, Verb]] = MappingProxyType(
                     "set": Subcommand(
                         "set one parameter; a robot with --state saves it",
                         "param set d_obs_m 0.35",
+                        also=MappingProxyType({"set": ()}),
                     ),
                     "reset": Subcommand(
                         "set one parameter to its default value",
@@ -230,6 +241,7 @@ COMMANDS: Final[Mapping[str, Verb]] = MappingProxyType(
                     "upload": Subcommand(
                         "send a mission and its fence, if any, to the robot",
                         "mission upload mission.toml",
+                        also=MappingProxyType({"wp upload": ("-",)}),
                     ),
                     "download": Subcommand(
                         "write the robot's mission to a file",
@@ -242,6 +254,7 @@ COMMANDS: Final[Mapping[str, Verb]] = MappingProxyType(
                     "start": Subcommand(
                         "drive the mission, from an item on",
                         "mission start 2",
+                        also=MappingProxyType({"mission restart": ("1",)}),
                     ),
                     "pause": Subcommand(
                         "stop, and keep the mission",

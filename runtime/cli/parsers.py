@@ -2,9 +2,11 @@
 
 import argparse
 import re
+from collections.abc import Mapping
 from importlib import import_module
 from typing import Final, NoReturn
 
+from runtime.cli.verb import Subcommand
 from runtime.cli.verb_table import VERBS, command_of, nearest
 
 PROGRAM: Final = "sidestep"
@@ -80,10 +82,14 @@ def new_subcommand_parser(word: str, name: str) -> argparse.ArgumentParser:
 
 
 def add_subcommands(
-    parser: argparse.ArgumentParser, word: str, *, dest: str = "action", allow_abbrev: bool = True
+    parser: argparse.ArgumentParser,
+    of: str | Mapping[str, Subcommand],
+    *,
+    dest: str = "action",
+    allow_abbrev: bool = True,
 ) -> dict[str, argparse.ArgumentParser]:
-    """Add the subcommands of a verb to its parser; return their parsers by name."""
-    rows = VERBS[word].subcommands
+    """Add subcommands, those of a verb or these, to its parser; return their parsers by name."""
+    rows = VERBS[of].subcommands if isinstance(of, str) else of
     added = parser.add_subparsers(dest=dest, required=True, metavar="|".join(rows))
     return {
         name: added.add_parser(

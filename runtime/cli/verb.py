@@ -10,6 +10,8 @@ TEST: Final = "test"
 RUN: Final = "run"
 REC: Final = "rec"
 MORE: Final = "groups"
+APP: Final = "app"
+"""The section of the verbs that only the app has; they are not in the table."""
 SECTIONS: Final = (DRIVE, LOOK, TEST, RUN, REC, MORE)
 """In the order of `sidestep --help`."""
 GROUPS: Final[Mapping[str, str]] = MappingProxyType(
@@ -25,12 +27,13 @@ class Subcommand(NamedTuple):
     """A subcommand of a verb.
 
     `example` is a command line without `sidestep`. `module` is given if the subcommand is a program
-    with a `parser` of its own.
+    with a `parser` of its own. `also` as in `Verb`.
     """
 
     summary: str
     example: str
     module: str = ""
+    also: Mapping[str, tuple[str, ...]] = MappingProxyType({})
 
 
 class Verb(NamedTuple):
@@ -43,7 +46,9 @@ class Verb(NamedTuple):
     these is a program with a `main` and a `parser`. `name` is the word in the group, if it is not
     the key of the table; `suffixes` are those of its argument `file`, and `subcommands` the words
     that follow the verb, as in `mission upload`; `hosts` are modules that register where a program
-    can run, by the option that needs them. `rank` orders the verbs of a section.
+    can run, by the option that needs them. `rank` orders the verbs of a section. `also` are other
+    words for it in the app, each with the arguments that it stands for; `elsewhere` is why the app
+    does not have it, and `only_stops` is True if it can only stop a robot.
     """
 
     section: str
@@ -59,6 +64,9 @@ class Verb(NamedTuple):
     subcommands: Mapping[str, Subcommand] = MappingProxyType({})
     hosts: Mapping[str, str] = MappingProxyType({})
     rank: int = 0
+    also: Mapping[str, tuple[str, ...]] = MappingProxyType({})
+    elsewhere: str = "run it in another terminal"
+    only_stops: bool = False
 
     @property
     def is_program(self) -> bool:

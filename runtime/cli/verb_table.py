@@ -87,6 +87,7 @@ PROGRAMS: Final[Mapping[str, Verb]] = MappingProxyType(
             "ground.cli.run.up",
             run="run",
             rank=10,
+            elsewhere="it starts its own robot: run it in another terminal",
         ),
         "tutorial": Verb(
             DRIVE,
@@ -105,6 +106,7 @@ PROGRAMS: Final[Mapping[str, Verb]] = MappingProxyType(
             run="run_ground",
             arguments="ground_arguments",
             rank=30,
+            elsewhere="the ground station is running already",
         ),
         "ps": Verb(
             LOOK,
@@ -198,6 +200,7 @@ PROGRAMS: Final[Mapping[str, Verb]] = MappingProxyType(
             "ground.cli.run.container",
             name="container",
             run="run",
+            elsewhere="it is for processes in a container",
         ),
         "health": Verb(
             RUN,
@@ -206,6 +209,7 @@ PROGRAMS: Final[Mapping[str, Verb]] = MappingProxyType(
             "ground.cli.observe.health",
             act="act",
             run="run",
+            elsewhere="it is for health checks of containers: doctor reports more",
         ),
         "bridge": Verb(
             RUN,

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from subprocess import PIPE, STDOUT
@@ -21,7 +22,7 @@ from ground.cli import main as cli
 from ground.cli.options import common_of
 from ground.client.connection import Common
 from ground.client.leases import Leasing
-from ground.console.app_commands import AppCommand
+from ground.commands.mission import OfMissionFile
 from ground.console.parser import read
 from ground.missions.files import Draft
 from ground.missions.mission import Waypoint
@@ -227,9 +228,10 @@ async def done(
 async def perform(text: str, robot: Robot, notes: Notes, draft: Draft) -> tuple[int, str, str]:
     notes.notes.clear()
     try:
-        operation: Any = read(text, lambda: draft.text)
-        assert not isinstance(operation, AppCommand)
-        if getattr(operation, "is_offline", False):
+        operation: Any = read(text)
+        if isinstance(operation, OfMissionFile):
+            operation = replace(operation, draft=lambda: draft.text)
+        if operation.is_offline:
             outcome = operation.run(notes)
         else:
             outcome = await operation.perform(robot)

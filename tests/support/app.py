@@ -28,14 +28,11 @@ from ground.app.widgets.rows import words_of
 from ground.client.connection import Common
 from ground.client.floor import floor_in
 from ground.client.leases import Leasing
-from ground.client.outcomes import Outcome
 from ground.client.parameter import Parameter
 from ground.client.presence import PresentProcesses
-from ground.client.session import Operation
 from ground.client.telemetry import Age, AgedMessage
-from ground.console.app_commands import AppCommand
+from ground.commands.command import OperatorCommand
 from ground.console.completion import Assistance, Candidate, assist
-from ground.console.spelling import line_of
 from ground.launch.launcher import Stack
 from ground.launch.scenario import Scenario
 from ground.map.scene import MapScene, MapTarget, Outline, RobotMark
@@ -286,8 +283,8 @@ class FakeCommandSink:
         self.given.append(line)
         self.last = f"sidestep {line}"
 
-    def perform(self, command: Operation[Outcome] | AppCommand) -> None:
-        self.run_line(line_of(command))
+    def perform(self, command: OperatorCommand) -> None:
+        self.run_line(command.line)
 
     def is_local(self, line: str) -> bool:
         return line.split()[0] in ("theme", "help", "screen")

@@ -177,7 +177,7 @@ def test_commands_for_the_screen_and_help_run_at_once() -> None:
     runner.run_line("theme light")
     runner.run_line("help hold")
     runner.run_line("zoom in")
-    assert done == [SetTheme("light"), ShowHelp("hold")]
+    assert done == [SetTheme(name="light"), ShowHelp(word="hold")]
     assert "light it is" in log(station)
     assert "not available on this screen" in log(station)
 

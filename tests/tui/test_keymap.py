@@ -6,12 +6,13 @@ import pytest
 from textual.command import CommandList, DiscoveryHit, Hit
 from textual.content import Content
 
-from ground.app.chrome.key_bar import CURSOR
+from ground.app.chrome.key_bar import keys_when
 from ground.app.commands.palette import CommandPalette
 from ground.app.input.keymap import (
     KEYS,
     Keymap,
     Layer,
+    Situation,
     as_toml,
     bindings_of,
     clashes,
@@ -122,7 +123,7 @@ def test_more_special_layer_hides_a_key() -> None:
 
 
 def test_cursor_hides_only_robot_keys_that_the_key_bar_names_anew() -> None:
-    keymap, named = Keymap(), {one.id for one in CURSOR}
+    keymap, named = Keymap(), {one.id for one in keys_when(Situation.CURSOR)}
     robot = {word for key in keymap.of(Layer.ROBOT, Layer.FLEET) for word in key.keys}
     hidden = {word: key.id for key in keymap.of(Layer.CURSOR) for word in key.keys if word in robot}
     assert hidden == {"m": "map-menu"}

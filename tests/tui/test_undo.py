@@ -11,10 +11,9 @@ from ground.app.commands.local_commands import LocalCommands
 from ground.app.commands.runner import CommandRunner
 from ground.app.commands.undo import MAX_CHANGES, Change, UndoList, inverse_of
 from ground.client.connection import Common
-from ground.client.outcomes import Outcome
 from ground.client.parameter import Parameter
 from ground.client.parameters import ParameterChanged, Parameters, ParametersLoaded
-from ground.client.session import Operation
+from ground.commands.command import OperatorCommand
 from ground.commands.fence import ClearFence, FenceShown, SetFence
 from ground.commands.hold import Hold
 from ground.commands.param import ResetParameter, SetParameter
@@ -241,7 +240,7 @@ def test_fence_returns_to_what_the_robot_had(
     assert inverse(ClearFence()) == back
 
 
-def inverse(operation: Operation[Outcome], known: Sequence[Parameter] = ()) -> object:
+def inverse(operation: OperatorCommand, known: Sequence[Parameter] = ()) -> object:
     robot: Any = None
     return asyncio.run(inverse_of(operation, known, robot))
 
@@ -276,5 +275,5 @@ async def test_keys_undo_on_lists_and_on_the_map() -> None:
 
 async def test_pose_is_copied_as_words_of_goto() -> None:
     async with staged() as stage:
-        assert LocalCommands(stage.app).do_command(CopyText("pose"))
+        assert LocalCommands(stage.app).do_command(CopyText(what="pose"))
         assert stage.app.clipboard == "4.120 2.840 30.0"

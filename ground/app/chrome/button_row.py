@@ -10,7 +10,7 @@ from ground.app.widgets.rows import Row, Span, cut, width_of
 
 
 class Button(NamedTuple):
-    """A part of a row; a click runs `action`, such as `do('hold')`, unless it is empty."""
+    """A part of a row; a click runs `action`, such as `do('arm')`, unless it is empty."""
 
     row: Row
     action: str = ""

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 from ground.app.chrome.button_row import Button, buttons_width
-from ground.app.input.keymap import KeyBinding, shown
+from ground.app.input.keymap import KeyBinding, Situation, keys_for, shown
 from ground.app.panels.aged import live
 from ground.app.stops.band import lost_in
 from ground.app.widgets.rows import Span, row
@@ -33,32 +33,15 @@ class NextKey(NamedTuple):
     others: tuple[str, ...] = ()
 
 
+def keys_when(situation: Situation) -> tuple[NextKey, ...]:
+    """Return the keys that the table names for a situation, the first one first."""
+    return tuple(
+        NextKey(key.id, one.name or key.short, one.presses, one.others)
+        for key, one in keys_for(situation)
+    )
+
+
 STOP_STATES: Final = (Vehicle.EMERGENCY_STOP, Vehicle.FAILSAFE)
-CURSOR: Final = (
-    NextKey("goal-at-cursor", "Go"),
-    NextKey("waypoint", "Waypoint"),
-    NextKey("cursor-up", "Move", others=("cursor-down", "cursor-left", "cursor-right")),
-    NextKey("map-menu", "Menu"),
-    NextKey("cursor-turn-right", "Heading"),
-    NextKey("leave-cursor", "Close"),
-)
-TELEOP: Final = (NextKey("teleop-end", "End"),)
-FILTER: Final = NextKey("find", "Filter")
-FILTERED: Final = (NextKey("close", "Clear filter"),)
-REPLAY: Final = (
-    NextKey("replay-play", "Play"),
-    NextKey("replay-on", "Step"),
-    NextKey("replay-mark", "Mark"),
-    NextKey("replay-open", "Open"),
-)
-STOPPED: Final = (NextKey("clear-estop", "Clear E-STOP", 2),)
-PLACE: Final = NextKey("place", "Set the place")
-ARM: Final = NextKey("arm", "Arm")
-GO_ON: Final = NextKey("resume", "Go on")
-GOAL: Final = NextKey("goal", "Goal")
-HELD: Final = (NextKey("resume", "Resume"), NextKey("abort", "Abort"), NextKey("goal", "Goal"))
-UNDER_WAY: Final = (NextKey("hold", "Hold"), NextKey("abort", "Abort"), NextKey("explain", "Why"))
-IDLE: Final = (NextKey("goal", "Goal"), NextKey("cursor", "Cursor"), NextKey("arm", "Arm"))
 START_MISSION: Final = NextKey("missions", "Start mission")
 
 
@@ -87,17 +70,28 @@ def next_keys(station: Station, draft: tuple[MapTarget, ...]) -> tuple[NextKey, 
     if not isinstance(status, NavigatorStatus):
         return ()
     if status.vehicle == Vehicle.EMERGENCY_STOP:
-        return STOPPED
+        return keys_when(Situation.STOPPED)
     lost = lost_in(station, status) is not None
     if status.vehicle == Vehicle.FAILSAFE:
-        place = (PLACE,) if status.vehicle_reason == Reason.FENCE_UNCHECKED else ()
-        return (*place, ARM, GO_ON, GOAL) if lost else (*place, ARM, GOAL)
+        return way_out(status, lost=lost)
     mission = mission_keys(station, draft)
     if status.goal in DRIVING:
-        return (*mission, *(HELD if status.mode == Mode.HOLD else UNDER_WAY))
+        held = status.mode == Mode.HOLD
+        return (*mission, *keys_when(Situation.HELD if held else Situation.UNDER_WAY))
     if mission or not lost:
-        return (*mission, *IDLE)
-    return (GO_ON, GOAL) if status.vehicle == Vehicle.ACTIVE else (ARM, GO_ON, GOAL)
+        return (*mission, *keys_when(Situation.IDLE))
+    return way_out(status, lost=lost)
+
+
+def way_out(status: NavigatorStatus, *, lost: bool) -> tuple[NextKey, ...]:
+    """Return the keys that lead from a stop to driving; on to the goal, if that was lost."""
+    needed = {
+        "place": status.vehicle == Vehicle.FAILSAFE
+        and status.vehicle_reason == Reason.FENCE_UNCHECKED,
+        "arm": status.vehicle != Vehicle.ACTIVE,
+        "resume": lost,
+    }
+    return tuple(one for one in keys_when(Situation.WAY_OUT) if needed.get(one.id, True))
 
 
 def cursor_keys(station: Station, draft: tuple[MapTarget, ...]) -> tuple[NextKey, ...]:
@@ -108,17 +102,13 @@ def cursor_keys(station: Station, draft: tuple[MapTarget, ...]) -> tuple[NextKey
     status = live(station.seen(STATUS))
     if isinstance(status, NavigatorStatus) and status.vehicle in STOP_STATES:
         return next_keys(station, draft)
-    return (*CURSOR[:2], *mission_keys(station, draft), *CURSOR[2:])
+    keys = keys_when(Situation.CURSOR)
+    return (*keys[:2], *mission_keys(station, draft), *keys[2:])
 
 
 STOPS: Final = ("estop-here", "estop")
 STOP: Final = "E-STOP"
 LAST: Final = ("palette", "help")
-ORDER: Final = (
-    *("goal", "cursor", "hold", "resume", "arm", "mode", "navigator", "teleop"),
-    *("explain", "abort", "missions", "rtl"),
-)
-"""The order of keys that all screens have, behind the keys of the present screen."""
 Sides = tuple[list[Button], list[Button]]
 
 
@@ -131,7 +121,8 @@ def key_buttons(keys: Sequence[KeyBinding], width: int, following: Sequence[Next
     stop = next((known[id] for id in STOPS if id in known), None)
     first = [one for one in following if one.id in known]
     taken = {*STOPS, *LAST, *(id for one in first for id in (one.id, *one.others))}
-    others = sorted((key for key in known.values() if key.short and key.id not in taken), key=place)
+    others = [key for key in known.values() if key.short and key.id not in taken]
+    others.sort(key=lambda key: key.bar)
     tail = [button(known[id], known[id].short) for id in LAST if id in known]
     buttons = [
         *([] if stop is None else [button(stop, STOP, "alarm")]),
@@ -150,11 +141,6 @@ def key_buttons(keys: Sequence[KeyBinding], width: int, following: Sequence[Next
 def keys_of(ids: Sequence[str], known: Mapping[str, KeyBinding]) -> str:
     """Return the first keys of these actions, as they are shown."""
     return "".join(shown(known[id].keys[:1]) for id in ids if id in known)
-
-
-def place(key: KeyBinding) -> int:
-    """Return the position of a key on the key bar."""
-    return ORDER.index(key.id) if key.id in ORDER else -1
 
 
 def button(

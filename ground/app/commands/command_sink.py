@@ -2,15 +2,13 @@
 
 from typing import Protocol
 
-from ground.client.outcomes import Outcome
-from ground.client.session import Operation
-from ground.console.app_commands import AppCommand
+from ground.commands.command import OperatorCommand
 from ground.console.completion import Assistance
 from ground.map.scene import MapTarget
 
 
 class CommandSink(Protocol):
-    """Runs typed operations and command lines, and remembers them."""
+    """Runs commands and command lines, and remembers them."""
 
     @property
     def last(self) -> str:
@@ -26,8 +24,8 @@ class CommandSink(Protocol):
     def run_line(self, line: str) -> None:
         """Run a line in another thread; refusals and outcomes go to the log."""
 
-    def perform(self, command: Operation[Outcome] | AppCommand) -> None:
-        """Perform a typed operation, in the same way."""
+    def perform(self, command: OperatorCommand) -> None:
+        """Perform a command, in the same way."""
 
     def is_local(self, line: str) -> bool:
         """Return whether a line concerns only the screen."""

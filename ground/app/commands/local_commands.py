@@ -5,7 +5,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from ground.app.screens.help import show_help
-from ground.console import app_commands
+from ground.console.app_commands import (
+    AppCommand,
+    CopyText,
+    FindText,
+    GoToScreen,
+    KeyCommand,
+    OpenReplay,
+    RecordHere,
+    SaveScreen,
+    SelectRobot,
+    SetTheme,
+    ShowGhost,
+    ShowHelp,
+    SwitchLayers,
+)
 from ground.map.scene import LAYERS
 from ground.recording.catalogue import recording_named
 from ground.text.wording import THEMES
@@ -26,36 +40,36 @@ class LocalCommands:
     def __init__(self, app: "GroundApp") -> None:
         self._app = app
 
-    def do_command(self, command: app_commands.AppCommand) -> str:
+    def do_command(self, command: AppCommand) -> str:
         """Perform a command and return its message.
 
         Raise UserError when it is not possible on this screen.
         """
         match command:
-            case app_commands.RunKey(id):
-                self.do(id)
-            case app_commands.SetTheme(name):
-                return self.theme(name)
-            case app_commands.ShowHelp(word):
-                show_help(self._app, word, commands=True)
-            case app_commands.SaveScreen(file):
-                return self.snap(file)
-            case app_commands.GoToScreen(name):
-                self._app.switch_mode(name)
-            case app_commands.SwitchLayers(names):
-                self.layers(names)
-            case app_commands.FindText(text):
-                self.find(text)
-            case app_commands.SelectRobot(robot):
-                self._app.station.select(robot)
-            case app_commands.OpenReplay(file):
-                self._app.open_replay(recording_named(file))
-            case app_commands.RecordHere(begin):
-                return self.record(begin=begin)
-            case app_commands.CopyText(what):
-                return self.copy(what)
-            case app_commands.ShowGhost(navigator):
-                self.ghost(navigator)
+            case KeyCommand():
+                self.do(command.key)
+            case SetTheme():
+                return self.theme(command.name)
+            case ShowHelp():
+                show_help(self._app, command.word, commands=True)
+            case SaveScreen():
+                return self.snap(command.file)
+            case GoToScreen():
+                self._app.switch_mode(command.name)
+            case SwitchLayers():
+                self.layers(command.names)
+            case FindText():
+                self.find(command.text)
+            case SelectRobot():
+                self._app.station.select(command.robot)
+            case OpenReplay():
+                self._app.open_replay(recording_named(command.file))
+            case RecordHere():
+                return self.record(begin=command.action == "start")
+            case CopyText():
+                return self.copy(command.what)
+            case ShowGhost():
+                self.ghost(command.navigator)
             case _:
                 raise UserError(UNAVAILABLE)
         return ""

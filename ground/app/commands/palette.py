@@ -11,7 +11,7 @@ from ground.app.commands.command_sink import CommandSink
 from ground.app.input.keymap import KeyBinding, shown
 from ground.app.screens.app_screen import AppScreen
 from ground.console.app_commands import SetTheme
-from ground.console.help import summaries
+from ground.console.parser import summaries
 from ground.text.wording import THEMES
 
 
@@ -83,7 +83,7 @@ class CommandPalette(Provider):
             words = f"{shown(key.keys)}   {key.description}"
             yield PaletteEntry(key.id.replace("-", " "), partial(app.run_chosen, key.id), words)
         for name in THEMES:
-            set_theme = partial(app.commands.perform, SetTheme(name))
+            set_theme = partial(app.commands.perform, SetTheme(name=name))
             yield PaletteEntry(f"theme {name}", set_theme, "colours")
         for word, summary in summaries().items():
             yield PaletteEntry(f": {word}", partial(app.begin_line, f"{word} "), summary)

@@ -9,6 +9,7 @@ from typing import Final
 from ground.app.app_interface import AppControl, AppInterface
 from ground.app.chrome.key_bar import mission_is_ready, unsent
 from ground.app.input.key_queue import SecondPress
+from ground.app.input.keymap import KEYS
 from ground.app.panels.aged import live
 from ground.app.panels.status import NAMES as NAVIGATOR_NAMES
 from ground.app.screens import SCREENS
@@ -16,8 +17,6 @@ from ground.app.screens.app_screen import Action
 from ground.app.screens.choice import Choice
 from ground.app.screens.help import show_help
 from ground.app.stops.band import is_in_emergency_stop
-from ground.client.outcomes import Outcome
-from ground.client.session import Operation
 from ground.client.telemetry import Age
 from ground.client.vocabulary import (
     MODE_SUMMARIES,
@@ -26,17 +25,11 @@ from ground.client.vocabulary import (
     SIDES,
     USUAL_NAVIGATOR,
 )
-from ground.commands.abort import Abort
-from ground.commands.arm import Arm
-from ground.commands.disarm import Disarm
-from ground.commands.hold import Hold
-from ground.commands.mission import FetchMission, StartMission
+from ground.commands.mission import FetchMission, StartMission, UploadMissionFile
 from ground.commands.mode import SetMode
 from ground.commands.navigator import SetNavigator
-from ground.commands.resume import Resume
-from ground.commands.rtl import ReturnHome
 from ground.commands.stop import ClearEmergencyStop
-from ground.console.app_commands import Undo
+from ground.missions.files import DASH
 from ground.station.station import Station
 from ground.text.wording import GOAL_MODES, THEMES
 from ground.user.folders import state_folder
@@ -187,17 +180,6 @@ def saved_picture(svg: str) -> str:
     return f"saved {path}"
 
 
-PLAIN: Final[tuple[Operation[Outcome], ...]] = (
-    Hold(),
-    Resume(),
-    Abort(),
-    Arm(),
-    Disarm(),
-    ReturnHome(),
-)
-"""Operations whose key has the verb as its id."""
-
-
 class RobotKeys:
     """Performs the actions of keys on the app."""
 
@@ -213,13 +195,16 @@ class RobotKeys:
             f"screen-{number}": partial(app.switch_mode, name) for name, number in SCREENS.items()
         }
         return {
-            **{one.verb: partial(app.commands.perform, one) for one in PLAIN},
+            **{
+                key.id: partial(app.commands.perform, key.does)
+                for key in KEYS
+                if not isinstance(key.does, str)
+            },
             **self._stop_keys.actions(),
             **screens,
             "mode": self.choose_mode,
             "navigator": self.choose_navigator,
             "side": self.choose_side,
-            "undo": partial(app.commands.perform, Undo()),
             "missions": self.next_of_mission,
             "lease": self.take_or_release,
             "robot-before": partial(self.select_by, -1),
@@ -304,7 +289,7 @@ class RobotKeys:
         """Send the draft; else start the mission that was sent; else list the mission."""
         commands, station = self._app.commands, self._app.station
         if unsent(commands.draft_items, station):
-            commands.run_line("wp upload")
+            commands.perform(UploadMissionFile(file=DASH))
         elif mission_is_ready(station):
             commands.perform(StartMission())
         else:

@@ -10,19 +10,19 @@ from ground.client.connection import Common
 from ground.client.floor import Floor, floor_in
 from ground.client.outcomes import Answer, Outcome
 from ground.client.requests import GaveUp
-from ground.client.session import Operation
 from ground.client.teleop_sender import TeleopSender
+from ground.commands.command import OperatorCommand
 from ground.commands.lease import ChangeLease
+from ground.commands.mission import OfMissionFile
 from ground.commands.mode import SetMode
 from ground.commands.stop import ClearAll, ClearEmergencyStop, StopAll, StopNow
-from ground.console.app_commands import AppCommand, Undo
+from ground.console.app_commands import AddWaypoint, AppCommand, DraftCommand, Undo
 from ground.console.argument_errors import shown
 from ground.console.completion import Assistance, Candidate, assist
 from ground.console.history import History
 from ground.console.parser import COMMANDS, expanded, read, words_of
-from ground.console.spelling import line_of
 from ground.map.scene import MapTarget
-from ground.missions.files import AddWaypoint, Draft, Edit
+from ground.missions.files import Draft
 from ground.missions.mission import Mission
 from ground.robot import Robot
 from ground.station.robot.background_requests import JobResult
@@ -65,16 +65,16 @@ class CommandRunner:
         if not line:
             return
         try:
-            command = read(line, lambda: self.draft.text)
+            command = read(line)
         except UserError as error:
             self._history.add(line)
             self._station.note(f"{shown(line)}: {error}", Severity.WARNING)
             return
         self.perform(command, line)
 
-    def perform(self, command: Operation[Outcome] | AppCommand, line: str = "") -> None:
+    def perform(self, command: OperatorCommand, line: str = "") -> None:
         """Perform a command; `line` is the line as it was typed, if it was."""
-        line = line or line_of(command)
+        line = line or command.line
         match command:  # a stop waits for no disk
             case StopNow():
                 self._station.estop()
@@ -86,6 +86,8 @@ class CommandRunner:
             command = replace(command, stop_ids=self._station.stops_known(self._station.robot))
         elif isinstance(command, ClearAll):
             command = replace(command, stop_ids=self._station.all_stops_known())
+        elif isinstance(command, OfMissionFile):  # `-` is the draft: there is no standard input
+            command = replace(command, draft=lambda: self.draft.text)
         match command:
             case StopNow() | StopAll():
                 pass
@@ -93,17 +95,17 @@ class CommandRunner:
                 self._station.release_lease()
             case ChangeLease(action=action):
                 self._station.take_lease(seize=action is LeaseAction.SEIZE)
-            case _ if isinstance(command, AppCommand):
+            case AppCommand():
                 self._locally(command)
             case _:
                 self._station.submit(line, self._told(command, line), moves=command.moves)
 
-    def _told(self, command: Operation[Outcome], line: str) -> QueuedCommand:
+    def _told(self, command: OperatorCommand, line: str) -> QueuedCommand:
         """Return a command so that the event loop may perform it, and `undo` take it back."""
         if isinstance(command, UNDONE):
             return Undoable(command, line, self._undo_list, self._station)
         on_loop: Any = command
-        return OnFiles(command) if getattr(command, "is_offline", False) else on_loop
+        return OnFiles(command) if command.is_offline else on_loop
 
     def is_local(self, line: str) -> bool:
         """Return whether a line concerns only the screen."""
@@ -144,7 +146,7 @@ class CommandRunner:
             self._station.note(REPLAYED, Severity.WARNING)
             return False
         drive = DriveByKeys()
-        begun = self._station.submit(line_of(MANUAL), drive)
+        begun = self._station.submit(MANUAL.line, drive)
         self._drive = drive if begun else None
         return begun
 
@@ -158,7 +160,7 @@ class CommandRunner:
         drive, self._drive = self._drive, None
         if drive is not None:
             drive.steer(0.0, 0.0)
-            self._station.submit(line_of(HOLD), EndOfDrive(drive), moves=False)
+            self._station.submit(HOLD.line, EndOfDrive(drive), moves=False)
 
     def _floor(self) -> Floor | None:
         """Return the floor of the robot's world, if it is known."""
@@ -175,7 +177,7 @@ class CommandRunner:
         if isinstance(change.back, Mission):
             return self._restore_draft(change, change.back)
         assert change.back is not None, "refused by take()"
-        words = f"undo {change.line}: {line_of(change.back)}"
+        words = f"undo {change.line}: {change.back.line}"
         if not station.submit(words, Restore(self._undo_list, change)):
             self._undo_list.add(change)
         return ""
@@ -184,12 +186,12 @@ class CommandRunner:
         self.draft.mission = before
         return f"undone: {change.line}; {self.draft.listed()}"
 
-    def _edit(self, command: Edit) -> str:
+    def _edit(self, command: DraftCommand) -> str:
         """Edit the draft, and remember how to take it back."""
         before = self.draft.mission
-        message = self.draft.apply(command)
+        message = command.edit(self.draft)
         if self.draft.mission != before:
-            self._undo_list.add(Change(self._station.robot, line_of(command), before))
+            self._undo_list.add(Change(self._station.robot, command.line, before))
         return message
 
     def _locally(self, command: AppCommand) -> None:
@@ -207,7 +209,7 @@ class CommandRunner:
         if isinstance(command, AddWaypoint) and (floor := self._floor()) is not None:
             place = command.waypoint
             floor.refuse_outside(f"waypoint {place}", place.x_m, place.y_m)
-        return self._edit(command) if isinstance(command, Edit) else self.local(command)
+        return self._edit(command) if isinstance(command, DraftCommand) else self.local(command)
 
     def _for_a_shell(self, line: str) -> str:
         words = expanded(words_of(line))
@@ -266,7 +268,7 @@ class EndOfDrive:
 class OnFiles:
     """A command that works on files alone, and so for long: in a thread of its own."""
 
-    command: Operation[Outcome]
+    command: OperatorCommand
 
     async def perform(self, robot: Robot) -> Outcome:
         """Carry it out."""

@@ -3,12 +3,12 @@
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final, NamedTuple, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 from ground.client.outcomes import Outcome, Refused
 from ground.client.parameter import Parameter
 from ground.client.parameters import ParametersLoaded
-from ground.client.session import Operation
+from ground.commands.command import OperatorCommand, command
 from ground.commands.fence import ClearFence, FenceShown, SetFence, SetFenceOfFile, ShowFence
 from ground.commands.param import LoadParameters, ResetParameter, SetParameter
 from ground.missions.mission import Mission
@@ -25,7 +25,7 @@ UNDONE: Final = (*CHANGES, LoadParameters)
 
 NO_CHANGE: Final = "no parameter, fence or draft was changed here"
 NEW_WORLD: Final = "nothing was changed since the world was started"
-Back: TypeAlias = Operation[Outcome] | Mission
+Back: TypeAlias = OperatorCommand | Mission
 
 
 class Change(NamedTuple):
@@ -39,15 +39,14 @@ class Change(NamedTuple):
     back: Back | None
 
 
-@dataclass(frozen=True, slots=True)
-class RestoreParameters:
+@command(word="set back", moves=True)
+class RestoreParameters(OperatorCommand):
     """Set parameters back to these values, by name."""
 
     values: tuple[tuple[str, float], ...]
-    moves: ClassVar[bool] = True
 
     @property
-    def verb(self) -> str:
+    def line(self) -> str:
         """The description for the log."""
         return f"set back {', '.join(name for name, _ in self.values)}"
 
@@ -81,14 +80,14 @@ class UndoList:
         self,
         robot: str,
         line: str,
-        operation: Operation[Outcome],
+        operation: OperatorCommand,
         outcome: Outcome,
         back: Back | None,
     ) -> None:
         """Append the change that an operation has made, if any, with its inverse."""
         if isinstance(outcome, ParametersLoaded):  # perhaps only some of them
             if outcome.before:
-                self.add(Change(robot, line, RestoreParameters(outcome.before)))
+                self.add(Change(robot, line, RestoreParameters(values=outcome.before)))
         elif outcome.ok and isinstance(operation, CHANGES):
             self.add(Change(robot, line, back))
 
@@ -111,8 +110,8 @@ class UndoList:
 
 
 async def inverse_of(
-    operation: Operation[Outcome], parameters: Iterable[Parameter], robot: Robot
-) -> Operation[Outcome] | None:
+    operation: OperatorCommand, parameters: Iterable[Parameter], robot: Robot
+) -> OperatorCommand | None:
     """Return the operation that restores the present state; None if that is unknown.
 
     The fence is read from the robot, because others may have changed it.
@@ -132,7 +131,7 @@ async def inverse_of(
 class Undoable:
     """A command that `undo` takes back; it notes how."""
 
-    command: Operation[Outcome]
+    command: OperatorCommand
     line: str
     changes: UndoList
     station: Station
@@ -182,7 +181,7 @@ class TakeBack:
         return JobResult(outcome.ok, f"{change.line}: {outcome.text}")
 
 
-async def performed(operation: Operation[Outcome], robot: Robot) -> Outcome:
+async def performed(operation: OperatorCommand, robot: Robot) -> Outcome:
     """Perform an operation on a robot."""
     command: Any = operation
     outcome: Outcome = await command.perform(robot)

@@ -7,6 +7,7 @@ app, so that each key is handled after the one before has changed the focus.
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from enum import Enum
+from functools import cache
 from pathlib import Path
 from string import Formatter
 from types import MappingProxyType
@@ -15,6 +16,14 @@ from typing import Any, Final, NamedTuple
 from textual.binding import Binding, BindingsMap
 
 from ground.client.vocabulary import HINTS
+from ground.commands.abort import Abort
+from ground.commands.arm import Arm
+from ground.commands.command import OperatorCommand
+from ground.commands.disarm import Disarm
+from ground.commands.hold import Hold
+from ground.commands.resume import Resume
+from ground.commands.rtl import ReturnHome
+from ground.console.app_commands import SCREENS, Undo
 from protocol.wire.reasons import Reason
 from runtime.config import line_located, read_toml, unknown_key
 from runtime.errors import ConfigError
@@ -45,14 +54,54 @@ class Layer(Enum):
     STATION = "station"
 
 
-class KeyBinding(NamedTuple):
-    """A row of the table; `short` is the name on the key bar, if the key is shown there."""
+class Situation(Enum):
+    """When a key is what the operator needs next."""
 
-    id: str
+    CURSOR = "a cursor is on the map"
+    TELEOP = "the robot is driven by hand"
+    FILTERED = "a list is filtered"
+    LIST = "a list is shown"
+    REPLAY = "a recording is shown"
+    STOPPED = "emergency stop"
+    WAY_OUT = "the robot has stopped by itself"
+    HELD = "the robot stands on its way"
+    UNDER_WAY = "the robot drives"
+    IDLE = "the robot has no goal"
+
+
+class Next(NamedTuple):
+    """A situation in which a key is shown first, and its place there.
+
+    `name` is its name then, if it is another than usual. `presses` is how often the key must be
+    pressed. `others` are ids whose keys are shown, too, such as those of the other directions.
+    """
+
+    when: Situation
+    rank: int
+    name: str = ""
+    presses: int = 1
+    others: tuple[str, ...] = ()
+
+
+class KeyBinding(NamedTuple):
+    """A row of the table.
+
+    The key performs the command that it `does`, or the action with this id. `short` is its name on
+    the key bar, if it is shown there, and `bar` its place behind the keys of the present screen.
+    """
+
+    does: OperatorCommand | str
     keys: tuple[str, ...]
     description: str
     layer: Layer
     short: str = ""
+    bar: int = 0
+    next: tuple[Next, ...] = ()
+
+    @property
+    def id(self) -> str:
+        """The name of the action in the user's file."""
+        return self.does if isinstance(self.does, str) else self.does.verb
 
     @property
     def may_move(self) -> bool:
@@ -64,10 +113,16 @@ MOVING: Final = ("clear-estop", "teleop", "world-start", "fault-begin")
 """Ids of keys that can move a robot, besides those of the layers that command it."""
 
 
-def _keys(layer: Layer, *rows: tuple[str, str, str, str]) -> tuple[KeyBinding, ...]:
-    return tuple(KeyBinding(row[0], tuple(row[1].split()), row[2], layer, row[3]) for row in rows)
+def _keys(layer: Layer, *rows: tuple[Any, ...]) -> tuple[KeyBinding, ...]:
+    """Return rows of a layer; what follows the place on the key bar are situations."""
+    return tuple(
+        KeyBinding(row[0], tuple(row[1].split()), row[2], layer, *row[3:5])._replace(next=row[5:])
+        for row in rows
+    )
 
 
+CURSOR, TELEOP, FILTERED, LIST, REPLAY, STOPPED, WAY_OUT, HELD, UNDER_WAY, IDLE = Situation
+DIRECTIONS: Final = ("cursor-down", "cursor-left", "cursor-right")
 KEYS: Final[tuple[KeyBinding, ...]] = (
     *_keys(
         Layer.ALWAYS,
@@ -81,7 +136,7 @@ KEYS: Final[tuple[KeyBinding, ...]] = (
     ),
     *_keys(
         Layer.TELEOP,
-        ("teleop-end", "escape", "end teleop, as any other key does", "End"),
+        ("teleop-end", "escape", "end teleop, as any other key does", "End", 0, Next(TELEOP, 1)),
         ("teleop-forward", "up w", "drive forward", "Forward"),
         ("teleop-back", "down s", "drive back", "Back"),
         ("teleop-left", "left a", "turn left", "Left"),
@@ -108,7 +163,7 @@ KEYS: Final[tuple[KeyBinding, ...]] = (
     ),
     *_keys(
         Layer.CURSOR,
-        ("cursor-up", "up", "cursor up", ""),
+        ("cursor-up", "up", "cursor up", "", 0, Next(CURSOR, 3, "Move", others=DIRECTIONS)),
         ("cursor-down", "down", "cursor down", ""),
         ("cursor-left", "left", "cursor left", ""),
         ("cursor-right", "right", "cursor right", ""),
@@ -117,12 +172,15 @@ KEYS: Final[tuple[KeyBinding, ...]] = (
         ("cursor-left-far", "shift+left", "ten steps left", ""),
         ("cursor-right-far", "shift+right", "ten steps right", ""),
         ("cursor-turn-left", "<", "turn the goal's heading left", ""),
-        ("cursor-turn-right", ">", "turn the goal's heading right", "Heading"),
+        ("cursor-turn-right", ">", "turn the goal's heading right", "Heading", 0, Next(CURSOR, 5)),
         ("cursor-heading-free", "backspace", "accept any heading", ""),
-        ("goal-at-cursor", "enter", "drive to the cursor", "Go"),
-        ("waypoint", "w", "add a waypoint at the cursor", "Waypoint"),
-        ("map-menu", "m", "menu of this place: go, waypoint, measure, look", "Menu"),
-        ("leave-cursor", "escape", "remove the cursor", "Close"),
+        ("goal-at-cursor", "enter", "drive to the cursor", "Go", 0, Next(CURSOR, 1)),
+        ("waypoint", "w", "add a waypoint at the cursor", "Waypoint", 0, Next(CURSOR, 2)),
+        (
+            *("map-menu", "m", "menu of this place: go, waypoint, measure, look", "Menu", 0),
+            Next(CURSOR, 4),
+        ),
+        ("leave-cursor", "escape", "remove the cursor", "Close", 0, Next(CURSOR, 6)),
     ),
     *_keys(
         Layer.LIST,
@@ -139,30 +197,33 @@ KEYS: Final[tuple[KeyBinding, ...]] = (
     ),
     *_keys(
         Layer.DRIVE,
-        ("cursor", "G up down left right", "place a goal cursor on the map", "Cursor"),
+        (
+            *("cursor", "G up down left right", "place a goal cursor on the map", "Cursor", 2),
+            Next(IDLE, 2),
+        ),
         ("zoom-in", "+ =", "zoom in", ""),
         ("zoom-out", "-", "zoom out", ""),
         ("fit", "0", "show the whole world", ""),
         ("centre", "c", "centre the map on the robot", ""),
         ("follow", "f", "follow the robot, or stop following", ""),
         ("layers", "z", "choose the layers of the map", ""),
-        ("explain", "e", "explain the last turn", "Why"),
+        ("explain", "e", "explain the last turn", "Why", 9, Next(UNDER_WAY, 3)),
         ("explain-before", "E", "explain the turn before", ""),
         ("ghost", "n", "simulate another navigator from here", ""),
-        ("teleop", "t", "drive by keys", "Teleop"),
+        ("teleop", "t", "drive by keys", "Teleop", 8),
     ),
     *_keys(
         Layer.REPLAY,
         ("replay-back", ",", "one step back", ""),
-        ("replay-on", ".", "one step forward", "Step"),
-        ("replay-play", "p", "play or pause", "Play"),
+        ("replay-on", ".", "one step forward", "Step", 0, Next(REPLAY, 2)),
+        ("replay-play", "p", "play or pause", "Play", 0, Next(REPLAY, 1)),
         ("replay-slower", "<", "half the speed", ""),
         ("replay-faster", ">", "twice the speed", ""),
-        ("replay-mark", "M", "to the next mark", "Mark"),
+        ("replay-mark", "M", "to the next mark", "Mark", 0, Next(REPLAY, 3)),
         ("replay-jump-back", "pageup", "ten seconds back", ""),
         ("replay-jump-on", "pagedown", "ten seconds forward", ""),
         ("replay-begin", "home", "to the beginning", ""),
-        ("replay-open", "o", "open a recording", "Open"),
+        ("replay-open", "o", "open a recording", "Open", 0, Next(REPLAY, 4)),
         ("replay-end", "end", "to the end", ""),
     ),
     *_keys(
@@ -200,43 +261,48 @@ KEYS: Final[tuple[KeyBinding, ...]] = (
     ),
     *_keys(
         Layer.ROBOT,
-        ("hold", "h", "stop, keep the goal; needs no lease", "Hold"),
-        ("resume", "r", "drive on to the goal", "Resume"),
-        ("abort", "x", "stop, drop the goal or mission; needs no lease", "Abort"),
-        ("missions", "W", "send the draft, start the mission, or list it", "Mission"),
-        ("arm", "a", "arm the motors", "Arm"),
-        ("disarm", "A", "disarm the motors; needs no lease", ""),
-        ("mode", "m", "choose the mode", "Mode"),
-        ("navigator", "v", "choose the navigator", "Algo"),
+        (Hold(), "h", "stop, keep the goal; needs no lease", "Hold", 3, Next(UNDER_WAY, 1)),
+        (
+            *(Resume(), "r", "drive on to the goal", "Resume", 4),
+            *(Next(HELD, 1), Next(WAY_OUT, 3, "Go on")),
+        ),
+        (
+            *(Abort(), "x", "stop, drop the goal or mission; needs no lease", "Abort", 10),
+            *(Next(HELD, 2), Next(UNDER_WAY, 2)),
+        ),
+        ("missions", "W", "send the draft, start the mission, or list it", "Mission", 11),
+        (Arm(), "a", "arm the motors", "Arm", 5, Next(IDLE, 3), Next(WAY_OUT, 2)),
+        (Disarm(), "A", "disarm the motors; needs no lease", ""),
+        ("mode", "m", "choose the mode", "Mode", 6),
+        ("navigator", "v", "choose the navigator", "Algo", 7),
         ("side", "b", "choose the side to pass obstacles on", ""),
-        ("rtl", "R", "return along the robot's trail", "RTL"),
+        (ReturnHome(), "R", "return along the robot's trail", "RTL", 12),
         ("lease", "L", "take the lease, or give it back", ""),
-        ("place", "i", "set the pose of the robot", ""),
+        ("place", "i", "set the pose of the robot", "", 0, Next(WAY_OUT, 1, "Set the place")),
     ),
     *_keys(
         Layer.FLEET,
-        ("clear-estop", "D", "release the emergency stop: press twice", ""),
-        ("goal", "g", "type a goal", "Goal"),
-        ("undo", "ctrl+z", "take back the last change of a parameter, the fence or the draft", ""),
+        (
+            *("clear-estop", "D", "release the emergency stop: press twice", "", 0),
+            Next(STOPPED, 1, "Clear E-STOP", presses=2),
+        ),
+        (
+            *("goal", "g", "type a goal", "Goal", 1),
+            *(Next(HELD, 3), Next(IDLE, 1), Next(WAY_OUT, 4)),
+        ),
+        (Undo(), "ctrl+z", "take back the last change of a parameter, the fence or the draft", ""),
         ("robot-before", "[", "previous robot", ""),
         ("robot-next", "]", "next robot", ""),
     ),
     *_keys(
         Layer.STATION,
-        ("screen-1", "1", "Drive", ""),
-        ("screen-2", "2", "Plots", ""),
-        ("screen-3", "3", "Params", ""),
-        ("screen-4", "4", "Log", ""),
-        ("screen-5", "5", "Links", ""),
-        ("screen-6", "6", "Worlds", ""),
-        ("screen-7", "7", "Faults", ""),
-        ("screen-8", "8", "Replay", ""),
+        *((f"screen-{at}", str(at), name.capitalize()) for at, name in enumerate(SCREENS, start=1)),
         ("jump", "ctrl+o", "jump to a screen", ""),
-        ("close", "escape", "close what is open", ""),
+        ("close", "escape", "close what is open", "", 0, Next(FILTERED, 1, "Clear filter")),
         ("next-panel", "tab", "next panel", ""),
         ("panel-before", "shift+tab", "previous panel", ""),
         ("command", ":", "type a command", "Command"),
-        ("find", "/", "filter the list", "Filter"),
+        ("find", "/", "filter the list", "Filter", 0, Next(LIST, 1)),
         ("palette", "ctrl+p", "command palette", "Palette"),
         ("help", "? f1", "keys that are active now", "Help"),
         ("copy", "y", "copy the last action as a command line, or the row of a list", ""),
@@ -274,6 +340,13 @@ TOGETHER: Final = (
 )
 """Layers that are active at the same time. The cursor and teleop hide the layers below them: the
 operator enters them on purpose, and leaves them with one key."""
+
+
+@cache
+def keys_for(situation: Situation) -> tuple[tuple[KeyBinding, Next], ...]:
+    """Return the keys that the operator needs next in a situation, the first one first."""
+    found = [(key, one) for key in KEYS for one in key.next if one.when is situation]
+    return tuple(sorted(found, key=lambda pair: pair[1].rank))
 
 
 class Keymap:

@@ -10,10 +10,11 @@ from ground.app.app_interface import AppInterface
 from ground.app.screens.choice import Choice
 from ground.client.goal import Destination, destination
 from ground.commands.goto import Goto
+from ground.console.app_commands import AddWaypoint
 from ground.map.canvas import DOTS_WIDE
 from ground.map.drawing import described, measured
 from ground.map.scene import MapScene, Point, View
-from ground.missions.files import AddWaypoint, waypoint_at
+from ground.missions.files import waypoint_at
 
 WAYS: Final = {"up": (0, 1), "down": (0, -1), "left": (-1, 0), "right": (1, 0)}
 
@@ -141,7 +142,7 @@ class MapCursor:
         """Add a waypoint at the cursor to the draft; the next one begins without a heading."""
         if self.cursor is not None:
             at = self.cursor
-            self._perform(AddWaypoint(waypoint_at(at.x_m, at.y_m, at.heading_deg, 0.0)))
+            self._perform(AddWaypoint(waypoint=waypoint_at(at.x_m, at.y_m, at.heading_deg, 0.0)))
             self.free()
 
     def _set(self, cursor: Cursor | None) -> None:

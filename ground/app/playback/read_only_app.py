@@ -7,18 +7,19 @@ from ground.app.app_interface import AppControl
 from ground.app.commands.command_sink import CommandSink
 from ground.app.panels.status import SessionInfo
 from ground.app.playback.player import Player
-from ground.client.outcomes import Outcome
-from ground.client.session import Operation
-from ground.commands.abort import Abort
-from ground.commands.disarm import Disarm
-from ground.commands.hold import Hold
-from ground.commands.stop import StopAll, StopNow
+from ground.commands.command import OperatorCommand
 from ground.console.app_commands import AppCommand, Undo
+from ground.console.parser import read
 from ground.map.scene import MapTarget
 from ground.station.station import Station
 
-STOPS: Final = ("hold", "abort", "disarm", "estop", "stop")
 REFUSED: Final = "this is a replay: press 1 to command the robot"
+
+
+def is_allowed(command: OperatorCommand) -> bool:
+    """Return whether it concerns only the screen, or only stops the robot."""
+    is_local = isinstance(command, AppCommand) and not isinstance(command, Undo)
+    return is_local or command.facts.only_stops
 
 
 class ReadOnlyCommands:
@@ -32,16 +33,14 @@ class ReadOnlyCommands:
 
     def run_line(self, line: str) -> None:
         """Run a line for the screen, or one that stops the robot; refuse all others."""
-        if line and not (self._commands.is_local(line) or line.split()[0] in STOPS):
+        if not line or self._commands.is_local(line) or is_allowed(read(line)):
+            self._commands.run_line(line)
+        else:
             self._note(REFUSED)
-            return
-        self._commands.run_line(line)
 
-    def perform(self, command: Operation[Outcome] | AppCommand) -> None:
+    def perform(self, command: OperatorCommand) -> None:
         """Perform a command for the screen, or one that stops the robot; refuse all others."""
-        if not isinstance(command, Undo) and isinstance(
-            command, AppCommand | Hold | Abort | Disarm | StopAll | StopNow
-        ):
+        if is_allowed(command):
             self._commands.perform(command)
         else:
             self._note(REFUSED)

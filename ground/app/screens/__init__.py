@@ -4,16 +4,9 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
+from ground.console import app_commands
+
 SCREENS: Final[Mapping[str, int]] = MappingProxyType(
-    {
-        "drive": 1,
-        "plots": 2,
-        "params": 3,
-        "log": 4,
-        "links": 5,
-        "worlds": 6,
-        "faults": 7,
-        "replay": 8,
-    }
+    {name: number for number, name in enumerate(app_commands.SCREENS, start=1)}
 )
 """The names of the screens, and the numbers of their keys."""

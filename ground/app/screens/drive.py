@@ -15,8 +15,8 @@ from textual.app import ComposeResult
 from textual.containers import Grid
 
 from ground.app.app_interface import AppInterface
-from ground.app.chrome.key_bar import TELEOP, NextKey, cursor_keys, unsent
-from ground.app.input.keymap import Layer
+from ground.app.chrome.key_bar import NextKey, cursor_keys, keys_when, unsent
+from ground.app.input.keymap import Layer, Situation
 from ground.app.input.map_cursor import MapCursor, MapMenu
 from ground.app.input.teleop_keys import TeleopKeys
 from ground.app.panels.log import latest_rows
@@ -257,7 +257,7 @@ class DriveScreen(AppScreen):
     def following_keys(self) -> tuple[NextKey, ...]:
         """Return those of teleop or of the cursor while they are in use."""
         if self.teleop.held:
-            return TELEOP
+            return keys_when(Situation.TELEOP)
         if self.map_cursor.cursor is None:
             return super().following_keys()
         return cursor_keys(self.interface.station, self.interface.commands.draft_items)

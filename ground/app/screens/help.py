@@ -14,7 +14,7 @@ from ground.app.input.keymap import KeyBinding, shown
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.map import MONO
 from ground.app.widgets.rows import Row, Span, faint, row
-from ground.console.help import help_text, summaries
+from ground.console.parser import help_text, summaries
 from ground.map.canvas import DOTTED, HEADINGS, MARKS
 from runtime.cli.verb_table import VERBS
 

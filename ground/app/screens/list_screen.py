@@ -9,8 +9,8 @@ from textual.app import ComposeResult
 from textual.widgets import Input
 
 from ground.app.app_interface import AppInterface
-from ground.app.chrome.key_bar import FILTER, FILTERED, NextKey
-from ground.app.input.keymap import Layer
+from ground.app.chrome.key_bar import NextKey, keys_when
+from ground.app.input.keymap import Layer, Situation
 from ground.app.lists.table import ColumnHeads, Table, filter_spans, hidden_spans, nothing_row
 from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.widgets.lines import Lines, ListView, LogView
@@ -101,7 +101,8 @@ class ScrolledScreen(AppScreen):
 
     def following_keys(self) -> tuple[NextKey, ...]:
         """Return the keys of the filter; the key that clears it only while there is a filter."""
-        return (*(FILTERED if self.words else super().following_keys()), FILTER)
+        first = keys_when(Situation.FILTERED) if self.words else super().following_keys()
+        return (*first, *keys_when(Situation.LIST))
 
     def close_what_is_open(self) -> None:
         """Clear the filter."""

@@ -8,8 +8,8 @@ from typing import Final
 from textual.app import ComposeResult
 
 from ground.app.app_interface import AppControl
-from ground.app.chrome.key_bar import CURSOR, REPLAY, NextKey
-from ground.app.input.keymap import Layer
+from ground.app.chrome.key_bar import NextKey, keys_when
+from ground.app.input.keymap import Layer, Situation
 from ground.app.playback.player import Player
 from ground.app.playback.read_only_app import ReadOnlyApp
 from ground.app.screens.app_screen import Action
@@ -66,7 +66,8 @@ class ReplayScreen(DriveScreen):
 
     def following_keys(self) -> tuple[NextKey, ...]:
         """Return those of the cursor while it is in use, else those that play."""
-        return REPLAY if self.map_cursor.cursor is None else CURSOR
+        is_free = self.map_cursor.cursor is None
+        return keys_when(Situation.REPLAY if is_free else Situation.CURSOR)
 
     def actions(self) -> Mapping[str, Action]:
         """Return the actions that are possible now, by id."""

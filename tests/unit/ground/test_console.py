@@ -10,10 +10,8 @@ from hypothesis import strategies as st
 
 from ground.cli import main as cli
 from ground.client.goal import destination
-from ground.client.outcomes import Outcome
 from ground.client.parameter import Parameter
-from ground.client.session import Operation
-from ground.commands.command import command_in
+from ground.commands.command import OperatorCommand, command_in
 from ground.commands.goto import Goto
 from ground.commands.hold import Hold
 from ground.commands.lease import ChangeLease
@@ -21,23 +19,28 @@ from ground.commands.mission import FetchMission
 from ground.commands.mode import SetMode
 from ground.commands.navigator import SetNavigator
 from ground.commands.param import SetParameter
-from ground.console.app_commands import LOCAL, AppCommand, RecordHere, RunKey, SaveScreen, SetTheme
-from ground.console.completion import assist, complete
-from ground.console.help import help_text
+from ground.console.app_commands import (
+    LOCAL,
+    AddWaypoint,
+    BeginTeleop,
+    Quit,
+    RecordHere,
+    SaveScreen,
+    SetTheme,
+)
+from ground.console.completion import assist, complete, verb_summaries
 from ground.console.history import History
 from ground.console.parser import (
-    ALIASES,
     COMMANDS,
     MAX_LENGTH,
-    PAIRS,
+    MEANT,
     expanded,
+    help_text,
     last_word,
     read,
     verbs,
     words_of,
 )
-from ground.console.spelling import line_of
-from ground.missions.files import AddWaypoint
 from ground.missions.mission import Waypoint
 from protocol.wire.enums import LeaseAction, Mode, Navigator
 from runtime.cli.verb_table import VERBS
@@ -65,14 +68,14 @@ def test_the_console_reads_what_the_command_line_reads(typed: str, argv: list[st
         ChangeLease(action=LeaseAction.SEIZE),
         Goto(goal=destination([0.1, -2.25, -165.0])),
         Goto(goal=destination([9.0, 7.0])),
-        AddWaypoint(Waypoint(x_m=1.5, y_m=-2.0, heading_deg=90.0)),
-        SetTheme("dark"),
+        AddWaypoint(waypoint=Waypoint(x_m=1.5, y_m=-2.0, heading_deg=90.0)),
+        SetTheme(name="dark"),
     ],
 )
 def test_what_a_key_means_is_spelt_as_it_is_typed(
-    operation: Operation[Outcome] | AppCommand,
+    operation: OperatorCommand,
 ) -> None:
-    found = read(line_of(operation))
+    found = read(operation.line)
     if isinstance(operation, Goto):
         assert isinstance(found, Goto)
         assert found.goal is not None
@@ -143,7 +146,7 @@ def test_invalid_command_is_refused_with_reason_and_fix(typed: str, why: str) ->
 
 
 def test_quotes_keep_blanks_together() -> None:
-    assert read("snap 'my robot.svg'") == SaveScreen(Path("my robot.svg"))
+    assert read("snap 'my robot.svg'") == SaveScreen(file=Path("my robot.svg"))
 
 
 def test_a_negative_number_is_no_option() -> None:
@@ -151,11 +154,11 @@ def test_a_negative_number_is_no_option() -> None:
 
 
 def test_the_app_s_own_words_are_read() -> None:
-    assert read(":q") == RunKey("quit")
-    added = AddWaypoint(Waypoint(x_m=1.0, y_m=2.0, hold_s=3.0))
+    assert read(":q") == Quit()
+    added = AddWaypoint(waypoint=Waypoint(x_m=1.0, y_m=2.0, hold_s=3.0))
     assert read("wp add 1 2 --hold 3") == added
-    assert read("record start") == RecordHere(begin=True)
-    assert read("teleop") == RunKey("teleop")
+    assert read("record start") == RecordHere(action="start")
+    assert read("teleop") == BeginTeleop()
 
 
 def test_no_word_of_the_app_hides_an_operation() -> None:
@@ -277,9 +280,8 @@ def test_short_word_replaces_the_long_one(words: list[str], meant: list[str]) ->
 
 
 def test_every_alias_means_something_and_hides_nothing() -> None:
-    for meant in (*ALIASES.values(), *PAIRS.values()):
-        assert meant[0] in {*VERBS, *LOCAL}
-    assert not set(ALIASES) & {*VERBS, *LOCAL}
+    assert {meant[0] for meant in MEANT.values()} <= {*VERBS, *LOCAL}
+    assert not {words[0] for words in MEANT if len(words) == 1} & {*VERBS, *LOCAL}
 
 
 PARAMETERS = ("d_obs_m", "d_min_m", "side")
@@ -389,9 +391,9 @@ def test_completion_has_its_meaning(typed: str, meaning: str) -> None:
 
 
 def test_every_command_is_in_the_list() -> None:
-    words = set(help_text().replace(",", "").split())
-    assert set(verbs()) <= words
-    assert "router" not in words
+    assert set(verbs()) <= set(verb_summaries())
+    assert all(verb_summaries().values())
+    assert "router" not in verb_summaries()
 
 
 def test_one_command_is_explained_by_its_short_name_too() -> None:

@@ -19,7 +19,6 @@ from ground.client.emergency_stop import (
 from ground.client.link import UnansweredError
 from ground.client.outcomes import AllAnswered
 from ground.commands.stop import ClearAll, StopAll
-from ground.console.spelling import line_of
 from ground.robot import Robot
 from protocol.bus.bus import Presence
 from protocol.topics import COMMAND, STATUS, STOP, STOP_SERVICE, Service, Topic
@@ -308,5 +307,5 @@ def test_without_a_robot_there_is_nothing_to_stop(
 
 def test_stop_of_all_needs_no_lease() -> None:
     assert not StopAll().moves
-    assert line_of(StopAll()) == "estop --all"
-    assert line_of(ClearAll()) == "clear-estop --all"
+    assert StopAll().line == "estop --all"
+    assert ClearAll().line == "clear-estop --all"

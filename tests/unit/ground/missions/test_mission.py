@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.commands.fence import FENCE, SetFence, SetFenceOfFile, in_words, outlined
+from ground.console.app_commands import DraftCommand
 from ground.console.parser import read
-from ground.missions.files import Draft, Edit, read_text
+from ground.missions.files import Draft, read_text
 from ground.missions.mission import FARTHEST_M, Circle, Fence, Home, Polygon, Waypoint, fault_of
 from ground.missions.qgroundcontrol import heading_of, to_global, to_local, yaw_of
 from runtime.errors import UserError
@@ -20,9 +21,9 @@ from tests.support.ground.missions import homes, metres, polygons, refusal_of
 
 def say(draft: Draft, text: str) -> str:
     """Return the answer of the console to `text`."""
-    edit = read(text)
-    assert isinstance(edit, Edit)
-    return draft.apply(edit)
+    command = read(text)
+    assert isinstance(command, DraftCommand)
+    return command.edit(draft)
 
 
 def test_waypoints_are_added_listed_and_taken_out() -> None:
