@@ -20,7 +20,7 @@ from dataclasses import asdict
 from pathlib import Path
 from random import Random
 from time import monotonic_ns, time_ns
-from typing import IO, Any, Final, NamedTuple, Self
+from typing import Any, Final, NamedTuple, Self
 
 from checks.faults.bus_observer import (
     IMPOSTOR,
@@ -54,7 +54,7 @@ from checks.faults.cases import (
 )
 from checks.flood.attackers import Access, Attack
 from checks.harness.observer import Seen, contacts, distance_m, moved_again, stood_s, touched_s
-from checks.harness.processes import free_port, made_keys, tls_of
+from checks.harness.processes import Running, free_port, made_keys, tls_of
 from checks.harness.relays import TcpProxy
 from checks.harness.until import PATIENCE_S, until
 from ground.launch.child_command import command
@@ -91,8 +91,7 @@ class ProcessGroup:
         self.proxies: dict[str, TcpProxy] = {}
         self._injections = injections
         self._words: dict[str, Sequence[str]] = {}
-        self._processes: dict[str, subprocess.Popen[bytes]] = {}
-        self._outputs: dict[str, IO[bytes]] = {}
+        self._processes: dict[str, Running] = {}
         self._scope = ExitStack()
 
     def __enter__(self) -> Self:
@@ -135,25 +134,23 @@ class ProcessGroup:
 
     def await_output(self, role: str, words: str) -> None:
         """Wait until a process has written `words`; RuntimeError when it ends before."""
-        until(lambda: words in self.output(role) or not self.is_running(role), f"{role}: {words}")
-        if words not in self.output(role):
-            raise RuntimeError(f"the {role} ended: {self.last_output(role)}")
+        self._processes[role].says(words)
 
     def output(self, role: str) -> str:
         """Return the output of a process."""
-        return os.pread(self._outputs[role].fileno(), 1 << 20, 0).decode(errors="replace")
+        return self._processes[role].said
 
     def last_output(self, role: str) -> str:
         """Return the end of the output; empty if the process was never started."""
-        return self.output(role)[-LAST_OUTPUT:] if role in self._outputs else ""
+        return self.output(role)[-LAST_OUTPUT:] if role in self._processes else ""
 
     def is_running(self, role: str) -> bool:
         """Return whether a process is running."""
-        return role in self._processes and self._processes[role].poll() is None
+        return role in self._processes and self._processes[role].process.poll() is None
 
     def send(self, role: str, number: signal.Signals) -> None:
         """Send a signal."""
-        self._processes[role].send_signal(number)
+        self._processes[role].send(number)
 
     def limit(self, role: str, what: int, size: int) -> None:
         """Limit a resource of a process to `size` from now on."""
@@ -166,23 +163,19 @@ class ProcessGroup:
 
     def kill(self, role: str) -> None:
         """Kill a process and wait for its end."""
-        self._processes[role].kill()
-        self._processes[role].wait()
+        self._processes[role].process.kill()
+        self._processes[role].process.wait()
 
     def await_end(self, role: str, within_s: float = PATIENCE_S) -> None:
         """Wait for the end of a process; kill it after `within_s`."""
         try:
-            self._processes[role].wait(within_s)
+            self._processes[role].process.wait(within_s)
         except subprocess.TimeoutExpired:
             self.kill(role)
 
     def _execute(self, role: str, line: Sequence[str]) -> None:
-        output = tempfile.TemporaryFile()  # noqa: SIM115 - closed when the group ends
-        self._scope.callback(output.close)
-        self._outputs[role] = output
-        self._processes[role] = subprocess.Popen(
-            line, stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True
-        )
+        running = self._processes[role] = Running(line)
+        self._scope.callback(running.close)
 
 
 PATHS: Final[Mapping[str, tuple[str, ...]]] = {

@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from itertools import count, cycle, pairwise
 from math import hypot
 from pathlib import Path
@@ -23,12 +24,31 @@ from checks.harness.until import until
 from plant.world.file import load
 from protocol.bus.bus import Bus, open_bus
 from protocol.outcome import wire_goal
-from protocol.topics import COMMAND, DRIVE, RUN, STATUS, TRUTH, Role, Service, Topic
+from protocol.topics import (
+    COMMAND,
+    CYCLE,
+    DRIVE,
+    RUN,
+    STATUS,
+    TEXT,
+    TRUTH,
+    Role,
+    Service,
+    Topic,
+)
 from protocol.wire.codec import decode
 from protocol.wire.enums import Command, GoalState, RunAction
 from protocol.wire.message import Message
-from protocol.wire.messages import GroundTruth, NavigatorStatus, RunRequest, WheelCommand
+from protocol.wire.messages import (
+    CycleReport,
+    GroundTruth,
+    NavigatorStatus,
+    RunRequest,
+    Statustext,
+    WheelCommand,
+)
 from protocol.world import World
+from runtime.errors import RemoteError
 from runtime.units import NS_PER_S, PERIOD_S
 
 STILL_M_S: Final = 0.001
@@ -119,36 +139,72 @@ SET_OFFS: Final = 10
 KEPT: Final = 2000
 
 
-class Observer:
-    """Keeps statuses, wheel commands and true states with their times of arrival."""
+class BusWitness:
+    """Sees what a robot and its plant publish, each with the time of its arrival.
 
-    def __init__(self, bus: Bus, world: World, endpoint: str, folder: Path) -> None:
-        """Subscribe; `folder` holds the files that programs write to a user's home."""
-        self.bus, self.world, self.endpoint, self.folder = bus, world, endpoint, folder
-        self.robot = ROBOT
-        self.pid = 0
-        """Process id of the robot."""
-        self.statuses: deque[tuple[NavigatorStatus, int]] = deque(maxlen=KEPT)
-        self.wheels: deque[tuple[WheelCommand, int]] = deque(maxlen=KEPT)
-        self.truths: deque[tuple[GroundTruth, int]] = deque(maxlen=KEPT)
-        self._requests = count(monotonic_ns())
+    `unreadable` counts frames that cannot be read.
+    """
+
+    bus: Bus
+
+    def __init__(self, robot: str = ROBOT, kept: int = KEPT) -> None:
+        self.robot = robot
+        self.unreadable = 0
+        self.texts: list[str] = []
+        self.statuses: deque[tuple[NavigatorStatus, int]] = deque(maxlen=kept)
+        self.wheels: deque[tuple[WheelCommand, int]] = deque(maxlen=kept)
+        self.truths: deque[tuple[GroundTruth, int]] = deque(maxlen=kept)
+        self.cycles: deque[tuple[CycleReport, int]] = deque(maxlen=kept)
+
+    def listen(self, bus: Bus) -> None:
+        """Begin to keep what arrives on a bus."""
+        self.bus = bus
         kept: Final[tuple[tuple[Topic[Any], deque[Any]], ...]] = (
             (STATUS, self.statuses),
             (DRIVE, self.wheels),
             (TRUTH, self.truths),
+            (CYCLE, self.cycles),
+            (TEXT, deque(maxlen=0)),
         )
         for topic, into in kept:
-            bus.stream(topic, keeper(topic, into), ROBOT)
+            bus.stream(topic, partial(self._keep, topic, into), self.robot)
+
+    def _keep(
+        self, topic: Topic[Any], into: deque[Any], _key: str, frame: bytes, arrived_ns: int
+    ) -> None:
+        try:
+            message = decode(frame).message
+        except RemoteError:
+            self.unreadable += 1
+            return
+        if isinstance(message, topic.messages):
+            into.append((message, arrived_ns))
+            if isinstance(message, Statustext):
+                self.texts.append(message.text)
 
     @property
     def status(self) -> NavigatorStatus:
-        """The newest status."""
+        """The newest status; waits for the first."""
+        until(lambda: self.statuses, "a status")
         return self.statuses[-1][0]
 
     @property
     def speed_m_s(self) -> float:
         """The newest true speed; 0 before the first sample."""
         return self.truths[-1][0].speed_m_s if self.truths else 0.0
+
+
+class Observer(BusWitness):
+    """A witness that also commands the robot, without a lease."""
+
+    def __init__(self, bus: Bus, world: World, endpoint: str, folder: Path) -> None:
+        """Subscribe; `folder` holds the files that programs write to a user's home."""
+        super().__init__()
+        self.world, self.endpoint, self.folder = world, endpoint, folder
+        self.pid = 0
+        """Process id of the robot."""
+        self._requests = count(monotonic_ns())
+        self.listen(bus)
 
     @property
     def on_its_way(self) -> bool:
@@ -184,17 +240,6 @@ class Observer:
         """Pause simulated time."""
         pause = RunRequest(action=RunAction.PAUSE, until_ns=0)
         self.ask(RUN, lambda _: pause)
-
-
-def keeper(topic: Topic[Any], into: deque[tuple[Any, int]]) -> Callable[[str, bytes, int], None]:
-    """Return a callback that keeps the messages of a topic and ignores other frames."""
-
-    def keep(_key: str, frame: bytes, arrived_ns: int) -> None:
-        message = decode(frame).message
-        if isinstance(message, topic.messages):
-            into.append((message, arrived_ns))
-
-    return keep
 
 
 @contextmanager

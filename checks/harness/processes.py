@@ -6,14 +6,14 @@ ends when the process that started it ends in any way.
 """
 
 import os
+import signal
 import socket
 import subprocess
 import sys
 import tempfile
 import threading
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from datetime import UTC, datetime, timedelta
 from itertools import count
 from pathlib import Path
@@ -21,6 +21,7 @@ from queue import Empty, SimpleQueue
 from time import monotonic, monotonic_ns, perf_counter
 from typing import Any, Final, NamedTuple, Self
 
+from checks.harness.until import PATIENCE_S, until
 from ground.launch.child_command import die_with_parent
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network, Tls
@@ -113,28 +114,67 @@ VALID: Final = timedelta(days=1)
 ROBOT: Final = "r1"
 
 
-class Started:
-    """A process that has reported to be ready; `output` is what it wrote until then.
+class Running:
+    """A process, and what it has written so far, on either output."""
 
-    Later output is read and dropped, so that the process never blocks on a full pipe.
-    """
+    def __init__(
+        self,
+        words: Sequence[str],
+        *,
+        environment: Mapping[str, str] | None = None,
+        terminal: int | None = None,
+        has_session: bool = True,
+    ) -> None:
+        """Start it, in a session of its own; with a terminal it reads and writes there.
 
-    def __init__(self, child: "subprocess.Popen[str]", ready: str) -> None:
-        self.pid = child.pid
-        self.output: list[str] = []
-        assert child.stderr is not None
-        for line in child.stderr:
-            self.output.append(line.rstrip())
-            if ready in line:
-                break
-        else:
-            raise RuntimeError("a process ended before it was ready: " + " ".join(self.output))
-        self._reader = threading.Thread(target=deque, args=(child.stderr, 0), daemon=True)
-        self._reader.start()
+        `environment` is added to that of this process.
+        """
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115 - closed when it ends
+        self.process = subprocess.Popen(
+            words,
+            stdin=subprocess.DEVNULL if terminal is None else terminal,
+            stdout=self._output if terminal is None else terminal,
+            stderr=self._output if terminal is None else terminal,
+            env={**os.environ, **(environment or {})},
+            start_new_session=has_session,
+        )
 
-    def join(self) -> None:
-        """Wait until the process has closed its output."""
-        self._reader.join()
+    @property
+    def pid(self) -> int:
+        """The process id."""
+        return self.process.pid
+
+    @property
+    def said(self) -> str:
+        """What it has written so far."""
+        return os.pread(self._output.fileno(), 1 << 20, 0).decode(errors="replace")
+
+    def send(self, number: signal.Signals) -> None:
+        """Send a signal."""
+        self.process.send_signal(number)
+
+    def ends(self, within_s: float = PATIENCE_S) -> int:
+        """Return its exit code; RuntimeError when it does not end in time."""
+        try:
+            return self.process.wait(within_s)
+        except subprocess.TimeoutExpired:
+            raise RuntimeError(f"still there after {within_s:g} s: {self.said}") from None
+
+    def says(self, words: str, within_s: float = PATIENCE_S) -> None:
+        """Wait until it has written these words; RuntimeError if it ends before, or is late."""
+        until(
+            lambda: words in self.said or self.process.poll() is not None,
+            lambda: f"{words}: {self.said}",
+            within_s,
+        )
+        if words not in self.said:
+            raise RuntimeError(f"it ended before it wrote {words!r}: {self.said}")
+
+    def close(self) -> None:
+        """Kill it, unless it has ended."""
+        self.process.kill()
+        self.process.wait()
+        self._output.close()
 
 
 @contextmanager
@@ -143,23 +183,20 @@ def sidestep(
     ready: str,
     environment: Mapping[str, str] | None = None,
     program: Sequence[str] = ("sidestep",),
-) -> Iterator[Started]:
+) -> Iterator[Running]:
     """Run `sidestep ...` until the block ends; a line with `ready` reports that it is ready.
 
     `environment` is added to that of this process. `program`: another module to run in its place,
     with its first arguments.
     """
-    command = [sys.executable, "-m", *program, *arguments]
-    variables = {**os.environ, **(environment or {})}
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=variables) as child:
-        started = None
+    words = [sys.executable, "-m", *program, *arguments]
+    with closing(Running(words, environment=environment, has_session=False)) as running:
         try:
-            started = Started(child, ready)
-            yield started
+            running.says(ready)
+            yield running
         finally:
-            child.terminate()
-            if started is not None:
-                started.join()
+            running.process.terminate()
+            running.process.wait()
 
 
 LAST_S: Final = 20.0
@@ -295,7 +332,7 @@ def robot_process(
     with sidestep(*arguments, ready="ready") as robot:
         tls = tls_of(keys, client) if keys else None
         network = Network(mode="client", connect=(endpoint,), tls=tls)
-        yield StartedRobot(robot.pid, robot.output, network)
+        yield StartedRobot(robot.pid, robot.said.splitlines(), network)
 
 
 def tls_of(keys: Path, role: str) -> Tls:

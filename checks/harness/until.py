@@ -9,10 +9,15 @@ PATIENCE_S: Final = 60.0
 POLL_S: Final = 0.002
 
 
-def until(condition: Callable[[], object], what: str, within_s: float = PATIENCE_S) -> None:
+def until(
+    condition: Callable[[], object],
+    what: str | Callable[[], object],
+    within_s: float = PATIENCE_S,
+) -> None:
     """Wait for a condition; RuntimeError with `what` when it does not hold in time."""
     deadline_s, pause = monotonic() + within_s, Event()
     while not condition():
         if monotonic() > deadline_s:
-            raise RuntimeError(f"not within {within_s:g} s: {what}")
+            words = what() if callable(what) else what
+            raise RuntimeError(f"not within {within_s:g} s: {words}")
         pause.wait(POLL_S)

@@ -14,6 +14,8 @@ from typing import Any, Final
 
 import pytest
 
+from checks.harness.crew import Witness
+from checks.harness.observer import is_still
 from protocol.outcome import wire_goal
 from protocol.topics import COMMAND
 from protocol.wire.enums import Command, GoalState, Mode, Vehicle
@@ -34,7 +36,6 @@ from tests.support.compose import (
     token_in,
     tried,
 )
-from tests.support.stack.processes import Witness, moved_not
 from tests.support.stack.screens import DRAWN, Tmux, browsing, chromium, drawn, keep, sees
 from tests.support.until import until
 
@@ -258,7 +259,7 @@ def stays(witness: Witness, *reasons: Reason) -> None:
     assert witness.status.goal in (GoalState.ABORTED, GoalState.NONE)
     if reasons:
         assert Reason(witness.status.vehicle_reason) in reasons
-    assert all(moved_not(truth) for truth, _ in tuple(witness.truths)[-10:])
+    assert all(is_still(truth) for truth, _ in tuple(witness.truths)[-10:])
 
 
 def test_a_robot_that_is_paused(stack: Compose, witness: Witness) -> None:

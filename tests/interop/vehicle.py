@@ -11,9 +11,9 @@ from typing import Any, Final, NamedTuple
 import pytest
 
 from checks.built import ROOT
-from checks.harness.processes import free_port
+from checks.harness.crew import Crew
+from checks.harness.processes import Running, free_port
 from checks.harness.relays import PERFECT, POOR, Impairment, UdpRelay
-from tests.support.stack.processes import Crew, Running
 
 LINES: dict[str, Impairment] = {"clean": PERFECT, "poor": POOR}
 RECORDING_BYTES = 9_001

@@ -12,21 +12,15 @@ from typing import Final
 
 import pytest
 
+from checks.harness.crew import Crew, Witness, alive, children_of, cmdline
+from checks.harness.observer import is_still
+from checks.harness.processes import Running
 from ground.recording.log_reader import TlogReader
 from protocol.wire.codec import decode
 from protocol.wire.message import Message
 from protocol.wire.messages import GroundTruth, Statustext, WheelCommand
 from runtime.units import NS_PER_MS as MS
 from runtime.units import PERIOD_MS
-from tests.support.stack.processes import (
-    Crew,
-    Running,
-    Witness,
-    alive,
-    children_of,
-    cmdline,
-    moved_not,
-)
 from tests.support.until import until
 
 pytestmark = pytest.mark.mcu
@@ -123,9 +117,9 @@ def stops_in_time(messages: list[Message]) -> None:
     truths = [one for one in messages if isinstance(one, GroundTruth)]
     limit_ns = driven_ns + (STOPPED_MS + PERIOD_MS) * MS
     after = [truth for truth in truths if truth.time_ns >= limit_ns]
-    assert not all(moved_not(truth) for truth in truths)
+    assert not all(is_still(truth) for truth in truths)
     assert len(after) >= TICKS_AFTER - (STOPPED_MS // PERIOD_MS) - 1
-    assert all(moved_not(truth) for truth in after)
+    assert all(is_still(truth) for truth in after)
 
 
 def await_driving(up: Running) -> None:

@@ -19,11 +19,13 @@ from checks.endurance import soak
 from checks.endurance import soak as soak_report
 from checks.endurance.fleet import PLANT, SUPERVISOR
 from checks.faults.cases import FAULTS
+from checks.harness.crew import LATE as PROCESSES_LATE
+from checks.harness.crew import Crew, Witness, departs
+from checks.harness.observer import is_still
+from checks.harness.processes import Running
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.reasons import Reason, reason_text
 from runtime.units import NS_PER_S
-from tests.support.stack.processes import LATE as PROCESSES_LATE
-from tests.support.stack.processes import Crew, Running, Witness, departs, moved_not
 from tests.support.until import until
 
 pytestmark = pytest.mark.stack
@@ -144,7 +146,7 @@ class Stage:
         """Require that every truth from now on shows a robot at rest."""
         seen = len(self.witness.truths)
         until(lambda: len(self.witness.truths) > seen + 10, what="half a second of truth")
-        assert all(moved_not(truth) for truth, _ in tuple(self.witness.truths)[seen:])
+        assert all(is_still(truth) for truth, _ in tuple(self.witness.truths)[seen:])
 
 
 @contextmanager

@@ -10,10 +10,11 @@ import pytest
 
 from checks.__main__ import Benchmark
 from checks.flood import under_attack as flood
+from checks.harness.crew import ROOT, Crew, alive, children_of, cmdline
 from checks.harness.figures import Figure
+from checks.harness.processes import Running
 from checks.speed import app_figures as ground
 from checks.speed import codec, latency, lockstep, robot_process, trials
-from tests.support.stack.processes import ROOT, Crew, Running, alive, children_of, cmdline
 from tests.support.until import until
 
 pytestmark = pytest.mark.stack

@@ -17,21 +17,15 @@ from typing import Any, NamedTuple
 import pyte
 import pytest
 
+from checks.harness.crew import LOCAL, Crew, Witness, departs
 from checks.harness.mavlink_client import MavlinkClient, UdpLine
-from checks.harness.processes import ask_until_accepted, command_request, free_port
+from checks.harness.processes import Running, ask_until_accepted, command_request, free_port
 from checks.harness.terminal import Terminal
 from gateways.mavlink.mavlink_dialect import mavlink
 from ground.missions.files import read
 from protocol.topics import COMMAND, MISSION
 from protocol.wire.enums import Command, MissionState, Mode, Vehicle
 from protocol.wire.messages import MissionStatus
-from tests.support.stack.processes import (
-    LOCAL,
-    Crew,
-    Running,
-    Witness,
-    departs,
-)
 from tests.support.stack.screens import Tmux
 from tests.support.until import PATIENCE_S, until
 

@@ -21,7 +21,9 @@ from typing import Final
 import pymavlink
 import pytest
 
+from checks.harness.crew import Crew, Witness, departs
 from checks.harness.messages import make
+from checks.harness.processes import Running
 from ground.recording.catalogue import PARTS, recordings_in, size_in, size_of
 from ground.recording.log_reader import number_of, open_log, record_bytes
 from protocol.bus.bus import open_bus
@@ -30,7 +32,6 @@ from protocol.topics import WHEELS, Role
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.enums import GoalState
 from protocol.wire.messages import SonarScan, Statustext, WheelTicks
-from tests.support.stack.processes import Crew, Running, Witness, departs
 from tests.support.until import until
 
 pytestmark = pytest.mark.stack

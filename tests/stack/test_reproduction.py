@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from checks.harness.crew import LATE, Crew, Witness, departs
 from checks.harness.processes import lockstep_run
 from ground.app.playback.player import Player
 from ground.ghost.ghost import GhostRunner
@@ -16,7 +17,6 @@ from protocol.topics import Role
 from protocol.wire.reasons import reason_text
 from runtime.clock import ManualClock
 from study.trial.trial import Trial, run_trial
-from tests.support.stack.processes import LATE, Crew, Witness, departs
 from tests.support.until import until
 
 pytestmark = pytest.mark.stack

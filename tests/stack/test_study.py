@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from checks.harness.crew import children_of
 from protocol.world import World
 from runtime.errors import UserError
 from study.cli.falsify import main
@@ -24,7 +25,6 @@ from study.runner.run_task import StudyContext
 from study.runner.store import ASIDE, RESULTS, SHARDS, read
 from study.runner.workers import Pool
 from study.runner.workers import workers as runner_workers
-from tests.support.stack.processes import children_of
 from tests.support.studies import boxed, context_of, deadly, floor, ids, spoil, tasks
 from tests.support.until import until
 

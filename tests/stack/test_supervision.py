@@ -20,7 +20,19 @@ from threading import Event, Thread
 import pytest
 
 from checks.faults.restarts import NO_PAUSE, ArrivalTimes, kept_stops, running
+from checks.harness.crew import (
+    Crew,
+    Witness,
+    alive,
+    children_of,
+    cmdline,
+    departs,
+    frames_in,
+    real_time,
+)
+from checks.harness.observer import is_still
 from checks.harness.operator import ThreadedOperator
+from checks.harness.processes import Running
 from ground.cli.run.up import goal_runs_of
 from ground.client.goal import destination
 from ground.client.outcomes import Refused
@@ -43,18 +55,6 @@ from protocol.wire.reasons import Reason
 from runtime.clock import WallClock
 from runtime.units import NS_PER_MS as MS
 from runtime.watchdog import HANGS
-from tests.support.stack.processes import (
-    Crew,
-    Running,
-    Witness,
-    alive,
-    children_of,
-    cmdline,
-    departs,
-    frames_in,
-    moved_not,
-    real_time,
-)
 from tests.support.stack.spoilt import Sabotage
 from tests.support.until import PATIENCE_S, until
 
@@ -215,7 +215,7 @@ def the_robot_comes_back_disarmed(stage: Stage, how: str, cause: str, sabotage: 
     assert witness.status.goal == GoalState.NONE
     seen = len(witness.truths)
     stage.until(lambda: len(witness.truths) > seen + 10, "half a second of truth")
-    assert all(moved_not(truth) for truth, _ in tuple(witness.truths)[seen:])
+    assert all(is_still(truth) for truth, _ in tuple(witness.truths)[seen:])
     stage.set_true_place()
 
 

@@ -13,21 +13,14 @@ from pathlib import Path
 
 import pytest
 
+from checks.harness.crew import Crew, alive, children_of, cmdline, frames_in, real_time
+from checks.harness.processes import Running
 from ground.launch.scenario import CLOCKS, PACED
 from ground.recording.log_reader import TlogReader
 from ground.user.runs import read_runs
 from protocol.outcome import Outcome
 from protocol.wire.codec import decode
 from protocol.wire.messages import Statustext
-from tests.support.stack.processes import (
-    Crew,
-    Running,
-    alive,
-    children_of,
-    cmdline,
-    frames_in,
-    real_time,
-)
 from tests.support.stack.screens import Tmux
 from tests.support.until import until
 

@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple
 from urllib.parse import parse_qs, urlsplit
 from uuid import uuid4
 
-from tests.support.stack.processes import free_endpoint
+from checks.harness.crew import free_endpoint
 from tests.support.until import until
 
 PATIENCE_S = 30.0

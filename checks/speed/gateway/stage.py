@@ -1,10 +1,9 @@
 """A robot and its plant, observed on their bus, and a gateway that clients reach on loopback."""
 
 import socket
-from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import cycle
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,13 +12,11 @@ from typing import Final
 
 from checks.harness.figures import Figure
 from checks.harness.mavlink_client import Line, MavlinkClient, UdpLine
-from checks.harness.observer import Observer, is_still, keeper, observed
+from checks.harness.observer import Observer, is_still, observed
 from checks.harness.processes import free_port, sidestep
 from checks.harness.until import until
 from gateways.mavlink.mavlink_dialect import REQUEST_OPERATOR_CONTROL, mavlink
-from protocol.topics import CYCLE
 from protocol.wire.enums import Mode, Vehicle
-from protocol.wire.messages import CycleReport
 from runtime.units import PERIOD_S
 
 WORLD: Final = "open"
@@ -39,7 +36,6 @@ class Air:
     observer: Observer
     pid: int
     port: int
-    cycles: deque[tuple[CycleReport, int]] = field(default_factory=lambda: deque(maxlen=1))
 
     def line(self) -> Line:
         """Return a new socket at the gateway."""
@@ -52,12 +48,12 @@ class Air:
     @property
     def missed(self) -> int:
         """The control periods that the robot has missed since its start."""
-        return self.cycles[-1][0].missed
+        return self.observer.cycles[-1][0].missed
 
     @property
     def ticks(self) -> int:
         """The control periods since the start of the robot."""
-        return self.cycles[-1][0].tick
+        return self.observer.cycles[-1][0].tick
 
 
 @contextmanager
@@ -81,8 +77,7 @@ def on_air(*words: str, endpoints: Sequence[str] = ()) -> Iterator[Air]:
             )
         )
         air = Air(observer, gateway.pid, port)
-        observer.bus.stream(CYCLE, keeper(CYCLE, air.cycles), observer.robot)
-        until(lambda: air.cycles, "a cycle report")
+        until(lambda: observer.cycles, "a cycle report")
         yield air
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from checks.harness.crew import alive
 from ground.launch.child_command import command, role_of
 from ground.launch.child_processes import (
     STOP_STEPS,
@@ -22,7 +23,6 @@ from ground.launch.child_processes import (
 from ground.launch.supervisor import MAX_CAUSE_CHARS, cause_of
 from runtime.clock import WallClock
 from tests.support.each import each
-from tests.support.stack.processes import alive
 from tests.support.until import PATIENCE_S, until
 
 ROOT = Path(__file__).parents[4]

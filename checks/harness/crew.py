@@ -1,83 +1,43 @@
-"""Real processes of the stack, a witness, and their table."""
+"""Verbs of `sidestep` as processes at one endpoint, a witness of their bus, and their table."""
 
 import os
-import signal
-import subprocess
-import tempfile
 import time
-from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import IO, Self
+from typing import Final, Self
 
-from checks.harness.processes import free_port
+from checks.harness.observer import BusWitness, is_still
+from checks.harness.processes import ROBOT, Running, free_port
+from checks.harness.until import until
 from ground.launch.child_command import command
 from ground.recording.log_reader import TlogReader
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
-from protocol.topics import CYCLE, DRIVE, STATUS, TEXT, TRUTH, Role
+from protocol.topics import Role
 from protocol.wire.codec import decode
 from protocol.wire.enums import Vehicle
 from protocol.wire.messages import (
     CycleReport,
     GroundTruth,
-    NavigatorStatus,
-    Statustext,
-    WheelCommand,
 )
 from protocol.wire.reasons import Reason, reason_text
-from runtime.errors import NoPeerError, RemoteError
+from runtime.errors import NoPeerError
 from runtime.units import NS_PER_MS
-from tests.support.until import PATIENCE_S, until
 
-STILL_M_S = 0.001
-FAST_M_S = 0.25
-DEPARTS_S = 60.0
-TRIES = 3
-BUSY_HUB = "does not answer (waited"
-LATE = (Reason.TICKS_LOST, Reason.SCAN_LOST, Reason.BUDGET)
-LOCAL = "127.0.0.1"
+FAST_M_S: Final = 0.25
+DEPARTS_S: Final = 60.0
+TRIES: Final = 3
+BUSY_HUB: Final = "does not answer (waited"
+LATE: Final = (Reason.TICKS_LOST, Reason.SCAN_LOST, Reason.BUDGET)
+"""Reasons for a stop that a busy machine can cause."""
+LOCAL: Final = "127.0.0.1"
 
 
 def free_endpoint() -> str:
+    """Return a loopback endpoint that no process uses at the moment."""
     return f"tcp/{LOCAL}:{free_port()}"
-
-
-@dataclass
-class Running:
-    """One process and what it has written so far, on either output."""
-
-    process: subprocess.Popen[bytes]
-    output: IO[bytes]
-
-    @property
-    def said(self) -> str:
-        return os.pread(self.output.fileno(), 1 << 20, 0).decode(errors="replace")
-
-    def send(self, number: signal.Signals) -> None:
-        self.process.send_signal(number)
-
-    def ends(self, within_s: float = PATIENCE_S) -> int:
-        """Return its exit code; fail when it does not end in time."""
-        try:
-            return self.process.wait(within_s)
-        except subprocess.TimeoutExpired:
-            raise AssertionError(f"still there after {within_s} s: {self.said}") from None
-
-    def says(self, words: str, within_s: float = PATIENCE_S) -> None:
-        deadline_s = time.monotonic() + within_s
-        until(
-            lambda: (
-                words in self.said
-                or self.process.poll() is not None
-                or time.monotonic() > deadline_s
-            ),
-            within_s + 1.0,
-        )
-        assert words in self.said, self.said
 
 
 class Crew:
@@ -107,29 +67,22 @@ class Crew:
 
     def execute(self, *words: str, terminal: int | None = None) -> Running:
         """Any command line, ended with the crew; with a terminal it writes there."""
-        output = tempfile.TemporaryFile()  # noqa: SIM115 - closed on the way out
-        self._scope.callback(output.close)
-        process = subprocess.Popen(
-            words,
-            stdin=subprocess.DEVNULL if terminal is None else terminal,
-            stdout=output if terminal is None else terminal,
-            stderr=output if terminal is None else terminal,
-            start_new_session=True,
-        )
-        self._scope.callback(process.wait)
-        self._scope.callback(process.kill)
-        prefer(process.pid)
-        self._started.append(Running(process, output))
-        return self._started[-1]
+        running = Running(words, terminal=terminal)
+        self._scope.callback(running.close)
+        prefer(running.pid)
+        self._started.append(running)
+        return running
 
     def start(self, *words: str) -> Running:
         """`sidestep` with these words."""
         return self.execute(*command(words, os.getpid()))
 
     def listening(self, *words: str) -> Running:
+        """Start a verb that listens at the endpoint."""
         return self.start(*words, "--listen", self.endpoint)
 
     def dialling(self, *words: str) -> Running:
+        """Start a verb that connects to the endpoint."""
         return self.start(*words, "--connect", self.endpoint)
 
     def robot(self, *words: str) -> Running:
@@ -165,67 +118,48 @@ class Crew:
         return code, said
 
 
-class Witness:
-    """Sees truth, status and texts as they arrive, each with the time of its arrival.
+class Witness(BusWitness):
+    """Sees what arrives from an endpoint, until the block ends.
 
     What cannot be read is a mistake of the stack, unless it is not `strict`.
     """
 
-    def __init__(self, endpoint: str, robot: str = "r1", *, strict: bool = True) -> None:
+    def __init__(self, endpoint: str, robot: str = ROBOT, *, strict: bool = True) -> None:
+        super().__init__(robot, kept=20_000)
         self._network = Network(mode="client", connect=(endpoint,), connect_timeout_s=0.5)
-        self._robot = robot
         self._strict = strict
-        self.unreadable = 0
-        self.truths: deque[tuple[GroundTruth, int]] = deque(maxlen=20_000)
-        self.statuses: deque[tuple[NavigatorStatus, int]] = deque(maxlen=20_000)
-        self.moving: deque[WheelCommand] = deque(maxlen=20_000)
-        self.texts: list[str] = []
-        self.report: CycleReport | None = None
-        self.speeds: tuple[int, int] | None = None
 
     def __enter__(self) -> Self:
-        self.bus: Bus = open_patiently(self._network, self._robot)
-        for topic in (TRUTH, STATUS, TEXT, CYCLE, DRIVE):
-            self.bus.stream(topic, self._take)
+        self.listen(open_patiently(self._network, self.robot))
         return self
 
     def __exit__(self, *_: object) -> None:
         self.bus.close()
         assert not (self._strict and self.unreadable)
 
-    def _take(self, _key: str, frame: bytes, arrived_ns: int) -> None:
-        try:
-            message = decode(frame).message
-        except RemoteError:
-            self.unreadable += 1
-            return
-        if isinstance(message, GroundTruth):
-            self.truths.append((message, arrived_ns))
-        elif isinstance(message, NavigatorStatus):
-            self.statuses.append((message, arrived_ns))
-        elif isinstance(message, Statustext):
-            self.texts.append(message.text)
-        elif isinstance(message, CycleReport):
-            self.report = message
-        elif isinstance(message, WheelCommand):
-            self.speeds = (message.left_mrad_s, message.right_mrad_s)
-            if any(self.speeds):
-                self.moving.append(message)
+    @property
+    def report(self) -> CycleReport | None:
+        """The newest cycle report."""
+        return self.cycles[-1][0] if self.cycles else None
 
     @property
-    def status(self) -> NavigatorStatus:
-        until(lambda: self.statuses, what="a status")
-        return self.statuses[-1][0]
+    def speeds(self) -> tuple[int, int] | None:
+        """The newest wheel command, in mrad/s."""
+        newest = self.wheels[-1][0] if self.wheels else None
+        return None if newest is None else (newest.left_mrad_s, newest.right_mrad_s)
 
     @property
     def truth(self) -> GroundTruth:
-        until(lambda: self.truths, what="the truth")
+        """The newest true state; waits for the first."""
+        until(lambda: self.truths, "the truth")
         return self.truths[-1][0]
 
     def ready(self) -> None:
-        until(lambda: self.status.vehicle == Vehicle.STANDBY, what="STANDBY")
+        """Wait until the robot is ready."""
+        until(lambda: self.status.vehicle == Vehicle.STANDBY, "STANDBY")
 
     def fast(self) -> bool:
+        """Return whether the robot drives fast."""
         return self.truth.speed_m_s > FAST_M_S
 
     def was_late(self, since: int) -> bool:
@@ -236,24 +170,27 @@ class Witness:
         )
 
     def driving(self) -> None:
+        """Wait until the robot drives fast."""
         try:
-            until(self.fast, what="driving")
-        except AssertionError as error:
-            raise AssertionError(f"{error}; {self.status}; {self.texts}") from None
+            until(self.fast, "driving")
+        except RuntimeError as error:
+            raise RuntimeError(f"{error}; {self.status}; {self.texts}") from None
 
     def standing(self) -> bool:
-        return moved_not(self.truth)
+        """Return whether the robot is truly at rest."""
+        return is_still(self.truth)
 
     def rolled_on_ms(self) -> float:
         """Simulated time from the tick of the last command to move until the first truth at rest.
 
         Nothing here depends on when this process received them, as it may be late itself.
         """
-        until(self.standing, what="standing")
-        last = self.moving[-1].sense_seq
+        until(self.standing, "standing")
+        moving = [one for one, _ in tuple(self.wheels) if one.left_mrad_s or one.right_mrad_s]
+        last = moving[-1].sense_seq
         truths = [truth for truth, _ in tuple(self.truths)]
         since_ns = max(truth.time_ns for truth in truths if truth.seq == last)
-        still_ns = min(t.time_ns for t in truths if t.time_ns > since_ns and moved_not(t))
+        still_ns = min(t.time_ns for t in truths if t.time_ns > since_ns and is_still(t))
         return (still_ns - since_ns) / NS_PER_MS
 
 
@@ -284,7 +221,7 @@ def departs(crew: Crew, witness: Witness, *words: str) -> Running:
         told = len(witness.statuses)
         running = crew.dialling(*words)
         stopped = partial(witness.was_late, told)
-        until(partial(sets_off_or_not, witness, running, stopped), what=partial(story, witness))
+        until(partial(sets_off_or_not, witness, running, stopped), partial(story, witness))
         if witness.fast():
             return running
         running.ends()
@@ -300,14 +237,12 @@ def sets_off_or_not(witness: Witness, running: Running, stopped: Callable[[], bo
 
 
 def story(witness: Witness) -> str:
+    """Return status and texts, for error messages."""
     return f"{witness.status}; {witness.texts}"
 
 
-def moved_not(truth: GroundTruth) -> bool:
-    return abs(truth.speed_m_s) < STILL_M_S and abs(truth.yaw_rate_rad_s) < 0.01
-
-
 def open_patiently(network: Network, robot: str) -> Bus:
+    """Open a bus as soon as somebody listens."""
     found: list[Bus] = []
 
     def opened() -> bool:
@@ -317,12 +252,12 @@ def open_patiently(network: Network, robot: str) -> Bus:
             return False
         return True
 
-    until(opened, what="somebody to listen")
+    until(opened, "somebody to listen")
     return found[0]
 
 
 def alive(pid: int) -> bool:
-    """Is it there and not merely waiting to be reaped?"""
+    """Return whether it is there, and does not merely wait to be reaped."""
     try:
         state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
     except (FileNotFoundError, ProcessLookupError):
@@ -330,10 +265,11 @@ def alive(pid: int) -> bool:
     return state != "Z"
 
 
-ROOT = Path(__file__).parents[3]
+ROOT: Final = Path(__file__).parents[2]
 
 
 def children_of(pid: int) -> list[int]:
+    """Return the ids of the children of a process."""
     return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
@@ -345,6 +281,7 @@ def cmdline(pid: int) -> str:
 
 
 def frames_in(folder: Path) -> int:
+    """Return how many frames the only log of a folder has; each must be readable."""
     (log,) = folder.glob("*.tlog")
     with log.open("rb") as source:
         reader = TlogReader(source)
