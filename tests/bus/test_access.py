@@ -13,6 +13,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from checks.harness.relays import TcpProxy
+from checks.harness.until import PATIENCE_S, until
 from ground.cli.main import main
 from protocol.bus import bus as bus_module
 from protocol.bus.audit import audited_connections
@@ -49,7 +50,6 @@ from tests.support.networks import (
     locked,
 )
 from tests.support.played_robot import PlayedRobot
-from tests.support.until import PATIENCE_S, until
 
 PRESS = CommandRequest(request_id=7, param1=1.0, param2=0.0, command=Command.DO_FLIGHTTERMINATION)
 TICKS = WheelTicks(time_ns=1, seq=1, left=2, right=-3, bumper=0, expired=0)

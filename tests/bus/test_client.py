@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 import sidestep
+from checks.harness.until import PATIENCE_S
 from ground.client.outcomes import Answer
 from protocol.topics import STATUS
 from protocol.wire.enums import Command, LeaseAction, MissionState
@@ -17,7 +18,6 @@ from protocol.wire.messages import CommandRequest, GoalRequest
 from sidestep import GoalState, Mode, Reason, Robot, Vehicle
 from tests.support.played_robot import PlayedRobot
 from tests.support.stacks import Paced, dials
-from tests.support.until import PATIENCE_S
 
 Stage = tuple[PlayedRobot, str]
 

@@ -18,6 +18,7 @@ import pytest
 import zenoh
 
 from checks.harness.terminal import Terminal
+from checks.harness.until import PATIENCE_S
 from ground.cli import main as cli
 from ground.cli.options import common_of
 from ground.client.connection import Common
@@ -43,7 +44,6 @@ from tests.support.ground.spoken import SPOKEN
 from tests.support.hostile import OWNED, raw_in
 from tests.support.hostile import TEXT as HOSTILE
 from tests.support.played_robot import PlayedRobot, played
-from tests.support.until import PATIENCE_S
 
 ROOT = Path(__file__).parents[2]
 PARAMETERS = [

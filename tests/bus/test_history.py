@@ -13,6 +13,7 @@ import pytest
 import zenoh
 
 from checks.harness.relays import TcpProxy
+from checks.harness.until import PATIENCE_S, until
 from ground.station.link.streams import StreamCounter
 from ground.text.wording import aged
 from protocol.bus.bus import Bus, open_bus
@@ -33,7 +34,6 @@ from protocol.wire.codec import decode
 from protocol.wire.enums import Severity
 from protocol.wire.messages import Statustext, WheelTicks
 from tests.support.networks import TOPOLOGIES, Keyring, Topology, net, prefixes
-from tests.support.until import PATIENCE_S, until
 
 CUT_S: Final = 3.0
 """Three times what it takes until a silent link is given up."""

@@ -6,6 +6,7 @@ from math import radians
 import pytest
 
 from checks.harness.in_process import InProcess, reason_in
+from checks.harness.until import interrupt_when, until
 from ground.cli.main import main
 from protocol.topics import LEASE, PARAMETER
 from protocol.wire.enums import Command, LeaseAction, Mode, Vehicle
@@ -13,7 +14,6 @@ from protocol.wire.messages import GoalRequest, LeaseStatus, ParamSet
 from protocol.wire.reasons import Reason
 from tests.support.played_robot import PlayedRobot, Say
 from tests.support.stacks import Operator, stops
-from tests.support.until import interrupt_when, until
 
 
 @pytest.mark.stack

@@ -11,6 +11,7 @@ from typing import Literal
 
 import pytest
 
+from checks.harness.until import PATIENCE_S, until
 from protocol.bus import certificate, session
 from protocol.bus.bus import Bus, DuplicateWatch, NameTakenError, claim, open_bus
 from protocol.bus.link_faults import LinkFaults
@@ -29,7 +30,6 @@ from runtime.errors import (
 )
 from runtime.units import NS_PER_MS as MS
 from tests.support.networks import TOPOLOGIES, Topology, net
-from tests.support.until import PATIENCE_S, until
 
 ANY_PORT = Network(mode="peer", listen=("tcp/127.0.0.1:0",))
 NOBODY_THERE = "tcp/127.0.0.1:1"

@@ -10,6 +10,7 @@ import pytest
 
 import sidestep
 from checks.harness.messages import make
+from checks.harness.until import PATIENCE_S
 from examples import custom_navigator, drive_to_goal, log_to_parquet, patrol, sonar_terminal
 from protocol.ring import SONARS
 from protocol.wire.enums import GoalState as WireGoalState
@@ -18,7 +19,6 @@ from protocol.wire.messages import SonarScan
 from robot.core.navigators.registry import NAVIGATORS
 from sidestep import GoalState, Mode, Reason, Robot
 from tests.support.stacks import PERIOD_S, Lively, Paced, dials
-from tests.support.until import PATIENCE_S
 
 pytestmark = pytest.mark.stack
 

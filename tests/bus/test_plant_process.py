@@ -8,6 +8,7 @@ from math import inf
 
 import pytest
 
+from checks.harness.until import PATIENCE_S, until
 from plant.model.configuration import noise_of
 from plant.process import Process, Wake, assemble
 from plant.sim.simulation import Plant
@@ -20,7 +21,6 @@ from protocol.wire.messages import CommandAck, GroundTruth, RunRequest, RunScore
 from runtime.clock import Pulse, WallClock
 from runtime.units import NS_PER_S as SECOND_NS
 from runtime.units import PERIOD_NS
-from tests.support.until import PATIENCE_S, until
 
 
 class Driver:

@@ -14,6 +14,7 @@ from typing import Any
 import aiohttp
 import pytest
 
+from checks.harness.until import PATIENCE_S, interrupt_when, until
 from gateways.foxglove_bridge import Bridge, place, served
 from ground.cli.main import main
 from ground.client.connection import Common
@@ -32,7 +33,6 @@ from runtime.clock import WallClock
 from runtime.errors import UserError
 from tests.support.ground.made_recordings import WORLD_TEXT
 from tests.support.played_robot import PlayedRobot, played
-from tests.support.until import PATIENCE_S, interrupt_when, until
 
 
 def size_of(folder: Path) -> int:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from checks.harness.until import until
 from ground.cli.main import main
 from protocol.bus import certificate, session
 from protocol.bus.bus import Bus, open_bus
@@ -18,7 +19,6 @@ from protocol.bus.network import Network, Tls
 from protocol.topics import Role
 from runtime.errors import AccessDeniedError, KeysError, PeerHangsError, UserError
 from tests.support.networks import Keyring
-from tests.support.until import until
 
 LISTENER = """
 import os, sys, time

@@ -19,6 +19,7 @@ from zenoh.handlers import Callback
 
 from checks.harness.processes import OPERATOR_BEAT
 from checks.harness.relays import TcpProxy
+from checks.harness.until import PATIENCE_S, until
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.mailbox import Mailbox
 from protocol.bus.network import Network, person_here
@@ -53,7 +54,6 @@ from protocol.wire.reasons import Reason
 from runtime.errors import LocalError, NoAnswerError, UserError
 from tests.support.each import each
 from tests.support.networks import TOPOLOGIES, Keyring, Topology, net
-from tests.support.until import PATIENCE_S, until
 
 ARM = CommandRequest(request_id=1, command=Command.COMPONENT_ARM_DISARM, param1=1.0, param2=0.0)
 DONE = CommandAck(command=Command.COMPONENT_ARM_DISARM, result=AckResult.ACCEPTED)

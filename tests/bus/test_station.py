@@ -10,6 +10,7 @@ import pytest
 
 from checks.harness.messages import make
 from checks.harness.relays import TcpProxy
+from checks.harness.until import PATIENCE_S, until
 from ground.client.connection import Common
 from ground.console.app_commands import AppCommand
 from ground.console.parser import read
@@ -23,7 +24,6 @@ from tests.support.ground.station import Robot
 from tests.support.networks import Net, net
 from tests.support.stacks import Lively, Watching
 from tests.support.stacks import watching as lively_watching
-from tests.support.until import PATIENCE_S, until
 
 pytestmark = pytest.mark.stack
 

@@ -18,6 +18,7 @@ from typing import Any
 
 import pytest
 
+from checks.harness.until import PATIENCE_S, until
 from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
 from ground.app.commands.runner import CommandRunner
@@ -48,7 +49,6 @@ from runtime.clock import WallClock
 from runtime.errors import RemoteError
 from tests.support.played_robot import PlayedRobot
 from tests.support.stacks import Lively, watching
-from tests.support.until import PATIENCE_S, until
 
 CLOCK = WallClock()
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from checks.harness.until import PATIENCE_S, interrupt_when, until
 from ground.cli.main import main
 from ground.client.requests import ATTEMPTS
 from ground.client.status_line import goal_line
@@ -25,7 +26,6 @@ from protocol.wire.enums import Command, GoalState, LeaseAction, Mode, Vehicle
 from protocol.wire.messages import CommandRequest, GoalRequest
 from protocol.wire.reasons import Reason
 from tests.support.played_robot import BEAT, PlayedRobot, Say, played
-from tests.support.until import PATIENCE_S, interrupt_when, until
 
 
 @pytest.mark.parametrize(

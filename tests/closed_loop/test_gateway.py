@@ -13,6 +13,7 @@ from typing import Any
 from checks.harness.in_process import InProcess
 from checks.harness.loop import PlayedLoop
 from checks.harness.played_gateway import PlayedWork
+from checks.harness.until import until
 from gateways.mavlink.bus_port import BusPort
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import (
@@ -45,7 +46,6 @@ from runtime.clock import WallClock
 from tests.support.each import each
 from tests.support.gateway.benches import messages_of, of_type, planned
 from tests.support.gateway.fake_port import CLIENT, ORIGIN, acks, command, words
-from tests.support.until import until
 
 PLAN = planned(
     Waypoint(x_m=1.0, y_m=2.0, hold_s=0.3),

@@ -16,6 +16,7 @@ import pytest
 
 from checks.harness.crew import Witness
 from checks.harness.observer import is_still
+from checks.harness.until import until
 from protocol.outcome import wire_goal
 from protocol.topics import COMMAND
 from protocol.wire.enums import Command, GoalState, Mode, Vehicle
@@ -37,7 +38,6 @@ from tests.support.compose import (
     tried,
 )
 from tests.support.stack.screens import DRAWN, Tmux, browsing, chromium, drawn, keep, sees
-from tests.support.until import until
 
 pytestmark = pytest.mark.compose
 
@@ -91,7 +91,12 @@ def test_processes_in_containers_are_unprivileged(stack: Compose, part: str) -> 
 
     # A health check of the robot begins as root, and goes on as the robot's user at once.
     expected = {ROBOTS_USER if part == "robot" else USER}
-    until(lambda: users() == expected, SOON_S, lambda: f"{expected}; {users()}", POLL_S)
+    until(
+        lambda: users() == expected,
+        within_s=SOON_S,
+        what=lambda: f"{expected}; {users()}",
+        poll_s=POLL_S,
+    )
     limits = stack.inspected(part)["HostConfig"]
     assert limits["CapDrop"] == ["ALL"]
     added = {right.removeprefix("CAP_") for right in limits["CapAdd"] or ()}
@@ -198,7 +203,11 @@ def witness(stack: Compose) -> Iterator[Witness]:
     networks = stack.inspected("router")["NetworkSettings"]["Networks"]
     address = networks[stack.network()]["IPAddress"]
     with Witness(f"tcp/{address}:7447") as found:
-        until(lambda: found.truths and found.statuses, SOON_S, "messages of plant and robot")
+        until(
+            lambda: found.truths and found.statuses,
+            within_s=SOON_S,
+            what="messages of plant and robot",
+        )
         set_off(found)
         yield found
 
@@ -221,7 +230,7 @@ def set_off(witness: Witness) -> None:
                     witness.bus.ask(COMMAND, request)
         return witness.truth.speed_m_s > FAST_M_S
 
-    until(under_way, 2 * SOON_S, "driving")
+    until(under_way, within_s=2 * SOON_S, what="driving")
 
 
 def commands(number: int, witness: Witness) -> tuple[CommandRequest, CommandRequest]:
@@ -243,7 +252,7 @@ def commands(number: int, witness: Witness) -> tuple[CommandRequest, CommandRequ
 
 def stood_in_time(witness: Witness) -> None:
     """Count, in the plant's time, from the last command to move to the first truth at rest."""
-    until(witness.standing, SOON_S, "standing")
+    until(witness.standing, within_s=SOON_S, what="standing")
     assert witness.rolled_on_ms() <= 200 + PERIOD_MS
 
 
@@ -254,7 +263,10 @@ def drives(vehicle: int) -> bool:
 def stays(witness: Witness, *reasons: Reason) -> None:
     """Require that the robot stays stopped and gives the reason after the failed part is back."""
     told, heard = len(witness.statuses), len(witness.truths)
-    until(lambda: len(witness.statuses) > told + 20 and len(witness.truths) > heard + 20, SOON_S)
+    until(
+        lambda: len(witness.statuses) > told + 20 and len(witness.truths) > heard + 20,
+        within_s=SOON_S,
+    )
     assert not drives(witness.status.vehicle)
     assert witness.status.goal in (GoalState.ABORTED, GoalState.NONE)
     if reasons:
@@ -300,7 +312,11 @@ def test_a_router_that_is_paused(stack: Compose, witness: Witness) -> None:
         what="silence",
     )
     docker("unpause", stack.container("router"))
-    until(lambda: not drives(witness.status.vehicle) and witness.standing(), SOON_S, "standing")
+    until(
+        lambda: not drives(witness.status.vehicle) and witness.standing(),
+        within_s=SOON_S,
+        what="standing",
+    )
     stays(witness, *LOST)
 
 
@@ -311,9 +327,9 @@ def test_killed_robot_restarts_disarmed_and_reports_why(stack: Compose) -> None:
     stack.inside("robot", *KILL_ALL)
     until(
         lambda: stack.logs("robot").count("ready, disarmed") > ready,
-        SOON_S,
-        "another robot",
-        POLL_S,
+        within_s=SOON_S,
+        what="another robot",
+        poll_s=POLL_S,
     )
     assert "restarted: the previous run" in stack.logs("robot")
     stack.recovers()
@@ -325,8 +341,18 @@ def test_killed_robot_restarts_disarmed_and_reports_why(stack: Compose) -> None:
 def test_a_router_that_was_killed_comes_back_and_all_find_each_other_again(stack: Compose) -> None:
     restarts = restarts_of(stack, "router")
     stack.inside("router", *KILL_ALL)
-    until(lambda: restarts_of(stack, "router") == restarts + 1, SOON_S, "another router", POLL_S)
-    until(lambda: stack.verb("doctor").code == 0, 2 * SOON_S, "all find each other", POLL_S)
+    until(
+        lambda: restarts_of(stack, "router") == restarts + 1,
+        within_s=SOON_S,
+        what="another router",
+        poll_s=POLL_S,
+    )
+    until(
+        lambda: stack.verb("doctor").code == 0,
+        within_s=2 * SOON_S,
+        what="all find each other",
+        poll_s=POLL_S,
+    )
 
 
 def restarts_of(stack: Compose, part: str) -> int:

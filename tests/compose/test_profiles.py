@@ -14,10 +14,10 @@ import pytest
 
 from checks.harness.mavlink_client import MavlinkClient, UdpLine
 from checks.harness.processes import free_port
+from checks.harness.until import until
 from gateways.mavlink.mavlink_dialect import mavlink
 from protocol.wire.enums import Vehicle
 from tests.support.compose import LAST_WORDS, POLL_S, Compose, docker, project
-from tests.support.until import until
 
 pytestmark = pytest.mark.compose
 
@@ -58,7 +58,12 @@ def test_robots_of_one_world_have_names_and_places_of_their_own(fleet: Compose) 
 
 def test_restarted_robot_keeps_its_name(fleet: Compose) -> None:
     fleet.inside("robot", "sh", "-c", "kill -9 -1", number=2)
-    until(lambda: fleet.inspected("robot", 2)["RestartCount"] == 1, SOON_S, "another r2", POLL_S)
+    until(
+        lambda: fleet.inspected("robot", 2)["RestartCount"] == 1,
+        within_s=SOON_S,
+        what="another r2",
+        poll_s=POLL_S,
+    )
     fleet.recovers()
     assert docker("logs", fleet.container("robot", 2)).count("robot r2: ready") == 2
 
@@ -134,7 +139,12 @@ def test_each_robot_drives_to_its_goal_behind_locked_doors(fleet: Compose) -> No
                 docker("start", fleet.container("drive", int(robot[1:])))
         return len(arrived) == 2
 
-    until(all_arrived, ARRIVE_S, lambda: fleet.logs("drive")[-LAST_WORDS:], POLL_S)
+    until(
+        all_arrived,
+        within_s=ARRIVE_S,
+        what=lambda: fleet.logs("drive")[-LAST_WORDS:],
+        poll_s=POLL_S,
+    )
 
 
 def test_mavlink_client_of_the_host_drives_a_robot(fleet: Compose) -> None:
@@ -156,19 +166,24 @@ def drive_to_the_west(client: MavlinkClient) -> None:
         client.send(mavlink.MAVLink_command_int_message(1, 1, frame, number, 0, 0, *to_the_west))
         return bool(client.next("GLOBAL_POSITION_INT").lon < before.lon - 20)
 
-    until(has_moved, SOON_S, "motion")
+    until(has_moved, within_s=SOON_S, what="motion")
     client.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0.0)
 
 
 def test_once_locked_the_doors_stay_locked(fleet: Compose) -> None:
     fleet.profiles = ()
     fleet.does("up", "-d", "--no-build", "--no-deps", "--force-recreate", "router")
-    until(lambda: "router at tls/" in fleet.logs("router"), SOON_S, "a router", POLL_S)
+    until(
+        lambda: "router at tls/" in fleet.logs("router"),
+        within_s=SOON_S,
+        what="a router",
+        poll_s=POLL_S,
+    )
     until(
         lambda: fleet.verb("doctor").code == 0,
-        2 * SOON_S,
-        lambda: fleet.verb("doctor").said + fleet.logs("router")[-LAST_WORDS:],
-        POLL_S,
+        within_s=2 * SOON_S,
+        what=lambda: fleet.verb("doctor").said + fleet.logs("router")[-LAST_WORDS:],
+        poll_s=POLL_S,
     )
 
 

@@ -16,6 +16,7 @@ from checks.flood.attackers import Strangers
 from checks.harness.in_process import InProcess
 from checks.harness.messages import make
 from checks.harness.processes import free_port, made_keys, robot_process, sidestep, tls_of
+from checks.harness.until import PATIENCE_S, until
 from ground.client.emergency_stop import EmergencyStop, StopOutcome
 from plant.world.file import load
 from protocol.bus.bus import open_bus
@@ -58,7 +59,6 @@ from runtime.units import PERIOD_NS
 from tests.support.each import each
 from tests.support.networks import Net, net
 from tests.support.stacks import Operator
-from tests.support.until import PATIENCE_S, until
 
 EVE = "eve/0123456789abcdef"
 

@@ -10,6 +10,7 @@ from checks.faults.bus_observer import second_robot
 from checks.faults.cases import FAULTS
 from checks.faults.simulated_time import BreakableInProcess
 from checks.harness.in_process import InProcess
+from checks.harness.until import until
 from protocol.bus.link_faults import LinkFaults
 from protocol.wire.enums import Command, GoalState, LeaseAction, Mode, Vehicle
 from protocol.wire.reasons import Reason
@@ -21,7 +22,6 @@ from runtime.units import NS_PER_MS as MS_NS
 from runtime.units import PERIOD_NS
 from tests.support.each import each
 from tests.support.stacks import STOPPING_S, Operator
-from tests.support.until import until
 
 
 @dataclass(frozen=True)

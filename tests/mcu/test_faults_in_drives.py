@@ -15,13 +15,13 @@ import pytest
 from checks.harness.crew import Crew, Witness, alive, children_of, cmdline
 from checks.harness.observer import is_still
 from checks.harness.processes import Running
+from checks.harness.until import until
 from ground.recording.log_reader import TlogReader
 from protocol.wire.codec import decode
 from protocol.wire.message import Message
 from protocol.wire.messages import GroundTruth, Statustext, WheelCommand
 from runtime.units import NS_PER_MS as MS
 from runtime.units import PERIOD_MS
-from tests.support.until import until
 
 pytestmark = pytest.mark.mcu
 
@@ -86,7 +86,7 @@ def test_fault_in_mid_drive_stops_the_wheels(
     with Crew(router=True) as crew:
         robot = crew.robot("--mcu", "--lockstep")
         recorder = crew.dialling("rec", "start", str(tmp_path))
-        until(lambda: list(tmp_path.glob("*.tlog")), SOON_S, "a recording")
+        until(lambda: list(tmp_path.glob("*.tlog")), within_s=SOON_S, what="a recording")
         crew.plant("--lockstep", "--speed", "1")
         with Witness(crew.endpoint) as witness:
             witness.ready()
@@ -97,9 +97,11 @@ def test_fault_in_mid_drive_stops_the_wheels(
             assert robot.ends(SOON_S) == code
             none_left(family)
             assert words in robot.said
-            until(witness.standing, SOON_S, "standing")
+            until(witness.standing, within_s=SOON_S, what="standing")
             seen = len(witness.truths)
-            until(lambda: len(witness.truths) > seen + TICKS_AFTER, SOON_S, "more truth")
+            until(
+                lambda: len(witness.truths) > seen + TICKS_AFTER, within_s=SOON_S, what="more truth"
+            )
         recorder.send(signal.SIGINT)
         recorder.ends(SOON_S)
     messages = messages_in(tmp_path)
@@ -126,8 +128,8 @@ def await_driving(up: Running) -> None:
     """Wait until a second of the drive is over; a busy machine prints no line in the first one."""
     until(
         lambda: re.search(r"driving .* [1-9]\d* s\b", up.said) or up.process.poll() is not None,
-        SOON_S,
-        lambda: up.said,
+        within_s=SOON_S,
+        what=lambda: up.said,
     )
 
 

@@ -23,10 +23,10 @@ from checks.harness.crew import LATE as PROCESSES_LATE
 from checks.harness.crew import Crew, Witness, departs
 from checks.harness.observer import is_still
 from checks.harness.processes import Running
+from checks.harness.until import until
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.reasons import Reason, reason_text
 from runtime.units import NS_PER_S
-from tests.support.until import until
 
 pytestmark = pytest.mark.stack
 

@@ -14,6 +14,7 @@ import zenoh
 
 from checks.harness.crew import Crew, Witness
 from checks.harness.processes import Running
+from checks.harness.until import PATIENCE_S, until
 from ground.cli.main import main
 from ground.cli.run import up
 from ground.launch.child_processes import Children
@@ -39,7 +40,6 @@ from protocol.wire.reasons import Reason
 from tests.support.plant import GOOD as WORLD_TEXTS_GOOD
 from tests.support.plant import goal, more
 from tests.support.played_robot import BEAT
-from tests.support.until import PATIENCE_S, until
 
 pytestmark = pytest.mark.stack
 

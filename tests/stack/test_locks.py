@@ -15,6 +15,7 @@ import zenoh
 from checks.flood.under_attack import peak_mb
 from checks.harness.crew import Crew, free_endpoint
 from checks.harness.processes import Running
+from checks.harness.until import until
 from ground.certificates import make
 from ground.launch.child_command import command
 from protocol.bus.bus import Bus, open_bus
@@ -28,7 +29,6 @@ from protocol.wire.messages import CommandAck, CommandRequest, LeaseRequest
 from protocol.wire.reasons import Reason
 from runtime.errors import AccessDeniedError
 from tests.support.networks import DAY, NOW, Keyring
-from tests.support.until import until
 
 pytestmark = pytest.mark.stack
 EACH = 10

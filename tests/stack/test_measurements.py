@@ -13,9 +13,9 @@ from checks.flood import under_attack as flood
 from checks.harness.crew import ROOT, Crew, alive, children_of, cmdline
 from checks.harness.figures import Figure
 from checks.harness.processes import Running
+from checks.harness.until import until
 from checks.speed import app_figures as ground
 from checks.speed import codec, latency, lockstep, robot_process, trials
-from tests.support.until import until
 
 pytestmark = pytest.mark.stack
 

@@ -21,13 +21,13 @@ from checks.harness.crew import LOCAL, Crew, Witness, departs
 from checks.harness.mavlink_client import MavlinkClient, UdpLine
 from checks.harness.processes import Running, ask_until_accepted, command_request, free_port
 from checks.harness.terminal import Terminal
+from checks.harness.until import PATIENCE_S, until
 from gateways.mavlink.mavlink_dialect import mavlink
 from ground.missions.files import read
 from protocol.topics import COMMAND, MISSION
 from protocol.wire.enums import Command, MissionState, Mode, Vehicle
 from protocol.wire.messages import MissionStatus
 from tests.support.stack.screens import Tmux
-from tests.support.until import PATIENCE_S, until
 
 USUAL = (80, 24)
 READY = "read: ready"
@@ -404,7 +404,7 @@ def test_a_mission_is_driven_from_a_file_and_comes_back_as_one(
     done(crew, "mission", "upload", str(path))
     done(crew, "arm")
     done(crew, "mission", "start")
-    until(over, DRIVE_S, "the mission is done")
+    until(over, within_s=DRIVE_S, what="the mission is done")
     assert done(crew, "mission", "status") == "done, item 2 of 2\n"
     assert "outside of the fence" in done(crew, "goto", "5", "2", code=1)
     done(crew, "mission", "download", str(back))

@@ -24,6 +24,7 @@ import pytest
 from checks.harness.crew import Crew, Witness, departs
 from checks.harness.messages import make
 from checks.harness.processes import Running
+from checks.harness.until import until
 from ground.recording.catalogue import PARTS, recordings_in, size_in, size_of
 from ground.recording.log_reader import number_of, open_log, record_bytes
 from protocol.bus.bus import open_bus
@@ -32,7 +33,6 @@ from protocol.topics import WHEELS, Role
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.enums import GoalState
 from protocol.wire.messages import SonarScan, Statustext, WheelTicks
-from tests.support.until import until
 
 pytestmark = pytest.mark.stack
 
@@ -195,7 +195,11 @@ def test_killed_with_its_group_at_any_moment_a_recorder_loses_the_last_second_at
     with stage() as (crew, speaker):
         folders = [tmp_path / f"{number}" for number in range(KILLS)]
         running = [recorder(crew, folder) for folder in folders]
-        until(lambda: all(map(recorded_until_killed, folders)), STARTS_S, "both files of each")
+        until(
+            lambda: all(map(recorded_until_killed, folders)),
+            within_s=STARTS_S,
+            what="both files of each",
+        )
         killed_s = []
         for one in running:
             threading.Event().wait(random.uniform(0.0, 0.2))
@@ -224,7 +228,7 @@ def lost(path: Path, speaker: TopicEncoder, killed_s: float) -> float:
 def test_a_disk_that_was_full_for_a_while_costs_nothing(tmp_path: Path) -> None:
     with stage() as (crew, speaker):
         running = recorder(crew, tmp_path)
-        until(lambda: recorded_until_killed(tmp_path), STARTS_S, "both files")
+        until(lambda: recorded_until_killed(tmp_path), within_s=STARTS_S, what="both files")
         full = max(path.stat().st_size for path in logs_in(tmp_path)) + 2000
         limits = (full, resource.RLIM_INFINITY)
         resource.prlimit(running.process.pid, resource.RLIMIT_FSIZE, limits)
@@ -256,7 +260,7 @@ def test_long_run_keeps_within_its_limit_and_loses_no_frame_between_its_parts(
 
     with stage(every_s=0.001) as (crew, speaker):
         running = recorder(crew, tmp_path, "--keep", keep)
-        until(many, 2 * STARTS_S, "a recording that has lost its oldest parts")
+        until(many, within_s=2 * STARTS_S, what="a recording that has lost its oldest parts")
         said = len(speaker.said_s)
         until(lambda: len(speaker.said_s) > said + 10)
         running.send(signal.SIGINT)

@@ -9,6 +9,7 @@ import pytest
 
 from checks.harness.crew import LATE, Crew, Witness, departs
 from checks.harness.processes import lockstep_run
+from checks.harness.until import until
 from ground.app.playback.player import Player
 from ground.ghost.ghost import GhostRunner
 from plant.world.file import load
@@ -17,7 +18,6 @@ from protocol.topics import Role
 from protocol.wire.reasons import reason_text
 from runtime.clock import ManualClock
 from study.trial.trial import Trial, run_trial
-from tests.support.until import until
 
 pytestmark = pytest.mark.stack
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from checks.harness.crew import children_of
+from checks.harness.until import until
 from protocol.world import World
 from runtime.errors import UserError
 from study.cli.falsify import main
@@ -26,7 +27,6 @@ from study.runner.store import ASIDE, RESULTS, SHARDS, read
 from study.runner.workers import Pool
 from study.runner.workers import workers as runner_workers
 from tests.support.studies import boxed, context_of, deadly, floor, ids, spoil, tasks
-from tests.support.until import until
 
 
 @pytest.fixture(scope="module")
@@ -290,11 +290,15 @@ def suspended(
         preexec_fn=limits,
     ) as process:
         try:
-            until(lambda: state_of(process.pid)[0] == "T", SOON_S, f"{WRITTEN} shards")
+            until(
+                lambda: state_of(process.pid)[0] == "T", within_s=SOON_S, what=f"{WRITTEN} shards"
+            )
             yield process
         finally:
             process.kill()
-    until(lambda: not members(process.pid), SOON_S, "workers go when the study is gone")
+    until(
+        lambda: not members(process.pid), within_s=SOON_S, what="workers go when the study is gone"
+    )
 
 
 def state_of(pid: int | str) -> tuple[str, int]:

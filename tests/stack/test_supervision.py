@@ -33,6 +33,7 @@ from checks.harness.crew import (
 from checks.harness.observer import is_still
 from checks.harness.operator import ThreadedOperator
 from checks.harness.processes import Running
+from checks.harness.until import PATIENCE_S, until
 from ground.cli.run.up import goal_runs_of
 from ground.client.goal import destination
 from ground.client.outcomes import Refused
@@ -56,7 +57,6 @@ from runtime.clock import WallClock
 from runtime.units import NS_PER_MS as MS
 from runtime.watchdog import HANGS
 from tests.support.stack.spoilt import Sabotage
-from tests.support.until import PATIENCE_S, until
 
 pytestmark = pytest.mark.stack
 
@@ -105,7 +105,7 @@ class Stage:
             self.look()
             return bool(condition())
 
-        until(there, HEALED_S, what, ROUND_S)
+        until(there, within_s=HEALED_S, what=what, poll_s=ROUND_S)
 
     def drive(self) -> None:
         """Armed, on its way; on a busy machine it may stop for its budget, and is sent again."""

@@ -15,6 +15,7 @@ import pytest
 
 from checks.harness.crew import Crew, alive, children_of, cmdline, frames_in, real_time
 from checks.harness.processes import Running
+from checks.harness.until import until
 from ground.launch.scenario import CLOCKS, PACED
 from ground.recording.log_reader import TlogReader
 from ground.user.runs import read_runs
@@ -22,7 +23,6 @@ from protocol.outcome import Outcome
 from protocol.wire.codec import decode
 from protocol.wire.messages import Statustext
 from tests.support.stack.screens import Tmux
-from tests.support.until import until
 
 pytestmark = pytest.mark.stack
 

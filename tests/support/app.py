@@ -19,6 +19,7 @@ from textual.pilot import Pilot
 
 from checks.harness.loop import PlayedLoop
 from checks.harness.messages import make
+from checks.harness.until import PATIENCE_S
 from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
 from ground.app.input.keymap import Keymap
@@ -90,7 +91,6 @@ from runtime.units import PERIOD_MS
 from tests.support.ground.client import run_on
 from tests.support.ground.station import WORLD_TEXT, Inline
 from tests.support.played_bus import PlayedBus
-from tests.support.until import PATIENCE_S
 
 NOTHING = AgedMessage(None, None, Age.GONE)
 

@@ -14,7 +14,7 @@ from urllib.parse import parse_qs, urlsplit
 from uuid import uuid4
 
 from checks.harness.crew import free_endpoint
-from tests.support.until import until
+from checks.harness.until import until
 
 PATIENCE_S = 30.0
 
@@ -144,9 +144,9 @@ class Compose:
         """Wait until the data of plant and robots flow."""
         until(
             lambda: not self.ailing(),
-            HEALTHY_S,
-            lambda: f"healthy: {self.ailing()}; {self.logs()[-LAST_WORDS:]}",
-            POLL_S,
+            within_s=HEALTHY_S,
+            what=lambda: f"healthy: {self.ailing()}; {self.logs()[-LAST_WORDS:]}",
+            poll_s=POLL_S,
         )
 
     def prefer(self) -> None:
@@ -195,7 +195,12 @@ class Compose:
 
     def arms(self, *words: str) -> None:
         """Arm the robot, again while it refuses because the machine is busy."""
-        until(lambda: self.verb("arm", *words).code == 0, HEALTHY_S, "armed", POLL_S)
+        until(
+            lambda: self.verb("arm", *words).code == 0,
+            within_s=HEALTHY_S,
+            what="armed",
+            poll_s=POLL_S,
+        )
 
     def goes(self, x_m: str, y_m: str) -> Done:
         """Sends the robot there, and again when it stops because the machine is busy."""
@@ -248,9 +253,9 @@ class Compose:
     ) -> None:
         until(
             lambda: self.health(service, number) == health,
-            within_s,
-            lambda: f"{service} {number} {health}; it is {self.health(service, number)!r}",
-            POLL_S,
+            within_s=within_s,
+            what=lambda: f"{service} {number} {health}; it is {self.health(service, number)!r}",
+            poll_s=POLL_S,
         )
 
     def inside(self, service: str, *words: str, number: int = 1, user: str = "") -> Done:
@@ -268,7 +273,12 @@ class Compose:
     @property
     def address(self) -> str:
         """Return the address that the ground station prints for a browser."""
-        until(lambda: ADDRESS.search(self.logs("web")), HEALTHY_S, "an address in the log", POLL_S)
+        until(
+            lambda: ADDRESS.search(self.logs("web")),
+            within_s=HEALTHY_S,
+            what="an address in the log",
+            poll_s=POLL_S,
+        )
         return str(ADDRESS.findall(self.logs("web"))[-1])
 
     def down(self) -> None:

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Final
 
 from checks.built import cache, key_of
+from checks.harness.until import until
 from tests.support.compose import BUILD_S, ROOT, Compose, docker, tried
-from tests.support.until import until
 
 SETUP_S: Final = 300.0
 """Time for the engine and the base image in CI, where both may be set up at this moment."""
@@ -48,8 +48,8 @@ def require_engine(within_s: float | None = None) -> None:
         return not found[0]
 
     try:
-        until(is_usable, patience_s, "engine and base image", poll_s=1.0)
-    except AssertionError:
+        until(is_usable, within_s=patience_s, what="engine and base image", poll_s=1.0)
+    except RuntimeError:
         raise NoEngineError(found[0]) from None
 
 

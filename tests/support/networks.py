@@ -10,13 +10,13 @@ from typing import Any, Literal
 import zenoh
 from zenoh.handlers import Callback
 
+from checks.harness.until import PATIENCE_S, until
 from ground.certificates import CA, Authority, dialled_at
 from ground.user.folders import PRIVATE_FILE
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Mode, Network, Tls
 from protocol.bus.session import bound_endpoints, configured, open_session
 from protocol.topics import SERVICES, TOPICS, Role
-from tests.support.until import PATIENCE_S, until
 
 Topology = Literal["hub", "router"]
 TOPOLOGIES: tuple[Topology, ...] = ("hub", "router")

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from tests.support.until import until
+from checks.harness.until import until
 
 FENCE: Final = re.compile(r"^(?P<indent> *)```(?P<language>\w*)(?: title=\"(?P<title>[^\"]+)\")?$")
 DIRECTIVE: Final = re.compile(r"^ *<!-- console: (?P<words>.+?) -->$")
@@ -325,10 +325,10 @@ class Session:
         def printed() -> list[str]:
             return running.printed()[: len(command.output)]
 
-        with suppress(AssertionError):
+        with suppress(RuntimeError):
             until(
                 lambda: matches(command.output, printed()) or running.process.poll() is not None,
-                PATIENCE_S,
+                within_s=PATIENCE_S,
             )
         lines = printed()
         if running.process.poll() and not matches(command.output, lines):
@@ -354,8 +354,8 @@ class Session:
             printed[:] = self._call(command)
             return matches(command.output, printed)
 
-        with suppress(AssertionError):
-            until(is_expected, PATIENCE_S, poll_s=AGAIN_S)
+        with suppress(RuntimeError):
+            until(is_expected, within_s=PATIENCE_S, poll_s=AGAIN_S)
         return printed
 
 

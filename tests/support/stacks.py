@@ -11,6 +11,7 @@ import pytest
 
 from checks.harness.in_process import InProcess, reason_in
 from checks.harness.processes import OPERATOR_BEAT
+from checks.harness.until import PATIENCE_S, until
 from ground import robot
 from ground.client.connection import Common
 from ground.client.vocabulary import Remedies
@@ -42,7 +43,6 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import Reason
 from runtime.clock import Tick, WallClock
 from runtime.units import PERIOD_NS
-from tests.support.until import PATIENCE_S, until
 
 STOPPING_S = 0.40
 """From the failsafe to a standing robot: braking from 0.3 m/s and the lag of the motors."""
@@ -151,7 +151,12 @@ class Watching:
             self.turn()
             return condition()
 
-        return until(met, within_s, lambda: "\n".join(map(str, self.station.log)), POLL_S)
+        return until(
+            met,
+            within_s=within_s,
+            what=lambda: "\n".join(map(str, self.station.log)),
+            poll_s=POLL_S,
+        )
 
     def until_lost(self, kind: LossKind) -> float:
         return self.until(lambda: (loss := self.station.loss()) and loss.kind is kind)

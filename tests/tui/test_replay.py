@@ -7,6 +7,7 @@ from threading import Event
 
 import pytest
 
+from checks.harness.until import PATIENCE_S
 from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
 from ground.app.commands.local_commands import LocalCommands
@@ -23,7 +24,6 @@ from runtime.units import NS_PER_S as S
 from tests.support.app import FakeCommandSink, FakeStation, Stage, driving, recorded, staged
 from tests.support.ground.made_recordings import written
 from tests.support.plant import plain_world
-from tests.support.until import PATIENCE_S
 
 
 def player(folder: Path) -> tuple[Player, ManualClock]:

@@ -11,6 +11,7 @@ from textual.color import Color
 from textual.filter import NoColor
 from textual.geometry import Size
 
+from checks.harness.until import until
 from ground.app.appearance import default_theme, is_ascii_terminal
 from ground.app.frame_rate import MAX_DIVISOR, RECOVERY_NS, FrameRate
 from ground.app.screens import SCREENS as APP_SCREENS
@@ -30,7 +31,6 @@ from runtime.units import NS_PER_MS as MS
 from tests.support.app import FakeCommandSink, FakeStation, Stage, driving, parameter, staged
 from tests.support.each import each
 from tests.support.hostile import LETTERS, OWNED, TEXT, raw_in
-from tests.support.until import until
 
 TINY = ((1, 1), (2, 1), (1, 24), (20, 5), (40, 12), (59, 17), (300, 90))
 GARBAGE = (

@@ -9,13 +9,13 @@ from typing import cast
 
 import pytest
 
+from checks.harness.until import PATIENCE_S, until
 from ground.app import start
 from ground.app.app import BackgroundJobs, GroundApp
 from ground.app.appearance import Appearance
 from ground.app.start import capture_output
 from runtime.errors import UserError
 from tests.support.app import FakeCommandSink, FakeStation, driving, staged
-from tests.support.until import PATIENCE_S, until
 
 
 class StubApp:

@@ -14,7 +14,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Self
 
-from tests.support.until import PATIENCE_S, until
+from checks.harness.until import PATIENCE_S, until
 
 NAMES = {" ": "Space", ";": "\\;"}
 POLL_S = 0.05
@@ -70,8 +70,8 @@ class Tmux:
             return all(word in found for word in words)
 
         try:
-            until(there, within_s, f"{words} on the screen", POLL_S)
-        except AssertionError as error:
+            until(there, within_s=within_s, what=f"{words} on the screen", poll_s=POLL_S)
+        except RuntimeError as error:
             raise AssertionError(f"{error}\n{found}") from None
         return found
 
@@ -102,7 +102,11 @@ class Tmux:
         return int(text) if text.endswith("\n") else None
 
     def ends(self, within_s: float = PATIENCE_S) -> int:
-        until(lambda: self.exit_code is not None, within_s, f"the end; screen:\n{self.screen}")
+        until(
+            lambda: self.exit_code is not None,
+            within_s=within_s,
+            what=f"the end; screen:\n{self.screen}",
+        )
         code = self.exit_code
         assert code is not None
         return code

@@ -21,17 +21,17 @@ from checks.gate import (
     rest_phases,
 )
 from checks.gate import ROOT as GATE_ROOT
+from checks.harness.until import until
 from checks.language import Text, grade, habits, main, running_text, syllables, texts_of
 from runtime.errors import EXIT_INTERRUPTED, EXIT_USAGE
 from tests.support.each import each
-from tests.support.until import until
 
 PASSES = GateStep("passes", (sys.executable, "-c", "print('3 passed, 1 skipped in 0.1s')"), 1)
 FAILS = GateStep("fails", (sys.executable, "-c", "raise SystemExit('badly')"), 1)
 MEETS = """
 import sys
 from pathlib import Path
-from tests.support.until import until
+from checks.harness.until import until
 mine, other = map(Path, sys.argv[1:])
 mine.touch()
 until(other.exists)

@@ -18,6 +18,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from checks.harness.until import until
 from ground.cli.main import main
 from ground.client.goal import Destination, destination
 from ground.ghost.branch_point import (
@@ -71,7 +72,6 @@ from tests.support.ground.recordings import (
     recorded,
     standing,
 )
-from tests.support.until import until
 
 ROOT = Path(__file__).parents[3]
 FOREVER = "import time; print('time_s,true_x_m,true_y_m', flush=True); time.sleep(60)"

@@ -14,6 +14,7 @@ from aiohttp.test_utils import TestClient, TestServer
 from hypothesis import given
 from hypothesis import strategies as st
 
+from checks.harness.until import PATIENCE_S
 from ground.cli.main import parse
 from ground.web import (
     MAX_BROWSERS,
@@ -30,7 +31,6 @@ from ground.web import (
 )
 from runtime.errors import UserError
 from tests.support.each import each
-from tests.support.until import PATIENCE_S
 
 TOKEN = "0123456789abcdefgh"
 

@@ -7,6 +7,7 @@ from typing import cast
 
 import pytest
 
+from checks.harness.until import PATIENCE_S
 from plant.model.configuration import LEVELS
 from plant.process import MAX_ANSWERED, MAX_WAITING, Process, RequestQueue, Wake
 from plant.sim.simulation import Plant
@@ -18,7 +19,6 @@ from protocol.wire.messages import CommandAck, RunRequest, RunScore
 from protocol.wire.reasons import Reason
 from runtime.clock import WallClock
 from tests.support.each import each
-from tests.support.until import PATIENCE_S
 
 SCORE = RunRequest(action=RunAction.SCORE, until_ns=0)
 

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from checks.harness.until import PATIENCE_S
 from protocol.bus.network import Network
 from protocol.bus.robot_clock import SAMPLES, RobotClock, RobotClocks, time_bytes, time_in
 from protocol.bus.services import Requester
@@ -21,7 +22,6 @@ from protocol.wire.reasons import Reason
 from runtime.errors import NoAnswerError
 from runtime.units import NS_PER_MS as MS
 from tests.support.each import each
-from tests.support.until import PATIENCE_S
 
 ARM = CommandRequest(request_id=1, command=Command.COMPONENT_ARM_DISARM, param1=1.0, param2=0.0)
 

@@ -19,6 +19,7 @@ from typing import Any, cast
 import pytest
 import zenoh
 
+from checks.harness.until import until
 from protocol.bus import callbacks, network, sockets
 from protocol.bus import session as lasting_session
 from protocol.bus.bus import Presence, TokenSet, presence_in
@@ -32,7 +33,6 @@ from protocol.wire.messages import LeaseStatus
 from runtime.errors import UserError
 from tests.support.each import each
 from tests.support.hostile import TEXT
-from tests.support.until import until
 
 
 class Session:

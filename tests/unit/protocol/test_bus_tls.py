@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from checks.harness.until import PATIENCE_S, until
 from protocol.bus import door
 from protocol.bus.audit import (
     MAX_CHARACTERS,
@@ -30,7 +31,6 @@ from protocol.bus.sockets import (
     end_in,
 )
 from tests.support.each import each
-from tests.support.until import PATIENCE_S, until
 
 HELLO = bytes.fromhex("1603010200010001fc0303")
 HERE, THERE = "127.0.0.1", "127.0.0.2"

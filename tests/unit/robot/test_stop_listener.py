@@ -10,6 +10,7 @@ from threading import Event
 import pytest
 
 from checks.harness.processes import free_port
+from checks.harness.until import PATIENCE_S, until
 from ground.client.stop_datagrams import StopDatagrams
 from protocol.bus.network import Network, Tls
 from protocol.stop_datagram import (
@@ -21,7 +22,6 @@ from protocol.stop_datagram import (
     stopped_by,
 )
 from robot.stop_listener import OLD_S, StopListener
-from tests.support.until import PATIENCE_S, until
 
 LOCAL = "127.0.0.1"
 

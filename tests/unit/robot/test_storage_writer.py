@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from checks.harness.until import until
 from protocol.topics import MISSION_SERVICE, PARAMETER
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import AckResult, MissionType, Severity
@@ -42,7 +43,6 @@ from tests.support.robots import (
     line,
     upload,
 )
-from tests.support.until import until
 
 FULL = OSError(28, "No space left on device")
 

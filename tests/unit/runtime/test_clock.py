@@ -16,6 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from checks.harness.until import PATIENCE_S, until
 from plant.process import Wake
 from runtime import watchdog
 from runtime.clock import Clock, ManualClock, Pulse, Tick, WakeUp, WallClock, ticks
@@ -34,7 +35,6 @@ from runtime.watchdog import (
     starved_ns,
 )
 from tests.support.each import each
-from tests.support.until import PATIENCE_S, until
 
 WAIT_S = 0.02
 RESCUED_S = PATIENCE_S

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import pytest
 
+from checks.harness.until import PATIENCE_S, until
 from runtime.clock import Tick, ticks
 from runtime.lockstep import LockstepClock, LockstepLoop
 from runtime.units import CONTROL_HZ, PERIOD_NS
 from runtime.watchdog import Watchdog
 from tests.support.each import each
-from tests.support.until import PATIENCE_S, until
 
 NEVER_S = 60.0
 
@@ -229,7 +229,7 @@ LOOP = """
 import ctypes, signal, sys, time
 from pathlib import Path
 from runtime.watchdog import Watchdog
-from tests.support.until import PATIENCE_S
+from checks.harness.until import PATIENCE_S
 trace = Path(sys.argv[2]) if len(sys.argv) > 2 else None
 left_s = lambda: signal.getitimer(signal.ITIMER_REAL)[0]
 with Watchdog(600.0, trace) as watchdog:

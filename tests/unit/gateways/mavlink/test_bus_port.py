@@ -8,6 +8,7 @@ from typing import Any, cast
 import pytest
 
 from checks.harness.loop import PlayedLoop
+from checks.harness.until import until
 from gateways.mavlink.bus_port import (
     BUSY,
     LATE_NS,
@@ -36,7 +37,6 @@ from runtime.clock import ManualClock
 from tests.support.gateway.fake_port import cycle, status
 from tests.support.ground.client import ack, lease_of
 from tests.support.played_bus import PlayedBus, PlayedQuery
-from tests.support.until import until
 
 
 class Gate:

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from checks.harness.loop import PlayedLoop
+from checks.harness.until import until
 from gateways.mavlink.endpoints import (
     MAX_BYTES,
     MAX_CONNECTIONS,
@@ -30,7 +31,6 @@ from runtime.clock import ManualClock
 from runtime.errors import UserError
 from runtime.units import NS_PER_S
 from tests.support.each import each
-from tests.support.until import until
 
 
 class Arrivals:

@@ -14,6 +14,7 @@ from typing import Any, cast
 import pytest
 from pymavlink import mavutil
 
+from checks.harness.until import PATIENCE_S, until
 from gateways.mavlink.log_protocol import BLOCK, LAST_BLOCKS, MAX_RANGES
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.traffic_recorder import TrafficRecorder, new_file
@@ -32,7 +33,6 @@ from tests.support.gateway.fake_port import (
     odometry,
     status,
 )
-from tests.support.until import PATIENCE_S, until
 
 OLD, NEW = "20261122T080000Z-r1.tlog", "20261123T131200Z-r1.tlog"
 CONTENTS = {OLD: b"o" * 90 * 3, NEW: bytes(range(256)) * 40}

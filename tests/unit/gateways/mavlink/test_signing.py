@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from checks.harness.until import PATIENCE_S, until
 from gateways.mavlink import signing
 from gateways.mavlink.clients import ClientLink, NoFile
 from gateways.mavlink.commands.vehicle_commands import SigningSetup
@@ -39,7 +40,6 @@ from runtime.errors import ConfigError, UserError
 from runtime.units import NS_PER_S
 from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, Bench, acks, command, status, words
-from tests.support.until import PATIENCE_S, until
 
 KEY, OLD, WRONG = b"k" * 32, b"o" * 32, b"w" * 32
 NOW_S = EPOCH_S + 350_000_000

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from checks.harness.until import PATIENCE_S, until
 from gateways.mavlink.clients import NoFile
 from gateways.mavlink.endpoints import MAX_PEERS, Arrival, opened
 from gateways.mavlink.gateway import MAX_OLD_TURNS, STALL_NS
@@ -31,7 +32,6 @@ from tests.support.gateway.fake_port import (
     status,
     words,
 )
-from tests.support.until import PATIENCE_S, until
 
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
 ARM = command(400, 1)

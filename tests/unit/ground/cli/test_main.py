@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from checks.harness.until import PATIENCE_S
 from ground.cli import main as cli
 from ground.cli.event_loop import run_until_signal
 from ground.cli.main import Interrupted, main
@@ -31,7 +32,6 @@ from protocol.wire.reasons import Reason
 from runtime.cli.verb_table import command_of
 from runtime.errors import NoAnswerError, UserError
 from tests.support.each import each
-from tests.support.until import PATIENCE_S
 
 Run = Callable[[argparse.Namespace, Output], int]
 

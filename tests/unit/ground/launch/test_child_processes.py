@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from checks.harness.crew import alive
+from checks.harness.until import PATIENCE_S, until
 from ground.launch.child_command import command, role_of
 from ground.launch.child_processes import (
     STOP_STEPS,
@@ -23,7 +24,6 @@ from ground.launch.child_processes import (
 from ground.launch.supervisor import MAX_CAUSE_CHARS, cause_of
 from runtime.clock import WallClock
 from tests.support.each import each
-from tests.support.until import PATIENCE_S, until
 
 ROOT = Path(__file__).parents[4]
 QUIET = "import signal; signal.pause()"

@@ -12,6 +12,7 @@ from zipfile import ZipFile
 import pytest
 
 import study.cli.reexecute
+from checks.harness.until import until
 from ground.cli.main import main, parse
 from ground.client.outcomes import NoProgress
 from ground.commands.command import Reach, command_in, parsed
@@ -57,7 +58,6 @@ from tests.support.ground.made_recordings import (
     tlog,
     written,
 )
-from tests.support.until import until
 
 OLD, MIDDLE, NEW = (f"20261123T10000{second}Z-r1" for second in (1, 2, 3))
 

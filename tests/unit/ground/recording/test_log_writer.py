@@ -19,6 +19,7 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
+from checks.harness.until import PATIENCE_S
 from ground.recording.log_reader import TlogReader, open_log, read
 from ground.recording.log_writer import FRAME_COST, DualLog, LogFile, LogWriter, new_log
 from ground.recording.mcap_file import McapFormat
@@ -38,7 +39,6 @@ from tests.support.ground.made_recordings import (
     problem,
     run,
 )
-from tests.support.until import PATIENCE_S
 
 OFFSET_NS = 1_790_000_000_000_000_000
 NOON = datetime(2026, 3, 4, 12, 0, 5, tzinfo=UTC)

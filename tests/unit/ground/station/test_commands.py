@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import pytest
 
+from checks.harness.until import PATIENCE_S, until
 from ground.app.commands.runner import CommandRunner
 from ground.client import robot_link
 from ground.client.connection import Common
@@ -27,7 +28,6 @@ from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError, UserError
 from tests.support.each import each
 from tests.support.ground.station import Inline, Play, ThreadAtOnce, silent
-from tests.support.until import PATIENCE_S, until
 
 
 def ready() -> Play:

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from checks.harness.until import PATIENCE_S
 from tests.support.each import each
-from tests.support.until import PATIENCE_S
 
 CORE = Path(__file__).parents[4] / "robot" / "core"
 FILES = sorted(CORE.rglob("*.py"))
