@@ -10,9 +10,9 @@ from ground.client.emergency_stop import EmergencyStop
 from ground.client.lease_holder import operator_name
 from ground.client.leases import Leases, Leasing
 from ground.client.link import Link
-from ground.client.outcomes import AllAnswered, Outcome, Stopped
+from ground.client.outcomes import AllAnswered, Operation, Outcome, Stopped
 from ground.client.requests import GaveUp
-from ground.client.session import Operation, Session
+from ground.client.session import Session
 from ground.client.stopping import at_once, stop_all
 from ground.robot import STOP_S, Robot
 from protocol.topics import COMMAND, STATUS, STOP, Service

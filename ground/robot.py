@@ -24,7 +24,7 @@ from enum import IntEnum
 from functools import partial
 from math import nan, radians
 from pathlib import Path
-from typing import Any, Final, Protocol, TypeVar
+from typing import Any, Final, TypeVar
 
 from msgspec import structs
 
@@ -62,6 +62,7 @@ from ground.client.outcomes import (
     GoalEnded,
     Marked,
     NoProgress,
+    Operation,
     Outcome,
     Progress,
     Refused,
@@ -135,7 +136,6 @@ M = TypeVar("M", bound=Message)
 R = TypeVar("R", bound=Request)
 E = TypeVar("E", bound=IntEnum)
 Out = TypeVar("Out", bound=Outcome)
-Out_co = TypeVar("Out_co", bound=Outcome, covariant=True)
 RETRY_NS: Final = 2 * NS_PER_S
 """Time within which causes of a refusal are removed."""
 MISSION_NS: Final = 700 * NS_PER_MS
@@ -183,16 +183,6 @@ async def connect(
             yield client
         finally:
             await finish(client.close())
-
-
-class RobotCommand(Protocol[Out_co]):
-    """Something that an operator can do with a robot."""
-
-    async def perform(self, robot: "Robot", /) -> Out_co:
-        """Carry it out and return the outcome.
-
-        Raises UserError, RemoteError or UnansweredError if there is no outcome.
-        """
 
 
 class Robot(RobotLink):
@@ -421,8 +411,16 @@ class Robot(RobotLink):
         asked_ns = self.clock.now_ns()
         timeout_ns = None if timeout_s is None else round(timeout_s * NS_PER_S)
 
+        place = goal.on_the_wire()
+
         async def begin(drive: Drive) -> Answer:
-            return await self._send_goal(drive, goal, Mode.GUIDED, from_robot, arms)
+            def request() -> GoalRequest:
+                return drive.begun_by(
+                    goal_request(place, self.ids.next(), Mode.GUIDED, from_robot=from_robot)
+                )
+
+            answer, _ = await self.accepted(request, beats=True, arms=arms)
+            return answer
 
         async def follow(drive: Drive) -> GoalEnded:
             self.progress.note(f"goal {goal} accepted")
@@ -446,20 +444,14 @@ class Robot(RobotLink):
         """Send a goal until the robot accepts it; return the answer and the id of its request."""
         if (refused := await self.lease.ensure()) is not None:
             return refused, 0
-        drive = Drive()
-        sending = partial(self._send_goal, drive, goal, mode, from_robot, arms)
-        return await self.uninterrupted(self._turn, sending), drive.request_id
-
-    async def _send_goal(
-        self, drive: Drive, goal: Destination, mode: Mode, from_robot: bool, arms: bool
-    ) -> Answer:
         place = goal.on_the_wire()
 
         def request() -> GoalRequest:
-            return drive.begun_by(goal_request(place, self.ids.next(), mode, from_robot=from_robot))
+            return goal_request(place, self.ids.next(), mode, from_robot=from_robot)
 
-        answer, _ = await self.accepted(request, beats=mode == Mode.GUIDED, arms=arms)
-        return answer
+        sending = partial(self.accepted, request, beats=mode == Mode.GUIDED, arms=arms)
+        answer, sent = await self.uninterrupted(self._turn, sending)
+        return answer, sent.request_id
 
     async def follow(self, watch: GoalWatch, telemetry: Telemetry) -> GoalEnd:
         """Follow a goal to its end, and show its progress."""
@@ -611,7 +603,7 @@ class Robot(RobotLink):
 
     # Commands.
 
-    async def perform(self, command: RobotCommand[Out]) -> Out:
+    async def perform(self, command: Operation[Out]) -> Out:
         """Carry out any command of `sidestep.operations`.
 
         Cancelling this does not withdraw a request that was sent.

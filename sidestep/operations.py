@@ -8,11 +8,12 @@ from ground.client.outcomes import (
     LeaseShown,
     Marked,
     NoProgress,
+    Operation,
     Progress,
     Stopped,
 )
 from ground.client.parameters import ParameterChanged, ParametersLoaded, ParametersSaved
-from ground.client.session import Operation, Session
+from ground.client.session import Session
 from ground.commands.abort import Abort
 from ground.commands.arm import Arm
 from ground.commands.disarm import Disarm

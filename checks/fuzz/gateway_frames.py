@@ -33,9 +33,8 @@ from gateways.mavlink.robot_port import Answered, Snapshot, StopPress
 from gateways.mavlink.services import face_of
 from gateways.mavlink.signing import EPOCH_S, PER_S, STAMP_NS, Policy, SigningGuard
 from ground.client.missions import TransferOutcome
-from ground.client.outcomes import Accepted, Outcome, Refused
+from ground.client.outcomes import Accepted, Operation, Outcome, Refused
 from ground.client.parameter import parameters_in
-from ground.client.session import Operation
 from ground.commands.fence import ClearFence, FenceShown, SetFence, ShowFence
 from ground.commands.mission import ClearMission, FetchMission, MissionFetched, UploadMission
 from ground.commands.param import ParameterTable, ShowParameters

@@ -7,8 +7,8 @@ from typing import Any, Self, TypeVar
 
 from ground.client.connection import Common
 from ground.client.leases import Leasing
-from ground.client.outcomes import Outcome
-from ground.robot import Robot, RobotCommand
+from ground.client.outcomes import Operation, Outcome
+from ground.robot import Robot
 from protocol.bus.bus import Bus
 from protocol.bus.network import Network
 
@@ -43,6 +43,6 @@ class ThreadedOperator:
         """Run a coroutine on the operator's loop to its end."""
         return asyncio.run_coroutine_threadsafe(work, self._loop).result()
 
-    def perform(self, command: RobotCommand[Out]) -> Out:
+    def perform(self, command: Operation[Out]) -> Out:
         """Carry out a command; raises what it raises without an outcome."""
         return self.wait(self.robot.perform(command))

@@ -22,9 +22,8 @@ from ground.client.emergency_stop import EmergencyStop
 from ground.client.lease_holder import holder_name, is_ours
 from ground.client.leases import Leases, Leasing
 from ground.client.link import ALIVE, Link
-from ground.client.outcomes import Outcome, Stopped
+from ground.client.outcomes import Operation, Outcome, Stopped
 from ground.client.robot_link import in_own_thread
-from ground.client.session import Operation
 from ground.client.telemetry import Telemetry
 from ground.client.teleop_sender import TeleopSender
 from ground.robot import STOP_S, Robot

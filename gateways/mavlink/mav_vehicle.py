@@ -15,8 +15,8 @@ from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.operator_control import OperatorControl
 from gateways.mavlink.robot_port import KEEPS_FENCE, Answered, RobotPort, Snapshot
 from gateways.mavlink.signing import WATCHING
+from ground.client.outcomes import Operation
 from ground.client.requests import CROSSING_NS
-from ground.client.session import Operation
 from ground.commands.fence import ClearFence
 from ground.missions.mission import Home
 from protocol.wire.enums import Mode, Severity

@@ -17,9 +17,8 @@ from gateways.mavlink.mav_service import Outbox, Sender
 from gateways.mavlink.mavlink_dialect import mavlink
 from gateways.mavlink.robot_port import OVERTAKEN, STOPS, Answered, RobotPort, Snapshot
 from ground.client.lease_holder import is_ours
-from ground.client.outcomes import Accepted, Refused
+from ground.client.outcomes import Accepted, Operation, Refused
 from ground.client.requests import CROSSING_NS, HeartbeatTimer
-from ground.client.session import Operation
 from protocol.wire.enums import LeaseAction, Severity
 from protocol.wire.limits import OPERATOR_LOST_MS
 from protocol.wire.reasons import Reason

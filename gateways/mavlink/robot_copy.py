@@ -6,7 +6,7 @@ from typing import Any, Final, Generic, TypeVar
 
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.robot_port import Answered
-from ground.client.session import Operation
+from ground.client.outcomes import Operation
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_S
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple, Protocol
 
-from ground.client.outcomes import Outcome, Refused
-from ground.client.session import Operation
+from ground.client.outcomes import Operation, Outcome, Refused
 from ground.commands.abort import Abort
 from ground.commands.disarm import Disarm
 from ground.commands.hold import Hold

@@ -10,10 +10,9 @@ import sys
 import termios
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from io import BufferedWriter, FileIO, TextIOWrapper
 from pathlib import Path
-from threading import Lock, Thread, Timer
+from threading import Lock, Timer
 from typing import TYPE_CHECKING, Final
 
 from ground.app.appearance import DUMB, AppOptions, appearance_of, has_colours, in_browser
@@ -21,11 +20,10 @@ from ground.app.input.keymap import TABLE, Keymap, key_hints, load
 from ground.app.input.keymap import keymap_of as keymap_in
 from ground.client.connection import Common
 from ground.client.lease_holder import operator_name
-from ground.client.link import Link
-from ground.client.stop_ways import StopServer
 from ground.recording.log_reader import files_of
 from ground.user.folders import PRIVATE_FILE, state_folder
 from ground.user.settings import Settings, load_settings, set_setting, settings_file
+from protocol.bus.bus import Bus
 from protocol.bus.network import Network
 from runtime.clock import WallClock, freeze_heap
 from runtime.config import line_located
@@ -119,7 +117,7 @@ FREEZE_AFTER_S: Final = 3.0
 
 def run(
     options: AppOptions,
-    link: Link,
+    bus: Bus,
     common: Common,
     stack: "Stack | None" = None,
     recording: "RecordingSession | None" = None,
@@ -140,24 +138,19 @@ def run(
     from ground.console.history import History
     from ground.station.station import Station
 
-    stops, common = StopServer(link), replace(common, robot=link.robot)
-    station = Station(link.bus, link.robot, WallClock(), name=operator_name(None), common=common)
-    station.use_remedies(key_hints(keymap))
+    station = Station(bus, common.robot, WallClock(), name=operator_name(None), common=common)
+    station.queue.hints = key_hints(keymap)
     commands = CommandRunner(lambda: station, common, History(state_folder() / "history"))
     app = GroundApp(station, commands, keymap, appearance, stack, recording=recording)
     app.is_first_start, app.remember_theme = is_first_start(state_folder()), remember_theme
     if lessons:
         app.begin_tutorial()
     commands.local = LocalCommands(app).do_command
-    try:
-        with capture_output(state_folder() / "ground.log") as terminal:
-            app.limit_frame_rate(terminal)
-            code = run_app(app, station)
-        print_summary(station.last_drives(), None if recording is None else recording.file)
-        return code
-    finally:
-        stops.close()
-        run_with_timeout(station.close)
+    with capture_output(state_folder() / "ground.log") as terminal:
+        app.limit_frame_rate(terminal)
+        code = run_app(app, station)
+    print_summary(station.last_drives(), None if recording is None else recording.file)
+    return code
 
 
 def print_summary(drives: Mapping[str, str], recorded: Path | None) -> None:
@@ -220,15 +213,23 @@ def run_app(app: "GroundApp", station: "Station | None" = None) -> int:
         if sys.__stdin__ is not None and sys.__stdin__.isatty():
             watch_terminal(loop, app, sys.__stdin__.fileno())
         loop.call_later(FREEZE_AFTER_S, freeze_heap)
-        code = await app.run_async() or 0
-        if station is not None:
-            with suppress(TimeoutError):
-                await asyncio.wait_for(station.over(), ENDING_S)
+        try:
+            code = await app.run_async() or 0
+        finally:
+            if station is not None:
+                await end(station)
         if app.defect is not None:
             raise app.defect
         return code
 
     return asyncio.run(shown())
+
+
+async def end(station: "Station") -> None:
+    """Let a station end what it has begun and leave its leases, but never late."""
+    for ending, within_s in ((station.queue.over(), ENDING_S), (station.close(), CLOSING_S)):
+        with suppress(TimeoutError):
+            await asyncio.wait_for(ending, within_s)
 
 
 def watch_terminal(loop: asyncio.AbstractEventLoop, app: "GroundApp", terminal: int) -> None:
@@ -290,10 +291,3 @@ def has_screen() -> bool:
     streams = (sys.__stdin__, sys.__stdout__, sys.__stderr__)
     on_terminal = all(stream is not None and stream.isatty() for stream in streams)
     return on_terminal or in_browser(os.environ)
-
-
-def run_with_timeout(close: Callable[[], None]) -> None:
-    """Run `close`, but wait only a few seconds for it, so that leaving never hangs."""
-    thread = Thread(target=close, daemon=True)
-    thread.start()
-    thread.join(CLOSING_S)

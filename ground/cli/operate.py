@@ -11,9 +11,9 @@ from ground.client.floor import floor_of
 from ground.client.lease_holder import operator_name
 from ground.client.leases import Leasing
 from ground.client.link import Link, UnansweredError, open_link
-from ground.client.outcomes import Accepted, Outcome, Progress, RefusedError
+from ground.client.outcomes import Accepted, Operation, Outcome, Progress, RefusedError
 from ground.commands.command import OperatorCommand, Reach, command_in, parsed
-from ground.robot import Robot, RobotCommand
+from ground.robot import Robot
 from ground.text.output import Output
 
 Out = TypeVar("Out", bound=Outcome)
@@ -38,7 +38,7 @@ class OnFiles(Protocol):
 class FromFile(Protocol):
     """A command whose values are in a file."""
 
-    def read(self) -> RobotCommand[Outcome]:
+    def read(self) -> Operation[Outcome]:
         """Read the file; UserError if its values are invalid."""
 
 
@@ -105,7 +105,7 @@ def robot_of(link: Link, progress: Progress) -> Robot:
     )
 
 
-async def perform(operation: RobotCommand[Out], robot: Robot, *, seizes: bool = False) -> Out:
+async def perform(operation: Operation[Out], robot: Robot, *, seizes: bool = False) -> Out:
     """Carry out an operation; with `seizes` take the lease from another operator first."""
     if seizes:
         seized = await robot.lease.seize()

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final, Protocol, TypeAlias
+from typing import Any, Final, Protocol, TypeAlias, TypeVar
 
 from ground.client.emergency_stop import StopOutcome, outcome_words
 from ground.client.lease_holder import holder_name
@@ -28,6 +28,27 @@ class Outcome(Protocol):
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
         """Return the outcome for programs, with the verb and the robot where they belong."""
+
+
+O_co = TypeVar("O_co", bound=Outcome, covariant=True)
+
+
+class Operation(Protocol[O_co]):
+    """Something that an operator can do with a robot."""
+
+    @property
+    def verb(self) -> str:
+        """The name of the operation on the command line."""
+
+    @property
+    def moves(self) -> bool:
+        """True if it can move the robot or change how it moves."""
+
+    async def perform(self, robot: Any, /) -> O_co:
+        """Carry it out on a robot and return the outcome.
+
+        Raises UserError, RemoteError or UnansweredError if there is no outcome.
+        """
 
 
 class RefusedError(RemoteError):

@@ -198,15 +198,7 @@ class Parameters:
 
     async def reset(self, name: str) -> ParameterChanged | Refused:
         """Set one parameter to its default value; UserError if the robot has none for it."""
-        if (refused := await self._robot.lease.ensure()) is not None:
-            return refused
-        defaults = {one.name: one.default for one in await self.fetch()}
-        value = defaults.get(name)
-        if value is None:
-            near = get_close_matches(name, defaults, n=1)
-            fix = f"did you mean {near[0]}?" if near else self._robot.remedies.parameters
-            raise UserError(f"no parameter {name!r} with a default: {fix}")
-        return await self._change(name, value)
+        return await self.change(name, None)
 
     async def load(self, file: str | Path) -> ParametersLoaded | Refused:
         """Set all values of a TOML file; none unless all are allowed (ConfigError)."""
@@ -232,19 +224,12 @@ class Parameters:
             raise RemoteError("the robot's reply is not a parameter list")
         return parameters_in(answer)
 
-    async def change(self, name: str, value: float) -> ParameterChanged | Refused:
-        """Set one parameter, and read back whether it is saved."""
+    async def change(self, name: str, value: float | None) -> ParameterChanged | Refused:
+        """Set one parameter, to its default without a value, and read back whether it is saved."""
         if (refused := await self._robot.lease.ensure()) is not None:
             return refused
-        return await self._change(name, value)
-
-    async def restore(self, wanted: Mapping[str, float]) -> ParametersLoaded | Refused:
-        """Set the values that differ, until one is refused."""
-        if (refused := await self._robot.lease.ensure()) is not None:
-            return refused
-        return await self._restore(await self.fetch(), wanted)
-
-    async def _change(self, name: str, value: float) -> ParameterChanged:
+        if value is None:
+            value = await self._default(name)
         now = await self._set(name, value)
         if isinstance(now, Refused):
             return ParameterChanged(
@@ -256,6 +241,21 @@ class Parameters:
             )
         changed = ParameterChanged(name=name, asked=value, now=now)
         return replace(changed, saved=await self._is_saved(name))
+
+    async def _default(self, name: str) -> float:
+        defaults = {one.name: one.default for one in await self.fetch()}
+        value = defaults.get(name)
+        if value is None:
+            near = get_close_matches(name, defaults, n=1)
+            fix = f"did you mean {near[0]}?" if near else self._robot.remedies.parameters
+            raise UserError(f"no parameter {name!r} with a default: {fix}")
+        return value
+
+    async def restore(self, wanted: Mapping[str, float]) -> ParametersLoaded | Refused:
+        """Set the values that differ, until one is refused."""
+        if (refused := await self._robot.lease.ensure()) is not None:
+            return refused
+        return await self._restore(await self.fetch(), wanted)
 
     async def _restore(
         self, found: Sequence[Parameter], wanted: Mapping[str, float]

@@ -46,7 +46,7 @@ item_number: Final = whole(1, MOST_ITEMS)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OfMissionFile(OperatorCommand):
-    """A command on a mission file; `-` is standard input, or the text that `draft` returns.
+    """A command on a mission file; `-` is standard input, or the mission that `draft` returns.
 
     `home` is where x and y are 0 on Earth. `drop`: leave out items that the robot cannot carry out.
     """
@@ -64,13 +64,16 @@ class OfMissionFile(OperatorCommand):
     drop: bool = switch(
         "--drop", default=False, help="leave out and list items that the robot cannot carry out"
     )
-    draft: Callable[[], str] | None = field(default=None, compare=False)
+    draft: Callable[[], Mission] | None = field(default=None, compare=False)
 
     def found(self) -> Foreign:
         """Read the mission; MissionError names all faults of the file."""
         if self.file != files.DASH:
             return files.read(self.file, home=self.home, drop=self.drop)
-        text = sys.stdin.read(files.LARGEST_BYTES) if self.draft is None else self.draft()
+        if self.draft is not None:
+            mission = self.draft()
+            return Foreign(replace(mission, home=self.home or mission.home))
+        text = sys.stdin.read(files.LARGEST_BYTES)
         return files.read_text(text, self.file, home=self.home, drop=self.drop)
 
 

@@ -270,11 +270,12 @@ class Draft:
         self.mission = EMPTY
 
     @property
-    def text(self) -> str:
-        """The mission file's text; UserError when the draft is empty."""
+    def ready(self) -> Mission:
+        """The mission, to be sent; UserError when it is empty or leaves its own fence."""
         if not self.mission.waypoints:
             raise UserError(NOTHING)
-        return toml_text(self.mission)
+        _judge_places(self.mission, str(DASH))
+        return self.mission
 
     def add(self, waypoint: Waypoint) -> str:
         """Append a waypoint."""

@@ -1,7 +1,7 @@
 """Define the ground station without a screen: poll it, then read the state of its robots."""
 
 import asyncio
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from dataclasses import replace
 from time import monotonic, time_ns
@@ -22,7 +22,7 @@ from ground.station.history.time_series import MessageSeries, SeriesTable
 from ground.station.link.loss import Loss
 from ground.station.link.streams import StreamRow
 from ground.station.robot.background_requests import RequestThread, RequestWorker
-from ground.station.robot.command_queue import Begin, CommandQueue, Given, QueuedCommand
+from ground.station.robot.command_queue import REPLAYED, Begin, CommandQueue
 from ground.station.robot.lease_state import UNKNOWN, LeaseView, lease_from
 from ground.station.robot.robot_model import RobotModel
 from ground.station.robot.robot_session import RobotSession
@@ -42,7 +42,7 @@ from protocol.topics import (
     Topic,
     robot_name,
 )
-from protocol.wire.enums import LeaseAction, Severity
+from protocol.wire.enums import Severity
 from protocol.wire.messages import (
     AvoidanceDecision,
     CycleReport,
@@ -59,7 +59,6 @@ Point = tuple[float, float]
 PLACE_BY_HAND: Final = "pose set X Y DEG"
 PLACE_FROM_TRUTH: Final = "pose truth"
 CLOSING_S: Final = 2.0
-REPLAYED: Final = "a replay accepts no commands"
 STOPPED: Final = "an emergency stop came first"
 RESTARTED: Final = "other processes are started"
 PROCESSES: Final = frozenset((Role.ROBOT.value, Role.PLANT.value))
@@ -99,7 +98,9 @@ class Station:
         common = common or Common(network=Network(), robot=robot)
         self._fleet = Fleet(bus, common, clock, workers, self._add_line)
         self._ended: frozenset[tuple[str, str]] = frozenset()
-        self._commanding = CommandQueue(clock, begin, self.note, name)
+        self.queue = CommandQueue(clock, begin, self.note, name, lambda: self._session)
+        """The commands for the robot that is shown."""
+
         if isinstance(bus, Bus):
             bus.watch(lambda _who, _came: None)
         self.select(robot)
@@ -117,17 +118,19 @@ class Station:
         self._present = present_processes(present)
         self._watch(now_ns)
         self._fleet.poll(present, self._robot, now_ns)
-        self._commanding.poll()
+        self.queue.poll()
         for session in self._fleet.sessions.values():
             session.beat(now_ns)
 
-    def close(self) -> None:
-        """Give the lease back and end the threads, within 2 s; call it in a thread."""
+    async def close(self) -> None:
+        """Leave the leases, each by one request, and end the threads, within 2 s.
+
+        Another program of the same person keeps the lease that it uses.
+        """
         deadline_s = monotonic() + CLOSING_S
-        for session in self._fleet.sessions.values():
-            if session.holding.is_used:
-                self._commanding.leave(session)
-        self._fleet.close(deadline_s)
+        sessions = self._fleet.sessions.values()
+        await asyncio.gather(*(one.leave() for one in sessions if one.holding.is_used))
+        await asyncio.to_thread(self._fleet.close, deadline_s)
 
     @property
     def robot(self) -> str:
@@ -409,7 +412,7 @@ class Station:
             for token in self._bus.present()
             if token.robot in ended and token.role in PROCESSES
         )
-        self._commanding.cancel(RESTARTED)
+        self.queue.cancel(RESTARTED)
         self._fleet.forget()
         self.select(self._robot)
         if self._session is not None:
@@ -446,42 +449,6 @@ class Station:
         time_s = (self._clock.now_ns() - self._began_ns) / NS_PER_S
         self.log.add(LogLine(time_s, severity, source, printable(text)))
 
-    def refusal(self, *, moves: bool = True) -> str:
-        """Return why a request is rejected now; `moves`: it moves the robot. Empty if allowed."""
-        if self._session is None:
-            return REPLAYED
-        return self._session.refusal() if moves else ""
-
-    def submit(self, words: str, command: QueuedCommand, *, moves: bool = True) -> bool:
-        """Perform a command; return False with the reason in the log if it is rejected.
-
-        One is pending at a time, and a few can wait. One that `moves` the robot takes the lease
-        first. The result is a line in the log.
-        """
-        why, session = self.refusal(moves=moves), self._session
-        if why or session is None:
-            self.note(f"refused: {words}: {why}", Severity.WARNING)
-            return False
-        return self._commanding.submit(Given(words, session, command, moves))
-
-    async def over(self) -> None:
-        """Wait until no command is pending."""
-        await self._commanding.over()
-
-    def use_remedies(self, hints: Mapping[int, str]) -> None:
-        """Name these remedies of refusals, by reason, such as the keys of the app."""
-        self._commanding.hints = hints
-
-    @property
-    def busy(self) -> str:
-        """Words of the pending command."""
-        return self._commanding.busy
-
-    @property
-    def last_command(self) -> str:
-        """The last command and its result."""
-        return self._commanding.last
-
     def estop(self, robot: str = "") -> None:
         """Stop a robot, by default the selected one.
 
@@ -497,7 +464,7 @@ class Station:
         stop = self._fleet.sessions[robot].stop
         stop.press()
         stop.repeat()
-        self._commanding.cancel(STOPPED)
+        self.queue.cancel(STOPPED)
 
     def estop_all(self) -> None:
         """Stop every robot that is present or was seen, each as with `estop`.
@@ -512,7 +479,7 @@ class Station:
         watched = list(sessions.values())
         for session in watched:
             session.stop.press()
-        self._commanding.cancel(STOPPED)
+        self.queue.cancel(STOPPED)
         for session in watched:
             session.stop.repeat()
         unknown = set(present_processes(self._bus.present()).robots()).difference(sessions)
@@ -521,20 +488,6 @@ class Station:
             sessions[robot].stop.press()
             sessions[robot].stop.repeat()
         self.note(f"E-STOP of all robots: {' '.join(sorted(sessions))}", Severity.WARNING)
-
-    def take_lease(self, *, seize: bool = False) -> None:
-        """Become the robot's operator; `seize` takes the lease from another operator."""
-        self._lease_action(LeaseAction.SEIZE if seize else LeaseAction.TAKE)
-
-    def release_lease(self) -> None:
-        """Release the lease."""
-        self._lease_action(LeaseAction.RELEASE)
-
-    def _lease_action(self, action: LeaseAction) -> None:
-        if self._session is None:
-            self.note(REPLAYED, Severity.WARNING)
-        else:
-            self._commanding.lease(self._session, action)
 
     def reread(self) -> None:
         """Read state, parameters and lease again, as after a loss."""

@@ -230,7 +230,7 @@ async def perform(text: str, robot: Robot, notes: Notes, draft: Draft) -> tuple[
     try:
         operation: Any = read(text)
         if isinstance(operation, OfMissionFile):
-            operation = replace(operation, draft=lambda: draft.text)
+            operation = replace(operation, draft=lambda: draft.ready)
         if operation.is_offline:
             outcome = operation.run(notes)
         else:

@@ -37,9 +37,9 @@ def typed(words: str) -> Any:
 
 def done(seen: Watching, words: str, *, moves: bool = True) -> str:
     """Type it, and wait for what comes of it."""
-    assert seen.station.submit(words, typed(words), moves=moves)
-    seen.until(lambda: not seen.station.busy)
-    return seen.station.last_command
+    assert seen.station.queue.submit(words, typed(words), moves=moves)
+    seen.until(lambda: not seen.station.queue.busy)
+    return seen.station.queue.last
 
 
 def machine(stack: Lively) -> Callable[[], Vehicle]:
@@ -87,7 +87,7 @@ def test_two_stations_one_commands_and_the_other_may_still_stop_it() -> None:
 
         ben.until(bens)
         assert ben.station.lease.name == "anna"
-        assert not ben.station.submit("arm", typed("arm"))
+        assert not ben.station.queue.submit("arm", typed("arm"))
         assert done(ben, "hold", moves=False).startswith("hold: ok ")
         ben.station.estop()
         ben.until(lambda: ben.station.log.find("E-STOP acknowledged by r1 after"))
@@ -108,14 +108,14 @@ def test_two_programs_of_one_person_share_the_lease() -> None:
 
         def settled() -> bool:
             first.turn()
-            return second.station.ready and not second.station.busy
+            return second.station.ready and not second.station.queue.busy
 
         second.until(settled)
         assert second.station.lease.ours
         assert second.station.loss() is None
-        assert second.station.submit("goal 3 2", typed("goal 3 2"))
+        assert second.station.queue.submit("goal 3 2", typed("goal 3 2"))
         second.until(settled)
-        assert second.station.last_command.startswith("goal 3 2: ok ")
+        assert second.station.queue.last.startswith("goal 3 2: ok ")
         first.until(lambda: first.station.log.find("r1: goal 5.0 2.0 replaced by the goal 3.0 2.0"))
         assert not second.station.log.find("refused")
 
@@ -166,7 +166,7 @@ def test_close_releases_the_lease_within_two_seconds() -> None:
         seen.until_ready()
         done(seen, "arm")
         began_s = monotonic()
-        seen.station.close()
+        seen.loop.run_until_complete(seen.station.close())
         assert monotonic() - began_s < 2.0
         assert stack.vehicle.lease.allows("somebody else")
     with Lively() as stack, stack.going(), lively_watching(stack) as seen:
@@ -175,7 +175,7 @@ def test_close_releases_the_lease_within_two_seconds() -> None:
         stack.hung = True
         seen.station.estop()
         began_s = monotonic()
-        seen.station.close()
+        seen.loop.run_until_complete(seen.station.close())
         assert monotonic() - began_s < 2.2
 
 

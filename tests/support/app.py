@@ -47,7 +47,7 @@ from ground.station.history.goal_progress import GoalProgress
 from ground.station.link.loss import Loss
 from ground.station.link.streams import StreamRow
 from ground.station.robot.background_requests import JobResult
-from ground.station.robot.command_queue import Ended, QueuedCommand
+from ground.station.robot.command_queue import CommandQueue, Ended, QueuedCommand
 from ground.station.robot.lease_state import LeaseView
 from ground.station.robot.robot_stop import StopRecord
 from ground.station.station import Station
@@ -67,7 +67,7 @@ from protocol.topics import (
     sender_of,
 )
 from protocol.wire.codec import Encoder
-from protocol.wire.enums import Branch, GoalState, Vehicle
+from protocol.wire.enums import Branch, GoalState, LeaseAction, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     AvoidanceDecision,
@@ -93,6 +93,7 @@ from tests.support.ground.station import WORLD_TEXT, Inline
 from tests.support.played_bus import PlayedBus
 
 NOTHING = AgedMessage(None, None, Age.GONE)
+T = TypeVar("T")
 
 
 class FakeStation(Station):
@@ -110,7 +111,6 @@ class FakeStation(Station):
     stopping_now: str
     restarted_now: str
     restart_cause_now: str
-    last_command_now: str
     robot_bus: PlayedBus | None = None
     """That of the robot, if it is not that of the station."""
 
@@ -119,6 +119,7 @@ class FakeStation(Station):
         self.bus = PlayedBus(self.clock)
         super().__init__(self.bus, "r1", self.clock, workers=lambda _name: Inline())
         self.log = EventLog()
+        self.queue = FakeCommandQueue(self)
         here = frozenset({("r1", "robot"), ("r1", "plant"), ("r1", "ground")})
         self._present = PresentProcesses(here)
         self.asked: list[str] = []
@@ -217,15 +218,6 @@ class FakeStation(Station):
     def decisions(self, after_ns: int) -> list[tuple[int, AvoidanceDecision]]:
         return [pair for pair in self.decided if pair[0] > after_ns]
 
-    def refusal(self, *, moves: bool = True) -> str:
-        return "" if self.ready or not moves else "no message from the robot for 2.0 s"
-
-    def submit(self, words: str, command: QueuedCommand, *, moves: bool = True) -> bool:
-        self.asked.append(words)
-        why = self.refusal(moves=moves)
-        self.note(f"{words}: {why or self.end_of(command).text}")
-        return not why
-
     def end_of(self, command: QueuedCommand) -> Ended:
         """Perform a command on the robot that is shown."""
         common = Common(network=Network(), robot=self.robot)
@@ -251,14 +243,32 @@ class FakeStation(Station):
     def estop_all(self) -> None:
         self.stops_of_all += 1
 
-    def take_lease(self, *, seize: bool = False) -> None:
-        self.lease_now = LeaseView(held=True, ours=True)
-
-    def release_lease(self) -> None:
-        self.lease_now = LeaseView()
-
     def reread(self) -> None:
         self.asked.append("reread")
+
+
+class FakeCommandQueue(CommandQueue):
+    """Performs commands of a fake station at once."""
+
+    def __init__(self, station: FakeStation) -> None:
+        super().__init__(station.clock, asyncio.create_task, station.note, "", lambda: None)
+        self._station = station
+
+    def refusal(self, *, moves: bool = True) -> str:
+        return "" if self._station.ready or not moves else "no message from the robot for 2.0 s"
+
+    def submit(
+        self, words: str, command: QueuedCommand | LeaseAction, *, moves: bool = True
+    ) -> bool:
+        assert not isinstance(command, LeaseAction)
+        self._station.asked.append(words)
+        why = self.refusal(moves=moves)
+        self._station.note(f"{words}: {why or self._station.end_of(command).text}")
+        return not why
+
+    def lease(self, action: LeaseAction) -> None:
+        is_held = action is not LeaseAction.RELEASE
+        self._station.lease_now = LeaseView(held=is_held, ours=is_held)
 
 
 class FakeCommandSink:
@@ -283,8 +293,8 @@ class FakeCommandSink:
         self.given.append(line)
         self.last = f"sidestep {line}"
 
-    def perform(self, command: OperatorCommand) -> None:
-        self.run_line(command.line)
+    def perform(self, command: OperatorCommand, line: str = "") -> None:
+        self.run_line(line or command.line)
 
     def is_local(self, line: str) -> bool:
         return line.split()[0] in ("theme", "help", "screen")
@@ -466,9 +476,6 @@ def stopped_status(vehicle: Vehicle, now_ns: int) -> NavigatorStatus:
 def entry(robot: str, shown: NavigatorStatus, age: Age = Age.LIVE) -> RosterEntry:
     """Return a robot of the roster with this status."""
     return RosterEntry(robot, False, Attention.NONE, "", AgedMessage(shown, 0, age))
-
-
-T = TypeVar("T")
 
 
 class Stage:

@@ -138,7 +138,7 @@ class Watching:
         self.station.poll()
 
     def close(self) -> None:
-        self.station.close()
+        self.loop.run_until_complete(self.station.close())
         for task in asyncio.all_tasks(self.loop):
             task.cancel()
         self.turn()

@@ -21,8 +21,8 @@ from ground.console.completion import Candidate
 from ground.console.history import History
 from ground.console.parser import read
 from ground.map.scene import MapTarget
+from ground.station.robot.command_queue import REPLAYED
 from ground.station.robot.robot_stop import StopRecord
-from ground.station.station import REPLAYED
 from ground.station.world import parse_world
 from protocol.bus.network import Network
 from protocol.options import DEFAULT_ENDPOINT
@@ -107,7 +107,7 @@ def test_a_release_of_all_names_the_stops_that_are_shown() -> None:
     runner, station = command_runner()
     given: list[Any] = []
     station.all_stops_known = lambda: (("r1", (8,)), ("r2", (9, 10)))  # type: ignore[method-assign]
-    station.submit = lambda _, command, **__: bool(given.append(command))  # type: ignore
+    station.queue.submit = lambda _, command, **__: bool(given.append(command))  # type: ignore
     runner.run_line("clear-estop --all")
     (command,) = given
     assert command.stop_ids == (("r1", (8,)), ("r2", (9, 10)))

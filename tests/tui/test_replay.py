@@ -68,7 +68,7 @@ def test_seeking_back_forgets_later_messages(tmp_path: Path) -> None:
 
 def test_replay_refuses_commands(tmp_path: Path) -> None:
     shown, _ = player(tmp_path)
-    assert "replay" in shown.station.refusal(moves=False)
+    assert "replay" in shown.station.queue.refusal(moves=False)
 
 
 def test_file_that_is_not_a_recording_is_refused(tmp_path: Path) -> None:

@@ -200,7 +200,7 @@ def hostile() -> FakeStation:
     station.rows = [StreamRow(HEARTBEAT, 1.0, MS, Age.LIVE, 1, 0, 0.0, 3, f"no {TEXT}")]
     station.lease_now = LeaseView(held=True, holder=TEXT, name=TEXT)
     station.robots_now = ["r1", f"r{TEXT}"]
-    station.last_command_now = station.restart_cause_now = station.restarted_now = TEXT
+    station.queue.last = station.restart_cause_now = station.restarted_now = TEXT
     station.restarts_of = {Role.ROBOT: 2}
     for number in range(3):
         station.note(f"{number} {TEXT}", Severity.ERROR)

@@ -21,7 +21,7 @@ from ground.console.app_commands import CopyText
 from ground.console.history import History
 from ground.missions.files import EMPTY
 from ground.missions.mission import Circle
-from ground.station.robot.command_queue import QueuedCommand
+from ground.station.robot.command_queue import CommandQueue, QueuedCommand
 from protocol.bus.network import Network
 from protocol.options import DEFAULT_ENDPOINT
 from runtime.errors import UserError
@@ -41,8 +41,8 @@ class RobotStub:
         async def fetch(_: object) -> tuple[Parameter, ...]:
             return tuple(station.parameters or ())
 
-        async def change(_: object, name: str, value: float) -> ParameterChanged:
-            return stub.change(name, value)
+        async def change(_: object, name: str, value: float | None) -> ParameterChanged:
+            return stub.change(name, 0.3 if value is None else value)
 
         async def restore(
             _: object, found: Sequence[Parameter], wanted: Mapping[str, float]
@@ -50,7 +50,7 @@ class RobotStub:
             return stub.set_all(found, wanted)
 
         monkeypatch.setattr(Parameters, "fetch", fetch)
-        monkeypatch.setattr(Parameters, "_change", change)
+        monkeypatch.setattr(Parameters, "change", change)
         monkeypatch.setattr(Parameters, "_restore", restore)
 
     def change(self, name: str, value: float) -> ParameterChanged:
@@ -138,13 +138,13 @@ def test_undo_takes_back_the_change_that_is_under_way(monkeypatch: pytest.Monkey
     robot = RobotStub(station, monkeypatch)
     runner.run_line("set d_obs_m 0.5")
     waiting: list[QueuedCommand] = []
-    monkeypatch.setattr(FakeStation, "busy", property(lambda station: "set" if waiting else ""))
+    monkeypatch.setattr(CommandQueue, "busy", property(lambda _: "set" if waiting else ""))
 
     def submit(words: str, command: QueuedCommand, *, moves: bool = True) -> bool:
         waiting.append(command)
         return True
 
-    monkeypatch.setattr(station, "submit", submit)
+    monkeypatch.setattr(station.queue, "submit", submit)
     for line in ("set d_obs_m 0.7", "undo", "wp add 1 2", "undo"):
         runner.run_line(line)
     texts = [station.end_of(command).text for command in waiting]

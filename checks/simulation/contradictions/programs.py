@@ -36,8 +36,7 @@ from ground.client.connection import Common
 from ground.client.goal import destination
 from ground.client.lease_holder import operator_name
 from ground.client.link import open_link
-from ground.client.outcomes import Outcome
-from ground.client.session import Operation
+from ground.client.outcomes import Operation, Outcome
 from ground.client.vocabulary import HINTS
 from ground.commands.abort import Abort
 from ground.commands.arm import Arm
@@ -404,7 +403,7 @@ class App(PersonsProgram):
         bus = self._bus = open_bus_here(common.network, Role.GROUND, "r1")
         name = operator_name(None)
         station = self.station = Station(bus, "r1", clock, name=name, common=common)
-        station.use_remedies(HINTS)
+        station.queue.hints = HINTS
         self._shown: dict[str, object] = {}
         self._lines, self._since_ns, self._vehicle = 0, None, None
         self._loop = SimulatedLoop()
@@ -427,10 +426,8 @@ class App(PersonsProgram):
     def _type(self, station: Station, deed: Deed) -> None:
         if deed.verb == "estop":
             station.estop()
-        elif deed.verb in ("take", "seize"):
-            station.take_lease(seize=deed.verb == "seize")
-        elif deed.verb == "release":
-            station.release_lease()
+        elif deed.verb in ("take", "seize", "release"):
+            station.queue.lease(LeaseAction[deed.verb.upper()])
         else:
             verbs = ("upload", "start") if deed.verb == "mission" else (deed.verb,)
             for verb in verbs:
@@ -438,7 +435,7 @@ class App(PersonsProgram):
                 if isinstance(operation, ClearEmergencyStop):
                     operation = replace(operation, stop_ids=station.stops_known("r1"))
                 typed = Typed(operation, deed, self.journal)
-                station.submit(str(deed), typed, moves=operation.moves)
+                station.queue.submit(str(deed), typed, moves=operation.moves)
 
     def _tell(self, station: Station) -> None:
         """Say everything that is shown and has changed; a loss and a band count the time."""

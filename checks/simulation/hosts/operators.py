@@ -386,7 +386,7 @@ class StationOperator(SimulatedOperator):
 
     async def _polling(self, station: Station) -> None:
         while True:
-            if not station.busy and self._actions:
+            if not station.queue.busy and self._actions:
                 self._act(station, *self._actions.popleft())
             station.poll()
             self._see_stop(station)
@@ -394,13 +394,9 @@ class StationOperator(SimulatedOperator):
 
     def _act(self, station: Station, action: str, arguments: tuple[Argument, ...]) -> None:
         if action == "lease":
-            if arguments[0] == "RELEASE":
-                station.release_lease()
-            else:
-                station.take_lease(seize=arguments[0] == "SEIZE")
+            station.queue.lease(LeaseAction[str(arguments[0])])
             return
-
-        station.submit(action, Action(self, action, arguments), moves=action not in STILL)
+        station.queue.submit(action, Action(self, action, arguments), moves=action not in STILL)
 
     def _press_stop(self) -> None:
         """Press the station's emergency stop, which repeats until acknowledged or given up."""

@@ -19,7 +19,7 @@ from gateways.mavlink.missions.plan_items import (
 from gateways.mavlink.robot_copy import Key, RobotCopy
 from gateways.mavlink.robot_port import Answered
 from ground.client.missions import TransferOutcome
-from ground.client.session import Operation
+from ground.client.outcomes import Operation
 from ground.commands.fence import ClearFence, FenceShown, SetFence, ShowFence
 from ground.commands.mission import ClearMission, FetchMission, MissionFetched, UploadMission
 from ground.missions.mission import Fence, Mission, Waypoint

@@ -9,9 +9,8 @@ from gateways.mavlink.mav_service import MavService, Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.robot_port import OVERTAKEN, Answered
 from ground.client.goal import Destination
-from ground.client.outcomes import Accepted, Answer, Outcome, Refused
+from ground.client.outcomes import Accepted, Answer, Operation, Outcome, Refused
 from ground.client.requests import GaveUp
-from ground.client.session import Operation
 from ground.commands.goto import Goto
 from ground.commands.hold import Hold
 from ground.commands.mission import StartMission

@@ -22,10 +22,10 @@ class CommandSink(Protocol):
         """The waypoints of the mission draft."""
 
     def run_line(self, line: str) -> None:
-        """Run a line in another thread; refusals and outcomes go to the log."""
+        """Run a line; refusals and outcomes go to the log."""
 
-    def perform(self, command: OperatorCommand) -> None:
-        """Perform a command, in the same way."""
+    def perform(self, command: OperatorCommand, line: str = "") -> None:
+        """Perform a command in the same way; `line` is what the operator has typed, if any."""
 
     def is_local(self, line: str) -> bool:
         """Return whether a line concerns only the screen."""

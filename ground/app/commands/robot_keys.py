@@ -34,7 +34,7 @@ from ground.station.station import Station
 from ground.text.wording import GOAL_MODES, THEMES
 from ground.user.folders import state_folder
 from protocol.topics import STATUS
-from protocol.wire.enums import GoalState, Mode, Vehicle
+from protocol.wire.enums import GoalState, LeaseAction, Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus
 
 LEAVE_WITHIN_S: Final = 5.0
@@ -270,10 +270,7 @@ class RobotKeys:
     def take_or_release(self) -> None:
         """Take the lease, or release it."""
         station = self._app.station
-        if station.lease.ours:
-            station.release_lease()
-        else:
-            station.take_lease()
+        station.queue.lease(LeaseAction.RELEASE if station.lease.ours else LeaseAction.TAKE)
 
     def select_by(self, step: int) -> None:
         """Select the robot that is `step` places further in the list."""

@@ -26,12 +26,12 @@ from ground.missions.files import Draft
 from ground.missions.mission import Mission
 from ground.robot import Robot
 from ground.station.robot.background_requests import JobResult
-from ground.station.robot.command_queue import Ended, QueuedCommand
+from ground.station.robot.command_queue import REPLAYED, Ended, QueuedCommand
 from ground.station.robot.mission_items import target_of
-from ground.station.station import REPLAYED, Station
+from ground.station.station import Station
 from protocol.options import DEFAULT_ENDPOINT
 from protocol.topics import COMMAND
-from protocol.wire.enums import Command, LeaseAction, Mode, Severity
+from protocol.wire.enums import Command, Mode, Severity
 from runtime.cli.verb_table import with_present_name
 from runtime.errors import RemoteError, UserError
 
@@ -87,18 +87,17 @@ class CommandRunner:
         elif isinstance(command, ClearAll):
             command = replace(command, stop_ids=self._station.all_stops_known())
         elif isinstance(command, OfMissionFile):  # `-` is the draft: there is no standard input
-            command = replace(command, draft=lambda: self.draft.text)
+            command = replace(command, draft=lambda: self.draft.ready)
         match command:
             case StopNow() | StopAll():
                 pass
-            case ChangeLease(action=LeaseAction.RELEASE):
-                self._station.release_lease()
             case ChangeLease(action=action):
-                self._station.take_lease(seize=action is LeaseAction.SEIZE)
+                self._station.queue.lease(action)
             case AppCommand():
                 self._locally(command)
             case _:
-                self._station.submit(line, self._told(command, line), moves=command.moves)
+                told = self._told(command, line)
+                self._station.queue.submit(line, told, moves=command.moves)
 
     def _told(self, command: OperatorCommand, line: str) -> QueuedCommand:
         """Return a command so that the event loop may perform it, and `undo` take it back."""
@@ -146,7 +145,7 @@ class CommandRunner:
             self._station.note(REPLAYED, Severity.WARNING)
             return False
         drive = DriveByKeys()
-        begun = self._station.submit(MANUAL.line, drive)
+        begun = self._station.queue.submit(MANUAL.line, drive)
         self._drive = drive if begun else None
         return begun
 
@@ -160,7 +159,7 @@ class CommandRunner:
         drive, self._drive = self._drive, None
         if drive is not None:
             drive.steer(0.0, 0.0)
-            self._station.submit(HOLD.line, EndOfDrive(drive), moves=False)
+            self._station.queue.submit(HOLD.line, EndOfDrive(drive), moves=False)
 
     def _floor(self) -> Floor | None:
         """Return the floor of the robot's world, if it is known."""
@@ -170,15 +169,15 @@ class CommandRunner:
     def _undo(self) -> str:
         """Undo the last change; a pending command may make one, so it is ended first."""
         station, robot = self._station, self._station.robot
-        if station.busy:
-            station.submit("undo", TakeBack(self._undo_list, robot, self._restore_draft))
+        if station.queue.busy:
+            station.queue.submit("undo", TakeBack(self._undo_list, robot, self._restore_draft))
             return ""
         change = self._undo_list.take(robot)
         if isinstance(change.back, Mission):
             return self._restore_draft(change, change.back)
         assert change.back is not None, "refused by take()"
         words = f"undo {change.line}: {change.back.line}"
-        if not station.submit(words, Restore(self._undo_list, change)):
+        if not station.queue.submit(words, Restore(self._undo_list, change)):
             self._undo_list.add(change)
         return ""
 
@@ -268,12 +267,11 @@ class EndOfDrive:
 class OnFiles:
     """A command that works on files alone, and so for long: in a thread of its own."""
 
-    command: OperatorCommand
+    command: Any
 
     async def perform(self, robot: Robot) -> Outcome:
         """Carry it out."""
-        command: Any = self.command
-        outcome: Outcome = await robot.in_own_thread(lambda: command.run(robot.progress))
+        outcome: Outcome = await robot.in_own_thread(lambda: self.command.run(robot.progress))
         return outcome
 
 

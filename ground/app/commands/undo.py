@@ -131,7 +131,7 @@ async def inverse_of(
 class Undoable:
     """A command that `undo` takes back; it notes how."""
 
-    command: OperatorCommand
+    command: Any
     line: str
     changes: UndoList
     station: Station
@@ -141,7 +141,7 @@ class Undoable:
         is_shown = self.station.robot == robot.name
         parameters = self.station.parameters or () if is_shown else ()
         back = await inverse_of(self.command, parameters, robot)
-        outcome = await performed(self.command, robot)
+        outcome: Outcome = await self.command.perform(robot)
         self.changes.note(robot.name, self.line, self.command, outcome, back)
         return outcome
 
@@ -155,10 +155,10 @@ class Restore:
 
     async def perform(self, robot: Robot) -> Outcome:
         """Perform what takes it back."""
-        back = self.change.back
+        back: Any = self.change.back
         assert back is not None, "refused by take()"
         assert not isinstance(back, Mission), "the draft is restored without a request"
-        outcome = await performed(back, robot)
+        outcome: Outcome = await back.perform(robot)
         if not outcome.ok:
             self.changes.add(self.change)
         return outcome
@@ -179,10 +179,3 @@ class TakeBack:
             return JobResult(True, self.restore_draft(change, change.back))
         outcome = await Restore(self.changes, change).perform(robot)
         return JobResult(outcome.ok, f"{change.line}: {outcome.text}")
-
-
-async def performed(operation: OperatorCommand, robot: Robot) -> Outcome:
-    """Perform an operation on a robot."""
-    command: Any = operation
-    outcome: Outcome = await command.perform(robot)
-    return outcome

@@ -38,10 +38,10 @@ class ReadOnlyCommands:
         else:
             self._note(REFUSED)
 
-    def perform(self, command: OperatorCommand) -> None:
+    def perform(self, command: OperatorCommand, line: str = "") -> None:
         """Perform a command for the screen, or one that stops the robot; refuse all others."""
         if is_allowed(command):
-            self._commands.perform(command)
+            self._commands.perform(command, line)
         else:
             self._note(REFUSED)
 

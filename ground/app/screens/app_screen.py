@@ -26,7 +26,9 @@ from ground.app.widgets.command_line import (
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, cut, row
 from ground.app.widgets.strip_widget import StillContainer, StillRow, StillWidget
-from ground.station.station import PLACE_BY_HAND, PLACE_FROM_TRUTH, Station
+from ground.commands.command import OperatorCommand
+from ground.commands.pose import SetTruePose
+from ground.station.station import PLACE_FROM_TRUTH, Station
 from protocol.wire.enums import Vehicle
 
 Action = Callable[[], object]
@@ -224,9 +226,22 @@ class AppScreen(Screen[None], StillWidget):
 
     def ask_place(self) -> None:
         """Let the operator set the pose of the robot; in a simulation offer the true one."""
-        remedy = self.interface.station.place_remedy
-        text = "pose set " if remedy in ("", PLACE_BY_HAND) else remedy
-        self.ask("", text, self.interface.commands.run_line)
+        if self.interface.station.place_remedy == PLACE_FROM_TRUTH:
+            self.offer(SetTruePose(), PLACE_FROM_TRUTH)
+        else:
+            self.ask("", "pose set ", self.interface.commands.run_line)
+
+    def offer(self, command: OperatorCommand, line: str) -> None:
+        """Let the operator confirm a command, or change its line."""
+        commands = self.interface.commands
+
+        def take(typed: str) -> None:
+            if typed == line:
+                commands.perform(command)
+            else:
+                commands.run_line(typed)
+
+        self.ask("", line, take)
 
     def place_steps(self) -> str:
         """Return the keys and commands that set the position of the robot."""
@@ -343,7 +358,7 @@ def alarm_rows(station: Station, width: int, place_steps: str) -> list[Row]:
     loss = station.loss()
     if loss is not None:
         words = loss.banner(station.now_ns)
-        last = f"; last command: {station.last_command}" if station.last_command else ""
+        last = f"; last command: {station.queue.last}" if station.queue.last else ""
         return across(f"{words}{last}", "alarm", width)
     if station.live and not station.ready:
         words = f"reading {station.waiting_for}, commands are refused until then"

@@ -254,7 +254,7 @@ def link_lines(station: Station) -> list[Row]:
             head(" lease   "), Span(lease.words, "caution" if lease.others else "text"),
             faint(left + drove),
         ),
-        row(head(" last    "), station.last_command or faint(MISSING)),
+        row(head(" last    "), station.queue.last or faint(MISSING)),
         *gateway_rows(station),
     ]  # fmt: skip
 

@@ -15,6 +15,7 @@ from ground.app.lists.table import ColumnHeads, Table, filter_spans, hidden_span
 from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.widgets.lines import Lines, ListView, LogView
 from ground.app.widgets.rows import Row
+from ground.console.app_commands import Undo
 
 T = TypeVar("T")
 ALL_ROWS: Final = 1_000_000
@@ -60,7 +61,7 @@ class ScrolledScreen(AppScreen):
         return {
             **super().actions(),
             "find": self.begin_filter,
-            "undo-here": partial(self.ask, "", "undo", self.interface.commands.run_line),
+            "undo-here": partial(self.offer, Undo(), "undo"),
             "copy": self.copy_row,
             "filter-drop": self.clear_filter,
             **dict.fromkeys(("row-up", "filter-up"), partial(move, -1)),

@@ -13,9 +13,11 @@ from ground.app.screens.app_screen import Action
 from ground.app.screens.list_screen import ListScreen
 from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.client.parameter import Parameter
-from ground.client.vocabulary import value_words
+from ground.client.vocabulary import value_in_words, value_words
+from ground.commands.param import SetParameter
 from ground.console.completion import Assistance
 from ground.station.station import Station
+from runtime.errors import UserError
 
 ABOUT_ROWS: Final = 3
 
@@ -65,8 +67,13 @@ class ParamsScreen(ListScreen[Parameter]):
 
     def set(self, name: str, value: str) -> None:
         """Set a parameter to the value that was typed."""
-        if value:
-            self.interface.commands.run_line(f"set {name} {value}")
+        line = f"set {name} {value}"
+        try:
+            if value:
+                command = SetParameter(name=name, value=value_in_words(name, value))
+                self.interface.commands.perform(command, line)
+        except UserError as error:
+            self.interface.note(f"{line}: {error}")
 
     def row_text(self) -> str:
         """Return the command that sets the chosen parameter to its present value."""

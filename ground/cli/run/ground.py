@@ -50,7 +50,8 @@ def run_ground(options: argparse.Namespace, output: Output) -> int:
 def act_ground(options: argparse.Namespace, link: Link, output: Output) -> int:
     """Run the station over a link until the operator leaves, with the operator's heartbeat."""
     if has_screen() and not (options.plain or options.json):
-        return run_recorded(options, link)
+        with StopServer(link):
+            return run_recorded(options, link)
     link.bus.announce()
     output.note(f"operator of {link.robot}; Ctrl-C ends the heartbeat, and a robot in GUIDED stops")
     with StopServer(link):
@@ -65,4 +66,4 @@ def run_recorded(options: argparse.Namespace, link: Link) -> int:
     with RecordingSession(where, common, link.clock, common.config, options.keep) as recording:
         if folder is not None:
             recording.begin()
-        return run_app(options, link, common, recording=recording)
+        return run_app(options, link.bus, common, recording=recording)

@@ -210,8 +210,8 @@ def run_with_app(
                 if scenario.record is not None:
                     recording.watch(partial(stack.recording_of, stack.common.robot))
                 lessons = vars(options).get("lessons", False)
-                link = Link(bus, stack.common, clock)
-                return run_app(options, link, stack.common, stack, recording, lessons=lessons)
+                with StopServer(Link(bus, stack.common, clock)):
+                    return run_app(options, bus, stack.common, stack, recording, lessons=lessons)
 
 
 def report_events(stack: Stack, output: Output) -> None:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Protocol, TypeAlias
 
-from ground.client.link import run_exchange
 from ground.client.outcomes import Accepted, Refused
 from ground.client.requests import ATTEMPTS, CommandExchange, RequestIds
 from ground.client.vocabulary import HINTS
@@ -30,13 +29,13 @@ Begin: TypeAlias = Callable[[Coroutine[Any, Any, None]], object]
 """Begins a coroutine in the event loop."""
 
 PATIENCE_NS: Final = 400 * NS_PER_MS
+REPLAYED: Final = "a replay accepts no commands"
 MAX_WAITING: Final = 4
 """Commands that wait for the pending one, such as those that are typed ahead."""
 DONE: Final = {
     LeaseAction.TAKE: "taken",
     LeaseAction.RELEASE: "released",
     LeaseAction.SEIZE: "SEIZED",
-    LeaseAction.LEAVE: "given back",
 }
 
 
@@ -77,15 +76,24 @@ class Given:
 class CommandQueue:
     """The pending command and those that wait; `last` is the last one with its result.
 
-    `hints` are the remedies of refusals by reason.
+    `hints` are the remedies of refusals by reason, such as the keys of the app. `session` returns
+    that of the robot which is shown; None in a recording.
     """
 
-    def __init__(self, clock: Clock, begin: Begin, note: AddNote, name: str) -> None:
+    def __init__(
+        self,
+        clock: Clock,
+        begin: Begin,
+        note: AddNote,
+        name: str,
+        session: Callable[[], RobotSession | None],
+    ) -> None:
         self.last = ""
         self.hints: Mapping[int, str] = HINTS
         self._clock = clock
         self._begin = begin
         self._note = note
+        self._session_now = session
         self._name = name.encode()[:MAX_OPERATOR_NAME_BYTES].decode(errors="ignore")
         self._ids = RequestIds()
         self._pending: Given | None = None
@@ -97,23 +105,45 @@ class CommandQueue:
         """Words of the pending command; empty without one."""
         return "" if self._pending is None else self._pending.words
 
-    def submit(self, given: Given) -> bool:
-        """Perform a command in turn; return False with a note in the log if too many wait."""
-        pending = self._pending
+    def refusal(self, *, moves: bool = True) -> str:
+        """Return why a command is rejected now; `moves`: it moves the robot. Empty if allowed."""
+        session = self._session_now()
+        if session is None:
+            return REPLAYED
+        return session.refusal() if moves else ""
+
+    def submit(
+        self, words: str, command: QueuedCommand | LeaseAction, *, moves: bool = True
+    ) -> bool:
+        """Perform a command, or change the lease, in turn; return False with a note if rejected.
+
+        One is pending at a time, and a few can wait. One that `moves` the robot takes the lease
+        first. The result is a line in the log.
+        """
+        session, pending = self._session_now(), self._pending
+        moves = moves and not isinstance(command, LeaseAction)
+        why = self.refusal(moves=moves)
+        if why or session is None:
+            self._note(f"refused: {words}: {why}", Severity.WARNING)
+            return False
+        given = Given(words, session, command, moves)
         if pending is None:
             self._pending = given
             self._begin(self._carry_out(given))
         elif len(self._waiting) == MAX_WAITING:
-            words = f"not sent: {given.words}: `{pending.words}` is under way"
+            words = f"not sent: {words}: `{pending.words}` is under way"
             self._note(words, Severity.WARNING)
             return False
         else:
             self._waiting.append(given)
         return True
 
-    def lease(self, session: RobotSession, action: LeaseAction) -> bool:
+    def lease(self, action: LeaseAction) -> None:
         """Acquire or release the lease in turn; a release then stops the heartbeat at once."""
-        return self.submit(Given(f"lease {action.name.lower()}", session, action))
+        if self._session_now() is None:
+            self._note(REPLAYED, Severity.WARNING)
+        else:
+            self.submit(f"lease {action.name.lower()}", action)
 
     def cancel(self, why: str) -> None:
         """Drop the commands that have not been sent yet; still wait for the pending answer."""
@@ -129,15 +159,6 @@ class CommandQueue:
                 self._pending = None
         for words in dropped:
             self._note(f"not sent: {words}: {why}", Severity.WARNING)
-
-    def leave(self, session: RobotSession) -> None:
-        """Give the lease back at the end, unless another program of the same person uses it.
-
-        There is one attempt, and no answer is awaited for longer. It blocks: call it in a thread.
-        """
-        session.holding.release(self._clock.now_ns())
-        leaving = self._lease_exchange(LeaseAction.LEAVE, attempts=1)
-        run_exchange(session.robot.bus, self._clock, session.robot.name, leaving, LEASE_SERVICE)
 
     async def over(self) -> None:
         """Wait until no command is pending."""
@@ -167,9 +188,10 @@ class CommandQueue:
             self._end(given, False, f"internal error of the ground station: {error!r}")
         finally:
             if self._pending is given:
-                self._pending = None
-                if self._waiting:
-                    self.submit(self._waiting.popleft())
+                following = self._waiting.popleft() if self._waiting else None
+                self._pending = following
+                if following is not None:
+                    self._begin(self._carry_out(following))
 
     async def _is_in_command(self, given: Given) -> bool:
         """Take the lease if need be; return False, with the reason in the log, without it."""
@@ -209,7 +231,13 @@ class CommandQueue:
     async def _ask_lease(self, session: RobotSession, action: LeaseAction) -> JobResult:
         """Take, release or seize the lease; repeat the same request without an answer."""
         robot = session.robot
-        asking = self._lease_exchange(action, round(ATTEMPTS * slowdown_in(self._clock)()))
+        request = LeaseRequest(request_id=self._ids.next(), action=action, name=self._name)
+        asking = CommandExchange(
+            request,
+            self._clock.now_ns(),
+            attempts=round(ATTEMPTS * slowdown_in(self._clock)()),
+            patience_ns=PATIENCE_NS,
+        )
         answer = await robot.carry(asking, LEASE_SERVICE)
         if isinstance(answer, Refused):
             return JobResult(False, f"lease of {robot.name} refused: {reason_text(answer.reason)}")
@@ -220,11 +248,6 @@ class CommandQueue:
             session.holding.granted(self._clock.now_ns())
         took = f"{answer.took_ns / NS_PER_MS:.0f} ms"
         return JobResult(True, f"lease of {robot.name} {DONE[action]} ({took})")
-
-    def _lease_exchange(self, action: LeaseAction, attempts: int) -> CommandExchange:
-        request = LeaseRequest(request_id=self._ids.next(), action=action, name=self._name)
-        now_ns = self._clock.now_ns()
-        return CommandExchange(request, now_ns, attempts=attempts, patience_ns=PATIENCE_NS)
 
     def _end(self, given: Given, ok: bool, text: str) -> None:
         self.last = f"{given.words}: {text}"

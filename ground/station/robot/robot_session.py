@@ -80,6 +80,11 @@ class RobotSession:
         newest = self._model.telemetry.latest(STATUS)
         self.holding.beat(self.robot, now_ns, 0 if newest is None else newest[0].time_ns)
 
+    async def leave(self) -> None:
+        """Leave the lease to other programs of this person, else give it back."""
+        self.holding.release(self.robot.clock.now_ns())
+        await self.robot.lease.leave()
+
     def refusal(self) -> str:
         """Return why a request that moves the robot is rejected; empty when it is allowed."""
         loss: Loss | None = self.link_monitor.loss()

@@ -18,8 +18,7 @@ from gateways.mavlink.robot_port import Answered, Snapshot, StopPress
 from gateways.mavlink.services import face_of
 from gateways.mavlink.signing import SigningGuard
 from gateways.mavlink.traffic_recorder import TrafficRecorder
-from ground.client.outcomes import Accepted, Outcome, Refused
-from ground.client.session import Operation
+from ground.client.outcomes import Accepted, Operation, Outcome, Refused
 from ground.commands.fence import ShowFence
 from ground.commands.mission import FetchMission
 from ground.commands.param import ShowParameters

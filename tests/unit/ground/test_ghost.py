@@ -1,5 +1,6 @@
 """Ghosts: runs from an instant of a robot or recording, in processes of their own."""
 
+import asyncio
 import json
 import os
 import signal
@@ -414,7 +415,7 @@ def drive() -> tuple[Recording, Outcome]:
 def show(drive: tuple[Recording, Outcome], tmp_path: Path) -> Iterator[Show]:
     shown = Show(drive[0], tmp_path, 6.0)
     yield shown
-    shown.station.close()
+    asyncio.run(shown.station.close())
 
 
 def haunting_of(show: Show) -> GhostRunner:

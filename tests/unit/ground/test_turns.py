@@ -1,5 +1,6 @@
 """Turning points: none is missed, and those that decided a run are named."""
 
+import asyncio
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,7 @@ def run() -> Recording:
 def show(run: Recording, tmp_path: Path) -> Iterator[Show]:
     shown = Show(run, tmp_path, 0.0)
     yield shown
-    shown.station.close()
+    asyncio.run(shown.station.close())
 
 
 def of_the_run(run: Recording, until_s: float) -> list[str]:

@@ -9,8 +9,8 @@ from gateways.mavlink.mav_service import WATCHER
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.motion.pilot import EnterGuided
 from gateways.mavlink.services import face_of
+from ground.client.outcomes import Operation
 from ground.client.parameters import ParameterChanged
-from ground.client.session import Operation
 from ground.commands.arm import Arm
 from ground.commands.disarm import Disarm
 from ground.commands.hold import Hold

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from ground.commands.fence import FENCE, SetFence, SetFenceOfFile, in_words, outlined
 from ground.console.app_commands import DraftCommand
 from ground.console.parser import read
-from ground.missions.files import Draft, read_text
+from ground.missions.files import Draft, read_text, toml_text
 from ground.missions.mission import FARTHEST_M, Circle, Fence, Home, Polygon, Waypoint, fault_of
 from ground.missions.qgroundcontrol import heading_of, to_global, to_local, yaw_of
 from runtime.errors import UserError
@@ -40,7 +40,7 @@ def test_waypoints_are_added_listed_and_taken_out() -> None:
 def test_what_is_sent_is_the_draft_as_a_mission_file() -> None:
     draft = Draft()
     say(draft, "wp add 1 2 45")
-    assert read_text(draft.text, Path("-")).mission == draft.mission
+    assert read_text(toml_text(draft.mission), Path("-")).mission == draft.mission
 
 
 def test_a_draft_is_saved_and_loaded(tmp_path: Path) -> None:
@@ -71,7 +71,7 @@ def test_what_cannot_be_done_is_refused_and_leaves_the_draft(text: str, why: str
 
 def test_an_empty_draft_cannot_be_sent() -> None:
     with pytest.raises(UserError, match="wp add X Y"):
-        _ = Draft().text
+        _ = Draft().ready
 
 
 ZURICH = Home(latitude_deg=47.4, longitude_deg=8.5)

@@ -61,24 +61,24 @@ def lease_asked(play: Play) -> list[int]:
 
 def test_moving_request_takes_the_lease_first() -> None:
     play, done = ready(), no_texts()
-    assert play.station.submit("goal 9 7", Noted(done))
-    assert play.station.busy == "goal 9 7"
+    assert play.station.queue.submit("goal 9 7", Noted(done))
+    assert play.station.queue.busy == "goal 9 7"
     play.turn()
     assert lease_asked(play) == [LeaseAction.TAKE]
     play.forward(0.05)
     assert (play.beats, done) == (1, [])
     play.forward(0.3)
     assert done == ["ok 14 ms"]
-    assert play.station.busy == ""
+    assert play.station.queue.busy == ""
     assert play.texts("goal 9 7: ok 14 ms")
-    assert play.station.last_command == "goal 9 7: ok 14 ms"
+    assert play.station.queue.last == "goal 9 7: ok 14 ms"
 
 
 def test_second_command_is_sent_at_once() -> None:
     play, done = ready(), no_texts()
-    play.station.submit("arm", Noted(done))
+    play.station.queue.submit("arm", Noted(done))
     play.forward(0.5)
-    play.station.submit("hold", Noted(done, "ok 9 ms"))
+    play.station.queue.submit("hold", Noted(done, "ok 9 ms"))
     play.turn()
     assert done == ["ok 14 ms", "ok 9 ms"]
     assert lease_asked(play) == [LeaseAction.TAKE]
@@ -86,7 +86,7 @@ def test_second_command_is_sent_at_once() -> None:
 
 def test_request_without_motion_takes_no_lease() -> None:
     play, done = ready(), no_texts()
-    assert play.station.submit("get sonar_*", Noted(done), moves=False)
+    assert play.station.queue.submit("get sonar_*", Noted(done), moves=False)
     play.forward(1.0)
     assert done == ["ok 14 ms"]
     assert lease_asked(play) == []
@@ -97,11 +97,11 @@ def test_heartbeats_are_sent_while_the_lease_is_held() -> None:
     play = ready()
     play.forward(1.0)
     assert play.beats == 0
-    play.station.take_lease()
+    play.station.queue.lease(LeaseAction.TAKE)
     play.forward(2.0)
     assert 9 <= play.beats <= 12
     assert play.station.lease.ours
-    play.station.release_lease()
+    play.station.queue.lease(LeaseAction.RELEASE)
     beats = play.beats
     play.forward(2.0)
     assert play.beats == beats
@@ -113,7 +113,7 @@ def test_heartbeats_are_sent_while_the_lease_is_held() -> None:
 
 def test_hanging_app_sends_no_heartbeats() -> None:
     play = ready()
-    play.station.take_lease()
+    play.station.queue.lease(LeaseAction.TAKE)
     play.forward(1.0)
     beats = play.beats
     play.forward(5.0, poll=False)
@@ -122,7 +122,7 @@ def test_hanging_app_sends_no_heartbeats() -> None:
 
 def test_heartbeats_follow_fast_simulated_time() -> None:
     play = ready()
-    play.station.take_lease()
+    play.station.queue.lease(LeaseAction.TAKE)
     play.forward(0.5)
     beats = play.beats
     for _ in range(10):
@@ -136,26 +136,26 @@ def test_foreign_lease_rejects_motion_and_names_the_holder() -> None:
     play.robot.lease.holder, play.robot.lease.name = "theirs", "ben"
     play.forward(1.0)
     assert play.station.lease.words == "ben"
-    assert not play.station.submit("goal 9 7", Noted(done))
+    assert not play.station.queue.submit("goal 9 7", Noted(done))
     assert play.texts("refused: goal 9 7: other operator: read-only: ben is in command")
-    assert "lease seize" in play.station.refusal()
+    assert "lease seize" in play.station.queue.refusal()
 
 
 def test_lost_race_for_the_lease_is_reported() -> None:
     play, done = ready(), no_texts()
     play.robot.lease.holder, play.robot.lease.name = "theirs", "ben"
-    play.station.submit("goal 9 7", Noted(done))
+    play.station.queue.submit("goal 9 7", Noted(done))
     play.forward(0.3)
     assert done == []
     assert play.texts("not sent: goal 9 7: lease of r1 refused")
-    assert play.station.busy == ""
+    assert play.station.queue.busy == ""
 
 
 def test_seizure_warns_and_gets_the_lease() -> None:
     play = ready()
     play.robot.lease.holder, play.robot.lease.name = "theirs", "ben"
     play.forward(1.0)
-    play.station.take_lease(seize=True)
+    play.station.queue.lease(LeaseAction.SEIZE)
     play.forward(1.5)
     assert play.station.lease.ours
     assert play.station.ready
@@ -165,7 +165,7 @@ def test_seizure_warns_and_gets_the_lease() -> None:
 
 def test_seized_station_stops_heartbeats() -> None:
     play = ready()
-    play.station.take_lease()
+    play.station.queue.lease(LeaseAction.TAKE)
     play.forward(1.0)
     play.robot.lease.holder, play.robot.lease.name = "theirs", "ben"
     play.forward(1.0)
@@ -177,7 +177,7 @@ def test_seized_station_stops_heartbeats() -> None:
 
 def test_lease_that_ended_is_taken_again_by_a_command() -> None:
     play, done = ready(), no_texts()
-    play.station.take_lease()
+    play.station.queue.lease(LeaseAction.TAKE)
     play.forward(1.0)
     play.robot.lease.holder = ""
     play.say("lease of anna given back: nothing driven for 30 s")
@@ -188,7 +188,7 @@ def test_lease_that_ended_is_taken_again_by_a_command() -> None:
     beats = play.beats
     play.forward(1.0)
     assert play.beats == beats
-    play.station.submit("goal 9 7", Noted(done))
+    play.station.queue.submit("goal 9 7", Noted(done))
     play.forward(0.5)
     assert done == ["ok 14 ms"]
     assert play.station.lease.ours
@@ -197,7 +197,7 @@ def test_lease_that_ended_is_taken_again_by_a_command() -> None:
 def test_status_sent_before_the_grant_is_ignored() -> None:
     play = ready()
     play.robot.tick = 10
-    play.station.take_lease()
+    play.station.queue.lease(LeaseAction.TAKE)
     play.robot.lease.holder = ""  # this status was sent before the lease was granted
     play.forward(0.1)
     play.robot.lease.holder = play.bus.operator
@@ -216,36 +216,36 @@ def test_typed_lease_of_this_station_is_kept_alive() -> None:
 
 def test_requests_wait_for_the_pending_one_in_order() -> None:
     play, done = ready(), no_texts()
-    play.station.submit("hold", Noted(done, "first"))
-    play.station.submit("arm", Noted(done, "second", ok=False))
-    play.station.take_lease()
-    play.station.submit("goal 9 7", Noted(done, "third"))
+    play.station.queue.submit("hold", Noted(done, "first"))
+    play.station.queue.submit("arm", Noted(done, "second", ok=False))
+    play.station.queue.lease(LeaseAction.TAKE)
+    play.station.queue.submit("goal 9 7", Noted(done, "third"))
     play.forward(1.0)
     assert done == ["first", "second", "third"]
     assert lease_asked(play) == [LeaseAction.TAKE, LeaseAction.TAKE]
-    assert play.station.busy == ""
+    assert play.station.queue.busy == ""
     assert play.texts("not sent") == []
 
 
 def test_request_is_rejected_when_too_many_wait() -> None:
     play, done = ready(), no_texts()
     go = asyncio.Event()
-    play.station.submit("arm", Noted(done, go=go), moves=False)
+    play.station.queue.submit("arm", Noted(done, go=go), moves=False)
     for _ in range(MAX_WAITING):
-        assert play.station.submit("hold", Noted(done), moves=False)
-    assert not play.station.submit("hold", Noted(done), moves=False)
+        assert play.station.queue.submit("hold", Noted(done), moves=False)
+    assert not play.station.queue.submit("hold", Noted(done), moves=False)
     assert play.texts("not sent: hold: `arm` is under way")
-    play.station.release_lease()
+    play.station.queue.lease(LeaseAction.RELEASE)
     assert play.texts("not sent: lease release: `arm` is under way")
     go.set()
     play.forward(0.1)
-    assert play.station.submit("hold", Noted(done), moves=False)
+    assert play.station.queue.submit("hold", Noted(done), moves=False)
 
 
 def test_waiting_release_keeps_the_heartbeat_until_its_turn() -> None:
     play, done = ready(), no_texts()
-    play.station.submit("hold", Noted(done))
-    play.station.release_lease()
+    play.station.queue.submit("hold", Noted(done))
+    play.station.queue.lease(LeaseAction.RELEASE)
     play.forward(1.0)
     assert done == ["ok 14 ms"], "the lease was needed for this"
     assert lease_asked(play) == [LeaseAction.TAKE, LeaseAction.RELEASE]
@@ -255,8 +255,8 @@ def test_waiting_release_keeps_the_heartbeat_until_its_turn() -> None:
 def test_waiting_request_is_refused_if_the_robot_is_lost_meanwhile() -> None:
     play, done = ready(), no_texts()
     go = asyncio.Event()
-    play.station.submit("get", Noted(done, go=go), moves=False)
-    play.station.submit("goal 9 7", Noted(done))
+    play.station.queue.submit("get", Noted(done, go=go), moves=False)
+    play.station.queue.submit("goal 9 7", Noted(done))
     play.die()
     play.forward(1.0)
     go.set()
@@ -269,8 +269,8 @@ def test_waiting_request_is_refused_if_the_robot_is_lost_meanwhile() -> None:
 @each("until_sent_s", [0.0, 0.1])
 def test_stop_drops_all_requests_that_were_not_sent(until_sent_s: float, of_all: bool) -> None:
     play, done = ready(), no_texts()
-    play.station.submit("clear-estop", Noted(done))
-    play.station.submit("arm", Noted(done))
+    play.station.queue.submit("clear-estop", Noted(done))
+    play.station.queue.submit("arm", Noted(done))
     play.forward(until_sent_s)
     assert done == []
     (play.station.estop_all if of_all else play.station.estop)()
@@ -278,8 +278,8 @@ def test_stop_drops_all_requests_that_were_not_sent(until_sent_s: float, of_all:
     assert done == []
     for words in ("clear-estop", "arm"):
         assert play.texts(f"not sent: {words}: an emergency stop came first")
-    assert play.station.busy == ""
-    play.station.submit("hold", Noted(done))
+    assert play.station.queue.busy == ""
+    play.station.queue.submit("hold", Noted(done))
     play.forward(0.5)
     assert done == ["ok 14 ms"]
 
@@ -287,19 +287,19 @@ def test_stop_drops_all_requests_that_were_not_sent(until_sent_s: float, of_all:
 def test_answer_of_a_request_is_awaited_after_a_stop() -> None:
     play, done = ready(), no_texts()
     go = asyncio.Event()
-    play.station.submit("get", Noted(done, go=go), moves=False)
-    play.station.submit("arm", Noted(done), moves=False)
+    play.station.queue.submit("get", Noted(done, go=go), moves=False)
+    play.station.queue.submit("arm", Noted(done), moves=False)
     play.station.estop()
-    assert play.station.busy == "get"
+    assert play.station.queue.busy == "get"
     go.set()
     play.forward(0.1)
-    assert (done, play.station.busy) == (["ok 14 ms"], "")
+    assert (done, play.station.queue.busy) == (["ok 14 ms"], "")
 
 
 def test_requests_that_wait_are_dropped_with_the_world() -> None:
     play, done = ready(), no_texts()
-    play.station.submit("hold", Noted(done))
-    play.station.submit("arm", Noted(done))
+    play.station.queue.submit("hold", Noted(done))
+    play.station.queue.submit("arm", Noted(done))
     play.station.begin_again()
     play.forward(1.0)
     assert done == []
@@ -308,7 +308,9 @@ def test_requests_that_wait_are_dropped_with_the_world() -> None:
 
 def test_refusal_is_a_warning_with_its_reason() -> None:
     play, done = ready(), no_texts()
-    play.station.submit("arm", Noted(done, "refused: bumper\nremove it", ok=False), moves=False)
+    play.station.queue.submit(
+        "arm", Noted(done, "refused: bumper\nremove it", ok=False), moves=False
+    )
     play.forward(0.1)
     expected = [line for line in play.station.log if line.severity == Severity.WARNING]
     assert [line.text for line in expected] == ["refused: bumper", "remove it"]
@@ -332,10 +334,10 @@ class Failing(NamedTuple):
 )
 def test_failed_request_is_reported_in_words(error: Exception, expected: str) -> None:
     play = ready()
-    play.station.submit("arm", Failing(error), moves=False)
+    play.station.queue.submit("arm", Failing(error), moves=False)
     play.forward(0.1)
     assert play.texts(expected)
-    assert play.station.busy == ""
+    assert play.station.queue.busy == ""
 
 
 def answers(*, result: AckResult, reason: Reason) -> Callable[[Message | None], Message]:
@@ -345,7 +347,7 @@ def answers(*, result: AckResult, reason: Reason) -> Callable[[Message | None], 
 def test_lease_request_is_repeated_with_one_id() -> None:
     play, done = ready(), no_texts()
     play.bus.answers[LEASE_SERVICE.path] = silent
-    play.station.submit("goal 9 7", Noted(done))
+    play.station.queue.submit("goal 9 7", Noted(done))
     play.forward(2.0)
     asked = [one for _, _, one in play.bus.asked if isinstance(one, LeaseRequest)]
     assert len(asked) == 3
@@ -356,7 +358,7 @@ def test_lease_request_is_repeated_with_one_id() -> None:
 
 def test_lease_lost_before_sending_cancels_the_command() -> None:
     play, done = ready(), no_texts()
-    play.station.submit("goal 9 7", Noted(done))
+    play.station.queue.submit("goal 9 7", Noted(done))
     play.turn()
     play.station.poll()
     own = play.station._fleet.sessions["r1"]
@@ -379,7 +381,7 @@ def test_lease_of_another_program_of_the_same_person_is_ours() -> None:
     assert play.station.loss() is None
     assert play.beats == 0, "nothing was commanded here"
     assert play.texts("you are in command (by anna@desk:pts/1)")
-    assert play.station.submit("goal 9 7", Noted(done))
+    assert play.station.queue.submit("goal 9 7", Noted(done))
     play.forward(0.05)
     assert (play.beats, done) == (1, [])
     play.forward(0.3)
@@ -393,21 +395,21 @@ def test_program_that_commanded_nothing_leaves_the_lease_of_another_one() -> Non
     play = ready()
     play.robot.lease.holder = SHELL
     play.forward(1.0)
-    play.station.close()
+    play.loop.run(play.station.close())
     assert lease_asked(play) == []
 
 
 def test_lease_is_prolonged_before_a_command_after_a_pause() -> None:
     """The robot may give it back while the command is on its way; then nobody would beat."""
     play, done = ready(), no_texts()
-    play.station.submit("arm", Noted(done))
+    play.station.queue.submit("arm", Noted(done))
     play.forward(9.0)
-    play.station.submit("arm", Noted(done))
+    play.station.queue.submit("arm", Noted(done))
     play.forward(9.0)
     assert lease_asked(play) == [LeaseAction.TAKE]
     play.robot.lease.lapses_ms = 1500
     play.forward(0.6)
-    play.station.submit("goal 9 7", Noted(done))
+    play.station.queue.submit("goal 9 7", Noted(done))
     play.forward(0.2)
     assert lease_asked(play) == [LeaseAction.TAKE, LeaseAction.TAKE]
     assert len(done) == 3
@@ -416,9 +418,9 @@ def test_lease_is_prolonged_before_a_command_after_a_pause() -> None:
 
 def test_close_leaves_the_lease_and_stops_heartbeats() -> None:
     play = ready()
-    play.station.take_lease()
+    play.station.queue.lease(LeaseAction.TAKE)
     play.forward(1.0)
-    play.station.close()
+    play.loop.run(play.station.close())
     assert lease_asked(play)[-1] == LeaseAction.LEAVE
     beats = play.beats
     play.forward(1.0)
@@ -427,7 +429,7 @@ def test_close_leaves_the_lease_and_stops_heartbeats() -> None:
 
 def test_close_without_a_lease_releases_none() -> None:
     play = ready()
-    play.station.close()
+    play.loop.run(play.station.close())
     assert lease_asked(play) == []
 
 
@@ -639,10 +641,10 @@ def test_failed_estop_reports_the_robots_response() -> None:
 
 def test_estop_waits_for_no_request_and_needs_no_lease() -> None:
     play = Play().forward(1.0)
-    play.station.take_lease()
+    play.station.queue.lease(LeaseAction.TAKE)
     play.station.estop()
     assert len(play.commands) == 1
-    assert play.station.busy == "lease take"
+    assert play.station.queue.busy == "lease take"
 
 
 def test_each_robot_has_its_own_estop() -> None:

@@ -160,8 +160,8 @@ def test_only_received_data_are_live(lost: Lost) -> None:
 
 def test_loss_rejects_requests_that_move(lost: Lost) -> None:
     play, row = lost
-    assert row.words in play.station.refusal()
-    assert not play.station.submit("goal 9 7", Hold())
+    assert row.words in play.station.queue.refusal()
+    assert not play.station.queue.submit("goal 9 7", Hold())
     play.forward(0.5)
     assert play.commands == []
     assert play.texts("refused: goal 9 7")
@@ -191,12 +191,12 @@ def test_return_requires_reading_again_and_is_logged(lost: Lost) -> None:
     assert play.station.loss() is None
     assert not play.station.ready
     assert play.station.waiting_for == "parameters"
-    assert "waiting for parameters" in play.station.refusal()
+    assert "waiting for parameters" in play.station.queue.refusal()
     waits.work()
     waits.waits = False
     play.forward(0.6)
     assert play.station.ready
-    assert play.station.refusal() == ""
+    assert play.station.queue.refusal() == ""
     assert "srv/parameters" in {path for _, path, _ in play.bus.asked[asked:]}
     word = (
         "nobody commands r1 any more after"
@@ -223,7 +223,7 @@ def test_second_station_shows_but_does_not_command() -> None:
     play.forward(1.5)
     assert play.station.parameters_words == "5"
     assert not play.station.ready
-    assert "ben is in command" in play.station.refusal()
+    assert "ben is in command" in play.station.queue.refusal()
 
 
 def test_single_heartbeat_does_not_end_a_loss() -> None:

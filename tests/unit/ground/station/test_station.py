@@ -1,5 +1,6 @@
 """The state of the station for its screen, for any input, live or over a recording."""
 
+import asyncio
 from collections import Counter
 from math import isnan
 from sys import getallocatedblocks
@@ -29,7 +30,7 @@ from protocol.topics import (
     Topic,
 )
 from protocol.wire.codec import Encoder
-from protocol.wire.enums import GoalState, Navigator, Severity
+from protocol.wire.enums import GoalState, LeaseAction, Navigator, Severity
 from protocol.wire.message import Message
 from protocol.wire.messages import MissionStatus, ParamValue, Statustext
 from runtime.clock import ManualClock
@@ -61,7 +62,7 @@ def test_stale_lease_is_unknown() -> None:
     play = Play()
     assert play.station.lease.words == "--"
     play.forward(1.0)
-    play.station.take_lease()
+    play.station.queue.lease(LeaseAction.TAKE)
     play.forward(1.0)
     assert play.station.lease.words == "ours"
     play.hang()
@@ -171,7 +172,7 @@ def test_series_are_sampled_and_silence_is_a_gap() -> None:
 
 def test_heartbeats_continue_for_a_robot_not_shown() -> None:
     play = Play().forward(1.0)
-    play.station.take_lease()
+    play.station.queue.lease(LeaseAction.TAKE)
     play.forward(0.5)
     play.station.select("r2")
     beats = play.beats
@@ -326,7 +327,12 @@ def look_at_all(play: Play) -> None:
     scene = station.scene()
     draw(scene, View.fit(scene.box(), 20, 10), Canvas(20, 10))
     loss = station.loss()
-    words = [station.lease.words, station.waiting_for, station.parameters_words, station.refusal()]
+    words = [
+        station.lease.words,
+        station.waiting_for,
+        station.parameters_words,
+        station.queue.refusal(),
+    ]
     words += [line.text for line in station.log]
     words += [] if loss is None else [loss.banner(station.now_ns)]
     assert all(text.isprintable() for text in words)
@@ -422,15 +428,15 @@ def test_recording_is_shown_but_not_commanded() -> None:
     assert len(station.history["speed"].points()) == 40
     assert station.moment() is not None
     station.estop()
-    station.take_lease()
+    station.queue.lease(LeaseAction.TAKE)
     station.reread()
-    assert station.refusal() == "a replay accepts no commands"
+    assert station.queue.refusal() == "a replay accepts no commands"
     assert (station.stopping, station.lease, station.round_trip_ms) == ("", LeaseView(), None)
     assert station.lease.words == "free"
     assert station.parameters_words == "not in the recording"
     assert len(station.log.find("a replay accepts")) == 2
     assert {line.clock_s for line in station.log} == {None}
-    station.close()
+    asyncio.run(station.close())
 
 
 def test_recording_provides_world_and_parameters() -> None:
