@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from math import atan2, cos, hypot, inf, pi, sin
 
 from plant.world.file import load
-from protocol.outcome import Outcome
+from protocol.outcome import RunOutcome
 from robot.core import states
 from robot.core.navigators.registry import NAVIGATORS, Navigator
 from robot.core.parameters import Params
@@ -69,7 +69,7 @@ def installed() -> Iterator[None]:
         NAVIGATORS[states.BUG] = before
 
 
-def compare(worlds: Sequence[str], other: str) -> list[tuple[str, Outcome, Outcome]]:
+def compare(worlds: Sequence[str], other: str) -> list[tuple[str, RunOutcome, RunOutcome]]:
     """Run the new navigator and another one in the same worlds; each run is reproducible."""
     rows = []
     for world in map(load, worlds):

@@ -147,17 +147,17 @@ US_PER_MS: Final = 1000
 HOST_FLAGS: Final = {reasons.BUDGET: INPUT_BUDGET, reasons.NAME_TAKEN: INPUT_NAME_TAKEN}
 
 
-class Limits(NamedTuple):
+class WaitLimits(NamedTuple):
     """Longest wait of the host for an answer, and of the board for the host; 0 is for ever."""
 
     answer_s: float
     silence_ms: int
 
 
-LOCKSTEP: Final = Limits(3.0, 0)
+LOCKSTEP: Final = WaitLimits(3.0, 0)
 """Simulated time pauses meanwhile. The robot's own watchdog would end it after 5 s."""
 
-WALL_TIME: Final = Limits(0.045, 150)
+WALL_TIME: Final = WaitLimits(0.045, 150)
 """An answer must come within the control period; a later one is a missed deadline."""
 
 
@@ -176,7 +176,7 @@ class BoardCore:
         start: Pose = ORIGIN,
         totals: tuple[int, int] = (0, 0),
         *,
-        limits: Limits = LOCKSTEP,
+        limits: WaitLimits = LOCKSTEP,
     ) -> None:
         """Set up the core on the board; the other arguments are those of `InProcessCore`."""
         self.params = params

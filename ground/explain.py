@@ -457,7 +457,7 @@ class Turn(NamedTuple):
     words: str
 
 
-class Recorded:
+class RecordedDecisions:
     """The decisions of a recording, each with the status and the cost of its tick."""
 
     def __init__(self, log_index: LogIndex) -> None:

@@ -19,7 +19,7 @@ from plant.shortest_path import known_length_m, shortest_path
 from plant.world.file import SHIPPED_DIR, load, shipped
 from plant.world.writer import Json, draw, dumps, places_json
 from protocol.options import numbers_kept, whole
-from protocol.world import Circle, Point, World, as_json, bad_name
+from protocol.world import Point, World, WorldCircle, as_json, bad_name
 from runtime.cli.parsers import add_subcommands, new_parser
 from runtime.errors import EXIT_OK, EXIT_USAGE
 
@@ -267,7 +267,9 @@ def _show(world: World, arguments: argparse.Namespace) -> int:
 
 def _path_to_draw(world: World) -> list[Point] | None:
     """Return the shortest path; None if it is slow to compute and its length is known."""
-    corners = sum(1 if isinstance(one, Circle) else len(one.points_m) for one in world.obstacles)
+    corners = sum(
+        1 if isinstance(one, WorldCircle) else len(one.points_m) for one in world.obstacles
+    )
     is_length_known = world.reachable is False or world.shortest_path_m is not None
     return None if is_length_known and corners > MANY_CORNERS else shortest_path(world)
 

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 from plant.model.configuration import Body
 from plant.model.errors import WorldReport
 from plant.model.geometry import TOUCHING_M, Pose, clearance_m, distance_m
-from protocol.world import Circle, GoalPose, Obstacle, Point, Start, World
+from protocol.world import GoalPose, Obstacle, Point, Start, World, WorldCircle
 from runtime.elementary import cos, sin
 
 
@@ -54,7 +54,7 @@ def _check_on_floor(report: WorldReport, floor: ObstacleFloor, what: str, point:
 
 def _check_clear(report: WorldReport, floor: ObstacleFloor, what: str, point: Point) -> None:
     for index, obstacle in floor.obstacles.items():
-        if what == "goal" and isinstance(obstacle, Circle) and obstacle.path_m:
+        if what == "goal" and isinstance(obstacle, WorldCircle) and obstacle.path_m:
             continue  # a moving obstacle leaves again
         gap_m = clearance_m(point, obstacle)
         if gap_m >= floor.radius_m - TOUCHING_M:
@@ -186,7 +186,7 @@ class _FleetFloor:
         self._margin_m = needed_m if world.walls else 0.0
         self._needed_m = needed_m
         self._obstacles = [
-            one for one in world.obstacles if not (isinstance(one, Circle) and one.path_m)
+            one for one in world.obstacles if not (isinstance(one, WorldCircle) and one.path_m)
         ]
 
     def free(self, place: Point) -> bool:

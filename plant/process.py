@@ -17,7 +17,7 @@ from time import monotonic
 from typing import Final
 
 from plant.model.configuration import LEVELS, noise_of
-from plant.robot_link import RobotLink
+from plant.robot_link import PlantLink
 from plant.shortest_path import known_length_m
 from plant.sim.simulation import Plant
 from plant.world.file import load
@@ -142,7 +142,7 @@ class Process:
     """
 
     plant: Plant
-    links: list[RobotLink]
+    links: list[PlantLink]
     requests: RequestQueue
     wake: Wake
     patience_s: float = PATIENCE_S
@@ -158,7 +158,7 @@ class Process:
         self.look()
 
     @property
-    def silent(self) -> list[RobotLink]:
+    def silent(self) -> list[PlantLink]:
         """Robots that are expected to answer this tick and have not."""
         return [link for link in self.links if link.expected and not link.answered]
 
@@ -284,7 +284,7 @@ def assemble(
     world |= run_json(plant.world, plant.seed, plant.noise)
     desk = RequestQueue(running=not paused, world=world, nudge=wake)
     wires = [
-        RobotLink(bus, robot, number, wake, lockstep=lockstep)
+        PlantLink(bus, robot, number, wake, lockstep=lockstep)
         for number, robot in enumerate(robots)
     ]
     for number, robot in enumerate(robots):
@@ -298,7 +298,7 @@ def assemble(
     return Process(plant, wires, desk, wake, look=look, turn=turn)
 
 
-def watch_robots(bus: Bus, links: list[RobotLink], wake: Wake) -> None:
+def watch_robots(bus: Bus, links: list[PlantLink], wake: Wake) -> None:
     """Tell each link which robots are present, so that no tick waits for one that has gone."""
 
     def note(token: Presence, appeared: bool) -> None:

@@ -169,7 +169,7 @@ def ends_ms(command: WheelCommand, tick: int) -> int:
     return tick * PERIOD_MS + min(command.ttl_ms, MAX_WHEEL_TTL_MS)
 
 
-class RobotLink:
+class PlantLink:
     """Publish what one robot senses in this tick, and pass its newest command to the plant.
 
     In lockstep the clock is published last: it signals that all sensor data of this tick have been

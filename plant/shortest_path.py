@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from plant.model.configuration import body_of
 from plant.model.geometry import edges, length_m
-from protocol.world import Circle, Point, Polygon, World
+from protocol.world import Point, World, WorldCircle, WorldPolygon
 from runtime.elementary import cos, cos_sin
 
 Array: TypeAlias = NDArray[np.float64]
@@ -71,12 +71,14 @@ def blocked_by(world: World, radius_m: float) -> Blocked:
     discs: dict[tuple[Point, float], None] = {}
     segments: list[tuple[Point, Point]] = []
     for obstacle in world.obstacles:
-        if isinstance(obstacle, Circle):
+        if isinstance(obstacle, WorldCircle):
             if not obstacle.path_m:
                 discs[(obstacle.x_m, obstacle.y_m), obstacle.radius_m + radius_m] = None
             continue
-        solid = isinstance(obstacle, Polygon)
-        grown_m = radius_m if isinstance(obstacle, Polygon) else obstacle.thickness_m / 2 + radius_m
+        solid = isinstance(obstacle, WorldPolygon)
+        grown_m = (
+            radius_m if isinstance(obstacle, WorldPolygon) else obstacle.thickness_m / 2 + radius_m
+        )
         segments += edges(obstacle.points_m, closed=solid)
         discs.update(((point, grown_m), None) for point in obstacle.points_m)
     return Blocked(
@@ -108,14 +110,16 @@ def rings(world: World, blocked: Blocked, radius_m: float) -> Array:
 def _free(points: Array, world: World, radius_m: float) -> Mask:
     free = np.ones(len(points), dtype=bool)
     for obstacle in world.obstacles:
-        if isinstance(obstacle, Circle):
+        if isinstance(obstacle, WorldCircle):
             if not obstacle.path_m:
                 centre = np.array([obstacle.x_m, obstacle.y_m])
                 gap = lengths(points - centre) - obstacle.radius_m
                 free &= gap >= radius_m - TOUCHING_M
             continue
-        solid = isinstance(obstacle, Polygon)
-        grown_m = radius_m if isinstance(obstacle, Polygon) else obstacle.thickness_m / 2 + radius_m
+        solid = isinstance(obstacle, WorldPolygon)
+        grown_m = (
+            radius_m if isinstance(obstacle, WorldPolygon) else obstacle.thickness_m / 2 + radius_m
+        )
         for a, b in edges(obstacle.points_m, closed=solid):
             free &= _from_segment(points, np.array(a), np.array(b)) >= grown_m - TOUCHING_M
     return free

@@ -166,7 +166,7 @@ class RunEnd:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
+class RunOutcome:
     """Result of a run, with errors against ground truth.
 
     `estimated_position_error_m` is the error of the robot's estimate against the goal it received.
@@ -239,12 +239,12 @@ class Outcome:
         return f"{self.outcome} in {place}: {detail_of(self.outcome, self.reason)}"
 
 
-def evaluated(asked: RunSettings, ended: RunEnd, score: RunScore) -> Outcome:
+def evaluated(asked: RunSettings, ended: RunEnd, score: RunScore) -> RunOutcome:
     """Combine the plant's score and the end reported by the robot into an outcome."""
     outcome, reason = end_of(score, ended, asked.timeout_s)
     heading_rad = asked.goal_heading_rad
     turned_rad = None if heading_rad is None else remainder(score.heading_rad - heading_rad, 2 * pi)
-    return Outcome(
+    return RunOutcome(
         world=asked.world,
         navigator=asked.navigator,
         seed=asked.seed,

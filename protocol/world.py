@@ -60,14 +60,14 @@ class GoalPose:
 
 
 @dataclass(frozen=True, slots=True)
-class Polygon:
+class WorldPolygon:
     """A solid simple polygon, possibly concave, in either direction; its last edge is implicit."""
 
     points_m: tuple[Point, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Circle:
+class WorldCircle:
     """A disc. With a path it starts at the path's first point and moves back and forth along it."""
 
     x_m: float
@@ -85,7 +85,7 @@ class Polyline:
     thickness_m: float = WALL_THICKNESS_M
 
 
-Obstacle: TypeAlias = Polygon | Circle | Polyline
+Obstacle: TypeAlias = WorldPolygon | WorldCircle | Polyline
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -253,17 +253,17 @@ def _goal(goal: Mapping[str, Any]) -> GoalPose:
 
 def _obstacle(table: Mapping[str, Any]) -> Obstacle:
     if "polygon_m" in table:
-        return Polygon(_points(table["polygon_m"]))
+        return WorldPolygon(_points(table["polygon_m"]))
     if "wall_m" in table:
         thickness_m = _number(table.get("thickness_m", WALL_THICKNESS_M))
         return Polyline(_points(table["wall_m"]), thickness_m)
     disc = table["circle_m"]
     x_m, y_m, radius_m = _number(disc["x"]), _number(disc["y"]), _number(disc["radius"])
     if "path_m" not in table:
-        return Circle(x_m=x_m, y_m=y_m, radius_m=radius_m)
+        return WorldCircle(x_m=x_m, y_m=y_m, radius_m=radius_m)
     path_m = _points(table["path_m"])
     speed_m_s = _number(table["speed_m_s"])
-    return Circle(x_m=x_m, y_m=y_m, radius_m=radius_m, path_m=path_m, speed_m_s=speed_m_s)
+    return WorldCircle(x_m=x_m, y_m=y_m, radius_m=radius_m, path_m=path_m, speed_m_s=speed_m_s)
 
 
 def _points(points: Sequence[Sequence[float]]) -> tuple[Point, ...]:
@@ -294,9 +294,9 @@ def _settings(table: Mapping[str, Any]) -> dict[str, Setting]:
 
 
 def _obstacle_table(obstacle: Obstacle) -> dict[str, Any]:
-    if isinstance(obstacle, Polygon):
+    if isinstance(obstacle, WorldPolygon):
         return {"polygon_m": list(map(list, obstacle.points_m))}
-    if not isinstance(obstacle, Circle):
+    if not isinstance(obstacle, WorldCircle):
         wall_m = list(map(list, obstacle.points_m))
         return {"wall_m": wall_m, "thickness_m": obstacle.thickness_m}
     disc = {"x": obstacle.x_m, "y": obstacle.y_m, "radius": obstacle.radius_m}

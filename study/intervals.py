@@ -37,7 +37,7 @@ class Interval(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Share:
+class Proportion:
     """A proportion, `count` of `of`."""
 
     count: int

@@ -204,7 +204,7 @@ RETRY_S: Final = 0.4
 Where: TypeAlias = Callable[[Any], bool]
 
 
-class ReceivedFrame(NamedTuple):
+class ReceivedMessage(NamedTuple):
     """A received frame; `is_lost` if the judge itself has dropped it."""
 
     at_ns: int
@@ -217,13 +217,6 @@ class ReceivedFrame(NamedTuple):
     is_signed: bool = False
     is_lost: bool = False
     raw: bytes = b""
-
-
-class NoFile:
-    """An output that discards the bytes of the encoders."""
-
-    def write(self, data: bytes) -> None:
-        """Drop it."""
 
 
 class GroundStations:
@@ -295,12 +288,12 @@ class GroundStation:
         self.station = station
         self.system = system
         self.beats = beats
-        self.log: list[ReceivedFrame] = []
+        self.log: list[ReceivedMessage] = []
         self.bytes = self.malformed = 0
         self.signer: Signer | None = None
         self._peer = peer
-        self._encoder = mavlink.MAVLink(NoFile(), system, COMPONENT)
-        self._parser = mavlink.MAVLink(NoFile())
+        self._encoder = mavlink.MAVLink(None, system, COMPONENT)
+        self._parser = mavlink.MAVLink(None)
         self._parser.robust_parsing = True
         self._beat_ns = 0
 
@@ -336,7 +329,7 @@ class GroundStation:
         try:
             found = self._parser.parse_buffer(data) or ()
         except Exception:  # the parser of pymavlink raises many kinds on hostile bytes
-            self._parser = mavlink.MAVLink(NoFile())
+            self._parser = mavlink.MAVLink(None)
             self._parser.robust_parsing = True
             self.malformed += 1
             return
@@ -354,7 +347,7 @@ class GroundStation:
                 if len(self.log) < MAX_LOG:
                     self.log.append(frame)
 
-    def greet(self) -> ReceivedFrame | None:
+    def greet(self) -> ReceivedMessage | None:
         """Wait for a heartbeat: the vehicle has heard of this ground station. None if it has not.
 
         With loss some heartbeats of the ground station may be dropped before.
@@ -367,7 +360,7 @@ class GroundStation:
         """Return the present end of the log, for `since`."""
         return len(self.log)
 
-    def sent(self, name: str, since: int = 0, where: Where | None = None) -> list[ReceivedFrame]:
+    def sent(self, name: str, since: int = 0, where: Where | None = None) -> list[ReceivedMessage]:
         """Return the messages of a name that the vehicle has sent since a mark.
 
         Those that the judge has dropped are among them: what a vehicle sends without being asked
@@ -379,37 +372,37 @@ class GroundStation:
             if one.name == name and (where is None or where(one.message))
         ]
 
-    def heard(self, name: str, since: int = 0, where: Where | None = None) -> list[ReceivedFrame]:
+    def heard(self, name: str, since: int = 0, where: Where | None = None) -> list[ReceivedMessage]:
         """Return the messages of a name that have reached this ground station since a mark."""
         return [one for one in self.sent(name, since, where) if not one.is_lost]
 
-    def latest(self, name: str, where: Where | None = None) -> ReceivedFrame | None:
+    def latest(self, name: str, where: Where | None = None) -> ReceivedMessage | None:
         """Return the newest message of a name that the vehicle has sent."""
         frames = (one for one in reversed(self.log) if one.name == name)
         return next((one for one in frames if where is None or where(one.message)), None)
 
     def expect(
         self, name: str, within_s: float = 1.0, where: Where | None = None, since: int | None = None
-    ) -> ReceivedFrame | None:
+    ) -> ReceivedMessage | None:
         """Wait for a message since a mark, by default from now on; None if it does not come."""
         return self._first(self.heard, name, within_s, where, since)
 
     def expect_sent(
         self, name: str, within_s: float = 1.0, where: Where | None = None, since: int | None = None
-    ) -> ReceivedFrame | None:
+    ) -> ReceivedMessage | None:
         """Wait until the vehicle sends a message, which the judge may drop."""
         return self._first(self.sent, name, within_s, where, since)
 
     def _first(
         self,
-        found_in: Callable[[str, int, Where | None], list[ReceivedFrame]],
+        found_in: Callable[[str, int, Where | None], list[ReceivedMessage]],
         name: str,
         within_s: float,
         where: Where | None,
         since: int | None,
-    ) -> ReceivedFrame | None:
+    ) -> ReceivedMessage | None:
         position = self.mark() if since is None else since
-        found: list[ReceivedFrame] = []
+        found: list[ReceivedMessage] = []
 
         def is_there() -> bool:
             nonlocal position
@@ -422,7 +415,7 @@ class GroundStation:
 
     def ask(
         self, message: MavMessage, name: str, where: Where | None = None, within_s: float = 1.0
-    ) -> ReceivedFrame | None:
+    ) -> ReceivedMessage | None:
         """Send a request and wait for the answer; with loss repeat it.
 
         A repeated COMMAND_LONG counts its `confirmation` up, so that it is carried out once.
@@ -435,13 +428,13 @@ class GroundStation:
         names: Collection[str],
         where: Where | None = None,
         within_s: float = 1.0,
-    ) -> ReceivedFrame | None:
+    ) -> ReceivedMessage | None:
         """Send a request that messages of several names may answer."""
         if self.station.is_lossy:
             within_s = min(within_s, RETRY_S)
         since = self.mark()
 
-        def answers() -> list[ReceivedFrame]:
+        def answers() -> list[ReceivedMessage]:
             return [
                 one
                 for one in self.log[since:]
@@ -456,7 +449,7 @@ class GroundStation:
                 message.confirmation += 1
         return None
 
-    def command(self, number: int, *params: float, within_s: float = 1.0) -> ReceivedFrame | None:
+    def command(self, number: int, *params: float, within_s: float = 1.0) -> ReceivedMessage | None:
         """Send COMMAND_LONG and wait for its acknowledgement."""
         return self.ask(
             self.command_long(number, *params),
@@ -476,7 +469,7 @@ class GroundStation:
         ack = self.command(number, *params, within_s=within_s)
         return None if ack is None else int(ack.message.result)
 
-    def request(self, number: int, name: str, *params: float) -> ReceivedFrame | None:
+    def request(self, number: int, name: str, *params: float) -> ReceivedMessage | None:
         """Ask for a message by command 512, as QGroundControl and MAVSDK do."""
         asked = self.command_long(mavlink.MAV_CMD_REQUEST_MESSAGE, number, *params)
         return self.ask(asked, name)
@@ -489,7 +482,7 @@ def heartbeat() -> MavMessage:
     )
 
 
-def frame_of(message: MavMessage, at_ns: int, *, is_lost: bool = False) -> ReceivedFrame | None:
+def frame_of(message: MavMessage, at_ns: int, *, is_lost: bool = False) -> ReceivedMessage | None:
     """Return what pymavlink has decoded as a frame of the log; None if it is malformed."""
     raw = bytes(message.get_msgbuf() or b"")
     if message.get_msgId() == mavlink.MAVLINK_MSG_ID_BAD_DATA or len(raw) < 8:
@@ -502,7 +495,7 @@ def frame_of(message: MavMessage, at_ns: int, *, is_lost: bool = False) -> Recei
         name, message = EXTRA[number].name, EXTRA[number].decode(raw)
         if message is None:
             return None
-    return ReceivedFrame(
+    return ReceivedMessage(
         at_ns, name, message, system, component, sequence, len(raw), is_signed, is_lost, raw
     )
 

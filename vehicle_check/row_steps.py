@@ -16,7 +16,7 @@ from vehicle_check.transfers import (
     read_parameter,
     upload_plan,
 )
-from vehicle_check.vehicle_under_test import Findings, Restore, VehicleCheck
+from vehicle_check.vehicle_under_test import Findings, VehicleChange, VehicleCheck
 
 M_PER_E7_DEGREE: Final = 0.011131949
 WAYPOINT: Final = mavlink.MAV_CMD_NAV_WAYPOINT
@@ -90,7 +90,7 @@ def keep_plan(check: VehicleCheck, kind: int) -> bool:
         own = check.facts[name] = download_plan(check.main, kind)
         if own is not None:
             undo = partial(_sent_back, check, own.items, kind)
-            check.restore.append(Restore(KIND_NAMES[kind], undo))
+            check.restore.append(VehicleChange(KIND_NAMES[kind], undo))
     return check.facts[name] is not None
 
 

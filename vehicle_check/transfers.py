@@ -9,7 +9,7 @@ from struct import Struct, error
 from typing import Any, Final, NamedTuple
 
 from runtime.units import NS_PER_S
-from vehicle_check.ground_stations import GroundStation, ReceivedFrame
+from vehicle_check.ground_stations import GroundStation, ReceivedMessage
 from vehicle_check.mavlink_frames import mavlink
 
 QUIET_S: Final = 0.5
@@ -256,7 +256,7 @@ def upload_plan(
 
 
 def _taken(
-    found: UploadResult, frames: Sequence[ReceivedFrame], last: int, ignored: int | None
+    found: UploadResult, frames: Sequence[ReceivedMessage], last: int, ignored: int | None
 ) -> list[int]:
     """Note what the vehicle has sent; return the items to send, without one to ignore once."""
     wanted = []
@@ -273,7 +273,7 @@ def _taken(
     return wanted
 
 
-def _is_old(found: UploadResult, ack: ReceivedFrame, last: int) -> bool:
+def _is_old(found: UploadResult, ack: ReceivedMessage, last: int) -> bool:
     """Return whether an acknowledgement is a copy of that of an earlier upload.
 
     An acceptance before the last item was requested is one, and so may be a first refusal.
@@ -285,7 +285,7 @@ def _is_old(found: UploadResult, ack: ReceivedFrame, last: int) -> bool:
     return found.is_first and not found.requests
 
 
-def _of_kind(frames: Sequence[ReceivedFrame], kind: int) -> list[ReceivedFrame]:
+def _of_kind(frames: Sequence[ReceivedMessage], kind: int) -> list[ReceivedMessage]:
     """Return the frames of one kind of plan that have reached the ground station."""
     return [
         one for one in frames if not one.is_lost and getattr(one.message, "mission_type", 0) == kind

@@ -14,7 +14,7 @@ from vehicle_check.ground_stations import (
     GroundStation,
     GroundStations,
     Losses,
-    ReceivedFrame,
+    ReceivedMessage,
     VehicleNetwork,
     heartbeat,
 )
@@ -136,7 +136,7 @@ class CheckOptions(NamedTuple):
     unix_s: float = 1.8e9
 
 
-class Restore(NamedTuple):
+class VehicleChange(NamedTuple):
     """What the check has changed: its name, and how to undo that; it returns True if it worked."""
 
     name: str
@@ -146,7 +146,7 @@ class Restore(NamedTuple):
 class StreamWindow(NamedTuple):
     """The frames of the main client while the judge only received."""
 
-    frames: list[ReceivedFrame]
+    frames: list[ReceivedMessage]
     seconds: float
     bytes_per_s: float
     watchers: list[GroundStation]
@@ -164,7 +164,7 @@ class VehicleCheck:
         if options.key is not None:
             self.station.signer = self.signer_with(options.key)
         self.main = self.station.connect()
-        self.restore: list[Restore] = []
+        self.restore: list[VehicleChange] = []
         self.was_stopped = False
         self.facts: dict[str, Any] = {}
         """Results of rows that other rows use."""
@@ -208,7 +208,7 @@ class VehicleCheck:
         self.station.heard_ns = found.at_ns
         self.was_stopped = found.message.system_status == EMERGENCY
         mode = int(found.message.custom_mode)
-        self.restore.append(Restore(f"mode {mode}", partial(self._back_to, mode)))
+        self.restore.append(VehicleChange(f"mode {mode}", partial(self._back_to, mode)))
         self.main.log[:] = [one for one in self.main.log if one.system == found.system]
 
     def _back_to(self, mode: int) -> bool:
@@ -259,7 +259,7 @@ class VehicleCheck:
         for group, rate in STREAM_RATES.items():
             client.send_surely(mavlink.MAVLink_request_data_stream_message(*target, group, rate, 1))
 
-    def seen(self, name: str) -> list[ReceivedFrame]:
+    def seen(self, name: str) -> list[ReceivedMessage]:
         """Return the messages of a name that the vehicle has sent in the window."""
         return [one for one in self.window.frames if one.name == name]
 

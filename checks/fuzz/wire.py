@@ -26,7 +26,7 @@ from ground.client.outcomes import NoProgress
 from ground.client.parameter import parameters_in
 from ground.commands.export import Export
 from ground.commands.param import table
-from ground.explain import Recorded as Decided
+from ground.explain import RecordedDecisions as Decided
 from ground.ghost.branch_point import GhostRecording, changed_in
 from ground.map.canvas import Canvas
 from ground.map.drawing import draw

@@ -19,7 +19,7 @@ from checks.harness.processes import OPERATOR_BEAT, await_subscribers, command_r
 from plant.model.configuration import Fault, noise_of
 from plant.process import Process as PlantProcess
 from plant.process import RequestQueue, Wake
-from plant.robot_link import RobotLink
+from plant.robot_link import PlantLink
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.bus.bus import Bus, open_bus
@@ -177,7 +177,7 @@ class Peers:
         bus = self._open("plant", Role.PLANT)
         plant = Plant(self.world, self._seed, self._noise, at_ns=self.clock.now_ns())
         requests = RequestQueue(running=True, world={}, nudge=lambda: None)
-        link = RobotLink(bus, "r1", 0, ignore, lockstep=True)
+        link = PlantLink(bus, "r1", 0, ignore, lockstep=True)
         bus.faults.after = lambda key: self._arrivals.record(f"{key} at the plant")
         for service in (RUN, WORLD):
             bus.serve(service, lambda request: requests.ask(0, request))

@@ -51,14 +51,14 @@ PASSED, FAILED = 0, 17
 """Exit codes of an attempt; Python itself exits with 1 on other errors."""
 
 
-class Attempt(NamedTuple):
+class MutantRun(NamedTuple):
     """A run of tests: `passes` returns whether they pass; `cpu_s` is the time without a mutant."""
 
     passes: Callable[[], bool]
     cpu_s: float
 
 
-def in_parallel(tried: Sequence[Attempt], jobs: int) -> list[MutantVerdict]:
+def in_parallel(tried: Sequence[MutantRun], jobs: int) -> list[MutantVerdict]:
     """Return the verdicts of attempts, `jobs` processes at a time."""
     found: dict[int, MutantVerdict] = {}
     running: dict[int, ForkProcess] = {}
@@ -90,7 +90,7 @@ def verdict_of(exit_code: int | None) -> MutantVerdict:
     return {PASSED: MutantVerdict.SURVIVED, FAILED: MutantVerdict.KILLED}[exit_code or PASSED]
 
 
-def attempt(one: Attempt) -> None:
+def attempt(one: MutantRun) -> None:
     """Run an attempt and exit with PASSED or FAILED."""
     silence()
     limit_s = int(one.cpu_s) + EXTRA_CPU_S
@@ -169,10 +169,10 @@ def verdicts(target: MutationTarget, mutants: Sequence[Mutant], jobs: int) -> li
         finally:
             process.join()
         by_mutant = dict(zip(map(id, inner), found, strict=True))
-        control = Attempt(partial(import_changed, target, unchanged(target), log), tests.cpu_s)
+        control = MutantRun(partial(import_changed, target, unchanged(target), log), tests.cpu_s)
         file = str(target.path)
         tried = [
-            Attempt(partial(import_changed, target, mutant.compile(file)), tests.cpu_s)
+            MutantRun(partial(import_changed, target, mutant.compile(file)), tests.cpu_s)
             for mutant in outer
         ]
         verdict, *found = in_parallel([control, *tried], jobs)
@@ -226,7 +226,7 @@ class MutantLoop:
         tests = first_run(self._target, session)
         if tests is not None:
             tried = [
-                Attempt(partial(self._change, mutant, session, tests), tests.cpu_s)
+                MutantRun(partial(self._change, mutant, session, tests), tests.cpu_s)
                 for mutant in self._mutants
             ]
             self._sending.send((tests, in_parallel(tried, self._jobs)))

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from plant.world.file import load, shipped
-from protocol.outcome import OUTCOMES, Outcome
+from protocol.outcome import OUTCOMES, RunOutcome
 from study.runner.plan import EVERY_NAVIGATOR
 from study.trial.trial import Trial, run_trial
 
@@ -33,7 +33,7 @@ class OutcomeRow(NamedTuple):
 
     navigator: str
     noise: str
-    run: Outcome
+    run: RunOutcome
     ends: Counter[str]
 
 

@@ -19,7 +19,7 @@ from plant.world.file import load
 from protocol.world import GoalPose, Point, Polyline, Start, World
 from robot.core.navigators import proof as proofs
 from robot.core.navigators.proof import LEAD, TAIL
-from robot.core.navigators.vgm_following import Memory
+from robot.core.navigators.vgm_following import VgmMemory
 from robot.core.values import EVERY, Outputs
 from study.report.charts import DARK, DRAWING_RULES, LIGHT
 from study.report.drives import DrivenTrial, drive_all, drive_trial
@@ -87,7 +87,7 @@ class ChainRecorder:
     def __call__(self, plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
         """Record one tick."""
         memory = onboard.state.memory
-        if not isinstance(memory, Memory) or memory.open_loops:
+        if not isinstance(memory, VgmMemory) or memory.open_loops:
             return
         self.ticks += 1
         if not memory.following:

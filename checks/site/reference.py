@@ -41,7 +41,7 @@ from protocol.bus.rights import (
     impostor,
 )
 from protocol.dialect.definitions import SIDESTEP_XML, entry_in
-from protocol.outcome import OUTCOMES, REPLACED, Outcome
+from protocol.outcome import OUTCOMES, REPLACED, RunOutcome
 from protocol.topics import (
     COMMAND,
     COMMANDED,
@@ -211,7 +211,8 @@ def keys() -> str:
 def outcome_keys() -> str:
     """Return the keys that `up`, `trial` and `study` print with --json."""
     rows = [
-        (f"`{one.name}`", f"`{getattr(one.type, '__name__', one.type)}`") for one in fields(Outcome)
+        (f"`{one.name}`", f"`{getattr(one.type, '__name__', one.type)}`")
+        for one in fields(RunOutcome)
     ]
     words = ", ".join(f"`{one}`" for one in OUTCOMES)
     keys = table(("key", "type"), rows)

@@ -31,7 +31,7 @@ from plant.model.configuration import LEVELS, noise_of
 from plant.sim.simulation import Plant
 from protocol.outcome import CHI2_2
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
-from protocol.world import Circle, GoalPose, Point, Start, World
+from protocol.world import GoalPose, Point, Start, World, WorldCircle
 from robot.core import states
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.perception import odometry as odometries
@@ -187,15 +187,17 @@ CLEARING_M: Final = 0.50
 MAX_THROWS: Final = 100_000
 
 
-def grow(count: int, size_m: Point, clearings: tuple[Point, ...], seed: int) -> tuple[Circle, ...]:
+def grow(
+    count: int, size_m: Point, clearings: tuple[Point, ...], seed: int
+) -> tuple[WorldCircle, ...]:
     """Return `count` trunks in millimetre steps, clear of `clearings`; ValueError if too many."""
     random = np.random.default_rng(seed)
-    trunks: list[Circle] = []
+    trunks: list[WorldCircle] = []
     for _ in range(MAX_THROWS):
         radius_m = round(float(random.uniform(MIN_THICKNESS_M, MAX_THICKNESS_M)), 3)
         margin_m = radius_m + PASSAGE_M
         x_m, y_m = (round(float(random.uniform(margin_m, side - margin_m)), 3) for side in size_m)
-        trunk = Circle(x_m=x_m, y_m=y_m, radius_m=radius_m)
+        trunk = WorldCircle(x_m=x_m, y_m=y_m, radius_m=radius_m)
         if _fits(trunk, trunks, clearings):
             trunks.append(trunk)
         if len(trunks) == count:
@@ -203,7 +205,7 @@ def grow(count: int, size_m: Point, clearings: tuple[Point, ...], seed: int) -> 
     raise ValueError(f"{count} trunks do not fit on {size_m[0]:g} x {size_m[1]:g} m")
 
 
-def _fits(trunk: Circle, trunks: list[Circle], clearings: tuple[Point, ...]) -> bool:
+def _fits(trunk: WorldCircle, trunks: list[WorldCircle], clearings: tuple[Point, ...]) -> bool:
     here = (trunk.x_m, trunk.y_m)
     return all(dist(here, point) >= trunk.radius_m + CLEARING_M for point in clearings) and all(
         dist(here, (other.x_m, other.y_m)) >= trunk.radius_m + other.radius_m + PASSAGE_M

@@ -41,7 +41,7 @@ from checks.harness.processes import (
     robot_process,
 )
 from plant.model.configuration import noise_of
-from plant.robot_link import RobotLink
+from plant.robot_link import PlantLink
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.bus.bus import Bus, open_bus
@@ -174,7 +174,7 @@ class PlantStandIn:
         self._operator = operator
         self._arrived = Event()
         self._arrived_ns = 0
-        self._link = RobotLink(bus, ROBOT, 0, self._notice, lockstep=lockstep)
+        self._link = PlantLink(bus, ROBOT, 0, self._notice, lockstep=lockstep)
         self._status = bus.mailbox(STATUS, ROBOT)
         back = wire_goal(world.start.x_m, world.start.y_m, None, 0.1, 0.1)
         self._goals = cycle((wire_goal_of(world), back))

@@ -42,7 +42,7 @@ from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.ring import RADIUS_M
 from protocol.wire.messages import SonarScan, WheelTicks
-from protocol.world import Circle, Obstacle, Polygon, World
+from protocol.world import Obstacle, World, WorldCircle, WorldPolygon
 from robot.core import brain, modes, states
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Goal, Inputs, Outputs, Pose, goal_of, now_ms_of, scan_of, wheels_of
@@ -160,10 +160,10 @@ def _robot(world: World) -> dict[str, Any]:
 
 
 def _obstacle(obstacle: Obstacle) -> dict[str, Any]:
-    if isinstance(obstacle, Circle):
+    if isinstance(obstacle, WorldCircle):
         shape: dict[str, Any] = {"name": "circle", "radius": obstacle.radius_m}
         return {"shape": shape, "state": [obstacle.x_m, obstacle.y_m, 0.0]}
-    if isinstance(obstacle, Polygon):
+    if isinstance(obstacle, WorldPolygon):
         return {"shape": {"name": "polygon", "vertices": [list(p) for p in obstacle.points_m]}}
     return {"shape": {"name": "linestring", "vertices": [list(p) for p in obstacle.points_m]}}
 

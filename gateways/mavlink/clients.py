@@ -30,13 +30,6 @@ FADING: Final = 0.97
 """The weight that older frames lose with each new one; about the last 30 decide."""
 
 
-class NoFile:
-    """The output of a parser that never sends."""
-
-    def write(self, data: bytes) -> None:
-        """Ignore the bytes."""
-
-
 class ClientLink:
     """Frames from and to one client.
 
@@ -53,7 +46,7 @@ class ClientLink:
         self.signing = Counters()
         self._deframer = Deframer(begins=begins)
         self._ready: list[MavFrame] = []
-        self._decoder = mavlink.MAVLink(NoFile())
+        self._decoder = mavlink.MAVLink(None)
         self._encoders: dict[int, Any] = {}
         self._sequences: dict[tuple[int, int], int] = {}
         self._recently_lost = self._recent = 0.0
@@ -116,7 +109,7 @@ class ClientLink:
             return b""
         encoder = self._encoders.get(system)
         if encoder is None:
-            encoder = self._encoders[system] = mavlink.MAVLink(NoFile(), system, COMPONENT)
+            encoder = self._encoders[system] = mavlink.MAVLink(None, system, COMPONENT)
         guard.prepare(encoder)
         frame: bytes = message.pack(encoder, force_mavlink1=self.is_mavlink1)
         encoder.seq = (encoder.seq + 1) & 0xFF

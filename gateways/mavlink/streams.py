@@ -129,7 +129,7 @@ EXTRA2: Final = mavlink.MAV_DATA_STREAM_EXTRA2
 EXTRA3: Final = mavlink.MAV_DATA_STREAM_EXTRA3
 
 
-class StreamRow(NamedTuple):
+class StreamSource(NamedTuple):
     """A source whose builder still needs the vehicle."""
 
     number: int
@@ -145,48 +145,52 @@ class StreamRow(NamedTuple):
 
 
 STREAMS: Final = (
-    StreamRow(mavlink.MAVLINK_MSG_ID_SYS_STATUS, telemetry_messages.sys_status, 2, 1, STATUS),
-    StreamRow(
+    StreamSource(mavlink.MAVLINK_MSG_ID_SYS_STATUS, telemetry_messages.sys_status, 2, 1, STATUS),
+    StreamSource(
         mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
         telemetry_messages.global_position,
         10,
         4,
         POSITION,
     ),
-    StreamRow(
+    StreamSource(
         mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
         telemetry_messages.local_position,
         10,
         4,
         POSITION,
     ),
-    StreamRow(mavlink.MAVLINK_MSG_ID_ATTITUDE, telemetry_messages.attitude, 10, 4, EXTRA1),
-    StreamRow(mavlink.MAVLINK_MSG_ID_VFR_HUD, telemetry_messages.hud, 2, 2, EXTRA2),
-    StreamRow(
+    StreamSource(mavlink.MAVLINK_MSG_ID_ATTITUDE, telemetry_messages.attitude, 10, 4, EXTRA1),
+    StreamSource(mavlink.MAVLINK_MSG_ID_VFR_HUD, telemetry_messages.hud, 2, 2, EXTRA2),
+    StreamSource(
         mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED_COV, telemetry_messages.local_position_cov, 5, 0
     ),
-    StreamRow(mavlink.MAVLINK_MSG_ID_ODOMETRY, telemetry_messages.odometry_message, 5, 1),
-    StreamRow(
+    StreamSource(mavlink.MAVLINK_MSG_ID_ODOMETRY, telemetry_messages.odometry_message, 5, 1),
+    StreamSource(
         mavlink.MAVLINK_MSG_ID_OBSTACLE_DISTANCE, telemetry_messages.obstacle_distance, 5, 4, RAW
     ),
-    StreamRow(
+    StreamSource(
         mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR, telemetry_messages.distance_sensors, 5, 2, EXTRA3, 5
     ),
-    StreamRow(mavlink.MAVLINK_MSG_ID_RANGEFINDER, telemetry_messages.rangefinder, 2, 1, EXTRA3),
-    StreamRow(mavlink.MAVLINK_MSG_ID_WHEEL_DISTANCE, telemetry_messages.wheel_distance, 0, 0),
-    StreamRow(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, telemetry_messages.gps_raw, 1, 1, STATUS),
-    StreamRow(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, telemetry_messages.gps_origin, 0, 0),
-    StreamRow(mavlink.MAVLINK_MSG_ID_HOME_POSITION, telemetry_messages.home_position, 1, 0.5),
-    StreamRow(
+    StreamSource(mavlink.MAVLINK_MSG_ID_RANGEFINDER, telemetry_messages.rangefinder, 2, 1, EXTRA3),
+    StreamSource(mavlink.MAVLINK_MSG_ID_WHEEL_DISTANCE, telemetry_messages.wheel_distance, 0, 0),
+    StreamSource(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, telemetry_messages.gps_raw, 1, 1, STATUS),
+    StreamSource(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, telemetry_messages.gps_origin, 0, 0),
+    StreamSource(mavlink.MAVLINK_MSG_ID_HOME_POSITION, telemetry_messages.home_position, 1, 0.5),
+    StreamSource(
         mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, telemetry_messages.battery_status, 1, 0.5, EXTRA3
     ),
-    StreamRow(
+    StreamSource(
         mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT, telemetry_messages.ekf_status, 1, 1, EXTRA3
     ),
-    StreamRow(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME, telemetry_messages.system_time, 1, 1, EXTRA3),
-    StreamRow(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, telemetry_messages.extended_state, 1, 1),
-    StreamRow(CurrentMode.id, telemetry_messages.current_mode, 0, 0),
-    StreamRow(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, telemetry_messages.autopilot_version, 0, 0),
+    StreamSource(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME, telemetry_messages.system_time, 1, 1, EXTRA3),
+    StreamSource(
+        mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, telemetry_messages.extended_state, 1, 1
+    ),
+    StreamSource(CurrentMode.id, telemetry_messages.current_mode, 0, 0),
+    StreamSource(
+        mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, telemetry_messages.autopilot_version, 0, 0
+    ),
 )
 
 

@@ -10,7 +10,6 @@ from pathlib import Path
 from threading import Event, Thread
 from typing import Any, Final
 
-from gateways.mavlink.clients import NoFile
 from gateways.mavlink.mav_service import COMPONENT
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from ground.recording.log_writer import FLUSH_NS, SYNC_EVERY, LogFile, LogWriter, new_log
@@ -51,7 +50,7 @@ class TrafficRecorder:
         """Record a message of a vehicle."""
         encoder = self._encoders.get(system)
         if encoder is None:
-            encoder = self._encoders[system] = mavlink.MAVLink(NoFile(), system, COMPONENT)
+            encoder = self._encoders[system] = mavlink.MAVLink(None, system, COMPONENT)
         if message.get_msgId() != SECRET:
             self._take(message.pack(encoder), now_ns)
             encoder.seq = (encoder.seq + 1) & 0xFF
@@ -63,7 +62,7 @@ class TrafficRecorder:
         frame = bytes(message.get_msgbuf())
         if frame[0] == mavlink.PROTOCOL_MARKER_V1:
             source = message.get_srcSystem(), message.get_srcComponent()
-            encoder = mavlink.MAVLink(NoFile(), *source)
+            encoder = mavlink.MAVLink(None, *source)
             encoder.seq = message.get_seq()
             frame = message.pack(encoder)
         self._take(frame, now_ns)

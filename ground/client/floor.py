@@ -12,7 +12,7 @@ from ground.client.link import Link
 from ground.missions.mission import inside
 from protocol.bus.bus import Bus
 from protocol.topics import WORLD
-from protocol.world import Circle, Polygon, World, world_in
+from protocol.world import World, WorldCircle, WorldPolygon, world_in
 from runtime.errors import RemoteError, UserError
 
 EXAMPLE: Final = "example: goto 2 1.5"
@@ -29,7 +29,7 @@ class Floor(NamedTuple):
     world: str
     width_m: float
     height_m: float
-    obstacles: tuple[Circle | Polygon, ...] = ()
+    obstacles: tuple[WorldCircle | WorldPolygon, ...] = ()
 
     def refuse_outside(self, what: str, x_m: float, y_m: float, fix: str = "") -> None:
         """Raise UserError for a place outside of the floor or in an obstacle; `what` names it."""
@@ -40,17 +40,17 @@ class Floor(NamedTuple):
             raise UserError(f"{what} lies in an obstacle of the world {self.world}{fix}")
 
 
-def covers(obstacle: Circle | Polygon, x_m: float, y_m: float) -> bool:
+def covers(obstacle: WorldCircle | WorldPolygon, x_m: float, y_m: float) -> bool:
     """Return whether a place is within an obstacle."""
-    if isinstance(obstacle, Circle):
+    if isinstance(obstacle, WorldCircle):
         return hypot(x_m - obstacle.x_m, y_m - obstacle.y_m) < obstacle.radius_m
     return inside(obstacle.points_m, (x_m, y_m))
 
 
 def floor_from(world: World) -> Floor:
     """Return the floor of a world."""
-    solid = (one for one in world.obstacles if isinstance(one, Circle | Polygon))
-    still = tuple(one for one in solid if isinstance(one, Polygon) or not one.path_m)
+    solid = (one for one in world.obstacles if isinstance(one, WorldCircle | WorldPolygon))
+    still = tuple(one for one in solid if isinstance(one, WorldPolygon) or not one.path_m)
     return Floor(world.name, *world.size_m, still)
 
 

@@ -61,7 +61,7 @@ DAY_S: Final = 86_400.0
 
 
 @dataclass(frozen=True, slots=True)
-class Stream:
+class ObservedTopic:
     """One topic, as observed while listening; `age_ns` is None if nothing has arrived."""
 
     topic: Topic[Any]
@@ -88,7 +88,7 @@ class Observed:
     robot: str
     endpoint: str
     processes: PresentProcesses
-    streams: tuple[Stream, ...]
+    streams: tuple[ObservedTopic, ...]
     status: NavigatorStatus | None = None
     odometry: PlanarOdometry | None = None
     cycle: CycleReport | None = None
@@ -101,7 +101,7 @@ class Observed:
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Diagnosis:
     """One fault and its remedy; `bad` if the system cannot work with it."""
 
     what: str
@@ -110,10 +110,10 @@ class Finding:
 
 
 @dataclass
-class Findings:
+class Diagnoses:
     """All findings of one examination."""
 
-    findings: list[Finding] = field(default_factory=list)
+    findings: list[Diagnosis] = field(default_factory=list)
 
     @property
     def healthy(self) -> bool:
@@ -121,9 +121,9 @@ class Findings:
         return not any(finding.bad for finding in self.findings)
 
 
-def examine(seen: Observed) -> Findings:
+def examine(seen: Observed) -> Diagnoses:
     """Return all findings, the most basic first."""
-    return Findings(
+    return Diagnoses(
         [
             *installation(seen.conflicts),
             *certificate(seen),
@@ -138,29 +138,29 @@ def examine(seen: Observed) -> Findings:
     )
 
 
-def installation(conflicts: Iterable[Conflict]) -> Iterator[Finding]:
+def installation(conflicts: Iterable[Conflict]) -> Iterator[Diagnosis]:
     """Yield Python packages that shadow ours or mix with them."""
     for conflict in conflicts:
-        yield Finding(conflict.what, conflict.do, bad=conflict.wins)
+        yield Diagnosis(conflict.what, conflict.do, bad=conflict.wins)
 
 
-def certificate(seen: Observed) -> Iterator[Finding]:
+def certificate(seen: Observed) -> Iterator[Diagnosis]:
     """Yield findings about this process's certificate: its rights and its expiry."""
     own = seen.certified
     if own is None:
         return
     if own.name and (why := denial(own.name, seen.robot, COMMAND)):
         observes = own.name in (VIEWER, RECORDER)
-        yield Finding(why, "use --config DIR/ground.toml to command", bad=not observes)
+        yield Diagnosis(why, "use --config DIR/ground.toml to command", bad=not observes)
     if own.trouble:
-        yield Finding(own.trouble, remedy(own), bad=True)
+        yield Diagnosis(own.trouble, remedy(own), bad=True)
     elif own.until_s is not None and own.until_s - seen.clock_s < EXPIRES_SOON.total_seconds():
         days = max(0.0, (own.until_s - seen.clock_s) / DAY_S)
         what = f"the certificate of {own.name} expires in {days:.0f} days"
-        yield Finding(what, RENEW, bad=False)
+        yield Diagnosis(what, RENEW, bad=False)
 
 
-def taken_ids(texts: Iterable[str]) -> Iterator[Finding]:
+def taken_ids(texts: Iterable[str]) -> Iterator[Diagnosis]:
     """Yield the links that used the session id of another certificate."""
     for text in dict.fromkeys(texts):
         if text.startswith(ID_TAKEN):
@@ -168,7 +168,7 @@ def taken_ids(texts: Iterable[str]) -> Iterator[Finding]:
                 "find out who has the key of the certificate that is named first, and `sidestep "
                 "keys revoke` it; if it is the rightful one, it opens a fresh session by itself"
             )
-            yield Finding(text, do, bad=False)
+            yield Diagnosis(text, do, bad=False)
 
 
 def stands(seen: Observed) -> bool:
@@ -178,11 +178,11 @@ def stands(seen: Observed) -> bool:
     return is_there and not fresh.get(STATUS.path, True)
 
 
-def processes(seen: Observed) -> Iterator[Finding]:
+def processes(seen: Observed) -> Iterator[Diagnosis]:
     """Yield the processes that are missing or hang, or that simulated time stands still."""
     if stands(seen):
         what, _, do = explain_standstill(seen.processes, seen.robot).partition(": ")
-        yield Finding(what, do)
+        yield Diagnosis(what, do)
         return
     heartbeat = next((stream for stream in seen.streams if stream.topic is HEARTBEAT), None)
     unreadable = (
@@ -193,15 +193,15 @@ def processes(seen: Observed) -> Iterator[Finding]:
     if not has_robot or not is_beating:
         why = explain_silence(seen.processes, seen.robot, seen.endpoint, is_beating=is_beating)
         what, _, do = why.partition(": ")
-        yield Finding(what, do or "restart the robot")
+        yield Diagnosis(what, do or "restart the robot")
     if not any(role == Role.PLANT.value for _, role in seen.processes.present):
         do = (
             "start `sidestep run plant --world W` with the same endpoint, W being the robot's world"
         )
-        yield Finding("no plant is running", do)
+        yield Diagnosis("no plant is running", do)
 
 
-def streams(seen: Observed) -> Iterator[Finding]:
+def streams(seen: Observed) -> Iterator[Diagnosis]:
     """Yield streams that are missing, late or unreadable.
 
     A stream whose publisher does not run is left out: that process is a finding already.
@@ -217,19 +217,19 @@ def streams(seen: Observed) -> Iterator[Finding]:
         if stream.age_ns is None and seen.listened_ns * topic.rate_hz < MIN_PERIODS * NS_PER_S:
             continue  # too slow for this listening time
         if stream.age_ns is None:
-            yield Finding(f"nothing on {topic.path}", f"restart the {sender} unless it is paused")
+            yield Diagnosis(f"nothing on {topic.path}", f"restart the {sender} unless it is paused")
         else:
             age = f"{stream.age_ns / NS_PER_MS:.0f} ms"
-            yield Finding(f"{topic.path} is {age} old", f"the {sender} is slow or hangs")
+            yield Diagnosis(f"{topic.path} is {age} old", f"the {sender} is slow or hangs")
 
 
-def rejection(stream: Stream) -> Finding:
+def rejection(stream: ObservedTopic) -> Diagnosis:
     """Return the finding about unreadable messages on a topic."""
     path, times = stream.topic.path, stream.rejected
     what = f"{times} unreadable messages on {path}, the last: {stream.last_rejection}"
     if "has dialect" in stream.last_rejection:
-        return Finding(what, "run the same version of sidestep everywhere")
-    return Finding(what, "find the other process that publishes on this key")
+        return Diagnosis(what, "run the same version of sidestep everywhere")
+    return Diagnosis(what, "find the other process that publishes on this key")
 
 
 def expected(seen: Observed, topic: Topic[Any]) -> bool:
@@ -244,50 +244,50 @@ def expected(seen: Observed, topic: Topic[Any]) -> bool:
     return seen.processes.has(seen.robot, topic.publisher)
 
 
-def services(seen: Observed) -> Iterator[Finding]:
+def services(seen: Observed) -> Iterator[Diagnosis]:
     """Yield services that did not answer."""
     for path, why in seen.answers:
-        yield Finding(f"{path} does not answer: {why}", "restart the process that serves it")
+        yield Diagnosis(f"{path} does not answer: {why}", "restart the process that serves it")
 
 
-def state(status: NavigatorStatus | None) -> Iterator[Finding]:
+def state(status: NavigatorStatus | None) -> Iterator[Diagnosis]:
     """Yield what the vehicle state asks the operator to do."""
     if status is None:
         return
     reason = reason_text(status.vehicle_reason)
     if status.vehicle == Vehicle.BOOT:
-        yield Finding("the robot has received no sensor data yet", "start the plant")
+        yield Diagnosis("the robot has received no sensor data yet", "start the plant")
     elif status.vehicle == Vehicle.FAILSAFE:
-        yield Finding(f"failsafe: {reason}", "remove the cause, then sidestep arm", bad=False)
+        yield Diagnosis(f"failsafe: {reason}", "remove the cause, then sidestep arm", bad=False)
     elif status.vehicle == Vehicle.EMERGENCY_STOP:
         do = "sidestep clear-estop, then sidestep arm"
-        yield Finding(f"emergency stop: {reason}", do, bad=False)
+        yield Diagnosis(f"emergency stop: {reason}", do, bad=False)
     elif status.vehicle_reason != Reason.NONE:
-        yield Finding(f"vehicle: {reason}", "sidestep watch", bad=False)
+        yield Diagnosis(f"vehicle: {reason}", "sidestep watch", bad=False)
 
 
-def place(odometry: PlanarOdometry | None) -> Iterator[Finding]:
+def place(odometry: PlanarOdometry | None) -> Iterator[Diagnosis]:
     """Yield that the robot does not know its place."""
     if odometry is not None and not knows_place(odometry):
         do = "sidestep pose set X Y DEG, or sidestep pose truth in a simulation"
-        yield Finding("the robot does not know where it is", do, bad=False)
+        yield Diagnosis("the robot does not know where it is", do, bad=False)
 
 
-def pace(cycle: CycleReport | None) -> Iterator[Finding]:
+def pace(cycle: CycleReport | None) -> Iterator[Diagnosis]:
     """Yield ticks that the control loop missed, and frames that it rejected."""
     if cycle is None:
         return
     if cycle.rejected:
         what = f"the robot rejected {cycle.rejected} unreadable frames"
-        yield Finding(what, "find the other process that publishes on its keys", bad=False)
+        yield Diagnosis(what, "find the other process that publishes on its keys", bad=False)
     if cycle.missed:
         what = f"the robot has missed {cycle.missed} of {cycle.tick + 1} ticks"
-        yield Finding(
+        yield Diagnosis(
             what, "reduce other load on the machine, or start the robot with --realtime", bad=False
         )
 
 
-def lines(findings: Iterable[Finding]) -> str:
+def lines(findings: Iterable[Diagnosis]) -> str:
     """Format findings for a person: each fault, then its remedy."""
     return "\n".join(
         f"{'E' if finding.bad else 'W'} {finding.what}\n  -> {finding.do}" for finding in findings
@@ -320,7 +320,7 @@ class Diagnose(OperatorCommand):
     def not_connected(self, error: UnansweredError, endpoint: str) -> Report:
         """Return the report for a connection that failed."""
         what, do = dial_fault(error, endpoint)
-        findings = [Finding(what, do), *installation(conflicts())]
+        findings = [Diagnosis(what, do), *installation(conflicts())]
         row = {"ok": False, "findings": as_json(findings), "streams": {}}
         return Report(False, lines(findings), row)
 
@@ -388,11 +388,11 @@ async def observed(
     )
 
 
-def stream_of(box: Mailbox[Any], now_ns: int) -> Stream:
+def stream_of(box: Mailbox[Any], now_ns: int) -> ObservedTopic:
     """Return the age and the rejections of a mailbox."""
     newest = box.latest()
     age_ns = None if newest is None else now_ns - newest[1]
-    return Stream(box.topic, age_ns, box.rejected, box.last_rejection)
+    return ObservedTopic(box.topic, age_ns, box.rejected, box.last_rejection)
 
 
 async def unanswered(robot: Robot, service: Service) -> str:
@@ -412,12 +412,12 @@ async def unanswered(robot: Robot, service: Service) -> str:
     return ""
 
 
-def as_json(findings: Iterable[Finding]) -> list[dict[str, object]]:
+def as_json(findings: Iterable[Diagnosis]) -> list[dict[str, object]]:
     """Return the findings as rows."""
     return [{"what": one.what, "do": one.do, "bad": one.bad} for one in findings]
 
 
-def report_of(seen: Observed, report: Findings) -> Report:
+def report_of(seen: Observed, report: Diagnoses) -> Report:
     """Return the report of an examination."""
     found: dict[str, object] = {
         "ok": report.healthy,

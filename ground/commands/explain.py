@@ -17,7 +17,7 @@ from ground.commands.command import (
     switch,
 )
 from ground.commands.recordings import SUFFIXES
-from ground.explain import Explanation, Recorded, Turn, explain
+from ground.explain import Explanation, RecordedDecisions, Turn, explain
 from ground.recording.catalogue import recording_named, recordings_in, remark_on
 from ground.recording.log_reader import LogIndex, open_log
 from ground.robot import Robot
@@ -105,7 +105,7 @@ def of_a_recording(asked: Explain, file: str, progress: Progress) -> Report:
     log_index = LogIndex(open_log(Path(file), asked.robot))
     if log_index.damage:
         progress.note(f"{file}: DAMAGED: {log_index.damage}")
-    recorded = Recorded(log_index)
+    recorded = RecordedDecisions(log_index)
     turns = list(recorded.turns())
     if asked.turns:
         return turns_of(file, turns)

@@ -15,8 +15,8 @@ from ground.recording.log_reader import open_log
 from ground.recording.tables import (
     DEFAULT_RATE_HZ,
     LONG,
-    Column,
     Row,
+    TableColumn,
     TimeAxis,
     long_rows,
     parquet,
@@ -171,7 +171,7 @@ def axis_of(asked: Export) -> TimeAxis:
     return TimeAxis(open_log(Path(asked.file)), asked.begin_s, asked.end_s)
 
 
-def table_of(asked: Export, axis: TimeAxis) -> tuple[list[Column], Iterable[Row]]:
+def table_of(asked: Export, axis: TimeAxis) -> tuple[list[TableColumn], Iterable[Row]]:
     """Return columns and rows; a wide table reads the recording twice."""
     if asked.shape == "long":
         return list(LONG), long_rows(axis)
@@ -179,7 +179,7 @@ def table_of(asked: Export, axis: TimeAxis) -> tuple[list[Column], Iterable[Row]
     return columns, wide_rows(axis, columns, asked.rate_hz or DEFAULT_RATE_HZ)
 
 
-def write(asked: Export, columns: list[Column], rows: Iterable[Row]) -> int:
+def write(asked: Export, columns: list[TableColumn], rows: Iterable[Row]) -> int:
     """Write the rows and return their number."""
     if asked.format == "parquet":
         return write_parquet(Path(asked.out or ""), columns, rows)

@@ -10,7 +10,7 @@ from ground.commands.recordings import SUFFIXES, RecordingCommand
 from ground.launch import child_command
 from ground.launch.scenario import world_facts
 from ground.map.scene import Shape
-from ground.recording.figure import SCREEN, STYLES, Run, write
+from ground.recording.figure import SCREEN, STYLES, FigureContents, write
 from ground.recording.log_reader import Log, open_log
 from ground.recording.tables import RunSeries, TimeAxis, collect_series
 from ground.recording.world_metadata import world_of
@@ -79,7 +79,7 @@ def draw(asked: Plot, target: Path, robot: str, world: World | None) -> None:
     found = collect_series(timed, RADIUS_M if world is None else world.radius_m)
     if not (found.estimated or found.true):
         raise UserError(f"{source}: has no pose in that time, so there is nothing to draw")
-    run = Run(found, world, fence_in(source), title_of(robot, world, found), source.name)
+    run = FigureContents(found, world, fence_in(source), title_of(robot, world, found), source.name)
     try:
         write(target, run, STYLES[asked.style])
     except OSError as error:

@@ -13,7 +13,7 @@ from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.commands.command import command, option
 from ground.commands.plot import Plot
 from ground.commands.recordings import SUFFIXES, RecordingCommand
-from ground.explain import Recorded
+from ground.explain import RecordedDecisions
 from ground.recording.log_reader import LogIndex, files_of, open_log
 from protocol.topics import STATUS
 from protocol.wire.messages import NavigatorStatus
@@ -68,7 +68,7 @@ class Share(RecordingCommand):
         return Report(not log_index.damage, f"{target}{damage}", row)
 
 
-class Drive(NamedTuple):
+class DrivenRun(NamedTuple):
     """What was driven: the world, if known, and the options of `up` that repeat it."""
 
     run: WorldRun | None
@@ -77,7 +77,7 @@ class Drive(NamedTuple):
     """Commands that set the parameters which differ from those at the robot's start."""
 
 
-def drive_of(log_index: LogIndex) -> Drive:
+def drive_of(log_index: LogIndex) -> DrivenRun:
     """Return what is known of the drive; it begins with the first goal."""
     try:
         run = run_in(log_index.facts.get("world", ""))
@@ -96,7 +96,7 @@ def drive_of(log_index: LogIndex) -> Drive:
         options += ["--seed", str(run.seed)]
     if run is not None and run.noise_level is not None:
         options += ["--noise", run.noise_level]
-    return Drive(run, options, changed_parameters(log_index.facts.get("parameters", "")))
+    return DrivenRun(run, options, changed_parameters(log_index.facts.get("parameters", "")))
 
 
 def setting(option: str, number: int, names: Any) -> list[str]:
@@ -118,7 +118,7 @@ def changed_parameters(text: str) -> list[list[str]]:
     ]
 
 
-def readme(file: str, log_index: LogIndex, drive: Drive, *, has_picture: bool) -> str:
+def readme(file: str, log_index: LogIndex, drive: DrivenRun, *, has_picture: bool) -> str:
     """Return what the archive holds and how the run is repeated."""
     stem = Path(file).stem
     held = [f"{stem}.*: every message of the run", f"{EXPLANATION}: why the robot turned, and when"]
@@ -151,7 +151,7 @@ def readme(file: str, log_index: LogIndex, drive: Drive, *, has_picture: bool) -
 
 def explanation(log_index: LogIndex) -> str:
     """Return the explanation of every turning point."""
-    recorded = Recorded(log_index)
+    recorded = RecordedDecisions(log_index)
     parts = []
     for turn in recorded.turns():
         found = recorded.at(turn.at_ns)

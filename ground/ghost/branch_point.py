@@ -188,7 +188,7 @@ LIVING: Final = (GoalState.ACCEPTED, GoalState.DRIVING, GoalState.AVOIDING, Goal
 DRIVING: Final = "driving"
 
 
-class Place(NamedTuple):
+class RecordedPose(NamedTuple):
     """Pose of the robot on the timeline of the recording and in the world's own time."""
 
     at_ns: int
@@ -220,12 +220,12 @@ class GhostRecording:
             if type(one) is NavigatorStatus
         ]
         truths = [
-            Place(when(at_ns, one.time_ns), pose_of(one), one.time_ns)
+            RecordedPose(when(at_ns, one.time_ns), pose_of(one), one.time_ns)
             for at_ns, one in log_index.on(TRUTH.path)
             if type(one) is GroundTruth
         ]
         self.places = truths or [
-            Place(when(at_ns, one.time_ns), pose_of(one), None)
+            RecordedPose(when(at_ns, one.time_ns), pose_of(one), None)
             for at_ns, one in log_index.on(ODOMETRY.path)
             if type(one) is PlanarOdometry
         ]
@@ -255,7 +255,7 @@ class GhostRecording:
             )
         return past[-1]
 
-    def place_at(self, at_ns: int) -> Place:
+    def place_at(self, at_ns: int) -> RecordedPose:
         """Return the last pose up to then; before the first one, the first."""
         if not self.places:
             raise UserError("the recording has no position of the robot")

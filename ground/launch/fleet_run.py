@@ -14,7 +14,7 @@ from ground.launch.supervisor import VoidRun
 from ground.robot import Robot
 from ground.text.wording import Part
 from protocol.bus.bus import Bus
-from protocol.outcome import Outcome
+from protocol.outcome import RunOutcome
 from runtime.clock import Clock
 from runtime.units import NS_PER_S
 
@@ -43,7 +43,7 @@ class FleetRun:
 
     async def run(
         self, *, lockstep: bool, launched: Callable[[], None] = lambda: None
-    ) -> list[Outcome]:
+    ) -> list[RunOutcome]:
         """Return the outcome of each goal. Raises NoOutcomeError when the run cannot be judged.
 
         In lockstep time stops at the end, so that a recorder can catch up.
@@ -69,7 +69,7 @@ class FleetRun:
         if lockstep:
             await first.start()  # each goal arrives in the same tick of every run
 
-    async def _follow(self) -> list[Outcome]:
+    async def _follow(self) -> list[RunOutcome]:
         shown_ns = self._clock.now_ns()
         while True:
             for goal_run in self._goal_runs:
@@ -84,7 +84,7 @@ class FleetRun:
             self._check()
             await asyncio.sleep(POLL_NS / NS_PER_S)
 
-    def _outcomes(self) -> list[Outcome]:
+    def _outcomes(self) -> list[RunOutcome]:
         void_reason = dict.fromkeys(
             goal_run.void_reason for goal_run in self._goal_runs if goal_run.void_reason
         )
@@ -125,7 +125,7 @@ def goal_runs_of(
     ]
 
 
-def as_json(robots: Sequence[str], outcomes: Sequence[Outcome]) -> dict[str, object]:
+def as_json(robots: Sequence[str], outcomes: Sequence[RunOutcome]) -> dict[str, object]:
     """Return the first robot's outcome; with several robots, add each one under its name."""
     found = outcomes[0].as_json()
     if len(outcomes) > 1:
@@ -136,7 +136,7 @@ def as_json(robots: Sequence[str], outcomes: Sequence[Outcome]) -> dict[str, obj
     return found
 
 
-def in_words(robots: Sequence[str], outcomes: Sequence[Outcome]) -> str:
+def in_words(robots: Sequence[str], outcomes: Sequence[RunOutcome]) -> str:
     """Return the full text of one outcome, or a paragraph for each of several."""
     if len(outcomes) == 1:
         return outcomes[0].text()

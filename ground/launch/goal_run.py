@@ -21,7 +21,7 @@ from ground.launch.scenario import Scenario, ScenarioRobot
 from ground.launch.supervisor import VoidRun
 from ground.robot import Robot
 from ground.text.wording import Part
-from protocol.outcome import REPLACED, WANTED_ENDS, Outcome, RunEnd, doubt_of, evaluated
+from protocol.outcome import REPLACED, WANTED_ENDS, RunEnd, RunOutcome, doubt_of, evaluated
 from protocol.topics import CYCLE, DECISION, LEASE, MISSION, ODOMETRY, RUN, STATUS, TRUTH
 from protocol.wire.codec import decode
 from protocol.wire.enums import Command, GoalState, MissionState, Mode, RunAction, Vehicle
@@ -74,7 +74,7 @@ class GoalRun:
             (STATUS, ODOMETRY, DECISION, CYCLE, TRUTH, LEASE, MISSION),
             taker=lambda path: self._keep_pose if path == ODOMETRY.path else None,
         )
-        self.outcome: Outcome | None = None
+        self.outcome: RunOutcome | None = None
         self.void_reason = ""
         self._waiting = ""
         self._time_factor = TimeFactor(scenario.pace)
@@ -337,7 +337,7 @@ class GoalRun:
 
     async def _judge(
         self, status: NavigatorStatus, wall_s: float, until_ns: int | None = None
-    ) -> Outcome:
+    ) -> RunOutcome:
         """Have the plant score the run until this stamp, else until its goal or its time ended."""
         timeout_ns = round(self._scenario.timeout_s * NS_PER_S)
         ended = status.goal in tuple(GoalState) and status.goal >= GoalState.REACHED

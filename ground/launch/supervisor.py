@@ -26,7 +26,7 @@ class RestartPolicy(NamedTuple):
     window_ns: int = 60 * NS_PER_S
 
 
-class Restart(NamedTuple):
+class DueRestart(NamedTuple):
     """A restart that is due, and how the previous process ended."""
 
     role: str
@@ -62,10 +62,10 @@ class RestartSchedule:
         self._planned[role] = (now_ns + pause_ns, cause)
         return f"{what}; restarting{f' in {pause_ns / NS_PER_S:g} s' if pause_ns else ''}"
 
-    def due(self, now_ns: int) -> list[Restart]:
+    def due(self, now_ns: int) -> list[DueRestart]:
         """Return the restarts that are due, each once."""
         now = [
-            Restart(role, cause)
+            DueRestart(role, cause)
             for role, (at_ns, cause) in self._planned.items()
             if at_ns <= now_ns
         ]

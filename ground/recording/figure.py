@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from ground.map.pen import ellipse
 from ground.map.scene import Disc, Shape
-from ground.recording.summary import Mark
+from ground.recording.summary import Bookmark
 from ground.recording.tables import Place, RunSeries, TimedValues
 from ground.recording.world_metadata import discs, outlines
 from protocol.outcome import OUTSIDE
@@ -177,7 +177,7 @@ COLUMN_SPARE_IN: Final = 0.9
 PLOT_IN: Final = 1.0
 
 
-class Run(NamedTuple):
+class FigureContents(NamedTuple):
     """All that a figure shows."""
 
     series: RunSeries
@@ -187,7 +187,7 @@ class Run(NamedTuple):
     source: str
 
 
-def write(path: Path, run: Run, style: Style) -> None:
+def write(path: Path, run: FigureContents, style: Style) -> None:
     """Write a PNG, SVG or PDF by the suffix of the path. UserError when matplotlib is missing."""
     try:
         from matplotlib import rc_context  # slow, and wanted only here
@@ -236,7 +236,7 @@ def axes_of(figure: "Figure", style: Style, world: World | None) -> "tuple[Axes,
 
 
 def explain(
-    figure: "Figure", place: "Axes", plots: "Sequence[Axes]", run: Run, style: Style
+    figure: "Figure", place: "Axes", plots: "Sequence[Axes]", run: FigureContents, style: Style
 ) -> None:
     """Add legends outside the data, the meaning of the events, and a title."""
     legend_above(place, 2 if style.one_column else 4)
@@ -305,7 +305,7 @@ def draw_over_time(plots: "list[Axes]", run: RunSeries) -> None:
         draw_marks(axes, run.marks)
 
 
-def draw_marks(axes: "Axes", marks: tuple[Mark, ...]) -> None:
+def draw_marks(axes: "Axes", marks: tuple[Bookmark, ...]) -> None:
     """Draw the events as vertical lines."""
     for mark in marks:
         colour, _ = MARKS.get(mark.kind, (SOFT, mark.kind))

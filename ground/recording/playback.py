@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple, TypeVar
 
 from ground.client.parameter_rows import rows_in
 from ground.recording.log_reader import LogIndex, open_log
-from ground.recording.summary import Mark, marks_in
+from ground.recording.summary import Bookmark, marks_in
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.topics import (
     ANSWERED,
@@ -143,7 +143,7 @@ class ReplayBus:
         self.path = path
         self.robot = self.log_index.robot
         self.timeline = Timeline(clock, self.log_index.start_ns, self.log_index.duration_ns)
-        self.marks: tuple[Mark, ...] = marks_in(self.log_index)
+        self.marks: tuple[Bookmark, ...] = marks_in(self.log_index)
         self._ticks = self._tick_times()
         self._next = 0
         self._handlers: dict[tuple[str, str], list[Handler]] = {}  # by robot and path
@@ -243,7 +243,7 @@ class ReplayBus:
         place = min(max(here + ticks, 0), len(self._ticks) - 1)
         return self._ticks[place] / NS_PER_S
 
-    def next_mark(self, time_s: float) -> Mark | None:
+    def next_mark(self, time_s: float) -> Bookmark | None:
         """Return the next bookmark."""
         return next((one for one in self.marks if one.time_s > time_s + 1e-9), None)
 

@@ -38,7 +38,7 @@ from runtime.units import NS_PER_S
 STOPPED: Final = (Vehicle.FAILSAFE, Vehicle.EMERGENCY_STOP)
 
 
-class Mark(NamedTuple):
+class Bookmark(NamedTuple):
     """An instant to jump to; `kind` is goal, outcome, failsafe or mark."""
 
     time_s: float
@@ -46,17 +46,17 @@ class Mark(NamedTuple):
     text: str
 
 
-def marks_in(log_index: LogIndex) -> tuple[Mark, ...]:
+def marks_in(log_index: LogIndex) -> tuple[Bookmark, ...]:
     """Return all bookmarks in order of time."""
     texts = StatustextAssembler()
     remarks = ((time_ns, texts.receive(message)) for time_ns, message in log_index.on(MARK.path))
-    written = [Mark(time_ns / NS_PER_S, "mark", words) for time_ns, words in remarks if words]
+    written = [Bookmark(time_ns / NS_PER_S, "mark", words) for time_ns, words in remarks if words]
     return tuple(sorted([*changes(log_index.on(STATUS.path)), *written]))
 
 
-def changes(statuses: Iterable[tuple[int, Message]]) -> list[Mark]:
+def changes(statuses: Iterable[tuple[int, Message]]) -> list[Bookmark]:
     """Return the bookmarks that status messages, each with its time in ns, imply."""
-    found: list[Mark] = []
+    found: list[Bookmark] = []
     goal_id, goal, vehicle = 0, int(GoalState.NONE), int(Vehicle.BOOT)
     for time_ns, status in statuses:
         if not isinstance(status, NavigatorStatus):
@@ -65,14 +65,14 @@ def changes(statuses: Iterable[tuple[int, Message]]) -> list[Mark]:
         if status.goal_id != goal_id and is_driven(status.goal):
             place = f"goal {status.goal_x_m:z.2f} {status.goal_y_m:z.2f}"
             if is_driven(goal):
-                found.append(Mark(at_s, "outcome", f"REPLACED: by the {place}"))
-            found.append(Mark(at_s, "goal", place))
+                found.append(Bookmark(at_s, "outcome", f"REPLACED: by the {place}"))
+            found.append(Bookmark(at_s, "goal", place))
             goal_id = status.goal_id
         if status.goal != goal and status.goal >= GoalState.REACHED:
-            found.append(Mark(at_s, "outcome", outcome(status)))
+            found.append(Bookmark(at_s, "outcome", outcome(status)))
         if status.vehicle != vehicle and status.vehicle in STOPPED:
             why = reason_text(status.vehicle_reason)
-            found.append(Mark(at_s, "failsafe", f"{Vehicle(status.vehicle).name}: {why}"))
+            found.append(Bookmark(at_s, "failsafe", f"{Vehicle(status.vehicle).name}: {why}"))
         goal, vehicle = status.goal, status.vehicle
     return found
 

@@ -19,7 +19,7 @@ from struct import pack
 from typing import Any, Final, NamedTuple, TextIO
 
 from ground.recording.log_reader import Log, LoggedFrame
-from ground.recording.summary import Mark, changes
+from ground.recording.summary import Bookmark, changes
 from protocol.ring import BEARINGS_RAD
 from protocol.topics import TOPICS, Role
 from protocol.wire.codec import decode
@@ -143,7 +143,7 @@ MAX_AHEAD_S: Final = 600.0
 """Limits on the distance of stamps within one run."""
 
 
-class Column(NamedTuple):
+class TableColumn(NamedTuple):
     """A column; `kind` is that of its values."""
 
     name: str
@@ -154,12 +154,12 @@ Row = list[str | None]
 """Values as text; None is an empty cell."""
 
 LONG: Final = (
-    Column("time_s", "float"),
-    Column("utc_s", "float"),
-    Column("topic", "text"),
-    Column("message", "text"),
-    Column("field", "text"),
-    Column("value", "text"),
+    TableColumn("time_s", "float"),
+    TableColumn("utc_s", "float"),
+    TableColumn("topic", "text"),
+    TableColumn("message", "text"),
+    TableColumn("field", "text"),
+    TableColumn("value", "text"),
 )
 TIME: Final = LONG[0]
 
@@ -177,15 +177,15 @@ def long_rows(timed: Iterable[Timed]) -> Iterator[Row]:
             yield [*times, one.path, name_in_dialect(one.message), cell.name, cell.text]
 
 
-def wide_columns(timed: Iterable[Timed]) -> list[Column]:
+def wide_columns(timed: Iterable[Timed]) -> list[TableColumn]:
     """Return time and a column for each field that occurs, in the order of the topics."""
     order = {topic.path: place for place, topic in enumerate(TOPICS)}
-    found: dict[tuple[str, type[Message]], list[Column]] = {}
+    found: dict[tuple[str, type[Message]], list[TableColumn]] = {}
     for one in timed:
         kind = one.path, type(one.message)
         if kind not in found:
             found[kind] = [
-                Column(name_of(one.path, one.message, cell), cell.kind)
+                TableColumn(name_of(one.path, one.message, cell), cell.kind)
                 for cell in fields_of(one.message)
             ]
     ranked = sorted(found, key=lambda kind: (order.get(kind[0], len(order)), kind[1].__name__))
@@ -207,7 +207,7 @@ class _Newest(NamedTuple):
 
 
 def wide_rows(
-    timed: Iterable[Timed], columns: list[Column], rate_hz: float = DEFAULT_RATE_HZ
+    timed: Iterable[Timed], columns: list[TableColumn], rate_hz: float = DEFAULT_RATE_HZ
 ) -> Iterator[Row]:
     """Yield a row for each instant of the grid between the first and the last message."""
     place_of = {column.name: place for place, column in enumerate(columns)}
@@ -248,7 +248,7 @@ def _row(time_s: float, newest: dict[tuple[str, type[Message]], _Newest], width:
 GROUP: Final = 10_000
 
 
-def write_csv(target: TextIO, columns: Sequence[Column], rows: Iterable[Row]) -> int:
+def write_csv(target: TextIO, columns: Sequence[TableColumn], rows: Iterable[Row]) -> int:
     """Write rows as CSV and return their number; an empty cell is an empty text."""
     table = csv.writer(target, lineterminator="\n")
     table.writerow([column.name for column in columns])
@@ -270,7 +270,7 @@ def parquet() -> Any:
     return pyarrow
 
 
-def write_parquet(path: Path, columns: Sequence[Column], rows: Iterable[Row]) -> int:
+def write_parquet(path: Path, columns: Sequence[TableColumn], rows: Iterable[Row]) -> int:
     """Write rows as Parquet, return their number; numbers have 64 bits, empty is null."""
     arrow = parquet()
     types = {
@@ -293,7 +293,7 @@ def write_parquet(path: Path, columns: Sequence[Column], rows: Iterable[Row]) ->
     return count
 
 
-def _values(column: Column, place: int, rows: Iterable[Row]) -> Iterator[str | float | None]:
+def _values(column: TableColumn, place: int, rows: Iterable[Row]) -> Iterator[str | float | None]:
     for row in rows:
         text = row[place]
         if text is None or column.kind == "text":
@@ -328,7 +328,7 @@ class RunSeries:
     covariances: list[tuple[float, float, float]] = field(default_factory=list)
     echoes: list[tuple[float, float]] = field(default_factory=list)
     goals: list[Place] = field(default_factory=list)
-    marks: tuple[Mark, ...] = ()
+    marks: tuple[Bookmark, ...] = ()
     nearest_m: TimedValues = field(default_factory=TimedValues)
     zone_m: TimedValues = field(default_factory=TimedValues)
     speed_m_s: TimedValues = field(default_factory=TimedValues)

@@ -6,7 +6,7 @@ from math import atan2, hypot
 from typing import Final
 
 from ground.recording.foxglove_schemas import Colour, Json, Point, colour, disc, pose, vector
-from protocol.world import Circle, Polygon, Polyline, World, world_in
+from protocol.world import Polyline, World, WorldCircle, WorldPolygon, world_in
 
 HEIGHT_M: Final = 0.3
 SKIN_M: Final = 0.02
@@ -28,15 +28,15 @@ def outlines(world: World) -> Iterator[tuple[list[Point], float]]:
         corners = [(0.0, 0.0), (wide_m, 0.0), (wide_m, high_m), (0.0, high_m), (0.0, 0.0)]
         yield corners, SKIN_M
     for obstacle in world.obstacles:
-        if isinstance(obstacle, Polygon):
+        if isinstance(obstacle, WorldPolygon):
             yield [*obstacle.points_m, obstacle.points_m[0]], SKIN_M
         elif isinstance(obstacle, Polyline):
             yield list(obstacle.points_m), obstacle.thickness_m
 
 
-def discs(world: World) -> list[Circle]:
+def discs(world: World) -> list[WorldCircle]:
     """Return the discs; recordings lack the positions of moving ones."""
-    return [one for one in world.obstacles if isinstance(one, Circle)]
+    return [one for one in world.obstacles if isinstance(one, WorldCircle)]
 
 
 def solids(world: World, tint: Colour) -> tuple[list[Json], list[Json]]:

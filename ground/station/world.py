@@ -5,7 +5,7 @@ from math import dist
 from typing import NamedTuple
 
 from ground.map.scene import Disc, MapTarget, Outline, Shape
-from protocol.world import Circle, Obstacle, Point, Polygon, World, world_in
+from protocol.world import Obstacle, Point, World, WorldCircle, WorldPolygon, world_in
 from runtime.errors import RemoteError
 
 
@@ -58,9 +58,9 @@ def parse_world(answer: bytes | str) -> WorldFacts:
 
 def shown(world: World, text: str) -> WorldFacts:
     """Return the shapes of a world."""
-    circles = [one for one in world.obstacles if isinstance(one, Circle)]
+    circles = [one for one in world.obstacles if isinstance(one, WorldCircle)]
     shapes = [
-        _shape(one) for one in world.obstacles if not (isinstance(one, Circle) and one.path_m)
+        _shape(one) for one in world.obstacles if not (isinstance(one, WorldCircle) and one.path_m)
     ]
     if world.walls:
         width_m, height_m = world.size_m
@@ -82,6 +82,6 @@ def shown(world: World, text: str) -> WorldFacts:
 
 
 def _shape(obstacle: Obstacle) -> Shape:
-    if isinstance(obstacle, Circle):
+    if isinstance(obstacle, WorldCircle):
         return Disc(obstacle.x_m, obstacle.y_m, obstacle.radius_m)
-    return Outline(obstacle.points_m, closed=isinstance(obstacle, Polygon))
+    return Outline(obstacle.points_m, closed=isinstance(obstacle, WorldPolygon))

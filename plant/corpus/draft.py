@@ -8,7 +8,7 @@ from typing import Final, NamedTuple, TypeAlias
 from plant.model.draws import Draws
 from plant.model.geometry import clearance_m, distance_m
 from plant.placement import STANDING_M
-from protocol.world import Circle, Obstacle, Point, Polygon, Polyline
+from protocol.world import Obstacle, Point, Polyline, WorldCircle, WorldPolygon
 from runtime.elementary import atan2, cos, sin
 
 MIN_FLOOR_M: Final = 5.0
@@ -51,18 +51,18 @@ class ShapeFrame(NamedTuple):
         """Return points on the floor."""
         return tuple(self.point(*one) for one in local)
 
-    def box(self, x0_m: float, y0_m: float, x1_m: float, y1_m: float) -> Polygon:
+    def box(self, x0_m: float, y0_m: float, x1_m: float, y1_m: float) -> WorldPolygon:
         """Return a box."""
-        return Polygon(self.points((x0_m, y0_m), (x1_m, y0_m), (x1_m, y1_m), (x0_m, y1_m)))
+        return WorldPolygon(self.points((x0_m, y0_m), (x1_m, y0_m), (x1_m, y1_m), (x0_m, y1_m)))
 
     def wall(self, thickness_m: float, *local: Point) -> Polyline:
         """Return a wall."""
         return Polyline(self.points(*local), thickness_m)
 
-    def disc(self, along_m: float, left_m: float, radius_m: float) -> Circle:
+    def disc(self, along_m: float, left_m: float, radius_m: float) -> WorldCircle:
         """Return a disc."""
         x_m, y_m = self.point(along_m, left_m)
-        return Circle(x_m=x_m, y_m=y_m, radius_m=round(radius_m, 3))
+        return WorldCircle(x_m=x_m, y_m=y_m, radius_m=round(radius_m, 3))
 
 
 class DraftFloor(NamedTuple):
@@ -230,10 +230,10 @@ def shifted(obstacle: Obstacle, by: Point) -> Obstacle:
 
     A point that falls on the one before it is dropped, as after a cut just beside a corner.
     """
-    if isinstance(obstacle, Circle):
+    if isinstance(obstacle, WorldCircle):
         x_m, y_m = _moved((obstacle.x_m, obstacle.y_m), by)
         path_m = tuple(_moved(point, by) for point in obstacle.path_m)
-        return Circle(
+        return WorldCircle(
             x_m=x_m,
             y_m=y_m,
             radius_m=obstacle.radius_m,
@@ -241,8 +241,8 @@ def shifted(obstacle: Obstacle, by: Point) -> Obstacle:
             speed_m_s=obstacle.speed_m_s,
         )
     points_m = tuple(point for point, _ in groupby(_moved(one, by) for one in obstacle.points_m))
-    if isinstance(obstacle, Polygon):
-        return Polygon(points_m)
+    if isinstance(obstacle, WorldPolygon):
+        return WorldPolygon(points_m)
     return Polyline(points_m, obstacle.thickness_m)
 
 
@@ -252,7 +252,7 @@ def _moved(point: Point, by: Point) -> Point:
 
 def _extent(obstacle: Obstacle) -> list[Point]:
     """Return points whose bounding box contains the obstacle, up to the thickness of a wall."""
-    if isinstance(obstacle, Circle):
+    if isinstance(obstacle, WorldCircle):
         x_m, y_m, r_m = obstacle.x_m, obstacle.y_m, obstacle.radius_m
         return [(x_m - r_m, y_m - r_m), (x_m + r_m, y_m + r_m)]
     return list(obstacle.points_m)

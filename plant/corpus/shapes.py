@@ -25,7 +25,7 @@ from plant.corpus.draft import (
 )
 from plant.model.draws import Draws
 from plant.model.geometry import between_ends_m, clearance_m, distance_m, meet
-from protocol.world import Circle, Obstacle, Point, Polygon
+from protocol.world import Obstacle, Point, WorldCircle, WorldPolygon
 
 MAX_STRAY: Final = 3
 
@@ -74,7 +74,7 @@ def corner(random: Draws) -> WorldDraft:
     return place.draft(floor_frame.wall(thickness(random), ends[0], tip.origin, ends[1]))
 
 
-def box_at(random: Draws, frame: ShapeFrame, most_m: float = 1.6) -> Polygon:
+def box_at(random: Draws, frame: ShapeFrame, most_m: float = 1.6) -> WorldPolygon:
     """Draw a box in a frame."""
     half_x_m, half_y_m = (random.uniform(0.1, most_m / 2.0) for _ in range(2))
     return frame.box(-half_x_m, -half_y_m, half_x_m, half_y_m)
@@ -85,9 +85,9 @@ def stray_box(random: Draws, size_m: tuple[float, float]) -> Obstacle:
     return box_at(random, ShapeFrame(spot(random, size_m), any_angle(random)), 1.0)
 
 
-def _stray_disc(random: Draws, size_m: tuple[float, float]) -> Circle:
+def _stray_disc(random: Draws, size_m: tuple[float, float]) -> WorldCircle:
     x_m, y_m = spot(random, size_m)
-    return Circle(x_m=x_m, y_m=y_m, radius_m=round(random.uniform(0.08, 0.4), 3))
+    return WorldCircle(x_m=x_m, y_m=y_m, radius_m=round(random.uniform(0.08, 0.4), 3))
 
 
 def _few(random: Draws) -> range:
@@ -108,11 +108,11 @@ def forest(random: Draws, sparsest_m2: float, densest_m2: float) -> WorldDraft |
     passage_m = random.uniform(MIN_PASSAGE_M, MAX_PASSAGE_M)
     wide_m, high_m = place.size_m
     count = round(random.uniform(sparsest_m2, densest_m2) * wide_m * high_m)
-    trunks: list[Circle] = []
+    trunks: list[WorldCircle] = []
     for _ in range(MAX_THROWS):
         x_m, y_m = spot(random, place.size_m)
         radius_m = round(random.uniform(MIN_THICKNESS_M, MAX_THICKNESS_M), 3)
-        trunk = Circle(x_m=x_m, y_m=y_m, radius_m=radius_m)
+        trunk = WorldCircle(x_m=x_m, y_m=y_m, radius_m=radius_m)
         if _fits(trunk, trunks, passage_m, place.size_m, (place.start, place.goal)):
             trunks.append(trunk)
         if len(trunks) == count:
@@ -126,7 +126,11 @@ dense: Final[Family] = partial(forest, sparsest_m2=1.1, densest_m2=1.3)
 
 
 def _fits(
-    trunk: Circle, trunks: list[Circle], passage_m: float, size_m: Point, clear: tuple[Point, ...]
+    trunk: WorldCircle,
+    trunks: list[WorldCircle],
+    passage_m: float,
+    size_m: Point,
+    clear: tuple[Point, ...],
 ) -> bool:
     here, around_m = (trunk.x_m, trunk.y_m), trunk.radius_m + passage_m
     return (
@@ -170,7 +174,7 @@ def _people(
 ) -> WorldDraft | None:
     place = stage(random, apart_m=4.0)
     still = [_still(random, place) for _ in range(random.randrange(4))]
-    walkers: list[Circle] = []
+    walkers: list[WorldCircle] = []
     wanted = random.randint(least, most)
     for _ in range(MAX_TRIES):
         walker = _walker(random, place, speeds_m_s)
@@ -185,10 +189,10 @@ def _still(random: Draws, place: DraftFloor) -> Obstacle:
     if random.random() < 0.5:
         return stray_box(random, place.size_m)
     x_m, y_m = spot(random, place.size_m)
-    return Circle(x_m=x_m, y_m=y_m, radius_m=round(random.uniform(0.1, 0.4), 3))
+    return WorldCircle(x_m=x_m, y_m=y_m, radius_m=round(random.uniform(0.1, 0.4), 3))
 
 
-def _walker(random: Draws, place: DraftFloor, speeds_m_s: tuple[float, float]) -> Circle:
+def _walker(random: Draws, place: DraftFloor, speeds_m_s: tuple[float, float]) -> WorldCircle:
     """Draw a straight path across the way, or a bent one anywhere."""
     across = place.frame(random.uniform(0.2, 0.8), random.uniform(-0.5, 0.5), tilt(random, 40.0))
     path = [(0.0, random.uniform(0.6, 2.0)), (0.0, -random.uniform(0.6, 2.0))]
@@ -197,7 +201,7 @@ def _walker(random: Draws, place: DraftFloor, speeds_m_s: tuple[float, float]) -
     if random.random() < 0.2:
         across = across._replace(angle_rad=any_angle(random))
     points = across.points(*path)
-    return Circle(
+    return WorldCircle(
         x_m=points[0][0],
         y_m=points[0][1],
         radius_m=PERSON_M,
@@ -207,7 +211,7 @@ def _walker(random: Draws, place: DraftFloor, speeds_m_s: tuple[float, float]) -
 
 
 def _leaves_a_way(
-    walker: Circle, walkers: list[Circle], still: list[Obstacle], place: DraftFloor
+    walker: WorldCircle, walkers: list[WorldCircle], still: list[Obstacle], place: DraftFloor
 ) -> bool:
     along = _every(walker.path_m)
     return (

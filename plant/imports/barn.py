@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from plant.imports.cells import MAX_COORDINATE_M
 from plant.model.errors import read_bytes, read_text, refuse
-from protocol.world import Circle, Point
+from protocol.world import Point, WorldCircle
 
 NPY_MAGIC: Final = b"\x93NUMPY"
 LENGTH_BYTES: Final = {1: 2, 2: 4, 3: 4}
@@ -43,7 +43,7 @@ class CylinderField(NamedTuple):
     """Cylinders on a floor; `corner` is the floor's lower left corner in the file's own frame."""
 
     size_m: Point
-    cylinders: tuple[Circle, ...]
+    cylinders: tuple[WorldCircle, ...]
     corner: Point
     ends: tuple[Point, Point] | None
 
@@ -62,7 +62,7 @@ def load_grid(path: Path, pitch_m: float = PITCH_M) -> CylinderField:
     for row, column in np.argwhere(grid & (around < 9)).tolist():
         x_m = BEFORE_M + (column + 0.5) * pitch_m
         y_m = (rows - row - 0.5) * pitch_m
-        cylinders.append(Circle(x_m=round(x_m, 6), y_m=round(y_m, 6), radius_m=pitch_m / 2.0))
+        cylinders.append(WorldCircle(x_m=round(x_m, 6), y_m=round(y_m, 6), radius_m=pitch_m / 2.0))
     size_m = (round(2.0 * BEFORE_M + columns * pitch_m, 6), round(rows * pitch_m, 6))
     middle_m = round(size_m[1] / 2.0, 6)
     ends = ((BEFORE_M / 2.0, middle_m), (round(size_m[0] - BEFORE_M / 2.0, 6), middle_m))
@@ -97,7 +97,7 @@ def parse_list(text: str, file: str) -> CylinderField:
     low = [min(row[axis] - row[2] for row in rows) - AROUND_M for axis in (0, 1)]
     high = [max(row[axis] + row[2] for row in rows) + AROUND_M for axis in (0, 1)]
     cylinders = tuple(
-        Circle(x_m=round(x - low[0], 6), y_m=round(y - low[1], 6), radius_m=radius)
+        WorldCircle(x_m=round(x - low[0], 6), y_m=round(y - low[1], 6), radius_m=radius)
         for x, y, radius in dict.fromkeys(rows)
     )
     size_m = (round(high[0] - low[0], 6), round(high[1] - low[1], 6))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from plant.model.draws import Draws
 from plant.model.geometry import TOUCHING_M
-from protocol.world import Point, Polygon
+from protocol.world import Point, WorldPolygon
 from runtime.elementary import cos, hypot, sin
 
 Mask: TypeAlias = NDArray[np.bool_]
@@ -153,7 +153,7 @@ class Region(NamedTuple):
     column: int
 
 
-def outlines(cells: Cells) -> list[Polygon]:
+def outlines(cells: Cells) -> list[WorldPolygon]:
     """Return the polygons, in a fixed order."""
     todo = _regions(Region(cells.blocked, 0, 0))[::-1]
     found = []
@@ -266,8 +266,8 @@ def _halves(region: Region, axis: int, at: int) -> tuple[Region, Region]:
     return Region(mask[:, :at], row, column), Region(mask[:, at:], row, column + at)
 
 
-def _polygon(loop: list[Corner], region: Region, cell_m: float) -> Polygon:
-    return Polygon(
+def _polygon(loop: list[Corner], region: Region, cell_m: float) -> WorldPolygon:
+    return WorldPolygon(
         tuple(
             (round((x + region.column) * cell_m, 6), round((y + region.row) * cell_m, 6))
             for x, y in loop

@@ -5,7 +5,7 @@ from itertools import pairwise
 from math import inf
 from typing import Final, NamedTuple, TypeAlias, TypeGuard
 
-from protocol.world import Circle, Obstacle, Point, Polygon, Polyline, World
+from protocol.world import Obstacle, Point, Polyline, World, WorldCircle, WorldPolygon
 from runtime.elementary import hypot
 
 TOUCHING_M: Final = 1e-9
@@ -95,16 +95,18 @@ def clearance_m(point: Point, obstacle: Obstacle) -> float:
 
     A moving circle is taken at its start.
     """
-    if isinstance(obstacle, Circle):
+    if isinstance(obstacle, WorldCircle):
         return hypot(point[0] - obstacle.x_m, point[1] - obstacle.y_m) - obstacle.radius_m
-    solid = isinstance(obstacle, Polygon)
+    solid = isinstance(obstacle, WorldPolygon)
     if solid and inside(point, obstacle.points_m):
         return 0.0
     nearest_m = min(
         (from_segment_m(point, a, b) for a, b in edges(obstacle.points_m, closed=solid)),
         default=inf,
     )
-    return nearest_m if isinstance(obstacle, Polygon) else nearest_m - obstacle.thickness_m / 2.0
+    return (
+        nearest_m if isinstance(obstacle, WorldPolygon) else nearest_m - obstacle.thickness_m / 2.0
+    )
 
 
 def crossing_edges(points: tuple[Point, ...]) -> tuple[int, int] | None:
@@ -153,7 +155,7 @@ def still(world: World) -> StaticScene:
     discs: list[Disc] = []
     edges: list[Edge] = list(_outer_walls(world)) if world.walls else []
     for obstacle in world.obstacles:
-        if isinstance(obstacle, Polygon):
+        if isinstance(obstacle, WorldPolygon):
             edges += _outline(obstacle.points_m)
         elif isinstance(obstacle, Polyline):
             radius_m = obstacle.thickness_m / 2.0
@@ -165,14 +167,16 @@ def still(world: World) -> StaticScene:
     return StaticScene(tuple(discs), tuple(edges))
 
 
-def moves(obstacle: Obstacle) -> TypeGuard[Circle]:
+def moves(obstacle: Obstacle) -> TypeGuard[WorldCircle]:
     """Return whether an obstacle moves."""
     return (
-        isinstance(obstacle, Circle) and obstacle.speed_m_s > 0.0 and len(set(obstacle.path_m)) > 1
+        isinstance(obstacle, WorldCircle)
+        and obstacle.speed_m_s > 0.0
+        and len(set(obstacle.path_m)) > 1
     )
 
 
-def movers(world: World) -> tuple[Circle, ...]:
+def movers(world: World) -> tuple[WorldCircle, ...]:
     """Return the moving obstacles of a world."""
     return tuple(obstacle for obstacle in world.obstacles if moves(obstacle))
 

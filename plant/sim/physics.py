@@ -24,7 +24,7 @@ from typing import Final, NamedTuple, TypeAlias
 import pymunk
 
 from plant.model.geometry import distance_m, edges, movers, moves
-from protocol.world import Circle, Point, Polygon, Polyline, World
+from protocol.world import Point, Polyline, World, WorldCircle, WorldPolygon
 from runtime.elementary import hypot
 
 ITERATIONS: Final = 10
@@ -316,7 +316,7 @@ def _still_surfaces(world: World) -> Iterator[Surface]:
     if world.walls:
         yield from _outer_walls(world)
     for obstacle in world.obstacles:
-        if isinstance(obstacle, Polygon):
+        if isinstance(obstacle, WorldPolygon):
             for a, b in edges(obstacle.points_m, closed=True):
                 yield line(a, b, 0.0)
         elif isinstance(obstacle, Polyline):
@@ -335,10 +335,10 @@ def _outer_walls(world: World) -> list[Surface]:
     return [line(a, b, out) for a, b in edges(corners, closed=True)]
 
 
-class Mover:
+class MovingDisc:
     """One moving disc; its position is a closed function of time."""
 
-    def __init__(self, circle: Circle) -> None:
+    def __init__(self, circle: WorldCircle) -> None:
         self.radius_m = circle.radius_m
         self.speed_m_s = circle.speed_m_s
         self._legs = list(pairwise(circle.path_m))

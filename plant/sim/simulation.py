@@ -16,7 +16,7 @@ from plant.model.geometry import Disc, Pose, StaticScene, movers, still
 from plant.placement import starts
 from plant.sim.active_faults import FaultSchedule
 from plant.sim.drive import DifferentialDrive
-from plant.sim.physics import Arena, Mover
+from plant.sim.physics import Arena, MovingDisc
 from plant.sim.sonar import PING_AGE_US, Caster, SimulatedSonarRing
 from protocol.wire.enums import BUMPER_LEFT, BUMPER_REAR, BUMPER_RIGHT
 from protocol.wire.messages import GroundTruth, RunScore, SonarScan, WheelTicks
@@ -320,7 +320,7 @@ class Plant:
         self.noise = noise
         self.body = body_of(world)
         self.now_ns = at_ns
-        self._movers = [Mover(circle) for circle in movers(world)]
+        self._movers = [MovingDisc(circle) for circle in movers(world)]
         self._mover_speed_m_s = max((mover.speed_m_s for mover in self._movers), default=0.0)
         self._early_discs = self._discs = self._discs_at(at_ns)
         self._arena = Arena(world, self.body.radius_m, [disc[:2] for disc in self._discs])

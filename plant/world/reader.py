@@ -17,16 +17,16 @@ from protocol.ring import RADIUS_M
 from protocol.world import (
     MAX_OBSTACLES,
     WALL_THICKNESS_M,
-    Circle,
     GoalPose,
     Obstacle,
     Point,
-    Polygon,
     Polyline,
     Setting,
     Settings,
     Start,
     World,
+    WorldCircle,
+    WorldPolygon,
     bad_name,
 )
 from runtime.toml_reader import Key
@@ -75,11 +75,11 @@ def _refuse_out_of_place(table: FileTable, shape: str) -> None:
             table.refuse(key, f"{shape} cannot move", "remove it, or make it a circle_m")
 
 
-def _polygon(table: FileTable) -> Polygon:
+def _polygon(table: FileTable) -> WorldPolygon:
     points = table.points("polygon_m", fewest=3)
     if points:
         _check_simple(table, points)
-    return Polygon(points)
+    return WorldPolygon(points)
 
 
 def _check_simple(table: FileTable, points: tuple[Point, ...]) -> None:
@@ -121,7 +121,7 @@ def _wall(table: FileTable) -> Polyline:
     return Polyline(points, thickness_m)
 
 
-def _circle(table: FileTable, at: Key, report: WorldReport) -> Circle | None:
+def _circle(table: FileTable, at: Key, report: WorldReport) -> WorldCircle | None:
     raw = table.required("circle_m")
     if raw is None:
         return None
@@ -129,12 +129,12 @@ def _circle(table: FileTable, at: Key, report: WorldReport) -> Circle | None:
     x_m, y_m = disc.number("x", COORDINATE), disc.number("y", COORDINATE)
     radius_m = disc.number("radius", RADIUS)
     if not any(table.asks_for(key) for key in MOTION):
-        return Circle(x_m=x_m, y_m=y_m, radius_m=radius_m)
+        return WorldCircle(x_m=x_m, y_m=y_m, radius_m=radius_m)
     path_m = table.points("path_m", fewest=2)
     speed_m_s = table.number("speed_m_s", SPEED)
     if path_m and disc.sound:
         _check_path(table, path_m, (x_m, y_m))
-    return Circle(x_m=x_m, y_m=y_m, radius_m=radius_m, path_m=path_m, speed_m_s=speed_m_s)
+    return WorldCircle(x_m=x_m, y_m=y_m, radius_m=radius_m, path_m=path_m, speed_m_s=speed_m_s)
 
 
 def _check_path(table: FileTable, path_m: tuple[Point, ...], centre: Point) -> None:

@@ -14,11 +14,11 @@ from plant.model.configuration import LEVELS, Noise, noise_of
 from plant.model.geometry import Pose, clearance_m, distance_m, length_m
 from plant.placement import RobotGoal
 from protocol.world import (
-    Circle,
     Obstacle,
     Point,
     Polyline,
     World,
+    WorldCircle,
     rounded_degrees,
     tables_of,
 )
@@ -53,7 +53,7 @@ class TextCanvas:
 
     def fill(self, obstacle: Obstacle) -> None:
         """Mark the cells of an obstacle."""
-        moving = isinstance(obstacle, Circle) and bool(obstacle.path_m)
+        moving = isinstance(obstacle, WorldCircle) and bool(obstacle.path_m)
         # A thin line must not disappear between two rows.
         near_m = (self.row_m if isinstance(obstacle, Polyline) else self.cell_m) / 2.0
         for row in range(self.rows):
@@ -103,7 +103,7 @@ def _legend(world: World, path: Sequence[Point] | None) -> list[str]:
     if goal.heading_rad is not None:
         tolerance_deg = degrees(goal.heading_tolerance_rad)
         heading = f"heading {degrees(goal.heading_rad):.4g} +- {tolerance_deg:.3g} deg"
-    still = sum(not (isinstance(one, Circle) and one.path_m) for one in world.obstacles)
+    still = sum(not (isinstance(one, WorldCircle) and one.path_m) for one in world.obstacles)
     lines = [
         f"{world.name}: {world.size_m[0]:g} x {world.size_m[1]:g} m",
         f"  {START}  start ({start.x_m:g}, {start.y_m:g}), "

@@ -221,7 +221,7 @@ class EnumType(NamedTuple):
     entries: tuple[Entry, ...]
 
 
-class Ring(NamedTuple):
+class SonarRing(NamedTuple):
     """The sonar ring: bearings from right to left, one cone apart, and the radius of the robot."""
 
     first_deg: float
@@ -243,7 +243,7 @@ class Dialect(NamedTuple):
 
     messages: tuple[MessageType, ...]
     enums: dict[str, EnumType]
-    ring: Ring
+    ring: SonarRing
     place_m: float
 
 
@@ -270,9 +270,9 @@ def read_dialect() -> Dialect:
     return Dialect(ordered, enums, _ring(own), float(_only(own, PLACE)["increment"]))
 
 
-def _ring(root: ET.Element) -> Ring:
+def _ring(root: ET.Element) -> SonarRing:
     bearing = _only(root, BEARING)
-    return Ring(
+    return SonarRing(
         first_deg=float(bearing["minValue"]),
         last_deg=float(bearing["maxValue"]),
         cone_deg=float(bearing["increment"]),

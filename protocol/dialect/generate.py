@@ -31,7 +31,7 @@ from protocol.dialect.definitions import (
     EnumType,
     FieldDefinition,
     MessageType,
-    Ring,
+    SonarRing,
     read_dialect,
     upstream_definitions,
 )
@@ -481,12 +481,12 @@ def core_ring(dialect: Dialect) -> str:
     )
 
 
-def ring_lines(ring: Ring) -> list[str]:
+def ring_lines(ring: SonarRing) -> list[str]:
     """Return the numbers that both modules of the ring have."""
     return [f"RADIUS_M: Final = {ring.radius_mm / 1000}", f"SONARS: Final = {ring.sonars}"]
 
 
-def bearing_lines(ring: Ring, name: str, cone: str) -> list[str]:
+def bearing_lines(ring: SonarRing, name: str, cone: str) -> list[str]:
     """Return the bearings."""
     middle = (ring.sonars - 1) / 2
     return [

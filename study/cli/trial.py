@@ -17,11 +17,11 @@ from typing import Final, TextIO
 
 from plant.model.configuration import LEVELS, body_of
 from plant.model.geometry import clearance_m, moves
-from plant.sim.physics import Mover
+from plant.sim.physics import MovingDisc
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.options import above_zero, add_param_option, finite, numbers_kept, up_to, whole
-from protocol.outcome import Outcome
+from protocol.outcome import RunOutcome
 from protocol.world import GoalPose, Obstacle, Point, Start, World
 from robot.core.values import Decision, Outputs
 from robot.hosting import InProcessCore, NewCore
@@ -137,7 +137,7 @@ def _at(obstacle: Obstacle, at_s: float) -> Obstacle:
     """Return an obstacle at its position at that time."""
     if not moves(obstacle):
         return obstacle
-    x_m, y_m = Mover(obstacle).position_m(at_s)
+    x_m, y_m = MovingDisc(obstacle).position_m(at_s)
     return replace(obstacle, x_m=x_m, y_m=y_m)
 
 
@@ -179,7 +179,7 @@ def trial(options: argparse.Namespace) -> int:
     return 0 if outcome.reached else 1
 
 
-def run_on_board(job: Trial, trace: str | None) -> Outcome:
+def run_on_board(job: Trial, trace: str | None) -> RunOutcome:
     """Run a trial with the core on the emulated board.
 
     Raises UserError if there is no emulator, or if the navigator is for studies only.
@@ -195,7 +195,7 @@ def run_on_board(job: Trial, trace: str | None) -> Outcome:
         return run(job, trace, partial(BoardCore, board))
 
 
-def run(job: Trial, trace: str | None, new_core: NewCore = InProcessCore) -> Outcome:
+def run(job: Trial, trace: str | None, new_core: NewCore = InProcessCore) -> RunOutcome:
     """Run a trial and write its trace; raise UserError for a parameter or a file that fails."""
     try:
         params_of(job)  # reject bad parameters before a file is created

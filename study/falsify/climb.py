@@ -22,7 +22,7 @@ from plant.corpus.shapes import PERSON_M
 from plant.model.configuration import SONAR_TARGETS, WHEEL_TARGETS
 from plant.model.draws import Draws
 from plant.model.geometry import clearance_m
-from protocol.world import Circle, Settings, World
+from protocol.world import Settings, World, WorldCircle
 from robot.core.ring import SONARS
 from runtime.elementary import cos_sin
 from study.falsify.evaluate import Subject, evaluate
@@ -140,7 +140,7 @@ def robot_of(values: Mapping[str, float]) -> Settings:
     return {**robot, "track_m": round(TRACK * robot["radius_m"], 3)}
 
 
-def people_of(values: Mapping[str, float], world: World) -> tuple[Circle, ...]:
+def people_of(values: Mapping[str, float], world: World) -> tuple[WorldCircle, ...]:
     """Return the people, who walk to and fro and start clear of the robot."""
     found = []
     for k in range(round(values.get("people", 0.0))):
@@ -149,7 +149,7 @@ def people_of(values: Mapping[str, float], world: World) -> tuple[Circle, ...]:
         c, s = cos_sin(2.0 * pi * values[f"person_{k}_course"])
         far_m = values[f"person_{k}_far_m"]
         end = round(x_m + far_m * c, 2), round(y_m + far_m * s, 2)
-        person = Circle(
+        person = WorldCircle(
             x_m=x_m,
             y_m=y_m,
             radius_m=PERSON_M,

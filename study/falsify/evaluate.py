@@ -9,12 +9,12 @@ from math import inf, pi
 from typing import Any, Final
 
 from plant.model.geometry import edges, moves
-from plant.sim.physics import Mover, Surface, line
+from plant.sim.physics import MovingDisc, Surface, line
 from plant.sim.simulation import Plant
-from protocol.outcome import Outcome
+from protocol.outcome import RunOutcome
 from protocol.wire.messages import GroundTruth
 from protocol.wire.reasons import Reason
-from protocol.world import Circle, Obstacle, Polygon, Polyline, World
+from protocol.world import Obstacle, Polyline, World, WorldCircle, WorldPolygon
 from robot.core import states
 from robot.core.navigators import proof as proofs
 from robot.core.perception.sonar_ring import Ring
@@ -178,11 +178,11 @@ def surfaces(world: World, time_s: float) -> Iterator[tuple[str, Surface]]:
 
 def surfaces_of(obstacle: Obstacle, number: int, time_s: float) -> Iterator[tuple[str, Surface]]:
     """Yield the surfaces of an obstacle at a time, with names."""
-    if isinstance(obstacle, Circle):
+    if isinstance(obstacle, WorldCircle):
         walks = moves(obstacle)
-        at = Mover(obstacle).position_m(time_s) if walks else (obstacle.x_m, obstacle.y_m)
+        at = MovingDisc(obstacle).position_m(time_s) if walks else (obstacle.x_m, obstacle.y_m)
         yield f"{'person' if walks else 'post'} {number}", line(at, at, obstacle.radius_m)
-    elif isinstance(obstacle, Polygon):
+    elif isinstance(obstacle, WorldPolygon):
         for a, b in edges(obstacle.points_m, closed=True):
             yield f"block {number}", line(a, b, 0.0)
     else:
@@ -256,7 +256,7 @@ def evaluate(subject: Subject, world: World, seed: int, limit_s: float | None = 
     )
 
 
-def kind_of(outcome: Outcome, reason: int, watch: Monitor) -> str:
+def kind_of(outcome: RunOutcome, reason: int, watch: Monitor) -> str:
     """Return the kind of end in a word or two joined by a hyphen."""
     if outcome.own_contacts:
         return f"contact-{BRANCHES.get(watch.contact_branch, 'stopped')}"

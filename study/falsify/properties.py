@@ -6,9 +6,9 @@ from typing import Final, NamedTuple
 
 from plant.model.configuration import body_of
 from plant.model.geometry import edges, length_m
-from protocol.outcome import Outcome
+from protocol.outcome import RunOutcome
 from protocol.wire.reasons import Reason
-from protocol.world import Circle, Polygon, World
+from protocol.world import World, WorldCircle, WorldPolygon
 
 ELLIPSE: Final = 23.0
 """Largest squared Mahalanobis distance of the position: chi-square of two degrees at 1e-5."""
@@ -90,7 +90,7 @@ class Evaluation:
     kind: str
     violated: str
     scores: dict[str, float]
-    outcome: Outcome
+    outcome: RunOutcome
     goal_reason: int
     avoidances: int
     side_changes: int
@@ -116,9 +116,9 @@ def both_sides_m(world: World) -> float:
     """Return the length of a way once along both sides of all walls and along the rim."""
     total_m = 2.0 * (world.size_m[0] + world.size_m[1])
     for obstacle in world.obstacles:
-        if isinstance(obstacle, Circle):
+        if isinstance(obstacle, WorldCircle):
             total_m += 2.0 * pi * obstacle.radius_m
-        elif isinstance(obstacle, Polygon):
+        elif isinstance(obstacle, WorldPolygon):
             total_m += length_m(
                 [point for edge in edges(obstacle.points_m, closed=True) for point in edge]
             )
@@ -128,7 +128,7 @@ def both_sides_m(world: World) -> float:
 
 
 def violated_by(
-    outcome: Outcome, reason: int, mahalanobis2: float, detour: float, *, reachable: bool
+    outcome: RunOutcome, reason: int, mahalanobis2: float, detour: float, *, reachable: bool
 ) -> str:
     """Return the letters of the violated properties."""
     claimed = reason == Reason.UNREACHABLE
@@ -148,13 +148,13 @@ def violated_by(
     return found
 
 
-def ratio_of(outcome: Outcome) -> float:
+def ratio_of(outcome: RunOutcome) -> float:
     """Return the length of the way as a multiple of the shortest."""
     return outcome.path_m / max(MIN_LENGTH_M, outcome.shortest_path_m or 0.0)
 
 
 def scores_of(
-    outcome: Outcome, mahalanobis2: float, limit_s: float, *, reachable: bool
+    outcome: RunOutcome, mahalanobis2: float, limit_s: float, *, reachable: bool
 ) -> dict[str, float]:
     """Return the score of each property.
 

@@ -16,7 +16,7 @@ from plant.corpus.generate import measured
 from plant.model.errors import WorldError
 from plant.world.file import loads
 from plant.world.writer import dumps
-from protocol.world import Circle, Obstacle, Point, Polygon, Polyline, World
+from protocol.world import Obstacle, Point, Polyline, World, WorldCircle, WorldPolygon
 from study.falsify import climb
 from study.falsify.climb import SearchCandidate, SearchSettings, Violation
 from study.falsify.evaluate import evaluate
@@ -77,14 +77,14 @@ def _with(world: World, number: int, obstacle: Obstacle) -> World:
 
 
 def _obstacle(obstacle: Obstacle, grid_m: float) -> Obstacle:
-    if isinstance(obstacle, Circle):
+    if isinstance(obstacle, WorldCircle):
         x_m, y_m = _point((obstacle.x_m, obstacle.y_m), grid_m)
         radius_m = max(0.01, _on(obstacle.radius_m, min(grid_m, 0.05)))
         path_m = tuple(_point(point, grid_m) for point in obstacle.path_m)
         return replace(obstacle, x_m=x_m, y_m=y_m, radius_m=radius_m, path_m=path_m)
     points_m = tuple(_point(point, grid_m) for point in obstacle.points_m)
-    if isinstance(obstacle, Polygon):
-        return Polygon(points_m)
+    if isinstance(obstacle, WorldPolygon):
+        return WorldPolygon(points_m)
     return Polyline(points_m, obstacle.thickness_m)
 
 
@@ -295,7 +295,7 @@ def walls_in(world: World) -> int:
         if isinstance(obstacle, Polyline):
             count += len(obstacle.points_m) - 1
         else:
-            count += 1 if isinstance(obstacle, Circle) else len(obstacle.points_m)
+            count += 1 if isinstance(obstacle, WorldCircle) else len(obstacle.points_m)
     return count
 
 

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from robot.core.parameters import DEFAULTS
-from study.intervals import CONFIDENCE, Interval, Share, mean_interval
+from study.intervals import CONFIDENCE, Interval, Proportion, mean_interval
 from study.people.crowd_trial import CrowdTrial, TrialSeries, WorldResult
 from study.people.encounters import PERSONAL_M, SOON_S, Exposure, PersonContact
 
@@ -106,22 +106,22 @@ class CrowdComparison:
         return [trial for result in self.results for trial in result.trials[self.navigator]]
 
     @property
-    def arrived(self) -> Share:
+    def arrived(self) -> Proportion:
         """Trials that arrived without a contact."""
         return self._share(trial.arrived for trial in self.trials)
 
     @property
-    def touched(self) -> Share:
+    def touched(self) -> Proportion:
         """Trials with a contact of any kind."""
         return self._share(trial.touched for trial in self.trials)
 
     @property
-    def own(self) -> Share:
+    def own(self) -> Proportion:
         """Trials with a contact by the robot's own motion."""
         return self._share(trial.own_contacts > 0 for trial in self.trials)
 
     @property
-    def blocked(self) -> Share:
+    def blocked(self) -> Proportion:
         """Worlds in which the omniscient robot finds no way without a contact."""
         return self._share(result.blocked for result in self.results)
 
@@ -189,9 +189,9 @@ class CrowdComparison:
         ]
 
     @staticmethod
-    def _share(found: Iterable[bool]) -> Share:
+    def _share(found: Iterable[bool]) -> Proportion:
         values = list(found)
-        return Share(sum(values), len(values))
+        return Proportion(sum(values), len(values))
 
 
 def pooled(first: CrowdComparison, *others: CrowdComparison) -> CrowdComparison:
@@ -311,7 +311,7 @@ def _baseline_cells(row: CrowdComparison) -> list[list[str]]:
     touched = f"{100.0 * sum(one.touched for one in stays) / len(stays):.1f} %"
     near = _near(Nearness(one.exposure for one in stays))
     standing = [f"{worlds} × {places} places", NONE, touched, NONE, NONE, *near]
-    free = _share(Share(worlds - row.blocked.count, worlds))
+    free = _share(Proportion(worlds - row.blocked.count, worlds))
     omniscient = [str(worlds), free, _share(row.blocked), NONE, NONE, *_near(Nearness(routes))]
     return [["standing robot", *standing], ["omniscient robot", *omniscient]]
 
@@ -352,7 +352,7 @@ def _excess(one: CrowdComparison) -> str:
     return f"{100.0 * one.excess:+.1f} points ({100.0 * low:+.1f} to {100.0 * high:+.1f})"
 
 
-def _share(share: Share) -> str:
+def _share(share: Proportion) -> str:
     return _percent(share.rate, share.interval)
 
 

@@ -16,7 +16,7 @@ from plant.corpus import generate
 from plant.model.configuration import body_of
 from plant.model.geometry import clearance_m, distance_m, moves
 from plant.shortest_path import path_length_m, shortest_path
-from protocol.world import Circle, Obstacle, Point, Polyline, World
+from protocol.world import Obstacle, Point, Polyline, World, WorldCircle
 from runtime.units import PERIOD_S
 from study.people.encounters import Encounters, Exposure, PersonContact, Walkers, gap_of
 from study.runner.plan import digest_of, seed_of
@@ -202,7 +202,7 @@ class _WalkableFloor:
 
 def around(obstacle: Obstacle) -> tuple[float, float, float]:
     """Return centre and radius in metres of a circle that contains an obstacle."""
-    if isinstance(obstacle, Circle):
+    if isinstance(obstacle, WorldCircle):
         return obstacle.x_m, obstacle.y_m, obstacle.radius_m
     points = np.array(obstacle.points_m)
     x_m, y_m = points.mean(axis=0).tolist()

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from plant.model.configuration import body_of
 from plant.model.geometry import movers
-from plant.sim.physics import Mover
+from plant.sim.physics import MovingDisc
 from plant.sim.simulation import Plant
 from protocol.world import Point, World
 from robot.core.perception.people import PROVEN, SAME_M, SLOTS, People
@@ -44,7 +44,7 @@ class Walkers:
 
     def __init__(self, world: World) -> None:
         self._robot_radius_m = body_of(world).radius_m
-        self._movers = [Mover(circle) for circle in movers(world)]
+        self._movers = [MovingDisc(circle) for circle in movers(world)]
 
     def __len__(self) -> int:
         """Return the number of people."""

@@ -14,7 +14,7 @@ import pyarrow as pa
 
 from protocol.world import World
 from runtime.errors import UserError
-from study.intervals import Share
+from study.intervals import Proportion
 from study.report.comparisons import (
     LEVEL,
     PairedComparison,
@@ -95,7 +95,7 @@ def family_table(trials: Trials, noise: str) -> PageTable:
 def _cell(trials: Trials) -> PageCellLike:
     if not len(trials):
         return PageCell(DASH, "none")
-    found = Share(trials.count(trials.success), len(trials))
+    found = Proportion(trials.count(trials.success), len(trials))
     return PageCell(f"{percent(found.rate, 0)} ({found.count}/{found.of})", heat=found.rate)
 
 

@@ -12,7 +12,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from study.intervals import Floats, Share
+from study.intervals import Floats, Proportion
 
 COLOURS: Final = {
     "bug": ("#d55e00", "#ff8a3d"),
@@ -220,7 +220,7 @@ ROW: Final = 22.0
 TOP: Final = 26.0
 MAX_DOTS: Final = 80
 
-Panels = Mapping[str, Mapping[str, Share]]
+Panels = Mapping[str, Mapping[str, Proportion]]
 
 
 def success_chart(panels: Panels, labels: Sequence[str], alt_text: str) -> SvgDrawing:
@@ -246,7 +246,7 @@ def _row(row: int) -> float:
     return TOP + ROW * (row + 0.5)
 
 
-def _whisker(drawing: SvgDrawing, left: float, y: float, label: str, found: Share) -> None:
+def _whisker(drawing: SvgDrawing, left: float, y: float, label: str, found: Proportion) -> None:
     low, high = found.interval
     ends = (left + PANEL * low, y), (left + PANEL * high, y)
     drawing.line(*ends, f"whisker l-{colour(label)}")

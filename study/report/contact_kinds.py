@@ -12,10 +12,10 @@ from math import atan2, cos, degrees, hypot, inf, isfinite, pi, remainder, sin, 
 from typing import Final, NamedTuple
 
 from plant.model.geometry import clearance_m, distance_m, nearest_share
-from plant.sim.physics import Mover
+from plant.sim.physics import MovingDisc
 from plant.sim.simulation import Plant
-from protocol.outcome import Outcome
-from protocol.world import Circle, Obstacle, Point, Polygon, Polyline, World
+from protocol.outcome import RunOutcome
+from protocol.world import Obstacle, Point, Polyline, World, WorldCircle, WorldPolygon
 from robot.core.perception.echoes import REACH_M, SURE, Echoes
 from robot.core.ring import BEARINGS, HALF_CONE
 from robot.core.states import PASS_LEFT, PASS_RIGHT
@@ -36,7 +36,7 @@ class StoredPoint(NamedTuple):
     counts: bool
 
 
-class RecordedTick(NamedTuple):
+class TracedTick(NamedTuple):
     """One tick: `clearance_m` is true, `range_m` are the sonars' ranges from the rim."""
 
     time_s: float
@@ -55,13 +55,13 @@ class RecordedTick(NamedTuple):
 class ContactRecorder:
     """Keep the last ticks of a trial."""
 
-    ticks: deque[RecordedTick] = field(default_factory=lambda: deque(maxlen=KEPT_TICKS))
+    ticks: deque[TracedTick] = field(default_factory=lambda: deque(maxlen=KEPT_TICKS))
 
     def __call__(self, plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
         """Keep one tick."""
         truth, state = plant.truth(), onboard.state
         self.ticks.append(
-            RecordedTick(
+            TracedTick(
                 time_s=plant.now_ns / NS_PER_S,
                 true=Pose(truth.x_m, truth.y_m, truth.heading_rad),
                 estimated=state.odometry.pose,
@@ -90,7 +90,7 @@ def points_of(echoes: Echoes | None) -> tuple[StoredPoint, ...]:
     )
 
 
-def before_contact(trial: Trial) -> tuple[list[RecordedTick], Outcome]:
+def before_contact(trial: Trial) -> tuple[list[TracedTick], RunOutcome]:
     """Return the last ticks of a trial, up to the one of its contact, and its outcome.
 
     A contact ends the drive. If no kept tick touches anything, the last one counts as the contact.
@@ -117,7 +117,7 @@ class Touched(NamedTuple):
     name: str
     point: Point
     is_edge: bool
-    mover: Circle | None = None
+    mover: WorldCircle | None = None
 
     def at(self, time_s: float, seen_from: Point) -> Point:
         """Return the place at a time: of a mover, the one of its surface that is the nearest."""
@@ -129,14 +129,14 @@ class Touched(NamedTuple):
 def world_at(world: World, time_s: float) -> World:
     """Return the world with its moving obstacles at their places of that time."""
     obstacles = tuple(
-        _placed(one, time_s) if isinstance(one, Circle) and one.path_m else one
+        _placed(one, time_s) if isinstance(one, WorldCircle) and one.path_m else one
         for one in world.obstacles
     )
     return replace(world, obstacles=obstacles)
 
 
-def _placed(circle: Circle, time_s: float) -> Circle:
-    x_m, y_m = Mover(circle).position_m(time_s)
+def _placed(circle: WorldCircle, time_s: float) -> WorldCircle:
+    x_m, y_m = MovingDisc(circle).position_m(time_s)
     return replace(circle, x_m=x_m, y_m=y_m)
 
 
@@ -152,7 +152,7 @@ def _places(world: World, robot: Point, time_s: float) -> Iterator[tuple[int, To
     now = world_at(world, time_s)
     for index, (obstacle, usual) in enumerate(zip(now.obstacles, world.obstacles, strict=True)):
         point = nearest_of(obstacle, robot)
-        mover = usual if isinstance(usual, Circle) and usual.path_m else None
+        mover = usual if isinstance(usual, WorldCircle) and usual.path_m else None
         others = [one for one in now.obstacles if one is not obstacle]
         edge = any(distance_m(point, one) <= EDGE_M for one in edges_of(obstacle, others))
         yield index, Touched(name_of(usual), point, edge, mover)
@@ -166,17 +166,17 @@ def name_of(obstacle: Obstacle) -> str:
     """Return a short name of an obstacle."""
     if isinstance(obstacle, Polyline):
         return f"wall of {MM_PER_M * obstacle.thickness_m:g} mm"
-    if isinstance(obstacle, Polygon):
+    if isinstance(obstacle, WorldPolygon):
         return BLOCK
     return "person" if obstacle.path_m else "disc"
 
 
 def nearest_of(obstacle: Obstacle, seen_from: Point) -> Point:
     """Return the nearest point of an obstacle's surface."""
-    if isinstance(obstacle, Circle):
+    if isinstance(obstacle, WorldCircle):
         return _towards((obstacle.x_m, obstacle.y_m), seen_from, obstacle.radius_m)
     points = obstacle.points_m
-    if isinstance(obstacle, Polygon):
+    if isinstance(obstacle, WorldPolygon):
         points = (*points, points[0])
     sides = [_on_segment(seen_from, a, b) for a, b in pairwise(points)]
     best = min(sides, key=lambda point: distance_m(point, seen_from))
@@ -186,9 +186,9 @@ def nearest_of(obstacle: Obstacle, seen_from: Point) -> Point:
 
 def edges_of(obstacle: Obstacle, others: list[Obstacle]) -> list[Point]:
     """Return the free ends of a wall, which touch no other obstacle, or the corners of a block."""
-    if isinstance(obstacle, Polygon):
+    if isinstance(obstacle, WorldPolygon):
         return list(obstacle.points_m)
-    if isinstance(obstacle, Circle):
+    if isinstance(obstacle, WorldCircle):
         return []
     ends = (obstacle.points_m[0], obstacle.points_m[-1])
     return [end for end in ends if all(clearance_m(end, one) > EDGE_M for one in others)]
@@ -269,7 +269,7 @@ class PlaceRecord(NamedTuple):
         return degrees(self.bearing_rad)
 
 
-def knowledge_of(ticks: Sequence[RecordedTick], place: Touched, radius_m: float) -> PlaceRecord:
+def knowledge_of(ticks: Sequence[TracedTick], place: Touched, radius_m: float) -> PlaceRecord:
     """Return the measurements of the touched place before the last tick."""
     end, before = ticks[-1], ticks[:-1]
     bearing_rad, _ = polar(seen_from(end.true, place.at(end.time_s, end.true[:2])))
@@ -307,9 +307,7 @@ def kind_of(place: Touched, known: PlaceRecord, branch: int) -> str:
     return UNSEEN_FOLLOWING if branch in (PASS_LEFT, PASS_RIGHT) else UNSEEN_AHEAD
 
 
-def nearest_stored(
-    tick: RecordedTick, place: Touched, radius_m: float
-) -> tuple[float, float] | None:
+def nearest_stored(tick: TracedTick, place: Touched, radius_m: float) -> tuple[float, float] | None:
     """Return the range from the rim of the stored point nearest to the place, and their distance.
 
     Both are compared in the robot's frame: the point by its estimate, the place by the true pose.
@@ -324,7 +322,7 @@ def nearest_stored(
     return (range_m, aside_m) if aside_m <= PLACE_M else None
 
 
-def echoes_of(tick: RecordedTick, place: Touched, radius_m: float) -> Iterator[float]:
+def echoes_of(tick: TracedTick, place: Touched, radius_m: float) -> Iterator[float]:
     """Yield the ranges of a tick that agree with the touched place in bearing and distance."""
     bearing_rad, away_m = polar(seen_from(tick.true, place.at(tick.time_s, tick.true[:2])))
     for sonar_rad, range_m in zip(BEARINGS, tick.range_m, strict=True):

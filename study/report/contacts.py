@@ -19,15 +19,15 @@ from plant.model.configuration import body_of
 from plant.model.geometry import clearance_m
 from protocol.wire.enums import Branch
 from protocol.wire.reasons import reason_text
-from protocol.world import Circle, Point, Polygon, World
+from protocol.world import Point, World, WorldCircle, WorldPolygon
 from runtime.units import MM_PER_M
 from study.report.charts import Dot, SvgDrawing, colour
 from study.report.contact_kinds import (
     BLOCK,
     RULES,
     PlaceRecord,
-    RecordedTick,
     Touched,
+    TracedTick,
     before_contact,
     kind_of,
     knowledge_of,
@@ -72,24 +72,24 @@ class CloseUp:
         for obstacle in world.obstacles:
             if clearance_m(self._centre, obstacle) > WIDE_M:
                 continue
-            if isinstance(obstacle, Circle):
+            if isinstance(obstacle, WorldCircle):
                 kind = "mover" if obstacle.path_m else "solid"
                 centre = self.at((obstacle.x_m, obstacle.y_m))
                 self.drawing.circle(centre, obstacle.radius_m * SCALE, kind)
-            elif isinstance(obstacle, Polygon):
+            elif isinstance(obstacle, WorldPolygon):
                 self.drawing.polygon(map(self.at, obstacle.points_m), "solid")
             else:
                 half = max(0.5, obstacle.thickness_m * SCALE / 2.0)
                 wall_parts(self.drawing, [self.at(point) for point in obstacle.points_m], half)
 
-    def robot(self, end: RecordedTick, radius_m: float) -> None:
+    def robot(self, end: TracedTick, radius_m: float) -> None:
         """Draw the robot at the contact, with its heading."""
         x_m, y_m, heading_rad = end.true
         tip = x_m + radius_m * cos(heading_rad), y_m + radius_m * sin(heading_rad)
         self.drawing.circle(self.at((x_m, y_m)), radius_m * SCALE, "goal")
         self.drawing.line(self.at((x_m, y_m)), self.at(tip), "goal")
 
-    def memory(self, tick: RecordedTick) -> None:
+    def memory(self, tick: TracedTick) -> None:
         """Draw the stored points where the robot estimated them, seen from its true pose."""
         x_m, y_m, heading_rad = tick.true
         for point in tick.points:
@@ -111,7 +111,7 @@ class CloseUp:
 
 
 def close_up(
-    world: World, ticks: Sequence[RecordedTick], place: Touched, radius_m: float, title: str
+    world: World, ticks: Sequence[TracedTick], place: Touched, radius_m: float, title: str
 ) -> SvgDrawing:
     """Draw the surroundings, the true way of the kept ticks, the memory and the touched place."""
     end = ticks[-1]
@@ -143,7 +143,7 @@ class ExplainedContact(NamedTuple):
     kind: str
     place: Touched
     known: PlaceRecord
-    ticks: Sequence[RecordedTick]
+    ticks: Sequence[TracedTick]
     drawing: SvgDrawing
     same: bool
 
@@ -299,7 +299,7 @@ def facts_of(one: ExplainedContact) -> list[str]:
     ]
 
 
-def events_of(ticks: Sequence[RecordedTick]) -> list[str]:
+def events_of(ticks: Sequence[TracedTick]) -> list[str]:
     """Return the changes of decision and guard in the last seconds, with their times."""
     end_s, events, before = ticks[-1].time_s, [], None
     for tick in ticks[:-1]:

@@ -15,7 +15,7 @@ from typing import Final, TypeAlias, TypeVar
 from plant.model.configuration import LEVELS
 from plant.sim.simulation import Plant
 from plant.world.file import load
-from protocol.outcome import Outcome
+from protocol.outcome import RunOutcome
 from robot.core import states
 from robot.core.values import Outputs
 from study.trial.core_loop import CoreLoop
@@ -33,7 +33,7 @@ class DrivenTrial:
     """True and estimated poses tick by tick; `covariance` is the last xx, xy, yy in m²."""
 
     trial: Trial
-    outcome: Outcome
+    outcome: RunOutcome
     true: tuple[Pose, ...]
     believed: tuple[Pose, ...]
     branches: tuple[int, ...]

@@ -12,7 +12,7 @@ from typing import Final, TypeVar
 import msgspec
 
 from runtime.errors import UserError
-from study.intervals import Interval, Share
+from study.intervals import Interval, Proportion
 
 PEOPLE: Final = "people.json"
 MAPS: Final = "published-maps.json"
@@ -70,9 +70,9 @@ class MapResult(msgspec.Struct, frozen=True, kw_only=True):
     score_high: float | None = None
 
     @property
-    def arrivals(self) -> Share:
+    def arrivals(self) -> Proportion:
         """The share that arrived and touched nothing."""
-        return Share(self.arrived, self.trials)
+        return Proportion(self.arrived, self.trials)
 
     @property
     def score_interval(self) -> Interval:
@@ -82,9 +82,9 @@ class MapResult(msgspec.Struct, frozen=True, kw_only=True):
         return Interval(self.score_low, self.score_high)
 
     @property
-    def wronged(self) -> Share:
+    def wronged(self) -> Proportion:
         """The share that was called unreachable; every goal in these maps can be reached."""
-        return Share(self.unreachable, self.trials)
+        return Proportion(self.unreachable, self.trials)
 
 
 class PublishedMaps(msgspec.Struct, frozen=True):

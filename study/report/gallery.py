@@ -16,7 +16,7 @@ from plant.model.configuration import body_of
 from plant.model.errors import WorldError
 from protocol.outcome import CHI2_2, LOST, UNREACHABLE
 from protocol.wire.reasons import Reason
-from protocol.world import Circle, Point, Polygon, Polyline, World
+from protocol.world import Point, Polyline, World, WorldCircle, WorldPolygon
 from runtime.errors import UserError
 from study.intervals import CONFIDENT, Floats
 from study.report.charts import Dot, SvgDrawing, colour, dashed
@@ -95,7 +95,7 @@ class WorldMap:
         corner = self.at((0.0, height_m))
         self.drawing.rectangle(corner, width_m * self._scale, height_m * self._scale, kind)
         for obstacle in self.world.obstacles:
-            if isinstance(obstacle, Polygon):
+            if isinstance(obstacle, WorldPolygon):
                 self.drawing.polygon(map(self.at, obstacle.points_m), "solid")
             elif isinstance(obstacle, Polyline):
                 self._wall(obstacle)
@@ -106,7 +106,7 @@ class WorldMap:
         half = max(0.5, wall.thickness_m * self._scale / 2.0)
         wall_parts(self.drawing, [self.at(point) for point in wall.points_m], half)
 
-    def _disc(self, disc: Circle) -> None:
+    def _disc(self, disc: WorldCircle) -> None:
         if disc.path_m:
             self.drawing.polyline(map(self.at, disc.path_m), "moverline")
         kind = "mover" if disc.path_m else "solid"

@@ -15,7 +15,7 @@ from itertools import count
 from math import isfinite, isnan
 from typing import Final, TypeAlias
 
-from study.intervals import Interval, Share
+from study.intervals import Interval, Proportion
 from study.report.charts import DRAWING_RULES, PAGE_STYLE, SvgDrawing
 
 
@@ -161,7 +161,7 @@ def percent(rate: float, digits: int = 1) -> str:
     return text
 
 
-def share(found: Share, digits: int = 1) -> str:
+def share(found: Proportion, digits: int = 1) -> str:
     """Format a share in percent with its interval."""
     if not found.of:
         return DASH

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple, TypeAlias
 
 from plant.model.configuration import LEVELS
 from plant.world.file import load
-from study.intervals import CONFIDENT, Share, quantile, quantile_interval
+from study.intervals import CONFIDENT, Proportion, quantile, quantile_interval
 from study.report.comparisons import LEVEL, comparison, runs_by_pair
 from study.report.drives import (
     PLACES,
@@ -219,7 +219,7 @@ def _corner(trials: Trials, runs: PaperRuns) -> Claim:
             and (one.trial.navigator, one.trial.side) == ("bug", side)
         ]
         found = _pooled((rows, drives), ARRIVALS)
-        verdicts.append(_universal(Share(found.of - found.count, found.of)))
+        verdicts.append(_universal(Proportion(found.of - found.count, found.of)))
         texts.append(f"bug, {side}: {share(found)} % of {count_text(found.of)} arrive")
         shown += [f"{side}: {one}" for one in _shown((rows, drives), ARRIVALS, True)]
     return Claim(
@@ -247,16 +247,16 @@ def _always(statement: str, pool: Evidence, kind: ClaimMeasure) -> Claim:
     )
 
 
-def _universal(found: Share) -> str:
+def _universal(found: Proportion) -> str:
     if found.interval.high < 1.0 - RARE:
         return REFUTED
     return CONFIRMED if found.count == found.of and found.of >= ENOUGH else UNCLEAR
 
 
-def _pooled(pool: Evidence, kind: ClaimMeasure) -> Share:
+def _pooled(pool: Evidence, kind: ClaimMeasure) -> Proportion:
     rows, drives = pool
     good = rows.count(kind.of_rows(rows)) + sum(map(kind.of_drive, drives))
-    return Share(good, len(rows) + len(drives))
+    return Proportion(good, len(rows) + len(drives))
 
 
 def _shown(pool: Evidence, kind: ClaimMeasure, good: bool) -> list[str]:
@@ -383,7 +383,7 @@ def _figure(
         for drive in runs.of(label)
         if drive.trial.world.name == place
     ]  # fmt: skip
-    ends = Share(sum(map(arrived_untouched, drives)), len(drives))
+    ends = Proportion(sum(map(arrived_untouched, drives)), len(drives))
     title = f"Figure {figure} redone: {' and '.join(labels)}, {ends.count} of {ends.of} arrive"
     plan = WorldMap(load(name), WIDTH, title)
     plan.straight()
@@ -433,7 +433,7 @@ def _measures(drives: list[DrivenTrial]) -> tuple[str, ...]:
     left = [value for drive in arrivals if (value := remaining_deviation(drive)) is not None]
     turns = [value for drive in arrivals if (value := remaining_turn_deg(drive)) is not None]
     return (
-        share(Share(sum(map(arrived_untouched, drives)), len(drives)), 0),
+        share(Proportion(sum(map(arrived_untouched, drives)), len(drives)), 0),
         number(quantile(ratios, 0.5)),
         number(quantile([deviation_m(drive) for drive in drives], 0.5)),
         number(quantile(left, 0.5)),

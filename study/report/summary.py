@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from protocol.outcome import LOST
-from study.intervals import CONFIDENT, Floats, Share, mean, quantile
+from study.intervals import CONFIDENT, Floats, Proportion, mean, quantile
 from study.report.charts import bars, distribution_chart, success_chart
 from study.report.page import DASH, Block, PageFigure, PageTable, count_text, number, percent, share
 from study.report.targets import ERRORS, PER, RATIO
@@ -38,23 +38,23 @@ class NavigatorSummary:
     label: str
     noise: str
     worlds: int
-    success: Share
-    touched: Share
+    success: Proportion
+    touched: Proportion
     contacts: int
     own_contacts: int
     error_m: tuple[float, float, float]
     """Median, 95th percentile and maximum of the true position error of arrivals."""
     heading_deg: tuple[float, float]
-    inside: Share
+    inside: Proportion
     ratio: tuple[float, float]
     time_s: float
     clearance_m: tuple[float, float]
     side_changes: tuple[float, float]
-    recognised: Share
+    recognised: Proportion
     recognised_s: float
-    wronged: Share
-    lost: Share
-    stuck: Share
+    wronged: Proportion
+    lost: Proportion
+    stuck: Proportion
     spl: float
     score: float
 
@@ -82,22 +82,22 @@ def summary(trials: Trials, label: str, noise: str) -> NavigatorSummary:
         label=label,
         noise=noise,
         worlds=len(set(trials.texts("world_digest").tolist())),
-        success=Share(len(arrivals), len(reachable)),
-        touched=Share(trials.count(touched), len(trials)),
+        success=Proportion(len(arrivals), len(reachable)),
+        touched=Proportion(trials.count(touched), len(trials)),
         contacts=_total(trials.numbers("contacts")),
         own_contacts=_total(trials.numbers("own_contacts")),
         error_m=(quantile(error_m, 0.5), quantile(error_m, 0.95), quantile(error_m, 1.0)),
         heading_deg=(quantile(np.degrees(turned), 0.5), quantile(np.degrees(turned), 0.95)),
-        inside=Share(known.count(known.inside), len(known)),
+        inside=Proportion(known.count(known.inside), len(known)),
         ratio=(quantile(arrivals.ratio, 0.5), quantile(arrivals.ratio, 0.9)),
         time_s=quantile(arrivals.numbers("time_s"), 0.5),
         clearance_m=(quantile(clearance_m, 0.0), quantile(clearance_m, 0.5)),
         side_changes=(quantile(changes, 0.5), quantile(changes, 1.0)),
-        recognised=Share(len(recognised), len(unreachable)),
+        recognised=Proportion(len(recognised), len(unreachable)),
         recognised_s=quantile(recognised.numbers("time_s"), 0.5),
-        wronged=Share(reachable.count(reachable.gave_up), len(reachable)),
-        lost=Share(reachable.count(reachable.has(outcome=LOST)), len(reachable)),
-        stuck=Share(reachable.count(reachable.has(outcome="stuck")), len(reachable)),
+        wronged=Proportion(reachable.count(reachable.gave_up), len(reachable)),
+        lost=Proportion(reachable.count(reachable.has(outcome=LOST)), len(reachable)),
+        stuck=Proportion(reachable.count(reachable.has(outcome="stuck")), len(reachable)),
         spl=mean(reachable.numbers("spl")),
         score=mean(reachable.numbers("published_score")),
     )
@@ -139,7 +139,7 @@ def numbers(found: NavigatorSummary) -> dict[str, str | int | float | None]:
     row: dict[str, str | int | float | None] = {}
     for field in fields(found):
         value = getattr(found, field.name)
-        if isinstance(value, Share):
+        if isinstance(value, Proportion):
             row |= {field.name: value.count, f"{field.name}_of": value.of}
             row |= {
                 f"{field.name}_low": value.interval.low,
@@ -220,11 +220,11 @@ class GivenUp:
 
     label: str
     noise: str
-    wronged: Share
-    ended: tuple[Share, Share]
+    wronged: Proportion
+    ended: tuple[Proportion, Proportion]
     doubt_m: float
-    recognised: Share
-    ended_shut: tuple[Share, Share]
+    recognised: Proportion
+    ended_shut: tuple[Proportion, Proportion]
     time_s: tuple[float, float]
     laps: tuple[float, float]
 
@@ -245,19 +245,19 @@ def _given_up(trials: Trials, label: str, noise: str) -> GivenUp:
     return GivenUp(
         label=label,
         noise=noise,
-        wronged=Share(reachable.count(reachable.gave_up), len(reachable)),
+        wronged=Proportion(reachable.count(reachable.gave_up), len(reachable)),
         ended=_ended(reachable),
         doubt_m=quantile(trials.of(outcome=LOST).numbers("doubt_m"), 0.5),
-        recognised=Share(len(recognised), len(shut)),
+        recognised=Proportion(len(recognised), len(shut)),
         ended_shut=_ended(shut),
         time_s=_both(recognised.numbers("time_s")),
         laps=_both(recognised.laps),
     )
 
 
-def _ended(trials: Trials) -> tuple[Share, Share]:
+def _ended(trials: Trials) -> tuple[Proportion, Proportion]:
     lost, stuck = (
-        Share(trials.count(trials.has(outcome=end)), len(trials)) for end in GIVEN_UP_ENDS
+        Proportion(trials.count(trials.has(outcome=end)), len(trials)) for end in GIVEN_UP_ENDS
     )
     return lost, stuck
 
@@ -306,7 +306,7 @@ def _cells(one: GivenUp) -> tuple[str, ...]:
     )
 
 
-def _counts(ended: tuple[Share, Share]) -> tuple[str, ...]:
+def _counts(ended: tuple[Proportion, Proportion]) -> tuple[str, ...]:
     return tuple(count_text(share.count) for share in ended)
 
 
@@ -330,7 +330,7 @@ SPENT: Final = {
 
 def success_figure(found: list[NavigatorSummary]) -> PageFigure:
     """Return success by navigator and noise level."""
-    panels: dict[str, dict[str, Share]] = {}
+    panels: dict[str, dict[str, Proportion]] = {}
     for one in found:
         panels.setdefault(one.noise, {})[one.label] = one.success
     labels = list(dict.fromkeys(one.label for one in found))
@@ -425,7 +425,7 @@ def _errors(arrivals: Trials) -> tuple[str, ...]:
     return (
         *(number(quantile(error_m, at), 3) for at in (0.5, 0.9, 0.99, 1.0)),
         *(number(quantile(heading_deg, at), 1) for at in (0.5, 0.95)),
-        share(Share(known.count(known.inside), len(known))),
+        share(Proportion(known.count(known.inside), len(known))),
         number(float(squared.mean()) if len(squared) else np.nan),
     )
 

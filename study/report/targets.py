@@ -18,7 +18,7 @@ from study.intervals import (
     CONFIDENT,
     Floats,
     Interval,
-    Share,
+    Proportion,
     mean,
     mean_interval,
     quantile,
@@ -78,7 +78,7 @@ def verdict_of(met: bool) -> str:
     return MET if met else MISSED
 
 
-def at_least(what: str, noise: str, found: Share, wanted: float) -> StudyTarget:
+def at_least(what: str, noise: str, found: Proportion, wanted: float) -> StudyTarget:
     """Return a target for the lower limit of a share."""
     return of_share(what, noise, least(wanted), found, found.rate >= wanted)
 
@@ -88,7 +88,7 @@ def least(rate: float) -> str:
     return f"{'≥ ' if rate < 1.0 else ''}{100 * rate:g} %"
 
 
-def of_share(what: str, noise: str, wanted: str, found: Share, met: bool) -> StudyTarget:
+def of_share(what: str, noise: str, wanted: str, found: Proportion, met: bool) -> StudyTarget:
     """Return a target for a share with its verdict."""
     if not found.of:
         return unmeasured(what, noise, wanted)
@@ -98,7 +98,7 @@ def of_share(what: str, noise: str, wanted: str, found: Share, met: bool) -> Stu
     return StudyTarget(what, noise, wanted, measured, span, verdict_of(met))
 
 
-def rarer_than(what: str, noise: str, found: Share, most: float) -> StudyTarget:
+def rarer_than(what: str, noise: str, found: Proportion, most: float) -> StudyTarget:
     """Return a target for the upper limit of events per 10,000 trials."""
     wanted = f"≤ {most:g}" if most else "0"
     if not found.of:
@@ -110,7 +110,7 @@ def rarer_than(what: str, noise: str, found: Share, most: float) -> StudyTarget:
 
 
 def bounded(
-    what: str, noise: str, found: Share, most: float, bound: float | None = None
+    what: str, noise: str, found: Proportion, most: float, bound: float | None = None
 ) -> StudyTarget:
     """Return a target for a rate per 10,000, with its exact one-sided upper bound.
 
@@ -270,16 +270,16 @@ def apart_targets(own: Trials, navigator: str, found: MeasuredEvidence) -> Itera
     yield from board_targets(found.board, navigator)
 
 
-def arrivals(trials: Trials) -> Share:
+def arrivals(trials: Trials) -> Proportion:
     """Return the share that arrived without a contact, of those with a path to the goal."""
     reachable = trials.where(trials.possible)
-    return Share(reachable.count(reachable.arrived), len(reachable))
+    return Proportion(reachable.count(reachable.arrived), len(reachable))
 
 
-def wronged(trials: Trials) -> Share:
+def wronged(trials: Trials) -> Proportion:
     """Return the share called unreachable, of those with a path to the goal."""
     reachable = trials.where(trials.possible)
-    return Share(reachable.count(reachable.gave_up), len(reachable))
+    return Proportion(reachable.count(reachable.gave_up), len(reachable))
 
 
 def grid_targets(grids: Trials) -> Iterator[StudyTarget]:
@@ -320,7 +320,7 @@ def crowd_targets(crowds: Trials) -> Iterator[StudyTarget]:
     wanted = f"≤ {100 * CROWD_OWN:g} %"
     for noise in slow.values("noise"):
         some = slow.of(noise=noise)
-        found = Share(some.count(some.numbers("own_contacts") > 0.0), len(some))
+        found = Proportion(some.count(some.numbers("own_contacts") > 0.0), len(some))
         yield of_share(what, noise, wanted, found, found.rate <= CROWD_OWN)
     if not len(slow):
         yield unmeasured(what, "all", wanted)
@@ -405,13 +405,13 @@ def _size(own: Trials) -> Iterator[StudyTarget]:
 
 def _error(trials: Trials, noise: str, most_m: float, rate: float) -> StudyTarget:
     arrived = trials.where(trials.arrived & trials.possible)
-    found = Share(arrived.count(arrived.numbers("position_error_m") <= most_m), len(arrived))
+    found = Proportion(arrived.count(arrived.numbers("position_error_m") <= most_m), len(arrived))
     return at_least(f"of these, true position error ≤ {most_m:.2f} m", noise, found, rate)
 
 
 def _ellipse(trials: Trials, noise: str) -> StudyTarget:
     arrived = trials.where(trials.arrived & trials.possible)
-    found = Share(arrived.count(arrived.inside), len(arrived))
+    found = Proportion(arrived.count(arrived.inside), len(arrived))
     low, high = ELLIPSE
     wanted = f"{percent(low, 0)} to {percent(high, 0)} %"
     what = f"of these, true position inside its own {CONFIDENT} ellipse"
@@ -419,7 +419,7 @@ def _ellipse(trials: Trials, noise: str) -> StudyTarget:
 
 
 def _contacts(touched: Flags, noise: str, most: float, what: str) -> StudyTarget:
-    found = Share(int(np.count_nonzero(touched)), len(touched))
+    found = Proportion(int(np.count_nonzero(touched)), len(touched))
     return rarer_than(f"trials with a contact{what}, per 10,000", noise, found, most)
 
 
@@ -442,7 +442,7 @@ def _ratio(trials: Trials, planner: Trials, noise: str) -> Iterator[StudyTarget]
 def _recognised(trials: Trials, noise: str, rate: float) -> Iterator[StudyTarget]:
     shut = trials.where(~trials.possible)
     recognised = shut.where(shut.recognised)
-    found = Share(len(recognised), len(shut))
+    found = Proportion(len(recognised), len(shut))
     yield at_least("unreachable goals recognised", noise, found, rate)
     for at, name, most in LAPS:
         what = f"time to recognise it over that of one lap, {name}"

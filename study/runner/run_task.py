@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from plant.model.configuration import body_of
 from plant.shortest_path import Array, blocked_by
-from protocol.outcome import Outcome
+from protocol.outcome import RunOutcome
 from protocol.world import Polyline, World
 from robot.core import states
 from study.runner.plan import TrialTask
@@ -329,13 +329,13 @@ def thinnest_wall_m(world: World) -> float | None:
     return min((wall.thickness_m for wall in walls), default=None)
 
 
-def _outcome_values(outcome: Outcome) -> dict[str, Any]:
+def _outcome_values(outcome: RunOutcome) -> dict[str, Any]:
     """Return the values of the outcome under the names of a row."""
     names = (*NO_OUTCOME, "outcome", "reason")
     return {name: getattr(outcome, name) for name in names}
 
 
-def _scores(outcome: Outcome, trial: Trial) -> dict[str, Any]:
+def _scores(outcome: RunOutcome, trial: Trial) -> dict[str, Any]:
     """Return the scores of a trial, and what they are computed from."""
     arrived = outcome.reached and not outcome.contacts
     speed_m_s, shortest_m = params_of(trial).v_max_m_s, outcome.shortest_path_m
@@ -347,7 +347,7 @@ def _scores(outcome: Outcome, trial: Trial) -> dict[str, Any]:
     }
 
 
-def _final_values(outcome: Outcome | None, watch: Behaviour) -> dict[str, Any]:
+def _final_values(outcome: RunOutcome | None, watch: Behaviour) -> dict[str, Any]:
     """Return final state, true and estimated pose with covariance."""
     plant, onboard = watch.plant, watch.onboard
     if outcome is None or plant is None or onboard is None:

@@ -9,8 +9,8 @@ from plant.model.configuration import noise_of
 from plant.shortest_path import known_length_m
 from plant.sim.simulation import Plant
 from protocol.outcome import (
-    Outcome,
     RunEnd,
+    RunOutcome,
     RunSettings,
     WireGoal,
     doubt_m,
@@ -76,7 +76,7 @@ class Trial:
 
 def run_trial(
     trial: Trial, watch: Watch | None = None, new_core: NewCore = InProcessCore
-) -> Outcome:
+) -> RunOutcome:
     """Drive to the world's goal and return the outcome.
 
     `watch` is called at every tick, after the core and before the plant. `new_core` may return a

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from plant.corpus import FAMILIES, generate
 from plant.sim.simulation import Plant
 from plant.world.file import load, shipped
-from protocol.outcome import Outcome
+from protocol.outcome import RunOutcome
 from protocol.wire.reasons import Reason, reason_text
-from protocol.world import Circle, Obstacle, Polygon, Settings, World
+from protocol.world import Obstacle, Settings, World, WorldCircle, WorldPolygon
 from robot.core import brain, modes, reasons, states
 from robot.core.navigators.registry import NAVIGATORS
 from robot.core.parameters import DEFAULTS, Params
@@ -371,7 +371,7 @@ def test_stopped_within_the_tolerance_it_counts_as_reached(
 
 TIMEOUT_S = 300.0
 GIVEN_UP = ("unreachable", "lost", "stuck")
-BLOCK = Polygon(((2.2, 1.4), (3.4, 1.4), (3.4, 2.6), (2.2, 2.6)))
+BLOCK = WorldPolygon(((2.2, 1.4), (3.4, 1.4), (3.4, 2.6), (2.2, 2.6)))
 every_navigator = each("navigator", TRIAL_NAVIGATORS)
 some_navigators = pytest.mark.parametrize("navigator", TRIAL_NAVIGATORS)
 
@@ -384,7 +384,7 @@ def ends(
     world: World,
     navigator: str,
     watch: Callable[[Plant, CoreLoop, Outputs], None] | None = None,
-) -> Outcome:
+) -> RunOutcome:
     trial = Trial(world=world, navigator=navigator, noise="none", timeout_s=TIMEOUT_S)
     return run_trial(trial, watch)
 
@@ -434,7 +434,7 @@ def test_a_robot_that_starts_in_contact_does_not_push(navigator: str, heading_de
 
     Only vgm follows the tangent, as in the paper, and scrapes along the wall it touches.
     """
-    pillar = Circle(x_m=1.0 + 0.12 + 0.3, y_m=2.0, radius_m=0.3)
+    pillar = WorldCircle(x_m=1.0 + 0.12 + 0.3, y_m=2.0, radius_m=0.3)
     world = room(pillar, goal=(4.0, 2.0))
     start = replace(world.start, heading_rad=heading_deg * pi / 180)
     outcome = ends(replace(world, start=start), navigator)
@@ -486,7 +486,7 @@ def test_a_ring_gone_blind_in_mid_follow_stops_the_robot(navigator: str) -> None
 BUGS = ("bug1", "bug2", "distbug")
 
 
-def run(world: str, navigator: str, noise: str, side: str = "left", seed: int = 3) -> Outcome:
+def run(world: str, navigator: str, noise: str, side: str = "left", seed: int = 3) -> RunOutcome:
     return run_trial(
         Trial(
             world=load(world),
@@ -564,7 +564,7 @@ def _bounded_cost() -> Iterator[None]:
     assert process_time() - begun_s < MOST_CPU_S
 
 
-def run_vgm_memory(world: World, noise: str, seed: int = 3) -> tuple[Outcome, Behaviour]:
+def run_vgm_memory(world: World, noise: str, seed: int = 3) -> tuple[RunOutcome, Behaviour]:
     trial = Trial(world=world, navigator="vgm_memory", noise=noise, seed=seed, timeout_s=LONG_S)
     behaviour = Behaviour()
     return run_trial(trial, behaviour), behaviour

@@ -11,7 +11,7 @@ from checks.speed.accuracy import KINDS, consistency_of, drive, error_of
 from plant.model.configuration import LEVELS
 from plant.sim.simulation import Plant
 from protocol.outcome import CHI2_2
-from protocol.world import Circle, GoalPose, Polygon, Setting, Start, World
+from protocol.world import GoalPose, Setting, Start, World, WorldCircle, WorldPolygon
 from robot.core.parameters import DEFAULTS
 from robot.core.perception import slip as slips
 from robot.core.perception import stall as stalls
@@ -66,8 +66,8 @@ def slippery(number: int, kind: str) -> World:
     rng = np.random.default_rng(number)
     start = Start(x_m=0.6, y_m=rng.uniform(1.0, 4.0))
     goal = GoalPose(x_m=5.4, y_m=rng.uniform(1.0, 4.0))
-    box = Polygon(((2.9, 2.2), (3.2, 2.2), (3.2, 2.8), (2.9, 2.8)))
-    trunk = Circle(x_m=4.2, y_m=rng.uniform(1.0, 4.0), radius_m=0.1)
+    box = WorldPolygon(((2.9, 2.2), (3.2, 2.2), (3.2, 2.8), (2.9, 2.8)))
+    trunk = WorldCircle(x_m=4.2, y_m=rng.uniform(1.0, 4.0), radius_m=0.1)
     begins_s = rng.uniform(1.5, 6.0)
     share = rng.uniform(0.3, 0.8) if kind == "wheel_slip" else 0.0
     target = "both" if kind == "wheel_slip" else ("left", "right")[number % 2]

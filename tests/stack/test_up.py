@@ -19,7 +19,7 @@ from checks.harness.until import until
 from ground.launch.scenario import CLOCKS, PACED
 from ground.recording.log_reader import TlogReader
 from ground.user.runs import read_runs
-from protocol.outcome import Outcome
+from protocol.outcome import RunOutcome
 from protocol.wire.codec import decode
 from protocol.wire.messages import Statustext
 from tests.support.stack.screens import Tmux
@@ -72,7 +72,7 @@ def test_up_reaches_the_goal_by_a_router_with_another_navigator() -> None:
 
 def reached(found: dict[str, object]) -> None:
     """Require the promised keys, and the goal of the usual world."""
-    assert list(found) == [field.name for field in fields(Outcome)]
+    assert list(found) == [field.name for field in fields(RunOutcome)]
     assert (found["outcome"], found["world"], found["contacts"]) == ("reached", "box", 0)
     assert float(str(found["position_error_m"])) < 0.3
 
@@ -87,7 +87,7 @@ def test_several_robots_reach_goals_of_their_own_the_same_way_every_time(tmp_pat
         assert done.returncode == 0, done.stderr
         runs.append(json.loads(done.stdout))
     robots = runs[0].pop("robots")
-    keys = [field.name for field in fields(Outcome)]
+    keys = [field.name for field in fields(RunOutcome)]
     assert list(runs[0]) == keys
     assert [list(one) for one in robots] == [["robot", *keys]] * 2
     assert [(one["robot"], one["outcome"]) for one in robots] == [

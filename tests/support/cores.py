@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from robot.core import brain, modes, states
 from robot.core.navigators import registry, vgm_memory
-from robot.core.navigators.vgm_following import Memory
+from robot.core.navigators.vgm_following import VgmMemory
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.sonar_ring import Ring
@@ -328,11 +328,11 @@ GOAL_AHEAD = Goal(3.0, 0.0, None, 0.05, 0.05)
 SIDES = pytest.mark.parametrize("side", [states.LEFT, states.RIGHT])
 
 
-def step(memory: Memory, pose: Pose, seen: Ring, goal: Goal = GOAL_AHEAD) -> Decision:
+def step(memory: VgmMemory, pose: Pose, seen: Ring, goal: Goal = GOAL_AHEAD) -> Decision:
     return vgm_memory.step(memory, pose, seen, goal, DEFAULTS)
 
 
-def stand(memory: Memory, seen: Ring, ticks: int, goal: Goal = GOAL_AHEAD) -> Decision:
+def stand(memory: VgmMemory, seen: Ring, ticks: int, goal: Goal = GOAL_AHEAD) -> Decision:
     for _ in range(ticks):
         decision = step(memory, HERE, seen, goal)
     return decision

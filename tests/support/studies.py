@@ -20,7 +20,7 @@ from ground.recording.mcap_file import McapFormat
 from plant.corpus import generate
 from plant.model.configuration import LEVELS
 from plant.sim.simulation import Plant
-from protocol.outcome import Outcome
+from protocol.outcome import RunOutcome
 from protocol.topics import (
     ANSWERED,
     COMMANDED,
@@ -40,7 +40,7 @@ from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandRequest, GoalRequest, WheelCommand
 from protocol.wire.reasons import Reason
-from protocol.world import Circle, Point, World
+from protocol.world import Point, World, WorldCircle
 from robot import telemetry
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.states import TO_GOAL
@@ -54,7 +54,7 @@ from study.calibration import CCW, CW, SquareRun, believed
 from study.falsify.climb import SearchCandidate, SearchSettings, Violation, climb
 from study.falsify.evaluate import Subject
 from study.falsify.properties import Evaluation
-from study.report.contact_kinds import RecordedTick, StoredPoint, Touched
+from study.report.contact_kinds import StoredPoint, Touched, TracedTick
 from study.report.drives import DrivenTrial, Pose
 from study.report.trials import Trials, trials_of
 from study.runner.plan import ListedWorld, StudySettings, TrialTask, digest_of, tasks_of
@@ -83,7 +83,7 @@ def floor(name: str = "floor", *, far_m: float = 0.4, family: str | None = "open
 def boxed(name: str = "disc") -> World:
     """Return a world with a disc in the way, so that the robot has to avoid it."""
     world = floor(name, far_m=2.4, family="disc")
-    return replace(world, obstacles=(Circle(x_m=2.2, y_m=1.0, radius_m=0.2),))
+    return replace(world, obstacles=(WorldCircle(x_m=2.2, y_m=1.0, radius_m=0.2),))
 
 
 def list_of(*worlds: World) -> list[ListedWorld]:
@@ -173,7 +173,7 @@ def faulty(name: str = "faulty") -> World:
     return replace(floor(name), robot=Faulty())
 
 
-ARRIVED = Outcome(
+ARRIVED = RunOutcome(
     world="w",
     navigator="vgm",
     seed=0,
@@ -409,10 +409,10 @@ def drive(
     )
 
 
-def ended(trial: Trial, path: Sequence[Pose], outcome: str, contacts: int) -> Outcome:
+def ended(trial: Trial, path: Sequence[Pose], outcome: str, contacts: int) -> RunOutcome:
     """Return the outcome of a trial along this path."""
     way_m = sum(abs(complex(b[0] - a[0], b[1] - a[1])) for a, b in pairwise(path))
-    return Outcome(
+    return RunOutcome(
         world=trial.world.name,
         navigator=trial.navigator,
         seed=trial.seed,
@@ -441,7 +441,7 @@ NO_ECHO = (None,) * 8
 AHEAD = Touched("wall of 2 mm", (RADIUS_M, 0.0), is_edge=True)
 
 
-def tick(time_s: float, **changes: Any) -> RecordedTick:
+def tick(time_s: float, **changes: Any) -> TracedTick:
     """Return a tick of a robot at the origin that has measured and remembered nothing."""
     usual: dict[str, Any] = {
         "true": ORIGIN,
@@ -454,7 +454,7 @@ def tick(time_s: float, **changes: Any) -> RecordedTick:
         "range_m": NO_ECHO,
         "points": (),
     }
-    return RecordedTick(time_s=time_s, **{**usual, **changes})
+    return TracedTick(time_s=time_s, **{**usual, **changes})
 
 
 def stored(x_m: float, y_m: float = 0.0, counts: bool = True) -> dict[str, Any]:
@@ -469,9 +469,9 @@ def echo(sonar: int, range_m: float) -> dict[str, Any]:
     return {"range_m": tuple(ranges)}
 
 
-def person(start: Point, end: Point) -> Circle:
+def person(start: Point, end: Point) -> WorldCircle:
     """Return a person who walks at 0.1 m/s."""
-    return Circle(x_m=start[0], y_m=start[1], radius_m=0.2, path_m=(start, end), speed_m_s=0.1)
+    return WorldCircle(x_m=start[0], y_m=start[1], radius_m=0.2, path_m=(start, end), speed_m_s=0.1)
 
 
 NS_PER_MS = 1_000_000

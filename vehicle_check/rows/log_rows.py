@@ -4,7 +4,7 @@ from typing import Final
 
 from runtime.units import NS_PER_S
 from vehicle_check import row_steps
-from vehicle_check.ground_stations import ReceivedFrame
+from vehicle_check.ground_stations import ReceivedMessage
 from vehicle_check.mavlink_frames import MavMessage, mavlink
 from vehicle_check.transfers import END_OF_FILE, LIST, FileClient
 from vehicle_check.vehicle_under_test import Findings, RowVerdict, VehicleCheck, failed, row
@@ -26,7 +26,7 @@ def entries(check: VehicleCheck) -> dict[int, int]:
     return {one.message.id: one.message.size for one in check.once("logs", lambda: _listed(check))}
 
 
-def _listed(check: VehicleCheck) -> list[ReceivedFrame]:
+def _listed(check: VehicleCheck) -> list[ReceivedMessage]:
     """Request the list, and wait as long as entries arrive."""
     since = check.main.mark()
     message = mavlink.MAVLink_log_request_list_message(*check.station.address, 0, ALL)

@@ -39,8 +39,8 @@ from vehicle_check.vehicle_under_test import (
     ONE_CLIENT,
     Findings,
     Judge,
-    Restore,
     RowVerdict,
+    VehicleChange,
     VehicleCheck,
     failed,
     not_applicable,
@@ -386,4 +386,4 @@ def _keep_enabled(check: VehicleCheck) -> None:
     if status is None or status.message.onboard_control_sensors_enabled & GEOFENCE:
         return
     disable = partial(check.main.result_of, mavlink.MAV_CMD_DO_FENCE_ENABLE, 0)
-    check.restore.append(Restore("fence disabled", lambda: disable() == ACCEPTED))
+    check.restore.append(VehicleChange("fence disabled", lambda: disable() == ACCEPTED))

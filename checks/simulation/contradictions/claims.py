@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 from checks.simulation.contradictions.programs import Ack
 from checks.simulation.contradictions.truth import (
     Deed,
-    Ended,
+    EndedCommand,
     GoalTruth,
     Journal,
     RequestTruth,
@@ -30,7 +30,7 @@ from gateways.mavlink.mavlink_dialect import mavlink
 from ground.client.missions import MissionEnded
 from ground.client.outcomes import Accepted, GoalEnded, Refused, Stopped
 from ground.station.robot.lease_state import LeaseView
-from protocol.outcome import Outcome
+from protocol.outcome import RunOutcome
 from protocol.wire.enums import Command, GoalState, Mode
 from protocol.wire.enums import Vehicle as VehicleState
 from protocol.wire.messages import CommandRequest, GoalRequest
@@ -93,7 +93,7 @@ def words_of(said: Said) -> str:
 def text_of(value: Any) -> str:
     """Return the text that a person reads of a word; empty for one that is shown as it is."""
     match value:
-        case Ended():
+        case EndedCommand():
             return f"{value.error or text_of(value.outcome)} (exit code {value.code})"
         case Exception():
             return f"{type(value).__name__}: {value}"
@@ -292,7 +292,7 @@ class ClaimsObserver:
 
     # Exit codes.
 
-    def code(self, said: Said, ended: Ended) -> str:
+    def code(self, said: Said, ended: EndedCommand) -> str:
         """Judge an exit code: 0 of a goal only if the robot has reached it."""
         deed = said.deed
         if deed is None or deed.verb not in GOAL_VERBS:
@@ -581,7 +581,7 @@ def silent(observer: ClaimsObserver, said: Said, found: re.Match[str]) -> str:
     """
     truth, ns, claimed_ns = observer.truth, said.ns, round(float(found[1]) * NS_PER_S)
     silent_ns = truth.silent_ns(said.program, ns)
-    if isinstance(said.value, GoalEnded | Ended):
+    if isinstance(said.value, GoalEnded | EndedCommand):
         silent_ns = truth.gap_ns(said.program, ns - CLEANED_NS, ns)
     if silent_ns >= claimed_ns - SEEN_NS / 2:
         return ""
@@ -701,15 +701,15 @@ RULES: Final[tuple[tuple[type[Any], str, Callable[[ClaimsObserver, Said, Any], s
         lambda observer, said, end: observer.outcome(said, end.outcome, end.reason),
     ),
     (
-        Ended,
+        EndedCommand,
         "an outcome is of the goal that was asked for",
         lambda observer, said, end: (
             observer.outcome(said, end.outcome.outcome, end.outcome.reason)
-            if isinstance(end.outcome, Outcome)
+            if isinstance(end.outcome, RunOutcome)
             else ""
         ),
     ),
-    (Ended, "an exit code is of the goal that was asked for", ClaimsObserver.code),
+    (EndedCommand, "an exit code is of the goal that was asked for", ClaimsObserver.code),
     (Refused, "a refusal has a reason", ClaimsObserver.refused),
     (Accepted, "what is accepted is so", ClaimsObserver.accepted),
     (Ack, "what is acknowledged is so", ClaimsObserver.acknowledged),

@@ -54,7 +54,7 @@ from checks.simulation.contradictions.programs import CELLS as CELL
 from checks.simulation.contradictions.programs import Ack, Arguments
 from checks.simulation.contradictions.truth import (
     Deed,
-    Ended,
+    EndedCommand,
     Journal,
     RequestTruth,
     RobotRow,
@@ -258,7 +258,7 @@ class PersonsTerminal:
         if outcome is not None:
             self._journal.say(deed.program, outcome, deed)
         error = "" if outcome is not None else told.strip()
-        self._journal.end(deed, Ended(process.returncode, outcome, error))
+        self._journal.end(deed, EndedCommand(process.returncode, outcome, error))
 
     def close(self) -> None:
         """End all commands."""
@@ -505,7 +505,7 @@ def running_up(journal: Journal, world: str, port: int) -> Iterator["subprocess.
         with suppress(ValueError):
             outcome = outcome_in(json.loads(process.stdout.read()))
         if deed.cancelled_ns is None:
-            journal.end(deed, Ended(process.wait(), outcome))
+            journal.end(deed, EndedCommand(process.wait(), outcome))
             journal.say(UP, outcome, deed)
 
     threading.Thread(target=read, daemon=True).start()

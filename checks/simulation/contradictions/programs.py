@@ -16,7 +16,7 @@ from typing import Any, Final, NamedTuple
 
 from greenlet import GreenletExit
 
-from checks.simulation.contradictions.truth import Deed, Ended, Journal, ShownText, person_of
+from checks.simulation.contradictions.truth import Deed, EndedCommand, Journal, ShownText, person_of
 from checks.simulation.hosts.bus import SimulatedNetwork
 from checks.simulation.hosts.mavlink import ACTIONS, GatewaySide, SimulatedClient
 from checks.simulation.hosts.operators import DIALS, RequestHistory
@@ -210,14 +210,14 @@ class Shell(PersonsProgram):
         except GreenletExit:
             raise
         except (KeyboardInterrupt, asyncio.CancelledError):
-            ended = Ended(INTERRUPTED)
+            ended = EndedCommand(INTERRUPTED)
         except (RemoteError, LocalError) as error:
-            ended = Ended(getattr(error, "exit_code", 1), None, str(error))
+            ended = EndedCommand(getattr(error, "exit_code", 1), None, str(error))
         self.journal.end(deed, ended)
         self._running.pop(current_host(), None)
         self._cancels.pop(current_host(), None)
 
-    def _perform(self, deed: Deed) -> Ended:
+    def _perform(self, deed: Deed) -> EndedCommand:
         operation = operation_of(deed.verb, deed.arguments)
         with open_link(common_here()) as link:
             robot = operate.robot_of(link, Telling(self.journal, deed))
@@ -225,7 +225,7 @@ class Shell(PersonsProgram):
             if deed.cancelled_ns is not None:
                 raise KeyboardInterrupt
             self.journal.say(deed.program, outcome, deed)
-            return Ended(0 if outcome.ok else 1, outcome)
+            return EndedCommand(0 if outcome.ok else 1, outcome)
 
     async def _carry_out(self, operation: Any, robot: Robot) -> Outcome:
         task: Any = asyncio.current_task()
@@ -500,9 +500,9 @@ class Up(PersonsProgram):
         run = FleetRun(runs, clock, lambda: None, partial(self._line, deed))
         try:
             (outcome,) = SimulatedLoop().run(run.run(lockstep=False))
-            ended = Ended(0 if outcome.reached else 1, outcome)
+            ended = EndedCommand(0 if outcome.reached else 1, outcome)
         except (RemoteError, LocalError) as error:
-            ended = Ended(getattr(error, "exit_code", 1), None, str(error))
+            ended = EndedCommand(getattr(error, "exit_code", 1), None, str(error))
         self.journal.end(deed, ended)
         bus.close()
         self.host.alive = False

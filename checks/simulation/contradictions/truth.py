@@ -423,7 +423,7 @@ class Deed:
 
 
 @dataclass(frozen=True, slots=True)
-class Ended:
+class EndedCommand:
     """The end of a command or of `up`: exit code, the outcome or None, and the error in words."""
 
     code: int

@@ -26,7 +26,6 @@ from checks.simulation.hosts.virtual_time import (
 from checks.simulation.invariants.commanding import ANSWER
 from checks.simulation.invariants.limits import CLIENT_REPEAT_NS
 from gateways.mavlink.bus_port import BusPort
-from gateways.mavlink.clients import NoFile
 from gateways.mavlink.coordinates import place_at
 from gateways.mavlink.gateway import Gateway
 from gateways.mavlink.gateway_verb import GatewaySettings
@@ -136,7 +135,7 @@ class SimulatedClient:
         self.host = Host(scheduler, name)
         self._scheduler, self._network = scheduler, network
         self._gateway, self._history = gateway, history
-        self._encoder = mavlink.MAVLink(NoFile(), self.system, mavlink.MAV_COMP_ID_MISSIONPLANNER)
+        self._encoder = mavlink.MAVLink(None, self.system, mavlink.MAV_COMP_ID_MISSIONPLANNER)
         self._acks: dict[int, int] = {}
         self._silent_until_ns = self._alike_until_ns = 0
         self._is_stopping = False
@@ -292,7 +291,7 @@ class SimulatedClient:
             message = forgery(random)
             system = SYSTEM if how == "echo" else random.choice(tuple(CLIENTS.values()))
             component = 1 if how == "echo" else mavlink.MAV_COMP_ID_MISSIONPLANNER
-            data = bytearray(message.pack(mavlink.MAVLink(NoFile(), system, component)))
+            data = bytearray(message.pack(mavlink.MAVLink(None, system, component)))
             if how == "torn":
                 at = random.randrange(10, len(data))
                 data = data[:at] if random.random() < 0.5 else data

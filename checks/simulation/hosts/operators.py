@@ -356,7 +356,7 @@ STILL: Final = ("param", "fence")
 """Actions that do not move the robot, for which the station takes no lease."""
 
 
-class Action(NamedTuple):
+class OperatorAction(NamedTuple):
     """An action of an operator, as a command of the station."""
 
     operator: SimulatedOperator
@@ -396,7 +396,9 @@ class StationOperator(SimulatedOperator):
         if action == "lease":
             station.queue.lease(LeaseAction[str(arguments[0])])
             return
-        station.queue.submit(action, Action(self, action, arguments), moves=action not in STILL)
+        station.queue.submit(
+            action, OperatorAction(self, action, arguments), moves=action not in STILL
+        )
 
     def _press_stop(self) -> None:
         """Press the station's emergency stop, which repeats until acknowledged or given up."""

@@ -7,13 +7,13 @@ from checks.simulation.hosts.substitutes import DISKS, STATE, SimulatedDisk
 from checks.simulation.hosts.virtual_time import Host, Scheduler, SimulatedClock, current_task
 from plant.model.configuration import Noise
 from plant.process import Process, RequestQueue, Wake, watch_robots
-from plant.robot_link import RobotLink
+from plant.robot_link import PlantLink
 from plant.sim.simulation import Plant
 from protocol.bus.bus import Bus, claim, open_bus
 from protocol.bus.network import Network
 from protocol.topics import RUN, WORLD, Role
 from protocol.wire.message import Message
-from protocol.world import GoalPose, Polygon, Start, World
+from protocol.world import GoalPose, Start, World, WorldPolygon
 from robot import run as robot_run
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose
@@ -214,7 +214,7 @@ WORLDS: Final = (
         size_m=(6.0, 4.0),
         start=Start(x_m=0.6, y_m=2.0),
         goal=GoalPose(x_m=5.0, y_m=2.0),
-        obstacles=(Polygon(((2.6, 1.5), (3.4, 1.5), (3.4, 2.3), (2.6, 2.3))),),
+        obstacles=(WorldPolygon(((2.6, 1.5), (3.4, 1.5), (3.4, 2.3), (2.6, 2.3))),),
     ),
 )
 
@@ -237,7 +237,7 @@ class PlantSide:
         self.host.alive = False
         self.plant: Plant | None = None
         self.bus: Bus | None = None
-        self.robot_link: RobotLink | None = None
+        self.robot_link: PlantLink | None = None
         self.starts = 0
         self._scheduler = scheduler
         self._world = world
@@ -269,7 +269,7 @@ class PlantSide:
         bus = self.bus = open_bus(Network(), Role.PLANT, "r1", self.host.now_ns)
         wake = self._wake = Wake()
         requests = self._requests = RequestQueue(running=True, world={}, nudge=wake)
-        link = self.robot_link = RobotLink(bus, "r1", 0, wake, lockstep=self._lockstep)
+        link = self.robot_link = PlantLink(bus, "r1", 0, wake, lockstep=self._lockstep)
         for service in (RUN, WORLD):
             bus.serve(service, lambda request: requests.ask(0, request), "r1")
         claim(bus, ["r1"])

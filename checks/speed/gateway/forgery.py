@@ -18,7 +18,7 @@ from checks.harness.mavlink_client import GROUND_STATION, Line, MavlinkClient, s
 from checks.harness.until import until
 from checks.speed.gateway.reactions import channels, stick, velocity
 from checks.speed.gateway.stage import Air, Figures, on_air, position_target
-from gateways.mavlink.clients import MAVLINK_1_IDS, NoFile
+from gateways.mavlink.clients import MAVLINK_1_IDS
 from gateways.mavlink.mavlink_dialect import REQUEST_OPERATOR_CONTROL, MavMessage, mavlink
 from gateways.mavlink.signing import PER_S
 from ground.user.mavlink_keys import KeyRing, new_key, write_keys
@@ -147,7 +147,7 @@ class Forger:
         return self._packed(encoder)
 
     def _encoder(self, system: int = GROUND_STATION, component: int = 190) -> Any:
-        encoder = mavlink.MAVLink(NoFile(), system, component)
+        encoder = mavlink.MAVLink(None, system, component)
         encoder.seq = next(self._sequence) & 0xFF
         return encoder
 

@@ -46,7 +46,6 @@ from checks.harness.until import until
 from checks.speed.gateway import forgery, reactions
 from checks.speed.gateway.forgery import command, commands
 from checks.speed.gateway.stage import Air, Driver, Figures, on_air
-from gateways.mavlink.clients import NoFile
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from runtime.units import NS_PER_S
 
@@ -59,7 +58,7 @@ NOBODY: Final = 55_555
 
 def packed(messages: Sequence[Any]) -> Iterator[bytes]:
     """Yield the frames of messages again and again, with rising sequence numbers."""
-    encoder = mavlink.MAVLink(NoFile(), SYSTEM, 190)
+    encoder = mavlink.MAVLink(None, SYSTEM, 190)
     for message in cycle(messages):
         encoder.seq = (encoder.seq + 1) & 0xFF
         yield bytes(message.pack(encoder))

@@ -17,7 +17,7 @@ SENT: Final = (MissionState.READY, *STARTED)
 UNDER_WAY: Final = (GoalState.DRIVING, GoalState.AVOIDING, GoalState.ALIGNING, GoalState.REACHED)
 
 
-class Facts(NamedTuple):
+class TutorialFacts(NamedTuple):
     """What the steps are checked by; `first_goal` is the goal at the beginning."""
 
     status: NavigatorStatus
@@ -26,38 +26,38 @@ class Facts(NamedTuple):
     first_goal: int
 
 
-class Step(NamedTuple):
+class TutorialStep(NamedTuple):
     """A step in words, with keys by their ids in braces, and the check that it was done."""
 
     text: str
-    is_done: Callable[[Facts], bool]
+    is_done: Callable[[TutorialFacts], bool]
 
 
 STEPS: Final = (
-    Step(
+    TutorialStep(
         "watch the robot drive to the goal ◎ by itself",
         lambda now: now.status.goal == GoalState.REACHED,
     ),
-    Step(
+    TutorialStep(
         "a goal of your own: press {goal}, type 1 1 (metres), press enter, and watch",
         lambda now: now.status.goal == GoalState.REACHED and now.status.goal_id != now.first_goal,
     ),
-    Step(
+    TutorialStep(
         "draft a mission: {cursor} shows a cursor, arrows move it, {waypoint} adds a waypoint;"
         " add two in free places",
         lambda now: now.draft >= DRAFT or now.mission in SENT,
     ),
-    Step("send the draft to the robot: press {missions}", lambda now: now.mission in SENT),
-    Step("start the mission: press {missions} again", lambda now: now.mission in STARTED),
-    Step(
+    TutorialStep("send the draft to the robot: press {missions}", lambda now: now.mission in SENT),
+    TutorialStep("start the mission: press {missions} again", lambda now: now.mission in STARTED),
+    TutorialStep(
         "stop the robot: press {estop_here}",
         lambda now: now.status.vehicle == Vehicle.EMERGENCY_STOP,
     ),
-    Step(
+    TutorialStep(
         "clear the stop: press {clear_estop} {clear_estop}",
         lambda now: now.status.vehicle != Vehicle.EMERGENCY_STOP,
     ),
-    Step(
+    TutorialStep(
         "arm with {arm}; if the mission was stopped, {resume} goes on",
         lambda now: now.status.vehicle == Vehicle.ACTIVE,
     ),
@@ -106,7 +106,7 @@ class Tutorial:
             self._first_goal = status.goal_id
         mission = live(station.seen(MISSION))
         state = mission.state if isinstance(mission, MissionStatus) else int(MissionState.NONE)
-        if STEPS[self.at].is_done(Facts(status, state, draft, self._first_goal)):
+        if STEPS[self.at].is_done(TutorialFacts(status, state, draft, self._first_goal)):
             self.at += 1
 
     @property

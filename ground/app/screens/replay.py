@@ -17,7 +17,7 @@ from ground.app.screens.drive import DriveScreen
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, cut, faint, head, row
 from ground.recording.catalogue import UNFINISHED, newest_first, recordings_in
-from ground.recording.summary import Mark, Summary, summary_of
+from ground.recording.summary import Bookmark, Summary, summary_of
 from ground.user.folders import recordings_folder
 from protocol.outcome import WIDEST
 from runtime.errors import UserError
@@ -154,7 +154,7 @@ def line_spans(player: Player, cells: int) -> list[Span]:
     return [Span(text[:here], "accent"), Span("●", "accent"), faint(text[here + 1 :])]
 
 
-def marked(marks: Sequence[Mark], duration_s: float, cells: int) -> set[int]:
+def marked(marks: Sequence[Bookmark], duration_s: float, cells: int) -> set[int]:
     """Return the cells of the timeline that have a mark."""
     if duration_s <= 0.0:
         return set()

@@ -30,7 +30,7 @@ from ground.launch.scenario import Scenario, world_facts
 from ground.map.scene import MapScene
 from ground.station.scene import preview_of
 from ground.station.world import shown
-from protocol.world import Circle, World, world_in
+from protocol.world import World, WorldCircle, world_in
 
 
 def change_world(interface: AppInterface, scenario: Scenario, what: str) -> None:
@@ -228,7 +228,7 @@ def fact_rows(world: World | None, description: str) -> list[Row]:
         return [row(faint(" reading ..."))]
     width_m, height_m = world.size_m
     start, goal, way_m = world.start, world.goal, world.shortest_path_m
-    moving = sum(isinstance(one, Circle) and bool(one.path_m) for one in world.obstacles)
+    moving = sum(isinstance(one, WorldCircle) and bool(one.path_m) for one in world.obstacles)
     faults = ", ".join(str(one["kind"]) for one in world.faults) or "none"
     return [
         row(Span(f" {world.name}", "accent"), f"  {description}"),

@@ -20,7 +20,7 @@ def no_assistance(_: str) -> Assistance:
     return Assistance()
 
 
-class Ghost(Suggester):
+class GhostText(Suggester):
     """Suggests the first completion, else the missing arguments, faintly behind the cursor."""
 
     def __init__(self, line: "CommandLine") -> None:
@@ -54,7 +54,7 @@ class CommandLine(TypedLine):
     """A line of input with completions."""
 
     def __init__(self, assist: Assist, submit: Callable[[str], None]) -> None:
-        super().__init__(submit, id="command", suggester=Ghost(self))
+        super().__init__(submit, id="command", suggester=GhostText(self))
         self._assist = assist
         self._known: tuple[str, Assistance] | None = None
         self._offered: Sequence[Candidate] = ()

@@ -35,7 +35,7 @@ NAME: Final = "{id}"
 Addresses = Callable[[str], frozenset[str]]
 
 
-class Place(NamedTuple):
+class RobotNumber(NamedTuple):
     """The number of this container's robot, from 1, and the number of robots."""
 
     number: int
@@ -143,7 +143,7 @@ def make_private_folder(folder: Path) -> None:
         )
 
 
-def words_of(options: argparse.Namespace, place: Place) -> list[str]:
+def words_of(options: argparse.Namespace, place: RobotNumber) -> list[str]:
     """Return the verb with the added options."""
     words = [word.replace(NAME, place.robot) for word in options.words]
     call = find(words)
@@ -159,7 +159,7 @@ def words_of(options: argparse.Namespace, place: Place) -> list[str]:
     return [*command_of(verb).split(), *added, *call.arguments]
 
 
-def place_of(options: argparse.Namespace, lookup: Addresses) -> Place:
+def place_of(options: argparse.Namespace, lookup: Addresses) -> RobotNumber:
     """Return the number of this container; UserError if it exceeds the number of robots."""
     if not options.words:
         raise UserError("the verb is missing, as in: sidestep run container --robots 2 run plant")
@@ -168,7 +168,7 @@ def place_of(options: argparse.Namespace, lookup: Addresses) -> Place:
         raise UserError(
             f"this is container {number}, but --robots is {options.robots}: increase ROBOTS"
         )
-    return Place(number, options.robots)
+    return RobotNumber(number, options.robots)
 
 
 def number_of(stem: str, lookup: Addresses) -> int:
@@ -192,7 +192,7 @@ def addresses(name: str) -> frozenset[str]:
     return frozenset(str(place[0]) for *_, place in found)
 
 
-def config_of(files: Sequence[str], place: Place) -> str:
+def config_of(files: Sequence[str], place: RobotNumber) -> str:
     """Return the first existing path; else the last one, so that its reader reports it missing.
 
     Raises UserError if a folder holds keys that cannot be used: the next file may be one without
@@ -246,7 +246,7 @@ def takes_config(verb: str) -> bool:
     return "--config" in parser_of(verb).format_usage()
 
 
-def as_robot(options: argparse.Namespace, place: Place) -> Iterator[str]:
+def as_robot(options: argparse.Namespace, place: RobotNumber) -> Iterator[str]:
     """Yield the start pose and the parameters of a robot in this world."""
     run = run_for(options, place)
     start, world = run.starts[place.number - 1], run.world
@@ -257,7 +257,7 @@ def as_robot(options: argparse.Namespace, place: Place) -> Iterator[str]:
         yield from ("--param", f"{name}={value!r}")
 
 
-def as_plant(options: argparse.Namespace, place: Place) -> Iterator[str]:
+def as_plant(options: argparse.Namespace, place: RobotNumber) -> Iterator[str]:
     """Yield the world and the names of all robots."""
     names = ",".join(f"r{number}" for number in range(1, place.robots + 1))
     yield from ("--world", options.world, "--seed", options.seed, "--robots", names)
@@ -265,12 +265,12 @@ def as_plant(options: argparse.Namespace, place: Place) -> Iterator[str]:
         yield from ("--noise", options.noise)
 
 
-def as_gateway(options: argparse.Namespace, place: Place) -> Iterator[str]:
+def as_gateway(options: argparse.Namespace, place: RobotNumber) -> Iterator[str]:
     """Yield the names of all robots."""
     yield from ("--robots", ",".join(f"r{number}" for number in range(1, place.robots + 1)))
 
 
-def as_driven(options: argparse.Namespace, place: Place) -> Iterator[str]:
+def as_driven(options: argparse.Namespace, place: RobotNumber) -> Iterator[str]:
     """Yield the goal that `up` would send to this robot."""
     run = run_for(options, place)
     heading_rad, own = run.world.goal.heading_rad, run.goals[place.number - 1]
@@ -279,13 +279,13 @@ def as_driven(options: argparse.Namespace, place: Place) -> Iterator[str]:
         yield repr(rounded_degrees(heading_rad))
 
 
-ADDED_OPTIONS: Final[Mapping[str, Callable[[argparse.Namespace, Place], Iterator[str]]]] = (
+ADDED_OPTIONS: Final[Mapping[str, Callable[[argparse.Namespace, RobotNumber], Iterator[str]]]] = (
     MappingProxyType(
         {"robot": as_robot, "plant": as_plant, "gateway": as_gateway, "goto": as_driven}
     )
 )
 
 
-def run_for(options: argparse.Namespace, place: Place) -> WorldRun:
+def run_for(options: argparse.Namespace, place: RobotNumber) -> WorldRun:
     """Ask the plant's command for the world; UserError with its error message."""
     return run_of(argparse.Namespace(world=options.world, robots=place.robots, goal=None))

@@ -45,7 +45,7 @@ from ground.user.runs import RunFile, reason_of, this_run
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import MAX_ROBOTS
 from protocol.options import finite, whole
-from protocol.outcome import Outcome
+from protocol.outcome import RunOutcome
 from protocol.topics import Role
 from runtime.clock import Clock, WallClock
 from runtime.errors import NoPeerError, RemoteError, UserError
@@ -165,7 +165,7 @@ def check_endpoints(texts: Sequence[str]) -> None:
 
 def run_headless(
     options: argparse.Namespace, scenario: Scenario, output: Output, clock: Clock
-) -> list[Outcome]:
+) -> list[RunOutcome]:
     """Run once with processes that end with this call; return one outcome per robot."""
     with Stack(options, scenario, free_endpoint(), clock) as stack, announced(stack, output):
         stack.start(paused=scenario.lockstep, ready=partial(recorders_ready, stack, clock, output))

@@ -55,7 +55,7 @@ class Need(Enum):
     LEASE = "lease"
 
 
-class Change(NamedTuple):
+class ContactChange(NamedTuple):
     """A loss that has begun (`now`), or one that has ended (`before`), and its duration."""
 
     now: LossKind | None
@@ -100,7 +100,7 @@ class Contact:
         self.back_ns = now_ns
         self._missing = set(Need)
 
-    def update(self, kind: LossKind | None, now_ns: int, since_ns: int) -> Change | None:
+    def update(self, kind: LossKind | None, now_ns: int, since_ns: int) -> ContactChange | None:
         """Update the kind of loss; return the change, if any.
 
         `since_ns` is the time of the last message of what is lost.
@@ -118,9 +118,9 @@ class Contact:
             self.since_ns = since_ns
         self.kind = kind
         self._missing = set(Need)
-        return Change(kind, before, now_ns - self.since_ns)
+        return ContactChange(kind, before, now_ns - self.since_ns)
 
-    def _well(self, now_ns: int) -> Change | None:
+    def _well(self, now_ns: int) -> ContactChange | None:
         if self.kind is None:
             return None
         if self._well_ns is None:
@@ -132,7 +132,7 @@ class Contact:
         gap_ns = self._well_ns - self.since_ns
         self.require_all(self._well_ns)
         self._well_ns = None
-        return Change(None, before, gap_ns)
+        return ContactChange(None, before, gap_ns)
 
 
 INFO: Final = Severity.INFO
@@ -288,7 +288,7 @@ class LinkMonitor:
             )
         self._was_ready = self.contact.ready
 
-    def _changed(self, change: Change, now_ns: int) -> None:
+    def _changed(self, change: ContactChange, now_ns: int) -> None:
         loss = self.loss()
         if loss is not None:
             worst = Severity.WARNING if loss.kind is LossKind.OTHER_OPERATOR else Severity.ERROR

@@ -52,7 +52,7 @@ NAVIGATORS: "Final[dict[int, Navigator]]" = {
     states.BUG1: Navigator(classical.Bug1Memory, classical.step_bug1, True),
     states.BUG2: Navigator(classical.Bug2Memory, classical.step_bug2, True),
     states.DISTBUG: Navigator(classical.DistBugMemory, classical.step_distbug, True),
-    states.VGM_MEMORY: Navigator(vgm_memory.Memory, vgm_memory.step, True),
+    states.VGM_MEMORY: Navigator(vgm_memory.VgmMemory, vgm_memory.step, True),
 }
 
 

@@ -56,7 +56,7 @@ MAX_LOOPS: Final = 4  # lost after so many loops along boundaries with gaps
 SHUT: Final = 20  # choices without an open heading, then all echoes are dropped
 
 
-class Memory:
+class VgmMemory:
     """State of the navigator; `side` is where the followed obstacle is passed.
 
     `following` is set while one is followed, and `anchor_*` is the place of the followed echo.
@@ -138,7 +138,7 @@ class Memory:
         self.failed_leaves = self.islands = self.open_loops = self.shut = self.ease_mm = 0
 
 
-def begin(memory: Memory) -> None:
+def begin(memory: VgmMemory) -> None:
     """Reset for a new goal; the echoes stay valid."""
     memory.best_m = memory.left_m = memory.hit_m = inf
     memory.following = memory.given_up = memory.lost = memory.awaits_proof = memory.reversed = False
@@ -149,7 +149,9 @@ def begin(memory: Memory) -> None:
     proofs.void(memory.proof)
 
 
-def hit(memory: Memory, ring: Ring, x_cm: int, y_cm: int, to_goal: int, distance_m: float) -> None:
+def hit(
+    memory: VgmMemory, ring: Ring, x_cm: int, y_cm: int, to_goal: int, distance_m: float
+) -> None:
     """Latch the side with more room and the smaller rotation, unless it was tried here before."""
     sectors = memory.sectors
     memory.following = True
@@ -187,14 +189,14 @@ def room_m(ring: Ring, sonars: "tuple[int, ...]") -> float:
     return room_m
 
 
-def restart(memory: Memory) -> None:
+def restart(memory: VgmMemory) -> None:
     """Start the path, and with the next choice the proof, on another side or boundary."""
     loops.restart(memory.loops)
     proofs.void(memory.proof)
     memory.awaits_proof = True
 
 
-def hold(memory: Memory, sector: int) -> None:
+def hold(memory: VgmMemory, sector: int) -> None:
     """Follow the point of this sector from now on."""
     if sector != NOTHING:
         k = memory.sectors.point[sector]
@@ -203,7 +205,7 @@ def hold(memory: Memory, sector: int) -> None:
             memory.anchor_y_mm = memory.echoes.y_mm[k]
 
 
-def follow(memory: Memory, pose: Pose, distance_m: float) -> None:
+def follow(memory: VgmMemory, pose: Pose, distance_m: float) -> None:
     """Take the first open heading from the followed point on, on the latched side."""
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     if not is_held(memory) and not regain(memory, x_mm, y_mm):
@@ -240,7 +242,7 @@ def follow(memory: Memory, pose: Pose, distance_m: float) -> None:
         restart(memory)
 
 
-def watch_boundary(memory: Memory, pose: Pose, ring: Ring, radius_mm: int) -> None:
+def watch_boundary(memory: VgmMemory, pose: Pose, ring: Ring, radius_mm: int) -> None:
     """Continue the chain of the proof by the scan of this tick."""
     proof = memory.proof
     proofs.look(proof.chain, ring, memory.before or pose, pose, radius_mm)
@@ -250,7 +252,7 @@ def watch_boundary(memory: Memory, pose: Pose, ring: Ring, radius_mm: int) -> No
             begin_beyond(memory)
 
 
-def begin_beyond(memory: Memory) -> None:
+def begin_beyond(memory: VgmMemory) -> None:
     """Begin another lap on the surface beyond the gap, as this one does not separate from the goal.
 
     It counts as a loop, so that it does not go on for ever.
@@ -260,7 +262,7 @@ def begin_beyond(memory: Memory) -> None:
     memory.awaits_proof = True
 
 
-def prove(memory: Memory, pose: Pose, off: int) -> int:
+def prove(memory: VgmMemory, pose: Pose, off: int) -> int:
     """Continue the proof by one choice, or begin it here; return what it proves.
 
     It begins where the robot drives along the boundary, not where it still turns at the hit.
@@ -274,7 +276,7 @@ def prove(memory: Memory, pose: Pose, off: int) -> int:
     return proofs.verdict(proof, memory.side)
 
 
-def open_turn(memory: Memory, start: int, heading: int) -> int:
+def open_turn(memory: VgmMemory, start: int, heading: int) -> int:
     """Return the turn from the followed point to an open heading.
 
     A wide margin is used where the detour is small, else the middle of the gap. Before turning
@@ -303,7 +305,7 @@ def open_turn(memory: Memory, start: int, heading: int) -> int:
     return turn + (beyond if beyond < SOFT else SOFT)
 
 
-def shut_in(memory: Memory, heading: int) -> None:
+def shut_in(memory: VgmMemory, heading: int) -> None:
     """Turn on the spot if every heading is closed; in the end drop all echoes."""
     memory.shut += 1
     memory.heading = heading + memory.side * QUARTER
@@ -313,7 +315,7 @@ def shut_in(memory: Memory, heading: int) -> None:
         memory.following = False
 
 
-def is_astray(memory: Memory, distance_m: float) -> bool:
+def is_astray(memory: VgmMemory, distance_m: float) -> bool:
     """Return whether a long straight path on this side has only led away from the goal.
 
     The other side is then tried, once for each obstacle. Within a bend the path out of a trap leads
@@ -328,7 +330,7 @@ def is_astray(memory: Memory, distance_m: float) -> bool:
     )
 
 
-def close_loop(memory: Memory) -> None:
+def close_loop(memory: VgmMemory) -> None:
     """Handle a closed loop without a proof: an island, or a boundary with gaps.
 
     While the lap may still prove something, its chain should close soon as well, so one loop is
@@ -347,7 +349,7 @@ def close_loop(memory: Memory) -> None:
     try_other_side(memory, 1)
 
 
-def try_other_side(memory: Memory, weight: int) -> None:
+def try_other_side(memory: VgmMemory, weight: int) -> None:
     """Follow the boundary in the other direction with smaller margins; in the end be lost.
 
     After the last change of side the margins alone become smaller.
@@ -359,7 +361,7 @@ def try_other_side(memory: Memory, weight: int) -> None:
     memory.ease_mm = EASE_MM
 
 
-def leave_island(memory: Memory) -> None:
+def leave_island(memory: VgmMemory) -> None:
     """Head for the goal again, from a boundary that does not separate it from the robot."""
     restart(memory)
     memory.islands += 1
@@ -368,7 +370,7 @@ def leave_island(memory: Memory) -> None:
     memory.lost = memory.islands > ISLANDS
 
 
-def is_held(memory: Memory) -> bool:
+def is_held(memory: VgmMemory) -> bool:
     """Return whether an echo is still stored near the followed point."""
     low_x, high_x = memory.anchor_x_mm - HELD_MM, memory.anchor_x_mm + HELD_MM
     low_y, high_y = memory.anchor_y_mm - HELD_MM, memory.anchor_y_mm + HELD_MM
@@ -380,7 +382,7 @@ def is_held(memory: Memory) -> bool:
     return False
 
 
-def regain(memory: Memory, x_mm: int, y_mm: int) -> bool:
+def regain(memory: VgmMemory, x_mm: int, y_mm: int) -> bool:
     """Follow the nearest stored echo instead; return False if there is none."""
     echoes = memory.echoes
     best, least = NOTHING, LOST_MM * LOST_MM

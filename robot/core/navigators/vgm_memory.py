@@ -16,7 +16,7 @@ from typing import Final
 
 from robot.core import states
 from robot.core.navigators import evasion, loops, open_headings, pace, proof, vgm_following
-from robot.core.navigators.vgm_following import Memory
+from robot.core.navigators.vgm_following import VgmMemory
 from robot.core.parameters import Params
 from robot.core.perception import echoes as echo_memory
 from robot.core.perception import sonar_ring
@@ -25,7 +25,7 @@ from robot.core.perception.sonar_ring import Ring
 from robot.core.values import TWO_PI, Decision, Goal, Pose, whole_cos_sin, wrap
 from runtime.elementary import atan2, cos_sin
 
-__all__ = ["Memory", "step"]
+__all__ = ["VgmMemory", "step"]
 
 PHASES: Final = 3  # ticks: record, measure, choose
 RECORD: Final = 1
@@ -41,7 +41,7 @@ BLOCK_WEIGHT: Final = 20  # looks through the point until it is dropped, six sec
 FARTHEST: Final = 1e5  # metres: larger values overflow millimetres
 
 
-def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
+def step(memory: VgmMemory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
     """Decide by the contract of `registry.NavigatorStep`; LOST: neither a path nor a proof."""
     dx_m, dy_m = goal.x_m - pose.x_m, goal.y_m - pose.y_m
     distance_m = sqrt(dx_m * dx_m + dy_m * dy_m)
@@ -80,14 +80,14 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     return decision(memory, pose, ring, goal_rad, dx_m, dy_m, params)
 
 
-def measure(memory: Memory, pose: Pose, ring: Ring, radius_mm: int) -> None:
+def measure(memory: VgmMemory, pose: Pose, ring: Ring, radius_mm: int) -> None:
     """Compute which headings the stored echoes close."""
     sectors, echoes = memory.sectors, memory.echoes
     echo_memory.update_through(echoes, ring, radius_mm)
     open_headings.measure(sectors, echoes, pose, ring, memory.ease_mm, radius_mm)
 
 
-def observe(memory: Memory, pose: Pose, ring: Ring, radius_mm: int) -> None:
+def observe(memory: VgmMemory, pose: Pose, ring: Ring, radius_mm: int) -> None:
     """Fade and record the echoes in the phase for it; in the others record the nearest one."""
     before = memory.before or pose
     if memory.phase == RECORD:
@@ -109,7 +109,7 @@ def is_somewhere(pose: Pose, distance_m: float) -> bool:
     )
 
 
-def forget(memory: Memory) -> None:
+def forget(memory: VgmMemory) -> None:
     """Stop following and drop all echoes: the followed object was a pedestrian."""
     memory.following = False
     echo_memory.clear(memory.echoes)
@@ -117,7 +117,7 @@ def forget(memory: Memory) -> None:
     memory.sectors.count = 0
 
 
-def is_stationary(memory: Memory, x_mm: int, y_mm: int) -> bool:
+def is_stationary(memory: VgmMemory, x_mm: int, y_mm: int) -> bool:
     """Return whether the robot has not moved for MAX_STILL choices."""
     dx_mm, dy_mm = x_mm - memory.still_x_mm, y_mm - memory.still_y_mm
     if (
@@ -130,7 +130,7 @@ def is_stationary(memory: Memory, x_mm: int, y_mm: int) -> bool:
     return memory.still > MAX_STILL
 
 
-def block_heading(memory: Memory, pose: Pose, radius_mm: int) -> None:
+def block_heading(memory: VgmMemory, pose: Pose, radius_mm: int) -> None:
     """Store a point ahead: the heading looks open, but the guard stops the robot."""
     memory.still = 0
     away_mm = radius_mm + BLOCK_MM
@@ -140,7 +140,7 @@ def block_heading(memory: Memory, pose: Pose, radius_mm: int) -> None:
     echo_memory.put(memory.echoes, x_mm, y_mm, BLOCK_WEIGHT)
 
 
-def give_way(memory: Memory) -> None:
+def give_way(memory: VgmMemory) -> None:
     """Turn away from a pedestrian at the flank where that is open, and let it pass ahead."""
     sectors, flank_walker = memory.sectors, memory.flank_walker
     flank_walker.ticks = max(flank_walker.ticks - PHASES, 0)
@@ -152,7 +152,7 @@ def give_way(memory: Memory) -> None:
 
 
 def choose(
-    memory: Memory, pose: Pose, ring: Ring, to_goal: int, distance_m: float, params: Params
+    memory: VgmMemory, pose: Pose, ring: Ring, to_goal: int, distance_m: float, params: Params
 ) -> None:
     """Choose: keep following or leave; drive straight, make a detour, or start to follow."""
     x_cm, y_cm = int(100.0 * pose.x_m), int(100.0 * pose.y_m)
@@ -165,7 +165,7 @@ def choose(
         vgm_following.hit(memory, ring, x_cm, y_cm, to_goal, distance_m)
 
 
-def closes(memory: Memory, pose: Pose, to_goal: int, distance_m: float, params: Params) -> bool:
+def closes(memory: VgmMemory, pose: Pose, to_goal: int, distance_m: float, params: Params) -> bool:
     """Return whether an obstacle is in the way to the goal; pass one beside it by a detour."""
     sectors = memory.sectors
     if open_headings.closer(sectors, to_goal, sectors.wide) == NOTHING:
@@ -179,7 +179,7 @@ def closes(memory: Memory, pose: Pose, to_goal: int, distance_m: float, params: 
     return False
 
 
-def turn_aside(memory: Memory, to_goal: int, most: int) -> None:
+def turn_aside(memory: VgmMemory, to_goal: int, most: int) -> None:
     """Take the smallest rotation with a wide margin, if it is small; keep its side for a while."""
     sectors = memory.sectors
     left = open_headings.sweep(sectors, to_goal, states.LEFT, sectors.wide)
@@ -199,7 +199,7 @@ def turn_aside(memory: Memory, to_goal: int, most: int) -> None:
 
 
 def leaves(
-    memory: Memory, pose: Pose, ring: Ring, to_goal: int, distance_m: float, params: Params
+    memory: VgmMemory, pose: Pose, ring: Ring, to_goal: int, distance_m: float, params: Params
 ) -> bool:
     """Return whether the path to the goal is open and leads nearer than ever (DistBug's rule).
 
@@ -217,14 +217,16 @@ def leaves(
     return distance_m - free_m <= memory.best_m - vgm_following.STEP_M
 
 
-def leave(memory: Memory, x_cm: int, y_cm: int) -> None:
+def leave(memory: VgmMemory, x_cm: int, y_cm: int) -> None:
     """Stop following; note the place and the distance."""
     memory.following = False
     memory.left_m = memory.best_m
     memory.left_place = loops.packed(x_cm, y_cm)
 
 
-def is_clear(memory: Memory, pose: Pose, to_goal: int, distance_m: float, params: Params) -> bool:
+def is_clear(
+    memory: VgmMemory, pose: Pose, to_goal: int, distance_m: float, params: Params
+) -> bool:
     """Return whether no stored echo touches the straight path to a near goal, without a margin."""
     echoes = memory.echoes
     along_x, along_y = whole_cos_sin(to_goal / BRADS)
@@ -243,7 +245,7 @@ def is_clear(memory: Memory, pose: Pose, to_goal: int, distance_m: float, params
     return True
 
 
-def branch_of(memory: Memory) -> int:
+def branch_of(memory: VgmMemory) -> int:
     """Return the branch of the decision."""
     if memory.given_up:
         return states.GIVE_UP
@@ -255,7 +257,7 @@ def branch_of(memory: Memory) -> int:
     return states.PASS_LEFT if side == states.LEFT else states.PASS_RIGHT
 
 
-def count_side(memory: Memory, branch: int) -> None:
+def count_side(memory: VgmMemory, branch: int) -> None:
     """Count the side on which an obstacle is passed; after the last change keep it."""
     if branch not in (states.PASS_LEFT, states.PASS_RIGHT):
         return
@@ -265,7 +267,7 @@ def count_side(memory: Memory, branch: int) -> None:
         memory.side = memory.aside = side
 
 
-def speed_limit(memory: Memory, error_rad: float, params: Params) -> float:
+def speed_limit(memory: VgmMemory, error_rad: float, params: Params) -> float:
     """Return the speed limit by echoes, heading error, and people."""
     if 0 < memory.flank_walker.ticks < evasion.GIVE_WAY_TICKS - evasion.DRIVE_TICKS:
         return 0.0
@@ -273,7 +275,7 @@ def speed_limit(memory: Memory, error_rad: float, params: Params) -> float:
     return min(speed_m_s, memory.evasion.most_m_s)
 
 
-def rotation_rad(memory: Memory, ring: Ring, branch: int, dx_m: float, dy_m: float) -> float:
+def rotation_rad(memory: VgmMemory, ring: Ring, branch: int, dx_m: float, dy_m: float) -> float:
     """Return the rotation of the goal: to and fro where needed, and away from a near flank."""
     gamma_rad = 0.0 if memory.rotation == 0 else wrap(memory.rotation / BRADS)
     if branch == states.TO_GOAL:
@@ -288,7 +290,7 @@ def rotation_rad(memory: Memory, ring: Ring, branch: int, dx_m: float, dy_m: flo
 
 
 def decision(
-    memory: Memory,
+    memory: VgmMemory,
     pose: Pose,
     ring: Ring,
     goal_rad: float,

@@ -9,7 +9,6 @@ from typing import Any
 
 from checks.harness.messages import make
 from checks.harness.played_gateway import LOOP, PlayedEndpoint, PlayedGateway, PlayedWork
-from gateways.mavlink.clients import NoFile
 from gateways.mavlink.endpoints import Endpoint
 from gateways.mavlink.mav_service import MavService, Sender
 from gateways.mavlink.mav_vehicle import Face, MavVehicle
@@ -400,7 +399,7 @@ class WholeGateway(PlayedGateway):
     ) -> None:
         self.endpoint, self.port = PlayedEndpoint(), port or SilentPort()
         self.face = face_of(MavVehicle(1, self.port, ORIGIN, 0), None, guard)
-        self._encoder = mavlink.MAVLink(NoFile(), 255, 190)
+        self._encoder = mavlink.MAVLink(None, 255, 190)
         endpoint = self.endpoint if real is None else real
         super().__init__(endpoint, [self.face], [self.port], ManualClock(1), recorder, guard)
         self.port.settle = self.advance
@@ -418,7 +417,7 @@ class WholeGateway(PlayedGateway):
 
     def sent_to(self, peer: str, kind: str) -> list[MavMessage]:
         """Return the messages of a kind that a peer has got."""
-        parser = mavlink.MAVLink(NoFile())
+        parser = mavlink.MAVLink(None)
         parser.robust_parsing = True
         data = b"".join(frame for other, frame in self.endpoint.sent if other == peer)
         return [one for one in parser.parse_buffer(data) or () if one.get_type() == kind]

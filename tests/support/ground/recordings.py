@@ -18,7 +18,7 @@ from ground.station.station import Station
 from ground.station.world import parse_world
 from plant.sim.simulation import Plant
 from plant.world.file import load
-from protocol.outcome import Outcome
+from protocol.outcome import RunOutcome
 from protocol.topics import COMMANDED, COMPONENT, CYCLE, DECISION, ODOMETRY, STATUS, TRUTH, Topic
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import Branch, GoalState, Mode
@@ -143,7 +143,7 @@ class Recording:
         return str(path)
 
 
-def recorded(trial: Trial) -> tuple[Recording, Outcome]:
+def recorded(trial: Trial) -> tuple[Recording, RunOutcome]:
     """Write the run with everything that a recorder would store."""
     world, goal = trial.world, wire_goal_of(trial.world)
     facts = {"world": json.dumps(as_json(world, None)), "parameters": "[]"}
@@ -153,7 +153,7 @@ def recorded(trial: Trial) -> tuple[Recording, Outcome]:
     return recording, run_trial(trial, recording)
 
 
-def box(navigator: str = "vgm", side: str = "left") -> tuple[Recording, Outcome]:
+def box(navigator: str = "vgm", side: str = "left") -> tuple[Recording, RunOutcome]:
     return recorded(Trial(world=load("box"), navigator=navigator, side=side, noise="none"))
 
 
@@ -179,7 +179,7 @@ class Show:
         self.station.poll()
 
 
-def driven(trial: Trial) -> tuple[Outcome, list[tuple[float, float]]]:
+def driven(trial: Trial) -> tuple[RunOutcome, list[tuple[float, float]]]:
     """Outcome of a run, and the true position in each tick."""
     places: list[tuple[float, float]] = []
 

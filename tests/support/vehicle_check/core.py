@@ -4,7 +4,7 @@ from typing import Any, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega
 
-from vehicle_check.ground_stations import Heard, NoFile
+from vehicle_check.ground_stations import Heard
 from vehicle_check.mavlink_frames import EXTRA, Signer, number_of
 
 mavlink: Any = ardupilotmega
@@ -20,9 +20,9 @@ class Peer:
         self.system = system
         self.component = 190
         self.heard_ns = now_ns
-        self.parser = mavlink.MAVLink(NoFile())
+        self.parser = mavlink.MAVLink(None)
         self.parser.robust_parsing = True
-        self.encoder = mavlink.MAVLink(NoFile())
+        self.encoder = mavlink.MAVLink(None)
         self.due: dict[str, int] = {}
         self.intervals: dict[str, int] = {}
 

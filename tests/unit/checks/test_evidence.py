@@ -46,7 +46,7 @@ from checks.site.published_maps import (
 )
 from checks.site.published_maps import main as published_maps_main
 from protocol.outcome import LOST, UNREACHABLE
-from protocol.world import Circle
+from protocol.world import WorldCircle
 from runtime.errors import UserError
 from study.falsify.findings import read_finding
 from study.report.evidence import MapResult, read_evidence
@@ -515,7 +515,7 @@ def test_cylinders_are_scaled_and_other_models_left_out(gazebo: Path) -> None:
 
 def test_world_has_the_cylinders_and_a_way_to_the_goal_behind_them(gazebo: Path) -> None:
     (world,) = barn_worlds(gazebo.parent, 1.0)
-    discs = [one for one in world.obstacles if isinstance(one, Circle)]
+    discs = [one for one in world.obstacles if isinstance(one, WorldCircle)]
     assert [one.radius_m for one in discs] == [0.075, 0.075]
     assert world.goal.y_m > max(one.y_m for one in discs)
     assert world.shortest_path_m == pytest.approx(7.1, abs=0.05)

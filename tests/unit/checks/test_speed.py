@@ -45,7 +45,6 @@ from checks.speed.map_drawing import (
 )
 from checks.speed.stages import measured
 from checks.speed.trials import RAYS, Measured, compiled_figures, page, scene_of, table
-from gateways.mavlink.clients import NoFile
 from gateways.mavlink.framing import Deframer, MavFrame
 from gateways.mavlink.mavlink_dialect import mavlink
 from gateways.mavlink.motion.setpoints import Velocity, attitude_of, setpoint_of
@@ -55,7 +54,7 @@ from ground.client.goal import Destination
 from ground.missions.mission import Home
 from protocol.wire.message import Message
 from protocol.wire.messages import WheelCommand
-from protocol.world import Circle, GoalPose, Polygon, Polyline, Start, World
+from protocol.world import GoalPose, Polyline, Start, World, WorldCircle, WorldPolygon
 from runtime.units import NS_PER_S, PERIOD_S
 from tests.support.each import each
 
@@ -80,7 +79,7 @@ def frames_in(data: list[bytes]) -> tuple[list[MavFrame], Deframer]:
 
 
 def owners(*stamps: int) -> list[bytes]:
-    encoder = mavlink.MAVLink(NoFile(), 255, 190)
+    encoder = mavlink.MAVLink(None, 255, 190)
     found = []
     for stamp in stamps:
         sign(encoder, KEY, stamp, 0)
@@ -136,7 +135,7 @@ def test_floods_are_what_they_are_called(kind: str) -> None:
 
 
 def test_flood_holds_no_command_that_all_may_give() -> None:
-    decoder = mavlink.MAVLink(NoFile())
+    decoder = mavlink.MAVLink(None)
     names = Counter(
         (message.get_type(), getattr(message, "command", 0))
         for message in (decoder.decode(bytearray(frame)) for frame in supply_of("valid"))
@@ -585,8 +584,8 @@ def world(*, walls: bool) -> World:
         goal=GoalPose(x_m=5.4, y_m=2.0),
         walls=walls,
         obstacles=(
-            Circle(x_m=3.0, y_m=1.0, radius_m=0.25),
-            Polygon(CORNERS),
+            WorldCircle(x_m=3.0, y_m=1.0, radius_m=0.25),
+            WorldPolygon(CORNERS),
             Polyline(CORNERS),
         ),
     )

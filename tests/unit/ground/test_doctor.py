@@ -8,7 +8,7 @@ from msgspec import structs
 
 from checks.harness.messages import make
 from ground.client.presence import PresentProcesses, explain_silence
-from ground.commands.doctor import DAY_S, Observed, Stream, examine, lines
+from ground.commands.doctor import DAY_S, Observed, ObservedTopic, examine, lines
 from protocol.bus.certificate import MAKE_NEW, RENEW, WAIT, CertificateStatus
 from protocol.topics import CLOCK, HEARTBEAT, MISSION, OPERATOR, SONAR, TEXT, TOPICS, Role, Topic
 from protocol.wire.enums import Mode, Vehicle
@@ -27,7 +27,7 @@ STATUS = make(NavigatorStatus, time_ns=1, mode=Mode.HOLD)
 def seen(silent: Iterable[Topic[Any]] = (), crew: PresentProcesses = ALL_PRESENT) -> Observed:
     """Return a healthy system in wall time, except for the topics in `silent`."""
     quiet = [*silent, OPERATOR, CLOCK, TEXT]
-    streams = tuple(Stream(topic, None if topic in quiet else 20 * MS) for topic in TOPICS)
+    streams = tuple(ObservedTopic(topic, None if topic in quiet else 20 * MS) for topic in TOPICS)
     endpoint = "tcp/127.0.0.1:7447"
     return Observed(
         robot="r1", endpoint=endpoint, processes=crew, streams=streams, status=STATUS, cycle=CYCLE
@@ -92,7 +92,7 @@ def test_slow_stream_is_not_reported_within_its_period() -> None:
 def test_an_old_stream_is_named_with_its_age() -> None:
     observed = seen()
     old = tuple(
-        Stream(stream.topic, 9_000 * MS) if stream.topic is SONAR else stream
+        ObservedTopic(stream.topic, 9_000 * MS) if stream.topic is SONAR else stream
         for stream in observed.streams
     )
     assert "sense/sonar is 9000 ms old" in lines(examine(replace(observed, streams=old)).findings)
@@ -100,8 +100,8 @@ def test_an_old_stream_is_named_with_its_age() -> None:
 
 def test_foreign_dialect_differs_from_garbage() -> None:
     observed = seen()
-    foreign = Stream(SONAR, 1, 3, "has dialect sidestep@9, not sidestep@2")
-    garbage = Stream(HEARTBEAT, 1, 9, "frame of 7 bytes is too short")
+    foreign = ObservedTopic(SONAR, 1, 3, "has dialect sidestep@9, not sidestep@2")
+    garbage = ObservedTopic(HEARTBEAT, 1, 9, "frame of 7 bytes is too short")
     report = examine(replace(observed, streams=(*observed.streams, foreign, garbage)))
     first, second = report.findings
     assert "dialect sidestep@9" in first.what
@@ -110,7 +110,7 @@ def test_foreign_dialect_differs_from_garbage() -> None:
 
 
 def test_a_heart_that_cannot_be_read_is_no_hanging_robot() -> None:
-    spoken = Stream(HEARTBEAT, None, 5, "has dialect sidestep@9, not sidestep@2")
+    spoken = ObservedTopic(HEARTBEAT, None, 5, "has dialect sidestep@9, not sidestep@2")
     others = tuple(stream for stream in seen().streams if stream.topic is not HEARTBEAT)
     (finding,) = examine(replace(seen(), streams=(spoken, *others))).findings
     assert "5 unreadable messages on tlm/heartbeat" in finding.what

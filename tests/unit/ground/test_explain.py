@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.cli.main import main
-from ground.explain import TURNS_DEG_S, Recorded, explain, headline
+from ground.explain import TURNS_DEG_S, RecordedDecisions, explain, headline
 from ground.recording.log_reader import LogIndex
 from protocol.topics import CYCLE, DECISION, STATUS
 from protocol.wire.codec import decode
@@ -426,7 +426,7 @@ def decisions(run: Recording) -> list[AvoidanceDecision]:
 
 
 def test_each_tick_has_its_own_status_and_cost(run: Recording) -> None:
-    told = Recorded(LogIndex(run))
+    told = RecordedDecisions(LogIndex(run))
     for at_ns in (0, 5 * S, 8 * S + 7):
         found = told.at(at_ns)
         assert found is not None
@@ -437,20 +437,20 @@ def test_each_tick_has_its_own_status_and_cost(run: Recording) -> None:
 
 
 def test_no_explanation_before_the_first_decision(run: Recording) -> None:
-    assert Recorded(LogIndex(run)).at(-1) is None
-    assert Recorded(LogIndex(run.without(DECISION))).at(9 * S) is None
-    assert Recorded(LogIndex(Recording())).at(0) is None
+    assert RecordedDecisions(LogIndex(run)).at(-1) is None
+    assert RecordedDecisions(LogIndex(run.without(DECISION))).at(9 * S) is None
+    assert RecordedDecisions(LogIndex(Recording())).at(0) is None
 
 
 def test_decision_is_explained_without_status_and_cost(run: Recording) -> None:
-    found = Recorded(LogIndex(run.without(STATUS, CYCLE))).at(6 * S)
+    found = RecordedDecisions(LogIndex(run.without(STATUS, CYCLE))).at(6 * S)
     assert found is not None
     before, now = (one for one in decisions(run) if one.time_ns in (6 * S - 50_000_000, 6 * S))
     assert found[1] == explain(now, None, None, before)
 
 
 def test_its_turning_points_are_those_of_the_run(run: Recording) -> None:
-    turns = list(Recorded(LogIndex(run)).turns())
+    turns = list(RecordedDecisions(LogIndex(run)).turns())
     points = turning_points(decisions(run))
     assert [(turn.at_ns, turn.words) for turn in turns] == [
         (point.time_ns, point.words) for point in points
@@ -460,7 +460,7 @@ def test_its_turning_points_are_those_of_the_run(run: Recording) -> None:
 
 def test_turning_point_wins_over_a_simultaneous_decision(run: Recording) -> None:
     """Frames of two ticks may come at once."""
-    told = Recorded(LogIndex(run))
+    told = RecordedDecisions(LogIndex(run))
     turn = list(told.turns())[1]
     place = told._times_ns.index(turn.at_ns)
     for other in (place + 1, place - 1):

@@ -49,7 +49,7 @@ from ground.station.station import Station
 from plant.world.file import load
 from protocol.bus.mailbox import Sample
 from protocol.options import numbers_kept
-from protocol.outcome import Outcome, rounded_heading_rad
+from protocol.outcome import RunOutcome, rounded_heading_rad
 from protocol.topics import CLOCK, COMMANDED, ENCODING, ODOMETRY, STATUS, TRUTH
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import GoalState
@@ -407,12 +407,12 @@ def test_what_is_no_number_is_missing(value: object, found: float | None) -> Non
 
 
 @pytest.fixture(scope="module")
-def drive() -> tuple[Recording, Outcome]:
+def drive() -> tuple[Recording, RunOutcome]:
     return box("bug")
 
 
 @pytest.fixture
-def show(drive: tuple[Recording, Outcome], tmp_path: Path) -> Iterator[Show]:
+def show(drive: tuple[Recording, RunOutcome], tmp_path: Path) -> Iterator[Show]:
     shown = Show(drive[0], tmp_path, 6.0)
     yield shown
     asyncio.run(shown.station.close())
@@ -452,7 +452,7 @@ def test_ended_ghost_is_drawn_and_logged(show: Show) -> None:
 
 
 def test_from_the_beginning_the_same_navigator_drives_the_shown_run(
-    drive: tuple[Recording, Outcome], tmp_path: Path
+    drive: tuple[Recording, RunOutcome], tmp_path: Path
 ) -> None:
     run, outcome = drive
     show = Show(run, tmp_path, 0.0)
@@ -475,7 +475,7 @@ def test_all_of_them_at_once_and_none_of_them(show: Show) -> None:
     assert not haunting.busy
 
 
-def test_what_is_missing_is_named(drive: tuple[Recording, Outcome], tmp_path: Path) -> None:
+def test_what_is_missing_is_named(drive: tuple[Recording, RunOutcome], tmp_path: Path) -> None:
     run = drive[0]
     for lacking, world, said in (
         (run, False, "the world is unknown"),
@@ -511,7 +511,7 @@ def test_outcome_is_one_line() -> None:
 
 
 def test_without_truth_it_begins_where_the_robot_believes_to_be(
-    drive: tuple[Recording, Outcome], tmp_path: Path
+    drive: tuple[Recording, RunOutcome], tmp_path: Path
 ) -> None:
     show = Show(drive[0].without(TRUTH), tmp_path, 6.0)
     assert instant_of(show.station).at_s == 0.0
@@ -604,7 +604,7 @@ def test_how_a_robot_is_built_and_what_it_runs_is_not_handed_on() -> None:
 
 
 @pytest.fixture(scope="module")
-def recorded_run(drive: tuple[Recording, Outcome]) -> Recording:
+def recorded_run(drive: tuple[Recording, RunOutcome]) -> Recording:
     return drive[0]
 
 
@@ -657,7 +657,7 @@ def test_of_two_requests_for_one_place_the_one_of_that_time_counts() -> None:
     assert [told.goal_at(at_s * S).position_tolerance_m for at_s in (4, 5)] == [0.05, 0.5]
 
 
-def test_the_rest_of_the_drive_is_measured_to_its_end(drive: tuple[Recording, Outcome]) -> None:
+def test_the_rest_of_the_drive_is_measured_to_its_end(drive: tuple[Recording, RunOutcome]) -> None:
     run, outcome = drive
     whole, rest = footage(run).rest(0), footage(run).rest(6 * S)
     assert (whole.outcome, whole.reason, whole.time_s) == ("reached", "ok", outcome.time_s)
@@ -726,7 +726,7 @@ def test_only_what_the_robot_drives_otherwise_by_is_handed_on() -> None:
 
 
 def test_the_verb_lays_the_ghosts_beside_the_real_run(
-    log: str, drive: tuple[Recording, Outcome], capsys: pytest.CaptureFixture[str]
+    log: str, drive: tuple[Recording, RunOutcome], capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["--world", "box", "--navigator", "bug", "distbug", "bug", "--json"]
     assert main(["ghost", "--from", log, *words]) == 0
@@ -741,7 +741,7 @@ def test_the_verb_lays_the_ghosts_beside_the_real_run(
 
 
 def test_ghost_passes_on_the_side_of_the_robot_by_default(
-    tmp_path: Path, drive: tuple[Recording, Outcome], capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, drive: tuple[Recording, RunOutcome], capsys: pytest.CaptureFixture[str]
 ) -> None:
     run, outcome = box("bug", side="right")
     log = run.written(tmp_path / "20260101T000000Z-r1.tlog")

@@ -19,7 +19,7 @@ import pytest
 from ground.cli.main import main
 from ground.client.outcomes import NoProgress
 from ground.commands.plot import Plot
-from ground.commands.share import Drive, Share, changed_parameters
+from ground.commands.share import DrivenRun, Share, changed_parameters
 from ground.console.parser import read
 from ground.missions.mission import Polygon
 from ground.missions.transfer import fence_items_of
@@ -396,8 +396,8 @@ def test_no_control_character_of_a_recording_reaches_the_reader(
 ) -> None:
     hostile = "x\n\x1b]0;OWNED\x07\x9b2J\ud800"
 
-    def drive_of(_: object) -> Drive:
-        return Drive(run_in(WORLD_TEXT), ["--noise", hostile], [["param", "set", hostile, "1"]])
+    def drive_of(_: object) -> DrivenRun:
+        return DrivenRun(run_in(WORLD_TEXT), ["--noise", hostile], [["param", "set", hostile, "1"]])
 
     monkeypatch.setattr("ground.commands.share.drive_of", drive_of)
     monkeypatch.setattr("ground.commands.share.explanation", lambda _: hostile)

@@ -16,14 +16,14 @@ from plant.sim.drive import DifferentialDrive, Motor
 from plant.sim.physics import CLEARANCE_LIMIT_M, Arena
 from plant.sim.simulation import Plant
 from protocol.wire.messages import RunScore
-from protocol.world import Circle, Obstacle, Point, Polygon, Polyline, World
+from protocol.world import Obstacle, Point, Polyline, World, WorldCircle, WorldPolygon
 from runtime.units import NS_PER_MS as MS
 from tests.support.each import each
 from tests.support.plant import FOREVER_NS, NONE, bumper, drive, room
 
 LEFT, RIGHT, REAR = 1, 2, 4
 THIN_WALL = Polyline(((2.0, 0.0), (2.0, 4.0)), 0.01)
-BAY = Polygon(
+BAY = WorldPolygon(
     ((2.0, 1.0), (3.0, 1.0), (3.0, 3.0), (2.0, 3.0), (2.0, 2.8), (2.8, 2.8), (2.8, 1.2), (2.0, 1.2))
 )
 
@@ -36,9 +36,9 @@ def plant(world: World, robots: int = 1) -> Plant:
     ("obstacle", "stopped_at_m"),
     [
         (THIN_WALL, 1.995),
-        (Circle(x_m=2.5, y_m=2.0, radius_m=0.4), 2.1),
+        (WorldCircle(x_m=2.5, y_m=2.0, radius_m=0.4), 2.1),
         (BAY, 2.8),
-        (Polygon(((2.5, 1.0), (3.0, 1.0), (3.0, 3.0), (2.5, 3.0))), 2.5),
+        (WorldPolygon(((2.5, 1.0), (3.0, 1.0), (3.0, 3.0), (2.5, 3.0))), 2.5),
     ],
 )
 def test_robot_stops_at_an_obstacle(obstacle: Obstacle, stopped_at_m: float) -> None:
@@ -96,7 +96,7 @@ def test_bumper_reports_the_touched_sector(bearing_deg: float, sectors: int) -> 
     towards_rad = 1.0 + radians(bearing_deg)  # straight away from the pillar, which comes near
     far, near = 0.35, 0.2
     path = tuple((2.0 + d * cos(towards_rad), 2.0 + d * sin(towards_rad)) for d in (far, near))
-    pillar = Circle(x_m=path[0][0], y_m=path[0][1], radius_m=0.1, path_m=path, speed_m_s=0.1)
+    pillar = WorldCircle(x_m=path[0][0], y_m=path[0][1], radius_m=0.1, path_m=path, speed_m_s=0.1)
     one = plant(room(pillar, start=(2.0, 2.0, 1.0)))
     while not one.truth().contact:
         one.advance()
@@ -115,7 +115,7 @@ def test_robot_never_pushes_through_a_thin_wall(angle_deg: int) -> None:
 
 
 def test_clearance_is_from_rim_to_nearest_surface() -> None:
-    obstacles = (BAY, THIN_WALL, Circle(x_m=0.5, y_m=0.5, radius_m=0.2))
+    obstacles = (BAY, THIN_WALL, WorldCircle(x_m=0.5, y_m=0.5, radius_m=0.2))
     one = plant(room(*obstacles, start=(0.9, 2.0, -1.2)))
     for _ in range(100):
         drive(one, 0.3, 0.2, 1)
@@ -145,11 +145,13 @@ def test_two_robots_do_not_pass_through_each_other() -> None:
     assert touched > 10
 
 
-def walker(bearing_rad: float, speed_m_s: float = 0.2) -> Circle:
+def walker(bearing_rad: float, speed_m_s: float = 0.2) -> WorldCircle:
     """Return a pedestrian that walks straight at the middle of the room."""
     ways = ((2.0 + d * cos(bearing_rad), 2.0 + d * sin(bearing_rad)) for d in (0.6, -0.6))
     path = tuple(ways)
-    return Circle(x_m=path[0][0], y_m=path[0][1], radius_m=0.2, path_m=path, speed_m_s=speed_m_s)
+    return WorldCircle(
+        x_m=path[0][0], y_m=path[0][1], radius_m=0.2, path_m=path, speed_m_s=speed_m_s
+    )
 
 
 def until_touched(one: Plant, left_m_s: float, right_m_s: float) -> tuple[int, int]:
@@ -195,7 +197,9 @@ def test_contact_with_a_wall_is_always_the_robots() -> None:
 
 
 def test_moving_obstacle_pushes_the_robot_away() -> None:
-    roller = Circle(x_m=1.0, y_m=2.0, radius_m=0.3, path_m=((1.0, 2.0), (3.0, 2.0)), speed_m_s=0.5)
+    roller = WorldCircle(
+        x_m=1.0, y_m=2.0, radius_m=0.3, path_m=((1.0, 2.0), (3.0, 2.0)), speed_m_s=0.5
+    )
     one = plant(room(roller, start=(2.0, 2.0, 0.0)))
     for _ in range(60):
         one.advance()
@@ -205,7 +209,9 @@ def test_moving_obstacle_pushes_the_robot_away() -> None:
 
 
 def test_robot_between_mover_and_wall_stays_in_the_room() -> None:
-    press = Circle(x_m=1.0, y_m=2.0, radius_m=0.3, path_m=((1.0, 2.0), (3.9, 2.0)), speed_m_s=0.5)
+    press = WorldCircle(
+        x_m=1.0, y_m=2.0, radius_m=0.3, path_m=((1.0, 2.0), (3.9, 2.0)), speed_m_s=0.5
+    )
     one = plant(room(press, start=(3.5, 2.0, 0.0)))
     for _ in range(200):
         one.advance()
@@ -446,9 +452,13 @@ def test_trajectory_is_identical_through_contacts_too(family: str) -> None:
 
 
 RADIUS_M = 0.12
-TRIANGLE = Polygon(points_m=((1.0, 3.0), (2.5, 3.2), (1.3, 4.0)))
+TRIANGLE = WorldPolygon(points_m=((1.0, 3.0), (2.5, 3.2), (1.3, 4.0)))
 STILL: tuple[Obstacle, ...] = (
-    *(Circle(x_m=1.0 + 0.9 * i, y_m=1.0 + 0.7 * j, radius_m=0.1) for i in range(5) for j in (0, 1)),
+    *(
+        WorldCircle(x_m=1.0 + 0.9 * i, y_m=1.0 + 0.7 * j, radius_m=0.1)
+        for i in range(5)
+        for j in (0, 1)
+    ),
     TRIANGLE,
     Polyline(points_m=((3.0, 3.0), (4.5, 3.1), (4.6, 3.1), (4.6, 4.4)), thickness_m=0.07),
 )

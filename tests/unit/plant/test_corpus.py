@@ -36,7 +36,7 @@ from plant.placement import STANDING_M
 from plant.shortest_path import shortest_path_m
 from plant.world.file import load, loads
 from plant.world.writer import dumps
-from protocol.world import Circle, Point, Polyline, World
+from protocol.world import Point, Polyline, World, WorldCircle
 from tests.support.each import each
 
 FIXED_DIR = Path(made.__file__).parent / "fixed"
@@ -146,7 +146,7 @@ def test_unknown_family_is_rejected_by_name() -> None:
         generate("u_tarp", 0, 1)
 
 
-def along(walker: Circle) -> Iterator[Point]:
+def along(walker: WorldCircle) -> Iterator[Point]:
     for a, b in pairwise(walker.path_m):
         yield from (
             (a[0] + (b[0] - a[0]) * i / 40, a[1] + (b[1] - a[1]) * i / 40) for i in range(41)
@@ -235,7 +235,7 @@ def test_forest_has_its_density_and_passages_between_trunks(
 ) -> None:
     for index in SOME_OF_FAMILIES:
         world = generate(family, index, 5)
-        trunks = [one for one in world.obstacles if isinstance(one, Circle)]
+        trunks = [one for one in world.obstacles if isinstance(one, WorldCircle)]
         assert low_m2 < len(trunks) / (world.size_m[0] * world.size_m[1]) < high_m2
         gaps_m = (
             dist((a.x_m, a.y_m), (b.x_m, b.y_m)) - a.radius_m - b.radius_m
@@ -330,7 +330,7 @@ def test_crowd_has_one_to_six_people_of_its_speeds(
     sizes = set()
     for index in range(24):
         world = generate(family, index, 5)
-        people = [one for one in world.obstacles if isinstance(one, Circle) and one.path_m]
+        people = [one for one in world.obstacles if isinstance(one, WorldCircle) and one.path_m]
         sizes.add(len(people))
         assert all(speeds_m_s[0] <= one.speed_m_s <= speeds_m_s[1] for one in people)
         for place_m in ((world.start.x_m, world.start.y_m), (world.goal.x_m, world.goal.y_m)):

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from plant.model.configuration import LEVELS, Body, Fault, Noise
 from plant.model.geometry import movers, still
-from plant.sim.physics import Mover
-from protocol.world import Circle, Polygon, Polyline
+from plant.sim.physics import MovingDisc
+from protocol.world import Polyline, WorldCircle, WorldPolygon
 from tests.support.each import each
 from tests.support.plant import room
 
@@ -89,7 +89,7 @@ def test_negative_robot_of_a_fault_is_rejected() -> None:
         Fault("scan_stopped", robot=-1)
 
 
-CORNER = Circle(
+CORNER = WorldCircle(
     x_m=0.0, y_m=0.0, radius_m=0.1, path_m=((0.0, 0.0), (1.0, 0.0), (1.0, 2.0)), speed_m_s=0.5
 )
 
@@ -110,19 +110,19 @@ CORNER = Circle(
 def test_obstacle_moves_back_and_forth_along_its_waypoints(
     time_s: float, place: tuple[float, float]
 ) -> None:
-    assert Mover(CORNER).position_m(time_s) == pytest.approx(place)
+    assert MovingDisc(CORNER).position_m(time_s) == pytest.approx(place)
 
 
 def test_obstacle_passes_a_repeated_waypoint() -> None:
     path = ((0.0, 0.0), (0.0, 0.0), (1.0, 0.0))
-    mover = Mover(Circle(x_m=0.0, y_m=0.0, radius_m=0.1, path_m=path, speed_m_s=1.0))
+    mover = MovingDisc(WorldCircle(x_m=0.0, y_m=0.0, radius_m=0.1, path_m=path, speed_m_s=1.0))
     assert mover.position_m(0.0) == (0.0, 0.0)
     assert mover.position_m(0.25) == pytest.approx((0.25, 0.0))
 
 
 @given(st.floats(0.0, 1e5), st.floats(0.0, 10.0))
 def test_obstacle_never_exceeds_its_speed(time_s: float, span_s: float) -> None:
-    mover = Mover(CORNER)
+    mover = MovingDisc(CORNER)
     way_m = dist(mover.position_m(time_s), mover.position_m(time_s + span_s))
     assert way_m <= 0.5 * span_s + 1e-9
 
@@ -167,8 +167,8 @@ def test_open_floor_has_no_shapes() -> None:
 
 
 def test_polygon_is_visible_from_outside_in_either_orientation() -> None:
-    forth = still(room(Polygon(SQUARE), walls=False)).edges
-    back = still(room(Polygon(SQUARE[::-1]), walls=False)).edges
+    forth = still(room(WorldPolygon(SQUARE), walls=False)).edges
+    back = still(room(WorldPolygon(SQUARE[::-1]), walls=False)).edges
     assert set(forth) == set(back)
     assert (1.0, 1.0, 2.0, 1.0) in forth
 
@@ -181,10 +181,10 @@ def test_wall_has_two_flanks_per_segment_and_a_disc_per_point() -> None:
 
 
 def test_moving_circle_is_not_part_of_the_static_scene() -> None:
-    still_one = Circle(x_m=3.0, y_m=3.0, radius_m=0.2)
+    still_one = WorldCircle(x_m=3.0, y_m=3.0, radius_m=0.2)
     path = ((1.0, 1.0), (2.0, 1.0))
-    waiting = Circle(x_m=1.0, y_m=1.0, radius_m=0.3, path_m=path, speed_m_s=0.0)
-    moving = Circle(x_m=1.0, y_m=1.0, radius_m=0.1, path_m=path, speed_m_s=0.1)
+    waiting = WorldCircle(x_m=1.0, y_m=1.0, radius_m=0.3, path_m=path, speed_m_s=0.0)
+    moving = WorldCircle(x_m=1.0, y_m=1.0, radius_m=0.1, path_m=path, speed_m_s=0.1)
     world = room(still_one, waiting, moving, walls=False)
     assert still(world).discs == ((3.0, 3.0, 0.2), (1.0, 1.0, 0.3))
     assert movers(world) == (moving,)

@@ -14,7 +14,16 @@ from plant.placement import RobotGoal, goals, starts
 from plant.shortest_path import shortest_path, shortest_path_m
 from plant.sim.simulation import Plant
 from plant.world.file import load, shipped
-from protocol.world import Circle, GoalPose, Obstacle, Point, Polygon, Polyline, Start, World
+from protocol.world import (
+    GoalPose,
+    Obstacle,
+    Point,
+    Polyline,
+    Start,
+    World,
+    WorldCircle,
+    WorldPolygon,
+)
 from runtime.errors import UserError
 from study.cli.trial import elsewhere
 from tests.support.each import each
@@ -49,26 +58,26 @@ def test_goal_outside_moves_to_the_nearest_place_inside() -> None:
 
 
 def test_goal_in_an_obstacle_is_moved_beside_it() -> None:
-    pillar = Circle(x_m=3.0, y_m=2.6, radius_m=0.1)
+    pillar = WorldCircle(x_m=3.0, y_m=2.6, radius_m=0.1)
     moved = gone_to(2, (3.0, 2.0), pillar)[1]
     assert not moved.shifted
     assert dist(moved[:2], (3.0, 2.6)) > 0.1 + 0.12
 
 
 def test_goal_behind_a_wall_moves_to_the_near_side() -> None:
-    wall = Polygon(((2.0, 2.15), (4.0, 2.15), (4.0, 2.2), (2.0, 2.2)))
+    wall = WorldPolygon(((2.0, 2.15), (4.0, 2.15), (4.0, 2.2), (2.0, 2.2)))
     moved = gone_to(2, (3.0, 2.0), wall)[1]
     assert not moved.shifted
     assert moved.y_m < 2.15 - 0.12
 
 
 def test_moving_obstacles_do_not_displace_goals() -> None:
-    passing = Circle(x_m=3.0, y_m=2.6, radius_m=0.1, path_m=((3.0, 2.6), (1.0, 2.6)))
+    passing = WorldCircle(x_m=3.0, y_m=2.6, radius_m=0.1, path_m=((3.0, 2.6), (1.0, 2.6)))
     assert gone_to(2, (3.0, 2.0), passing)[1].shifted
 
 
 def test_goal_is_shared_when_no_place_is_free() -> None:
-    around = Circle(x_m=3.0, y_m=2.0, radius_m=0.5)
+    around = WorldCircle(x_m=3.0, y_m=2.0, radius_m=0.5)
     assert gone_to(2, (3.0, 2.0), around)[1] == RobotGoal(3.0, 2.0, False)
 
 
@@ -88,8 +97,8 @@ def test_every_world_has_a_goal_for_a_second_robot(name: str) -> None:
     assert dist(first[:2], second[:2]) > 2.0 * body.radius_m
 
 
-ROLLER = Circle(x_m=2.0, y_m=1.0, radius_m=0.2, path_m=((2.0, 1.0), (2.0, 3.0)), speed_m_s=0.5)
-BOX = Polygon(((1.0, 1.0), (1.5, 1.0), (1.5, 1.5), (1.0, 1.5)))
+ROLLER = WorldCircle(x_m=2.0, y_m=1.0, radius_m=0.2, path_m=((2.0, 1.0), (2.0, 3.0)), speed_m_s=0.5)
+BOX = WorldPolygon(((1.0, 1.0), (1.5, 1.0), (1.5, 1.5), (1.0, 1.5)))
 FENCE = Polyline(((3.0, 1.0), (3.0, 3.0)))
 
 
@@ -124,7 +133,7 @@ def test_start_and_goal_are_replaced_and_the_rest_kept() -> None:
     ],
 )
 def test_blocked_start_is_rejected_with_the_reason(
-    obstacle: Circle | Polygon | Polyline, place: tuple[float, float], reason: str
+    obstacle: WorldCircle | WorldPolygon | Polyline, place: tuple[float, float], reason: str
 ) -> None:
     with pytest.raises(UserError, match="start") as refused:
         elsewhere(room(obstacle), at(*place), None, 0.0)
@@ -203,8 +212,8 @@ def world_with(*obstacles: Obstacle, walls: bool = True, radius_m: float = RADIU
     )
 
 
-def box(x0: float, y0: float, x1: float, y1: float) -> Polygon:
-    return Polygon(((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
+def box(x0: float, y0: float, x1: float, y1: float) -> WorldPolygon:
+    return WorldPolygon(((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
 
 
 def length_m(*obstacles: Obstacle, walls: bool = True) -> float:
@@ -226,7 +235,11 @@ def test_path_without_obstacles_is_a_straight_line() -> None:
 @each("radius_m", [0.05, 0.4, 0.8, 1.5])
 def test_path_around_a_disc_is_tangent_arc_tangent(radius_m: float) -> None:
     exact_m = around_disc_m(radius_m + RADIUS_M, 2.0)
-    assert exact_m - 1e-4 <= length_m(Circle(x_m=3.0, y_m=2.0, radius_m=radius_m)) < 1.006 * exact_m
+    assert (
+        exact_m - 1e-4
+        <= length_m(WorldCircle(x_m=3.0, y_m=2.0, radius_m=radius_m))
+        < 1.006 * exact_m
+    )
 
 
 def test_path_passes_a_box_on_its_short_side() -> None:
@@ -245,7 +258,7 @@ def _elevation(along_m: float, up_m: float) -> float:
 def test_path_respects_the_thickness_of_a_wall() -> None:
     thick = Polyline(((3.0, 0.0), (3.0, 2.5)), 0.4)
     # Its round end is a disc of 0.2 m, which the robot passes above.
-    exact_m = length_m(Circle(x_m=3.0, y_m=2.5, radius_m=0.2), box(2.9, 0.0, 3.1, 2.5))
+    exact_m = length_m(WorldCircle(x_m=3.0, y_m=2.5, radius_m=0.2), box(2.9, 0.0, 3.1, 2.5))
     assert isclose(length_m(thick), exact_m, rel_tol=1e-3)
 
 
@@ -285,13 +298,15 @@ def test_path_leaves_a_trap_around_its_arms() -> None:
 
 
 def test_moving_obstacles_are_ignored() -> None:
-    walker = Circle(x_m=3.0, y_m=2.0, radius_m=0.5, path_m=((3.0, 2.0), (3.0, 3.0)), speed_m_s=0.1)
+    walker = WorldCircle(
+        x_m=3.0, y_m=2.0, radius_m=0.5, path_m=((3.0, 2.0), (3.0, 3.0)), speed_m_s=0.1
+    )
     assert isclose(length_m(walker), 4.0)
 
 
 discs = st.lists(
     st.builds(
-        Circle, x_m=st.floats(1.8, 4.2), y_m=st.floats(0.2, 3.8), radius_m=st.floats(0.02, 0.6)
+        WorldCircle, x_m=st.floats(1.8, 4.2), y_m=st.floats(0.2, 3.8), radius_m=st.floats(0.02, 0.6)
     ),
     max_size=8,
 )
@@ -300,7 +315,7 @@ discs = st.lists(
 @settings(max_examples=60, deadline=None)
 @given(discs)
 def test_adding_a_disc_never_shortens_the_path(
-    circles: list[Circle],
+    circles: list[WorldCircle],
 ) -> None:
     before_m = 4.0
     for count in range(1, len(circles) + 1):
@@ -313,7 +328,7 @@ def test_adding_a_disc_never_shortens_the_path(
         before_m = after_m
 
 
-def _clear(a: tuple[float, float], b: tuple[float, float], circles: list[Circle]) -> bool:
+def _clear(a: tuple[float, float], b: tuple[float, float], circles: list[WorldCircle]) -> bool:
     points = [(a[0] + (b[0] - a[0]) * i / 50, a[1] + (b[1] - a[1]) * i / 50) for i in range(51)]
     return all(clearance_m(p, one) >= RADIUS_M - 1e-5 for p in points for one in circles)
 
@@ -341,8 +356,8 @@ def test_several_robots_start_side_by_side_with_a_gap() -> None:
 
 
 def test_start_places_in_walls_and_obstacles_are_skipped() -> None:
-    pillar = Circle(x_m=1.0, y_m=1.0, radius_m=0.1)
-    block = Polygon(((0.8, 2.0), (1.2, 2.0), (1.2, 2.6), (0.8, 2.6)))
+    pillar = WorldCircle(x_m=1.0, y_m=1.0, radius_m=0.1)
+    block = WorldPolygon(((0.8, 2.0), (1.2, 2.0), (1.2, 2.6), (0.8, 2.6)))
     places = starts(room(pillar, block, start=(1.0, 0.5, 0.0)), Body(), 3)
     assert [round(place[1], 3) for place in places] == [0.5, 1.7, 2.9]
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from plant.model.configuration import LEVELS, Body, Fault
 from plant.process import RejectLog
-from plant.robot_link import HELD_TICKS, SILENT_TICKS, CommandGate, RobotLink, WheelOutput
+from plant.robot_link import HELD_TICKS, SILENT_TICKS, CommandGate, PlantLink, WheelOutput
 from plant.sim.active_faults import NO_TROUBLE
 from plant.sim.drive import DifferentialDrive
 from plant.sim.simulation import Plant
@@ -355,7 +355,7 @@ class Bench:
         self._bus = PlayedBus(ManualClock())
         self.plant = Plant(load("open"), 0, LEVELS["none"])
         bus = cast(Bus, self._bus)
-        self.link = RobotLink(bus, "r1", 0, lambda _: None, lockstep=True)
+        self.link = PlantLink(bus, "r1", 0, lambda _: None, lockstep=True)
         for _ in range(20):
             self.link.publish(self.plant)
             self.plant.advance()
@@ -419,7 +419,7 @@ class Listener:
     def __init__(self, *, lockstep: bool, at_ns: int = 0) -> None:
         self._bus = PlayedBus(ManualClock())
         self.plant = Plant(load("open"), 0, LEVELS["none"], robots=2, at_ns=at_ns)
-        self.link = RobotLink(cast(Bus, self._bus), "r2", 1, lambda _: None, lockstep=lockstep)
+        self.link = PlantLink(cast(Bus, self._bus), "r2", 1, lambda _: None, lockstep=lockstep)
         self.said: list[Message] = []
         for publisher in self._bus.publishers.values():
             publisher.heard = self.said.append

@@ -22,7 +22,7 @@ from plant.sim.sonar import (
     ray_bearings_rad,
 )
 from protocol.ring import SONARS
-from protocol.world import Circle, Obstacle, Polygon, Polyline
+from protocol.world import Obstacle, Polyline, WorldCircle, WorldPolygon
 from tests.support.each import each
 from tests.support.plant import room
 
@@ -241,9 +241,9 @@ def test_ray_beside_the_centre_meets_the_flank_of_a_disc() -> None:
 
 
 def test_shapes_behind_the_origin_are_not_seen() -> None:
-    behind = still(room(Circle(x_m=0.4, y_m=2.0, radius_m=0.2), walls=False))
+    behind = still(room(WorldCircle(x_m=0.4, y_m=2.0, radius_m=0.2), walls=False))
     assert seen_m(Caster(behind, 10.0, pi / 2), (1.0, 2.0, 0.0)) == [inf] * 8
-    box = Polygon(((0.2, 1.5), (0.6, 1.5), (0.6, 2.5), (0.2, 2.5)))
+    box = WorldPolygon(((0.2, 1.5), (0.6, 1.5), (0.6, 2.5), (0.2, 2.5)))
     assert seen_m(Caster(still(room(box, walls=False)), 10.0, pi / 2), (1.0, 2.0, 0.0)) == [inf] * 8
 
 
@@ -254,13 +254,13 @@ def test_round_end_of_a_wall_is_seen() -> None:
 
 
 def test_edge_on_wall_is_not_seen_from_its_hidden_side() -> None:
-    box = Polygon(((2.0, 2.0), (3.0, 2.0), (3.0, 3.0), (2.0, 3.0)))
+    box = WorldPolygon(((2.0, 2.0), (3.0, 2.0), (3.0, 3.0), (2.0, 3.0)))
     seen = seen_m(Caster(still(room(box, walls=False)), 10.0, pi / 2), (1.0, 2.0, 0.0))
     assert seen[AHEAD_LEFT] == pytest.approx(1.0 / cos(INNERMOST_RAD), abs=ROUNDED_M)
     assert seen[AHEAD_RIGHT] == inf
 
 
-U_SHAPE = Polygon(
+U_SHAPE = WorldPolygon(
     ((2.0, 1.0), (3.0, 1.0), (3.0, 3.0), (2.0, 3.0), (2.0, 2.8), (2.8, 2.8), (2.8, 1.2), (2.0, 1.2))
 )
 
@@ -273,9 +273,9 @@ def test_inside_of_a_concave_polygon_is_seen() -> None:
 OBSTACLES: tuple[Obstacle, ...] = (
     U_SHAPE,
     Polyline(((0.5, 0.5), (1.0, 1.0), (1.8, 0.4)), 0.06),
-    Circle(x_m=0.8, y_m=3.2, radius_m=0.3),
-    Circle(x_m=3.6, y_m=0.5, radius_m=0.1),
-    Polygon(((3.4, 3.3), (3.9, 3.2), (3.7, 3.8))),
+    WorldCircle(x_m=0.8, y_m=3.2, radius_m=0.3),
+    WorldCircle(x_m=3.6, y_m=0.5, radius_m=0.1),
+    WorldPolygon(((3.4, 3.3), (3.9, 3.2), (3.7, 3.8))),
 )
 
 

@@ -18,7 +18,7 @@ from plant.sim.seeds import BLOCK_ROWS, gaussian, gaussian_rows, stream, uniform
 from plant.sim.simulation import Plant, Score
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.messages import SonarScan, WheelTicks
-from protocol.world import Circle, World
+from protocol.world import World, WorldCircle
 from runtime.units import NS_PER_S as S
 from runtime.units import PERIOD_NS as TICK_NS
 from tests.support.each import each
@@ -283,7 +283,11 @@ def test_fault_does_not_shift_other_noise() -> None:
 
 AT_ONCE = {"motor_lag_s": 0.0, "max_acceleration_m_s2": 1e6}
 FOREST = room(
-    *(Circle(x_m=0.5 + 0.7 * i, y_m=0.5 + 0.7 * j, radius_m=0.1) for i in range(5) for j in (0, 3)),
+    *(
+        WorldCircle(x_m=0.5 + 0.7 * i, y_m=0.5 + 0.7 * j, radius_m=0.1)
+        for i in range(5)
+        for j in (0, 3)
+    ),
     start=(0.5, 1.6, 0.3),
 )
 
@@ -402,7 +406,9 @@ def test_early_sonars_use_the_pose_half_a_period_ago() -> None:
 
 
 def test_approaching_obstacle_gives_shrinking_ranges() -> None:
-    roller = Circle(x_m=3.5, y_m=2.0, radius_m=0.3, path_m=((3.5, 2.0), (1.5, 2.0)), speed_m_s=0.2)
+    roller = WorldCircle(
+        x_m=3.5, y_m=2.0, radius_m=0.3, path_m=((3.5, 2.0), (1.5, 2.0)), speed_m_s=0.2
+    )
     plant = Plant(room(roller, start=(1.3, 2.0, 0.0)), 1, NONE)
     far_m = ranges_m(plant)[3]
     for _ in range(100):
@@ -416,7 +422,7 @@ def test_approaching_obstacle_gives_shrinking_ranges() -> None:
 
 def test_early_sonars_use_obstacle_positions_half_a_period_ago() -> None:
     path = ((3.5, 2.0), (1.5, 2.0))
-    roller = Circle(x_m=3.5, y_m=2.0, radius_m=0.3, path_m=path, speed_m_s=1.0)
+    roller = WorldCircle(x_m=3.5, y_m=2.0, radius_m=0.3, path_m=path, speed_m_s=1.0)
     plant = Plant(room(roller), 1, NONE)
     for _ in range(5):
         plant.advance()

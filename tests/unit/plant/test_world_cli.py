@@ -13,7 +13,7 @@ from plant.model.configuration import Body
 from plant.shortest_path import shortest_path_m
 from plant.world.file import SHIPPED_DIR, load, shipped
 from plant.world.writer import draw
-from protocol.world import Circle
+from protocol.world import WorldCircle
 from tests.support.each import each
 from tests.support.plant import GOOD, goal, more, with_line
 
@@ -215,7 +215,7 @@ def test_forest_is_determined_by_its_seed(name: str) -> None:
 
 @each("name", FORESTS)
 def test_robot_fits_between_any_two_trunks(name: str) -> None:
-    trunks = [one for one in load(name).obstacles if isinstance(one, Circle)]
+    trunks = [one for one in load(name).obstacles if isinstance(one, WorldCircle)]
     gaps_m = [
         dist((a.x_m, a.y_m), (b.x_m, b.y_m)) - a.radius_m - b.radius_m
         for a, b in combinations(trunks, 2)
@@ -237,6 +237,6 @@ def test_compared_figures_have_the_same_obstacle() -> None:
 
 
 def test_moving_obstacles_are_slower_than_the_robot() -> None:
-    walkers = [one for one in load("moving").obstacles if isinstance(one, Circle)]
+    walkers = [one for one in load("moving").obstacles if isinstance(one, WorldCircle)]
     assert all(0.0 < walker.speed_m_s <= 0.2 < Body().max_speed_m_s for walker in walkers)
     assert len(walkers) == 3

@@ -13,7 +13,16 @@ from hypothesis import strategies as st
 from plant.model.errors import WorldError
 from plant.world.file import from_json, load, loads, shipped
 from plant.world.writer import dumps, in_degrees
-from protocol.world import Circle, GoalPose, Obstacle, Polygon, Polyline, Start, World, as_json
+from protocol.world import (
+    GoalPose,
+    Obstacle,
+    Polyline,
+    Start,
+    World,
+    WorldCircle,
+    WorldPolygon,
+    as_json,
+)
 from tests.support.each import each
 from tests.support.plant import GOOD, Bad, assert_told, more, with_line
 
@@ -180,13 +189,13 @@ def test_tenth_of_a_degree_is_written_with_one_decimal() -> None:
 places = st.floats(1.5, 4.5)
 points = st.tuples(places, st.floats(0.3, 1.2))
 obstacles: st.SearchStrategy[Obstacle] = st.one_of(
-    st.builds(Circle, x_m=places, y_m=st.floats(0.3, 1.2), radius_m=st.floats(0.01, 0.3)),
+    st.builds(WorldCircle, x_m=places, y_m=st.floats(0.3, 1.2), radius_m=st.floats(0.01, 0.3)),
     st.builds(
         Polyline,
         st.lists(points, min_size=2, max_size=4, unique_by=lambda p: round(p[0], 6)).map(tuple),
         st.floats(0.001, 0.2),
     ),
-    points.map(lambda p: Polygon((p, (p[0] + 0.3, p[1]), (p[0], p[1] + 0.2)))),
+    points.map(lambda p: WorldPolygon((p, (p[0] + 0.3, p[1]), (p[0], p[1] + 0.2)))),
 )
 
 

@@ -13,7 +13,7 @@ from plant.model.configuration import LEVELS, Body, body_of, faults_of, noise_of
 from plant.model.errors import WorldError
 from plant.shortest_path import known_length_m, shortest_path_m
 from plant.world.file import load, loads, shipped
-from protocol.world import Circle, Polygon, Polyline
+from protocol.world import Polyline, WorldCircle, WorldPolygon
 from study.trial.trial import Trial, run_trial, shortest_once
 from tests.support.each import each
 from tests.support.plant import (
@@ -39,11 +39,11 @@ def test_world_is_read_in_metres_and_radians() -> None:
 
 def test_obstacles_keep_the_order_of_the_file() -> None:
     polygon, disc, wall, walker = loads(GOOD).obstacles
-    assert polygon == Polygon(((2.0, 1.0), (3.0, 1.0), (3.0, 1.5), (2.0, 1.5)))
-    assert disc == Circle(x_m=4.0, y_m=3.0, radius_m=0.25)
+    assert polygon == WorldPolygon(((2.0, 1.0), (3.0, 1.0), (3.0, 1.5), (2.0, 1.5)))
+    assert disc == WorldCircle(x_m=4.0, y_m=3.0, radius_m=0.25)
     assert wall == Polyline(((1.0, 3.0), (2.0, 3.0), (2.5, 2.5)), 0.05)
     path_m = ((3.5, 0.5), (3.5, 3.5))
-    assert walker == Circle(x_m=3.5, y_m=0.5, radius_m=0.15, path_m=path_m, speed_m_s=0.1)
+    assert walker == WorldCircle(x_m=3.5, y_m=0.5, radius_m=0.15, path_m=path_m, speed_m_s=0.1)
 
 
 def test_goal_without_heading_accepts_any() -> None:

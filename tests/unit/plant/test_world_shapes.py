@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plant.model.geometry import area_m2, clearance_m, crossing_edges, from_segment_m, inside, meet
-from protocol.world import Circle, Point, Polygon, Polyline
+from protocol.world import Point, Polyline, WorldCircle, WorldPolygon
 from tests.support.each import each
 from tests.support.plant import GOOD, Bad, assert_told, more, polygon, with_line
 
@@ -169,13 +169,13 @@ def test_segments_with_a_common_end_intersect(a: Point, b: Point, c: Point) -> N
 def test_bay_of_an_l_shape_is_outside() -> None:
     assert inside((0.5, 1.5), L_SHAPE)
     assert not inside((1.5, 1.5), L_SHAPE)
-    assert isclose(clearance_m((1.5, 1.4), Polygon(L_SHAPE)), 0.4)
-    assert clearance_m((0.5, 0.5), Polygon(L_SHAPE)) == 0.0
+    assert isclose(clearance_m((1.5, 1.4), WorldPolygon(L_SHAPE)), 0.4)
+    assert clearance_m((0.5, 0.5), WorldPolygon(L_SHAPE)) == 0.0
     assert area_m2(L_SHAPE) == 3.0
 
 
 def test_clearance_is_measured_from_the_surface() -> None:
-    assert isclose(clearance_m((3.0, 0.0), Circle(x_m=0.0, y_m=0.0, radius_m=1.0)), 2.0)
+    assert isclose(clearance_m((3.0, 0.0), WorldCircle(x_m=0.0, y_m=0.0, radius_m=1.0)), 2.0)
     assert isclose(clearance_m((1.0, 1.0), Polyline(((0.0, 0.0), (2.0, 0.0)), 0.2)), 0.9)
 
 

@@ -10,7 +10,7 @@ from protocol.dialect.definitions import (
     SIDESTEP_XML,
     Dialect,
     MessageType,
-    Ring,
+    SonarRing,
     read_dialect,
     upstream_definitions,
 )
@@ -123,7 +123,7 @@ def test_limit_and_sentence_follow_the_attribute_in_the_xml() -> None:
 
 
 def test_the_ring_follows_the_attributes_in_the_xml() -> None:
-    changed = DIALECT._replace(ring=Ring(-75.0, 75.0, 30.0, 150))
+    changed = DIALECT._replace(ring=SonarRing(-75.0, 75.0, 30.0, 150))
     for path in RINGS:
         text = OUTPUTS[path](changed)
         assert "\nRADIUS_M: Final = 0.15\nSONARS: Final = 6\n" in text

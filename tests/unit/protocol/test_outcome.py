@@ -9,8 +9,8 @@ import pytest
 
 from protocol.outcome import (
     OUTCOMES,
-    Outcome,
     RunEnd,
+    RunOutcome,
     RunSettings,
     WireGoal,
     detail_of,
@@ -74,7 +74,7 @@ def end(state: int, reason: int = 0, doubt_m: float | None = None) -> RunEnd:
     )
 
 
-def run(heading_rad: float | None = pi, contacts: int = 0, own_contacts: int = 0) -> Outcome:
+def run(heading_rad: float | None = pi, contacts: int = 0, own_contacts: int = 0) -> RunOutcome:
     asked = RunSettings(
         world="box",
         navigator="vgm",

@@ -12,12 +12,12 @@ from plant.world.file import load, loads, shipped
 from protocol.world import (
     MAX_OBSTACLES,
     MAX_POINTS,
-    Circle,
     GoalPose,
-    Polygon,
     Polyline,
     Start,
     World,
+    WorldCircle,
+    WorldPolygon,
     as_json,
     world_in,
 )
@@ -61,10 +61,12 @@ def test_world_of_the_plant_is_read() -> None:
         start=Start(x_m=0.6, y_m=2.0, heading_rad=pi / 2),
         goal=GoalPose(x_m=5.4, y_m=2.0),
         obstacles=(
-            Polygon(((2.0, 1.0), (3.0, 1.0), (3.0, 2.0))),
+            WorldPolygon(((2.0, 1.0), (3.0, 1.0), (3.0, 2.0))),
             Polyline(((0.0, 3.0), (2.0, 3.0)), 0.02),
-            Circle(x_m=4.0, y_m=3.0, radius_m=0.25),
-            Circle(x_m=1.0, y_m=1.0, radius_m=0.1, path_m=((1.0, 1.0), (1.0, 3.0)), speed_m_s=0.5),
+            WorldCircle(x_m=4.0, y_m=3.0, radius_m=0.25),
+            WorldCircle(
+                x_m=1.0, y_m=1.0, radius_m=0.1, path_m=((1.0, 1.0), (1.0, 3.0)), speed_m_s=0.5
+            ),
         ),
         robot={"radius_m": 0.15},
     )

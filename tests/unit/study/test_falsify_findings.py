@@ -19,10 +19,10 @@ from plant.corpus import generate
 from plant.corpus.generate import ADVERSARIAL_MARGIN_M
 from plant.model.configuration import body_of
 from plant.shortest_path import shortest_path_m
-from protocol.outcome import Outcome
+from protocol.outcome import RunOutcome
 from protocol.wire.messages import GroundTruth
 from protocol.wire.reasons import Reason
-from protocol.world import Circle, GoalPose, Obstacle, Polyline, World
+from protocol.world import GoalPose, Obstacle, Polyline, World, WorldCircle
 from robot.core import states
 from robot.core.navigators import proof as proofs
 from runtime.errors import UserError
@@ -194,8 +194,8 @@ def test_five_classes_of_failure_are_known() -> None:
 
 FIXED_WORLDS = Path(__file__).parents[3] / "study" / "falsify" / "worlds" / "fixed"
 WALL = Polyline(((2.0, 1.0), (2.0, 3.0)), 0.1)
-POST = Circle(x_m=3.0, y_m=3.5, radius_m=0.2)
-PERSON = Circle(x_m=1.0, y_m=3.0, radius_m=0.2, path_m=((1.0, 3.0), (3.0, 3.0)), speed_m_s=0.5)
+POST = WorldCircle(x_m=3.0, y_m=3.5, radius_m=0.2)
+PERSON = WorldCircle(x_m=1.0, y_m=3.0, radius_m=0.2, path_m=((1.0, 3.0), (3.0, 3.0)), speed_m_s=0.5)
 
 
 def world_of(*obstacles: Obstacle) -> World:
@@ -340,7 +340,9 @@ def watched(moved_m: float = 0.0, branch: int = states.NO_BRANCH) -> Monitor:
         (replace(STUCK_RUN, outcome="timeout"), 0, watched(2.0), "timeout-moving"),
     ],
 )
-def test_kind_of_end_is_named(outcome: Outcome, reason: int, monitor: Monitor, kind: str) -> None:
+def test_kind_of_end_is_named(
+    outcome: RunOutcome, reason: int, monitor: Monitor, kind: str
+) -> None:
     assert kind_of(outcome, reason, monitor) == kind
 
 
@@ -419,7 +421,7 @@ WORLD = plain_world("w", (4.0, 3.0), (1.0, 1.0), (3.0, 1.0), shortest_path_m=3.0
     ],
 )
 def test_end_of_a_trial_violates_its_property(
-    outcome: Outcome, reason: int, reachable: bool, letters: str
+    outcome: RunOutcome, reason: int, reachable: bool, letters: str
 ) -> None:
     assert violated_by(outcome, reason, 1.0, 10.0, reachable=reachable) == letters
 
@@ -448,7 +450,7 @@ def test_nearer_wall_has_a_higher_score() -> None:
 
 def test_both_sides_of_walls_count() -> None:
     wall = Polyline(((1.0, 2.0), (2.0, 2.0)))
-    post = Circle(x_m=3.0, y_m=2.0, radius_m=0.5)
+    post = WorldCircle(x_m=3.0, y_m=2.0, radius_m=0.5)
     assert both_sides_m(WORLD) == 14.0
     assert both_sides_m(replace(WORLD, obstacles=(wall, post))) == pytest.approx(
         16.0 + 3.14159, abs=1e-4

@@ -21,7 +21,7 @@ from plant.model.configuration import KINDS as CONFIGURATION_KINDS
 from plant.model.configuration import Fault
 from plant.model.draws import Draws
 from plant.world.writer import dumps
-from protocol.world import Circle, Polyline
+from protocol.world import Polyline, WorldCircle
 from runtime.errors import UserError
 from study.cli.falsify import files_of, main, parser
 from study.falsify import climb as climbs
@@ -395,7 +395,7 @@ def test_walls_are_counted_as_straight_pieces() -> None:
     world = generate("three_walls", 0, 3)
     bent = replaced(world, 0, Polyline(((1.0, 1.0), (2.0, 1.0), (2.0, 2.0))))
     assert walls_in(bent) == walls_in(world) + 1
-    post = replaced(world, 0, Circle(x_m=1.0, y_m=1.0, radius_m=0.1))
+    post = replaced(world, 0, WorldCircle(x_m=1.0, y_m=1.0, radius_m=0.1))
     assert walls_in(post) == walls_in(world)
 
 

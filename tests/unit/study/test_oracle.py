@@ -7,7 +7,7 @@ import pytest
 
 from plant.corpus.generate import generate
 from plant.world.file import load
-from protocol.outcome import Outcome
+from protocol.outcome import RunOutcome
 from protocol.world import World
 from robot.core.navigators.registry import NAVIGATORS as OF_ROBOT
 from robot.core.parameters import DEFAULTS
@@ -167,7 +167,7 @@ def test_cells_are_reported_once_with_their_score_before(heading: int) -> None:
     assert set(changed.tolist()) <= set(cells.tolist())
 
 
-def drive(world: World, noise: str = "none", navigator: str = "oracle_grid") -> Outcome:
+def drive(world: World, noise: str = "none", navigator: str = "oracle_grid") -> RunOutcome:
     return run_trial(Trial(world=world, navigator=navigator, noise=noise, timeout_s=400.0))
 
 

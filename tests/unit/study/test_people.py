@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from protocol.world import Circle, Point, Polyline, World
+from protocol.world import Point, Polyline, World, WorldCircle
 from robot.core.perception.people import PROVEN, People
 from runtime.units import PERIOD_S
 from study.people import __main__ as command
@@ -190,12 +190,12 @@ def test_world_is_driven_by_each_navigator_with_its_baselines() -> None:
     assert isclose(longest_s, one.exposure.time_s, abs_tol=0.06)
 
 
-BEHIND = Circle(x_m=0.5, y_m=1.5, radius_m=0.2, path_m=((0.5, 1.5), (3.5, 1.5)), speed_m_s=0.4)
+BEHIND = WorldCircle(x_m=0.5, y_m=1.5, radius_m=0.2, path_m=((0.5, 1.5), (3.5, 1.5)), speed_m_s=0.4)
 TOUCHING_M = 0.32
 STILL_M_S = (0.0, 0.0)
 
 
-def world(*people: Circle) -> World:
+def world(*people: WorldCircle) -> World:
     return plain_world("way", (5.0, 3.0), (1.0, 1.5), (3.0, 1.5), *people)
 
 
@@ -256,13 +256,15 @@ def test_only_a_proven_track_near_a_person_counts() -> None:
     assert tracked(tracks, people) == []
 
 
-def floor_with(*obstacles: Circle | Polyline) -> World:
+def floor_with(*obstacles: WorldCircle | Polyline) -> World:
     """Return 4 by 2 m with a straight way of 3 m through its middle."""
     return plain_world("crossing", (4.0, 2.0), (0.5, 1.0), (3.5, 1.0), *obstacles)
 
 
-def walker(speed_m_s: float, *path: Point) -> Circle:
-    return Circle(x_m=path[0][0], y_m=path[0][1], radius_m=0.2, path_m=path, speed_m_s=speed_m_s)
+def walker(speed_m_s: float, *path: Point) -> WorldCircle:
+    return WorldCircle(
+        x_m=path[0][0], y_m=path[0][1], radius_m=0.2, path_m=path, speed_m_s=speed_m_s
+    )
 
 
 def omniscient_s(world: World) -> float | None:

@@ -15,7 +15,7 @@ from plant.corpus import ADVERSARIAL_FAMILIES, CROWD_FAMILIES, FAMILIES, GRID_FA
 from protocol.world import World
 from runtime.errors import UserError
 from study.cli.report import lines_of, main, summary_of, write_files
-from study.intervals import Share
+from study.intervals import Proportion
 from study.report.build import ReportRequest, in_words, page_of, reached, verdict
 from study.report.charts import SvgDrawing
 from study.report.comparisons import comparisons
@@ -403,9 +403,9 @@ def test_three_ends_are_counted_apart() -> None:
     open_rows = [row(), row(**GAVE_UP), row(**LOST), row(**{**LOST, "doubt_m": 0.2}), row(**STUCK)]
     shut_rows = [row(**{**SHUT, **end}) for end in (GAVE_UP, LOST, STUCK)]
     (found,) = given_up(trials(*open_rows, *shut_rows))
-    assert (found.wronged, found.recognised) == (Share(1, 5), Share(1, 3))
-    assert found.ended == (Share(2, 5), Share(1, 5))
-    assert found.ended_shut == (Share(1, 3), Share(1, 3))
+    assert (found.wronged, found.recognised) == (Proportion(1, 5), Proportion(1, 3))
+    assert found.ended == (Proportion(2, 5), Proportion(1, 5))
+    assert found.ended_shut == (Proportion(1, 3), Proportion(1, 3))
     assert found.doubt_m == 0.42
 
 

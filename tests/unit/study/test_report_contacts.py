@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import pytest
 
 from protocol.wire.reasons import Reason
-from protocol.world import Circle, Obstacle, Point, Polygon, Polyline
+from protocol.world import Obstacle, Point, Polyline, WorldCircle, WorldPolygon
 from robot.core.states import PASS_LEFT, TO_GOAL
 from robot.core.values import Pose
 from study.report.contact_kinds import (
@@ -26,8 +26,8 @@ from study.report.contact_kinds import (
     SINGLE,
     UNSEEN_AHEAD,
     UNSEEN_FOLLOWING,
-    RecordedTick,
     Touched,
+    TracedTick,
     before_contact,
     kind_of,
     knowledge_of,
@@ -48,7 +48,7 @@ CHASER = person((-5.0, 0.0), (-RADIUS_M - 0.2, 0.0))
 AT_RIM, OUTSIDE = stored(RADIUS_M + 0.01), stored(RADIUS_M + 0.05)
 
 
-def every(*times_s: float, **changes: object) -> list[RecordedTick]:
+def every(*times_s: float, **changes: object) -> list[TracedTick]:
     return [tick(time_s, **changes) for time_s in times_s]
 
 
@@ -72,7 +72,7 @@ def every(*times_s: float, **changes: object) -> list[RecordedTick]:
     ],
 )
 def test_kind_follows_from_what_was_known(
-    place: Touched, before: list[RecordedTick], kind: str
+    place: Touched, before: list[TracedTick], kind: str
 ) -> None:
     known = knowledge_of([*before, END], place, RADIUS_M)
     assert kind_of(place, known, before[-1].branch if before else TO_GOAL) == kind
@@ -113,7 +113,7 @@ OPEN: dict[str, Any] = {"world": "open", "world_source": "shipped:open", "family
 def oncoming() -> Any:
     """Return a world in which a broad obstacle drives over the robot."""
     path = ((3.4, 1.0), (0.6, 1.0))
-    truck = Circle(x_m=3.4, y_m=1.0, radius_m=0.6, path_m=path, speed_m_s=0.4)
+    truck = WorldCircle(x_m=3.4, y_m=1.0, radius_m=0.6, path_m=path, speed_m_s=0.4)
     return replace(floor(far_m=1.0), size_m=(4.0, 2.0), obstacles=(truck,))
 
 
@@ -180,8 +180,8 @@ def test_command_writes_page_and_drawings(
 
 
 WALL = Polyline(((1.0, 1.0), (2.0, 1.0)), thickness_m=0.002)
-BLOCK = Polygon(((1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0)))
-DISC = Circle(x_m=1.0, y_m=1.0, radius_m=0.25)
+BLOCK = WorldPolygon(((1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0)))
+DISC = WorldCircle(x_m=1.0, y_m=1.0, radius_m=0.25)
 
 
 @each(
@@ -220,5 +220,5 @@ def test_person_is_touched_where_it_has_walked_to() -> None:
     assert found.point == pytest.approx((2.2, 1.0))
     assert found.at(5.0, (2.3, 1.0)) == pytest.approx((1.7, 1.0))
     (moved,) = world_at(world, 10.0).obstacles
-    assert isinstance(moved, Circle)
+    assert isinstance(moved, WorldCircle)
     assert (moved.x_m, moved.y_m) == pytest.approx((2.0, 1.0))

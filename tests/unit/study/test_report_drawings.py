@@ -13,7 +13,7 @@ from plant.world.file import load
 from protocol.outcome import CHI2_2
 from protocol.world import World
 from runtime.errors import UserError
-from study.intervals import Share
+from study.intervals import Proportion
 from study.report.charts import SvgDrawing, bars, distribution_chart, n, steps, success_chart
 from study.report.drives import drive_all, drive_trial
 from study.report.gallery import (
@@ -131,7 +131,7 @@ def test_outcomes_have_different_end_marks() -> None:
 
 def test_charts_without_data_are_valid() -> None:
     assert shapes(success_chart({}, [], "none"))
-    assert shapes(success_chart({"none": {"vgm": Share(0, 0)}}, ["vgm"], "none"))
+    assert shapes(success_chart({"none": {"vgm": Proportion(0, 0)}}, ["vgm"], "none"))
     assert shapes(bars({}, {}, "none"))
     assert shapes(distribution_chart({}, "none", "m", (0.1, 10.0)))
     empty = {"none": {"vgm": np.array([nan, inf])}}

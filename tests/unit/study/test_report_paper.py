@@ -11,7 +11,7 @@ import pytest
 
 from robot.core import states
 from runtime.errors import UserError
-from study.intervals import Share
+from study.intervals import Proportion
 from study.report import drives as paper_runs
 from study.report.drives import (
     PLACES,
@@ -425,7 +425,7 @@ def test_one_wrong_claim_in_the_corpus_is_missed() -> None:
 
 @each(("runs", "verdict"), [(29_955, MISSED), (29_956, MET)])
 def test_no_wrong_claim_needs_enough_trials_for_its_bound(runs: int, verdict: str) -> None:
-    found = bounded("claims", "all", Share(0, runs), 0.1, 1.0)
+    found = bounded("claims", "all", Proportion(0, runs), 0.1, 1.0)
     assert (found.verdict, found.interval) == (verdict, "≤ 1.00")
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from runtime.errors import UserError
 from study.cli.report import BEGIN, END, block, lines_of, summary_of, update_readme, with_block
-from study.intervals import Interval, Share, mcnemar
+from study.intervals import Interval, Proportion, mcnemar
 from study.report.build import ReportRequest, family_table
 from study.report.comparisons import (
     bounds_of,
@@ -60,16 +60,16 @@ def test_success_counts_worlds_with_a_path() -> None:
     (found,) = summaries(
         trials(row(), row(**COLLIDED), row(**GAVE_UP), row(**{**REPORT_SHUT, **GAVE_UP}))
     )
-    assert (found.success, found.recognised) == (Share(1, 3), Share(1, 1))
-    assert (found.wronged, found.touched) == (Share(1, 3), Share(1, 4))
+    assert (found.success, found.recognised) == (Proportion(1, 3), Proportion(1, 1))
+    assert (found.wronged, found.touched) == (Proportion(1, 3), Proportion(1, 4))
     assert (found.contacts, found.own_contacts, found.worlds) == (1, 1, 2)
 
 
 def test_lost_and_stuck_are_counted_where_there_is_a_path() -> None:
     ends = row(**LOST), row(**STUCK), row(**{**REPORT_SHUT, **LOST})
     (found,) = summaries(trials(row(), row(seed=1), *ends))
-    assert (found.lost, found.stuck) == (Share(1, 4), Share(1, 4))
-    assert found.recognised == Share(0, 1)
+    assert (found.lost, found.stuck) == (Proportion(1, 4), Proportion(1, 4))
+    assert found.recognised == Proportion(0, 1)
 
 
 def test_scores_are_means_over_worlds_with_a_path() -> None:
@@ -93,7 +93,7 @@ def test_numbers_are_unrounded_and_unknown_ones_empty() -> None:
     kept = numbers(found)
     assert (kept["success"], kept["success_of"], kept["ratio_0"]) == (1, 2, 5.4321 / 5.0)
     assert (kept["recognised_of"], kept["recognised_s"]) == (0, None)
-    assert (kept["success_low"], kept["success_high"]) == Share(1, 2).interval
+    assert (kept["success_low"], kept["success_high"]) == Proportion(1, 2).interval
 
 
 def test_readme_table_has_a_column_per_noise_or_a_dash() -> None:
@@ -159,7 +159,7 @@ def test_every_number_can_be_formatted(value: float, other: float) -> None:
 
 
 def test_share_of_nothing_is_a_dash() -> None:
-    assert share(Share(0, 0)) == "-"
+    assert share(Proportion(0, 0)) == "-"
 
 
 def test_success_is_an_arrival_without_contact() -> None:

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from ground.recording import metadata
 from plant.corpus import generate
 from plant.model.configuration import Body
-from protocol.world import GoalPose, Polygon, Polyline, Start, World
+from protocol.world import GoalPose, Polyline, Start, World, WorldPolygon
 from runtime.cli import compiled
 from runtime.errors import UserError
 from study.runner import store
@@ -308,7 +308,7 @@ def test_spl_never_exceeds_one() -> None:
     assert published_score(True, 0.1, 0.0, 0.3) == FULL_SCORE
 
 
-def room(*obstacles: Polyline | Polygon, walls: bool = True) -> World:
+def room(*obstacles: Polyline | WorldPolygon, walls: bool = True) -> World:
     return plain_world("room", (8.0, 6.0), (1.0, 1.0), (5.0, 3.0), *obstacles, walls=walls)
 
 
@@ -323,7 +323,7 @@ def test_lap_inside_a_ring_is_shorter_than_its_wall() -> None:
 
 
 def test_islands_do_not_lengthen_the_lap() -> None:
-    box = Polygon(((1.5, 3.0), (2.5, 3.0), (2.5, 4.0), (1.5, 4.0)))
+    box = WorldPolygon(((1.5, 3.0), (2.5, 3.0), (2.5, 4.0), (1.5, 4.0)))
     assert lap_m(room(RING, box)) == pytest.approx(lap_m(room(RING)) or 0.0, rel=1e-9)
 
 

@@ -12,7 +12,7 @@ from protocol.outcome import CHI2_2, OUTSIDE
 from study import intervals
 from study.intervals import (
     Interval,
-    Share,
+    Proportion,
     binomial_two_sided,
     holm,
     mcnemar,
@@ -67,7 +67,7 @@ def test_ratio_without_events_is_unbounded(first: int, second: int) -> None:
 def test_bound_without_events_shrinks_with_the_trials() -> None:
     assert upper_bound(0, 29_956) == pytest.approx(1.0 - OUTSIDE ** (1 / 29_956), rel=1e-9)
     assert (upper_bound(0, 0), upper_bound(3, 3)) == (1.0, 1.0)
-    assert Share(0, 29_956).most < 1e-4 < Share(0, 29_955).most
+    assert Proportion(0, 29_956).most < 1e-4 < Proportion(0, 29_955).most
 
 
 @given(st.integers(1, 2000), st.data())
@@ -84,14 +84,14 @@ def test_mean_has_an_interval_from_two_values_on() -> None:
 
 
 def test_share_of_nothing_has_the_full_interval() -> None:
-    assert isnan(Share(0, 0).rate)
-    assert Share(0, 0).interval == (0.0, 1.0)
+    assert isnan(Proportion(0, 0).rate)
+    assert Proportion(0, 0).interval == (0.0, 1.0)
 
 
 @given(st.integers(1, 5000), st.data())
 def test_interval_contains_the_share_and_is_symmetric(of: int, data: st.DataObject) -> None:
     count = data.draw(st.integers(0, of))
-    low, high = Share(count, of).interval
+    low, high = Proportion(count, of).interval
     assert 0.0 <= low <= count / of <= high <= 1.0
     assert wilson(of - count, of) == pytest.approx((1.0 - high, 1.0 - low), abs=1e-9)
 

@@ -19,7 +19,7 @@ from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.outcome import WireGoal
 from protocol.wire.messages import GroundTruth, SonarScan, WheelTicks
-from protocol.world import Circle, GoalPose, Start
+from protocol.world import GoalPose, Start, WorldCircle
 from robot.core import reasons, states
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Decision, Outputs, Twist
@@ -40,7 +40,7 @@ WALLED_IN = replace(
     NEAR,
     name="walled_in",
     goal=GoalPose(x_m=2.6, y_m=1.0),
-    obstacles=tuple(Circle(x_m=1.6, y_m=0.1 + 0.2 * n, radius_m=0.11) for n in range(10)),
+    obstacles=tuple(WorldCircle(x_m=1.6, y_m=0.1 + 0.2 * n, radius_m=0.11) for n in range(10)),
 )
 
 

@@ -17,7 +17,6 @@ from gateways.mavlink.clients import (
     ClientLink,
     Clients,
     GatewayClient,
-    NoFile,
 )
 from gateways.mavlink.endpoints import MAX_PEERS
 from gateways.mavlink.framing import (
@@ -48,7 +47,7 @@ HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
 
 
 def packed(message: object = HEARTBEAT, *, mavlink1: bool = False, sequence: int = 0) -> bytes:
-    encoder = mavlink.MAVLink(NoFile(), 255, 190)
+    encoder = mavlink.MAVLink(None, 255, 190)
     encoder.seq = sequence
     found: bytes = message.pack(encoder, force_mavlink1=mavlink1)  # type: ignore[attr-defined]
     return found
@@ -246,7 +245,7 @@ def test_each_vehicle_has_one_sequence_without_gaps(mavlink1: bool) -> None:
     link.is_mavlink1 = mavlink1
     kinds = (HEARTBEAT, mavlink.MAVLink_wheel_distance_message(0, 0, [0.0] * 16))
     frames = [link.encode(1 + at % 2, kinds[at % 3 == 0], guard) for at in range(1200)]
-    found = mavlink.MAVLink(NoFile()).parse_buffer(b"".join(frames))
+    found = mavlink.MAVLink(None).parse_buffer(b"".join(frames))
     for system in (1, 2):
         mine = [one for one in found if one.get_srcSystem() == system]
         assert [one.get_seq() for one in mine] == [at % 256 for at in range(len(mine))]

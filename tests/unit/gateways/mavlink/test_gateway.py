@@ -11,7 +11,7 @@ from random import Random
 
 import pytest
 
-from gateways.mavlink.clients import ClientLink, NoFile
+from gateways.mavlink.clients import ClientLink
 from gateways.mavlink.endpoints import EXAMPLE
 from gateways.mavlink.gateway import FINISH_NS, Pace
 from gateways.mavlink.gateway_verb import (
@@ -166,8 +166,8 @@ class Station:
         self._answers = answers
         self._loss = loss
         self._random = Random(seed)
-        self._encoder = mavlink.MAVLink(NoFile(), *IDS)
-        self._parser = mavlink.MAVLink(NoFile())
+        self._encoder = mavlink.MAVLink(None, *IDS)
+        self._parser = mavlink.MAVLink(None)
         self._rounds = 0
         self.control = whole.face.vehicle.control
         self.is_there = True

@@ -13,7 +13,7 @@ import pytest
 
 from checks.harness.until import PATIENCE_S, until
 from gateways.mavlink import signing
-from gateways.mavlink.clients import ClientLink, NoFile
+from gateways.mavlink.clients import ClientLink
 from gateways.mavlink.commands.vehicle_commands import SigningSetup
 from gateways.mavlink.framing import Deframer, MavFrame
 from gateways.mavlink.liveness import HeartbeatStream
@@ -65,7 +65,7 @@ def framed(data: bytes) -> MavFrame:
 def signed(
     stamp: int, key: bytes = KEY, *, link: int = 0, system: int = 255, message: Any = None
 ) -> MavFrame:
-    encoder = mavlink.MAVLink(NoFile(), system, 190)
+    encoder = mavlink.MAVLink(None, system, 190)
     encoder.signing.secret_key, encoder.signing.sign_outgoing = key, True
     encoder.signing.timestamp, encoder.signing.link_id = stamp, link
     message = message or mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
@@ -73,7 +73,7 @@ def signed(
 
 
 UNSIGNED = framed(
-    mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3).pack(mavlink.MAVLink(NoFile(), 255, 190))
+    mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3).pack(mavlink.MAVLink(None, 255, 190))
 )
 
 
@@ -291,7 +291,7 @@ class SetupBench(Bench):
 
 
 def is_valid(frame: MavFrame, key: bytes) -> bool:
-    receiver = mavlink.MAVLink(NoFile())
+    receiver = mavlink.MAVLink(None)
     receiver.signing.secret_key = key
     try:
         receiver.decode(bytearray(frame.data))

@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from checks.harness.until import PATIENCE_S, until
-from gateways.mavlink.clients import NoFile
 from gateways.mavlink.endpoints import MAX_PEERS, Arrival, opened
 from gateways.mavlink.gateway import MAX_OLD_TURNS, STALL_NS
 from gateways.mavlink.mavlink_dialect import MavMessage, MissionCount, mavlink
@@ -203,7 +202,7 @@ def test_client_without_a_place_stops_the_robot_by_a_socket(kind: str) -> None:
         until(is_stopped)
         whole.port.stops[0](whole.port.accepted)
         whole.run(0.04)
-        (ack,) = acks(mavlink.MAVLink(NoFile()).parse_buffer(new.recv(1000)))
+        (ack,) = acks(mavlink.MAVLink(None).parse_buffer(new.recv(1000)))
         assert ack == (185, ACCEPTED)
         assert len(whole.gateway.clients) == MAX_PEERS
 

@@ -22,7 +22,7 @@ from ground.launch.supervisor import VoidRun
 from ground.robot import Robot
 from ground.text.wording import Part
 from protocol.bus.network import Network
-from protocol.outcome import Outcome
+from protocol.outcome import RunOutcome
 from protocol.topic import Service
 from protocol.topics import LEASE, STATUS, TRUTH
 from protocol.wire.enums import AckResult, Command, GoalState, Mode, Vehicle
@@ -419,7 +419,7 @@ def test_progress_says_that_the_computer_is_busy() -> None:
     assert said[-1] == "SIM 0.5x, computer busy"
 
 
-REACHED = Outcome(
+REACHED = RunOutcome(
     world="box",
     navigator="vgm",
     seed=0,
@@ -494,7 +494,7 @@ def fleet_run(
     return FleetRun(goal_runs, ManualClock(), check, shown.append), calls, shown
 
 
-def ended(run: FleetRun, **how: Any) -> list[Outcome]:
+def ended(run: FleetRun, **how: Any) -> list[RunOutcome]:
     """Run it to its end, on its own clock."""
     return ran(run.run(**how), run._clock)
 

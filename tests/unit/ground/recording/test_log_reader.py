@@ -28,7 +28,7 @@ from ground.recording.log_reader import (
     robot_in,
 )
 from ground.recording.mcap_file import McapFormat
-from ground.recording.summary import Mark, changes, outcome, outcome_of
+from ground.recording.summary import Bookmark, changes, outcome, outcome_of
 from protocol.topics import CLOCK, WHEELS
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import GoalState, Mode
@@ -429,9 +429,9 @@ def test_goal_that_another_one_replaces_has_an_end() -> None:
         (3 * 10**9, third),
     ]
     assert changes(statuses) == [
-        Mark(0.0, "goal", "goal 1.00 2.00"),
-        Mark(1.0, "outcome", "REPLACED: by the goal 4.00 2.00"),
-        Mark(1.0, "goal", "goal 4.00 2.00"),
-        Mark(2.0, "outcome", "REACHED"),
-        Mark(3.0, "goal", "goal 5.00 2.00"),
+        Bookmark(0.0, "goal", "goal 1.00 2.00"),
+        Bookmark(1.0, "outcome", "REPLACED: by the goal 4.00 2.00"),
+        Bookmark(1.0, "goal", "goal 4.00 2.00"),
+        Bookmark(2.0, "outcome", "REACHED"),
+        Bookmark(3.0, "goal", "goal 5.00 2.00"),
     ]

@@ -16,7 +16,7 @@ from ground.station.history.telemetry_history import TelemetryHistory
 from ground.station.robot.mission_items import MissionItems, downloaded
 from ground.station.scene import TRAIL_POINTS, thinned
 from ground.station.world import parse_world
-from plant.sim.physics import Mover as Walker
+from plant.sim.physics import MovingDisc
 from plant.world.file import load
 from protocol.outcome import CHI2_2
 from protocol.topics import ANSWERED, COMMANDED, MISSION, MISSION_SERVICE, WORLD, Role
@@ -32,7 +32,7 @@ from protocol.wire.messages import (
     MissionVerdict,
 )
 from protocol.wire.reasons import Reason
-from protocol.world import MAX_OBSTACLES, MAX_POINTS, Circle, as_json
+from protocol.world import MAX_OBSTACLES, MAX_POINTS, WorldCircle, as_json
 from runtime.clock import ManualClock
 from runtime.errors import RemoteError
 from tests.support.each import each
@@ -207,9 +207,9 @@ def test_world_shapes_are_parsed_by_kind() -> None:
 
 def test_movers_match_the_plant() -> None:
     for obstacle in load("moving").obstacles:
-        assert isinstance(obstacle, Circle)
+        assert isinstance(obstacle, WorldCircle)
     expected = parse_world(json.dumps(as_json(load("moving"), None)))
-    walkers = [Walker(one) for one in load("moving").obstacles if isinstance(one, Circle)]
+    walkers = [MovingDisc(one) for one in load("moving").obstacles if isinstance(one, WorldCircle)]
     for shown, walker in zip(expected.movers, walkers, strict=True):
         for time_s in (0.0, 3.3, 17.0, 100.0):
             at = shown.at(time_s)

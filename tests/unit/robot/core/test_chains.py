@@ -13,7 +13,7 @@ from robot.core.navigators import loops, vgm_memory
 from robot.core.navigators import proof as chains
 from robot.core.navigators.loops import MAX_CHANGES, MAX_DETOUR_CHANGES
 from robot.core.navigators.proof import JUMP_MM, LEAD, REACH_M, SLACK_MM, TAIL, Chain
-from robot.core.navigators.vgm_following import Memory
+from robot.core.navigators.vgm_following import VgmMemory
 from robot.core.ring import BEARINGS, HALF_CONE, SONARS
 from robot.core.values import Pose
 from study.trial.core_loop import Behaviour
@@ -272,7 +272,7 @@ def test_any_side_is_taken_before_the_first_obstacle() -> None:
 
 
 def test_navigator_latches_both_sides_after_the_last_change() -> None:
-    memory = Memory()
+    memory = VgmMemory()
     memory.side = memory.aside = RIGHT
     for k in range(MAX_CHANGES + 1):
         assert loops.are_left(memory.passed)
@@ -282,7 +282,7 @@ def test_navigator_latches_both_sides_after_the_last_change() -> None:
 
 
 def test_branches_that_pass_nothing_do_not_count() -> None:
-    memory = Memory()
+    memory = VgmMemory()
     for branch in (states.TO_GOAL, states.GIVE_UP, states.LOST, states.NO_BRANCH):
         vgm_memory.count_side(memory, branch)
     assert memory.passed == 0

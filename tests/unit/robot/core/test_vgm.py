@@ -17,7 +17,7 @@ from robot.core.navigators.vgm_following import (
     LEFT_SONARS,
     MAX_LOOPS,
     RIGHT_SONARS,
-    Memory,
+    VgmMemory,
 )
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.sonar_ring import Ring
@@ -116,7 +116,7 @@ def test_free_range_counts_as_far_and_missing_one_as_none() -> None:
 
 @SIDES
 def test_other_side_is_tried_with_smaller_margins(side: int) -> None:
-    memory = Memory()
+    memory = VgmMemory()
     memory.side, memory.following, memory.proof.is_valid = side, True, True
     memory.loops.count = 5
     vgm_following.try_other_side(memory, 1)
@@ -128,7 +128,7 @@ def test_other_side_is_tried_with_smaller_margins(side: int) -> None:
 
 @each("weight", [1, 2])
 def test_robot_is_lost_after_enough_loops_by_weight(weight: int) -> None:
-    memory, tries = Memory(), 0
+    memory, tries = VgmMemory(), 0
     while not memory.lost:
         vgm_following.try_other_side(memory, weight)
         tries += 1

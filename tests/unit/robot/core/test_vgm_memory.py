@@ -13,7 +13,7 @@ from robot.core.navigators import loops, vgm_following
 from robot.core.navigators import proof as proofs
 from robot.core.navigators.pace import DITHER_RAD, DITHER_TURNS, SLOW_MM
 from robot.core.navigators.proof import NO_GAP, SPENT, WAITING
-from robot.core.navigators.vgm_following import EASE_MM, ISLANDS, MAX_LOOPS, SHUT, Memory
+from robot.core.navigators.vgm_following import EASE_MM, ISLANDS, MAX_LOOPS, SHUT, VgmMemory
 from robot.core.navigators.vgm_memory import MAX_FAILED_LEAVES, MAX_STILL, rotation_rad
 from robot.core.parameters import DEFAULTS
 from robot.core.perception import sonar_ring as rings
@@ -76,7 +76,7 @@ far = st.lists(st.floats(REACH_M + 0.01, 3.0), min_size=SONARS, max_size=SONARS)
 def test_with_nothing_near_the_goal_itself_is_the_virtual_one(
     story: list[tuple[Pose, list[float]]], x_m: float, y_m: float
 ) -> None:
-    memory, goal = Memory(), Goal(x_m, y_m, None, 0.05, 0.05)
+    memory, goal = VgmMemory(), Goal(x_m, y_m, None, 0.05, 0.05)
     for pose, range_m in story:
         seen = ring({i: round(1000.0 * range_m[i]) for i in range(SONARS)})
         decision = step(memory, pose, seen, goal)
@@ -96,7 +96,7 @@ near = st.lists(st.one_of(st.integers(20, 400), st.just(0)), min_size=SONARS, ma
 def test_virtual_goal_is_the_rotated_goal(
     pose: Pose, range_mm: list[int], x_m: float, y_m: float
 ) -> None:
-    memory, goal = Memory(), Goal(x_m, y_m, None, 0.05, 0.05)
+    memory, goal = VgmMemory(), Goal(x_m, y_m, None, 0.05, 0.05)
     seen = ring({i: mm for i, mm in enumerate(range_mm) if mm})
     for _ in range(6):
         decision = step(memory, pose, seen, goal)
@@ -122,7 +122,7 @@ def test_obstacle_is_passed_on_the_side_of_less_rotation(side: int) -> None:
 @SIDES
 def test_the_side_is_latched_until_the_obstacle_is_left(side: int) -> None:
     """Keep the side even if the other one would now need less rotation."""
-    memory = Memory()
+    memory = VgmMemory()
     seen = slanting(side)
     assert stand(memory, seen, 12).branch == branch_of(side)
     assert memory.following
@@ -132,7 +132,7 @@ def test_the_side_is_latched_until_the_obstacle_is_left(side: int) -> None:
 
 @SIDES
 def test_at_the_same_place_the_other_side_is_tried_next(side: int) -> None:
-    memory = Memory()
+    memory = VgmMemory()
     stand(memory, SILENT, 1)
     loops.remember(memory.loops, 0, 0, side)
     seen = slanting(side)
@@ -140,7 +140,7 @@ def test_at_the_same_place_the_other_side_is_tried_next(side: int) -> None:
 
 
 def test_one_far_echo_alone_turns_nothing() -> None:
-    memory, seen = Memory(), ring({3: 200})
+    memory, seen = VgmMemory(), ring({3: 200})
     assert stand(memory, seen, 1).branch == states.TO_GOAL
     assert stand(memory, SILENT, 20).branch == states.TO_GOAL
     assert stand(memory, seen, 8).branch in PASSING
@@ -148,14 +148,14 @@ def test_one_far_echo_alone_turns_nothing() -> None:
 
 @SIDES
 def test_one_near_echo_alone_turns_the_robot_aside(side: int) -> None:
-    memory = Memory()
+    memory = VgmMemory()
     stand(memory, slanting(side), 1)
     assert stand(memory, SILENT, 20).branch == branch_of(side)
 
 
-def alongside(best_m: float) -> Memory:
+def alongside(best_m: float) -> VgmMemory:
     """Follow a wall on the right, with an open way to the goal."""
-    memory = Memory()
+    memory = VgmMemory()
     beside = ring({0: 130})
     stand(memory, beside, 8)
     memory.following, memory.side = True, states.LEFT
@@ -206,7 +206,7 @@ def test_a_goal_just_before_a_wall_is_driven_to() -> None:
 
 
 def test_shut_in_robot_turns_and_finally_drops_its_echoes() -> None:
-    memory = Memory()
+    memory = VgmMemory()
     ghosts = ring(dict.fromkeys(range(SONARS), 30))
     for k in range(80):
         step(memory, Pose(0.0, 0.0, wrap(0.1 * k)), ghosts)
@@ -220,7 +220,7 @@ def test_shut_in_robot_turns_and_finally_drops_its_echoes() -> None:
 
 @SIDES
 def test_pedestrian_alongside_is_let_ahead(side: int) -> None:
-    memory, x_m = Memory(), 0.0
+    memory, x_m = VgmMemory(), 0.0
     beside = ring({7: 100, 6: 2500} if side == states.LEFT else {0: 100, 1: 2500})
     while memory.flank_walker.ticks == 0 and x_m < 1.0:
         x_m += 0.01
@@ -234,7 +234,7 @@ def test_pedestrian_alongside_is_let_ahead(side: int) -> None:
 
 
 def test_new_goal_resets_all_but_the_echoes() -> None:
-    memory = Memory()
+    memory = VgmMemory()
     stand(memory, slanting(states.LEFT), 8)
     memory.given_up, points = True, memory.echoes.count
     assert points > 0
@@ -260,7 +260,7 @@ def test_new_goal_resets_all_but_the_echoes() -> None:
     ],
 )
 def test_invalid_pose_stops_it_and_is_not_stored(pose: Pose) -> None:
-    memory = Memory()
+    memory = VgmMemory()
     seen = slanting(states.LEFT)
     stand(memory, seen, 8)
     before = contents(memory)
@@ -272,7 +272,7 @@ def test_invalid_pose_stops_it_and_is_not_stored(pose: Pose) -> None:
 
 @each("x_m", [nan, inf, -inf])
 def test_a_goal_that_is_nowhere_is_not_driven_to(x_m: float) -> None:
-    decision = step(Memory(), HERE, SILENT, Goal(x_m, 0.0, None, 0.05, 0.05))
+    decision = step(VgmMemory(), HERE, SILENT, Goal(x_m, 0.0, None, 0.05, 0.05))
     assert decision.speed_limit_m_s == 0.0
 
 
@@ -292,7 +292,7 @@ TURNED: Final = Pose(0.0, 0.0, 1001.0)
 def test_any_inputs_give_a_decision_and_constant_memory(
     story: list[tuple[Scan, Pose, int]], x_m: float, y_m: float
 ) -> None:
-    memory, seen, now_ms = Memory(), Ring(), 0
+    memory, seen, now_ms = VgmMemory(), Ring(), 0
     goal = Goal(x_m, y_m, None, 0.05, 0.05)
     step(memory, HERE, seen, goal)
     held = size(memory)
@@ -309,19 +309,19 @@ def test_any_inputs_give_a_decision_and_constant_memory(
 
 def test_heading_without_progress_is_blocked_in_the_end() -> None:
     """Show a way to the sonars on which the robot cannot move, as between two close edges."""
-    memory = Memory()
+    memory = VgmMemory()
     assert stand(memory, SILENT, 3 * MAX_STILL).branch == states.TO_GOAL
     assert stand(memory, SILENT, 6).branch in PASSING
     assert memory.echoes.weight[0] > MAX_WEIGHT
     x_m = 0.0
-    moving = Memory()
+    moving = VgmMemory()
     for _ in range(5 * MAX_STILL):
         x_m += 0.005
         assert step(moving, Pose(x_m, 0.0, 0.0), SILENT).branch == states.TO_GOAL
 
 
 def test_while_following_a_slow_way_sweeps_the_cones() -> None:
-    memory = Memory()
+    memory = VgmMemory()
     memory.following, memory.rotation = True, 512
     rotations = {}
     for free_mm in (SLOW_MM, SLOW_MM - 1):
@@ -335,7 +335,7 @@ def test_while_following_a_slow_way_sweeps_the_cones() -> None:
     assert swept == pytest.approx([pi / 4 - DITHER_RAD, pi / 4 + DITHER_RAD])
 
 
-def close_loop(memory: Memory, turn: int, x_cm: int, *, times: int = 1) -> None:
+def close_loop(memory: VgmMemory, turn: int, x_cm: int, *, times: int = 1) -> None:
     """Drive a loop of two metres around a place, to the left (1) or to the right (-1).
 
     The boundary has gaps, so there is no proof.
@@ -350,8 +350,8 @@ def close_loop(memory: Memory, turn: int, x_cm: int, *, times: int = 1) -> None:
         vgm_following.close_loop(memory)
 
 
-def heading_for(goal: Goal, side: int) -> Memory:
-    memory = Memory()
+def heading_for(goal: Goal, side: int) -> VgmMemory:
+    memory = VgmMemory()
     stand(memory, SILENT, 1, goal)
     memory.side = side
     return memory
@@ -444,7 +444,7 @@ def test_proof_sees_the_covariance_of_the_odometry() -> None:
 
 def test_repeated_goal_starts_like_a_new_memory() -> None:
     memory = heading_for(GOAL_AHEAD, states.LEFT)
-    fresh = Memory()
+    fresh = VgmMemory()
     stand(fresh, SILENT, 1)
     close_loop(memory, 1, 0)
     vgm_following.begin(memory)
