@@ -27,10 +27,12 @@ from ground.text.wording import (
     short,
     side,
 )
+from protocol.outcome import joined, reason_words
 from protocol.topics import CYCLE, DECISION, STATUS
 from protocol.wire.enums import Branch, GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStatus
 from protocol.wire.reasons import Reason, reason_text
+from runtime.cli.terminal import printable
 from runtime.units import NS_PER_S
 
 BRANCHES: Final[Mapping[int, str]] = MappingProxyType(
@@ -83,9 +85,9 @@ def word(kind: type[Navigator | Mode | Vehicle | GoalState], number: int, what: 
         return f"{what} {number}"
 
 
-def because(what: str, reason: int) -> str:
-    """Append a reason other than NONE."""
-    return what if reason == Reason.NONE else f"{what}: {reason_text(reason)}"
+def because(what: str, reason: int, by: str = "") -> str:
+    """Append a reason other than NONE, with the name of who it was."""
+    return what if reason == Reason.NONE else joined(what, reason_words(reason, by))
 
 
 TURNS_DEG_S: Final = 2.0
@@ -135,9 +137,10 @@ def of_the_state(status: NavigatorStatus) -> str:
     if status.mode == Mode.MANUAL:
         return "it is driven by hand"
     if status.mode == Mode.HOLD:
-        return because("it holds on request", status.vehicle_reason)
+        whose = f" of {printable(status.held_by)}" if status.held_by else ""
+        return because(f"it holds on request{whose}", status.vehicle_reason)
     if status.goal in ENDS:
-        return because(ENDS[status.goal], present_reason(status))
+        return because(ENDS[status.goal], present_reason(status), status.ended_by)
     return ""
 
 
@@ -366,7 +369,7 @@ def state(status: NavigatorStatus) -> str:
         word(GoalState, status.goal, "goal"),
     )
     words = f"{' '.join(names)}, {navigator_words(status.navigator)}"
-    return because(words, present_reason(status))
+    return because(words, present_reason(status), status.ended_by)
 
 
 def cost(cycle: CycleReport) -> str:

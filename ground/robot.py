@@ -93,7 +93,7 @@ from ground.client.robot_link import (
 from ground.client.status_line import goal_line, reason_of, state_of
 from ground.client.stopping import present_robots, stop_all
 from ground.client.telemetry import Telemetry
-from ground.client.teleop_sender import TeleopSender, lost_control
+from ground.client.teleop_sender import DriveWatch, TeleopSender
 from ground.client.vocabulary import PYTHON, SIDES
 from ground.missions.transfer import Downloaded, waypoints_of
 from protocol.bus.bus import Bus
@@ -502,7 +502,10 @@ class Robot(RobotLink):
         async def follow(drive: Drive) -> DriveEnded:
             self._stick = stick
             await self.in_own_thread(stick.open)
-            why = await self._steer(stick, speed_m_s, radians(turn_deg_s), for_s)
+            watch = DriveWatch(drive.request_id, self.bus.operator or "", self.clock.now_ns())
+            why = await self._steer(stick, watch, speed_m_s, radians(turn_deg_s), for_s)
+            if watch.is_seized:  # the drive is that of the other person now
+                return DriveEnded(why)
             is_over = await self.finish(self._end(drive, hold)) is None
             return DriveEnded(DRIVE_REPLACED if is_over and not why else why)
 
@@ -525,22 +528,31 @@ class Robot(RobotLink):
         return armed
 
     async def _steer(
-        self, stick: TeleopSender, speed_m_s: float, turn_rad_s: float, for_s: float | None
+        self,
+        stick: TeleopSender,
+        watch: DriveWatch,
+        speed_m_s: float,
+        turn_rad_s: float,
+        for_s: float | None,
     ) -> str:
-        """Return why it ended early; empty if the time was up."""
+        """Return why it ended early; empty if the time was up.
+
+        A drive that is lost sends nothing more.
+        """
         heartbeat, began_ns = HeartbeatTimer(), self.clock.now_ns()
-        with self.subscribed(STATUS) as telemetry:
+        with self.subscribed(STATUS, LEASE) as telemetry:
             while True:
                 self.check_open()
                 now_ns = self.clock.now_ns()
                 if for_s is not None and now_ns - began_ns >= for_s * NS_PER_S:
                     return ""
-                newest = telemetry.latest(STATUS)
-                if newest is not None and (why := lost_control(newest[0], now_ns - began_ns)):
+                if why := (lost := watch.lost(telemetry.latest, now_ns)):
                     return why
+                newest = telemetry.latest(STATUS)
                 if heartbeat.due(now_ns, 0 if newest is None else newest[0].time_ns):
                     self.lease.attend()
-                stick.drive(speed_m_s, turn_rad_s)
+                if lost is None:
+                    stick.drive(speed_m_s, turn_rad_s)
                 await self.sleep_until(now_ns + TICK_NS)
 
     async def drive_until(

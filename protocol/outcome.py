@@ -14,6 +14,7 @@ from typing import Final, NamedTuple
 from protocol.wire.enums import GoalState, MissionState
 from protocol.wire.messages import PlanarOdometry, RunScore
 from protocol.wire.reasons import Reason, reason_text
+from runtime.cli.terminal import printable
 from runtime.elementary import hypot
 
 DEGREE_DIGITS = 9
@@ -106,6 +107,16 @@ REPLACED: Final = "replaced"
 CLAIMS: Final = {Reason.UNREACHABLE: UNREACHABLE, Reason.LOST: LOST}
 """Reasons for which a robot gave a goal up although it could move, and their outcomes."""
 
+BY_PERSONS: Final[Mapping[int, str]] = MappingProxyType(
+    {
+        Reason.BY_OPERATOR: "by {}",
+        Reason.DISARMED: "disarmed by {}",
+        Reason.BY_HAND: "driven by hand by {}",
+        Reason.REPLACED: "replaced by a new goal of {}",
+    }
+)
+"""Ends that a person has wanted, with the name of another one than who began what has ended."""
+
 WANTED_ENDS: Final[Mapping[int, str]] = MappingProxyType(
     {
         Reason.BY_OPERATOR: "aborted",
@@ -152,7 +163,8 @@ class RunSettings:
 class RunEnd:
     """End of a run as the robot reported it, with its estimated position.
 
-    `doubt_m` is the longer half axis of the 95 % ellipse of that position, None where unknown.
+    `doubt_m` is the longer half axis of the 95 % ellipse of that position, None where unknown. `by`
+    is the person who ended the goal of another one, if one did.
     """
 
     goal_state: int
@@ -163,6 +175,7 @@ class RunEnd:
     wall_s: float
     missed_ticks: int = 0
     doubt_m: float | None = None
+    by: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -307,10 +320,22 @@ def mission_state(state: int, reason: int) -> str:
 
 def reason_of(ended: RunEnd) -> str:
     """Return the reason of an end; that of a lost robot names the doubt about its position."""
-    words = reason_text(ended.goal_reason)
+    words = reason_words(ended.goal_reason, ended.by)
     if goal_end(ended.goal_state, ended.goal_reason) != LOST:
         return words
     return f"{words}; {doubt_words(ended.doubt_m)}"
+
+
+def reason_words(reason: int, by: str) -> str:
+    """Return a reason, with the name of who it was, if that is known and another person."""
+    words = BY_PERSONS.get(reason) if by else None
+    return reason_text(reason) if words is None else words.format(printable(by))
+
+
+def joined(what: str, reason: str) -> str:
+    """Return an end with its reason, as in `stuck: has not moved` or `aborted by anna`."""
+    is_named = reason.startswith("by ") and reason != reason_text(Reason.BY_OPERATOR)
+    return f"{what}{' ' if is_named else ': '}{reason}"
 
 
 def detail_of(outcome: str, reason: str) -> str:

@@ -26,7 +26,7 @@ from protocol.wire.messages import (
 from robot.core import modes, reasons, states
 from robot.core.values import Goal, Twist, goal_of, twist_of
 from robot.hosting import Core
-from robot.mission import MissionExecutor
+from robot.mission import MissionExecutor, Stoppers
 from runtime.units import NS_PER_MS
 
 MAX_OPERATORS: Final = 64
@@ -51,7 +51,8 @@ class Commands:
     goal or manual drive, and the program that sent it. `driver` is the program that has the robot
     move: in GUIDED and MANUAL the robot stops when this one is lost; empty if any may.
     `is_there(operator, now_ms)` returns whether a program sends heartbeats. `restarts`: an operator
-    has asked for a restart of the process.
+    has asked for a restart of the process. `stoppers` are the programs of other persons that have
+    stopped what `begun_by` began.
     """
 
     def __init__(
@@ -67,6 +68,7 @@ class Commands:
         self._answers = AnswerCache()
         self.goal_id = self.drive_id = 0
         self.begun_by = self.driver = ""
+        self.stoppers = Stoppers()
         self._stop_ids: deque[int] = deque([0], MAX_STOPS)
         self._shown_id = 0
         self.restarts = False
@@ -104,6 +106,8 @@ class Commands:
             if known is not None:
                 return known
         serial, mode = machine.serial, machine.mode
+        had_goal, on_mission = modes.goal_is_active(machine), self._mission.active
+        was_stopped = machine.vehicle == states.EMERGENCY_STOP
         leader = self._leader(kind, now_ms, operator)
         reason = self._refusal(request, kind, now_ms, leader)
         if reason == reasons.OK:
@@ -115,6 +119,8 @@ class Commands:
                 done = None if kind.by_host is None else kind.by_host(self, request, now_ms)
                 reason = self._core.command(request, now_ms) if done is None else done
         is_new = machine.serial != serial
+        other = "" if person_of(operator) == person_of(self.begun_by) else operator
+        self._note_stopper(other, had_goal and not is_new, is_new, mode, on_mission)
         if is_new:
             self.goal_id = request.request_id
         begins = is_new or (reason == reasons.OK and kind.by_hand)
@@ -122,10 +128,34 @@ class Commands:
             self.drive_id, self.begun_by = request.request_id, operator
         if (begins or machine.mode not in (mode, states.HOLD)) and not kind.leads_on:
             self.driver = leader
+        if reason == reasons.OK:
+            reason = self._note_on(kind, was_stopped)
         answer = acknowledge(request, reason)
         if not kind.is_emergency_stop:
             self._answers.keep(operator, request, answer)
         return answer
+
+    def _note_stopper(
+        self, other: str, had_goal: bool, is_new: bool, mode: int, on_mission: bool
+    ) -> None:
+        """Note what a request has stopped; `other` sent it, if another person began that."""
+        machine, mission, by = self._machine, self._mission, self.stoppers
+        if is_new or (had_goal and not modes.goal_is_active(machine)):
+            by = by._replace(goal="" if is_new else other)
+        if machine.mode != states.HOLD or mode != states.HOLD:
+            by = by._replace(hold=other if machine.mode == states.HOLD else "")
+        if on_mission and not (mission.active and mission.end == reasons.OK):
+            by = by._replace(mission=other)
+        elif mission.active:
+            by = by._replace(mission="")
+        self.stoppers = by
+
+    def _note_on(self, kind: "CommandKind", was_stopped: bool) -> int:
+        """Return the reason why an accepted request has changed nothing, or 0."""
+        if kind.is_clear and not was_stopped:
+            return reasons.NOTHING_LATCHED
+        has_goal = modes.goal_is_active(self._machine) or self._mission.active
+        return reasons.NOTHING_KEPT if kind.keeps_goal and not has_goal else reasons.OK
 
     def _note_stop(self, request_id: int) -> None:
         """Take a stop for the newest one, unless it is a copy of one that is latched.
@@ -264,9 +294,13 @@ def ack(reason: int, command: int = 0) -> CommandAck:
     )
 
 
+NOTES: Final = (reasons.NOTHING_LATCHED, reasons.NO_LEASE, reasons.NOTHING_KEPT)
+"""Why an accepted request has changed nothing."""
+
+
 def result_of(reason: int) -> int:
     """Return the MAV_RESULT that matches a reason."""
-    if reason == reasons.OK:
+    if reason == reasons.OK or reason in NOTES:
         return AckResult.ACCEPTED
     return AckResult.UNSUPPORTED if reason == reasons.UNKNOWN_COMMAND else AckResult.DENIED
 
@@ -287,6 +321,9 @@ class CommandKind(NamedTuple):
     is_emergency_stop: bool = False
     is_clear: bool = False
     is_arm: bool = False
+    keeps_goal: bool = False
+    """It promises to keep the goal."""
+
     by_hand: bool = False
     needs_operator: bool = False
     """The robot moves on it only while its sender is there."""
@@ -314,7 +351,7 @@ TABLE: Final[Mapping[int, tuple[CommandKind, ...]]] = MappingProxyType(
             CommandKind(("param2",)),
         ),
         Command.DO_PAUSE_CONTINUE: (
-            CommandKind(("param1",), 0.0, only_stops=True),
+            CommandKind(("param1",), 0.0, only_stops=True, keeps_goal=True),
             CommandKind(("param1",), resumes=True, by_host=Commands._resume_mission),
         ),
         Command.DO_FLIGHTTERMINATION: (CommandKind(only_stops=True, is_emergency_stop=True),),

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple, TypeVar
 
 from protocol.topic import person_of
 from protocol.wire.enums import LeaseAction, Severity
-from protocol.wire.limits import MAX_LEASE_MS
+from protocol.wire.limits import MAX_LEASE_MS, MAX_OPERATOR_NAME_BYTES
 from protocol.wire.messages import LeaseRequest, LeaseStatus
 from robot.core import reasons
 from runtime.cli.terminal import printable
@@ -68,6 +68,8 @@ class Lease:
         if request.action != LeaseAction.SEIZE and not self.allows(operator):
             return reasons.LEASE_HELD
         if request.action == LeaseAction.RELEASE:
+            if self._holder is None:
+                return reasons.NO_LEASE
             self._release()
         elif request.action == LeaseAction.LEAVE:
             self._leave(operator, now_ns)
@@ -125,6 +127,13 @@ class Lease:
     def name_of(self, operator: str) -> str:
         """Return the display name that a program has given; empty if unknown."""
         return self._names.get(operator, "")
+
+    def label_of(self, operator: str) -> str:
+        """Return the name of a program, else the newest one of its person, else the person."""
+        person = person_of(operator)
+        known = (name for one, name in reversed(self._names.items()) if person_of(one) == person)
+        label = self.name_of(operator) or next(filter(None, known), person)
+        return label.encode()[:MAX_OPERATOR_NAME_BYTES].decode(errors="ignore")
 
     def status(self, time_ns: int, now_ns: int, drive_id: int, driver: str) -> LeaseStatus:
         """Return the lease as a message, stamped `time_ns`, with the newest drive."""

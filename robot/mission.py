@@ -22,6 +22,7 @@ from typing import Final, NamedTuple, Protocol, TypeAlias
 
 import msgspec
 
+from protocol.outcome import BY_PERSONS
 from protocol.wire.enums import FRAME_LOCAL_FLU, Command, MissionState, MissionType, Severity
 from protocol.wire.limits import NO_ITEM, PLACES_PER_M
 from protocol.wire.message import check
@@ -84,6 +85,20 @@ MAX_ITEMS: Final = 200
 CURRENT: Final = -1
 """Item number that stands for the current item."""
 ACTIVE: Final = (MissionState.RUNNING, MissionState.HOLDING, MissionState.PAUSED)
+
+
+class Stoppers(NamedTuple):
+    """Who stopped what another person had begun: programs, or their names; empty otherwise."""
+
+    goal: str = ""
+    """It ended the goal."""
+    hold: str = ""
+    """It holds the robot."""
+    mission: str = ""
+    """It ended the mission, or took it over."""
+
+
+NOBODY: Final = Stoppers()
 
 
 class MissionExecutor:
@@ -182,8 +197,7 @@ class MissionExecutor:
         elapsed_ms, self._last_ms = now_ms - self._last_ms, now_ms
         if not self.active:
             return
-        end = self._end()
-        if end != reasons.OK:
+        if (end := self.end) != reasons.OK:
             self._fail(end)
         elif self._machine.mode == states.HOLD:
             self.state, self.reason = MissionState.PAUSED, reasons.BY_OPERATOR
@@ -192,8 +206,14 @@ class MissionExecutor:
         else:
             self._wait(elapsed_ms, now_ms)
 
-    def status(self, time_ns: int) -> MissionStatus:
-        """Return the mission's status, stamped `time_ns`."""
+    def stopper(self, by: Stoppers) -> str:
+        """Return who has paused or ended the mission."""
+        if self.state == MissionState.PAUSED:
+            return by.hold
+        return by.mission if self.state == MissionState.FAILED and self.reason in BY_PERSONS else ""
+
+    def status(self, time_ns: int, by: Stoppers = NOBODY) -> MissionStatus:
+        """Return the mission's status, stamped `time_ns`, with the name of who stopped it."""
         return MissionStatus(
             time_ns=time_ns,
             mission_id=self.number if self.items else 0,
@@ -202,6 +222,7 @@ class MissionExecutor:
             current=self.current,
             state=self.state,
             reason=self.reason,
+            stopped_by=self.stopper(by),
         )
 
     def _wait(self, elapsed_ms: int, now_ms: int) -> None:
@@ -240,8 +261,9 @@ class MissionExecutor:
             self._under_way, self._left_ms = True, None
         return refusal
 
-    def _end(self) -> int:
-        """Return the reason that ends the mission now, or 0."""
+    @property
+    def end(self) -> int:
+        """The reason that ends an active mission at the next step, or 0."""
         machine = self._machine
         if machine.serial != self._serial:
             return reasons.REPLACED

@@ -104,7 +104,12 @@ class Reports:
         """Publish vehicle, mode and goal."""
         commands, now_ms = vehicle.commands, now_ms_of(now_ns)
         status = telemetry.status(
-            vehicle.state, commands.goal_id, stamp_ns, now_ms, commands.take_shown_stop()
+            vehicle.state,
+            commands.goal_id,
+            stamp_ns,
+            now_ms,
+            commands.take_shown_stop(),
+            vehicle.stoppers,
         )
         self.status.put(status)
 

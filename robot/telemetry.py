@@ -3,7 +3,7 @@
 from math import nan
 from typing import Final, NamedTuple
 
-from protocol.outcome import mission_state
+from protocol.outcome import BY_PERSONS, mission_state, reason_words
 from protocol.wire.enums import (
     AUTOPILOT_ARDUPILOTMEGA,
     INPUT_SCAN,
@@ -35,7 +35,7 @@ from robot.core import reasons, states
 from robot.core.modes import Machine
 from robot.core.state import State
 from robot.core.values import Inputs, Outputs
-from robot.mission import MissionExecutor
+from robot.mission import NOBODY, MissionExecutor, Stoppers
 from runtime.units import NS_PER_MS, UINT32
 
 UNKNOWN_SPREAD: Final = (nan,) * 6
@@ -94,7 +94,12 @@ def odometry(state: State, time_ns: int) -> PlanarOdometry:
 
 
 def status(
-    state: State, goal_id: int, time_ns: int, now_ms: int, stop_id: int = 0
+    state: State,
+    goal_id: int,
+    time_ns: int,
+    now_ms: int,
+    stop_id: int = 0,
+    by: Stoppers = NOBODY,
 ) -> NavigatorStatus:
     """Return vehicle, mode and goal; the goal's times are converted from core time to stamps."""
     machine = state.machine
@@ -119,6 +124,8 @@ def status(
         goal_reason=machine.goal_reason,
         navigator=machine.navigator,
         side=machine.side,
+        ended_by=by.goal if machine.goal_reason in BY_PERSONS else "",
+        held_by=by.hold,
     )
 
 
@@ -204,37 +211,42 @@ class ChangeLog:
         self._goal = (machine.serial, machine.goal_state, machine.goal_reason)
         self._text_id = 0
 
-    def since_last_time(self) -> list[Statustext]:
-        """Return a text for each change of goal, vehicle, mode and mission since the last call."""
+    def since_last_time(self, by: Stoppers = NOBODY) -> list[Statustext]:
+        """Return a text for each change of goal, vehicle, mode and mission since the last call.
+
+        It names who has stopped what another person had begun.
+        """
         machine = self._machine
         texts: list[Statustext] = []
         goal = (machine.serial, machine.goal_state, machine.goal_reason)
         if goal != self._goal and machine.goal_state in REPORTED_GOALS:
             state = GoalState(machine.goal_state)
             severity = GOAL_SEVERITY.get(state, Severity.INFO)
-            texts += self.text(severity, change_text("goal", state.name, machine.goal_reason))
+            words = change_text("goal", state.name, machine.goal_reason, by.goal)
+            texts += self.text(severity, words)
         vehicle = (machine.vehicle, machine.vehicle_reason)
         if vehicle != self._vehicle:
             name = Vehicle(machine.vehicle)
             severity = VEHICLE_SEVERITY.get(name, Severity.INFO)
             texts += self.text(severity, change_text("vehicle", name.name, machine.vehicle_reason))
         if machine.mode != self._mode:
-            texts += self.text(Severity.INFO, f"mode {Mode(machine.mode).name}")
+            whose = f" by {by.hold}" if by.hold else ""
+            texts += self.text(Severity.INFO, f"mode {Mode(machine.mode).name}{whose}")
         if self._placed and not machine.placed:
             words = f"PLACE UNKNOWN: {reason_text(reasons.PLACE_UNKNOWN)}"
             texts += self.text(Severity.ERROR, words)
         self._goal, self._vehicle, self._mode = goal, vehicle, machine.mode
         self._placed = machine.placed
-        return texts + self._mission_texts()
+        return texts + self._mission_texts(by)
 
-    def _mission_texts(self) -> list[Statustext]:
+    def _mission_texts(self, by: Stoppers) -> list[Statustext]:
         mission = self._mission
         progress = (mission.number, mission.state, mission.current)
         if progress == self._progress:
             return []
         self._progress = progress
         state = mission_state(mission.state, mission.reason)
-        words = change_text("mission", state, mission.reason)
+        words = change_text("mission", state, mission.reason, mission.stopper(by))
         if mission.items:
             words += f" (item {mission.current + 1} of {len(mission.items)})"
         failed = state == MissionState.FAILED.name
@@ -246,9 +258,9 @@ class ChangeLog:
         return pieces_of(words, self._text_id, severity) if words else []
 
 
-def change_text(what: str, state: str, reason: int) -> str:
-    """Return the text for a state, with the reason if there is one."""
+def change_text(what: str, state: str, reason: int, by: str = "") -> str:
+    """Return the text for a state, with the reason if there is one, and who it was."""
     if reason == reasons.OK:
         return f"{what} {state}"
-    gap = " " if reason == reasons.BY_EMERGENCY_STOP else ": "
-    return f"{what} {state}{gap}{reason_text(reason)}"
+    is_by = reason == reasons.BY_EMERGENCY_STOP or (by and reason == reasons.BY_OPERATOR)
+    return f"{what} {state}{' ' if is_by else ': '}{reason_words(reason, by)}"

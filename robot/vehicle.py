@@ -38,6 +38,7 @@ from robot.mission import (
     FenceItems,
     MissionExecutor,
     MissionStore,
+    Stoppers,
     TransferReply,
     TransferRequest,
     Transfers,
@@ -235,6 +236,12 @@ class RobotVehicle:
             if news is not None:
                 self.announce(*news)
 
+    @property
+    def stoppers(self) -> Stoppers:
+        """The names of those who have stopped what another person had begun."""
+        names = (one and self.lease.label_of(one) for one in self.commands.stoppers)
+        return Stoppers(*names)
+
     def retry_stop(self, now_ns: int) -> None:
         """Write the emergency stop again if that has failed; `now_ns` is the time of the wall."""
         self._store.stop.retry(now_ns)
@@ -322,7 +329,7 @@ class RobotVehicle:
     def texts(self) -> list[Statustext]:
         """Return the texts to publish now, oldest first."""
         self.collect_saved()
-        texts = self._texts + self._change_log.since_last_time()
+        texts = self._texts + self._change_log.since_last_time(self.stoppers)
         self._texts = []
         return texts
 
@@ -346,8 +353,8 @@ class RobotVehicle:
         """Return the mission's status twice a second, and at once when it has changed."""
         mission = self.mission
         progress = (mission.number, len(mission.items), mission.current, mission.state)
-        due = self._missions.due((progress, mission.reason), now_ns)
-        return mission.status(stamp_ns) if due else None
+        due = self._missions.due((progress, mission.reason, self.commands.stoppers), now_ns)
+        return mission.status(stamp_ns, self.stoppers) if due else None
 
     def _lease(self, request: LeaseRequest, now_ns: int, operator: str) -> CommandAck:
         before = self.lease.holder

@@ -14,6 +14,7 @@ from protocol.bus.bus import Bus
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.topics import ENCODING, OPERATOR, SONAR, TELEOP, WHEELS, Topic
 from protocol.wire.codec import Encoder
+from protocol.wire.enums import AckResult
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandAck,
@@ -346,6 +347,6 @@ def fail(_stage: int) -> None:
 
 def reason_of(answer: Answer) -> int:
     """Return the reason in an answer; 0 for an accepted request, or for the requested data."""
-    if isinstance(answer, CommandAck):
-        return answer.result_param2
+    if isinstance(answer, CommandAck):  # an accepted one may have a note
+        return 0 if answer.result == AckResult.ACCEPTED else answer.result_param2
     return answer.reason if isinstance(answer, MissionVerdict) else reasons.OK

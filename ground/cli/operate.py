@@ -116,7 +116,8 @@ async def perform(operation: Operation[Out], robot: Robot, *, seizes: bool = Fal
 
 def effect_of(operation: object, outcome: Outcome) -> str:
     """Return what is so after an accepted command, such as `: motors armed`."""
-    if isinstance(operation, OperatorCommand) and type(outcome) is Accepted and operation.effect:
+    is_done = type(outcome) is Accepted and not outcome.note
+    if is_done and isinstance(operation, OperatorCommand) and operation.effect:
         return f": {operation.effect}"
     return ""
 

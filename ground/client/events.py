@@ -8,7 +8,7 @@ from typing import Any, Final, Self, TypeAlias, TypeVar
 from ground.client.lease_holder import is_ours
 from ground.client.streams import Stream, TopicStreams
 from ground.text.wording import StatustextAssembler
-from protocol.outcome import mission_state
+from protocol.outcome import joined, mission_state, reason_words
 from protocol.topics import LEASE, MISSION, STATUS, TEXT, Topic
 from protocol.wire.enums import GoalState, MissionState, Mode, Severity, Vehicle
 from protocol.wire.message import Message
@@ -113,7 +113,7 @@ class EventDetector:
             item = message.current + 1 if message.count else None
             words = mission_state(message.state, message.reason).lower()
             if message.reason:
-                words += f": {reason_text(message.reason)}"
+                words = joined(words, reason_words(message.reason, message.stopped_by))
             state = known(MissionState, message.state)
             return self._changes([MissionChanged(state, item, message.count, words)])
         text = self._texts.receive(message)
@@ -127,7 +127,7 @@ class EventDetector:
         goal = GoalChanged(
             status.goal_id,
             known(GoalState, status.goal),
-            reason_text(status.goal_reason) if status.goal_reason else "",
+            reason_words(status.goal_reason, status.ended_by) if status.goal_reason else "",
             status.goal_distance_m,
         )
         why = reason_text(status.vehicle_reason) if status.vehicle_reason else ""

@@ -26,11 +26,11 @@ from ground.missions.transfer import (
     items_of,
     waypoints_of,
 )
-from protocol.outcome import mission_state
+from protocol.outcome import mission_state, reason_words
 from protocol.topics import MISSION, MISSION_SERVICE
 from protocol.wire.enums import Command, MissionState, MissionType
 from protocol.wire.messages import CommandRequest, MissionStatus
-from protocol.wire.reasons import Reason, reason_text
+from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS, NS_PER_S
 
@@ -113,9 +113,14 @@ class MissionProgress(Success):
         if status.state == MissionState.NONE:
             return "no mission"
         left = f", {status.hold_left_ms / 1000:.1f} s left" if status.hold_left_ms else ""
-        reason = f": {reason_text(status.reason)}" if status.reason else ""
         where = f"item {status.current + 1} of {status.count}"
+        reason = f": {self._reason}" if status.reason else ""
         return f"{mission_state(status.state, status.reason).lower()}, {where}{left}{reason}"
+
+    @property
+    def _reason(self) -> str:
+        """The reason of the state, with the name of another person who has stopped it."""
+        return reason_words(self.status.reason, self.status.stopped_by)
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
         """Return the status as a row; items count from 1."""
@@ -127,7 +132,7 @@ class MissionProgress(Success):
             "items": status.count,
             "current": status.current + 1 if status.count else None,
             "hold_left_s": status.hold_left_ms / 1000,
-            "reason": reason_text(status.reason) if status.reason else None,
+            "reason": self._reason if status.reason else None,
         }
 
 

@@ -8,7 +8,7 @@ from ground.client.emergency_stop import StopOutcome, outcome_words
 from ground.client.lease_holder import holder_name
 from ground.client.vocabulary import SHELL, Remedies
 from ground.text.wording import Part
-from protocol.outcome import LOST, REPLACED, detail_of, doubt_words
+from protocol.outcome import LOST, REPLACED, detail_of, doubt_words, joined
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason, reason_text
 from runtime.errors import RemoteError
@@ -70,18 +70,24 @@ class Success:
 
 @dataclass(frozen=True, slots=True)
 class Accepted(Success):
-    """The robot accepted, `took_ns` after the first request."""
+    """The robot accepted, `took_ns` after the first request.
+
+    `note` is the `Reason` why that has changed nothing, if it has not.
+    """
 
     took_ns: int
+    note: int = field(default=Reason.NONE, kw_only=True)
 
     @property
     def text(self) -> str:
-        """The duration, as in `ok 14 ms`."""
-        return f"ok {self.took_ns / NS_PER_MS:.0f} ms"
+        """The duration, as in `ok 14 ms`, and the note."""
+        words = f": {reason_text(self.note)}" if self.note else ""
+        return f"ok {self.took_ns / NS_PER_MS:.0f} ms{words}"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
         """Return the acceptance as a row."""
-        return answer_row(verb, robot, Reason.NONE, self.took_ns)
+        row = answer_row(verb, robot, Reason.NONE, self.took_ns)
+        return row | {"note": reason_text(self.note)} if self.note else row
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,12 +187,12 @@ class GoalEnded:
     @property
     def text(self) -> str:
         """Outcome, reason and duration."""
-        detail = "" if self.reason == self.outcome else f": {detail_of(self.outcome, self.reason)}"
-        if self.outcome == REPLACED:
-            detail = f" {self.reason}"
+        words = self.outcome
+        if self.reason != self.outcome:
+            words = joined(self.outcome, detail_of(self.outcome, self.reason))
         if self.outcome == LOST:
-            detail += f"; {doubt_words(self.doubt_m)}"
-        return f"{self.outcome}{detail} after {self.wall_s:.1f} s"
+            words += f"; {doubt_words(self.doubt_m)}"
+        return f"{words} after {self.wall_s:.1f} s"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
         """Return the outcome as a row."""
@@ -220,7 +226,7 @@ class DriveEnded:
     @property
     def text(self) -> str:
         """The reason, or that the robot holds."""
-        if self.reason == DRIVE_REPLACED:
+        if self.reason.startswith(REPLACED):
             return self.reason
         return f"stopped: {self.reason}" if self.reason else "done, the robot holds"
 

@@ -9,7 +9,7 @@ from math import isfinite
 from typing import Final, Generic, Protocol, TypeAlias, TypeVar
 
 from ground.client.outcomes import Accepted, Answer, Refused
-from protocol.outcome import REPLACED, goal_end
+from protocol.outcome import REPLACED, goal_end, reason_words
 from protocol.topics import LEASE, STATUS, Topic
 from protocol.wire.enums import AckResult, Command
 from protocol.wire.message import Message
@@ -164,9 +164,9 @@ class CommandExchange(Exchange[Answer]):
             self.unanswered(f"the reply is for command {answer.command}")
         else:
             took_ns = now_ns - self._started_ns
-            is_accepted = answer.result == AckResult.ACCEPTED
+            reason, is_accepted = answer.result_param2, answer.result == AckResult.ACCEPTED
             self.outcome = (
-                Accepted(took_ns) if is_accepted else Refused(answer.result_param2, took_ns)
+                Accepted(took_ns, note=reason) if is_accepted else Refused(reason, took_ns)
             )
 
 
@@ -355,4 +355,5 @@ def _end_in(status: NavigatorStatus) -> GoalEnd | None:
     if outcome is None:
         return None
     reason = status.goal_reason
-    return GoalEnd(outcome, outcome if reason == Reason.NONE else reason_text(reason))
+    words = outcome if reason == Reason.NONE else reason_words(reason, status.ended_by)
+    return GoalEnd(outcome, words)

@@ -6,12 +6,13 @@ from typing import Any, Final, TypeVar
 
 from ground.client.telemetry import Age, Telemetry
 from ground.text.wording import Part, driving, present_reason
-from protocol.outcome import goal_end
+from protocol.outcome import goal_end, reason_words
 from protocol.topics import CYCLE, DECISION, HEARTBEAT, ODOMETRY, STATUS, Topic
 from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import NavigatorStatus, PlanarOdometry
-from protocol.wire.reasons import Reason, reason_text
+from protocol.wire.reasons import Reason
+from runtime.cli.terminal import printable
 from runtime.units import NS_PER_S
 
 NONE: Final = "--"
@@ -126,7 +127,9 @@ def name_of(kind: type[Vehicle] | type[Mode] | type[GoalState], number: int) -> 
 def reason_of(status: NavigatorStatus) -> str:
     """Return the reason of the present state in parentheses, empty if there is none."""
     reason = present_reason(status)
-    return "" if reason == Reason.NONE else f"({reason_text(reason)})"
+    if reason == Reason.NONE and status.mode == Mode.HOLD and status.held_by:
+        return f"(held by {printable(status.held_by)})"
+    return "" if reason == Reason.NONE else f"({reason_words(reason, status.ended_by)})"
 
 
 def pose_of(odometry: PlanarOdometry) -> str:

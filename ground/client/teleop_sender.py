@@ -2,12 +2,18 @@
 
 from typing import Final
 
+from ground.client.lease_holder import holder_name
+from ground.client.outcomes import DRIVE_REPLACED
+from ground.client.requests import CROSSING_NS, NAMED_NS, Latest, replaced_by
 from protocol.bus.bus import Bus
 from protocol.bus.publisher import Publisher
-from protocol.topics import TELEOP
+from protocol.outcome import REPLACED
+from protocol.topic import person_of
+from protocol.topics import LEASE, STATUS, TELEOP
 from protocol.wire.enums import Mode, Vehicle
-from protocol.wire.messages import NavigatorStatus, Teleop
+from protocol.wire.messages import LeaseStatus, NavigatorStatus, Teleop
 from protocol.wire.reasons import reason_text
+from runtime.cli.terminal import printable
 from runtime.clock import Clock
 
 TTL_MS: Final = 250
@@ -50,10 +56,67 @@ class TeleopSender:
         self.drive(0.0, 0.0)
 
 
+class DriveWatch:
+    """Follows a drive by hand, and tells why the robot no longer follows its operator.
+
+    The lease status names the newest drive and the lease holder, the robot's status who holds it.
+    """
+
+    def __init__(self, drive_id: int, operator: str, now_ns: int) -> None:
+        self._drive_id, self._operator, self._began_ns = drive_id, operator, now_ns
+        self._is_shown = False
+        self._lost_ns: int | None = None
+        self.is_seized = False
+        """True once another person has the lease, and with it the drive."""
+
+    def lost(self, latest: Latest, now_ns: int) -> str | None:
+        """Return why the drive has ended; empty while it is lost and not known why, None before."""
+        newest, lease = latest(STATUS), latest(LEASE)
+        status = None if newest is None else newest[0]
+        if lease is not None and (words := self._replaced(*lease, status)) is not None:
+            self._note(now_ns)
+            return words or (DRIVE_REPLACED if self._is_late(now_ns) else "")
+        why = "" if status is None else lost_control(status, now_ns - self._began_ns)
+        if not why:
+            return None
+        self._note(now_ns)
+        # Who drives now is in the lease status of the same tick, which may still be on its way.
+        is_told = status is not None and lease is not None and lease[0].time_ns >= status.time_ns
+        return why if is_told or self._is_late(now_ns) else ""
+
+    def _replaced(
+        self, lease: LeaseStatus, arrived_ns: int, status: NavigatorStatus | None
+    ) -> str | None:
+        """Return what drives in place of this drive; empty until it is known, None if nothing."""
+        is_ours = lease.drive_id in (0, self._drive_id)
+        self._is_shown |= lease.drive_id == self._drive_id
+        if not (self._is_shown or arrived_ns - self._began_ns > CROSSING_NS):
+            return None  # sent before the robot has accepted this drive
+        if is_ours:
+            is_others = lease.held and person_of(lease.holder) != person_of(self._operator)
+            self.is_seized = bool(is_others)
+            return f"{holder_name(lease)} has seized the lease" if is_others else None
+        if status is None or status.time_ns < lease.time_ns:
+            return ""
+        driver = printable(lease.driver)
+        if status.goal_id == lease.drive_id:
+            return f"{REPLACED} {replaced_by(status, driver)}"
+        return f"{REPLACED} by the drive of {driver}" if driver else f"{REPLACED} by another drive"
+
+    def _note(self, now_ns: int) -> None:
+        self._lost_ns = now_ns if self._lost_ns is None else self._lost_ns
+
+    def _is_late(self, now_ns: int) -> bool:
+        return self._lost_ns is not None and now_ns - self._lost_ns >= NAMED_NS
+
+
 def lost_control(status: NavigatorStatus, driven_ns: int) -> str:
     """Return why the robot no longer follows the operator; empty while it does."""
-    if status.vehicle != Vehicle.ACTIVE and driven_ns > SETTLE_NS:
+    if driven_ns <= SETTLE_NS:
+        return ""
+    by = printable(status.held_by)
+    if status.vehicle != Vehicle.ACTIVE:
         return reason_text(status.vehicle_reason) if status.vehicle_reason else "not armed"
-    if status.mode != Mode.MANUAL and driven_ns > SETTLE_NS:
-        return "the robot has left MANUAL mode"
-    return ""
+    if status.mode == Mode.HOLD and by:
+        return f"held by {by}"
+    return "" if status.mode == Mode.MANUAL else "the robot has left MANUAL mode"

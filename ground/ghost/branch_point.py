@@ -17,7 +17,7 @@ from ground.client.session import Session
 from ground.client.vocabulary import SIDES
 from ground.recording.log_reader import LogIndex
 from ground.recording.world_metadata import world_of
-from protocol.outcome import ENDS, start_arguments
+from protocol.outcome import ENDS, reason_words, start_arguments
 from protocol.topics import CLOCK, COMMANDED, ODOMETRY, STATUS, TRUTH, WORLD
 from protocol.wire.enums import GoalState
 from protocol.wire.messages import (
@@ -27,7 +27,6 @@ from protocol.wire.messages import (
     PlanarOdometry,
     SystemTime,
 )
-from protocol.wire.reasons import reason_text
 from runtime.errors import RemoteError, UserError
 from runtime.files import value_in
 from runtime.units import NS_PER_S, NS_PER_US
@@ -294,7 +293,7 @@ class GhostRecording:
         return PredictedPath(
             path_m,
             outcome,
-            reason_text(last.goal_reason),
+            reason_words(last.goal_reason, last.ended_by),
             (ends_ns - at_ns) / NS_PER_S,
             sum(dist(a, b) for a, b in pairwise(path_m)),
         )

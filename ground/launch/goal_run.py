@@ -351,6 +351,7 @@ class GoalRun:
         account = RunEnd(
             goal_state=status.goal,
             goal_reason=status.goal_reason,
+            by=status.ended_by,
             time_s=(until_ns - status.goal_started_ns) / NS_PER_S,
             estimate_x_m=nan if pose is None else pose.x_m,
             estimate_y_m=nan if pose is None else pose.y_m,

@@ -24,7 +24,7 @@ from ground.recording.log_reader import (
 from ground.recording.mcap_file import McapFile
 from ground.recording.world_metadata import world_of
 from ground.text.wording import StatustextAssembler
-from protocol.outcome import detail_of, goal_end
+from protocol.outcome import detail_of, goal_end, joined, reason_words
 from protocol.topics import MARK, STATUS
 from protocol.wire.codec import decode
 from protocol.wire.enums import GoalState, Mode, Navigator, Vehicle
@@ -88,11 +88,11 @@ def outcome(status: NavigatorStatus) -> str:
         name = GoalState(status.goal).name
     except ValueError:
         name = f"goal state {status.goal}"
-    reason = reason_text(status.goal_reason)
+    reason = reason_words(status.goal_reason, status.ended_by)
     if status.goal == GoalState.STUCK:
         end = goal_end(status.goal, status.goal_reason) or name
         name, reason = end.upper(), detail_of(end, reason)
-    return f"{name}: {reason}" if status.goal_reason else name
+    return joined(name, reason) if status.goal_reason else name
 
 
 TAIL_BYTES: Final = 1 << 18

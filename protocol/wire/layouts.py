@@ -41,7 +41,7 @@ PLANAR_ODOMETRY 54103 173 time_ns:Q x_m:f y_m:f heading_rad:f speed_m_s:f yaw_ra
   cov_xx_m2:f cov_xy_m2:f cov_xh_m_rad:f cov_yy_m2:f cov_yh_m_rad:f cov_hh_rad2:f
 NAVIGATOR_STATUS 54104 117 time_ns:Q goal_started_ns:Q goal_ended_ns:Q goal_id:Q stop_id:Q
   goal_x_m:f goal_y_m:f goal_heading_rad:f goal_distance_m:f vehicle:B mode:B goal:B
-  vehicle_reason:B goal_reason:B navigator:B side:b
+  vehicle_reason:B goal_reason:B navigator:B side:b ended_by:16s held_by:16s
 AVOIDANCE_DECISION 54105 215 time_ns:Q nearest_bearing_rad:f nearest_range_m:f zone_m:f
   goal_bearing_rad:f rotation_rad:f virtual_x_m:f virtual_y_m:f speed_m_s:f yaw_rate_rad_s:f
   branch:B guard:B
@@ -59,7 +59,7 @@ LEASE_REQUEST 54112 226 request_id:Q action:B name:16s
 LEASE_STATUS 54113 140 time_ns:Q lapses_ms:I held:B holder:56s name:16s drive_id:Q driver:16s
 TELEOP 54114 95 time_ns:Q seq:I speed_mm_s:h yaw_rate_mrad_s:h ttl_ms:H
 MISSION_STATUS 54115 240 time_ns:Q mission_id:I hold_left_ms:I count:H current:H state:B
-  reason:B
+  reason:B stopped_by:16s
 MISSION_VERDICT 54116 40 mission_id:I item:H reason:B mission_type:B
 TICK_INPUTS 54117 143 time_ns:Q now_ms:Q tick:I wheels_seq:I scan_seq:I requests:I scan_age_ms:I
   operator_age_ms:I speed_mm_s:h yaw_rate_mrad_s:h flags:B

@@ -428,6 +428,10 @@ class NavigatorStatus(Message, frozen=True, kw_only=True):
         goal_reason: Reason of the goal state. [Reason]
         navigator: Navigator. [Navigator]
         side: Side on which navigators with a user-selected side pass obstacles: 1 left, -1 right.
+        ended_by: Display name of the operator who has ended the goal, if another person had begun
+            it; else empty. [at most 16 bytes]
+        held_by: Display name of the operator who holds the robot, if another person had begun the
+            goal or drive; else empty. [at most 16 bytes]
     """
 
     time_ns: int
@@ -446,6 +450,12 @@ class NavigatorStatus(Message, frozen=True, kw_only=True):
     goal_reason: int
     navigator: int
     side: int
+    ended_by: str = ""
+    held_by: str = ""
+
+    def __post_init__(self) -> None:
+        if too_long(self.ended_by, 16) or too_long(self.held_by, 16):
+            raise unfit(self)
 
 
 class AvoidanceDecision(Message, frozen=True, kw_only=True):
@@ -722,6 +732,8 @@ class MissionStatus(Message, frozen=True, kw_only=True):
         current: Index of the current item, from 0.
         state: State. [MissionState]
         reason: Reason of the state. [Reason]
+        stopped_by: Display name of the operator who has paused or ended it, if another person had
+            begun it; else empty. [at most 16 bytes]
     """
 
     time_ns: int
@@ -731,6 +743,11 @@ class MissionStatus(Message, frozen=True, kw_only=True):
     current: int
     state: int
     reason: int
+    stopped_by: str = ""
+
+    def __post_init__(self) -> None:
+        if too_long(self.stopped_by, 16):
+            raise unfit(self)
 
 
 class MissionVerdict(Message, frozen=True, kw_only=True):

@@ -10,7 +10,8 @@ from typing import Final
 class Reason(IntEnum):
     """Reason of a refusal, stop or outcome.
 
-    Codes: 1-29 and 100-119 refusals, 30-59 failsafes, 60-79 ends of a goal, 80-99 guard.
+    Codes: 1-29 and 100-119 refusals, 30-59 failsafes, 60-79 ends of a goal, 80-99 guard, 120-139
+    notes on an accepted request that changed nothing.
     """
 
     NONE = 0
@@ -79,6 +80,9 @@ class Reason(IntEnum):
     PARAMETERS_DAMAGED = 106
     NEWER_STOP = 107
     ALREADY_OVER = 108
+    NOTHING_LATCHED = 120
+    NO_LEASE = 121
+    NOTHING_KEPT = 122
 
 
 REASON_TEXTS: Final[dict[int, str]] = {
@@ -148,6 +152,9 @@ REASON_TEXTS: Final[dict[int, str]] = {
     106: "saved parameters are damaged: see `param list`, then `param set` one of the safety group",
     107: "a newer emergency stop was pressed: look, then clear again",
     108: "that goal or drive is already over",
+    120: "no emergency stop was latched: there was nothing to clear",
+    121: "nobody had the lease: there was nothing to give back",
+    122: "holding; no goal is active, so that none is kept",
 }
 
 

@@ -235,8 +235,9 @@ REFUSED: Final = "the recording cannot be re-executed"
 COMPARED: Final = (WheelCommand, AvoidanceDecision, PlanarOdometry, NavigatorStatus)
 UNCOMPARED: Final = frozenset(
     {"seq", "sense_seq", "epoch", "ttl_ms", "goal_started_ns", "goal_ended_ns"}
+    | {"ended_by", "held_by"}
 )
-"""Counters, and the times of requests, which are no input of a tick."""
+"""Counters, times of requests, and names of their senders, which are no input of a tick."""
 
 
 class Difference(NamedTuple):

@@ -18,7 +18,7 @@ from ground.map.scene import MapTarget
 from ground.station.history.telemetry_history import uncertainty_m
 from ground.station.station import Station
 from ground.text.wording import SONAR_NAMES, state_role
-from protocol.outcome import LOST, doubt_of, doubt_words, goal_end, mission_state
+from protocol.outcome import LOST, doubt_of, doubt_words, goal_end, mission_state, reason_words
 from protocol.ring import SONARS
 from protocol.topics import CYCLE, DECISION, HEARTBEAT, MCU, MISSION, ODOMETRY, SONAR, STATUS, TRUTH
 from protocol.wire.enums import GoalState, MissionState
@@ -32,7 +32,6 @@ from protocol.wire.messages import (
     PlanarOdometry,
     SonarScan,
 )
-from protocol.wire.reasons import reason_text
 from runtime.units import MM_PER_M, NS_PER_S
 
 MOST: Final = 6
@@ -74,7 +73,7 @@ def mission_words(status: MissionStatus) -> str:
     """Return state, current item, hold time and reason as text."""
     state = mission_state(status.state, status.reason)
     hold = f", holds {status.hold_left_ms / 1000:.0f} s" if status.hold_left_ms else ""
-    why = f": {reason_text(status.reason)}" if status.reason else ""
+    why = f": {reason_words(status.reason, status.stopped_by)}" if status.reason else ""
     return f"{state} {status.current + 1}/{status.count}{hold}{why}"
 
 

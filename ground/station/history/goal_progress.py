@@ -7,7 +7,7 @@ from typing import Final
 from ground.client.goal import Destination
 from ground.client.status_line import PLACE_UNKNOWN, knows_place
 from ground.client.vocabulary import NAVIGATORS
-from protocol.outcome import ENDS
+from protocol.outcome import ENDS, reason_words
 from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus, PlanarOdometry
 from protocol.wire.reasons import reason_text
@@ -164,7 +164,7 @@ class LastDrive:
         if status.goal not in (GoalState.REACHED, GoalState.REFUSED):
             words += self._rest(status)
         if status.goal in ENDS and status.goal != GoalState.REACHED and status.goal_reason:
-            words += f"; {reason_text(status.goal_reason)}"
+            words += f"; {reason_words(status.goal_reason, status.ended_by)}"
         return words
 
     def _rest(self, status: NavigatorStatus) -> str:

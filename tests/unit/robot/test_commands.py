@@ -114,7 +114,7 @@ def test_new_robot_has_no_goal_id_and_no_stop_id() -> None:
 
 def test_repeated_request_is_answered_without_effect() -> None:
     robot = Robot()
-    assert robot.ask(hold(5)) == Reason.NONE
+    assert robot.ask(hold(5)) == Reason.NOTHING_KEPT
     robot.machine.mode = states.AUTO
     assert robot.commands.receive(hold(5), 0, ADA).result == AckResult.ACCEPTED
     assert robot.machine.mode == states.AUTO
@@ -131,13 +131,13 @@ def test_another_request_under_a_known_id_is_refused() -> None:
         assert robot.ask(other) == Reason.ID_REUSED
     assert robot.machine.vehicle == states.ACTIVE
     assert robot.machine.goal is None
-    assert robot.ask(hold(5)) == Reason.NONE, "the first keeps the id"
+    assert robot.ask(hold(5)) == Reason.NOTHING_KEPT, "the first keeps the id"
 
 
 def test_repeated_request_with_nan_is_recognised() -> None:
     robot = Robot()
     for _ in range(2):
-        assert robot.ask(command(Command.DO_PAUSE_CONTINUE, 0.0, nan)) == Reason.NONE
+        assert robot.ask(command(Command.DO_PAUSE_CONTINUE, 0.0, nan)) == Reason.NOTHING_KEPT
 
 
 def test_operators_have_ids_of_their_own() -> None:
@@ -276,7 +276,7 @@ def test_a_late_copy_of_a_released_stop_is_the_newest() -> None:
 def test_stop_is_not_stored_with_the_answers() -> None:
     robot = Robot()
     robot.ask(STOP)
-    assert robot.ask(hold(STOP.request_id)) == Reason.NONE
+    assert robot.ask(hold(STOP.request_id)) == Reason.NOTHING_KEPT
 
 
 def test_only_an_emergency_stop_is_recognised_as_one() -> None:
@@ -363,6 +363,9 @@ def test_a_result_follows_from_its_reason(reason: Reason) -> None:
     results = {
         Reason.NONE: AckResult.ACCEPTED,
         Reason.UNKNOWN_COMMAND: AckResult.UNSUPPORTED,
+        Reason.NOTHING_LATCHED: AckResult.ACCEPTED,
+        Reason.NO_LEASE: AckResult.ACCEPTED,
+        Reason.NOTHING_KEPT: AckResult.ACCEPTED,
     }
     assert result_of(reason) == results.get(reason, AckResult.DENIED)
 
@@ -395,7 +398,7 @@ def test_the_core_gets_no_command_that_the_table_lacks(monkeypatch: pytest.Monke
     robot = Robot()
     assert robot.ask(command(31_000, nan)) == Reason.UNKNOWN_COMMAND
     assert reached == []
-    assert robot.ask(hold(2)) == Reason.NONE
+    assert robot.ask(hold(2)) == Reason.NOTHING_KEPT
     assert reached == [hold(2)]
 
 

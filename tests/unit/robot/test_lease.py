@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from checks.harness.messages import make
-from protocol.wire.enums import AckResult, Command, LeaseAction, Mode, Severity
+from ground.text.wording import StatustextAssembler
+from protocol.wire.enums import AckResult, Command, LeaseAction, MissionState, Mode, Severity
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandAck,
@@ -15,14 +16,19 @@ from protocol.wire.messages import (
     LeaseStatus,
     MissionCount,
     MissionRequestList,
+    MissionStatus,
     MissionVerdict,
+    NavigatorStatus,
     ParamRequestRead,
     ParamSet,
     ParamValue,
     Teleop,
 )
 from protocol.wire.reasons import Reason
-from robot.core import states
+from robot import telemetry
+from robot.commands import NOTES
+from robot.core import reasons, states
+from robot.emergency_stop import emergency_stop
 from robot.lease import IDLE_NS, LAPSE_NS, Lease
 from runtime.units import NS_PER_S as S
 from tests.support.each import each
@@ -91,11 +97,17 @@ def test_other_operator_is_refused_until_the_release() -> None:
     assert lease.allows(BOB)
 
 
-@each("action", [LeaseAction.RELEASE, LeaseAction.LEAVE])
-def test_release_without_a_holder_is_no_error(action: LeaseAction) -> None:
-    lease = Lease()
-    assert lease.receive(ask(action), BOB, 0) == Reason.NONE
+@each(
+    ("action", "note"),
+    [(LeaseAction.RELEASE, Reason.NO_LEASE), (LeaseAction.LEAVE, Reason.NONE)],
+)
+def test_release_without_a_holder_is_no_error(action: LeaseAction, note: Reason) -> None:
+    lease, desk = Lease(), Desk()
+    assert lease.receive(ask(action), BOB, 0) == note
     assert lease.due(0) == []
+    answer = desk.vehicle.receive(ask(action), 0, BOB)
+    assert isinstance(answer, CommandAck)
+    assert answer.result == AckResult.ACCEPTED
 
 
 def test_seizure_is_granted_with_a_critical_text() -> None:
@@ -364,7 +376,9 @@ def test_any_order_of_requests_leaves_one_person_at_most(
                 lease.beat(operator, now_ns)
                 beats_ns[operator] = now_ns
             continue
-        granted = lease.receive(ask(action), operator, now_ns) == Reason.NONE
+        why = lease.receive(ask(action), operator, now_ns)
+        granted = why in (Reason.NONE, Reason.NO_LEASE)
+        assert (why == Reason.NO_LEASE) == (action == LeaseAction.RELEASE and mine and not person)
         if action == LeaseAction.SEIZE:
             assert granted == bool(operator)
         else:
@@ -396,7 +410,8 @@ def reason(desk: Desk, request: Message, operator: str) -> int:
     if isinstance(answer, MissionVerdict):
         return answer.reason
     assert isinstance(answer, CommandAck)
-    assert (answer.result == AckResult.ACCEPTED) == (answer.result_param2 == Reason.NONE)
+    is_accepted = answer.result_param2 in (Reason.NONE, *NOTES)
+    assert (answer.result == AckResult.ACCEPTED) == is_accepted
     return answer.result_param2
 
 
@@ -840,7 +855,7 @@ def test_a_clean_up_of_a_goal_does_not_end_a_drive_by_hand() -> None:
     assert reason(desk, manual(), ADA) == Reason.NONE
     assert reason(desk, clean_up(Command.DO_PAUSE_CONTINUE, 4), ADA) == Reason.ALREADY_OVER
     assert desk.vehicle.state.machine.mode == states.MANUAL
-    assert reason(desk, clean_up(Command.DO_PAUSE_CONTINUE, 99, 501), ADA) == Reason.NONE
+    assert reason(desk, clean_up(Command.DO_PAUSE_CONTINUE, 99, 501), ADA) == Reason.NOTHING_KEPT
     assert desk.vehicle.state.machine.mode == states.HOLD
 
 
@@ -864,3 +879,167 @@ def test_a_clean_up_of_a_goal_that_has_ended_changes_nothing() -> None:
         over = clean_up(number, 4, 500 + number)
         assert reason(desk, over, ADA) == Reason.ALREADY_OVER
     assert desk.vehicle.state.machine.mode == before
+
+
+# Who has stopped what another person had begun.
+
+
+ABORT, PAUSE = command(Command.SIDESTEP_ABORT_GOAL), command(Command.DO_PAUSE_CONTINUE)
+DISARM = command(Command.COMPONENT_ARM_DISARM, 0.0)
+
+
+def going() -> Desk:
+    """Return a robot that drives to a goal of Ada's; Bob is known by his name."""
+    desk = leased()
+    reason(desk, ask(LeaseAction.SEIZE, "Bob"), BOB)
+    reason(desk, ask(LeaseAction.SEIZE, "Ada"), ADA)
+    beaten(desk, ADA)
+    assert reason(desk, goal(4, 20.0, 0.0), ADA) == Reason.NONE
+    desk.step()
+    told(desk)
+    return desk
+
+
+def told(desk: Desk) -> list[str]:
+    """Return the texts of the robot since the last call."""
+    texts = StatustextAssembler()
+    return [words for one in desk.vehicle.texts() if (words := texts.receive(one))]
+
+
+def status_of(desk: Desk) -> NavigatorStatus:
+    commands = desk.vehicle.commands
+    by = desk.vehicle.stoppers
+    return telemetry.status(desk.vehicle.state, commands.goal_id, desk.now_ns, 0, 0, by)
+
+
+@each(
+    ("stop", "words"),
+    [
+        (ABORT, "goal ABORTED by Bob"),
+        (DISARM, "goal ABORTED: disarmed by Bob"),
+    ],
+)
+def test_the_end_of_a_goal_names_the_other_person(stop: Message, words: str) -> None:
+    desk = going()
+    assert reason(desk, stop, BOB) == Reason.NONE
+    assert status_of(desk).ended_by == "Bob"
+    assert words in told(desk)
+    assert reason(desk, command(Command.COMPONENT_ARM_DISARM, 1.0), ADA) == Reason.NONE
+    assert reason(desk, goal(6, 20.0, 0.0), ADA) == Reason.NONE
+    assert status_of(desk).ended_by == "", "the next goal has not ended"
+
+
+def test_the_end_of_a_goal_by_its_own_person_names_nobody() -> None:
+    for program in (ADA, ADAS_OTHER):
+        desk = going()
+        assert reason(desk, ABORT, program) == Reason.NONE
+        assert status_of(desk).ended_by == ""
+        assert "goal ABORTED: by the operator" in told(desk)
+
+
+def test_a_goal_that_ends_by_a_drive_of_another_names_who_drives() -> None:
+    desk = going()
+    reason(desk, ask(LeaseAction.SEIZE, "Bob"), BOB)
+    beaten(desk, BOB)
+    assert reason(desk, manual(), BOB) == Reason.NONE
+    assert status_of(desk).ended_by == "Bob"
+    assert reason(desk, PAUSE, ADA) == Reason.NOTHING_KEPT
+    assert (status_of(desk).ended_by, status_of(desk).held_by) == ("Bob", "Ada")
+
+
+def test_a_hold_names_the_other_person_until_the_robot_goes_on() -> None:
+    desk = going()
+    assert reason(desk, PAUSE, BOB) == Reason.NONE
+    assert (status_of(desk).held_by, status_of(desk).ended_by) == ("Bob", "")
+    assert "mode HOLD by Bob" in told(desk)
+    go_on = make(CommandRequest, request_id=7, command=Command.DO_PAUSE_CONTINUE, param1=1.0)
+    assert reason(desk, go_on, ADA) == Reason.NONE
+    assert status_of(desk).held_by == ""
+    assert "mode AUTO" in told(desk)
+
+
+def test_a_person_without_a_name_is_named_by_the_identity() -> None:
+    desk = going()
+    assert reason(desk, ABORT, "a-very-long-login-name/9") == Reason.NONE
+    assert status_of(desk).ended_by == "a-very-long-logi"
+
+
+def test_any_name_of_the_person_is_better_than_the_identity() -> None:
+    desk = going()
+    assert reason(desk, ABORT, "bob/77") == Reason.NONE
+    assert status_of(desk).ended_by == "Bob"
+
+
+def test_a_failsafe_after_a_hold_of_another_names_nobody() -> None:
+    desk = going()
+    assert reason(desk, PAUSE, BOB) == Reason.NONE
+    desk.vehicle.stop(reasons.BUMPER, desk.now_ns)
+    desk.step()
+    assert status_of(desk).ended_by == ""
+
+
+def on_a_mission() -> Desk:
+    desk = going()
+    reason(desk, ABORT, ADA)
+    assert upload(desk, [item(0, 20.0)], ADA).reason == Reason.NONE
+    start = make(CommandRequest, request_id=50, command=Command.MISSION_START)
+    assert reason(desk, start, ADA) == Reason.NONE
+    desk.step()
+    told(desk)
+    return desk
+
+
+def mission_of(desk: Desk) -> MissionStatus:
+    desk.step()
+    return desk.vehicle.mission.status(0, desk.vehicle.stoppers)
+
+
+def test_a_mission_names_who_paused_it_and_who_took_it_over() -> None:
+    desk = on_a_mission()
+    stop = make(CommandRequest, request_id=51, command=Command.DO_PAUSE_CONTINUE)
+    assert reason(desk, stop, BOB) == Reason.NONE
+    assert (mission_of(desk).state, mission_of(desk).stopped_by) == (MissionState.PAUSED, "Bob")
+    assert "mission PAUSED by Bob (item 1 of 1)" in told(desk)
+    go_on = make(CommandRequest, request_id=52, command=Command.DO_PAUSE_CONTINUE, param1=1.0)
+    assert reason(desk, go_on, ADA) == Reason.NONE
+    assert mission_of(desk).stopped_by == ""
+    reason(desk, ask(LeaseAction.SEIZE, "Bob"), BOB)
+    assert reason(desk, goal(60, 10.0, 0.0), BOB) == Reason.NONE
+    assert (mission_of(desk).reason, mission_of(desk).stopped_by) == (Reason.REPLACED, "Bob")
+    assert "mission taken over: replaced by a new goal of Bob (item 1 of 1)" in told(desk)
+
+
+@each("stop", [ABORT, DISARM])
+def test_a_mission_names_who_ended_it(stop: Message) -> None:
+    desk = on_a_mission()
+    again = msgspec.structs.replace(stop, request_id=70)
+    assert reason(desk, again, BOB) == Reason.NONE
+    assert mission_of(desk).stopped_by == "Bob"
+
+
+def test_a_mission_that_its_own_person_ends_names_nobody() -> None:
+    desk = on_a_mission()
+    again = msgspec.structs.replace(ABORT, request_id=70)
+    assert reason(desk, again, ADAS_OTHER) == Reason.NONE
+    assert mission_of(desk).stopped_by == ""
+
+
+# What is accepted although there is nothing to do.
+
+
+def test_a_hold_keeps_a_goal_only_if_there_is_one() -> None:
+    desk = leased()
+    assert reason(desk, PAUSE, ADA) == Reason.NOTHING_KEPT
+    desk = going()
+    assert reason(desk, PAUSE, ADA) == Reason.NONE
+
+
+def test_a_clear_says_whether_a_stop_was_latched() -> None:
+    desk = leased()
+    clear = command(Command.SIDESTEP_CLEAR_EMERGENCY_STOP)
+    answer = desk.vehicle.receive(clear, desk.now_ns, ADA)
+    assert isinstance(answer, CommandAck)
+    assert (answer.result, answer.result_param2) == (AckResult.ACCEPTED, Reason.NOTHING_LATCHED)
+    desk.vehicle.receive(emergency_stop(9), desk.now_ns)
+    again = msgspec.structs.replace(clear, request_id=80)
+    assert reason(desk, again, ADA) == Reason.NONE
