@@ -144,7 +144,7 @@ class Commands:
             by = by._replace(goal="" if is_new else other)
         if machine.mode != states.HOLD or mode != states.HOLD:
             by = by._replace(hold=other if machine.mode == states.HOLD else "")
-        if on_mission and not (mission.active and mission.end == reasons.OK):
+        if on_mission and not (mission.active and mission.reason_to_end() == reasons.OK):
             by = by._replace(mission=other)
         elif mission.active:
             by = by._replace(mission="")

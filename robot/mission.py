@@ -197,7 +197,7 @@ class MissionExecutor:
         elapsed_ms, self._last_ms = now_ms - self._last_ms, now_ms
         if not self.active:
             return
-        if (end := self.end) != reasons.OK:
+        if (end := self.reason_to_end()) != reasons.OK:
             self._fail(end)
         elif self._machine.mode == states.HOLD:
             self.state, self.reason = MissionState.PAUSED, reasons.BY_OPERATOR
@@ -261,9 +261,8 @@ class MissionExecutor:
             self._under_way, self._left_ms = True, None
         return refusal
 
-    @property
-    def end(self) -> int:
-        """The reason that ends an active mission at the next step, or 0."""
+    def reason_to_end(self) -> int:
+        """Return the reason that ends an active mission now, or 0."""
         machine = self._machine
         if machine.serial != self._serial:
             return reasons.REPLACED

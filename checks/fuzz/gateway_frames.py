@@ -70,6 +70,8 @@ SCAN: Final = SonarScan(
 )
 PLACE: Final = dict.fromkeys(PlanarOdometry.__struct_fields__, 0.25)
 STATUS: Final[dict[str, Any]] = dict.fromkeys(NavigatorStatus.__struct_fields__, 0) | {
+    "ended_by": "",
+    "held_by": "",
     "mode": Mode.GUIDED,
     "goal": GoalState.NONE,
     "navigator": Navigator.VGM,

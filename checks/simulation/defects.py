@@ -138,10 +138,10 @@ def _mission_to_auto() -> Patches:
         found = int(original(self))
         return reasons.OK if guided and found == reasons.OPERATOR_LOST else found
 
-    original = import_module("robot.mission").MissionExecutor._end
+    original = import_module("robot.mission").MissionExecutor.reason_to_end
     return {
         "robot.mission.MissionExecutor._mode": lambda self: states.AUTO,
-        "robot.mission.MissionExecutor._end": end,
+        "robot.mission.MissionExecutor.reason_to_end": end,
     }
 
 

@@ -80,6 +80,7 @@ GROUPS: Final = {
     range(60, 80): "ends of a goal",
     range(80, 100): "guard",
     range(100, 120): "further refusals",
+    range(120, 140): "notes on an accepted request",
 }
 
 

@@ -222,7 +222,7 @@ def disarm_keeps_the_goal(patch: Patch) -> None:
 
 
 def mission_ignores_the_vehicle(patch: Patch) -> None:
-    patch.setattr(MissionExecutor, "_end", lambda _: reasons.OK)
+    patch.setattr(MissionExecutor, "reason_to_end", lambda _: reasons.OK)
 
 
 def safety_group_is_empty(patch: Patch) -> None:

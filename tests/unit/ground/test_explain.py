@@ -340,7 +340,11 @@ STATUSES = st.builds(
     **{
         name: STAMP if name.endswith(("_ns", "_id")) else WHOLE
         for name in NavigatorStatus.__struct_fields__
-        if not name.endswith(("_m", "_rad"))
+        if not name.endswith(("_m", "_rad", "_by"))
+    },
+    **{
+        name: st.text(max_size=4).filter(lambda text: "\0" not in text)
+        for name in ("ended_by", "held_by")
     },
     **{
         name: st.floats()

@@ -1,20 +1,21 @@
 """The lease is always given back, and a drive by hand ends in HOLD."""
 
 import os
+from collections.abc import Callable
 from math import nan
 
 import pytest
 from msgspec.structs import replace
 
 from ground.client.lease_holder import operator_name, shortened, terminal_name
-from ground.client.outcomes import DRIVE_REPLACED, DriveEnded, Refused, RefusedError
+from ground.client.outcomes import DRIVE_REPLACED, DriveEnded, Outcome, Refused, RefusedError
 from ground.client.teleop_sender import SETTLE_NS, TeleopSender, lost_control
 from ground.commands.lease import ChangeLease, ShowLease
 from ground.commands.teleop import DriveByHand
 from protocol.topics import LEASE, OPERATOR, STATUS
 from protocol.wire.enums import Command, LeaseAction, Mode, Vehicle
 from protocol.wire.limits import MAX_OPERATOR_NAME_BYTES
-from protocol.wire.messages import LeaseRequest, Teleop
+from protocol.wire.messages import LeaseRequest, LeaseStatus, NavigatorStatus, Teleop
 from protocol.wire.reasons import Reason
 from robot.lease import Lease
 from runtime.errors import RemoteError, UserError
@@ -218,6 +219,88 @@ def test_drive_by_hand_ends_when_the_robot_leaves_manual() -> None:
     stage.bus.say(STATUS, status(mode=Mode.AUTO))
     outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0), stage)
     assert outcome.text == "stopped: the robot has left MANUAL mode"
+
+
+def manual_id(stage: Stage) -> int:
+    number: int = next(one for one in stage.bus.requests if is_mode(one)).request_id
+    return number
+
+
+def is_mode(request: object) -> bool:
+    return getattr(request, "command", 0) == MODE
+
+
+Now = Callable[[Stage], tuple[LeaseStatus, NavigatorStatus]]
+
+
+Driven = Callable[[Now], tuple[Stage, Outcome]]
+
+
+@pytest.fixture
+def driven_until(monkeypatch: pytest.MonkeyPatch) -> Driven:
+    """Drives by hand for 10 s; after 1 s the robot says what a function returns."""
+    send, stage = TeleopSender.drive, Stage()
+
+    def run(now: Now) -> tuple[Stage, Outcome]:
+        def drive(stick: TeleopSender, speed_m_s: float, yaw_rate_rad_s: float) -> None:
+            send(stick, speed_m_s, yaw_rate_rad_s)
+            if teleops(stage) == 20:
+                lease, shown = now(stage)
+                stage.bus.say(LEASE, lease)
+                stage.bus.say(STATUS, shown)
+
+        monkeypatch.setattr(TeleopSender, "drive", drive)
+        stage.bus.say(STATUS, status(mode=Mode.MANUAL))
+        return stage, perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0, for_s=10.0), stage)
+
+    return run
+
+
+def teleops(stage: Stage) -> int:
+    return sum(isinstance(frame, Teleop) for _, frame in stage.bus.sent)
+
+
+def test_drive_that_another_drive_replaces_says_whose_it_is(
+    driven_until: Driven,
+) -> None:
+    def other(_: Stage) -> tuple[LeaseStatus, NavigatorStatus]:
+        lease = replace(lease_of("anna"), holder=ScriptedBus.operator, drive_id=7, driver="ben")
+        return lease, status(mode=Mode.MANUAL)
+
+    stage, outcome = driven_until(other)
+    assert (outcome.text, outcome.ok) == ("replaced by the drive of ben", False)
+    assert teleops(stage) <= 22
+
+
+def test_drive_that_a_goal_replaces_names_the_goal(driven_until: Driven) -> None:
+    def other(_: Stage) -> tuple[LeaseStatus, NavigatorStatus]:
+        lease = replace(lease_of("anna"), holder=ScriptedBus.operator, drive_id=7, driver="ben")
+        return lease, status(mode=Mode.AUTO, goal_id=7, goal_x_m=1.3, goal_y_m=2.0)
+
+    _, outcome = driven_until(other)
+    assert outcome.text == "replaced by the goal 1.3 2.0 of ben"
+
+
+def test_drive_whose_lease_is_seized_ends_and_holds_nothing(driven_until: Driven) -> None:
+    def other(stage: Stage) -> tuple[LeaseStatus, NavigatorStatus]:
+        return replace(lease_of("ben"), drive_id=manual_id(stage)), status(mode=Mode.MANUAL)
+
+    stage, outcome = driven_until(other)
+    assert (outcome.text, outcome.ok) == ("stopped: ben has seized the lease", False)
+    modes = [one.param2 for one in stage.bus.requests if getattr(one, "command", 0) == MODE]
+    assert modes == [float(Mode.MANUAL)], "the drive is that of the other person"
+    assert teleops(stage) <= 22
+
+
+def test_drive_that_another_person_holds_names_the_person(driven_until: Driven) -> None:
+    def other(stage: Stage) -> tuple[LeaseStatus, NavigatorStatus]:
+        lease = replace(
+            lease_of("anna"), holder=ScriptedBus.operator, drive_id=manual_id(stage), time_ns=3
+        )
+        return lease, status(mode=Mode.HOLD, held_by="ben")
+
+    _, outcome = driven_until(other)
+    assert outcome.text == "stopped: held by ben"
 
 
 def test_refused_manual_mode_drives_nothing() -> None:
