@@ -12,12 +12,13 @@ from itertools import zip_longest
 from math import inf, isclose, nan
 from pathlib import Path
 from time import monotonic_ns
-from typing import Any, Final, NamedTuple, Self, TypeAlias
+from typing import Any, Final, Self, TypeAlias
 
 from checks.flood.attackers import Attacker, frames, questions, wheels
 from checks.harness.in_process import InProcess
-from checks.harness.observer import Seen
+from checks.harness.observer import BusWitness, Seen
 from checks.harness.processes import (
+    ROBOT,
     arm_request,
     await_subscribers,
     command_request,
@@ -48,7 +49,7 @@ from protocol.topics import (
     Service,
     Topic,
 )
-from protocol.wire.codec import Encoder, decode
+from protocol.wire.codec import Encoder
 from protocol.wire.enums import PARAM_TYPE_REAL32, Command, Vehicle
 from protocol.wire.message import LAYOUT, Field, Message
 from protocol.wire.messages import (
@@ -62,12 +63,11 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from runtime.clock import WallClock
-from runtime.errors import NoAnswerError, RemoteError
+from runtime.errors import NoAnswerError
 from runtime.units import NS_PER_S
 
 DIAL_S: Final = 20.0
 GIVE_UP_NS: Final = 10_000_000_000
-ROBOT: Final = "r1"
 CHANGED_S: Final = 4.5
 """Time between two changes of an operator: saving on the slowest disk takes 4 s."""
 
@@ -75,30 +75,23 @@ TUNED: Final = "d_obs_m"
 """A parameter that an operator may set while the robot drives."""
 
 
-class ReceivedSample(NamedTuple):
-    """A message and its monotonic arrival time."""
+class BusObserver(BusWitness):
+    """Connects when entered, and keeps all truths, statuses and cycle reports.
 
-    message: Any
-    at_ns: int
-
-
-class BusObserver:
-    """Connects when entered, and keeps all truths, statuses and cycle reports."""
+    It asks once, and without a lease: what an operator's client makes good must be seen here.
+    """
 
     def __init__(self, router: str, truth: str, tls: Tls | None = None) -> None:
+        super().__init__(kept=None)
         self._endpoints = (router, truth)
         self._tls = tls
         self._scope = ExitStack()
-        self.truths: list[ReceivedSample] = []
-        self.statuses: list[ReceivedSample] = []
-        self.cycles: list[ReceivedSample] = []
 
     def __enter__(self) -> Self:
         router, truth = self._endpoints
-        self._bus = self._listen(router, STATUS, self.statuses)
-        self._stream(self._bus, CYCLE, self.cycles)
-        self._stop = self._bus.publisher(STOP)
-        self._listen(truth, TRUTH, self.truths)
+        self.listen(self._open(truth, Role.GROUND), TRUTH)
+        self.listen(self._open(router, Role.GROUND), STATUS, CYCLE)
+        self._stop = self.bus.publisher(STOP)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -114,39 +107,14 @@ class BusObserver:
         )
         return self._scope.enter_context(open_bus(network, role, ROBOT))
 
-    def _listen(self, endpoint: str, topic: Topic[Any], into: list[ReceivedSample]) -> Bus:
-        bus = self._open(endpoint, Role.GROUND)
-        self._stream(bus, topic, into)
-        return bus
-
-    def _stream(self, bus: Bus, topic: Topic[Any], into: list[ReceivedSample]) -> None:
-        def keep(_key: str, frame: bytes, arrived_ns: int) -> None:
-            try:
-                into.append(ReceivedSample(decode(frame).message, arrived_ns))
-            except RemoteError:
-                return
-
-        bus.stream(topic, keep)
-
-    @property
-    def status(self) -> NavigatorStatus | None:
-        """The newest status; None before the first."""
-        newest: NavigatorStatus | None = self.statuses[-1].message if self.statuses else None
-        return newest
-
-    @property
-    def speed_m_s(self) -> float:
-        """The newest true speed; 0 before the first sample."""
-        return float(self.truths[-1].message.speed_m_s) if self.truths else 0.0
-
     def is_in(self, *vehicle: Vehicle) -> bool:
         """Return whether the robot reports one of these states."""
-        return self.status is not None and self.status.vehicle in vehicle
+        return bool(self.statuses) and self.statuses[-1][0].vehicle in vehicle
 
     def known_ns(self, since_ns: int) -> int | None:
         """Return when the robot first reported, after a time, that it does not drive."""
-        later = (one for one in tuple(self.statuses) if one.at_ns >= since_ns)
-        return next((one.at_ns for one in later if one.message.vehicle != Vehicle.ACTIVE), None)
+        later = ((one, at_ns) for one, at_ns in tuple(self.statuses) if at_ns >= since_ns)
+        return next((at_ns for one, at_ns in later if one.vehicle != Vehicle.ACTIVE), None)
 
     def seen(self, since_ns: int) -> list[Seen]:
         """Return the truths after a time and the one before, timed by the plant's stamps.
@@ -154,16 +122,17 @@ class BusObserver:
         A delayed sample is not later for that.
         """
         received = tuple(self.truths)
-        early = [one for one in received if one.at_ns < since_ns]
-        offset_ns = min((one.at_ns - one.message.time_ns for one in early), default=0)
+        early = [at_ns - one.time_ns for one, at_ns in received if at_ns < since_ns]
+        offset_ns = min(early, default=0)
         return list(after(received, offset_ns, since_ns))
 
     def missed_ticks(self, since_ns: int) -> int:
         """Return the control periods missed since a time; RuntimeError without reports."""
-        early = [one.message.missed for one in tuple(self.cycles) if one.at_ns < since_ns]
-        if not early or self.cycles[-1].at_ns < since_ns:
+        early = [one.missed for one, at_ns in tuple(self.cycles) if at_ns < since_ns]
+        newest, at_ns = self.cycles[-1] if early else (None, 0)
+        if newest is None or at_ns < since_ns:
             raise RuntimeError("the robot did not report its cycles")
-        return int(self.cycles[-1].message.missed) - int(early[-1])
+        return newest.missed - early[-1]
 
     def estop(self) -> None:
         """Request the emergency stop."""
@@ -171,7 +140,7 @@ class BusObserver:
 
     def press(self) -> None:
         """Press the app's stop; RuntimeError when it is not acknowledged."""
-        stop = EmergencyStop(self._bus, self._stop, ROBOT, WallClock(), self._newest)
+        stop = EmergencyStop(self.bus, self._stop, ROBOT, WallClock(), self._newest)
         outcome = stop.run(give_up_ns=GIVE_UP_NS)
         if not outcome.acknowledged:
             raise RuntimeError(f"the stop was not acknowledged: {outcome.why}")
@@ -182,7 +151,7 @@ class BusObserver:
     def is_refused_arming(self) -> bool:
         """Return whether the robot refuses to arm; RuntimeError when it arms."""
         try:
-            answer = self._bus.ask(COMMAND, arm_request(monotonic_ns()), 2.0)
+            answer = self.bus.ask(COMMAND, arm_request(monotonic_ns()), 2.0)
         except NoAnswerError:
             return False
         if is_accepted(answer):
@@ -206,7 +175,7 @@ class BusObserver:
 
     def _ask(self, service: Service, request: Message) -> Message | bytes:
         try:
-            return self._bus.ask(service, request, 2.0)
+            return self.bus.ask(service, request, 2.0)
         except NoAnswerError as error:
             raise RuntimeError(str(error)) from error
 
@@ -260,11 +229,12 @@ class Changes:
         return float((found if name == "parameters" else found[0])[key])
 
 
-def after(received: tuple[ReceivedSample, ...], offset_ns: int, since_ns: int) -> Iterator[Seen]:
+def after(
+    received: tuple[tuple[GroundTruth, int], ...], offset_ns: int, since_ns: int
+) -> Iterator[Seen]:
     """Yield the truths after a time, and the last one before it."""
     last: Seen | None = None
     for message, _ in received:
-        assert isinstance(message, GroundTruth)
         one = Seen((message.time_ns + offset_ns - since_ns) / NS_PER_S, message)
         if one.at_s > 0.0:
             if last is not None and last.at_s <= 0.0:

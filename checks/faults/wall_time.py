@@ -53,7 +53,14 @@ from checks.faults.cases import (
     reason_name,
 )
 from checks.flood.attackers import Access, Attack
-from checks.harness.observer import Seen, contacts, distance_m, moved_again, stood_s, touched_s
+from checks.harness.observer import (
+    contacts,
+    distance_m,
+    is_still,
+    moved_again,
+    stood_s,
+    touched_s,
+)
 from checks.harness.processes import Running, free_port, made_keys, tls_of
 from checks.harness.relays import TcpProxy
 from checks.harness.until import PATIENCE_S, until
@@ -455,8 +462,7 @@ class WallTimeDrill:
             return True
         if self._stops:
             return bool(self._healed_ns) and now_s > self._since(self._healed_ns) + WATCHED_S
-        status = self._observer.status
-        return status is not None and status.goal in ENDED and now_s > WATCHED_S
+        return self._observer.status.goal in ENDED and now_s > WATCHED_S
 
     def _send_extremes(self, now_s: float) -> None:
         """Send new extreme frames each period; RuntimeError when that has ended a process."""
@@ -529,7 +535,7 @@ class WallTimeDrill:
             stood_s=stood_s(seen) if visible else None,
             distance_m=distance_m(seen) if self._stops and visible else None,
             reason=self._reason(),
-            reached=status is not None and status.goal == GoalState.REACHED,
+            reached=status.goal == GoalState.REACHED,
             contacts=contacts(seen),
             touched_s=touched_s(seen),
             moved_again=moved_again(seen) if visible else self._drove_on(),
@@ -542,15 +548,15 @@ class WallTimeDrill:
 
     def _reason(self) -> str:
         """Return why the robot does not drive; for a restarted robot, the reason before that."""
-        later = [one.message for one in tuple(self._observer.statuses) if one.at_ns >= self._at_ns]
+        later = [one for one, at_ns in tuple(self._observer.statuses) if at_ns >= self._at_ns]
         stopped = [one.vehicle_reason for one in later if one.vehicle != Vehicle.ACTIVE]
         return reason_name(next(filter(None, stopped), later[-1].goal_reason if later else 0))
 
     def _drove_on(self) -> bool:
         """Return whether the robot moves after the plant is back."""
         back_ns = self._healed_ns + round(RUNS_OUT_S * NS_PER_S)
-        later = [one for one in tuple(self._observer.truths) if one.at_ns > back_ns]
-        return any(not Seen(0.0, one.message).still for one in later)
+        later = [one for one, at_ns in tuple(self._observer.truths) if at_ns > back_ns]
+        return any(not is_still(one) for one in later)
 
 
 def run(fault: FaultCase, number: int) -> Repetition:

@@ -147,7 +147,8 @@ class BusWitness:
 
     bus: Bus
 
-    def __init__(self, robot: str = ROBOT, kept: int = KEPT) -> None:
+    def __init__(self, robot: str = ROBOT, kept: int | None = KEPT) -> None:
+        """Keep so many samples of each topic; None: all."""
         self.robot = robot
         self.unreadable = 0
         self.texts: list[str] = []
@@ -155,19 +156,19 @@ class BusWitness:
         self.wheels: deque[tuple[WheelCommand, int]] = deque(maxlen=kept)
         self.truths: deque[tuple[GroundTruth, int]] = deque(maxlen=kept)
         self.cycles: deque[tuple[CycleReport, int]] = deque(maxlen=kept)
+        self._kept: dict[Topic[Any], deque[Any]] = {
+            STATUS: self.statuses,
+            DRIVE: self.wheels,
+            TRUTH: self.truths,
+            CYCLE: self.cycles,
+            TEXT: deque(maxlen=0),
+        }
 
-    def listen(self, bus: Bus) -> None:
-        """Begin to keep what arrives on a bus."""
+    def listen(self, bus: Bus, *topics: Topic[Any]) -> None:
+        """Begin to keep what arrives on a bus, of these topics or of all."""
         self.bus = bus
-        kept: Final[tuple[tuple[Topic[Any], deque[Any]], ...]] = (
-            (STATUS, self.statuses),
-            (DRIVE, self.wheels),
-            (TRUTH, self.truths),
-            (CYCLE, self.cycles),
-            (TEXT, deque(maxlen=0)),
-        )
-        for topic, into in kept:
-            bus.stream(topic, partial(self._keep, topic, into), self.robot)
+        for topic in topics or self._kept:
+            bus.stream(topic, partial(self._keep, topic, self._kept[topic]), self.robot)
 
     def _keep(
         self, topic: Topic[Any], into: deque[Any], _key: str, frame: bytes, arrived_ns: int
