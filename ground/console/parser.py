@@ -117,10 +117,10 @@ def words_of_group(group: str) -> dict[str, str]:
 def row_for(words: Sequence[str]) -> Verb:
     """Return the row of a command; UserError for an unknown verb.
 
-    `teleop` alone is a mode of the app; with speeds it is the verb.
+    A word that both have, such as `teleop`, is the app's alone, and with arguments the shell's.
     """
     word = words[0]
-    rows = (COMMANDS, LOCAL) if word == "teleop" and len(words) > 1 else (LOCAL, COMMANDS)
+    rows = (COMMANDS, LOCAL) if len(words) > 1 else (LOCAL, COMMANDS)
     row = rows[0].get(word) or rows[1].get(word)
     if row is None:
         raise UserError(_unknown(word))

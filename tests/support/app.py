@@ -296,9 +296,6 @@ class FakeCommandSink:
     def perform(self, command: OperatorCommand, line: str = "") -> None:
         self.run_line(line or command.line)
 
-    def is_local(self, line: str) -> bool:
-        return line.split()[0] in ("theme", "help", "screen")
-
     def assist(self, text: str) -> Assistance:
         return assist(text) if text else Assistance()
 

@@ -222,8 +222,6 @@ def test_lines_are_recalled_and_completed() -> None:
     assert runner.recall("help goto", 1) == "theme"
     found = runner.assist("set gu").candidates
     assert [one.line for one in found] == ["set guard_stop_m"]
-    assert runner.is_local("theme dark")
-    assert not runner.is_local("hold")
 
 
 def test_teleop_is_refused_in_a_replay() -> None:

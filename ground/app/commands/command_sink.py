@@ -27,9 +27,6 @@ class CommandSink(Protocol):
     def perform(self, command: OperatorCommand, line: str = "") -> None:
         """Perform a command in the same way; `line` is what the operator has typed, if any."""
 
-    def is_local(self, line: str) -> bool:
-        """Return whether a line concerns only the screen."""
-
     def assist(self, text: str) -> Assistance:
         """Return the completions of a line, and a hint on its arguments."""
 

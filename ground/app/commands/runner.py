@@ -106,14 +106,6 @@ class CommandRunner:
         on_loop: Any = command
         return OnFiles(command) if command.is_offline else on_loop
 
-    def is_local(self, line: str) -> bool:
-        """Return whether a line concerns only the screen."""
-        try:
-            command = read(line)
-            return isinstance(command, AppCommand) and not isinstance(command, Undo)
-        except UserError:
-            return True  # a wrong line only causes a message
-
     def begin_world(self, *, keeps_draft: bool) -> None:
         """Remove the changes of robots that have ended; also the draft, unless it is kept."""
         self._undo_list = self._undo_list.in_new_world(keeps_draft=keeps_draft)

@@ -12,6 +12,7 @@ from ground.console.app_commands import AppCommand, Undo
 from ground.console.parser import read
 from ground.map.scene import MapTarget
 from ground.station.station import Station
+from runtime.errors import UserError
 
 REFUSED: Final = "this is a replay: press 1 to command the robot"
 
@@ -27,13 +28,16 @@ class ReadOnlyCommands:
 
     def __init__(self, commands: CommandSink, note: Callable[[str], None]) -> None:
         self._commands = commands
-        self.is_local, self.assist = commands.is_local, commands.assist
-        self.recall, self.search = commands.recall, commands.search
+        self.assist, self.recall, self.search = commands.assist, commands.recall, commands.search
         self._note = note
 
     def run_line(self, line: str) -> None:
         """Run a line for the screen, or one that stops the robot; refuse all others."""
-        if not line or self._commands.is_local(line) or is_allowed(read(line)):
+        try:
+            may_run = not line or is_allowed(read(line))
+        except UserError:
+            may_run = True  # a wrong line only causes a message
+        if may_run:
             self._commands.run_line(line)
         else:
             self._note(REFUSED)

@@ -17,6 +17,7 @@ from ground.client.vocabulary import value_in_words, value_words
 from ground.commands.param import SetParameter
 from ground.console.completion import Assistance
 from ground.station.station import Station
+from protocol.wire.enums import Severity
 from runtime.errors import UserError
 
 ABOUT_ROWS: Final = 3
@@ -66,14 +67,16 @@ class ParamsScreen(ListScreen[Parameter]):
             self.ask(f"set {one.name}", "", partial(self.set, one.name), assist)
 
     def set(self, name: str, value: str) -> None:
-        """Set a parameter to the value that was typed."""
+        """Set a parameter to the value that was typed, a number or a name."""
+        if not value:
+            return
         line = f"set {name} {value}"
         try:
-            if value:
-                command = SetParameter(name=name, value=value_in_words(name, value))
-                self.interface.commands.perform(command, line)
+            command = SetParameter(name=name, value=value_in_words(name, value))
         except UserError as error:
-            self.interface.note(f"{line}: {error}")
+            self.interface.station.note(f"{line}: {error}", Severity.WARNING)
+        else:
+            self.interface.commands.perform(command, line)
 
     def row_text(self) -> str:
         """Return the command that sets the chosen parameter to its present value."""

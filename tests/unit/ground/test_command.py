@@ -1,14 +1,20 @@
 """Commands as classes: their parsers, the lines of their values, and their rows in the table."""
 
 import argparse
+import ast
+import re
 import shlex
 from collections import Counter
+from functools import cache
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from checks.site.commands import INDEX, index
+from checks.site.reference import command_line
+from ground.cli import main as cli
 from ground.commands.command import (
     FileCommand,
     Group,
@@ -17,6 +23,7 @@ from ground.commands.command import (
     TimedCommand,
     choice,
     command,
+    command_in,
     option,
     parsed,
     place,
@@ -24,10 +31,15 @@ from ground.commands.command import (
     switch,
 )
 from ground.commands.mission import CheckMission
+from ground.console.app_commands import LOCAL
+from ground.console.completion import complete
+from ground.console.parser import help_text, summaries
+from ground.console.parser import read as read_line
 from protocol.options import finite, numbers_kept
 from runtime.cli.command_index import COMMANDS
-from runtime.cli.verb import MORE
-from runtime.cli.verb_table import VERBS
+from runtime.cli.completion import completions
+from runtime.cli.verb import MORE, Verb
+from runtime.cli.verb_table import VERBS, command_of, find
 from runtime.errors import UserError
 from tests.support.each import each
 
@@ -167,3 +179,101 @@ def test_line_of_a_mission_file_has_its_home() -> None:
 def test_line_of_an_example_is_read_as_the_same_command(kind: type[OperatorCommand]) -> None:
     made = read(kind, kind.facts.example.partition(f"{kind.facts.word} ")[2])
     assert read(kind, made.line.removeprefix(kind.facts.short or kind.facts.word)) == made
+
+
+ROOT = Path(__file__).parents[3]
+reference = cache(command_line)
+FOR_A_SHELL = re.compile(r" --(json|id \S+)")
+"""Options of examples that the app has no use for."""
+
+
+@each("kind", kinds())
+def test_example_is_the_command_in_a_shell_and_in_the_app(kind: type[OperatorCommand]) -> None:
+    call = find(shlex.split(kind.facts.example))
+    assert call is not None
+    made = command_in(cli.parse([call.word, *call.arguments]))
+    assert read_line(FOR_A_SHELL.sub("", kind.facts.example)) == made
+
+
+@each(("word", "row"), COMMANDS.items())
+def test_command_is_completed_explained_and_in_the_reference(word: str, row: Verb) -> None:
+    title = command_of(word)
+    for name in (title, *(f"{title} {below}" for below in row.subcommands)):
+        *before, last = name.split()
+        assert last in [line.split("\t")[0] for line in completions([*before, last])], "in a shell"
+        assert name in complete(name[:-1]), "in the app"
+        assert f"# {name}\n" in reference()
+    assert row.summary == summaries()[title] or word in LOCAL, "in the palette and the help"
+    assert help_text(word)
+
+
+READERS = (
+    "runtime/cli/parsers.py",
+    "runtime/cli/completion.py",
+    "ground/cli/main.py",
+    "ground/cli/verbs.py",
+    "ground/cli/operate.py",
+    "ground/console/parser.py",
+    "ground/console/completion.py",
+    "ground/console/argument_errors.py",
+    "ground/app/commands/palette.py",
+    "ground/app/screens/help.py",
+    "ground/app/playback/read_only_app.py",
+    "checks/site/reference.py",
+)
+"""What follows from the index."""
+
+
+def quoted(file: Path) -> set[str]:
+    tree = ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+    return {
+        one.value for one in tree if isinstance(one, ast.Constant) and isinstance(one.value, str)
+    }
+
+
+@each("file", READERS)
+def test_what_reads_the_index_has_no_list_of_commands_of_its_own(file: str) -> None:
+    named = quoted(ROOT / file) & {*COMMANDS}
+    assert len(named) < 2, named
+
+
+WORD = "hold"
+PLACES = {
+    "ground/commands/hold.py": "the command: its word, arguments, help and effect",
+    "ground/app/input/keymap.py": "the table of keys: its key, and what the key bar calls it",
+    "ground/robot.py": "the client of a robot: the request that it becomes",
+    "tests/bus/test_verbs.py": "its test: what a shell says, and what the robot receives",
+}
+OTHER_FACTS = {
+    "runtime/cli/command_index.py": "written by `make generate` from the class",
+    "ground/client/vocabulary.py": "the meaning of the mode HOLD",
+    "ground/client/missions.py": "the pause of a mission",
+    "gateways/mavlink/ardupilot.py": "the name of ArduPilot's mode HOLD",
+    "gateways/mavlink/motion/pilot.py": "a client in control has chosen the mode HOLD",
+    "vehicle_check/rows/command_rows.py": "the name of ArduPilot's mode HOLD",
+    "sidestep/operations.py": "the public list of classes",
+}
+CLIENT_SIDE = ("ground", "gateways", "runtime", "sidestep", "protocol", "vehicle_check", "study")
+"""The robot's own mode machine, and what checks it from outside by its own words, are others."""
+
+
+def names_hold(file: Path) -> bool:
+    """Return whether a file has the quoted word, or defines the class or such a function."""
+    nodes = ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+    kinds = (ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+    defined = {one.name for one in nodes if isinstance(one, kinds)}
+    return WORD in {text.lower() for text in quoted(file)} or bool({WORD, "Hold"} & defined)
+
+
+def test_hold_stands_in_four_places() -> None:
+    files = (file for room in CLIENT_SIDE for file in (ROOT / room).rglob("*.py"))
+    found = {file.relative_to(ROOT).as_posix() for file in files if names_hold(file)}
+    assert found - OTHER_FACTS.keys() | {"tests/bus/test_verbs.py"} == PLACES.keys()
+    assert OTHER_FACTS.keys() <= found, "an entry that is not needed any more"
+    effect = import_module("ground.commands.hold").Hold.effect
+    saying = [
+        file.relative_to(ROOT).as_posix()
+        for file in (ROOT / "tests").rglob("*.py")
+        if effect in file.read_text(encoding="utf-8")
+    ]
+    assert saying == ["tests/bus/test_verbs.py"]
