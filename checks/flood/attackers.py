@@ -82,6 +82,8 @@ from runtime.errors import RemoteError
 from runtime.units import PERIOD_NS, UINT32
 
 OVERSIZED: Final = 2_000_000
+HUGE_EVERY: Final = 32
+"""Requests of which one has that size where queues are to be filled."""
 GOOD_FOR_NS: Final = 1_000_000_000
 
 FULL_MRAD_S: Final = 9000
@@ -401,6 +403,14 @@ def questions(attacker: Attacker) -> Send:
     return lambda: attacker.ask(next(supply))
 
 
+def queues(attacker: Attacker) -> Send:
+    """Return a sender of what fills queues: requests, long answers, and a line of 1 Gbit/s."""
+    *short, long, huge = forged_questions(attacker.operator)
+    turns = [huge, *(one for pair in zip(short[: HUGE_EVERY // 2], cycle([long])) for one in pair)]
+    supply = cycle(turns)
+    return lambda: attacker.ask(next(supply))
+
+
 def stops(attacker: Attacker) -> Send:
     """Return a sender of emergency stops in every way, some malformed, with new and used ids."""
     encoder, used = Encoder(255, 190), deque([0, 1], KEPT)
@@ -527,7 +537,7 @@ def id_in(captured: Captured) -> int:
 
 
 class AttackKind(NamedTuple):
-    """A kind of attack: what is sent, and at which rate.
+    """A kind of attack: what is sent, by the sessions in turn, and at which rate.
 
     `pauses`: the attack pauses while the operator commands the robot, because it may rightfully
     stop the robot or fill the request queue under the operator's name. `judged`: the robot must not
@@ -559,6 +569,9 @@ KINDS: Final[Mapping[str, AttackKind]] = {
         collisions, 500.0, "known ids, other commands", pauses=True, judged=True
     ),
     "readers": AttackKind(readers, 200.0, "long answers, read at 20 kB/s", bytes_per_s=20_000.0),
+    "queues": AttackKind(
+        queues, 2000.0, "16 peers that ask, and read at 20 kB/s", sessions=16, bytes_per_s=20_000.0
+    ),
     "history": AttackKind(history, 500.0, "the histories of all events"),
     "puts": AttackKind(puts, 170.0, "puts on keys of 60 kB"),
     "wheels": AttackKind(wheels, 2000.0, "wheel commands"),
@@ -709,12 +722,14 @@ def main(arguments: Sequence[str]) -> None:
     access = Access(endpoint, Path(locked[0]), locked[1]) if locked else Access(endpoint)
     kind = KINDS[name]
     with ExitStack() as scope:
-        first, *others = open_sessions(kind, access, scope)
-        sent = send_when_told(kind.prepare(first), float(rate_hz))
-        answers = {**first.answers, ACCEPTED: first.accepted}
-        print(json.dumps({"sent": sent, **answers}), flush=True)
-        for attacker in (first, *others):
-            attacker.close()
+        attackers = open_sessions(kind, access, scope)
+        sends = cycle([kind.prepare(one) for one in attackers])
+        sent = send_when_told(lambda: next(sends)(), float(rate_hz))
+        answers = sum((one.answers for one in attackers), Counter[str]())
+        accepted = sum((one.accepted for one in attackers), Counter[int]())
+        print(json.dumps({"sent": sent, **answers, ACCEPTED: accepted}), flush=True)
+        for one in attackers:
+            one.close()
 
 
 if __name__ == "__main__":
