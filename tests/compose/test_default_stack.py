@@ -37,7 +37,7 @@ from tests.support.compose import (
     token_in,
     tried,
 )
-from tests.support.stack.screens import DRAWN, Tmux, browsing, chromium, drawn, keep, sees
+from tests.support.screens import DRAWN, Tmux, browsing, chromium, drawn, keep, sees
 
 pytestmark = pytest.mark.compose
 

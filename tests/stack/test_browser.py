@@ -22,7 +22,7 @@ from checks.harness.processes import Running
 from checks.harness.until import PATIENCE_S, until
 from gateways.mavlink.endpoints import opened
 from tests.support.gateway.fake_port import CommandedPort, WholeGateway, everything
-from tests.support.stack.screens import SEEN_S, Page, browsing, chromium, keep, sees
+from tests.support.screens import SEEN_S, Page, browsing, chromium, keep, sees
 from tests.unit.gateways.mavlink.test_trouble import ARM, CLEAR, HEARTBEAT, STOP, frame_of
 
 

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import pytest
 
 from tests.support.pages import ROOT, Command, Session, matches, session, steps_of
-from tests.support.stack.screens import Tmux
+from tests.support.screens import Tmux
 
 DOCS = ROOT / "docs"
 PAGES = sorted([*(DOCS / "tutorial").glob("*.md"), *(DOCS / "how-to").glob("*.md")])

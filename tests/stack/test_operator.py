@@ -27,7 +27,7 @@ from ground.missions.files import read
 from protocol.topics import COMMAND, MISSION
 from protocol.wire.enums import Command, MissionState, Mode, Vehicle
 from protocol.wire.messages import MissionStatus
-from tests.support.stack.screens import Tmux
+from tests.support.screens import Tmux
 
 USUAL = (80, 24)
 READY = "read: ready"

@@ -56,7 +56,7 @@ from protocol.wire.reasons import Reason
 from runtime.clock import WallClock
 from runtime.units import NS_PER_MS as MS
 from runtime.watchdog import HANGS
-from tests.support.stack.spoilt import Sabotage
+from tests.support.spoilt import Sabotage
 
 pytestmark = pytest.mark.stack
 

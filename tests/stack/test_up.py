@@ -22,7 +22,7 @@ from ground.user.runs import read_runs
 from protocol.outcome import RunOutcome
 from protocol.wire.codec import decode
 from protocol.wire.messages import Statustext
-from tests.support.stack.screens import Tmux
+from tests.support.screens import Tmux
 
 pytestmark = pytest.mark.stack
 

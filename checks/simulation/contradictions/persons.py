@@ -193,7 +193,6 @@ LAST_NS: Final = 18 * NS_PER_S
 """After this time nothing is begun, so that what was begun can end and be said."""
 
 Arguments = tuple[Argument, ...]
-FIRST_STATION: Final = next(iter(CLIENTS))
 
 
 def place(random: Random) -> Arguments:

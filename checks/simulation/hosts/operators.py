@@ -111,7 +111,6 @@ class SimulatedOperator:
         self.starts = 0
         self.bus: Bus | None = None
         self.beating = False
-        self.closed = False
         self._scheduler = scheduler
         self._history = history
         self._loop: SimulatedLoop | None = None

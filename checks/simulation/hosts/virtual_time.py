@@ -292,8 +292,6 @@ class SimulatedQueue(Generic[T]):
             self._reader.wake()
             self._reader = None
 
-    put_nowait = put
-
     def get(self, block: bool = True, timeout: float | None = None) -> T:
         """Remove and return an item; wait for it if `block`."""
         if not self._items and block:

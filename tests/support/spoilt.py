@@ -7,11 +7,11 @@ from typing import Any, Final
 
 from runtime.cli.verb_table import find
 
-ROOT: Final = Path(__file__).parents[3]
+ROOT: Final = Path(__file__).parents[2]
 SCRIPT: Final = """
 import sys
 sys.path.insert(0, {root!r})
-from tests.support.stack.spoilt import spoil
+from tests.support.spoilt import spoil
 spoil({folder!r}, sys.argv[2:])
 from ground.launch.child_command import main
 sys.exit(main(sys.argv[1:]))
