@@ -41,6 +41,7 @@ class Argument(NamedTuple):
     """How a field is typed: after one of its `flags`, or without one in its place.
 
     `names` are the words for its values; `joined` makes the value of all words that follow.
+    `meanings` are words that the completion offers, each with its meaning.
     """
 
     flags: tuple[str, ...]
@@ -49,6 +50,7 @@ class Argument(NamedTuple):
     names: Mapping[str, Any] | None = None
     joined: Callable[[list[Any]], Any] | None = None
     spelt: Callable[[Any], str] | None = None
+    meanings: Mapping[str, str] = MappingProxyType({})
 
     def add_to(self, parser: argparse.ArgumentParser, name: str) -> None:
         """Declare the argument; one that is not given is None."""
@@ -56,9 +58,10 @@ class Argument(NamedTuple):
         if callable(how["help"]):
             how["help"] = how["help"]()
         if self.flags:
-            parser.add_argument(*self.flags, dest=name, **how)
+            action = parser.add_argument(*self.flags, dest=name, **how)
         else:
-            parser.add_argument(name, **how)
+            action = parser.add_argument(name, **how)
+        vars(action)["meanings"] = self.meanings
 
     def value(self, given: Any) -> Any:
         """Return the value of the field for what argparse has parsed."""
@@ -97,6 +100,7 @@ def place(
     parse: Callable[[str], Any] = str,
     joined: Callable[[list[Any]], Any] | None = None,
     spelt: Callable[[Any], str] | None = None,
+    meanings: Mapping[str, str] = MappingProxyType({}),
 ) -> Any:
     """Return a field that is typed without a flag; with a default it may be left out.
 
@@ -108,7 +112,7 @@ def place(
         how["nargs"] = "+" if default is MISSING else "*"
     elif optional or default is not MISSING:
         how["nargs"] = "?"
-    return argument(default, (), how, joined=joined, spelt=spelt)
+    return argument(default, (), how, joined=joined, spelt=spelt, meanings=meanings)
 
 
 def option(
@@ -141,13 +145,14 @@ def choice(
     help: str | None = None,
     parse: Callable[[str], str] = str.lower,
     after: After = "",
+    meanings: Mapping[str, str] = MappingProxyType({}),
 ) -> Any:
     """Return a field whose value has a name."""
     values = names if isinstance(names, Mapping) else {name: name for name in names}
     how = {"choices": list(values), "help": help, "type": parse}
     if not flags and default is not MISSING:
         how["nargs"] = "?"
-    return argument(default, flags, how, after, names=values)
+    return argument(default, flags, how, after, names=values, meanings=meanings)
 
 
 def arguments_of(kind: Any) -> dict[str, Argument]:

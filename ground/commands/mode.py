@@ -1,6 +1,7 @@
 """`mode`: choose the mode."""
 
 from ground.client.outcomes import Answer
+from ground.client.vocabulary import MODE_SUMMARIES
 from ground.commands.command import TimedCommand, choice, command
 from ground.robot import Robot
 from protocol.wire.enums import Mode
@@ -14,7 +15,7 @@ class SetMode(TimedCommand):
     """Choose the mode."""
 
     effect = "mode set"
-    mode: Mode = choice(MODES, help=", ".join(MODES))
+    mode: Mode = choice(MODES, help=", ".join(MODES), meanings=MODE_SUMMARIES)
 
     @property
     def moves(self) -> bool:

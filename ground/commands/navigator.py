@@ -1,7 +1,7 @@
 """`navigator`: choose the navigator."""
 
 from ground.client.outcomes import Answer
-from ground.client.vocabulary import NAVIGATORS, SIDES
+from ground.client.vocabulary import NAVIGATOR_SUMMARIES, NAVIGATORS, SIDES
 from ground.commands.command import TimedCommand, choice, command
 from ground.robot import Robot
 from protocol.wire.enums import Navigator
@@ -16,7 +16,7 @@ class SetNavigator(TimedCommand):
     """
 
     effect = "navigator set"
-    navigator: Navigator = choice(NAVIGATORS)
+    navigator: Navigator = choice(NAVIGATORS, meanings=NAVIGATOR_SUMMARIES)
     side: int = choice(SIDES, default=0, help="side on which obstacles are passed")
 
     async def perform(self, robot: Robot) -> Answer:

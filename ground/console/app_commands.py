@@ -9,6 +9,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Final, Self
 
+from ground.client.vocabulary import NAVIGATOR_SUMMARIES
 from ground.commands.command import (
     Group,
     OperatorCommand,
@@ -21,8 +22,10 @@ from ground.commands.command import (
     typed_words,
 )
 from ground.commands.mission import DRAFT, item_number
+from ground.map.scene import LAYERS
 from ground.missions.files import Draft, waypoint_at
 from ground.missions.mission import Waypoint
+from ground.text.wording import THEMES
 from protocol.options import finite
 from runtime.cli.verb import APP, Verb
 
@@ -69,7 +72,12 @@ class ShowKeys(KeyCommand):
 class SetTheme(AppCommand):
     """Choose the colours."""
 
-    name: str | None = place("THEME", "without it, list the themes", default=None)
+    name: str | None = place(
+        "THEME",
+        "without it, list the themes",
+        default=None,
+        meanings=dict.fromkeys(THEMES, ""),
+    )
 
 
 @command(APP, example="snap screen.svg")
@@ -91,7 +99,12 @@ class SwitchLayers(AppCommand):
     """Choose the layers of the map."""
 
     names: tuple[str, ...] = place(
-        "LAYER", "switch these on or off", default=(), joined=tuple, spelt=" ".join
+        "LAYER",
+        "switch these on or off",
+        default=(),
+        joined=tuple,
+        spelt=" ".join,
+        meanings=dict.fromkeys(LAYERS, ""),
     )
 
 
@@ -272,7 +285,9 @@ class CopyText(AppCommand):
 class ShowGhost(AppCommand):
     """Show another navigator from here, as a ghost on the map."""
 
-    navigator: str | None = place("NAVIGATOR", "navigator of the ghost", default=None)
+    navigator: str | None = place(
+        "NAVIGATOR", "navigator of the ghost", default=None, meanings=NAVIGATOR_SUMMARIES
+    )
 
 
 @command(APP, example="why")

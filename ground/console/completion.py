@@ -9,7 +9,6 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from ground.client.parameter import Parameter
-from ground.client.vocabulary import MODE_SUMMARIES, NAVIGATOR_SUMMARIES
 from ground.console.app_commands import LOCAL
 from ground.console.parser import (
     COMMANDS,
@@ -21,8 +20,6 @@ from ground.console.parser import (
     verbs,
     words_of_group,
 )
-from ground.map.scene import LAYERS
-from ground.text.wording import THEMES
 from runtime.cli.completion import files, options_of, place_in, positionals_of
 from runtime.cli.verb import GROUPS
 from runtime.errors import UserError
@@ -30,15 +27,6 @@ from runtime.errors import UserError
 MAX_LINES: Final = 200
 FILE_WORDS: Final = ("FILE", "DIR", "CSV", "IN", "OUT")
 PARAMETER_WORDS: Final = ("NAME", "GLOB")
-CHOICES: Final[Mapping[str, Mapping[str, str]]] = MappingProxyType(
-    {
-        "LAYER": dict.fromkeys(LAYERS, ""),
-        "NAVIGATOR": NAVIGATOR_SUMMARIES,
-        "THEME": dict.fromkeys(THEMES, ""),
-    }
-)
-"""Choices of arguments whose parser does not know them."""
-SUMMARIES: Final[Mapping[str, str]] = MappingProxyType({**NAVIGATOR_SUMMARIES, **MODE_SUMMARIES})
 
 
 class Candidate(NamedTuple):
@@ -143,15 +131,16 @@ def _values(
     if isinstance(action, argparse._SubParsersAction):
         helps = {one.dest: one.help for one in action._choices_actions}
         return {name: helps.get(name) or "" for name in action.choices}
+    meanings: Mapping[str, str] = vars(action).get("meanings") or {}
     if action.choices is not None:
-        return {str(choice): SUMMARIES.get(str(choice), "") for choice in action.choices}
+        return {str(choice): meanings.get(str(choice), "") for choice in action.choices}
     metavar = action.metavar if isinstance(action.metavar, str) else ""
     if metavar in PARAMETER_WORDS:
         return parameters
     if action.dest == "word":
         return verb_summaries()
-    if metavar in CHOICES:
-        return CHOICES[metavar]
+    if meanings:
+        return meanings
     return dict.fromkeys(files(begun, folder) if metavar in FILE_WORDS else (), "")
 
 

@@ -26,7 +26,7 @@ from ground.client.vocabulary import (
     USUAL_NAVIGATOR,
 )
 from ground.commands.mission import FetchMission, StartMission, UploadMissionFile
-from ground.commands.mode import SetMode
+from ground.commands.mode import MODES, SetMode
 from ground.commands.navigator import SetNavigator
 from ground.commands.stop import ClearEmergencyStop
 from ground.missions.files import DASH
@@ -222,16 +222,15 @@ class RobotKeys:
 
     def choose_mode(self) -> None:
         """Let the operator choose the mode."""
-        modes = {mode.name.lower(): mode for mode in Mode}
         status = self._status()
         current = None if status is None else status.mode
         choices = [
             Choice(name, MODE_SUMMARIES[name], is_current=mode == current)
-            for name, mode in modes.items()
+            for name, mode in MODES.items()
         ]
 
         def take(name: str) -> None:
-            self._app.commands.perform(SetMode(mode=modes[name]))
+            self._app.commands.perform(SetMode(mode=MODES[name]))
 
         self._app.choose("mode", choices, take)
 

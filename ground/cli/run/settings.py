@@ -5,7 +5,6 @@ import json
 from dataclasses import asdict, fields
 from typing import Any
 
-from ground.app.input.keymap import TABLE, keymap_of
 from ground.commands.command import add_json
 from ground.text.output import Output
 from ground.user.settings import Settings, load_settings, set_setting, settings_file, unset_setting
@@ -75,7 +74,7 @@ def lines_of(settings: dict[str, Any]) -> list[str]:
 
 def run_set(options: argparse.Namespace, output: Output) -> None:
     """Change one setting in the file."""
-    if options.key.partition(".")[0] == TABLE:
+    if options.key.partition(".")[0] == "keys":
         check_key(options.key, options.value)
     set_setting(options.key, options.value)
     row: dict[str, object] = {"ok": True, "key": options.key, "file": str(settings_file())}
@@ -84,6 +83,8 @@ def run_set(options: argparse.Namespace, output: Output) -> None:
 
 def check_key(key: str, value: str) -> None:
     """Raise ConfigError unless a key of the app can be set to this."""
+    from ground.app.input.keymap import TABLE, keymap_of  # imports the app; rarely needed
+
     chosen = {**load_settings().keys, key.partition(".")[2]: value}
     keymap_of({TABLE: chosen}, file=str(settings_file()))
 
