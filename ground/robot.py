@@ -775,8 +775,14 @@ class Robot(RobotLink):
                 return refusal
             status = newest[0]
             lost = await self._lost_drive(telemetry, status)
+            mission = telemetry.latest(MISSION)
         if lost is None:
-            return NothingToResume(refusal.reason, refusal.took_ns, remedies=refusal.remedies)
+            return NothingToResume(
+                refusal.reason,
+                refusal.took_ns,
+                remedies=refusal.remedies,
+                mission=None if mission is None else mission[0],
+            )
         if status.vehicle != Vehicle.ACTIVE:
             stopped = status.vehicle == Vehicle.EMERGENCY_STOP
             reason = Reason.EMERGENCY_STOPPED if stopped else Reason.NOT_ARMED

@@ -1,7 +1,7 @@
 """The drive that a stop has ended, and how to continue it: goal, mission or way home."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import degrees, isfinite
 from typing import Final, Protocol, TypeAlias
 
@@ -116,8 +116,22 @@ class Resumed(Accepted):
 
 @dataclass(frozen=True, slots=True)
 class NothingToResume(Refused):
-    """No drive was lost, so that there is nothing to continue."""
+    """No drive was lost, so that there is nothing to continue; `mission` is the robot's mission."""
+
+    mission: MissionStatus | None = field(default=None, kw_only=True)
 
     def in_words(self, hints: Mapping[int, str]) -> str:
-        """Return that there is nothing, and how to set a goal."""
-        return f"{NOTHING}. {hints.get(Reason.NO_GOAL, GOAL_HINT)}"
+        """Return that there is nothing, and how to begin the mission, or to set a goal."""
+        mission = self.mission
+        begins = None if mission is None else BEGINS.get(mission.state)
+        if mission is None or begins is None:
+            return f"{NOTHING}. {hints.get(Reason.NO_GOAL, GOAL_HINT)}"
+        return f"{NOTHING}: {begins} item {mission.current + 1} of {mission.count}"
+
+
+BEGINS: Final[Mapping[int, str]] = {
+    MissionState.READY: "the mission has not been started: `mission start` begins it at",
+    MissionState.DONE: "the mission is done: `mission start` begins it again; it has reached",
+    MissionState.FAILED: "the mission has been ended: `mission resume` continues it at",
+}
+"""What begins a mission that is not under way."""

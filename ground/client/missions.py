@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any, Final, Protocol, TypeVar
 
 from ground.client.leases import Asker
-from ground.client.outcomes import Answer, Refused, Success, refusal_words
+from ground.client.lost_drive import LostMission, NothingToResume, Resumed
+from ground.client.outcomes import Accepted, Answer, Refused, Success, refusal_words
 from ground.client.requests import SILENCE_NS
 from ground.client.robot_link import Drive
 from ground.client.streams import TopicStreams
@@ -286,8 +287,22 @@ class Missions:
         return await self._robot.hold()
 
     async def resume(self) -> Answer:
-        """Continue after a pause."""
-        return await self._robot.resume()
+        """Continue the mission, also one that was ended early, whatever was driven since.
+
+        Refused if it has not begun, or is done.
+        """
+        newest = await self._robot.newest(MISSION, STATUS_NS)
+        if newest is None or newest.state in UNDER_WAY:
+            return await self._robot.resume()
+        if newest.state != MissionState.FAILED:
+            remedies = self._robot.remedies
+            if newest.state == MissionState.NONE:
+                return Refused(Reason.NO_MISSION, 0, remedies=remedies)
+            return NothingToResume(Reason.NO_GOAL, 0, remedies=remedies, mission=newest)
+        request = self._robot.request(Command.MISSION_START, float(CURRENT))
+        answer = await self._robot.command(request, begins=True)
+        lost = LostMission(newest.current, newest.count)
+        return Resumed(answer.took_ns, lost) if isinstance(answer, Accepted) else answer
 
     async def jump(self, item: int) -> Answer:
         """Continue with another item, from 1."""

@@ -266,9 +266,16 @@ class PauseMission(Hold):
 
 @command(MISSION, example="mission resume", moves=True, begins=True)
 class ResumeMission(Resume):
-    """Continue the mission."""
+    """Continue the mission.
+
+    Also one that was ended early, by another goal for example.
+    """
 
     timeout_s: float | None = None
+
+    async def perform(self, robot: Robot) -> Answer:
+        """Send it and return the robot's answer."""
+        return await robot.mission.resume()
 
 
 @command(MISSION, example="mission abort --id r2", only_stops=True)

@@ -26,7 +26,7 @@ from ground.client.lost_drive import (
 from ground.client.outcomes import Accepted, GoalEnded, Refused, RefusedError
 from ground.commands.command import command_in, positive, seconds
 from ground.commands.goto import Goto
-from ground.commands.mission import UploadMission
+from ground.commands.mission import ResumeMission, UploadMission
 from ground.commands.resume import Resume
 from ground.missions.mission import Mission, Waypoint
 from ground.missions.transfer import items_of
@@ -221,6 +221,50 @@ def test_without_a_lost_goal_there_is_nothing_to_resume(goal: GoalState) -> None
     keys: dict[int, str] = {Reason.NO_GOAL: "`g` sets a goal"}
     assert outcome.in_words(keys) == "nothing to resume. `g` sets a goal"
     assert outcome.as_json("resume", "r1")["reason_code"] == Reason.NO_GOAL
+
+
+def test_resume_says_how_a_mission_begins_that_a_restarted_robot_has_restored() -> None:
+    stage = stage_of(ended(goal=GoalState.NONE))
+    stage.bus.say(MISSION, mission(MissionState.READY, Reason.NONE, 0))
+    assert perform(Resume(), stage).text == (
+        "nothing to resume: the mission has not been started: `mission start` begins it at"
+        " item 1 of 2"
+    )
+
+
+def test_resume_of_a_mission_continues_it_and_not_the_goal_that_came_since() -> None:
+    stage = Stage()
+    stage.bus.say(STATUS, ended(mode=Mode.HOLD, goal=GoalState.DRIVING))
+    stage.bus.say(MISSION, mission(reason=Reason.REPLACED))
+    outcome = perform(ResumeMission(), stage)
+    assert outcome.text.startswith("go on to mission item 2 of 2: ok")
+    sent = stage.bus.requests[-1]
+    assert (sent.command, sent.param1) == (Command.MISSION_START, -1.0)
+
+
+@each("state", [MissionState.PAUSED, MissionState.RUNNING, MissionState.HOLDING])
+def test_mission_that_is_paused_is_resumed_by_the_robot_itself(state: MissionState) -> None:
+    stage = Stage()
+    stage.bus.say(MISSION, mission(state, Reason.BY_OPERATOR))
+    assert type(perform(ResumeMission(), stage)) is Accepted
+    sent = stage.bus.requests[-1]
+    assert (sent.command, sent.param1) == (Command.DO_PAUSE_CONTINUE, 1.0)
+
+
+@each(
+    ("state", "words"),
+    [
+        (MissionState.READY, "the mission has not been started: `mission start` begins it at"),
+        (MissionState.DONE, "the mission is done: `mission start` begins it again"),
+        (MissionState.NONE, "there is no mission to act on"),
+    ],
+)
+def test_mission_that_is_not_under_way_is_not_resumed(state: MissionState, words: str) -> None:
+    stage = Stage()
+    stage.bus.say(MISSION, mission(state, Reason.NONE, 0))
+    outcome = perform(ResumeMission(), stage)
+    assert (outcome.ok, words in outcome.text) == (False, True)
+    assert stage.bus.requests == []
 
 
 def test_mission_continues_at_its_item() -> None:
