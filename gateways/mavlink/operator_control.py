@@ -157,16 +157,30 @@ class OperatorControl:
     async def perform(self, sender: Sender, operation: Operation[Any]) -> Answered:
         """Perform an operation, and return its end.
 
-        Take control first if it moves the robot and no client has control.
+        Take control first if it moves the robot and no client has control; give it back if the
+        robot refuses.
         """
         if not sender.may_command:
             return Answered(None, sender.barred)
-        if operation.moves and not self.holds(sender):
-            stops, granted = self.stops, await self.ensure(sender)
-            if not granted.ok:
-                return granted
-            if self.stops != stops:
-                return Answered(None, OVERTAKEN)
+        if not operation.moves or self.holds(sender):
+            return await self._perform(operation)
+        lease = None if self._snapshot is None else self._snapshot.lease
+        was_free, had_owner = lease is not None and not lease.held, self.owner is not None
+        stops, granted = self.stops, await self.ensure(sender)
+        if not granted.ok:
+            return granted
+        serial = self.serial + 1
+        answered = Answered(None, OVERTAKEN)
+        if self.stops == stops:
+            answered = await self._perform(operation)
+        is_refused = isinstance(answered.outcome, Refused) and self.serial == serial
+        if is_refused and not had_owner and self.holds(sender):
+            self._lose()
+            if was_free:
+                await self._port.change_lease(LeaseAction.RELEASE, "")
+        return answered
+
+    async def _perform(self, operation: Operation[Any]) -> Answered:
         self.serial += operation.moves
         is_stop = isinstance(operation, STOPS)
         self.stops += is_stop
@@ -235,7 +249,7 @@ class OperatorControl:
             self._lose()
             return await self._port.change_lease(LeaseAction.RELEASE, "")
         if self._presence is None or self.owner is None:
-            return Answered(Accepted(0))
+            return Answered(Accepted(0, note=Reason.NO_LEASE))
         return held_by(self._presence.station, sender)
 
     async def _take(self, sender: Sender) -> Answered:

@@ -31,7 +31,7 @@ from ground.client.outcomes import Outcome
 from ground.client.parameters import ParameterChanged
 from protocol.wire.enums import GoalState, Mode, Severity
 from protocol.wire.enums import Vehicle as VehicleState
-from protocol.wire.reasons import Reason
+from protocol.wire.reasons import Reason, reason_text
 from runtime.units import NS_PER_S
 
 INT_UNKNOWN: Final = 0x7FFFFFFF
@@ -183,6 +183,9 @@ RESULTS: Final = MappingProxyType(
         Reason.PARAMETERS_DAMAGED: FAILED,
         Reason.NEWER_STOP: LATER,
         Reason.ALREADY_OVER: FAILED,
+        Reason.NOTHING_LATCHED: ACCEPTED,
+        Reason.NO_LEASE: ACCEPTED,
+        Reason.NOTHING_KEPT: ACCEPTED,
     }
 )
 
@@ -388,7 +391,7 @@ UNDONE: Final = "the robot was stopped since: to go on, send it as a new command
 
 
 class CommandAnswer(NamedTuple):
-    """A MAV_RESULT; `words` give the reason of a refusal."""
+    """A MAV_RESULT; `words` give the reason of a refusal, or why nothing has changed."""
 
     result: int
     words: str = ""
@@ -397,6 +400,9 @@ class CommandAnswer(NamedTuple):
 
 def answer_to(answered: Answered) -> CommandAnswer:
     """Return the answer to a command by the end of its operation."""
+    note = getattr(answered.outcome, "note", 0)
+    if note:
+        return CommandAnswer(result_of(answered), reason_text(note), Severity.INFO)
     return CommandAnswer(result_of(answered), "" if answered.ok else answered.text)
 
 
@@ -529,7 +535,7 @@ class CommandService(MavService):
         severity: Severity = Severity.WARNING,
     ) -> None:
         sender, vehicle = call.sender, self._vehicle
-        if words and result != ACCEPTED:
+        if words and (result != ACCEPTED or severity is Severity.INFO):
             vehicle.refusals.say(words, sender.client, vehicle.snapshot.now_ns, severity)
         ack = mavlink.MAVLink_command_ack_message(
             acknowledged, result, 0, 0, sender.system, sender.component

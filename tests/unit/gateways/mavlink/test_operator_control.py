@@ -413,3 +413,56 @@ def test_messages_for_others_are_ignored() -> None:
     for system, component, heard in ((0, 0, 1), (1, 1, 1), (2, 1, 0), (1, 2, 0), (0, 1, 1)):
         message = mavlink.MAVLink_command_long_message(system, component, 400, 0, *[nan] * 7)
         assert bench.face._is_target(message) == bool(heard)
+
+
+# A refused command leaves the lease as it was.
+
+
+def free() -> LeaseStatus:
+    return LeaseStatus(time_ns=0, lapses_ms=0, held=0, holder="", name="")
+
+
+def test_a_refused_command_gives_the_lease_back_that_it_took(bench: ControlBench) -> None:
+    bench.port.telemetry["lease"] = free()
+    bench.after(0.1)
+    bench.send(command(400, 1))
+    bench.port.refuse(Reason.NO_SENSES)
+    bench.after(0.1)
+    assert [action for action, _ in bench.port.leases] == [LeaseAction.TAKE, LeaseAction.RELEASE]
+    assert bench.vehicle.control.owner is None
+
+
+def test_an_accepted_command_keeps_the_lease(bench: ControlBench) -> None:
+    bench.port.telemetry["lease"] = free()
+    bench.after(0.1)
+    bench.send(command(400, 1))
+    bench.port.answer()
+    bench.after(0.1)
+    assert [action for action, _ in bench.port.leases] == [LeaseAction.TAKE]
+    assert bench.vehicle.control.holds(CLIENT)
+
+
+def test_a_refused_command_keeps_the_lease_that_its_client_had(bench: ControlBench) -> None:
+    bench.port.telemetry["lease"] = free()
+    assert bench.result(CLIENT) == ACCEPTED
+    bench.send(command(400, 1))
+    bench.port.refuse(Reason.NO_SENSES)
+    bench.after(0.1)
+    assert [action for action, _ in bench.port.leases] == [LeaseAction.TAKE]
+    assert bench.vehicle.control.holds(CLIENT)
+
+
+def test_a_refused_command_leaves_the_lease_to_the_same_person(bench: ControlBench) -> None:
+    bench.port.telemetry["lease"] = lease(IDENTITY)
+    bench.after(0.1)
+    bench.send(command(400, 1))
+    bench.port.refuse(Reason.NO_SENSES)
+    bench.after(0.1)
+    assert [action for action, _ in bench.port.leases] == [LeaseAction.TAKE]
+    assert bench.vehicle.control.owner is None
+
+
+def test_release_without_control_says_that_there_was_nothing(bench: ControlBench) -> None:
+    found = bench.asks(CLIENT, action=0)
+    assert acks(found) == [(CONTROL, ACCEPTED)]
+    assert "nobody had the lease: there was nothing to give back" in words(found)
