@@ -306,9 +306,16 @@ class RobotVehicle:
         return outputs
 
     def _forget_driver(self) -> None:
-        """Forget who had the robot move once it is no longer armed: the next drive is another."""
+        """Forget who had the robot move once it is no longer armed: the next drive is another.
+
+        Name the program whose loss has stopped it.
+        """
         is_active = self.state.machine.vehicle == states.ACTIVE
         if self._was_active and not is_active:
+            driver = self.commands.driver
+            if driver and self.state.machine.vehicle_reason == reasons.OPERATOR_LOST:
+                words = f"{self.lease.label_of(driver)} fell silent: its drive was stopped"
+                self.announce(Severity.CRITICAL, words)
             self.commands.driver = ""
         self._was_active = is_active
 

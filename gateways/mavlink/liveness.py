@@ -12,9 +12,12 @@ from gateways.mavlink import ardupilot
 from gateways.mavlink.mav_service import MavService, Sender
 from gateways.mavlink.mav_vehicle import SILENT_NS, MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage, TimeSync, mavlink
-from gateways.mavlink.robot_port import NO_TELEMETRY
+from gateways.mavlink.operator_control import GATEWAY_NAME
+from gateways.mavlink.robot_port import NO_TELEMETRY, Snapshot
 from ground.text.wording import StatustextAssembler
 from protocol.wire.enums import Severity
+from protocol.wire.reasons import Reason
+from runtime.cli.terminal import printable
 from runtime.units import NS_PER_MS, NS_PER_S
 
 PERIOD_NS: Final = NS_PER_S
@@ -87,17 +90,34 @@ class RobotTexts(MavService):
 SILENT: Final = f"{NO_TELEMETRY}: commands are refused, but stops are sent"
 
 
+def lost_words(snapshot: Snapshot) -> str:
+    """Return that the robot has stopped without its operator; empty if it has not."""
+    status, lease = snapshot.status, snapshot.lease
+    if status is None or lease is None or status.vehicle_reason != Reason.OPERATOR_LOST:
+        return ""
+    driver = printable(lease.driver) or "its operator"
+    what = "goal ABORTED" if status.goal_reason == Reason.OPERATOR_LOST else "drive ended"
+    who = f"{driver}, or its gateway," if driver.startswith(GATEWAY_NAME) else driver
+    return f"{what}: {who} fell silent; arm again to go on"
+
+
 class SilenceTexts(MavService):
-    """Says why nothing is live any more."""
+    """Says why nothing is live any more, and to a client that comes back why its drive ended."""
 
     def __init__(self, vehicle: MavVehicle) -> None:
         self._vehicle = vehicle
         self._heard_ns: int | None = None
         self._told: set[int] = set()
+        self._informed: set[int] = set()
 
     def due(self, now_ns: int) -> None:
-        """Send a text if the telemetry has ended or is back."""
+        """Send a text if the telemetry has ended or is back, or if a client is new."""
         vehicle = self._vehicle
+        if vehicle.snapshot.lease is not None and vehicle.snapshot.is_live:
+            for client in vehicle.clients.keys() - self._informed:
+                if words := lost_words(vehicle.snapshot):
+                    vehicle.outbox.text(Severity.CRITICAL, words, client)
+            self._informed = set(vehicle.clients)
         if self._heard_ns is None:
             self._heard_ns = now_ns
         if vehicle.snapshot.is_live:
@@ -115,6 +135,7 @@ class SilenceTexts(MavService):
     def forget(self, client: int) -> None:
         """Drop what is kept for a client that has disconnected."""
         self._told.discard(client)
+        self._informed.discard(client)
 
 
 EVERYONE: Final = 0

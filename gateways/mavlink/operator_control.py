@@ -92,6 +92,10 @@ ANYONE: Final = 0
 """The target of a PING that asks for an answer."""
 
 
+GATEWAY_NAME: Final = "MAVLink "
+"""The names of clients for other operators begin so."""
+
+
 class Owner(NamedTuple):
     """The client in control: a peer, and the system id that it uses."""
 
@@ -379,4 +383,4 @@ def held_by(station: Sender, sender: Sender) -> Answered:
 
 def name_of(sender: Sender) -> str:
     """Return the name of a client for other operators."""
-    return f"MAVLink {sender.system}"
+    return f"{GATEWAY_NAME}{sender.system}"

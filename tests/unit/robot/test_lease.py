@@ -1043,3 +1043,11 @@ def test_a_clear_says_whether_a_stop_was_latched() -> None:
     desk.vehicle.receive(emergency_stop(9), desk.now_ns)
     again = msgspec.structs.replace(clear, request_id=80)
     assert reason(desk, again, ADA) == Reason.NONE
+
+
+def test_the_program_whose_loss_stops_the_robot_is_named() -> None:
+    desk = by_hand()
+    told(desk)
+    pass_s(desk, 2.0, ADAS_OTHER)
+    assert lost(desk)
+    assert "Ada fell silent: its drive was stopped" in told(desk)

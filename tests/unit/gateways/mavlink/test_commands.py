@@ -23,6 +23,7 @@ from ground.missions.qgroundcontrol import to_global
 from protocol.wire.enums import GoalState, MissionState, Mode, Vehicle
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason
+from robot.commands import NOTES
 from tests.support.each import each
 from tests.support.gateway.fake_port import (
     CLIENT,
@@ -268,7 +269,8 @@ def test_hostile_parameters_are_answered(bench: Bench, number: int, value: float
 
 def test_every_reason_has_a_result() -> None:
     assert set(RESULTS) == set(Reason)
-    assert [reason for reason, result in RESULTS.items() if result == ACCEPTED] == [Reason.NONE]
+    accepted = {reason for reason, result in RESULTS.items() if result == ACCEPTED}
+    assert accepted == {Reason.NONE, *NOTES}
 
 
 def test_refusal_names_its_reason(bench: Bench) -> None:

@@ -5,10 +5,11 @@ from math import inf, nan
 
 import pytest
 
+from checks.harness.messages import make
 from gateways.mavlink import ardupilot
 from gateways.mavlink.commands.vehicle_commands import SET_GLOBAL_ORIGIN
 from gateways.mavlink.coordinates import GlobalPlace, home_at, local_at
-from gateways.mavlink.liveness import ClockSync, RobotTexts
+from gateways.mavlink.liveness import ClockSync, RobotTexts, SilenceTexts
 from gateways.mavlink.mav_service import COMPONENT, WATCHER
 from gateways.mavlink.mav_vehicle import MavVehicle, MessageSource
 from gateways.mavlink.mavlink_dialect import (
@@ -24,8 +25,9 @@ from gateways.mavlink.services import face_of
 from gateways.mavlink.streams import STREAMS, StreamScheduler
 from gateways.mavlink.telemetry_messages import global_position
 from ground.commands.param import ShowParameters
-from protocol.wire.enums import Mode, Severity, Vehicle
-from protocol.wire.messages import Statustext
+from protocol.wire.enums import GoalState, Mode, Severity, Vehicle
+from protocol.wire.messages import LeaseStatus, NavigatorStatus, Statustext
+from protocol.wire.reasons import Reason
 from protocol.wire.statustext import pieces_of
 from tests.support.each import each
 from tests.support.gateway.benches import robot_table
@@ -310,6 +312,30 @@ def test_each_client_is_told_once_why_and_when_it_is_over(bench: Bench) -> None:
     sends = [one for one in bench.vehicle.outbox.take() if one.message.get_type() == "STATUSTEXT"]
     assert [one.client for one in sends] == [CLIENT.client, OTHER.client]
     assert words([sends[0].message]) == "telemetry arrives again, after 5 s"
+
+
+@each(
+    ("driver", "who"),
+    [("MAVLink 255", "MAVLink 255, or its gateway,"), ("ada", "ada"), ("", "its operator")],
+)
+def test_client_that_comes_back_learns_why_its_goal_has_ended(driver: str, who: str) -> None:
+    """Also at a gateway that was restarted, which has not heard the robot's texts."""
+    bench = Bench(SilenceTexts)
+    bench.port.telemetry["status"] = make(
+        NavigatorStatus,
+        vehicle=Vehicle.FAILSAFE,
+        vehicle_reason=Reason.OPERATOR_LOST,
+        goal=GoalState.ABORTED,
+        goal_reason=Reason.OPERATOR_LOST,
+    )
+    bench.face.join(CLIENT.client)
+    assert "fell silent" not in words(bench.after(0.1)), "who it was is not known yet"
+    bench.port.telemetry["lease"] = make(LeaseStatus, driver=driver)
+    found = words(bench.after(0.5))
+    assert found.count(f"goal ABORTED: {who} fell silent; arm again to go on") == 1
+    bench.port.telemetry["status"] = make(NavigatorStatus, vehicle=Vehicle.ACTIVE)
+    bench.face.join(OTHER.client)
+    assert "fell silent" not in words(bench.after(0.5))
 
 
 def test_single_messages_of_a_silent_robot_are_refused(bench: Bench) -> None:
