@@ -468,7 +468,7 @@ class Robot(RobotLink):
                 self.progress.line(goal_line(telemetry, now_ns, watch.silent_ns(now_ns)))
             if watch.end is not None:
                 return watch.end
-            await self._arrival(now_ns + BEAT_NS // 2)
+            await self.arrival(now_ns + BEAT_NS // 2)
 
     async def _caused(self, end: GoalEnd) -> GoalEnd:
         """Add why no simulated time passes for the robot to the end of a goal, if that is so."""

@@ -293,7 +293,7 @@ class RobotLink:
     @contextmanager
     def subscribed(self, *topics: Topic[Any]) -> Iterator[Telemetry]:
         """Subscribe to topics of the robot for the duration of the context."""
-        telemetry = Telemetry(self.bus, self.name, topics, notify=self._note_arrival)
+        telemetry = Telemetry(self.bus, self.name, topics, notify=self.note_arrival)
         try:
             yield telemetry
         finally:
@@ -327,7 +327,7 @@ class RobotLink:
             left_ns = patience.left_ns()
             if not left_ns:
                 return False
-            await self._arrival(self.clock.now_ns() + left_ns)
+            await self.arrival(self.clock.now_ns() + left_ns)
         return True
 
     # Streams; each call returns a separate one, which begins now.
@@ -365,8 +365,8 @@ class RobotLink:
         """Wait until the clock has reached the deadline."""
         await asyncio.sleep(max(0, deadline_ns - self.clock.now_ns()) / NS_PER_S)
 
-    async def _arrival(self, until_ns: int) -> None:
-        """Wait for the next message of a subscribed topic, at most until the clock shows this."""
+    async def arrival(self, until_ns: int) -> None:
+        """Wait for the next message that is noted, at most until the clock shows this."""
         loop = self._loop = asyncio.get_running_loop()
         arrival = loop.create_future()
         self._arrivals.add(arrival)
@@ -378,8 +378,8 @@ class RobotLink:
             timer.cancel()
             self._arrivals.discard(arrival)
 
-    def _note_arrival(self, _arrived_ns: int) -> None:
-        """Wake what waits for messages, from the bus's thread."""
+    def note_arrival(self, _arrived_ns: int) -> None:
+        """Wake what waits for messages; the `notify` of mailboxes, called in the bus's thread."""
         if not self._has_arrived and self._loop is not None:
             self._has_arrived = True
             call_soon(self._loop, self._wake)

@@ -16,10 +16,10 @@ from ground.text.wording import Part
 from protocol.bus.bus import Bus
 from protocol.outcome import RunOutcome
 from runtime.clock import Clock
-from runtime.units import NS_PER_S
 
 LOOK_NS: Final = 100_000_000
-POLL_NS: Final = 2_000_000
+TOGETHER_S: Final = 0.002
+"""Time for the other messages of a tick, of all robots, to arrive."""
 
 
 class FleetRun:
@@ -82,7 +82,8 @@ class FleetRun:
             if is_over:
                 return self._outcomes()
             self._check()
-            await asyncio.sleep(POLL_NS / NS_PER_S)
+            await next(one for one in self._goal_runs if not one.is_over).wait(LOOK_NS)
+            await asyncio.sleep(TOGETHER_S)
 
     def _outcomes(self) -> list[RunOutcome]:
         void_reason = dict.fromkeys(

@@ -72,6 +72,7 @@ class GoalRun:
             robot.bus,
             robot.name,
             (STATUS, ODOMETRY, DECISION, CYCLE, TRUTH, LEASE, MISSION),
+            robot.note_arrival,
             taker=lambda path: self._keep_pose if path == ODOMETRY.path else None,
         )
         self.outcome: RunOutcome | None = None
@@ -207,6 +208,10 @@ class GoalRun:
             return 0
         idle_ns = self.robot.clock.now_ns() - self._commanded_ns
         return max(0, -((idle_ns - IDLE_S * NS_PER_S) // NS_PER_S))
+
+    async def wait(self, patience_ns: int) -> None:
+        """Wait for the next message of the robot, at most so long."""
+        await self.robot.arrival(self.robot.clock.now_ns() + patience_ns)
 
     async def look(self) -> None:
         """Check whether the goal has ended; NoOutcomeError when the robot is lost."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Coroutine
 from contextlib import closing
 from dataclasses import replace
-from typing import Any, Self, TypeVar
+from typing import Any, Self, TypeVar, cast
 
 import pytest
 from msgspec import structs
@@ -451,6 +451,7 @@ class RecordedRun(GoalRun):
         self.void_reason = ""
         self._looks = looks
         self._calls = calls
+        self.waits = 0
 
     async def prepare(self) -> None:
         self._calls.append(f"prepare {self.name}")
@@ -466,6 +467,9 @@ class RecordedRun(GoalRun):
 
     async def begin(self) -> None:
         self._calls.append(f"begin {self.name}")
+
+    async def wait(self, patience_ns: int) -> None:
+        self.waits += 1
 
     async def look(self) -> None:
         self._looks -= 1
@@ -512,6 +516,13 @@ def test_lockstep_sends_all_goals_before_start() -> None:
         "begin r2",
         "pause",
     ]
+
+
+def test_follows_by_the_messages_of_a_robot_that_has_not_ended() -> None:
+    run, _, _ = fleet_run(1, 4)
+    ended(run, lockstep=False)
+    waits = [cast("RecordedRun", one).waits for one in run._goal_runs]
+    assert waits == [0, 3], "each look but the last is followed by one wait"
 
 
 def test_wall_time_starts_the_score_before_the_goals() -> None:
