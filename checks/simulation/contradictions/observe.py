@@ -50,8 +50,7 @@ from checks.simulation.contradictions.persons import (
     observe,
 )
 from checks.simulation.contradictions.persons import SENT as SENT_BY_STATIONS
-from checks.simulation.contradictions.programs import CELLS as CELL
-from checks.simulation.contradictions.programs import Ack, Arguments
+from checks.simulation.contradictions.programs import Ack, Arguments, Cells
 from checks.simulation.contradictions.truth import (
     Deed,
     EndedCommand,
@@ -301,17 +300,14 @@ class RealNotebook:
     """A program with the Python API, in a thread with an event loop of its own."""
 
     def __init__(self, name: str, journal: Journal, endpoint: str) -> None:
-        self._name, self._journal, self._endpoint = name, journal, endpoint
+        self._endpoint, self._cells = endpoint, Cells(name, journal)
         self._loop = asyncio.new_event_loop()
         self._leaving = asyncio.Event()
         self._robot: Any = None
-        self._under_way: list[tuple[Deed, asyncio.Task[None]]] = []
-        self._thread = threading.Thread(target=self._main, daemon=True)
+        self._thread = threading.Thread(
+            target=self._loop.run_until_complete, args=(self._program(),), daemon=True
+        )
         self._thread.start()
-
-    def _main(self) -> None:
-        asyncio.set_event_loop(self._loop)
-        self._loop.run_until_complete(self._program())
 
     async def _program(self) -> None:
         async with connect(self._endpoint) as robot:
@@ -320,39 +316,12 @@ class RealNotebook:
 
     def do(self, verb: str, arguments: Arguments) -> None:
         """Run a cell."""
-        self._loop.call_soon_threadsafe(self._begin, verb, arguments)
-
-    def _begin(self, verb: str, arguments: Arguments) -> None:
-        if verb == "then":
-            self._cancel_newest()
-            verb, arguments = str(arguments[0]), arguments[1:]
-        if verb == "cancel":
-            self._cancel_newest()
-        elif self._robot is not None and verb in CELL:
-            deed = self._journal.begin(self._name, verb, arguments)
-            work = self._loop.create_task(self._perform(deed))
-            self._under_way.append((deed, work))
-
-    def _cancel_newest(self) -> None:
-        for deed, work in reversed(self._under_way):
-            if not work.done() and deed.cancelled_ns is None:
-                self._journal.cancel(deed)
-                work.cancel()
-                return
-
-    async def _perform(self, deed: Deed) -> None:
-        try:
-            value: Any = await CELL[deed.verb](self._robot, *deed.arguments)
-        except (asyncio.CancelledError, TimeoutError) as error:
-            value = type(error).__name__
-        except Exception as error:
-            value = error
-        self._journal.end(deed, value)
+        if self._robot is not None:
+            self._loop.call_soon_threadsafe(self._cells.begin, self._robot, verb, arguments)
 
     def close(self) -> None:
         """Leave the robot."""
-        for deed, _ in self._under_way:
-            self._journal.cancel(deed)
+        self._cells.leave()
         self._loop.call_soon_threadsafe(self._leaving.set)
         self._thread.join(timeout=ENDS_S)
 

@@ -260,15 +260,61 @@ class Shell(PersonsProgram):
         return self._hosts
 
 
+class Cells:
+    """The cells of a program with the Python API, each a task of its event loop.
+
+    `then` cancels what is under way and begins at once.
+    """
+
+    def __init__(self, name: str, journal: Journal) -> None:
+        self._name, self._journal = name, journal
+        self._under_way: list[tuple[Deed, asyncio.Task[None]]] = []
+
+    def begin(self, robot: Robot, verb: str, arguments: Arguments) -> None:
+        """Run a cell in the running loop, without a wait for its end."""
+        if verb == "then":
+            self._cancel_newest()
+            verb, arguments = str(arguments[0]), arguments[1:]
+        if verb == "cancel":
+            self._cancel_newest()
+        elif verb in CELLS:
+            deed = self._journal.begin(self._name, verb, arguments)
+            work = asyncio.get_running_loop().create_task(self._perform(robot, deed))
+            self._under_way.append((deed, work))
+
+    def leave(self) -> None:
+        """Note that the end of the program cancels what is under way."""
+        for deed, _ in self._under_way:
+            self._journal.cancel(deed)
+
+    def _cancel_newest(self) -> None:
+        self._under_way = [one for one in self._under_way if not one[1].done()]
+        for deed, work in reversed(self._under_way):
+            if deed.cancelled_ns is None:
+                self._journal.cancel(deed)
+                work.cancel()
+                return
+
+    async def _perform(self, robot: Robot, deed: Deed) -> None:
+        try:
+            value: Any = await CELLS[deed.verb](robot, *deed.arguments)
+        except asyncio.CancelledError:
+            value = "cancelled"
+        except TimeoutError:
+            value = "time limit"
+        except (RemoteError, LocalError) as error:
+            value = error
+        self._journal.end(deed, value)
+
+
 class Notebook(PersonsProgram):
-    """A program with the Python API; `then` cancels what is under way and begins at once."""
+    """A program with the Python API."""
 
     def __init__(self, scheduler: Scheduler, name: str, journal: Journal) -> None:
         super().__init__(scheduler, name, journal)
         self._loop: SimulatedLoop | None = None
         self._robot: Robot | None = None
-        self._leaving: asyncio.Event | None = None
-        self._under_way: list[tuple[Deed, asyncio.Task[None]]] = []
+        self._cells = Cells(name, journal)
 
     def start(self) -> None:
         """Start the program."""
@@ -277,7 +323,7 @@ class Notebook(PersonsProgram):
 
     def _main(self) -> None:
         loop = self._loop = SimulatedLoop()
-        self._robot, self._under_way = None, []
+        self._robot, self._cells = None, Cells(self.name, self.journal)
         loop.run(self._program())
 
     async def _program(self) -> None:
@@ -293,41 +339,13 @@ class Notebook(PersonsProgram):
             self.host.call(self._loop.call_soon_threadsafe, self._begin, verb, arguments)
 
     def _begin(self, verb: str, arguments: Arguments) -> None:
-        robot, leaving = self._robot, self._leaving
-        if robot is None or leaving is None:
+        if self._robot is None:
             return
-        if verb == "then":
-            self._cancel_newest()
-            verb, arguments = str(arguments[0]), arguments[1:]
-        if verb == "cancel":
-            self._cancel_newest()
-        elif verb == "leave":
-            for deed, _ in self._under_way:
-                self.journal.cancel(deed)
-            leaving.set()
+        if verb == "leave":
+            self._cells.leave()
+            self._leaving.set()
         else:
-            deed = self.journal.begin(self.name, verb, arguments)
-            work = asyncio.get_running_loop().create_task(self._perform(robot, deed))
-            self._under_way.append((deed, work))
-
-    def _cancel_newest(self) -> None:
-        self._under_way = [one for one in self._under_way if not one[1].done()]
-        for deed, work in reversed(self._under_way):
-            if deed.cancelled_ns is None:
-                self.journal.cancel(deed)
-                work.cancel()
-                return
-
-    async def _perform(self, robot: Robot, deed: Deed) -> None:
-        try:
-            value: Any = await CELLS[deed.verb](robot, *deed.arguments)
-        except asyncio.CancelledError:
-            value = "cancelled"
-        except TimeoutError:
-            value = "time limit"
-        except (RemoteError, LocalError) as error:
-            value = error
-        self.journal.end(deed, value)
+            self._cells.begin(self._robot, verb, arguments)
 
     def cancel(self) -> None:
         """Cancel the newest task."""
