@@ -18,7 +18,8 @@ from time import time_ns
 from typing import Any, Final, NamedTuple
 from urllib.parse import urlsplit
 
-from ground.client.link import Link
+from ground.cli.options import common_of
+from ground.client.robot_link import RobotLink, open_link
 from ground.commands.command import add_common
 from ground.recording.log_reader import is_whole_frame
 from ground.recording.log_writer import MAX_KEY
@@ -206,13 +207,19 @@ def place(text: str) -> ListenAddress:
     return ListenAddress(host, int(port))
 
 
-def act(options: argparse.Namespace, link: Link, output: Output) -> int:
+def run(options: argparse.Namespace, output: Output) -> int:
     """Serve until a signal ends the process. No viewer can send anything to the robot."""
+    with open_link(common_of(options, output)) as link:
+        return serve(options, link, output)
+
+
+def serve(options: argparse.Namespace, link: RobotLink, output: Output) -> int:
+    """Serve over a link until a signal ends the process."""
     bridge = Bridge(link)
     run_for(bridge, link.clock, HEAD_START_NS)
-    server = served(options.at, link.robot, options.origin)
+    server = served(options.at, link.name, options.origin)
     try:
-        output.note(f"{link.robot} at ws://{options.at.host}:{server.port}, without a password")
+        output.note(f"{link.name} at ws://{options.at.host}:{server.port}, without a password")
         while True:
             run_for(bridge, link.clock, ROUND_NS)
     finally:
@@ -255,16 +262,16 @@ def sdk() -> Any:
 class Bridge:
     """Collects frames from the bus's threads and logs them to the server from one thread."""
 
-    def __init__(self, link: Link) -> None:
+    def __init__(self, link: RobotLink) -> None:
         self._link = link
         self._offset_ns = time_ns() - link.clock.now_ns()
-        self._splitter = ChannelSplitter(link.robot)
-        self._metadata = MetadataReader(link.bus, link.robot)
+        self._splitter = ChannelSplitter(link.name)
+        self._metadata = MetadataReader(link.bus, link.name)
         self._arrived: deque[tuple[str, bytes, int]] = deque(maxlen=MAX_WAITING)
         self._channels: dict[str, Any] = {}
         self._rare: dict[str, ChannelMessage] = {}
         self._repeat_ns = 0
-        link.bus.stream_all(self._take, link.robot)
+        link.bus.stream_all(self._take, link.name)
 
     def _take(self, key: str, frame: bytes, arrived_ns: int) -> None:
         if len(key) <= MAX_KEY:

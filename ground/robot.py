@@ -42,7 +42,6 @@ from ground.client.goal import (
 )
 from ground.client.lease_holder import operator_name
 from ground.client.leases import READY_S, TICK_NS, Leases, Leasing
-from ground.client.link import END_NS, Link, UnansweredError, open_link
 from ground.client.lost_drive import (
     LostDrive,
     LostGoal,
@@ -86,8 +85,10 @@ from ground.client.robot_link import (
     REQUESTS,
     Drive,
     RobotLink,
+    UnansweredError,
     finish,
     in_own_thread,
+    open_link,
     settled,
 )
 from ground.client.status_line import goal_line, reason_of, state_of
@@ -138,6 +139,8 @@ E = TypeVar("E", bound=IntEnum)
 Out = TypeVar("Out", bound=Outcome)
 RETRY_NS: Final = 2 * NS_PER_S
 """Time within which causes of a refusal are removed."""
+END_NS: Final = 300 * NS_PER_MS
+"""Longest wait for the answer to what ends a drive."""
 MISSION_NS: Final = 700 * NS_PER_MS
 """A robot publishes the status of its mission twice a second."""
 STOP_S: Final = 5.0
@@ -240,7 +243,7 @@ class Robot(RobotLink):
 
     def __repr__(self) -> str:
         """Return the robot, where it is, and what its newest status shows."""
-        where = f"robot {self.name} at {self._common.endpoint}"
+        where = f"robot {self.name} at {self.common.endpoint}"
         newest = self.streams.latest(STATUS)
         if self._is_closed or newest is None:
             return f"<{where}: {'closed' if self._is_closed else 'no status yet'}>"
@@ -249,7 +252,7 @@ class Robot(RobotLink):
 
     def to(self, robot: str) -> "Robot":
         """Return another robot on the same bus, whose lease is not taken."""
-        common = replace(self._common, robot=robot)
+        common = replace(self.common, robot=robot)
         return Robot(self.bus, common, clock=self.clock, leasing=Leasing.NEVER)
 
     async def open(self) -> None:
@@ -861,8 +864,8 @@ class Robot(RobotLink):
         self.check_open()
         request_id = new_press()
         self._own_stops.appendleft(request_id)
-        link, give_up_ns = Link(self.bus, self._common, self.clock), round(timeout_s * NS_PER_S)
-        return await asyncio.shield(self._repeated(lambda: stop_all(link, give_up_ns, request_id)))
+        give_up_ns = round(timeout_s * NS_PER_S)
+        return await asyncio.shield(self._repeated(lambda: stop_all(self, give_up_ns, request_id)))
 
     async def clear_emergency_stop(self, *stop_ids: int, timeout_s: float | None = None) -> Answer:
         """Release an emergency stop that is known, and no newer one of somebody else.
@@ -894,8 +897,7 @@ class Robot(RobotLink):
         """
         if (refused := await self.lease.ensure()) is not None:
             return AllAnswered(((self.name, refused),))
-        link = Link(self.bus, self._common, self.clock)
-        robots = await self.in_own_thread(lambda: present_robots(link))
+        robots = await self.in_own_thread(lambda: present_robots(self))
 
         async def clear(robot: str) -> Answer | Unanswered:
             try:

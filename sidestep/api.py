@@ -11,7 +11,6 @@ from ground.client.events import (
     TextReceived,
     VehicleChanged,
 )
-from ground.client.link import UnansweredError
 from ground.client.missions import MissionEnded, TransferOutcome
 from ground.client.outcomes import (
     Accepted,
@@ -26,6 +25,7 @@ from ground.client.outcomes import (
 )
 from ground.client.parameter import Parameter
 from ground.client.parameters import ParameterChanged
+from ground.client.robot_link import UnansweredError
 from ground.client.streams import ClosedError, Stream
 from ground.missions.mission import Circle, Mission, Polygon, Waypoint
 from ground.robot import Robot, connect

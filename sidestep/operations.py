@@ -13,7 +13,6 @@ from ground.client.outcomes import (
     Stopped,
 )
 from ground.client.parameters import ParameterChanged, ParametersLoaded, ParametersSaved
-from ground.client.session import Session
 from ground.commands.abort import Abort
 from ground.commands.arm import Arm
 from ground.commands.disarm import Disarm
@@ -93,7 +92,6 @@ __all__ = [
     "Resume",
     "ReturnHome",
     "SaveParameters",
-    "Session",
     "SetFence",
     "SetMode",
     "SetNavigator",

@@ -20,10 +20,9 @@ from gateways.mavlink.robot_port import (
 from ground.client import stop_ways
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.lease_holder import holder_name, is_ours
-from ground.client.leases import Leases, Leasing
-from ground.client.link import ALIVE, Link
+from ground.client.leases import ALIVE, Leases, Leasing
 from ground.client.outcomes import Operation, Outcome, Stopped
-from ground.client.robot_link import in_own_thread
+from ground.client.robot_link import RobotLink, in_own_thread
 from ground.client.telemetry import Telemetry
 from ground.client.teleop_sender import TeleopSender
 from ground.robot import STOP_S, Robot
@@ -138,7 +137,9 @@ class PortLeases(Leases):
 class PortRobot(Robot):
     """The robot of a port, which knows who holds the lease."""
 
-    def __init__(self, link: Link, heartbeat: Publisher[Heartbeat], telemetry: Telemetry) -> None:
+    def __init__(
+        self, link: RobotLink, heartbeat: Publisher[Heartbeat], telemetry: Telemetry
+    ) -> None:
         super().__init__(
             link.bus, link.common, clock=link.clock, leasing=Leasing.NEVER, follows=False
         )
@@ -159,8 +160,8 @@ class PortRobot(Robot):
 class LoadSampler:
     """Subscribes to the cycle reports for one of them, and again some time later."""
 
-    def __init__(self, link: Link) -> None:
-        self._bus, self._robot = link.bus, link.robot
+    def __init__(self, link: RobotLink) -> None:
+        self._bus, self._robot = link.bus, link.name
         self._box: Mailbox[CycleReport] | None = None
         self._newest: CycleReport | None = None
         self._due_ns = link.clock.now_ns()
@@ -186,17 +187,17 @@ class BusPort:
     `was_there` is True if the robot was found at the start.
     """
 
-    def __init__(self, link: Link) -> None:
-        self.name = link.robot
+    def __init__(self, link: RobotLink) -> None:
+        self.name = link.name
         self.identity = link.bus.operator or ""
         self._link = link
-        self._telemetry = Telemetry(link.bus, link.robot, TOPICS)
+        self._telemetry = Telemetry(link.bus, link.name, TOPICS)
         self._load = LoadSampler(link)
-        heartbeats: Publisher[Heartbeat] = link.bus.publisher(OPERATOR, link.robot)
-        self._stops = link.bus.publisher(STOP, link.robot)
-        self._ways = stop_ways.ways_of(link.bus, link.robot)
-        self._reports: Publisher[GatewayStatus] = link.bus.publisher(GATEWAY, link.robot)
-        self._stick = TeleopSender(link.bus, link.robot, link.clock)
+        heartbeats: Publisher[Heartbeat] = link.bus.publisher(OPERATOR, link.name)
+        self._stops = link.bus.publisher(STOP, link.name)
+        self._ways = stop_ways.ways_of(link.bus, link.name)
+        self._reports: Publisher[GatewayStatus] = link.bus.publisher(GATEWAY, link.name)
+        self._stick = TeleopSender(link.bus, link.name, link.clock)
         self._texts: SimpleQueue[tuple[bytes, int]] = SimpleQueue()
         self._robot = PortRobot(link, heartbeats, self._telemetry)
         self._requesting, self._halting = asyncio.Lock(), asyncio.Lock()
@@ -207,8 +208,8 @@ class BusPort:
         self._after_halts: list[tuple[Job, asyncio.Future[asyncio.Task[Answered]]]] = []
         self._stop_line = StopLine(self._new_stop, self._repeat_stop)
         self._started_ns = link.clock.now_ns()
-        link.bus.stream(TEXT, lambda _, frame, at_ns: self._texts.put((frame, at_ns)), link.robot)
-        link.bus.announce(link.robot)
+        link.bus.stream(TEXT, lambda _, frame, at_ns: self._texts.put((frame, at_ns)), link.name)
+        link.bus.announce(link.name)
         missing = link.bus.await_matched([heartbeats, self._stops], timeout_s=READY_S)
         self.was_there = not missing
 

@@ -32,7 +32,7 @@ from gateways.mavlink.signing import BackgroundWriter, Policy, SigningGuard
 from gateways.mavlink.traffic_recorder import TrafficRecorder, new_file
 from ground.cli.options import common_of
 from ground.client.connection import Common
-from ground.client.link import Link, open_link
+from ground.client.robot_link import RobotLink, open_link
 from ground.client.stop_ways import StopServer
 from ground.commands.command import add_common
 from ground.missions.mission import Home
@@ -248,10 +248,10 @@ def as_gateway(common: Common) -> Common:
     return replace(common, network=replace(common.network, person=gateway_here()))
 
 
-def vehicle_of(port: BusPort, link: Link, settings: GatewaySettings) -> MavVehicle:
+def vehicle_of(port: BusPort, link: RobotLink, settings: GatewaySettings) -> MavVehicle:
     """Return the robot of a port."""
     now_ns = link.clock.now_ns()
-    vehicle = MavVehicle(settings.systems[link.robot], port, settings.home, now_ns)
+    vehicle = MavVehicle(settings.systems[link.name], port, settings.home, now_ns)
     vehicle.origin_altitude_m = settings.altitude_m
     vehicle.unix_offset_ns = time.time_ns() - now_ns
     vehicle.commit = build()["commit"]
@@ -282,7 +282,7 @@ def run(options: argparse.Namespace, output: Output) -> int:
 
 def serve(
     options: argparse.Namespace,
-    link: Link,
+    link: RobotLink,
     output: Output,
     settings: GatewaySettings,
     endpoints: Sequence[Endpoint],

@@ -10,8 +10,8 @@ from ground.client.connection import Common
 from ground.client.floor import floor_of
 from ground.client.lease_holder import operator_name
 from ground.client.leases import Leasing
-from ground.client.link import Link, UnansweredError, open_link
 from ground.client.outcomes import Accepted, Operation, Outcome, Progress, RefusedError
+from ground.client.robot_link import RobotLink, UnansweredError, open_link
 from ground.commands.command import OperatorCommand, Reach, command_in, parsed
 from ground.robot import Robot
 from ground.text.output import Output
@@ -92,7 +92,7 @@ def run(options: argparse.Namespace, output: Output) -> int:
         )
 
 
-def robot_of(link: Link, progress: Progress) -> Robot:
+def robot_of(link: RobotLink, progress: Progress) -> Robot:
     """Return a robot that this program drives, and whose drives it follows."""
     return Robot(
         link.bus,
@@ -101,7 +101,7 @@ def robot_of(link: Link, progress: Progress) -> Robot:
         clock=link.clock,
         leasing=Leasing.DRIVES,
         progress=progress,
-        floor=partial(floor_of, link),
+        floor=partial(floor_of, link.bus, link.name),
     )
 
 

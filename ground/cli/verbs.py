@@ -7,18 +7,14 @@ modules it needs.
 import argparse
 from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import Final, TypeAlias
 
 from ground.text.output import Output
 from runtime.cli import verb_table
 from runtime.cli.verb import Verb
 
-if TYPE_CHECKING:
-    from ground.client.link import Link
-
 Run: TypeAlias = Callable[[argparse.Namespace, Output], int]
 """Runs a verb with its parsed arguments; returns the exit code."""
-Act: TypeAlias = Callable[[argparse.Namespace, "Link", Output], int]
 
 
 def loaded(verb: Verb) -> Run:
@@ -27,21 +23,7 @@ def loaded(verb: Verb) -> Run:
         from ground.cli import operate
 
         return operate.run
-    module = import_module(verb.module)
-    run: Run = getattr(module, verb.run) if verb.run else with_link(getattr(module, verb.act))
-    return run
-
-
-def with_link(act: Act) -> Run:
-    """Return a function that opens a link and calls `act` with it."""
-
-    def run(options: argparse.Namespace, output: Output) -> int:
-        from ground.cli.options import common_of
-        from ground.client.link import open_link
-
-        with open_link(common_of(options, output)) as link:
-            return act(options, link, output)
-
+    run: Run = getattr(import_module(verb.module), verb.run)
     return run
 
 

@@ -8,7 +8,6 @@ from math import hypot
 from typing import Final, NamedTuple
 
 from ground.client.goal import Destination
-from ground.client.link import Link
 from ground.missions.mission import inside
 from protocol.bus.bus import Bus
 from protocol.topics import WORLD
@@ -91,10 +90,10 @@ def world_goal(bus: Bus, robot: str) -> Destination:
     return goal
 
 
-def floor_of(link: Link) -> Floor | None:
+def floor_of(bus: Bus, robot: str) -> Floor | None:
     """Ask the plant for its world; None without a simulation, or without the right to ask."""
     try:
-        answer = link.bus.ask(WORLD, robot=link.robot)
+        answer = bus.ask(WORLD, robot=robot)
     except RemoteError:
         return None
     return floor_in(answer) if isinstance(answer, bytes) else None

@@ -7,7 +7,6 @@ from functools import partial
 from typing import Any, Final, Protocol, TypeVar
 
 from ground.client.lease_holder import is_ours
-from ground.client.link import ALIVE
 from ground.client.outcomes import Accepted, Answer, LeaseShown, Progress, Refused
 from ground.client.requests import (
     BEAT_NS,
@@ -21,7 +20,7 @@ from ground.client.robot_link import LEASE_NS, RobotLink, settled
 from ground.client.vocabulary import Remedies
 from protocol.bus.publisher import Publisher
 from protocol.topics import LEASE, LEASE_SERVICE, OPERATOR, STATUS, Service, Topic
-from protocol.wire.enums import LeaseAction
+from protocol.wire.enums import AUTOPILOT_INVALID, TYPE_GCS, LeaseAction, SystemState
 from protocol.wire.message import Message
 from protocol.wire.messages import Heartbeat, LeaseRequest
 from runtime.clock import Clock
@@ -32,6 +31,14 @@ T = TypeVar("T")
 Out = TypeVar("Out")
 M = TypeVar("M", bound=Message)
 R = TypeVar("R", bound=Request)
+ALIVE: Final = Heartbeat(
+    type=TYPE_GCS,
+    autopilot=AUTOPILOT_INVALID,
+    base_mode=0,
+    custom_mode=0,
+    system_status=SystemState.ACTIVE,
+    mavlink_version=3,
+)
 TICK_NS: Final = 50 * NS_PER_MS
 READY_S: Final = 0.5
 RELEASE_NS: Final = 200 * NS_PER_MS

@@ -16,9 +16,8 @@ from typing import Any, Final, NamedTuple, TypeVar
 from ground.client.connection import Common
 from ground.client.events import EventStream
 from ground.client.lease_holder import holder_name, is_ours
-from ground.client.link import LISTEN_NS, UnansweredError
 from ground.client.outcomes import Accepted, Answer
-from ground.client.presence import explain_silence, present_processes
+from ground.client.presence import PresentProcesses, explain_silence, present_processes
 from ground.client.requests import (
     ATTEMPTS,
     PATIENCE_NS,
@@ -31,7 +30,7 @@ from ground.client.requests import (
 )
 from ground.client.streams import CLOSED, QUEUE, ClosedError, Stream, TopicStreams
 from ground.client.telemetry import Telemetry
-from protocol.bus.bus import Bus
+from protocol.bus.bus import Bus, open_bus
 from protocol.bus.rights import denial
 from protocol.topics import (
     COMMAND,
@@ -41,6 +40,7 @@ from protocol.topics import (
     ODOMETRY,
     SONAR,
     STATUS,
+    Role,
     Service,
     Topic,
 )
@@ -55,7 +55,13 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from runtime.clock import Clock, WallClock
-from runtime.errors import NoAnswerError, RemoteError
+from runtime.errors import (
+    AccessDeniedError,
+    NoAnswerError,
+    NoPeerError,
+    PeerHangsError,
+    RemoteError,
+)
 from runtime.units import NS_PER_MS, NS_PER_S
 from runtime.watchdog import Patience, load_words, slowdown_in
 
@@ -69,10 +75,18 @@ REQUESTS: Final = 4
 """Number of concurrent requests; further ones wait. Emergency stops do not."""
 GRACE_S: Final = 1.0
 """Time after which a query that the bus has forgotten counts as unanswered."""
+LISTEN_NS: Final = 700 * NS_PER_MS
+"""Longest wait for what a robot that runs publishes at once."""
 NEWEST_NS: Final = NS_PER_S
 """Longest wait for a stream of the robot."""
 LEASE_NS: Final = 1_500 * NS_PER_MS
 """A robot publishes the status of its lease twice a second."""
+
+
+class UnansweredError(RemoteError):
+    """A robot did not answer; the message names the process that is missing or hangs."""
+
+    exit_code = 1
 
 
 class Drive:
@@ -116,7 +130,7 @@ class RobotLink:
         self.clock: Clock = WallClock() if clock is None else clock
         self.remedies = common.remedies
         self.streams = TopicStreams(bus, self.name)
-        self._common = common
+        self.common = common
         self.ids = RequestIds()
         self._slowdown = slowdown_in(self.clock)
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -132,10 +146,14 @@ class RobotLink:
 
         self._is_closed = False
 
+    def to(self, robot: str) -> "RobotLink":
+        """Return a link to another robot on the same bus."""
+        return RobotLink(self.bus, replace(self.common, robot=robot), self.clock)
+
     @property
     def endpoint(self) -> str:
         """The endpoints that were dialled, separated by commas."""
-        return self._common.endpoint
+        return self.common.endpoint
 
     def check_open(self) -> None:
         """Raise ClosedError after the end of `connect`."""
@@ -277,16 +295,19 @@ class RobotLink:
 
     def _silence(self, heard: Heard) -> str:
         """Explain it by what is linked; blocks."""
-        present = present_processes(self.bus.present(self._slowdown()))
         why = self.bus.lost() or explain_silence(
-            present,
+            self.processes(),
             self.name,
-            self._common.endpoint,
+            self.endpoint,
             is_beating=heard.is_beating,
             has_status=heard.has_status,
             other=self.remedies.robot,
         )
         return why if heard.stands else why + load_words(self._slowdown())
+
+    def processes(self) -> PresentProcesses:
+        """Return the announced processes; blocks, longer on a busy machine."""
+        return present_processes(self.bus.present(self._slowdown()))
 
     # What arrives.
 
@@ -469,3 +490,16 @@ async def finish(work: Coroutine[Any, Any, T]) -> T:
 async def settled(work: Awaitable[Any]) -> None:
     """Wait until the work has ended, by a result, an error or a cancellation."""
     await asyncio.gather(work, return_exceptions=True)
+
+
+@contextmanager
+def open_link(common: Common) -> Iterator[RobotLink]:
+    """Connect to the robot; UnansweredError if no process listens at the endpoint."""
+    try:
+        bus = open_bus(common.network, Role.GROUND, common.robot)
+    except (PeerHangsError, AccessDeniedError) as error:
+        raise UnansweredError(str(error)) from error
+    except NoPeerError as error:
+        raise UnansweredError(f"no robot and no router: {error}; {common.hint}") from error
+    with bus:
+        yield RobotLink(bus, common)

@@ -4,6 +4,7 @@ Datagrams need no session; a fresh session replaces one that is cut off without 
 program that has just been started uses the open sessions of others on this machine.
 """
 
+import asyncio
 import json
 import os
 import socket
@@ -20,13 +21,13 @@ import msgspec
 
 from ground.client.connection import Common
 from ground.client.emergency_stop import NO_WAYS, REPEAT_NS, EmergencyStop, StopOutcome, StopWays
-from ground.client.link import Link, open_link
 from ground.client.requests import GaveUp
+from ground.client.robot_link import RobotLink, open_link
 from ground.client.stop_datagrams import StopDatagrams
 from ground.user.folders import runs_folder
 from protocol.bus.network import Network
 from protocol.topic import ROBOT_NAME
-from protocol.topics import STATUS, STOP
+from protocol.topics import COMMAND, STATUS, STOP
 from runtime.errors import RemoteError, UserError
 from runtime.files import make_folder
 from runtime.units import NS_PER_S
@@ -192,22 +193,22 @@ class FreshSession:
 
 
 def stop_by(
-    link: Link, request_id: int, give_up_ns: int, is_over: Callable[[], bool]
+    link: RobotLink, request_id: int, give_up_ns: int, is_over: Callable[[], bool]
 ) -> StopOutcome:
     """Repeat a stop by an open session only; UnansweredError if the robot sends no status."""
     with link.subscribed(STATUS) as telemetry:
-        publisher = link.bus.publisher(STOP, link.robot)
+        publisher = link.bus.publisher(STOP, link.name)
         stop = EmergencyStop(
             link.bus,
             publisher,
-            link.robot,
+            link.name,
             link.clock,
             lambda: telemetry.latest(STATUS),
             request_id=request_id,
         )
         outcome = stop.run(is_over, give_up_ns)
         if telemetry.latest(STATUS) is None and not outcome.acknowledged and not is_over():
-            raise link.unanswered(GaveUp(outcome.why))
+            raise asyncio.run(link.unanswered(GaveUp(outcome.why), COMMAND))
         return outcome
 
 
@@ -334,7 +335,7 @@ class StopServer:
     It listens on a socket of this user. Without one (`why`) the program works as before.
     """
 
-    def __init__(self, link: Link) -> None:
+    def __init__(self, link: RobotLink) -> None:
         self.why = ""
         self._link = link
         self._closing = Event()
@@ -402,7 +403,7 @@ class StopServer:
             done = StopDone(acknowledged=outcome is not None and outcome.acknowledged)
             asking.sendall(msgspec.json.encode(done) + b"\n")
 
-    def _stop(self, link: Link, request_id: int) -> StopOutcome | None:
+    def _stop(self, link: RobotLink, request_id: int) -> StopOutcome | None:
         give_up_ns = round(ANSWER_S * NS_PER_S)
         if self._repeated >= MOST_REPEATED:
             give_up_ns = 0

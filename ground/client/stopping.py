@@ -8,9 +8,9 @@ from typing import Final, TypeVar
 from ground.client import stop_ways
 from ground.client.connection import Common
 from ground.client.emergency_stop import EmergencyStop, MessagePublisher
-from ground.client.link import Link, UnansweredError
 from ground.client.outcomes import AllAnswered, Stopped
 from ground.client.presence import present_processes
+from ground.client.robot_link import RobotLink, UnansweredError
 from ground.client.telemetry import Telemetry
 from protocol.topics import STATUS, STOP
 from protocol.wire.messages import CommandRequest, NavigatorStatus
@@ -21,7 +21,7 @@ MAX_THREADS: Final = 64
 NO_ROBOT: Final = "no robot is present at {}: `sidestep doctor` explains why"
 
 
-def stop_all(link: Link, give_up_ns: int, request_id: int = 0) -> AllAnswered:
+def stop_all(link: RobotLink, give_up_ns: int, request_id: int = 0) -> AllAnswered:
     """Stop the robots that are known by name at once, then all that are present.
 
     Each stop is repeated until the robot's status shows it. `request_id` is that of each of these
@@ -58,7 +58,7 @@ def stop_all(link: Link, give_up_ns: int, request_id: int = 0) -> AllAnswered:
                 press(robot)
         if nobody is None:
             opened.enter_context(newest.subscribed(present))
-            known.remove(link.common.robot)  # unless it is present: a name that nobody gave
+            known.remove(link.name)  # unless it is present: a name that nobody gave
         robots = list(dict.fromkeys((*present, *known)))
         outcomes = at_once(repeat, [stops[robot] for robot in robots])
     if nobody is not None and not any(outcome.ok for outcome in outcomes):
@@ -69,7 +69,7 @@ def stop_all(link: Link, give_up_ns: int, request_id: int = 0) -> AllAnswered:
 class LatePublisher:
     """The publisher of a stop; to declare it may block, and other ways come first."""
 
-    def __init__(self, link: Link, robot: str) -> None:
+    def __init__(self, link: RobotLink, robot: str) -> None:
         self._link, self._robot = link, robot
         self._publisher: MessagePublisher[CommandRequest] | None = None
 
@@ -83,7 +83,7 @@ class LatePublisher:
 class NewestStatuses:
     """The newest status of each robot, from the moment it is subscribed to."""
 
-    def __init__(self, link: Link) -> None:
+    def __init__(self, link: RobotLink) -> None:
         self._link = link
         self._telemetry: dict[str, Telemetry] = {}
 
@@ -110,7 +110,7 @@ def known_robots(common: Common) -> list[str]:
     return list(dict.fromkeys((common.robot, *common.robots, *common.network.stop_at)))
 
 
-def present_robots(link: Link) -> list[str]:
+def present_robots(link: RobotLink) -> list[str]:
     """Return the names of the robots that are present; UnansweredError if there is none."""
     robots = present_processes(link.bus.present()).robots()
     if not robots:

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from time import time
 from typing import Any, Final
 
-from ground.client.link import UnansweredError
 from ground.client.outcomes import Report
 from ground.client.presence import (
     PresentProcesses,
@@ -18,6 +17,7 @@ from ground.client.presence import (
     present_processes,
 )
 from ground.client.requests import NO_COMMAND, RequestIds
+from ground.client.robot_link import UnansweredError
 from ground.client.status_line import knows_place
 from ground.client.telemetry import Telemetry
 from ground.commands.command import OperatorCommand, command, option, seconds

@@ -4,8 +4,8 @@ from dataclasses import field, replace
 from pathlib import Path
 from typing import Any, Final, Self
 
-from ground.client.link import LISTEN_NS
 from ground.client.outcomes import Progress, Report
+from ground.client.robot_link import LISTEN_NS
 from ground.commands.command import (
     OperatorCommand,
     Reach,

@@ -9,8 +9,8 @@ from typing import Any, ClassVar, Final
 from ground.client import stop_ways
 from ground.client.connection import Common
 from ground.client.emergency_stop import EmergencyStop
-from ground.client.link import UnansweredError, open_link
 from ground.client.outcomes import AllAnswered, Answer, Stopped, Unanswered
+from ground.client.robot_link import UnansweredError, open_link
 from ground.client.stopping import at_once, known_robots, stop_all
 from ground.commands.command import (
     OperatorCommand,

@@ -1,7 +1,7 @@
 """`watch`: print telemetry and texts as lines, or the state once."""
 
-from ground.client.link import LISTEN_NS
 from ground.client.outcomes import Report
+from ground.client.robot_link import LISTEN_NS
 from ground.client.status_line import watch_line
 from ground.client.telemetry import SUMMARY_TOPICS, Telemetry
 from ground.commands.command import OperatorCommand, command, switch

@@ -8,15 +8,14 @@ from itertools import pairwise
 from math import degrees, dist, isfinite
 from typing import Any, Final, NamedTuple, TypeAlias
 
-from ground.blocking import BlockingRobot, run_blocking
 from ground.client.goal import Destination
-from ground.client.link import LISTEN_NS, Link, UnansweredError
 from ground.client.lost_drive import SAME_M
 from ground.client.parameter import Parameter, parameters_in
-from ground.client.session import Session
+from ground.client.robot_link import LISTEN_NS, UnansweredError
 from ground.client.vocabulary import SIDES
 from ground.recording.log_reader import LogIndex
 from ground.recording.world_metadata import world_of
+from ground.robot import Robot
 from protocol.outcome import ENDS, reason_words, start_arguments
 from protocol.topics import CLOCK, COMMANDED, ODOMETRY, STATUS, TRUTH, WORLD
 from protocol.wire.enums import GoalState
@@ -363,44 +362,44 @@ def changed(parameters: Iterable[Parameter]) -> dict[str, float]:
 ASK_S: Final = 1.0
 
 
-class LiveState:
+class LiveState(NamedTuple):
     """State of a running robot, from which a ghost can start."""
 
-    def __init__(self, link: Link) -> None:
-        """Wait for the robot's messages; raises UnansweredError when they do not arrive."""
-        self._link = link
-        with link.subscribed(STATUS, TRUTH) as telemetry:
-            link.wait(lambda: all(telemetry.latest(topic) for topic in (STATUS, TRUTH)), LISTEN_NS)
-            now_ns = link.clock.now_ns()
-            status, self._truth = telemetry.live(STATUS, now_ns), telemetry.live(TRUTH, now_ns)
-        if status is None:
-            raise UnansweredError(link.diagnosis())
-        self.status: NavigatorStatus = status
-
-    def instant(self, world: str | None, goal: Destination | None) -> BranchPoint:
-        """Return the start of a ghost; `world` and `goal` replace those of the robot.
-
-        Raises UserError without a simulation, as only a simulation provides the true pose.
-        """
-        truth = self._truth
-        if truth is None:
-            raise UserError("there is no simulation, which a ghost needs for the true pose")
-        pose, whereto = (truth.x_m, truth.y_m, truth.heading_rad), goal or goal_of(self.status)
-        return BranchPoint(world or self.world(), pose, truth.time_ns / NS_PER_S, whereto)
-
-    def world(self) -> str:
-        """Return the JSON of the plant's world; RemoteError when the answer is malformed."""
-        answer = self._link.bus.ask(WORLD, timeout_s=ASK_S, robot=self._link.robot)
-        text = answer.decode(errors="replace") if isinstance(answer, bytes) else ""
-        if world_of(text) is None:
-            raise RemoteError("malformed answer of the plant: not a world")
-        return text
-
-    def parameters(self) -> dict[str, float]:
-        """Return the robot's parameters for driving that differ from their defaults."""
-        robot = BlockingRobot(Session(self._link, attended=True))
-        return driving(changed(run_blocking(robot.parameters.fetch())))
+    status: NavigatorStatus
+    instant: BranchPoint
+    parameters: dict[str, float]
+    """Those for driving that differ from their defaults."""
 
     def rest(self) -> PredictedPath:
         """Return an open result, because the robot is still driving."""
         return PredictedPath([], DRIVING, "", None, None)
+
+
+async def state_of(robot: Robot, world: str | None, goal: Destination | None) -> LiveState:
+    """Return the state of a running robot; `world` and `goal` replace those of the robot.
+
+    Raises UnansweredError when its messages do not arrive, UserError without a simulation, as only
+    a simulation provides the true pose, and RemoteError for a malformed world.
+    """
+    with robot.subscribed(STATUS, TRUTH) as telemetry:
+        await robot.wait(lambda: all(map(telemetry.latest, (STATUS, TRUTH))), LISTEN_NS)
+        now_ns = robot.clock.now_ns()
+        status, truth = telemetry.live(STATUS, now_ns), telemetry.live(TRUTH, now_ns)
+    if status is None:
+        raise UnansweredError(await robot.diagnosis())
+    if truth is None:
+        raise UserError("there is no simulation, which a ghost needs for the true pose")
+    whereto = goal or goal_of(status)
+    if world is None:
+        world = await robot.in_own_thread(lambda: world_at(robot))
+    instant = BranchPoint(world, pose_of(truth), truth.time_ns / NS_PER_S, whereto)
+    return LiveState(status, instant, driving(changed(await robot.parameters.fetch())))
+
+
+def world_at(robot: Robot) -> str:
+    """Ask the plant for the JSON of its world; RemoteError when the answer is malformed."""
+    answer = robot.bus.ask(WORLD, timeout_s=ASK_S, robot=robot.name)
+    text = answer.decode(errors="replace") if isinstance(answer, bytes) else ""
+    if world_of(text) is None:
+        raise RemoteError("malformed answer of the plant: not a world")
+    return text

@@ -10,9 +10,9 @@ from typing import Final
 from msgspec import structs
 
 from ground.client.goal import goal_request
-from ground.client.link import UnansweredError
 from ground.client.outcomes import Accepted, Refused
 from ground.client.requests import GoalEnd, GoalWatch
+from ground.client.robot_link import UnansweredError
 from ground.client.status_line import goal_line, short_line
 from ground.client.telemetry import Telemetry
 from ground.client.time_factor import TimeFactor

@@ -42,20 +42,19 @@ class Verb(NamedTuple):
     `section` is a heading of the help, or the group that the verb belongs to. `example` is a
     command line without `sidestep`. `words` is the class that parses a typed operation, for the
     shell and for the app's command line. Other verbs of an operator parse `arguments` and then
-    either run by themselves (`run`) or act over a link to a robot (`act`). A verb with none of
-    these is a program with a `main` and a `parser`. `name` is the word in the group, if it is not
-    the key of the table; `suffixes` are those of its argument `file`, and `subcommands` the words
-    that follow the verb, as in `mission upload`; `hosts` are modules that register where a program
-    can run, by the option that needs them. `rank` orders the verbs of a section. `also` are other
-    words for it in the app, each with the arguments that it stands for; `elsewhere` is why the app
-    does not have it, and `only_stops` is True if it can only stop a robot.
+    `run`. A verb with none of these is a program with a `main` and a `parser`. `name` is the word
+    in the group, if it is not the key of the table; `suffixes` are those of its argument `file`,
+    and `subcommands` the words that follow the verb, as in `mission upload`; `hosts` are modules
+    that register where a program can run, by the option that needs them. `rank` orders the verbs of
+    a section. `also` are other words for it in the app, each with the arguments that it stands for;
+    `elsewhere` is why the app does not have it, and `only_stops` is True if it can only stop a
+    robot.
     """
 
     section: str
     summary: str
     example: str
     module: str
-    act: str = ""
     run: str = ""
     arguments: str = "arguments"
     words: str = ""
@@ -71,7 +70,7 @@ class Verb(NamedTuple):
     @property
     def is_program(self) -> bool:
         """True for a verb whose module has its own `main`."""
-        return not (self.act or self.run or self.words)
+        return not (self.run or self.words)
 
     @property
     def is_grouped(self) -> bool:

@@ -18,7 +18,7 @@ from checks.harness.until import PATIENCE_S, interrupt_when, until
 from gateways.foxglove_bridge import Bridge, place, served
 from ground.cli.main import main
 from ground.client.connection import Common
-from ground.client.link import Link
+from ground.client.robot_link import RobotLink
 from ground.launch.recording_session import RecordingSession
 from ground.recording.log_reader import open_log, read
 from ground.recording.log_writer import LogFile
@@ -187,7 +187,7 @@ def port() -> Iterator[int]:
         network = Network(mode="client", connect=(endpoint,))
         common = Common(network=network, robot="r1")
         with open_bus(network, Role.GROUND, "r1") as bus:
-            bridge = Bridge(Link(bus, common, WallClock()))
+            bridge = Bridge(RobotLink(bus, common, WallClock()))
             stop = threading.Event()
             rounds = threading.Thread(target=go_round, args=(bridge, stop))
             rounds.start()

@@ -24,7 +24,7 @@ from ground.app.appearance import Appearance
 from ground.app.commands.runner import CommandRunner
 from ground.client.connection import Common, given
 from ground.client.emergency_stop import FRESH_NS, EmergencyStop, StopWays
-from ground.client.link import Link, open_link
+from ground.client.robot_link import RobotLink, open_link
 from ground.client.stop_datagrams import StopDatagrams
 from ground.client.stop_ways import (
     MOST_BYTES,
@@ -72,7 +72,7 @@ def common(stage: tuple[PlayedRobot, str]) -> Common:
 
 
 @contextmanager
-def served(common: Common) -> Iterator[Link]:
+def served(common: Common) -> Iterator[RobotLink]:
     """Have a program with an open session on this machine."""
     with open_link(common) as link, StopServer(link) as server:
         assert server.why == ""

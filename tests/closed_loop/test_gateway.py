@@ -25,9 +25,9 @@ from gateways.mavlink.mavlink_dialect import (
 from gateways.mavlink.services import face_of
 from ground.client.connection import Common
 from ground.client.goal import Destination
-from ground.client.leases import Leasing
-from ground.client.link import ALIVE, Link
+from ground.client.leases import ALIVE, Leasing
 from ground.client.outcomes import Outcome
+from ground.client.robot_link import RobotLink
 from ground.commands.arm import Arm
 from ground.commands.goto import Goto
 from ground.commands.lease import ChangeLease
@@ -53,8 +53,10 @@ PLAN = planned(
 )
 
 
-def link_of(stack: InProcess, role: Role) -> Link:
-    return Link(stack.join(role), Common(network=stack.client_network, robot="r1"), WallClock())
+def link_of(stack: InProcess, role: Role) -> RobotLink:
+    return RobotLink(
+        stack.join(role), Common(network=stack.client_network, robot="r1"), WallClock()
+    )
 
 
 def flown(stack: InProcess) -> str:

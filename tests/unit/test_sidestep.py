@@ -71,7 +71,7 @@ def test_functions_of_the_verb_table_exist(verb: Verb) -> None:
     module = importlib.import_module(verb.module)
     for host in verb.hosts.values():
         importlib.import_module(host)
-    named = ("main",) if verb.is_program else (verb.act, verb.run, verb.arguments)
+    named = ("main",) if verb.is_program else (verb.run, verb.arguments)
     if verb.words:
         assert callable(getattr(module, verb.words).declare)
         return

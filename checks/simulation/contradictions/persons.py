@@ -86,7 +86,7 @@ def _any_goal() -> Patches:
 
 def _unbound_clean_up() -> Patches:
     """End whatever the robot does, when a drive is cleaned up."""
-    links = import_module("ground.client.link")
+    links = import_module("ground.robot")
 
     async def end(self: Any, request: Any, drive_id: int, attempts: int = 3) -> Any:
         if not drive_id:
@@ -601,8 +601,7 @@ def replacements() -> dict[str, object]:
         return current_host().name.partition("-")[2].partition(".")[0]
 
     return {
-        "ground.client.link.open_bus": open_bus_here,
-        "ground.client.link.WallClock": SimulatedClock,
+        "ground.client.robot_link.open_bus": open_bus_here,
         "ground.client.robot_link.WallClock": SimulatedClock,
         "ground.robot.common": common_here,
         "ground.client.lease_holder.gethostname": lambda: "sim",

@@ -35,8 +35,8 @@ from ground.cli import operate
 from ground.client.connection import Common
 from ground.client.goal import destination
 from ground.client.lease_holder import operator_name
-from ground.client.link import open_link
 from ground.client.outcomes import Operation, Outcome
+from ground.client.robot_link import open_link
 from ground.client.vocabulary import HINTS
 from ground.commands.abort import Abort
 from ground.commands.arm import Arm

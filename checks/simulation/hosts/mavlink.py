@@ -32,7 +32,7 @@ from gateways.mavlink.gateway_verb import GatewaySettings
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import REQUEST_OPERATOR_CONTROL, MavMessage, mavlink
 from gateways.mavlink.services import face_of
-from ground.client.link import Link
+from ground.client.robot_link import RobotLink
 from protocol.bus.bus import open_bus
 from protocol.topics import Role
 from protocol.wire.enums import Mode
@@ -72,7 +72,7 @@ class GatewaySide(SimulatedOperator):
     def _main(self) -> None:
         bus = self.bus = open_bus(self.dials, Role.GROUND, "r1", self.host.now_ns)
         clock = SimulatedClock()
-        link = Link(bus, self.common, clock)
+        link = RobotLink(bus, self.common, clock)
         host = self.host
         endpoint = DatagramEndpoint(lambda peer, data: self.answer(host, peer, data))
         port = BusPort(link)

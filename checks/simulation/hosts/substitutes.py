@@ -247,7 +247,6 @@ SPECIAL: Final[dict[str, object]] = {
     "robot.run.Rehearsal": lambda _params: None,
     # A simulated process is stopped by a call of its `stop`.
     "robot.run.on_signal": lambda _stop: None,
-    "ground.client.link.Pulse": lambda: Pulse(current_host().now_ns),
     "ground.client.stop_ways.ways_of": lambda _bus, _robot: NO_WAYS,
     "plant.process.Patience": PATIENCE,
     "runtime.files.os": HostsDisk(),

@@ -3,9 +3,11 @@
 import argparse
 from typing import Final
 
+from ground.cli.event_loop import run_until_signal
 from ground.cli.options import common_of
 from ground.client.goal import Destination, destination
-from ground.client.link import Link, open_link
+from ground.client.leases import Leasing
+from ground.client.robot_link import open_link
 from ground.client.vocabulary import NAVIGATORS, NOISES, SIDES
 from ground.commands.command import add_common, moment, seconds
 from ground.commands.explain import instant_ns
@@ -13,15 +15,16 @@ from ground.ghost.branch_point import (
     FAILED,
     BranchPoint,
     GhostRecording,
-    LiveState,
     PredictedPath,
     changed_in,
     driving,
     side_of,
+    state_of,
 )
 from ground.ghost.ghost import Ghost, Ghosts
 from ground.recording.catalogue import recording_named
 from ground.recording.log_reader import LogIndex, open_log
+from ground.robot import Robot
 from ground.text.output import Output
 from ground.text.wording import Part
 from protocol.options import finite, whole
@@ -83,27 +86,14 @@ def run(options: argparse.Namespace, output: Output) -> int:
     """Run the ghosts from a recording, or from the present state of a robot."""
     if options.file is not None:
         return run_from_recording(options, output)
-    check_options(options)
-    with open_link(common_of(options, output)) as link:
-        return act(options, link, output)
-
-
-def act(options: argparse.Namespace, link: Link, output: Output) -> int:
-    """Run the ghosts from the robot's present state; return 1 if one of them failed."""
-    if options.file is not None:
-        return run_from_recording(options, output)
-    check_options(options)
-    present = LiveState(link)
-    status = present.status
-    instant = present.instant(options.world, goal_in(options))
-    paths = run_ghosts(options, instant, status, present.parameters(), output, link.clock)
-    return print_paths(output, instant, name_of(status.navigator), present.rest(), paths)
-
-
-def check_options(options: argparse.Namespace) -> None:
-    """Refuse --at without --from."""
     if options.at is not None:
         raise UserError("--at needs a recording: name it with --from")
+    with open_link(common_of(options, output)) as link:
+        robot = Robot(link.bus, link.common, clock=link.clock, leasing=Leasing.NEVER)
+        present = run_until_signal(lambda: state_of(robot, options.world, goal_in(options)))
+        status, instant, parameters = present
+        paths = run_ghosts(options, instant, status, parameters, output, link.clock)
+        return print_paths(output, instant, name_of(status.navigator), present.rest(), paths)
 
 
 def run_from_recording(options: argparse.Namespace, output: Output) -> int:

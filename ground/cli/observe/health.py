@@ -10,8 +10,9 @@ from http.client import HTTPConnection, HTTPException
 from types import MappingProxyType
 from typing import Any, Final
 
+from ground.cli.event_loop import run_until_signal
 from ground.cli.options import common_of
-from ground.client.link import Link, UnansweredError, open_link
+from ground.client.robot_link import RobotLink, UnansweredError, open_link
 from ground.commands.command import add_common
 from ground.text.output import Output
 from ground.web import Address, address_of
@@ -53,43 +54,40 @@ def run(options: argparse.Namespace, output: Output) -> int:
     if options.web is not None:
         ask_page(address_of(options.web))
     with open_link(common_of(options, output)) as link:
-        return act(options, link, output)
-
-
-def act(options: argparse.Namespace, link: Link, output: Output) -> int:
-    """Check the topics of the role over a link."""
-    hub = link.bus.hub()
-    if options.role == ROUTER and hub is not Hub.ROUTER:
-        raise UnansweredError(f"the process at {link.endpoint} is {hub.value}, not a router")
-    listen(options.role, link)
-    found: dict[str, object] = {"role": options.role, "robot": link.robot, "ok": True}
+        hub = link.bus.hub()
+        if options.role == ROUTER and hub is not Hub.ROUTER:
+            raise UnansweredError(f"the process at {link.endpoint} is {hub.value}, not a router")
+        run_until_signal(lambda: listen(options.role, link))
+        found: dict[str, object] = {"role": options.role, "robot": link.name, "ok": True}
     output.result(found, f"{options.role}: healthy")
     return 0
 
 
-def listen(role: str, link: Link) -> None:
+async def listen(role: str, link: RobotLink) -> None:
     """Raise UnansweredError for the first topic of the role that does not arrive in time."""
     topics = TOPICS_OF_ROLE[role]
     if not topics:
         return
     limit_ns = max(topic.stale_after_ns for topic in topics)
     with link.subscribed(*topics) as telemetry:
-        link.wait(lambda: all(map(telemetry.latest, topics)), limit_ns + GRACE_NS)
+        await link.wait(lambda: all(map(telemetry.latest, topics)), limit_ns + GRACE_NS)
         for topic in topics:
             if telemetry.latest(topic) is None:
                 box = telemetry.boxes()[topic.path]
-                raise UnansweredError(missing_topic(role, topic, box.last_rejection, link))
+                why = await missing_topic(role, topic, box.last_rejection, link)
+                raise UnansweredError(why)
 
 
-def missing_topic(role: str, topic: Topic[Any], rejection: str, link: Link) -> str:
+async def missing_topic(role: str, topic: Topic[Any], rejection: str, link: RobotLink) -> str:
     """Return the topic that is missing, and the reason if it is known."""
     if rejection:
-        return f"{topic.path} of {link.robot} {rejection}"
+        return f"{topic.path} of {link.name} {rejection}"
     within_ms = (topic.stale_after_ns + GRACE_NS) // NS_PER_MS
-    what = f"no message on {topic.path} of {link.robot} within {within_ms} ms"
+    what = f"no message on {topic.path} of {link.name} within {within_ms} ms"
     if role != Role.PLANT.value:
-        return f"{what}: {link.diagnosis()}"
-    has_plant = link.processes().has(link.robot, Role.PLANT)
+        return f"{what}: {await link.diagnosis()}"
+    processes = await link.in_own_thread(link.processes)
+    has_plant = processes.has(link.name, Role.PLANT)
     return (
         f"{what}: {'the plant is slow, hangs or is paused' if has_plant else 'no plant is running'}"
     )

@@ -8,7 +8,7 @@ from time import time_ns
 from typing import Final
 
 from ground.cli.options import common_of
-from ground.client.link import Link, open_link
+from ground.client.robot_link import RobotLink, open_link
 from ground.commands.command import add_common
 from ground.launch.child_processes import defer_signals
 from ground.launch.recording_session import add_keep, byte_limit, created_line
@@ -41,10 +41,10 @@ def run(options: argparse.Namespace, output: Output) -> int:
         keep_bytes = byte_limit(folder, options.keep)
         log = new_log(folder, link, part_bytes(keep_bytes))
         link.bus.stream_all(log.take)
-        output.note(created_line(link.robot, log.path))
+        output.note(created_line(link.name, log.path))
         retention = Retention(folder, keep_bytes, part_bytes(keep_bytes))
         note(output, retention.warning())
-        facts = MetadataReader(link.bus, link.robot)
+        facts = MetadataReader(link.bus, link.name)
         try:
             keep_writing(link, log, facts, retention, output)
         except KeyboardInterrupt:
@@ -63,18 +63,18 @@ def await_pause(log: DualLog, clock: Clock) -> None:
         clock.sleep_until(clock.now_ns() + PAUSE_NS)
 
 
-def new_log(folder: Path, link: Link, part_bytes: int) -> DualLog:
+def new_log(folder: Path, link: RobotLink, part_bytes: int) -> DualLog:
     """Create the two files in a folder; UserError if that fails."""
     offset_ns = time_ns() - link.clock.now_ns()
     try:
         now = datetime.now(UTC)
-        return DualLog.new(folder, link.robot, now, offset_ns, part_bytes=part_bytes)
+        return DualLog.new(folder, link.name, now, offset_ns, part_bytes=part_bytes)
     except OSError as error:
         raise UserError(f"cannot record in {folder}: {error.strerror or error}") from error
 
 
 def keep_writing(
-    link: Link, log: DualLog, facts: MetadataReader, retention: Retention, output: Output
+    link: RobotLink, log: DualLog, facts: MetadataReader, retention: Retention, output: Output
 ) -> None:
     """Flush four times a second, and sync to disk once a second; report problems."""
     alarms = Alarms(output)

@@ -7,9 +7,9 @@ from ground.app.appearance import add_appearance_options
 from ground.app.input.keymap import as_toml
 from ground.app.start import has_screen, keymap_of
 from ground.app.start import run as run_app
-from ground.cli.observe.live_line import LiveStatus
+from ground.cli.observe.live_line import show_status
 from ground.cli.options import common_of
-from ground.client.link import Link, open_link
+from ground.client.robot_link import RobotLink, open_link
 from ground.client.stop_ways import StopServer
 from ground.commands.command import add_common
 from ground.launch.recording_session import (
@@ -47,19 +47,19 @@ def run_ground(options: argparse.Namespace, output: Output) -> int:
         return act_ground(options, link, output)
 
 
-def act_ground(options: argparse.Namespace, link: Link, output: Output) -> int:
+def act_ground(options: argparse.Namespace, link: RobotLink, output: Output) -> int:
     """Run the station over a link until the operator leaves, with the operator's heartbeat."""
     if has_screen() and not (options.plain or options.json):
         with StopServer(link):
             return run_recorded(options, link)
     link.bus.announce()
-    output.note(f"operator of {link.robot}; Ctrl-C ends the heartbeat, and a robot in GUIDED stops")
+    output.note(f"operator of {link.name}; Ctrl-C ends the heartbeat, and a robot in GUIDED stops")
     with StopServer(link):
-        LiveStatus(link, output, beats=True).run()
+        show_status(link, output, beats=True)
     return 0
 
 
-def run_recorded(options: argparse.Namespace, link: Link) -> int:
+def run_recorded(options: argparse.Namespace, link: RobotLink) -> int:
     """Run the app, with a recorder beside it unless --no-record is given."""
     common, folder = link.common, folder_of(options)
     where = folder or recordings_folder()

@@ -17,7 +17,7 @@ from ground.app.start import has_screen
 from ground.app.start import run as run_app
 from ground.cli.event_loop import run_until_signal
 from ground.client.connection import Common
-from ground.client.link import Link, UnansweredError
+from ground.client.robot_link import RobotLink, UnansweredError
 from ground.client.stop_ways import StopServer
 from ground.client.vocabulary import NAVIGATORS, NOISES, SIDES, USUAL_NAVIGATOR
 from ground.commands.command import add_json, positive, seconds
@@ -178,7 +178,7 @@ def run_headless(
                 progress_display(output, clock, in_lines=options.plain),
             )
             try:
-                with StopServer(Link(bus, stack.common, clock)):
+                with StopServer(RobotLink(bus, stack.common, clock)):
                     outcomes = run_until_signal(
                         lambda: fleet_run.run(
                             lockstep=scenario.lockstep, launched=partial(stack.supervise, bus)
@@ -210,7 +210,7 @@ def run_with_app(
                 if scenario.record is not None:
                     recording.watch(partial(stack.recording_of, stack.common.robot))
                 lessons = vars(options).get("lessons", False)
-                with StopServer(Link(bus, stack.common, clock)):
+                with StopServer(RobotLink(bus, stack.common, clock)):
                     return run_app(options, bus, stack.common, stack, recording, lessons=lessons)
 
 

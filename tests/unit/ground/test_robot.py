@@ -10,8 +10,7 @@ import pytest
 from checks.harness.loop import PlayedLoop
 from ground.client import robot_link
 from ground.client.goal import destination
-from ground.client.leases import TICK_NS
-from ground.client.link import ALIVE
+from ground.client.leases import ALIVE, TICK_NS
 from ground.client.outcomes import Accepted, GoalEnded, Refused, RefusedError
 from ground.client.streams import ClosedError
 from ground.robot import Robot

@@ -21,7 +21,7 @@ from gateways.mavlink.bus_port import (
 )
 from gateways.mavlink.robot_port import NO_TELEMETRY, OVERTAKEN, Answered, StopPress
 from ground.client.connection import Common
-from ground.client.link import Link
+from ground.client.robot_link import RobotLink
 from ground.commands.arm import Arm
 from ground.commands.disarm import Disarm
 from ground.commands.hold import Hold
@@ -93,7 +93,7 @@ class Room:
         self.bus.answers[COMMAND.path] = self._answer
         common = Common(network=Network(connect=("tcp/127.0.0.1:1",)), robot="r1")
         self.loop = PlayedLoop(self.clock)
-        self.port = BusPort(Link(cast("Any", self.bus), common, self.clock))
+        self.port = BusPort(RobotLink(cast("Any", self.bus), common, self.clock))
         self.answers: list[Answered] = []
         self.tasks: list[asyncio.Task[None]] = []
         self.stops = self.bus.publisher(STOP)

@@ -11,16 +11,16 @@ import pytest
 from gateways.foxglove_bridge import (
     Bridge,
     ListenAddress,
-    act,
     answer,
     hidden_address,
     is_admitted,
     place,
     refusal_of,
     sdk,
+    serve,
 )
 from ground.client.connection import Common
-from ground.client.link import Link
+from ground.client.robot_link import RobotLink
 from ground.text.output import Output
 from protocol.bus.network import Network
 from runtime.clock import ManualClock
@@ -64,10 +64,11 @@ def test_bridge_collects_channels_before_it_listens(
     monkeypatch.setattr(Bridge, "__init__", lambda *_: None)
     monkeypatch.setattr(Bridge, "round", lambda _, now_ns: rounds_ms.append(now_ns // 1_000_000))
     link = cast(
-        Link, SimpleNamespace(clock=clock, robot="r1", common=Common(network=Network(), robot="r1"))
+        RobotLink,
+        SimpleNamespace(clock=clock, name="r1", common=Common(network=Network(), robot="r1")),
     )
     with pytest.raises(UserError, match="listens"):
-        act(
+        serve(
             argparse.Namespace(at=ListenAddress("127.0.0.1", 0), origin=[]),
             link,
             cast(Output, None),

@@ -6,9 +6,9 @@ import pytest
 
 from ground.client.floor import Floor, floor_in
 from ground.client.goal import destination
-from ground.client.link import UnansweredError
 from ground.client.outcomes import Accepted, Operation, Outcome, Refused, RefusedError, agreed
 from ground.client.requests import ATTEMPTS
+from ground.client.robot_link import UnansweredError
 from ground.client.status_line import knows_place, pose_of
 from ground.commands.abort import Abort
 from ground.commands.arm import Arm

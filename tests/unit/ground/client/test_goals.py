@@ -14,7 +14,6 @@ from msgspec.structs import replace
 from ground.cli.main import parse
 from ground.client.floor import Floor, floor_in, floor_of
 from ground.client.goal import Destination, destination, from_robot, goal_request
-from ground.client.link import Link
 from ground.client.lost_drive import (
     LostGoal,
     LostMission,
@@ -568,8 +567,8 @@ def attended(*script: Reply, floor: Floor | None = BOX) -> Stage:
     return stage
 
 
-def link_of(stage: Stage) -> Link:
-    return Link(stage.bus, stage.common, stage.clock)
+def floor_at(stage: Stage) -> Floor | None:
+    return floor_of(stage.bus, "r1")
 
 
 @each("place", [(100.0, 100.0), (-0.01, 1.0), (1.0, 4.01), (6.01, 1.0)])
@@ -620,7 +619,7 @@ def test_mission_names_the_waypoint_outside_the_world() -> None:
 
 
 def test_floor_is_read_from_the_plant() -> None:
-    assert floor_of(link_of(Stage(WITH_GOAL))) == BOX
+    assert floor_at(Stage(WITH_GOAL)) == BOX
 
 
 def test_goto_without_a_place_drives_to_the_goal_of_the_world() -> None:
@@ -656,7 +655,7 @@ def test_part_of_a_goal_is_refused_with_an_example(words: str) -> None:
 
 
 def test_plant_that_does_not_answer_knows_no_world() -> None:
-    assert floor_of(link_of(Stage(None))) is None
+    assert floor_at(Stage(None)) is None
 
 
 @each(

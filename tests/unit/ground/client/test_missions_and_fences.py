@@ -5,8 +5,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from ground.client.link import UnansweredError
 from ground.client.missions import MissionProgress, TransferOutcome
+from ground.client.robot_link import UnansweredError
 from ground.commands.fence import ClearFence, SetFence, ShowFence
 from ground.commands.mission import (
     ClearMission,

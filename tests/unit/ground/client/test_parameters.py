@@ -9,10 +9,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ground.client import parameter_file
-from ground.client.link import UnansweredError
 from ground.client.parameter import Parameter, parameters_in
 from ground.client.parameter_rows import MAX_ROWS, MAX_TEXT, rows_in
 from ground.client.parameters import SAVING_NS, ParameterChanged, ParametersLoaded, hint
+from ground.client.robot_link import UnansweredError
 from ground.client.vocabulary import (
     HINTS,
     MODE_SUMMARIES,

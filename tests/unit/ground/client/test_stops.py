@@ -16,8 +16,8 @@ from ground.client.emergency_stop import (
     StopOutcome,
     outcome_words,
 )
-from ground.client.link import UnansweredError
 from ground.client.outcomes import AllAnswered
+from ground.client.robot_link import UnansweredError
 from ground.commands.stop import ClearAll, StopAll
 from ground.robot import Robot
 from protocol.bus.bus import Presence

@@ -13,8 +13,8 @@ from checks.harness.messages import make
 from ground.client.connection import Common
 from ground.client.goal import destination
 from ground.client.leases import Leasing
-from ground.client.link import UnansweredError
 from ground.client.requests import ATTEMPTS
+from ground.client.robot_link import UnansweredError
 from ground.launch.fleet_run import FleetRun, as_json, in_words
 from ground.launch.goal_run import IDLE_S, READY_NS, RESTART_WAIT_NS, GoalRun, NoOutcomeError
 from ground.launch.scenario import WALL, Scenario, ScenarioRobot
