@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from ground.app.app_interface import AppControl, AppInterface
 from ground.app.chrome.key_bar import mission_is_ready, unsent
@@ -18,15 +18,10 @@ from ground.app.screens.choice import Choice
 from ground.app.screens.help import show_help
 from ground.app.stops.band import is_in_emergency_stop
 from ground.client.telemetry import Age
-from ground.client.vocabulary import (
-    MODE_SUMMARIES,
-    NAVIGATOR_SUMMARIES,
-    NAVIGATORS,
-    SIDES,
-    USUAL_NAVIGATOR,
-)
+from ground.client.vocabulary import NAVIGATORS, USUAL_NAVIGATOR
+from ground.commands.command import OperatorCommand, arguments_of
 from ground.commands.mission import FetchMission, StartMission, UploadMissionFile
-from ground.commands.mode import MODES, SetMode
+from ground.commands.mode import SetMode
 from ground.commands.navigator import SetNavigator
 from ground.commands.stop import ClearEmergencyStop
 from ground.missions.files import DASH
@@ -202,8 +197,8 @@ class RobotKeys:
             },
             **self._stop_keys.actions(),
             **screens,
-            "mode": self.choose_mode,
-            "navigator": self.choose_navigator,
+            "mode": partial(self.choose_value, SetMode, "mode", "mode"),
+            "navigator": partial(self.choose_value, SetNavigator, "navigator", "navigator"),
             "side": self.choose_side,
             "missions": self.next_of_mission,
             "lease": self.take_or_release,
@@ -220,46 +215,28 @@ class RobotKeys:
             "quit-hint": self._leaving.explain,
         }
 
-    def choose_mode(self) -> None:
-        """Let the operator choose the mode."""
-        status = self._status()
-        current = None if status is None else status.mode
+    def choose_value(
+        self, kind: type[OperatorCommand], field: str, title: str, **others: Any
+    ) -> None:
+        """Let the operator choose one value of a command, and perform it with the `others`."""
+        argument, current = arguments_of(kind)[field], getattr(self._status(), field, None)
+        values = argument.names or {}
         choices = [
-            Choice(name, MODE_SUMMARIES[name], is_current=mode == current)
-            for name, mode in MODES.items()
+            Choice(name, argument.meanings.get(name, ""), is_current=value == current)
+            for name, value in values.items()
         ]
 
         def take(name: str) -> None:
-            self._app.commands.perform(SetMode(mode=MODES[name]))
+            self._app.commands.perform(kind(**{field: values[name]}, **others))
 
-        self._app.choose("mode", choices, take)
-
-    def choose_navigator(self) -> None:
-        """Let the operator choose the navigator."""
-
-        def take(name: str) -> None:
-            self._app.commands.perform(SetNavigator(navigator=NAVIGATORS[name]))
-
-        status = self._status()
-        current = None if status is None else status.navigator
-        choices = [
-            Choice(name, NAVIGATOR_SUMMARIES[name], is_current=number == current)
-            for name, number in NAVIGATORS.items()
-        ]
-        self._app.choose("navigator", choices, take)
+        self._app.choose(title, choices, take)
 
     def choose_side(self) -> None:
         """Let the operator choose the side on which to pass obstacles."""
         status = self._status()
         number = -1 if status is None else status.navigator
-        current = 0 if status is None else status.side
         navigator = NAVIGATORS[NAVIGATOR_NAMES.get(number, USUAL_NAVIGATOR)]
-
-        def pass_on(side: str) -> None:
-            self._app.commands.perform(SetNavigator(navigator=navigator, side=SIDES[side]))
-
-        choices = [Choice(side, is_current=SIDES[side] == current) for side in SIDES]
-        self._app.choose("side to pass on", choices, pass_on)
+        self.choose_value(SetNavigator, "side", "side to pass on", navigator=navigator)
 
     def _status(self) -> NavigatorStatus | None:
         """Return the newest status of the robot, if there is one."""
