@@ -17,6 +17,8 @@ from errno import EFBIG, EINVAL
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
+from runtime.errors import UserError
+
 
 def replace(path: Path, text: str) -> None:
     """Replace the content of a file as a whole; a symbolic link to a file keeps its target.
@@ -36,6 +38,14 @@ def replace(path: Path, text: str) -> None:
             os.unlink(draft)
         raise
     sync_folder(file.parent)
+
+
+def replace_named(path: Path, text: str) -> None:
+    """Replace a file that a user named; on UserError the previous content is kept."""
+    try:
+        replace(path, text)
+    except OSError as error:
+        raise UserError(f"{path}: {(error.strerror or 'cannot be written').lower()}") from error
 
 
 def remove(path: Path) -> None:

@@ -36,7 +36,6 @@ from ground.launch.scenario import WALL, run_of, scenario_of
 from ground.launch.supervisor import RestartPolicy
 from ground.missions.mission import Circle
 from ground.missions.transfer import fence_items_of
-from ground.text.wording import StatustextAssembler
 from protocol.bus.bus import Bus
 from protocol.bus.session import listens
 from protocol.topics import STATUS, TEXT, TRUTH
@@ -51,6 +50,7 @@ from protocol.wire.messages import (
     ParamValue,
 )
 from protocol.wire.reasons import Reason
+from protocol.wire.statustext import StatustextAssembler
 from robot.core.parameters import DEFAULTS
 from robot.emergency_stop import SAVED, emergency_stop
 from robot.storage import Store

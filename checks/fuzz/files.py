@@ -34,6 +34,7 @@ from checks.fuzz.target import (
 from gateways.mavlink.signing import StampClock
 from ground.app.input.keymap import Keymap, as_toml
 from ground.app.input.keymap import load as keymap_in
+from ground.branch_point import PathReader
 from ground.certificates import check, make
 from ground.cli.verbs import VERBS
 from ground.client.connection import Config
@@ -43,7 +44,6 @@ from ground.commands.fence import outlined
 from ground.console.completion import complete
 from ground.console.history import History
 from ground.console.parser import read
-from ground.ghost.branch_point import PathReader
 from ground.missions import files, qgroundcontrol
 from ground.missions.mission import Circle, Home, Mission, Polygon, Waypoint
 from ground.missions.transfer import fence_items_of, items_of

@@ -21,13 +21,13 @@ from mcap.writer import CompressionType, Writer
 from checks.fuzz.target import JSON_WORDS, REFUSALS, FuzzTarget
 from checks.harness.messages import make
 from checks.harness.processes import arm_request, auto_goal_request, command_request
+from ground.branch_point import GhostRecording, changed_in
 from ground.cli.observe.replay import lines
 from ground.client.outcomes import NoProgress
 from ground.client.parameter import parameters_in
 from ground.commands.export import Export
 from ground.commands.param import table
 from ground.explain import RecordedDecisions as Decided
-from ground.ghost.branch_point import GhostRecording, changed_in
 from ground.map.canvas import Canvas
 from ground.map.drawing import draw
 from ground.map.scene import View

@@ -14,9 +14,9 @@ from gateways.mavlink.mav_vehicle import SILENT_NS, MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage, TimeSync, mavlink
 from gateways.mavlink.operator_control import GATEWAY_NAME
 from gateways.mavlink.robot_port import NO_TELEMETRY, Snapshot
-from ground.text.wording import StatustextAssembler
 from protocol.wire.enums import Severity
 from protocol.wire.reasons import Reason
+from protocol.wire.statustext import StatustextAssembler
 from runtime.cli.terminal import printable
 from runtime.units import NS_PER_MS, NS_PER_S
 

@@ -7,7 +7,6 @@ from typing import Any, Final, Self, TypeAlias, TypeVar
 
 from ground.client.lease_holder import is_ours
 from ground.client.streams import Stream, TopicStreams
-from ground.text.wording import StatustextAssembler
 from protocol.outcome import joined, mission_state, reason_words
 from protocol.topics import LEASE, MISSION, STATUS, TEXT, Topic
 from protocol.wire.enums import GoalState, MissionState, Mode, Severity, Vehicle
@@ -19,6 +18,7 @@ from protocol.wire.messages import (
     Statustext,
 )
 from protocol.wire.reasons import reason_text
+from protocol.wire.statustext import StatustextAssembler
 from runtime.cli.terminal import printable
 from runtime.sequence import MAX_LATE_NS, Order, SequenceTracker
 

@@ -6,10 +6,10 @@ from typing import Final
 
 from ground.client.parameter import Parameter
 from ground.client.parameter_rows import NAME, NAME_RULE
-from ground.recording import export_file
 from runtime.cli.terminal import printable
 from runtime.config import read_toml, unknown_key
 from runtime.errors import ConfigError, UserError
+from runtime.files import replace_named
 
 TABLE: Final = "parameters"
 HUGE: Final = 1e300
@@ -23,7 +23,7 @@ def write(path: Path, parameters: Sequence[Parameter]) -> list[str]:
     """
     chosen = [one for one in parameters if not one.is_default]
     lines = [f"{_key(one)} = {one.value!r}  # {printable(one.doc)}".rstrip(" #") for one in chosen]
-    export_file.replace(path, "\n".join([f"[{TABLE}]", *lines, ""]))
+    replace_named(path, "\n".join([f"[{TABLE}]", *lines, ""]))
     return [one.name for one in chosen]
 
 

@@ -22,7 +22,7 @@ from ground.client.status_line import knows_place
 from ground.client.telemetry import Telemetry
 from ground.commands.command import OperatorCommand, command, option, seconds
 from ground.robot import Robot
-from ground.text.wording import StatustextAssembler, aged
+from ground.text.wording import aged
 from protocol.bus.certificate import EXPIRES_SOON, RENEW, CertificateStatus, own_certificate, remedy
 from protocol.bus.mailbox import Mailbox
 from protocol.bus.peers import ID_TAKEN
@@ -49,6 +49,7 @@ from protocol.wire.codec import decode
 from protocol.wire.enums import Vehicle
 from protocol.wire.messages import CommandRequest, CycleReport, NavigatorStatus, PlanarOdometry
 from protocol.wire.reasons import Reason, reason_text
+from protocol.wire.statustext import StatustextAssembler
 from runtime.cli.packages import Conflict, conflicts
 from runtime.cli.verb import LOOK
 from runtime.errors import AccessDeniedError, PeerHangsError, RemoteError

@@ -27,10 +27,9 @@ from ground.missions.mission import (
     line_of,
 )
 from ground.missions.qgroundcontrol import Foreign, lost
-from ground.recording import export_file
 from runtime.config import parse, unknown_key
 from runtime.errors import ConfigError, UserError
-from runtime.files import text_in
+from runtime.files import replace_named, text_in
 from runtime.toml_reader import Key, key_lines, table_in
 
 ENDINGS: Final = (".toml", ".plan", ".waypoints")
@@ -102,7 +101,7 @@ def write(path: Path, mission: Mission) -> tuple[str, ...]:
         else:
             text = qgroundcontrol.waypoints_text(mission, mission.home)
             without += ["the fence"] if mission.fence else []
-    export_file.replace(path, text)
+    replace_named(path, text)
     return tuple(without)
 
 

@@ -27,7 +27,6 @@ from ground.recording.foxglove_schemas import (
     vector,
 )
 from ground.recording.world_metadata import solids, world_of
-from ground.text.wording import StatustextAssembler
 from protocol.ring import BEARINGS_RAD, RADIUS_M
 from protocol.topics import MARK, path_of
 from protocol.wire.enums import Severity
@@ -40,6 +39,7 @@ from protocol.wire.messages import (
     SonarScan,
     Statustext,
 )
+from protocol.wire.statustext import StatustextAssembler
 from protocol.world import World
 
 M = TypeVar("M", bound=Message)

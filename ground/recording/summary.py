@@ -23,7 +23,6 @@ from ground.recording.log_reader import (
 )
 from ground.recording.mcap_file import McapFile
 from ground.recording.world_metadata import world_of
-from ground.text.wording import StatustextAssembler
 from protocol.outcome import detail_of, goal_end, joined, reason_words
 from protocol.topics import MARK, STATUS
 from protocol.wire.codec import decode
@@ -31,6 +30,7 @@ from protocol.wire.enums import GoalState, Mode, Navigator, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import NavigatorStatus
 from protocol.wire.reasons import reason_text
+from protocol.wire.statustext import StatustextAssembler
 from runtime.errors import RemoteError, UserError
 from runtime.files import opened
 from runtime.units import NS_PER_S

@@ -1,6 +1,4 @@
-"""Put directions and distances in words, and join the pieces of a long STATUSTEXT message.
-
-A value that is not finite is shown as missing.
+"""Put directions and distances in words; a value that is not finite is shown as missing.
 
 Make a status line of parts, shortened to the width of the terminal; old values are marked.
 
@@ -14,11 +12,8 @@ from typing import Final, NamedTuple
 
 from protocol.ring import BEARINGS_RAD, CONE_RAD, SONARS
 from protocol.wire.enums import GoalState, Mode, Vehicle
-from protocol.wire.message import Message
-from protocol.wire.messages import NavigatorStatus, Statustext
+from protocol.wire.messages import NavigatorStatus
 from protocol.wire.reasons import Reason
-from protocol.wire.statustext import MAX_PIECES, PIECE_BYTES
-from runtime.cli.terminal import printable
 from runtime.units import NS_PER_S
 
 SONAR_NAMES: Final = tuple(f"{'LR'[b < 0.0]}{abs(degrees(b)):.0f}" for b in BEARINGS_RAD)
@@ -97,31 +92,6 @@ def echo(range_m: float, bearing_rad: float) -> str:
 
 LIVE_NS = 2 * NS_PER_S
 """Age up to which a text is shown without its age."""
-
-
-class StatustextAssembler:
-    """Joins one sender's texts, each to one printable line.
-
-    A piece without a text begun before it is shown alone.
-    """
-
-    def __init__(self) -> None:
-        self._id = 0
-        self._pieces: list[str] = []
-
-    def receive(self, message: Message) -> str:
-        """Return the text that this message completes, or nothing."""
-        if not isinstance(message, Statustext):
-            return ""
-        if not message.id:
-            return printable(message.text)
-        if message.id != self._id or message.chunk_seq != len(self._pieces):
-            self._id, self._pieces = message.id, []
-        self._pieces.append(message.text)
-        if len(message.text.encode()) >= PIECE_BYTES and len(self._pieces) < MAX_PIECES:
-            return ""
-        text, self._pieces, self._id = "".join(self._pieces), [], 0
-        return printable(text)
 
 
 def aged(text: str, age_ns: int) -> str:

@@ -23,12 +23,12 @@ from ground.launch.recording_session import RecordingSession
 from ground.recording.log_reader import open_log, read
 from ground.recording.log_writer import LogFile
 from ground.recording.mcap_file import RAW_TOPIC
-from ground.text.wording import StatustextAssembler
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import ENCODING, MARK, SONAR, WORLD, Role
 from protocol.wire.codec import decode
 from protocol.wire.messages import Heartbeat, NavigatorStatus, Statustext
+from protocol.wire.statustext import StatustextAssembler
 from runtime.clock import WallClock
 from runtime.errors import UserError
 from tests.support.ground.made_recordings import WORLD_TEXT

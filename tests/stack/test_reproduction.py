@@ -11,7 +11,7 @@ from checks.harness.crew import LATE, Crew, Witness, departs
 from checks.harness.processes import lockstep_run
 from checks.harness.until import until
 from ground.app.playback.player import Player
-from ground.ghost.ghost import GhostRunner
+from ground.ghost import GhostRunner
 from plant.world.file import load
 from protocol.outcome import OUTCOMES
 from protocol.topics import Role

@@ -34,7 +34,7 @@ from runtime.errors import UserError
 from runtime.units import NS_PER_S
 
 if TYPE_CHECKING:
-    from ground.ghost.ghost import GhostRunner
+    from ground.ghost import GhostRunner
 
 
 LEAST_SIDE: Final = 34
@@ -282,14 +282,14 @@ class DriveScreen(AppScreen):
     def ghost_runner(self) -> "GhostRunner":
         """The runner of ghosts, created when it is first needed."""
         if self._ghost_runner is None:
-            from ground.ghost.ghost import GhostRunner  # imports recordings and trials
+            from ground.ghost import GhostRunner  # imports recordings and trials
 
             self._ghost_runner = GhostRunner(lambda: self.interface.station)
         return self._ghost_runner
 
     def choose_ghost(self) -> None:
         """Let the operator choose a navigator to simulate."""
-        from ground.ghost.ghost import CHOICES  # rarely needed, so imported late
+        from ground.ghost import CHOICES  # rarely needed, so imported late
 
         self.interface.choose("navigator to simulate", list(CHOICES), self.try_ghost)
 

@@ -3,15 +3,7 @@
 import argparse
 from typing import Final
 
-from ground.cli.event_loop import run_until_signal
-from ground.cli.options import common_of
-from ground.client.goal import Destination, destination
-from ground.client.leases import Leasing
-from ground.client.robot_link import open_link
-from ground.client.vocabulary import NAVIGATORS, NOISES, SIDES
-from ground.commands.command import add_common, moment, seconds
-from ground.commands.explain import instant_ns
-from ground.ghost.branch_point import (
+from ground.branch_point import (
     FAILED,
     BranchPoint,
     GhostRecording,
@@ -21,7 +13,15 @@ from ground.ghost.branch_point import (
     side_of,
     state_of,
 )
-from ground.ghost.ghost import Ghost, Ghosts
+from ground.cli.operate import run_until_signal
+from ground.cli.options import common_of
+from ground.client.goal import Destination, destination
+from ground.client.leases import Leasing
+from ground.client.robot_link import open_link
+from ground.client.vocabulary import NAVIGATORS, NOISES, SIDES
+from ground.commands.command import add_common, moment, seconds
+from ground.commands.explain import instant_ns
+from ground.ghost import Ghost, Ghosts
 from ground.recording.catalogue import recording_named
 from ground.recording.log_reader import LogIndex, open_log
 from ground.robot import Robot

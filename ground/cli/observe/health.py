@@ -10,7 +10,7 @@ from http.client import HTTPConnection, HTTPException
 from types import MappingProxyType
 from typing import Any, Final
 
-from ground.cli.event_loop import run_until_signal
+from ground.cli.operate import run_until_signal
 from ground.cli.options import common_of
 from ground.client.robot_link import RobotLink, UnansweredError, open_link
 from ground.commands.command import add_common

@@ -14,9 +14,10 @@ from ground.client.status_line import watch_line
 from ground.client.telemetry import SUMMARY_TOPICS, Telemetry
 from ground.robot import Robot
 from ground.text.output import Output
-from ground.text.wording import StatustextAssembler, aged
+from ground.text.wording import aged
 from protocol.topics import HEARTBEAT, STATUS, TEXT
 from protocol.wire.codec import decode
+from protocol.wire.statustext import StatustextAssembler
 from runtime.errors import RemoteError
 
 SILENT_NS: Final = 2_000_000_000

@@ -19,10 +19,11 @@ from ground.launch.child_command import command
 from ground.recording.catalogue import FILE_HELP, recording_named, remark_on
 from ground.recording.playback import ReplayBus
 from ground.text.output import Output
-from ground.text.wording import Part, StatustextAssembler, in_words
+from ground.text.wording import Part, in_words
 from protocol.options import finite
 from protocol.topics import TEXT
 from protocol.wire.codec import decode
+from protocol.wire.statustext import StatustextAssembler
 from runtime.clock import Clock, WallClock
 from runtime.errors import RemoteError, UserError
 from runtime.units import NS_PER_S

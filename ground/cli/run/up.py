@@ -15,7 +15,7 @@ from typing import Final
 from ground.app.appearance import add_appearance_options
 from ground.app.start import has_screen
 from ground.app.start import run as run_app
-from ground.cli.event_loop import run_until_signal
+from ground.cli.operate import run_until_signal
 from ground.client.connection import Common
 from ground.client.robot_link import RobotLink, UnansweredError
 from ground.client.stop_ways import StopServer

@@ -14,7 +14,7 @@ from ground.station.history.telemetry_history import TelemetryHistory
 from ground.station.link.processes import LineBudget, PresenceLog, RestartNotice, Restarts
 from ground.station.link.streams import Streams
 from ground.station.robot.mission_items import MissionItems
-from ground.text.wording import StatustextAssembler, aged, driving
+from ground.text.wording import aged, driving
 from protocol.outcome import REPLACED
 from protocol.topics import (
     ANSWERED,
@@ -31,6 +31,7 @@ from protocol.wire.codec import decode
 from protocol.wire.enums import Severity
 from protocol.wire.message import Message
 from protocol.wire.messages import LeaseStatus, NavigatorStatus, ParamValue, Statustext
+from protocol.wire.statustext import StatustextAssembler
 from runtime.cli.terminal import printable
 from runtime.errors import RemoteError
 from runtime.sequence import MAX_LATE_NS, MAX_LATE_TICKS

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from checks.harness.messages import make
 from ground.client.goal import Destination
 from ground.explain import TurningPoint, turning_point
-from ground.ghost.ghost import Ghost
+from ground.ghost import Ghost
 from ground.recording.log_reader import LoggedFrame, record_bytes
 from ground.recording.playback import ReplayBus
 from ground.station.station import Station

@@ -20,9 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from checks.harness.until import until
-from ground.cli.main import main
-from ground.client.goal import Destination, destination
-from ground.ghost.branch_point import (
+from ground.branch_point import (
     FAILED,
     STEP_M,
     BranchPoint,
@@ -35,7 +33,9 @@ from ground.ghost.branch_point import (
     trial_words,
     world_bytes,
 )
-from ground.ghost.ghost import (
+from ground.cli.main import main
+from ground.client.goal import Destination, destination
+from ground.ghost import (
     CANCELLED,
     CHOICES,
     Ghost,

@@ -20,7 +20,6 @@ from ground.text.wording import (
     SONAR_NAMES,
     Part,
     Piece,
-    StatustextAssembler,
     echo,
     fitted,
     heading_deg,
@@ -36,7 +35,12 @@ from ground.text.wording import (
 from protocol.wire.enums import GoalState, Mode, Severity, Vehicle
 from protocol.wire.messages import NavigatorStatus, Statustext
 from protocol.wire.reasons import Reason
-from protocol.wire.statustext import MAX_PIECES, PIECE_BYTES, pieces_of
+from protocol.wire.statustext import (
+    MAX_PIECES,
+    PIECE_BYTES,
+    StatustextAssembler,
+    pieces_of,
+)
 from robot.core.ring import BEARINGS
 from runtime.cli.terminal import DIM
 from tests.support.each import each

@@ -5,7 +5,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from checks.harness.messages import make
-from ground.text.wording import StatustextAssembler
 from protocol.wire.enums import AckResult, Command, LeaseAction, MissionState, Mode, Severity
 from protocol.wire.message import Message
 from protocol.wire.messages import (
@@ -25,6 +24,7 @@ from protocol.wire.messages import (
     Teleop,
 )
 from protocol.wire.reasons import Reason
+from protocol.wire.statustext import StatustextAssembler
 from robot import telemetry
 from robot.commands import NOTES
 from robot.core import reasons, states

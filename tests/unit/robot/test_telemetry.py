@@ -8,13 +8,12 @@ from typing import cast
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.text.wording import StatustextAssembler
 from protocol.bus.bus import Bus
 from protocol.topics import DRIVE, HEARTBEAT
 from protocol.wire.enums import Branch, GoalState, MissionState, Severity, SystemState
 from protocol.wire.messages import WheelCommand
 from protocol.wire.reasons import Reason
-from protocol.wire.statustext import PIECE_BYTES
+from protocol.wire.statustext import PIECE_BYTES, StatustextAssembler
 from robot import telemetry
 from robot.core import reasons, states
 from robot.core.parameters import DEFAULTS

@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import structs
 
-from ground.text.wording import StatustextAssembler
 from protocol.wire.enums import AckResult, Command, GoalState, Mode, Navigator, Severity, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import (
@@ -21,6 +20,7 @@ from protocol.wire.messages import (
     ParamValue,
 )
 from protocol.wire.reasons import Reason, reason_text
+from protocol.wire.statustext import StatustextAssembler
 from robot import telemetry
 from robot.commands import TABLE
 from robot.core import brain, states

@@ -15,9 +15,8 @@ import pytest
 
 from checks.harness.until import PATIENCE_S
 from ground.cli import main as cli
-from ground.cli.event_loop import run_until_signal
 from ground.cli.main import Interrupted, main
-from ground.cli.operate import effect_of
+from ground.cli.operate import effect_of, run_until_signal
 from ground.cli.verbs import VERBS
 from ground.client.outcomes import Accepted, Refused
 from ground.commands.abort import Abort

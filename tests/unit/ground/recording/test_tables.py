@@ -13,7 +13,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from checks.harness.messages import make
-from ground.recording import export_file
 from ground.recording.log_reader import open_log
 from ground.recording.tables import (
     LONG,
@@ -29,6 +28,7 @@ from protocol.topics import COMMANDED, CYCLE, HEARTBEAT, ODOMETRY, TELEOP, TEXT,
 from protocol.wire.enums import Severity
 from protocol.wire.messages import CycleReport, Statustext, Teleop
 from runtime.errors import UserError
+from runtime.files import replace_named
 from tests.support.ground.made_recordings import (
     BEAT,
     GOAL,
@@ -250,7 +250,7 @@ def test_symbolic_link_is_preserved(tmp_path: Path) -> None:
     real.parent.mkdir()
     real.write_text("before")
     link.symlink_to(real)
-    export_file.replace(link, "after")
+    replace_named(link, "after")
     assert link.is_symlink()
     assert real.read_text() == "after"
     assert [path.name for path in real.parent.iterdir()] == ["tour.toml"]
@@ -258,7 +258,7 @@ def test_symbolic_link_is_preserved(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["with blank.toml", "-x.toml", "ä\n*?.toml", ".toml", "a" * 240])
 def test_unusual_file_names_are_accepted(tmp_path: Path, name: str) -> None:
-    export_file.replace(tmp_path / name, "text")
+    replace_named(tmp_path / name, "text")
     assert [path.name for path in tmp_path.iterdir()] == [name]
     assert (tmp_path / name).read_text() == "text"
 
@@ -279,6 +279,6 @@ def test_failed_replace_names_the_reason_and_changes_nothing(
     (tmp_path / "file").write_text("names_in")
     before = sorted(tmp_path.iterdir())
     with pytest.raises(UserError, match=f"{re.escape(name)}: .*{why}"):
-        export_file.replace(tmp_path / name, "text")
+        replace_named(tmp_path / name, "text")
     assert sorted(tmp_path.iterdir()) == before
     assert (tmp_path / "file").read_text() == "names_in"

@@ -13,9 +13,7 @@ from contextlib import nullcontext, suppress
 from types import MappingProxyType
 from typing import IO, Final, Self
 
-from ground.client.goal import Destination
-from ground.client.vocabulary import NAVIGATORS
-from ground.ghost.branch_point import (
+from ground.branch_point import (
     FAILED,
     BranchPoint,
     PathReader,
@@ -28,6 +26,8 @@ from ground.ghost.branch_point import (
     trial_words,
     world_bytes,
 )
+from ground.client.goal import Destination
+from ground.client.vocabulary import NAVIGATORS
 from ground.launch.child_command import command
 from ground.launch.child_processes import defer_signals, exit_description
 from ground.map.scene import GhostTrail
