@@ -738,7 +738,12 @@ class Robot(RobotLink):
         return await self.command(request, timeout_s=timeout_s)
 
     async def mark(self, remark: str) -> Marked | Refused:
-        """Add a remark to what is being recorded; `ok` if a recorder received it."""
+        """Add a remark to what is being recorded; `ok` if a recorder received it.
+
+        Raises UserError for an empty one.
+        """
+        if not remark.strip():
+            raise UserError("the remark is empty: say what is to be found in the recording")
         if (refused := await self.lease.ensure()) is not None:
             return refused
         publisher = self.bus.publisher(MARK, self.name)

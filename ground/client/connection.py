@@ -105,7 +105,7 @@ def given(endpoint: str | None, robot: str | None, config: str | Path | None) ->
     )
     return Common(
         network=network,
-        robot=robot_name(robot or found.robot),
+        robot=robot_name(found.robot if robot is None else robot),
         config=None if config is None else str(config),
     )
 

@@ -33,7 +33,8 @@ def operator_name(name: str | None) -> str:
         except KeyError:
             user = "operator"
         return shortened(user, gethostname().partition(".")[0], terminal_name())
-    if not name.isprintable() or not 0 < len(name.encode()) <= MAX_OPERATOR_NAME_BYTES:
+    fits = len(name.encode()) <= MAX_OPERATOR_NAME_BYTES
+    if not (name.strip() and name.isprintable() and fits):
         raise UserError(
             f"{name!r} is not a valid operator name: use 1 to {MAX_OPERATOR_NAME_BYTES} bytes"
             " of printable text"

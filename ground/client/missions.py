@@ -147,6 +147,22 @@ class MissionEnded(MissionProgress):
         return self.status.state == MissionState.DONE
 
 
+@dataclass(frozen=True, slots=True)
+class MissionPaused(Accepted):
+    """The robot accepted to hold; `status` is that of the mission afterwards."""
+
+    status: MissionStatus
+
+    @property
+    def text(self) -> str:
+        """The item at which the mission is paused, and the duration."""
+        status = self.status
+        what = "holding, no mission is under way"
+        if status.state in UNDER_WAY:
+            what = f"mission paused at item {status.current + 1} of {status.count}"
+        return f"ok {self.took_ns / NS_PER_MS:.0f} ms: {what}"
+
+
 class MissionDriver(Asker, Protocol):
     """The client of a robot, as its mission uses it."""
 
@@ -284,7 +300,11 @@ class Missions:
 
     async def pause(self) -> Answer:
         """Stop; `resume` continues."""
-        return await self._robot.hold()
+        answer = await self._robot.hold()
+        if isinstance(answer, Refused):
+            return answer
+        status = await self._robot.newest(MISSION, STATUS_NS)
+        return answer if status is None else MissionPaused(answer.took_ns, status)
 
     async def resume(self) -> Answer:
         """Continue the mission, also one that was ended early, whatever was driven since.

@@ -19,7 +19,6 @@ from ground.commands.command import (
     place,
     switch,
 )
-from ground.commands.hold import Hold
 from ground.commands.resume import Resume
 from ground.missions import files
 from ground.missions.mission import Home, Mission
@@ -258,10 +257,12 @@ class StartMission(OperatorCommand):
 
 
 @command(MISSION, example="mission pause", only_stops=True)
-class PauseMission(Hold):
+class PauseMission(OperatorCommand):
     """Stop, and keep the mission."""
 
-    timeout_s: float | None = None
+    async def perform(self, robot: Robot) -> Answer:
+        """Hold, and say at which item the mission is paused."""
+        return await robot.mission.pause()
 
 
 @command(MISSION, example="mission resume", moves=True, begins=True)

@@ -15,6 +15,7 @@ from protocol.wire.enums import Command, GoalState, MissionState, MissionType, V
 from protocol.wire.messages import CommandRequest, MissionClearAll, MissionCount, MissionStatus
 from protocol.wire.reasons import Reason
 from tests.support.played_robot import PlayedRobot, Say
+from tests.support.robots import corners
 from tests.support.stacks import STOPPING_S, Operator, fence, stops
 
 MISSION = """
@@ -276,6 +277,13 @@ def test_mission_runs_to_its_end_without_an_operator() -> None:
             assert 0.9 <= run.until(MissionState.RUNNING) <= 1.1
         run.until(MissionState.DONE)
         stack.assert_near(0.8, 1.0)
+
+
+def test_pause_says_at_which_item_the_mission_is_paused(robot: PlayedRobot, say: Say) -> None:
+    assert "holding, no mission is under way" in say("mission", "pause")[1]
+    robot.desk.kept[MissionType.MISSION] = corners((1.0, 1.0), (2.0, 1.0))
+    robot.desk.status = MissionState.PAUSED
+    assert "mission paused at item 1 of 2" in say("mission", "pause")[1]
 
 
 def test_a_mission_is_paused_goes_on_jumps_and_is_aborted() -> None:

@@ -9,7 +9,9 @@ import pytest
 
 from checks.harness.loop import PlayedLoop
 from ground.client import robot_link
+from ground.client.connection import common
 from ground.client.goal import destination
+from ground.client.lease_holder import operator_name
 from ground.client.leases import ALIVE, TICK_NS
 from ground.client.outcomes import Accepted, GoalEnded, Refused, RefusedError
 from ground.client.streams import ClosedError
@@ -18,7 +20,7 @@ from protocol.topics import HEARTBEAT, LEASE, ODOMETRY, OPERATOR, STATUS, STOP, 
 from protocol.wire.enums import Command, GoalState, LeaseAction, Mode, Vehicle
 from protocol.wire.messages import CommandRequest, GoalRequest, LeaseRequest, Teleop
 from protocol.wire.reasons import Reason
-from runtime.errors import RemoteError
+from runtime.errors import RemoteError, UserError
 from runtime.units import NS_PER_S
 from tests.support.each import each
 from tests.support.ground.client import HELD, STANDBY, Stage, lease_of, status
@@ -621,3 +623,19 @@ def test_goal_in_simulated_time_that_stops_ends_with_that_cause() -> None:
     ended = lived(stage, lambda robot: robot.drive_to(GOAL))
     assert ended.outcome == "aborted"
     assert "the simulated time of r1 stands still" in ended.reason
+
+
+@each("remark", ["", "  ", "\n"])
+def test_remark_that_is_empty_is_refused_and_asks_nothing(remark: str) -> None:
+    stage = Stage()
+    with pytest.raises(UserError, match="the remark is empty"):
+        lived(stage, lambda robot: robot.mark(remark))
+    assert "TAKE" not in sent(stage)
+
+
+def test_names_that_are_empty_are_refused() -> None:
+    for name in ("", " ", "\t"):
+        with pytest.raises(UserError, match="not a valid operator name"):
+            operator_name(name)
+    with pytest.raises(UserError, match="robot name ''"):
+        common("tcp/127.0.0.1:1", "", None)
