@@ -46,13 +46,16 @@ class Lease:
     """The lease, which a person takes, releases or seizes by any program.
 
     It ends LAPSE_NS after the last heartbeat of the person's programs, once one has sent one since
-    the grant, and IDLE_NS after its last use.
+    the grant, and IDLE_NS after its last use. Both times pass on the robot's clock, and in
+    `stood_ns` while that of a simulation stands, as it does without its plant.
     """
 
     def __init__(self) -> None:
         self._holder: Holder | None = None
         self._granted_ns = self._used_ns = 0
+        self.stood_ns = 0
         self._beats_ns: OrderedDict[str, int] = OrderedDict()
+        self._heard_ns: OrderedDict[str, int] = OrderedDict()
         self._names: OrderedDict[str, str] = OrderedDict()
         self._texts: list[tuple[Severity, str]] = []
 
@@ -82,6 +85,8 @@ class Lease:
     def beat(self, operator: str, sent_ns: int) -> None:
         """Note a heartbeat of a program that may command, sent at `sent_ns`."""
         keep(self._beats_ns, operator, max(self._beats_ns.get(operator, sent_ns), sent_ns))
+        heard_ns = sent_ns + self.stood_ns
+        keep(self._heard_ns, operator, max(self._heard_ns.get(operator, heard_ns), heard_ns))
 
     def beaten_ns(self, operator: str) -> int | None:
         """Return when this program sent its newest heartbeat, None before the first.
@@ -94,17 +99,17 @@ class Lease:
 
     def inherit(self, operator: str, before: str) -> None:
         """Let the heartbeat of a program count for the one that takes over from it."""
-        beat_ns = self._beats_ns.get(before)
-        if beat_ns is not None:
-            self.beat(operator, beat_ns)
+        for times_ns in (self._beats_ns, self._heard_ns):
+            if (time_ns := times_ns.get(before)) is not None:
+                keep(times_ns, operator, max(times_ns.get(operator, time_ns), time_ns))
 
     def use(self, now_ns: int) -> None:
         """Note that the person has the robot drive, or asks for what needs the lease."""
-        self._used_ns = max(self._used_ns, now_ns)
+        self._used_ns = max(self._used_ns, now_ns + self.stood_ns)
 
     def due(self, now_ns: int) -> list[tuple[Severity, str]]:
         """End an expired lease; return the texts for operators, each with its severity."""
-        holder = self._holder
+        holder, now_ns = self._holder, now_ns + self.stood_ns
         if holder is not None and now_ns > self._idle_ns:
             words = f"lease of {holder.label} given back: nothing driven for {IDLE_S:g} s"
             self._end(Severity.INFO, words)
@@ -140,13 +145,21 @@ class Lease:
         holder = self._holder
         return LeaseStatus(
             time_ns=time_ns,
-            lapses_ms=0 if holder is None else max(0, self._ends_ns - now_ns) // NS_PER_MS,
+            lapses_ms=0 if holder is None else self._left_ns(now_ns) // NS_PER_MS,
             held=int(holder is not None),
             holder="" if holder is None else holder.operator,
             name="" if holder is None else holder.name,
             drive_id=drive_id,
             driver=self.name_of(driver),
         )
+
+    def _left_ns(self, now_ns: int) -> int:
+        return max(0, self._ends_ns - now_ns - self.stood_ns)
+
+    @property
+    def _newest_ns(self) -> int | None:
+        """When a program that may command was last heard, None before the first."""
+        return max((ns for one, ns in self._heard_ns.items() if self.allows(one)), default=None)
 
     @property
     def _idle_ns(self) -> int:
@@ -156,10 +169,10 @@ class Lease:
     @property
     def _ends_ns(self) -> int:
         """When the lease ends unless it is used, or kept by heartbeats once there were some."""
-        beaten_ns = self.beaten_ns("")
-        if beaten_ns is None or beaten_ns <= self._granted_ns:
+        heard_ns = self._newest_ns
+        if heard_ns is None or heard_ns <= self._granted_ns:
             return self._idle_ns
-        return min(beaten_ns + LAPSE_NS, self._idle_ns)
+        return min(heard_ns + LAPSE_NS, self._idle_ns)
 
     def _grant(self, new: Holder, now_ns: int) -> None:
         old = self._holder
@@ -169,14 +182,15 @@ class Lease:
             self._announce(Severity.CRITICAL, f"LEASE SEIZED by {new.label} from {old.label}")
         keep(self._names, new.operator, new.name)
         self._holder = new
-        self._granted_ns = now_ns
+        self._granted_ns = now_ns + self.stood_ns
         self.use(now_ns)
 
     def _leave(self, operator: str, now_ns: int) -> None:
         """Release the lease, unless another program of the person is there."""
         self._beats_ns.pop(operator, None)
-        beaten_ns = self.beaten_ns("")
-        if beaten_ns is None or now_ns - beaten_ns > LAPSE_NS:
+        self._heard_ns.pop(operator, None)
+        heard_ns = self._newest_ns
+        if heard_ns is None or now_ns + self.stood_ns - heard_ns > LAPSE_NS:
             self._release()
 
     def _release(self) -> None:

@@ -106,6 +106,9 @@ SERVICES: Final = (COMMAND, PARAMETER, PARAMETERS, LEASE_SERVICE, MISSION_SERVIC
 SHOWN_NS: Final = NS_PER_S
 """Between two states of a stopped robot while its time stands."""
 
+STANDS_NS: Final = NS_PER_S
+"""Simulated time that does not move for so long stands."""
+
 MAX_WAITING: Final = 64
 MAX_ANSWERED: Final = 6
 """Requests of one queue per control period: 120 a second, more than any person sends."""
@@ -206,6 +209,8 @@ class RobotProcess:
         self._stop_requests: deque[ServiceRequest] = deque()
         self._notes: deque[str] = deque(maxlen=MAX_ANSWERED)
         self._shown_ns = 0
+        self._stands = -1, 0, 0
+        """The robot's clock, and the own times since when it shows this, and of the last look."""
         self._nudge: Callable[[], None] = lambda: None
         self._encoder = Encoder(0, 0)
 
@@ -353,6 +358,7 @@ class RobotProcess:
         for simulated time.
         """
         now_ns, stamp_ns, wall_ns = self._clock.now_ns(), self._senses.stamp_ns, self._bus.now_ns()
+        self._note_standing(now_ns, wall_ns)
         is_due = self.vehicle.stopped and wall_ns - self._shown_ns >= SHOWN_NS
         if self._take_stop() or is_due:
             self._shown_ns = wall_ns
@@ -361,6 +367,17 @@ class RobotProcess:
         self.vehicle.retry_stop(wall_ns)
         self._answer()
         self.reports.events(self.vehicle, stamp_ns, now_ns)
+
+    def _note_standing(self, now_ns: int, wall_ns: int) -> None:
+        """Let the time of the lease pass while simulated time stands: persons come and go."""
+        stands_at_ns, since_ns, looked_ns = self._stands
+        if now_ns != stands_at_ns:
+            since_ns = looked_ns = wall_ns
+        elif wall_ns - since_ns >= STANDS_NS:
+            self.vehicle.lease.stood_ns += wall_ns - looked_ns
+            self._senses.receive_heartbeats(self.vehicle, now_ns)
+            looked_ns = wall_ns
+        self._stands = now_ns, since_ns, looked_ns
 
     def _write(self, outputs: Outputs, tick: Tick, now_ns: int) -> None:
         """Publish the wheel command first, then telemetry.

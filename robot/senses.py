@@ -104,7 +104,8 @@ class Senses:
 
     def read(self, tick: Tick, now_ns: int, vehicle: RobotVehicle) -> Inputs:
         """Return the inputs of this tick, with None for a missing or stale sensor."""
-        self._receive_operator(vehicle, now_ns)
+        self.receive_heartbeats(vehicle, now_ns)
+        self._receive_teleop(vehicle, now_ns)
         arrived = self._wheels.latest()
         if self._plant_has_restarted(arrived):
             vehicle.lose_position(now_ns)
@@ -164,11 +165,14 @@ class Senses:
                 self.stamp_ns = stamp_ns
             self.sequence = scan.seq
 
-    def _receive_operator(self, vehicle: RobotVehicle, now_ns: int) -> None:
-        """Pass on the newest heartbeat and teleop frame of each program that may command."""
+    def receive_heartbeats(self, vehicle: RobotVehicle, now_ns: int) -> None:
+        """Pass on the newest heartbeat of each program that may command."""
         for _, origin in self._operator.received():
             if self._is_accepted(origin, vehicle):
                 vehicle.lease.beat(origin.sender, self._sent_ns(origin, now_ns))
+
+    def _receive_teleop(self, vehicle: RobotVehicle, now_ns: int) -> None:
+        """Pass on the newest teleop frame of each program that may command."""
         for teleop, origin in self._teleop.received():
             if self._is_accepted(origin, vehicle):
                 sent_ns = self._sent_ns(origin, now_ns)

@@ -353,7 +353,7 @@ class RobotVehicle:
         for severity, words in self.lease.due(now_ns):
             self.announce(severity, words)
         drive = self.commands.drive_id, self.commands.begun_by
-        due = self._leases.due((self.lease.holder, drive), now_ns)
+        due = self._leases.due((self.lease.holder, drive), now_ns + self.lease.stood_ns)
         return self.lease.status(stamp_ns, now_ns, *drive) if due else None
 
     def mission_status(self, stamp_ns: int, now_ns: int) -> MissionStatus | None:

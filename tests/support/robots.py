@@ -7,7 +7,7 @@ from checks.harness.messages import make
 from protocol.bus.services import ServiceRequest
 from protocol.topics import COMMAND, DRIVE, SONAR, WHEELS, Service, Topic
 from protocol.wire.codec import Encoder
-from protocol.wire.enums import FRAME_LOCAL_FLU, Command, MissionState, MissionType, Mode
+from protocol.wire.enums import FRAME_LOCAL_FLU, AckResult, Command, MissionState, MissionType, Mode
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandAck,
@@ -278,7 +278,9 @@ class Request(Question):
 
     @property
     def reasons(self) -> list[int]:
-        return [one.result_param2 for one in self.answers if isinstance(one, CommandAck)]
+        """The reasons of the answers; 0 for an acceptance, which may have a note."""
+        acks = (one for one in self.answers if isinstance(one, CommandAck))
+        return [0 if one.result == AckResult.ACCEPTED else one.result_param2 for one in acks]
 
 
 class Rig:

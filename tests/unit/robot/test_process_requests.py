@@ -10,7 +10,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocol.topics import ANSWERED, COMMANDED, LEASE_SERVICE, PARAMETER, PARAMETERS, TEXT
+from checks.harness.messages import make
+from protocol.topics import (
+    ANSWERED,
+    COMMANDED,
+    LEASE,
+    LEASE_SERVICE,
+    OPERATOR,
+    PARAMETER,
+    PARAMETERS,
+    TEXT,
+)
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import AckResult, Command, LeaseAction, Mode
 from protocol.wire.message import Message, check
@@ -18,6 +28,7 @@ from protocol.wire.messages import (
     CommandAck,
     CommandRequest,
     GoalRequest,
+    Heartbeat,
     LeaseRequest,
     MissionClearAll,
     MissionCount,
@@ -31,7 +42,7 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import Reason
 from robot.core import modes, states
 from robot.process import MAX_HALTED, MAX_PERSONS, MAX_WAITING
-from runtime.clock import Tick
+from runtime.clock import ManualClock, Tick
 from runtime.units import NS_PER_MS as MS
 from runtime.units import NS_PER_S as S
 from tests.support.each import each
@@ -424,3 +435,63 @@ def test_any_request_gets_an_answer_that_can_be_sent(
         ):
             if message is not None:
                 check(message)
+
+
+# The lease while simulated time stands, as it does without the plant.
+
+
+def standing(*beating: str) -> Rig:
+    """Return a robot whose lease Ada has taken, whose clock stands from now on."""
+    rig = Rig().ready()
+    rig.ask(lease(LeaseAction.TAKE), service=LEASE_SERVICE)
+    rig.cycle()
+    rig.process._clock = ManualClock(rig.clock.now_ns())
+    rig.senses.lockstep = True
+    assert rig.vehicle.lease.is_holder(ADA)
+    wait(rig, 1.2)
+    wait(rig, 1.2, *beating)
+    return rig
+
+
+def wait(rig: Rig, seconds: float, *beating: str) -> None:
+    """Let time pass at the process while its clock stands; these programs send heartbeats."""
+    for _ in range(round(5 * seconds)):
+        rig.clock.advance(200 * MS)
+        for program in beating:
+            rig.bus.say(OPERATOR, make(Heartbeat), sender=program)
+        rig.process.idle()
+
+
+def test_an_idle_lease_is_given_back_while_simulated_time_stands() -> None:
+    rig = standing(ADA)
+    wait(rig, 25.0, ADA)
+    assert rig.vehicle.lease.is_holder(ADA), "its program is there, and 30 s are not over"
+    wait(rig, 6.0, ADA)
+    assert rig.vehicle.lease.holder is None
+    assert rig.sent(LEASE)[-1].held == 0
+
+
+def test_the_lease_of_a_lost_program_lapses_while_simulated_time_stands() -> None:
+    rig = standing(ADA)
+    wait(rig, 10.0, ADA)
+    assert rig.vehicle.lease.is_holder(ADA)
+    wait(rig, 4.4)
+    assert rig.vehicle.lease.holder is None
+
+
+def test_the_lease_is_shown_while_simulated_time_stands() -> None:
+    rig = standing()
+    before = len(rig.sent(LEASE))
+    wait(rig, 10.0)
+    shown = rig.sent(LEASE)[before:]
+    assert 9 <= len(shown) <= 20
+    assert 8_000 <= shown[0].lapses_ms - shown[-1].lapses_ms <= 10_000
+
+
+def test_the_operator_is_no_older_after_simulated_time_has_stood() -> None:
+    """Its age is an input of the control core, which has no time that the plant does not give."""
+    rig = standing(ADA)
+    now_ns = rig.process._clock.now_ns()
+    before_ms = rig.vehicle.operator_age_ms(now_ns)
+    wait(rig, 10.0)
+    assert rig.vehicle.operator_age_ms(now_ns) == before_ms

@@ -407,7 +407,7 @@ def test_late_repetition_of_a_release_spares_a_newer_stop(
 
 def test_release_that_released_nothing_may_be_repeated(tmp_path: Path) -> None:
     """Only a request that was carried out is known; without a stop there was nothing to do."""
-    assert clear(started(Store(tmp_path)), 21) == Reason.NONE
+    assert clear(started(Store(tmp_path)), 21) == Reason.NOTHING_LATCHED
     desk = started(Store(tmp_path))
     desk.vehicle.receive(emergency_stop(8), 0)
     assert clear(desk, 21) == Reason.NONE
