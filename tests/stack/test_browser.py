@@ -6,7 +6,7 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -20,7 +20,7 @@ import pytest
 from checks.harness.crew import Crew, Witness, free_endpoint
 from checks.harness.processes import Running
 from checks.harness.until import PATIENCE_S, until
-from gateways.mavlink.endpoints import opened
+from gateways.mavlink.endpoints import Arrival, opened
 from tests.support.gateway.fake_port import CommandedPort, WholeGateway, everything
 from tests.support.screens import SEEN_S, Page, browsing, chromium, keep, sees
 from tests.unit.gateways.mavlink.test_trouble import ARM, CLEAR, HEARTBEAT, STOP, frame_of
@@ -174,11 +174,12 @@ class Attacked:
         patch.setattr(gateway, "received", partial(self._received, gateway.received))
 
     def _received(
-        self, receive: Callable[..., None], endpoint: object, peer: str, data: bytes, **more: bool
+        self, receive: Callable[..., None], endpoint: object, arrivals: Sequence[Arrival]
     ) -> None:
-        for kind in [kind for kind, is_seen in self.missing.items() if is_seen(data)]:
-            del self.missing[kind]
-        receive(endpoint, peer, data, **more)
+        for arrival in arrivals:
+            for kind in [kind for kind, is_seen in self.missing.items() if is_seen(arrival.data)]:
+                del self.missing[kind]
+        receive(endpoint, arrivals)
 
     def check(self) -> None:
         """Assert that nothing of it was obeyed, not even a stop."""
