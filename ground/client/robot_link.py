@@ -307,7 +307,7 @@ class RobotLink:
 
     def processes(self) -> PresentProcesses:
         """Return the announced processes; blocks, longer on a busy machine."""
-        return present_processes(self.bus.present(self._slowdown()))
+        return present_processes(self.bus.present())
 
     # What arrives.
 

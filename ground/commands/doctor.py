@@ -361,8 +361,7 @@ async def observed(
     """Collect tokens, streams, status and the replies of the services."""
     await robot.wait(lambda: False, listen_ns)
     now_ns = robot.clock.now_ns()
-    factor = slowdown_in(robot.clock)()
-    processes = present_processes(await robot.in_own_thread(lambda: robot.bus.present(factor)))
+    processes = present_processes(await robot.in_own_thread(robot.bus.present))
     status, cycle = telemetry.latest(STATUS), telemetry.latest(CYCLE)
     odometry = telemetry.latest(ODOMETRY)
     answers = [

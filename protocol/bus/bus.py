@@ -74,6 +74,7 @@ from runtime.watchdog import Patience
 ROLES: Final = frozenset(role.value for role in Role)
 SESSION: Final = re.compile(r"[0-9a-f]{1,32}\Z")
 POLL_S: Final = 0.001
+PRESENT_S: Final = 10.0
 MAX_TOKENS: Final = 1000
 """Limit of tracked tokens, of all robots together."""
 
@@ -396,8 +397,11 @@ class Bus:
         key = self.key(f"alive/{self.role.value}/{self.zid}", robot)
         self._declare(lambda one: one.liveliness().declare_token(key))
 
-    def present(self, timeout_s: float = 1.0) -> list[Presence]:
+    def present(self) -> list[Presence]:
         """Return the announced processes of all robots of this prefix.
+
+        A query without an answer looks as if nobody were there, so it has time on a busy machine;
+        the end of the link ends it.
 
         A session that watches answers from its own state: Zenoh 1.10 does not answer such a query
         for some time after each token that its own subscriber received.
@@ -405,7 +409,7 @@ class Bus:
         if self._watched is not None:
             return sorted(self._watched.there)
         key = f"{self.network.prefix}/*/alive/*/*"
-        replies = self._session.liveliness().get(key, timeout=timeout_s)
+        replies = self._session.liveliness().get(key, timeout=PRESENT_S)
         keys = islice((str(reply.ok.key_expr) for reply in replies if reply.ok), MAX_TOKENS)
         return sorted({token for key in keys if (token := presence_in(key)) is not None})
 

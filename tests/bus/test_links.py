@@ -6,16 +6,18 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from time import monotonic_ns
 from typing import Literal
 
 import pytest
 
+from checks.harness.relays import TcpProxy
 from checks.harness.until import PATIENCE_S, until
 from protocol.bus import certificate, session
 from protocol.bus.bus import Bus, DuplicateWatch, NameTakenError, claim, open_bus
 from protocol.bus.link_faults import LinkFaults
-from protocol.bus.network import Network
+from protocol.bus.network import LEASE_MS, Network
 from protocol.bus.publisher import Publisher
 from protocol.topics import CLOCK, WHEELS, Role
 from protocol.wire.codec import decode
@@ -156,7 +158,7 @@ def test_bus_without_a_role_cannot_announce() -> None:
 LEFT_OPEN = """
 from protocol.bus import session
 from protocol.bus.bus import open_bus
-from protocol.bus.network import Network
+from protocol.bus.network import LEASE_MS, Network
 from protocol.bus import certificate
 from protocol.topics import COMMAND, WHEELS, Role
 bus = open_bus(Network(mode="peer", listen=("tcp/127.0.0.1:0",)), Role.ROBOT, "r1")
@@ -183,7 +185,7 @@ TICKS = WheelTicks(time_ns=1, seq=1, left=2, right=-3, bumper=0, expired=0)
 ANNOUNCED = """
 import sys
 from protocol.bus.bus import open_bus
-from protocol.bus.network import Network
+from protocol.bus.network import LEASE_MS, Network
 from protocol.topics import Role
 network = Network(mode="client", connect=(sys.argv[1],), prefix=sys.argv[2])
 with open_bus(network, Role.GROUND, "r1") as bus:
@@ -253,8 +255,9 @@ def test_a_publisher_knows_when_its_last_reader_has_left() -> None:
 ANYWHERE = "tcp/127.0.0.1:0"
 
 
-def router(scope: ExitStack) -> Network:
-    hub = scope.enter_context(open_bus(Network(mode="router", listen=(ANYWHERE,)), None, "r1"))
+def router(scope: ExitStack, lease_ms: int = LEASE_MS) -> Network:
+    network = Network(mode="router", listen=(ANYWHERE,), lease_ms=lease_ms)
+    hub = scope.enter_context(open_bus(network, None, "r1"))
     return Network(mode="client", connect=(hub.locator(),))
 
 
@@ -286,6 +289,17 @@ def test_a_plant_of_several_robots_takes_each_name() -> None:
         claim(joined(scope, network, Role.PLANT, "r1"), ["r1", "r2"])
         with pytest.raises(NameTakenError, match="r2"):
             claim(joined(scope, network, Role.PLANT, "r2"), ["r2"])
+
+
+def test_a_late_answer_does_not_look_as_if_nobody_were_there() -> None:
+    """On a line whose bytes need two seconds; a busy machine needs as long."""
+    names = [f"robot-{number:03d}" for number in range(100)]
+    with ExitStack() as scope:
+        network = router(scope, lease_ms=round(PATIENCE_S * 1000))
+        claim(joined(scope, network, Role.PLANT, "r1"), names)
+        slow = scope.enter_context(TcpProxy(network.connect[0], 5_000.0)).endpoint
+        late = joined(scope, replace(network, connect=(slow,)), Role.PLANT, "r2")
+        assert [one.robot for one in late.present()] == names
 
 
 def test_a_name_is_free_again_when_its_process_is_gone() -> None:

@@ -22,7 +22,7 @@ from protocol.wire.enums import AckResult, Command, LeaseAction, Mode, Vehicle
 from protocol.wire.messages import CommandAck, CommandRequest, LeaseRequest
 from tests.support.ground.station import Robot
 from tests.support.networks import Net, net
-from tests.support.stacks import Lively, Watching
+from tests.support.stacks import Lively, Paced, Watching
 from tests.support.stacks import watching as lively_watching
 
 pytestmark = pytest.mark.stack
@@ -96,7 +96,7 @@ def test_two_stations_one_commands_and_the_other_may_still_stop_it() -> None:
 
 def test_two_programs_of_one_person_share_the_lease() -> None:
     with (
-        Lively() as stack,
+        Paced() as stack,
         stack.going(),
         lively_watching(stack) as first,
         lively_watching(stack) as second,

@@ -181,7 +181,7 @@ class PlayedBus(Bus):
         self.subscribed.append((robot or self.robot, topic.path))
         self._handlers.append((robot or self.robot, topic.path, handler))
 
-    def present(self, timeout_s: float = 1.0) -> list[Presence]:
+    def present(self) -> list[Presence]:
         return sorted(self.there)
 
     def ask(

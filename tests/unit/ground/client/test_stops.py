@@ -190,7 +190,7 @@ class Fleet(PlayedBus):
         self.reasons: dict[str, Reason] = {}
         self.cleared: dict[str, int] = {}
 
-    def present(self, timeout_s: float = 1.0) -> list[Presence]:
+    def present(self) -> list[Presence]:
         self.order.append("present")
         return [Presence(name, "robot", "0a") for name in self.robots]
 
