@@ -17,6 +17,7 @@ from ground.app.stops.band import next_steps
 from ground.app.widgets.rows import width_of, words_of
 from ground.map.scene import MapTarget
 from ground.station.history.event_log import EventLog, LogLine
+from ground.station.robot.lease_state import LeaseView
 from protocol.topics import MISSION, STATUS
 from protocol.wire.enums import GoalState, MissionState, Mode, Severity, Vehicle
 from protocol.wire.messages import MissionStatus
@@ -281,3 +282,26 @@ async def test_hints_are_shown_on_the_first_start_until_there_is_an_answer(tmp_p
         stage.station.note("goal 3 1: ok 14 ms")
         await stage.redraw()
         assert stage.words("answer") == " goal 3 1: ok 14 ms"
+
+
+BEN = LeaseView(held=True, name="ben")
+
+
+@each("vehicle", [Vehicle.EMERGENCY_STOP, Vehicle.FAILSAFE, Vehicle.STANDBY, Vehicle.ACTIVE])
+async def test_what_needs_the_lease_of_another_is_not_offered(vehicle: Vehicle) -> None:
+    station = station_in(vehicle, GoalState.ABORTED, Mode.HOLD)
+    async with staged((160, 40), station=station) as stage:
+        offered = stage.words("keybar")
+        assert {"Arm", "Goal", "Mode"} <= set(offered.split())
+        station.lease_now = BEN
+        await stage.redraw()
+        offered = stage.words("keybar")
+        assert {"E-STOP", "Hold", "Abort"} <= set(offered.split())
+        for word in ("Arm", "Goal", "Mode", "Resume", "Go on", "Clear", "Mission", "RTL", "Algo"):
+            assert word not in offered
+
+
+def test_keys_that_need_the_lease_are_those_that_move_the_robot() -> None:
+    needing = {one.id for one in KEYS if one.needs_lease}
+    assert {"arm", "resume", "rtl", "goal", "clear-estop", "missions"} <= needing
+    assert not needing & {"hold", "abort", "disarm", "estop", "estop-here", "explain", "lease"}

@@ -13,6 +13,7 @@ from ground.app.screens import SCREENS
 from ground.app.stops.stop_watch import MOST_KEPT
 from ground.app.widgets.lines import Lines
 from ground.client.telemetry import Age
+from ground.station.robot.lease_state import LeaseView
 from protocol.topics import STATUS
 from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus
@@ -457,3 +458,17 @@ async def test_recording_rings_no_bell() -> None:
         stage.station.live_now = False
         show(stage, "r1", stopped_status(Vehicle.FAILSAFE, stage.station.now_ns))
         assert (ear.rings, ear.messages) == (0, [])
+
+
+async def test_band_names_whose_lease_a_stopped_robot_has() -> None:
+    """The keys that lead on would be refused."""
+    station = stopped(Vehicle.EMERGENCY_STOP)
+    station.lease_now = LeaseView(held=True, name="ben")
+    async with staged((120, 40), station=station) as stage:
+        band = stage.words("alarm")
+        assert "ben commands: `lease seize` takes over" in band
+        assert "clear" not in band
+        for _ in range(2):
+            await stage.press("D")
+        assert "ben commands: `lease seize` takes over" in stage.words("answer")
+        assert stage.commands.given == []

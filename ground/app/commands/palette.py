@@ -75,12 +75,15 @@ class CommandPalette(Provider):
     def all_entries(self) -> Iterator[PaletteEntry]:
         """Yield all entries: keys, those that continue from here first, themes, and commands."""
         app = ground_app(self.app)
-        following = [] if app.base_screen is None else app.base_screen.following_keys()
+        screen = app.base_screen
+        following = [] if screen is None else screen.following_keys()
+        taken_by = "" if screen is None else screen.interface.station.lease.taken
         first = [one.id for one in following]
         keys = [key for key in app.keys_now() if key.id != "palette"]
         keys.sort(key=lambda key: first.index(key.id) if key.id in first else len(first))
         for key in keys:
-            words = f"{shown(key.keys)}   {key.description}"
+            taken = f" ({taken_by})" if taken_by and key.needs_lease else ""
+            words = f"{shown(key.keys)}   {key.description}{taken}"
             yield PaletteEntry(key.id.replace("-", " "), partial(app.run_chosen, key.id), words)
         for name in THEMES:
             set_theme = partial(app.commands.perform, SetTheme(name=name))

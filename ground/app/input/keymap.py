@@ -108,7 +108,17 @@ class KeyBinding(NamedTuple):
         """True if it can move a robot, release its emergency stop, or replace the robot."""
         return self.layer in (Layer.CURSOR, Layer.TELEOP, Layer.ROBOT) or self.id in MOVING
 
+    @property
+    def needs_lease(self) -> bool:
+        """True if the robot refuses it while another operator commands."""
+        return self.id in LEASED if isinstance(self.does, str) else self.does.moves
 
+
+LEASED: Final = (
+    *("goal", "goal-at-cursor", "missions", "mode", "navigator", "side", "place"),
+    *("clear-estop", "teleop"),
+)
+"""Ids of keys without a command of their own that need the lease."""
 MOVING: Final = ("clear-estop", "teleop", "world-start", "fault-begin")
 """Ids of keys that can move a robot, besides those of the layers that command it."""
 

@@ -119,11 +119,15 @@ class AppScreen(Screen[None], StillWidget):
         self._messages.place(self.app.screen, self.query_one("#middle").region)
 
     def bar_keys(self) -> list[KeyBinding]:
-        """Return the keys for the key bar: with a dialog open, only those that also work in it."""
+        """Return the keys for the key bar: with a dialog open, only those that also work in it.
+
+        While another operator commands, only those that the robot accepts nevertheless.
+        """
         keys = self.interface.keys_now()
-        return (
-            keys if self.app.screen is self else [key for key in keys if key.layer is Layer.ALWAYS]
-        )
+        if self.app.screen is not self:
+            return [key for key in keys if key.layer is Layer.ALWAYS]
+        is_taken = self.interface.station.lease.others
+        return [key for key in keys if not (is_taken and key.needs_lease)]
 
     def following_keys(self) -> tuple[NextKey, ...]:
         """Return the actions that continue from the present state, for the key bar."""

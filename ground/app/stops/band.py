@@ -114,7 +114,9 @@ def stop_band(
     room = 1 if height < LOW else 3 if height >= TALL else 2
     lost = lost_in(station, status)
     steps = next_steps(status, lost, keys.of)
-    after = forms(steps, keys.where) if station.live else [""]
+    taken = station.lease.taken
+    after = [taken, taken.partition(":")[0]] if taken else forms(steps, keys.where)
+    after = after if station.live else [""]
     if is_known(status.vehicle) and Vehicle(status.vehicle) in BAND_ROLES:
         vehicle = Vehicle(status.vehicle)
         heads = heads_of(station, status, since_ns)

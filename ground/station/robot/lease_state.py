@@ -30,6 +30,11 @@ class LeaseView(NamedTuple):
         return self.held and not self.ours
 
     @property
+    def taken(self) -> str:
+        """Which other operator commands, and how to take over; empty if none does."""
+        return f"{self.words} commands: `lease seize` takes over" if self.others else ""
+
+    @property
     def words(self) -> str:
         """Name of the lease holder, or `--` when unknown; `ours`, if the same person holds it."""
         if not self.known:
