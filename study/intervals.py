@@ -59,14 +59,13 @@ class Proportion:
         return upper_bound(self.count, self.of)
 
 
-def wilson(count: int, of: int, confidence: float = CONFIDENCE) -> Interval:
+def wilson(count: int, of: int) -> Interval:
     """Return the score interval of a proportion (Wilson 1927); (0, 1) of nothing."""
     if of == 0:
         return Interval(0.0, 1.0)
-    z = NormalDist().inv_cdf(0.5 + confidence / 2.0)
-    rate, weight = count / of, z * z / of
+    rate, weight = count / of, Z_TWO_SIDED * Z_TWO_SIDED / of
     middle = (rate + weight / 2.0) / (1.0 + weight)
-    half = z / (1.0 + weight) * sqrt(rate * (1.0 - rate) / of + weight / (4.0 * of))
+    half = Z_TWO_SIDED / (1.0 + weight) * sqrt(rate * (1.0 - rate) / of + weight / (4.0 * of))
     low = 0.0 if count == 0 else max(0.0, middle - half)
     return Interval(low, 1.0 if count == of else min(1.0, middle + half))
 
@@ -89,9 +88,7 @@ def upper_bound(count: int, of: int, confidence: float = CONFIDENCE) -> float:
     return high
 
 
-def ratio_interval(
-    first: int, of_first: int, second: int, of_second: int, confidence: float = CONFIDENCE
-) -> Interval:
+def ratio_interval(first: int, of_first: int, second: int, of_second: int) -> Interval:
     """Return the log interval of a ratio of two proportions (Katz et al. 1978).
 
     It takes the two samples as independent. For pairs of trials that tend to end alike it is wider
@@ -99,18 +96,17 @@ def ratio_interval(
     """
     if not first or not second:
         return Interval(0.0, inf)
-    z = NormalDist().inv_cdf(0.5 + confidence / 2.0)
-    half = z * sqrt(1.0 / first - 1.0 / of_first + 1.0 / second - 1.0 / of_second)
+    half = Z_TWO_SIDED * sqrt(1.0 / first - 1.0 / of_first + 1.0 / second - 1.0 / of_second)
     ratio = (first / of_first) / (second / of_second)
     return Interval(ratio * exp(-half), ratio * exp(half))
 
 
-def mean_interval(values: Sequence[float] | Floats, confidence: float = CONFIDENCE) -> Interval:
+def mean_interval(values: Sequence[float] | Floats) -> Interval:
     """Return the interval of a mean by the normal approximation; unbounded below two values."""
     found = _finite(values)
     if len(found) < 2:
         return Interval(-inf, inf)
-    half = NormalDist().inv_cdf(0.5 + confidence / 2.0) * float(found.std(ddof=1))
+    half = Z_TWO_SIDED * float(found.std(ddof=1))
     half /= sqrt(len(found))
     return Interval(float(found.mean()) - half, float(found.mean()) + half)
 
@@ -193,16 +189,14 @@ def mean(values: Sequence[float] | Floats) -> float:
     return float(found.mean()) if len(found) else nan
 
 
-def quantile_interval(
-    values: Sequence[float] | Floats, at: float, confidence: float = CONFIDENCE
-) -> Interval:
+def quantile_interval(values: Sequence[float] | Floats, at: float) -> Interval:
     """Return a distribution-free interval by order statistics (David & Nagaraja 7.1).
 
     A bound is infinite where there are too few values.
     """
     found = np.sort(_finite(values))
     count = len(found)
-    tail = (1.0 - confidence) / 2.0
+    tail = (1.0 - CONFIDENCE) / 2.0
     below = _binomial_quantile(tail, count, at)
     above = _binomial_quantile(1.0 - tail, count, at) + 1
     low = float(found[below - 1]) if below >= 1 else -inf

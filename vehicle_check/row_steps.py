@@ -99,18 +99,21 @@ def _sent_back(check: VehicleCheck, items: list[PlanItem], kind: int) -> bool:
     return bool(found == ITEM_ACCEPTED)
 
 
-def send_plan(check: VehicleCheck, items: list[PlanItem], kind: int = MISSION) -> int | None:
-    """Send a plan in place of the vehicle's own; None if that cannot be kept."""
-    return upload_plan(check.main, items, kind).result if keep_plan(check, kind) else None
+def send_plan(check: VehicleCheck, items: list[PlanItem]) -> int | None:
+    """Send a mission in place of the vehicle's own; None if that cannot be kept."""
+    return upload_plan(check.main, items).result if keep_plan(check, MISSION) else None
 
 
-def fence_around(check: VehicleCheck, size_m: float = 15.0) -> list[PlanItem]:
-    """Return a square fence around the vehicle."""
+FENCE_M: Final = 15.0
+
+
+def fence_around(check: VehicleCheck) -> list[PlanItem]:
+    """Return a square fence around the vehicle, 30 m wide."""
     here = place(check)
     kind = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
     corners = ((-1, -1), (1, -1), (1, 1), (-1, 1))
     return [
-        PlanItem(kind, *moved(here, size_m * north, size_m * east), params=(4.0, 0.0, 0.0, 0.0))
+        PlanItem(kind, *moved(here, FENCE_M * north, FENCE_M * east), params=(4.0, 0.0, 0.0, 0.0))
         for north, east in corners
     ]
 

@@ -224,11 +224,6 @@ def add_json(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "json")
 
 
-def add_seize(parser: argparse.ArgumentParser) -> None:
-    """Declare `--seize`, for what only the operator of the robot may do."""
-    add_shared(parser, "seize")
-
-
 def add_shared(parser: argparse.ArgumentParser, *names: str) -> None:
     """Declare options of `Reach`."""
     arguments = arguments_of(Reach)

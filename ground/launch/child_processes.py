@@ -91,11 +91,9 @@ class Children:
         self,
         clock: Clock,
         command_of: Callable[[Sequence[str], int], list[str]] = command,
-        steps: Sequence[tuple[int, int]] = STOP_STEPS,
     ) -> None:
         self._clock = clock
         self._command_of = command_of
-        self._steps = steps
         self._children: list[Child] = []
 
     def __enter__(self) -> Self:
@@ -186,7 +184,7 @@ class Children:
         for number, _ in before:
             signal.signal(number, signal.SIG_IGN)
         try:
-            for number, grace_ns in self._steps:
+            for number, grace_ns in STOP_STEPS:
                 self._send(number)
                 if self._wait_for_exit(grace_ns, self._children):
                     break
@@ -212,21 +210,21 @@ class Children:
 
 
 @contextmanager
-def defer_signals(numbers: Sequence[int] = TERMINATING_SIGNALS) -> Iterator[None]:
+def defer_signals() -> Iterator[None]:
     """Defer terminating signals until the block is left; then deliver the first one."""
     caught: list[int] = []
 
     def catch(number: int, frame: FrameType | None) -> None:
         caught.append(number)
 
-    before = {number: signal.signal(number, catch) for number in numbers}
+    before = {number: signal.signal(number, catch) for number in TERMINATING_SIGNALS}
     try:
         yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-        for number in caught[:1]:
-            signal.raise_signal(number)
+        for first in caught[:1]:
+            signal.raise_signal(first)
 
 
 def exit_description(code: int) -> str:

@@ -228,10 +228,10 @@ def commented(code: str, comment: str, indent: str) -> list[str]:
     return [*wrapped(comment, f"{indent}# ", f"{indent}# "), code]
 
 
-def constant_lines(entries: Iterable[Entry], prefix: str = "") -> Iterator[str]:
+def constant_lines(entries: Iterable[Entry]) -> Iterator[str]:
     """Yield module integers; MicroPython has no enum."""
     for entry in entries:
-        yield from commented(f"{prefix}{entry.name}: Final = {entry.value}", entry.text, "")
+        yield from commented(f"{entry.name}: Final = {entry.value}", entry.text, "")
 
 
 def table_lines(head: str, rows: Iterable[str], close: str) -> list[str]:

@@ -38,9 +38,9 @@ class Rate(NamedTuple):
         return Interval(low / self.hours, high / self.hours) if self.hours else Interval(0.0, inf)
 
 
-def poisson_interval(count: int, confidence: float = CONFIDENCE) -> Interval:
+def poisson_interval(count: int) -> Interval:
     """Return the exact interval of the mean of a Poisson count; its low end is 0 for none."""
-    tail = (1.0 - confidence) / 2.0
+    tail = (1.0 - CONFIDENCE) / 2.0
     low = 0.0 if count == 0 else _mean_where(count - 1, 1.0 - tail)
     return Interval(low, _mean_where(count, tail))
 
