@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from checks.harness.crew import Crew, Witness, free_endpoint
+from checks.harness.crew import Crew, Witness, alive, children_of, free_endpoint
 from checks.harness.processes import Running
 from checks.harness.until import PATIENCE_S, until
 from gateways.mavlink.endpoints import Arrival, opened
@@ -98,7 +98,7 @@ def test_ctrl_c_ends_the_server_and_the_apps_of_its_browsers() -> None:
                 assert len(children) == 1
                 ground.send(signal.SIGINT)
                 assert await asyncio.to_thread(ground.ends) in (0, 128 + signal.SIGINT)
-                await asyncio.to_thread(until, lambda: not Path(f"/proc/{children[0]}").exists())
+                await asyncio.to_thread(until, lambda: not alive(children[0]))
 
             in_browser(url, story)
             assert "Traceback" not in ground.said
@@ -113,10 +113,6 @@ def test_a_port_that_is_taken_and_a_place_that_is_none_are_refused() -> None:
         assert (code, "choose another port" in said) == (2, True), said
         code, said = crew.run("ground", "--web", "127.0.0.1:99999")
         assert (code, "1 to 65535" in said) == (2, True), said
-
-
-def children_of(pid: int) -> list[int]:
-    return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
 BYTES = b"".join(frame_of(message) for message in (HEARTBEAT, ARM, CLEAR, STOP) * 40)

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import pyte
 import pytest
 
-from checks.harness.crew import LOCAL, Crew, Witness, departs
+from checks.harness.crew import LOCAL, Crew, Witness, children_of, cmdline, departs
 from checks.harness.mavlink_client import MavlinkClient, UdpLine
 from checks.harness.processes import Running, ask_until_accepted, command_request, free_port
 from checks.harness.terminal import Terminal
@@ -451,9 +451,7 @@ SLOW_DRIVE = ("up", "--headless", "--speed", "0.3")
 
 def gateway_of(parent: int) -> int:
     """Return the process id of the gateway that `up` has started."""
-    children = Path(f"/proc/{parent}/task/{parent}/children").read_text().split()
-    lines = {int(child): Path(f"/proc/{child}/cmdline").read_bytes() for child in children}
-    (found,) = (child for child, line in lines.items() if b"gateway" in line)
+    (found,) = (child for child in children_of(parent) if "gateway" in cmdline(child))
     return found
 
 

@@ -19,6 +19,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from checks.harness.crew import alive
 from checks.harness.until import until
 from ground.branch_point import (
     FAILED,
@@ -85,10 +86,6 @@ def ended(ghost: Ghost) -> PredictedPath:
     course = ghost.poll()
     assert course is not None
     return course
-
-
-def alive(pid: int) -> bool:
-    return Path(f"/proc/{pid}").exists()
 
 
 def sockets(pid: int) -> bool:
