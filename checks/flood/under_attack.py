@@ -44,12 +44,12 @@ from checks.harness.observer import HOLDS, Observer, Seen, motion_since, observe
 from checks.harness.operator import ThreadedOperator
 from checks.harness.processes import cpu_s, made_keys, resident_mb
 from checks.harness.until import until
-from ground.client.goal import Destination, destination
+from ground.client.goal import destination
 from ground.client.outcomes import Answer
 from ground.launch.child_command import command
 from protocol.topics import CYCLE, STATUS
 from protocol.wire.codec import decode
-from protocol.wire.enums import GoalState, Mode, Vehicle
+from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.messages import CycleReport, NavigatorStatus
 from protocol.wire.reasons import reason_text
 from runtime.errors import RemoteError
@@ -128,11 +128,7 @@ class DrivingOperator(ThreadedOperator):
                 self._place = next(self._places)
             goal = destination([*self._place], position_tolerance_m=0.1)
             self._ask(self.robot.arm(timeout_s=AGAIN_S))
-            self._ask(self._send(goal))
-
-    async def _send(self, goal: Destination) -> Answer:
-        answer, _ = await self.robot.send_goal(goal, Mode.GUIDED, arms=False)
-        return answer
+            self._ask(self.send_goal(goal))
 
     def drive(self, seconds: float) -> None:
         """Keep the robot driving for a time; note why it stopped, and set off again."""

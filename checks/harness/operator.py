@@ -6,11 +6,13 @@ from threading import Thread
 from typing import Any, Self, TypeVar
 
 from ground.client.connection import Common
+from ground.client.goal import Destination
 from ground.client.leases import Leasing
-from ground.client.outcomes import Operation, Outcome
+from ground.client.outcomes import Answer, Operation, Outcome
 from ground.robot import Robot
 from protocol.bus.bus import Bus
 from protocol.bus.network import Network
+from protocol.wire.enums import Mode
 
 T = TypeVar("T")
 Out = TypeVar("Out", bound=Outcome)
@@ -42,6 +44,11 @@ class ThreadedOperator:
     def wait(self, work: Coroutine[Any, Any, T]) -> T:
         """Run a coroutine on the operator's loop to its end."""
         return asyncio.run_coroutine_threadsafe(work, self._loop).result()
+
+    async def send_goal(self, goal: Destination) -> Answer:
+        """Send a goal in GUIDED to an armed robot, without a wait for its end."""
+        answer, _ = await self.robot.send_goal(goal, Mode.GUIDED, arms=False)
+        return answer
 
     def perform(self, command: Operation[Out]) -> Out:
         """Carry out a command; raises what it raises without an outcome."""

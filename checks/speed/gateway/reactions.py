@@ -60,12 +60,8 @@ class BusOperator(ThreadedOperator):
         """Send a goal; return the time before."""
         at_ns = monotonic_ns()
         goal = Destination(x_m=x_m, y_m=y_m, heading_rad=None)
-        self._repeat(partial(self._send, goal))
+        self._repeat(partial(self.send_goal, goal))
         return at_ns
-
-    async def _send(self, goal: Destination) -> Answer:
-        answer, _ = await self.robot.send_goal(goal, Mode.GUIDED, arms=False)
-        return answer
 
     def release(self) -> None:
         """Stop, and give back the lease."""
