@@ -408,8 +408,6 @@ TERMINALS: Final = ("ada-t1", "bea-t2", "bea-t3")
 NOTEBOOK: Final = "ada-notebook"
 UP: Final = "ada-up"
 NAVIGATORS: Final = (states.BUG, states.BUG2)
-BUSY_NS: Final = 20 * NS_PER_MS
-"""`up` looks at its goal at this interval here, which costs less than each 2 ms."""
 
 
 class PersonsRun:
@@ -607,7 +605,6 @@ def replacements() -> dict[str, object]:
         "ground.client.lease_holder.gethostname": lambda: "sim",
         "ground.client.lease_holder.terminal_name": terminal,
         "ground.client.lease_holder.pwd": SimpleNamespace(getpwuid=of_here),
-        "ground.launch.fleet_run.POLL_NS": BUSY_NS,
     }
 
 
