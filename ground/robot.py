@@ -432,7 +432,7 @@ class Robot(RobotLink):
             with self.subscribed(STATUS, ODOMETRY, DECISION, LEASE) as telemetry:
                 end = await self.follow(watch, telemetry)
                 if end.abort:
-                    await self.finish(self._end(drive, abort, end.reason))
+                    await finish(self._end(drive, abort, end.reason))
                     end = watch.outrun(telemetry.latest) or await self._caused(end)
                 return self._goal_ended(end, telemetry, asked_ns)
 
@@ -509,7 +509,7 @@ class Robot(RobotLink):
             why = await self._steer(stick, watch, speed_m_s, radians(turn_deg_s), for_s)
             if watch.is_seized:  # the drive is that of the other person now
                 return DriveEnded(why)
-            is_over = await self.finish(self._end(drive, hold)) is None
+            is_over = await finish(self._end(drive, hold)) is None
             return DriveEnded(DRIVE_REPLACED if is_over and not why else why)
 
         def hold() -> CommandRequest:
@@ -583,11 +583,11 @@ class Robot(RobotLink):
             answer = await self.uninterrupted(self._turn, partial(begin, drive), drive.sent_by)
             return answer if isinstance(answer, Refused) else await follow(drive)
         except BaseException:
-            await self.finish(self._end_after(drive, ending))
+            await finish(self._end_after(drive, ending))
             raise
         finally:
             if self.lease.leasing is Leasing.DRIVES:
-                await self.finish(self.lease.leave())
+                await finish(self.lease.leave())
             self._drives.discard(drive)
             drive.ended.set()
 
@@ -912,7 +912,7 @@ class Robot(RobotLink):
             except RemoteError as error:
                 return Unanswered(str(error))
 
-        answers = await self.at_once([partial(clear, robot) for robot in robots])
+        answers = await asyncio.gather(*map(clear, robots))
         return AllAnswered(tuple(zip(robots, answers, strict=True)))
 
     @property

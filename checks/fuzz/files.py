@@ -36,7 +36,7 @@ from ground.app.input.keymap import Keymap, as_toml
 from ground.app.input.keymap import load as keymap_in
 from ground.branch_point import PathReader
 from ground.certificates import check, make
-from ground.cli.verbs import VERBS
+from ground.cli.main import OPERATOR_VERBS
 from ground.client.connection import Config
 from ground.client.parameter import parameters_in
 from ground.client.parameter_file import read as values_in
@@ -603,7 +603,7 @@ def command_line(data: bytes, _: Path) -> None:
     word, *rest = text_of(data).split("\0")
     if word in PARSERS:
         PARSERS[word]().parse_args(numbers_kept(rest))
-    elif word in VERBS:
+    elif word in OPERATOR_VERBS:
         parser_of(word).parse_args(numbers_kept(rest))
 
 

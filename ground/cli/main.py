@@ -5,16 +5,16 @@ import argparse
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from types import FrameType
 from typing import Final
 
-from ground.cli.verbs import VERBS
 from ground.text.output import Output
 from protocol.options import numbers_kept
 from runtime.cli.parsers import parser_of
-from runtime.cli.verb_table import command_of
+from runtime.cli.verb_table import VERBS, command_of
 from runtime.errors import (
     EXIT_FAILURE,
     EXIT_SIGNAL,
@@ -25,6 +25,7 @@ from runtime.errors import (
 )
 
 AGAIN_S: Final = 0.01
+OPERATOR_VERBS: Final = tuple(word for word, verb in VERBS.items() if not verb.is_program)
 
 
 class Interrupted(KeyboardInterrupt):
@@ -48,7 +49,7 @@ def main(argv: Sequence[str], *, ends_process: bool = False) -> int:
     output = Output(as_json=options.json)
     try:
         with signals(keep=ends_process):
-            return VERBS[options.verb](options, output)
+            return loaded(options.verb)(options, output)
     except KeyboardInterrupt as error:
         number = error.number if isinstance(error, Interrupted) else signal.SIGINT
         return failed(output, options.verb, "interrupted", EXIT_SIGNAL + number)
@@ -62,10 +63,22 @@ def main(argv: Sequence[str], *, ends_process: bool = False) -> int:
 def parse(argv: Sequence[str]) -> argparse.Namespace:
     """Parse the arguments of a verb; SystemExit after an error message, as argparse does."""
     word = argv[0] if argv else ""
-    if word not in VERBS:
-        print(f"sidestep: unknown verb {word!r}; known: {', '.join(VERBS)}", file=sys.stderr)
+    if word not in OPERATOR_VERBS:
+        known = ", ".join(OPERATOR_VERBS)
+        print(f"sidestep: unknown verb {word!r}; known: {known}", file=sys.stderr)
         raise SystemExit(EXIT_USAGE)
     return parser_of(word).parse_args(numbers_kept(argv[1:]), argparse.Namespace(verb=word))
+
+
+def loaded(word: str) -> Callable[[argparse.Namespace, Output], int]:
+    """Import the module of a verb, and only that; return the function that runs it."""
+    verb = VERBS[word]
+    if verb.words:
+        from ground.cli import operate
+
+        return operate.run
+    run: Callable[[argparse.Namespace, Output], int] = getattr(import_module(verb.module), verb.run)
+    return run
 
 
 def failed(output: Output, verb: str, why: str, code: int) -> int:

@@ -16,7 +16,7 @@ from ground.client.requests import (
     HeartbeatTimer,
     Request,
 )
-from ground.client.robot_link import LEASE_NS, RobotLink, settled
+from ground.client.robot_link import LEASE_NS, RobotLink, finish, settled
 from ground.client.vocabulary import Remedies
 from protocol.bus.publisher import Publisher
 from protocol.topics import LEASE, LEASE_SERVICE, OPERATOR, STATUS, Service, Topic
@@ -153,7 +153,7 @@ class Leases:
                 await self._link.sleep_until(clock.now_ns() + BEAT_NS)
             return None
         finally:
-            await self._link.finish(self.leave())
+            await finish(self.leave())
 
     async def leave(self) -> None:
         """Leave the lease to other programs of this person, else release it.

@@ -5,7 +5,7 @@ withdrawn by a cancellation.
 """
 
 import asyncio
-from collections.abc import Awaitable, Callable, Coroutine, Iterator, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -380,7 +380,7 @@ class RobotLink:
         """
         return EventStream(self.streams, self.bus.operator or "", size)
 
-    # The event loop: what a link without one overrides.
+    # The event loop.
 
     async def sleep_until(self, deadline_ns: int) -> None:
         """Wait until the clock has reached the deadline."""
@@ -414,10 +414,6 @@ class RobotLink:
         """Run what blocks in a thread of its own, which outlives a cancellation."""
         return await in_own_thread(job, f"sidestep {self.name}")
 
-    async def at_once(self, works: Sequence[Callable[[], Coroutine[Any, Any, T]]]) -> list[T]:
-        """Return the results of coroutines that run at the same time, in order."""
-        return list(await asyncio.gather(*(work() for work in works)))
-
     async def uninterrupted(
         self,
         gate: asyncio.Lock | asyncio.Semaphore,
@@ -436,10 +432,6 @@ class RobotLink:
         working.add_done_callback(end)
         started(working)
         return await asyncio.shield(working)
-
-    async def finish(self, work: Coroutine[Any, Any, T]) -> T:
-        """Await clean-up to its end, even if the caller is cancelled meanwhile."""
-        return await finish(work)
 
 
 def settle(future: "asyncio.Future[T]", result: T) -> None:

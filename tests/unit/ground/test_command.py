@@ -211,7 +211,6 @@ READERS = (
     "runtime/cli/parsers.py",
     "runtime/cli/completion.py",
     "ground/cli/main.py",
-    "ground/cli/verbs.py",
     "ground/cli/operate.py",
     "ground/console/parser.py",
     "ground/console/completion.py",

@@ -15,9 +15,8 @@ import pytest
 
 from checks.harness.until import PATIENCE_S
 from ground.cli import main as cli
-from ground.cli.main import Interrupted, main
+from ground.cli.main import OPERATOR_VERBS, Interrupted, main
 from ground.cli.operate import effect_of, run_until_signal
-from ground.cli.verbs import VERBS
 from ground.client.outcomes import Accepted, Refused
 from ground.commands.abort import Abort
 from ground.commands.arm import Arm
@@ -45,7 +44,7 @@ def install(monkeypatch: pytest.MonkeyPatch) -> Callable[[Run], None]:
             parser.add_argument("--json", action="store_true")
             return parser
 
-        monkeypatch.setattr(cli, "VERBS", {"mark": run})
+        monkeypatch.setattr(cli, "loaded", {"mark": run}.get)
         monkeypatch.setattr(cli, "parser_of", parser_of)
 
     return put
@@ -58,7 +57,7 @@ def raises(error: BaseException) -> Run:
     return run
 
 
-@each("verb", sorted(VERBS))
+@each("verb", sorted(OPERATOR_VERBS))
 def test_every_verb_explains_itself(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([verb, "--help"]) == 0
     assert f"sidestep {command_of(verb)}" in capsys.readouterr().out
