@@ -215,7 +215,7 @@ class RobotLink:
         while not exchange.over:
             for send in exchange.due(self.clock.now_ns()):
                 try:
-                    answer = await self._answer(service, send.request, send.patience_ns / NS_PER_S)
+                    answer = await self.answer(service, send.request, send.patience_ns / NS_PER_S)
                 except RemoteError as error:
                     exchange.unanswered(str(error))
                 else:
@@ -224,7 +224,7 @@ class RobotLink:
                 await self.sleep_until(exchange.next_ns)
         return exchange.outcome
 
-    async def _answer(
+    async def answer(
         self, service: Service, message: Message | None, timeout_s: float
     ) -> Message | bytes:
         """Return the answer of a service of the robot; NoAnswerError has the cause without one."""

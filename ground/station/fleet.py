@@ -4,7 +4,7 @@ Robots that are long gone are replaced when there are too many.
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from enum import IntEnum
 from math import isfinite
@@ -19,7 +19,8 @@ from ground.robot import Robot
 from ground.station.bus_protocols import ReadableBus, Token
 from ground.station.link.link_monitor import HubState
 from ground.station.link.loss import Loss, LossKind
-from ground.station.robot.background_requests import RequestWorker
+from ground.station.reader import Reading
+from ground.station.robot.command_queue import Begin
 from ground.station.robot.lease_state import UNKNOWN, LeaseView
 from ground.station.robot.robot_model import AddLine, RobotModel
 from ground.station.robot.robot_session import RobotSession
@@ -48,7 +49,7 @@ class Fleet:
         bus: ReadableBus,
         common: Common,
         clock: Clock,
-        workers: Callable[[str], RequestWorker],
+        begin: Begin,
         add_line: AddLine,
     ) -> None:
         self.models: dict[str, RobotModel] = {}
@@ -59,12 +60,13 @@ class Fleet:
         self._live_bus = bus if isinstance(bus, Bus) else None
         self._common = common
         self._clock = clock
-        self._workers = workers
+        self._begin = begin
         self._add_line = add_line
         self._began_ns = clock.now_ns()
         self._hub_state = HubState()
-        self._selected_reads = workers("selected reads")
-        self._watched_reads = workers("watched reads")
+        self._reading: set[str] = set()
+        """Whose request is under way: one of the selected robot, and one of the others."""
+
         self._polls = 0
         self._present: tuple[Token, ...] = ()
         self._tokens: Mapping[str, tuple[Token, ...]] = {}
@@ -79,7 +81,6 @@ class Fleet:
             self.sessions[robot] = RobotSession(
                 self._robot(bus, robot),
                 model,
-                self._workers(f"{robot} e-stop"),
                 self._add_line,
                 self._hub_state,
             )
@@ -139,7 +140,7 @@ class Fleet:
     def _end(self, model: RobotModel) -> None:
         del self.models[model.robot]
         if self._live_bus is not None:
-            self.sessions.pop(model.robot).close(0.0)
+            self.sessions.pop(model.robot).close()
             for mailbox in model.telemetry.boxes().values():
                 self._live_bus.unsubscribe(mailbox)
 
@@ -169,25 +170,27 @@ class Fleet:
 
     def _read(self, selected: str, now_ns: int) -> None:
         """Send the next request to the selected robot, and one to the others in turn."""
-        if selected in self.sessions and self._is_free(self._selected_reads):
-            self.sessions[selected].reader.ask(self._selected_reads, now_ns)
-        if not self._is_free(self._watched_reads):
-            return
-        readers = [one.reader for robot, one in self.sessions.items() if robot != selected]
-        for reader in sorted(readers, key=lambda reader: reader.asked_ns):
-            if reader.ask(self._watched_reads, now_ns):
-                return
+        own = [one.reader for robot, one in self.sessions.items() if robot == selected]
+        others = [one.reader for robot, one in self.sessions.items() if robot != selected]
+        for whose, readers in (("selected", own), ("watched", others)):
+            if whose in self._reading:
+                continue
+            for reader in sorted(readers, key=lambda reader: reader.asked_ns):
+                if (reading := reader.due(now_ns)) is not None:
+                    self._reading.add(whose)
+                    self._begin(self._carry_out(whose, reading))
+                    break
 
-    def _is_free(self, worker: RequestWorker) -> bool:
-        worker.done()
-        return not worker.busy
+    async def _carry_out(self, whose: str, reading: Reading) -> None:
+        try:
+            await reading()
+        finally:
+            self._reading.discard(whose)
 
-    def close(self, deadline_s: float) -> None:
-        """End the threads before the deadline, in monotonic time."""
+    def close(self) -> None:
+        """Let the threads end."""
         for session in self.sessions.values():
-            session.close(deadline_s)
-        for worker in (self._selected_reads, self._watched_reads):
-            worker.close(deadline_s)
+            session.close()
 
 
 class Attention(IntEnum):

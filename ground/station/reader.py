@@ -1,23 +1,23 @@
-"""Read round trip, parameters, mission, fence and world of a robot regularly, in a thread."""
+"""Read round trip, parameters, mission, fence and world of a robot regularly."""
 
-from collections.abc import Callable
+import logging
+from collections.abc import Callable, Coroutine
 from functools import partial
-from queue import SimpleQueue
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from ground.client.parameter import Parameter, parameters_in
-from ground.station.robot.background_requests import JobResult, RequestWorker
-from ground.station.robot.mission_items import DownloadedItems, downloaded
+from ground.missions.transfer import Download, Downloaded
+from ground.robot import Robot
+from ground.station.robot.mission_items import DownloadedItems
 from ground.station.world import WorldFacts, parse_world
-from protocol.bus.bus import Bus
 from protocol.bus.network import Hub
-from protocol.topics import PARAMETER, PARAMETERS, WORLD
+from protocol.topics import MISSION_SERVICE, PARAMETER, PARAMETERS, WORLD
 from protocol.wire.enums import MissionType
 from protocol.wire.messages import ParamRequestRead
-from runtime.clock import Clock
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_S
 
+LOG = logging.getLogger(__name__)
 PROBE_NS: Final = NS_PER_S
 PROBE_OFTEN_NS: Final = NS_PER_S // 4
 RARELY_NS: Final = 5 * NS_PER_S
@@ -55,6 +55,9 @@ class ReadFailure(NamedTuple):
 
 
 ReadResult = Probe | ReadParameters | DownloadedItems | WorldFacts | ReadFailure
+Read = Callable[[], Coroutine[Any, Any, ReadResult]]
+Reading = Callable[[], Coroutine[Any, Any, None]]
+"""Sends a request and keeps its result."""
 
 
 class Reader:
@@ -64,24 +67,22 @@ class Reader:
     `watches_only`.
     """
 
-    def __init__(self, bus: Bus, clock: Clock, robot: str) -> None:
+    def __init__(self, robot: Robot) -> None:
         self.asked = 0
         """Number of requests for the parameters since they were last wanted."""
         self.asked_ns = 0
         """Time of the last request."""
         self.watches_only = True
-        self._bus = bus
-        self._clock = clock
         self._robot = robot
-        self._results: SimpleQueue[ReadResult] = SimpleQueue()
-        self._jobs: dict[str, Callable[[], ReadResult]] = {
-            "probe": self._probe,
+        self._results: list[ReadResult] = []
+        self._reads: dict[str, Read] = {
+            "probe": partial(robot.in_own_thread, self._probe),
             "parameters": self._parameters,
-            "mission": lambda: downloaded(bus, clock, robot, MissionType.MISSION),
-            "fence": lambda: downloaded(bus, clock, robot, MissionType.FENCE),
+            "mission": partial(self._items, MissionType.MISSION),
+            "fence": partial(self._items, MissionType.FENCE),
             "world": self._world,
         }
-        self._next_ns = dict.fromkeys(self._jobs, 0)
+        self._next_ns = dict.fromkeys(self._reads, 0)
         self._wanted = {"probe", "parameters", "mission", "fence"}
         self._probe_ns = PROBE_NS
         self._probed_ns = 0
@@ -111,78 +112,92 @@ class Reader:
 
     def poll(self) -> list[ReadResult]:
         """Return new results."""
-        found: list[ReadResult] = []
-        while not self._results.empty():
-            found.append(self._results.get_nowait())
+        found, self._results = self._results, []
         return found
 
-    def ask(self, worker: RequestWorker, now_ns: int) -> bool:
-        """Send the next request if one is due; return False if none is."""
+    def due(self, now_ns: int) -> Reading | None:
+        """Return what sends the next request; None if none is due."""
         if self.watches_only:
-            return self._ask_rarely(worker, now_ns)
-        for what, job in self._jobs.items():
+            return self._due_rarely(now_ns)
+        for what, read in self._reads.items():
             if what in self._wanted and now_ns >= self._next_ns[what]:
                 if what == "probe":
                     self._probed_ns = now_ns
                 self._next_ns[what] = now_ns + (self._probe_ns if what == "probe" else RETRY_NS)
-                self._start(worker, now_ns, what, job)
-                return True
-        return False
+                return self._begin(now_ns, what, read)
+        return None
 
-    def _ask_rarely(self, worker: RequestWorker, now_ns: int) -> bool:
-        """Send what is due of a robot that is only watched: its limits say what it does alone."""
-        jobs: dict[str, Callable[[], ReadResult]] = {
-            "probe": lambda: Probe(None, self._round_trip_ns()),
+    def _due_rarely(self, now_ns: int) -> Reading | None:
+        """Return what is due of a robot that is only watched: its limits say what it does alone."""
+        reads: dict[str, Read] = {
+            "probe": partial(self._robot.in_own_thread, lambda: Probe(None, self._round_trip_ns())),
             "parameters": self._parameters,
         }
-        for what, job in jobs.items():
+        for what, read in reads.items():
             if what in self._wanted and now_ns >= self._rarely_ns[what]:
                 self._rarely_ns[what] = now_ns + RARELY_NS
-                self._start(worker, now_ns, what, job)
-                return True
-        return False
+                return self._begin(now_ns, what, read)
+        return None
 
-    def _start(
-        self, worker: RequestWorker, now_ns: int, what: str, job: Callable[[], ReadResult]
-    ) -> None:
+    def _begin(self, now_ns: int, what: str, read: Read) -> Reading:
         self.asked_ns = now_ns
         self.asked += what == "parameters"
-        worker.start(partial(self._done, what, job))
+        return partial(self._carry_out, what, read)
 
-    def _done(self, what: str, job: Callable[[], ReadResult]) -> JobResult:
+    async def _carry_out(self, what: str, read: Read) -> None:
+        result: ReadResult
         try:
-            self._results.put(job())
+            result = await read()
         except RemoteError as error:
-            self._results.put(ReadFailure(what, str(error)))
-        return JobResult(True, "")
+            result = ReadFailure(what, str(error))
+        except Exception as error:
+            LOG.exception("a request has failed")
+            result = ReadFailure(what, f"internal error of the ground station: {error!r}")
+        self._results.append(result)
 
     def _probe(self) -> Probe:
-        hub = self._bus.hub()
+        hub = self._robot.bus.hub()
         was_hanging, self._was_hanging = self._was_hanging, hub is Hub.HANGS
         if self._was_hanging and was_hanging:  # finding the reason takes time
-            return Probe(hub, None, self._bus.kept_out())
+            return Probe(hub, None, self._robot.bus.kept_out())
         if not hub.linked:
             return Probe(hub, None)
         round_trip_ns = self._round_trip_ns()
-        return Probe(self._bus.hub() if round_trip_ns is None else hub, round_trip_ns)
+        return Probe(self._robot.bus.hub() if round_trip_ns is None else hub, round_trip_ns)
 
     def _round_trip_ns(self) -> int | None:
-        asked_ns = self._clock.now_ns()
+        """Measure it in a thread, because a redraw may hold up the event loop."""
+        bus, clock = self._robot.bus, self._robot.clock
+        asked_ns = clock.now_ns()
         try:
-            self._bus.ask(PARAMETER, PROBE_REQUEST, TIMEOUT_S, robot=self._robot)
+            bus.ask(PARAMETER, PROBE_REQUEST, TIMEOUT_S, robot=self._robot.name)
         except RemoteError:
             return None
-        return self._clock.now_ns() - asked_ns
+        return clock.now_ns() - asked_ns
 
-    def _parameters(self) -> ReadParameters:
-        asked_ns = self._clock.now_ns()
-        answer = self._bus.ask(PARAMETERS, None, TIMEOUT_S, robot=self._robot)
+    async def _parameters(self) -> ReadParameters:
+        asked_ns = self._robot.clock.now_ns()
+        answer = await self._robot.answer(PARAMETERS, None, TIMEOUT_S)
         if not isinstance(answer, bytes):
             raise RemoteError("malformed answer of the robot: not a list of parameters")
         return ReadParameters(tuple(parameters_in(answer)), asked_ns)
 
-    def _world(self) -> WorldFacts:
-        answer = self._bus.ask(WORLD, None, TIMEOUT_S, robot=self._robot)
+    async def _world(self) -> WorldFacts:
+        answer = await self._robot.answer(WORLD, None, TIMEOUT_S)
         if not isinstance(answer, bytes):
             raise RemoteError("malformed answer of the plant: not a world")
         return parse_world(answer)
+
+    async def _items(self, kind: MissionType) -> DownloadedItems:
+        """Download all items, possibly none; RemoteError when a request stays unanswered."""
+        robot, clock = self._robot, self._robot.clock
+        download = Download(kind, clock.now_ns())
+        while not download.over:
+            for send in download.due(clock.now_ns()):
+                answer = await robot.answer(MISSION_SERVICE, send.request, TIMEOUT_S)
+                download.receive(answer, clock.now_ns())
+            if not download.over:
+                await robot.sleep_until(download.next_ns)
+        if isinstance(download.outcome, Downloaded):
+            return DownloadedItems(kind, download.outcome.items)
+        raise RemoteError(f"the robot did not send its {kind.name.lower()}")

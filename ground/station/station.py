@@ -1,10 +1,10 @@
 """Define the ground station without a screen: poll it, then read the state of its robots."""
 
 import asyncio
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import replace
-from time import monotonic, time_ns
+from time import time_ns
 from typing import Any, Final
 
 from ground.client.connection import Common
@@ -21,7 +21,6 @@ from ground.station.history.goal_progress import GoalProgress
 from ground.station.history.time_series import MessageSeries, SeriesTable
 from ground.station.link.loss import Loss
 from ground.station.link.streams import StreamRow
-from ground.station.robot.background_requests import RequestThread, RequestWorker
 from ground.station.robot.command_queue import REPLAYED, Begin, CommandQueue
 from ground.station.robot.lease_state import UNKNOWN, LeaseView, lease_from
 from ground.station.robot.robot_model import RobotModel
@@ -58,7 +57,6 @@ from runtime.units import NS_PER_S
 Point = tuple[float, float]
 PLACE_BY_HAND: Final = "pose set X Y DEG"
 PLACE_FROM_TRUTH: Final = "pose truth"
-CLOSING_S: Final = 2.0
 STOPPED: Final = "an emergency stop came first"
 RESTARTED: Final = "other processes are started"
 PROCESSES: Final = frozenset((Role.ROBOT.value, Role.PLANT.value))
@@ -84,7 +82,6 @@ class Station:
         *,
         name: str = "operator",
         common: Common | None = None,
-        workers: Callable[[str], RequestWorker] = RequestThread,
         begin: Begin = asyncio.create_task,
     ) -> None:
         """Create a station; `name` is shown to others while it holds a lease."""
@@ -96,7 +93,7 @@ class Station:
         self._began_ns = self._now_ns = clock.now_ns()
         self._present = PresentProcesses(frozenset())
         common = common or Common(network=Network(), robot=robot)
-        self._fleet = Fleet(bus, common, clock, workers, self._add_line)
+        self._fleet = Fleet(bus, common, clock, begin, self._add_line)
         self._ended: frozenset[tuple[str, str]] = frozenset()
         self.queue = CommandQueue(clock, begin, self.note, name, lambda: self._session)
         """The commands for the robot that is shown."""
@@ -123,14 +120,13 @@ class Station:
             session.beat(now_ns)
 
     async def close(self) -> None:
-        """Leave the leases, each by one request, and end the threads, within 2 s.
+        """Leave the leases, each by one request, and let the threads end.
 
         Another program of the same person keeps the lease that it uses.
         """
-        deadline_s = monotonic() + CLOSING_S
         sessions = self._fleet.sessions.values()
         await asyncio.gather(*(one.leave() for one in sessions if one.holding.is_used))
-        await asyncio.to_thread(self._fleet.close, deadline_s)
+        self._fleet.close()
 
     @property
     def robot(self) -> str:

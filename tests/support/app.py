@@ -46,8 +46,7 @@ from ground.station.history.event_log import EventLog
 from ground.station.history.goal_progress import GoalProgress
 from ground.station.link.loss import Loss
 from ground.station.link.streams import StreamRow
-from ground.station.robot.background_requests import JobResult
-from ground.station.robot.command_queue import CommandQueue, Ended, QueuedCommand
+from ground.station.robot.command_queue import CommandQueue, Ended, JobResult, QueuedCommand
 from ground.station.robot.lease_state import LeaseView
 from ground.station.robot.robot_stop import StopRecord
 from ground.station.station import Station
@@ -89,7 +88,7 @@ from runtime.units import NS_PER_MS as MS
 from runtime.units import NS_PER_S as S
 from runtime.units import PERIOD_MS
 from tests.support.ground.client import run_on
-from tests.support.ground.station import WORLD_TEXT, Inline
+from tests.support.ground.station import WORLD_TEXT
 from tests.support.played_bus import PlayedBus
 
 NOTHING = AgedMessage(None, None, Age.GONE)
@@ -117,7 +116,7 @@ class FakeStation(Station):
     def __init__(self, clock: ManualClock | None = None) -> None:
         self.clock = clock or ManualClock(100 * S)
         self.bus = PlayedBus(self.clock)
-        super().__init__(self.bus, "r1", self.clock, workers=lambda _name: Inline())
+        super().__init__(self.bus, "r1", self.clock)
         self.log = EventLog()
         self.queue = FakeCommandQueue(self)
         here = frozenset({("r1", "robot"), ("r1", "plant"), ("r1", "ground")})

@@ -133,15 +133,18 @@ class Watching:
 
     def turn(self) -> None:
         """Let the loop do what it can do now, and poll."""
+        self._go_on()
+        self.station.poll()
+
+    def _go_on(self) -> None:
         self.loop.call_soon(self.loop.stop)
         self.loop.run_forever()
-        self.station.poll()
 
     def close(self) -> None:
         self.loop.run_until_complete(self.station.close())
         for task in asyncio.all_tasks(self.loop):
             task.cancel()
-        self.turn()
+        self._go_on()
         self.loop.close()
 
     def until(self, condition: Callable[[], object], within_s: float = PATIENCE_S) -> float:

@@ -31,7 +31,7 @@ from ground.client.teleop_sender import TeleopSender
 from ground.missions.mission import Circle, Polygon, Waypoint
 from ground.missions.transfer import Clear, Upload, fence_items_of, items_of
 from ground.robot import Robot
-from ground.station.robot.background_requests import JobResult
+from ground.station.robot.command_queue import JobResult
 from ground.station.station import Station
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network

@@ -220,7 +220,7 @@ BLOCKS: Final = (
     *("protocol.bus.services", "protocol.bus.session", "runtime.clock", "runtime.lockstep"),
     "robot.process",
     *("robot.file_writer", "ground.client.emergency_stop", "ground.client.requests"),
-    *("ground.client.robot_link", "ground.station.robot.background_requests"),
+    *("ground.client.robot_link", "ground.station.robot.robot_stop"),
     "ground.station.station",
     *("ground.station.reader", "gateways.mavlink.bus_port", "gateways.mavlink.gateway"),
     "plant.process",

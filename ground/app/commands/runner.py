@@ -25,8 +25,7 @@ from ground.map.scene import MapTarget
 from ground.missions.files import Draft
 from ground.missions.mission import Mission
 from ground.robot import Robot
-from ground.station.robot.background_requests import JobResult
-from ground.station.robot.command_queue import REPLAYED, Ended, QueuedCommand
+from ground.station.robot.command_queue import REPLAYED, Ended, JobResult, QueuedCommand
 from ground.station.robot.mission_items import target_of
 from ground.station.station import Station
 from protocol.options import DEFAULT_ENDPOINT

@@ -13,7 +13,7 @@ from ground.commands.fence import ClearFence, FenceShown, SetFence, SetFenceOfFi
 from ground.commands.param import LoadParameters, ResetParameter, SetParameter
 from ground.missions.mission import Mission
 from ground.robot import Robot
-from ground.station.robot.background_requests import JobResult
+from ground.station.robot.command_queue import JobResult
 from ground.station.station import Station
 from runtime.errors import UserError
 

@@ -5,13 +5,12 @@ import logging
 from collections import deque
 from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import dataclass
-from typing import Any, Final, Protocol, TypeAlias
+from typing import Any, Final, NamedTuple, Protocol, TypeAlias
 
 from ground.client.outcomes import Accepted, Refused
 from ground.client.requests import ATTEMPTS, CommandExchange, RequestIds
 from ground.client.vocabulary import HINTS
 from ground.robot import Robot
-from ground.station.robot.background_requests import JobResult
 from ground.station.robot.robot_session import RobotSession
 from protocol.topics import LEASE_SERVICE
 from protocol.wire.enums import LeaseAction, Severity
@@ -37,6 +36,13 @@ DONE: Final = {
     LeaseAction.RELEASE: "released",
     LeaseAction.SEIZE: "SEIZED",
 }
+
+
+class JobResult(NamedTuple):
+    """Result of a request in one or more lines: `ok 14 ms`, or the robot's reason."""
+
+    ok: bool
+    text: str
 
 
 class Ended(Protocol):

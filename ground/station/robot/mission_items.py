@@ -6,16 +6,12 @@ from typing import NamedTuple
 
 from ground.map.scene import Disc, MapTarget, Outline, Shape
 from ground.missions.mission import Circle, Fence, Waypoint
-from ground.missions.transfer import MAX_ITEMS, Download, Downloaded, fence_of, waypoints_of
-from ground.station.bus_protocols import ReadableBus
-from protocol.topics import MISSION_SERVICE
+from ground.missions.transfer import MAX_ITEMS, fence_of, waypoints_of
 from protocol.wire.enums import MissionType
 from protocol.wire.messages import MissionClearAll, MissionCount, MissionItemInt, MissionVerdict
 from protocol.wire.reasons import Reason
-from runtime.clock import Clock
 from runtime.errors import RemoteError
 
-TIMEOUT_S = 0.5
 IN_FORCE = (Reason.NONE, Reason.NOT_SAVED)
 KINDS = frozenset(MissionType)
 
@@ -79,18 +75,3 @@ def target_of(waypoint: Waypoint) -> MapTarget:
         None if heading_deg is None else radians(heading_deg),
         waypoint.position_tolerance_m,
     )
-
-
-def downloaded(bus: ReadableBus, clock: Clock, robot: str, kind: MissionType) -> DownloadedItems:
-    """Download all items, possibly none; RemoteError when a request stays unanswered."""
-    transfer = Download(kind, clock.now_ns())
-    while not transfer.over:
-        for send in transfer.due(clock.now_ns()):
-            answer = bus.ask(MISSION_SERVICE, send.request, TIMEOUT_S, robot=robot)
-            transfer.receive(answer, clock.now_ns())
-        if not transfer.over:
-            clock.sleep_until(transfer.next_ns)
-    outcome = transfer.outcome
-    if isinstance(outcome, Downloaded):
-        return DownloadedItems(kind, outcome.items)
-    raise RemoteError(f"the robot did not send its {kind.name.lower()}")

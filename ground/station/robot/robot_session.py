@@ -4,7 +4,6 @@ from ground.robot import Robot
 from ground.station.link.link_monitor import HubState, LinkMonitor
 from ground.station.link.loss import Loss, LossKind
 from ground.station.reader import Reader
-from ground.station.robot.background_requests import RequestWorker
 from ground.station.robot.lease_holding import LeaseHolding
 from ground.station.robot.robot_model import AddLine, RobotModel
 from ground.station.robot.robot_stop import RobotStop
@@ -22,16 +21,15 @@ class RobotSession:
         self,
         robot: Robot,
         model: RobotModel,
-        stop_worker: RequestWorker,
         add_line: AddLine,
         hub_state: HubState,
     ) -> None:
         bus, clock = robot.bus, robot.clock
         self.robot = robot
         self.holding = LeaseHolding(bus.operator or "")
-        self.reader = Reader(bus, clock, robot.name)
+        self.reader = Reader(robot)
         self.link_monitor = LinkMonitor(model, self.reader, clock.now_ns(), add_line, hub_state)
-        self.stop = RobotStop(bus, model, clock, stop_worker, add_line)
+        self.stop = RobotStop(bus, model, clock, add_line)
         self._model = model
         self._add_line = add_line
         self._attends = False
@@ -109,6 +107,6 @@ class RobotSession:
             severity = Severity.INFO if self.holding.ours else Severity.WARNING
             self._add_line("ground", f"{self._model.robot}: {changed}", severity)
 
-    def close(self, deadline_s: float) -> None:
-        """End the e-stop's thread before the deadline."""
-        self.stop.close(deadline_s)
+    def close(self) -> None:
+        """Let the e-stop's thread end."""
+        self.stop.close()

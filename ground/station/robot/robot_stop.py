@@ -1,11 +1,13 @@
 """Send the e-stop of one robot, repeat it until acknowledged, and remember the last one."""
 
 from collections import deque
+from contextlib import suppress
+from functools import partial
+from threading import Thread
 from typing import Final, NamedTuple
 
 from ground.client import stop_ways
 from ground.client.emergency_stop import EmergencyStop, MessagePublisher, StopOutcome, outcome_words
-from ground.station.robot.background_requests import JobResult, RequestWorker
 from ground.station.robot.robot_model import AddLine, RobotModel
 from protocol.bus.bus import Bus
 from protocol.topics import STATUS, STOP
@@ -34,13 +36,11 @@ class RobotStop:
         bus: Bus,
         model: RobotModel,
         clock: Clock,
-        worker: RequestWorker,
         add_line: AddLine,
     ) -> None:
         self._bus = bus
         self._model = model
         self._clock = clock
-        self._worker = worker
         self._add_line = add_line
         self._publisher: MessagePublisher[CommandRequest] = bus.publisher(STOP, model.robot)
         self._ways = stop_ways.ways_of(bus, model.robot)
@@ -75,12 +75,17 @@ class RobotStop:
     def repeat(self) -> None:
         """Repeat a pressed e-stop in a thread until the robot's status shows it."""
         stop = self._pending
-        if stop is not None and not self._is_repeated:
-            self._is_repeated = self._worker.start(lambda: self._run(stop))
+        if stop is None or self._is_repeated or self._over:
+            return
+        repeating = Thread(
+            target=partial(self._run, stop), name=f"{stop.robot} e-stop", daemon=True
+        )
+        with suppress(RuntimeError):  # this system can make no thread now: the next press repeats
+            repeating.start()
+            self._is_repeated = True
 
-    def _run(self, stop: EmergencyStop) -> JobResult:
-        outcome = self._outcome = stop.run(lambda: self._over)
-        return JobResult(outcome.acknowledged, outcome_words(outcome, stop.robot))
+    def _run(self, stop: EmergencyStop) -> None:
+        self._outcome = stop.run(lambda: self._over)
 
     @property
     def is_pending(self) -> bool:
@@ -108,16 +113,16 @@ class RobotStop:
         """
         if self._pending is None:
             return
-        outcome = self._worker.done()
+        outcome = self._outcome
         if outcome is not None:
+            ok, text = outcome.acknowledged, outcome_words(outcome, self._pending.robot)
             self._pending = None
-            text = outcome.text if outcome.ok or not response else f"{outcome.text}; {response}"
-            self._add_line("ground", text, Severity.WARNING if outcome.ok else Severity.EMERGENCY)
+            text = text if ok or not response else f"{text}; {response}"
+            self._add_line("ground", text, Severity.WARNING if ok else Severity.EMERGENCY)
         elif words := self._pending.due(now_ns):
             self._add_line("ground", words, Severity.CRITICAL)
 
-    def close(self, deadline_s: float) -> None:
-        """End the thread before the deadline, in monotonic time."""
+    def close(self) -> None:
+        """Let the thread end."""
         self._over = True
-        self._worker.close(deadline_s)
         self._ways.close()

@@ -6,13 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from math import inf, nan
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 from weakref import finalize
 
 from checks.harness.loop import PlayedLoop
 from checks.harness.messages import make
 from ground.station.link.loss import Loss
-from ground.station.robot.background_requests import Job, JobResult, outcome_of
 from ground.station.station import Station
 from ground.station.world import WorldFacts
 from protocol.bus.network import Hub
@@ -27,6 +26,7 @@ from protocol.topics import (
     LEASE,
     LEASE_SERVICE,
     MISSION,
+    MISSION_SERVICE,
     ODOMETRY,
     OPERATOR,
     PARAMETER,
@@ -53,6 +53,8 @@ from protocol.wire.messages import (
     Heartbeat,
     LeaseRequest,
     LeaseStatus,
+    MissionCount,
+    MissionRequestList,
     MissionStatus,
     NavigatorStatus,
     ParamValue,
@@ -206,41 +208,19 @@ WORLD_TEXT = b"""{"name": "box", "size_m": [6.0, 4.0], "walls": true,
 
 
 class ThreadAtOnce:
-    """Does its work when it is started."""
+    """Does its work when it is started; one whose name is held waits for `Play.work`."""
 
-    def __init__(self, target: Callable[[], object], **_: object) -> None:
-        self.start = target
+    held: ClassVar[set[str]] = set()
+    waiting: ClassVar[dict[str, Callable[[], object]]] = {}
 
+    def __init__(self, target: Callable[[], object], name: str = "", **_: object) -> None:
+        self._target, self._name = target, name
 
-class Inline:
-    """A lane without a thread: the job runs at once, or when the test calls `work`."""
-
-    def __init__(self, *, waits: bool = False) -> None:
-        self.busy = False
-        self.waits = waits
-        self._job: Job | None = None
-        self._outcome: JobResult | None = None
-
-    def start(self, job: Job) -> bool:
-        if self.busy:
-            return False
-        self.busy, self._job = True, job
-        if not self.waits:
-            self.work()
-        return True
-
-    def work(self) -> None:
-        if self._job is not None:
-            self._outcome, self._job = outcome_of(self._job), None
-
-    def done(self) -> JobResult | None:
-        outcome, self._outcome = self._outcome, None
-        if outcome is not None:
-            self.busy = False
-        return outcome
-
-    def close(self, deadline_s: float) -> None:
-        self.busy = False
+    def start(self) -> None:
+        if self._name in self.held:
+            self.waiting[self._name] = self._target
+        else:
+            self._target()
 
 
 def end(loop: PlayedLoop) -> None:
@@ -257,14 +237,11 @@ class Play:
     `turn` lets the event loop do what it can do now.
     """
 
-    def __init__(
-        self, world: WorldFacts | None = None, workers: Callable[[str], Inline] | None = None
-    ) -> None:
+    def __init__(self, world: WorldFacts | None = None) -> None:
         self.clock = ManualClock(1000 * S)
         self.bus = PlayedBus(self.clock)
         self.robots = [Robot()]
         self.delivered = True
-        self.workers: dict[str, Inline] = {}
         self.commands: list[CommandRequest] = []
         self.refuses = Reason.NONE
         self.params: dict[str, float] = dict(PARAMS)
@@ -272,7 +249,6 @@ class Play:
         self.bus.come(Role.PLANT)
         for name in ("r1", "r2"):
             self.bus.publisher(STOP, name).heard = partial(self._press, name)
-        self._worker = workers or (lambda _name: Inline())
         self._serve()
         self.loop = PlayedLoop(self.clock)
         self.loop.set_exception_handler(lambda _loop, _context: None)
@@ -283,7 +259,6 @@ class Play:
             self.clock,
             world,
             name="anna",
-            workers=self._make_lane,
             begin=self.loop.create_task,
         )
 
@@ -316,6 +291,16 @@ class Play:
 
     def turn(self) -> None:
         self.loop.advance()
+
+    def hold(self, thread: str) -> None:
+        """Let a thread wait that is begun from now on."""
+        ThreadAtOnce.held.add(thread)
+
+    def work(self, thread: str) -> None:
+        """Let it work, and all later ones of this name."""
+        ThreadAtOnce.held.discard(thread)
+        if (target := ThreadAtOnce.waiting.pop(thread, None)) is not None:
+            target()
 
     def texts(self, words: str = "") -> list[str]:
         return [line.text for line in self.station.log.find(words)]
@@ -366,9 +351,6 @@ class Play:
 
     # The robot's services.
 
-    def _make_lane(self, name: str) -> Inline:
-        return self.workers.setdefault(name, self._worker(name))
-
     def _serve(self) -> None:
         self.bus.answers |= {
             PARAMETERS.path: lambda _: listed(self.params),
@@ -378,6 +360,7 @@ class Play:
             WORLD.path: lambda _: WORLD_TEXT,
             LEASE_SERVICE.path: self._lease,
             COMMAND.path: self._command,
+            MISSION_SERVICE.path: no_items,
         }
 
     def _lease(self, request: Message | None) -> Message:
@@ -404,6 +387,12 @@ def listed(params: dict[str, float]) -> bytes:
     """Return a robot's answer to the request for its parameters."""
     rows = [{"name": name, "value": value, "default": value} for name, value in params.items()]
     return json.dumps(rows).encode()
+
+
+def no_items(request: Message | None) -> Message:
+    """Return the answer of a robot without a mission and a fence."""
+    assert isinstance(request, MissionRequestList)
+    return make(MissionCount, count=0, mission_type=request.mission_type)
 
 
 def refused(reason: Reason) -> CommandAck:

@@ -495,10 +495,7 @@ def test_stop_waits_for_no_request() -> None:
 
 def test_stop_stands_though_no_thread_can_repeat_it(monkeypatch: pytest.MonkeyPatch) -> None:
     class NoThread(ThreadAtOnce):
-        def __init__(self, target: Callable[[], object], **_: object) -> None:
-            self.start = self.fail
-
-        def fail(self) -> None:
+        def start(self) -> None:
             raise RuntimeError("can't start new thread")
 
     stage = Stage()
@@ -558,8 +555,8 @@ def test_work_in_a_thread_outlives_the_cancellation_of_its_wait(
     jobs: list[Callable[[], object]] = []
 
     class ThreadLater(ThreadAtOnce):
-        def __init__(self, target: Callable[[], object], **_: object) -> None:
-            self.start = lambda: jobs.append(target)
+        def start(self) -> None:
+            jobs.append(self._target)
 
     async def program() -> None:
         waiting = robot_link.in_own_thread(lambda: 1, "job")

@@ -4,20 +4,16 @@ import asyncio
 from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
-from threading import Event, current_thread
-from time import monotonic
 from typing import NamedTuple
 
 import pytest
 
-from checks.harness.until import PATIENCE_S, until
 from ground.app.commands.runner import CommandRunner
-from ground.client import robot_link
 from ground.client.connection import Common
 from ground.console.history import History
 from ground.robot import Robot
-from ground.station.robot.background_requests import Job, JobResult, RequestThread
-from ground.station.robot.command_queue import MAX_WAITING
+from ground.station.robot import robot_stop
+from ground.station.robot.command_queue import MAX_WAITING, JobResult
 from protocol.bus.bus import Presence
 from protocol.bus.network import Network
 from protocol.topics import COMMAND, LEASE_SERVICE, STOP, Role
@@ -25,9 +21,9 @@ from protocol.wire.enums import AckResult, Command, LeaseAction, Mode, Severity
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest, LeaseRequest
 from protocol.wire.reasons import Reason
-from runtime.errors import RemoteError, UserError
+from runtime.errors import RemoteError
 from tests.support.each import each
-from tests.support.ground.station import Inline, Play, ThreadAtOnce, silent
+from tests.support.ground.station import Play, ThreadAtOnce, silent
 
 
 def ready() -> Play:
@@ -433,57 +429,6 @@ def test_close_without_a_lease_releases_none() -> None:
     assert lease_asked(play) == []
 
 
-def test_job_runs_in_the_thread_and_returns_once() -> None:
-    worker = RequestThread("somewhere else")
-    assert worker.start(lambda: JobResult(True, current_thread().name))
-    found: list[JobResult] = []
-    until(lambda: found.append(one) if (one := worker.done()) else found)
-    assert found == [JobResult(True, "somewhere else")]
-    assert worker.done() is None
-    worker.close(monotonic() + PATIENCE_S)
-
-
-def test_one_job_at_a_time() -> None:
-    worker, go = RequestThread("one"), Event()
-    assert worker.start(lambda: JobResult(go.wait(PATIENCE_S), ""))
-    assert not worker.start(lambda: JobResult(True, ""))
-    go.set()
-    until(worker.done)
-    assert worker.start(lambda: JobResult(True, ""))
-    worker.close(monotonic() + PATIENCE_S)
-
-
-def fails() -> JobResult:
-    raise UserError("no such thing")
-
-
-def test_failed_job_returns_its_error() -> None:
-    worker = RequestThread("one")
-    worker.start(fails)
-    found: list[JobResult] = []
-    until(lambda: found.append(one) if (one := worker.done()) else found)
-    assert found == [JobResult(False, "no such thing")]
-    assert worker.start(lambda: JobResult(True, ""))
-    until(worker.done)
-    worker.close(monotonic() + PATIENCE_S)
-
-
-def test_close_waits_until_the_deadline_only() -> None:
-    worker, go = RequestThread("one"), Event()
-    worker.start(lambda: JobResult(go.wait(2 * PATIENCE_S), ""))
-    began_s = monotonic()
-    worker.close(monotonic() + 0.1)
-    assert monotonic() - began_s < PATIENCE_S
-    assert not worker.start(lambda: JobResult(True, ""))
-    go.set()
-
-
-def test_unused_thread_closes_at_once() -> None:
-    worker = RequestThread("one")
-    worker.close(monotonic())
-    assert not worker.start(lambda: JobResult(True, ""))
-
-
 def commands_of(play: Play, folder: Path) -> CommandRunner:
     """Return what runs the commands of an app; they reach the played robot."""
     network = Network(mode="client", connect=("tcp/127.0.0.1:7447",))
@@ -544,11 +489,6 @@ def test_command_is_for_the_robot_that_was_shown(
     assert [robot for robot, path, _ in play.bus.asked if path == COMMAND.path] == ["r1"]
 
 
-@pytest.fixture(autouse=True)
-def _no_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(robot_link, "Thread", ThreadAtOnce)
-
-
 @pytest.fixture
 def driving(commanding: tuple[Play, CommandRunner]) -> tuple[Play, CommandRunner]:
     """Return an app that drives r1 by keys."""
@@ -604,7 +544,7 @@ def pressed() -> Play:
     play = Play().forward(1.0)
     play.die()
     play.forward(1.0)
-    play.workers["r1 e-stop"].waits = True
+    play.hold("r1 e-stop")
     play.station.estop()
     return play
 
@@ -623,7 +563,7 @@ def test_repeated_press_continues_the_pending_estop() -> None:
     play.station.estop()
     play.station.estop()
     play.revive()
-    play.workers["r1 e-stop"].work()
+    play.work("r1 e-stop")
     play.forward(0.1)
     assert len({command.request_id for command in play.commands}) == 1
     assert len(play.texts("acknowledged by")) == 1
@@ -631,7 +571,7 @@ def test_repeated_press_continues_the_pending_estop() -> None:
 
 def test_failed_estop_reports_the_robots_response() -> None:
     play = pressed()
-    play.workers["r1 e-stop"].work()
+    play.work("r1 e-stop")
     play.station.poll()
     line = next(line for line in play.station.log if "GIVEN UP" in line.text)
     assert line.severity == Severity.EMERGENCY
@@ -645,6 +585,23 @@ def test_estop_waits_for_no_request_and_needs_no_lease() -> None:
     play.station.estop()
     assert len(play.commands) == 1
     assert play.station.queue.busy == "lease take"
+
+
+def test_press_after_a_thread_could_not_start_is_repeated(monkeypatch: pytest.MonkeyPatch) -> None:
+    class NoThread(ThreadAtOnce):
+        def start(self) -> None:
+            raise RuntimeError("can't start new thread")
+
+    play = Play().forward(1.0)
+    play.die()
+    with monkeypatch.context() as patch:
+        patch.setattr(robot_stop, "Thread", NoThread)
+        play.station.estop()
+    assert play.station.stopping
+    play.revive()
+    play.station.estop()
+    play.forward(0.1)
+    assert play.texts("E-STOP acknowledged by r1")
 
 
 def test_each_robot_has_its_own_estop() -> None:
@@ -668,9 +625,15 @@ def test_stop_of_all_reaches_robots_that_were_never_selected() -> None:
     assert play.texts("E-STOP of all robots: r1 r2")
 
 
-def test_stop_of_all_is_sent_to_each_before_any_is_awaited() -> None:
+def test_stop_of_all_is_sent_to_each_before_any_is_awaited(monkeypatch: pytest.MonkeyPatch) -> None:
     order: list[str] = []
-    play = Play(workers=lambda name: Recorded(name, order)).forward(0.5)
+
+    class Noted(ThreadAtOnce):
+        def start(self) -> None:
+            order.append(self._name)
+
+    monkeypatch.setattr(robot_stop, "Thread", Noted)
+    play = Play().forward(0.5)
     for name in ("r2", "r3"):
         play.station.select(name)
     for name in ("r1", "r2", "r3"):
@@ -678,7 +641,7 @@ def test_stop_of_all_is_sent_to_each_before_any_is_awaited() -> None:
     order.clear()
     play.station.estop_all()
     assert order[:3] == ["r1 sent", "r2 sent", "r3 sent"]
-    assert sorted(order[3:6]) == ["r1 e-stop", "r2 e-stop", "r3 e-stop"]
+    assert sorted(order[3:]) == ["r1 e-stop", "r2 e-stop", "r3 e-stop"]
 
 
 def test_stop_of_all_is_sent_before_anybody_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -701,7 +664,7 @@ def test_stop_of_all_is_sent_before_anybody_is_asked(monkeypatch: pytest.MonkeyP
 def test_hung_robot_does_not_delay_the_stop_of_another() -> None:
     play = Play().forward(1.0)
     play.station.select("r2")
-    play.workers["r1 e-stop"].waits = True
+    play.hold("r1 e-stop")
     play.station.estop_all()
     play.forward(0.1)
     assert play.texts("E-STOP acknowledged by r2")
@@ -736,7 +699,7 @@ def test_stops_to_release_are_the_one_shown_and_the_last_of_this_station() -> No
     assert play.station.stops_known("r1") == (7,)
     play.die()
     play.forward(0.1)
-    play.workers["r1 e-stop"].waits = True
+    play.hold("r1 e-stop")
     play.station.estop()
     own = play.station.last_stop("r1")
     assert own is not None
@@ -745,15 +708,3 @@ def test_stops_to_release_are_the_one_shown_and_the_last_of_this_station() -> No
 
 def noted(order: list[str], what: str, _: Message) -> None:
     order.append(what)
-
-
-class Recorded(Inline):
-    """A lane that notes when it is asked to work, and never does."""
-
-    def __init__(self, name: str, order: list[str]) -> None:
-        super().__init__(waits=True)
-        self._name, self._order = name, order
-
-    def start(self, job: Job) -> bool:
-        self._order.append(self._name)
-        return super().start(job)

@@ -16,6 +16,7 @@ from protocol.topics import (
     HEARTBEAT,
     ODOMETRY,
     OPERATOR,
+    PARAMETERS,
     SONAR,
     STATUS,
     TEXT,
@@ -169,11 +170,11 @@ def test_loss_rejects_requests_that_move(lost: Lost) -> None:
 
 def test_estop_is_sent_during_any_loss(lost: Lost) -> None:
     play, _ = lost
-    play.workers["r1 e-stop"].waits = True
+    play.hold("r1 e-stop")
     play.station.estop()
     assert "not acknowledged" in play.station.stopping
     play.revive()
-    play.workers["r1 e-stop"].work()
+    play.work("r1 e-stop")
     play.forward(0.1)
     assert [command.command for command in play.commands] == [Command.DO_FLIGHTTERMINATION]
     assert play.texts("E-STOP acknowledged by r1")
@@ -185,16 +186,14 @@ def test_return_requires_reading_again_and_is_logged(lost: Lost) -> None:
     play.revive()
     play.robot.lease.holder = ""
     asked = len(play.bus.asked)
-    waits = play.workers["selected reads"]
-    waits.waits = True
+    parameters = play.bus.answers.pop(PARAMETERS.path)
     play.forward(1.2)
     assert play.station.loss() is None
     assert not play.station.ready
     assert play.station.waiting_for == "parameters"
     assert "waiting for parameters" in play.station.queue.refusal()
-    waits.work()
-    waits.waits = False
-    play.forward(0.6)
+    play.bus.answers[PARAMETERS.path] = parameters
+    play.forward(1.2)
     assert play.station.ready
     assert play.station.queue.refusal() == ""
     assert "srv/parameters" in {path for _, path, _ in play.bus.asked[asked:]}
@@ -325,12 +324,11 @@ def test_hang_needs_proof_of_the_link() -> None:
     play.robot.senses = False
     play.hang()
     play.forward(0.2)
-    play.workers["selected reads"].waits = True  # the link is not checked
+    play.hold("sidestep r1")  # the link is not checked
     play.forward(2.0)
     early = play.station.loss()
     assert early is None or early.kind is LossKind.SENSES_STALE
-    play.workers["selected reads"].waits = False
-    play.workers["selected reads"].work()
+    play.work("sidestep r1")
     play.forward(0.6)
     assert play.loss.kind is LossKind.HUNG
 

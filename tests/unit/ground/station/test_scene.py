@@ -6,18 +6,23 @@ from math import isnan, pi
 
 import pytest
 
+from checks.harness.loop import PlayedLoop
 from checks.harness.messages import make
+from ground.client.connection import Common
 from ground.map.drawing import NO_PLACE, entries
 from ground.map.scene import Disc, Outline
 from ground.missions.mission import Circle as MissionCircle
 from ground.missions.mission import Fence, Polygon, Waypoint
 from ground.missions.transfer import fence_items_of, items_of
+from ground.robot import Robot as RobotClient
 from ground.station.history.telemetry_history import TelemetryHistory
-from ground.station.robot.mission_items import MissionItems, downloaded
+from ground.station.reader import Reader
+from ground.station.robot.mission_items import MissionItems
 from ground.station.scene import TRAIL_POINTS, thinned
 from ground.station.world import parse_world
 from plant.sim.physics import MovingDisc
 from plant.world.file import load
+from protocol.bus.network import Network
 from protocol.outcome import CHI2_2
 from protocol.topics import ANSWERED, COMMANDED, MISSION, MISSION_SERVICE, WORLD, Role
 from protocol.wire.enums import GoalState, MissionType, Mode
@@ -440,10 +445,12 @@ def test_foreign_mission_items_are_not_drawn() -> None:
 
 def test_download_stops_at_the_first_failure() -> None:
     clock = ManualClock()
-    bus = PlayedBus(clock)
+    bus, loop = PlayedBus(clock), PlayedLoop(clock)
+    reader = Reader(RobotClient(bus, Common(network=Network(), robot="r1"), clock=clock))
     with pytest.raises(RemoteError, match="no process serves it"):
-        downloaded(bus, clock, "r1", MissionType.MISSION)
+        loop.run(reader._items(MissionType.MISSION))
     assert len(bus.asked) == 1
     bus.answers[MISSION_SERVICE.path] = lambda _: verdict(MissionType.MISSION, Reason.NO_MISSION)
     with pytest.raises(RemoteError, match="did not send its mission"):
-        downloaded(bus, clock, "r1", MissionType.MISSION)
+        loop.run(reader._items(MissionType.MISSION))
+    loop.close()

@@ -36,7 +36,7 @@ from protocol.wire.messages import MissionStatus, ParamValue, Statustext
 from runtime.clock import ManualClock
 from runtime.errors import UserError
 from runtime.units import NS_PER_S as S
-from tests.support.ground.station import PARAMS, Inline, Play, Robot
+from tests.support.ground.station import PARAMS, Play, Robot
 from tests.support.messages import messages_of
 from tests.support.played_bus import PlayedBus
 
@@ -224,7 +224,7 @@ def feed(play: Play, ticks: int) -> None:
 def test_station_subscribes_each_topic_of_each_robot_once() -> None:
     clock = ManualClock()
     bus = PlayedBus(clock)
-    station = Station(bus, "r1", clock, workers=lambda _name: Inline())
+    station = Station(bus, "r1", clock, begin=lambda work: work.close())
     for robot in ("r2", "r1", "r2"):
         station.select(robot)
         station.poll()
