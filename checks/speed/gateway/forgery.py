@@ -185,7 +185,7 @@ STATES: Final = (Mode.GUIDED, Mode.MANUAL, Mode.HOLD)
 STILL_M: Final = 0.01
 
 
-class Witness:
+class CommandCounter:
     """Counts the requests, manual speeds and stops that reach the robot over its bus."""
 
     def __init__(self, air: Air) -> None:
@@ -220,7 +220,7 @@ class ForgeryTrial:
 
     def __init__(self, air: Air, owner: MavlinkClient, key: bytes) -> None:
         self._owner, self._air = owner, air
-        self._witness = Witness(air)
+        self._witness = CommandCounter(air)
         self._pause = Event()
         self._stranger: Line = air.line()
         captured = owner.sent = []
