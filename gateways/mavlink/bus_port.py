@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable
-from contextlib import suppress
+from contextlib import AbstractAsyncContextManager, nullcontext, suppress
 from functools import partial
 from queue import SimpleQueue
 from typing import Any, Final
@@ -67,14 +67,15 @@ MAX_ASKING: Final = 256
 Job = Callable[[], Awaitable[Outcome]]
 
 
-async def answered_by(work: Awaitable[Outcome]) -> Answered:
-    """Return the end of a request; an error is an answer, too."""
-    try:
-        return Answered(await work)
-    except (LocalError, RemoteError) as error:
-        return Answered(None, str(error))
-    except Exception as error:  # such as one of the bus: without an answer, clients hang
-        return Answered(None, f"{type(error).__name__}: {error}")
+async def answered_by(job: Job, turn: AbstractAsyncContextManager[object]) -> Answered:
+    """Return the end of a request when it has its turn; an error is an answer, too."""
+    async with turn:
+        try:
+            return Answered(await job())
+        except (LocalError, RemoteError) as error:
+            return Answered(None, str(error))
+        except Exception as error:  # such as one of the bus: without an answer, clients hang
+            return Answered(None, f"{type(error).__name__}: {error}")
 
 
 class StopLine:
@@ -116,7 +117,7 @@ class StopLine:
         """Repeat the newest stop for all that have pressed since the last repetition began."""
         while (stop := self._newest) is not None:
             asking, self._newest, self._asking = self._asking, None, []
-            answered = await answered_by(self._repeat(stop))
+            answered = await answered_by(partial(self._repeat, stop), nullcontext())
             for ended in asking:
                 if not ended.done():
                     ended.set_result(answered)
@@ -356,12 +357,7 @@ class BusPort:
 
     def _begin(self, turn: asyncio.Lock, job: Job) -> asyncio.Task[Answered]:
         """Begin a job once those before it have ended."""
-
-        async def work() -> Answered:
-            async with turn:
-                return await answered_by(job())
-
-        task = asyncio.get_running_loop().create_task(work())
+        task = asyncio.get_running_loop().create_task(answered_by(job, turn))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
         return task

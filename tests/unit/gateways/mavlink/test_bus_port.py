@@ -1,13 +1,18 @@
 """The port on a played bus: a robot that is silent, slow or flooded, and the emergency stop."""
 
 import asyncio
+import sys
 import threading
 from collections.abc import Awaitable, Callable, Coroutine, Iterator
-from typing import Any, cast
+from contextvars import ContextVar
+from pathlib import Path
+from types import FrameType
+from typing import Any, Final, cast
 
 import pytest
 
 from checks.harness.loop import PlayedLoop
+from checks.harness.played_gateway import PlayedWork
 from checks.harness.until import until
 from gateways.mavlink.bus_port import (
     BUSY,
@@ -19,7 +24,12 @@ from gateways.mavlink.bus_port import (
     SILENT_NS,
     BusPort,
 )
+from gateways.mavlink.coordinates import DEFAULT_ORIGIN
+from gateways.mavlink.mav_service import Sender
+from gateways.mavlink.mav_vehicle import MavVehicle
+from gateways.mavlink.mavlink_dialect import mavlink
 from gateways.mavlink.robot_port import NO_TELEMETRY, OVERTAKEN, Answered, StopPress
+from gateways.mavlink.services import face_of
 from ground.client.connection import Common
 from ground.client.robot_link import RobotLink
 from ground.commands.arm import Arm
@@ -317,3 +327,57 @@ def test_port_is_busy_until_the_answer_is_delivered(room: Room) -> None:
     room.gate.set()
     room.wait(1)
     assert not room.port.is_busy
+
+
+ROOT: Final = Path(__file__).resolve().parents[4]
+ROOMS: Final = ("gateways", "ground", "protocol")
+MOST_CALLS: Final = 25
+PASSED: ContextVar[tuple[str, ...]] = ContextVar("PASSED", default=())
+"""The calls that led to the present task."""
+
+
+def calls(frame: FrameType | None) -> list[str]:
+    """Return the functions of the product on a stack, the outermost first."""
+    found: list[str] = []
+    while frame is not None:
+        path = Path(frame.f_code.co_filename)
+        if any(path.is_relative_to(ROOT / room) for room in ROOMS):
+            found.insert(0, f"{path.stem}.{frame.f_code.co_name}")
+        frame = frame.f_back
+    return found
+
+
+def test_a_command_long_reaches_the_bus_in_few_calls(
+    room: Room, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Count them, through all tasks, from the message to the request on the bus."""
+    to_bus: list[str] = []
+    send, create_task = GatedBus.send, room.loop.create_task
+
+    def begun(work: Any, **how: Any) -> Any:
+        token = PASSED.set((*PASSED.get(), *calls(sys._getframe(1))))
+        try:
+            return create_task(work, **how)
+        finally:
+            PASSED.reset(token)
+
+    def asked(self: GatedBus, query: PlayedQuery, done: Callable[[object], object]) -> None:
+        if query.service is COMMAND:
+            to_bus[:] = [*PASSED.get(), *calls(sys._getframe(1)), "send"]
+        send(self, query, done)
+
+    monkeypatch.setattr(GatedBus, "send", asked)
+    monkeypatch.setattr(room.loop, "create_task", begun)
+    room.bus.answers[LEASE_SERVICE.path] = lambda request: ack(request, Reason.NONE)
+    room.bus.say(STATUS, status())
+    vehicle = MavVehicle(1, room.port, DEFAULT_ORIGIN, room.clock.now_ns())
+    face, work = face_of(vehicle), PlayedWork(vehicle, room.loop)
+    face.due(room.clock.now_ns())
+    arm = mavlink.MAVLink_command_long_message(
+        *(1, 1, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    )
+    work.within(face.receive, arm, Sender(1, 255, 190), room.clock.now_ns())
+    work.settle()
+    assert room.asked == [Command.COMPONENT_ARM_DISARM]
+    assert to_bus[0] == "mav_vehicle.receive"
+    assert len(to_bus) <= MOST_CALLS, to_bus
