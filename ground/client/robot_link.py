@@ -295,15 +295,17 @@ class RobotLink:
 
     def _silence(self, heard: Heard) -> str:
         """Explain it by what is linked; blocks."""
+        present = self.processes()
         why = self.bus.lost() or explain_silence(
-            self.processes(),
+            present,
             self.name,
             self.endpoint,
             is_beating=heard.is_beating,
             has_status=heard.has_status,
             other=self.remedies.robot,
         )
-        return why if heard.stands else why + load_words(self._slowdown())
+        may_be_slow = present.has(self.name, Role.ROBOT) and not heard.stands
+        return why + load_words(self._slowdown()) if may_be_slow else why
 
     def processes(self) -> PresentProcesses:
         """Return the announced processes; blocks, longer on a busy machine."""

@@ -83,9 +83,10 @@ class LiveStatus:
         robot.lease.beat()
 
     async def _explain_silence(self, telemetry: Telemetry, now_ns: int) -> None:
-        """Print the diagnosis once for each silence."""
-        newest = telemetry.latest(HEARTBEAT)
-        silent = now_ns - (self._began_ns if newest is None else newest[1]) > SILENT_NS
+        """Print the diagnosis once for each silence, also of a robot without simulated time."""
+        newest = [telemetry.latest(topic) for topic in (HEARTBEAT, STATUS)]
+        heard_ns = min(self._began_ns if one is None else one[1] for one in newest)
+        silent = now_ns - heard_ns > SILENT_NS
         if silent and not self._silent:
             self._output.note(await self._robot.diagnosis())
         self._silent = silent

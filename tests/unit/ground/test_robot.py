@@ -636,3 +636,16 @@ def test_names_that_are_empty_are_refused() -> None:
             operator_name(name)
     with pytest.raises(UserError, match="robot name ''"):
         common("tcp/127.0.0.1:1", "", None)
+
+
+def test_load_of_the_machine_is_no_cause_for_a_wrong_name() -> None:
+    for has_robot in (True, False):
+        stage = Stage()
+        if has_robot:
+            stage.bus.come(Role.ROBOT)
+
+        async def asks(robot: Robot) -> str:
+            robot._slowdown = lambda: 4.0
+            return await robot.diagnosis()
+
+        assert ("this machine is busy" in lived(stage, asks)) is has_robot
