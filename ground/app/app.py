@@ -9,8 +9,6 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from queue import Empty, SimpleQueue
-from threading import Thread
 from time import monotonic_ns
 from typing import TYPE_CHECKING, ClassVar, Final, TypeVar
 
@@ -38,6 +36,7 @@ from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.stops.alerts import Alerts
 from ground.app.stops.band import Band, BandKeys, is_in_emergency_stop, stop_band
 from ground.app.widgets.lines import Printable
+from ground.client.robot_link import in_own_thread
 from ground.client.telemetry import Age
 from ground.client.time_factor import TimeFactor
 from ground.station.station import Station
@@ -135,7 +134,6 @@ class GroundApp(App[int]):
         self._bindings = bindings_of(self._keymap_in_force)
         self._typed = KeyQueue(self, self._check_bindings)
         self.ascii_only = self.appearance.ascii_only
-        self._jobs = BackgroundJobs(self.note)
         self.reader = RecordingReader(self.run_in_background)
         self._frame_rate = FrameRate(self.appearance.hz)
         self._time_factor = TimeFactor(None if stack is None else stack.scenario.pace)
@@ -219,8 +217,20 @@ class GroundApp(App[int]):
         return SessionInfo().kind if station.ready else ""
 
     def run_in_background(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
-        """Run a slow job in a thread; `done` gets its result in this thread."""
-        self._jobs.begin(job, done)
+        """Run a slow job in a thread; `done` gets its result in this thread.
+
+        Expected errors go to the log instead. The exit does not wait for the thread.
+        """
+
+        async def work() -> None:
+            try:
+                result = await in_own_thread(job, "job of the app")
+            except (LocalError, RemoteError, OSError) as error:
+                self.note(str(error))
+            else:
+                self.call_later(done, result)
+
+        self.run_worker(work(), exit_on_error=False)
 
     def note(self, text: str) -> None:
         """Add a line to the log."""
@@ -292,7 +302,6 @@ class GroundApp(App[int]):
             self.player.poll()
         self._alerts.poll()
         self._poll_recording()
-        self._jobs.poll()
         if self.stack is not None and (news := self.stack.next_event()):
             self.station.note(news, Severity.ERROR)
         if self.base_screen is not None:
@@ -438,34 +447,3 @@ class GroundApp(App[int]):
         """Run the action with this id, and redraw."""
         self.doable()[id]()
         self.redraw()
-
-
-class BackgroundJobs:
-    """Runs jobs in threads and hands their results over in the thread that polls."""
-
-    def __init__(self, say: Callable[[str], None]) -> None:
-        self._note = say
-        self._ready: SimpleQueue[Callable[[], None]] = SimpleQueue()
-
-    def begin(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
-        """Start a job. `done` gets its result; expected errors go to the log instead."""
-
-        def work() -> None:
-            try:
-                found = job()
-            except (LocalError, RemoteError, OSError) as error:
-                words = str(error)
-                self._ready.put(lambda: self._note(words))
-                return
-            self._ready.put(lambda: done(found))
-
-        Thread(target=work, daemon=True).start()
-
-    def poll(self) -> None:
-        """Hand over the results of finished jobs."""
-        while True:
-            try:
-                callback = self._ready.get_nowait()
-            except Empty:
-                return
-            callback()

@@ -4,6 +4,7 @@ import asyncio
 import json
 from pathlib import Path
 from threading import Event
+from typing import Any
 
 import pytest
 
@@ -116,25 +117,27 @@ def test_a_recording_that_runs_is_the_last_choice(
     assert last.endswith("20261123T100003Z-r1.tlog  is still being recorded")
 
 
-def polled(app: GroundApp) -> bool:
-    """Take the results of jobs, as the app does with each frame."""
-    app._jobs.poll()
-    return True
-
-
 async def test_a_recording_is_chosen_and_read_in_the_background(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     recordings_folder().mkdir(parents=True)
     recorded(recordings_folder())
+    seen = Event()
+
+    def read(*given: Any, **how: Any) -> Player:
+        assert seen.wait(PATIENCE_S)
+        return Player(*given, **how)
+
+    monkeypatch.setattr("ground.app.playback.player.Player", read)
     async with staged() as stage:
         app = stage.app
         await stage.press("8", "o")
-        await stage.until(lambda: polled(app) and len(app.screen_stack) > 1)
+        await stage.until(lambda: len(app.screen_stack) > 1)
         await stage.press("enter")
         assert "reading 20231114T221320Z-r1.tlog" in stage.words("timeline")
-        await stage.until(lambda: polled(app) and app.player)
+        seen.set()
+        await stage.until(lambda: app.player)
         await stage.redraw()
         assert "/ 3.9" in stage.words("timeline")
 
@@ -148,7 +151,7 @@ async def test_a_recording_that_cannot_be_played_is_reported_in_the_log(tmp_path
             app.open_replay(tmp_path / "missing.tlog")
         app.open_replay(path)
         await stage.pilot.pause()
-        await stage.until(lambda: polled(app) and "holds no frame" in stage.log())
+        await stage.until(lambda: "holds no frame" in stage.log())
         assert (app.player, app.reader.words) == (None, "")
 
 

@@ -4,14 +4,13 @@ import asyncio
 import os
 import sys
 from pathlib import Path
-from threading import Event
 from typing import cast
 
 import pytest
 
-from checks.harness.until import PATIENCE_S, until
+from checks.harness.until import PATIENCE_S
 from ground.app import start
-from ground.app.app import BackgroundJobs, GroundApp
+from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
 from ground.app.start import capture_output
 from runtime.errors import UserError
@@ -74,47 +73,21 @@ async def test_commands_of_the_settings_run_at_the_start() -> None:
         assert commands.given == ["layers trail", "hold"]
 
 
-def polled(aside: BackgroundJobs, done: Event) -> None:
-    def is_done() -> bool:
-        aside.poll()
-        return done.is_set()
-
-    until(is_done, what="the result of the job")
-
-
-def test_result_of_a_job_is_handed_over_by_poll() -> None:
+async def test_result_of_a_job_is_handed_over() -> None:
     found: list[int] = []
-    there = Event()
-    aside = BackgroundJobs(found_nothing)
-
-    def done(value: int) -> None:
-        found.append(value)
-        there.set()
-
-    aside.begin(lambda: 7, done)
-    polled(aside, there)
+    async with staged() as stage:
+        stage.app.run_in_background(lambda: 7, found.append)
+        await stage.until(lambda: found)
     assert found == [7]
 
 
-def found_nothing(words: str) -> None:
-    raise AssertionError(words)
-
-
-def test_expected_error_of_a_job_is_noted() -> None:
-    said: list[str] = []
-    there = Event()
-
-    def note(words: str) -> None:
-        said.append(words)
-        there.set()
-
+async def test_expected_error_of_a_job_is_noted() -> None:
     def job() -> int:
         raise UserError("no such world")
 
-    aside = BackgroundJobs(note)
-    aside.begin(job, lambda _: None)
-    polled(aside, there)
-    assert said == ["no such world"]
+    async with staged() as stage:
+        stage.app.run_in_background(job, lambda _: None)
+        await stage.until(lambda: "no such world" in stage.log())
 
 
 def test_other_output_goes_to_the_log_file(

@@ -104,7 +104,7 @@ class Wired(PlayedBus):
 class Dialled(Robot):
     """A robot that answers at once."""
 
-    async def _answer(
+    async def answer(
         self, service: Service, message: Message | None, timeout_s: float
     ) -> Message | bytes:
         return self.bus.ask(service, message, timeout_s)
