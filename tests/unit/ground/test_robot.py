@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import pytest
 
 from checks.harness.loop import PlayedLoop
+from ground.cli.observe.live_line import LiveStatus
 from ground.client import robot_link
 from ground.client.connection import common
 from ground.client.goal import destination
@@ -23,7 +24,7 @@ from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError, UserError
 from runtime.units import NS_PER_S
 from tests.support.each import each
-from tests.support.ground.client import HELD, STANDBY, Stage, lease_of, status
+from tests.support.ground.client import HELD, STANDBY, Stage, captured_output, lease_of, status
 from tests.support.ground.station import ThreadAtOnce
 
 GOAL = destination([1.0, 2.0])
@@ -649,3 +650,21 @@ def test_load_of_the_machine_is_no_cause_for_a_wrong_name() -> None:
             return await robot.diagnosis()
 
         assert ("this machine is busy" in lived(stage, asks)) is has_robot
+
+
+def test_live_watch_says_once_that_simulated_time_stands() -> None:
+    """The robot sends its heartbeat all the time, so it is not silent."""
+    stage = Stage()
+    output, printed = captured_output()
+    robot = robot_of(stage)
+
+    async def watched() -> None:
+        watching = asyncio.create_task(LiveStatus(robot, output).run(beats=False))
+        until_ns = stage.clock.now_ns() + 10 * NS_PER_S
+        while stage.clock.now_ns() < until_ns:
+            stands(stage)
+            await robot.sleep_until(stage.clock.now_ns() + NS_PER_S // 5)
+        watching.cancel()
+
+    played(stage, watched())
+    assert printed()[1].count("the simulated time of r1 stands still, no plant steps it") == 1
