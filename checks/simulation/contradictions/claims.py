@@ -194,11 +194,33 @@ class ClaimsObserver:
         """Compare the reason of an abort with that of the robot."""
         end = goal.end
         cause = next((cause for words, cause in CAUSES.items() if words in reason), None)
+        named = ENDED_BY.match(reason)
+        if named is not None and cause is None:
+            cause = Reason.BY_OPERATOR
         if outcome != "aborted" or cause is None:
             return ""
         if end is None:
             return "the goal has not ended"
-        return "" if cause == end.goal_reason else f"the robot's reason is {reason_name(end)}"
+        if cause != end.goal_reason:
+            return f"the robot's reason is {reason_name(end)}"
+        return self._ended_by(goal, end, "" if named is None else named[1])
+
+    def _ended_by(self, goal: GoalTruth, end: RobotRow, name: str) -> str:
+        """Compare who ended a goal with the name that is said; empty: its own person."""
+        rows, answered = self.truth.rows, self.truth.answered
+        ender = next(
+            (one for one in answered if rows[one.at].ns == end.ns and self._ends(one)), None
+        )
+        if ender is None or not ender.program or end.goal_reason not in BY_PERSONS:
+            return ""
+        is_other = person_of(ender.program) != person_of(goal.asked.program)
+        if bool(name) != is_other:
+            return f"{ender.program} has ended it, and the goal was of {goal.asked.program}"
+        is_right = not name or self.truth.is_persons_name(ender.program, name)
+        return "" if is_right else f"{ender.program} has ended it"
+
+    def _ends(self, one: RequestTruth) -> bool:
+        return one.ok and one.before.has_goal and not self.truth.rows[one.at].has_goal
 
     # Answers.
 
@@ -235,10 +257,16 @@ class ClaimsObserver:
             return f"it was held by {rows[-1].holder_name}"
         return ""
 
-    def accepted(self, said: Said, _accepted: Accepted) -> str:
+    def accepted(self, said: Said, accepted: Accepted) -> str:
         """Judge that a request was accepted: what it asks was so at some instant since."""
         deed = said.deed
         condition = None if deed is None else self.effect_of(deed, said.program)
+        if deed is not None and (noted := NOTED.get(deed.verb)) is not None:
+            since_ns, (note, had) = deed.began_ns, noted
+            is_so = had if accepted.note != note else lambda row: not had(row)
+            if not self.truth.ever(since_ns, said.ns, is_so):
+                said_words = "there was nothing to do" if accepted.note == note else "it was done"
+                return f"never so that {said_words}: {state_words(self.truth.at(said.ns))}"
         if deed is None or condition is None:
             return ""
         if self.truth.ever(deed.began_ns, said.ns, condition):
@@ -540,6 +568,20 @@ ENDS_MISSION: Final[tuple[tuple[Any, ...], ...]] = (
     (Command.COMPONENT_ARM_DISARM, 0.0),
 )
 REPLACED: Final = re.compile(r"by the goal (-?[\d.]+) (-?[\d.]+)(?: of (.+))?")
+ENDED_BY: Final = re.compile(r"(?:disarmed )?by (?!the )(.+)")
+"""A reason that names another person."""
+
+BY_PERSONS: Final = (Reason.BY_OPERATOR, Reason.DISARMED)
+NOTED: Final[dict[str, tuple[int, Condition]]] = {
+    "clear": (Reason.NOTHING_LATCHED, lambda row: row.is_stopped),
+    "hold": (
+        Reason.NOTHING_KEPT,
+        lambda row: row.has_goal or row.mission_state in UNDER_WAY,
+    ),
+    "release": (Reason.NO_LEASE, lambda row: bool(row.holder)),
+}
+"""What a person may ask for in vain: the note that says so, and what was so if it was not."""
+
 TOLD: Final = re.compile(r"goal (\w+), an operator commands")
 NO_ANSWER: Final = re.compile(r"does not answer|no message from the robot|no heartbeat")
 NOT_IN_CONTROL: Final = 10

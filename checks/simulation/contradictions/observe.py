@@ -79,6 +79,7 @@ from protocol.wire.messages import (
     MissionStatus,
     NavigatorStatus,
 )
+from protocol.wire.reasons import REASON_TEXTS
 from runtime.units import NS_PER_MS, NS_PER_S
 
 WORLD: Final = """
@@ -187,6 +188,10 @@ class TruthOfBus(Truth):
         """Return the person of an operator on the bus."""
         return operator.partition("/")[0]
 
+    def is_persons_name(self, _program: str, _name: str) -> bool:
+        """Believe the names, as `is_name` does."""
+        return True
+
     def is_name(self, _program: str, _name: str) -> bool:
         """Believe the names that are shown: they contain a terminal of this computer."""
         return True
@@ -271,7 +276,8 @@ def outcome_in(row: Mapping[str, Any]) -> Any:
     if "outcome" in row:
         return GoalEnded(row["outcome"], row["reason"], row.get("distance_m"), row["wall_s"])
     if row.get("reason_code") == 0:
-        return Accepted(0)
+        noted = (code for code, text in REASON_TEXTS.items() if text == row.get("note"))
+        return Accepted(0, note=next(noted, 0))
     return Refused(int(row["reason_code"]), 0) if row.get("reason_code") else None
 
 

@@ -173,6 +173,17 @@ def _failed_for_taken_over() -> Patches:
     return {"ground.client.missions.mission_state": lambda state, *_: MissionState(state).name}
 
 
+def _nobody_named() -> Patches:
+    """Name nobody who has stopped what another person had begun."""
+    nobody = import_module("robot.mission").NOBODY
+    return {"robot.vehicle.RobotVehicle.stoppers": property(lambda _: nobody)}
+
+
+def _no_notes() -> Patches:
+    """Say ok, and no more, of what had nothing to act on."""
+    return {"robot.commands.Commands._note_on": lambda *_: 0}
+
+
 DEFECTS: Final[dict[str, Defect]] = {
     "c1": Defect("`up` reports the end of somebody else's goal", _any_goal),
     "c2": Defect("a clean-up ends what was begun since", _unbound_clean_up),
@@ -185,6 +196,8 @@ DEFECTS: Final[dict[str, Defect]] = {
         "a station that restarts is told that another operator commands", _stranger_to_itself
     ),
     "c9": Defect("a mission that was taken over is reported as failed", _failed_for_taken_over),
+    "c10": Defect("who has aborted another person's goal is not named", _nobody_named),
+    "c11": Defect("what had nothing to act on is said to be done", _no_notes),
 }
 
 

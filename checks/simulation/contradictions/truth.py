@@ -284,6 +284,11 @@ class Truth:
         stations = (f"MAVLink {number}" for number in (255, 254))
         return name in (f"{person}@sim:{rest.partition('.')[0]}"[:16], *stations)
 
+    def is_persons_name(self, program: str, name: str) -> bool:
+        """Return whether any program of a program's person is shown to others by this name."""
+        person = person_of(program)
+        return name.startswith((f"{person}@sim:", f"{person[:16]}", "MAVLink "))
+
     def has_lease(self, row: RobotRow, person: str) -> bool:
         """Return whether a person holds the lease."""
         return bool(row.holder) and self.person_of(row.holder) == person
