@@ -69,8 +69,8 @@ def translated(source: str, module: ModuleType) -> str:
             PRELUDE,
             *tables,
             *structures,
-            *(f"{one.head()};" for one in translations),
-            *(one.definition() for one in translations),
+            *(f"{translation.head()};" for translation in translations),
+            *(translation.definition() for translation in translations),
             "",
         ]
     )
@@ -100,7 +100,7 @@ def bindings(source: str, name: str) -> str:
 
 def wrapper(function: ast.FunctionDef) -> Iterator[str]:
     """Yield the lines that make a function of MicroPython; its arguments are numbers."""
-    names = [one.arg for one in function.args.args]
+    names = [arg.arg for arg in function.args.args]
     types = result_types(function)
     given = ", ".join(f"mp_obj_get_float({name})" for name in names)
     yield f"static mp_obj_t call_{function.name}({', '.join(f'mp_obj_t {n}' for n in names)}) {{"
@@ -124,7 +124,7 @@ def result_types(function: ast.FunctionDef) -> tuple[str, ...]:
     """Return the types of the results of a function."""
     returns = function.returns
     if isinstance(returns, ast.Subscript) and isinstance(returns.slice, ast.Tuple):
-        return tuple(TYPES[ast.unparse(one)] for one in returns.slice.elts)
+        return tuple(TYPES[ast.unparse(elt)] for elt in returns.slice.elts)
     assert returns is not None
     return (TYPES[ast.unparse(returns)],)
 
@@ -162,9 +162,9 @@ class Function:
         self._results = results
         self._constants = constants
         self._types = {
-            one.arg: TYPES[ast.unparse(one.annotation)]
-            for one in function.args.args
-            if one.annotation is not None
+            arg.arg: TYPES[ast.unparse(arg.annotation)]
+            for arg in function.args.args
+            if arg.annotation is not None
         }
         self._parameters = tuple(self._types.items())
         self._temporaries = 0
@@ -213,7 +213,7 @@ class Function:
             yield "}"
             yield from self._returned(value.orelse)
         elif isinstance(value, ast.Tuple):
-            parts = ", ".join(self._expression(one)[0] for one in value.elts)
+            parts = ", ".join(self._expression(elt)[0] for elt in value.elts)
             yield f"return (struct {shape(types)}){{{parts}}};"
         else:
             yield f"return {self._call(value)[0]};"
@@ -238,7 +238,7 @@ class Function:
 
     def _exchanged(self, target: ast.Tuple, value: ast.Tuple) -> Iterator[str]:
         """Assign to all targets after all values are known."""
-        found = [self._expression(one) for one in value.elts]
+        found = [self._expression(elt) for elt in value.elts]
         names = [self._temporary(kind) for _, kind in found]
         yield from (f"{name} = {text};" for name, (text, _) in zip(names, found, strict=True))
         for one, name, (_, kind) in zip(target.elts, names, found, strict=True):
@@ -281,7 +281,7 @@ class Function:
         if isinstance(node, ast.Compare):
             return self._compared(node), WHOLE
         if isinstance(node, ast.BoolOp):
-            parts = [self._condition(one) for one in node.values]
+            parts = [self._condition(value) for value in node.values]
             return f"({f' {OPERATORS[type(node.op)]} '.join(parts)})", WHOLE
         if isinstance(node, ast.IfExp):
             body, kind = self._expression(node.body)
@@ -304,7 +304,7 @@ class Function:
                 kind = TYPES[name]
                 return f"(({kind}){self._expression(node.args[0])[0]})", kind
             if name in MATH:
-                given = ", ".join(self._expression(one)[0] for one in node.args)
+                given = ", ".join(self._expression(arg)[0] for arg in node.args)
                 return f"{MATH[name]}({given})", REAL
             text, types = self._call(node)
             if len(types) == 1:
@@ -316,7 +316,7 @@ class Function:
             raise refused(node)
         if node.func.id not in self._results:
             raise refused(node)
-        given = ", ".join(self._expression(one)[0] for one in node.args)
+        given = ", ".join(self._expression(arg)[0] for arg in node.args)
         return f"translated_{node.func.id}({given})", self._results[node.func.id]
 
     def _name(self, node: ast.Name) -> Typed:

@@ -205,7 +205,7 @@ def run_in(source: str | bytes | Mapping[str, Any]) -> WorldRun:
 def _world(facts: Mapping[str, Any]) -> World:
     width_m, height_m = map(_number, facts["size_m"])
     tables = facts["obstacles"]
-    lists = [one.get(key, ()) for one in tables for key in ("polygon_m", "wall_m", "path_m")]
+    lists = [table.get(key, ()) for table in tables for key in ("polygon_m", "wall_m", "path_m")]
     if len(tables) > MAX_OBSTACLES or sum(map(len, lists)) > MAX_POINTS:
         raise ValueError("too many obstacles or points")
     length_m, robot = facts.get("shortest_path_m"), _settings(facts.get("robot", {}))

@@ -379,7 +379,7 @@ class GroundStation:
     def latest(self, name: str, where: Where | None = None) -> ReceivedMessage | None:
         """Return the newest message of a name that the vehicle has sent."""
         frames = (one for one in reversed(self.log) if one.name == name)
-        return next((one for one in frames if where is None or where(one.message)), None)
+        return next((frame for frame in frames if where is None or where(frame.message)), None)
 
     def expect(
         self, name: str, within_s: float = 1.0, where: Where | None = None, since: int | None = None

@@ -261,7 +261,7 @@ class VehicleCheck:
 
     def seen(self, name: str) -> list[ReceivedMessage]:
         """Return the messages of a name that the vehicle has sent in the window."""
-        return [one for one in self.window.frames if one.name == name]
+        return [frame for frame in self.window.frames if frame.name == name]
 
     def rate(self, name: str) -> float:
         """Return the rate at which the vehicle sends in the window."""
@@ -325,7 +325,7 @@ class VehicleCheck:
     def texts(self, since: int, client: GroundStation | None = None) -> str:
         """Return the STATUSTEXT that was sent since a mark, short."""
         frames = (client or self.main).sent("STATUSTEXT", since)
-        return " | ".join(_text(one.message.text) for one in frames)
+        return " | ".join(_text(frame.message.text) for frame in frames)
 
 
 def is_vehicle(message: Any) -> bool:

@@ -245,7 +245,7 @@ class ReplayBus:
 
     def next_mark(self, time_s: float) -> Bookmark | None:
         """Return the next bookmark."""
-        return next((one for one in self.marks if one.time_s > time_s + 1e-9), None)
+        return next((mark for mark in self.marks if mark.time_s > time_s + 1e-9), None)
 
     def _deliver(self, until_ns: int, *, is_sampled: bool = False) -> int:
         end = self.log_index.after(until_ns)

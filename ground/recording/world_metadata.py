@@ -36,7 +36,7 @@ def outlines(world: World) -> Iterator[tuple[list[Point], float]]:
 
 def discs(world: World) -> list[WorldCircle]:
     """Return the discs; recordings lack the positions of moving ones."""
-    return [one for one in world.obstacles if isinstance(one, WorldCircle)]
+    return [obstacle for obstacle in world.obstacles if isinstance(obstacle, WorldCircle)]
 
 
 def solids(world: World, tint: Colour) -> tuple[list[Json], list[Json]]:

@@ -141,7 +141,7 @@ def standing_room(draft: WorldDraft) -> bool:
     """Return whether start and goal are clear of everything static; families place movers."""
     return all(
         on_floor(point, draft.size_m, STANDING_M)
-        and all(clearance_m(point, one) >= STANDING_M for one in draft.obstacles)
+        and all(clearance_m(point, obstacle) >= STANDING_M for obstacle in draft.obstacles)
         for point in (draft.start, draft.goal)
     )
 

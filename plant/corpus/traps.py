@@ -242,7 +242,7 @@ def thin(random: Draws) -> WorldDraft | None:
 def with_walls(draft: WorldDraft, thickness_m: float) -> WorldDraft:
     """Return a draft whose walls all have this thickness; doors become wider by the difference."""
     obstacles = tuple(
-        replace(one, thickness_m=thickness_m) if isinstance(one, Polyline) else one
-        for one in draft.obstacles
+        replace(obstacle, thickness_m=thickness_m) if isinstance(obstacle, Polyline) else obstacle
+        for obstacle in draft.obstacles
     )
     return draft._replace(obstacles=obstacles)

@@ -285,7 +285,7 @@ def _ends_among_cylinders(field: CylinderField, random: Draws) -> tuple[Point, P
         x_m, y_m = (
             round(random.uniform(STANDING_M, side - STANDING_M), 3) for side in field.size_m
         )
-        if all(clearance_m((x_m, y_m), one) >= STANDING_M for one in field.cylinders):
+        if all(clearance_m((x_m, y_m), cylinder) >= STANDING_M for cylinder in field.cylinders):
             free.append((x_m, y_m))
         if len(free) == 4:
             break

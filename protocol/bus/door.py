@@ -128,7 +128,7 @@ class AddressShares:
 
     def shares(self, now_s: float) -> dict[Address, float]:
         """Return the shares below 1, the least first, as of now."""
-        limited = [one for one in self._accounts.values() if one.share < 1.0]
+        limited = [account for account in self._accounts.values() if account.share < 1.0]
         rate_hz = FAILURES_PER_S / max(1, len(limited))
         for address, one in tuple(self._accounts.items()):
             one.level = min(float(BURST), one.level + rate_hz * (now_s - one.filled_s))

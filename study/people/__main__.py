@@ -65,11 +65,11 @@ def tables_of(
     NAVIGATORS.
     """
     crowds = [
-        one
-        for one in contacts
-        if one.series[0].family in CROWD_FAMILIES
-        and one.series[0].noise == "default"
-        and one.series[0].seed != STUDIED
+        contact
+        for contact in contacts
+        if contact.series[0].family in CROWD_FAMILIES
+        and contact.series[0].noise == "default"
+        and contact.series[0].seed != STUDIED
     ]
     return {
         "contacts": contact_table(with_pooled(contacts)),
@@ -113,8 +113,8 @@ def to_json(
     once for each trial in it.
     """
     found = {
-        "crowds": [_counts(one) for one in contacts],
-        "navigators": [_counts(one) | _nearness(one) for rows in navigators for one in rows],
+        "crowds": [_counts(contact) for contact in contacts],
+        "navigators": [_counts(row) | _nearness(row) for rows in navigators for row in rows],
     }
     return json.dumps(found, indent=1) + "\n"
 

@@ -266,7 +266,7 @@ def _html_section(section: PageSection, level: int) -> str:
     head = f"<h{level}>{_words(section.title)}</h{level}>"
     parts = [
         *map(_html_block, section.blocks),
-        *(_html_section(one, level + 1) for one in section.parts),
+        *(_html_section(part, level + 1) for part in section.parts),
     ]
     if level > 2:
         return _folded(head, "\n".join(parts))

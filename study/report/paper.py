@@ -127,7 +127,7 @@ def _of_vgm(trials: Trials, runs: PaperRuns) -> Evidence:
 
 def _in_minima(trials: Trials, runs: PaperRuns) -> Evidence:
     """Return vgm's trials in these families, and its drives in the shipped traps."""
-    drives = [one for one in runs.traps if one.trial.navigator == "vgm"]
+    drives = [trap for trap in runs.traps if trap.trial.navigator == "vgm"]
     return _of_families(trials.of(navigator="vgm"), MINIMA), drives
 
 
@@ -213,10 +213,10 @@ def _corner(trials: Trials, runs: PaperRuns) -> Claim:
     for side in ("left", "right"):
         rows = _of_families(trials.of(navigator="bug", side=side), CORNERS)
         drives = [
-            one
-            for one in runs.traps
-            if one.trial.world.name in CORNERS
-            and (one.trial.navigator, one.trial.side) == ("bug", side)
+            trap
+            for trap in runs.traps
+            if trap.trial.world.name in CORNERS
+            and (trap.trial.navigator, trap.trial.side) == ("bug", side)
         ]
         found = _pooled((rows, drives), ARRIVALS)
         verdicts.append(_universal(Proportion(found.of - found.count, found.of)))
@@ -263,9 +263,9 @@ def _shown(pool: Evidence, kind: ClaimMeasure, good: bool) -> list[str]:
     """Return a few trials for which the measure is true, or false, from both sources."""
     rows, drives = pool
     found = [
-        f"{one.trial.world.name} {one.outcome.noise} seed {one.trial.seed}"
-        for one in drives
-        if kind.of_drive(one) == good
+        f"{drive.trial.world.name} {drive.outcome.noise} seed {drive.trial.seed}"
+        for drive in drives
+        if kind.of_drive(drive) == good
     ]
     picked = rows.where(kind.of_rows(rows) == good)
     named = zip(

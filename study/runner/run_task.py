@@ -325,7 +325,7 @@ def _request_values(task: TrialTask, context: StudyContext) -> dict[str, Any]:
 
 def thinnest_wall_m(world: World) -> float | None:
     """Return the thickness of the thinnest wall in metres; None without a wall on the floor."""
-    walls = (one for one in world.obstacles if isinstance(one, Polyline))
+    walls = (obstacle for obstacle in world.obstacles if isinstance(obstacle, Polyline))
     return min((wall.thickness_m for wall in walls), default=None)
 
 

@@ -231,8 +231,8 @@ def _signed_soon(check: VehicleCheck, key: bytes | None, since: int) -> bool:
     def is_there() -> bool:
         frames = check.main.sent("HEARTBEAT", since)
         if key is None:
-            return any(not one.is_signed for one in frames)
-        return any(one.is_signed and is_signed_with(one.raw, key) for one in frames)
+            return any(not frame.is_signed for frame in frames)
+        return any(frame.is_signed and is_signed_with(frame.raw, key) for frame in frames)
 
     return check.station.wait(WITHIN_S, is_there)
 
@@ -326,7 +326,7 @@ def secret(check: VehicleCheck) -> RowVerdict:
     frames = [one for client in check.station.clients.values() for one in client.log]
     forwarded = check.station.forwarded_keys
     found.expect(not forwarded, f"{forwarded} SETUP_SIGNING forwarded")
-    leaked = sum(key in one.raw or NEW_KEY in one.raw for one in frames)
+    leaked = sum(key in frame.raw or NEW_KEY in frame.raw for frame in frames)
     found.expect(not leaked, f"{leaked} frames with a key")
     check.facts.pop("logs", None)  # the newest one has grown
     for number, size in sorted(entries(check).items())[-NEWEST_LOGS:]:

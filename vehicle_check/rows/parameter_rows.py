@@ -118,7 +118,7 @@ def parameter_protocol(check: VehicleCheck) -> RowVerdict:
     fact = f"{len(listed.values)} of {listed.count} parameters in {listed.seconds:.2f} s"
     if not found.expect(listed.is_whole and listed.seconds <= most_s, fact):
         return found.verdict()
-    kinds = sorted({one.kind for one in listed.values.values()})
+    kinds = sorted({value.kind for value in listed.values.values()})
     found.expect(set(kinds) <= KINDS, f"types {kinds}")
     long = [name for name in listed.values if len(name) > 16]
     found.expect(not long, f"{len(long)} names too long")

@@ -109,7 +109,7 @@ def _has_parameters(client: GroundStation) -> bool:
 def two_systems(check: VehicleCheck) -> RowVerdict:
     """Send many commands to the second system; the first must not answer any."""
     check.station.wait(0.2)
-    others = sorted(one for one in check.station.systems if one != check.target)
+    others = sorted(system for system in check.station.systems if system != check.target)
     if not others:
         return not_applicable("one system at this endpoint")
     since, before = check.main.mark(), check.station.acknowledged[others[0]]

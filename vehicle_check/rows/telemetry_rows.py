@@ -266,7 +266,7 @@ def step_of(message: Any) -> float:
 
 def beams_of(message: Any) -> list[int]:
     """Return the values of OBSTACLE_DISTANCE without those at the end that are unknown."""
-    values = [int(one) for one in message.distances]
+    values = [int(distance) for distance in message.distances]
     while values and values[-1] == UNKNOWN:
         values.pop()
     return values
@@ -296,14 +296,14 @@ def distance_sensors(check: VehicleCheck) -> RowVerdict:
     newest = {one.message.orientation: one.message for one in check.seen("DISTANCE_SENSOR")}
     levels = {number: one for number, one in newest.items() if number in YAWS}
     beams = [sectors_of(one.message) for one in check.seen("OBSTACLE_DISTANCE")]
-    wanted = sorted({number for one in beams for number in one}) or sorted(levels)
+    wanted = sorted({number for beam in beams for number in beam}) or sorted(levels)
     found.expect(levels and sorted(levels) == wanted, f"orientations {sorted(newest)}")
     for orientation, one in sorted(levels.items()):
         is_right = one.current_distance <= one.max_distance and one.min_distance < one.max_distance
         is_right = is_right and 0 <= one.horizontal_fov <= 2 * pi
         fact = f"{orientation}: {one.current_distance} of {one.max_distance} cm"
         found.expect(is_right, f"{fact}, fov {one.horizontal_fov:.3f}")
-        nearest = [min(one[orientation]) for one in beams if orientation in one]
+        nearest = [min(beam[orientation]) for beam in beams if orientation in beam]
         if nearest:
             low, high = min(nearest) - NOISE_CM, max(nearest) + NOISE_CM
             if not low <= one.current_distance <= high:
@@ -426,7 +426,7 @@ def _expect_modes(check: VehicleCheck, found: Findings, since: int) -> None:
 
     def take() -> bool:
         frames = check.main.heard(name, since)
-        listed.update({one.message.mode_index: one.message for one in frames})
+        listed.update({frame.message.mode_index: frame.message for frame in frames})
         return bool(listed) and len(listed) >= next(iter(listed.values())).number_modes
 
     if not check.station.wait(MODES_S, take) and check.station.is_lossy:
