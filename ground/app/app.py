@@ -228,7 +228,11 @@ class GroundApp(App[int]):
             except (LocalError, RemoteError, OSError) as error:
                 self.note(str(error))
             else:
-                self.call_later(done, result)
+                self.call_later(take, result)
+
+        def take(result: T) -> None:
+            if self.is_running:  # its screens are there
+                done(result)
 
         self.run_worker(work(), exit_on_error=False)
 
