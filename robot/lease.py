@@ -142,19 +142,16 @@ class Lease:
 
     def status(self, time_ns: int, now_ns: int, drive_id: int, driver: str) -> LeaseStatus:
         """Return the lease as a message, stamped `time_ns`, with the newest drive."""
-        holder = self._holder
+        holder, now_ns = self._holder, now_ns + self.stood_ns
         return LeaseStatus(
             time_ns=time_ns,
-            lapses_ms=0 if holder is None else self._left_ns(now_ns) // NS_PER_MS,
+            lapses_ms=0 if holder is None else max(0, self._ends_ns - now_ns) // NS_PER_MS,
             held=int(holder is not None),
             holder="" if holder is None else holder.operator,
             name="" if holder is None else holder.name,
             drive_id=drive_id,
             driver=self.name_of(driver),
         )
-
-    def _left_ns(self, now_ns: int) -> int:
-        return max(0, self._ends_ns - now_ns - self.stood_ns)
 
     @property
     def _newest_ns(self) -> int | None:
