@@ -74,6 +74,11 @@ CASES: Final[dict[str, Case]] = {
         ),
         "a mission ends as it ended",
     ),
+    "c10": Case(
+        (*IN_NOTEBOOK, (2.0, "goto", NOTEBOOK, 36.0, 30.0), (5.0, "abort", OTHER)),
+        OUTCOME,
+    ),
+    "c11": Case((*IN_NOTEBOOK, (5.0, "clear", SAME_PERSON)), "what is accepted is so"),
 }
 
 
