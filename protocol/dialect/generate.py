@@ -317,6 +317,10 @@ INVALID_NAMES: Final = {
     ("TICK_INPUTS", "operator_age_ms"): "NEVER_MS",
 }
 """Names of the constants for the values of fields that are unknown."""
+SOURCE: Final = (
+    "A timeout is that of its SIDESTEP_REASON, a time-to-live the maxValue of its field."
+)
+"""Origin of the limits, for the modules that contain them."""
 SIDES: Final = (
     Entry("LEFT", 1, "Sides on which the robot passes an obstacle."),
     Entry("RIGHT", -1, ""),
@@ -391,8 +395,8 @@ def layouts(dialect: Dialect) -> str:
 
 def core_reasons(dialect: Dialect) -> str:
     """Return the core's module of reasons."""
-    docstring = "Numbers of the reasons of every refusal, stop and outcome, and their timeouts."
-    return core_module(docstring, [core_entries(dialect.enums[REASON]), lost_after(dialect)])
+    docstring = "Numbers of the reasons of every refusal, stop and outcome."
+    return core_module(docstring, [core_entries(dialect.enums[REASON])])
 
 
 def core_states(dialect: Dialect) -> str:
@@ -419,10 +423,7 @@ def core_entries(enum: EnumType) -> list[Entry]:
 
 def limits(dialect: Dialect) -> str:
     """Return the module of limits: largest values of fields, and timeouts of streams."""
-    docstring = (
-        "Times-to-live, timeouts and sizes shared by robot, plant and operators. "
-        "A timeout is that of its SIDESTEP_REASON, a time-to-live the maxValue of its field."
-    )
+    docstring = f"Times-to-live, timeouts and sizes shared by robot, plant and operators. {SOURCE}"
     imports = ["", "from typing import Final"]
     largest = [
         Entry(MAX_NAMES[message.name, field.name], int(field.maximum or field.length), "")
@@ -439,6 +440,12 @@ def limits(dialect: Dialect) -> str:
     places = [Entry("PLACES_PER_M", round(1.0 / dialect.place_m), "x and y of mission items")]
     groups = (largest, unknown, places, lost_after(dialect))
     return module(docstring, imports, *(["", *constant_lines(entries)] for entries in groups))
+
+
+def core_limits(dialect: Dialect) -> str:
+    """Return the core's module of timeouts."""
+    docstring = f"Timeouts after which a stream is lost. {SOURCE}"
+    return core_module(docstring, [lost_after(dialect)])
 
 
 def lost_after(dialect: Dialect) -> list[Entry]:
@@ -513,6 +520,7 @@ OUTPUTS: Final[dict[str, Callable[[Dialect], str]]] = {
     f"{WIRE}/reasons.py": reasons,
     f"{WIRE}/limits.py": limits,
     "protocol/ring.py": ring,
+    f"{CORE}/limits.py": core_limits,
     f"{CORE}/ring.py": core_ring,
     f"{CORE}/reasons.py": core_reasons,
     f"{CORE}/states.py": core_states,

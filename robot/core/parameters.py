@@ -2,7 +2,7 @@
 
 from typing import Final, NamedTuple
 
-from robot.core import reasons, ring, states
+from robot.core import limits, ring, states
 
 Params = NamedTuple(
     "Params",
@@ -94,7 +94,7 @@ DEFAULTS: Final = Params(
     goal_max_m=100.0,
     guard_stop_m=0.04,
     guard_time_s=0.4,
-    op_lost_ms=reasons.OPERATOR_LOST_MS,
+    op_lost_ms=limits.OPERATOR_LOST_MS,
     wheel_min_m_s=0.05,
     wheel_time_ms=500,
     wheel_share=0.10,

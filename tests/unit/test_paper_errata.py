@@ -7,8 +7,8 @@ import pytest
 
 from plant.shortest_path import path_length_m, shortest_path
 from plant.world.file import load
-from robot.core.navigators import paper
-from robot.core.navigators.paper import PaperMemory
+from robot.core.navigators import vgm_and_bug
+from robot.core.navigators.vgm_and_bug import PaperMemory
 from robot.core.parameters import DEFAULTS
 from robot.core.perception import odometry as odometries
 from robot.core.perception.odometry import Odometry
@@ -157,7 +157,12 @@ def decide(sonar: int, pose: Pose, goal: tuple[float, float]) -> Decision:
     ring = Ring()
     ring.nearest, ring.nearest_m = sonar, 0.2
     where = goal_at(*goal)
-    return paper.step_vgm(PaperMemory(), pose, ring, where, DEFAULTS)
+    return vgm_and_bug.step_vgm(PaperMemory(), pose, ring, where, DEFAULTS)
+
+
+def turn_rad(ring: Ring) -> float:
+    goal, here = goal_at(3.0, 0.0), Pose(0.0, 0.0, 0.0)
+    return vgm_and_bug.step_vgm(PaperMemory(), here, ring, goal, DEFAULTS).rotation_rad
 
 
 def goal_at(x_m: float, y_m: float) -> Goal:
@@ -189,18 +194,11 @@ def test_virtual_goal_does_not_depend_on_the_map_origin() -> None:
 def test_d_obs_is_the_zone_width_compared_with_the_nearest_range() -> None:
     ring = Ring()
     ring.nearest, ring.nearest_m = 4, DEFAULTS.d_obs_m
-    goal = goal_at(3.0, 0.0)
-    assert (
-        paper.step_vgm(PaperMemory(), Pose(0.0, 0.0, 0.0), ring, goal, DEFAULTS).rotation_rad == 0.0
-    )
+    assert turn_rad(ring) == 0.0
     ring.nearest_m = DEFAULTS.d_obs_m - 0.001
-    assert (
-        paper.step_vgm(PaperMemory(), Pose(0.0, 0.0, 0.0), ring, goal, DEFAULTS).rotation_rad != 0.0
-    )
+    assert turn_rad(ring) != 0.0
     ring.nearest, ring.nearest_m = -1, inf
-    assert (
-        paper.step_vgm(PaperMemory(), Pose(0.0, 0.0, 0.0), ring, goal, DEFAULTS).rotation_rad == 0.0
-    )
+    assert turn_rad(ring) == 0.0
 
 
 @each("seed", range(3))

@@ -3,7 +3,7 @@
 from typing import Any, Final, NamedTuple, Protocol
 
 from robot.core import states
-from robot.core.navigators import classical, paper, vgm_memory
+from robot.core.navigators import classical, vgm_and_bug, vgm_memory
 from robot.core.parameters import Params
 from robot.core.perception.odometry import Odometry
 from robot.core.perception.sonar_ring import Ring
@@ -47,8 +47,8 @@ It then returns GIVE_UP, or LOST if it has no proof; a lack of progress does not
 """
 
 NAVIGATORS: "Final[dict[int, Navigator]]" = {
-    states.BUG: Navigator(paper.PaperMemory, paper.step_bug, False),
-    states.VGM: Navigator(paper.PaperMemory, paper.step_vgm, False),
+    states.BUG: Navigator(vgm_and_bug.PaperMemory, vgm_and_bug.step_bug, False),
+    states.VGM: Navigator(vgm_and_bug.PaperMemory, vgm_and_bug.step_vgm, False),
     states.BUG1: Navigator(classical.Bug1Memory, classical.step_bug1, True),
     states.BUG2: Navigator(classical.Bug2Memory, classical.step_bug2, True),
     states.DISTBUG: Navigator(classical.DistBugMemory, classical.step_distbug, True),

@@ -111,7 +111,7 @@ def test_limit_and_sentence_follow_the_attribute_in_the_xml() -> None:
         for message in DIALECT.messages
     )
     changed = DIALECT._replace(messages=tuple(messages), enums=enums)
-    for path in (f"{WIRE}/limits.py", f"{CORE}/reasons.py"):
+    for path in (f"{WIRE}/limits.py", f"{CORE}/limits.py"):
         limits = OUTPUTS[path](changed)
         assert "\nTICKS_LOST_MS: Final = 1700  # no fresh wheel ticks\n" in limits
         assert "\nOPERATOR_LOST_MS: Final = 1700  # no operator heartbeat\n" in limits

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from robot.core import states
 from robot.core.navigators import boundary_follower as followers
-from robot.core.navigators import classical, paper, registry
+from robot.core.navigators import classical, registry, vgm_and_bug
 from robot.core.navigators import classical as boundaries
 from robot.core.navigators.boundary_follower import Follower
 from robot.core.navigators.classical import Boundary
-from robot.core.navigators.paper import PaperMemory
+from robot.core.navigators.vgm_and_bug import PaperMemory
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.sonar_ring import Ring
 from robot.core.ring import BEARINGS, HALF_CONE
@@ -54,7 +54,7 @@ def steered_deg(decision: Decision, pose: Pose = HERE) -> float:
 
 
 def step(remembered: PaperMemory, echoes: dict[int, int], goal: Goal = AHEAD) -> Decision:
-    return paper.step_bug(remembered, HERE, ring(echoes), goal, DEFAULTS)
+    return vgm_and_bug.step_bug(remembered, HERE, ring(echoes), goal, DEFAULTS)
 
 
 def following(side: int = states.LEFT) -> PaperMemory:
@@ -136,7 +136,7 @@ def test_lost_wall_is_searched_for_three_quarters_of_a_turn() -> None:
         turned_rad += 0.1
         pose = Pose(0.0, 0.0, heading_rad)
         far_behind = Goal(-5.0 * cos(heading_rad), -5.0 * sin(heading_rad), None, 0.05, 0.05)
-        paper.step_bug(remembered, pose, ring({}), far_behind, DEFAULTS)
+        vgm_and_bug.step_bug(remembered, pose, ring({}), far_behind, DEFAULTS)
         assert turned_rad < 10.0
     assert turned_rad == pytest.approx(1.5 * pi, abs=0.2)
 

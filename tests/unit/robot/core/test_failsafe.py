@@ -3,7 +3,7 @@ from math import hypot, inf, nan
 
 import pytest
 
-from robot.core import modes, reasons, states
+from robot.core import limits, modes, reasons, states
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.perception.odometry import JUMP_SLACK_M
 from robot.core.perception.sonar_ring import BEYOND
@@ -37,10 +37,9 @@ def test_every_failsafe_reason_has_one_row() -> None:
 
 
 def test_limits_of_rows_name_parameters_and_times_that_exist() -> None:
-    times = {name for name in vars(reasons) if name.endswith("_MS")}
     for row in failsafe.ROWS:
         names = set(re.findall(r"\b\w+_\w+\b", row.limit))
-        assert names <= {*Params._fields, *times}, row.limit
+        assert names <= {*Params._fields, *vars(limits)}, row.limit
     by_reason = {row.reason: row.limit for row in failsafe.ROWS}
     assert by_reason[reasons.TICKS_LOST].startswith("TICKS_LOST_MS, ")
     assert by_reason[reasons.SCAN_LOST].startswith("SCAN_LOST_MS, ")

@@ -19,7 +19,7 @@ from checks.speed.board.scenarios import (
 )
 from robot.core import states
 from robot.core.motion import HALT
-from robot.core.navigators import pace, paper
+from robot.core.navigators import pace, vgm_and_bug
 from robot.core.navigators.pace import DITHER_RAD, WEAVE_RAD
 from robot.core.navigators.registry import NAVIGATORS, Navigator, new_memory
 from robot.core.navigators.registry import NAVIGATORS as REGISTERED
@@ -170,7 +170,7 @@ def test_virtual_goal_is_tangent_to_the_nearest_echo(
     range_mm[sonar] = near_mm
     x_m, y_m = pose.x_m + distance_m * cos(goal_at_rad), pose.y_m + distance_m * sin(goal_at_rad)
     memory = new_memory(states.VGM, states.LEFT)
-    decision = paper.step_vgm(
+    decision = vgm_and_bug.step_vgm(
         memory, pose, seen(range_mm), Goal(x_m, y_m, None, 0.05, 0.05), DEFAULTS
     )
     turn_rad = decision.goal_bearing_rad + decision.rotation_rad

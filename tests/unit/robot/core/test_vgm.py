@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from protocol.wire.enums import Navigator as Numbers
 from robot.core import reasons, states
-from robot.core.navigators import classical, paper, registry, vgm_following
-from robot.core.navigators.paper import PaperMemory
+from robot.core.navigators import classical, registry, vgm_and_bug, vgm_following
 from robot.core.navigators.registry import NAVIGATORS, Navigator
+from robot.core.navigators.vgm_and_bug import PaperMemory
 from robot.core.navigators.vgm_following import (
     EASE_MM,
     FAR_M,
@@ -36,7 +36,7 @@ def goal(x_m: float, y_m: float) -> Goal:
 
 
 def decide(pose: Pose, seen: Ring, x_m: float, y_m: float) -> Decision:
-    return paper.step_vgm(PaperMemory(), pose, seen, goal(x_m, y_m), DEFAULTS)
+    return vgm_and_bug.step_vgm(PaperMemory(), pose, seen, goal(x_m, y_m), DEFAULTS)
 
 
 def bearing_of_virtual_goal(pose: Pose, decision: Decision) -> float:
@@ -95,10 +95,10 @@ def test_rotation_about_the_robot_is_independent_of_the_map(
 
 def test_it_has_no_memory() -> None:
     memory, pose = PaperMemory(), Pose(0.0, 0.0, 0.0)
-    first = paper.step_vgm(memory, pose, ring({}), goal(3.0, 0.0), DEFAULTS)
+    first = vgm_and_bug.step_vgm(memory, pose, ring({}), goal(3.0, 0.0), DEFAULTS)
     for _ in range(50):
-        paper.step_vgm(memory, pose, ring({2: 100}), goal(3.0, 0.0), DEFAULTS)
-    assert paper.step_vgm(memory, pose, ring({}), goal(3.0, 0.0), DEFAULTS) == first
+        vgm_and_bug.step_vgm(memory, pose, ring({2: 100}), goal(3.0, 0.0), DEFAULTS)
+    assert vgm_and_bug.step_vgm(memory, pose, ring({}), goal(3.0, 0.0), DEFAULTS) == first
 
 
 def test_room_is_summed_over_the_sonars_of_a_flank() -> None:
