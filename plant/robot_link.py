@@ -63,6 +63,9 @@ class CommandGate:
         self._lock = threading.Lock()
         self._ticks = range(0)
         """All ticks sent, counted without wrapping."""
+        self._answered: int | None = None
+        """The newest tick that has been answered, also by a robot that may not drive: the time in
+        which it may not passes only by the ticks that it answers."""
         self._newest_robot: NewestRobot | None = None
         self._braked: list[int | None] = [None] * WINDOW
         self._moved: list[int | None] = [None] * WINDOW
@@ -78,9 +81,8 @@ class CommandGate:
 
     @property
     def answered(self) -> bool:
-        """Return whether the robot has answered the newest tick."""
-        robot, ticks = self._newest_robot, self._ticks
-        return robot is not None and robot.tick == ticks[-1]
+        """Return whether a robot has answered the newest tick."""
+        return self._answered is not None and self._answered == self._ticks[-1]
 
     def receive(self, command: WheelCommand) -> str:
         """Admit or ignore a command; return what is wrong with one that no valid robot sends.
@@ -93,6 +95,8 @@ class CommandGate:
             newest = self._ticks[-1]
             tick = newest - ((newest - command.sense_seq) & UINT32)
             counts = tick in self._ticks[-WINDOW:]
+            if tick == newest:
+                self._answered = tick
             if is_brake(command):
                 self._brake(command, tick if counts else None)
             elif counts:
@@ -188,7 +192,15 @@ class PlantLink:
         self._gate = CommandGate()
         self._sessions: frozenset[str] = frozenset()
         self._is_gone = self._is_silent = False
-        bus.mailbox(DRIVE, robot, notify, check=self._gate.receive)
+
+        def check(command: WheelCommand) -> str:
+            """Notify of refused commands too, which may answer a tick; a mailbox does not."""
+            why = self._gate.receive(command)
+            if why:
+                notify(0)
+            return why
+
+        bus.mailbox(DRIVE, robot, notify, check=check)
 
     @property
     def publishers(self) -> list[Publisher[Any]]:

@@ -75,6 +75,32 @@ def test_slow_disk_delays_no_tick_of_a_driving_robot(
 
 
 @each(
+    "hostile",
+    [
+        (event(3.0, "attack", "wheels", 20, 50, 0, -9000, 65_535),),
+        (event(3.0, "attack", "wheels", 20, 50, -1, 9000, 150),),
+        (event(3.0, "wall clock", -86_400), event(4.0, "restart", "killed", 100)),
+    ],
+)
+def test_robot_that_may_not_drive_does_not_stop_the_clock(hostile: tuple[Event, ...]) -> None:
+    """A forged command, or a restart after the clock was set back, makes it the older of two."""
+    result = run(
+        EventScenario(
+            1,
+            9 * S,
+            (
+                event(0.3, "come", "operator-a", 1),
+                event(2.0, "operate", "operator-a", "drive", 32.0, 30.0, "GUIDED"),
+                *hostile,
+            ),
+            lockstep=True,
+        )
+    )
+    assert result.violation is None
+    assert result.coverage.plant_ticks > 150, "9 s are 180 ticks"
+
+
+@each(
     ("answers", "at_ms", "ends"),
     [
         ("in time", 1, [b"answer", "end"]),

@@ -253,7 +253,8 @@ def test_stale_frame_of_a_newer_robot_locks_out_nothing() -> None:
         (20, 0, 5, True),
         (19, FAST, 5, False),
         (21, FAST, 5, False),
-        (20, FAST, 4, False),
+        (20, FAST, 4, True),  # refused: of two robots, it is the older
+        (19, FAST, 4, False),
     ],
 )
 def test_newest_tick_is_answered_only_by_timely_commands(
@@ -479,6 +480,21 @@ def test_link_reports_its_robot_and_whether_it_has_answered() -> None:
     assert not bench.link.answered, "it answered the tick before"
     bench.tick((2, 21, FAST))
     assert bench.link.answered
+
+
+@each("mrad_s", [FAST, 0])
+def test_robot_that_may_not_drive_has_answered(mrad_s: int) -> None:
+    """In lockstep the time in which it may not drive passes only by its answers."""
+    gate = gate_at(20)
+    gate.receive(command(20, epoch=UINT32))
+    for tick in range(21, 21 + SILENT_TICKS):
+        gate.begin_tick(tick)
+        gate.receive(command(tick - 1, mrad_s=mrad_s))
+        assert not gate.answered, "it answered the tick before"
+        gate.receive(command(tick, mrad_s=mrad_s))
+        assert gate.answered
+    gate.begin_tick(21 + SILENT_TICKS)
+    assert taken(gate, command(21 + SILENT_TICKS)) == DRIVE
 
 
 def presence_of(robot: str, role: Role = Role.ROBOT, zid: str = "1") -> Presence:
