@@ -284,8 +284,9 @@ class MavVehicle:
         perhaps a forged one, makes it drive on without.
         """
         if self.is_armed and self.has_fence and isinstance(operation, ClearFence):
-            answered = await self.control.ensure(sender)
-            return Answered(None, KEEPS_FENCE) if answered.ok else answered
+            if not sender.may_command:
+                return Answered(None, sender.barred)
+            return self.control.refusal(sender) or Answered(None, KEEPS_FENCE)
         return await self.control.perform(sender, operation)
 
 

@@ -229,6 +229,15 @@ def test_armed_robot_keeps_its_fence(
     assert "only while the robot is disarmed" in words(bench.send(removal))
 
 
+def test_refused_removal_takes_no_lease(bench: MissionBench) -> None:
+    upload(bench, [circle(12.5)])
+    control, leases = bench.vehicle.control, len(bench.port.leases)
+    control.forget(CLIENT.client)
+    assert "only while the robot is disarmed" in words(bench.send(command(ENABLE, 0)))
+    assert control.owner is None
+    assert len(bench.port.leases) == leases
+
+
 def test_fence_in_force_stays_enabled(bench: MissionBench) -> None:
     upload(bench, [circle(12.5)])
     assert acks(bench.send(command(ENABLE, 1))) == [(ENABLE, 0)]
