@@ -157,8 +157,15 @@ def test_dropped_plan_items_are_reported(
     ],
 )
 def test_each_order_to_a_mission_is_a_command(
-    robot: PlayedRobot, say: Say, words: tuple[str, ...], command: Command, param1: float
+    robot: PlayedRobot,
+    say: Say,
+    mission: str,
+    words: tuple[str, ...],
+    command: Command,
+    param1: float,
 ) -> None:
+    say("mission", "upload", mission)
+    robot.desk.status = MissionState.HOLDING
     code, out, _ = say("mission", *words)
     assert code == 0
     assert out.startswith("ok ")
