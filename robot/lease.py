@@ -189,6 +189,8 @@ class Lease:
         heard_ns = self._newest_ns
         if heard_ns is None or now_ns + self.stood_ns - heard_ns > LAPSE_NS:
             self._release()
+        else:  # by the heartbeats of the other one, though they may be older than the grant
+            self._granted_ns = 0
 
     def _release(self) -> None:
         if self._holder is not None:

@@ -427,7 +427,8 @@ def test_second_operator_sees_the_first_and_may_stop_the_robot(
     done(crew, "estop")
     until(witness.standing)
     assert goto.ends() == 1
-    assert done(crew, "lease", "show") == "no operator holds the lease\n"
+    # A program of this person that ended just before may count as there for 2.5 s of the robot.
+    until(lambda: done(crew, "lease", "show") == "no operator holds the lease\n")
     done(crew, "clear-estop")
 
 
@@ -477,6 +478,8 @@ def test_client_of_up_sees_the_drive_and_stops_it() -> None:
         client.next("GLOBAL_POSITION_INT", lambda one: one.lon != second.lon)
         assert gateway_of(up.process.pid) != gateway
         client.command(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 1.0)
-        assert up.ends() == 1
+        up.says("ends in ")
+        up.send(signal.SIGINT)
+        assert up.ends() == 130
         assert "emergency stop" in up.said
         assert "Traceback" not in up.said, up.said

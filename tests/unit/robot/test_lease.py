@@ -244,6 +244,20 @@ def test_a_program_leaves_it_to_others_that_are_there(since_ns: int, stays: bool
     assert lease.is_holder(ADA) == stays
 
 
+def test_a_lease_that_is_left_to_a_silent_program_lapses_soon() -> None:
+    """Though it was heard before the lease was granted: it may have been killed since."""
+    lease = Lease()
+    lease.beat(ADAS_OTHER, 1)
+    lease.receive(ask(LeaseAction.TAKE, "Ada"), ADA, 2)
+    lease.due(2)
+    lease.receive(ask(LeaseAction.LEAVE), ADA, 2)
+    assert lease.due(1 + LAPSE_NS) == []
+    assert lease.is_holder(ADAS_OTHER)
+    assert shown(lease, 1).lapses_ms == LAPSE_NS // 1_000_000
+    (text,) = lease.due(2 + LAPSE_NS)
+    assert "lapsed: no heartbeat" in text[1]
+
+
 def test_a_program_that_never_sent_a_heartbeat_may_leave() -> None:
     lease = kept()
     assert lease.receive(ask(LeaseAction.LEAVE), ADAS_OTHER, 1 * S) == Reason.NONE
@@ -357,7 +371,7 @@ def test_any_order_of_requests_leaves_one_person_at_most(
     asked: list[tuple[int | None, str, int]],
 ) -> None:
     """Compare with the rules, written independently; None is a heartbeat of a program."""
-    lease, person, granted_ns, now_ns = Lease(), "", 0, 0
+    lease, person, granted_ns, used_ns, now_ns = Lease(), "", 0, 0, 0
     beats_ns: dict[str, int] = {}
 
     def newest_ns() -> int:
@@ -367,7 +381,7 @@ def test_any_order_of_requests_leaves_one_person_at_most(
         now_ns += later_ns
         lease.due(now_ns)
         if person and (
-            now_ns - granted_ns > IDLE_NS or (granted_ns < newest_ns() < now_ns - LAPSE_NS)
+            now_ns - used_ns > IDLE_NS or (granted_ns < newest_ns() < now_ns - LAPSE_NS)
         ):
             person = ""
         mine = bool(operator) and person in ("", operator[:3])
@@ -384,12 +398,14 @@ def test_any_order_of_requests_leaves_one_person_at_most(
         else:
             assert granted == (mine and action != 9)
         if granted and action in (LeaseAction.TAKE, LeaseAction.SEIZE):
-            person, granted_ns = operator[:3], now_ns
+            person, granted_ns, used_ns = operator[:3], now_ns, now_ns
         elif granted:
             if action == LeaseAction.LEAVE:
                 beats_ns.pop(operator, None)
             if action == LeaseAction.RELEASE or newest_ns() < now_ns - LAPSE_NS:
                 person = ""
+            elif action == LeaseAction.LEAVE:
+                granted_ns = 0
         allowed = [who for who in (ADA, ADAS_OTHER, BOB) if lease.allows(who)]
         assert allowed == [one for one in (ADA, ADAS_OTHER, BOB) if person in ("", one[:3])]
         assert shown(lease, now_ns).held == bool(person)
