@@ -47,7 +47,7 @@ def machine(stack: Lively) -> Callable[[], Vehicle]:
 
 
 def test_typed_commands_take_the_lease_and_log_answers() -> None:
-    with Lively() as stack, stack.going(), lively_watching(stack) as seen:
+    with Paced() as stack, stack.going(), lively_watching(stack) as seen:
         stack.operator = False
         seen.until_ready()
         assert done(seen, "arm").startswith("arm: ok ")
@@ -73,7 +73,7 @@ def test_an_app_that_hangs_loses_the_robot_its_operator_and_the_lease() -> None:
 
 def test_two_stations_one_commands_and_the_other_may_still_stop_it() -> None:
     with (
-        Lively() as stack,
+        Paced() as stack,
         stack.going(),
         lively_watching(stack) as anna,
         lively_watching(stack, name="ben") as ben,
