@@ -33,10 +33,6 @@ from runtime.clock import Tick
 FORGED_NS = 1_000_000_000
 """After forged senses the robot may tick at other times for this long."""
 
-OUTSMARTED_NS = 5_000_000_000
-"""In lockstep a forged wheel command may stand for the robot's answer, or pretend that a later
-robot drives: the plant waits for the robot up to 3 s, and takes no answer of it for 1 s."""
-
 
 class Oracle:
     """Passes observations to the invariants; `facts` holds violation and coverage."""
@@ -66,8 +62,6 @@ class Oracle:
                 self.motion.command(frame)
             else:
                 self.motion.forged(frame)
-                if self.facts.robot is not None and self.facts.robot.lockstep:
-                    self.facts.held_up(self.facts.now_ns + OUTSMARTED_NS)
         elif path.startswith("sense/") and source.name != "plant":
             self.motion.place_known = False
             self.facts.held_up(self.facts.now_ns + FORGED_NS)
