@@ -312,6 +312,8 @@ def run(options: argparse.Namespace, kind: str, keys: Path | None) -> FloodRun:
         found = FloodRun()
         for topic in (CYCLE, STATUS):
             observer.bus.stream(topic, partial(note, found), observer.robot)
+        # Ends after the attacks: it leaves the lease then, and an open robot obeys whoever asks.
+        operator = scope.enter_context(DrivingOperator(observer))
         if kind in RATES_HZ:
             rate_hz = RATES_HZ[kind] if options.rate is None else options.rate
             found.strangers = Strangers(observer.endpoint, kind, rate_hz, SOURCE)
@@ -320,7 +322,6 @@ def run(options: argparse.Namespace, kind: str, keys: Path | None) -> FloodRun:
             for access in accesses(observer, keys, options.roles):
                 attack = Attack(kind, access, options.rate)
                 found.attacks.append(scope.enter_context(attack))
-        operator = scope.enter_context(DrivingOperator(observer))
         operator.take_lease()
         operator.set_off()
         until(lambda: found.reports, "cycle reports")

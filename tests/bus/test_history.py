@@ -130,6 +130,15 @@ def lines(*ways: Way, count: int = CUTS) -> Iterator[list[Line]]:
         yield found
 
 
+def missing(found: Sequence[Line]) -> str:
+    """Return which words each line lacks."""
+    lacking = {
+        number: [word for word in line.told if word not in line.heard.words]
+        for number, line in enumerate(found)
+    }
+    return f"line number, words that are missing: {lacking}"
+
+
 def tell(found: Sequence[Line], *words: str) -> None:
     pause = Event()
     for word in words:
@@ -154,7 +163,7 @@ def test_no_event_is_lost_or_doubled_over_a_cut() -> None:
         for line in found:
             line.cable.restore()
         tell(found, *(f"after {number}" for number in range(5)))
-        until(lambda: all(line.whole() for line in found))
+        until(lambda: all(line.whole() for line in found), partial(missing, found))
         for line in found:
             assert line.heard.words == line.told
             assert line.heard.counter.lost == 0, "what came late counts as lost"
