@@ -278,10 +278,10 @@ class RobotLink:
 
     async def standstill(self) -> str:
         """Return why no simulated time passes for the robot, and what to do; "" while it does."""
-        heard = await self._hear()
+        heard = await self._hear(status_is_enough=True)
         return await self.in_own_thread(lambda: self._silence(heard)) if heard.stands else ""
 
-    async def _hear(self) -> Heard:
+    async def _hear(self, *, status_is_enough: bool = False) -> Heard:
         with self.subscribed(HEARTBEAT, STATUS) as telemetry:
             box = telemetry.boxes()[HEARTBEAT.path]
 
@@ -290,7 +290,11 @@ class RobotLink:
                 has_status = telemetry.live(STATUS, self.clock.now_ns()) is not None
                 return Heard(is_beating, has_status, box.last_rejection if box.rejected else "")
 
-            await self.wait(lambda: all(heard()[:2]) or box.rejected > 0, LISTEN_NS)
+            def is_clear() -> bool:
+                is_beating, has_status, _ = heard()
+                return (has_status and (status_is_enough or is_beating)) or box.rejected > 0
+
+            await self.wait(is_clear, LISTEN_NS)
             return heard()
 
     def _silence(self, heard: Heard) -> str:
