@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from typing import Final, NamedTuple, Protocol
 
 from ground.client.vocabulary import SHELL
+from protocol.options import DEFAULT_ENDPOINT
 from protocol.topics import Role
 
 UP: Final = "start a robot and its world with `sidestep up`"
@@ -60,10 +61,10 @@ def explain_silence(
         return f"{what}: restart it"
     if has_status:
         return f"robot {robot} sends its heartbeat, but does not answer requests"
-    return explain_standstill(processes, robot)
+    return explain_standstill(processes, robot, endpoint)
 
 
-def explain_standstill(processes: PresentProcesses, robot: str) -> str:
+def explain_standstill(processes: PresentProcesses, robot: str, endpoint: str) -> str:
     """Return why no time passes for a robot that sends its heartbeat, but no status.
 
     Only one in simulated time does so. In the form "fault: remedy".
@@ -72,7 +73,7 @@ def explain_standstill(processes: PresentProcesses, robot: str) -> str:
     if not processes.has(robot, Role.PLANT):
         return (
             f"{what}, no plant steps it: start one in its world W with `sidestep run plant"
-            f" --lockstep --world W --robots {robot}`"
+            f" --lockstep --world W --robots {robot}{connect_options(endpoint)}`"
         )
     return f"{what}, its plant is paused, hangs or waits for another robot: restart that process"
 
@@ -81,10 +82,17 @@ def _no_robot(processes: PresentProcesses, robot: str, endpoint: str, other: str
     others = processes.robots()
     if others:
         return f"robot {robot} is not at {endpoint}, only {', '.join(others)}: {other}"
-    start = f"start it with `sidestep run robot --id {robot}`"
+    alone = f"`sidestep run robot --id {robot}{connect_options(endpoint)}`"
     if processes.has(robot, Role.PLANT):
-        return f"robot {robot} is not at {endpoint}, only its plant is: {start}"
+        return f"robot {robot} is not at {endpoint}, only its plant is: start it with {alone}"
     return (
         f"no robot at {endpoint}, though a process listens there: {UP}, or the robot alone with"
-        f" `sidestep run robot --id {robot}`"
+        f" {alone}"
     )
+
+
+def connect_options(endpoint: str) -> str:
+    """Return the options that dial the same endpoints, separated by commas; none by default."""
+    if endpoint in ("", DEFAULT_ENDPOINT):
+        return ""
+    return "".join(f" --connect {one}" for one in endpoint.split(", "))

@@ -182,7 +182,7 @@ def stands(seen: Observed) -> bool:
 def processes(seen: Observed) -> Iterator[Diagnosis]:
     """Yield the processes that are missing or hang, or that simulated time stands still."""
     if stands(seen):
-        what, _, do = explain_standstill(seen.processes, seen.robot).partition(": ")
+        what, _, do = explain_standstill(seen.processes, seen.robot, seen.endpoint).partition(": ")
         yield Diagnosis(what, do)
         return
     heartbeat = next((stream for stream in seen.streams if stream.topic is HEARTBEAT), None)

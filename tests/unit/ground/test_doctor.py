@@ -170,6 +170,21 @@ def test_silence_has_its_causes(there: set[tuple[str, str]], is_beating: bool, w
 
 
 @each(
+    ("endpoint", "options"),
+    [
+        ("tcp/127.0.0.1:7447", ""),
+        ("tcp/h:1", " --connect tcp/h:1"),
+        ("tcp/h:1, tcp/i:2", " --connect tcp/h:1 --connect tcp/i:2"),
+    ],
+)
+def test_remedy_dials_the_endpoint_that_was_dialled(endpoint: str, options: str) -> None:
+    for there in (set(), {("r1", "plant")}, {("r1", "robot")}):
+        crew = PresentProcesses(frozenset(there))
+        why = explain_silence(crew, "r1", endpoint, is_beating=True, has_status=False)
+        assert why.endswith(f" r1{options}`")
+
+
+@each(
     ("there", "cause", "remedy"),
     [
         ({("r1", "robot")}, "no plant steps it", "run plant --lockstep --world W --robots r1"),
@@ -185,7 +200,8 @@ def test_simulated_time_that_stands_is_one_finding(
     (finding,) = examine(replace(seen(silent, crew), status=None)).findings
     assert finding.what.startswith(f"the simulated time of r1 stands still, {cause}")
     assert remedy in finding.do
-    assert explain_silence(crew, "r1", "tcp/h:1", is_beating=True, has_status=False) == (
+    endpoint = "tcp/127.0.0.1:7447"
+    assert explain_silence(crew, "r1", endpoint, is_beating=True, has_status=False) == (
         f"{finding.what}: {finding.do}"
     )
 
