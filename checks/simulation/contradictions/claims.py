@@ -415,9 +415,9 @@ class ClaimsObserver:
                 yield InvariantViolation("an end is said", goal.end.ns + SAID_NS, words)
 
     def _is_told(self, deed: Deed) -> bool:
-        """Return whether the status line of `up` shows the end of its goal, while others drive."""
+        """Return whether the status line of `up` shows the end of its goal, while it goes on."""
         lines = (said.value for said in reversed(self.journal.words) if said.deed is deed)
-        return any(isinstance(line, ShownText) and TOLD.search(line.text) for line in lines)
+        return any(isinstance(line, ShownText) and GOES_ON.search(line.text) for line in lines)
 
     def _uncaused(self) -> Iterator[InvariantViolation]:
         """Yield accepted stops of a goal or drive that no person has asked for.
@@ -582,6 +582,7 @@ NOTED: Final[dict[str, tuple[int, Condition]]] = {
 }
 """What a person may ask for in vain: the note that says so, and what was so if it was not."""
 
+GOES_ON: Final = re.compile(r"goal \w+, (?:an operator commands|ends in \d+ s)")
 TOLD: Final = re.compile(r"goal (\w+), an operator commands")
 NO_ANSWER: Final = re.compile(r"does not answer|no message from the robot|no heartbeat")
 NOT_IN_CONTROL: Final = 10
