@@ -53,6 +53,7 @@ from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest, Sona
 from protocol.wire.reasons import Reason
 from protocol.world import World
 from runtime.clock import WallClock, ticks
+from runtime.errors import NoAnswerError
 from runtime.units import CONTROL_HZ, PERIOD_NS
 from study.trial.trial import wire_goal_of
 
@@ -236,12 +237,16 @@ class PlantStandIn:
     def _obeys(self, request: CommandRequest | GoalRequest) -> bool:
         """Ask for something; return False if the robot's own loop is too slow at the moment.
 
-        It may also have been too slow since it was armed, and have disarmed itself.
+        It may also have been too slow since it was armed, and have disarmed itself; or a busy
+        machine has dropped the request or its answer.
 
         Raises:
             RuntimeError: It refuses for another reason, which waiting does not change.
         """
-        answer = self._operator.ask(COMMAND, request, robot=ROBOT)
+        try:
+            answer = self._operator.ask(COMMAND, request, robot=ROBOT)
+        except NoAnswerError:
+            return False
         if is_accepted(answer):
             return True
         if isinstance(answer, CommandAck) and answer.result_param2 in TOO_BUSY:

@@ -31,11 +31,12 @@ PROBE_REQUEST: Final = ParamRequestRead(param_id="radius_m", param_index=-1)
 class Probe(NamedTuple):
     """Hub of the link, and the round trip, None when the robot's loop did not answer.
 
-    `hub` is None if only the round trip was measured. `kept_out` is why the peer rejects this
-    station; empty when it does not.
+    `hub` is None if only the round trip was measured, else it was the hub at `checked_ns`.
+    `kept_out` is why the peer rejects this station; empty when it does not.
     """
 
     hub: Hub | None
+    checked_ns: int
     round_trip_ns: int | None
     kept_out: str = ""
 
@@ -130,7 +131,9 @@ class Reader:
     def _due_rarely(self, now_ns: int) -> Reading | None:
         """Return what is due of a robot that is only watched: its limits say what it does alone."""
         reads: dict[str, Read] = {
-            "probe": partial(self._robot.in_own_thread, lambda: Probe(None, self._round_trip_ns())),
+            "probe": partial(
+                self._robot.in_own_thread, lambda: Probe(None, 0, self._round_trip_ns())
+            ),
             "parameters": self._parameters,
         }
         for what, read in reads.items():
@@ -156,14 +159,24 @@ class Reader:
         self._results.append(result)
 
     def _probe(self) -> Probe:
-        hub = self._robot.bus.hub()
+        hub, checked_ns = self._check()
         was_hanging, self._was_hanging = self._was_hanging, hub is Hub.HANGS
         if self._was_hanging and was_hanging:  # finding the reason takes time
-            return Probe(hub, None, self._robot.bus.kept_out())
+            return Probe(hub, checked_ns, None, self._robot.bus.kept_out())
         if not hub.linked:
-            return Probe(hub, None)
+            return Probe(hub, checked_ns, None)
         round_trip_ns = self._round_trip_ns()
-        return Probe(self._robot.bus.hub() if round_trip_ns is None else hub, round_trip_ns)
+        if round_trip_ns is None:
+            hub, checked_ns = self._check()
+        return Probe(hub, checked_ns, round_trip_ns)
+
+    def _check(self) -> tuple[Hub, int]:
+        """Return the hub, and the time from before the check, which may take seconds.
+
+        A link that is lost meanwhile, or before the result is processed, was not seen intact.
+        """
+        checked_ns = self._robot.clock.now_ns()
+        return self._robot.bus.hub(), checked_ns
 
     def _round_trip_ns(self) -> int | None:
         """Measure it in a thread, because a redraw may hold up the event loop."""

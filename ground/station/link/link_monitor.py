@@ -154,11 +154,11 @@ class HubState:
         self.kept_out = ""
         self.checked_ns: int | None = None
 
-    def take(self, found: Probe, now_ns: int) -> None:
+    def take(self, found: Probe) -> None:
         """Store what a probe has found, if it has checked the hub."""
         if found.hub is None:
             return
-        self.hub, self.checked_ns, self.kept_out = found.hub, now_ns, found.kept_out
+        self.hub, self.checked_ns, self.kept_out = found.hub, found.checked_ns, found.kept_out
         if found.hub.linked:
             self.linked_by = found.hub
 
@@ -192,7 +192,7 @@ class LinkMonitor:
         """Process what was read, classify the link and report changes."""
         self._lease = lease
         for found in self._reader.poll():
-            self._process(found, now_ns)
+            self._process(found)
         if Role.ROBOT in restarted_roles:
             self.reread(now_ns)
         if Role.PLANT in restarted_roles or (
@@ -248,10 +248,10 @@ class LinkMonitor:
         """Items still to be read, in words."""
         return ", ".join(need.value for need in self.contact.missing)
 
-    def _process(self, found: ReadResult, now_ns: int) -> None:
+    def _process(self, found: ReadResult) -> None:
         match found:
             case Probe():
-                self._hub_state.take(found, now_ns)
+                self._hub_state.take(found)
                 self.round_trip_ns = found.round_trip_ns
             case ReadParameters():
                 self._read_parameters(found)

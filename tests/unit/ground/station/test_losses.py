@@ -1,5 +1,6 @@
 """Losses: each is told from similar ones, with cause, ages and end; rates of streams."""
 
+import itertools
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -16,6 +17,7 @@ from protocol.topics import (
     HEARTBEAT,
     ODOMETRY,
     OPERATOR,
+    PARAMETER,
     PARAMETERS,
     SONAR,
     STATUS,
@@ -382,6 +384,31 @@ def test_response_depends_on_the_last_state(
     play.forward(1.5)
     loss = play.loss
     assert response in loss.response
+
+
+def test_check_from_before_the_cut_proves_no_death() -> None:
+    play = Play().forward(1.0)
+    play.hold("sidestep r1")
+    play.forward(1.0)
+    del play.bus.answers[PARAMETER.path]  # the round trip fails, so the link is checked again
+    checks = itertools.count(1)
+
+    def intact_before_the_cut() -> Hub:
+        if next(checks) == 1:
+            return Hub.PEER
+        play.cut(Hub.UNREACHABLE)
+        play.forward(0.3)  # before the result is processed
+        return Hub.PEER
+
+    play.bus.hub = intact_before_the_cut  # type: ignore[method-assign]
+    play.work("sidestep r1")
+    play.hold("sidestep r1")  # the next check takes long, as the endpoint does not answer
+    play.forward(3.0)
+    assert play.station.loss() is None
+    del play.bus.hub
+    play.work("sidestep r1")
+    play.forward(2.0)
+    assert play.loss.kind is LossKind.TRANSPORT
 
 
 @each(("lost_ms", "response"), [(3000, "stops 3 s after"), (600, "stops 0.6 s after")])
