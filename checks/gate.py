@@ -62,10 +62,11 @@ KEEPS_BYTECODE: Final = {"PYTHONDONTWRITEBYTECODE": ""}
 LAST_LINES: Final = 300
 """Of a failed step, printed; pytest ends with a line for each failure."""
 CLOSING: Final = re.compile(
-    r"^(?:\d+ \w+(?:, \d+ \w+)* in [\d.]+s|SKIPPED \[|load average met by).*$", re.MULTILINE
+    r"^(?:\d+ \w+(?:, \d+ \w+)* in [\d.]+s|SKIPPED \[|load average met by|counts: ).*$",
+    re.MULTILINE,
 )
-"""The last line of pytest, the tests it has skipped with the reasons, and the load that tests of
-real time have met."""
+"""The last line of pytest, the tests it has skipped with the reasons, the load that tests of real
+time have met, and work that has become less."""
 MAX_CLOSING: Final = 20
 
 
@@ -111,6 +112,7 @@ def brief_phases(extra: Sequence[str]) -> list[Phase]:
                 GateStep("format", (*PYTHON, "ruff", "format", "--check", "."), 1),
                 GateStep("lint", (*PYTHON, "ruff", "check", "."), 1),
                 GateStep("import contracts", (lint_imports,), 3),
+                GateStep("counted work", (*PYTHON, "checks.speed.counts"), 5),
                 GateStep("branch coverage", (*PYTHON, "checks.mutation", "--branches"), 8),
                 tests("brief tests", ELSEWHERE, checked, 70),
             ],

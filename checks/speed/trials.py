@@ -44,7 +44,7 @@ from protocol.ring import RADIUS_M
 from protocol.wire.messages import SonarScan, WheelTicks
 from protocol.world import Obstacle, World, WorldCircle, WorldPolygon
 from robot.core import brain, modes, states
-from robot.core.parameters import DEFAULTS
+from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Goal, Inputs, Outputs, Pose, goal_of, now_ms_of, scan_of, wheels_of
 from runtime.units import PERIOD_S
 from study.trial.core_loop import CoreLoop
@@ -309,18 +309,26 @@ def costs_us(
 
 def drive_us(inputs: list[Inputs], start: Pose, goal: Goal, navigator: int) -> list[float]:
     """Return the CPU times of one drive without its last tick, which ends the goal."""
-    params = DEFAULTS._replace(navigator=navigator)
-    state = brain.State(params)
-    state.odometry.pose = start
-    brain.step(state, inputs[0], params)
-    modes.arm(state.machine)
-    modes.goto(state.machine, goal, states.AUTO, inputs[0].now_ms)
+    state, params = begun_drive(inputs[0], start, goal, navigator)
     costs: list[float] = []
     for one in inputs[1:-1]:
         begun_ns = thread_time_ns()
         brain.step(state, one, params)
         costs.append((thread_time_ns() - begun_ns) / 1e3)
     return costs
+
+
+def begun_drive(
+    first: Inputs, start: Pose, goal: Goal, navigator: int
+) -> tuple[brain.State, Params]:
+    """Return the state of the core after its first step, with the goal, and its parameters."""
+    params = DEFAULTS._replace(navigator=navigator)
+    state = brain.State(params)
+    state.odometry.pose = start
+    brain.step(state, first, params)
+    modes.arm(state.machine)
+    modes.goto(state.machine, goal, states.AUTO, first.now_ms)
+    return state, params
 
 
 def idle_us() -> list[float]:
