@@ -18,7 +18,7 @@ Moving obstacles go back and forth along their waypoints, at constant speed, uns
 
 from collections.abc import Iterator, Sequence
 from itertools import accumulate, pairwise
-from math import ceil, inf, sqrt
+from math import ceil, floor, inf, sqrt
 from typing import Final, NamedTuple, TypeAlias
 
 import pymunk
@@ -181,10 +181,21 @@ Pair: TypeAlias = tuple[ContactDisc, ContactDisc, Surface | None]
 class Arena:
     """A world with its robots and moving obstacles, by index."""
 
-    def __init__(self, world: World, radius_m: float, at: Sequence[Point] | None = None) -> None:
-        """Create the world; `at` are the movers' positions, by default the start of their paths."""
+    def __init__(
+        self,
+        world: World,
+        radius_m: float,
+        at: Sequence[Point] | None = None,
+        sight_m: float = CLEARANCE_LIMIT_M,
+    ) -> None:
+        """Create the world; `at` are the movers' positions, by default the start of their paths.
+
+        `sight_m` is the distance between two rims up to which robots are neighbours.
+        """
         self._radius_m = radius_m
+        self._sight_m = max(CLEARANCE_LIMIT_M, sight_m)
         self._robots: list[ContactDisc] = []
+        self._neighbours: list[list[int]] = []
         self._nearby: list[Nearby] = []
         self._still = ContactDisc(0.0, 0.0, 0.0, free=False)
         self._touching: list[DiscContact] = []
@@ -206,7 +217,45 @@ class Arena:
         """Add a robot and return its index."""
         self._robots.append(ContactDisc(x_m, y_m, self._radius_m, free=True))
         self._nearby.append(Nearby())
-        return len(self._robots) - 1
+        number = len(self._robots) - 1
+        self._neighbours = [[*others, number] for others in self._neighbours]
+        self._neighbours.append(list(range(number)))
+        return number
+
+    def look_around(self, way_m: float) -> None:
+        """Find the neighbours of each robot anew, for as long as none moves by more than a way."""
+        cell_m = self._sight_m + 2.0 * (self._radius_m + way_m)
+        cells: dict[tuple[int, int], list[int]] = {}
+        homes = [(floor(one.x_m / cell_m), floor(one.y_m / cell_m)) for one in self._robots]
+        for number, home in enumerate(homes):
+            cells.setdefault(home, []).append(number)
+        around = {
+            (column, row): sorted(
+                number
+                for x in (column - 1, column, column + 1)
+                for y in (row - 1, row, row + 1)
+                for number in cells.get((x, y), ())
+            )
+            for column, row in cells
+        }
+        self._neighbours = [
+            self._within(number, around[home], cell_m) for number, home in enumerate(homes)
+        ]
+
+    def _within(self, number: int, others: Sequence[int], reach_m: float) -> list[int]:
+        robots = self._robots
+        x_m, y_m = robots[number].x_m, robots[number].y_m
+        return [
+            other
+            for other in others
+            if -reach_m <= robots[other].x_m - x_m <= reach_m
+            and -reach_m <= robots[other].y_m - y_m <= reach_m
+            and other != number
+        ]
+
+    def neighbours(self, robot: int) -> list[int]:
+        """Return the other robots that may be in sight of a robot, in ascending order."""
+        return self._neighbours[robot]
 
     def push(self, robot: int, x_m_s: float, y_m_s: float) -> None:
         """Set the velocity of a robot, which it keeps unless an obstacle stops it."""
@@ -237,6 +286,10 @@ class Arena:
         disc = self._robots[robot]
         return disc.x_m, disc.y_m
 
+    def places_m(self) -> list[Point]:
+        """Return the positions of all robots."""
+        return [(disc.x_m, disc.y_m) for disc in self._robots]
+
     def place(self, robot: int, x_m: float, y_m: float) -> None:
         """Set the position of a robot that moved without the arena."""
         disc = self._robots[robot]
@@ -245,10 +298,10 @@ class Arena:
     def clearance_m(self, robot: int, at: Point) -> float:
         """Return the distance from the robot's rim to the nearest surface, below 0 in contact."""
         distance_m = self._around(robot, at).distance_m(at)
-        mine = self._robots[robot]
-        for disc in (*self._movers, *self._robots):
-            if disc is not mine:
-                away_m = hypot(disc.x_m - at[0], disc.y_m - at[1]) - disc.radius_m
+        for disc in (*self._movers, *self._beside(robot)):
+            off_x_m = disc.x_m - at[0]
+            if abs(off_x_m) - disc.radius_m < distance_m:
+                away_m = hypot(off_x_m, disc.y_m - at[1]) - disc.radius_m
                 distance_m = min(distance_m, away_m)
         limit_m = CLEARANCE_LIMIT_M + self._radius_m
         return distance_m - self._radius_m if distance_m < limit_m else CLEARANCE_LIMIT_M
@@ -267,7 +320,7 @@ class Arena:
         """Return what the robots may touch while they come nearer by a distance."""
         for number, robot in enumerate(self._robots):
             at, reach_m = (robot.x_m, robot.y_m), robot.radius_m + way_m + FINE_STEP_M
-            for other in (*self._movers, *self._robots[number + 1 :]):
+            for other in (*self._movers, *self._beside(number, after=number)):
                 if hypot(other.x_m - at[0], other.y_m - at[1]) - other.radius_m < reach_m:
                     yield robot, other, None
         # Static surfaces come last: what is solved last is kept, if not everything can be.
@@ -276,6 +329,10 @@ class Arena:
             for surface in self._around(number, at).surfaces:
                 if hypot(*surface.offset_m(*at)) - surface.radius_m < reach_m:
                     yield robot, self._still, surface
+
+    def _beside(self, robot: int, after: int = -1) -> list[ContactDisc]:
+        """Return the neighbours of a robot whose number is greater than `after`."""
+        return [self._robots[other] for other in self._neighbours[robot] if other > after]
 
     def _around(self, robot: int, at: Point) -> Nearby:
         """Return the static surfaces that can be nearest to a robot, or touched, near a place."""

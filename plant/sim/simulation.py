@@ -4,9 +4,10 @@ Each robot has its true pose, drive and sensors, and is scored from ground truth
 """
 
 from array import array
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from hashlib import sha256
 from math import pi, sqrt
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 import numpy as np
@@ -124,6 +125,26 @@ have touched a static object, too. Turning on the spot never brings a disc close
 Moved: TypeAlias = tuple[Sequence[Disc], Sequence[Disc]]
 
 
+Leg: TypeAlias = tuple[float, float, float]
+"""Velocity x_m_s, y_m_s of a robot in one substep as long as nothing stops it, and its amount."""
+
+
+class RobotMotion(NamedTuple):
+    """What the world must know of a robot to move it by one period: where it is, and both legs.
+
+    Neither the wheels nor the heading depend on contacts, so the legs are known before the world
+    moves.
+    """
+
+    x_m: float
+    y_m: float
+    clearance_m: float
+    legs: tuple[Leg, Leg]
+
+
+NO_OTHERS: Final[Mapping[int, RobotMotion]] = MappingProxyType({})
+
+
 class SharedSetup(NamedTuple):
     """Objects shared by the robots of one plant."""
 
@@ -146,10 +167,12 @@ class SimulatedRobot:
         self._ring = SimulatedSonarRing(body, noise, seed, number)
         self._caster = Caster(scene, body.sonar_max_m + body.radius_m, noise.incidence_limit_rad)
         self._track_m = body.track_m
-        self._robot = self._arena.add_robot(start[0], start[1])
+        self._robot = number
         self.pose = self.early_pose = self._before = start
         self._turned_rad = self._turning_rad = 0.0
-        self._velocity_m_s = (0.0, 0.0)
+        self._headings_rad = (start[2], start[2])
+        self._step = 0
+        self.legs: tuple[Leg, Leg] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         self._touched = 0
         self._closing = self._coasted = False
         self.bumper = 0
@@ -157,49 +180,49 @@ class SimulatedRobot:
         self.score = Score(0, *start, 0.0)
         self.senses: tuple[WheelTicks | None, SonarScan | None] = (None, None)
 
-    def coast(self, now_ns: int, span_s: float) -> None:
-        """Move a whole substep without obstacles near; bit-identical to the arena's result."""
-        self._roll(now_ns, span_s)
-        (x_m, y_m, _), (x_m_s, y_m_s) = self.pose, self._velocity_m_s
-        self._coasted = True
-        self._turn_to(x_m + x_m_s * span_s, y_m + y_m_s * span_s)
+    def run_wheels(self, now_ns: int) -> None:
+        """Run the wheels for both substeps of a period, which sets the legs."""
+        self._turning_rad = 0.0
+        early, early_rad = self._roll(now_ns, self.pose[2])
+        late, late_rad = self._roll(now_ns + SUBSTEP_NS, early_rad)
+        self.legs, self._headings_rad = (early, late), (early_rad, late_rad)
 
-    def set_off(self, now_ns: int, span_s: float) -> float:
-        """Run the wheels for a substep and push the robot; return its speed."""
-        speed_m_s = self._roll(now_ns, span_s)
+    def coast(self, step: int) -> None:
+        """Move a whole substep without obstacles near; bit-identical to the arena's result."""
+        (x_m, y_m, _), (x_m_s, y_m_s, _) = self.pose, self.legs[step]
+        self._step, self._coasted = step, True
+        self.pose = (x_m + x_m_s * SUBSTEP_S, y_m + y_m_s * SUBSTEP_S, self._headings_rad[step])
+
+    def set_off(self, step: int) -> float:
+        """Push the robot for a substep; return its speed."""
+        x_m_s, y_m_s, speed_m_s = self.legs[step]
+        self._step = step
         if self._coasted:
             self._arena.place(self._robot, *self.pose[:2])
             self._coasted = False
-        self._arena.push(self._robot, *self._velocity_m_s)
+        self._arena.push(self._robot, x_m_s, y_m_s)
         return speed_m_s
 
-    def _roll(self, now_ns: int, span_s: float) -> float:
-        """Compute a substep's velocity along the chord of the wheels' arc; return its speed."""
-        left_m, right_m = self.drive.roll(now_ns, span_s, self.faults.at(now_ns))
+    def _roll(self, now_ns: int, heading_rad: float) -> tuple[Leg, float]:
+        """Return a substep's motion along the chord of the wheels' arc, and the heading then."""
+        left_m, right_m = self.drive.roll(now_ns, SUBSTEP_S, self.faults.at(now_ns))
         half_rad = (right_m - left_m) / self._track_m / 2.0
-        speed_m_s = (left_m + right_m) / 2.0 / span_s
+        speed_m_s = (left_m + right_m) / 2.0 / SUBSTEP_S
         if half_rad:
             speed_m_s *= sin(half_rad) / half_rad
-        towards_rad = self.pose[2] + half_rad
-        self._turning_rad = 2.0 * half_rad
-        cosine, sine = cos_sin(towards_rad)
-        self._velocity_m_s = speed_m_s * cosine, speed_m_s * sine
-        return abs(speed_m_s)
+        cosine, sine = cos_sin(heading_rad + half_rad)
+        turn_rad = 2.0 * half_rad
+        self._turning_rad += turn_rad
+        heading_rad += turn_rad
+        if not -pi <= heading_rad <= pi:
+            heading_rad -= 2.0 * pi if heading_rad > 0.0 else -2.0 * pi
+        return (speed_m_s * cosine, speed_m_s * sine, abs(speed_m_s)), heading_rad
 
     def arrive(self, close: bool) -> None:
         """Take the result of the substep; `close`: there may be a contact."""
-        self._turn_to(*self._arena.position_m(self._robot))
+        self.pose = (*self._arena.position_m(self._robot), self._headings_rad[self._step])
         if close:
             self._touch(self._arena.contacts(self._robot))
-
-    def _turn_to(self, x_m: float, y_m: float) -> None:
-        """Set the position, and the heading after the substep's turn."""
-        turning_rad = self._turning_rad
-        heading_rad = self.pose[2] + turning_rad
-        if not -pi <= heading_rad <= pi:
-            heading_rad -= 2.0 * pi if heading_rad > 0.0 else -2.0 * pi
-        self._turned_rad += turning_rad
-        self.pose = (x_m, y_m, heading_rad)
 
     def _touch(self, contacts: Sequence[tuple[Point, bool]]) -> None:
         """Press the bumper; decide at the beginning of a contact whether the robot has caused it.
@@ -207,7 +230,7 @@ class SimulatedRobot:
         A robot that drives and comes nearer to a static obstacle has caused the contact, even if it
         only grazes it; a robot that turns on the spot has not.
         """
-        x_m_s, y_m_s = self._velocity_m_s
+        x_m_s, y_m_s, _ = self.legs[self._step]
         began, drives = self._touched == 0, hypot(x_m_s, y_m_s) > CLOSING_M_S
         for direction, is_still in contacts:
             self._touched |= _sectors(direction, self.pose[2])
@@ -228,8 +251,7 @@ class SimulatedRobot:
 
     def begin_tick(self) -> None:
         """Store the pose before the tick."""
-        self._before = self.pose
-        self._turned_rad = 0.0
+        self._before, self._turned_rad = self.pose, self._turning_rad
 
     def restart_score(self, now_ns: int) -> None:
         """Begin a new score."""
@@ -299,7 +321,11 @@ MARGIN_M: Final = 0.005
 
 
 class Plant:
-    """World and robots. Tick 0 exists before anything moves; `advance` leads to the next tick."""
+    """World and robots. Tick 0 exists before anything moves; `advance` leads to the next tick.
+
+    Several plants can share a world. Each has the discs of all robots and moves them alike, but
+    wheels, senses and score only of its `own`. So it must be told the motions of the others.
+    """
 
     def __init__(
         self,
@@ -309,10 +335,12 @@ class Plant:
         faults: Iterable[Fault] = (),
         robots: int = 1,
         at_ns: int = 0,
+        own: Sequence[int] | None = None,
     ) -> None:
         """Create the plant at time `at_ns`, a multiple of the period.
 
-        `faults` are added to those of the world. Raises ValueError if a fault names a missing robot
+        `faults` are added to those of the world. `own` has the numbers of the robots that this
+        plant simulates, by default all. Raises ValueError if a fault names a missing robot
         or a start is not free.
         """
         self.world = world
@@ -323,51 +351,79 @@ class Plant:
         self._movers = [MovingDisc(circle) for circle in movers(world)]
         self._mover_speed_m_s = max((mover.speed_m_s for mover in self._movers), default=0.0)
         self._early_discs = self._discs = self._discs_at(at_ns)
-        self._arena = Arena(world, self.body.radius_m, [disc[:2] for disc in self._discs])
+        at = [disc[:2] for disc in self._discs]
+        self._arena = Arena(world, self.body.radius_m, at, self.body.sonar_max_m)
         common = SharedSetup(self.body, noise, seed, still(world), self._arena)
         every = (*faults_of(world), *faults)
         for fault in every:
             _check_robot(fault, robots)
-        self._vehicles = [
-            SimulatedRobot(
-                common, number, start, [fault for fault in every if fault.robot == number]
+        places = starts(world, self.body, robots)
+        for x_m, y_m, _ in places:
+            self._arena.add_robot(x_m, y_m)
+        self._of = {
+            number: SimulatedRobot(
+                common, number, places[number], [one for one in every if one.robot == number]
             )
-            for number, start in enumerate(starts(world, self.body, robots))
-        ]
+            for number in (range(robots) if own is None else own)
+        }
+        self._vehicles = list(self._of.values())
+        self._robots = robots
+        self._others = [number for number in range(robots) if number not in self._of]
         self._alone = robots == 1 and not self._movers
         self._close_m = _close_m(self.body, noise, self._mover_speed_m_s, robots)
+        self._early_places = self._places = self._arena.places_m()
+        self._is_rolled = False
         self.restart_score()
         self._sense()
 
     def senses(self, robot: int = 0) -> tuple[WheelTicks | None, SonarScan | None]:
         """Return a robot's sensor data at this tick; None for a message that a fault suppresses."""
-        return self._vehicles[robot].senses
+        return self._of[robot].senses
 
     def truth(self, robot: int = 0) -> GroundTruth:
         """Return the true pose and velocity of a robot."""
-        return self._vehicles[robot].truth(self.now_ns)
+        return self._of[robot].truth(self.now_ns)
 
     def attitude(self, robot: int = 0) -> tuple[float, float]:
         """Return true heading and clearance, which are cheap to read in every tick."""
-        vehicle = self._vehicles[robot]
+        vehicle = self._of[robot]
         return vehicle.pose[2], vehicle.clearance_m
 
     def command(self, robot: int, left_mrad_s: int, right_mrad_s: int, ttl_ms: int) -> None:
         """Set the wheel speeds from now on, for `ttl_ms` of simulated time."""
-        self._vehicles[robot].drive.command(left_mrad_s, right_mrad_s, ttl_ms, self.now_ns)
+        self._of[robot].drive.command(left_mrad_s, right_mrad_s, ttl_ms, self.now_ns)
 
-    def advance(self) -> None:
-        """Advance by one control period."""
+    def motions(self) -> dict[int, RobotMotion]:
+        """Run the wheels of the own robots for the next period; return how they will move."""
+        if not self._is_rolled:
+            self._is_rolled = True
+            for vehicle in self._vehicles:
+                vehicle.run_wheels(self.now_ns)
+        return {
+            number: RobotMotion(*vehicle.pose[:2], vehicle.clearance_m, vehicle.legs)
+            for number, vehicle in self._of.items()
+        }
+
+    def advance(self, others: Mapping[int, RobotMotion] = NO_OTHERS) -> None:
+        """Advance by one control period; another plant's robot without a motion stands."""
         vehicles = self._vehicles
         close = False
         for vehicle in vehicles:
+            if not self._is_rolled:
+                vehicle.run_wheels(self.now_ns)
             close |= vehicle.clearance_m < self._close_m
             vehicle.begin_tick()
-        self._substep(self.now_ns, close)
+        self._is_rolled = False
+        for number, other in others.items():
+            close |= other.clearance_m < self._close_m
+            self._arena.place(number, other.x_m, other.y_m)
+        if self._robots > 1:
+            self._arena.look_around(self._close_m)
+        self._substep(0, others, close)
         for vehicle in vehicles:
             vehicle.halfway()
-        self._early_discs = self._discs
-        self._substep(self.now_ns + SUBSTEP_NS, close)
+        self._early_discs, self._early_places = self._discs, self._places
+        self._substep(1, others, close)
         self.now_ns += PERIOD_NS
         for vehicle in vehicles:
             vehicle.end_tick()
@@ -375,7 +431,7 @@ class Plant:
 
     def score(self, until_ns: int, robot: int = 0) -> RunScore:
         """Return the score since its restart, up to the tick at `until_ns`."""
-        return self._vehicles[robot].score.until(until_ns)
+        return self._of[robot].score.until(until_ns)
 
     def restart_score(self) -> None:
         """Begin a new score for all robots."""
@@ -387,26 +443,35 @@ class Plant:
 
         Raises ValueError if it names a missing robot.
         """
-        _check_robot(fault, len(self._vehicles))
-        self._vehicles[fault.robot].faults.add(fault)
+        _check_robot(fault, self._robots)
+        if fault.robot in self._of:
+            self._of[fault.robot].faults.add(fault)
 
     def clear_faults(self) -> None:
         """Drop all faults."""
         for vehicle in self._vehicles:
             vehicle.faults.clear(self.now_ns)
 
-    def _substep(self, now_ns: int, close: bool) -> None:
+    def _substep(self, step: int, others: Mapping[int, RobotMotion], close: bool) -> None:
         if self._alone and not close:
-            self._vehicles[0].coast(now_ns, SUBSTEP_S)
+            self._vehicles[0].coast(step)
             return
-        speeds_m_s = sorted([vehicle.set_off(now_ns, SUBSTEP_S) for vehicle in self._vehicles])
+        speeds_m_s = [vehicle.set_off(step) for vehicle in self._vehicles]
+        for number in self._others:
+            other = others.get(number)
+            x_m_s, y_m_s, speed_m_s = (0.0, 0.0, 0.0) if other is None else other.legs[step]
+            self._arena.push(number, x_m_s, y_m_s)
+            speeds_m_s.append(speed_m_s)
+        speeds_m_s.sort()
         if self._movers:
-            self._carry(now_ns)
+            self._carry(self.now_ns + step * SUBSTEP_NS)
         fastest_m_s = speeds_m_s[-1] + (speeds_m_s[-2] if len(speeds_m_s) > 1 else 0.0)
         closing_m_s = fastest_m_s + self._mover_speed_m_s
         self._arena.step(SUBSTEP_S, closing_m_s if close else 0.0)
         for vehicle in self._vehicles:
             vehicle.arrive(close)
+        if self._robots > 1:
+            self._places = self._arena.places_m()
 
     def _carry(self, now_ns: int) -> None:
         """Move the moving obstacles by one substep."""
@@ -419,17 +484,16 @@ class Plant:
         return [(*mover.position_m(now_ns / NS_PER_S), mover.radius_m) for mover in self._movers]
 
     def _sense(self) -> None:
-        for vehicle in self._vehicles:
-            vehicle.sense(self.now_ns, self._moved(vehicle))
+        for number, vehicle in self._of.items():
+            vehicle.sense(self.now_ns, self._moved(number))
 
-    def _moved(self, seer: SimulatedRobot) -> Moved:
-        """Return the moving objects visible to a robot, at its early and at its late pings."""
-        if len(self._vehicles) == 1:
+    def _moved(self, seer: int) -> Moved:
+        """Return the moving objects near a robot, at its early and at its late pings."""
+        if self._robots == 1:
             return self._early_discs, self._discs
-        radius_m = self.body.radius_m
-        others = [vehicle for vehicle in self._vehicles if vehicle is not seer]
-        early = [(*vehicle.early_pose[:2], radius_m) for vehicle in others]
-        late = [(*vehicle.pose[:2], radius_m) for vehicle in others]
+        radius_m, near = self.body.radius_m, self._arena.neighbours(seer)
+        early = [(*self._early_places[number], radius_m) for number in near]
+        late = [(*self._places[number], radius_m) for number in near]
         return [*self._early_discs, *early], [*self._discs, *late]
 
 

@@ -260,13 +260,13 @@ class Caster:
         """
         if self._drifted(late) or self._drifted(early):
             self._choose(late)
-        if self._least_cosine > 0.0:
-            least_cosine = self._least_cosine
-            nearness = cast_facing(self._early, early, moved[0], least_cosine)
-            nearness += cast_facing(self._late, late, moved[1], least_cosine)
+        reach_m, least_cosine = self._reach_m, self._least_cosine
+        if least_cosine > 0.0:
+            nearness = cast_facing(self._early, early, moved[0], reach_m, least_cosine)
+            nearness += cast_facing(self._late, late, moved[1], reach_m, least_cosine)
         else:
-            nearness = cast_group(self._early, early, moved[0])
-            nearness += cast_group(self._late, late, moved[1])
+            nearness = cast_group(self._early, early, moved[0], reach_m)
+            nearness += cast_group(self._late, late, moved[1], reach_m)
         return nearness
 
     def _drifted(self, at: Pose) -> bool:
@@ -287,48 +287,63 @@ class Caster:
         self._chosen_at = at
 
 
-def moving_discs(moved: Sequence[Disc]) -> list[SeenDisc]:
-    """Return moving discs as candidates that may be arbitrarily near."""
-    return [(0.0, x_m, y_m, radius_m, radius_m * radius_m) for x_m, y_m, radius_m in moved]
+def moving_discs(moved: Sequence[Disc], at: Pose, reach_m: float) -> list[SeenDisc]:
+    """Return the moving discs within reach, the nearest first."""
+    x_m, y_m, _ = at
+    found: list[SeenDisc] = []
+    for centre_x, centre_y, radius_m in moved:
+        dx, dy = centre_x - x_m, centre_y - y_m
+        least_m = sqrt(dx * dx + dy * dy) - radius_m - SLACK_M
+        if least_m < reach_m:
+            found.append((least_m, centre_x, centre_y, radius_m, radius_m * radius_m))
+    found.sort()
+    return found
 
 
-def cast_group(sights: list[Sight], at: Pose, moved: Sequence[Disc]) -> list[float]:
+def cast_group(sights: list[Sight], at: Pose, moved: Sequence[Disc], reach_m: float) -> list[float]:
     """Return the nearness of the nearest surface in each cone of sonars that ping at one pose.
 
     A disc is nearest along the ray that passes its centre most closely, so one ray suffices.
     """
     x_m, y_m, heading_rad = at
     cosine, sine = cos_sin(heading_rad)
-    moving = moving_discs(moved) if moved else None
+    moving = moving_discs(moved, at, reach_m) if moved else None
     found: list[float] = []
     for axis_x, axis_y, discs, edges in sights:
         ux, uy = cosine * axis_x - sine * axis_y, sine * axis_x + cosine * axis_y
-        nearest = 0.0
-        for least_m, centre_x, centre_y, _, square_m2 in (
-            discs if moving is None else moving + discs
-        ):
-            if nearest * least_m >= 1.0:
-                break
-            dx, dy = centre_x - x_m, centre_y - y_m
-            along, aside = dx * ux + dy * uy, dy * ux - dx * uy
-            if aside < 0.0:
-                aside = -aside
-            if aside <= along * TAN_MIDWAY_1:
-                p = along
-            elif aside <= along * TAN_MIDWAY_2:
-                p = along * COS_1 + aside * SIN_1
-            else:
-                p = along * COS_2 + aside * SIN_2
-            q = dx * dx + dy * dy - square_m2
-            excess = p * p - q
-            if p > 0.0 and excess >= 0.0:
-                near = (p + sqrt(excess)) / (q if q > TINY else TINY)
-                if near > nearest:
-                    nearest = near
+        nearest = nearest_disc(moving, x_m, y_m, ux, uy, 0.0) if moving else 0.0
+        if discs and nearest * discs[0][0] < 1.0:
+            nearest = nearest_disc(discs, x_m, y_m, ux, uy, nearest)
         if edges and nearest * edges[0][0] < 1.0:
             nearest = nearest_edge(edges, x_m, y_m, ux, uy, nearest)
         found.append(nearest)
     return found
+
+
+def nearest_disc(
+    discs: list[SeenDisc], x_m: float, y_m: float, ux: float, uy: float, nearest: float
+) -> float:
+    """Return the nearness of the nearest disc in a cone, at least `nearest`."""
+    for least_m, centre_x, centre_y, _, square_m2 in discs:
+        if nearest * least_m >= 1.0:
+            break
+        dx, dy = centre_x - x_m, centre_y - y_m
+        along, aside = dx * ux + dy * uy, dy * ux - dx * uy
+        if aside < 0.0:
+            aside = -aside
+        if aside <= along * TAN_MIDWAY_1:
+            p = along
+        elif aside <= along * TAN_MIDWAY_2:
+            p = along * COS_1 + aside * SIN_1
+        else:
+            p = along * COS_2 + aside * SIN_2
+        q = dx * dx + dy * dy - square_m2
+        excess = p * p - q
+        if p > 0.0 and excess >= 0.0:
+            near = (p + sqrt(excess)) / (q if q > TINY else TINY)
+            if near > nearest:
+                nearest = near
+    return nearest
 
 
 def nearest_edge(
@@ -369,18 +384,19 @@ def nearest_edge(
 
 
 def cast_facing(
-    sights: list[Sight], at: Pose, moved: Sequence[Disc], least_cosine: float
+    sights: list[Sight], at: Pose, moved: Sequence[Disc], reach_m: float, least_cosine: float
 ) -> list[float]:
     """Do as `cast_group`, but a ray that grazes its surface has no echo."""
     x_m, y_m, heading_rad = at
     cosine, sine = cos_sin(heading_rad)
-    moving = moving_discs(moved)
+    moving = moving_discs(moved, at, reach_m)
     found: list[float] = []
     for axis_x, axis_y, discs, edges in sights:
         ux, uy = cosine * axis_x - sine * axis_y, sine * axis_x + cosine * axis_y
         nearest, facing = [0.0] * RAYS_PER_SONAR, [0.0] * RAYS_PER_SONAR
         cone = x_m, y_m, ux, uy, nearest, facing
-        meet_discs(moving + discs, cone)
+        meet_discs(moving, cone)
+        meet_discs(discs, cone)
         meet_edges(edges, cone)
         echo = 0.0
         for i in range(RAYS_PER_SONAR):
