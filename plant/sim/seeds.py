@@ -17,6 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 BLOCK_ROWS: Final = 128
+"""Rows whose normal numbers are made of each other's bits."""
+BLOCKS: Final = 4
+"""Blocks that are drawn together; the numbers do not depend on it."""
 
 Bits: TypeAlias = npt.NDArray[np.uint64]
 Numbers: TypeAlias = npt.NDArray[np.float64]
@@ -52,21 +55,21 @@ def uniform(bits: Bits) -> Numbers:
 
 
 def gaussian(bits: Bits) -> Numbers:
-    """Return one standard normal number for each 64 bits, of which there is an even number.
+    """Return one standard normal number for each 64 bits, of which a row has an even number.
 
-    The first half gives the lengths of normal vectors, the second half their directions (Box and
-    Muller): 53 bits the angle within a quarter turn, the lowest two the quarter.
+    The first half of each row gives the lengths of normal vectors, the second half their directions
+    (Box and Muller): 53 bits the angle within a quarter turn, the lowest two the quarter.
     """
-    half = len(bits) // 2
-    length = np.sqrt(-2.0 * _log(uniform(bits[:half]) + STEP))
-    angle_rad = (uniform(bits[half:]) - 0.5) * (0.5 * pi)
+    lengths, angles = np.split(bits, 2, axis=-1)
+    length = np.sqrt(-2.0 * _log(uniform(lengths) + STEP))
+    angle_rad = (uniform(angles) - 0.5) * (0.5 * pi)
     square = angle_rad * angle_rad
     along = length * _series(COSINE_SERIES, square)
     across = length * (angle_rad * _series(SINE_SERIES, square))
-    turned, opposite = bits[half:] & np.uint64(1) != 0, bits[half:] & np.uint64(2) != 0
+    turned, opposite = angles & np.uint64(1) != 0, angles & np.uint64(2) != 0
     sign = np.where(opposite, -1.0, 1.0)
     numbers = np.where(turned, -across, along), np.where(turned, along, across)
-    return np.concatenate([sign * numbers[0], sign * numbers[1]])
+    return np.concatenate([sign * numbers[0], sign * numbers[1]], axis=-1)
 
 
 def _log(numbers: Numbers) -> Numbers:
@@ -91,7 +94,7 @@ def _series(coefficients: tuple[float, ...], square: Numbers) -> Numbers:
 class Rows:
     """Endless rows of random numbers of one source."""
 
-    __slots__ = ("_at", "_bits", "_block", "_numbers", "_width")
+    __slots__ = ("_bits", "_block", "_numbers", "_width")
 
     def __init__(
         self, bits: np.random.PCG64, numbers: Callable[[Bits], Numbers], width: int
@@ -99,17 +102,15 @@ class Rows:
         self._bits = bits
         self._numbers = numbers
         self._width = width
-        self._block: list[float] = []
-        self._at = 0
+        self._block: list[list[float]] = []
 
     def next(self) -> list[float]:
         """Return the next row."""
-        at = self._at
-        if at == len(self._block):
-            self._block = self._numbers(self._bits.random_raw(BLOCK_ROWS * self._width)).tolist()
-            at = 0
-        self._at = at + self._width
-        return self._block[at : self._at]
+        if not self._block:
+            bits = self._bits.random_raw(BLOCKS * BLOCK_ROWS * self._width)
+            numbers = self._numbers(bits.reshape(BLOCKS, -1))
+            self._block = numbers.reshape(-1, self._width)[::-1].tolist()
+        return self._block.pop()
 
 
 def gaussian_rows(seed: int, robot: int, source: str, width: int) -> Rows:

@@ -10,12 +10,12 @@ to b; x the cross product):
 - edge: n = (o - a) x (b - a), nearness (u x (a - b)) / n, if u x (a - o) >= 0 >= u x (b - o).
 
 Points are turned into the frame of a cone: *along* its axis, and *aside* to the left of it. Only
-surfaces that a sonar may see near a pose are cast. This skips only surfaces that cannot matter:
-rounding in it never changes an echo.
+surfaces that a cone in its direction may meet near a place are cast, the nearest first. This skips
+only surfaces that cannot matter: rounding in it never changes an echo.
 """
 
 from collections.abc import Sequence
-from math import floor, inf, pi, radians, sqrt
+from math import floor, inf, pi, sqrt
 from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
@@ -25,10 +25,10 @@ from plant.model.geometry import Disc, Edge, Pose, StaticScene
 from plant.sim.active_faults import SonarFaults
 from plant.sim.seeds import gaussian_rows, uniform_rows
 from protocol.ring import ALL_SONARS, BEARINGS_RAD, CONE_RAD, SONARS
+from protocol.world import Point
 from runtime.elementary import cos, cos_sin, sin
 
 HALF_TURN_RAD: Final = pi
-FULL_TURN_RAD: Final = 2.0 * pi
 SLACK_M: Final = 1e-6
 """Added to every selection, far more than its rounding errors."""
 
@@ -38,24 +38,26 @@ BEARING_ERROR_RAD: Final = 0.006
 NEAR_M: Final = 1.0
 """Surfaces of the whole scene are looked at again after this way."""
 
+WAY_M: Final = 0.2
+"""The surfaces in each direction are selected again after this way."""
+
 LEAST_M2: Final = 1e-300
 """Keeps the division by the square of a length of zero possible."""
 
+DIRECTIONS: Final = 32
+STEPS_PER_CONE: Final = 2
+STEP_RAD: Final = CONE_RAD / STEPS_PER_CONE
+"""A view lies counter-clockwise from a multiple of STEP_RAD, and is a step wider than a cone: it
+contains each cone that begins within the first step."""
+
 SeenDisc: TypeAlias = tuple[float, float, float, float, float]
-"""Smallest distance from the ring, centre, radius, and its square."""
+"""Distance from the place of the selection, centre, radius, and its square."""
 
 SeenEdge: TypeAlias = tuple[float, float, float, float, float, float]
-"""Smallest distance from the ring, start, end, and length."""
+"""Distance from the place of the selection, start, end, and length."""
 
 View: TypeAlias = tuple[list[SeenDisc], list[SeenEdge]]
-"""What one sonar may see, the nearest first."""
-
-
-class PoseTolerance(NamedTuple):
-    """Largest distance from a pose, and largest turn in either direction."""
-
-    way_m: float
-    turn_rad: float
+"""What a cone in some direction may meet, the nearest first."""
 
 
 class Surfaces:
@@ -76,21 +78,18 @@ class Surfaces:
         self._discs: list[Disc] = []
         self._edges: list[Edge] = []
 
-    def in_sight(self, at: Pose, reach_m: float, drift: PoseTolerance) -> list[View]:
-        """Return what each sonar may see within reach of a ring, at all poses within `drift`."""
+    def in_sight(self, at: Point, reach_m: float) -> list[View]:
+        """Return what is within reach in each direction, from all places within WAY_M."""
         dx, dy = at[0] - self._near_at[0], at[1] - self._near_at[1]
         if not dx * dx + dy * dy <= NEAR_M * NEAR_M:
             self._look_around(at, reach_m)
-        views: list[View] = [([], []) for _ in range(SONARS)]
-        way_m, turn_rad = drift.way_m + SLACK_M, drift.turn_rad + BEARING_ERROR_RAD
-        add_discs(views, self._discs, at, reach_m, way_m, turn_rad)
-        add_edges(views, self._edges, at, reach_m, way_m, turn_rad)
-        for seen_discs, seen_edges in views:
-            seen_discs.sort()
-            seen_edges.sort()
-        return views
+        discs: list[list[SeenDisc]] = [[] for _ in range(DIRECTIONS)]
+        edges: list[list[SeenEdge]] = [[] for _ in range(DIRECTIONS)]
+        add_discs(discs * 2, self._discs, at, reach_m)
+        add_edges(edges * 2, self._edges, at, reach_m)
+        return list(zip(discs, edges, strict=True))
 
-    def _look_around(self, at: Pose, reach_m: float) -> None:
+    def _look_around(self, at: Point, reach_m: float) -> None:
         """Select the surfaces near the robot; with numpy, because a map may have thousands."""
         x, y, along_x, along_y = self._x - at[0], self._y - at[1], self._along_x, self._along_y
         shares = -(x * along_x + y * along_y) / self._squares
@@ -101,71 +100,72 @@ class Surfaces:
         discs, edges = self._scene
         self._discs = [discs[i] for i in chosen if i < len(discs)]
         self._edges = [edges[i - len(discs)] for i in chosen if i >= len(discs)]
-        self._near_at = at[:2]
+        self._near_at = at
 
 
-def add_discs(
-    views: list[View], discs: list[Disc], at: Pose, reach_m: float, way_m: float, turn_rad: float
-) -> None:
-    """Add to each view the discs that its sonar may see."""
-    x_m, y_m, heading_rad = at
-    cosine, sine = cos_sin(heading_rad)
+def add_discs(around: list[list[SeenDisc]], discs: list[Disc], at: Point, reach_m: float) -> None:
+    """Add the discs to the views from which they may be met; `around`: all views, twice."""
+    x_m, y_m = at
+    seen: list[SeenDisc] = []
     for centre_x, centre_y, radius_m in discs:
         dx, dy = centre_x - x_m, centre_y - y_m
-        away_m, wide_m = sqrt(dx * dx + dy * dy), radius_m + way_m
-        if away_m - wide_m >= reach_m:
-            continue
-        seen = (away_m - wide_m, centre_x, centre_y, radius_m, radius_m * radius_m)
-        bearing_rad = rough_bearing_rad(dx * cosine + dy * sine, dy * cosine - dx * sine)
-        half_rad = half_width_rad(wide_m, away_m) + turn_rad
-        for sonar in sonars_between(bearing_rad - half_rad, bearing_rad + half_rad):
-            views[sonar][0].append(seen)
+        least_m = sqrt(dx * dx + dy * dy) - radius_m
+        if least_m < reach_m + WAY_M:
+            seen.append((least_m, centre_x, centre_y, radius_m, radius_m * radius_m))
+    seen.sort()
+    for disc in seen:
+        least_m, centre_x, centre_y, radius_m, _ = disc
+        bearing_rad = rough_bearing_rad(centre_x - x_m, centre_y - y_m)
+        half_rad = half_width_rad(radius_m + WAY_M, least_m + radius_m)
+        first, count = sector(bearing_rad - half_rad, bearing_rad + half_rad)
+        for view in around[first : first + count]:
+            view.append(disc)
 
 
-def add_edges(
-    views: list[View], edges: list[Edge], at: Pose, reach_m: float, way_m: float, turn_rad: float
-) -> None:
-    """Add to each view the edges that its sonar may see, from their visible side."""
-    x_m, y_m, heading_rad = at
-    cosine, sine = cos_sin(heading_rad)
+def add_edges(around: list[list[SeenEdge]], edges: list[Edge], at: Point, reach_m: float) -> None:
+    """Add the edges to the views from which their visible side may be met."""
+    x_m, y_m = at
+    seen: list[SeenEdge] = []
     for start_x, start_y, end_x, end_y in edges:
-        ax, ay, bx, by = start_x - x_m, start_y - y_m, end_x - x_m, end_y - y_m
-        span_x, span_y = bx - ax, by - ay
+        ax, ay, span_x, span_y = start_x - x_m, start_y - y_m, end_x - start_x, end_y - start_y
         square_m2 = span_x * span_x + span_y * span_y
         length_m = sqrt(square_m2)
-        if ay * span_x - ax * span_y < -way_m * length_m:
+        if ay * span_x - ax * span_y < -(WAY_M + SLACK_M) * length_m:
             continue
         share = -(ax * span_x + ay * span_y) / square_m2 if square_m2 > 0.0 else 0.0
         share = 0.0 if share < 0.0 else 1.0 if share > 1.0 else share
         foot_x, foot_y = ax + share * span_x, ay + share * span_y
-        least_m = sqrt(foot_x * foot_x + foot_y * foot_y) - way_m
-        if least_m >= reach_m:
-            continue
-        left_rad, right_rad = FULL_TURN_RAD, 0.0
-        if least_m > 0.0:
-            left_rad = rough_bearing_rad(ax * cosine + ay * sine, ay * cosine - ax * sine)
-            right_rad = rough_bearing_rad(bx * cosine + by * sine, by * cosine - bx * sine)
+        least_m = sqrt(foot_x * foot_x + foot_y * foot_y)
+        if least_m < reach_m + WAY_M:
+            seen.append((least_m, start_x, start_y, end_x, end_y, length_m))
+    seen.sort()
+    for edge in seen:
+        least_m, start_x, start_y, end_x, end_y, _ = edge
+        first, count = 0, DIRECTIONS
+        if least_m > WAY_M + SLACK_M:
+            ax, ay, bx, by = start_x - x_m, start_y - y_m, end_x - x_m, end_y - y_m
+            right_rad, left_rad = rough_bearing_rad(bx, by), rough_bearing_rad(ax, ay)
             if left_rad < right_rad:
-                left_rad += FULL_TURN_RAD
-            left_rad += half_width_rad(way_m, sqrt(ax * ax + ay * ay)) + turn_rad
-            right_rad -= half_width_rad(way_m, sqrt(bx * bx + by * by)) + turn_rad
-        for sonar in sonars_between(right_rad, left_rad):
-            views[sonar][1].append((least_m, start_x, start_y, end_x, end_y, length_m))
+                left_rad += 2.0 * HALF_TURN_RAD
+            left_rad += half_width_rad(WAY_M, sqrt(ax * ax + ay * ay))
+            right_rad -= half_width_rad(WAY_M, sqrt(bx * bx + by * by))
+            first, count = sector(right_rad, left_rad)
+        for view in around[first : first + count]:
+            view.append(edge)
 
 
-def sonars_between(right_rad: float, left_rad: float) -> list[int]:
-    """Return the sonars whose cones reach into a sector, given from right to left."""
-    first, last = floor(right_rad / CONE_RAD) + 4, floor(left_rad / CONE_RAD) + 4
-    if last > first + 15:
-        last = first + 15
-    return [cone & 7 for cone in range(first, last + 1) if cone & 8 == 0]
+def sector(right_rad: float, left_rad: float) -> tuple[int, int]:
+    """Return the first of the views that reach into a sector, and their number."""
+    first = floor((right_rad - BEARING_ERROR_RAD) / STEP_RAD) - STEPS_PER_CONE
+    count = floor((left_rad + BEARING_ERROR_RAD) / STEP_RAD) + 1 - first
+    return first % DIRECTIONS, count if count < DIRECTIONS else DIRECTIONS
 
 
 def half_width_rad(wide_m: float, away_m: float) -> float:
     """Return at least half the angle of a disc at a distance: x + 0.571 x^3 is above asin x."""
-    if wide_m >= away_m:
+    if wide_m + SLACK_M >= away_m:
         return HALF_TURN_RAD
-    x = wide_m / away_m
+    x = (wide_m + SLACK_M) / away_m
     return x + 0.571 * x * x * x
 
 
@@ -188,11 +188,6 @@ RAY_RAD: Final = CONE_RAD / RAYS_PER_SONAR
 ORDER: Final = (0, 2, 4, 6, 1, 3, 5, 7)
 """Sonars in the order of a cast: first the early group, then the late group."""
 
-DRIFT: Final = PoseTolerance(way_m=0.2, turn_rad=radians(25.0))
-"""Motion of the robot after which the surfaces in sight are selected again."""
-
-MAX_WAY_M2: Final = DRIFT.way_m * DRIFT.way_m
-MAX_TURN_RAD: Final = DRIFT.turn_rad
 TINY: Final = 1e-12
 
 MISSED: Final = 1.0 + 1e-9
@@ -223,11 +218,18 @@ LEFT_2: Final[list[Ray]] = [RIGHT_2[i] for i in (4, 3, 2, 1, 0)]
 
 NUMBERED: Final[list[tuple[int, float, float]]] = [(i, *RIGHT_2[i]) for i in range(RAYS_PER_SONAR)]
 
-Sight: TypeAlias = tuple[float, float, list[SeenDisc], list[SeenEdge]]
-"""The axis of a cone in the frame of the robot, and the surfaces that may be in it."""
+Axis: TypeAlias = tuple[float, float, int]
+"""Direction of a sonar from the heading, and the steps of its cone's right edge from the right."""
 
-Cone: TypeAlias = tuple[float, float, float, float, list[float], list[float]]
-"""Origin and axis of a cone; per ray, the largest nearness and the cosine of its incidence."""
+AXES: Final[list[Axis]] = [
+    (cos(BEARINGS_RAD[sonar]), sin(BEARINGS_RAD[sonar]), sonar * STEPS_PER_CONE) for sonar in ORDER
+]
+EARLY: Final[list[Axis]] = AXES[: SONARS // 2]
+LATE: Final[list[Axis]] = AXES[SONARS // 2 :]
+
+Cone: TypeAlias = tuple[float, float, float, float, float, list[float], list[float]]
+"""Origin and axis of a cone, way from the place of the selection; per ray, the largest nearness and
+the cosine of its incidence."""
 
 
 def ray_bearings_rad() -> tuple[float, ...]:
@@ -247,9 +249,8 @@ class Caster:
         self._surfaces = Surfaces(scene)
         self._reach_m = reach_m
         self._least_cosine = cos(incidence_limit_rad) if incidence_limit_rad < pi / 2 else 0.0
-        self._chosen_at = (inf, inf, 0.0)
-        self._early: list[Sight] = []
-        self._late: list[Sight] = []
+        self._at = (inf, inf)
+        self._views: list[View] = []
 
     def cast(
         self, early: Pose, late: Pose, moved: tuple[Sequence[Disc], Sequence[Disc]] = ((), ())
@@ -258,33 +259,26 @@ class Caster:
 
         `moved`: positions of the moving discs at the early and at the late ping.
         """
-        if self._drifted(late) or self._drifted(early):
-            self._choose(late)
-        reach_m, least_cosine = self._reach_m, self._least_cosine
+        early_m, late_m = self._gone_m(early), self._gone_m(late)
+        if not (early_m <= WAY_M and late_m <= WAY_M):
+            self._at = late[:2]
+            self._views = self._surfaces.in_sight(self._at, self._reach_m)
+            early_m, late_m = self._gone_m(early), self._gone_m(late)
+        views, least_cosine, reach_m = self._views, self._least_cosine, self._reach_m
+        moving_early = moving_discs(moved[0], early, reach_m) if moved[0] else []
+        moving_late = moving_discs(moved[1], late, reach_m) if moved[1] else []
         if least_cosine > 0.0:
-            nearness = cast_facing(self._early, early, moved[0], reach_m, least_cosine)
-            nearness += cast_facing(self._late, late, moved[1], reach_m, least_cosine)
+            nearness = cast_facing(EARLY, views, early, early_m, moving_early, least_cosine)
+            nearness += cast_facing(LATE, views, late, late_m, moving_late, least_cosine)
         else:
-            nearness = cast_group(self._early, early, moved[0], reach_m)
-            nearness += cast_group(self._late, late, moved[1], reach_m)
+            nearness = cast_group(EARLY, views, early, early_m, moving_early)
+            nearness += cast_group(LATE, views, late, late_m, moving_late)
         return nearness
 
-    def _drifted(self, at: Pose) -> bool:
-        """Return whether the pose differs too much from that of the chosen surfaces."""
-        x_m, y_m, heading_rad = self._chosen_at
-        dx, dy, turned_rad = at[0] - x_m, at[1] - y_m, abs(at[2] - heading_rad)
-        if turned_rad > pi:
-            turned_rad = 2.0 * pi - turned_rad
-        return dx * dx + dy * dy > MAX_WAY_M2 or turned_rad > MAX_TURN_RAD
-
-    def _choose(self, at: Pose) -> None:
-        """Select the surfaces in sight."""
-        views = self._surfaces.in_sight(at, self._reach_m, DRIFT)
-        sights = [
-            (cos(BEARINGS_RAD[sonar]), sin(BEARINGS_RAD[sonar]), *views[sonar]) for sonar in ORDER
-        ]
-        self._early, self._late = sights[: SONARS // 2], sights[SONARS // 2 :]
-        self._chosen_at = at
+    def _gone_m(self, at: Pose) -> float:
+        """Return at least the way from the place of the selection."""
+        dx, dy = at[0] - self._at[0], at[1] - self._at[1]
+        return sqrt(dx * dx + dy * dy) + SLACK_M
 
 
 def moving_discs(moved: Sequence[Disc], at: Pose, reach_m: float) -> list[SeenDisc]:
@@ -300,32 +294,49 @@ def moving_discs(moved: Sequence[Disc], at: Pose, reach_m: float) -> list[SeenDi
     return found
 
 
-def cast_group(sights: list[Sight], at: Pose, moved: Sequence[Disc], reach_m: float) -> list[float]:
+def first_view(heading_rad: float) -> int:
+    """Return the view for a cone that begins a quarter turn to the right of a heading."""
+    return floor((heading_rad - 0.5 * HALF_TURN_RAD) / STEP_RAD)
+
+
+def cast_group(
+    axes: list[Axis], views: list[View], at: Pose, gone_m: float, moving: list[SeenDisc]
+) -> list[float]:
     """Return the nearness of the nearest surface in each cone of sonars that ping at one pose.
 
-    A disc is nearest along the ray that passes its centre most closely, so one ray suffices.
+    `gone_m`: way from the place of the selection, by which every surface may have come nearer.
     """
     x_m, y_m, heading_rad = at
     cosine, sine = cos_sin(heading_rad)
-    moving = moving_discs(moved, at, reach_m) if moved else None
+    first = first_view(heading_rad)
     found: list[float] = []
-    for axis_x, axis_y, discs, edges in sights:
+    for axis_x, axis_y, steps in axes:
         ux, uy = cosine * axis_x - sine * axis_y, sine * axis_x + cosine * axis_y
-        nearest = nearest_disc(moving, x_m, y_m, ux, uy, 0.0) if moving else 0.0
-        if discs and nearest * discs[0][0] < 1.0:
-            nearest = nearest_disc(discs, x_m, y_m, ux, uy, nearest)
-        if edges and nearest * edges[0][0] < 1.0:
-            nearest = nearest_edge(edges, x_m, y_m, ux, uy, nearest)
+        discs, edges = views[(first + steps) % DIRECTIONS]
+        nearest = nearest_disc(moving, x_m, y_m, ux, uy, 0.0, 0.0) if moving else 0.0
+        if discs:
+            nearest = nearest_disc(discs, x_m, y_m, ux, uy, gone_m, nearest)
+        if edges and nearest * (edges[0][0] - gone_m) < 1.0:
+            nearest = nearest_edge(edges, x_m, y_m, ux, uy, gone_m, nearest)
         found.append(nearest)
     return found
 
 
 def nearest_disc(
-    discs: list[SeenDisc], x_m: float, y_m: float, ux: float, uy: float, nearest: float
+    discs: list[SeenDisc],
+    x_m: float,
+    y_m: float,
+    ux: float,
+    uy: float,
+    gone_m: float,
+    nearest: float,
 ) -> float:
-    """Return the nearness of the nearest disc in a cone, at least `nearest`."""
-    for least_m, centre_x, centre_y, _, square_m2 in discs:
-        if nearest * least_m >= 1.0:
+    """Return the nearness of the nearest disc in a cone, at least `nearest`.
+
+    A disc is nearest along the ray that passes its centre most closely, so one ray suffices.
+    """
+    for least_m, centre_x, centre_y, radius_m, square_m2 in discs:
+        if nearest * (least_m - gone_m) >= 1.0:
             break
         dx, dy = centre_x - x_m, centre_y - y_m
         along, aside = dx * ux + dy * uy, dy * ux - dx * uy
@@ -335,11 +346,13 @@ def nearest_disc(
             p = along
         elif aside <= along * TAN_MIDWAY_2:
             p = along * COS_1 + aside * SIN_1
+        elif aside * COS_2 - along * SIN_2 > radius_m + SLACK_M:
+            continue
         else:
             p = along * COS_2 + aside * SIN_2
         q = dx * dx + dy * dy - square_m2
         excess = p * p - q
-        if p > 0.0 and excess >= 0.0:
+        if excess >= 0.0 and p > 0.0:
             near = (p + sqrt(excess)) / (q if q > TINY else TINY)
             if near > nearest:
                 nearest = near
@@ -347,14 +360,20 @@ def nearest_disc(
 
 
 def nearest_edge(
-    edges: list[SeenEdge], x_m: float, y_m: float, ux: float, uy: float, nearest: float
+    edges: list[SeenEdge],
+    x_m: float,
+    y_m: float,
+    ux: float,
+    uy: float,
+    gone_m: float,
+    nearest: float,
 ) -> float:
     """Return the nearness of the nearest edge in a cone, at least `nearest`.
 
     Of the rays that meet an edge, the one closest to its normal meets it first.
     """
     for least_m, start_x, start_y, end_x, end_y, _ in edges:
-        if nearest * least_m >= 1.0:
+        if nearest * (least_m - gone_m) >= 1.0:
             break
         ax, ay, bx, by = start_x - x_m, start_y - y_m, end_x - x_m, end_y - y_m
         n = ay * (bx - ax) - ax * (by - ay)
@@ -384,18 +403,24 @@ def nearest_edge(
 
 
 def cast_facing(
-    sights: list[Sight], at: Pose, moved: Sequence[Disc], reach_m: float, least_cosine: float
+    axes: list[Axis],
+    views: list[View],
+    at: Pose,
+    gone_m: float,
+    moving: list[SeenDisc],
+    least_cosine: float,
 ) -> list[float]:
     """Do as `cast_group`, but a ray that grazes its surface has no echo."""
     x_m, y_m, heading_rad = at
     cosine, sine = cos_sin(heading_rad)
-    moving = moving_discs(moved, at, reach_m)
+    first = first_view(heading_rad)
     found: list[float] = []
-    for axis_x, axis_y, discs, edges in sights:
+    for axis_x, axis_y, steps in axes:
         ux, uy = cosine * axis_x - sine * axis_y, sine * axis_x + cosine * axis_y
+        discs, edges = views[(first + steps) % DIRECTIONS]
         nearest, facing = [0.0] * RAYS_PER_SONAR, [0.0] * RAYS_PER_SONAR
-        cone = x_m, y_m, ux, uy, nearest, facing
-        meet_discs(moving, cone)
+        meet_discs(moving, (x_m, y_m, ux, uy, 0.0, nearest, facing))
+        cone = x_m, y_m, ux, uy, gone_m, nearest, facing
         meet_discs(discs, cone)
         meet_edges(edges, cone)
         echo = 0.0
@@ -408,10 +433,10 @@ def cast_facing(
 
 def meet_discs(discs: list[SeenDisc], cone: Cone) -> None:
     """Update the rays of a cone that meet a disc."""
-    x_m, y_m, ux, uy, nearest, facing = cone
+    x_m, y_m, ux, uy, gone_m, nearest, facing = cone
     all_nearer = min(nearest)
     for least_m, centre_x, centre_y, radius_m, square_m2 in discs:
-        if all_nearer * least_m >= 1.0:
+        if all_nearer * (least_m - gone_m) >= 1.0:
             break
         dx, dy = centre_x - x_m, centre_y - y_m
         along, aside = dx * ux + dy * uy, dy * ux - dx * uy
@@ -434,10 +459,10 @@ def meet_discs(discs: list[SeenDisc], cone: Cone) -> None:
 
 def meet_edges(edges: list[SeenEdge], cone: Cone) -> None:
     """Update the rays of a cone that meet an edge."""
-    x_m, y_m, ux, uy, nearest, facing = cone
+    x_m, y_m, ux, uy, gone_m, nearest, facing = cone
     all_nearer = min(nearest)
     for least_m, start_x, start_y, end_x, end_y, length_m in edges:
-        if all_nearer * least_m >= 1.0:
+        if all_nearer * (least_m - gone_m) >= 1.0:
             break
         ax, ay, bx, by = start_x - x_m, start_y - y_m, end_x - x_m, end_y - y_m
         n = ay * (bx - ax) - ax * (by - ay)
@@ -507,11 +532,9 @@ class SimulatedSonarRing:
         least_nearness, rim_m, most_m = self._least_nearness, self._rim_m, self._most_m
         least_mm, most_mm, untrue = self._least_mm, self._most_mm, self._untrue
         sigma_m, sigma_ratio = self._sigma_m, self._sigma_ratio
-        for place in range(SONARS):
-            sonar, near = ORDER[place], nearness[place]
-            chance = chances[sonar]
-            if chance < untrue:
-                if chance < self._lost:
+        for sonar, near in zip(ORDER, nearness, strict=True):
+            if chances[sonar] < untrue:
+                if chances[sonar] < self._lost:
                     continue
                 range_m = 1.0 / near - rim_m if near >= least_nearness else most_m
                 range_m = self._least_m + ghosts[sonar] * (range_m - self._least_m)
