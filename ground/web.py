@@ -1,117 +1,21 @@
 """Serve the ground station to browsers (`sidestep ground --web`) until SIGINT or SIGTERM.
 
-textual-serve has no authentication, so the token of each request is checked before. The browser
-sends the token once, in the address, and gets a cookie with a random session id. So the address
-bar, a referrer and other services on this host, to which browsers send the cookie, never see the
-token. A web socket is opened only from a page of this server.
+The server needs the extra `web`, so it is imported only when it is started.
 """
 
 import argparse
-import asyncio
-import logging
 import os
 import secrets
 import shlex
 import socket
-from collections import deque
-from collections.abc import Awaitable, Callable
 from contextlib import closing
-from hmac import compare_digest
 from pathlib import Path
-from secrets import token_urlsafe
-from typing import Any, Final, NamedTuple, Protocol
-from urllib.parse import urlsplit
-
-from aiohttp import web
-from aiohttp.typedefs import Handler, Middleware
-from textual_serve.server import Server
+from typing import Final, NamedTuple, Protocol
 
 from ground.launch.child_command import command
 from ground.text.output import Output
 from runtime.errors import UserError
 from runtime.files import bytes_in
-
-REFUSAL: Final = (
-    "This ground station requires a token: open the address that `sidestep ground --web` printed.\n"
-)
-FOREIGN: Final = "Refused: this request comes from a page of another site.\n"
-HEADERS: Final = {
-    "Content-Security-Policy": (
-        "default-src 'self'; script-src 'self' 'unsafe-inline'; style-src 'self' 'unsafe-inline';"
-        " img-src 'self' data:; connect-src 'self' ws: wss:; frame-ancestors 'none'"
-    ),
-    "Referrer-Policy": "no-referrer",
-    "X-Content-Type-Options": "nosniff",
-    "Cache-Control": "no-store",
-}
-
-
-SESSION_BYTES: Final = 24
-MAX_SESSIONS: Final = 64
-"""The number of browsers that are admitted by cookie; a new session replaces the oldest."""
-
-
-class WebAccess:
-    """Admits browsers that have the token.
-
-    The name of the `cookie` includes the port, because cookies are not separated by port.
-    """
-
-    def __init__(self, token: str, port: int) -> None:
-        self._token = token
-        self.sessions: deque[str] = deque(maxlen=MAX_SESSIONS)
-        self.cookie = f"sidestep_{port}"
-
-    def is_token(self, token: str | None) -> bool:
-        """Return whether the text is the token."""
-        return token is not None and is_same(token, self._token)
-
-    def is_session(self, session: str | None) -> bool:
-        """Return whether the text is the session id of an admitted browser."""
-        return session is not None and any(is_same(session, one) for one in self.sessions)
-
-    def middleware(self) -> Middleware:
-        """Return a middleware that answers 403 to requests without token or session."""
-
-        @web.middleware
-        async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
-            if self.is_token(request.query.get("token")):
-                return self._admit(request)
-            if not self.is_session(request.cookies.get(self.cookie)):
-                return web.Response(status=403, text=REFUSAL, headers=HEADERS)
-            if not is_same_origin(request.headers.get("Origin"), request.host):
-                return web.Response(status=403, text=FOREIGN, headers=HEADERS)
-            response = await handler(request)
-            if not response.prepared:
-                response.headers.update(HEADERS)
-            return response
-
-        return check
-
-    def _admit(self, request: web.Request) -> web.StreamResponse:
-        """Redirect to the address without the token, and set a cookie for a new session."""
-        response = web.Response(status=303, headers={"Location": request.path, **HEADERS})
-        session = token_urlsafe(SESSION_BYTES)
-        self.sessions.append(session)
-        response.set_cookie(self.cookie, session, httponly=True, samesite="Strict", path="/")
-        return response
-
-
-def is_same(given: str, secret: str) -> bool:
-    """Compare in constant time.
-
-    The given text may hold lone surrogates, which UTF-8 cannot encode.
-    """
-    return compare_digest(given.encode(errors="surrogatepass"), secret.encode())
-
-
-def is_same_origin(origin: str | None, host: str) -> bool:
-    """Return whether a request has no origin, or comes from a page of this host."""
-    try:
-        return origin is None or urlsplit(origin).netloc == host
-    except ValueError:  # the origin is not an address
-        return False
-
 
 DEFAULT_HOST: Final = "127.0.0.1"
 DEFAULT_PORT: Final = 8770
@@ -175,65 +79,6 @@ def token_of(file: str | None) -> str:
     return token
 
 
-MAX_BROWSERS: Final = 8
-FULL: Final = (
-    f"{MAX_BROWSERS} browsers, the maximum, have this ground station open:"
-    " close one of them and reload this page.\n"
-)
-
-
-class WebServer(Server):
-    """Serves the app that `command` starts, in one process for each admitted browser.
-
-    `ready` is called when the server listens.
-    """
-
-    def __init__(
-        self, command: str, address: Address, token: str, ready: Callable[[], None]
-    ) -> None:
-        super().__init__(command, host=address.host, port=address.port, title="Sidestep")
-        self.access = WebAccess(token, address.port)
-        self.sessions: set[asyncio.Task[object]] = set()
-        self._ready = ready
-
-    def initialize_logging(self) -> None:
-        """Silence the loggers of textual-serve and aiohttp."""
-        logging.getLogger("textual-serve").setLevel(logging.CRITICAL)
-        logging.getLogger("aiohttp").setLevel(logging.CRITICAL)
-
-    async def _make_app(self) -> web.Application:
-        app = await super()._make_app()
-        app.middlewares.append(self.access.middleware())
-        return app
-
-    async def on_startup(self, app: web.Application) -> None:
-        """Call `ready`."""
-        self._ready()
-
-    async def handle_index(self, request: web.Request) -> Any:
-        """Serve the page, with links to the host that the browser used in its request."""
-        self.public_url = f"{request.scheme}://{request.host}"
-        page: Callable[[web.Request], Awaitable[web.StreamResponse]] = super().handle_index
-        return await page(request)
-
-    async def handle_websocket(self, request: web.Request) -> Any:
-        """Run an app for a browser; answer 503 when there are too many."""
-        task = asyncio.current_task()
-        if task is None or len(self.sessions) >= MAX_BROWSERS:
-            return web.Response(status=503, text=FULL)
-        self.sessions.add(task)
-        try:
-            return await super().handle_websocket(request)
-        finally:
-            self.sessions.discard(task)
-
-    async def on_shutdown(self, app: web.Application) -> None:
-        """End the apps, because open browsers would delay the end by a minute."""
-        for session in self.sessions:
-            session.cancel()
-        await asyncio.gather(*self.sessions, return_exceptions=True)
-
-
 PASSED_ON: Final = ("connect", "run", "context", "id", "config", "record", "theme", "hz", "keys")
 SWITCHES: Final = ("no_record", "ascii", "quiet_bell")
 LACKING: Final = "--web needs the extra `web`: pip install 'sidestep[web]'"
@@ -286,7 +131,7 @@ def serve(options: WebOptions, output: Output) -> int:
     address, token = address_of(options.web), token_of(options.token_file)
     shown = address if options.shown is None else address_of(options.shown)
     try:
-        pass
+        from ground.web_server import WebServer
     except ImportError as error:
         raise UserError(LACKING) from error
     refuse_taken(address)
@@ -301,7 +146,7 @@ def serve(options: WebOptions, output: Output) -> int:
 
     # exec replaces the shell that textual-serve starts, so that signals reach the app.
     line = "exec " + shlex.join(command(words_of(options), os.getpid()))
-    WebServer(line, address, token, ready).serve()
+    WebServer(line, address.host, address.port, token, ready).serve()
     output.note("ground station ends")
     return 0
 

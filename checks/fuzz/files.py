@@ -49,7 +49,8 @@ from ground.missions.mission import Circle, Home, Mission, Polygon, Waypoint
 from ground.missions.transfer import fence_items_of, items_of
 from ground.user.folders import PRIVATE_FILE
 from ground.user.mavlink_keys import KeyRing, new_key, read_keys, write_keys
-from ground.web import WebAccess, address_of, token_of
+from ground.web import address_of, token_of
+from ground.web_server import WebAccess
 from plant.imports.importer import ImportOptions, import_worlds
 from plant.process import parser as plant_parser
 from plant.world.file import SHIPPED_DIR, loads

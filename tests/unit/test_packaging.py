@@ -8,7 +8,7 @@ import subprocess
 import sys
 import tomllib
 from hashlib import sha256
-from importlib.metadata import requires
+from importlib.metadata import packages_distributions, requires
 from pathlib import Path
 from shutil import which
 from zipfile import ZipFile
@@ -121,6 +121,37 @@ def test_extras_serve_packages_of_the_wheel() -> None:
     assert set(extras) - {"dev", "docs"} == {"study", "dask", "foxglove", "keys", "web"}
     needed = {name for extra in set(extras) - {"dev"} for name in extras[extra]}
     assert needed <= set(extras["dev"])
+
+
+WITHOUT_EXTRAS = """
+import sys
+from runtime.cli.parsers import parser_of, program_parsers
+from runtime.cli.verb_table import VERBS
+
+class Missing:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in sys.argv[1:]:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+sys.meta_path.insert(0, Missing())
+for verb in VERBS:
+    try:
+        parser_of(verb), program_parsers(verb)
+    except ModuleNotFoundError as error:
+        print(verb, error.name)
+"""
+
+
+def test_only_study_needs_an_extra_to_start() -> None:
+    extras = PROJECT["project"]["optional-dependencies"]
+    named = {
+        Requirement(line).name for extra in set(extras) - {"dev", "docs"} for line in extras[extra]
+    }
+    modules = {top for top, owners in packages_distributions().items() if named & set(owners)}
+    assert {"aiohttp", "textual_serve", "pyarrow"} <= modules
+    words = (sys.executable, "-c", WITHOUT_EXTRAS, *sorted(modules))
+    found = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert found.stdout == "study pyarrow\n"  # its own error says how to install it
 
 
 def test_the_image_is_built_of_what_the_wheel_carries() -> None:

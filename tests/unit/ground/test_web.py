@@ -16,18 +16,14 @@ from hypothesis import strategies as st
 
 from checks.harness.until import PATIENCE_S
 from ground.cli.main import parse
-from ground.web import (
+from ground.web import Address, address_of, refuse_taken, token_of, words_of
+from ground.web_server import (
     MAX_BROWSERS,
     MAX_SESSIONS,
     REFUSAL,
-    Address,
     WebAccess,
     WebServer,
-    address_of,
     is_same_origin,
-    refuse_taken,
-    token_of,
-    words_of,
 )
 from runtime.errors import UserError
 from tests.support.each import each
@@ -43,7 +39,7 @@ def with_client(
     """Run the story with a server in this process."""
 
     async def run() -> None:
-        server = WebServer(command, Address("127.0.0.1", 8770), TOKEN, lambda: None)
+        server = WebServer(command, "127.0.0.1", 8770, TOKEN, lambda: None)
         server.initialize_logging()
         app = await server._make_app()
         jar = CookieJar(unsafe=True)  # accept cookies from numeric addresses
