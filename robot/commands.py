@@ -5,7 +5,7 @@ once. Steering lasts only while frames arrive.
 """
 
 from collections import OrderedDict, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from types import MappingProxyType
 from typing import Final, NamedTuple, TypeAlias
@@ -69,9 +69,14 @@ class Commands:
         self.goal_id = self.drive_id = 0
         self.begun_by = self.driver = ""
         self.stoppers = Stoppers()
+        self._hosted: Sequence[Commands] = (self,)
         self._stop_ids: deque[int] = deque([0], MAX_STOPS)
         self._shown_id = 0
         self.restarts = False
+
+    def share_process(self, robots: "Sequence[Commands]") -> None:
+        """Name all robots of this process, which end with it: a restart must find each at rest."""
+        self._hosted = robots
 
     @property
     def stop_id(self) -> int:
@@ -220,12 +225,13 @@ class Commands:
         return self._mission.jump(int(request.param1), now_ms)
 
     def _restart(self, request: CommandRequest, _now_ms: int) -> int:
-        """Ask for a restart; a robot that is armed or in an emergency stop refuses."""
+        """Ask for a restart; a process with a robot that is armed or stopped refuses."""
         if request.param1 != RESTART:
             return reasons.PARAMETER_OUT_OF_RANGE
-        if self._machine.vehicle == states.EMERGENCY_STOP:
+        vehicles = [one._machine.vehicle for one in self._hosted]
+        if states.EMERGENCY_STOP in vehicles:
             return reasons.EMERGENCY_STOPPED
-        if self._machine.vehicle == states.ACTIVE:
+        if states.ACTIVE in vehicles:
             return reasons.ARMED
         self.restarts = True
         return reasons.OK

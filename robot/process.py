@@ -192,7 +192,8 @@ class RobotProcess:
     ) -> None:
         self.vehicle = vehicle
         self._stopping = False
-        self._restart = restart or self.stop
+        self.end = restart or self.stop
+        """Ends the loop; returns at once, from any thread and from a signal handler."""
         self._bus = bus
         self._clock = clock
         self._senses = senses
@@ -440,7 +441,7 @@ class RobotProcess:
             self._saved.reply(incoming, request, answer, now_ns)
             self.reports.record(request, answer)
             if self.vehicle.commands.restarts:
-                self._restart()
+                self.end()
 
     def _due(self) -> Iterator[ServiceRequest]:
         """Yield at most as many requests as fit into a control period."""

@@ -16,13 +16,13 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import radians
 from pathlib import Path
 from time import time
-from typing import Final
+from typing import Final, NamedTuple
 
 from protocol.bus.audit import audited_connections
 from protocol.bus.bus import Bus, claim, open_bus
@@ -51,7 +51,7 @@ from runtime.clock import SLACK, Pulse, PulseSource, Tick, WallClock, freeze_hea
 from runtime.errors import UserError
 from runtime.lockstep import LockstepClock, LockstepLoop
 from runtime.units import CONTROL_HZ, PERIOD_NS, UINT32
-from runtime.watchdog import Watchdog
+from runtime.watchdog import SignOfLife, Watchdog
 
 FIFO_PRIORITY = 50
 BELOW = 10
@@ -177,44 +177,102 @@ def epoch() -> int:
     return int(time()) & UINT32
 
 
-def run(
-    vehicle: RobotVehicle, network: Network, robot: str, options: Options, previous: PreviousRun
-) -> int:
-    """Run until stopped and return 0; raise NameTakenError, or the error that ended the core."""
+class HostedRobot(NamedTuple):
+    """A robot of this process, with the mark of its run in its state directory."""
+
+    name: str
+    vehicle: RobotVehicle
+    previous: PreviousRun
+
+    def say(self, line: str) -> None:
+        """Print a line about this robot."""
+        log_line(f"robot {self.name}: {line}")
+
+
+def run(robots: Sequence[HostedRobot], network: Network, options: Options) -> int:
+    """Run until stopped and return 0; raise NameTakenError, or the error that ended a core.
+
+    Several robots share the link and the process. Each has a loop of its own, and all else that
+    belongs to a robot. The end of one loop ends all.
+    """
     network = replace(network, patient=options.lockstep)
-    with open_bus(network, Role.ROBOT, robot) as bus:
-        claim(bus, [robot])
-        report_previous_run(vehicle, robot, previous, options.after)
+    first, names = robots[0], [robot.name for robot in robots]
+    with open_bus(network, Role.ROBOT, first.name) as bus:
+        claim(bus, names)
         lockstep = partial(in_lockstep, blocking=options.board)
         begin = lockstep if options.lockstep else by_the_wall_clock
-        watchdog = Watchdog(trace=previous.trace)
+        watchdog = Watchdog(trace=first.previous.trace)
+        commands = [robot.vehicle.commands for robot in robots]
+        processes: list[RobotProcess] = []
+        loops: list[Callable[[], None]] = []
+        for robot, part in zip(robots, watchdog.divided(len(robots)), strict=True):
+            robot.vehicle.commands.share_process(commands)
+            report_previous_run(robot.vehicle, robot.name, robot.previous, options.after)
+            its_bus = bus if robot is first else bus.beside(robot.name)
+            process, run_loop = begin(robot.vehicle, its_bus, part)
+            processes.append(process)
+            loops.append(run_loop)
 
-        def say(line: str) -> None:
-            log_line(f"robot {robot}: {line}")
+        def end_all() -> None:
+            for process in processes:
+                process.end()
 
-        process, run_loop = begin(vehicle, bus, watchdog)
-        apply_options(vehicle, options)
-        for words in vehicle.restored:
-            say(words)
-        say(f"ready, {'stopped' if vehicle.stopped else 'disarmed'}")
+        on_signal(end_all)
+        apply_options([robot.vehicle for robot in robots], options)
         end = STOPPED
         try:
-            with (
-                StopListener(network, robot, listening_at(network, bus), process, say),
-                watchdog,
-                audited_connections(bus, say),
-                guarded_door(bus, say),
-            ):
-                run_loop()
+            with ExitStack() as scope:
+                for robot, process in zip(robots, processes, strict=True):
+                    for words in robot.vehicle.restored:
+                        robot.say(words)
+                    robot.say(f"ready, {'stopped' if robot.vehicle.stopped else 'disarmed'}")
+                    # An address can be listened at once: the others need one of their own.
+                    places = listening_at(network, bus) if robot is first else ()
+                    scope.enter_context(
+                        StopListener(network, robot.name, places, process, robot.say)
+                    )
+                scope.enter_context(watchdog)
+                scope.enter_context(audited_connections(bus, first.say))
+                scope.enter_context(guarded_door(bus, first.say))
+                run_together(loops, end_all)
         except Exception as error:
             end = f"ended by a core exception ({summary_of(error)})"
             raise
         finally:
-            previous.end(end)
-            process.finish()
-    why = " for a restart on request" if vehicle.commands.restarts else ""
-    log_line(f"robot {robot}: ends{why}")
+            for robot, process in zip(robots, processes, strict=True):
+                robot.previous.end(end)
+                process.finish()
+    why = " for a restart on request" if any(one.restarts for one in commands) else ""
+    for robot in robots:
+        robot.say(f"ends{why}")
     return 0
+
+
+def run_together(loops: Sequence[Callable[[], None]], end_all: Callable[[], None]) -> None:
+    """Run one loop here, or each of several in a thread of its own; raise the first error.
+
+    `end_all` is called when a loop has ended.
+    """
+    if len(loops) == 1:
+        loops[0]()
+        return
+    errors: list[Exception] = []
+
+    def run_one(loop: Callable[[], None]) -> None:
+        try:
+            loop()
+        except Exception as error:
+            errors.append(error)
+        finally:
+            end_all()
+
+    threads = [threading.Thread(target=run_one, args=(loop,)) for loop in loops]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for error in errors:
+        raise error
 
 
 def listening_at(network: Network, bus: Bus) -> tuple[str, ...]:
@@ -244,7 +302,7 @@ def log_line(line: str) -> None:
 
 
 def by_the_wall_clock(
-    vehicle: RobotVehicle, bus: Bus, watchdog: Watchdog
+    vehicle: RobotVehicle, bus: Bus, watchdog: SignOfLife
 ) -> tuple[RobotProcess, Callable[[], None]]:
     """Return a process and the function that runs it until it is stopped."""
     process, grid = in_wall_time(vehicle, bus, epoch())
@@ -260,13 +318,12 @@ def in_wall_time(
     meter = CycleMeter(clock, period_ns=PERIOD_NS, enforced=True)
     process = RobotProcess(vehicle, bus, clock, senses, meter, epoch)
     process.serve()
-    on_signal(process.stop)
     rehearsal = Rehearsal(vehicle.params)
     return process, ticks(clock, CONTROL_HZ, RehearsingPulse(pulse, rehearsal, PERIOD_NS // SLACK))
 
 
 def in_lockstep(
-    vehicle: RobotVehicle, bus: Bus, watchdog: Watchdog, *, blocking: bool = False
+    vehicle: RobotVehicle, bus: Bus, watchdog: SignOfLife, *, blocking: bool = False
 ) -> tuple[RobotProcess, Callable[[], None]]:
     """Return a process that the plant's clock drives, and the function that runs it.
 
@@ -286,7 +343,6 @@ def in_lockstep(
     process = RobotProcess(vehicle, bus, clock, senses, meter, epoch(), loop.stop)
     process.serve(nudge=loop.nudge)
     drive_clock(loop, bus)
-    on_signal(loop.stop)
     return process, partial(process.run_lockstep, loop)
 
 
@@ -310,12 +366,12 @@ def drive_clock(loop: LockstepLoop, bus: Bus) -> None:
 
 
 def on_signal(stop: Callable[[], None]) -> None:
-    """End the loop at its next tick on SIGINT or SIGTERM."""
+    """End the loops at their next ticks on SIGINT or SIGTERM."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop())
 
 
-def apply_options(vehicle: RobotVehicle, options: Options) -> None:
+def apply_options(vehicles: Sequence[RobotVehicle], options: Options) -> None:
     """Freeze the heap and use real-time scheduling as chosen; report each failure and go on.
 
     Call this last, when all objects that stay have been created.
@@ -325,10 +381,15 @@ def apply_options(vehicle: RobotVehicle, options: Options) -> None:
         warning = apply() if wanted else None
         if warning is not None:
             log_line(f"robot: warning: {warning}")
-            vehicle.announce(Severity.WARNING, warning)
+            for vehicle in vehicles:
+                vehicle.announce(Severity.WARNING, warning)
 
 
 BOARD: Final = "--mcu"
+NAME: Final = "{id}"
+"""Stands for the robot's name in the names of its folders."""
+
+ORIGIN: Final = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -347,12 +408,10 @@ def main(argv: Sequence[str]) -> int:
         config.load_shared(arguments.config, RobotSettings) if arguments.config else RobotSettings()
     )
     network = network_of(arguments, settings.network, listens=True)
-    name = robot_name(arguments.id or settings.robot)
-    if arguments.stop_at:
-        network = replace(network, stop_at={**network.stop_at, name: arguments.stop_at})
-    warning = own(arguments.state, name) or own(arguments.stops, name)
-    writer = InlineWriter() if arguments.lockstep else WriterThread()
-    store = Store(arguments.state, writer, arguments.stops)
+    names = names_of(arguments.id or settings.robot)
+    refuse_to_share(arguments, network, names)
+    places = dict(zip(names, arguments.stop_at, strict=False))
+    network = replace(network, stop_at=network.stop_at | places)
     options = Options(
         lockstep=arguments.lockstep,
         freeze=arguments.gc_freeze,
@@ -361,10 +420,68 @@ def main(argv: Sequence[str]) -> int:
         after=arguments.after,
     )
     with core_host(arguments) as new_core:
-        vehicle = vehicle_of(arguments, settings, store, new_core)
-        if warning:
-            vehicle.announce(Severity.WARNING, warning)
-        return run(vehicle, network, name, options, PreviousRun(store.directory))
+        robots = [
+            hosted(arguments, settings, name, number, new_core) for number, name in enumerate(names)
+        ]
+        return run(robots, network, options)
+
+
+def names_of(text: str) -> list[str]:
+    """Return the names in a list such as r1,r2; raise UserError for one that is there twice."""
+    names = [robot_name(name) for name in text.split(",")]
+    if len(set(names)) < len(names):
+        raise UserError(f"--id {text}: each robot needs a name of its own")
+    return names
+
+
+def refuse_to_share(arguments: argparse.Namespace, network: Network, names: list[str]) -> None:
+    """Raise UserError if several robots lack what each needs, or have what only one can have."""
+    count, ids = len(names), f"--id {','.join(names)}"
+    if len(arguments.stop_at) not in (0, count):
+        raise UserError(f"{ids}: give --stop-at HOST:PORT once for each robot, or not at all")
+    if count == 1 and len(arguments.start) <= 1:
+        return
+    if len(arguments.start) != count:
+        raise UserError(
+            f"{ids}: give --start X Y DEG once for each robot, in this order: {count} times, not"
+            f" {len(arguments.start)}"
+        )
+    for option, folder in (("--state", arguments.state), ("--stops", arguments.stops)):
+        if folder is not None and NAME not in str(folder):
+            raise UserError(
+                f"{option} {folder}: each robot needs a folder of its own: write {NAME} for the"
+                f" robot's name, as in {folder}/{NAME}"
+            )
+    alone = {
+        "[network.tls]": network.tls is not None,
+        BOARD: arguments.mcu,
+        "--realtime": arguments.realtime,
+    }
+    for what, is_given in alone.items():
+        if is_given:
+            raise UserError(f"{ids}: {what} is for one robot: start a process for each")
+
+
+def hosted(
+    arguments: argparse.Namespace,
+    settings: RobotSettings,
+    name: str,
+    number: int,
+    new_core: NewCore,
+) -> HostedRobot:
+    """Return a robot of this process, with its own folders and its own writer."""
+    state, stops = (
+        None if folder is None else Path(str(folder).replace(NAME, name))
+        for folder in (arguments.state, arguments.stops)
+    )
+    warning = own(state, name) or own(stops, name)
+    writer = InlineWriter() if arguments.lockstep else WriterThread()
+    store = Store(state, writer, stops)
+    start = arguments.start[number] if arguments.start else ORIGIN
+    vehicle = vehicle_of(arguments, settings, store, new_core, start)
+    if warning:
+        vehicle.announce(Severity.WARNING, warning)
+    return HostedRobot(name, vehicle, PreviousRun(store.directory))
 
 
 @contextmanager
@@ -386,7 +503,11 @@ def parser() -> argparse.ArgumentParser:
     """Return the parser of `sidestep run robot`."""
     parser = new_parser("robot")
     add_network_options(parser)
-    parser.add_argument("--id", metavar="NAME", help="the robot's name (default r1)")
+    parser.add_argument(
+        "--id",
+        metavar="NAME",
+        help="the robot's name (default r1); as in r1,r2 for several robots in this process",
+    )
     add_start_options(parser)
     add_param_option(parser, "a parameter; the names are in `sidestep param list`")
     parser.add_argument(
@@ -394,7 +515,7 @@ def parser() -> argparse.ArgumentParser:
         metavar="DIR",
         type=Path,
         help="directory that keeps parameters, fence, mission, the emergency stop and how the run "
-        "ended",
+        f"ended; {NAME} in it is the robot's name",
     )
     parser.add_argument(
         "--stops",
@@ -405,6 +526,8 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--stop-at",
         metavar="HOST:PORT",
+        action="append",
+        default=[],
         help="where stop datagrams are received (default: at the address of --listen)",
     )
     parser.add_argument(
@@ -433,8 +556,10 @@ def add_start_options(parser: argparse.ArgumentParser) -> None:
         metavar=("X", "Y", "DEG"),
         nargs=3,
         type=finite,
-        default=(0.0, 0.0, 0.0),
-        help="start pose in the world frame, so that goals are in it too (default 0 0 0)",
+        action="append",
+        default=[],
+        help="start pose in the world frame, so that goals are in it too (default 0 0 0); once for"
+        " each robot",
     )
     parser.add_argument(
         "--encoders",
@@ -452,8 +577,9 @@ def vehicle_of(
     settings: RobotSettings,
     store: Store,
     new_core: NewCore = InProcessCore,
+    place: Sequence[float] = ORIGIN,
 ) -> RobotVehicle:
-    """Return a vehicle with the parameters of all sources.
+    """Return a vehicle at a place (x_m, y_m, heading_deg), with the parameters of all sources.
 
     Later sources override earlier ones: defaults, configuration file, values saved by an operator,
     command line. File and command line are the configuration, which bounds the safety group.
@@ -462,7 +588,7 @@ def vehicle_of(
     configured = adjusted(configured, dict(arguments.param), "--param")
     params, warnings = store.load(configured, configured)
     params = adjusted(params, dict(arguments.param), "--param")
-    x_m, y_m, heading_deg = arguments.start
+    x_m, y_m, heading_deg = place
     start, totals = Pose(x_m, y_m, radians(heading_deg)), tuple(arguments.encoders)
     vehicle = RobotVehicle(params, store, start, configured, totals, new_core)
     for warning in warnings:

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from time import monotonic_ns
-from typing import IO, Final, Self, TypeVar
+from typing import IO, Final, Protocol, Self, TypeVar
 
 from runtime.clock import Clock, WallClock
 from runtime.units import NS_PER_MS, NS_PER_S
@@ -29,7 +29,20 @@ HANGS: Final = f"hung (its loop did not run for {HUNG_S:g} s)"
 T = TypeVar("T")
 
 
-class Watchdog:
+class SignOfLife(Protocol):
+    """What a loop resets while it runs."""
+
+    def reset(self) -> None:
+        """Restart the timer."""
+
+    def reset_by(self, rounds: Iterable[T]) -> Iterator[T]:
+        """Yield the items, and reset the watchdog for each."""
+        for one in rounds:
+            self.reset()
+            yield one
+
+
+class Watchdog(SignOfLife):
     """Ends the process `patience_s` after the last reset, within the block, in the main thread.
 
     `trace` is a file that then receives the stack traces of all threads, if it can be written.
@@ -60,11 +73,27 @@ class Watchdog:
         """Restart the timer."""
         signal.setitimer(signal.ITIMER_REAL, self._patience_s)
 
-    def reset_by(self, rounds: Iterable[T]) -> Iterator[T]:
-        """Yield the items, and reset the watchdog for each."""
-        for one in rounds:
-            self.reset()
-            yield one
+    def divided(self, loops: int) -> list[SignOfLife]:
+        """Return a part for each of several loops: together they reset this watchdog.
+
+        The timer restarts when each loop has given a sign, so a loop that hangs ends the process.
+        """
+        parts: set[SignOfLife] = set()
+        return [self] if loops == 1 else [WatchdogPart(self, parts, loops) for _ in range(loops)]
+
+
+class WatchdogPart(SignOfLife):
+    """The part of a watchdog that one of several loops resets, each in any thread."""
+
+    def __init__(self, whole: Watchdog, signs: set[SignOfLife], loops: int) -> None:
+        self._whole, self._signs, self._loops = whole, signs, loops
+
+    def reset(self) -> None:
+        """Give a sign; the last loop to do so restarts the timer."""
+        self._signs.add(self)
+        if len(self._signs) == self._loops:
+            self._signs.clear()
+            self._whole.reset()
 
 
 MAX_SLOWDOWN: Final = 5.0

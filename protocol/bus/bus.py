@@ -11,6 +11,7 @@ import re
 import threading
 import time
 from collections.abc import Callable, Iterable
+from copy import copy
 from functools import partial
 from itertools import islice
 from typing import Any, Final, NamedTuple, Self, TypeVar
@@ -172,6 +173,17 @@ class Bus:
         self.requester = Requester(
             self._sessions, network, role, self.operator, self.holder, now_ns
         )
+
+    def beside(self, robot: str) -> "Bus":
+        """Return the bus of another robot of this process, which shares session and threads.
+
+        It ends with this one and must not be closed. Frames of this robot alone are its own, and
+        so are their mailboxes and its encoders; requests that were rejected are counted together.
+        """
+        other = copy(self)
+        other.robot = robot_name(robot)
+        other._mailboxes, other._declared, other._watched = {}, [], None
+        return other
 
     def __enter__(self) -> Self:
         return self

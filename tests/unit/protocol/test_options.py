@@ -22,6 +22,7 @@ from protocol.options import (
     numbers_kept,
     whole,
 )
+from robot.run import HostedRobot
 from robot.vehicle import RobotVehicle
 from runtime.errors import ConfigError, EndpointError, UserError
 from tests.support.each import each
@@ -264,8 +265,8 @@ def file(tmp_path: Path) -> Path:
 def robot_runs(monkeypatch: pytest.MonkeyPatch) -> list[tuple[RobotVehicle, Network, str]]:
     runs: list[tuple[RobotVehicle, Network, str]] = []
 
-    def run(vehicle: RobotVehicle, network: Network, name: str, *_: Any) -> int:
-        runs.append((vehicle, network, name))
+    def run(robots: list[HostedRobot], network: Network, _options: Any) -> int:
+        runs.extend((one.vehicle, network, one.name) for one in robots)
         return 0
 
     monkeypatch.setattr(robot.run, "run", run)

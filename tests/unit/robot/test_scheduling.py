@@ -243,7 +243,7 @@ def test_failed_option_is_announced_on_the_bus(
 ) -> None:
     monkeypatch.delattr(os, "sched_setscheduler")
     vehicle = RobotVehicle(DEFAULTS, Store(None))
-    apply_options(vehicle, Options(fifo=True))
+    apply_options([vehicle], Options(fifo=True))
     assert "warning: real-time scheduling" in capsys.readouterr().err
     assert any("real-time scheduling" in text.text for text in vehicle.texts())
 
@@ -254,7 +254,7 @@ def test_unselected_options_are_not_applied(
 ) -> None:
     monkeypatch.delattr(gc, "freeze")
     monkeypatch.delattr(os, "sched_setscheduler")
-    apply_options(RobotVehicle(DEFAULTS, Store(None)), Options(freeze=False))
+    apply_options([RobotVehicle(DEFAULTS, Store(None))], Options(freeze=False))
     assert capsys.readouterr().err == ""
 
 

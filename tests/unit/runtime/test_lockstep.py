@@ -287,3 +287,22 @@ def test_pipe_in_the_place_of_the_trace_holds_up_no_start(tmp_path: Path) -> Non
     os.mkfifo(trace)
     with Watchdog(600.0, trace):
         assert signal.getitimer(signal.ITIMER_REAL)[0] > 0.0
+
+
+def test_divided_watchdog_is_reset_when_every_loop_has_given_a_sign() -> None:
+    """Otherwise the loops that run would hide one that hangs."""
+
+    class Counting(Watchdog):
+        resets = 0
+
+        def reset(self) -> None:
+            self.resets += 1
+
+    watchdog = Counting()
+    first, second, third = watchdog.divided(3)
+    for part in (first, second, first, second):
+        part.reset()
+    assert watchdog.resets == 0
+    assert list(third.reset_by(range(2))) == [0, 1]
+    assert watchdog.resets == 1
+    assert watchdog.divided(1) == [watchdog]

@@ -134,7 +134,7 @@ def test_robot_gets_the_parameters_of_the_world() -> None:
 def test_robot_parser_accepts_the_arguments() -> None:
     words = words_of(scenario("--speed", "max", robot={"radius_m": 0.1}), "robot r1")
     parsed = robot_parser().parse_args(words[1:])
-    assert tuple(parsed.start) == (0.6, 2.0, 0.0)
+    assert parsed.start == [[0.6, 2.0, 0.0]]
     assert parsed.param == [("radius_m", 0.1)]
 
 
@@ -189,8 +189,8 @@ def test_robots_get_the_starts_of_the_plant() -> None:
     found = scenario("--world", "u_trap", "--robots", "3")
     for name, place in zip(found.robots, starts(world, body_of(world), 3), strict=True):
         parsed = robot_parser().parse_args(words_of(found, f"robot {name}")[1:])
-        assert tuple(parsed.start)[:2] == place[:2]
-        assert radians(parsed.start[2]) == pytest.approx(place[2], abs=1e-9)
+        assert tuple(parsed.start[0][:2]) == place[:2]
+        assert radians(parsed.start[0][2]) == pytest.approx(place[2], abs=1e-9)
 
 
 def test_goals_are_shifted_like_the_starts() -> None:
