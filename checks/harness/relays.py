@@ -28,6 +28,8 @@ class TcpProxy:
     """
 
     def __init__(self, endpoint: str, bytes_per_s: float = 0.0) -> None:
+        self.accepted = 0
+        """How many connections were accepted so far."""
         self._pause_s = CHUNK / bytes_per_s if bytes_per_s else 0.0
         self._closing = threading.Event()
         protocol = endpoint.partition("/")[0]
@@ -87,6 +89,7 @@ class TcpProxy:
         with suppress(OSError):
             while True:
                 near, _ = listener.accept()
+                self.accepted += 1
                 far = socket.socket()
                 if self._pause_s:
                     far.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)

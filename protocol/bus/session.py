@@ -12,6 +12,11 @@ that no stream has, so a stream never waits behind a reply.
 A hub admits one link per session id, and an id is public: after an interruption another process may
 have taken its place, and Zenoh dials with the same id for ever. What was declared is therefore kept
 and declared again on a fresh session, whose id nobody knows yet.
+
+Zenoh 1.10 also gives up an attempt to dial that takes too long, as on a busy machine, when the link
+is registered but not read yet. Such a link is reported and sends its signs of life, so it lasts for
+ever, but nothing arrives. If the other end drops it, the next link joins the same transport, where
+nothing is declared again. A session in either state is replaced, too.
 """
 
 import json
@@ -28,6 +33,7 @@ from weakref import WeakValueDictionary
 
 import zenoh
 
+from protocol.bus.callbacks import zenoh_callback
 from protocol.bus.certificate import own_certificate, peer_refusal, remedy
 from protocol.bus.network import Hub, Network
 from protocol.bus.peers import declare_link_events
@@ -334,6 +340,9 @@ LINK_PROBE_S: Final = 0.5
 LONGEST_S: Final = 8.0
 """Longest pause between two attempts that fail; each doubles the one before."""
 
+NOBODY: Final = "@nobody"
+"""A key that no process serves: the answer to a query on it is empty, and comes from the hub."""
+
 CLOSING_S: Final = 2.0
 """Time for an attempt under way to end when the session is closed."""
 
@@ -349,13 +358,47 @@ class Declared(Generic[T]):
         self.now = declare(session)
 
 
+class Links:
+    """What the events of a session say about its links, in whatever order they come.
+
+    `broken`: a link has joined the transport of another one, or the other end does not answer.
+    """
+
+    def __init__(self) -> None:
+        self.broken = False
+        self._begun: set[str] = set()
+        self._since_s: dict[str, float] = {}
+
+    @property
+    def since_s(self) -> float | None:
+        """Since when there is a link on which data may be sent, by `monotonic`; None without."""
+        return max(tuple(self._since_s.values()), default=None)
+
+    def begin(self, event: zenoh.TransportEvent) -> None:
+        """Note the beginning of a transport, which precedes its first link."""
+        if event.kind == zenoh.SampleKind.PUT:
+            self._begun.add(str(event.transport.zid))
+            self.broken = False
+
+    def change(self, event: zenoh.LinkEvent) -> None:
+        """Note the beginning or the end of a link."""
+        zid = str(event.link.zid)
+        if event.kind != zenoh.SampleKind.PUT:
+            self._since_s.pop(zid, None)
+        elif zid in self._begun:
+            self._begun.discard(zid)
+            self._since_s[zid] = monotonic()
+        else:
+            self.broken = True
+
+
 class LastingSession:
     """A Zenoh session that can be replaced; `now` is the present one.
 
     `open_fresh` opens another session with a single attempt; it returns None if no process accepts
     it. `accepts` returns whether a dialled process accepts a TCP connection; if it is given, the
     session is replaced when its link does not come back for `silent_s`, longer while this machine
-    is busy. No thread runs before the first loss.
+    is busy, or comes back broken. No thread runs before the first loss.
     """
 
     def __init__(
@@ -376,7 +419,8 @@ class LastingSession:
         self._lost = threading.Event()
         self._closed = threading.Event()
         self._thread: threading.Thread | None = None
-        self._links = None if accepts is None else self.declare(self._declare_links)
+        self._links = Links()
+        self._following = None if accepts is None else self.declare(self._declare_links)
 
     def declare(self, declare: Callable[[zenoh.Session], T]) -> Declared[T]:
         """Declare something on this session and on each that replaces it, in the same order."""
@@ -405,7 +449,7 @@ class LastingSession:
     def replace(self, before: zenoh.Session, *, if_lost: bool = False) -> bool:
         """Open a fresh session in place of `before`; return whether a process has accepted it.
 
-        `if_lost`: keep the session if it is linked again.
+        `if_lost`: keep the session if it is linked again and not broken.
         """
         with self._replacing:
             if self.now is not before:
@@ -414,7 +458,8 @@ class LastingSession:
             if fresh is None:
                 return False
             with self._declaring:
-                if self._closed.is_set() or (if_lost and is_linked(before)):
+                kept = if_lost and is_linked(before) and not self._links.broken
+                if self._closed.is_set() or kept:
                     close_session(fresh)
                     return False
                 self.now = fresh
@@ -425,20 +470,28 @@ class LastingSession:
 
     def _declare_links(self, session: zenoh.Session) -> Any:
         """Follow the links of a session."""
+        links = self._links = Links()
 
         def changed(event: zenoh.LinkEvent) -> None:
-            if event.kind != zenoh.SampleKind.PUT and session is self.now:
+            links.change(event)
+            if session is self.now and (links.broken or event.kind != zenoh.SampleKind.PUT):
                 self._lost.set()
                 if self._thread is None and not self._closed.is_set():
                     thread = threading.Thread(target=self._run, name="links", daemon=True)
                     thread.start()  # first: `close` joins what it finds
                     self._thread = thread
 
-        return declare_link_events(session, changed)
+        return (
+            session.info.declare_transport_events_listener(
+                zenoh_callback(links.begin), history=True
+            ),
+            declare_link_events(session, changed),
+        )
 
     def _run(self) -> None:
         while not self._closed.is_set():
             self._lost.wait()
+            self._lost.clear()
             try:
                 self._await_link()
             except Exception:  # the next loss needs this thread again
@@ -449,17 +502,17 @@ class LastingSession:
 
     def _await_link(self) -> None:
         """Return when a link lasts; replace the session while it is kept out."""
-        steady_s = silent_s = probe_s = monotonic()
+        silent_s = probe_s = monotonic()
         pause_s = self._patience_s()
         while not self._closed.wait(POLL_S):
-            session, now_s, lost = self.now, monotonic(), self._lost.is_set()
-            self._lost.clear()
-            linked = is_linked(session) and not lost
-            if linked and now_s - steady_s >= STEADY_S:
-                return
-            if linked:
-                continue
-            steady_s = now_s
+            session, links, now_s = self.now, self._links, monotonic()
+            since_s = links.since_s if is_linked(session) else None
+            if since_s is not None and not links.broken:
+                if now_s - since_s < STEADY_S:
+                    continue
+                links.broken = not answers(session, SILENT_S * slowdown())
+                if links.since_s == since_s and not links.broken:
+                    return
             if now_s < probe_s:
                 continue
             if not self._accepts():
@@ -476,6 +529,15 @@ def is_linked(session: zenoh.Session) -> bool:
         return bool(list(session.info.links()))
     except zenoh.ZError:  # it was closed
         return False
+
+
+def answers(session: zenoh.Session, within_s: float) -> bool:
+    """Return whether the process at the other end of the link answers."""
+    try:
+        late: list[zenoh.Reply] = list(session.get(NOBODY, timeout=within_s))
+    except zenoh.ZError:  # it was closed
+        return False
+    return not late
 
 
 def close_session(session: Any) -> None:

@@ -18,6 +18,7 @@ from ground.station.link.streams import StreamCounter
 from ground.text.wording import aged
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Mode, Network
+from protocol.bus.peers import declare_link_events
 from protocol.bus.publisher import (
     FETCHED,
     FETCHES,
@@ -96,7 +97,8 @@ class Line:
                 robot, dialled = dialled, robot
             self.begin(self._dialling(robot))
         self._dialled = dialled
-        self.heard = Heard(self.join())
+        self.recorder = self.join()
+        self.heard = Heard(self.recorder)
 
     def begin(self, network: Network) -> None:
         """Start a robot, or replace one that was killed."""
@@ -189,6 +191,36 @@ def test_no_event_is_lost_or_doubled_by_a_fresh_session() -> None:
         until(lambda: len(late.words) == len(line.told))
         assert sorted(late.words) == sorted(line.told), "who joins late hears them, too"
         assert max(late.ages_s) > 3.0
+
+
+@pytest.mark.stack
+@pytest.mark.parametrize("dropped", [False, True])
+def test_link_given_up_while_it_opens_is_replaced(*, dropped: bool) -> None:
+    """Keep Zenoh from reading a new link until it has given up, as a busy machine does.
+
+    `dropped`: the other end drops that link, so the next one joins it.
+    """
+    with lines("hub", count=1) as (line,):
+        cut([line], "during")
+        held = Event()
+
+        def hold(event: zenoh.LinkEvent) -> None:
+            if event.kind != zenoh.SampleKind.PUT or held.is_set():
+                return
+            held.set()
+            before = line.cable.accepted
+            until(lambda: line.cable.accepted > before, "Zenoh dials again")
+            if dropped:
+                line.cable.redirect(line.robot.locator())
+
+        follower = declare_link_events(line.recorder._session, hold)
+        line.cable.restore()
+        until(line.whole, partial(missing, [line]))
+        line.tell("after")
+        until(line.whole, partial(missing, [line]))
+        assert held.is_set()
+        assert line.heard.words == line.told
+        del follower
 
 
 @pytest.mark.stack
