@@ -52,6 +52,11 @@ class Common:
         """The endpoints to connect to, separated by commas."""
         return ", ".join(self.network.connect)
 
+    @property
+    def keys(self) -> str | None:
+        """The configuration file, if its certificates are needed to dial."""
+        return None if self.network.tls is None else self.config
+
 
 def common(
     endpoint: str | None,

@@ -1,9 +1,12 @@
 """The processes that run, and explanations for a robot that does not answer."""
 
+import shlex
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Final, NamedTuple, Protocol
 
 from ground.client.vocabulary import SHELL
+from protocol.bus.rights import PLANT, ROBOT
 from protocol.options import DEFAULT_ENDPOINT
 from protocol.topics import Role
 
@@ -49,22 +52,26 @@ def explain_silence(
     is_beating: bool,
     has_status: bool = True,
     other: str = SHELL.robot,
+    keys: str | None = None,
 ) -> str:
     """Return why a robot does not answer and what to do, in the form "fault: remedy".
 
-    `other` says how to name another robot.
+    `other` says how to name another robot. `keys` is the operator's configuration file on a locked
+    bus.
     """
     if not processes.has(robot, Role.ROBOT):
-        return _no_robot(processes, robot, endpoint, other)
+        return _no_robot(processes, robot, endpoint, other, keys)
     if not is_beating:
         what = f"robot {robot} is slow or hangs, its process is alive but sends no heartbeat"
         return f"{what}: restart it"
     if has_status:
         return f"robot {robot} sends its heartbeat, but does not answer requests"
-    return explain_standstill(processes, robot, endpoint)
+    return explain_standstill(processes, robot, endpoint, keys)
 
 
-def explain_standstill(processes: PresentProcesses, robot: str, endpoint: str) -> str:
+def explain_standstill(
+    processes: PresentProcesses, robot: str, endpoint: str, keys: str | None = None
+) -> str:
     """Return why no time passes for a robot that sends its heartbeat, but no status.
 
     Only one in simulated time does so. In the form "fault: remedy".
@@ -73,16 +80,19 @@ def explain_standstill(processes: PresentProcesses, robot: str, endpoint: str) -
     if not processes.has(robot, Role.PLANT):
         return (
             f"{what}, no plant steps it: start one in its world W with `sidestep run plant"
-            f" --lockstep --world W --robots {robot}{connect_options(endpoint)}`"
+            f" --lockstep --world W --robots {robot}{dial_options(endpoint, _beside(keys, PLANT))}`"
         )
     return f"{what}, its plant is paused, hangs or waits for another robot: restart that process"
 
 
-def _no_robot(processes: PresentProcesses, robot: str, endpoint: str, other: str) -> str:
+def _no_robot(
+    processes: PresentProcesses, robot: str, endpoint: str, other: str, keys: str | None
+) -> str:
     others = processes.robots()
     if others:
         return f"robot {robot} is not at {endpoint}, only {', '.join(others)}: {other}"
-    alone = f"`sidestep run robot --id {robot}{connect_options(endpoint)}`"
+    dial = dial_options(endpoint, _beside(keys, ROBOT + robot))
+    alone = f"`sidestep run robot --id {robot}{dial}`"
     if processes.has(robot, Role.PLANT):
         return f"robot {robot} is not at {endpoint}, only its plant is: start it with {alone}"
     return (
@@ -91,8 +101,19 @@ def _no_robot(processes: PresentProcesses, robot: str, endpoint: str, other: str
     )
 
 
-def connect_options(endpoint: str) -> str:
-    """Return the options that dial the same endpoints, separated by commas; none by default."""
-    if endpoint in ("", DEFAULT_ENDPOINT):
-        return ""
-    return "".join(f" --connect {one}" for one in endpoint.split(", "))
+def _beside(keys: str | None, holder: str) -> str | None:
+    """Return the configuration file of another process in the operator's folder of certificates."""
+    return None if keys is None else str(Path(keys).with_name(f"{holder}.toml"))
+
+
+def dial_options(endpoint: str, config: str | None = None) -> str:
+    """Return the options that dial the same endpoints, separated by commas; none by default.
+
+    `config` is the configuration file with which to dial them, if there is one.
+    """
+    words: list[str] = []
+    if config is not None or endpoint not in ("", DEFAULT_ENDPOINT):
+        words += [word for one in endpoint.split(", ") for word in ("--connect", one)]
+    if config is not None:
+        words += ["--config", config]
+    return "".join(f" {shlex.quote(word)}" for word in words)

@@ -307,6 +307,7 @@ class RobotLink:
             is_beating=heard.is_beating,
             has_status=heard.has_status,
             other=self.remedies.robot,
+            keys=self.common.keys,
         )
         may_be_slow = present.has(self.name, Role.ROBOT) and not heard.stands
         return why + load_words(self._slowdown()) if may_be_slow else why

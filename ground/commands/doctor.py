@@ -81,6 +81,7 @@ class ObservedTopic:
 class Observed:
     """All observations of one run of `doctor`.
 
+    `keys` is the configuration file on a locked bus.
     `answers` holds pairs of service path and the reason why it did not answer. `certified` is the
     certificate of this process on a bus with TLS. `clock_s` is this machine's time since 1970.
     `texts` are those of the robot, cached ones included.
@@ -99,6 +100,7 @@ class Observed:
     clock_s: float = 0.0
     conflicts: tuple[Conflict, ...] = ()
     texts: tuple[str, ...] = ()
+    keys: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +184,8 @@ def stands(seen: Observed) -> bool:
 def processes(seen: Observed) -> Iterator[Diagnosis]:
     """Yield the processes that are missing or hang, or that simulated time stands still."""
     if stands(seen):
-        what, _, do = explain_standstill(seen.processes, seen.robot, seen.endpoint).partition(": ")
+        why = explain_standstill(seen.processes, seen.robot, seen.endpoint, seen.keys)
+        what, _, do = why.partition(": ")
         yield Diagnosis(what, do)
         return
     heartbeat = next((stream for stream in seen.streams if stream.topic is HEARTBEAT), None)
@@ -192,7 +195,9 @@ def processes(seen: Observed) -> Iterator[Diagnosis]:
     is_beating = heartbeat is not None and (heartbeat.fresh or unreadable)
     has_robot = seen.processes.has(seen.robot, Role.ROBOT)
     if not has_robot or not is_beating:
-        why = explain_silence(seen.processes, seen.robot, seen.endpoint, is_beating=is_beating)
+        why = explain_silence(
+            seen.processes, seen.robot, seen.endpoint, is_beating=is_beating, keys=seen.keys
+        )
         what, _, do = why.partition(": ")
         yield Diagnosis(what, do or "restart the robot")
     if not any(role == Role.PLANT.value for _, role in seen.processes.present):
@@ -385,6 +390,7 @@ async def observed(
         clock_s=time(),
         conflicts=tuple(conflicts()),
         texts=tuple(texts),
+        keys=robot.common.keys,
     )
 
 

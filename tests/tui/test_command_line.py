@@ -48,9 +48,12 @@ from tests.support.ground.station import WORLD_TEXT
 ELSEWHERE = "tcp/10.0.0.7:7447"
 
 
-def command_runner(endpoint: str = DEFAULT_ENDPOINT) -> tuple[CommandRunner, FakeStation]:
+def command_runner(
+    endpoint: str = DEFAULT_ENDPOINT, config: str | None = None
+) -> tuple[CommandRunner, FakeStation]:
     station = driving(FakeStation())
-    common = Common(network=Network(mode="client", connect=(endpoint,)), robot="r1")
+    network = Network(mode="client", connect=tuple(endpoint.split(", ")))
+    common = Common(network=network, robot="r1", config=config)
     return CommandRunner(lambda: station, common, History()), station
 
 
@@ -161,6 +164,14 @@ def test_last_line_is_a_command_for_a_shell() -> None:
     runner.run_line("goal 9 7 90")
     assert runner.last == f"sidestep goto 9 7 90 --id r2 --connect {ELSEWHERE}"
     assert "no message from the robot" in log(station)
+
+
+def test_last_line_dials_all_endpoints_with_the_keys() -> None:
+    runner, station = command_runner("tcp/a:1, tcp/b:2", "my keys/ground.toml")
+    station.ready_now = False
+    runner.run_line("hold")
+    dialled = "--connect tcp/a:1 --connect tcp/b:2 --config 'my keys/ground.toml'"
+    assert runner.last == f"sidestep hold {dialled}"
 
 
 def test_commands_for_the_screen_and_help_run_at_once() -> None:

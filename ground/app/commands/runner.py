@@ -9,6 +9,7 @@ from ground.app.commands.undo import UNDONE, Change, Restore, TakeBack, Undoable
 from ground.client.connection import Common
 from ground.client.floor import Floor, floor_in
 from ground.client.outcomes import Answer, Outcome
+from ground.client.presence import dial_options
 from ground.client.requests import GaveUp
 from ground.client.teleop_sender import TeleopSender
 from ground.commands.command import OperatorCommand
@@ -28,7 +29,6 @@ from ground.robot import Robot
 from ground.station.robot.command_queue import REPLAYED, Ended, JobResult, QueuedCommand
 from ground.station.robot.mission_items import target_of
 from ground.station.station import Station
-from protocol.options import DEFAULT_ENDPOINT
 from protocol.topics import COMMAND
 from protocol.wire.enums import Command, Mode, Severity
 from runtime.cli.verb_table import with_present_name
@@ -208,9 +208,7 @@ class CommandRunner:
         words = ["sidestep", *words]
         if self._station.robot != "r1":
             words += ["--id", self._station.robot]
-        if self._common.endpoint != DEFAULT_ENDPOINT:
-            words += ["--connect", self._common.endpoint]
-        return shlex.join(words)
+        return shlex.join(words) + dial_options(self._common.endpoint, self._common.config)
 
 
 class DriveByKeys:

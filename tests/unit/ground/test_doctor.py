@@ -7,9 +7,11 @@ from typing import Any
 from msgspec import structs
 
 from checks.harness.messages import make
+from ground.client.connection import Common
 from ground.client.presence import PresentProcesses, explain_silence
 from ground.commands.doctor import DAY_S, Observed, ObservedTopic, examine, lines
 from protocol.bus.certificate import MAKE_NEW, RENEW, WAIT, CertificateStatus
+from protocol.bus.network import Network, Tls
 from protocol.topics import CLOCK, HEARTBEAT, MISSION, OPERATOR, SONAR, TEXT, TOPICS, Role, Topic
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus
@@ -182,6 +184,34 @@ def test_remedy_dials_the_endpoint_that_was_dialled(endpoint: str, options: str)
         crew = PresentProcesses(frozenset(there))
         why = explain_silence(crew, "r1", endpoint, is_beating=True, has_status=False)
         assert why.endswith(f" r1{options}`")
+
+
+@each(
+    ("there", "file"),
+    [
+        (set(), "robot-r1"),
+        ({("r1", "plant")}, "robot-r1"),
+        ({("r1", "robot")}, "plant"),
+    ],
+)
+def test_remedy_on_a_locked_bus_has_the_keys(there: set[tuple[str, str]], file: str) -> None:
+    why = explain_silence(
+        PresentProcesses(frozenset(there)),
+        "r1",
+        "tls/h:1",
+        is_beating=True,
+        has_status=False,
+        keys="my keys/ground.toml",
+    )
+    assert why.endswith(f" r1 --connect tls/h:1 --config 'my keys/{file}.toml'`")
+
+
+@each("locked", [False, True])
+def test_only_a_locked_bus_needs_the_keys_to_dial(locked: bool) -> None:
+    tls = Tls(ca="ca.pem", certificate="g.pem", key="g.key") if locked else None
+    network = Network(connect=(f"{'tls' if locked else 'tcp'}/h:1",), tls=tls)
+    common = Common(network=network, robot="r1", config="g.toml")
+    assert common.keys == ("g.toml" if locked else None)
 
 
 @each(
