@@ -177,15 +177,17 @@ class Canvas:
         twin._glyphs = [dict(row) for row in self._glyphs]
         return twin
 
-    def dots(self, dots: Iterable[Dot], role: str) -> None:
-        """Set single dots."""
+    def dots(self, dots: Iterable[Dot], role: str, *, below: str = "") -> None:
+        """Set single dots; cells that have a role from `below` on keep it."""
         bits, ranks, rank = self._bits, self._ranks, RANK[role]
+        lowest = RANK.get(below, len(ROLES) + 1)
         columns, width, height = self.columns, self.width, self.height
         for x, y in dots:
             if 0 <= x < width and 0 <= y < height:
                 cell = (y >> 2) * columns + (x >> 1)
                 bits[cell] |= DOTS[(y & 3) << 1 | x & 1]
-                ranks[cell] = rank
+                if ranks[cell] < lowest:
+                    ranks[cell] = rank
 
     def line(self, x0: int, y0: int, x1: int, y1: int, role: str) -> None:
         """Draw a line by Bresenham's algorithm.

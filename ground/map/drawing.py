@@ -101,11 +101,15 @@ def draw_walls(pen: Pen, scene: MapScene) -> None:
 def draw_seen(pen: Pen, scene: MapScene) -> None:
     """Draw where the robot has seen obstacles, by age; without colours, by characters, too."""
     pen.dots(scene.seen_old, "seen old")
-    plain = pen.canvas.ascii_only or pen.canvas.is_mono
-    for points, role in ((scene.seen_late, "seen late"), (scene.seen, "seen")):
-        pen.dots(points, role)
-        for at in points if plain else ():
-            pen.mark(at, role, role)
+    draw_echoes(pen, scene.seen_late, "seen late")
+    draw_echoes(pen, scene.seen, "seen")
+
+
+def draw_echoes(pen: Pen, points: Iterable[Point], role: str) -> None:
+    """Draw echoes beneath the traces that may be there already."""
+    pen.dots(points, role, below="ghost")
+    for at in points if pen.canvas.ascii_only or pen.canvas.is_mono else ():
+        pen.mark(at, role, role)
 
 
 def draw_fence(pen: Pen, scene: MapScene) -> None:
@@ -415,17 +419,22 @@ def draw_traces(
     canvas: Canvas,
     layers: Collection[str] = LAYERS,
     *,
-    drawn: int | None = None,
+    drawn: tuple[int, int] | None = None,
 ) -> None:
     """Draw the layers above the static ones.
 
-    They change only with `trace_parts` and the trail. The first `drawn` points of the trail are
-    already on the canvas; draw the others.
+    They change only with `trace_parts`, the newest echoes and the trail. So many of the newest
+    echoes, and points of the trail, are `drawn` on the canvas already; draw the others.
     """
+    pen = Pen(canvas, view)
     if drawn is None:
-        _draw(TRACES, scene, Pen(canvas, view), layers)
-    elif "trail" in layers:
-        Pen(canvas, view).path(scene.trail[max(0, drawn - 1) :], "trail")
+        _draw(TRACES, scene, pen, layers)
+        return
+    echoes, points = drawn
+    if "seen" in layers:
+        draw_echoes(pen, scene.seen[echoes:], "seen")
+    if "trail" in layers and len(scene.trail) > points:
+        pen.path(scene.trail[max(0, points - 1) :], "trail")
 
 
 def draw_moving(
@@ -441,9 +450,12 @@ def static_parts(scene: MapScene) -> tuple[object, ...]:
 
 
 def trace_parts(scene: MapScene) -> tuple[object, ...]:
-    """Return the parts of a scene that `draw_traces` draws, without the trail, for comparison."""
+    """Return the parts of a scene that `draw_traces` draws, for comparison.
+
+    Not the newest echoes and the trail, which grow at their end.
+    """
     others = tuple(other.trail for other in scene.others)
-    return scene.seen, scene.seen_late, scene.seen_old, scene.ghosts, others
+    return scene.seen_late, scene.seen_old, scene.ghosts, others
 
 
 def _draw(
@@ -461,6 +473,7 @@ class KeptLayers:
         self._static = self._traced = Canvas(0, 0)
         self._static_key: tuple[object, ...] = ()
         self._trace_key: tuple[object, ...] = ()
+        self._seen: Sequence[Point] = ()
         self._trail: Sequence[Point] = ()
 
     def below(self, scene: MapScene, view: View, layers: Collection[str], blank: Canvas) -> Canvas:
@@ -479,15 +492,17 @@ class KeptLayers:
     def _trace(
         self, scene: MapScene, view: View, layers: Collection[str], *, is_same: bool
     ) -> None:
-        """Draw the traces; if only the trail has grown, draw only its new part."""
-        key, trail, drawn = trace_parts(scene), scene.trail, len(self._trail)
-        if is_same and key == self._trace_key and trail[:drawn] == self._trail:
-            if len(trail) > drawn:
+        """Draw the traces; if only echoes and trail have grown, draw only their new parts."""
+        key, seen, trail = trace_parts(scene), scene.seen, scene.trail
+        drawn = len(self._seen), len(self._trail)
+        is_longer = seen[: drawn[0]] == self._seen and trail[: drawn[1]] == self._trail
+        if is_same and key == self._trace_key and is_longer:
+            if drawn != (len(seen), len(trail)):
                 draw_traces(scene, view, self._traced, layers, drawn=drawn)
         else:
             self._traced = self._static.copy()
             draw_traces(scene, view, self._traced, layers)
-        self._trace_key, self._trail = key, trail
+        self._trace_key, self._seen, self._trail = key, seen, trail
 
 
 def measured(start: Point, end: Point) -> str:

@@ -33,10 +33,10 @@ class Pen:
         for dots in self._placed(points):
             self.canvas.polyline(dots, role)
 
-    def dots(self, points: Iterable[Point], role: str) -> None:
-        """Draw a dot at each point."""
+    def dots(self, points: Iterable[Point], role: str, *, below: str = "") -> None:
+        """Draw a dot at each point; cells that have a role from `below` on keep it."""
         for dots in self._placed(points):
-            self.canvas.dots(dots, role)
+            self.canvas.dots(dots, role, below=below)
 
     def dotted(self, a: Point, b: Point, role: str, every: int) -> None:
         """Draw a line from `a` to `b` with one dot in `every` set."""

@@ -65,6 +65,7 @@ class EchoGrid:
         self._size = size
         self._grid_m = grid_m
         self._cells: dict[tuple[int, int], tuple[Point, float]] = {}
+        self._newest: list[Point] = []
         self._aged = AgedEchoes()
         self._aged_at_s = nan
 
@@ -74,9 +75,10 @@ class EchoGrid:
         known = self._cells.pop(cell, None)
         self._cells[cell] = (known[0] if known else (x_m, y_m)), time_s
         if known is None:
-            self._aged_at_s = nan
+            self._newest.append((x_m, y_m))
         if len(self._cells) > self._size:
             del self._cells[next(iter(self._cells))]
+            self._aged_at_s = nan
 
     def scan(self, scan: SonarScan, pose: PlanarOdometry, radius_m: float, time_s: float) -> None:
         """Add all echoes of a scan taken at this pose and received at `time_s`."""
@@ -90,7 +92,11 @@ class EchoGrid:
                 self.add(pose.x_m + x_m, pose.y_m + y_m, time_s)
 
     def by_age(self, time_s: float) -> AgedEchoes:
-        """Return the points by age; the same object until another cell is added or for a second."""
+        """Return the points by age.
+
+        They are sorted anew once a second. Until then the newest grow at their end by cells that
+        are added, and the others are the same objects.
+        """
         moment_s = floor(time_s)
         if moment_s != self._aged_at_s:
             self._aged_at_s = moment_s
@@ -98,7 +104,10 @@ class EchoGrid:
             for point, seen_s in self._cells.values():
                 age_s = moment_s - seen_s
                 ages[0 if age_s < NEWEST_S else 1 if age_s < LATE_S else 2].append(point)
+            self._newest = ages[0]
             self._aged = AgedEchoes(*map(tuple, ages))
+        elif len(self._newest) > len(self._aged.newest):
+            self._aged = self._aged._replace(newest=tuple(self._newest))
         return self._aged
 
 

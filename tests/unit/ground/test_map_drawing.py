@@ -304,18 +304,26 @@ def test_kept_layers_equal_a_new_drawing() -> None:
         assert found.changed_rows(drawn_anew(scenes[-1], shown)) == []
 
 
-def test_only_the_new_end_of_a_trail_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    starts: list[int | None] = []
+def test_new_echoes_are_drawn_beneath_the_trail() -> None:
+    layers = KeptLayers()
+    echoes = tuple((x_m + 0.01, y_m) for x_m, y_m in DRIVEN[::3])
+    for count in (0, 1, 5, 9, len(echoes), 2):
+        scene = replace(EVERYTHING, trail=DRIVEN[: 4 * count], seen=echoes[:count])
+        assert drawn(layers, scene).changed_rows(drawn_anew(scene)) == []
 
-    def note(*_: object, drawn: int | None = None) -> None:
+
+def test_only_the_new_ends_of_echoes_and_trail_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    starts: list[tuple[int, int] | None] = []
+
+    def note(*_: object, drawn: tuple[int, int] | None = None) -> None:
         starts.append(drawn)
 
     monkeypatch.setattr(drawing, "draw_traces", note)
     layers = KeptLayers()
-    for count in (0, 0, 5, 5, 9, 10):
-        drawn(layers, replace(EVERYTHING, trail=DRIVEN[:count]))
-    drawn(layers, replace(EVERYTHING, trail=DRIVEN[1:11]))
-    assert starts == [None, 0, 5, 9, None]
+    for seen, count in ((0, 0), (0, 0), (2, 5), (2, 5), (3, 5), (3, 9), (4, 10)):
+        drawn(layers, replace(EVERYTHING, seen=DRIVEN[:seen], trail=DRIVEN[:count]))
+    drawn(layers, replace(EVERYTHING, seen=DRIVEN[1:4], trail=DRIVEN[1:11]))
+    assert starts == [None, (0, 0), (2, 5), (3, 5), (3, 9), None]
 
 
 @each(

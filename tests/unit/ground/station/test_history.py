@@ -540,6 +540,19 @@ def test_echoes_age_and_are_renewed_when_seen_again() -> None:
     assert echoes.by_age(30.0) == ((points[26.0], points[0.0]), (), (points[10.0],))
 
 
+def test_echoes_of_one_second_are_added_at_the_end() -> None:
+    echoes = EchoGrid()
+    for time_s in (0.0, 10.0, 26.0):
+        echoes.add(time_s, 0.0, time_s)
+    before = echoes.by_age(29.0)
+    echoes.add(5.0, 5.0, 29.2)
+    after = echoes.by_age(29.5)
+    assert after.newest == (*before.newest, (5.0, 5.0))
+    assert after.late is before.late
+    assert after.old is before.old
+    assert echoes.by_age(30.0).newest == after.newest
+
+
 def test_echo_without_a_pose_is_ignored() -> None:
     echoes = EchoGrid()
     echoes.scan(Robot().scan(), pose(nan), radius_m=0.12, time_s=0.0)
