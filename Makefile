@@ -3,7 +3,7 @@
 SHELL := /bin/sh
 .SHELLFLAGS := -eu -c
 .ONESHELL:
-.PHONY: help setup up test gate gate-afresh brief interop clients-table rows-table mutation bench evidence hashes generate docs prose refresh pictures same-bits same-bits-mcu generate-docs clean afresh compiled study firmware
+.PHONY: help setup up test gate gate-afresh brief interop clients-table rows-table mutation bench speed evidence hashes generate docs prose refresh pictures same-bits same-bits-mcu generate-docs clean afresh compiled study firmware
 
 PYTHONS := python3.13 python3.12 python3.11 python3
 BIN := $(CURDIR)/.venv/bin
@@ -25,6 +25,7 @@ help:
 	echo "make same-bits-mcu  compares digests of all worlds and navigators with the emulated board"
 	echo "make study   a study with compiled modules; ARGS=\"--quick\" is handed on"
 	echo "make bench   measurements; ARGS=... is handed on"
+	echo "make speed   ratios of speed, and what has moved; ARGS=\"--against COMMIT\" compares with that commit"
 	echo "make evidence  measure the pages of docs/evidence again; ARGS=--list shows them with minutes"
 	echo "make hashes  the hashes of all packages that the images install"
 	echo "make generate  the modules made from protocol/dialect/sidestep.xml and ground/commands"
@@ -123,6 +124,11 @@ firmware: setup
 
 bench: setup
 	@exec "$(BIN)/sidestep" bench $(ARGS)
+
+# Some minutes, with nothing beside it. ARGS=--record appends a row to the history, ARGS="trial codec"
+# measures a part; see checks/site/speed.py.
+speed: setup
+	@exec "$(BIN)/python" -m checks.site.speed $(ARGS)
 
 # Hours; it continues where it was interrupted. ARGS="figures compiled" measures only these pages,
 # ARGS="--max-minutes 20" those that take at most so long, and ARGS=--list shows all.

@@ -37,6 +37,10 @@ BENCHMARKS = {
         "CPU time of one step of the control core",
         "STEP",
     ),
+    "against": BenchmarkEntry(
+        "checks.speed.against",
+        "trials, steps of the core and the robot process, compared with an older commit",
+    ),
     "codec": BenchmarkEntry(
         "checks.speed.codec",
         "encode and decode, compared with pymavlink",

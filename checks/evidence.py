@@ -116,7 +116,9 @@ FORMER: Final = (
 )
 """Paths of now and of before they moved: what happened to a folder before its move counts, too."""
 
-FIGURES: Final = ("trial", "core", "codec", "latency", "jitter", "map", "digest")
+RATIOS: Final = ("trial", "against", "codec", "latency", "map")
+"""Benchmarks that `make speed` measures, with their sections on the page of figures."""
+FIGURES: Final = ("trial", "core", "against", "codec", "latency", "jitter", "map", "digest")
 LONG_FIGURES: Final = (
     *("robot", "mtls", "nees", "arrival", "soak", "ground", "stop_all", "restarts"),
     *("fuzz", "flood", "stop_ways", "simulate", "contradictions"),
@@ -165,11 +167,15 @@ EVIDENCE: Final = (
     EvidencePage(
         "figures",
         "Figures",
-        "speed and cost of the programs",
-        "`python -m checks.site.figures_page`",
+        "speed and cost of the programs, ratios with a history",
+        "`make speed`, `python -m checks.site.figures_page`",
         (*STACK, "study/trial", "checks/speed"),
-        11,
-        benched("figures", FIGURES),
+        16,
+        (
+            step("python -m checks.site.speed --record --sections"),
+            *benched("figures", [name for name in FIGURES if name not in RATIOS]),
+        ),
+        data=(f"{FOLDER}/speed.json", f"{FOLDER}/speed.svg"),
     ),
     EvidencePage(
         "published-maps",

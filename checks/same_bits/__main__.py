@@ -177,8 +177,8 @@ BROUGHT: Final = (
 """Files that the trials need and an older commit lacks. Draws only choose the trials there."""
 
 
-def unpack(commit: str, folder: Path) -> Path:
-    """Unpack a commit into a folder with what the trials need; return the folder.
+def unpack(commit: str, folder: Path, brought: Sequence[str] = BROUGHT) -> Path:
+    """Unpack a commit into a folder, with files of this one that it lacks; return the folder.
 
     Raises subprocess.CalledProcessError for an unknown commit.
     """
@@ -188,7 +188,7 @@ def unpack(commit: str, folder: Path) -> Path:
         # An attribute, not an argument: Python before 3.11.4, as in Debian 12, has no filters.
         tar.extraction_filter = getattr(tarfile, "data_filter", None)
         tar.extractall(folder)
-    for name in BROUGHT:
+    for name in brought:
         target = folder / name
         target.parent.mkdir(parents=True, exist_ok=True)
         if not target.exists():
