@@ -10,8 +10,9 @@ below it, and to match one with many `**` takes exponential time and memory.
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
-from threading import Lock
+from threading import Lock, Timer
 from typing import Any, Final, Generic, NamedTuple, TypeAlias, TypeVar
 
 import zenoh
@@ -43,6 +44,9 @@ FETCHED: Final = zenoh.CongestionControl.BLOCK
 that of its query. `congestion` decides how replies are really sent."""
 
 FETCH_S: Final = 2.0
+ASKING_S: Final = 30.0
+"""Time for which a sender that does not answer is asked again, because its link may be broken."""
+
 FETCHES: Final = 16
 """Fetches at the same time; limits the queries and the memory that a forger can cause."""
 
@@ -193,7 +197,7 @@ class LateJoin:
     """Deliver the samples of each sender from the first one on, each once and in order.
 
     `fetch` requests the samples of a sender from a number on. Later ones wait for the answer. What
-    the sender no longer has, or does not answer, is left out.
+    the sender no longer has, or does not answer for long, is left out.
     """
 
     def __init__(self, fetch: Callable[[Source, int, Got], None], take: Take) -> None:
@@ -279,25 +283,38 @@ class LateJoin:
 def fetch(
     session: LastingSession, key: str, newest: int, source: Source, due: int, got: Got
 ) -> None:
-    """Query the samples that a sender has cached from the number `due` on."""
+    """Query the samples that a sender has cached from the number `due` on.
+
+    It has some, so an empty result is no answer: its link, or ours, has broken meanwhile.
+    """
     zid, number = source
     samples: list[zenoh.Sample] = []
+    until_s = time.monotonic() + ASKING_S
 
     def take(reply: zenoh.Reply) -> None:
         if reply.ok is not None and len(samples) < newest:
             samples.append(reply.ok)
 
-    try:
-        session.now.get(
-            f"{key}/@adv/pub/{zid}/{number}/_?_sn={due}..;_max={newest}",
-            zenoh_callback(take, partial(got, samples)),
-            timeout=FETCH_S,
-            consolidation=zenoh.ConsolidationMode.NONE,
-            accept_replies=zenoh.ReplyKeyExpr.ANY,
-            congestion_control=FETCHED,
-        )
-    except zenoh.ZError:  # the session was closed
-        got([])
+    def end() -> None:
+        if samples or time.monotonic() >= until_s or session.now.is_closed():
+            got(samples)
+        else:
+            again = Timer(BEAT_S, ask)
+            again.daemon = True
+            again.start()
+
+    def ask() -> None:
+        with suppress(zenoh.ZError):  # the session was closed, and `end` was called
+            session.now.get(
+                f"{key}/@adv/pub/{zid}/{number}/_?_sn={due}..;_max={newest}",
+                zenoh_callback(take, end),
+                timeout=FETCH_S,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                accept_replies=zenoh.ReplyKeyExpr.ANY,
+                congestion_control=FETCHED,
+            )
+
+    ask()
 
 
 def source_in(key: str) -> Source | None:

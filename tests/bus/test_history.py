@@ -17,6 +17,7 @@ from checks.harness.until import PATIENCE_S, until
 from ground.station.link.streams import StreamCounter
 from ground.text.wording import aged
 from protocol.bus.bus import Bus, open_bus
+from protocol.bus.callbacks import zenoh_callback
 from protocol.bus.network import Mode, Network
 from protocol.bus.peers import declare_link_events
 from protocol.bus.publisher import (
@@ -28,6 +29,7 @@ from protocol.bus.publisher import (
     Got,
     LateJoin,
     Source,
+    fetch,
     source_in,
 )
 from protocol.topics import MARK, TEXT, TOPICS, WHEELS, Role
@@ -319,6 +321,35 @@ def test_streams_are_never_fetched_and_arrive_once() -> None:
             events.put(text("event"))
         until(lambda: heard.others == 10 and len(heard.words) == 10)
         assert not any(topic.history for topic in TOPICS if topic.rate_hz)
+
+
+@pytest.mark.stack
+def test_sender_that_does_not_answer_is_asked_again() -> None:
+    got: list[list[zenoh.Sample]] = []
+    asked: list[None] = []
+    key = f"{next(prefixes)}/text"
+
+    def answer(query: zenoh.Query) -> None:
+        asked.append(None)
+        if len(asked) == 2:
+            query.reply(query.key_expr, b"kept")
+
+    with net() as bus:
+        kept = bus.robot._session.declare_queryable(f"{key}/@adv/pub/a/7/_", zenoh_callback(answer))
+        fetch(bus.ground._sessions, key, 9, A, 3, got.append)
+        until(lambda: got)
+        del kept
+    ((found,),) = got
+    assert found.payload.to_bytes() == b"kept"
+
+
+@pytest.mark.stack
+def test_fetch_ends_once_when_its_session_is_closed() -> None:
+    got: list[list[zenoh.Sample]] = []
+    with net() as bus:
+        sessions = bus.ground._sessions
+    fetch(sessions, "text", 9, A, 3, got.append)
+    assert got == [[]]
 
 
 @pytest.mark.stack
