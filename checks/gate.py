@@ -228,8 +228,8 @@ def time_text(seconds: float) -> str:
 class Gate:
     """Runs the lanes of each phase at the same time; keeps the names of steps that failed."""
 
-    def __init__(self, name: str, logs: Path = LOGS, folder: Path = ROOT) -> None:
-        self._name, self._logs, self._folder = name, logs, folder
+    def __init__(self, name: str, logs: Path = LOGS) -> None:
+        self._name, self._logs = name, logs
         self._printing = Lock()
         self._changing = sys.stdout.isatty()
         """Whether a line of progress can be overwritten."""
@@ -309,7 +309,7 @@ class Gate:
             # In a group of its own: an interrupt reaches it once, from here, and it is waited for.
             process = subprocess.Popen(
                 step.words,
-                cwd=self._folder,
+                cwd=ROOT,
                 env={**os.environ, **KEEPS_BYTECODE, "SIDESTEP_TEST_COUNT": str(report)},
                 stdin=subprocess.DEVNULL,
                 stdout=output,

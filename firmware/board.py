@@ -141,8 +141,8 @@ class SerialLine:
 class Emulator:
     """A running qemu; `line` is the host's end of the serial line."""
 
-    def __init__(self, image: Path, *, extra: Sequence[str] = (), log: Path | None = None) -> None:
-        """Start qemu with an image; exceptions of the firmware are written to `log`."""
+    def __init__(self, image: Path, *, extra: Sequence[str] = ()) -> None:
+        """Start qemu with an image."""
         if shutil.which(QEMU) is None:
             raise UserError(f"{QEMU} not found: apt install qemu-system-arm")
         if not image.exists():
@@ -152,7 +152,7 @@ class Emulator:
         for pipe in pipes:
             os.mkfifo(pipe, mode=0o600)
         self._process = subprocess.Popen(
-            command(image, pipes[0].with_suffix(""), log, extra),
+            command(image, pipes[0].with_suffix(""), extra),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
@@ -208,7 +208,7 @@ class Emulator:
         self.close()
 
 
-def command(image: Path, line: Path, log: Path | None, extra: Sequence[str]) -> list[str]:
+def command(image: Path, line: Path, extra: Sequence[str]) -> list[str]:
     """Return the command line of qemu; `line` is the path of its pipes without their suffix."""
     return [
         QEMU,
@@ -219,7 +219,7 @@ def command(image: Path, line: Path, log: Path | None, extra: Sequence[str]) -> 
         *("-kernel", str(image)),
         *("-chardev", f"pipe,id=line,path={line}"),
         *("-serial", "chardev:line"),
-        *("-serial", "null" if log is None else f"file:{log}"),
+        *("-serial", "null"),
         *extra,
     ]
 
@@ -286,13 +286,13 @@ class Board:
 
     @classmethod
     @contextmanager
-    def emulated(cls, image: Path = IMAGE.elf, log: Path | None = None) -> Iterator[Self]:
+    def emulated(cls, image: Path = IMAGE.elf) -> Iterator[Self]:
         """Start an emulated board and wait for its BOARD_HELLO.
 
         Raises UserError without an emulator or a usable image, and BoardMismatchError for an image
         of another core.
         """
-        with Emulator(image, log=log) as emulator:
+        with Emulator(image) as emulator:
             board = cls(emulator.line)
             try:
                 board.wait_for_hello()

@@ -63,7 +63,7 @@ def share_interpreter() -> None:
     sys.setswitchinterval(SWITCH_S)
 
 
-def use_fifo(priority: int = FIFO_PRIORITY) -> str | None:
+def use_fifo() -> str | None:
     """Schedule the process SCHED_FIFO; return None, or a warning if that failed.
 
     The calling thread has priority over the others. These are included, because a preempted thread
@@ -76,8 +76,8 @@ def use_fifo(priority: int = FIFO_PRIORITY) -> str | None:
         policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
         for thread in other_threads():
             with suppress(ProcessLookupError):  # the thread has ended
-                os.sched_setscheduler(thread, policy, os.sched_param(priority - BELOW))
-        os.sched_setscheduler(0, policy, os.sched_param(priority))
+                os.sched_setscheduler(thread, policy, os.sched_param(FIFO_PRIORITY - BELOW))
+        os.sched_setscheduler(0, policy, os.sched_param(FIFO_PRIORITY))
     except PermissionError:
         return "real-time scheduling refused (needs CAP_SYS_NICE): running as a normal process"
     except OSError as error:

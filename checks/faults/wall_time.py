@@ -173,10 +173,10 @@ class ProcessGroup:
         self._processes[role].process.kill()
         self._processes[role].process.wait()
 
-    def await_end(self, role: str, within_s: float = PATIENCE_S) -> None:
-        """Wait for the end of a process; kill it after `within_s`."""
+    def await_end(self, role: str) -> None:
+        """Wait for the end of a process; kill it if it takes too long."""
         try:
-            self._processes[role].process.wait(within_s)
+            self._processes[role].process.wait(PATIENCE_S)
         except subprocess.TimeoutExpired:
             self.kill(role)
 

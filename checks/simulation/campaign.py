@@ -98,7 +98,7 @@ IN_LOCKSTEP: Final = ("come", "operate", "leave", "kill", "attack", "crossing", 
 After its wall clock was set back, a robot that restarts counts as an older one for 1 s."""
 
 
-def draw_scenario(seed: int, duration_ns: int = DURATION_NS) -> EventScenario:
+def draw_scenario(seed: int) -> EventScenario:
     """Return the scenario of a seed: operators that start and act, and faults meanwhile."""
     random = Random(f"scenario {seed}")
     lockstep = random.random() < LOCKSTEP
@@ -106,7 +106,7 @@ def draw_scenario(seed: int, duration_ns: int = DURATION_NS) -> EventScenario:
     events = [Event(BOOT_NS, "come", (first, random.randrange(2)), random.getrandbits(32))]
     for name, share in (("operator-b", 0.4), ("operator-c", 0.15)):
         if random.random() < share:
-            events.append(_event(random, "come", (name, random.randrange(2)), duration_ns))
+            events.append(_event(random, "come", (name, random.randrange(2)), DURATION_NS))
     if random.random() < FENCED:
         events += _fenced(random, first)
     elif random.random() < SETS_OFF:
@@ -118,16 +118,16 @@ def draw_scenario(seed: int, duration_ns: int = DURATION_NS) -> EventScenario:
         kinds += random.choices(possible, weights, k=random.randint(1, 5))
     for kind in kinds:
         action = draw_operate(random, first) if kind == "operate" else None
-        events.append(_event(random, kind, action, duration_ns))
-    events += _link(Random(f"links {seed}"), first, duration_ns)
+        events.append(_event(random, kind, action, DURATION_NS))
+    events += _link(Random(f"links {seed}"), first, DURATION_NS)
     if lockstep:
-        events += _stand(random, first, duration_ns)
+        events += _stand(random, first, DURATION_NS)
     events += [stop for event in events for stop in _stop_under(random, event, first)]
     events += [more for event in events for more in _seizure_under(random, event)]
     events += [more for event in events for more in _restart_under(random, event, first)]
     if seed % GATEWAY_EVERY == GATEWAY_EVERY - 1 and not lockstep:
-        events = _with_gateway(Random(f"gateway {seed}"), events, duration_ns)
-    return EventScenario(seed, duration_ns, tuple(sorted(events)), lockstep)
+        events = _with_gateway(Random(f"gateway {seed}"), events, DURATION_NS)
+    return EventScenario(seed, DURATION_NS, tuple(sorted(events)), lockstep)
 
 
 def _with_gateway(random: Random, others: list[Event], duration_ns: int) -> list[Event]:

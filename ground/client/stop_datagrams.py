@@ -2,7 +2,6 @@
 
 import socket
 import time
-from collections.abc import Callable
 from ipaddress import ip_address
 from itertools import chain
 from threading import Event, Thread
@@ -38,15 +37,9 @@ class StopDatagrams:
     `holder` is the name in this process's certificate, None on an open bus.
     """
 
-    def __init__(
-        self,
-        network: Network,
-        robot: str,
-        holder: str | None,
-        time_ns: Callable[[], int] = time.time_ns,
-    ) -> None:
+    def __init__(self, network: Network, robot: str, holder: str | None) -> None:
         self._missing = self._unresolved = self._unsent = ""
-        self._robot, self._time_ns = robot, time_ns
+        self._robot = robot
         self._operator, self._secret = operator_name(holder) or "", OPEN_SECRET
         self._sockets: dict[int, socket.socket] = {}
         self._literal: list[Address] = []
@@ -149,7 +142,7 @@ class StopDatagrams:
         addresses = self._addresses()
         if not addresses:
             return
-        press = Press(self._operator, self._time_ns(), request_id)
+        press = Press(self._operator, time.time_ns(), request_id)
         packet = sealed_press(self._secret, self._robot, press)
         sent, why = 0, ""
         for family, address in addresses:

@@ -144,7 +144,6 @@ def choice(
     default: Any = MISSING,
     help: str | None = None,
     parse: Callable[[str], str] = str.lower,
-    after: After = "",
     meanings: Mapping[str, str] = MappingProxyType({}),
 ) -> Any:
     """Return a field whose value has a name."""
@@ -152,7 +151,7 @@ def choice(
     how = {"choices": list(values), "help": help, "type": parse}
     if not flags and default is not MISSING:
         how["nargs"] = "?"
-    return argument(default, flags, how, after, names=values, meanings=meanings)
+    return argument(default, flags, how, names=values, meanings=meanings)
 
 
 def arguments_of(kind: Any) -> dict[str, Argument]:

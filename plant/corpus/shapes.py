@@ -145,6 +145,7 @@ def _fits(
 
 PERSON_M: Final = 0.2
 ROOM_M: Final = 0.5
+STEP_M: Final = 0.05
 """Room for the robot, 0.24 m wide, beside a pedestrian."""
 
 START_ROOM_M: Final = 0.6
@@ -226,11 +227,11 @@ def _leaves_a_way(
     )
 
 
-def _every(path: tuple[Point, ...], step_m: float = 0.05) -> list[Point]:
+def _every(path: tuple[Point, ...]) -> list[Point]:
     """Return points along a path at equal distances."""
     points = [path[0]]
     for a, b in pairwise(path):
-        steps = int(distance_m(a, b) / step_m) + 1
+        steps = int(distance_m(a, b) / STEP_M) + 1
         points += [
             (a[0] + (b[0] - a[0]) * i / steps, a[1] + (b[1] - a[1]) * i / steps)
             for i in range(1, steps + 1)

@@ -349,7 +349,7 @@ CUT: Final = 0.2
 """Share of drives of a program during which it loses its link for some seconds."""
 
 
-def draw_persons(seed: int, duration_ns: int = DURATION_NS) -> EventScenario:
+def draw_persons(seed: int) -> EventScenario:
     """Return the scenario of a seed: two persons, programs of theirs, and MAVLink stations."""
     random = Random(f"persons {seed}")
     programs: dict[str, Callable[[Random], Arguments]] = {
@@ -373,7 +373,7 @@ def draw_persons(seed: int, duration_ns: int = DURATION_NS) -> EventScenario:
     for _ in range(random.randint(4, 10)):
         name = random.choice(chosen)
         events += _with_followers(random, name, programs[name](random), chosen, programs)
-    return EventScenario(seed, duration_ns, tuple(sorted(events)))
+    return EventScenario(seed, DURATION_NS, tuple(sorted(events)))
 
 
 def _with_followers(

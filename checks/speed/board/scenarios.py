@@ -222,7 +222,7 @@ def bytecodes(scenario: TickScenario, ticks: int) -> int:
     before = sys.gettrace()
     sys.settrace(counter.enter)
     try:
-        for tick in run_scenario(core, scenario.body(), ticks):
+        for tick in run_scenario(core, scenario.body(), STATE_TICKS):
             most = max(most, counter.count if tick else 0)
             counter.count = 0
     finally:
@@ -306,13 +306,13 @@ STATE_SCENARIOS: Final = 4
 STATE_TICKS: Final = 80
 
 
-def state_bytes(navigator: str, scenarios: int = STATE_SCENARIOS, ticks: int = STATE_TICKS) -> int:
+def state_bytes(navigator: str) -> int:
     """Return the largest state of a navigator in bytes."""
     most = 0
-    for number in range(scenarios):
+    for number in range(STATE_SCENARIOS):
         scenario = TickScenario(navigator, number)
         core = InProcessCore(scenario.params())
         estimate = {id(core.state.odometry)}  # the robot's, which a proof only reads
-        for _ in run_scenario(core, scenario.body(), ticks):
+        for _ in run_scenario(core, scenario.body(), STATE_TICKS):
             most = max(most, heap_bytes(core.state.memory, set(estimate)))
     return most

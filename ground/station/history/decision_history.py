@@ -37,8 +37,8 @@ class Moment(NamedTuple):
 class Frames:
     """Frames of one topic with their times of arrival, decoded only on request."""
 
-    def __init__(self, size: int = MAX_FRAMES) -> None:
-        self._kept: deque[tuple[int, bytes]] = deque(maxlen=size)
+    def __init__(self) -> None:
+        self._kept: deque[tuple[int, bytes]] = deque(maxlen=MAX_FRAMES)
 
     def add(self, frame: bytes, arrived_ns: int) -> None:
         """Append a frame."""
@@ -64,9 +64,9 @@ class Frames:
 class DecisionHistory:
     """The frames that describe decisions: decisions, status, cycle reports."""
 
-    def __init__(self, size: int = MAX_FRAMES) -> None:
+    def __init__(self) -> None:
         topics = (DECISION, STATUS, CYCLE)
-        self._frames = {topic.path: Frames(size) for topic in topics}
+        self._frames = {topic.path: Frames() for topic in topics}
 
     def take(self, arrival: ReceivedFrame) -> None:
         """Keep a frame if its topic describes decisions."""

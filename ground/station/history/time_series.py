@@ -33,9 +33,9 @@ Point = tuple[float, float]
 class Series:
     """Values over time; NaN is a gap."""
 
-    def __init__(self, full: int = FULL, kept_s: float = KEPT_S) -> None:
+    def __init__(self, full: int = FULL) -> None:
         self._full: deque[Point] = deque(maxlen=full)
-        self._old: deque[Point] = deque(maxlen=2 * round(kept_s / THINNED_S))
+        self._old: deque[Point] = deque(maxlen=2 * round(KEPT_S / THINNED_S))
         self._lowest: Point | None = None
         self._highest: Point | None = None
 

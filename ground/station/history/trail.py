@@ -23,11 +23,11 @@ Point = tuple[float, float]
 class DrivenPath:
     """The whole path from its start; its resolution decreases as it grows."""
 
-    def __init__(self, size: int = TRAIL, step_m: float = STEP_M) -> None:
+    def __init__(self, size: int = TRAIL) -> None:
         self._points: list[Point] = []
         self._model: tuple[Point, ...] | None = None
         self._size = size
-        self._step_m = step_m
+        self._step_m = STEP_M
 
     def add(self, x_m: float, y_m: float) -> None:
         """Add a position, unless it is too close to the last one."""
@@ -61,9 +61,8 @@ class AgedEchoes(NamedTuple):
 class EchoGrid:
     """Positions of echoes, one for each cell of a grid; the cell unseen for longest is dropped."""
 
-    def __init__(self, size: int = ECHOES, grid_m: float = GRID_M) -> None:
+    def __init__(self, size: int = ECHOES) -> None:
         self._size = size
-        self._grid_m = grid_m
         self._cells: dict[tuple[int, int], tuple[Point, float]] = {}
         self._newest: list[Point] = []
         self._aged = AgedEchoes()
@@ -71,7 +70,7 @@ class EchoGrid:
 
     def add(self, x_m: float, y_m: float, time_s: float) -> None:
         """Add the position of an echo, received at `time_s`."""
-        cell = round(x_m / self._grid_m), round(y_m / self._grid_m)
+        cell = round(x_m / GRID_M), round(y_m / GRID_M)
         known = self._cells.pop(cell, None)
         self._cells[cell] = (known[0] if known else (x_m, y_m)), time_s
         if known is None:
