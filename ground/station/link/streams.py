@@ -49,7 +49,7 @@ class StreamCounter:
         if not is_frame(frame):
             return
         if self._last is not None and arrived_ns < self._last[1]:
-            self._fetched(self._last[1])
+            self._fetched(frame[SEQUENCE_AT], *self._last)
             return
         sequence = frame[SEQUENCE_AT]
         missing = self._missing(sequence, arrived_ns)
@@ -60,10 +60,15 @@ class StreamCounter:
         self.received += 1
         self._arrivals.append(arrived_ns)
 
-    def _fetched(self, now_ns: int) -> None:
-        """Count a cached sample, which is older than the last frame and so was not lost."""
+    def _fetched(self, sequence: int, last: int, now_ns: int) -> None:
+        """Count a cached sample: it is older than the arrival of the last frame, and was not lost.
+
+        It is the next one if the last frame had waited for others that were fetched.
+        """
         self.received += 1
-        if self.lost:
+        if sequence == (last + 1) & 0xFF:
+            self._last = sequence, now_ns
+        elif self.lost:
             self.lost -= 1
             self._gaps.append((now_ns, -1))
 

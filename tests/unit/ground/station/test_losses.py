@@ -672,3 +672,12 @@ def test_cached_samples_are_not_lost() -> None:
         counter.take(frames[at], at * PERIOD_NS)
     assert (counter.lost, counter.received) == (0, 5)
     assert counter.recent(5 * PERIOD_NS)[1] == 0
+
+
+def test_cached_samples_after_one_that_waited_are_not_lost() -> None:
+    encoder = Encoder(1, 1)
+    frames = [encoder.encode(BEAT) for _ in range(5)]
+    counter = StreamCounter(HEARTBEAT)
+    for at, arrived in enumerate((1, 6, 3, 4, 7)):
+        counter.take(frames[at], arrived * PERIOD_NS)
+    assert (counter.lost, counter.received) == (0, 5)
