@@ -106,8 +106,12 @@ $(READY): pyproject.toml constraints.txt $(if $(USABLE),,afresh)
 	"$(BIN)/sidestep" --version
 	printf '%s\n' "$(CURDIR)" >$@
 
+# With the compiled modules that `make study` has built, if there are those of these very sources.
 up: setup
-	@exec "$(BIN)/sidestep" up $(ARGS)
+	@compiled=
+	[ ! -d build/compiled ] || compiled=$$("$(BIN)/python" -m checks.built compiled --installed)
+	[ -z "$$compiled" ] || export PYTHONPATH="$$compiled"
+	exec "$(BIN)/sidestep" up $(ARGS)
 
 # The compiled modules are kept for all checkouts, by the content of their sources; see
 # checks/built.py.

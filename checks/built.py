@@ -6,7 +6,8 @@ clone of the same sources is not, and neither dates nor commits matter. An entry
 or not at all; one that was damaged later is made again. The tools and the tests use this cache; no
 program of the product reads it.
 
-    compiled [FOLDER]   an installation with compiled modules, by default in build/compiled
+    compiled [FOLDER]   an installation with compiled modules, by default in build/compiled;
+                        with --installed nothing is built, and the folder printed if it is there
     firmware [VARIANT]  the firmware of the emulated board, in build/firmware
     hashes              the requirements of the images, with all hashes, in docker
 
@@ -46,6 +47,8 @@ from runtime.errors import UserError
 
 ROOT: Final = Path(__file__).resolve().parents[1]
 COMPILED: Final = ROOT / "build" / "compiled"
+MARK: Final = "built"
+"""The file of an installation that has the key of its wheel."""
 LISTED: Final = "files.json"
 """The hash of each file of an entry. Written last, and touched at each use."""
 UNFINISHED: Final = "unfinished-"
@@ -176,31 +179,27 @@ def compiled_modules() -> Path:
     Raises SystemExit without a compiler, and BuildError if it fails.
     """
     hatch_build.check_compiler()
-    settings = project()
-    wanted = (*hatch_build.TOOLS, *settings["project"]["dependencies"])
-    libraries = [f"{name} {_version(name)}" for name in map(_name_of, wanted)]
-    sources = compiled_sources()
-    facts = [json.dumps([sources, settings["tool"]["mypy"]]), *libraries, *_compiler()]
-    key = key_of([*hatch_build.reached(ROOT, sources), ROOT / "hatch_build.py"], *facts)
 
     def make(place: Path) -> None:
         print("Compiling; it takes about a minute.", file=sys.stderr, flush=True)
         _run([sys.executable, str(ROOT / "hatch_build.py"), "compile", str(place)])
 
-    return built("compiled", key, make)
+    return built("compiled", _modules_key(), make)
+
+
+def _modules_key() -> str:
+    """Return the key of the compiled modules of this tree."""
+    settings = project()
+    wanted = (*hatch_build.TOOLS, *settings["project"]["dependencies"])
+    libraries = [f"{name} {_version(name)}" for name in map(_name_of, wanted)]
+    sources = compiled_sources()
+    facts = [json.dumps([sources, settings["tool"]["mypy"]]), *libraries, *_compiler()]
+    return key_of([*hatch_build.reached(ROOT, sources), ROOT / "hatch_build.py"], *facts)
 
 
 def wheel(*, compiled: bool) -> Path:
     """Return the wheel of this tree, built by pip; a compiled one has the commit in it."""
     modules = compiled_modules() if compiled else None
-    chosen = project()["tool"]["hatch"]["build"]["targets"]["wheel"]["only-include"]
-    others = ("pyproject.toml", "README.md", "LICENSE", "hatch_build.py")
-    files = [ROOT / name for name in (*chosen, *others)]
-    files += [path for folder in files if folder.is_dir() for path in folder.rglob("*")]
-    contents = [path for path in files if path.is_file() and path.suffix not in (".pyc", ".so")]
-    facts = [f"hatchling {_version('hatchling')}"]
-    if modules is not None:
-        facts += [modules.name, hatch_build.commit_of(ROOT)]
 
     def make(place: Path) -> None:
         options = ("--quiet", "--disable-pip-version-check", "--no-deps", "--no-build-isolation")
@@ -208,8 +207,21 @@ def wheel(*, compiled: bool) -> Path:
         switch = {hatch_build.SWITCH: "" if modules is None else "1"}
         _run([sys.executable, *words], switch | {hatch_build.READY: str(modules or "")})
 
-    entry = built("wheel", key_of(contents, *facts), make)
+    entry = built("wheel", _wheel_key(None if modules is None else modules.name), make)
     return next(entry.glob("*.whl"))
+
+
+def _wheel_key(modules_key: str | None) -> str:
+    """Return the key of the wheel of this tree, with these compiled modules."""
+    chosen = project()["tool"]["hatch"]["build"]["targets"]["wheel"]["only-include"]
+    others = ("pyproject.toml", "README.md", "LICENSE", "hatch_build.py")
+    files = [ROOT / name for name in (*chosen, *others)]
+    files += [path for folder in files if folder.is_dir() for path in folder.rglob("*")]
+    contents = [path for path in files if path.is_file() and path.suffix not in (".pyc", ".so")]
+    facts = [f"hatchling {_version('hatchling')}"]
+    if modules_key is not None:
+        facts += [modules_key, hatch_build.commit_of(ROOT)]
+    return key_of(contents, *facts)
 
 
 def install_compiled(folder: Path) -> Path:
@@ -218,13 +230,22 @@ def install_compiled(folder: Path) -> Path:
     It belongs before the checkout on the search path.
     """
     source = wheel(compiled=True)
-    mark = folder / "built"
+    mark = folder / MARK
     if not mark.exists() or mark.read_text(encoding="utf-8") != source.parent.name:
         shutil.rmtree(folder, ignore_errors=True)
         with ZipFile(source) as archive:
             archive.extractall(folder)
         mark.write_text(source.parent.name, encoding="utf-8")
     return folder
+
+
+def is_installed(folder: Path) -> bool:
+    """Return whether a folder has the compiled installation of this very tree."""
+    try:
+        key = (folder / MARK).read_text(encoding="utf-8")
+    except OSError:
+        return False
+    return key == _wheel_key(_modules_key())
 
 
 def _name_of(requirement: str) -> str:
@@ -456,12 +477,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     what = parser.add_subparsers(dest="what", required=True)
     modules = what.add_parser("compiled", help="an installation with compiled modules")
     modules.add_argument("folder", nargs="?", type=Path, default=COMPILED)
+    modules.add_argument(
+        "--installed", action="store_true", help="build nothing: print the folder if it is current"
+    )
     board = what.add_parser("firmware", help="the firmware of the emulated board")
     board.add_argument("variants", nargs="*", default=[image.IMAGE.name], metavar="VARIANT")
     what.add_parser("hashes", help="the requirements of the images, with all hashes")
     options = parser.parse_args(argv)
     try:
-        if options.what == "compiled":
+        if options.what == "compiled" and options.installed:
+            if is_installed(options.folder):
+                print(options.folder)
+        elif options.what == "compiled":
             install_compiled(options.folder)
         elif options.what == "hashes":
             write_hashes()

@@ -14,6 +14,7 @@ from shutil import which
 from zipfile import ZipFile
 
 import pytest
+import yaml
 from packaging.markers import default_environment
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
@@ -21,7 +22,7 @@ from packaging.utils import canonicalize_name
 from packaging.version import Version
 
 import hatch_build
-from checks.built import FOLDER, LISTS, MACHINES, RUNTIME, needed, wanted_in
+from checks.built import FOLDER, LISTS, MACHINES, PYTHONS, RUNTIME, needed, wanted_in
 from checks.built import ROOT as BUILT_ROOT
 from runtime.cli.packages import PACKAGES
 from tests.support import images
@@ -152,6 +153,17 @@ def test_only_study_needs_an_extra_to_start() -> None:
     words = (sys.executable, "-c", WITHOUT_EXTRAS, *sorted(modules))
     found = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
     assert found.stdout == "study pyarrow\n"  # its own error says how to install it
+
+
+def test_released_wheels_fit_every_python_and_machine() -> None:
+    jobs = yaml.safe_load((ROOT / ".github/workflows/wheels.yml").read_text())["jobs"]
+    steps = jobs["compiled"]["steps"]
+    (settings,) = (step["env"] for step in steps if "cibuildwheel" in step.get("uses", ""))
+    names = [f"cp{python.replace('.', '')}-manylinux_*" for python in PYTHONS]
+    assert settings["CIBW_BUILD"].split() == names
+    machines = {row["machine"] for row in jobs["compiled"]["strategy"]["matrix"]["include"]}
+    assert machines == set(MACHINES)
+    assert settings["CIBW_ENVIRONMENT"] == f"{hatch_build.SWITCH}=1"
 
 
 def test_the_image_is_built_of_what_the_wheel_carries() -> None:
