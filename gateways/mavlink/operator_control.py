@@ -166,33 +166,29 @@ class OperatorControl:
         """
         if not sender.may_command:
             return Answered(None, sender.barred)
-        if not operation.moves or self.holds(sender):
-            return await self._perform(operation)
         lease = None if self._snapshot is None else self._snapshot.lease
         was_free, had_owner = lease is not None and not lease.held, self.owner is not None
-        stops, granted = self.stops, await self.ensure(sender)
-        if not granted.ok:
-            return granted
-        serial = self.serial + 1
-        answered = Answered(None, OVERTAKEN)
-        if self.stops == stops:
-            answered = await self._perform(operation)
+        is_taken = operation.moves and not self.holds(sender)
+        if is_taken:
+            stops, granted = self.stops, await self.ensure(sender)
+            if not granted.ok:
+                return granted
+            if self.stops != stops:
+                return Answered(None, OVERTAKEN)
+        self.serial += operation.moves
+        serial, is_stop = self.serial, isinstance(operation, STOPS)
+        self.stops += is_stop
+        self._stopping += is_stop
+        try:
+            answered = await self._port.perform(operation)
+        finally:
+            self._stopping -= is_stop
         is_refused = isinstance(answered.outcome, Refused) and self.serial == serial
-        if is_refused and not had_owner and self.holds(sender):
+        if is_taken and is_refused and not had_owner and self.holds(sender):
             self._lose()
             if was_free:
                 await self._port.change_lease(LeaseAction.RELEASE, "")
         return answered
-
-    async def _perform(self, operation: Operation[Any]) -> Answered:
-        self.serial += operation.moves
-        is_stop = isinstance(operation, STOPS)
-        self.stops += is_stop
-        self._stopping += is_stop
-        try:
-            return await self._port.perform(operation)
-        finally:
-            self._stopping -= is_stop
 
     @property
     def is_stopping(self) -> bool:

@@ -14,13 +14,13 @@ is no new wish of its sender: if somebody has stopped the robot since, it does n
 """
 
 from collections import Counter, OrderedDict
-from collections.abc import Awaitable, Callable, Coroutine, Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum, auto
 from math import isfinite, nan
 from struct import Struct
 from types import MappingProxyType
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from gateways.mavlink.mav_service import NEWCOMER, WATCHER, MavService, Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
@@ -406,13 +406,9 @@ def answer_to(answered: Answered) -> CommandAnswer:
     return CommandAnswer(result_of(answered), "" if answered.ok else answered.text)
 
 
-async def answer_after(work: Awaitable[Answered]) -> CommandAnswer:
-    """Wait for the end of an operation, and return the answer by it."""
-    return answer_to(await work)
-
-
-Handled = CommandAnswer | Coroutine[Any, Any, CommandAnswer]
-"""The answer to a command, or the work that waits for the robot and returns it."""
+Handled = CommandAnswer | Awaitable[CommandAnswer | Answered]
+"""The answer to a command, or work that waits for the robot and returns it or its operation's end.
+"""
 Handler = Callable[[CommandCall], Handled | None]
 """Handles a command; None if it is not acknowledged."""
 
@@ -473,9 +469,9 @@ class CommandService(MavService):
         elif not (row.reads or sender.may_command):
             self._answer(call, acknowledged, DENIED, sender.barred)
         elif row.reads:
-            self._begin(row, ReceivedCommand(call, acknowledged))
-        else:
-            self._act(row, call, acknowledged, message)
+            self._vehicle.start(self._execute(row, ReceivedCommand(call, acknowledged)))
+        elif (received := self._admit(row, call, acknowledged, message)) is not None:
+            self._vehicle.start(self._execute(row, received))
 
     def due(self, now_ns: int) -> None:
         """Follow what ends the effect of commands."""
@@ -485,9 +481,10 @@ class CommandService(MavService):
         """Drop the commands kept for a client."""
         self._repeats.forget(client)
 
-    def _act(
+    def _admit(
         self, row: CommandRow, call: CommandCall, acknowledged: int, message: MavMessage
-    ) -> None:
+    ) -> ReceivedCommand | None:
+        """Keep a command that is to be executed; answer another one, if it needs an answer."""
         confirmation, sequence = getattr(message, "confirmation", 0), message.get_seq()
         client, stops = call.sender.client, row.stops(call)
         if not (stops or row.repeats):
@@ -497,27 +494,23 @@ class CommandService(MavService):
             elif action is RepeatAction.REFUSE:
                 self._answer(call, acknowledged, LATER, UNDONE)
             if action is not RepeatAction.EXECUTE:
-                return
+                return None
         is_limited = not (stops and row.is_unlimited)
         if is_limited and self._waiting[client] >= (MAX_STOPS if stops else MAX_WAITING):
             self._answer(call, acknowledged, LATER, BUSY)
-            return
+            return None
         self._endings.pressed += stops
         kept = self._repeats.keep(call, sequence, outlasts=row.outlasts)
         self._waiting[client] += is_limited
-        self._begin(row, ReceivedCommand(call, acknowledged, kept, is_limited))
+        return ReceivedCommand(call, acknowledged, kept, is_limited)
 
-    def _begin(self, row: CommandRow, received: ReceivedCommand) -> None:
-        found = row.handler(received.call)
-        if isinstance(found, CommandAnswer):
-            self._end(found, received)
-        elif found is not None:
-            self._vehicle.start(self._await_end(found, received))
-
-    async def _await_end(self, work: Awaitable[CommandAnswer], received: ReceivedCommand) -> None:
-        self._end(await work, received)
-
-    def _end(self, answer: CommandAnswer, received: ReceivedCommand) -> None:
+    async def _execute(self, row: CommandRow, received: ReceivedCommand) -> None:
+        """Carry out a command, and acknowledge its end."""
+        handled = row.handler(received.call)
+        if handled is None:
+            return
+        ended = handled if isinstance(handled, CommandAnswer) else await handled
+        answer = answer_to(ended) if isinstance(ended, Answered) else ended
         client = received.call.sender.client
         if received.kept is not None:
             self._repeats.answered(received.kept, answer.result)

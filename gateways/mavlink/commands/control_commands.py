@@ -21,7 +21,6 @@ from gateways.mavlink.commands.command_protocol import (
     CommandRow,
     CommandTable,
     Handled,
-    answer_after,
     whole,
 )
 from gateways.mavlink.mav_service import MavService, Sender
@@ -102,7 +101,7 @@ class OperatorCommands(MavService):
         if requester not in (0, call.sender.system):
             return CommandAnswer(DENIED, "parameter 4 must be the system id of the sender")
         if action == 0:
-            return answer_after(self._vehicle.control.release(call.sender))
+            return self._vehicle.control.release(call.sender)
         if action == 1 and call.param2 in (0.0, 1.0):
             return self._request(call)
         words = "parameter 1 must be 0 to release or 1 to request, parameter 2 0 or 1"

@@ -15,7 +15,6 @@ from gateways.mavlink.commands.command_protocol import (
     CommandRow,
     CommandTable,
     Handled,
-    answer_after,
     is_unset,
     whole,
 )
@@ -72,22 +71,22 @@ class DrivingCommands:
         mode = None if number is None else MODES_BY_NUMBER.get(number)
         if mode is None or number is None:
             return CommandAnswer(DENIED, f"no mode {call.param2:g}: use {MODE_NAMES}")
-        return answer_after(self._pilot.set_mode(mode, number, call.sender))
+        return self._pilot.set_mode(mode, number, call.sender)
 
     def _return_home(self, call: CommandCall) -> Handled:
-        return answer_after(self._pilot.return_home(RTL, call.sender))
+        return self._pilot.return_home(RTL, call.sender)
 
     def _start_mission(self, call: CommandCall) -> Handled:
         if is_unset(call.param1) and is_unset(call.param2):
-            return answer_after(self._pilot.start_mission(call.sender))
+            return self._pilot.start_mission(call.sender)
         words = "first and last item must be 0: set the current item, then start"
         return CommandAnswer(DENIED, words)
 
     def _pause_continue(self, call: CommandCall) -> Handled:
         if call.param1 == 0.0:
-            return answer_after(self._pilot.hold(call.sender))
+            return self._pilot.hold(call.sender)
         if call.param1 == 1.0:
-            return answer_after(self._vehicle.perform(call.sender, Resume()))
+            return self._vehicle.perform(call.sender, Resume())
         return CommandAnswer(DENIED, "parameter 1 must be 0 to pause or 1 to continue")
 
     def _change_speed(self, call: CommandCall) -> Handled:
@@ -96,11 +95,11 @@ class DrivingCommands:
             words = "only the ground speed can be changed: parameter 1 must be 0 or 1"
             return CommandAnswer(DENIED, words)
         if speed_m_s == UNCHANGED:
-            return answer_after(self._vehicle.control.ensure(call.sender))
+            return self._vehicle.control.ensure(call.sender)
         if speed_m_s == DEFAULT:
-            return answer_after(self._vehicle.perform(call.sender, ResetParameter(name=SPEED)))
+            return self._vehicle.perform(call.sender, ResetParameter(name=SPEED))
         change = SetParameter(name=SPEED, value=speed_m_s)
-        return answer_after(self._vehicle.perform(call.sender, change))
+        return self._vehicle.perform(call.sender, change)
 
     def _set_reverse(self, call: CommandCall) -> Handled:
         if call.param1 == 0.0:
@@ -153,7 +152,7 @@ class GuidingCommands:
             speed_m_s = speed_in(call.param1)
         except SetpointError as error:
             return CommandAnswer(DENIED, str(error))
-        return answer_after(self._drive_at(speed_m_s, goal, call.sender))
+        return self._drive_at(speed_m_s, goal, call.sender)
 
     def _goal(self, call: CommandCall, *, is_relative: bool) -> Destination:
         pose = pose_in(self._vehicle.snapshot.odometry) if is_relative else None
@@ -185,7 +184,7 @@ class GuidingCommands:
                 heading_rad = pose_in(self._vehicle.snapshot.odometry).heading_rad - angle_rad
         except SetpointError as error:
             return CommandAnswer(DENIED, str(error))
-        return answer_after(self._follow(Velocity(call.param2, heading_rad=heading_rad), call))
+        return self._follow(Velocity(call.param2, heading_rad=heading_rad), call)
 
     async def _follow(self, velocity: Velocity, call: CommandCall) -> Answered:
         answered = await self._vehicle.control.ensure(call.sender)

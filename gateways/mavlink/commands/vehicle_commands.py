@@ -28,7 +28,6 @@ from gateways.mavlink.commands.command_protocol import (
     CommandRow,
     CommandTable,
     Handled,
-    answer_after,
     answer_to,
     result_of,
 )
@@ -81,7 +80,7 @@ class ArmingCommands:
         if call.param1 == 1.0:
             return self._arm(call)
         if call.param1 == 0.0:
-            return answer_after(self._vehicle.perform(call.sender, Disarm()))
+            return self._vehicle.perform(call.sender, Disarm())
         return CommandAnswer(DENIED, "parameter 1 must be 1 to arm or 0 to disarm")
 
     async def _arm(self, call: CommandCall) -> CommandAnswer:
@@ -125,7 +124,7 @@ class ArmingCommands:
     def _terminate(self, call: CommandCall) -> Handled | None:
         if is_termination(call):
             self._pressed_id, ended = self._vehicle.port.stop()
-            return None if ended is None else answer_after(ended)
+            return ended
         if call.param1 == 0.0:
             return self._clear_stop(call.sender)
         words = "parameter 1 must be 1 to stop or 0 to clear the emergency stop"
@@ -184,7 +183,7 @@ class UpkeepCommands:
             return CommandAnswer(DENIED, str(error))
         if not call.is_global:
             return CommandAnswer(UNSUPPORTED_FRAME, f"frame {call.frame} is not global")
-        return answer_after(self._choose_home(home, call.sender))
+        return self._choose_home(home, call.sender)
 
     async def _choose_home(self, home: Destination, sender: Sender) -> Answered:
         answered = await self._vehicle.control.ensure(sender)
@@ -220,7 +219,7 @@ class UpkeepCommands:
             return CommandAnswer(LATER, NO_TELEMETRY)
         if status.vehicle == VehicleState.ACTIVE:
             return CommandAnswer(DENIED, NO_RESTART_ARMED)
-        return answer_after(self._vehicle.perform(call.sender, Restart()))
+        return self._vehicle.perform(call.sender, Restart())
 
 
 SET_GLOBAL_ORIGIN: Final = 611

@@ -17,7 +17,6 @@ from gateways.mavlink.commands.command_protocol import (
     CommandRow,
     CommandTable,
     Handled,
-    answer_after,
     answer_to,
     whole,
 )
@@ -157,7 +156,7 @@ class CurrentItem(MavService):
         item = whole(call.param1)
         if item is None or not 0 <= item <= MAX_ITEM:
             return CommandAnswer(DENIED, "parameter 1 must be the number of an item")
-        return answer_after(self._choose(item, call.sender))
+        return self._choose(item, call.sender)
 
 
 AGAIN_NS: Final = NS_PER_S
