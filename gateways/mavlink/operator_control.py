@@ -17,7 +17,8 @@ from gateways.mavlink.mav_service import Outbox, Sender
 from gateways.mavlink.mavlink_dialect import mavlink
 from gateways.mavlink.robot_port import OVERTAKEN, STOPS, Answered, RobotPort, Snapshot
 from ground.client.lease_holder import is_ours
-from ground.client.outcomes import Accepted, Operation, Refused
+from ground.client.missions import TransferOutcome
+from ground.client.outcomes import Accepted, Operation, Outcome, Refused
 from ground.client.requests import CROSSING_NS, HeartbeatTimer
 from protocol.wire.enums import LeaseAction, Severity
 from protocol.wire.limits import OPERATOR_LOST_MS
@@ -103,6 +104,13 @@ class Owner(NamedTuple):
     system: int
 
 
+def has_refused(outcome: Outcome | None) -> bool:
+    """Return whether the robot has refused, so that nothing is in force."""
+    if isinstance(outcome, TransferOutcome):
+        return not (outcome.ok or outcome.verdict.in_force)
+    return isinstance(outcome, Refused)
+
+
 class OperatorControl:
     """Keep the owner, take and release the lease, and send the operator's heartbeat."""
 
@@ -183,7 +191,7 @@ class OperatorControl:
             answered = await self._port.perform(operation)
         finally:
             self._stopping -= is_stop
-        is_refused = isinstance(answered.outcome, Refused) and self.serial == serial
+        is_refused = has_refused(answered.outcome) and self.serial == serial
         if is_taken and is_refused and not had_owner and self.holds(sender):
             self._lose()
             if was_free:
@@ -201,6 +209,12 @@ class OperatorControl:
         if station is None or self.holds(sender) or is_back(station, sender):
             return None
         return held_by(station, sender)
+
+    def admission(self, sender: Sender) -> Answered:
+        """Return whether the sender may ask for control, without taking it."""
+        if not sender.may_command:
+            return Answered(None, sender.barred)
+        return self.refusal(sender) or Answered(Accepted(0))
 
     async def ensure(self, sender: Sender) -> Answered:
         """Give control to the sender if no other client has it, otherwise return the refusal.

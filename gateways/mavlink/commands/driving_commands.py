@@ -184,13 +184,8 @@ class GuidingCommands:
                 heading_rad = pose_in(self._vehicle.snapshot.odometry).heading_rad - angle_rad
         except SetpointError as error:
             return CommandAnswer(DENIED, str(error))
-        return self._follow(Velocity(call.param2, heading_rad=heading_rad), call)
-
-    async def _follow(self, velocity: Velocity, call: CommandCall) -> Answered:
-        answered = await self._vehicle.control.ensure(call.sender)
-        if answered.ok:
-            self._drive.follow(velocity, call.sender, call.now_ns)
-        return answered
+        velocity = Velocity(call.param2, heading_rad=heading_rad)
+        return self._drive.begin(velocity, call.sender, call.now_ns)
 
     @property
     def _is_guided(self) -> bool:

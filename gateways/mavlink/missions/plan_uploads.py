@@ -205,7 +205,10 @@ class Uploads:
             self._vehicle.start(self._await_announced(upload))
 
     async def _await_announced(self, upload: PlanUpload) -> None:
-        """Ask whether the robot takes so many items; the client may change the number meanwhile."""
+        """Ask whether the robot takes so many items; the client may change the number meanwhile.
+
+        An upload without any asks nothing: what it removes takes control when it is stored.
+        """
         vehicle, sender, count = self._vehicle, upload.sender, -1
         answered = Answered(None)
         while self._upload is upload and upload.count != count:
@@ -215,7 +218,7 @@ class Uploads:
                 question = AnnounceItems(kind=self._kind.type, count=robots)
                 answered = await vehicle.perform(sender, question)
             else:
-                answered = await vehicle.control.ensure(sender)
+                answered = vehicle.control.admission(sender)
             if not answered.ok:
                 break
         self._pending -= 1

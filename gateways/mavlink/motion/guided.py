@@ -62,13 +62,26 @@ class GuidedDrive:
 
     def follow(self, velocity: Velocity, sender: Sender, now_ns: int) -> None:
         """Drive with these speeds until newer ones arrive or they time out."""
-        self._velocity, self._sender, self._now_ns = velocity, sender, now_ns
-        self._until_ns = now_ns + TIMEOUT_NS
-        self._leave_ns = self._until_ns + BRAKING_NS
+        self._note(velocity, sender, now_ns)
         if self._stage is Stage.IDLE:
             self._vehicle.start(self._enter(sender))
         elif self._stage is Stage.DRIVING:
             self._drive()
+
+    async def begin(self, velocity: Velocity, sender: Sender, now_ns: int) -> Answered:
+        """Drive with these speeds; return why the robot does not, if it refuses."""
+        if self._stage is Stage.IDLE:
+            self._note(velocity, sender, now_ns)
+            return await self._begin(sender)
+        answered = await self._vehicle.control.ensure(sender)
+        if answered.ok:
+            self.follow(velocity, sender, now_ns)
+        return answered
+
+    def _note(self, velocity: Velocity, sender: Sender, now_ns: int) -> None:
+        self._velocity, self._sender, self._now_ns = velocity, sender, now_ns
+        self._until_ns = now_ns + TIMEOUT_NS
+        self._leave_ns = self._until_ns + BRAKING_NS
 
     @property
     def is_active(self) -> bool:
@@ -103,18 +116,20 @@ class GuidedDrive:
     def _is_valid(self) -> bool:
         return self._now_ns <= self._until_ns - LIFE_NS
 
-    async def _enter(self, sender: Sender) -> None:
+    async def _begin(self, sender: Sender) -> Answered:
         self._stage = Stage.ENTERING
         answered = await self._pilot.velocity(sender)
+        self._stage = Stage.DRIVING if answered.ok else Stage.IDLE
         if answered.ok:
             begun = answered.outcome
             self._drive_id = begun.drive_id if isinstance(begun, DriveBegun) else 0
-            self._stage = Stage.DRIVING
             if self._is_valid():  # the answer may have been late
                 self._drive()
-            return
-        self._stage = Stage.IDLE
-        if self._sender is not None:
+        return answered
+
+    async def _enter(self, sender: Sender) -> None:
+        answered = await self._begin(sender)
+        if not answered.ok and self._sender is not None:
             words = f"speeds not followed: {answered.text}"
             self._vehicle.refusals.say(words, self._sender.client, self._now_ns)
 

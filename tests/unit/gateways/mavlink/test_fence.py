@@ -3,11 +3,15 @@ from typing import Any
 
 import pytest
 
+from checks.harness.messages import make
 from gateways.mavlink.mavlink_dialect import MavMessage, MissionCount, mavlink
 from ground.commands.fence import ClearFence, SetFence
 from ground.missions.mission import Circle, Polygon
 from ground.missions.transfer import Verdict
+from protocol.wire.enums import LeaseAction
+from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason
+from tests.support.each import each
 from tests.support.gateway.benches import (
     ALL,
     FENCE,
@@ -91,6 +95,19 @@ def test_fence_without_items_clears(bench: MissionBench) -> None:
     upload(bench, [circle()])
     (ack,) = bench.send(mavlink.MAVLink_mission_count_message(1, 1, 0, FENCE))
     assert (ack.type, ack.mission_type, bench.fence) == (ACCEPTED, FENCE, None)
+
+
+@each("items", [0, 10_000])
+def test_a_refused_fence_gives_the_lease_back(bench: MissionBench, items: int) -> None:
+    """So does one without items, which takes control when it is stored, and not before."""
+    bench.publish(is_armed=False, refusal=Verdict(Reason.DRIVING, None))
+    bench.port.telemetry["lease"] = make(LeaseStatus)
+    bench.after(0.1)
+    before = len(bench.port.leases)
+    bench.send(mavlink.MAVLink_mission_count_message(1, 1, items, FENCE))
+    actions = [action for action, _ in bench.port.leases[before:]]
+    assert actions == [LeaseAction.TAKE, LeaseAction.RELEASE]
+    assert bench.vehicle.control.owner is None
 
 
 def refused(bench: MissionBench, *items: MavMessage) -> tuple[int, str]:

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from checks.harness.messages import make
 from gateways.mavlink.coordinates import PER_DEG
 from gateways.mavlink.mav_service import WATCHER
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
@@ -16,7 +17,7 @@ from ground.commands.goto import Goto
 from ground.commands.mode import SetMode
 from ground.commands.param import SetParameter
 from ground.missions.qgroundcontrol import to_global
-from protocol.wire.enums import Command, Mode, Vehicle
+from protocol.wire.enums import Command, LeaseAction, Mode, Vehicle
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason
 from tests.support.each import each
@@ -491,9 +492,20 @@ def test_attitude_waits_for_the_speed_limit(bench: Bench) -> None:
 
 
 def test_yaw_and_speed_command_drives(bench: Bench) -> None:
-    assert acks(bench.send(command(213, 90, 0.25, 0))) == [(213, ACCEPTED)]
+    bench.send(command(213, 90, 0.25, 0))
     bench.port.answer()
+    assert acks(bench.sent()) == [(213, ACCEPTED)]
     assert bench.port.driven == [(0.25, 0.0)]
+    assert acks(bench.send(command(213, 90, 0.1, 0))) == [(213, ACCEPTED)]
+
+
+def test_yaw_and_speed_that_are_refused_leave_no_lease(bench: Bench) -> None:
+    bench.port.telemetry["lease"] = make(LeaseStatus)
+    bench.after(0.1)
+    bench.send(command(213, 90, 0.25, 0))
+    bench.port.refuse(Reason.NO_SENSES)
+    assert acks(bench.sent()) == [(213, mavlink.MAV_RESULT_TEMPORARILY_REJECTED)]
+    assert [action for action, _ in bench.port.leases] == [LeaseAction.TAKE, LeaseAction.RELEASE]
 
 
 def test_yaw_and_speed_relative_to_the_robot(bench: Bench) -> None:
