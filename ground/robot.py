@@ -200,9 +200,6 @@ class Robot(RobotLink):
     raises ClosedError.
     """
 
-    _stops: Publisher[CommandRequest]
-    _ways: StopWays
-
     def __init__(
         self,
         bus: Bus,
@@ -236,6 +233,7 @@ class Robot(RobotLink):
         self._own_stops: deque[int] = deque(maxlen=OWN_STOPS)
         """The stops of this program, the newest first."""
 
+        self._stop_ways: tuple[Publisher[CommandRequest], StopWays] | None = None
         self.parameters = Parameters(self)
         self.mission = Missions(self)
         self.fence = Fences(self)
@@ -257,11 +255,20 @@ class Robot(RobotLink):
 
     async def open(self) -> None:
         """Start the subscriptions and the heartbeat, for `connect`."""
-        self._stops = self.bus.publisher(STOP, self.name)
-        self._ways = stop_ways.ways_of(self.bus, self.name)
+        stops, _ = self._ways_to_stop()
         self.streams.keep(MISSION)
         self.bus.announce(self.name)
-        await self.lease.open(self._stops)
+        await self.lease.open(stops)
+
+    def _ways_to_stop(self) -> tuple[Publisher[CommandRequest], StopWays]:
+        """Return the ways of the emergency stop, opened by the first call.
+
+        So also a robot that nobody has opened, such as one of `to`, can be stopped.
+        """
+        if self._stop_ways is None:
+            stops = self.bus.publisher(STOP, self.name)
+            self._stop_ways = stops, stop_ways.ways_of(self.bus, self.name)
+        return self._stop_ways
 
     @property
     def holds_lease(self) -> bool:
@@ -277,7 +284,8 @@ class Robot(RobotLink):
         self.streams.close()
         for stop in tuple(self._stopping):
             await settled(stop)
-        self._ways.close()
+        if self._stop_ways is not None:
+            self._stop_ways[1].close()
         await self.lease.close()
         for _ in range(REQUESTS):  # those that have been sent end, too
             await self._slots.acquire()
@@ -831,15 +839,12 @@ class Robot(RobotLink):
         Needs no lease, waits for no other request, and the robot never refuses it.
         """
         self.check_open()
+        stops, ways = self._ways_to_stop()
         stop = EmergencyStop(
-            self.bus,
-            self._stops,
-            self.name,
-            self.clock,
-            lambda: self.streams.latest(STATUS),
-            self._ways,
+            self.bus, stops, self.name, self.clock, lambda: self.streams.latest(STATUS), ways
         )
         stop.press()
+        self.streams.keep(STATUS)  # which shows the stop; a robot that is open has it already
         self._own_stops.appendleft(stop.request_id)
         give_up_ns = round(timeout_s * NS_PER_S)
         return self._repeated(lambda: Stopped(stop.run(give_up_ns=give_up_ns), self.name))

@@ -222,7 +222,7 @@ async def done(
     try:
         return [await perform(text, robot, notes, draft) for text in texts]
     finally:
-        robot._ways.close()  # a robot that is closed leaves its lease
+        robot._ways_to_stop()[1].close()  # a robot that is closed leaves its lease
 
 
 async def perform(text: str, robot: Robot, notes: Notes, draft: Draft) -> tuple[int, str, str]:

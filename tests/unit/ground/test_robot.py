@@ -476,6 +476,20 @@ def test_stop_is_sent_before_anything_is_awaited() -> None:
     lived(stage, story)
 
 
+def test_a_robot_that_nobody_has_opened_can_be_stopped() -> None:
+    stage = Stage()
+    acknowledges(stage)
+
+    async def story() -> None:
+        robot = robot_of(stage).to("r1")
+        assert (await robot.emergency_stop()).ok
+        await robot.close()
+        await robot_of(stage).close()
+
+    played(stage, story())
+    assert stopping(stage)
+
+
 def test_stop_waits_for_no_request() -> None:
     stage = Stage()
     acknowledges(stage)
