@@ -36,6 +36,12 @@ MAX_ANSWERS: Final = 32
 MAX_STOPS: Final = 256
 """Ids of stops of which a late copy is known not to be new."""
 
+PRESENT_MS: Final = 600
+"""Age of the newest of three heartbeats: a drive is left to another program that is no more silent.
+
+It may have been killed since the last one.
+"""
+
 RESTART: Final = 1.0
 """Parameter 1 of PREFLIGHT_REBOOT_SHUTDOWN that restarts the robot process."""
 
@@ -50,8 +56,9 @@ class Commands:
     the request that started it. `drive_id` and `begun_by` are the request that began the newest
     goal or manual drive, and the program that sent it. `driver` is the program that has the robot
     move: in GUIDED and MANUAL the robot stops when this one is lost; empty if any may.
-    `is_there(operator, now_ms)` returns whether a program sends heartbeats. `restarts`: an operator
-    has asked for a restart of the process. `stoppers` are the programs of other persons that have
+    `is_there(operator, now_ms, within_ms)` returns whether a program sends heartbeats, and has sent
+    the last one in this time, if one is given. `restarts`: an operator has asked for a restart of
+    the process. `stoppers` are the programs of other persons that have
     stopped what `begun_by` began.
     """
 
@@ -59,7 +66,7 @@ class Commands:
         self,
         core: Core,
         mission: MissionExecutor,
-        is_there: Callable[[str, int], bool] = lambda _operator, _now_ms: True,
+        is_there: Callable[[str, int, int | None], bool] = lambda *_: True,
     ) -> None:
         self._core = core
         self._machine = core.state.machine
@@ -112,6 +119,7 @@ class Commands:
                 return known
         serial, mode = machine.serial, machine.mode
         had_goal, on_mission = modes.goal_is_active(machine), self._mission.active
+        goes_on = kind.resumes and self._is_attended
         was_stopped = machine.vehicle == states.EMERGENCY_STOP
         leader = self._leader(kind, now_ms, operator)
         reason = self._refusal(request, kind, now_ms, leader)
@@ -131,7 +139,8 @@ class Commands:
         begins = is_new or (reason == reasons.OK and kind.by_hand)
         if begins:
             self.drive_id, self.begun_by = request.request_id, operator
-        if (begins or machine.mode not in (mode, states.HOLD)) and not kind.leads_on:
+        goes_on = goes_on and reason == reasons.OK
+        if (begins or goes_on or machine.mode not in (mode, states.HOLD)) and not kind.leads_on:
             self.driver = leader
         if reason == reasons.OK:
             reason = self._note_on(kind, was_stopped)
@@ -176,21 +185,31 @@ class Commands:
     def _leader(self, kind: "CommandKind", now_ms: int, operator: str) -> str:
         """Return the program that has the robot move if this request makes it move.
 
-        Who resumes the drive of an own program leaves it to that one while it is there.
+        Who resumes the drive of an own program, or one that goes on, leaves it to its program while
+        that is there.
         """
-        is_own = bool(self.driver) and person_of(self.driver) == person_of(operator)
-        is_led = kind.resumes and is_own and self._is_there(self.driver, now_ms)
+        is_own = person_of(self.driver) == person_of(operator)
+        goes_on = self._is_attended and self._machine.mode == states.GUIDED
+        may_lead = bool(self.driver) and kind.resumes and (is_own or goes_on)
+        is_led = may_lead and self._is_there(self.driver, now_ms, PRESENT_MS)
         return self.driver if is_led else operator
+
+    @property
+    def _is_attended(self) -> bool:
+        """True while a goal is driven to, or held, in GUIDED: its program must be there."""
+        machine = self._machine
+        mode = machine.resume_mode if machine.mode == states.HOLD else machine.mode
+        has_goal = modes.goal_is_active(machine) or self._mission.active
+        return mode == states.GUIDED and has_goal
 
     def _refusal(
         self, request: CommandOrGoal, kind: "CommandKind", now_ms: int, leader: str
     ) -> int:
         """Return why a request goes neither to the mission nor to the core, or 0."""
         machine = self._machine
-        is_held = machine.mode == states.HOLD and machine.resume_mode == states.GUIDED
-        needs_operator = kind.needs_operator or (kind.resumes and is_held)
+        needs_operator = kind.needs_operator or (kind.resumes and self._is_attended)
         # Without any operator the core itself refuses, and shows it in the state of the goal.
-        if needs_operator and machine.operator and not self._is_there(leader, now_ms):
+        if needs_operator and machine.operator and not self._is_there(leader, now_ms, None):
             return reasons.NO_OPERATOR
         if isinstance(request, GoalRequest):
             return reasons.OK

@@ -55,6 +55,9 @@ class Lease:
         self._granted_ns = self._used_ns = 0
         self.stood_ns = 0
         self._beats_ns: OrderedDict[str, int] = OrderedDict()
+        self._inherited = "", 0
+        """The program that took over last, and the last heartbeat of the one before."""
+
         self._heard_ns: OrderedDict[str, int] = OrderedDict()
         self._names: OrderedDict[str, str] = OrderedDict()
         self._texts: list[tuple[Severity, str]] = []
@@ -89,19 +92,33 @@ class Lease:
         keep(self._heard_ns, operator, max(self._heard_ns.get(operator, heard_ns), heard_ns))
 
     def beaten_ns(self, operator: str) -> int | None:
-        """Return when this program sent its newest heartbeat, None before the first.
+        """Return when the newest heartbeat was sent that counts for this program, None without.
 
-        Of an unnamed program: when any that may command did.
+        That is its own, or until it sends one that of the program from which it took over. For an
+        unnamed program those of all count that may command.
         """
-        if operator:
-            return self._beats_ns.get(operator)
-        return max((ns for one, ns in self._beats_ns.items() if self.allows(one)), default=None)
+        heir, inherited_ns = self._inherited
+        times_ns = [ns for one, ns in self._beats_ns.items() if self._counts(one, operator)]
+        if heir and self._counts(heir, operator):
+            times_ns.append(inherited_ns)
+        return max(times_ns, default=None)
+
+    def own_beat_ns(self, operator: str) -> int | None:
+        """Return when this program itself sent its newest heartbeat, None before the first."""
+        return self._beats_ns.get(operator)
+
+    def _counts(self, one: str, operator: str) -> bool:
+        return one == operator if operator else self.allows(one)
 
     def inherit(self, operator: str, before: str) -> None:
-        """Let the heartbeat of a program count for the one that takes over from it."""
-        for times_ns in (self._beats_ns, self._heard_ns):
-            if (time_ns := times_ns.get(before)) is not None:
-                keep(times_ns, operator, max(times_ns.get(operator, time_ns), time_ns))
+        """Let the heartbeat of a program count for the one that takes over from it.
+
+        It keeps the robot driving until the heir's own one arrives; the heir is not there by it.
+        """
+        if (time_ns := self.beaten_ns(before)) is not None:
+            self._inherited = operator, time_ns
+        if (time_ns := self._heard_ns.get(before)) is not None:
+            keep(self._heard_ns, operator, max(self._heard_ns.get(operator, time_ns), time_ns))
 
     def use(self, now_ns: int) -> None:
         """Note that the person has the robot drive, or asks for what needs the lease."""
@@ -186,6 +203,8 @@ class Lease:
         """Release the lease, unless another program of the person is there."""
         self._beats_ns.pop(operator, None)
         self._heard_ns.pop(operator, None)
+        if self._inherited[0] == operator:
+            self._inherited = "", 0
         heard_ns = self._newest_ns
         if heard_ns is None or now_ns + self.stood_ns - heard_ns > LAPSE_NS:
             self._release()

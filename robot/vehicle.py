@@ -115,16 +115,17 @@ class RobotVehicle:
         driver = ""
         if machine.mode == states.MANUAL or (machine.mode == states.GUIDED and self._drives):
             driver = self.commands.driver if machine.vehicle == states.ACTIVE else ""
-        return self._age_ms(driver, now_ns)
+        return age_in_ms(self.lease.beaten_ns(driver), now_ns)
 
-    def _age_ms(self, operator: str, now_ns: int) -> int | None:
-        beaten_ns = self.lease.beaten_ns(operator)
-        return None if beaten_ns is None else max(0, now_ns - beaten_ns) // NS_PER_MS
+    def _is_there(self, operator: str, now_ms: int, within_ms: int | None) -> bool:
+        """Return whether a program itself sends heartbeats; without a name it is any.
 
-    def _is_there(self, operator: str, now_ms: int) -> bool:
-        """Return whether a program sends heartbeats; without a name it is any."""
-        age_ms = self._age_ms(operator, now_ms * NS_PER_MS)
-        return not operator or (age_ms is not None and age_ms <= self.params.op_lost_ms)
+        It has sent one `within_ms`, and in any case within the time of the failsafe.
+        """
+        limit_ms = self.params.op_lost_ms
+        age_ms = age_in_ms(self.lease.own_beat_ns(operator), now_ms * NS_PER_MS)
+        limit_ms = limit_ms if within_ms is None else min(within_ms, limit_ms)
+        return not operator or (age_ms is not None and age_ms <= limit_ms)
 
     @property
     def _drives(self) -> bool:
@@ -381,6 +382,11 @@ class RobotVehicle:
         if isinstance(request, CommandRequest | GoalRequest):
             return acknowledge(request, reason)
         return ack(reason)
+
+
+def age_in_ms(sent_ns: int | None, now_ns: int) -> int | None:
+    """Return the age of what was sent, None if nothing was."""
+    return None if sent_ns is None else max(0, now_ns - sent_ns) // NS_PER_MS
 
 
 def once_saved(answer: Answer, ticket: Ticket) -> Answer:

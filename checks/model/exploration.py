@@ -186,7 +186,7 @@ def facts(world: ModelWorld) -> StateFacts:
 def driver_is_there(world: ModelWorld) -> bool:
     """Return whether the program that has the robot move sends heartbeats, if one is known."""
     driver = world.vehicle.commands.driver
-    beaten_ns = world.vehicle.lease._beats_ns.get(driver)
+    beaten_ns = world.vehicle.lease.beaten_ns(driver)
     since_ns = None if beaten_ns is None else world.now_ns - beaten_ns
     return not driver or (since_ns is not None and since_ns <= PARAMS.op_lost_ms * NS_PER_MS)
 

@@ -120,7 +120,7 @@ def arm(machine: Machine) -> int:
     """Let the wheels turn.
 
     This requires fresh sensor data, no failsafe condition, and a fence that is readable if there is
-    one.
+    one. MANUAL without an operator becomes HOLD, because it would fail at once.
     """
     if machine.vehicle == states.EMERGENCY_STOP:
         return reasons.EMERGENCY_STOPPED
@@ -132,6 +132,8 @@ def arm(machine: Machine) -> int:
         return reasons.FENCE_UNREADABLE
     if machine.cause != reasons.OK:
         return machine.cause
+    if machine.mode == states.MANUAL and not machine.operator:
+        hold(machine)
     machine.vehicle = states.ACTIVE
     machine.vehicle_reason = reasons.OK
     return reasons.OK

@@ -58,9 +58,12 @@ def wheel_stuck(state: State, inputs: Inputs, params: Params) -> bool:
 
 
 def operator_lost(state: State, inputs: Inputs, params: Params) -> bool:
-    """Trigger without operator heartbeats in MANUAL, or with an active goal in GUIDED."""
+    """Trigger without operator heartbeats in MANUAL, or with an active goal in GUIDED.
+
+    Only while armed: a robot that is armed without its operator holds.
+    """
     machine = state.machine
-    if machine.operator:
+    if machine.operator or machine.vehicle != states.ACTIVE:
         return False
     return machine.mode == states.MANUAL or (
         machine.mode == states.GUIDED and modes.goal_is_active(machine)

@@ -118,7 +118,7 @@ def operator_never_lost(patch: Patch) -> None:
 
 def any_program_will_do(patch: Patch) -> None:
     def age_ms(robot: vehicle.RobotVehicle, now_ns: int) -> int | None:
-        return robot._age_ms("", now_ns)
+        return vehicle.age_in_ms(robot.lease.beaten_ns(""), now_ns)
 
     patch.setattr(vehicle.RobotVehicle, "operator_age_ms", age_ms)
 

@@ -176,10 +176,18 @@ def test_only_to_resume_a_held_guided_drive_needs_an_operator(
     mode: int, resume_mode: int, param1: float, needed: bool
 ) -> None:
     robot = Robot()
+    robot.ask(goal(1, 1.0, 0.0))
     robot.machine.mode, robot.machine.resume_mode, robot.machine.operator = mode, resume_mode, True
-    robot.commands = Commands(robot.core, robot.mission, lambda _who, _now_ms: False)
-    reason = robot.ask(command(Command.DO_PAUSE_CONTINUE, param1))
+    robot.commands = Commands(robot.core, robot.mission, lambda *_: False)
+    reason = robot.ask(command(Command.DO_PAUSE_CONTINUE, param1, request_id=2))
     assert (reason == Reason.NO_OPERATOR) == needed
+
+
+def test_without_a_goal_nobody_is_missed_to_resume_it() -> None:
+    robot = Robot()
+    robot.machine.operator = True
+    robot.commands = Commands(robot.core, robot.mission, lambda *_: False)
+    assert robot.ask(command(Command.DO_PAUSE_CONTINUE, 1.0)) == Reason.NO_GOAL
 
 
 def test_without_heartbeats_to_judge_by_every_operator_is_there() -> None:
@@ -424,7 +432,7 @@ def test_continue_keeps_the_program_that_drives_while_it_is_there() -> None:
     robot = Robot()
     present = {ADA}
     robot.machine.operator = True
-    robot.commands = Commands(robot.core, robot.mission, lambda who, _now_ms: who in present)
+    robot.commands = Commands(robot.core, robot.mission, lambda who, *_: who in present)
     assert robot.ask(goal(1, 1.0, 0.0, Mode.GUIDED)) == Reason.NONE
     assert robot.ask(hold(2), ADAS_OTHER) == Reason.NONE
     resume = command(Command.DO_PAUSE_CONTINUE, 1.0, request_id=3)
@@ -444,7 +452,7 @@ def test_continue_by_another_person_makes_his_program_the_driver() -> None:
     robot = Robot()
     present = {ADA}
     robot.machine.operator = True
-    robot.commands = Commands(robot.core, robot.mission, lambda who, _now_ms: who in present)
+    robot.commands = Commands(robot.core, robot.mission, lambda who, *_: who in present)
     assert robot.ask(goal(1, 1.0, 0.0, Mode.GUIDED)) == Reason.NONE
     assert robot.ask(hold(2), BOB) == Reason.NONE
     resume = command(Command.DO_PAUSE_CONTINUE, 1.0, request_id=3)

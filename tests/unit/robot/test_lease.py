@@ -771,6 +771,51 @@ def test_a_seizure_without_a_heartbeat_ends_the_drive() -> None:
     assert lost(desk)
 
 
+@each("held", [False, True])
+@each("killed_s", [0.7, 1.4])
+def test_a_killed_program_leads_no_drive_that_is_resumed(held: bool, killed_s: float) -> None:
+    """Its last heartbeat is younger than the time after which the robot stops."""
+    desk = leased()
+    beaten(desk, ADA)
+    assert reason(desk, *guided(ADA)) == Reason.NONE
+    if held:
+        assert reason(desk, command(Command.DO_PAUSE_CONTINUE), ADA) == Reason.NONE
+    pass_s(desk, killed_s)
+    resume = command(Command.DO_PAUSE_CONTINUE, 1.0)
+    assert reason(desk, resume, ADAS_OTHER) == Reason.NO_OPERATOR
+    beaten(desk, ADAS_OTHER)
+    assert reason(desk, msgspec.structs.replace(resume, request_id=77), ADAS_OTHER) == Reason.NONE
+    assert desk.vehicle.commands.driver == ADAS_OTHER
+    pass_s(desk, 2.0, ADAS_OTHER)
+    assert not lost(desk)
+
+
+@each("held", [False, True])
+def test_who_seizes_without_a_heartbeat_resumes_nothing(held: bool) -> None:
+    """The heartbeat that it inherits keeps the drive for a moment, and makes nobody attend it."""
+    desk = leased()
+    beaten(desk, ADA)
+    assert reason(desk, *guided(ADA)) == Reason.NONE
+    if held:
+        assert reason(desk, command(Command.DO_PAUSE_CONTINUE), ADA) == Reason.NONE
+    reason(desk, ask(LeaseAction.SEIZE, "Bob"), BOB)
+    resume = command(Command.DO_PAUSE_CONTINUE, 1.0)
+    assert reason(desk, resume, BOB) == Reason.NO_OPERATOR
+    assert reason(desk, *guided(BOB, 9)) == Reason.NO_OPERATOR
+    beaten(desk, BOB)
+    assert reason(desk, msgspec.structs.replace(resume, request_id=77), BOB) == Reason.NONE
+    pass_s(desk, 2.0, BOB)
+    assert not lost(desk)
+
+
+def test_an_heir_who_leaves_has_no_heartbeat() -> None:
+    desk = by_hand()
+    reason(desk, ask(LeaseAction.SEIZE, "Bob"), BOB)
+    reason(desk, ask(LeaseAction.LEAVE), BOB)
+    desk.step()
+    assert lost(desk)
+
+
 def test_a_free_lease_that_is_taken_takes_over_the_drive() -> None:
     desk = by_hand()
     reason(desk, ask(LeaseAction.RELEASE), ADA)

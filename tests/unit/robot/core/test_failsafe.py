@@ -3,16 +3,19 @@ from math import hypot, inf, nan
 
 import pytest
 
+from ground.client.vocabulary import HINTS
 from robot.core import limits, modes, reasons, states
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.perception.odometry import JUMP_SLACK_M
 from robot.core.perception.sonar_ring import BEYOND
 from robot.core.safety import failsafe
 from robot.core.safety.fence import Fence
-from robot.core.values import Inputs, Pose, Scan, Twist, Wheels
+from robot.core.values import Goal, Inputs, Pose, Scan, Twist, Wheels
 from robot.process import OVERRUNS_IN_A_ROW
 from tests.support.cores import OPEN_SPACE, Driven, armed, driving
 from tests.support.each import each
+
+MODES = (states.MANUAL, states.HOLD, states.AUTO, states.SMART_RTL, states.GUIDED)
 
 AGES = (25, 0) * 4
 
@@ -304,3 +307,44 @@ def test_leaving_the_fence_stops_the_robot_until_it_is_removed() -> None:
     assert modes.set_fence(driven.machine, None, driven.state.odometry.pose) == reasons.OK
     driven.tick()
     assert modes.arm(driven.machine) == reasons.OK
+
+
+def follow(driven: Driven, remedy: str) -> int:
+    """Do what a remedy says, literally, and return the reason."""
+    machine = driven.machine
+    if remedy == "sidestep arm":
+        return modes.arm(machine)
+    if remedy == "sidestep fence off":
+        return modes.set_fence(machine, None, driven.state.odometry.pose)
+    assert remedy == "sidestep pose set X Y DEG"
+    machine.placed = True
+    return reasons.OK
+
+
+@each("attended", [False, True])
+@each("mode", MODES)
+@each("reason", [row.reason for row in failsafe.ROWS])
+def test_the_printed_remedies_lead_on_after_a_failsafe(
+    reason: int, mode: int, attended: bool
+) -> None:
+    driven = armed()
+    driven.machine.mode = mode
+    if reason in (reasons.FENCE_BREACHED, reasons.FENCE_UNCHECKED):
+        driven.machine.fence = Fence((0.0,), (0.0,), 0.5)
+        driven.machine.placed = reason == reasons.FENCE_BREACHED
+        driven.state.odometry.pose = Pose(0.9 * driven.machine.placed, 0.0, 0.0)
+    failsafe.trip(driven.machine, reason, driven.now_ms)
+    driven.operator_age_ms = 0 if attended else None
+    driven.tick()
+    refusal = follow(driven, "sidestep arm")
+    if refusal != reasons.OK:
+        assert refusal == reason, "what is named is what stops it"
+        assert follow(driven, HINTS[refusal]) == reasons.OK
+        driven.tick()
+        assert follow(driven, "sidestep arm") == reasons.OK
+    driven.forward(1.0)
+    assert driven.machine.vehicle == states.ACTIVE
+    assert (driven.machine.mode == mode) == (attended or mode != states.MANUAL)
+    assert driven.goto(Goal(0.3, 0.0, None, 0.05, 0.05)) == reasons.OK
+    driven.forward(0.5)
+    assert not driven.stands
