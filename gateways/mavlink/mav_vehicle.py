@@ -13,11 +13,9 @@ from typing import Any, Final, NamedTuple
 from gateways.mavlink.mav_service import COMPONENT, MavService, Outbox, Sender
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.operator_control import OperatorControl
-from gateways.mavlink.robot_port import KEEPS_FENCE, Answered, RobotPort, Snapshot
+from gateways.mavlink.robot_port import RobotPort, Snapshot
 from gateways.mavlink.signing import WATCHING
-from ground.client.outcomes import Operation
 from ground.client.requests import CROSSING_NS
-from ground.commands.fence import ClearFence
 from ground.missions.mission import Home
 from protocol.wire.enums import Mode, Severity
 from protocol.wire.enums import Vehicle as State
@@ -247,7 +245,7 @@ class MavVehicle:
         self.outbox = Outbox()
         self.refusals = Refusals(self.outbox)
         self.modes = Modes()
-        self.control = OperatorControl(port, self.outbox)
+        self.control = OperatorControl(port, self.outbox, lambda: self.is_armed and self.has_fence)
         self.snapshot = Snapshot(now_ns)
         self._started_ns = now_ns
 
@@ -276,18 +274,6 @@ class MavVehicle:
         """
         with suppress(StopIteration):
             self.go_on(rest_of(work, work.send(None)))
-
-    async def perform(self, sender: Sender, operation: Operation[Any]) -> Answered:
-        """Perform an operation for a client that has control or obtains it now; return its end.
-
-        An armed robot keeps its fence, which may be replaced but not removed: no single message,
-        perhaps a forged one, makes it drive on without.
-        """
-        if self.is_armed and self.has_fence and isinstance(operation, ClearFence):
-            if not sender.may_command:
-                return Answered(None, sender.barred)
-            return self.control.refusal(sender) or Answered(None, KEEPS_FENCE)
-        return await self.control.perform(sender, operation)
 
 
 class Face:

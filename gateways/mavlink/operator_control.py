@@ -10,16 +10,17 @@ MAVSDK answer PING. MAVProxy and most scripts answer nothing, and send one HEART
 """
 
 import asyncio
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from typing import Any, Final, NamedTuple
 
 from gateways.mavlink.mav_service import Outbox, Sender
 from gateways.mavlink.mavlink_dialect import mavlink
-from gateways.mavlink.robot_port import OVERTAKEN, STOPS, Answered, RobotPort, Snapshot
+from gateways.mavlink.robot_port import KEEPS_FENCE, OVERTAKEN, STOPS, Answered, RobotPort, Snapshot
 from ground.client.lease_holder import is_ours
 from ground.client.missions import TransferOutcome
 from ground.client.outcomes import Accepted, Operation, Outcome, Refused
 from ground.client.requests import CROSSING_NS, HeartbeatTimer
+from ground.commands.fence import ClearFence
 from protocol.wire.enums import LeaseAction, Severity
 from protocol.wire.limits import OPERATOR_LOST_MS
 from protocol.wire.reasons import Reason
@@ -114,12 +115,13 @@ def has_refused(outcome: Outcome | None) -> bool:
 class OperatorControl:
     """Keep the owner, take and release the lease, and send the operator's heartbeat."""
 
-    def __init__(self, port: RobotPort, outbox: Outbox) -> None:
+    def __init__(self, port: RobotPort, outbox: Outbox, keeps_fence: Callable[[], bool]) -> None:
         self._presence: ClientPresence | None = None
         self._is_there = False
         self._takeover_allowed = True
         self._port = port
         self._outbox = outbox
+        self._keeps_fence = keeps_fence
         self._snapshot: Snapshot | None = None
         self._now_ns = self._changed_ns = 0
         self._taking: list[asyncio.Future[tuple[Sender, Answered]]] | None = None
@@ -170,10 +172,13 @@ class OperatorControl:
         """Perform an operation, and return its end.
 
         Take control first if it moves the robot and no client has control; give it back if the
-        robot refuses.
+        robot refuses. An armed robot keeps its fence, which may be replaced but not removed: no
+        single message, perhaps a forged one, makes it drive on without.
         """
         if not sender.may_command:
             return Answered(None, sender.barred)
+        if isinstance(operation, ClearFence) and self._keeps_fence():
+            return self.refusal(sender) or Answered(None, KEEPS_FENCE)
         lease = None if self._snapshot is None else self._snapshot.lease
         was_free, had_owner = lease is not None and not lease.held, self.owner is not None
         is_taken = operation.moves and not self.holds(sender)

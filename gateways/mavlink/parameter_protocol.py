@@ -200,7 +200,7 @@ class ParameterProtocol(MavService):
         elif change not in self._pending:
             self._pending.add(change)
             operation = SetParameter(name=parameter.own.name, value=value)
-            self._end(await self._vehicle.perform(sender, operation), sender, change)
+            self._end(await self._vehicle.control.perform(sender, operation), sender, change)
 
     def _end(self, answer: Answered, sender: Sender, change: PendingChange) -> None:
         """Tell the end of a change: all clients the new value, or its client why there is none."""

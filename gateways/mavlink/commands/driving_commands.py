@@ -86,7 +86,7 @@ class DrivingCommands:
         if call.param1 == 0.0:
             return self._pilot.hold(call.sender)
         if call.param1 == 1.0:
-            return self._vehicle.perform(call.sender, Resume())
+            return self._vehicle.control.perform(call.sender, Resume())
         return CommandAnswer(DENIED, "parameter 1 must be 0 to pause or 1 to continue")
 
     def _change_speed(self, call: CommandCall) -> Handled:
@@ -97,9 +97,9 @@ class DrivingCommands:
         if speed_m_s == UNCHANGED:
             return self._vehicle.control.ensure(call.sender)
         if speed_m_s == DEFAULT:
-            return self._vehicle.perform(call.sender, ResetParameter(name=SPEED))
+            return self._vehicle.control.perform(call.sender, ResetParameter(name=SPEED))
         change = SetParameter(name=SPEED, value=speed_m_s)
-        return self._vehicle.perform(call.sender, change)
+        return self._vehicle.control.perform(call.sender, change)
 
     def _set_reverse(self, call: CommandCall) -> Handled:
         if call.param1 == 0.0:
@@ -166,7 +166,7 @@ class GuidingCommands:
         if speed_m_s is not None:
             control = self._vehicle.control
             stops, change = control.stops, SetParameter(name=SPEED, value=speed_m_s)
-            limited = await self._vehicle.perform(sender, change)
+            limited = await self._vehicle.control.perform(sender, change)
             if not limited.ok:
                 return limited
             if control.stops != stops:

@@ -80,7 +80,7 @@ class ArmingCommands:
         if call.param1 == 1.0:
             return self._arm(call)
         if call.param1 == 0.0:
-            return self._vehicle.perform(call.sender, Disarm())
+            return self._vehicle.control.perform(call.sender, Disarm())
         return CommandAnswer(DENIED, "parameter 1 must be 1 to arm or 0 to disarm")
 
     async def _arm(self, call: CommandCall) -> CommandAnswer:
@@ -92,7 +92,7 @@ class ArmingCommands:
             if answered is None:
                 return NO_STOP
         if answered is None or answered.ok:
-            answered = await self._vehicle.perform(call.sender, Arm())
+            answered = await self._vehicle.control.perform(call.sender, Arm())
         words = "" if answered.ok else f"{PREARM}{answered.text.removeprefix(REFUSED)}"
         return CommandAnswer(result_of(answered), words, Severity.CRITICAL)
 
@@ -106,7 +106,7 @@ class ArmingCommands:
         stop_ids = tuple(one for one in known if one is not None)
         if not stop_ids:
             return None
-        return await self._vehicle.perform(sender, ClearEmergencyStop(stop_ids=stop_ids))
+        return await self._vehicle.control.perform(sender, ClearEmergencyStop(stop_ids=stop_ids))
 
     async def _clear_stop(self, sender: Sender) -> CommandAnswer:
         answered = await self._clear(sender)
@@ -219,7 +219,7 @@ class UpkeepCommands:
             return CommandAnswer(LATER, NO_TELEMETRY)
         if status.vehicle == VehicleState.ACTIVE:
             return CommandAnswer(DENIED, NO_RESTART_ARMED)
-        return self._vehicle.perform(call.sender, Restart())
+        return self._vehicle.control.perform(call.sender, Restart())
 
 
 SET_GLOBAL_ORIGIN: Final = 611

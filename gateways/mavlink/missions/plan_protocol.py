@@ -252,7 +252,7 @@ class MissionProtocol(MavService):
         for transfers in kinds:
             kind = transfers.kind
             transfers.uploads.cancel(sender)
-            answered = await self._vehicle.perform(sender, kind.clearing())
+            answered = await self._vehicle.control.perform(sender, kind.clearing())
             if not answered.ok:
                 refusal = refusal_of(answered, kind.name, kind.home_items)
                 break

@@ -99,7 +99,7 @@ class CurrentItem(MavService):
 
     async def _choose(self, item: int, sender: Sender) -> Answered:
         """Make an item the current one, and send MISSION_CURRENT if the robot accepts."""
-        answered = await self._vehicle.perform(sender, JumpTo(item=max(item, FIRST)))
+        answered = await self._vehicle.control.perform(sender, JumpTo(item=max(item, FIRST)))
         if answered.ok:
             snapshot = self._vehicle.snapshot
             self._chosen, self.jumped_ns = item, snapshot.now_ns
@@ -269,7 +269,7 @@ class FenceService(MavService):
             return CommandAnswer(FAILED, f"fence: {error}")
         vehicle, sender = self._vehicle, call.sender
         if call.param1 == 0.0:
-            answered = await vehicle.perform(sender, ClearFence())
+            answered = await vehicle.control.perform(sender, ClearFence())
             if answered.ok:
                 self._disabled = fences or self._disabled
                 self._kind.accepted((), answered, vehicle.snapshot.now_ns)
@@ -277,7 +277,7 @@ class FenceService(MavService):
             answered = await vehicle.control.ensure(sender)
         elif self._disabled:
             kept = self._disabled
-            answered = await vehicle.perform(sender, SetFence(fence=kept[0]))
+            answered = await vehicle.control.perform(sender, SetFence(fence=kept[0]))
             if answered.ok:
                 self._kind.accepted(kept, answered, vehicle.snapshot.now_ns)
         else:

@@ -216,7 +216,7 @@ class Uploads:
             robots = count - self._kind.home_items
             if robots > 0:
                 question = AnnounceItems(kind=self._kind.type, count=robots)
-                answered = await vehicle.perform(sender, question)
+                answered = await vehicle.control.perform(sender, question)
             else:
                 answered = vehicle.control.admission(sender)
             if not answered.ok:
@@ -274,7 +274,7 @@ class Uploads:
             refusal = Refusal(PART_RESULTS[error.part], f"{self._kind.name}: {error}")
             self._refuse(upload, refusal)
             return
-        answered = await self._vehicle.perform(upload.sender, change.operation)
+        answered = await self._vehicle.control.perform(upload.sender, change.operation)
         kind, now_ns, outcome = self._kind, self._vehicle.snapshot.now_ns, answered.outcome
         is_kept = isinstance(outcome, TransferOutcome) and outcome.verdict.in_force
         in_force = answered.ok or is_kept

@@ -211,7 +211,7 @@ class Pilot(MavService):
         """Perform an operation, again until the robot has received the operator's heartbeat."""
         self._mission_waits = None
         until_ns, stops = self._now_ns + PATIENCE_NS, self._vehicle.control.stops
-        while is_early(answered := await self._vehicle.perform(sender, operation)):
+        while is_early(answered := await self._vehicle.control.perform(sender, operation)):
             if self._now_ns >= until_ns:
                 break
             begun: asyncio.Future[None] = asyncio.get_running_loop().create_future()

@@ -184,7 +184,7 @@ class Bench:
         """Let a client perform an operation; add its end to `answers`."""
 
         async def performed() -> None:
-            answered = await self.vehicle.perform(sender, operation)
+            answered = await self.vehicle.control.perform(sender, operation)
             if answers is not None:
                 answers.append(answered)
 
