@@ -345,8 +345,10 @@ class RobotProcess:
         reported = self._report()
         teleop = self.vehicle.teleop.newest(now_ns)
         outputs = self.vehicle.step(inputs, self._meter.mark, operator_twist(teleop))
-        self._write(outputs, tick, now_ns)
-        self._publish_inputs(inputs, teleop, tick.index, reported)
+        self._command(outputs)
+        with self.reports.together:
+            self._write(outputs, tick, now_ns)
+            self._publish_inputs(inputs, teleop, tick.index, reported)
         self._saved.settle(self._clock.now_ns())
         self.vehicle.retry_stop(self._bus.now_ns())
         self._bus.keep_serving()
@@ -381,8 +383,8 @@ class RobotProcess:
             looked_ns = wall_ns
         self._stands = now_ns, since_ns, looked_ns
 
-    def _write(self, outputs: Outputs, tick: Tick, now_ns: int) -> None:
-        """Publish the wheel command first, then telemetry.
+    def _command(self, outputs: Outputs) -> None:
+        """Publish the wheel command.
 
         Unless the robot is armed, and in MANUAL without speeds, the motors are short-circuited,
         which stops four times as fast as a ramp.
@@ -393,14 +395,19 @@ class RobotProcess:
             reports.brake(stamp_ns, senses.sequence)
         else:
             reports.command(stamp_ns, senses.sequence, outputs.left_mrad_s, outputs.right_mrad_s)
+
+    def _write(self, outputs: Outputs, tick: Tick, now_ns: int) -> None:
+        """Publish the telemetry of a tick."""
+        reports, stamp_ns = self.reports, self._senses.stamp_ns
         sent_us = max(0, self._clock.now_ns() - tick.due_ns) // 1000
         reports.tick(self.vehicle, outputs, stamp_ns, now_ns)
-        reports.cycle.put(
+        reports.together.put(
+            reports.cycle,
             self._meter.report(
                 stamp_ns,
-                sense_age_us=senses.ping_age_us + sent_us,
+                sense_age_us=self._senses.ping_age_us + sent_us,
                 rejected=sum(self._bus.rejected.values()),
-            )
+            ),
         )
         reports.events(self.vehicle, stamp_ns, now_ns)
 
@@ -423,7 +430,8 @@ class RobotProcess:
         given = CoreInputs(
             senses.wheels_seq, senses.scan_seq, senses.scan_age_ms, self.reports.recorded, reported
         )
-        self.reports.inputs.put(telemetry.tick_inputs(inputs, given, teleop, tick, senses.stamp_ns))
+        message = telemetry.tick_inputs(inputs, given, teleop, tick, senses.stamp_ns)
+        self.reports.together.put(self.reports.inputs, message)
 
     def _answer(self) -> None:
         """Act on the requests of this control period and answer each."""

@@ -413,14 +413,14 @@ class Publisher(Generic[M]):
 
     def put_frame(self, frame: bytes) -> None:
         """Send a frame unchanged: prepared by `frame`, replayed, or malformed on purpose."""
-        stamp = None if self._events is None else self._session.now.new_timestamp()
-        event = PublishedEvent(frame, self._sent(), stamp)
-        if self._events is not None:
-            self._events.append(event)
+        event = self._event(frame)
         while True:
             publisher = self._publisher.now
             try:
-                event.put_by(publisher)
+                if event is None:
+                    publisher.put(frame)
+                else:
+                    event.put_by(publisher)
                 if self._events is None:
                     return
             except zenoh.ZError:
@@ -429,6 +429,16 @@ class Publisher(Generic[M]):
             if publisher is self._publisher.now:
                 return
             # A fresh session has replaced the one before, perhaps without this event.
+
+    def _event(self, frame: bytes) -> PublishedEvent | None:
+        """Return a frame with what is sent besides it; None for the plain frame of a stream."""
+        if self._events is None and self._time_ns is None:
+            return None
+        stamp = None if self._events is None else self._session.now.new_timestamp()
+        event = PublishedEvent(frame, self._sent(), stamp)
+        if self._events is not None:
+            self._events.append(event)
+        return event
 
     def _sent(self) -> bytes | None:
         time_ns = None if self._time_ns is None else self._time_ns()
