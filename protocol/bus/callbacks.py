@@ -3,10 +3,16 @@
 Zenoh calls a function in the thread that asks, too: for the tokens and links that are there when a
 listener is declared, for own publications and for own replies. It logs an exception of the function
 and goes on. A ctrl+c that arrives meanwhile would be lost there, and the program would drive on.
+
+Python makes a state for each call from a thread that it does not know, and destroys it afterwards:
+it maps and unmaps the stack of its frames, in three system calls and a page fault. The state of a
+thread that calls is kept instead.
 """
 
+import ctypes
 from collections.abc import Callable
-from typing import TypeVar
+from threading import get_ident
+from typing import Final, TypeVar
 
 from zenoh.handlers import Callback
 
@@ -34,10 +40,25 @@ def zenoh_callback(
     return Callback(keep_interrupts_out(function), ended, indirect=False)
 
 
+MAX_STATES: Final = 64
+"""Threads whose state is kept: it stays when a thread ends, and Zenoh may start others."""
+
+STATES: Final[set[int]] = set()
+
+
+def keep_state(thread: int) -> None:
+    """Let Python keep its state of the calling thread, whose id is `thread`."""
+    if len(STATES) < MAX_STATES:
+        STATES.add(thread)
+        ctypes.pythonapi.PyGILState_Ensure()  # no Release: its count of users stays above 0
+
+
 def keep_interrupts_out(function: Callable[..., object]) -> Callable[..., None]:
     """Return a function that lets no ctrl+c get into Zenoh."""
 
     def call(*values: object) -> None:
+        if (thread := get_ident()) not in STATES:
+            keep_state(thread)
         try:
             function(*values)
         except KeyboardInterrupt as error:
