@@ -21,6 +21,7 @@ nothing is declared again. A session in either state is replaced, too.
 
 import json
 import logging
+import os
 import re
 import socket
 import struct
@@ -125,6 +126,14 @@ def tls_settings(network: Network) -> dict[str, object]:
     return found
 
 
+THREADS: Final = (
+    "(rx: (handover: acc), net: (handover: acc), app: (handover: acc), acc: (worker_threads: 2))"
+)
+"""Zenoh's threads: one pool for all but sending. By default the thread that waits for the sockets
+wakes another one, of its pool for reception, for all that arrives. What a callback puts must leave
+while it runs, so sending has a thread of its own. A process has one setting, which its environment
+can override."""
+
 RETRY = {"period_init_ms": 100, "period_max_ms": 200, "period_increase_factor": 2}
 OPEN_MS = 500  # closing a session waits for a reconnection attempt, at most this long
 LARGEST_BYTES = 1 << 23  # of an answer, such as a world; limits the memory for fragments
@@ -167,6 +176,7 @@ def open_session(network: Network) -> zenoh.Session:
     KeysError. Dials in short turns, because Python handles a signal only between them. While this
     machine is busy, a process that listens but has not answered in time is dialled longer.
     """
+    os.environ.setdefault("ZENOH_RUNTIME", THREADS)
     deadline_s, busiest = monotonic() + network.connect_timeout_s, slowdown()
     while True:
         try:
