@@ -23,7 +23,7 @@ from ground.commands.command import (
     switch,
 )
 from ground.robot import STOP_S, Robot
-from protocol.bus.certificate import holder
+from protocol.bus.session import holder
 from protocol.topics import Role
 from runtime.cli.verb import DRIVE
 from runtime.clock import WallClock

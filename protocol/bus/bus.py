@@ -19,7 +19,6 @@ from typing import Any, Final, NamedTuple, Self, TypeVar
 import zenoh
 
 from protocol.bus.callbacks import zenoh_callback
-from protocol.bus.certificate import holder, peer_refusal
 from protocol.bus.fault_injector import FaultInjector
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.bus.network import Hub, Network, person_here
@@ -45,9 +44,11 @@ from protocol.bus.session import (
     LastingSession,
     bound_endpoints,
     close_session,
+    holder,
     is_linked,
     loss_text,
     open_session,
+    peer_refusal,
     probed,
     redialled,
 )

@@ -13,8 +13,6 @@ from typing import Any, Final, NamedTuple
 import zenoh
 
 from protocol.bus.network import LOCKED, Network, Tls
-from protocol.bus.rights import role_mismatch
-from protocol.topics import Role
 from runtime.errors import AccessDeniedError, KeysError
 from runtime.files import bytes_in
 
@@ -64,17 +62,6 @@ def own_certificate(tls: Tls) -> CertificateStatus:
         when = f"expired at {seen['notAfter']}"
     trouble = f"{tls.certificate} {when}"
     return status_of(seen)._replace(trouble=trouble, is_early=code == NOT_YET_VALID)
-
-
-def holder(tls: Tls | None, role: Role | None, robot: str) -> str | None:
-    """Return the common name of our certificate, None without TLS.
-
-    Raises KeysError for a certificate of another role.
-    """
-    name = own_certificate(tls).name if tls else None
-    if why := role_mismatch(name, role, robot):
-        raise KeysError(why)
-    return name
 
 
 def check_files(tls: Tls) -> None:

@@ -17,6 +17,8 @@ Zenoh 1.10 also gives up an attempt to dial that takes too long, as on a busy ma
 is registered but not read yet. Such a link is reported and sends its signs of life, so it lasts for
 ever, but nothing arrives. If the other end drops it, the next link joins the same transport, where
 nothing is declared again. A session in either state is replaced, too.
+
+`protocol.bus.certificate` is imported only where it is needed: OpenSSL takes 4 MB of memory.
 """
 
 import json
@@ -35,12 +37,12 @@ from weakref import WeakValueDictionary
 import zenoh
 
 from protocol.bus.callbacks import zenoh_callback
-from protocol.bus.certificate import own_certificate, peer_refusal, remedy
-from protocol.bus.network import Hub, Network
+from protocol.bus.network import Hub, Network, Tls
 from protocol.bus.peers import declare_link_events
-from protocol.bus.rights import access_control, dialled_access_control
-from protocol.topics import PARAMETERS, STOP_SERVICE, WORLD
+from protocol.bus.rights import access_control, dialled_access_control, role_mismatch
+from protocol.topics import PARAMETERS, STOP_SERVICE, WORLD, Role
 from runtime.errors import (
+    AccessDeniedError,
     EndpointError,
     EndpointInUseError,
     KeysError,
@@ -98,6 +100,28 @@ def overwritten(name: str, keys: list[str], priority: str) -> dict[str, object]:
     }
 
 
+def holder(tls: Tls | None, role: Role | None, robot: str) -> str | None:
+    """Return the common name of our certificate, None without TLS.
+
+    Raises KeysError for a certificate of another role.
+    """
+    if tls is None:
+        return None
+    from protocol.bus.certificate import own_certificate
+
+    name = own_certificate(tls).name
+    if why := role_mismatch(name, role, robot):
+        raise KeysError(why)
+    return name
+
+
+def peer_refusal(network: Network) -> AccessDeniedError | None:
+    """Return why the dialled processes refuse this one; None if they do not."""
+    from protocol.bus import certificate
+
+    return certificate.peer_refusal(network)
+
+
 def tls_settings(network: Network) -> dict[str, object]:
     """Return the TLS and access-control settings of a session; empty without TLS.
 
@@ -106,6 +130,8 @@ def tls_settings(network: Network) -> dict[str, object]:
     tls = network.tls
     if tls is None:
         return {}
+    from protocol.bus.certificate import own_certificate, remedy
+
     seen = own_certificate(tls)
     if network.listen and seen.trouble:
         raise KeysError(f"{seen.trouble}, so all others would reject it: {remedy(seen)}")
