@@ -123,7 +123,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options.sections:
         write_sections(found, options.against)
     if options.record:
-        write([*(one for one in rows if one.commit != commit), row])
+        write(with_row(rows, row))
+    for report in found.values():
+        for note in report["notes"]:
+            print(f"  note: {note}")
     for name in failed:
         print(f"speed: {name} could not be measured", file=sys.stderr)
     return 1 if failed else 0
@@ -195,6 +198,15 @@ def comparison(row: SpeedRow, last: SpeedRow | None) -> Iterator[str]:
         yield line(f"counted work, {name}", f"{work:.0f}", shown, has_moved)
     if last is not None:
         yield f"{moved} moved beyond noise" if moved else "nothing moved beyond noise"
+
+
+def with_row(rows: Sequence[SpeedRow], row: SpeedRow) -> list[SpeedRow]:
+    """Return the history with a row; one of the same commit keeps what was not measured again."""
+    others = [one for one in rows if one.commit != row.commit]
+    for one in rows:
+        if one.commit == row.commit and one.before == row.before:
+            row = msgspec.structs.replace(row, figures=one.figures | row.figures)
+    return [*others, row]
 
 
 def line(title: str, now: str, was: str | None, has_moved: bool) -> str:

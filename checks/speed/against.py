@@ -43,6 +43,8 @@ ROBOT_FIGURES: Final = {
 }
 """Figures of `bench robot`, in every commit so far, with name and unit here."""
 
+ATTEMPTS: Final = 4
+
 EXACT: Final = {"PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1"}
 """With these the machine instructions are equal in each run."""
 
@@ -66,7 +68,10 @@ def measure(options: argparse.Namespace) -> BenchmarkReport:
     except (BuildError, SystemExit) as error:
         notes.append(f"no compiled modules: {str(error).partition(chr(10))[0]}")
     figures = [*trial_figures(folders, options.repetitions)]
-    figures += robot_figures(folders, options.robot_repetitions, options.seconds)
+    try:
+        figures += robot_figures(folders, options.robot_repetitions, options.seconds)
+    except RuntimeError as error:
+        notes.append(f"the robot process was not measured: {error}")
     if shutil.which("valgrind"):
         figures += instruction_figures(folders)
         notes.append(f"instructions: cachegrind, Python of {platform.python_compiler()}")
@@ -140,35 +145,41 @@ def compared(title: str, unit: str, costs: Mapping[str, Sequence[float]]) -> Ite
     yield figure(f"{title}: now", now, unit)
 
 
-def robot_figures(
-    folders: Mapping[str, Path], repetitions: int, seconds: float
-) -> Iterator[Figure]:
-    """Yield the cost of the robot process of both commits, which take turns."""
+def robot_figures(folders: Mapping[str, Path], repetitions: int, seconds: float) -> list[Figure]:
+    """Return the cost of the robot process of both commits, which take turns."""
     jobs = {name: partial(robot_cost, folders[name], seconds) for name in (NOW, BEFORE)}
     found = in_turn(jobs, repetitions)
+    figures: list[Figure] = []
     for name, (title, unit) in ROBOT_FIGURES.items():
         if all(name in report for reports in found.values() for report in reports):
             costs = {one: [report[name] for report in reports] for one, reports in found.items()}
-            yield from compared(title, unit, costs)
+            figures += compared(title, unit, costs)
+    return figures
 
 
 def robot_cost(folder: Path, seconds: float) -> dict[str, float]:
-    """Return the figures of a commit's own `bench robot` by name; raise RuntimeError without."""
+    """Return the figures of a commit's own `bench robot` by name.
+
+    On a busy machine its robot may disarm itself, which ends the benchmarks of older commits: they
+    are tried again. Raises RuntimeError with the last error.
+    """
     package = "checks" if (folder / "checks" / "__main__.py").exists() else "benchmarks"
     options = ("--hours", "0", "--repetitions", "1", "--seconds", str(seconds), "--json")
-    done = subprocess.run(
-        [sys.executable, "-P", "-m", package, "robot", *options],
-        cwd=folder,
-        env=environment(folder),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    try:
-        report = json.loads(done.stdout)
-    except ValueError:
-        raise RuntimeError(f"bench robot in {folder}: {done.stderr[-2000:]}") from None
-    return {figure["name"]: figure["median"] for figure in report["figures"]}
+    errors = ""
+    for _ in range(ATTEMPTS):
+        done = subprocess.run(
+            [sys.executable, "-P", "-m", package, "robot", *options],
+            cwd=folder,
+            env=environment(folder),
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if done.stdout.startswith("{"):
+            report = json.loads(done.stdout)
+            return {figure["name"]: figure["median"] for figure in report["figures"]}
+        errors = done.stderr.strip().rpartition("\n")[2]
+    raise RuntimeError(f"{package} robot, {ATTEMPTS} times: {errors}")
 
 
 def instruction_figures(folders: Mapping[str, Path]) -> Iterator[Figure]:
