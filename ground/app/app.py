@@ -22,13 +22,22 @@ from textual.widgets import Input
 
 from ground.app.app_interface import AppControl
 from ground.app.appearance import TEXTUAL_THEMES, Appearance
+from ground.app.chrome.key_bar import refusal_of
 from ground.app.chrome.tabs import LOG, UnreadWarnings
 from ground.app.chrome.tutorial import Tutorial
 from ground.app.commands.command_sink import CommandSink
 from ground.app.commands.robot_keys import RobotKeys
 from ground.app.frame_rate import Drawable, FrameRate
 from ground.app.input.key_queue import KeyQueue
-from ground.app.input.keymap import KeyBinding, Keymap, Layer, bindings_of, names_of, shown
+from ground.app.input.keymap import (
+    PROMPTS,
+    KeyBinding,
+    Keymap,
+    Layer,
+    bindings_of,
+    names_of,
+    shown,
+)
 from ground.app.panels.status import SIMULATION, SessionInfo
 from ground.app.playback.player import RecordingReader
 from ground.app.screens import SCREENS
@@ -448,6 +457,10 @@ class GroundApp(App[int]):
         return held
 
     def action_do(self, id: str) -> None:
-        """Run the action with this id, and redraw."""
-        self.doable()[id]()
+        """Run the action with this id, and redraw; no prompt for what would be refused."""
+        refusal = refusal_of(self._keymap_in_force[id], self.station) if id in PROMPTS else ""
+        if refusal:
+            self.station.note(f"refused: {id}: {refusal}", Severity.WARNING)
+        else:
+            self.doable()[id]()
         self.redraw()

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from checks.harness.messages import make
-from ground.app.chrome.answers import SHOWN_S, answer_row
+from ground.app.chrome.answers import SHOWN_S, answer_row, hint_row
 from ground.app.chrome.button_row import Button, ButtonRow, buttons_width
 from ground.app.chrome.key_bar import key_buttons, next_keys
 from ground.app.chrome.tabs import UnreadWarnings, tab_buttons
@@ -17,6 +17,7 @@ from ground.app.stops.band import next_steps
 from ground.app.widgets.rows import width_of, words_of
 from ground.map.scene import MapTarget
 from ground.station.history.event_log import EventLog, LogLine
+from ground.station.link.loss import Loss, LossKind
 from ground.station.robot.lease_state import LeaseView
 from protocol.topics import MISSION, STATUS
 from protocol.wire.enums import GoalState, MissionState, Mode, Severity, Vehicle
@@ -305,3 +306,45 @@ def test_keys_that_need_the_lease_are_those_that_move_the_robot() -> None:
     needing = {one.id for one in KEYS if one.needs_lease}
     assert {"arm", "resume", "rtl", "goal", "clear-estop", "missions"} <= needing
     assert not needing & {"hold", "abort", "disarm", "estop", "estop-here", "explain", "lease"}
+
+
+OFFERED = ("Goal", "Arm", "Mode", "Teleop", "Mission", "Resume")
+
+
+async def test_a_robot_that_is_gone_is_offered_only_stops() -> None:
+    station = station_in(Vehicle.ACTIVE, GoalState.ABORTED, Mode.HOLD)
+    station.loss_now = Loss(LossKind.PROCESS_DEAD, "r1", "gone", "restart it", station.now_ns)
+    async with staged((160, 40), station=station) as stage:
+        offered = stage.words("keybar")
+        assert {"E-STOP", "Hold", "Abort"} <= set(offered.split())
+        assert not [word for word in OFFERED if word in offered]
+        assert stage.app.base_screen is not None
+        hints = words_of(hint_row(stage.app.base_screen.bar_keys(), 80))
+        assert hints == "  space stops  ? shows all keys"
+
+
+async def test_a_robot_without_a_place_is_offered_no_goal() -> None:
+    station = station_in(Vehicle.ACTIVE, GoalState.ABORTED, Mode.HOLD)
+    station.place_remedy_now = "pose truth"
+    async with staged((160, 40), station=station) as stage:
+        offered = stage.words("keybar")
+        assert {"E-STOP", "Hold", "Arm"} <= set(offered.split())
+        for word in ("Goal", "Resume", "Go on", "RTL"):
+            assert word not in offered
+
+
+@each(("goal", "is_offered"), [(GoalState.REACHED, False), (GoalState.ABORTED, True)])
+async def test_resume_is_offered_while_a_drive_is_kept(goal: GoalState, is_offered: bool) -> None:
+    async with staged((160, 40), station=station_in(Vehicle.ACTIVE, goal, Mode.HOLD)) as stage:
+        offered = stage.words("keybar")
+        assert ("Resume" in offered or "Go on" in offered) == is_offered
+
+
+async def test_no_prompt_opens_for_what_would_be_refused() -> None:
+    station = station_in(Vehicle.ACTIVE, GoalState.REACHED, Mode.HOLD)
+    station.lease_now = BEN
+    async with staged((160, 40), station=station) as stage:
+        await stage.press("g")
+        assert stage.app.base_screen is not None
+        assert not stage.app.base_screen.typing
+        assert "ben commands" in list(station.log)[-1].text

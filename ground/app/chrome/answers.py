@@ -1,5 +1,6 @@
 """Show the last answer beside the command line for a few seconds, and place Textual's messages."""
 
+from collections.abc import Sequence
 from typing import Any, Final
 
 from textual import events
@@ -9,6 +10,7 @@ from textual.screen import Screen
 from textual.widgets._toast import ToastRack
 
 from ground.app.app_interface import AppInterface
+from ground.app.input.keymap import KeyBinding, shown
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, cut, faint, row, width_of
 from ground.station.history.event_log import LogLine
@@ -19,8 +21,8 @@ MARKS: Final = {"E": "▲ ", "W": "▲ "}
 MORE: Final = " see Log"
 """The end of an answer that is too long for the line; the log shows all of it."""
 LEAST: Final = 40
-HINTS: Final = (("g", "sets a goal"), ("space", "stops"), ("?", "shows all keys"))
-"""The hints of the very first start."""
+HINTS: Final = (("goal", "sets a goal"), ("estop-here", "stops"), ("help", "shows all keys"))
+"""The hints of the very first start, by the id of their key."""
 
 
 class AnswerLine(Lines):
@@ -29,16 +31,21 @@ class AnswerLine(Lines):
     class Pressed(Message):
         """A click on the answer."""
 
-    def draw(self, interface: AppInterface, room: int, *, typing: bool) -> None:
-        """Draw the last answer while it is fresh; while a line is typed, in half of the room."""
+    def draw(
+        self, interface: AppInterface, offered: Sequence[KeyBinding], room: int, *, typing: bool
+    ) -> None:
+        """Draw the last answer while it is fresh; while a line is typed, in half of the room.
+
+        The hints name keys that are `offered`.
+        """
         station = interface.station
-        shown: Row = ()
+        words: Row = ()
         if station.answer is not None and is_fresh(station.answer, station.time_s):
-            shown = answer_row(station.answer, room // 2 if typing else room)
+            words = answer_row(station.answer, room // 2 if typing else room)
         elif interface.is_first_start and not typing:
-            shown = hint_row(room)
-        self.styles.width = width_of(shown) if typing else room
-        self.show([shown])
+            words = hint_row(offered, room)
+        self.styles.width = width_of(words) if typing else room
+        self.show([words])
 
     def on_click(self, event: events.Click) -> None:
         """Ask for a command."""
@@ -61,9 +68,15 @@ def answer_row(answer: LogLine, width: int) -> Row:
     return (*cut(whole, width - len(MORE)), faint(MORE))
 
 
-def hint_row(width: int) -> Row:
-    """Return the hints of the first start."""
-    spans = [piece for key, does in HINTS for piece in (Span(f"  {key}", "key"), faint(f" {does}"))]
+def hint_row(offered: Sequence[KeyBinding], width: int) -> Row:
+    """Return the hints of the first start, of the keys that are offered."""
+    keys = {key.id: shown(key.keys[:1]) for key in offered if key.keys}
+    spans = [
+        piece
+        for id, does in HINTS
+        if id in keys
+        for piece in (Span(f"  {keys[id]}", "key"), faint(f" {does}"))
+    ]
     return cut(row(*spans), width)
 
 

@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 from ground.app.chrome.button_row import Button, buttons_width
-from ground.app.input.keymap import KeyBinding, Situation, keys_for, shown
+from ground.app.input.keymap import SET_OFF, KeyBinding, Situation, keys_for, shown
 from ground.app.panels.aged import live
 from ground.app.stops.band import lost_in
 from ground.app.widgets.rows import Span, row
+from ground.client.lost_drive import NOTHING
 from ground.map.scene import MapTarget
 from ground.station.station import Station
 from protocol.topics import MISSION, STATUS
@@ -104,6 +105,32 @@ def cursor_keys(station: Station, draft: tuple[MapTarget, ...]) -> tuple[NextKey
         return next_keys(station, draft)
     keys = keys_when(Situation.CURSOR)
     return (*keys[:2], *mission_keys(station, draft), *keys[2:])
+
+
+def refusal_of(key: KeyBinding, station: Station) -> str:
+    """Return why a key would be refused in the state that is shown; empty if it is accepted.
+
+    What stops or holds the robot is never refused here, nor the release of a stop that may have
+    been lost from sight.
+    """
+    if not (station.live and key.needs_lease):
+        return ""
+    if station.lease.others:
+        return station.lease.taken
+    if key.id == "clear-estop":
+        return ""
+    loss = station.loss()
+    if loss is not None:
+        return f"{loss.kind.value.lower()}: {loss.cause}"
+    if not station.ready:
+        return f"reading {station.waiting_for}"
+    if key.id in SET_OFF and station.place_remedy:
+        return f"place unknown: `{station.place_remedy}` first"
+    status = live(station.seen(STATUS))
+    if key.id == "resume" and isinstance(status, NavigatorStatus):
+        is_kept = status.goal in DRIVING or lost_in(station, status) is not None
+        return "" if is_kept else NOTHING
+    return ""
 
 
 STOPS: Final = ("estop-here", "estop")

@@ -7,6 +7,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 
+from ground.app.chrome.key_bar import refusal_of
 from ground.app.commands.command_sink import CommandSink
 from ground.app.input.keymap import KeyBinding, shown
 from ground.app.screens.app_screen import AppScreen
@@ -77,13 +78,13 @@ class CommandPalette(Provider):
         app = ground_app(self.app)
         screen = app.base_screen
         following = [] if screen is None else screen.following_keys()
-        taken_by = "" if screen is None else screen.interface.station.lease.taken
+        station = None if screen is None else screen.interface.station
         first = [one.id for one in following]
         keys = [key for key in app.keys_now() if key.id != "palette"]
         keys.sort(key=lambda key: first.index(key.id) if key.id in first else len(first))
         for key in keys:
-            taken = f" ({taken_by})" if taken_by and key.needs_lease else ""
-            words = f"{shown(key.keys)}   {key.description}{taken}"
+            why = "" if station is None else refusal_of(key, station)
+            words = f"{shown(key.keys)}   {key.description}{f' ({why})' if why else ''}"
             yield PaletteEntry(key.id.replace("-", " "), partial(app.run_chosen, key.id), words)
         for name in THEMES:
             set_theme = partial(app.commands.perform, SetTheme(name=name))

@@ -12,7 +12,7 @@ from textual.widgets import Input
 from ground.app.app_interface import AppInterface
 from ground.app.chrome.answers import AnswerLine, MessagePlace
 from ground.app.chrome.button_row import ButtonRow, buttons_width
-from ground.app.chrome.key_bar import NextKey, key_buttons, next_keys
+from ground.app.chrome.key_bar import NextKey, key_buttons, next_keys, refusal_of
 from ground.app.chrome.roster import fits_beside, roster_buttons
 from ground.app.chrome.tabs import tab_buttons
 from ground.app.input.keymap import KeyBinding, Layer
@@ -121,13 +121,12 @@ class AppScreen(Screen[None], StillWidget):
     def bar_keys(self) -> list[KeyBinding]:
         """Return the keys for the key bar: with a dialog open, only those that also work in it.
 
-        While another operator commands, only those that the robot accepts nevertheless.
+        None that would be refused in the state that is shown.
         """
         keys = self.interface.keys_now()
         if self.app.screen is not self:
             return [key for key in keys if key.layer is Layer.ALWAYS]
-        is_taken = self.interface.station.lease.others
-        return [key for key in keys if not (is_taken and key.needs_lease)]
+        return [key for key in keys if not refusal_of(key, self.interface.station)]
 
     def following_keys(self) -> tuple[NextKey, ...]:
         """Return the actions that continue from the present state, for the key bar."""
@@ -145,7 +144,7 @@ class AppScreen(Screen[None], StillWidget):
     def draw_answer(self) -> None:
         """Draw the last answer, or the hints of the first start."""
         room = max(0, self.size.width - len(self._prompt or self.interface.station.robot) - 2)
-        self.query_one(AnswerLine).draw(self.interface, room, typing=self.typing)
+        self.query_one(AnswerLine).draw(self.interface, self.bar_keys(), room, typing=self.typing)
 
     def take_key(self, key: str) -> bool:
         """Handle a key without a binding; return whether it had an effect."""
