@@ -114,6 +114,10 @@ def station_in(vehicle: Vehicle, goal: GoalState, mode: Mode) -> FakeStation:
     return station
 
 
+def ready_mission(now_ns: int) -> MissionStatus:
+    return make(MissionStatus, time_ns=now_ns, state=MissionState.READY, count=2, mission_id=1)
+
+
 @each(
     ("vehicle", "goal", "mode", "begins"),
     [
@@ -162,10 +166,7 @@ async def test_one_key_sends_starts_and_lists_the_mission() -> None:
         assert stage.words("keybar").startswith(" space E-STOP  W Send 2 waypoints ")
         await stage.press("W")
         station.mission_items_now = WAYS
-        ready = make(
-            MissionStatus, time_ns=station.now_ns, state=MissionState.READY, count=2,
-            mission_id=1,
-        )  # fmt: skip
+        ready = ready_mission(station.now_ns)
         station.bus.say(MISSION, ready)
         await stage.redraw()
         assert stage.words("keybar").startswith(" space E-STOP  W Start mission ")
@@ -217,6 +218,12 @@ def test_every_failsafe_leads_to_driving(reason: Reason) -> None:
     keys = [step.key for step in next_steps(stopped, None, lambda id: KEY[id].keys[0])]
     first = {Reason.FENCE_BREACHED: [":fence off"], Reason.FENCE_UNCHECKED: ["i"]}
     assert keys == [*first.get(reason, []), "a", "g"]
+
+
+def test_a_stopped_robot_without_a_place_is_given_one() -> None:
+    stopped = status(0, GoalState.ABORTED, Vehicle.EMERGENCY_STOP)
+    steps = next_steps(stopped, None, lambda id: KEY[id].keys[0], is_placed=False)
+    assert [step.key for step in steps] == ["D D", "i", "a", "g"]
 
 
 def test_unchecked_fence_asks_for_the_place() -> None:
@@ -331,6 +338,14 @@ async def test_a_robot_without_a_place_is_offered_no_goal() -> None:
         assert {"E-STOP", "Hold", "Arm"} <= set(offered.split())
         for word in ("Goal", "Resume", "Go on", "RTL"):
             assert word not in offered
+
+
+def test_a_mission_starts_only_from_a_known_place() -> None:
+    station = station_in(Vehicle.ACTIVE, GoalState.REACHED, Mode.HOLD)
+    station.bus.say(MISSION, ready_mission(station.now_ns))
+    for remedy, offered in (("", ["missions"]), ("pose truth", [])):
+        station.place_remedy_now = remedy
+        assert [one.id for one in next_keys(station, ()) if one.id == "missions"] == offered
 
 
 @each(("goal", "is_offered"), [(GoalState.REACHED, False), (GoalState.ABORTED, True)])

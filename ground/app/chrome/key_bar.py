@@ -62,7 +62,7 @@ def mission_keys(station: Station, draft: tuple[MapTarget, ...]) -> tuple[NextKe
     waypoints = len(unsent(draft, station))
     if waypoints:
         return (NextKey("missions", f"Send {waypoints} waypoint{'s' * (waypoints > 1)}"),)
-    return (START_MISSION,) if mission_is_ready(station) else ()
+    return (START_MISSION,) if mission_is_ready(station) and not station.place_remedy else ()
 
 
 def next_keys(station: Station, draft: tuple[MapTarget, ...]) -> tuple[NextKey, ...]:

@@ -131,9 +131,6 @@ class StopKeys:
         if live(station.seen(STATUS)) is not None and not is_in_emergency_stop(station):
             self._app.note(f"{robot} is not in E-STOP: nothing to clear")
             return
-        if taken := station.lease.taken:
-            self._app.note(taken)
-            return
         if self._clearing.is_second(robot):
             self._app.commands.perform(ClearEmergencyStop())
             return

@@ -121,7 +121,10 @@ LEASED: Final = (
 """Ids of keys without a command of their own that need the lease."""
 SET_OFF: Final = ("goal", "goal-at-cursor", "resume", "rtl")
 """Ids of keys that the robot refuses while it does not know its place."""
-PROMPTS: Final = ("goal", "goal-at-cursor", "mode", "navigator", "side", "place", "teleop")
+PROMPTS: Final = (
+    *("goal", "goal-at-cursor", "mode", "navigator", "side", "place"),
+    *("clear-estop", "teleop"),
+)
 """Ids of keys that ask for more, or drive by hand: what is refused does not begin them."""
 MOVING: Final = ("clear-estop", "teleop", "world-start", "fault-begin")
 """Ids of keys that can move a robot, besides those of the layers that command it."""

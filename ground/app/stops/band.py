@@ -40,11 +40,15 @@ class Step(NamedTuple):
 
 
 def next_steps(
-    status: NavigatorStatus, lost: LostDrive | None, key_of: Callable[[str], str]
+    status: NavigatorStatus,
+    lost: LostDrive | None,
+    key_of: Callable[[str], str],
+    *,
+    is_placed: bool = True,
 ) -> list[Step]:
     """Return the steps that lead from the present state to driving.
 
-    `key_of` returns the key of an action by its id.
+    `key_of` returns the key of an action by its id. `is_placed`: the robot knows its place.
     """
     steps: list[Step] = []
     if status.vehicle == Vehicle.EMERGENCY_STOP:
@@ -52,7 +56,7 @@ def next_steps(
         steps.append(Step(clear if clear.startswith(":") else f"{clear} {clear}", "clear"))
     if status.vehicle_reason == Reason.FENCE_BREACHED:
         steps.append(Step(FENCE_OFF, "lift the fence"))
-    if status.vehicle_reason == Reason.FENCE_UNCHECKED:
+    if status.vehicle_reason == Reason.FENCE_UNCHECKED or not is_placed:
         steps.append(Step(key_of("place"), "set the place"))
     if status.vehicle != Vehicle.ACTIVE:
         steps.append(Step(key_of("arm"), "arm"))
@@ -113,7 +117,7 @@ def stop_band(
         return Band(others)
     room = 1 if height < LOW else 3 if height >= TALL else 2
     lost = lost_in(station, status)
-    steps = next_steps(status, lost, keys.of)
+    steps = next_steps(status, lost, keys.of, is_placed=not station.place_remedy)
     taken = station.lease.taken
     after = [taken, taken.partition(":")[0]] if taken else forms(steps, keys.where)
     after = after if station.live else [""]
