@@ -1,11 +1,11 @@
 """`python -m checks.speed.counts`: count the work of the hot paths and compare it with a table.
 
 On a shared machine a time differs by a fifth from one minute to the next. The executed bytecodes
-and the called C functions are the same in every run. Both are counted on each path, per tick or per
-message, and their weighted sum is compared with `counts.toml`. That has a table for each version of
-Python, because each compiles to other bytecodes. A path whose work has grown by more than
-`TOLERANCE` fails. Where it has become less by as much, a line asks to commit the gain: otherwise it
-could be lost again without a failure.
+and the called C functions are the same in every run, but for one in 100,000 where the threads of a
+bus take part. Both are counted on each path, per tick or per message, and their weighted sum is
+compared with `counts.toml`. That has a table for each version of Python, because each compiles to
+other bytecodes. A path whose work has grown by more than `TOLERANCE` fails. Where it has become
+less by as much, a line asks to commit the gain: otherwise it could be lost again without a failure.
 
 `--accept` writes the figures of this Python into the table. `--functions N` shows the functions
 that execute the most bytecodes of each path.
