@@ -17,6 +17,7 @@ from time import monotonic
 from typing import Final
 
 from plant.model.configuration import LEVELS, noise_of
+from plant.other_plants import OtherPlants, shared_world
 from plant.robot_link import PlantLink
 from plant.shortest_path import known_length_m
 from plant.sim.simulation import Plant
@@ -35,7 +36,7 @@ from protocol.world import as_json
 from runtime import config
 from runtime.cli.parsers import new_parser
 from runtime.clock import Clock, WakeUp, WallClock, ticks
-from runtime.errors import UserError
+from runtime.errors import EXIT_FAILURE, EXIT_OK, UserError
 from runtime.units import NS_PER_S, PERIOD_S
 from runtime.watchdog import Patience, Watchdog
 
@@ -53,6 +54,9 @@ class RequestQueue:
     def __init__(self, *, running: bool, world: object, nudge: Callable[[], None]) -> None:
         """Create the queue; `nudge` is called by the bus when there is a request."""
         self.running = running
+        self.ordered: Callable[[bool], None] = lambda _running: None
+        """Called with each START (True) and PAUSE (False)."""
+
         self._nudge = nudge
         self._world = json.dumps(world).encode()
         self._requests: SimpleQueue[tuple[int, ServiceRequest, RunRequest]] = SimpleQueue()
@@ -91,6 +95,7 @@ class RequestQueue:
         elif request.action != RunAction.PAUSE:
             return acknowledge(AckResult.UNSUPPORTED, Reason.UNKNOWN_COMMAND)
         self.running = request.action == RunAction.START
+        self.ordered(self.running)
         return acknowledge(AckResult.ACCEPTED, Reason.NONE)
 
 
@@ -138,7 +143,8 @@ class Process:
     """The plant with its links to the robots and its request queue.
 
     `look` is called once per period, for observers. `turn` is called in each iteration of the loop,
-    at least every `REPEAT_S`, also while simulated time is paused.
+    at least every `REPEAT_S`, also while simulated time is paused. `others`: the plants of the
+    other robots of this world; without one of them it ends.
     """
 
     plant: Plant
@@ -148,6 +154,7 @@ class Process:
     patience_s: float = PATIENCE_S
     look: Callable[[], None] = nothing
     turn: Callable[[], None] = nothing
+    others: OtherPlants | None = None
     _published_s: float = 0.0
 
     def publish(self) -> None:
@@ -163,15 +170,22 @@ class Process:
         return [link for link in self.links if link.expected and not link.answered]
 
     def advance(self) -> None:
-        """Apply the wheel commands and advance one period."""
+        """Apply the wheel commands and advance one period, in lockstep with the other plants."""
         for link in self.links:
             link.apply_command(self.plant)
-        self.plant.advance()
+        if self.others is None:
+            self.plant.advance()
+            return
+        self.others.tell(self.plant)
+        self._await_others(self.others)
+        if not self.wake.stopping:
+            self.plant.advance(self.others.motions())
 
     def run_wall(self, clock: Clock) -> None:
         """Run one period of simulated time per period of wall time, paused or not."""
         for _ in ticks(clock, 1.0 / PERIOD_S):
             self._serve()
+            self._obey()
             if self.wake.stopping:
                 return
             if self.requests.running:
@@ -199,6 +213,16 @@ class Process:
     def _serve(self) -> None:
         self.turn()
         self.requests.serve(self.plant)
+        if self.others is not None and self.others.why_ended:
+            self.wake.stop()
+
+    def _obey(self) -> None:
+        """Run, pause or begin a new score as another plant was told to."""
+        if self.others is not None:
+            running, is_new = self.others.take_order(running=self.requests.running)
+            self.requests.running = running
+            if is_new:
+                self.plant.restart_score()
 
     def _await_due(self, due_s: float) -> None:
         while (remaining_s := due_s - monotonic()) > 0 and not self.wake.stopping:
@@ -229,25 +253,48 @@ class Process:
             self._wait_or_repeat(remaining_s)
 
     def _await_start(self) -> None:
+        self._obey()
         while not (self.requests.running or self.wake.stopping):
             self._wait_or_repeat(REPEAT_S)
             self._serve()
+            self._obey()
+
+    def _await_others(self, others: OtherPlants) -> None:
+        """Wait for the other plants, in lockstep only; each sends again what may have been lost."""
+        while others.silent and not self.wake.stopping:
+            self._wait_or_repeat(REPEAT_S)
+            self._serve()
+            self._obey()
 
     def _wait_or_repeat(self, timeout_s: float) -> None:
         """Wait for an arrival, and publish this tick again `REPEAT_S` after the last time."""
         remaining_s = self._published_s + REPEAT_S - monotonic()
         if remaining_s <= 0.0:
             self.publish()
+            if self.others is not None:
+                self.others.repeat()
         else:
             self.wake.wait(min(timeout_s, remaining_s))
 
 
 def run(
-    plant: Plant, network: Network, robots: list[str], *, lockstep: bool, speed: float, paused: bool
+    plant: Plant,
+    network: Network,
+    robots: list[str],
+    *,
+    lockstep: bool,
+    speed: float,
+    paused: bool,
+    own: Sequence[str] = (),
 ) -> int:
-    """Run until stopped and return 0. In lockstep the first tick waits for the robots."""
+    """Run until stopped and return 0; return 1 if another plant of this world has ended.
+
+    In lockstep the first tick waits for the robots. `own` are the robots of this plant, by default
+    all.
+    """
     wake = Wake()
-    with open_bus(replace(network, patient=lockstep), Role.PLANT, robots[0]) as bus:
+    mine = list(own or robots)
+    with open_bus(replace(network, patient=lockstep), Role.PLANT, mine[0]) as bus:
         for number in (
             signal.SIGINT,
             signal.SIGTERM,
@@ -256,17 +303,24 @@ def run(
         bus.on_impostor(lambda why: log_line(f"plant: {why}"))
         watchdog = Watchdog()
         process = assemble(
-            plant, bus, robots, wake, lockstep=lockstep, paused=paused, turn=watchdog.reset
+            plant,
+            bus,
+            robots,
+            wake,
+            lockstep=lockstep,
+            paused=paused,
+            turn=watchdog.reset,
+            own=mine,
         )
-        names = ", ".join(robots)
-        log_line(f"plant: world {plant.world.name} with {names}")
+        log_line(f"plant: world {plant.world.name} with {', '.join(mine)}")
         with watchdog:
             if lockstep:
                 process.run_lockstep(speed)
             else:
                 process.run_wall(WallClock())
-    log_line("plant: ends")
-    return 0
+    why = process.others.why_ended if process.others else ""
+    log_line(f"plant: ends{why and f', because {why}'}")
+    return EXIT_FAILURE if why else EXIT_OK
 
 
 def assemble(
@@ -278,32 +332,44 @@ def assemble(
     lockstep: bool,
     paused: bool,
     turn: Callable[[], None] = nothing,
+    own: Sequence[str] | None = None,
 ) -> Process:
     """Create the links to the robots and the services, and announce them. Raises NameTakenError."""
+    own = robots if own is None else own
+    numbers = {number: robot for number, robot in enumerate(robots) if robot in own}
     world = as_json(plant.world, known_length_m(plant.world))
     world |= run_json(plant.world, plant.seed, plant.noise)
     desk = RequestQueue(running=not paused, world=world, nudge=wake)
     wires = [
-        PlantLink(bus, robot, number, wake, lockstep=lockstep)
-        for number, robot in enumerate(robots)
+        PlantLink(bus, robot, number, wake, lockstep=lockstep) for number, robot in numbers.items()
     ]
-    for number, robot in enumerate(robots):
+    others = None
+    if away := {n: robot for n, robot in enumerate(robots) if n not in numbers}:
+        facts = shared_world(world, robots)
+        others = OtherPlants(bus, numbers, away, facts, wake, lockstep=lockstep)
+        desk.ordered = lambda running: others.order(running=running)
+    for number, robot in numbers.items():
         take = partial(desk.ask, number)
         bus.serve(RUN, take, robot)
         bus.serve(WORLD, take, robot)
-    claim(bus, robots)
-    if lockstep:
-        watch_robots(bus, wires, wake)
+    claim(bus, list(numbers.values()))
+    if lockstep or others is not None:
+        watch_processes(bus, wires, others, wake)
     look = RejectLog(lambda: bus.rejected, log_line).look
-    return Process(plant, wires, desk, wake, look=look, turn=turn)
+    return Process(plant, wires, desk, wake, look=look, turn=turn, others=others)
 
 
-def watch_robots(bus: Bus, links: list[PlantLink], wake: Wake) -> None:
-    """Tell each link which robots are present, so that no tick waits for one that has gone."""
+def watch_processes(
+    bus: Bus, links: list[PlantLink], others: OtherPlants | None, wake: Wake
+) -> None:
+    """Tell which robots and plants are present, so that no tick waits for one that has gone."""
+    of = {link.robot: link for link in links}
 
     def note(token: Presence, appeared: bool) -> None:
-        for link in links:
-            link.note_presence(token, appeared)
+        if token.robot in of:
+            of[token.robot].note_presence(token, appeared)
+        if others is not None:
+            others.note_presence(token, appeared)
         wake()
 
     bus.watch(note)
@@ -351,25 +417,35 @@ def main(argv: Sequence[str]) -> int:
         config.load_shared(arguments.config, PlantSettings) if arguments.config else PlantSettings()
     )
     network = network_of(arguments, settings.network, listens=False)
-    names = settings.robot if arguments.robots is None else arguments.robots
-    robots = [robot_name(name) for name in names.split(",")]
-    if len(set(robots)) < len(robots):
-        raise UserError(f"--robots {names}: each robot needs a name of its own")
+    robots = names_in("--robots", settings.robot if arguments.robots is None else arguments.robots)
+    own = robots if arguments.own is None else names_in("--own", arguments.own)
+    if strangers := [name for name in own if name not in robots]:
+        raise UserError(f"--own {strangers[0]}: is not one of --robots {','.join(robots)}")
     return run(
-        plant_of(arguments, len(robots)),
+        plant_of(arguments, len(robots), [robots.index(name) for name in own]),
         network,
         robots,
         lockstep=arguments.lockstep,
         speed=arguments.speed,
         paused=arguments.paused,
+        own=own,
     )
 
 
-def plant_of(arguments: argparse.Namespace, robots: int) -> Plant:
+def names_in(option: str, text: str) -> list[str]:
+    """Return the names in a list such as r1,r2; raise UserError for one that is there twice."""
+    names = [robot_name(name) for name in text.split(",")]
+    if len(set(names)) < len(names):
+        raise UserError(f"{option} {text}: each robot needs a name of its own")
+    return names
+
+
+def plant_of(arguments: argparse.Namespace, robots: int, own: Sequence[int] | None = None) -> Plant:
     """Return the plant of the command line; raise UserError for an unusable world."""
     world = load(arguments.world)
+    noise = noise_of(world, arguments.noise)
     try:
-        return Plant(world, arguments.seed, noise_of(world, arguments.noise), robots=robots)
+        return Plant(world, arguments.seed, noise, robots=robots, own=own)
     except ValueError as error:
         raise UserError(f"world {arguments.world}: {error}") from error
 
@@ -390,6 +466,11 @@ def parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--noise", metavar="LEVEL", choices=sorted(LEVELS), help=", ".join(LEVELS))
     parser.add_argument("--robots", metavar="NAMES", help="as in r1,r2 (default r1)")
+    parser.add_argument(
+        "--own",
+        metavar="NAMES",
+        help="those of --robots that this plant simulates; other plants simulate the others (all)",
+    )
     parser.add_argument("--lockstep", action="store_true", help="advance when all robots answered")
     parser.add_argument(
         "--speed",

@@ -44,6 +44,7 @@ from protocol.wire.messages import (
     ParamSet,
     ParamValue,
     PlanarOdometry,
+    RobotMotion,
     RunRequest,
     SonarScan,
     Statustext,
@@ -94,6 +95,15 @@ TRUTH: Final = Topic(
     stale_after_ns=250 * NS_PER_MS,
     priority=Priority.DATA_LOW,
     doc="true pose of the robot; for evaluation only",
+)
+MOTION: Final = Topic(
+    path="truth/motion",
+    messages=(RobotMotion,),
+    publisher=Role.PLANT,
+    rate_hz=20.0,
+    stale_after_ns=250 * NS_PER_MS,
+    priority=Priority.DATA_HIGH,
+    doc="motion of the robot in the next period, for the other plants of its world",
 )
 DRIVE: Final = Topic(
     path="drive/wheels",
@@ -337,6 +347,7 @@ TOPICS: Final[tuple[Topic[Message], ...]] = (
     WHEELS,
     CLOCK,
     TRUTH,
+    MOTION,
     DRIVE,
     HEARTBEAT,
     ODOMETRY,

@@ -30,4 +30,5 @@ def listening_of(options: argparse.Namespace) -> Network:
     listen = network.listen or (usual_endpoint(network),)
     if options.listen is not None:
         listen = (options.listen,)
-    return replace(network, mode="router", listen=listen)
+    connect = network.connect if options.connect is None else (options.connect,)
+    return replace(network, mode="router", listen=listen, connect=connect)

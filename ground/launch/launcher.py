@@ -57,8 +57,6 @@ PROCESS_FAULTS: Final[Mapping[str, tuple[signal.Signals, str]]] = MappingProxyTy
 
 
 PAUSED: Final = "--paused"
-PLANT: Final = "plant"
-ROBOT_ROLE: Final = "robot "
 LOCAL: Final = "127.0.0.1"
 DIAL_S: Final = 0.5
 CLOSE_NS: Final = 5 * NS_PER_S
@@ -94,6 +92,9 @@ class Stack:
         self.endpoint = endpoint
         self.stop_at: dict[str, str] = {}
         """Where each robot receives stop datagrams, if not at the endpoint: behind a router."""
+
+        self._further: list[str] = []
+        """Endpoints of the routers after the first one."""
 
         self._clock = clock
         self._policy = policy
@@ -133,24 +134,29 @@ class Stack:
         """
         if self.scenario.record is not None:
             make_folder(self.scenario.record)
-        *first, (role, words) = commands = self._commands()
+        commands = self._commands()
         self._roles = [name for name, _ in commands]
         check(self.scenario.locks, self._roles)
-        for before, its_words in first:
-            self._children.start(before, self._kept(before, its_words))
+        plants = len(self.scenario.owners)
+        for role, words in commands[:-plants]:
+            self._children.start(role, self._kept(role, words))
         ready()
-        waits = paused or PAUSED not in words
-        self._children.start(role, words if waits else [w for w in words if w != PAUSED])
+        for role, words in commands[-plants:]:
+            its_words = words if paused else [word for word in words if word != PAUSED]
+            self._children.start(role, its_words)
         self.on_change()
 
     def supervise(self, bus: Bus) -> None:
         """Restart processes that exit, and kill and restart those that hang, from now on."""
         self._bus = bus
         self._begin_supervision()
-        for robot in self.scenario.robots:
-            bus.stream(HEARTBEAT, partial(self._note_message, f"robot {robot}"), robot)
-            bus.stream(TRUTH, partial(self._note_message, PLANT), robot)
-            if self.scenario.mavlink:
+        for role, robots in self.scenario.hosts.items():
+            for one in robots:
+                bus.stream(HEARTBEAT, partial(self._note_message, role), one.robot)
+        for role, names in self.scenario.owners.items():
+            bus.stream(TRUTH, partial(self._note_message, role), names[0])
+        if self.scenario.mavlink:
+            for robot in self.scenario.robots:
                 bus.stream(GATEWAY, partial(self._note_message, GATEWAY_ROLE), robot)
 
     def check(self) -> None:
@@ -198,10 +204,15 @@ class Stack:
             self.on_change()
 
     def void(self, robot: str) -> VoidRun | None:
-        """Return why a trial of this robot is void, or None while it counts."""
+        """Return why a trial of this robot is void, or None while it counts.
+
+        It needs all plants: when one has ended, the others end too, and the world begins anew.
+        """
         if self._supervisor is None:
             return None
-        return self._supervisor.void((f"robot {robot}", PLANT), self._clock.now_ns())
+        hosts = self.scenario.hosts.items()
+        role = next(role for role, robots in hosts if robot in [one.robot for one in robots])
+        return self._supervisor.void((role, *self.scenario.owners), self._clock.now_ns())
 
     def restarted(self, scenario: Scenario, stopped: Callable[[], None] = lambda: None) -> None:
         """Stop all processes and start those of another scenario, within about a second.
@@ -253,10 +264,13 @@ class Stack:
     def _begin_supervision(self) -> None:
         bus = self._bus
         assert bus is not None, "set by supervise()"
-        robots = [f"robot {robot}" for robot in self.scenario.robots]
+        robots = list(self.scenario.hosts)
         hub, now_ns = ROUTER if self.scenario.router else robots[0], self._clock.now_ns()
         silent_ns = PACED_SILENT_NS if self.scenario.lockstep else SILENT_NS
-        roles, slow = [*robots, PLANT], [GATEWAY_ROLE] if self.scenario.mavlink else []
+        roles, slow = (
+            [*robots, *self.scenario.owners],
+            [GATEWAY_ROLE] if self.scenario.mavlink else [],
+        )
         self._detector = HangDetector(
             hub, roles, lambda: bus.hub().linked, now_ns, silent_ns, slow, self._queued_ns
         )
@@ -276,12 +290,16 @@ class Stack:
 
     def _commands(self) -> list[tuple[str, list[str]]]:
         """Return role and arguments of each process; a robot keeps its place for stop datagrams."""
-        commands = process_arguments(self.scenario, self.endpoint)
+        while len(self._further) < self.scenario.routers - 1:
+            self._further.append(f"tcp/{free_address()}")
+        further = self._further[: self.scenario.routers - 1]
+        commands = process_arguments(self.scenario, self.endpoint, *further)
         if self.scenario.router:
+            hosts = self.scenario.hosts
             for role, words in commands:
-                robot = role.removeprefix(ROBOT_ROLE)
-                if robot != role:
-                    words += ["--stop-at", self.stop_at.setdefault(robot, free_address())]
+                for one in hosts.get(role, ()):
+                    at = self.stop_at.setdefault(one.robot, free_address())
+                    words += ["--stop-at", at]
         return commands
 
     def _arguments_of(self, role: str, cause: str) -> list[str]:
@@ -295,7 +313,8 @@ class Stack:
         """Return the arguments of a process; a robot keeps its emergency stop over a restart."""
         if words[0] != "robot":
             return words
-        return [*words, "--stops", str(self._place() / role)]
+        shared = len(self.scenario.hosts[role]) > 1
+        return [*words, "--stops", str(self._place() / role / ("{id}" if shared else ""))]
 
     def _place(self) -> Path:
         """Return the folder of this run, which ends with it."""

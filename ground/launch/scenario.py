@@ -3,16 +3,18 @@
 import json
 import os
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final, Protocol, TypeVar
 
 from ground.client.floor import floor_from, goal_in
 from ground.client.goal import Destination, destination
 from ground.client.time_factor import chosen_speed
 from ground.launch.child_command import command
 from ground.launch.recording_session import RECORDER
+from ground.launch.supervisor import ROUTER
 from ground.launch.tls_configs import locked, with_locks
 from protocol.outcome import RunSettings, start_arguments
 from protocol.world import WorldRun, run_in
@@ -20,10 +22,15 @@ from runtime.config import settings_of, totals_arguments
 from runtime.errors import RemoteError, UserError
 
 SHOW_S: Final = 60.0
+MAX_SEPARATE: Final = 20
+"""Robots that each have a process of their own by default; more are divided among few."""
+PLANT: Final = "plant"
 GATEWAY_ROLE: Final = "gateway"
 PACED: Final = "paced"
 WALL: Final = "wall"
 CLOCKS: Final = (PACED, WALL)
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,6 +74,10 @@ class Scenario:
     """Whether the control cores run on emulated boards."""
     mavlink: tuple[str, ...] = ()
     """Endpoints of the MAVLink gateway; without one, none is started."""
+    processes: int = 1
+    """Number of processes among which the robots are divided."""
+    plants: int = 1
+    routers: int = 1
 
     @property
     def level(self) -> str:
@@ -87,6 +98,20 @@ class Scenario:
     def robots(self) -> tuple[str, ...]:
         """Names of the robots."""
         return tuple(scenario_robot.robot for scenario_robot in self.scenario_robots)
+
+    @property
+    def hosts(self) -> dict[str, tuple[ScenarioRobot, ...]]:
+        """The robots of each robot process, by its role."""
+        groups = divided(self.scenario_robots, self.processes)
+        return {robot_role([one.robot for one in group]): group for group in groups}
+
+    @property
+    def owners(self) -> dict[str, tuple[str, ...]]:
+        """The names of each plant's robots, by its role."""
+        groups = divided(self.robots, self.plants)
+        if len(groups) == 1:
+            return {PLANT: groups[0]}
+        return {f"{PLANT} of {span(group)}": group for group in groups}
 
     def asked(self, goal: Destination) -> RunSettings:
         """Return the task of a robot with this goal."""
@@ -126,6 +151,40 @@ class RunOptions(Protocol):
     locks: str | None
     mavlink: list[str]
     mcu: bool
+    processes: int | None
+    plants: int
+    routers: int
+
+
+def divided(robots: Sequence[T], parts: int) -> list[tuple[T, ...]]:
+    """Return the robots in contiguous parts that differ by at most one."""
+    ends = [len(robots) * part // parts for part in range(parts + 1)]
+    return [tuple(robots[begin:end]) for begin, end in pairwise(ends)]
+
+
+def span(robots: Sequence[str]) -> str:
+    """Return the names of robots that follow one another, for the name of a process."""
+    return robots[0] if len(robots) == 1 else f"{robots[0]} to {robots[-1]}"
+
+
+def robot_role(robots: Sequence[str]) -> str:
+    """Return the role of the process of these robots."""
+    return f"{'robot' if len(robots) == 1 else 'robots'} {span(robots)}"
+
+
+def processes_of(options: RunOptions) -> int:
+    """Return among how many processes the robots are divided; UserError if they must not be."""
+    robots = options.robots
+    if options.processes is None:
+        many = robots > MAX_SEPARATE and not (options.mcu or options.locks)
+        return min(robots, 2 * (os.cpu_count() or 1)) if many else robots
+    if options.processes > robots:
+        raise UserError(f"--processes {options.processes}: there are only --robots {robots}")
+    if options.processes < robots and (options.mcu or options.locks):
+        raise UserError(
+            f"--processes {options.processes}: with --locks or --mcu each robot has its own process"
+        )
+    return options.processes
 
 
 def scenario_of(options: RunOptions, run: WorldRun) -> Scenario:
@@ -134,6 +193,17 @@ def scenario_of(options: RunOptions, run: WorldRun) -> Scenario:
         raise UserError(
             f"--clock wall runs in real time, not at --speed {options.speed}: use --clock paced"
         )
+    for what, count in (("--plants", options.plants), ("--routers", options.routers)):
+        if count > options.robots:
+            raise UserError(f"{what} {count}: there are only --robots {options.robots}")
+    if options.record is not None and options.robots > MAX_SEPARATE:
+        raise UserError(
+            f"--record: up starts a recorder for each robot, of at most {MAX_SEPARATE} robots, not"
+            f" of {options.robots}: leave it out, and record the ones you need with"
+            " `sidestep rec start --id NAME`"
+        )
+    if options.locks is not None and options.routers > 1:
+        raise UserError(f"--routers {options.routers}: with --locks there is one router")
     goal = goal_in(run.world)
     if options.goal is not None:
         goal = destination(options.goal)
@@ -148,7 +218,7 @@ def scenario_of(options: RunOptions, run: WorldRun) -> Scenario:
         seed=options.seed,
         noise=options.noise,
         speed=options.speed,
-        router=options.router or options.robots > 1,
+        router=options.router or options.robots > 1 or options.routers > 1,
         record=None if options.record is None else str(Path(options.record).resolve()),
         timeout_s=options.timeout,
         clock=options.clock,
@@ -157,6 +227,9 @@ def scenario_of(options: RunOptions, run: WorldRun) -> Scenario:
         locks=options.locks,
         mavlink=tuple(options.mavlink),
         mcu=options.mcu,
+        processes=processes_of(options),
+        plants=options.plants,
+        routers=options.routers,
     )
 
 
@@ -197,19 +270,31 @@ def world_facts(words: list[str]) -> dict[str, Any]:
     return facts
 
 
-def process_arguments(scenario: Scenario, endpoint: str) -> list[tuple[str, list[str]]]:
-    """Return role and arguments of each process, in the order in which they are started."""
-    commands = _without_certificates(scenario, locked(scenario.locks, endpoint))
+def process_arguments(
+    scenario: Scenario, endpoint: str, *further: str
+) -> list[tuple[str, list[str]]]:
+    """Return role and arguments of each process, in the order in which they are started.
+
+    The plants come last. `further` are the endpoints of further routers, which dial the first one.
+    """
+    commands = _without_certificates(scenario, (locked(scenario.locks, endpoint), *further))
     return [(role, with_locks(scenario.locks, role, words)) for role, words in commands]
 
 
-def _without_certificates(scenario: Scenario, endpoint: str) -> list[tuple[str, list[str]]]:
+def _without_certificates(
+    scenario: Scenario, endpoints: Sequence[str]
+) -> list[tuple[str, list[str]]]:
     """Return the same without certificates."""
     commands: list[tuple[str, list[str]]] = []
+    endpoint, *further = endpoints
     if scenario.router:
-        commands.append(("router", ["router", "--listen", endpoint]))
+        commands.append((ROUTER, ["router", "--listen", endpoint]))
+        for number, one in enumerate(further, 2):
+            words = ["router", "--listen", one, "--connect", endpoint]
+            commands.append((f"{ROUTER} {number}", words))
     commands += [
-        (f"robot {one.robot}", robot(scenario, one, endpoint)) for one in scenario.scenario_robots
+        (role, robot(scenario, robots, endpoints[number % len(endpoints)]))
+        for number, (role, robots) in enumerate(scenario.hosts.items())
     ]
     if scenario.record is not None:
         keep = [] if scenario.keep is None else ["--keep", scenario.keep]
@@ -217,7 +302,12 @@ def _without_certificates(scenario: Scenario, endpoint: str) -> list[tuple[str, 
         commands += [(f"{RECORDER} {name}", [*words, name]) for name in scenario.robots]
     if scenario.mavlink:
         commands.append((GATEWAY_ROLE, gateway(scenario, endpoint)))
-    return [*commands, ("plant", plant(scenario, endpoint))]
+    for number, (role, own) in enumerate(scenario.owners.items()):
+        words = plant(scenario, endpoints[number % len(endpoints)], own)
+        if scenario.lockstep and number == 0:
+            words.append("--paused")  # the others wait for it
+        commands.append((role, words))
+    return commands
 
 
 def gateway(scenario: Scenario, endpoint: str) -> list[str]:
@@ -227,12 +317,12 @@ def gateway(scenario: Scenario, endpoint: str) -> list[str]:
     return [*found, "--connect", endpoint]
 
 
-def robot(scenario: Scenario, scenario_robot: ScenarioRobot, endpoint: str) -> list[str]:
-    """Return the arguments of a robot. Without a router, the others dial the robot."""
+def robot(scenario: Scenario, robots: Sequence[ScenarioRobot], endpoint: str) -> list[str]:
+    """Return the arguments of a robot process. Without a router, the others dial the robot."""
     found = [
         "robot",
         "--id",
-        scenario_robot.robot,
+        ",".join(one.robot for one in robots),
         "--connect" if scenario.router else "--listen",
         endpoint,
     ]
@@ -240,7 +330,8 @@ def robot(scenario: Scenario, scenario_robot: ScenarioRobot, endpoint: str) -> l
         found.append("--lockstep")
     if scenario.mcu:
         found.append("--mcu")
-    found += ["--start", *start_arguments(*scenario_robot.start)]
+    for one in robots:
+        found += ["--start", *start_arguments(*one.start)]
     found += totals_arguments(scenario.run.world.robot)
     settings = settings_of(scenario.run.world.robot, scenario.level, calibrated=scenario.calibrated)
     for parameter, value in settings.items():
@@ -248,12 +339,14 @@ def robot(scenario: Scenario, scenario_robot: ScenarioRobot, endpoint: str) -> l
     return found
 
 
-def plant(scenario: Scenario, endpoint: str) -> list[str]:
-    """Return the arguments of the plant. In lockstep it waits at tick 0 for the goal."""
+def plant(scenario: Scenario, endpoint: str, own: Sequence[str]) -> list[str]:
+    """Return the arguments of a plant."""
     found = ["plant", "--world", scenario.world, "--seed", str(scenario.seed)]
     found += ["--robots", ",".join(scenario.robots), "--connect", endpoint]
+    if len(own) < len(scenario.robots):
+        found += ["--own", ",".join(own)]
     if scenario.noise is not None:
         found += ["--noise", scenario.noise]
     if scenario.lockstep:
-        found += ["--lockstep", "--speed", scenario.speed, "--paused"]
+        found += ["--lockstep", "--speed", scenario.speed]
     return found

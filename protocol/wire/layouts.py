@@ -84,4 +84,6 @@ BOARD_GOAL 54128 19 now_ms:Q x_m:d y_m:d heading_rad:d position_tolerance_m:d
   heading_tolerance_rad:d mode:B from_robot:B
 BOARD_COMMAND 54129 240 now_ms:Q param1:f param2:f param3:f command:H
 BOARD_STOP 54130 213 now_ms:Q reason:B extent:B
+ROBOT_MOTION 54131 37 time_ns:Q x_m:d y_m:d clearance_m:d early_x_m_s:d early_y_m_s:d
+  early_speed_m_s:d late_x_m_s:d late_y_m_s:d late_speed_m_s:d world:I orders:I running:B
 """

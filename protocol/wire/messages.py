@@ -52,6 +52,7 @@ __all__ = [
     "ParamSet",
     "ParamValue",
     "PlanarOdometry",
+    "RobotMotion",
     "RunRequest",
     "RunScore",
     "SonarScan",
@@ -1114,6 +1115,43 @@ class BoardStop(Message, frozen=True, kw_only=True):
     extent: int
 
 
+class RobotMotion(Message, frozen=True, kw_only=True):
+    """How a robot moves in the next period if nothing stops it.
+
+    From its plant to the other plants of its world. All numbers are exact, because each plant
+    computes all contacts from them.
+
+    Attributes:
+        time_ns: Stamp of the tick at which it sets off, clock of the plant. [ns]
+        x_m: Position at this tick. [m]
+        y_m: Position at this tick. [m]
+        clearance_m: Rim to nearest obstacle at this tick. [m]
+        early_x_m_s: Velocity in the first half of the period. [m/s]
+        early_y_m_s: Velocity in the first half of the period. [m/s]
+        early_speed_m_s: Amount of this velocity. [m/s]
+        late_x_m_s: Velocity in the second half of the period. [m/s]
+        late_y_m_s: Velocity in the second half of the period. [m/s]
+        late_speed_m_s: Amount of this velocity. [m/s]
+        world: Checksum of world, seed, noise and the names of all robots.
+        orders: Number of the newest START or PAUSE that the sender knows.
+        running: 1: that was a START.
+    """
+
+    time_ns: int
+    x_m: float
+    y_m: float
+    clearance_m: float
+    early_x_m_s: float
+    early_y_m_s: float
+    early_speed_m_s: float
+    late_x_m_s: float
+    late_y_m_s: float
+    late_speed_m_s: float
+    world: int
+    orders: int
+    running: int
+
+
 MESSAGES: Final[tuple[type[Message], ...]] = (
     Heartbeat,
     SystemTime,
@@ -1167,4 +1205,5 @@ MESSAGES: Final[tuple[type[Message], ...]] = (
     BoardGoal,
     BoardCommand,
     BoardStop,
+    RobotMotion,
 )

@@ -6,7 +6,7 @@ from typing import Any, Final, Protocol
 from checks.simulation.hosts.substitutes import DISKS, STATE, SimulatedDisk
 from checks.simulation.hosts.virtual_time import Host, Scheduler, SimulatedClock, current_task
 from plant.model.configuration import Noise
-from plant.process import Process, RequestQueue, Wake, watch_robots
+from plant.process import Process, RequestQueue, Wake, watch_processes
 from plant.robot_link import PlantLink
 from plant.sim.simulation import Plant
 from protocol.bus.bus import Bus, claim, open_bus
@@ -277,7 +277,7 @@ class PlantSide:
         self._started()
         process = Process(plant, [link], requests, wake, look=lambda: self._look(plant))
         if self._lockstep:
-            watch_robots(bus, [link], wake)
+            watch_processes(bus, [link], None, wake)
             process.run_lockstep(speed=1.0)
         else:
             process.run_wall(SimulatedClock())

@@ -18,6 +18,8 @@ POLL_NS: Final = 200_000_000
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `router`."""
     add_common(parser, listens=True)
+    help_text = "another router, so that the processes at both reach each other"
+    parser.add_argument("--connect", metavar="ENDPOINT", help=help_text)
 
 
 def run(options: argparse.Namespace, output: Output) -> int:

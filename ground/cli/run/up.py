@@ -29,6 +29,7 @@ from ground.launch.launcher import Stack
 from ground.launch.recording_session import RecordingSession, add_recording, folder_of
 from ground.launch.scenario import (
     CLOCKS,
+    MAX_SEPARATE,
     PACED,
     Scenario,
     run_of,
@@ -43,9 +44,9 @@ from ground.text.wording import in_words as in_line
 from ground.user.folders import recordings_folder
 from ground.user.runs import RunFile, reason_of, this_run
 from protocol.bus.bus import Bus, open_bus
-from protocol.bus.network import MAX_ROBOTS
 from protocol.options import finite, whole
 from protocol.outcome import RunOutcome
+from protocol.topics import MAX_ROBOT_SYSTEM as MAX_FLEET
 from protocol.topics import Role
 from runtime.clock import Clock, WallClock
 from runtime.errors import NoPeerError, RemoteError, UserError
@@ -73,6 +74,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add_recording(parser)
     add_appearance_options(parser)
     parser.add_argument("--router", action="store_true", help="a router between the processes")
+    text = "routers among which the processes are divided (1)"
+    parser.add_argument("--routers", type=whole(1), default=1, metavar="N", help=text)
     parser.add_argument(
         "--locks", metavar="DIR", help="TLS with the certificates of `sidestep keys new`"
     )
@@ -114,7 +117,14 @@ def add_scenario(parser: argparse.ArgumentParser) -> None:
         "number of robots, side by side; each goal is shifted as the start is, or, if there is no"
         " room, to the nearest free place in sight of the goal (1)"
     )
-    parser.add_argument("--robots", type=whole(1, MAX_ROBOTS), default=1, metavar="K", help=text)
+    parser.add_argument("--robots", type=whole(1, MAX_FLEET), default=1, metavar="K", help=text)
+    text = (
+        f"processes among which the robots are divided (one for each of up to {MAX_SEPARATE}"
+        " robots; for more, two for each processor)"
+    )
+    parser.add_argument("--processes", type=whole(1), metavar="N", help=text)
+    text = "plants that share the world, each with a part of the robots (1)"
+    parser.add_argument("--plants", type=whole(1), default=1, metavar="P", help=text)
     text = "simulated time over real time, at most; or max (default 1)"
     parser.add_argument("--speed", type=speed, default="1", metavar="F", help=text)
     text = (
@@ -136,7 +146,7 @@ def add_scenario(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, output: Output) -> int:
     """Run the stack; return 0 if every robot reached its goal without contact, else 1."""
     on_screen = has_screen() and not (options.headless or options.plain or options.json)
-    if on_screen and not options.no_record:
+    if on_screen and not options.no_record and options.robots <= MAX_SEPARATE:
         options.record = str(folder_of(options))  # kept when the operator changes the world
     check_endpoints(options.mavlink)
     scenario = scenario_of(options, run_of(options))

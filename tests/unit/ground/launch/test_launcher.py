@@ -441,3 +441,57 @@ def test_check_names_a_missing_certificate(keys: str) -> None:
     check(keys, ROLES)
     with pytest.raises(UserError, match=r"there is no robot-r3\.toml for the robot r3: make a set"):
         check(keys, (*ROLES, "robot r3"))
+
+
+def test_many_robots_share_few_processes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    found = scenario("--world", "open", "--robots", "21")
+    hosts = [role for role in roles(found) if role.startswith("robot")]
+    assert hosts == [
+        *("robots r1 to r5", "robots r6 to r10", "robots r11 to r15", "robots r16 to r21"),
+    ]
+    parsed = robot_parser().parse_args(words_of(found, "robots r6 to r10")[1:])
+    assert parsed.id == "r6,r7,r8,r9,r10"
+    assert [tuple(place[:2]) for place in parsed.start] == [
+        one.start[:2] for one in found.scenario_robots[5:10]
+    ]
+
+
+def test_plants_and_routers_divide_the_robots() -> None:
+    words = ("--robots", "5", "--plants", "2", "--routers", "2", "--processes", "2")
+    found = scenario("--world", "open", *words)
+    commands = dict(process_arguments(found, SCENARIO_ENDPOINT, "tcp/127.0.0.1:7002"))
+    assert list(commands) == [
+        *("router", "router 2", "robots r1 to r2", "robots r3 to r5"),
+        *("plant of r1 to r2", "plant of r3 to r5"),
+    ]
+    assert commands["router 2"][-2:] == ["--connect", SCENARIO_ENDPOINT]
+    for role in ("robots r3 to r5", "plant of r3 to r5"):
+        assert commands[role][commands[role].index("--connect") + 1] == "tcp/127.0.0.1:7002"
+    own = commands["plant of r3 to r5"]
+    assert own[own.index("--own") + 1] == "r3,r4,r5"
+    assert [role for role, line in commands.items() if PAUSED in line] == ["plant of r1 to r2"]
+
+
+@each(
+    ("words", "reason"),
+    [
+        (("--plants", "2"), "--plants 2: there are only --robots 1"),
+        (("--routers", "2"), "--routers 2: there are only --robots 1"),
+        (("--processes", "2"), "--processes 2: there are only --robots 1"),
+        (("--robots", "2", "--processes", "1", "--mcu"), "each robot has its own process"),
+        (("--robots", "2", "--processes", "1", "--locks", "x"), "each robot has its own process"),
+        (("--robots", "2", "--routers", "2", "--locks", "x"), "with --locks there is one router"),
+        (("--world", "open", "--robots", "21", "--record", "x"), "of at most 20 robots, not of 21"),
+    ],
+)
+def test_fleet_that_cannot_be_divided_is_refused(words: tuple[str, ...], reason: str) -> None:
+    with pytest.raises(UserError) as caught:
+        scenario(*words)
+    assert reason in str(caught.value)
+
+
+@each("words", [("--plants", "0"), ("--robots", "251"), ("--processes", "0"), ("--routers", "0")])
+def test_number_out_of_range_is_a_usage_error(words: tuple[str, ...]) -> None:
+    with pytest.raises(SystemExit):
+        parse(["up", *words])
