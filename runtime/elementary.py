@@ -66,11 +66,20 @@ def cos(angle_rad: float) -> float:
 
 
 def cos_sin(angle_rad: float) -> tuple[float, float]:
-    """Return cosine and sine, which cost less together."""
-    if -QUARTER <= angle_rad <= QUARTER:
-        return _cosine(angle_rad, 0.0), _sine(angle_rad, 0.0)
-    quadrant, head, tail = _in_quadrant(angle_rad)
-    cosine, sine = _cosine(head, tail), _sine(head, tail)
+    """Return cosine and sine, which cost less together: the series of `_cosine` and `_sine`."""
+    quadrant, head, tail = 0, angle_rad, 0.0
+    if not -QUARTER <= angle_rad <= QUARTER:
+        quadrant, head, tail = _in_quadrant(angle_rad)
+    z = head * head
+    half = 0.5 * z
+    near = 1.0 - half
+    fourth = z * z * (C1 - z * (C2 - z * (C3 - z * (C4 - z * (C5 - z * C6)))))
+    cosine, sine = near + (((1.0 - near) - half) + (fourth - head * tail)), head
+    if not -NEGLIGIBLE < head < NEGLIGIBLE:
+        cube = z * (S1 - z * (S2 - z * (S3 - z * (S4 - z * (S5 - z * S6)))))
+        sine = head - (head * cube - tail * near)
+    if quadrant == 0:
+        return cosine, sine
     if quadrant & 1:
         cosine, sine = -sine, cosine
     return (-cosine, -sine) if quadrant & 2 else (cosine, sine)

@@ -160,9 +160,14 @@ class Nearby:
         """Return the distance from a nearby point, below 0 inside; inf without a surface."""
         x_m, y_m = at
         nearest_m = inf
-        for surface in self.surfaces:
-            off_x_m, off_y_m = surface.offset_m(x_m, y_m)
-            away_m = sqrt(off_x_m * off_x_m + off_y_m * off_y_m) - surface.radius_m
+        for start_x_m, start_y_m, along_x_m, along_y_m, per_m2, radius_m in self.surfaces:
+            off_x_m, off_y_m = start_x_m - x_m, start_y_m - y_m
+            if per_m2 != 0.0:  # as `Surface.offset_m`, without a call
+                share = -(off_x_m * along_x_m + off_y_m * along_y_m) * per_m2
+                if share > 0.0:
+                    share = share if share < 1.0 else 1.0
+                    off_x_m, off_y_m = off_x_m + share * along_x_m, off_y_m + share * along_y_m
+            away_m = sqrt(off_x_m * off_x_m + off_y_m * off_y_m) - radius_m
             if away_m < nearest_m:
                 nearest_m = away_m
         return nearest_m
@@ -298,7 +303,7 @@ class Arena:
     def clearance_m(self, robot: int, at: Point) -> float:
         """Return the distance from the robot's rim to the nearest surface, below 0 in contact."""
         distance_m = self._around(robot, at).distance_m(at)
-        for disc in (*self._movers, *self._beside(robot)):
+        for disc in self._movers + self._beside(robot):
             off_x_m = disc.x_m - at[0]
             if abs(off_x_m) - disc.radius_m < distance_m:
                 away_m = hypot(off_x_m, disc.y_m - at[1]) - disc.radius_m
@@ -332,7 +337,8 @@ class Arena:
 
     def _beside(self, robot: int, after: int = -1) -> list[ContactDisc]:
         """Return the neighbours of a robot whose number is greater than `after`."""
-        return [self._robots[other] for other in self._neighbours[robot] if other > after]
+        near = self._neighbours[robot]
+        return [self._robots[other] for other in near if other > after] if near else []
 
     def _around(self, robot: int, at: Point) -> Nearby:
         """Return the static surfaces that can be nearest to a robot, or touched, near a place."""

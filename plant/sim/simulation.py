@@ -246,8 +246,9 @@ class SimulatedRobot:
         """Add the tick to the score."""
         self.bumper, self._touched = self._touched, 0
         closing, self._closing = self._closing, False
-        self.clearance_m = self._arena.clearance_m(self._robot, self.pose[:2])
-        self.score.add(*self.pose, self.clearance_m, self.bumper != 0, closing)
+        x_m, y_m, heading_rad = self.pose
+        self.clearance_m = clearance_m = self._arena.clearance_m(self._robot, (x_m, y_m))
+        self.score.add(x_m, y_m, heading_rad, clearance_m, self.bumper != 0, closing)
 
     def begin_tick(self) -> None:
         """Store the pose before the tick."""
@@ -262,9 +263,8 @@ class SimulatedRobot:
         """Compute the sensor data of this tick; `moved`: see `Caster.cast`."""
         trouble = self.faults.at(now_ns)
         seq = (now_ns // PERIOD_NS) & UINT32
-        reading = self._ring.read(
-            self._caster.cast(self.early_pose, self.pose, moved), trouble.sonar
-        )
+        nearness = self._caster.cast(self.early_pose, self.pose, moved)
+        range_mm, valid, echo = self._ring.read(nearness, trouble.sonar)
         left, right = self.drive.ticks(trouble.jumped_ticks)
         ticks = WheelTicks(
             time_ns=now_ns,
@@ -277,10 +277,10 @@ class SimulatedRobot:
         scan = SonarScan(
             time_ns=now_ns,
             seq=seq,
-            range_mm=reading.range_mm,
+            range_mm=range_mm,
             ping_age_us=PING_AGE_US,
-            valid=reading.valid,
-            echo=reading.echo,
+            valid=valid,
+            echo=echo,
         )
         self.senses = (
             None if trouble.ticks_stopped else ticks,

@@ -258,7 +258,7 @@ def step(
 
 def sense(state: State, inputs: Inputs, params: Params) -> None:
     """Update pose, sonar ring and monitors; the first complete set of inputs ends BOOT."""
-    now_ms, wheels, scan = inputs.now_ms, inputs.wheels, inputs.scan
+    now_ms, wheels, scan, age_ms = inputs
     odometry, machine = state.odometry, state.machine
     heading_rad = odometry.pose.heading_rad
     if wheels is not None and not odometry.latched and not place.is_at_start(odometry, wheels):
@@ -275,7 +275,6 @@ def sense(state: State, inputs: Inputs, params: Params) -> None:
         slip.watch(state.slip, odometry, state.ring, params)
         stalls.watch(state.stall, odometry, now_ms, params)
         wall_heading.watch(state.walls, odometry, state.ring, state.slip, params)
-    age_ms = inputs.operator_age_ms
     machine.operator = age_ms is not None and age_ms <= params.op_lost_ms
     machine.senses = wheels is not None and scan is not None
     if machine.vehicle == states.BOOT and machine.senses:

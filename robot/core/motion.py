@@ -146,20 +146,21 @@ def ramp(wanted: Twist, last: Twist, params: Params) -> Twist:
     limit: a robot that turned as well would roll on. Otherwise speed and turn change by one share.
     So a robot that slows down in order to turn, for instance beside a person, turns at once.
     """
-    more_m_s = wanted.speed_m_s - last.speed_m_s
-    more_rad_s = wanted.yaw_rate_rad_s - last.yaw_rate_rad_s
+    wanted_m_s, wanted_rad_s = wanted
+    last_m_s, last_rad_s = last
+    more_m_s, more_rad_s = wanted_m_s - last_m_s, wanted_rad_s - last_rad_s
     turn_m_s = 0.5 * params.track_m * abs(more_rad_s)
     can_m_s = params.accel_m_s2 * params.period_s
     if abs(more_m_s) + turn_m_s <= can_m_s:
         return wanted
-    if last.speed_m_s != 0.0 and wanted.speed_m_s * last.speed_m_s <= 0.0:
-        slower_m_s = min(abs(more_m_s), abs(last.speed_m_s), can_m_s)
+    if last_m_s != 0.0 and wanted_m_s * last_m_s <= 0.0:
+        slower_m_s = min(abs(more_m_s), abs(last_m_s), can_m_s)
         rest_m_s = can_m_s - slower_m_s
         share = rest_m_s / turn_m_s if rest_m_s < turn_m_s else 1.0
-        speed_m_s = last.speed_m_s + (slower_m_s if more_m_s > 0.0 else -slower_m_s)
-        return Twist(speed_m_s, last.yaw_rate_rad_s + share * more_rad_s)
+        speed_m_s = last_m_s + (slower_m_s if more_m_s > 0.0 else -slower_m_s)
+        return Twist(speed_m_s, last_rad_s + share * more_rad_s)
     share = can_m_s / (abs(more_m_s) + turn_m_s)
-    return Twist(last.speed_m_s + share * more_m_s, last.yaw_rate_rad_s + share * more_rad_s)
+    return Twist(last_m_s + share * more_m_s, last_rad_s + share * more_rad_s)
 
 
 class ProgressMonitor:
@@ -207,7 +208,9 @@ def judge(
 
 def got_away(anchor: Pose, pose: Pose, params: Params) -> bool:
     """Return whether the robot has moved or turned far enough from the anchor."""
-    dx_m, dy_m = pose.x_m - anchor.x_m, pose.y_m - anchor.y_m
-    if dx_m * dx_m + dy_m * dy_m >= params.stuck_m * params.stuck_m:
+    x_m, y_m, heading_rad = pose
+    from_x_m, from_y_m, from_rad = anchor
+    dx_m, dy_m, stuck_m = x_m - from_x_m, y_m - from_y_m, params.stuck_m
+    if dx_m * dx_m + dy_m * dy_m >= stuck_m * stuck_m:
         return True
-    return abs(wrap(pose.heading_rad - anchor.heading_rad)) >= params.stuck_rad
+    return abs(wrap(heading_rad - from_rad)) >= params.stuck_rad

@@ -160,9 +160,20 @@ def wheels_of(message: WheelMessage) -> Wheels:
     return Wheels(message.left, message.right, message.bumper, now_ms_of(message.time_ns))
 
 
+AGES: "Final[list[tuple[tuple[int, ...], int, tuple[int, ...]]]]" = [((), 0, ())]
+"""The last ages of pings that were converted, by how much older they had become, and the result.
+
+Nearly every scan has those of the last one.
+"""
+
+
 def scan_of(message: ScanMessage, since_ms: int) -> Scan:
     """Return the core's input from a scan; each ping is `since_ms` older now."""
-    age_ms = tuple([since_ms + age_us // 1000 for age_us in message.ping_age_us])
+    ages_us, older_ms, age_ms = AGES[0]
+    ping_age_us = message.ping_age_us
+    if ping_age_us != ages_us or since_ms != older_ms:
+        age_ms = tuple([since_ms + age_us // 1000 for age_us in ping_age_us])
+        AGES[0] = ping_age_us, since_ms, age_ms
     return Scan(message.range_mm, age_ms, message.valid, message.echo)
 
 

@@ -111,10 +111,7 @@ def hold(held: Held, ring: Ring) -> None:
     least_m, ranges_m, held_m = inf, ring.range_m, held.range_m
     for i in EVERY:
         range_m, here_m = ranges_m[i], held_m[i]
-        if here_m >= HOLD_M:
-            here_m = inf
-        else:
-            here_m += RISE_M
+        here_m = here_m + RISE_M if here_m < HOLD_M else inf
         if range_m is not None and range_m < here_m:
             here_m = range_m if range_m >= SATURATED_M else 0.0
         held_m[i] = here_m

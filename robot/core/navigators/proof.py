@@ -117,20 +117,24 @@ def look(chain: Chain, ring: Ring, before: Pose, pose: Pose, radius_mm: int) -> 
     chain.before_mm, chain.range_mm = chain.range_mm, chain.before_mm
     chain.seen = 0
     look_from(chain, 1, ring, pose, radius_mm)
-    turned_rad = wrap(pose.heading_rad - before.heading_rad)
-    x_m, y_m = 0.5 * (pose.x_m + before.x_m), 0.5 * (pose.y_m + before.y_m)
-    halfway = Pose(x_m, y_m, pose.heading_rad - 0.5 * turned_rad)
+    x_m, y_m, heading_rad = pose
+    before_x_m, before_y_m, before_rad = before
+    halfway_rad = heading_rad - 0.5 * wrap(heading_rad - before_rad)
+    halfway = 0.5 * (x_m + before_x_m), 0.5 * (y_m + before_y_m), halfway_rad
     look_from(chain, 0, ring, halfway, radius_mm)
 
 
-def look_from(chain: Chain, first: int, ring: Ring, pose: Pose, radius_mm: int) -> None:
+def look_from(
+    chain: Chain, first: int, ring: Ring, pose: "tuple[float, float, float]", radius_mm: int
+) -> None:
     """Compute the arcs of every second sonar, pinged at this pose.
 
     An echo counts if this sonar or one beside it had a similar one in the last scan, so that no
     single false echo makes a link.
     """
-    cosine, sine = whole_cos_sin(pose.heading_rad)
-    x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
+    x_m, y_m, heading_rad = pose
+    cosine, sine = whole_cos_sin(heading_rad)
+    x_mm, y_mm = int(1000.0 * x_m), int(1000.0 * y_m)
     ranges_m, before_mm, ranges_mm = ring.range_m, chain.before_mm, chain.range_mm
     for i in range(first, SONARS, 2):
         range_m = ranges_m[i]

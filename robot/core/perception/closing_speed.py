@@ -129,53 +129,45 @@ def follow(w: Pedestrians, ring: Ring, odometry: Odometry, params: Params) -> No
 
     At most TRACKS of them, alternately from the right and from the left.
     """
-    range_m, last = ring.range_m, SONARS - 1
-    near = foremost = 0
+    before_m, bit, foremost, near = FAR_M, 1, 0, 0
+    for here_m in ring.range_m:
+        if here_m is None:
+            before_m = FAR_M
+        else:
+            if here_m < FAR_M:
+                near += 1
+                if here_m <= before_m:
+                    foremost = (foremost | bit) & ~(bit >> 1)
+            before_m = here_m
+        bit += bit
     w.leftwards = not w.leftwards
+    free = TRACKS
     for i in EVERY if w.leftwards else RIGHTWARDS:
-        here_m = range_m[i]
-        if here_m is None or here_m >= FAR_M:
-            continue
-        near += 1
-        if foremost == TRACKS:
-            continue
-        right_m = left_m = LEAN_M
-        if i > 0:
-            beside_m = range_m[i - 1]
-            if beside_m is not None:
-                beside_m -= here_m
-                if beside_m < 0.0:
-                    continue
-                if beside_m < LEAN_M:
-                    right_m = beside_m
-        if i < last:
-            beside_m = range_m[i + 1]
-            if beside_m is not None:
-                beside_m -= here_m
-                if beside_m <= 0.0:
-                    continue
-                if beside_m < LEAN_M:
-                    left_m = beside_m
-        foremost += 1
-        see(w, ring, i, sqrt(right_m), sqrt(left_m), odometry, params)
+        if foremost >> i & 1:
+            see(w, ring, i, odometry, params)
+            free -= 1
+            if free == 0:
+                break
     w.near = near
 
 
-def see(
-    w: Pedestrians,
-    ring: Ring,
-    i: int,
-    right: float,
-    left: float,
-    odometry: Odometry,
-    params: Params,
-) -> None:
+def see(w: Pedestrians, ring: Ring, i: int, odometry: Odometry, params: Params) -> None:
     """Take the echo of one cone.
 
-    The ranges of both neighbours give its bearing within the cone, whatever its shape. The even
-    sonars were pinged half a period ago.
+    The ranges of both neighbours, none of which is nearer, give its bearing within the cone,
+    whatever its shape. The even sonars were pinged half a period ago.
     """
-    here_m = ring.range_m[i] or 0.0
+    range_m = ring.range_m
+    here_m, right_m, left_m = range_m[i] or 0.0, LEAN_M, LEAN_M
+    if i > 0:
+        beside_m = range_m[i - 1]
+        if beside_m is not None and beside_m - here_m < LEAN_M:
+            right_m = beside_m - here_m
+    if i < SONARS - 1:
+        beside_m = range_m[i + 1]
+        if beside_m is not None and beside_m - here_m < LEAN_M:
+            left_m = beside_m - here_m
+    right, left = sqrt(right_m), sqrt(left_m)
     lean_rad = HALF_CONE * (right - left) / (right + left)
     off_rad = BEARINGS[i] + lean_rad
     sooner_s = drives_m_s = 0.0

@@ -135,15 +135,21 @@ def record_one(
     record_group(echoes, sonar, sonar + 1, pinged, ring, radius_mm)
 
 
-def halfway(before: Pose, pose: Pose) -> Pose:
-    """Return the pose halfway between two."""
-    turned_rad = (pose.heading_rad - before.heading_rad + pi) % (2.0 * pi) - pi
-    x_m, y_m = 0.5 * (pose.x_m + before.x_m), 0.5 * (pose.y_m + before.y_m)
-    return Pose(x_m, y_m, pose.heading_rad - 0.5 * turned_rad)
+def halfway(before: Pose, pose: Pose) -> "tuple[float, float, float]":
+    """Return the pose halfway between two; a plain tuple costs a fifth of a named one."""
+    x_m, y_m, heading_rad = pose
+    before_x_m, before_y_m, before_rad = before
+    turned_rad = (heading_rad - before_rad + pi) % (2.0 * pi) - pi
+    return 0.5 * (x_m + before_x_m), 0.5 * (y_m + before_y_m), heading_rad - 0.5 * turned_rad
 
 
 def record_group(
-    echoes: Echoes, first: int, end: int, pose: Pose, ring: Ring, radius_mm: int
+    echoes: Echoes,
+    first: int,
+    end: int,
+    pose: "tuple[float, float, float]",
+    ring: Ring,
+    radius_mm: int,
 ) -> None:
     """Store the echoes of every second sonar of a range, pinged at this pose."""
     x_m, y_m, heading_rad = pose

@@ -100,7 +100,7 @@ def update(odometry: Odometry, wheels: Wheels | None, params: Params) -> None:
         if elapsed_s > longest_s:
             longest_s = elapsed_s
         reach_m = 2.0 * params.wheel_max_m_s * longest_s + JUMP_SLACK_M
-        odometry.jumped = not (abs(left_m) <= reach_m and abs(right_m) <= reach_m)
+        odometry.jumped = not (-reach_m <= left_m <= reach_m and -reach_m <= right_m <= reach_m)
         if odometry.jumped:
             rest(odometry)
         else:
@@ -140,12 +140,7 @@ def roll(odometry: Odometry, left_m: float, right_m: float, params: Params) -> N
     odometry.cosine, odometry.sine = cosine, sine
     dx_m, dy_m = step_m * cosine - aside_m * sine, step_m * sine + aside_m * cosine
     odometry.pose = Pose(x_m + dx_m, y_m + dy_m, wrap(heading_rad + turn_rad))
-    spread(odometry, dx_m, dy_m)
-    half = 0.5 / track_m
-    cosine, sine = 0.5 * cosine, 0.5 * sine
-    rotation, way_x, way_y = 2.0 * half, dy_m * half, dx_m * half
-    blur(odometry, params.k_r_m * right_way_m, cosine - way_x, sine + way_y, rotation)
-    blur(odometry, params.k_l_m * left_way_m, cosine + way_x, sine - way_y, -rotation)
+    spread(odometry, dx_m, dy_m, params.k_r_m * right_way_m, params.k_l_m * left_way_m, track_m)
 
 
 def wheel_shares(params: Params) -> tuple[float, float]:
@@ -165,12 +160,22 @@ def start_grain(odometry: Odometry, params: Params) -> None:
     odometry.phh += odometry.grain_rad2
 
 
-def spread(odometry: Odometry, dx_m: float, dy_m: float) -> None:
-    """P <- F_p P F_p' (eq. 12): a heading error moves the position sideways.
+def spread(
+    odometry: Odometry, dx_m: float, dy_m: float, right_m2: float, left_m2: float, track_m: float
+) -> None:
+    """P <- F_p P F_p' + F_q Q F_q' (eq. 10, 12): a heading error moves the position sideways.
 
     Before that, 1 - cos of the heading error shortens the way, on all steps in the same direction.
-    The heading error of whole ticks adds a little, in random directions.
+    The heading error of whole ticks adds a little, in random directions. Last come the variances of
+    both wheels, each as by `blur`; in one function, which loads and stores P once.
     """
+    half = 0.5 / track_m
+    turn, way_x, way_y = 2.0 * half, dy_m * half, dx_m * half
+    cosine, sine = 0.5 * odometry.cosine, 0.5 * odometry.sine
+    right_x, right_y = cosine - way_x, sine + way_y
+    left_x, left_y = cosine + way_x, sine - way_y
+    rx, ry, rh = right_m2 * right_x, right_m2 * right_y, right_m2 * turn
+    lx, ly, lh = left_m2 * left_x, left_m2 * left_y, left_m2 * -turn
     grain_rad2 = odometry.grain_rad2
     phh = odometry.phh - grain_rad2
     old_x_m, old_y_m, share = odometry.bend_x_m, odometry.bend_y_m, BEND * phh
@@ -178,14 +183,19 @@ def spread(odometry: Odometry, dx_m: float, dy_m: float) -> None:
     odometry.bend_y_m = y_m = old_y_m + share * dy_m
     grain_m2 = grain_rad2 * GRAIN_LENGTH_M * odometry.moved_m
     pxh, pyh = odometry.pxh, odometry.pyh
-    odometry.pxh = new_pxh = pxh - dy_m * phh
-    odometry.pyh = new_pyh = pyh + dx_m * phh
+    new_pxh, new_pyh = pxh - dy_m * phh, pyh + dx_m * phh
     bent_m2 = x_m * x_m - old_x_m * old_x_m + grain_m2
-    odometry.pxx = odometry.pxx + bent_m2 - dy_m * (pxh + new_pxh)
+    pxx = odometry.pxx + bent_m2 - dy_m * (pxh + new_pxh)
     bent_m2 = x_m * y_m - old_x_m * old_y_m
-    odometry.pxy = odometry.pxy + bent_m2 + (dx_m * new_pxh - dy_m * pyh)
+    pxy = odometry.pxy + bent_m2 + (dx_m * new_pxh - dy_m * pyh)
     bent_m2 = y_m * y_m - old_y_m * old_y_m + grain_m2
-    odometry.pyy = odometry.pyy + bent_m2 + dx_m * (pyh + new_pyh)
+    pyy = odometry.pyy + bent_m2 + dx_m * (pyh + new_pyh)
+    odometry.pxx = pxx + rx * right_x + lx * left_x
+    odometry.pxy = pxy + rx * right_y + lx * left_y
+    odometry.pxh = new_pxh + rx * turn + lx * -turn
+    odometry.pyy = pyy + ry * right_y + ly * left_y
+    odometry.pyh = new_pyh + ry * turn + ly * -turn
+    odometry.phh = odometry.phh + rh * turn + lh * -turn
 
 
 def blur(odometry: Odometry, variance_m2: float, x: float, y: float, h: float) -> None:

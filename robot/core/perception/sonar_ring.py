@@ -94,7 +94,7 @@ def update(ring: Ring, scan: Scan | None, now_ms: int, params: Params) -> None:
 def take(ring: Ring, scan: Scan, now_ms: int, params: Params) -> None:
     """Store the measurements of a scan; an impossible value is none."""
     limit_mm = int(params.sonar_max_m * 1000.0 * BEYOND)
-    range_mm, age_ms, valid, echo = scan.range_mm, scan.age_ms, scan.valid, scan.echo
+    range_mm, age_ms, valid, echo = scan
     range_m, pinged_ms = ring.range_m, ring.pinged_ms
     ring.impossible = False
     bit = 1
@@ -157,12 +157,14 @@ def watch(
     """Judge one scan and the motion before it; one changed echo resets the verdict."""
     if scan is None:
         return
-    echo = scan.echo & scan.valid
-    if echo != frozen.echo or scan.range_mm != frozen.range_mm or echo == 0:
+    range_mm, _, valid, echo = scan
+    echo &= valid
+    if echo != frozen.echo or range_mm != frozen.range_mm or echo == 0:
         frozen.noise += moved_m == 0.0 and frozen.still and echo == frozen.echo
         frozen.still = moved_m == 0.0
-        compare(frozen, scan, echo & frozen.echo, moved_m, abs(turned_rad))
-        frozen.echo, frozen.range_mm = echo, scan.range_mm
+        if frozen.noise < NOISY:
+            compare(frozen, range_mm, echo & frozen.echo, moved_m, abs(turned_rad))
+        frozen.echo, frozen.range_mm = echo, range_mm
         frozen.moved_m = frozen.turned_rad = frozen.swung_rad = 0.0
         frozen.verdict = False
         return
@@ -186,24 +188,25 @@ def had_to_change(frozen: FrozenSonar, scan: Scan, params: Params) -> bool:
     return straight and frozen.closing >= CLOSING
 
 
-def compare(frozen: FrozenSonar, scan: Scan, both: int, moved_m: float, turned_rad: float) -> None:
+def compare(
+    frozen: FrozenSonar, range_mm: "tuple[int, ...]", both: int, moved_m: float, turned_rad: float
+) -> None:
     """Compare new echoes with the last: closing with the motion ahead, alternating by noise.
 
     `both` masks the sonars with an echo in both scans.
     """
-    if frozen.noise >= NOISY:
-        return
+    before_mm, changes_mm, swings = frozen.range_mm, frozen.change_mm, frozen.swings
     closing = False
     for i in EVERY:
-        change_mm = scan.range_mm[i] - frozen.range_mm[i] if both >> i & 1 else 0
+        change_mm = range_mm[i] - before_mm[i] if both >> i & 1 else 0
         if i in AHEAD and moved_m > 0.0 and -change_mm >= CLOSING_SHARE * 1000.0 * moved_m:
             closing = True
-        least_mm = SWING_MM + SWING_SHARE * turned_rad * scan.range_mm[i]
-        if least_mm <= abs(change_mm) < LEAP_MM and change_mm * frozen.change_mm[i] < 0:
-            frozen.swings[i] += 1
-            if frozen.swings[i] >= SWINGS:
-                frozen.noise = NOISY
-        else:
-            frozen.swings[i] = 0
-        frozen.change_mm[i] = change_mm
+        swung = change_mm * changes_mm[i] < 0
+        changes_mm[i] = change_mm
+        if swung:
+            least_mm = SWING_MM + SWING_SHARE * turned_rad * range_mm[i]
+            swung = least_mm <= abs(change_mm) < LEAP_MM
+        swings[i] = swings[i] + 1 if swung else 0
+        if swings[i] >= SWINGS:
+            frozen.noise = NOISY
     frozen.closing = frozen.closing + 1 if closing else 0
