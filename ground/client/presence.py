@@ -56,8 +56,8 @@ def explain_silence(
 ) -> str:
     """Return why a robot does not answer and what to do, in the form "fault: remedy".
 
-    `other` says how to name another robot. `keys` is the operator's configuration file on a locked
-    bus.
+    `other` says how to name another robot, with a place for its name. `keys` is the operator's
+    configuration file on a locked bus.
     """
     if not processes.has(robot, Role.ROBOT):
         return _no_robot(processes, robot, endpoint, other, keys)
@@ -90,7 +90,8 @@ def _no_robot(
 ) -> str:
     others = processes.robots()
     if others:
-        return f"robot {robot} is not at {endpoint}, only {', '.join(others)}: {other}"
+        remedy = other.format(others[0])
+        return f"robot {robot} is not at {endpoint}, only {', '.join(others)}: {remedy}"
     dial = dial_options(endpoint, _beside(keys, ROBOT + robot))
     alone = f"`sidestep run robot --id {robot}{dial}`"
     if processes.has(robot, Role.PLANT):

@@ -42,7 +42,10 @@ HINTS: Final[Mapping[int, str]] = MappingProxyType(
         Reason.NOT_ARMED: "sidestep arm",
         Reason.EMERGENCY_STOPPED: "sidestep clear-estop",
         Reason.NEWER_STOP: "sidestep clear-estop",
-        Reason.NO_OPERATOR: "`sidestep goto` attends its goal; `sidestep mode auto` needs none",
+        Reason.NO_OPERATOR: (
+            "`sidestep teleop` and `sidestep goto` send it while they drive; `sidestep mode auto`"
+            " needs none"
+        ),
         Reason.NO_SENSES: "is the plant running? sidestep doctor",
         Reason.DRIVING: "sidestep abort",
         Reason.LEASE_HELD: "sidestep lease seize",
@@ -58,8 +61,8 @@ GOAL_HINT: Final = "`goto X Y` sets a goal"
 class Remedies(NamedTuple):
     """What to do about a refusal or a silence, in the words of those who read it.
 
-    `refusals` by reason; `robot` names another robot, `keys` the certificates, `run` one of several
-    runs, `parameters` lists the parameters.
+    `refusals` by reason; `robot` names one that is there, `keys` the certificates, `run` one of
+    several runs, `parameters` lists the parameters.
     """
 
     refusals: Mapping[int, str]
@@ -73,7 +76,7 @@ SHELL: Final = Remedies(
     refusals=MappingProxyType(
         {**HINTS, Reason.LEASE_HELD: "--seize takes it over, as does sidestep lease seize"}
     ),
-    robot="use --id",
+    robot="name one that is there, as in --id {0}",
     keys="use --config DIR/ground.toml",
     run="choose one with --run NAME or --connect ENDPOINT, as in: --run {0}",
     parameters="sidestep param list",
@@ -95,7 +98,7 @@ PYTHON: Final = Remedies(
             Reason.NO_MISSION: "await robot.mission.upload(mission)",
         }
     ),
-    robot="use sidestep.connect(robot=NAME)",
+    robot="name one that is there, as in sidestep.connect(robot={0!r})",
     keys='use sidestep.connect(config="DIR/ground.toml")',
     run="choose one with sidestep.connect({1!r})",
     parameters="await robot.parameters.list()",

@@ -80,6 +80,7 @@ class Reason(IntEnum):
     PARAMETERS_DAMAGED = 106
     NEWER_STOP = 107
     ALREADY_OVER = 108
+    NOTHING_TO_ABORT = 109
     NOTHING_LATCHED = 120
     NO_LEASE = 121
     NOTHING_KEPT = 122
@@ -152,6 +153,7 @@ REASON_TEXTS: Final[dict[int, str]] = {
     106: "saved parameters are damaged: see `param list`, then `param set` one of the safety group",
     107: "a newer emergency stop was pressed: look, then clear again",
     108: "that goal or drive is already over",
+    109: "no goal is active: there is nothing to abort",
     120: "no emergency stop was latched: there was nothing to clear",
     121: "nobody had the lease: there was nothing to give back",
     122: "holding; no goal is active, so that none is kept",

@@ -192,7 +192,7 @@ def resume(machine: Machine) -> int:
 def abort(machine: Machine, now_ms: int) -> int:
     """Drop the goal and stop, armed."""
     if not goal_is_active(machine):
-        return reasons.NO_GOAL
+        return reasons.NOTHING_TO_ABORT
     end_goal(machine, states.ABORTED, reasons.BY_OPERATOR, now_ms)
     return reasons.OK
 

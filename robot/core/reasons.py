@@ -74,6 +74,7 @@ ARMED: Final = 105  # not possible while the robot is armed: disarm first
 PARAMETERS_DAMAGED: Final = 106
 NEWER_STOP: Final = 107  # a newer emergency stop was pressed: look, then clear again
 ALREADY_OVER: Final = 108  # that goal or drive is already over
+NOTHING_TO_ABORT: Final = 109  # no goal is active: there is nothing to abort
 NOTHING_LATCHED: Final = 120  # no emergency stop was latched: there was nothing to clear
 NO_LEASE: Final = 121  # nobody had the lease: there was nothing to give back
 NOTHING_KEPT: Final = 122  # holding; no goal is active, so that none is kept

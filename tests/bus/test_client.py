@@ -140,7 +140,9 @@ def test_other_robot_is_named_in_the_words_of_python(stage: Stage) -> None:
 
     with pytest.raises(sidestep.UnansweredError) as caught:
         asyncio.run(program())
-    assert "only r1: use sidestep.connect(robot=NAME)" in str(caught.value)
+    assert "only r1: name one that is there, as in sidestep.connect(robot='r1')" in str(
+        caught.value
+    )
     assert "--id" not in str(caught.value)
 
 

@@ -163,7 +163,7 @@ def test_a_saved_list_sets_parameters_only(run: Run) -> None:
 
 def test_token_without_a_valid_robot_name_is_ignored(run: Run) -> None:
     said = run("watch", "--once", "--id", "nobody")
-    assert "only r1: use --id" in said
+    assert "only r1: name one that is there, as in --id r1" in said
     assert OWNED not in said
 
 

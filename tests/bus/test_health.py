@@ -100,7 +100,7 @@ def test_plant_is_unhealthy_for_a_robot_it_does_not_carry(tmp_path: Path, ask: A
 def test_health_names_another_robot_it_finds(ask: Ask) -> None:
     with played("r7") as (_, endpoint):
         code, why = ask("robot", "--connect", endpoint)
-    assert (code, "only r7: use --id" in why) == (1, True), why
+    assert (code, "only r7: name one that is there, as in --id r7" in why) == (1, True), why
 
 
 def test_unreadable_frames_do_not_count_as_healthy(ask: Ask) -> None:

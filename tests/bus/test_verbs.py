@@ -146,7 +146,7 @@ def test_hung_control_loop_is_reported(robot: PlayedRobot, say: Say) -> None:
 def test_another_robot_is_offered(say: Say) -> None:
     code, _, err = say("hold", "--id", "r2", "--timeout", "0.1")
     assert code == 1
-    assert "only r1: use --id" in err
+    assert "only r1: name one that is there, as in --id r1" in err
 
 
 def test_missing_peer_message_names_the_endpoint(

@@ -334,6 +334,11 @@ def test_refusal_names_the_key_in_force() -> None:
     assert Reason.NO_GOAL not in hints
 
 
+def test_an_abort_in_vain_is_not_told_to_set_a_goal() -> None:
+    words = Refused(Reason.NOTHING_TO_ABORT, 0).in_words(key_hints(Keymap()))
+    assert words == "refused: no goal is active: there is nothing to abort"
+
+
 def test_refusal_without_a_key_names_the_command() -> None:
     words = Refused(Reason.OUTSIDE_FENCE, 0).in_words(key_hints(Keymap()))
     assert words.endswith("(`:fence show`)")

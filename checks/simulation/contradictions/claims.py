@@ -596,6 +596,7 @@ REFUSED: Final[dict[int, Condition]] = {
     Reason.NOT_ARMED: lambda row: not row.is_armed,
     Reason.EMERGENCY_STOPPED: lambda row: row.is_stopped,
     Reason.NO_GOAL: lambda row: not row.has_goal,
+    Reason.NOTHING_TO_ABORT: lambda row: not row.has_goal,
 }
 EFFECTS: Final[dict[str, Condition]] = {
     "arm": lambda row: row.is_armed,

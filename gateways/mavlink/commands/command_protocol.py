@@ -183,6 +183,7 @@ RESULTS: Final = MappingProxyType(
         Reason.PARAMETERS_DAMAGED: FAILED,
         Reason.NEWER_STOP: LATER,
         Reason.ALREADY_OVER: FAILED,
+        Reason.NOTHING_TO_ABORT: FAILED,
         Reason.NOTHING_LATCHED: ACCEPTED,
         Reason.NO_LEASE: ACCEPTED,
         Reason.NOTHING_KEPT: ACCEPTED,

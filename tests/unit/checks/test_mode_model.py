@@ -198,7 +198,7 @@ def strangers_command(patch: Patch) -> None:
 def refusal_with_effect(patch: Patch) -> None:
     def abort(machine: machine.Machine, _now_ms: int) -> int:
         machine.mode = states.HOLD
-        return reasons.NO_GOAL
+        return reasons.NOTHING_TO_ABORT
 
     patch.setattr(modes, "abort", abort)
 
@@ -272,7 +272,7 @@ def test_every_rule_has_a_defect() -> None:
 
 
 def test_model_finds_a_goal_without_an_end(monkeypatch: Patch) -> None:
-    monkeypatch.setattr(modes, "abort", lambda *_: reasons.NO_GOAL)
+    monkeypatch.setattr(modes, "abort", lambda *_: reasons.NOTHING_TO_ABORT)
     monkeypatch.setattr(modes, "disarm", lambda *_: reasons.OK)
     monkeypatch.setattr(modes, "estop", lambda *_: reasons.OK)
     wanted = ("arm", "goto in AUTO", "pause", "tick")

@@ -158,7 +158,7 @@ def test_missed_ticks_rejected_frames_dead_services_are_found() -> None:
     ("there", "is_beating", "words"),
     [
         (set(), False, "no robot at tcp/h:1, though a process listens there"),
-        ({("r2", "robot")}, False, "only r2: use --id"),
+        ({("r2", "robot")}, False, "only r2: name one that is there, as in --id r2"),
         ({("r1", "plant")}, False, "only its plant is"),
         ({("r1", "robot")}, False, "hangs"),
         ({("r1", "robot"), ("r1", "plant")}, False, "hangs"),

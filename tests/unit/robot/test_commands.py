@@ -481,7 +481,7 @@ def test_abort_ends_the_mission_or_else_the_goal() -> None:
     assert on_a_mission.ask(command(Command.SIDESTEP_ABORT_GOAL)) == Reason.NONE
     assert not on_a_mission.mission.active
     robot = Robot()
-    assert robot.ask(command(Command.SIDESTEP_ABORT_GOAL)) == Reason.NO_GOAL
+    assert robot.ask(command(Command.SIDESTEP_ABORT_GOAL)) == Reason.NOTHING_TO_ABORT
     robot.ask(goal(2, 1.0, 0.0))
     assert robot.ask(command(Command.SIDESTEP_ABORT_GOAL, request_id=3)) == Reason.NONE
     assert robot.machine.goal_state == GoalState.ABORTED

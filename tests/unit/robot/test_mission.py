@@ -143,7 +143,7 @@ def test_a_hold_can_be_aborted_too() -> None:
     until(desk, MissionState.HOLDING)
     assert desk.command(Command.SIDESTEP_ABORT_GOAL) == Reason.NONE
     assert state(desk) == (MissionState.FAILED, 0)
-    assert desk.command(Command.SIDESTEP_ABORT_GOAL) == Reason.NO_GOAL
+    assert desk.command(Command.SIDESTEP_ABORT_GOAL) == Reason.NOTHING_TO_ABORT
 
 
 def test_a_jump_under_way_goes_there_at_once() -> None:

@@ -686,7 +686,7 @@ def test_twist_is_bounded() -> None:
     assert Velocity(1e30, -1e30).twist(None) == pytest.approx((5.0, -4.0 * pi))
 
 
-@each("aborted", [Reason.NONE, Reason.NO_GOAL])
+@each("aborted", [Reason.NONE, Reason.NOTHING_TO_ABORT])
 def test_entering_guided_drops_the_goal_first(aborted: Reason) -> None:
     stage = Stage(aborted, Reason.NONE, attended=True)
     assert perform(EnterGuided(), stage).ok

@@ -212,6 +212,10 @@ def test_robot_that_is_not_armed_gets_no_goal(vehicle: Vehicle, reason: Reason) 
     assert [type(one) for one in stage.bus.requests] == [CommandRequest]
 
 
+def test_a_mode_by_hand_without_an_operator_names_teleop() -> None:
+    assert "`sidestep teleop`" in Refused(Reason.NO_OPERATOR, 0).text
+
+
 @each("goal", [GoalState.NONE, GoalState.REACHED, GoalState.REFUSED])
 def test_without_a_lost_goal_there_is_nothing_to_resume(goal: GoalState) -> None:
     outcome = perform(Resume(), stage_of(ended(goal=goal)))

@@ -365,7 +365,7 @@ def test_abort_drops_the_goal_and_stays_armed() -> None:
     assert outcome(driven) == (states.ABORTED, reasons.BY_OPERATOR)
     assert driven.forward(0.5).stands
     assert driven.machine.vehicle == states.ACTIVE
-    assert modes.abort(driven.machine, driven.now_ms) == reasons.NO_GOAL
+    assert modes.abort(driven.machine, driven.now_ms) == reasons.NOTHING_TO_ABORT
 
 
 def test_disarming_while_driving_stops_at_once_and_ends_the_goal() -> None:
