@@ -10,7 +10,7 @@ impairment the delay is constant, so frames stay in order.
 from collections.abc import Callable
 from dataclasses import dataclass
 from random import Random
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import zenoh
 from zenoh.handlers import Callback
@@ -475,17 +475,33 @@ class SimulatedInfo:
         """Return the connected peers."""
         return self._peers
 
+    def declare_transport_events_listener(
+        self, callback: Callable[[Any], object], *, history: bool
+    ) -> None:
+        """Call `callback` when the transport begins or ends, which has one link."""
+        self._session.follow(callback)
+
     def declare_link_events_listener(
         self, callback: Callable[[Any], object], *, history: bool
     ) -> None:
-        """Call `callback` when the link ends; the processes at its other end have no names here."""
-        self._session.watchers.append(callback)
+        """Call `callback` when the link begins or ends."""
+        self._session.follow(callback)
 
 
-class SimulatedLinkEnd:
-    """Replaces zenoh.LinkEvent for a link that has ended."""
+class SimulatedEnd(NamedTuple):
+    """Replaces zenoh.Link and zenoh.Transport: the other end, whose certificate is unknown."""
 
-    kind = Delete
+    zid: str = "hub"
+    auth_identifier: str | None = None
+    dst: str = "tcp/hub:7447"
+
+
+class SimulatedLinkEvent(NamedTuple):
+    """Replaces zenoh.LinkEvent and zenoh.TransportEvent."""
+
+    kind: object
+    link: SimulatedEnd = SimulatedEnd()
+    transport: SimulatedEnd = SimulatedEnd()
 
 
 class SimulatedMatching:
@@ -582,13 +598,18 @@ class SimulatedSession:
         """Declare something no more when there is a link again."""
         self._waiting = [other for other in self._waiting if other is not one]
 
+    def follow(self, watcher: Callable[[Any], object]) -> None:
+        """Call a function when the link begins or ends, and now if it is there."""
+        self.watchers.append(watcher)
+        if self.linked:
+            self.host.call(watcher, SimulatedLinkEvent(Put))
+
     def lose_link(self) -> None:
         """Lose the link."""
         if self.linked:
             self.linked = False
             self._waiting = self.hub.leave(self)
-            for watcher in self.watchers:
-                self.host.call(watcher, SimulatedLinkEnd())
+            self._report(Delete)
 
     def regain_link(self) -> None:
         """Have a link again."""
@@ -596,6 +617,11 @@ class SimulatedSession:
             self.linked = True
             waiting, self._waiting = self._waiting, []
             self.hub.join(waiting)
+            self._report(Put)
+
+    def _report(self, kind: object) -> None:
+        for watcher in self.watchers:
+            self.host.call(watcher, SimulatedLinkEvent(kind))
 
     def zid(self) -> str:
         """Return the id of the session."""

@@ -195,9 +195,7 @@ def sparing_put(self: Any, message: Message) -> bytes:
 class PlainPublisher:
     """Replaces Zenoh's advanced publisher; the simulation keeps no history."""
 
-    def __init__(
-        self, session: Any, key: str, _newest: int, _congestion: object, **service: Any
-    ) -> None:
+    def __init__(self, session: Any, key: str, _newest: int, **service: Any) -> None:
         self._publisher = session.declare_publisher(key, **service)
 
     def put(self, payload: bytes, **options: Any) -> None:

@@ -46,6 +46,7 @@ class Session:
         self.info = SimpleNamespace(
             links=lambda: ["link"] if self.linked else [],
             declare_link_events_listener=self._listen,
+            declare_transport_events_listener=lambda *_, **__: object(),
         )
 
     def _listen(self, callback: Any, *, history: bool) -> object:
@@ -54,7 +55,8 @@ class Session:
 
     def lose(self) -> None:
         self.linked = False
-        self.changed(SimpleNamespace(kind=zenoh.SampleKind.DELETE))
+        event = SimpleNamespace(kind=zenoh.SampleKind.DELETE, link=SimpleNamespace(zid="hub"))
+        self.changed(event)
 
     def close(self) -> None:
         self.closed = True
