@@ -43,6 +43,9 @@ FETCHED: Final = zenoh.CongestionControl.BLOCK
 """The congestion control of a sample distinguishes live from fetched ones on arrival. A reply has
 that of its query. `congestion` decides how replies are really sent."""
 
+PUT_AGAIN: Final = b"again"
+"""The attachment of an event that a fresh session puts once more."""
+
 FETCH_S: Final = 2.0
 ASKING_S: Final = 30.0
 """Time for which a sender that does not answer is asked again, because its link may be broken."""
@@ -59,17 +62,13 @@ SOURCES: Final = 1000
 
 
 def caching_publisher(
-    session: zenoh.Session,
-    key: str,
-    newest: int,
-    congestion_control: zenoh.CongestionControl,
-    **service: Any,
+    session: zenoh.Session, key: str, newest: int, **service: Any
 ) -> "ext.AdvancedPublisher":
     """Return a publisher that caches its `newest` samples for late joiners."""
     return ext.declare_advanced_publisher(
         session,
         key,
-        congestion_control=congestion_control,
+        congestion_control=LIVE,
         cache=ext.CacheConfig(newest),
         sample_miss_detection=ext.MissDetectionConfig(heartbeat=BEAT_S, sporadic_heartbeat=None),
         publisher_detection=True,
@@ -88,31 +87,31 @@ class PublishedEvent(NamedTuple):
         """Put the event, once more perhaps."""
         publisher.put(self.frame, attachment=self.note, timestamp=self.stamp)
 
+    def put_again_by(self, publisher: Any) -> None:
+        """Put an event of an earlier session."""
+        publisher.put(self.frame, attachment=PUT_AGAIN, timestamp=self.stamp)
+
 
 class CachingPublishers:
-    """The publishers of one topic with a history: that of the present session, and its archive.
+    """The publishers of one topic with a history, one after the other: that of each session.
 
     Events that were put while the link was broken are in the cache of a session, and are lost with
-    it when a fresh one replaces it. The archive of the fresh one has them again; who has received
-    some of them already knows them by their UTC times.
+    it when a fresh one replaces it. So the fresh one begins with them: a receiver has them in order
+    before the next ones, and those that it has received already it knows by their UTC times.
     """
 
     def __init__(self, key: str, newest: int, **service: Any) -> None:
         self.events: deque[PublishedEvent] = deque(maxlen=newest)
         self._key, self._service = key, service
-        self._archive: Any = None
 
     def declare(self, session: zenoh.Session) -> Any:
         """Return the publisher on a session, which is fresh if there are events already."""
-        if self.events:
-            self._archive = self._caching(session, FETCHED)
-            for event in tuple(self.events):
-                event.put_by(self._archive)
-        return self._caching(session, LIVE)
-
-    def _caching(self, session: zenoh.Session, congestion: zenoh.CongestionControl) -> Any:
-        newest = self.events.maxlen or 0
-        return caching_publisher(session, self._key, newest, congestion, **self._service)
+        # Twice as many: the events before come first, and push out none that follow.
+        newest = 2 * (self.events.maxlen or 0)
+        publisher = caching_publisher(session, self._key, newest, **self._service)
+        for event in tuple(self.events):
+            event.put_again_by(publisher)
+        return publisher
 
 
 class Subscriptions(NamedTuple):
@@ -336,8 +335,10 @@ def number_of(sample: zenoh.Sample) -> int:
 
 
 def was_fetched(sample: zenoh.Sample) -> bool:
-    """Return whether a sample comes from the cache of its sender."""
-    return bool(sample.congestion_control == FETCHED)
+    """Return whether a sample comes from the cache of its sender, or of its earlier session."""
+    if sample.congestion_control == FETCHED:
+        return True
+    return sample.attachment is not None and sample.attachment.to_bytes() == PUT_AGAIN
 
 
 def published_ns(sample: zenoh.Sample, now_ns: int) -> int:
