@@ -93,6 +93,14 @@ def test_step_that_passes_prints_one_line_and_the_count_of_pytest(
     assert lines[1] == "3 passed, 1 skipped in 0.1s"
 
 
+def test_work_that_has_become_less_is_named(gate: Gate, capfd: pytest.CaptureFixture[str]) -> None:
+    words = "print('trial 9 per tick'); print('counts: trial: -9 % work: commit this gain')"
+    gate.run([[[GateStep("counted work", (sys.executable, "-c", words), 1)]]])
+    out = capfd.readouterr().out
+    assert "counts: trial: -9 % work: commit this gain" in out
+    assert "per tick" not in out
+
+
 def test_failed_step_is_printed_whole_and_the_next_ones_run(
     gate: Gate, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
