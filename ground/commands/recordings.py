@@ -20,7 +20,7 @@ from ground.user.folders import recordings_folder
 from runtime.cli.verb import REC
 
 SUFFIXES: Final = (".tlog", ".mcap")
-HEADS: Final = ("", "BEGAN", "LENGTH", "WORLD", "NAVIGATOR", "OUTCOME", "SIZE", "NAME")
+HEADS: Final = ("", "BEGAN", "LENGTH", "WORLD", "NAVIGATOR", "LAST GOAL", "SIZE", "NAME")
 UNKNOWN: Final = "--"
 RUNNING: Final = "REC"
 """Mark of a recording that is not finished. It has no number."""

@@ -107,7 +107,8 @@ NO_GOAL: Final = "no goal"
 class Summary(NamedTuple):
     """A summary of a recording; unknown values are None or empty.
 
-    `length_s` is the robot's time between its first and its last status. `size` counts all files.
+    `length_s` is the robot's time between its first and its last status. `outcome` is that of its
+    last goal, which need not be the goal of whoever recorded it. `size` counts all files.
     `is_running`: it is still being recorded.
     """
 

@@ -240,7 +240,8 @@ def test_reexecution_takes_the_newest_too(folder: Path) -> None:
 def test_the_list_shows_what_each_holds(three: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["recordings"]) == 0
     head, *lines = capsys.readouterr().out.splitlines()
-    assert head.split() == ["BEGAN", "LENGTH", "WORLD", "NAVIGATOR", "OUTCOME", "SIZE", "NAME"]
+    columns = ["BEGAN", "LENGTH", "WORLD", "NAVIGATOR", "LAST", "GOAL", "SIZE", "NAME"]
+    assert head.split() == columns
     assert [line.split()[0] for line in lines] == ["-1", "-2", "-3"]
     assert "1.9 s" in lines[0]
     assert "reached" in lines[0]
