@@ -7,6 +7,7 @@ of its own. Rules at the end ask for words that are missing, and for ends withou
 
 import re
 from collections.abc import Callable, Iterable, Iterator
+from itertools import dropwhile
 from typing import Any, Final, NamedTuple
 
 from checks.simulation.contradictions.programs import Ack
@@ -28,7 +29,7 @@ from checks.simulation.hosts.mavlink import GATEWAY
 from checks.simulation.invariants.limits import InvariantViolation
 from gateways.mavlink.mavlink_dialect import mavlink
 from ground.client.missions import MissionEnded
-from ground.client.outcomes import Accepted, GoalEnded, Refused, Stopped
+from ground.client.outcomes import Accepted, DriveEnded, GoalEnded, Refused, Stopped
 from ground.station.robot.lease_state import LeaseView
 from protocol.outcome import RunOutcome
 from protocol.wire.enums import Command, GoalState, Mode
@@ -221,6 +222,57 @@ class ClaimsObserver:
 
     def _ends(self, one: RequestTruth) -> bool:
         return one.ok and one.before.has_goal and not self.truth.rows[one.at].has_goal
+
+    # Outcomes of drives by hand.
+
+    def drive(self, said: Said, ended: DriveEnded) -> str:
+        """Judge the end of a drive by hand; which one it is, is not said."""
+        deed, truth = said.deed, self.truth
+        if deed is None or deed.verb != "drive":
+            return ""
+        drives = truth.drives_of(deed.program, deed.began_ns, said.ns)
+        found = [self._drive(said, ended.reason, one) for one in drives]
+        return "" if "" in found or not found else found[0]
+
+    def _drive(self, said: Said, reason: str, drive: RequestTruth) -> str:
+        """Compare the end of a drive with what has driven since."""
+        truth = self.truth
+        later = truth.begun_after(drive, said.ns)
+        if seized := SEIZED.match(reason):
+            return self.held_by_another(said.program, seized[1], drive.ns, said.ns)
+        if reason.startswith("replaced"):
+            if not later:
+                return "nothing else has driven since"
+            is_right = any(self._is_named(one, reason) for one in later)
+            return "" if is_right else f"it was replaced by {drive_words(later[0])}"
+        if later and self._takes_over(drive, later[0]) and self._knows(said, later[0].ns):
+            return f"it was replaced by {drive_words(later[0])}"
+        if not reason and not truth.ever(drive.ns, said.ns, lambda row: row.mode == Mode.HOLD):
+            return f"it does not hold: {state_words(truth.at(said.ns))}"
+        return ""
+
+    def _takes_over(self, drive: RequestTruth, by: RequestTruth) -> bool:
+        """Return whether a drive went on until another one began."""
+        rows = self.truth.rows[drive.at : by.at]
+        went_on = dropwhile(lambda row: not row.is_armed, rows)  # armed after its begin
+        return by.before.is_by_hand and all(row.is_by_hand for row in went_on)
+
+    def _is_named(self, by: RequestTruth, reason: str) -> bool:
+        """Return whether a drive is what the end of the one before names; it may name nothing."""
+        if goal := REPLACED.search(reason):
+            name = goal[3]
+            if isinstance(by.request, GoalRequest):
+                x_m, y_m = place_of(by.request)
+                off_m = max(abs(float(goal[1]) - x_m), abs(float(goal[2]) - y_m))
+                if off_m > ROUNDED_M:
+                    return False
+            elif by.begins_drive:
+                return False
+        elif by_hand := DRIVE_OF.search(reason):
+            name = by_hand[1]
+        else:
+            return True
+        return not name or self.truth.is_name(by.program, name)
 
     # Answers.
 
@@ -524,6 +576,11 @@ def asked_words(one: RequestTruth) -> str:
     return type(one.request).__name__
 
 
+def drive_words(one: RequestTruth) -> str:
+    """Return what has begun a drive, and by which program."""
+    return f"«{asked_words(one)}» of {one.program}"
+
+
 def state_words(row: RobotRow) -> str:
     """Return the robot's state in words."""
     goal = GoalState(row.goal_state).name
@@ -568,6 +625,8 @@ ENDS_MISSION: Final[tuple[tuple[Any, ...], ...]] = (
     (Command.COMPONENT_ARM_DISARM, 0.0),
 )
 REPLACED: Final = re.compile(r"by the goal (-?[\d.]+) (-?[\d.]+)(?: of (.+))?")
+DRIVE_OF: Final = re.compile(r"by the drive of (.+)")
+SEIZED: Final = re.compile(r"(.+) has seized the lease")
 ENDED_BY: Final = re.compile(r"(?:disarmed )?by (?!the )(.+)")
 """A reason that names another person."""
 
@@ -753,6 +812,7 @@ RULES: Final[tuple[tuple[type[Any], str, Callable[[ClaimsObserver, Said, Any], s
             else ""
         ),
     ),
+    (DriveEnded, "a drive by hand ends as it ended", ClaimsObserver.drive),
     (EndedCommand, "an exit code is of the goal that was asked for", ClaimsObserver.code),
     (Refused, "a refusal has a reason", ClaimsObserver.refused),
     (Accepted, "what is accepted is so", ClaimsObserver.accepted),

@@ -184,6 +184,14 @@ def _no_notes() -> Patches:
     return {"robot.commands.Commands._note_on": lambda *_: 0}
 
 
+def _done_for_replaced() -> Patches:
+    """Say of a drive by hand that it is done although another one has replaced it."""
+    return {
+        "ground.client.teleop_sender.DriveWatch._replaced": lambda *_: None,
+        "ground.robot.DRIVE_REPLACED": "",
+    }
+
+
 DEFECTS: Final[dict[str, Defect]] = {
     "c1": Defect("`up` reports the end of somebody else's goal", _any_goal),
     "c2": Defect("a clean-up ends what was begun since", _unbound_clean_up),
@@ -198,6 +206,7 @@ DEFECTS: Final[dict[str, Defect]] = {
     "c9": Defect("a mission that was taken over is reported as failed", _failed_for_taken_over),
     "c10": Defect("who has aborted another person's goal is not named", _nobody_named),
     "c11": Defect("what had nothing to act on is said to be done", _no_notes),
+    "c12": Defect("a drive that another one has replaced is said to be done", _done_for_replaced),
 }
 
 

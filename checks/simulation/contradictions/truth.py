@@ -118,6 +118,20 @@ class RequestTruth(NamedTuple):
         """Whether it began a drive by hand."""
         return self.ok and self.is_command(Command.DO_SET_MODE, 1.0, float(Mode.MANUAL))
 
+    @property
+    def begins(self) -> bool:
+        """Whether it began a drive: by hand, to a goal, along a mission, or back."""
+        is_drive = any(self.is_command(*words) for words in BEGINS)
+        return self.ok and (is_drive or isinstance(self.request, GoalRequest))
+
+
+BEGINS: Final[tuple[tuple[Any, ...], ...]] = (
+    (Command.DO_SET_MODE, 1.0, float(Mode.MANUAL)),
+    (Command.DO_SET_MODE, 1.0, float(Mode.SMART_RTL)),
+    (Command.NAV_RETURN_TO_LAUNCH,),
+    (Command.MISSION_START,),
+)
+
 
 class GoalTruth(NamedTuple):
     """A goal that the robot has accepted: its request, and the row in which it had ended, if any.
@@ -330,6 +344,25 @@ class Truth:
         while by.number not in self.shown_ns and (following := self._goal(by).by) is not None:
             by = following
         return by
+
+    def drives_of(self, program: str, since_ns: int, until_ns: int) -> Iterator[RequestTruth]:
+        """Yield the requests by which a program has begun to drive by hand in a time."""
+        for one in self._asked_once():
+            if one.begins_drive and one.program == program and since_ns <= one.ns <= until_ns:
+                yield one
+
+    def begun_after(self, drive: RequestTruth, until_ns: int) -> list[RequestTruth]:
+        """Return the requests that have begun another drive since this one, by hand or not."""
+        later = (one for one in self._asked_once() if one.at > drive.at and one.ns <= until_ns)
+        return [one for one in later if one.begins]
+
+    def _asked_once(self) -> Iterator[RequestTruth]:
+        """Yield the requests without their copies, which have the same answer and no effect."""
+        known: set[tuple[str, int]] = set()
+        for one in self.answered:
+            if (key := (one.operator, one.number)) not in known:
+                known.add(key)
+                yield one
 
     def drive_at(self, ns: int) -> RequestTruth | None:
         """Return the request that began the newest drive by hand."""

@@ -15,7 +15,7 @@ from checks.simulation.hosts.mavlink import GATEWAY
 from checks.simulation.hosts.virtual_time import Argument, Event, EventScenario
 from tests.support.each import each
 
-SAME_PERSON, OTHER = "ada-t1", "bea-t2"
+SAME_PERSON, OTHER, THIRD = "ada-t1", "bea-t2", "bea-t3"
 FIRST, SECOND = "client-255", "client-254"
 OUTCOME: Final = "an outcome is of the goal that was asked for"
 CODE: Final = "an exit code is of the goal that was asked for"
@@ -77,6 +77,13 @@ CASES: Final[dict[str, Case]] = {
     "c10": Case(
         (*IN_NOTEBOOK, (2.0, "goto", NOTEBOOK, 36.0, 30.0), (5.0, "abort", OTHER)),
         OUTCOME,
+    ),
+    "c12": Case(
+        (
+            (1.0, "drive", OTHER, 0.2, 0.0, 4.0),
+            (3.0, "drive", THIRD, 0.2, 0.5, 1.0),
+        ),
+        "a drive by hand ends as it ended",
     ),
     "c11": Case((*IN_NOTEBOOK, (5.0, "clear", SAME_PERSON)), "what is accepted is so"),
 }
