@@ -358,10 +358,10 @@ _PATHS: dict[str, str] = {}
 
 
 def path_of(key: str) -> str:
-    """Return the part of a key after prefix and robot."""
+    """Return the part of a key after prefix and robot; empty for a key without them."""
     path = _PATHS.get(key)
     if path is None:
-        path = key.split("/", 2)[2]
+        path = key.partition("/")[2].partition("/")[2]
         if len(_PATHS) < MANY:
             _PATHS[key] = path
     return path
