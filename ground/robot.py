@@ -54,6 +54,7 @@ from ground.client.lost_drive import (
 from ground.client.missions import CURRENT, Fences, Missions, fetch
 from ground.client.outcomes import (
     DRIVE_REPLACED,
+    UNCONFIRMED,
     Accepted,
     AllAnswered,
     Answer,
@@ -517,8 +518,10 @@ class Robot(RobotLink):
             why = await self._steer(stick, watch, speed_m_s, radians(turn_deg_s), for_s)
             if watch.is_seized:  # the drive is that of the other person now
                 return DriveEnded(why)
-            is_over = await finish(self._end(drive, hold)) is None
-            return DriveEnded(DRIVE_REPLACED if is_over and not why else why)
+            answer = await finish(self._end(drive, hold))
+            if why or isinstance(answer, Accepted):
+                return DriveEnded(why)
+            return DriveEnded(DRIVE_REPLACED if answer is None else UNCONFIRMED)
 
         def hold() -> CommandRequest:
             if self._stick is stick:  # those of a later drive go on

@@ -211,6 +211,9 @@ class GoalEnded:
 DRIVE_REPLACED: Final = "replaced by what was asked of the robot since; it may still drive"
 """The end of a drive by hand after which another one, or a goal, has begun."""
 
+UNCONFIRMED: Final = "the robot has not confirmed its hold; without speeds it stops by itself"
+"""The end of a drive by hand at which the robot did not answer."""
+
 
 @dataclass(frozen=True, slots=True)
 class DriveEnded:

@@ -109,6 +109,11 @@ FALSE_ONCE: Final[dict[str, tuple[Deed, ...]]] = {
         (3.0, "goto", OTHER, 31.4, 29.8),
         (6.0, "cancel", OTHER),
     ),
+    "a drive by hand is over while its line is cut": (
+        (0.3, "start", APP),
+        (2.0, "drive", APP, 0.2, 0.0, 2.0),
+        (3.9, "cut", APP, 6000),
+    ),
     "an own stop is shown while another one is pressed": (
         (0.3, "start", APP),
         (3.0, "estop", APP),

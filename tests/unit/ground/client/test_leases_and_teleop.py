@@ -8,7 +8,14 @@ import pytest
 from msgspec.structs import replace
 
 from ground.client.lease_holder import operator_name, shortened, terminal_name
-from ground.client.outcomes import DRIVE_REPLACED, DriveEnded, Outcome, Refused, RefusedError
+from ground.client.outcomes import (
+    DRIVE_REPLACED,
+    UNCONFIRMED,
+    DriveEnded,
+    Outcome,
+    Refused,
+    RefusedError,
+)
 from ground.client.teleop_sender import SETTLE_NS, TeleopSender, lost_control
 from ground.commands.lease import ChangeLease, ShowLease
 from ground.commands.teleop import DriveByHand
@@ -212,6 +219,13 @@ def test_drive_that_was_replaced_does_not_say_that_the_robot_holds() -> None:
     stage.bus.say(STATUS, status(mode=Mode.MANUAL))
     outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0, for_s=0.5), stage)
     assert (outcome.text, outcome.ok) == (DRIVE_REPLACED, False)
+
+
+def test_drive_without_an_answer_does_not_say_that_the_robot_holds() -> None:
+    stage = Stage(Reason.NONE, Reason.NONE, *[None] * 10)
+    stage.bus.say(STATUS, status(mode=Mode.MANUAL))
+    outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0, for_s=0.5), stage)
+    assert (outcome.text, outcome.ok) == (f"stopped: {UNCONFIRMED}", False)
 
 
 def test_drive_by_hand_ends_when_the_robot_leaves_manual() -> None:
