@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 BLOCK_ROWS: Final = 128
 """Rows whose normal numbers are made of each other's bits."""
-BLOCKS: Final = 4
+BLOCKS: Final = 2
 """Blocks that are drawn together; the numbers do not depend on it."""
 
 Bits: TypeAlias = npt.NDArray[np.uint64]

@@ -48,6 +48,7 @@ class Score:
     ) -> None:
         self._start_ns = start_ns
         self._rows = array("d", (x_m, y_m, heading_rad, 0.0, clearance_m))
+        self._x_m, self._y_m, self._path_m, self._least_m = x_m, y_m, 0.0, clearance_m
         self._contacts = array("L", (0,))
         self._own_contacts = array("L", (0,))
         self._touching = False
@@ -70,12 +71,11 @@ class Score:
         """Add a tick; `closing`: the robot itself moved towards the obstacle it touches."""
         if len(self._contacts) > MAX_TICKS:
             return
-        rows = self._rows
-        path_m = rows[-2] + hypot(x_m - rows[-5], y_m - rows[-4])
-        least_m = rows[-1]
-        if clearance_m < least_m:
-            least_m = clearance_m
-        rows.extend((x_m, y_m, heading_rad, path_m, least_m))
+        self._path_m += hypot(x_m - self._x_m, y_m - self._y_m)
+        self._x_m, self._y_m = x_m, y_m
+        if clearance_m < self._least_m:
+            self._least_m = clearance_m
+        self._rows.extend((x_m, y_m, heading_rad, self._path_m, self._least_m))
         begun = touching and not self._touching
         self._contacts.append(self._contacts[-1] + begun)
         self._own_contacts.append(self._own_contacts[-1] + (begun and closing))

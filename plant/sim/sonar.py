@@ -16,7 +16,7 @@ only surfaces that cannot matter: rounding in it never changes an echo.
 
 from collections.abc import Sequence
 from math import floor, inf, pi, sqrt
-from typing import Final, NamedTuple, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -104,7 +104,11 @@ class Surfaces:
 
 
 def add_discs(around: list[list[SeenDisc]], discs: list[Disc], at: Point, reach_m: float) -> None:
-    """Add the discs to the views from which they may be met; `around`: all views, twice."""
+    """Add the discs to the views from which they may be met; `around`: all views, twice.
+
+    All views share one tuple of a disc: the compiler would make one for each of them, if it knew
+    the type of the elements of `boxed`.
+    """
     x_m, y_m = at
     seen: list[SeenDisc] = []
     for centre_x, centre_y, radius_m in discs:
@@ -113,13 +117,13 @@ def add_discs(around: list[list[SeenDisc]], discs: list[Disc], at: Point, reach_
         if least_m < reach_m + WAY_M:
             seen.append((least_m, centre_x, centre_y, radius_m, radius_m * radius_m))
     seen.sort()
-    for disc in seen:
-        least_m, centre_x, centre_y, radius_m, _ = disc
+    boxed: list[Any] = seen[:]
+    for k, (least_m, centre_x, centre_y, radius_m, _) in enumerate(seen):
         bearing_rad = rough_bearing_rad(centre_x - x_m, centre_y - y_m)
         half_rad = half_width_rad(radius_m + WAY_M, least_m + radius_m)
         first, count = sector(bearing_rad - half_rad, bearing_rad + half_rad)
-        for view in around[first : first + count]:
-            view.append(disc)
+        for i in range(first, first + count):
+            around[i].append(boxed[k])
 
 
 def add_edges(around: list[list[SeenEdge]], edges: list[Edge], at: Point, reach_m: float) -> None:
@@ -139,8 +143,8 @@ def add_edges(around: list[list[SeenEdge]], edges: list[Edge], at: Point, reach_
         if least_m < reach_m + WAY_M:
             seen.append((least_m, start_x, start_y, end_x, end_y, length_m))
     seen.sort()
-    for edge in seen:
-        least_m, start_x, start_y, end_x, end_y, _ = edge
+    boxed: list[Any] = seen[:]
+    for k, (least_m, start_x, start_y, end_x, end_y, _) in enumerate(seen):
         first, count = 0, DIRECTIONS
         if least_m > WAY_M + SLACK_M:
             ax, ay, bx, by = start_x - x_m, start_y - y_m, end_x - x_m, end_y - y_m
@@ -150,8 +154,8 @@ def add_edges(around: list[list[SeenEdge]], edges: list[Edge], at: Point, reach_
             left_rad += half_width_rad(WAY_M, sqrt(ax * ax + ay * ay))
             right_rad -= half_width_rad(WAY_M, sqrt(bx * bx + by * by))
             first, count = sector(right_rad, left_rad)
-        for view in around[first : first + count]:
-            view.append(edge)
+        for i in range(first, first + count):
+            around[i].append(boxed[k])
 
 
 def sector(right_rad: float, left_rad: float) -> tuple[int, int]:
@@ -532,7 +536,8 @@ class SimulatedSonarRing:
         least_nearness, rim_m, most_m = self._least_nearness, self._rim_m, self._most_m
         least_mm, most_mm, untrue = self._least_mm, self._most_mm, self._untrue
         sigma_m, sigma_ratio = self._sigma_m, self._sigma_ratio
-        for sonar, near in zip(ORDER, nearness, strict=True):
+        for place, sonar in enumerate(ORDER):
+            near = nearness[place]
             if chances[sonar] < untrue:
                 if chances[sonar] < self._lost:
                     continue
