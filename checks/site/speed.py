@@ -19,7 +19,7 @@ from typing import Any, Final
 import msgspec
 
 from checks.evidence import FIGURES, FOLDER, ROOT, CommitHistory
-from checks.harness.figures import digits
+from checks.harness.figures import describe_machine, digits, machine_load
 from checks.site.figures_page import measured, section, with_section
 from checks.speed import counts
 from checks.speed.against import BASELINE, missing
@@ -114,10 +114,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         if changes:
             print(f"speed: commit first, the row names a commit: {changes[0]}", file=sys.stderr)
             return EXIT_USAGE
+    load = machine_load()
     reports = dict(reported(options.names or list(MEASURED), options.against))
     failed = [name for name, report in reports.items() if report is None]
     found = {name: report for name, report in reports.items() if report is not None}
-    row = row_of(commit, options.against, found, counted())
+    machine = describe_machine(load)
+    row = row_of(commit, options.against, machine, found, counted())
     rows = read()
     print(*comparison(row, rows[-1] if rows else None), sep="\n")
     if options.sections:
@@ -157,6 +159,7 @@ def counted() -> dict[str, float]:
 def row_of(
     commit: str,
     before: str,
+    machine: dict[str, Any],
     reports: Mapping[str, Mapping[str, Any]],
     work: dict[str, float],
 ) -> SpeedRow:
@@ -168,7 +171,6 @@ def row_of(
         for name, report in reports.items()
         for figure in report["figures"]
     }
-    machine = next((dict(report["machine"]) for report in reports.values()), {})
     ratios = {name: figures[name] for name in RATIOS.values() if name in figures}
     return SpeedRow(f"{datetime.now(UTC):%Y-%m-%d}", commit, before, machine, ratios, work)
 
@@ -205,7 +207,9 @@ def with_row(rows: Sequence[SpeedRow], row: SpeedRow) -> list[SpeedRow]:
     others = [one for one in rows if one.commit != row.commit]
     for one in rows:
         if one.commit == row.commit and one.before == row.before:
-            row = msgspec.structs.replace(row, figures=one.figures | row.figures)
+            machine = row.machine if row.figures else one.machine
+            figures = one.figures | row.figures
+            row = msgspec.structs.replace(row, machine=machine, figures=figures)
     return [*others, row]
 
 

@@ -175,7 +175,7 @@ def test_row_has_the_ratios_of_the_history_only() -> None:
     reports = {
         "trial": report("trial", **{"forest_dense, ours / ir-sim": 8.123456, "forest_dense": 1.0})
     }
-    made = row_of("c", "old", reports, {})
+    made = row_of("c", "old", {"cores": 2}, reports, {})
     assert made.figures == {RATIO: FigureSpread(8.123, 8.123, 8.123)}
     assert made.machine == {"cores": 2}
 
@@ -216,6 +216,7 @@ def test_record_appends_a_row_and_completes_that_of_the_same_commit(
     assert [one.commit for one in speed.read()] == ["abcdef12", "98765432"]
     text = played.read_text()
     assert text.count("| `abcdef12` |") == text.count("| `98765432` |") == 2
+    assert all("load" in one.machine for one in speed.read())
     assert "| 8 | 1.25 |" in text
     assert "abcdef12" in speed.PLOT.read_text()
 
