@@ -378,7 +378,6 @@ class RobotProcess:
             since_ns = looked_ns = wall_ns
         elif wall_ns - since_ns >= STANDS_NS:
             self.vehicle.lease.stood_ns += wall_ns - looked_ns
-            self.vehicle.state.machine.senses = False  # they are as old as the time that stands
             self._senses.receive_heartbeats(self.vehicle, now_ns)
             looked_ns = wall_ns
         self._stands = now_ns, since_ns, looked_ns
