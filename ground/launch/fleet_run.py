@@ -1,6 +1,7 @@
 """Run several goals as one: send all goals before time starts, then wait for all outcomes."""
 
 import asyncio
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -16,6 +17,9 @@ from ground.text.wording import Part
 from protocol.bus.bus import Bus
 from protocol.outcome import RunOutcome
 from runtime.clock import Clock
+
+MAX_NAMED: Final = 10
+"""Robots that are named in the status line, and described in a paragraph; more are counted."""
 
 LOOK_NS: Final = 100_000_000
 TOGETHER_S: Final = 0.002
@@ -60,12 +64,10 @@ class FleetRun:
     async def launch(self, *, lockstep: bool) -> None:
         """Arm every robot, send every goal and start time."""
         first = self._goal_runs[0]
-        for goal_run in self._goal_runs:
-            await goal_run.prepare()
+        await asyncio.gather(*(goal_run.prepare() for goal_run in self._goal_runs))
         if not lockstep:
             await first.start()  # the score begins with the goal
-        for goal_run in self._goal_runs:
-            await goal_run.send()
+        await asyncio.gather(*(goal_run.send() for goal_run in self._goal_runs))
         if lockstep:
             await first.start()  # each goal arrives in the same tick of every run
 
@@ -95,9 +97,12 @@ class FleetRun:
         return [goal_run.outcome for goal_run in self._goal_runs if goal_run.outcome is not None]
 
     def _line(self) -> list[Part]:
-        first = self._goal_runs[0]
-        if len(self._goal_runs) == 1:
+        first, robots = self._goal_runs[0], len(self._goal_runs)
+        if robots == 1:
             return [*first.line(), first.pace()]
+        if robots > MAX_NAMED:
+            ended = [one.outcome for one in self._goal_runs if one.outcome is not None]
+            return [Part(fleet_words(robots, ended)), first.time(), first.pace()]
         return [
             *(goal_run.short_line() for goal_run in self._goal_runs),
             first.time(),
@@ -138,9 +143,22 @@ def as_json(robots: Sequence[str], outcomes: Sequence[RunOutcome]) -> dict[str, 
 
 
 def in_words(robots: Sequence[str], outcomes: Sequence[RunOutcome]) -> str:
-    """Return the full text of one outcome, or a paragraph for each of several."""
+    """Return the full text of one outcome, a paragraph for each of several, or a line of many."""
     if len(outcomes) == 1:
         return outcomes[0].text()
-    return "\n".join(
-        f"{robot}: {outcome.text()}" for robot, outcome in zip(robots, outcomes, strict=True)
-    )
+    many = len(outcomes) > MAX_NAMED
+    lines = [
+        f"{robot}: {outcome.text().splitlines()[0] if many else outcome.text()}"
+        for robot, outcome in zip(robots, outcomes, strict=True)
+    ]
+    return "\n".join([*lines, fleet_words(len(robots), outcomes)] if many else lines)
+
+
+def fleet_words(robots: int, outcomes: Sequence[RunOutcome]) -> str:
+    """Return how many of many robots have ended their drive, how, and with how many contacts."""
+    kinds = Counter(outcome.outcome for outcome in outcomes)
+    ends = [f"{count} {kind}" for kind, count in kinds.most_common()]
+    if under_way := robots - len(outcomes):
+        ends.append(f"{under_way} under way")
+    contacts = sum(outcome.contacts for outcome in outcomes)
+    return f"{robots} robots: {', '.join(ends)}; {contacts} contacts"

@@ -32,6 +32,10 @@ from runtime.errors import NoAnswerError, RemoteError
 from runtime.units import NS_PER_S
 from runtime.watchdog import slowdown_in
 
+FOLLOWED: Final = (STATUS, ODOMETRY, DECISION, CYCLE, TRUTH, LEASE, MISSION)
+FOLLOWED_OF_SEVERAL: Final = tuple(topic for topic in FOLLOWED if topic is not DECISION)
+"""The status line of several robots has no room for decisions."""
+
 READY_NS: Final = 60 * NS_PER_S
 """A busy computer needs many seconds to start the processes; one that ends is noticed at once."""
 IDLE_S: Final = MAX_LEASE_MS // 1000
@@ -71,7 +75,7 @@ class GoalRun:
         self.telemetry = Telemetry(
             robot.bus,
             robot.name,
-            (STATUS, ODOMETRY, DECISION, CYCLE, TRUTH, LEASE, MISSION),
+            FOLLOWED if len(scenario.robots) == 1 else FOLLOWED_OF_SEVERAL,
             robot.note_arrival,
             taker=lambda path: self._keep_pose if path == ODOMETRY.path else None,
         )

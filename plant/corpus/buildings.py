@@ -97,6 +97,32 @@ def office_draft(random: Draws, plan: Plan, start: Cell, goal: Cell) -> WorldDra
     return WorldDraft(site.size_m, from_m, to_m, (*site.shell, *inner))
 
 
+APRON_M: Final = 4.2
+"""Free floor on both sides of the shelves, where five ranks of robots fit."""
+
+
+def warehouse(random: Draws) -> WorldDraft:
+    """Draw rows of shelves between two aprons, with room for a hundred robots on each of them.
+
+    Aisles are 1.6 to 2.2 m wide. One or two cross aisles divide the rows.
+    """
+    aisle_m, depth_m = round(random.uniform(1.6, 2.2), 2), round(random.uniform(0.4, 0.7), 2)
+    shelf_m, cross_m = round(random.uniform(2.0, 3.0), 2), round(random.uniform(1.6, 2.2), 2)
+    rows, blocks = random.randint(6, 8), random.randint(2, 3)
+    wide_m = round(rows * (aisle_m + depth_m) + aisle_m, 2)
+    long_m = round(2.0 * APRON_M + blocks * (shelf_m + cross_m) - cross_m, 2)
+    frame = ShapeFrame((APRON_M, aisle_m), 0.0)
+    shelves = []
+    for row in range(rows):
+        low_m = row * (aisle_m + depth_m)
+        for block in range(blocks):
+            left_m = block * (shelf_m + cross_m)
+            shelves.append(frame.box(left_m, low_m, left_m + shelf_m, low_m + depth_m))
+    middle_m = round(wide_m / 2.0, 3)
+    start, goal = (APRON_M / 2.0, middle_m), (round(long_m - APRON_M / 2.0, 3), middle_m)
+    return WorldDraft((long_m, wide_m), start, goal, tuple(shelves))
+
+
 def _wall_with_door(
     random: Draws, frame: ShapeFrame, thick_m: float, a: Point, b: Point
 ) -> tuple[Obstacle, Obstacle]:

@@ -163,7 +163,16 @@ _CROWDS: Final[Mapping[str, Family]] = {
 CROWD_FAMILIES: Final = tuple(_CROWDS)
 """Crowds in which not every contact can be avoided; the corpus has only avoidable ones."""
 
-EVERY_FAMILY: Final = (*FAMILIES, *GRID_FAMILIES, *CROWD_FAMILIES, *ADVERSARIAL_FAMILIES)
+FLEET_FAMILIES: Final = ("warehouse",)
+"""Worlds for many robots, which start side by side; not part of the corpus itself."""
+
+EVERY_FAMILY: Final = (
+    *FAMILIES,
+    *GRID_FAMILIES,
+    *CROWD_FAMILIES,
+    *ADVERSARIAL_FAMILIES,
+    *FLEET_FAMILIES,
+)
 """All that `generate` accepts."""
 
 
@@ -189,7 +198,23 @@ def corpus(per_family: int, seed: int) -> Iterator[World]:
 def _maker(family: str) -> Maker:
     if family in ADVERSARIAL_FAMILIES:
         return adversarial_world
+    if family in FLEET_FAMILIES:
+        return _fleet_world
     return _map_world if family in MAPS else _drawn_world
+
+
+def _fleet_world(random: Draws, family: str, name: str, seed: int) -> World | None:
+    """Return a world in which robots start towards the goal, which has no heading."""
+    draft = buildings.warehouse(random)
+    world = World(
+        name=name,
+        size_m=draft.size_m,
+        start=Start(x_m=draft.start[0], y_m=draft.start[1], heading_rad=0.0),
+        goal=GoalPose(x_m=draft.goal[0], y_m=draft.goal[1]),
+        obstacles=draft.obstacles,
+    )
+    made = ImportedWorld(file=name, name=name, family=family, seed=seed)
+    return with_way(world, made, shortest_path_m(world))
 
 
 def _drawn_world(random: Draws, family: str, name: str, seed: int) -> World | None:

@@ -23,7 +23,7 @@ from ground.client.vocabulary import NAVIGATORS, NOISES, SIDES, USUAL_NAVIGATOR
 from ground.commands.command import add_json, positive, seconds
 from ground.launch import fleet_run
 from ground.launch.child_command import command
-from ground.launch.fleet_run import FleetRun, as_json, in_words
+from ground.launch.fleet_run import MAX_NAMED, FleetRun, as_json, in_words
 from ground.launch.goal_run import GoalRun
 from ground.launch.launcher import Stack
 from ground.launch.recording_session import RecordingSession, add_recording, folder_of
@@ -234,7 +234,10 @@ def report_events(stack: Stack, output: Output) -> None:
 def goal_runs_of(stack: Stack, bus: Bus, output: Output, clock: Clock) -> list[GoalRun]:
     """Return one run for each robot."""
     scenario = stack.scenario
-    goals = ", ".join(str(scenario_robot.goal) for scenario_robot in scenario.scenario_robots)
+    robots = scenario.scenario_robots
+    goals = f"{len(robots)} goals"
+    if len(robots) <= MAX_NAMED:
+        goals = ", ".join(str(scenario_robot.goal) for scenario_robot in robots)
     output.note(f"{scenario.name}: to {goals} with {scenario.navigator}")
     return fleet_run.goal_runs_of(scenario, stack.common, bus, clock, stack.check, stack.void)
 

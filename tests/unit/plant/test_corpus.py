@@ -17,6 +17,7 @@ from plant.corpus import (
     CROWD_FAMILIES,
     EVERY_FAMILY,
     FAMILIES,
+    FLEET_FAMILIES,
     GRID_FAMILIES,
     buildings,
     generate,
@@ -32,7 +33,7 @@ from plant.imports.moving_ai import parse_map
 from plant.model.configuration import Body
 from plant.model.draws import Draws
 from plant.model.geometry import clearance_m, movers
-from plant.placement import STANDING_M
+from plant.placement import STANDING_M, goals, starts
 from plant.shortest_path import shortest_path_m
 from plant.world.file import load, loads
 from plant.world.writer import dumps
@@ -363,8 +364,8 @@ def length_for(world: World, radius_m: float) -> float | None:
 
 def test_adversarial_families_are_not_in_the_corpus() -> None:
     others = (*FAMILIES, *GRID_FAMILIES, *CROWD_FAMILIES)
-    assert not set(ADVERSARIAL_FAMILIES) & set(others)
-    assert (*others, *ADVERSARIAL_FAMILIES) == EVERY_FAMILY
+    assert not {*ADVERSARIAL_FAMILIES, *FLEET_FAMILIES} & set(others)
+    assert (*others, *ADVERSARIAL_FAMILIES, *FLEET_FAMILIES) == EVERY_FAMILY
 
 
 @each("family", ADVERSARIAL_FAMILIES)
@@ -474,3 +475,14 @@ def test_points_that_fall_on_one_another_become_one() -> None:
     beside = (0.3, 0.3004)
     moved = shifted(Polyline(((0.0, 0.0), (0.3, 0.3), beside, (0.0, 0.0))), (1.0, 0.0))
     assert moved == Polyline(((1.0, 0.0), (1.3, 0.3), (1.0, 0.0)))
+
+
+@each("index", [0, 1, 2])
+def test_warehouse_has_room_for_a_hundred_robots_and_goals(index: int) -> None:
+    world = generate("warehouse", index, 1)
+    assert world.reachable
+    places = starts(world, Body(), 100)
+    ends_at = goals(world, Body(), places, (world.goal.x_m, world.goal.y_m))
+    assert len({(one.x_m, one.y_m) for one in ends_at}) == 100
+    assert all(one.shifted for one in ends_at)
+    assert loads(dumps(world)) == world
