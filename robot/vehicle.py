@@ -240,8 +240,8 @@ class RobotVehicle:
     @property
     def stoppers(self) -> Stoppers:
         """The names of those who have stopped what another person had begun."""
-        names = (one and self.lease.label_of(one) for one in self.commands.stoppers)
-        return Stoppers(*names)
+        by = self.commands.stoppers
+        return Stoppers(*(one and self.lease.label_of(one) for one in by)) if any(by) else by
 
     def retry_stop(self, now_ns: int) -> None:
         """Write the emergency stop again if that has failed; `now_ns` is the time of the wall."""

@@ -26,6 +26,10 @@ HUNG_S: Final = 5.0
 HANGS: Final = f"hung (its loop did not run for {HUNG_S:g} s)"
 """Describes a process that the watchdog has ended."""
 
+RESET_NS: Final = 250 * NS_PER_MS
+"""The timer is restarted at most this often: a system call in each cycle costs more than it gains.
+"""
+
 T = TypeVar("T")
 
 
@@ -45,6 +49,8 @@ class SignOfLife(Protocol):
 class Watchdog(SignOfLife):
     """Ends the process `patience_s` after the last reset, within the block, in the main thread.
 
+    It may do so `RESET_NS` earlier.
+
     `trace` is a file that then receives the stack traces of all threads, if it can be written.
     """
 
@@ -52,6 +58,7 @@ class Watchdog(SignOfLife):
         self._patience_s = patience_s
         self._trace = trace
         self._file: IO[str] | None = None
+        self._reset_ns: int | None = None
 
     def __enter__(self) -> Self:
         if self._trace is not None:
@@ -60,6 +67,7 @@ class Watchdog(SignOfLife):
                 self._file = open(os.open(self._trace, flags, 0o666), "w", encoding="utf-8")
         if self._file is not None:
             faulthandler.register(signal.SIGALRM, self._file, all_threads=True, chain=True)
+        self._reset_ns = None
         self.reset()
         return self
 
@@ -70,8 +78,11 @@ class Watchdog(SignOfLife):
             self._file.close()
 
     def reset(self) -> None:
-        """Restart the timer."""
-        signal.setitimer(signal.ITIMER_REAL, self._patience_s)
+        """Restart the timer, unless that was done less than `RESET_NS` ago."""
+        now_ns = monotonic_ns()
+        if self._reset_ns is None or now_ns - self._reset_ns >= RESET_NS:
+            self._reset_ns = now_ns
+            signal.setitimer(signal.ITIMER_REAL, self._patience_s)
 
     def divided(self, loops: int) -> list[SignOfLife]:
         """Return a part for each of several loops: together they reset this watchdog.

@@ -76,6 +76,10 @@ from runtime.watchdog import Patience
 ROLES: Final = frozenset(role.value for role in Role)
 SESSION: Final = re.compile(r"[0-9a-f]{1,32}\Z")
 POLL_S: Final = 0.001
+ROUNDS: Final = 20
+"""A control loop keeps the bus serving in each cycle; to look at its threads once a second is
+enough."""
+
 PRESENT_S: Final = 10.0
 MAX_TOKENS: Final = 1000
 """Limit of tracked tokens, of all robots together."""
@@ -150,6 +154,7 @@ class Bus:
         self._declared: list[object] = []
         self._watched: TokenSet | None = None
         self._queue = ServiceQueue()
+        self._rounds = 0
         self.faults = FaultInjector(network.trouble, now_ns)
         self.holder = holder(network.tls, role, robot)
         self._person = operator_name(self.holder) if role is Role.GROUND else None
@@ -373,8 +378,10 @@ class Bus:
         self._answer(STOP_SERVICE, None, take)
 
     def keep_serving(self) -> None:
-        """Restart the threads that answer if one has ended. The cost is negligible."""
-        self._queue.start()
+        """Restart the threads that answer if one has ended, in one of `ROUNDS` calls."""
+        self._rounds = (self._rounds + 1) % ROUNDS
+        if not self._rounds:
+            self._queue.start()
 
     def _answer(
         self, service: Service, robot: str | None, take: Callable[[ServiceRequest], None]
