@@ -400,14 +400,11 @@ class RobotProcess:
         reports, stamp_ns = self.reports, self._senses.stamp_ns
         sent_us = max(0, self._clock.now_ns() - tick.due_ns) // 1000
         reports.tick(self.vehicle, outputs, stamp_ns, now_ns)
-        reports.together.put(
-            reports.cycle,
-            self._meter.report(
-                stamp_ns,
-                sense_age_us=self._senses.ping_age_us + sent_us,
-                rejected=sum(self._bus.rejected.values()),
-            ),
-        )
+        if reports.cycle.matched:
+            rejected = sum(self._bus.rejected.values())
+            age_us = self._senses.ping_age_us + sent_us
+            report = self._meter.report(stamp_ns, sense_age_us=age_us, rejected=rejected)
+            reports.together.put(reports.cycle, report)
         reports.events(self.vehicle, stamp_ns, now_ns)
 
     def _report(self) -> int:
@@ -426,6 +423,8 @@ class RobotProcess:
     ) -> None:
         """Publish everything that determined this tick, so that it can be re-executed."""
         senses = self._senses
+        if not self.reports.inputs.matched:
+            return
         given = CoreInputs(
             senses.wheels_seq, senses.scan_seq, senses.scan_age_ms, self.reports.recorded, reported
         )

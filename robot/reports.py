@@ -123,10 +123,15 @@ class Reports:
         self._commands = (self._commands + 1) & UINT32
 
     def tick(self, vehicle: RobotVehicle, outputs: Outputs, stamp_ns: int, now_ns: int) -> None:
-        """Publish the pose, the state, the navigation decision, and the cost on a board."""
-        self.together.put(self.odometry, telemetry.odometry(vehicle.state, stamp_ns))
+        """Publish the pose, the state, the navigation decision, and the cost on a board.
+
+        What no process reads is not even made, but for the state, which notes the stops it shows.
+        """
+        if self.odometry.matched:
+            self.together.put(self.odometry, telemetry.odometry(vehicle.state, stamp_ns))
         self.state(vehicle, stamp_ns, now_ns)
-        self.together.put(self.decision, telemetry.decision(outputs, vehicle.zone_m, stamp_ns))
+        if self.decision.matched:
+            self.together.put(self.decision, telemetry.decision(outputs, vehicle.zone_m, stamp_ns))
         board = vehicle.core.board_status(stamp_ns)
         if board is not None:
             self.together.put(self.mcu, board)

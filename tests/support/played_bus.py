@@ -22,7 +22,7 @@ Take = Callable[[ServiceRequest], object]
 class PlayedPublisher:
     """Stores what was published, and passes it to `heard` if that is set."""
 
-    ready = True
+    ready = matched = True
 
     def __init__(self, path: str, sent: list[tuple[str, Message]]) -> None:
         self.key = path

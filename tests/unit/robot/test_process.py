@@ -108,6 +108,21 @@ def test_all_services_the_stop_and_the_clock_are_served() -> None:
     assert rig.bus.kept_serving == 1
 
 
+def test_telemetry_that_no_process_reads_is_not_made() -> None:
+    rig = Rig().serve()
+    reports: Any = rig.process.reports
+    publishers = [reports.odometry, reports.decision, reports.cycle, reports.inputs]
+    for publisher in publishers:
+        publisher.matched = False
+    rig.cycle()
+    assert [publisher.said for publisher in publishers] == [[]] * 4
+    assert reports.status.said
+    for publisher in publishers:
+        publisher.matched = True
+    rig.cycle()
+    assert [len(publisher.said) for publisher in publishers] == [1] * 4
+
+
 @each("end", ["idle", "cycle", "end"])
 def test_texts_are_published_in_ticks_between_and_at_the_end(end: str) -> None:
     rig = Rig().ready()
