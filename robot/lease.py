@@ -155,7 +155,7 @@ class Lease:
         person = person_of(operator)
         known = (name for one, name in reversed(self._names.items()) if person_of(one) == person)
         label = self.name_of(operator) or next(filter(None, known), person)
-        return label.encode()[:MAX_OPERATOR_NAME_BYTES].decode(errors="ignore")
+        return cut(label)
 
     def status(self, time_ns: int, now_ns: int, drive_id: int, driver: str) -> LeaseStatus:
         """Return the lease as a message, stamped `time_ns`, with the newest drive."""
@@ -167,7 +167,7 @@ class Lease:
             holder="" if holder is None else holder.operator,
             name="" if holder is None else holder.name,
             drive_id=drive_id,
-            driver=self.name_of(driver),
+            driver=cut(self.name_of(driver) or person_of(driver)),
         )
 
     @property
@@ -229,3 +229,8 @@ def keep(newest: OrderedDict[str, T], operator: str, value: T) -> None:
     newest.move_to_end(operator)
     if len(newest) > MAX_PROGRAMS:
         newest.popitem(last=False)
+
+
+def cut(label: str) -> str:
+    """Return as much of a name or a person as fits into a message."""
+    return label.encode()[:MAX_OPERATOR_NAME_BYTES].decode(errors="ignore")

@@ -5,6 +5,7 @@ import pwd
 from contextlib import suppress
 from socket import gethostname
 
+from protocol.bus.network import without_digits
 from protocol.topic import person_of
 from protocol.wire.limits import MAX_OPERATOR_NAME_BYTES
 from protocol.wire.messages import LeaseStatus
@@ -19,7 +20,19 @@ def is_ours(lease: LeaseStatus, operator: str | None) -> bool:
 
 def holder_name(lease: LeaseStatus) -> str:
     """Return the name of the lease holder as one printable line."""
-    return printable(lease.name or lease.holder)
+    return named(lease.name, lease.holder)
+
+
+def named(name: str, operator: str) -> str:
+    """Return a display name as a printable line, with its person if it begins with another name.
+
+    USER@HOST may be shortened.
+    """
+    person = printable(without_digits(person_of(operator)))
+    name = printable(name) or person
+    user, at, _ = name.partition("@")
+    is_own = name.startswith(person) or (user and at and person.startswith(user))
+    return name if is_own else f"{name} ({person})"
 
 
 def operator_name(name: str | None) -> str:

@@ -57,6 +57,13 @@ def with_digits(name: str) -> str:
     return f"{plain}-{hashlib.sha256(facts).hexdigest()[:DIGITS]}"
 
 
+def without_digits(person: str) -> str:
+    """Return the name in a person, without the digits that an open bus has added."""
+    name, _, digits = person.rpartition("-")
+    is_added = re.fullmatch(rf"[0-9a-f]{{{DIGITS}}}", digits)
+    return name if name and is_added else person
+
+
 def login_name() -> str:
     """Return the login name, also of a user without an account, as in a container."""
     with suppress(KeyError):

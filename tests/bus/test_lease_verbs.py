@@ -29,7 +29,7 @@ def test_the_lease_is_taken_kept_and_given_back(robot: PlayedRobot, say: Say) ->
 
 @pytest.mark.stack
 def test_a_lease_that_another_holds_can_be_seen_and_seized(robot: PlayedRobot, say: Say) -> None:
-    robot.desk.held = ("beef/1", "anna")
+    robot.desk.held = ("anna/1", "anna")
     assert (
         say("lease", "show")[1]
         == "anna commands r1; without a heartbeat or a drive the lease expires in 2.5 s\n"
@@ -52,7 +52,7 @@ def test_ctrl_c_gives_the_lease_back(robot: PlayedRobot, say: Say) -> None:
 def test_lease_returns_and_every_verb_of_this_person_may_command(
     robot: PlayedRobot, say: Say, action: str
 ) -> None:
-    robot.desk.held = ("beef/1", "anna") if action == "seize" else None
+    robot.desk.held = ("anna/1", "anna") if action == "seize" else None
     code, _, err = say("lease", action, "--name", "ben")
     assert code == 0
     assert "ben commands r1; begin to drive within 30 s" in err
@@ -82,7 +82,7 @@ def test_lease_returns_and_every_verb_of_this_person_may_command(
 def test_verb_that_needs_the_lease_may_seize_it(
     robot: PlayedRobot, say: Say, words: tuple[str, ...]
 ) -> None:
-    robot.desk.held = ("beef/1", "anna")
+    robot.desk.held = ("anna/1", "anna")
     say(*words, "--seize")
     assert robot.desk.actions[0].action == LeaseAction.SEIZE
 

@@ -243,7 +243,7 @@ def test_what_is_no_fence_is_refused_at_once(
 
 
 def test_lease_refusal_names_the_holder(robot: PlayedRobot, say: Say, mission: str) -> None:
-    robot.desk.held = ("beef", "anna")
+    robot.desk.held = ("anna/1", "anna")
     robot.desk.verdict = (Reason.LEASE_HELD, 65_535)
     robot.answers = [Reason.LEASE_HELD]
     refusal = "refused: another operator commands the robot: anna (--seize takes it over"

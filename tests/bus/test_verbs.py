@@ -331,7 +331,7 @@ def test_goto_holds_the_lease_while_it_runs(robot: PlayedRobot, say: Say) -> Non
 
 
 def test_goto_names_the_lease_holder_when_refused(robot: PlayedRobot, say: Say) -> None:
-    robot.desk.held = ("beef", "anna")
+    robot.desk.held = ("anna/1", "anna")
     code, out, err = say("goto", "1", "2", "--json")
     assert code == 1
     assert ": anna" in json.loads(out)["reason"]
@@ -340,7 +340,7 @@ def test_goto_names_the_lease_holder_when_refused(robot: PlayedRobot, say: Say) 
 
 
 def test_goto_may_seize_the_lease(robot: PlayedRobot, say: Say) -> None:
-    robot.desk.held = ("beef/1", "anna")
+    robot.desk.held = ("anna/1", "anna")
     say("goto", "1", "2", "--seize", "--timeout", "0.2")
     kinds = [request.action for request in robot.desk.actions]
     assert kinds == [LeaseAction.SEIZE, LeaseAction.TAKE, LeaseAction.LEAVE]

@@ -305,6 +305,7 @@ class ClaimsObserver:
             holder = truth.at(until_ns).holder
             whose = truth.person_of(holder) if holder else "nobody"
             return f"the lease was held by {whose}, the same person" if holder else "it was free"
+        name = name.partition(" (")[0]
         if name and all(row.holder_name != name for row in rows):
             return f"it was held by {rows[-1].holder_name}"
         return ""
@@ -787,7 +788,7 @@ CLAIMS: Final[tuple[tuple[re.Pattern[str], Claim], ...]] = (
     (re.compile(r"waiting for the robot to show this goal"), not_shown),
     (TOLD, told),
     (re.compile(r"another operator commands the robot(?:: ([^()]+))?"), commands),
-    (re.compile(r"(MAVLink \d+|\S+) is in command"), in_command),
+    (re.compile(r"(MAVLink \d+|\S+)(?: \(.+\))? is in command"), in_command),
     (re.compile(r"you are in command|you command r1"), you_command),
     (re.compile(r"stops ([\d.]+) s after the last heartbeat"), operator_limit),
     (re.compile(r"no operator heartbeat for ([\d.]+) s"), operator_limit),

@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from ground.client.lease_holder import named
 from protocol.topic import person_of
 from protocol.wire.messages import LeaseStatus
 from runtime.cli.terminal import printable
@@ -41,10 +42,9 @@ class LeaseView(NamedTuple):
             return "--"
         if not self.held:
             return "free"
-        name = self.name or self.holder[:8]
         if not self.ours:
-            return name
-        return "ours" if self.own else f"ours, by {name}"
+            return named(self.name, self.holder)
+        return "ours" if self.own else f"ours, by {self.name}"
 
 
 UNKNOWN = LeaseView(known=False)

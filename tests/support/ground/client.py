@@ -154,7 +154,7 @@ def ack(request: Message | None, reason: Reason) -> CommandAck:
 
 
 def lease_of(name: str) -> LeaseStatus:
-    return LeaseStatus(time_ns=1, lapses_ms=2000, held=1, holder="beef/1", name=name)
+    return LeaseStatus(time_ns=1, lapses_ms=2000, held=1, holder=f"{name}/1", name=name)
 
 
 def status(vehicle: Vehicle = Vehicle.ACTIVE, **changes: Any) -> NavigatorStatus:

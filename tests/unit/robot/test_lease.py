@@ -309,7 +309,7 @@ def test_the_drive_is_shown_with_the_name_of_its_program() -> None:
     assert (status.drive_id, status.driver) == (0, "")
     status = lease.status(0, 0, 7, ADA)
     assert (status.drive_id, status.driver) == (7, "Ada")
-    assert lease.status(0, 0, 7, ADAS_OTHER).driver == ""
+    assert lease.status(0, 0, 7, ADAS_OTHER).driver == "ada", "it gave no name"
     lease.receive(ask(LeaseAction.RELEASE), ADA, 0)
     assert lease.status(0, 0, 7, ADA).driver == "Ada"
 

@@ -7,7 +7,7 @@ from math import nan
 import pytest
 from msgspec.structs import replace
 
-from ground.client.lease_holder import operator_name, shortened, terminal_name
+from ground.client.lease_holder import named, operator_name, shortened, terminal_name
 from ground.client.outcomes import (
     DRIVE_REPLACED,
     UNCONFIRMED,
@@ -135,7 +135,7 @@ def test_lease_status_is_shown() -> None:
     assert shown.text == (
         "anna commands r1; without a heartbeat or a drive the lease expires in 2.0 s"
     )
-    assert shown.as_json("", "r1")["holder"] == "beef/1"
+    assert shown.as_json("", "r1")["holder"] == "anna/1"
     assert not shown.ours
 
 
@@ -143,7 +143,7 @@ def test_lease_of_another_program_of_this_person_is_ours() -> None:
     stage = Stage()
     stage.bus.say(LEASE, replace(lease_of("app"), holder="open/beef"))
     assert stage.bus.operator == "open/0a"
-    assert perform(ShowLease(), stage).text.startswith("app (this is you) commands r1")
+    assert perform(ShowLease(), stage).text.startswith("app (open) (this is you) commands r1")
 
 
 def test_lease_status_that_does_not_come_is_an_error() -> None:
@@ -187,6 +187,22 @@ def test_operator_is_named_after_the_user() -> None:
 def test_name_that_does_not_fit_is_refused(name: str) -> None:
     with pytest.raises(UserError, match="is not a valid operator name"):
         operator_name(name)
+
+
+@each(
+    ("name", "operator", "shown"),
+    [
+        ("anna@box:pts/1", "anna-1a2b3c4d/1", "anna@box:pts/1"),
+        ("annamari@bo:tty1", "annamarie-1a2b3c4d/1", "annamari@bo:tty1"),
+        ("the boss", "anna/1", "the boss (anna)"),
+        ("MAVLink 255", "gateway-1a2b3c4d/1", "MAVLink 255 (gateway)"),
+        ("", "anna-1a2b3c4d/1", "anna"),
+    ],
+)
+def test_name_of_another_kind_is_shown_with_its_person(
+    name: str, operator: str, shown: str
+) -> None:
+    assert named(name, operator) == shown
 
 
 def test_drive_by_hand_ends_in_hold() -> None:

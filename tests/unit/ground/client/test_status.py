@@ -228,8 +228,8 @@ def test_number_that_this_version_does_not_know_stays_a_number() -> None:
 
 
 def test_lease_mission_and_texts_are_events() -> None:
-    detector = EventDetector("beef/2")
-    assert detector.receive(lease_of("anna")) == [LeaseChanged("beef/1", "anna", True)]
+    detector = EventDetector("anna/2")
+    assert detector.receive(lease_of("anna")) == [LeaseChanged("anna/1", "anna", True)]
     free = LeaseStatus(time_ns=2, lapses_ms=0, held=0, holder="", name="")
     assert detector.receive(free) == [LeaseChanged("", "", False)]
     running = make(

@@ -129,7 +129,7 @@ def test_heartbeats_follow_fast_simulated_time() -> None:
 
 def test_foreign_lease_rejects_motion_and_names_the_holder() -> None:
     play, done = ready(), no_texts()
-    play.robot.lease.holder, play.robot.lease.name = "theirs", "ben"
+    play.robot.lease.holder, play.robot.lease.name = "ben/1", "ben"
     play.forward(1.0)
     assert play.station.lease.words == "ben"
     assert not play.station.queue.submit("goal 9 7", Noted(done))
@@ -139,7 +139,7 @@ def test_foreign_lease_rejects_motion_and_names_the_holder() -> None:
 
 def test_lost_race_for_the_lease_is_reported() -> None:
     play, done = ready(), no_texts()
-    play.robot.lease.holder, play.robot.lease.name = "theirs", "ben"
+    play.robot.lease.holder, play.robot.lease.name = "ben/1", "ben"
     play.station.queue.submit("goal 9 7", Noted(done))
     play.forward(0.3)
     assert done == []
@@ -149,7 +149,7 @@ def test_lost_race_for_the_lease_is_reported() -> None:
 
 def test_seizure_warns_and_gets_the_lease() -> None:
     play = ready()
-    play.robot.lease.holder, play.robot.lease.name = "theirs", "ben"
+    play.robot.lease.holder, play.robot.lease.name = "ben/1", "ben"
     play.forward(1.0)
     play.station.queue.lease(LeaseAction.SEIZE)
     play.forward(1.5)
@@ -163,7 +163,7 @@ def test_seized_station_stops_heartbeats() -> None:
     play = ready()
     play.station.queue.lease(LeaseAction.TAKE)
     play.forward(1.0)
-    play.robot.lease.holder, play.robot.lease.name = "theirs", "ben"
+    play.robot.lease.holder, play.robot.lease.name = "ben/1", "ben"
     play.forward(1.0)
     beats = play.beats
     play.forward(1.0)
@@ -455,7 +455,7 @@ def test_typed_lease_uses_the_station(commanding: tuple[Play, CommandRunner]) ->
 
 def test_typed_seize_takes_a_foreign_lease(commanding: tuple[Play, CommandRunner]) -> None:
     play, commands = commanding
-    play.robot.lease.holder, play.robot.lease.name = "theirs", "ben"
+    play.robot.lease.holder, play.robot.lease.name = "ben/1", "ben"
     play.forward(1.0)
     commands.run_line("lease take")
     play.forward(1.0)
@@ -468,7 +468,7 @@ def test_typed_seize_takes_a_foreign_lease(commanding: tuple[Play, CommandRunner
 @each("line", ["hold", "abort", "disarm", "mode hold"])
 def test_what_stops_is_sent_while_another_person_has_the_lease(line: str, tmp_path: Path) -> None:
     play = Play()
-    play.robot.lease.holder, play.robot.lease.name = "theirs", "ben"
+    play.robot.lease.holder, play.robot.lease.name = "ben/1", "ben"
     play.forward(1.0)
     loss = play.loss
     assert loss.response == "hold, abort, disarm and E-STOP work. Take over: `lease seize`"
@@ -519,7 +519,7 @@ def test_end_of_teleop_that_another_drive_ended_is_no_fault(
 ) -> None:
     play, commands = driving
     play.refuses = Reason.ALREADY_OVER
-    play.robot.lease.holder, play.robot.lease.name = "theirs", "ben"
+    play.robot.lease.holder, play.robot.lease.name = "ben/1", "ben"
     play.forward(1.0)
     commands.end_teleop()
     play.forward(0.2)

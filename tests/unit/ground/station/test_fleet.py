@@ -153,7 +153,7 @@ def test_death_of_a_watched_robot_is_reported() -> None:
 
 def test_other_operator_of_a_watched_robot_is_no_loss() -> None:
     other = Robot("r2")
-    other.lease.holder, other.lease.name = "theirs", "ben"
+    other.lease.holder, other.lease.name = "ben/1", "ben"
     play = fleet(other)
     play.forward(2.0)
     assert [entry.loss for entry in play.station.roster()] == [None, None]

@@ -56,7 +56,7 @@ def lose_senses(play: Play) -> None:
 
 
 def other(play: Play) -> None:
-    play.robot.lease.holder, play.robot.lease.name = "theirs", "ben"
+    play.robot.lease.holder, play.robot.lease.name = "ben/1", "ben"
 
 
 class Row(NamedTuple):
