@@ -96,6 +96,10 @@ BENCHMARKS = {
         "checks.speed.app_figures",
         "the app on a terminal: CPU, bytes, first paint, key to robot, a flood of log lines",
     ),
+    "fleet": BenchmarkEntry(
+        "checks.speed.fleet_cost",
+        "1 to 100 robots: speed in lockstep, missed ticks in wall time, a model of their cost",
+    ),
     "stop_all": BenchmarkEntry(
         "checks.speed.fleet",
         "stop of all robots: key in the terminal to the last wheel standing",

@@ -120,7 +120,7 @@ RATIOS: Final = ("trial", "against", "codec", "latency", "map")
 """Benchmarks that `make speed` measures, with their sections on the page of figures."""
 FIGURES: Final = ("trial", "core", "against", "codec", "latency", "jitter", "map", "digest")
 LONG_FIGURES: Final = (
-    *("robot", "mtls", "nees", "arrival", "soak", "ground", "stop_all", "restarts"),
+    *("robot", "mtls", "nees", "arrival", "soak", "ground", "fleet", "stop_all", "restarts"),
     *("fuzz", "flood", "stop_ways", "simulate", "contradictions"),
 )
 TICK: Final = ("lockstep", "breakdown")

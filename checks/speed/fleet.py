@@ -69,9 +69,9 @@ class DrivingFleet:
 
 
 @contextmanager
-def driving_fleet(robots: int, folder: Path) -> Iterator[DrivingFleet]:
+def driving_fleet(robots: int, folder: Path, world: str = WORLD) -> Iterator[DrivingFleet]:
     """Start a router, robots and their plant as `up` does in wall time, and keep them driving."""
-    words = ["up", "--headless", "--clock", "wall", "--world", WORLD, "--robots", str(robots)]
+    words = ["up", "--headless", "--clock", "wall", "--world", world, "--robots", str(robots)]
     options = parse([*words, "--router", "--no-record"])
     scenario = scenario_of(options, run_of(options))
     endpoint, over = free_endpoint(), Event()

@@ -20,10 +20,17 @@ from protocol.outcome import RunSettings, start_arguments
 from protocol.world import WorldRun, run_in
 from runtime.config import settings_of, totals_arguments
 from runtime.errors import RemoteError, UserError
+from runtime.units import PERIOD_MS
 
 SHOW_S: Final = 60.0
-MAX_SEPARATE: Final = 20
-"""Robots that each have a process of their own by default; more are divided among few."""
+MAX_SEPARATE: Final = 8
+"""Robots that each have a process of their own by default; more are divided among few, because a
+process takes nearly as much of a tick as a robot."""
+
+ROBOT_TICK_MS: Final = 1.0
+"""Processor time that one of many robots takes of a tick, in all processes: `bench fleet`."""
+
+MAX_RECORDED: Final = 20
 PLANT: Final = "plant"
 GATEWAY_ROLE: Final = "gateway"
 PACED: Final = "paced"
@@ -172,6 +179,11 @@ def robot_role(robots: Sequence[str]) -> str:
     return f"{'robot' if len(robots) == 1 else 'robots'} {span(robots)}"
 
 
+def pace_here(robots: int) -> float:
+    """Return how many times real time the processors of this computer can drive so many robots."""
+    return (os.cpu_count() or 1) * PERIOD_MS / (robots * ROBOT_TICK_MS)
+
+
 def processes_of(options: RunOptions) -> int:
     """Return among how many processes the robots are divided; UserError if they must not be."""
     robots = options.robots
@@ -193,12 +205,18 @@ def scenario_of(options: RunOptions, run: WorldRun) -> Scenario:
         raise UserError(
             f"--clock wall runs in real time, not at --speed {options.speed}: use --clock paced"
         )
+    pace = pace_here(options.robots)
+    if options.clock == WALL and pace < 1.0:
+        raise UserError(
+            f"--clock wall: {options.robots} robots need {1.0 / pace:.1f} times the processors of"
+            " this computer, so they would stop for lack of time: use --clock paced or fewer robots"
+        )
     for what, count in (("--plants", options.plants), ("--routers", options.routers)):
         if count > options.robots:
             raise UserError(f"{what} {count}: there are only --robots {options.robots}")
-    if options.record is not None and options.robots > MAX_SEPARATE:
+    if options.record is not None and options.robots > MAX_RECORDED:
         raise UserError(
-            f"--record: up starts a recorder for each robot, of at most {MAX_SEPARATE} robots, not"
+            f"--record: up starts a recorder for each robot, of at most {MAX_RECORDED} robots, not"
             f" of {options.robots}: leave it out, and record the ones you need with"
             " `sidestep rec start --id NAME`"
         )

@@ -29,9 +29,11 @@ from ground.launch.launcher import Stack
 from ground.launch.recording_session import RecordingSession, add_recording, folder_of
 from ground.launch.scenario import (
     CLOCKS,
+    MAX_RECORDED,
     MAX_SEPARATE,
     PACED,
     Scenario,
+    pace_here,
     run_of,
     scenario_of,
 )
@@ -146,10 +148,15 @@ def add_scenario(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, output: Output) -> int:
     """Run the stack; return 0 if every robot reached its goal without contact, else 1."""
     on_screen = has_screen() and not (options.headless or options.plain or options.json)
-    if on_screen and not options.no_record and options.robots <= MAX_SEPARATE:
+    if on_screen and not options.no_record and options.robots <= MAX_RECORDED:
         options.record = str(folder_of(options))  # kept when the operator changes the world
     check_endpoints(options.mavlink)
     scenario = scenario_of(options, run_of(options))
+    pace = pace_here(options.robots)
+    if pace < 1.0:
+        output.note(
+            f"{options.robots} robots are much for this computer: at most {pace:.1f} x real time"
+        )
     for scenario_robot in scenario.scenario_robots:
         if not scenario_robot.shifted:
             output.note(

@@ -491,6 +491,17 @@ def test_fleet_that_cannot_be_divided_is_refused(words: tuple[str, ...], reason:
     assert reason in str(caught.value)
 
 
+def test_more_robots_than_wall_time_permits_are_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("os.cpu_count", lambda: 1)
+    monkeypatch.setattr("ground.launch.scenario.ROBOT_TICK_MS", 5.0)
+    words = ("--world", "open", "--robots", "20")
+    with pytest.raises(UserError, match=r"20 robots need 2\.0 times the processors"):
+        scenario(*words, "--clock", "wall")
+    assert scenario(*words).lockstep
+
+
 @each("words", [("--plants", "0"), ("--robots", "251"), ("--processes", "0"), ("--routers", "0")])
 def test_number_out_of_range_is_a_usage_error(words: tuple[str, ...]) -> None:
     with pytest.raises(SystemExit):
