@@ -125,7 +125,7 @@ def test_fence_to_stay_out_of_is_refused(bench: MissionBench, kind: int) -> None
     assert "only an inclusion fence is supported" in text
 
 
-@pytest.mark.parametrize(
+@each(
     ("items", "result", "reason"),
     [
         ([circle(command=RETURN_POINT)], UNSUPPORTED, "return point"),
@@ -147,8 +147,9 @@ def test_fence_to_stay_out_of_is_refused(bench: MissionBench, kind: int) -> None
     ],
 )
 def test_fence_is_refused_with_its_reason(
-    bench: MissionBench, items: list[MavMessage], result: int, reason: str
+    items: list[MavMessage], result: int, reason: str
 ) -> None:
+    bench = MissionBench()
     if len(items) == 4 and items[-1].command == CIRCLE:
         items[-1].seq = 3
     found, text = refused(bench, *items)

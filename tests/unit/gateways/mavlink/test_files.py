@@ -191,7 +191,7 @@ def test_refusal_names_the_session(bench: ParameterBench, opcode: int) -> None:
     assert (found[0].session, found[0].request, found[0].sequence) == (77, opcode, 0)
 
 
-@pytest.mark.parametrize(
+@each(
     "path",
     [
         b"/etc/passwd",
@@ -209,8 +209,9 @@ def test_refusal_names_the_session(bench: ParameterBench, opcode: int) -> None:
         b"x" * MAX_DATA,
     ],
 )
-@pytest.mark.parametrize("opcode", [Opcode.OPEN, Opcode.CHECKSUM])
-def test_paths_do_not_leave_the_tree(bench: ParameterBench, path: bytes, opcode: int) -> None:
+@each("opcode", [Opcode.OPEN, Opcode.CHECKSUM])
+def test_paths_do_not_leave_the_tree(folder: Path, path: bytes, opcode: int) -> None:
+    bench = ParameterBench(folder)
     assert failure(replies(bench, asked(opcode, path))) == Failure.FILE_NOT_FOUND
 
 

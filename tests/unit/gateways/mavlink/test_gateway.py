@@ -310,7 +310,7 @@ def test_wrong_words_are_refused_with_the_fix(words: tuple[str, ...], error: str
         settings(*words)
 
 
-@pytest.mark.parametrize(
+@each(
     "line",
     [
         "low_rat = true",

@@ -278,7 +278,7 @@ def test_mission_without_waypoints_clears(bench: MissionBench, items: int) -> No
     assert isinstance(bench.port.performed[-1], ClearMission)
 
 
-@pytest.mark.parametrize(
+@each(
     ("fields", "result", "reason"),
     [
         ({"command": 22}, UNSUPPORTED, "command 22 (take off)"),
@@ -300,9 +300,8 @@ def test_mission_without_waypoints_clears(bench: MissionBench, items: int) -> No
         ({"x": 873_000_000}, PARAM6, "y_m"),
     ],
 )
-def test_refusal_names_item_and_reason(
-    bench: MissionBench, fields: dict[str, Any], result: int, reason: str
-) -> None:
+def test_refusal_names_item_and_reason(fields: dict[str, Any], result: int, reason: str) -> None:
+    bench = MissionBench()
     found, text = refused(bench, *line_of(1), item_int(2, **fields), item_int(3))
     assert found == result
     assert text.startswith("mission item 2: ")

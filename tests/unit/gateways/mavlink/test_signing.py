@@ -443,7 +443,7 @@ def test_damaged_file_is_refused(tmp_path: Path, text: str) -> None:
         read_keys(path)
 
 
-@pytest.mark.parametrize(
+@each(
     "damage",
     [
         lambda text: text.replace('"\n', "\n", 1),
