@@ -138,7 +138,7 @@ def test_service_receives_the_name_of_an_operator(topology: Topology) -> None:
         assert second not in ("", first)
 
 
-@pytest.mark.parametrize(
+@each(
     ("suffix", "operator"),
     [
         ("ada/0123456789abcdef", "ada/0123456789abcdef"),

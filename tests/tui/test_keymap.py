@@ -78,7 +78,7 @@ def test_unknown_table_is_refused_by_name(tmp_path: Path) -> None:
         of('[kees]\nhold = "P"\n', tmp_path)
 
 
-@pytest.mark.parametrize("value", ["3", "true", '[""]', "[1]", '""'])
+@each("value", ["3", "true", '[""]', "[1]", '""'])
 def test_malformed_key_is_refused(value: str, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="not a key"):
         of(f"[keys]\nhold = {value}\n", tmp_path)

@@ -313,7 +313,7 @@ async def test_space_is_text_where_text_is_typed(opening: str) -> None:
         assert stage.station.stops == 1
 
 
-@pytest.mark.parametrize(
+@each(
     "opening",
     [":arm\r", ":a\x1b", "v", "vj", "v/b\x1b", "?", "?j", "4", "4j", "4/a\r", "4/a\x1b", "e", "G",
      "t", "\x10a\x1b", "1"],

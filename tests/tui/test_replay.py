@@ -23,6 +23,7 @@ from runtime.clock import ManualClock
 from runtime.errors import UserError
 from runtime.units import NS_PER_S as S
 from tests.support.app import FakeCommandSink, FakeStation, Stage, driving, recorded, staged
+from tests.support.each import each
 from tests.support.ground.made_recordings import written
 from tests.support.plant import plain_world
 
@@ -78,7 +79,7 @@ def test_file_that_is_not_a_recording_is_refused(tmp_path: Path) -> None:
         Player(tmp_path / "x.tlog", ManualClock(), "r1")
 
 
-@pytest.mark.parametrize("width", [0, 1, 20, 80, 200])
+@each("width", [0, 1, 20, 80, 200])
 def test_timeline_fits_its_width(width: int, tmp_path: Path) -> None:
     shown, _ = player(tmp_path)
     shown.seek(1.0)

@@ -19,6 +19,7 @@ from protocol.bus.certificate import own_certificate
 from protocol.bus.network import Tls
 from protocol.stop_datagram import load_secrets
 from runtime.errors import UserError
+from tests.support.each import each
 from tests.support.networks import DAY, NOW, Keyring
 
 NAMES = ("router", "plant", "ground", "viewer", "recorder", "gateway", "robot-r1", "robot-r2")
@@ -171,7 +172,7 @@ def test_the_key_of_the_authority_is_not_kept(keys: Path) -> None:
         assert certificate(keys / f"{name}.pem").public_key() != authority
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each("name", NAMES)
 def test_each_certificate_is_trusted_and_names_its_holder(keys: Path, name: str) -> None:
     tls = Tls(ca=f"{keys}/ca.pem", certificate=f"{keys}/{name}.pem", key=f"{keys}/{name}.key")
     seen = own_certificate(tls)
@@ -267,7 +268,7 @@ def test_half_a_set_is_not_left_behind(
     assert list((tmp_path / "keys").iterdir()) == []
 
 
-@pytest.mark.parametrize(
+@each(
     ("words", "message"),
     [
         (("--robots", "R 1"), "robot name 'R 1'"),

@@ -385,8 +385,8 @@ def test_the_headline_never_names_the_wrong_side(
     assert words.startswith("turns right") == (turns and yaw_deg_s < 0.0)
 
 
-@pytest.mark.parametrize("navigator", NAVIGATORS)
-@pytest.mark.parametrize("world", WORLDS)
+@each("navigator", NAVIGATORS)
+@each("world", WORLDS)
 def test_headline_matches_wheel_motion_in_real_drives(world: str, navigator: str) -> None:
     """Ignore the motor lag: up to two ticks at the beginning of a turn."""
     agreeing, turning, said_for, before = 0, 0, 0, 0.0

@@ -30,6 +30,7 @@ from protocol.wire.enums import GoalState, MissionType
 from protocol.wire.message import Message
 from protocol.wire.messages import MissionCount, MissionVerdict
 from protocol.world import run_in
+from tests.support.each import each
 from tests.support.ground.made_recordings import (
     PERIOD_US,
     START_US,
@@ -117,7 +118,7 @@ def test_a_damaged_file_gives_what_is_left_and_ends_with_1(
     assert "skipped" in printed["damage"]
 
 
-@pytest.mark.parametrize(
+@each(
     ("words", "why"),
     [
         (["--format", "parquet"], "add --out"),

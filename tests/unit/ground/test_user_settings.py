@@ -11,6 +11,7 @@ from ground.cli.main import main, parse
 from ground.cli.options import common_of
 from ground.user.settings import Settings, load_settings, set_setting, settings_file, unset_setting
 from runtime.errors import ConfigError, UserError
+from tests.support.each import each
 from tests.support.ground.runs import written
 
 LAB = '[contexts.lab]\nconnect = "tcp/10.0.0.5:7447"\nid = "r2"\n'
@@ -30,7 +31,7 @@ def test_without_a_file_all_settings_have_their_defaults() -> None:
     assert settings_file().name == "config.toml"
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "line", "words"),
     [
         ('\nthema = "dark"', 2, "unknown key; did you mean 'theme'?"),
@@ -168,7 +169,7 @@ def test_key_of_very_many_parts_is_refused_at_once(file: Path) -> None:
         set_setting("theme", "{" + "a." * 60_000 + "a = 1}")
 
 
-@pytest.mark.parametrize(
+@each(
     ("key", "value"),
     [("theme", "drak"), ("them", "dark"), ("hz", "7"), ("hz.x", "1"), ("a b", "1"), ("bell", "2")],
 )

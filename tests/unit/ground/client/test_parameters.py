@@ -213,7 +213,7 @@ STRICTER = with_value(DEFAULTS, "op_lost_ms", 900)
 STRICTER_ROWS = parameters_in(json.dumps(described(STRICTER, DEFAULTS)))
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "words"),
     [
         ("op_lost_ms", "; configured: 1500 ms, no higher"),
@@ -338,7 +338,7 @@ def test_what_is_not_as_by_default_is_written_and_reads_back(tmp_path: Path) -> 
     assert parameter_file.read(path, ROWS_IN_FILE) == {"d_obs_m": 0.4}
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "why"),
     [
         ("", "parameters: is missing; write"),
