@@ -133,7 +133,7 @@ def test_exact_numbers_must_be_equal() -> None:
     assert not matches(["5.25 m"], ["5.26 m"], is_exact=True)
 
 
-@pytest.mark.parametrize(
+@each(
     ("expected", "printed", "lines"),
     [
         (["a 1", "b 2"], ["a 7", "c 3"], ["a 1", "c 3"]),

@@ -23,7 +23,7 @@ def changes(folder: Path, source: str) -> list[tuple[str, str]]:
     return [(one.identity.was, one.identity.now) for one in mutants_of(file, folder)]
 
 
-@pytest.mark.parametrize(
+@each(
     ("was", "now"),
     [
         ("a < b", {"a <= b", "a >= b"}),
@@ -57,7 +57,7 @@ def test_expression_is_replaced_by_each_neighbour(tmp_path: Path, was: str, now:
     assert sorted(changes(tmp_path, f"x = {was}")) == wanted
 
 
-@pytest.mark.parametrize(
+@each(
     ("statement", "now"),
     [
         ("a.b = c", ["pass"]),

@@ -194,7 +194,7 @@ def test_whole_site_has_no_problems(tmp_path: Path) -> None:
     assert problems(site(tmp_path, index=home, part__page=LINK.format("../#top"))) == []
 
 
-@pytest.mark.parametrize(
+@each(
     ("body", "problem"),
     [
         (LINK.format("no.html"), "index.html: links to no.html, which does not exist"),

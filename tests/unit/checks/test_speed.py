@@ -563,7 +563,7 @@ def test_every_benchmark_is_on_a_page_of_evidence() -> None:
     assert {*whole} <= {one.name for one in EVIDENCE}
 
 
-@pytest.mark.parametrize("name", ["figures", "long-figures", "lockstep", "mavlink-gateway"])
+@each("name", ["figures", "long-figures", "lockstep", "mavlink-gateway"])
 def test_committed_page_has_marks_for_its_sections(name: str) -> None:
     text = (ROOT / "docs" / "evidence" / f"{name}.md").read_text(encoding="utf-8")
     assert text.count(figures_page.BEGIN) == text.count(figures_page.END) == 1

@@ -313,7 +313,7 @@ BAD_ROS_MAPS = [
 ]
 
 
-@pytest.mark.parametrize(("story", "text", "line", "key", "reason"), BAD_ROS_MAPS)
+@each(("story", "text", "line", "key", "reason"), BAD_ROS_MAPS)
 def test_invalid_yaml_is_rejected_with_line_and_key(
     folder: Path, story: str, text: str, line: int | None, key: str, reason: str
 ) -> None:
@@ -405,7 +405,7 @@ def test_any_numeric_type_is_accepted(tmp_path: Path, kind: str) -> None:
     assert len(field.cylinders) == 4
 
 
-@pytest.mark.parametrize(
+@each(
     ("grid", "reason"),
     [
         ([0, 1, 0], "found shape (3,)"),

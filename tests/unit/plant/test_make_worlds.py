@@ -11,6 +11,7 @@ from plant.corpus import FAMILIES, generate
 from plant.model.geometry import clearance_m
 from plant.shortest_path import shortest_path_m
 from plant.world.file import load
+from tests.support.each import each
 from tests.support.plant import MAP, P5, SCEN, YAML
 
 Told = pytest.CaptureFixture[str]
@@ -86,7 +87,7 @@ def test_unwritable_output_directory_is_reported(tmp_path: Path, capsys: Told) -
     assert told == f"{tmp_path / 'file'}: --out: {reason}\n"
 
 
-@pytest.mark.parametrize("name", ["../escaped", "/tmp/escaped", "..", "a/b", "a\0b", ""])
+@each("name", ["../escaped", "/tmp/escaped", "..", "a/b", "a\0b", ""])
 def test_world_name_cannot_leave_the_directory(name: str, tmp_path: Path, capsys: Told) -> None:
     out = tmp_path / "out"
     world = replace(load("box"), name=name)
@@ -180,7 +181,7 @@ def test_cylinder_list_uses_its_own_frame(folder: Path) -> None:
     assert world.start.x_m == pytest.approx(0.5 - (1 - 0.075 - 1.0))
 
 
-@pytest.mark.parametrize(
+@each(
     ("argv", "says"),
     [
         (["gone.map"], "gone.map: file: cannot be read: No such file or directory; fix: "),

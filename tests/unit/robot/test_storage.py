@@ -58,7 +58,7 @@ def test_without_a_directory_nothing_is_kept() -> None:
     assert store.load(DEFAULTS) == (DEFAULTS, [])
 
 
-@pytest.mark.parametrize("text", ["", "{", "[1, 2]", "null", '"x"', "\x00"])
+@each("text", ["", "{", "[1, 2]", "null", '"x"', "\x00"])
 def test_broken_file_leaves_the_defaults_with_a_warning(tmp_path: Path, text: str) -> None:
     (tmp_path / FILE_NAME).write_text(text)
     params, warnings = Store(tmp_path).load(DEFAULTS)

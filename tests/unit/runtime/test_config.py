@@ -61,7 +61,7 @@ def test_a_file_becomes_typed_settings(tmp_path: Path) -> None:
     assert robot == Robot(id="r2", rate_hz=10.0, network=network)
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "key", "words"),
     [
         ('id = "r"\nrate_h = 3', "rate_h", "unknown key; did you mean 'rate_hz'?"),

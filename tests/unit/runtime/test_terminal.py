@@ -169,7 +169,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("line", LINES)
+@each("line", LINES)
 def test_a_verb_lets_no_control_character_out(
     line: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

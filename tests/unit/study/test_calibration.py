@@ -227,7 +227,7 @@ def test_written_log_is_read_back(
         assert new.measured == pytest.approx(old.measured, abs=1e-6)
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "message"),
     [
         ("", "line 1: has the columns none; begin with run,direction,left"),

@@ -46,6 +46,7 @@ from robot.storage import Store
 from runtime.errors import UserError
 from study.cli.reexecute import main
 from study.trial.reexecution import RecordedRequest, chooses_navigator, reason_in
+from tests.support.each import each
 from tests.support.studies import ARM, ScriptedDrive
 
 Values = dict[str, Any]
@@ -303,8 +304,8 @@ def test_request_refused_for_the_lease_is_not_executed(
     assert (code, values["differing"], values["compared"]) == (0, 0, 160)
 
 
-@pytest.mark.parametrize("reason", [Reason.NONE, Reason.NO_GOAL, Reason.NO_OPERATOR])
-@pytest.mark.parametrize("operator", [True, False])
+@each("reason", [Reason.NONE, Reason.NO_GOAL, Reason.NO_OPERATOR])
+@each("operator", [True, False])
 def test_request_refused_for_its_absent_program_is_not_executed(
     reason: Reason, *, operator: bool
 ) -> None:

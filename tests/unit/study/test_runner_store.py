@@ -354,7 +354,7 @@ def test_equal_settings_are_accepted(tmp_path: Path) -> None:
     assert settled(tmp_path, usual()) == []
 
 
-@pytest.mark.parametrize(
+@each(
     ("changed", "message"),
     [
         ({"seeds": 3}, "seeds was 1, is 3"),

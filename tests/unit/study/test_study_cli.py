@@ -15,6 +15,7 @@ from study.cli import study as study_cli
 from study.cli import study_run
 from study.cli.study_run import parser
 from study.runner.store import RESULTS, SHARDS, commands_of, read, rows_of, write_shard
+from tests.support.each import each
 from tests.support.studies import ids, rows, spoil
 
 SMALL = ("--worlds", "open", "--noise", "none", "default", "--navigators", "vgm", "--jobs", "1")
@@ -98,7 +99,7 @@ def test_results_list_each_command_once(finished: Path) -> None:
     assert second.endswith("--seeds 2 --mixed")
 
 
-@pytest.mark.parametrize(
+@each(
     ("words", "message"),
     [
         (("--navigators", "vmg"), "did you mean 'vgm'"),
@@ -118,7 +119,7 @@ def test_unknown_names_are_refused_before_any_trial(
     assert not (tmp_path / "s").exists()
 
 
-@pytest.mark.parametrize(
+@each(
     "words",
     [
         ("--seeds", "0"),

@@ -388,7 +388,7 @@ def test_invalid_param_option_is_a_user_error(near: str, word: str) -> None:
         main(["--world", near, "--param", word])
 
 
-@pytest.mark.parametrize(
+@each(
     "more",
     [
         ["--navigator", "vfh"],
@@ -504,7 +504,7 @@ def test_timeout_counts_from_the_start(near: str, capsys: pytest.CaptureFixture[
     assert (outcome["outcome"], outcome["time_s"], outcome["ticks"]) == ("timeout", 0.5, 10)
 
 
-@pytest.mark.parametrize(
+@each(
     ("words", "printed"),
     [
         (["--start", "9", "1", "0"], "outside"),

@@ -344,8 +344,8 @@ def test_memory_of_a_navigator_is_within_its_limit(name: str) -> None:
     assert 0 < state_bytes(name) <= STATE_BYTES
 
 
-@pytest.mark.parametrize("kind", [EnclosedBody, CarriedBody])
-@pytest.mark.parametrize("name", TRIAL_NAVIGATORS)
+@each("kind", [EnclosedBody, CarriedBody])
+@each("name", TRIAL_NAVIGATORS)
 def test_memory_never_grows(name: str, kind: type[ScenarioBody]) -> None:
     """Run 1000 ticks with one memory, whatever it decides, without a machine that would end it."""
     number, ring = TRIAL_NAVIGATORS[name], rings.Ring()
