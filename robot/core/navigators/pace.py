@@ -109,6 +109,12 @@ class Held:
 def hold(held: Held, ring: Ring) -> None:
     """Update the held ranges with those of a ring."""
     least_m, ranges_m, held_m = inf, ring.range_m, held.range_m
+    if held.nearest_m >= HOLD_M and ring.nearest_m >= SATURATED_M:  # the ring as it is
+        for i in EVERY:
+            range_m = ranges_m[i]
+            held_m[i] = inf if range_m is None else range_m
+        held.nearest_m = ring.nearest_m
+        return
     for i in EVERY:
         range_m, here_m = ranges_m[i], held_m[i]
         here_m = here_m + RISE_M if here_m < HOLD_M else inf

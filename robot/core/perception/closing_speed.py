@@ -131,14 +131,13 @@ def follow(w: Pedestrians, ring: Ring, odometry: Odometry, params: Params) -> No
     """
     before_m, bit, foremost, near = FAR_M, 1, 0, 0
     for here_m in ring.range_m:
-        if here_m is None:
-            before_m = FAR_M
-        else:
-            if here_m < FAR_M:
-                near += 1
-                if here_m <= before_m:
-                    foremost = (foremost | bit) & ~(bit >> 1)
+        if here_m is not None and here_m < FAR_M:
+            near += 1
+            if here_m <= before_m:
+                foremost = (foremost | bit) & ~(bit >> 1)
             before_m = here_m
+        else:
+            before_m = FAR_M
         bit += bit
     w.leftwards = not w.leftwards
     free = TRACKS
