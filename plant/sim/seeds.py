@@ -60,7 +60,8 @@ def gaussian(bits: Bits) -> Numbers:
     The first half of each row gives the lengths of normal vectors, the second half their directions
     (Box and Muller): 53 bits the angle within a quarter turn, the lowest two the quarter.
     """
-    lengths, angles = np.split(bits, 2, axis=-1)
+    half = bits.shape[-1] // 2
+    lengths, angles = bits[..., :half], bits[..., half:]
     length = np.sqrt(-2.0 * _log(uniform(lengths) + STEP))
     angle_rad = (uniform(angles) - 0.5) * (0.5 * pi)
     square = angle_rad * angle_rad
