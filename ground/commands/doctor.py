@@ -33,6 +33,7 @@ from protocol.topics import (
     CYCLE,
     HEARTBEAT,
     MCU,
+    MOTION,
     ODOMETRY,
     OPERATOR,
     PARAMETERS,
@@ -241,9 +242,9 @@ def rejection(stream: ObservedTopic) -> Diagnosis:
 def expected(seen: Observed, topic: Topic[Any]) -> bool:
     """Return whether a topic must be alive, given the processes that run.
 
-    Only a robot whose core runs on a board publishes MCU.
+    Only a robot whose core runs on a board publishes MCU; MOTION is of plants that share a world.
     """
-    if not topic.rate_hz or topic in (OPERATOR, TELEOP, CLOCK, MCU):
+    if not topic.rate_hz or topic in (OPERATOR, TELEOP, CLOCK, MCU, MOTION):
         return False
     if topic.publisher is Role.PLANT:
         return any(role == Role.PLANT.value for _, role in seen.processes.present)

@@ -33,6 +33,8 @@ USUAL = (80, 24)
 READY = "read: ready"
 KEYS = "ctrl+p Palette  ? Help"
 FIRST_KEY = " space E-STOP  "
+PROMPT = "r1:"
+HINT = "? shows all keys"
 GARBAGE = "goal 9 7\x07\r\nestop\t é✓\u202e{}[]'\"\\ $(reboot) `x` " + "A" * 3000
 STORM = ((81, 25), (40, 12), (1, 1), (120, 30), (200, 60), (20, 5), (79, 23), (3, 40))
 
@@ -303,13 +305,14 @@ def vehicle(witness: Witness) -> str:
 
 
 def frame(screen: str) -> list[str]:
-    """Return the constant parts of the screen: the rule above the log, the prompt, both ends of
-    the keys, between which are those that are of use now.
+    """Return the constant parts of the screen: the rule above the log, both ends of the prompt and
+    of the keys, between which are those that are of use now.
     """
     lines = screen.splitlines()
     rule, prompt, keys = (lines[at] for at in (-6, -2, -1))
     assert set(rule) == {"─"}
-    return [rule, prompt, keys[: len(FIRST_KEY)], keys[-len(KEYS) :]]
+    ends = prompt[: len(PROMPT)], prompt.rstrip()[-len(HINT) :]
+    return [rule, *ends, keys[: len(FIRST_KEY)], keys[-len(KEYS) :]]
 
 
 SIZE = (100, 30)
