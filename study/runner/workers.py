@@ -238,10 +238,11 @@ def run_on_cluster(
 ) -> Iterator[TrialRow | None]:
     """Yield rows as they arrive; None about once a second while none arrives.
 
-    Tasks of a worker that dies are run by another one. Raises UserError when the scheduler has gone
-    or has had no workers for `MAX_WITHOUT_WORKERS_S`.
+    Tasks of a worker that dies are run by another one. Dask gives up all tasks that such a worker
+    held, so each of these is run again, alone and last, to find the one that it died of. Raises
+    UserError when the scheduler has gone or has had no workers for `MAX_WITHOUT_WORKERS_S`.
     """
-    waiting, running = iter(tasks), dict[Any, TrialTask]()
+    waiting, running, suspects = iter(tasks), dict[Any, TrialTask](), deque[TrialTask]()
     done, killings = SimpleQueue[Any](), Counter[str]()
 
     def submit(task: TrialTask) -> None:
@@ -254,7 +255,9 @@ def run_on_cluster(
         for task in islice(waiting, max(0, DASK_AHEAD * capacity.threads() - len(running))):
             submit(task)
         if not running:
-            return
+            if not suspects:
+                return
+            submit(suspects.popleft())
         try:
             future = done.get(timeout=REFRESH_S)
         except Empty:
@@ -265,10 +268,12 @@ def run_on_cluster(
         if ended is None:
             continue  # reported twice: its result was lost and computed again
         row = _result(future, ended, context, killings)
-        if row is None:
-            submit(ended)
-        else:
+        if row is not None:
             yield row
+        elif killings[ended.trial_id]:
+            suspects.append(ended)
+        else:
+            submit(ended)
 
 
 class ClusterCapacity:

@@ -4,12 +4,15 @@ import errno
 import os
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from io import StringIO
 from math import isnan, nan
 from pathlib import Path
 from signal import SIGINT, SIGTERM
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given
@@ -38,7 +41,15 @@ from study.runner.conduct import (
 )
 from study.runner.plan import TrialTask
 from study.runner.rows import FAILED, TrialRow, machine
-from study.runner.run_task import failed, lap_m, mahalanobis2, published_score, row_of, trial_of
+from study.runner.run_task import (
+    StudyContext,
+    failed,
+    lap_m,
+    mahalanobis2,
+    published_score,
+    row_of,
+    trial_of,
+)
 from study.runner.store import rows_of, table_of
 from study.runner.workers import Pool
 from study.trial.trial import run_trial
@@ -262,6 +273,66 @@ def test_dead_worker_is_replaced_and_its_trials_rerun(tmp_path: Path) -> None:
     assert len(list((tmp_path / "marks").iterdir())) == 1
     assert sorted(rows) == sorted(task.trial_id for task in made)
     assert {row.outcome for row in rows.values()} == {"reached"}
+
+
+class PlayedFuture:
+    """A future of Dask; it ends in `DyingCluster.get`."""
+
+    status: str
+    result: Callable[[], TrialRow]
+
+    def add_done_callback(self, _: object) -> None:
+        """Do nothing."""
+
+
+class DyingCluster:
+    """A Dask client whose workers die of the world `deadly`, with all tasks that they hold."""
+
+    status = "running"
+
+    def __init__(self) -> None:
+        self.held: list[tuple[PlayedFuture, TrialRow]] = []
+        self.ended: list[PlayedFuture] = []
+
+    def nthreads(self) -> dict[str, int]:
+        return {"worker": 1}
+
+    def submit(self, _: object, task: TrialTask, context: StudyContext, *, pure: bool) -> Any:
+        future = PlayedFuture()
+        self.held.append((future, failed(task, context, "an outcome")))
+        return future
+
+    def put(self, future: Any) -> None:
+        self.ended.append(future)
+
+    def get(self, timeout: float) -> Any:
+        """Return a future that has ended; all tasks end at the same time."""
+        if not self.ended:
+            is_deadly = any(row.world == "deadly" for _, row in self.held)
+            for future, row in self.held:
+                future.status = "error" if is_deadly else "finished"
+                future.result = partial(died_or, None if is_deadly else row)
+                self.ended.append(future)
+            self.held.clear()
+        return self.ended.pop(0)
+
+
+def died_or(row: TrialRow | None) -> TrialRow:
+    from distributed import KilledWorker
+
+    if row is None:
+        raise KilledWorker("task", SimpleNamespace(address="worker"), 1)
+    return row
+
+
+def test_trial_beside_one_that_kills_dask_workers_is_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    worlds = (floor(), floor("deadly"), floor("other"))
+    cluster = DyingCluster()
+    monkeypatch.setattr(pools, "SimpleQueue", {Any: lambda: cluster})
+    rows = [*pools.run_on_cluster(cluster, context_of(*worlds), tasks(*worlds))]
+    reasons = {row.world: row.reason for row in rows if row is not None}
+    assert reasons.pop("deadly") == "the Dask workers that ran it died 2 times"
+    assert reasons == {"floor": "an outcome", "other": "an outcome"}
 
 
 def test_trial_that_kills_two_workers_fails_alone(
