@@ -20,7 +20,7 @@ from zenoh import ext
 
 from protocol.bus.callbacks import zenoh_callback
 from protocol.bus.rights import kept_by
-from protocol.bus.robot_clock import time_bytes
+from protocol.bus.robot_clock import is_again, marked_again, time_bytes
 from protocol.bus.session import Declared, LastingSession
 from protocol.topics import ENCODING, Priority, Topic
 from protocol.wire.codec import Encoder
@@ -42,9 +42,6 @@ LIVE: Final = zenoh.CongestionControl.DROP
 FETCHED: Final = zenoh.CongestionControl.BLOCK
 """The congestion control of a sample distinguishes live from fetched ones on arrival. A reply has
 that of its query. `congestion` decides how replies are really sent."""
-
-PUT_AGAIN: Final = b"again"
-"""The attachment of an event that a fresh session puts once more."""
 
 FETCH_S: Final = 2.0
 ASKING_S: Final = 30.0
@@ -89,7 +86,7 @@ class PublishedEvent(NamedTuple):
 
     def put_again_by(self, publisher: Any) -> None:
         """Put an event of an earlier session."""
-        publisher.put(self.frame, attachment=PUT_AGAIN, timestamp=self.stamp)
+        publisher.put(self.frame, attachment=marked_again(self.note), timestamp=self.stamp)
 
 
 class CachingPublishers:
@@ -106,8 +103,7 @@ class CachingPublishers:
 
     def declare(self, session: zenoh.Session) -> Any:
         """Return the publisher on a session, which is fresh if there are events already."""
-        # Twice as many: the events before come first, and push out none that follow.
-        newest = 2 * (self.events.maxlen or 0)
+        newest = self.events.maxlen or 0
         publisher = caching_publisher(session, self._key, newest, **self._service)
         for event in tuple(self.events):
             event.put_again_by(publisher)
@@ -338,7 +334,7 @@ def was_fetched(sample: zenoh.Sample) -> bool:
     """Return whether a sample comes from the cache of its sender, or of its earlier session."""
     if sample.congestion_control == FETCHED:
         return True
-    return sample.attachment is not None and sample.attachment.to_bytes() == PUT_AGAIN
+    return sample.attachment is not None and is_again(sample.attachment.to_bytes())
 
 
 def published_ns(sample: zenoh.Sample, now_ns: int) -> int:

@@ -27,10 +27,25 @@ def time_bytes(time_ns: int) -> bytes:
     return TIME.pack(time_ns)
 
 
+AGAIN: Final = b"again"
+"""The end of the attachment of an event that a fresh session puts once more."""
+
+
+def marked_again(attachment: bytes | None) -> bytes:
+    """Return the attachment with which an event is put once more; a time in it stays."""
+    return (attachment or b"") + AGAIN
+
+
+def is_again(attachment: bytes) -> bool:
+    """Return whether an attachment is that of an event which is put once more."""
+    return attachment.endswith(AGAIN) and len(attachment) != TIME.size
+
+
 def time_in(attachment: bytes) -> int | None:
     """Return the time in an attachment; None if it contains none."""
     try:
-        return int(TIME.unpack(attachment)[0])
+        stamp = attachment.removesuffix(AGAIN) if is_again(attachment) else attachment
+        return int(TIME.unpack(stamp)[0])
     except struct_error:
         return None
 

@@ -11,7 +11,16 @@ from hypothesis import strategies as st
 
 from checks.harness.until import PATIENCE_S
 from protocol.bus.network import Network
-from protocol.bus.robot_clock import SAMPLES, RobotClock, RobotClocks, time_bytes, time_in
+from protocol.bus.robot_clock import (
+    AGAIN,
+    SAMPLES,
+    RobotClock,
+    RobotClocks,
+    is_again,
+    marked_again,
+    time_bytes,
+    time_in,
+)
 from protocol.bus.services import Requester
 from protocol.bus.session import LastingSession
 from protocol.topics import COMMAND, PARAMETERS, Role
@@ -41,6 +50,15 @@ def test_a_time_is_little_endian_on_every_machine() -> None:
 @each("size", [0, 7, 9, 1000])
 def test_an_attachment_of_another_size_carries_no_time(size: int) -> None:
     assert time_in(b"\0" * size) is None
+
+
+def test_event_that_is_put_again_keeps_its_time() -> None:
+    assert time_in(marked_again(time_bytes(5))) == 5
+    assert time_in(marked_again(None)) is None
+    assert all(map(is_again, (marked_again(None), marked_again(time_bytes(5)))))
+    by_chance = b"\0\0\0" + AGAIN
+    assert time_in(by_chance) is not None
+    assert not is_again(by_chance)
 
 
 def test_an_unknown_clock_has_no_time() -> None:
