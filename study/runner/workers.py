@@ -175,6 +175,9 @@ def _exit_text(exit_code: int | None) -> str:
 CONNECT_S: Final = 10.0
 FIRST_WORKER_S: Final = 10.0
 MAX_WITHOUT_WORKERS_S: Final = 120.0
+FETCH_S: Final = 10.0
+"""Time for a result to arrive; then its trial is run again, if there are workers."""
+
 DASK_AHEAD: Final = 4
 """Tasks per thread in the cluster: enough to keep it busy, few enough to stop quickly."""
 
@@ -320,8 +323,8 @@ def _result(
     if future.status not in ("finished", "error"):
         return None  # cancelled or lost by a restart of the scheduler
     try:
-        # The worker that holds the result may have died, and so may those that retry.
-        row: TrialRow = future.result()
+        # The worker that holds the result may have died, and so may all that could repeat it.
+        row: TrialRow = future.result(FETCH_S)
         return row
     except KilledWorker:
         pass

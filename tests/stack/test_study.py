@@ -70,16 +70,24 @@ if TYPE_CHECKING:
 
 @contextmanager
 def local_cluster(workers: int) -> Iterator["LocalCluster"]:
-    """Start a scheduler with so many worker processes, which it replaces when they die."""
+    """Start a scheduler with so many worker processes, which it replaces when they die.
+
+    The nanny of a worker replaces it, but not one that dies while it starts: the cluster does.
+    """
     import dask.config
     from distributed import LocalCluster
 
+    settings = {
+        "distributed.scheduler.allowed-failures": MAX_DEATHS,
+        "distributed.deploy.lost-worker-timeout": "1s",
+    }
     with (
-        dask.config.set({"distributed.scheduler.allowed-failures": MAX_DEATHS}),
+        dask.config.set(settings),
         LocalCluster(
             n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0"
         ) as cluster,
     ):
+        cluster.adapt(minimum=workers, maximum=workers)
         yield cluster
 
 

@@ -279,7 +279,7 @@ class PlayedFuture:
     """A future of Dask; it ends in `DyingCluster.get`."""
 
     status: str
-    result: Callable[[], TrialRow]
+    result: Callable[[float], TrialRow]
 
     def add_done_callback(self, _: object) -> None:
         """Do nothing."""
@@ -317,7 +317,7 @@ class DyingCluster:
         return self.ended.pop(0)
 
 
-def died_or(row: TrialRow | None) -> TrialRow:
+def died_or(row: TrialRow | None, _timeout_s: float) -> TrialRow:
     from distributed import KilledWorker
 
     if row is None:
