@@ -27,7 +27,7 @@ from protocol.bus.bus import Bus, Presence, claim, open_bus
 from protocol.bus.network import Network
 from protocol.bus.services import ServiceRequest
 from protocol.options import add_network_options, network_of, whole
-from protocol.topics import RUN, WORLD, Role, robot_name
+from protocol.topics import RUN, WORLD, Role, robot_names
 from protocol.wire.enums import AckResult, RunAction
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, RunRequest
@@ -417,8 +417,10 @@ def main(argv: Sequence[str]) -> int:
         config.load_shared(arguments.config, PlantSettings) if arguments.config else PlantSettings()
     )
     network = network_of(arguments, settings.network, listens=False)
-    robots = names_in("--robots", settings.robot if arguments.robots is None else arguments.robots)
-    own = robots if arguments.own is None else names_in("--own", arguments.own)
+    robots = robot_names(
+        "--robots", settings.robot if arguments.robots is None else arguments.robots
+    )
+    own = robots if arguments.own is None else robot_names("--own", arguments.own)
     if strangers := [name for name in own if name not in robots]:
         raise UserError(f"--own {strangers[0]}: is not one of --robots {','.join(robots)}")
     return run(
@@ -430,14 +432,6 @@ def main(argv: Sequence[str]) -> int:
         paused=arguments.paused,
         own=own,
     )
-
-
-def names_in(option: str, text: str) -> list[str]:
-    """Return the names in a list such as r1,r2; raise UserError for one that is there twice."""
-    names = [robot_name(name) for name in text.split(",")]
-    if len(set(names)) < len(names):
-        raise UserError(f"{option} {text}: each robot needs a name of its own")
-    return names
 
 
 def plant_of(arguments: argparse.Namespace, robots: int, own: Sequence[int] | None = None) -> Plant:

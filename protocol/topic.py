@@ -73,6 +73,14 @@ def robot_name(name: str) -> str:
     return name
 
 
+def robot_names(option: str, text: str) -> list[str]:
+    """Return the names in the value of an option, as in r1,r2; UserError for bad or equal ones."""
+    names = [robot_name(name) for name in text.split(",")]
+    if len(set(names)) < len(names):
+        raise UserError(f"{option} {text}: each robot needs a name of its own")
+    return names
+
+
 def operator_called(name: str) -> str:
     """Return the name; raise UserError unless an operator's certificate may contain it."""
     if not ROBOT_NAME.match(name):

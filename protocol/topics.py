@@ -12,6 +12,7 @@ from protocol.topic import Service as Service
 from protocol.topic import Topic as Topic
 from protocol.topic import operator_in as operator_in
 from protocol.topic import robot_name as robot_name
+from protocol.topic import robot_names as robot_names
 from protocol.wire.limits import (
     MAX_TELEOP_TTL_MS,
     MAX_WHEEL_TTL_MS,

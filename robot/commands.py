@@ -58,8 +58,8 @@ class Commands:
     move: in GUIDED and MANUAL the robot stops when this one is lost; empty if any may.
     `is_there(operator, now_ms, within_ms)` returns whether a program sends heartbeats, and has sent
     the last one in this time, if one is given. `restarts`: an operator has asked for a restart of
-    the process. `stoppers` are the programs of other persons that have
-    stopped what `begun_by` began.
+    the process. `stoppers` are the programs of other persons that have stopped what `begun_by`
+    began.
     """
 
     def __init__(

@@ -30,7 +30,7 @@ from protocol.bus.door import guarded_door
 from protocol.bus.mailbox import MAX_STAMP_NS, Mailbox
 from protocol.bus.network import Network
 from protocol.options import add_network_options, add_param_option, finite, network_of, numbers_kept
-from protocol.topics import CLOCK, Role, robot_name
+from protocol.topics import CLOCK, Role, robot_names
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import Severity
 from protocol.wire.messages import SonarScan, SystemTime, WheelCommand, WheelTicks
@@ -408,7 +408,7 @@ def main(argv: Sequence[str]) -> int:
         config.load_shared(arguments.config, RobotSettings) if arguments.config else RobotSettings()
     )
     network = network_of(arguments, settings.network, listens=True)
-    names = names_of(arguments.id or settings.robot)
+    names = robot_names("--id", arguments.id or settings.robot)
     refuse_to_share(arguments, network, names)
     places = dict(zip(names, arguments.stop_at, strict=False))
     network = replace(network, stop_at=network.stop_at | places)
@@ -424,14 +424,6 @@ def main(argv: Sequence[str]) -> int:
             hosted(arguments, settings, name, number, new_core) for number, name in enumerate(names)
         ]
         return run(robots, network, options)
-
-
-def names_of(text: str) -> list[str]:
-    """Return the names in a list such as r1,r2; raise UserError for one that is there twice."""
-    names = [robot_name(name) for name in text.split(",")]
-    if len(set(names)) < len(names):
-        raise UserError(f"--id {text}: each robot needs a name of its own")
-    return names
 
 
 def refuse_to_share(arguments: argparse.Namespace, network: Network, names: list[str]) -> None:
