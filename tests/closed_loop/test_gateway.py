@@ -93,6 +93,20 @@ def flown_by_operations() -> str:
         return flown(stack)
 
 
+def close_port(stack: InProcess, port: BusPort, work: PlayedWork) -> None:
+    """Close a port when its stop, which repeats in a real thread, has its answer."""
+
+    def is_idle() -> bool:
+        if stack.robot is not None:
+            stack.robot.idle()
+        work.settle()
+        return not port.is_busy
+
+    until(is_idle)
+    work.loop.run(port.close())
+    work.loop.close()
+
+
 class Client:
     """A MAVLink client of a robot, without sockets between it and the gateway."""
 
@@ -121,8 +135,7 @@ class Client:
         return found[0]
 
     def close(self) -> None:
-        self._work.loop.run(self._port.close())
-        self._work.loop.close()
+        close_port(self._stack, self._port, self._work)
 
 
 def flown_by_mavlink() -> str:
@@ -169,8 +182,7 @@ class Gateway:
         self.sent: list[MavMessage] = []
 
     def close(self) -> None:
-        self._work.loop.run(self.port.close())
-        self._work.loop.close()
+        close_port(self._stack, self.port, self._work)
 
     def round(self) -> None:
         self.face.vehicle.control.heard(CLIENT, self._stack.clock.now_ns())
