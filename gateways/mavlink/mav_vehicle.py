@@ -262,7 +262,10 @@ class MavVehicle:
         return self.boot_ns(now_ns) // NS_PER_MS & UINT32
 
     def answer(self, message: MavMessage, client: int) -> None:
-        """Send an answer whose copy does no harm: twice on a lossy line."""
+        """Send an answer whose copy does no harm: twice on a lossy line.
+
+        A copy of an acknowledgement, or of a value, is taken for the answer to the next request.
+        """
         for _ in range(2 if client in self.lossy else 1):
             self.outbox.send(message, client)
 

@@ -51,8 +51,6 @@ class ParameterStore(RobotCopy[MavTable]):
             table = self.values.with_value(index, value)
             self._use(table)
             self._vehicle.outbox.send(table.message(index))
-            for client in self._vehicle.lossy:
-                self._vehicle.outbox.send(table.message(index), client)
 
     def _take(self, values: MavTable) -> None:
         """Keep a table that has been read."""
@@ -181,7 +179,7 @@ class ParameterProtocol(MavService):
         elif (index := self._index(message, sender, table)) is None:
             return
         elif number == mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ:
-            self._vehicle.answer(table.message(index), sender.client)
+            self._vehicle.outbox.send(table.message(index), sender.client)
         else:
             await self._set(message, sender, table, index)
 

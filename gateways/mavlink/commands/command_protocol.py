@@ -4,13 +4,15 @@ The results: TEMPORARILY_REJECTED for a state that ends without action, FAILED f
 operator must end first, DENIED for a value that is never accepted.
 
 A client or the network repeats a command, which is executed once. A copy made by the network has
-the sequence number of its original. A client that received no answer sends the command again, with
-a higher `confirmation` or unchanged. The same command counts as new if the client has sent another
-one since, or some time later.
+the sequence number of its original and follows it closely: it gets no answer, which the client
+would take for that to its next command. A client that received no answer sends the command again,
+with a higher `confirmation` or unchanged. The same command counts as new if the client has sent
+another one since, or some time later.
 
-The earlier answer is given again only while what the command has made is still there. Otherwise a
-copy has no effect and no answer, and the robot is asked again. A repetition with a `confirmation`
-is no new wish of its sender: if somebody has stopped the robot since, it does not undo that.
+The earlier answer is given again only while what the command has made is still there. Otherwise the
+same frame has no effect and no answer, and the robot is asked again. A repetition with a
+`confirmation` is no new wish of its sender: if somebody has stopped the robot since, it does not
+undo that.
 """
 
 from collections import Counter, OrderedDict
@@ -32,7 +34,7 @@ from ground.client.parameters import ParameterChanged
 from protocol.wire.enums import GoalState, Mode, Severity
 from protocol.wire.enums import Vehicle as VehicleState
 from protocol.wire.reasons import Reason, reason_text
-from runtime.units import NS_PER_S
+from runtime.units import NS_PER_MS, NS_PER_S
 
 INT_UNKNOWN: Final = 0x7FFFFFFF
 """The x or y of a COMMAND_INT that is not set."""
@@ -212,8 +214,11 @@ def reason_of(outcome: Outcome | None) -> Reason | None:
     return Reason(number) if isinstance(number, int) and number in RESULTS else None
 
 
-COPY_NS: Final = 3 * NS_PER_S
-"""Age up to which a copy by the network is recognised by its sequence number, which wraps."""
+COPY_NS: Final = 200 * NS_PER_MS
+"""Age up to which a copy by the network arrives. No client repeats a command so early."""
+MAX_FRAMES: Final = 256
+SAME_NS: Final = 3 * NS_PER_S
+"""Age up to which the same frame is recognised by its sequence number, which wraps."""
 CONFIRMED_NS: Final = 10 * NS_PER_S
 """Age of a command that is repeated with a `confirmation`."""
 UNMARKED_NS: Final = 3 * NS_PER_S // 2
@@ -318,20 +323,20 @@ class Repeats:
         for one in reversed(kept):
             is_same = one.number == call.number and one.content == call.content
             age_ns = call.now_ns - one.at_ns
-            is_copy = sequence == one.sequence and age_ns < COPY_NS
+            is_frame = sequence == one.sequence and age_ns < SAME_NS
             is_again = latest and age_ns < (CONFIRMED_NS if confirmation else UNMARKED_NS)
-            if is_same and (one.result is None or is_copy or is_again):
-                action = self._judged(one, is_copy=is_copy, is_marked=confirmation > 0)
+            if is_same and (one.result is None or is_frame or is_again):
+                action = self._judged(one, is_frame=is_frame, is_marked=confirmation > 0)
                 return action, one.result or 0
             latest = False
         return RepeatAction.EXECUTE, 0
 
-    def _judged(self, one: Kept, *, is_copy: bool, is_marked: bool) -> RepeatAction:
+    def _judged(self, one: Kept, *, is_frame: bool, is_marked: bool) -> RepeatAction:
         """Return what to do with a repetition."""
         if one.result is None:
             return RepeatAction.IGNORE
         if one.result != mavlink.MAV_RESULT_ACCEPTED:  # the reason may be gone
-            return RepeatAction.ANSWER if is_copy or is_marked else RepeatAction.EXECUTE
+            return RepeatAction.ANSWER if is_frame or is_marked else RepeatAction.EXECUTE
         mark, then = self._endings.mark, one.mark or self._endings.mark
         is_stopped = (mark.stopped, self._endings.pressed) != (then.stopped, one.pressed)
         is_over = mark.asked != then.asked
@@ -339,7 +344,7 @@ class Repeats:
             is_over = is_over or is_stopped or mark.ended != then.ended
         if not is_over:
             return RepeatAction.ANSWER
-        if is_copy:
+        if is_frame:
             return RepeatAction.IGNORE
         return (
             RepeatAction.REFUSE
@@ -376,6 +381,22 @@ class Repeats:
         """Drop the commands of a client that has disconnected."""
         for key in [key for key in self._of if key[0] == client]:
             del self._of[key]
+
+
+class Copies:
+    """Recognises copies of the newest commands of all senders, made by the network."""
+
+    def __init__(self) -> None:
+        self._frames: OrderedDict[tuple[Key, int, int, bytes], int] = OrderedDict()
+
+    def has(self, call: CommandCall, sequence: int) -> bool:
+        """Return whether this frame is a copy; keep it."""
+        frame = key_of(call.sender), sequence, call.number, call.content
+        before_ns = self._frames.pop(frame, None)
+        self._frames[frame] = call.now_ns
+        if len(self._frames) > MAX_FRAMES:
+            self._frames.popitem(last=False)
+        return before_ns is not None and call.now_ns - before_ns < COPY_NS
 
 
 def key_of(sender: Sender) -> Key:
@@ -435,10 +456,13 @@ CommandTable = Mapping[int, CommandRow]
 
 
 class ReceivedCommand(NamedTuple):
-    """A command that is executed; `kept` unless it only reads."""
+    """A command that is executed; `kept` unless it only reads.
+
+    `acknowledged` is the number in its answer, None for a copy of a stop.
+    """
 
     call: CommandCall
-    acknowledged: int
+    acknowledged: int | None
     kept: Kept | None = None
     is_limited: bool = False
 
@@ -457,14 +481,20 @@ class CommandService(MavService):
         self._rows = {number: row for table in tables for number, row in table.items()}
         self._endings = Endings(vehicle)
         self._repeats = Repeats(self._endings)
+        self._copies = Copies()
         self._waiting = Counter[int]()
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
         """Execute a command, or repeat the answer to it."""
         call = call_of(message, sender, now_ns)
         is_set_mode = message.get_msgId() == mavlink.MAVLINK_MSG_ID_SET_MODE
+        acknowledged: int | None
         acknowledged = mavlink.MAVLINK_MSG_ID_SET_MODE if is_set_mode else call.number
         row = self._rows.get(call.number)
+        if self._copies.has(call, message.get_seq()):
+            acknowledged = None
+        if acknowledged is None and not (row and row.stops(call)):
+            return
         if row is None:
             self._answer(call, acknowledged, UNSUPPORTED, f"no command {call.number}")
         elif not (row.reads or sender.may_command):
@@ -483,7 +513,7 @@ class CommandService(MavService):
         self._repeats.forget(client)
 
     def _admit(
-        self, row: CommandRow, call: CommandCall, acknowledged: int, message: MavMessage
+        self, row: CommandRow, call: CommandCall, acknowledged: int | None, message: MavMessage
     ) -> ReceivedCommand | None:
         """Keep a command that is to be executed; answer another one, if it needs an answer."""
         confirmation, sequence = getattr(message, "confirmation", 0), message.get_seq()
@@ -523,7 +553,7 @@ class CommandService(MavService):
     def _answer(
         self,
         call: CommandCall,
-        acknowledged: int,
+        acknowledged: int | None,
         result: int,
         words: str = "",
         severity: Severity = Severity.WARNING,
@@ -531,9 +561,10 @@ class CommandService(MavService):
         sender, vehicle = call.sender, self._vehicle
         if words and (result != ACCEPTED or severity is Severity.INFO):
             vehicle.refusals.say(words, sender.client, vehicle.snapshot.now_ns, severity)
+        if acknowledged is None:
+            return
         ack = mavlink.MAVLink_command_ack_message(
             acknowledged, result, 0, 0, sender.system, sender.component
         )
-        # MAVSDK has several requests under way, and tells their answers apart by the number alone.
-        is_request = call.number in self._rows and self._rows[call.number].reads
-        (vehicle.outbox.send if is_request else vehicle.answer)(ack, sender.client)
+        # Once, also on a lossy line: a client takes a copy for the answer to its next command.
+        vehicle.outbox.send(ack, sender.client)
