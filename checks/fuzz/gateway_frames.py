@@ -268,7 +268,7 @@ def receive(face: Face, message: MavMessage, flags: int, now_ns: int) -> None:
 def send(face: Face) -> None:
     """Encode all sent messages."""
     link = ClientLink(1, "a", 0)
-    for message, _ in face.vehicle.outbox.take():
+    for message, *_ in face.vehicle.outbox.take():
         link.encode(1, message, GUARD)
 
 

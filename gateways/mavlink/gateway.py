@@ -350,15 +350,22 @@ class Gateway:
         now_ns = self._clock.now_ns()
         for face in self._faces:
             recorded: set[int] = set()
-            for message, number in face.vehicle.outbox.take():
-                self._send_one(face, message, number, now_ns)
+            for message, number, is_stream in face.vehicle.outbox.take():
+                self._send_one(face, message, number, now_ns, is_stream=is_stream)
                 if self._recorder is not None and id(message) not in recorded:
                     recorded.add(id(message))  # clients may share a message of this round
                     self._recorder.sent(face.vehicle.system, message, now_ns)
         self._plan_round()
 
-    def _send_one(self, face: Face, message: MavMessage, number: int | None, now_ns: int) -> None:
-        is_stream = face.vehicle.catalogue.is_stream(message.get_msgId())
+    def _send_one(
+        self,
+        face: Face,
+        message: MavMessage,
+        number: int | None,
+        now_ns: int,
+        *,
+        is_stream: bool,
+    ) -> None:
         if not is_stream:
             self._pace.note(message.get_msgId(), now_ns)
         for client in self.clients.addressed(number):

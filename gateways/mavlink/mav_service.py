@@ -40,10 +40,14 @@ class Sender(NamedTuple):
 
 
 class Send(NamedTuple):
-    """A message to send to one client, or to all of them if `client` is None."""
+    """A message to send to one client, or to all of them if `client` is None.
+
+    `is_stream`: the next one follows by itself, so this one may be dropped.
+    """
 
     message: MavMessage
     client: int | None
+    is_stream: bool = False
 
 
 class Outbox:
@@ -54,11 +58,13 @@ class Outbox:
         self._sends: list[Send] = []
         self._texts = 0
 
-    def send(self, message: MavMessage, client: int | None = EVERYONE) -> None:
+    def send(
+        self, message: MavMessage, client: int | None = EVERYONE, *, is_stream: bool = False
+    ) -> None:
         """Add a message."""
         if not self._sends:
             self.filled()
-        self._sends.append(Send(message, client))
+        self._sends.append(Send(message, client, is_stream))
 
     def text(self, severity: Severity, words: str, client: int | None = EVERYONE) -> None:
         """Add a STATUSTEXT, in several pieces if it is longer than 50 bytes."""

@@ -69,11 +69,6 @@ class Catalogue:
         """Return the source of a message."""
         return self._sources.get(number)
 
-    def is_stream(self, number: int) -> bool:
-        """Return whether a message is sent periodically, so that one may be dropped."""
-        source = self._sources.get(number)
-        return source is not None and source.rate_hz > 0
-
     def __iter__(self) -> Iterator[MessageSource]:
         return iter(self._sources.values())
 

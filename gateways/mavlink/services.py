@@ -76,11 +76,13 @@ def motion_of(vehicle: MavVehicle) -> ServiceGroup:
 
 
 def streams_of(vehicle: MavVehicle) -> ServiceGroup:
-    """Return the services that send telemetry."""
+    """Return the services that send telemetry, and that for control, which has a stream."""
     scheduler = StreamScheduler(vehicle)
     requests, origin = MessageRequests(vehicle, scheduler), OriginService(vehicle)
+    control = OperatorCommands(vehicle, scheduler)
     services = (
         HeartbeatStream(vehicle),
+        control,
         scheduler,
         requests,
         origin,
@@ -88,7 +90,7 @@ def streams_of(vehicle: MavVehicle) -> ServiceGroup:
         RobotTexts(vehicle),
         SilenceTexts(vehicle),
     )
-    return ServiceGroup(services, (requests.table, origin.table))
+    return ServiceGroup(services, (requests.table, origin.table, control.table))
 
 
 def face_of(
@@ -99,13 +101,12 @@ def face_of(
     `recordings` is their folder. Without a `guard` clients cannot set a signing key.
     """
     motion, streams = motion_of(vehicle), streams_of(vehicle)
-    missions, control = missions_of(vehicle), OperatorCommands(vehicle)
-    tables = (*motion.tables, *streams.tables, *missions.tables, control.table)
+    missions = missions_of(vehicle)
+    tables = (*motion.tables, *streams.tables, *missions.tables)
     services: list[MavService] = [
         *streams.services,
         *motion.services,
         *missions.services,
-        control,
         CommandService(vehicle, *tables),
         *parameters_and_files(vehicle, recordings),
     ]

@@ -224,19 +224,28 @@ class StreamScheduler(MavService):
         mode = vehicle.modes.number
         if mode != self._mode:
             self._mode = mode
-            for streams in self._clients.values():
-                streams.hurry(CurrentMode.id, now_ns)
+            self.hurry(CurrentMode.id, now_ns)
         for client in vehicle.clients:
             known = self._streams(client, now_ns)
             for number in () if known is None else known.take(now_ns):
                 for message in vehicle.catalogue.build(number, now_ns):
-                    vehicle.outbox.send(message, client)
+                    vehicle.outbox.send(message, client, is_stream=True)
         periods_ns = (streams.shortest_ns for streams in self._clients.values())
         vehicle.shortest_ns = min(periods_ns, default=NS_PER_S)
 
     def forget(self, client: int) -> None:
         """Drop the rates of a client that has disconnected."""
         self._clients.pop(client, None)
+
+    def hurry(self, number: int, now_ns: int) -> None:
+        """Send a message now to all clients that it is sent to at all."""
+        for streams in self._clients.values():
+            streams.hurry(number, now_ns)
+
+    def begin(self, client: int, number: int, interval_us: int, now_ns: int) -> None:
+        """Begin to send a message to a client that knows it, unless it is sent already."""
+        if self.interval_us(client, number, now_ns) == NOT_SENT_US:
+            self.set_interval(client, number, interval_us, now_ns)
 
     def set_interval(self, client: int, number: int, interval_us: int, now_ns: int) -> bool:
         """Set the interval of a message: -1 ends it, 0 is the default. False if it is unknown."""
@@ -369,9 +378,7 @@ class MessageRequests(MavService):
         return CommandAnswer(ACCEPTED)
 
     def _modes(self, index: int, sender: Sender, now_ns: int) -> Sequence[MavMessage]:
-        period_us = self._scheduler.interval_us(sender.client, CurrentMode.id, now_ns)
-        if period_us == NOT_SENT_US:
-            self._scheduler.set_interval(sender.client, CurrentMode.id, MODE_US, now_ns)
+        self._scheduler.begin(sender.client, CurrentMode.id, MODE_US, now_ns)
         return ardupilot.available_modes(index)
 
     def _interval(self, number: int, sender: Sender, now_ns: int) -> Sequence[MavMessage]:

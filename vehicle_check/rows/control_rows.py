@@ -84,11 +84,11 @@ def with_control(judge: Judge) -> Judge:
 @with_control
 def control_status(check: VehicleCheck) -> RowVerdict:
     """Judge rate and flags."""
-    if not check.seen("CONTROL_STATUS"):
-        return failed("no CONTROL_STATUS")
     found = Findings()
     check.expect_rate(found, "CONTROL_STATUS", 1, 1)
     one = check.newest("CONTROL_STATUS")
+    if one is None:
+        return failed("no CONTROL_STATUS, also when asked")
     found.expect(one.flags & SYSTEM_MANAGER, f"flags {one.flags}, gcs_main {one.gcs_main}")
     found.expect(not any(one.gcs_secondary), "no secondary owners")
     return found.verdict()

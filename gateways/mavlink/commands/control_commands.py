@@ -5,12 +5,15 @@ takeover without asking, parameter 3 is the time for the owner's answer in secon
 system id of the client that wants control. If the owner does not permit takeover, the gateway sends
 the same command to the owner. An operator on Sidestep's own bus is reported with the vehicle's own
 system id.
+
+CONTROL_STATUS is sent only to a client that has sent the command or has asked for the message: all
+others have it in no dialect, or in an older layout, and count each one as a lost frame.
 """
 
 from collections.abc import Sequence
 from math import isfinite
 from types import MappingProxyType
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 from gateways.mavlink.commands.command_protocol import (
     ACCEPTED,
@@ -42,6 +45,8 @@ MAX_ANSWER_S: Final = 60.0
 ANSWER_S: Final = 10.0
 """The time for the owner's answer, if the client gives none."""
 NO_SECONDARY: Final = (0,) * 10
+STATUS_US: Final = 1_000_000
+"""Interval of CONTROL_STATUS."""
 
 
 class Asked(NamedTuple):
@@ -52,16 +57,25 @@ class Asked(NamedTuple):
     until_ns: int
 
 
-class OperatorCommands(MavService):
-    """Requests and releases control for clients, and reports the owner to all of them."""
+class Scheduler(Protocol):
+    """Sends the messages that are due to each client."""
 
-    def __init__(self, vehicle: MavVehicle) -> None:
+    def hurry(self, number: int, now_ns: int) -> None:
+        """Send a message now to all clients that it is sent to at all."""
+
+    def begin(self, client: int, number: int, interval_us: int, now_ns: int) -> None:
+        """Begin to send a message to a client, unless it is sent already."""
+
+
+class OperatorCommands(MavService):
+    """Requests and releases control for clients, and reports the owner to them."""
+
+    def __init__(self, vehicle: MavVehicle, scheduler: Scheduler) -> None:
         self._vehicle = vehicle
-        self._sent = (0, 0)
+        self._scheduler = scheduler
+        self._shown = self._state()
         self._asked: Asked | None = None
-        vehicle.catalogue.add(
-            MessageSource(ControlStatus.id, self._build, rate_hz=1.0, slow_hz=1.0)
-        )
+        vehicle.catalogue.add(MessageSource(ControlStatus.id, self._build))
 
     @property
     def table(self) -> CommandTable:
@@ -70,13 +84,12 @@ class OperatorCommands(MavService):
         return MappingProxyType({REQUEST_OPERATOR_CONTROL: row})
 
     def due(self, now_ns: int) -> None:
-        """Send the status to all clients at once if it has changed."""
+        """Send the status at once if it has changed, to the clients that receive it."""
         if self._asked is not None and now_ns >= self._asked.until_ns:
             self._asked = None
-        if self._state() != self._sent:
-            self._sent = self._state()
-            for message in self._build(now_ns):
-                self._vehicle.outbox.send(message)
+        if self._state() != self._shown:
+            self._shown = self._state()
+            self._scheduler.hurry(ControlStatus.id, now_ns)
 
     def forget(self, client: int) -> None:
         """Drop the request of a client that has disconnected."""
@@ -97,6 +110,8 @@ class OperatorCommands(MavService):
         return (ControlStatus(flags, main, list(NO_SECONDARY)),)
 
     def _change(self, call: CommandCall) -> Handled:
+        client, now_ns = call.sender.client, call.now_ns
+        self._scheduler.begin(client, ControlStatus.id, STATUS_US, now_ns)
         action, requester = whole(call.param1), whole(call.param4)
         if requester not in (0, call.sender.system):
             return CommandAnswer(DENIED, "parameter 4 must be the system id of the sender")

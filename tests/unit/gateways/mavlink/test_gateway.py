@@ -3,11 +3,14 @@
 import argparse
 import asyncio
 import re
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
-from itertools import cycle, islice
+from importlib.util import find_spec, module_from_spec
+from itertools import cycle, islice, pairwise
 from pathlib import Path
 from random import Random
+from typing import Any
 
 import pytest
 
@@ -24,7 +27,13 @@ from gateways.mavlink.gateway_verb import (
     systems_of,
     with_policy,
 )
-from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
+from gateways.mavlink.mavlink_dialect import (
+    AvailableModes,
+    ControlStatus,
+    CurrentMode,
+    MavMessage,
+    mavlink,
+)
 from gateways.mavlink.operator_control import LOST_NS, PATIENCE_NS, SILENCE_NS
 from gateways.mavlink.services import face_of
 from gateways.mavlink.signing import EPOCH_S, Policy, SigningGuard
@@ -109,6 +118,65 @@ def test_end_waits_half_a_second_for_the_answer_to_a_stop(late_ns: int, count: i
     whole.loop.run(whole.gateway.finish())
     whole.close()
     assert len(acks(whole.sent_to("a", "COMMAND_ACK"))) == count
+
+
+def keep_alive(whole: WholeGateway, seconds: int) -> None:
+    """Let time pass, with the heartbeat of a client each second."""
+    for _ in range(seconds):
+        whole.send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+        whole.run(1.0)
+
+
+def test_streams_that_a_client_has_asked_for_keep_no_round_busy() -> None:
+    whole, rounds = WholeGateway(CommandedPort()), 0
+    whole.port.telemetry |= everything()
+    for message in (command(512, AvailableModes.id), command(32100, 1, 0, 0, 255)):
+        whole.send(message)
+        whole.run(0.1)
+    keep_alive(whole, 8)  # it answers no PING, and is asked five times
+    due = whole.face.due
+
+    def counted(now_ns: int) -> None:
+        nonlocal rounds
+        rounds += 1
+        due(now_ns)
+
+    whole.face.due = counted  # type: ignore[method-assign]
+    whole.endpoint.sent.clear()
+    keep_alive(whole, 10)
+    whole.close()
+    sent = Counter(int.from_bytes(frame[7:10], "little") for _, frame in whole.endpoint.sent)
+    assert (sent[CurrentMode.id], sent[ControlStatus.id]) == (5, 10)
+    assert rounds <= 105
+
+
+def unpatched_dialect() -> Any:
+    """Return pymavlink's dialect as a client imports it, without the messages of the gateway."""
+    spec = find_spec("pymavlink.dialects.v20.ardupilotmega")
+    assert spec is not None
+    assert spec.loader is not None
+    dialect = module_from_spec(spec)
+    spec.loader.exec_module(dialect)
+    return dialect
+
+
+def test_client_counts_no_lost_frame_on_a_clean_line() -> None:
+    port = CommandedPort()
+    port.telemetry |= everything()
+    whole = WholeGateway(port)
+    for message in (command(400, 1), command(176, 1, 15), command(512, 148), command(400, 0)):
+        whole.send(message)
+        whole.run(0.1)
+        while port.waiting:
+            port.answer()
+    keep_alive(whole, 60)
+    whole.close()
+    parser = unpatched_dialect().MAVLink(None)
+    parser.robust_parsing = True
+    sent = parser.parse_buffer(b"".join(frame for _, frame in whole.endpoint.sent))
+    known = [one for one in sent if not one.get_type().startswith(("UNKNOWN", "BAD_DATA"))]
+    gaps = [(b.get_seq() - a.get_seq()) % 256 - 1 for a, b in pairwise(known)]
+    assert (len(known) > 2000, sum(gaps)) == (True, 0)
 
 
 NUMBERS = (400, 176, 185, 192, 20, 300, 193, 178, 179, 246, 32100)

@@ -13,10 +13,15 @@ from gateways.mavlink.commands.vehicle_commands import ArmingCommands
 from gateways.mavlink.liveness import ClockSync
 from gateways.mavlink.mav_service import WATCHER, Sender
 from gateways.mavlink.mav_vehicle import Face
-from gateways.mavlink.mavlink_dialect import RESULT_NOT_IN_CONTROL, MavMessage, mavlink
+from gateways.mavlink.mavlink_dialect import (
+    RESULT_NOT_IN_CONTROL,
+    ControlStatus,
+    MavMessage,
+    mavlink,
+)
 from gateways.mavlink.operator_control import BUSY, MAX_TAKING, SILENCE_NS
 from gateways.mavlink.robot_port import OVERTAKEN, Answered
-from gateways.mavlink.streams import StreamScheduler
+from gateways.mavlink.streams import MessageRequests, StreamScheduler
 from ground.client.outcomes import Accepted, Refused
 from ground.commands.arm import Arm
 from ground.commands.hold import Hold
@@ -39,9 +44,12 @@ def lease(holder: str, name: str = "ada") -> LeaseStatus:
 class ControlBench(Bench):
     def __init__(self) -> None:
         super().__init__()
-        control = OperatorCommands(self.vehicle)
-        commands = CommandService(self.vehicle, ArmingCommands(self.vehicle).table, control.table)
-        self.face = Face(self.vehicle, [StreamScheduler(self.vehicle), control, commands])
+        scheduler = StreamScheduler(self.vehicle)
+        control = OperatorCommands(self.vehicle, scheduler)
+        requests = MessageRequests(self.vehicle, scheduler)
+        tables = ArmingCommands(self.vehicle).table, control.table, requests.table
+        commands = CommandService(self.vehicle, *tables)
+        self.face = Face(self.vehicle, [control, scheduler, commands])
         self.face.join(CLIENT.client)
         self.face.join(OTHER.client)
 
@@ -68,12 +76,26 @@ def questions(messages: list[MavMessage]) -> list[Any]:
     return [one for one in messages if one.get_type() == "COMMAND_LONG"]
 
 
-def test_status_is_sent_each_second_and_at_once(bench: ControlBench) -> None:
+def test_status_goes_only_to_clients_that_have_asked_for_it(bench: ControlBench) -> None:
+    """Others count each one as a lost frame, because it is missing in their dialects."""
+    assert states(bench.after(3.0)) == []
+    bench.send(command(511, ControlStatus.id, 1e6), OTHER)
     found = states(bench.after(3.0))
-    assert 2 * 3 <= len(found) <= 2 * 4 + 1
+    assert 3 <= len(found) <= 4
     assert set(found) == {(MANAGER | TAKEOVER, 0)}
+    bench.send(command(511, ControlStatus.id, -1), OTHER)
+    bench.send(command(400, 1))
+    assert states(bench.after(3.0)) == []
+    (once,) = states(bench.send(command(512, ControlStatus.id), OTHER))
+    assert once == (MANAGER | TAKEOVER, 255)
+
+
+def test_status_is_sent_each_second_and_at_once(bench: ControlBench) -> None:
     assert bench.result(CLIENT) == ACCEPTED
-    assert states(bench.after(0.02))[0] == (MANAGER, 255)
+    assert states(bench.after(0.02)) == [(MANAGER, 255)]
+    assert 2 <= len(states(bench.after(2.0))) <= 3
+    assert bench.result(CLIENT, takeover=1) == ACCEPTED
+    assert states(bench.after(0.02)) == [(MANAGER | TAKEOVER, 255)]
     assert bench.port.leases == [(LeaseAction.TAKE, "MAVLink 255")]
 
 
@@ -133,6 +155,7 @@ def test_commands_of_others_are_not_in_control(bench: ControlBench) -> None:
 
 
 def test_operator_on_the_bus_is_shown_as_the_owner(bench: ControlBench) -> None:
+    bench.send(command(511, ControlStatus.id, 1e6))
     bench.port.holder = "ada"
     bench.port.telemetry["lease"] = lease("ground/7")
     assert states(bench.after(0.02))[0] == (MANAGER, bench.vehicle.system)
