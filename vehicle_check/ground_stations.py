@@ -1,182 +1,16 @@
-"""Ground stations of the judge: frames with times, requests with answers, over sockets.
+"""Ground stations of the judge: frames with times, and requests with answers.
 
 Several stations are peers of one endpoint of the vehicle.
 """
 
 import random
-import selectors
-import socket
-import time
 from collections import Counter
-from collections.abc import Callable, Collection
-from contextlib import suppress
-from ipaddress import ip_address
-from typing import Any, Final, NamedTuple, Protocol, TypeAlias
+from collections.abc import Callable, Collection, Sequence
+from typing import Any, Final, NamedTuple, TypeAlias
 
-from runtime.errors import RemoteError, UserError
 from runtime.units import NS_PER_MS, NS_PER_S
 from vehicle_check.mavlink_frames import EXTRA, MavMessage, Signer, mavlink, number_of
-
-LARGEST: Final = 65_535
-MAX_READ: Final = 64
-KINDS: Final = ("udpout", "udpin", "tcp")
-USAGE: Final = "use udpout:HOST:PORT, udpin:HOST:PORT or tcp:HOST:PORT"
-
-
-class Heard(NamedTuple):
-    """Bytes that the vehicle has sent to one peer."""
-
-    peer: int
-    data: bytes
-    at_ns: int
-
-
-class VehicleNetwork(Protocol):
-    """Connections to one vehicle, numbered from 0."""
-
-    @property
-    def is_stream(self) -> bool:
-        """True for connections that deliver without loss, such as TCP."""
-
-    @property
-    def is_loopback(self) -> bool:
-        """True if the vehicle is on this machine."""
-
-    def now_ns(self) -> int:
-        """Return the time."""
-
-    def open(self) -> int:
-        """Open one more connection; return its number."""
-
-    def send(self, peer: int, data: bytes) -> None:
-        """Send bytes to the vehicle."""
-
-    def receive(self, until_ns: int) -> list[Heard]:
-        """Wait for bytes, at most until a time; return all bytes that have arrived."""
-
-    def close(self) -> None:
-        """Close all connections."""
-
-
-class VehicleAddress(NamedTuple):
-    """A parsed endpoint."""
-
-    kind: str
-    host: str
-    port: int
-
-
-def address_of(text: str) -> VehicleAddress:
-    """Parse an endpoint; UserError names the error."""
-    kind, _, rest = text.partition(":")
-    host, colon, port = rest.rpartition(":")
-    if kind not in KINDS or not (colon and host):
-        raise UserError(f"endpoint {text!r}: {USAGE}")
-    if not (port.isdecimal() and 0 < int(port) < 65_536):
-        raise UserError(f"endpoint {text!r}: {port!r} is no port (1 to 65535)")
-    return VehicleAddress(kind, host, int(port))
-
-
-class SocketNetwork:
-    """Connections over UDP or TCP.
-
-    With `udpin` the first connection listens; the others send to the vehicle's address from ports
-    of their own.
-    """
-
-    def __init__(self, text: str) -> None:
-        self._text = text
-        self._address = address_of(text)
-        self._sockets: list[socket.socket] = []
-        self._vehicle: tuple[str, int] | None = None
-        self._selector = selectors.DefaultSelector()
-        try:
-            self._host = socket.gethostbyname(self._address.host)
-        except OSError as error:
-            raise UserError(f"endpoint {text!r}: {error.strerror or error}") from error
-
-    @property
-    def is_stream(self) -> bool:
-        """True for TCP."""
-        return self._address.kind == "tcp"
-
-    @property
-    def is_loopback(self) -> bool:
-        """True for an address of this machine only."""
-        return ip_address(self._host).is_loopback
-
-    def now_ns(self) -> int:
-        """Return the monotonic time."""
-        return time.monotonic_ns()
-
-    def open(self) -> int:
-        """Open one more connection; UserError or RemoteError if that fails."""
-        number = len(self._sockets)
-        kind = socket.SOCK_STREAM if self.is_stream else socket.SOCK_DGRAM
-        made = socket.socket(socket.AF_INET, kind)
-        target = (self._host, self._address.port)
-        try:
-            if self.is_stream:
-                made.settimeout(3)
-                made.connect(target)
-            elif self._address.kind == "udpin" and not number:
-                made.bind(target)
-        except OSError as error:
-            made.close()
-            kind_of_error = RemoteError if self.is_stream else UserError
-            raise kind_of_error(f"{self._text}: {error.strerror or error}") from error
-        made.setblocking(False)
-        self._sockets.append(made)
-        self._selector.register(made, selectors.EVENT_READ, number)
-        return number
-
-    def send(self, peer: int, data: bytes) -> None:
-        """Send bytes; drop them if the vehicle's address is not known or the buffer is full."""
-        with suppress(OSError):
-            if self.is_stream:
-                self._sockets[peer].send(data)
-                return
-            target: tuple[str, int] | None = (self._host, self._address.port)
-            if self._address.kind == "udpin":
-                target = self._vehicle
-            if target is not None:
-                self._sockets[peer].sendto(data, target)
-
-    def receive(self, until_ns: int) -> list[Heard]:
-        """Wait for bytes of any connection."""
-        wait_s = max(0, until_ns - self.now_ns()) / NS_PER_S
-        found: list[Heard] = []
-        for key, _ in self._selector.select(wait_s):
-            assert isinstance(key.fileobj, socket.socket)
-            found += self._read(key.data, key.fileobj)
-        return found
-
-    def close(self) -> None:
-        """Close all sockets."""
-        self._selector.close()
-        for one in self._sockets:
-            one.close()
-
-    def _read(self, peer: int, one: socket.socket) -> list[Heard]:
-        found: list[Heard] = []
-        with suppress(BlockingIOError, InterruptedError, ConnectionRefusedError):
-            for _ in range(MAX_READ):
-                data, sender = self._received(one)
-                if not data and self.is_stream:
-                    self._selector.unregister(one)
-                    break
-                if sender is not None and peer == 0:
-                    self._vehicle = sender
-                found.append(Heard(peer, data, self.now_ns()))
-        return found
-
-    def _received(self, one: socket.socket) -> tuple[bytes, tuple[str, int] | None]:
-        if not self.is_stream:
-            return one.recvfrom(LARGEST)
-        try:
-            return one.recv(LARGEST), None
-        except ConnectionError:
-            return b"", None
+from vehicle_check.networks import VehicleNetwork
 
 
 class Losses:
@@ -219,6 +53,32 @@ class ReceivedMessage(NamedTuple):
     raw: bytes = b""
 
 
+class TimeSpentError(Exception):
+    """The time of a row has been spent."""
+
+
+class Elapsed(NamedTuple):
+    """A time, and for how much of it the judge's own machine was busy with other things."""
+
+    seconds: float
+    held_up_s: float = 0.0
+
+
+class Stopwatch:
+    """Measures a time, and the load of the judge's own machine in it."""
+
+    def __init__(self, network: VehicleNetwork) -> None:
+        self._network = network
+        self._began_ns, self._held_up_ns = network.now_ns(), network.held_up_ns
+
+    @property
+    def elapsed(self) -> Elapsed:
+        """The time since the start of the stopwatch."""
+        seconds = (self._network.now_ns() - self._began_ns) / NS_PER_S
+        held_up_s = (self._network.held_up_ns - self._held_up_ns) / NS_PER_S
+        return Elapsed(seconds, min(seconds, held_up_s))
+
+
 class GroundStations:
     """All ground stations of the judge, which share one network and one time."""
 
@@ -235,6 +95,8 @@ class GroundStations:
         """When a frame of the target arrived last."""
         self.forwarded_keys = 0
         self.signer: Signer | None = None
+        self.deadline_ns: int | None = None
+        """When `wait` raises TimeSpentError, once: what a row restores has its own time."""
 
     @property
     def now_ns(self) -> int:
@@ -274,11 +136,24 @@ class GroundStations:
             now_ns = self.now_ns
             if now_ns >= end_ns:
                 return False
+            if self.deadline_ns is not None and now_ns >= self.deadline_ns:
+                self.deadline_ns = None
+                raise TimeSpentError
             for client in list(self.clients.values()):
                 client.beat(now_ns)
             for heard in self.network.receive(min(end_ns, now_ns + STEP_NS)):
-                if heard.peer in self.clients:
-                    self.clients[heard.peer].take(heard.data, heard.at_ns)
+                for client in self._receivers(heard.peer):
+                    client.take(heard.data, heard.at_ns)
+
+    def _receivers(self, peer: int) -> Sequence["GroundStation"]:
+        """Return the stations that receive what has arrived; on a shared line all that are on."""
+        if self.network.is_shared:
+            return [client for client in self.clients.values() if client.beats]
+        return [self.clients[peer]] if peer in self.clients else []
+
+    def stopwatch(self) -> Stopwatch:
+        """Return a stopwatch that starts now."""
+        return Stopwatch(self.network)
 
 
 class GroundStation:

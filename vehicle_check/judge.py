@@ -9,8 +9,10 @@ from textwrap import shorten
 from typing import Final, NamedTuple
 from xml.etree import ElementTree
 
-from vehicle_check.ground_stations import VehicleNetwork
+from runtime.units import NS_PER_S
+from vehicle_check.ground_stations import TimeSpentError
 from vehicle_check.mavlink_frames import mavlink
+from vehicle_check.networks import VehicleNetwork
 from vehicle_check.rows import (
     command_rows,
     control_rows,
@@ -30,13 +32,17 @@ from vehicle_check.vehicle_under_test import (
     RowStatus,
     RowVerdict,
     VehicleCheck,
+    VehicleProfile,
     failed,
+    not_applicable,
     not_tried,
 )
 
 WIDTH = 200
-MAX_RUN_S: Final = 85.0
-MAX_RUN_WITH_MOTION_S: Final = 300.0
+TIMES: Final = 3
+"""How often a row is judged whose verdict is uncertain because this machine is busy."""
+MAX_ROW_S: Final = 120.0
+"""How long a row may take: more than any takes with a vehicle that answers nothing."""
 
 THEMES: Final = (
     identity_rows,
@@ -100,12 +106,12 @@ def judge(
 def _all_judged(
     check: VehicleCheck, rows: Sequence[AcceptanceRow], progress: Callable[[str], None]
 ) -> Iterator[Judged]:
-    most_s = MAX_RUN_WITH_MOTION_S if check.options.allow_motion else MAX_RUN_S
-    most_s *= 2 if check.station.is_lossy else 1
     gone = ""
     for row in rows:
-        if gone or check.spent_s > most_s:
-            yield Judged(row, not_tried(gone or f"the check takes {most_s:g} s at most"))
+        if check.spent_s >= check.options.limit_s:
+            gone = gone or over_limit(check)
+        if gone:
+            yield Judged(row, not_tried(gone))
             continue
         progress(f"row {row.number}: {row.title}")
         verdict = _judged(row, check)
@@ -143,23 +149,47 @@ def restore_text(restored: Sequence[str], not_restored: Sequence[str]) -> str:
     return "; ".join(words)
 
 
+def over_limit(check: VehicleCheck) -> str:
+    """Return why a row was not tried at the end of the time that the options give."""
+    return f"the time of the check was over: --limit {check.options.limit_s:g}"
+
+
 def _judged(row: AcceptanceRow, check: VehicleCheck) -> RowVerdict:
+    """Judge a row within its time, or within that which is left of the whole check."""
+    row_s = MAX_ROW_S * (2 if check.station.is_lossy else 1)
+    left_s = min(row_s, check.options.limit_s - check.spent_s)
+    check.station.deadline_ns = check.station.now_ns + round(left_s * NS_PER_S)
+    if check.options.profile not in row.profiles:
+        return not_applicable(f"not for {check.options.profile}: it follows {row.source}")
     try:
-        return row.judge(check)
+        for _ in range(TIMES):
+            verdict = row.judge(check)
+            if verdict.status is not RowStatus.UNCERTAIN:
+                break
+        return verdict
+    except TimeSpentError:
+        return (
+            failed(f"not finished in {row_s:g} s")
+            if left_s == row_s
+            else not_tried(over_limit(check))
+        )
     except (AttributeError, IndexError, KeyError, ValueError, OverflowError, TypeError) as error:
         # A hostile vehicle must not end the judge: rows receive its values unchecked.
         return failed(f"unusable answer: {type(error).__name__}: {error}")
+    finally:
+        check.station.deadline_ns = None
 
 
 def as_text(outcome: CheckOutcome) -> str:
     """Return a line per row, the clients that each failure affects, and the totals."""
     lines = []
-    for (number, title, suffers, _), (status, evidence) in outcome.rows:
-        lines.append(f"{number:>3}  {status:<14}  {title}")
+    for row, (status, evidence) in outcome.rows:
+        lines.append(f"{row.number:>3}  {status:<14}  {row.title}")
         if evidence:
             lines.append(f"{'':21}{shorten(_printable(evidence), WIDTH, placeholder=' ...')}")
         if status is RowStatus.FAIL:
-            lines.append(f"{'':21}suffers: {suffers}")
+            lines.append(f"{'':21}suffers: {row.suffers}")
+            lines.append(f"{'':21}source:  {row.source}")
     changes = restore_text(outcome.restored, outcome.not_restored)
     return "\n".join([*lines, *([changes] if changes else []), summary(outcome.rows)])
 
@@ -176,11 +206,14 @@ def is_good(judged: Sequence[Judged]) -> bool:
     return all(one.verdict.status is not RowStatus.FAIL for one in judged)
 
 
-def as_dict(endpoint: str, outcome: CheckOutcome) -> dict[str, object]:
+def as_dict(
+    endpoint: str, outcome: CheckOutcome, profile: VehicleProfile = VehicleProfile.ROVER
+) -> dict[str, object]:
     """Return the results as a JSON object."""
     return {
         "ok": is_good(outcome.rows),
         "endpoint": endpoint,
+        "profile": str(profile),
         "rows": [
             {
                 "row": row.number,
@@ -188,6 +221,7 @@ def as_dict(endpoint: str, outcome: CheckOutcome) -> dict[str, object]:
                 "status": str(verdict.status),
                 "evidence": verdict.evidence,
                 "suffers": row.suffers,
+                "source": row.source,
             }
             for row, verdict in outcome.rows
         ],
@@ -199,7 +233,7 @@ def as_dict(endpoint: str, outcome: CheckOutcome) -> dict[str, object]:
 def as_junit(endpoint: str, judged: Sequence[Judged]) -> bytes:
     """Return a JUnit file with a test case per row; rows that were not judged are skipped."""
     counts = Counter(one.verdict.status for one in judged)
-    skipped = counts[RowStatus.NOT_APPLICABLE] + counts[RowStatus.NOT_TRIED]
+    skipped = len(judged) - counts[RowStatus.PASS] - counts[RowStatus.FAIL]
     suite = ElementTree.Element(
         "testsuite",
         name=f"mavlink check {endpoint}",
@@ -214,7 +248,7 @@ def as_junit(endpoint: str, judged: Sequence[Judged]) -> bytes:
         text = _printable(evidence)
         if status is RowStatus.FAIL:
             failure = ElementTree.SubElement(case, "failure", message=text)
-            failure.text = f"suffers: {row.suffers}"
+            failure.text = f"suffers: {row.suffers}\nsource: {row.source}"
         elif status is not RowStatus.PASS:
             ElementTree.SubElement(case, "skipped", message=f"{status}: {text}")
         else:

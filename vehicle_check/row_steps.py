@@ -145,7 +145,9 @@ WAY_S: Final = 3.0
 
 
 def stand(check: VehicleCheck) -> None:
-    """Choose HOLD; disarm a vehicle that the judge may move."""
+    """Choose HOLD; disarm a vehicle that the judge may move. Only of a Rover it knows the modes."""
+    if not check.is_rover:
+        return
     if check.mode != HOLD:
         check.set_mode(HOLD)
         check.station.wait(1.0, lambda: check.mode == HOLD)

@@ -9,7 +9,7 @@ from struct import Struct, error
 from typing import Any, Final, NamedTuple
 
 from runtime.units import NS_PER_S
-from vehicle_check.ground_stations import GroundStation, ReceivedMessage
+from vehicle_check.ground_stations import Elapsed, GroundStation, ReceivedMessage
 from vehicle_check.mavlink_frames import mavlink
 
 QUIET_S: Final = 0.5
@@ -39,7 +39,7 @@ class ListedParameters:
 
     values: dict[str, Value] = field(default_factory=dict)
     count: int = 0
-    seconds: float = 0.0
+    elapsed: Elapsed = field(default_factory=lambda: Elapsed(0.0))
 
     @property
     def is_whole(self) -> bool:
@@ -68,12 +68,11 @@ def download_parameters(client: GroundStation, within_s: float = 8.0) -> ListedP
     """Request the whole list, then missing parameters, 50 at a time, as DroneKit does."""
     station = client.station
     target = station.address
-    start_ns = station.now_ns
+    stopwatch = station.stopwatch()
     found, since = ListedParameters(), client.mark()
     client.send(mavlink.MAVLink_param_request_list_message(*target))
-    end_ns = start_ns + round(within_s * NS_PER_S)
-    while station.now_ns < end_ns and not found.is_whole:
-        if station.now_ns - start_ns > (found.seconds + GIVE_UP_S) * NS_PER_S:
+    while (seconds := stopwatch.elapsed.seconds) < within_s and not found.is_whole:
+        if seconds > found.elapsed.seconds + GIVE_UP_S:
             break
         if client.expect("PARAM_VALUE", QUIET_S, since=since) is None:
             if not found.count:
@@ -82,7 +81,7 @@ def download_parameters(client: GroundStation, within_s: float = 8.0) -> ListedP
                 client.send(mavlink.MAVLink_param_request_read_message(*target, b"", index))
         for one in client.heard("PARAM_VALUE", since):
             found.take(one.message)
-            found.seconds = (one.at_ns - start_ns) / NS_PER_S
+            found.elapsed = stopwatch.elapsed
         since = client.mark()
     return found
 

@@ -6,21 +6,25 @@ A row is a function that the decorator `row` enters into the table.
 from collections.abc import Callable, Mapping
 from enum import StrEnum
 from functools import cached_property, partial
+from math import inf
 from typing import Any, Final, NamedTuple, TypeAlias, TypeVar
 
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_S
 from vehicle_check.ground_stations import (
+    Elapsed,
     GroundStation,
     GroundStations,
     Losses,
     ReceivedMessage,
-    VehicleNetwork,
     heartbeat,
+    result_name,
 )
 from vehicle_check.mavlink_frames import NUMBERS, Signer, mavlink, timestamp_at
+from vehicle_check.networks import VehicleNetwork
 
 MAX_EVIDENCE: Final = 400
+BUSY: Final = "this machine was busy for {:.2f} s of it: judge again when it is idle"
 
 
 class RowStatus(StrEnum):
@@ -30,6 +34,21 @@ class RowStatus(StrEnum):
     FAIL = "fail"
     NOT_APPLICABLE = "not applicable"
     NOT_TRIED = "not tried"
+    UNCERTAIN = "uncertain"
+
+
+class VehicleProfile(StrEnum):
+    """What a vehicle is judged as. Rows that its kind of vehicle does not follow are left out."""
+
+    ROVER = "ardupilot-rover"
+    ARDUPILOT = "ardupilot"
+    PX4 = "px4"
+    GENERIC = "generic"
+
+
+ROVER: Final = frozenset({VehicleProfile.ROVER})
+ARDUPILOTS: Final = frozenset({VehicleProfile.ROVER, VehicleProfile.ARDUPILOT})
+EVERY_VEHICLE: Final = frozenset(VehicleProfile)
 
 
 class RowVerdict(NamedTuple):
@@ -43,23 +62,35 @@ Judge: TypeAlias = Callable[["VehicleCheck"], RowVerdict]
 
 
 class AcceptanceRow(NamedTuple):
-    """A row of the acceptance list. `suffers` names the clients that a failure troubles."""
+    """A row of the acceptance list. `suffers` names the clients that a failure troubles.
+
+    `source` names what the row follows, and `profiles` the vehicles that do.
+    """
 
     number: int
     title: str
     suffers: str
     judge: Judge
+    source: str
+    profiles: frozenset[VehicleProfile] = EVERY_VEHICLE
 
 
 ROWS: Final[dict[int, AcceptanceRow]] = {}
 
 
-def row(number: int, title: str, *, suffers: str) -> Callable[[Judge], Judge]:
+def row(
+    number: int,
+    title: str,
+    *,
+    suffers: str,
+    source: str,
+    profiles: frozenset[VehicleProfile] = EVERY_VEHICLE,
+) -> Callable[[Judge], Judge]:
     """Enter a function into the table of rows."""
 
     def enter(judge: Judge) -> Judge:
         assert number not in ROWS
-        ROWS[number] = AcceptanceRow(number, title, suffers, judge)
+        ROWS[number] = AcceptanceRow(number, title, suffers, judge, source, profiles)
         return judge
 
     return enter
@@ -86,10 +117,16 @@ def not_tried(why: str) -> RowVerdict:
 
 
 class Findings:
-    """The findings of one row: it passes if there is no fault."""
+    """The findings of one row: it passes if there is no fault, and nothing is in doubt or absent.
+
+    In doubt is what the judge's own machine may have caused, absent is what the vehicle refuses
+    because it does not have it.
+    """
 
     def __init__(self) -> None:
         self._faults: list[str] = []
+        self._doubts: list[str] = []
+        self._absent: list[str] = []
         self._facts: list[str] = []
 
     def expect(self, is_right: object, fact: str) -> bool:
@@ -97,14 +134,30 @@ class Findings:
         (self._facts if is_right else self._faults).append(fact)
         return bool(is_right)
 
+    def expect_in_time(self, elapsed: Elapsed, most_s: float, fact: str) -> bool:
+        """Expect a time; do not charge the vehicle for that in which this machine was busy."""
+        seconds, held_up_s = elapsed
+        if seconds <= most_s or seconds - held_up_s > most_s:
+            return self.expect(seconds <= most_s, fact)
+        self._doubts.append(f"{fact}, but {BUSY.format(held_up_s)}")
+        return True
+
+    def absent(self, fact: str) -> None:
+        """Keep what the vehicle does not have."""
+        self._absent.append(fact)
+
     def fact(self, fact: str) -> None:
         """Keep a fact that is no fault."""
         self._facts.append(fact)
 
     def verdict(self) -> RowVerdict:
-        """Return the verdict: the faults, or else the facts."""
+        """Return the verdict: the faults, or what is in doubt, or what is absent, or the facts."""
         if self._faults:
             return failed("; ".join(self._faults))
+        if self._doubts:
+            return RowVerdict(RowStatus.UNCERTAIN, "; ".join(self._doubts)[:MAX_EVIDENCE])
+        if self._absent:
+            return not_applicable("; ".join([*self._absent, *self._facts]))
         return passed("; ".join(self._facts))
 
 
@@ -134,6 +187,8 @@ class CheckOptions(NamedTuple):
     loss: float = 0.0
     seed: int = 1
     unix_s: float = 1.8e9
+    limit_s: float = inf
+    profile: VehicleProfile = VehicleProfile.ROVER
 
 
 class VehicleChange(NamedTuple):
@@ -180,6 +235,16 @@ class VehicleCheck:
     def target(self) -> int:
         """The system id of the vehicle."""
         return self.station.target
+
+    @property
+    def is_ardupilot(self) -> bool:
+        """True if the vehicle is judged as one of ArduPilot."""
+        return self.options.profile in ARDUPILOTS
+
+    @property
+    def is_rover(self) -> bool:
+        """True if the vehicle is judged as a Rover of ArduPilot, whose modes the judge knows."""
+        return self.options.profile is VehicleProfile.ROVER
 
     @property
     def spent_s(self) -> float:
@@ -232,7 +297,7 @@ class VehicleCheck:
     @property
     def serves_two(self) -> bool:
         """True if the vehicle sends to a second ground station, too. A serial line does not."""
-        return bool(self.second.log)
+        return not self.station.network.is_shared and bool(self.second.log)
 
     @cached_property
     def window(self) -> StreamWindow:
@@ -279,6 +344,17 @@ class VehicleCheck:
         asked = self._rate_when_asked(name, high_hz)
         fact = f"{name} {rate:.1f} Hz, {asked:.1f} Hz when asked (wanted {wanted})"
         return found.expect(_is_near(asked, low_hz, high_hz), fact)
+
+    def refusal_of(self, number: int, *params: float) -> str:
+        """Return how a vehicle refuses a command about something that it does not have.
+
+        Empty if it accepts the command or does not answer. ArduPilot answers FAILED, not
+        UNSUPPORTED, when it is asked for a message that it does not know.
+        """
+        result = self.main.result_of(number, *params)
+        if result in (None, mavlink.MAV_RESULT_ACCEPTED):
+            return ""
+        return f"{number} with {params[0]:g}: {result_name(result)}"
 
     def _rate_when_asked(self, name: str, rate_hz: float) -> float:
         number = NUMBERS.get(name)

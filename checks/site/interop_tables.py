@@ -216,8 +216,9 @@ def row_table(found: Mapping[str, Results]) -> str:
     for number, row in sorted(rows().items()):
         results = [found[line].get(number) for line in ROWS_LINES]
         cells = ["–" if one is None else one.status for one in results]
-        lines.append([number, row.title, row.suffers, *cells])
-    return table(["row", "requirement", "a failure affects", *ROWS_LINES.values()], lines)
+        lines.append([number, row.title, row.source, row.suffers, *cells])
+    heads = ["row", "requirement", "source", "a failure affects", *ROWS_LINES.values()]
+    return table(heads, lines)
 
 
 def exceptions(found: Mapping[str, Results]) -> str:

@@ -7,10 +7,8 @@ Of the frames that wait for a slow line, telemetry is dropped first; no queue gr
 
 import asyncio
 import errno
-import fcntl
 import os
 import socket
-import termios
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from difflib import get_close_matches
@@ -21,6 +19,7 @@ from typing import Any, Final, NamedTuple, Protocol
 
 from protocol.bus.network import MAX_PORT
 from runtime.errors import UserError
+from runtime.serial_line import SERIAL_EXAMPLE, open_first, open_line
 
 Address = tuple[str, int]
 SOCKET_ADVICE = {
@@ -328,19 +327,6 @@ USED_SHARE: Final = 5 / 6
 MAX_SERIAL_READ: Final = 4_096
 REOPEN_S: Final = 1.0
 STREAMS_WAIT_S: Final = 0.1
-SPEEDS: Final = {
-    int(name[1:]): value
-    for name, value in vars(termios).items()
-    if name[0] == "B" and name[1:].isdecimal() and int(name[1:]) > 0
-}
-"""The speeds that this system supports, with their codes."""
-SERIAL_ADVICE: Final = {
-    errno.ENOENT: "no such device: list them with `ls /dev/tty* /dev/serial/by-id`",
-    errno.ENXIO: "no such device: list them with `ls /dev/tty* /dev/serial/by-id`",
-    errno.EACCES: "missing rights: join the group `dialout`, then log in again",
-    errno.EBUSY: "another process uses this line: end it",
-    errno.ENOTTY: "this file is not a serial line",
-}
 
 
 class SerialEndpoint:
@@ -358,29 +344,7 @@ class SerialEndpoint:
         self._descriptor: int | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._again: asyncio.TimerHandle | None = None
-        if baud not in SPEEDS:
-            usual = "9600, 57600, 115200 or 921600"
-            raise UserError(f"{text}: {baud} baud is not possible here: give {usual}")
-        try:
-            self._descriptor = self._open()
-        except (OSError, termios.error) as error:
-            number = error.args[0] if error.args else 0
-            why = SERIAL_ADVICE.get(number, str(error))
-            raise UserError(f"{text}: {why}") from error
-
-    def _open(self) -> int:
-        descriptor = os.open(self._device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-        try:
-            speed = SPEEDS[self._baud]
-            *_, characters = termios.tcgetattr(descriptor)
-            control = termios.CS8 | termios.CREAD | termios.CLOCAL
-            raw = [0, 0, control, 0, speed, speed, characters]
-            termios.tcsetattr(descriptor, termios.TCSANOW, raw)
-            fcntl.ioctl(descriptor, termios.TIOCEXCL)
-        except BaseException:
-            os.close(descriptor)
-            raise
-        return descriptor
+        self._descriptor = open_first(text, device, baud)
 
     async def attach(self, receiver: Receiver) -> None:
         """Begin to receive; the line is the only peer."""
@@ -455,8 +419,8 @@ class SerialEndpoint:
 
     def _reopen(self, loop: asyncio.AbstractEventLoop) -> None:
         try:
-            self._descriptor = self._open()
-        except (OSError, termios.error):
+            self._descriptor = open_line(self._device, self._baud)
+        except OSError:
             self._again = loop.call_later(REOPEN_S, self._reopen, loop)
         else:
             self._begin(loop)
@@ -493,7 +457,7 @@ def parsed(text: str) -> EndpointParts:
     place, _, number = rest.rpartition(":")
     form, example = "HOST:PORT", EXAMPLE.replace("udpin", kind)
     if kind == SERIAL:
-        form, example = "DEVICE:BAUD", "serial:/dev/ttyUSB0:57600"
+        form, example = "DEVICE:BAUD", SERIAL_EXAMPLE
     if not (place and number.isascii() and number.isdecimal()):
         raise UserError(f"endpoint {text!r}: use {kind}:{form}, as in {example}")
     if kind != SERIAL and int(number) > MAX_PORT:

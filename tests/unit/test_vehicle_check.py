@@ -1,10 +1,14 @@
 """The judge of MAVLink vehicles: good, broken and hostile ones, and `mavlink check`."""
 
 import json
+import os
+import selectors
 import socket
-from collections.abc import Sequence
-from functools import cache
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import cache, partial
 from pathlib import Path
+from threading import Event, Thread
 from typing import Any
 from xml.etree import ElementTree
 
@@ -24,15 +28,19 @@ from tests.support.vehicle_check.broken import (
 )
 from tests.support.vehicle_check.core import Core, MemoryNetwork, Peer
 from tests.support.vehicle_check.good import GoodVehicle, SigningVehicle
-from vehicle_check import ground_stations as networks
 from vehicle_check import judge as vehicle_check_judge
+from vehicle_check import networks
 from vehicle_check.judge import CheckOutcome, Judged, judge, rows
+from vehicle_check.mavlink_frames import CURRENT_MODE, ExtraMessage
+from vehicle_check.mavlink_frames import mavlink as mav
 from vehicle_check.vehicle_under_test import (
     AcceptanceRow,
     CheckOptions,
     Findings,
     RowStatus,
     RowVerdict,
+    VehicleCheck,
+    VehicleProfile,
     failed,
     not_applicable,
     not_tried,
@@ -62,18 +70,10 @@ class DyingVehicle(GoodVehicle):
 class RepeatingVehicle(GoodVehicle):
     """Sends each answer to a command twice."""
 
-    second_result_is_another = False
-
     def acknowledge(self, number: int, result: int, peer: Peer) -> None:
-        """Send the answer, and the same or another one."""
+        """Send the answer twice."""
         super().acknowledge(number, result, peer)
-        super().acknowledge(number, 4 if self.second_result_is_another else result, peer)
-
-
-class DoubtfulVehicle(RepeatingVehicle):
-    """Sends two results of each command."""
-
-    second_result_is_another = True
+        super().acknowledge(number, result, peer)
 
 
 class LateVehicle(GoodVehicle):
@@ -223,19 +223,10 @@ def test_rows_pass_while_the_judge_drops_a_fifth_of_the_frames(numbers: list[int
     assert list(wrong) == [number for number in numbers if number == 59], wrong
 
 
-@each(
-    ("kind", "loss", "status"),
-    [
-        (RepeatingVehicle, 0.0, RowStatus.FAIL),
-        (RepeatingVehicle, 0.2, RowStatus.PASS),
-        (DoubtfulVehicle, 0.2, RowStatus.FAIL),
-    ],
-)
-def test_same_answer_may_be_sent_twice_on_a_lossy_line(
-    kind: type[GoodVehicle], loss: float, status: RowStatus
-) -> None:
-    (found,) = judged(kind(), numbers=[43], key=None, loss=loss)
-    assert found.verdict.status is status, found.verdict
+@each("loss", [0.0, 0.2])
+def test_vehicle_that_answers_twice_fails(loss: float) -> None:
+    (found,) = judged(RepeatingVehicle(), numbers=[43], key=None, loss=loss)
+    assert found.verdict.status is RowStatus.FAIL, found.verdict
 
 
 @pytest.mark.sweep(4)
@@ -252,15 +243,15 @@ def test_late_blocks_of_another_part_of_a_log_do_not_count() -> None:
     assert found.verdict.status is RowStatus.PASS, found.verdict
 
 
-def test_ardupilot_fails_only_what_it_lacks() -> None:
+def test_ardupilot_fails_no_row() -> None:
     vehicle = ArduPilotLike()
     found = by_number(judged(vehicle, key=None))
     wrong = {number: one for number, one in found.items() if one.status is RowStatus.FAIL}
-    assert list(wrong) == [23], wrong
+    assert list(wrong) == [], wrong
     reasons = {
         n: one.evidence for n, one in found.items() if one.status is RowStatus.NOT_APPLICABLE
     }
-    assert sorted(reasons) == [10, 15, 16, 17, 24, 55, 56, 57, 59], reasons
+    assert sorted(reasons) == [10, 13, 15, 16, 17, 23, 24, 55, 56, 57, 59], reasons
     assert all(reasons.values())
     assert vehicle.values["RC1_MIN"] == 1000.0
 
@@ -352,7 +343,7 @@ ENDPOINT = "udpout:127.0.0.1:14550"
 
 def run(monkeypatch: pytest.MonkeyPatch, vehicle: Core | None, *words: str) -> int:
     network = MemoryNetwork() if vehicle is None else MemoryNetwork(vehicle)
-    monkeypatch.setattr(networks, "SocketNetwork", lambda endpoint: network)
+    monkeypatch.setattr(networks, "network_of", lambda endpoint: network)
     code = main(["mavlink", "check", ENDPOINT, *words])
     assert network.is_closed
     return code
@@ -407,6 +398,8 @@ def test_rows_are_chosen_by_numbers_and_ranges() -> None:
     [
         ["udpout:127.0.0.1"],
         ["serial:x:1"],
+        [ENDPOINT, "--limit", "0"],
+        [ENDPOINT, "--as", "px4", "--allow-motion"],
         ["udpout:h:70000"],
         [ENDPOINT, "--loss", "2"],
         [ENDPOINT, "--signing-key", "/no/such/file"],
@@ -457,7 +450,8 @@ def test_refused_connection_ends_with_1(capsys: pytest.CaptureFixture[str]) -> N
 def judged_by_verb(*verdicts: RowVerdict) -> Sequence[Judged]:
     return [
         Judged(
-            AcceptanceRow(number, f"title {number}", "everyone", lambda check: passed("")), verdict
+            AcceptanceRow(number, f"title {number}", "all", lambda check: passed(""), "a book"),
+            verdict,
         )
         for number, verdict in enumerate(verdicts, start=1)
     ]
@@ -490,7 +484,7 @@ def test_one_fault_makes_findings_fail() -> None:
 
 def test_udp_and_tcp_carry_bytes_both_ways() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
-        network = networks.SocketNetwork(f"tcp:127.0.0.1:{server.getsockname()[1]}")
+        network = networks.network_of(f"tcp:127.0.0.1:{server.getsockname()[1]}")
         peer = network.open()
         accepted, _ = server.accept()
         with accepted:
@@ -502,10 +496,249 @@ def test_udp_and_tcp_carry_bytes_both_ways() -> None:
         network.close()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
         vehicle.bind(("127.0.0.1", 0))
-        network = networks.SocketNetwork(f"udpout:127.0.0.1:{vehicle.getsockname()[1]}")
+        network = networks.network_of(f"udpout:127.0.0.1:{vehicle.getsockname()[1]}")
         network.send(network.open(), b"ping")
         data, address = vehicle.recvfrom(10)
         vehicle.sendto(b"pong", address)
         (heard,) = network.receive(network.now_ns() + 2_000_000_000)
         assert (data, heard.data) == (b"ping", b"pong")
         network.close()
+
+
+def test_every_row_is_judged_on_a_vehicle_that_answers_nothing() -> None:
+    found = by_number(judged(MuteVehicle()))
+    assert RowStatus.NOT_TRIED not in {one.status for one in found.values()}
+    passes = [number for number, one in found.items() if one.status is RowStatus.PASS]
+    assert passes == [3, 5, 53], "it has no other components, gaps or recordings"
+
+
+def test_row_that_never_ends_costs_its_own_time_only() -> None:
+    def endless(check: VehicleCheck) -> RowVerdict:
+        while True:
+            check.station.wait(1.0)
+
+    network = MemoryNetwork(GoodVehicle())
+    one = AcceptanceRow(90, "never ends", "all", endless, "a book")
+    found = by_number(judge(network, CheckOptions(), [one, rows()[9]]).rows)
+    assert found[90] == failed("not finished in 120 s")
+    assert found[9].status is RowStatus.PASS
+    assert network.now_ns() < 140e9
+
+
+def test_rows_behind_the_limit_are_not_tried() -> None:
+    chosen = [rows()[number] for number in (5, 27, 28)]
+    network = MemoryNetwork(GoodVehicle())
+    found = by_number(judge(network, CheckOptions(limit_s=16), chosen).rows)
+    assert found[5].status is RowStatus.PASS
+    assert found[27] == found[28] == not_tried("the time of the check was over: --limit 16")
+    assert network.now_ns() < 25e9
+
+
+class BusyMachine(MemoryNetwork):
+    """A network on a machine that is always busy with other things."""
+
+    is_loopback = True
+    is_busy = True
+
+    @property
+    def held_up_ns(self) -> int:  # type: ignore[override]
+        """All of the time."""
+        return self.now_ns() if self.is_busy else 0
+
+
+class SlowVehicle(GoodVehicle):
+    """Takes long for plans and files, and stops its streams while it is flooded."""
+
+    until_ns = 0
+    waiting: tuple[tuple[int, Callable[[], None]], ...] = ()
+
+    def on_mission_request_list(self, message: Any, peer: Peer) -> None:
+        """Answer late."""
+        answer = partial(super().on_mission_request_list, message, peer)
+        self.waiting += ((self.now_ns + 900_000_000, answer),)
+
+    def on_file_transfer_protocol(self, message: Any, peer: Peer) -> None:
+        """Answer late."""
+        answer = partial(super().on_file_transfer_protocol, message, peer)
+        self.waiting += ((self.now_ns + 200_000_000, answer),)
+
+    def receive(self, peer: int, data: bytes, now_ns: int) -> None:
+        """Notice a flood."""
+        if data[7:10] == b"\xf0\xff\x7f":
+            self.until_ns = now_ns + 500_000_000
+        super().receive(peer, data, now_ns)
+
+    def due(self, now_ns: int) -> None:
+        """Send what is due."""
+        for at_ns, answer in self.waiting:
+            if at_ns <= now_ns:
+                answer()
+        self.waiting = tuple(one for one in self.waiting if one[0] > now_ns)
+        super().due(now_ns)
+
+    def stream(self, name: str, peer: Peer | None) -> bool:
+        """Stop in a flood."""
+        return self.now_ns >= self.until_ns and super().stream(name, peer)
+
+
+@each("number", [58, 60])
+def test_load_of_the_own_machine_is_not_charged(number: int) -> None:
+    def verdict(network: MemoryNetwork) -> RowVerdict:
+        return judge(network, CheckOptions(), [rows()[number]]).rows[0].verdict
+
+    idle = BusyMachine(SlowVehicle())
+    idle.is_busy = False
+    assert verdict(idle).status is RowStatus.FAIL
+    found = verdict(BusyMachine(SlowVehicle()))
+    assert found.status is RowStatus.UNCERTAIN
+    assert "this machine was busy for" in found.evidence
+    assert verdict(BusyMachine(GoodVehicle())).status is RowStatus.PASS
+
+
+class Approaching(GoodVehicle):
+    """Drives at a wall; its DISTANCE_SENSOR shows the wall as it was some seconds ago."""
+
+    late_s = 0.0
+
+    def distance_cm(self, late_s: float) -> int:
+        """The distance to the wall."""
+        return 299 - round(10 * (self.now_ns / 1e9 - late_s) % 200)
+
+    def build_obstacle_distance(self) -> Any:
+        """Show the wall everywhere."""
+        message = super().build_obstacle_distance()
+        message.distances[:8] = [self.distance_cm(0.0)] * 8
+        return message
+
+    def build_distance_sensor(self) -> Any:
+        """Show the wall in each direction."""
+        messages = super().build_distance_sensor()
+        for one in messages:
+            one.current_distance = self.distance_cm(self.late_s)
+        return messages
+
+
+class ApproachingLate(Approaching):
+    """Shows the wall five seconds late."""
+
+    late_s = 5.0
+
+
+@each(("kind", "status"), [(Approaching, RowStatus.PASS), (ApproachingLate, RowStatus.FAIL)])
+def test_row_16_compares_readings_of_one_time(kind: type[GoodVehicle], status: RowStatus) -> None:
+    (found,) = judged(kind(), numbers=[16], key=None)
+    assert found.verdict.status is status, found.verdict
+
+
+class Px4Like(GoodVehicle):
+    """Sends the heartbeat and the modes of PX4, and knows nothing of ArduPilot's own protocols."""
+
+    def build_heartbeat(self) -> Any:
+        """Be a copter of PX4 in the mode HOLD."""
+        return mav.MAVLink_heartbeat_message(2, 12, 1 | 80, 50_593_792, 3, 3)
+
+    def file(self, path: str) -> bytes | None:
+        """Have no file of parameters."""
+        return None if path.startswith("@PARAM") else super().file(path)
+
+    def build_current_mode(self) -> Any:
+        """Be in the mode of the heartbeat."""
+        return ExtraMessage(CURRENT_MODE, custom_mode=50_593_792)
+
+    def ask(self) -> None:
+        """Ask for items by MISSION_REQUEST_INT only."""
+        before = len(self.sends)
+        super().ask()
+        peer, upload = self.upload.peer, self.upload  # type: ignore[union-attr]
+        del self.sends[before:]
+        self.send(mav.MAVLink_mission_request_int_message(255, 190, upload.next, upload.kind), peer)  # type: ignore[union-attr]
+
+    def command_401(self, params: list[float], peer: Peer) -> int:
+        """Run no checks on request."""
+        return 3
+
+    command_410 = command_520 = command_42428 = command_193 = command_176 = command_401
+
+
+def test_px4_is_not_judged_by_the_rules_of_ardupilot() -> None:
+    vehicle = Px4Like()
+    found = by_number(judged(vehicle, key=None, allow_motion=False, profile=VehicleProfile.PX4))
+    wrong = {number: one for number, one in found.items() if one.status is RowStatus.FAIL}
+    assert not wrong
+    assert found[8].evidence.startswith("not for px4: it follows DroneKit")
+    assert sum(one.status is RowStatus.PASS for one in found.values()) >= 25
+    row_1 = judged(Px4Like(), numbers=[1], key=None, allow_motion=False)[0].verdict
+    assert row_1.status is RowStatus.FAIL
+    assert "judge it with --as px4" in row_1.evidence
+
+
+def test_each_row_names_its_source_and_a_rover_follows_all() -> None:
+    assert all(row.source and VehicleProfile.ROVER in row.profiles for row in rows().values())
+    assert list(mavlink.PROFILES) == list(VehicleProfile)
+    counts = [sum(one in row.profiles for row in rows().values()) for one in VehicleProfile]
+    assert counts == sorted(counts, reverse=True)
+
+
+def test_reports_are_compared_row_by_row(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    def report(name: str, vehicle: Core) -> str:
+        run(monkeypatch, vehicle, "--rows", "5,9,28", "--json")
+        path = tmp_path / name
+        path.write_text(capsys.readouterr().out, encoding="utf-8")
+        return str(path)
+
+    good, careless = report("good", GoodVehicle()), report("careless", CarelessVehicle())
+    assert main(["mavlink", "compare", careless, good]) == 0
+    assert "  5  fail -> pass" in (shown := capsys.readouterr().out)
+    assert "0 worse, 1 better, 0 other, 2 the same" in shown
+    assert main(["mavlink", "compare", good, careless, "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert [(one["row"], one["after"]) for one in found["changes"]] == [(5, "fail")]
+    assert main(["mavlink", "compare", good, __file__]) == 2
+    assert "is no report of the judge" in capsys.readouterr().err
+
+
+def test_vehicle_on_a_serial_line_is_judged() -> None:
+    vehicle, (host, line) = GoodVehicle(), os.openpty()
+    os.set_blocking(host, False)
+    network = networks.network_of(f"serial:{os.ttyname(line)}:57600")
+    is_over = Event()
+
+    def serve() -> None:
+        selector = selectors.DefaultSelector()
+        selector.register(host, selectors.EVENT_READ)
+        while not is_over.is_set():
+            if selector.select(0.01):
+                vehicle.receive(0, os.read(host, 4096), network.now_ns())
+            vehicle.due(network.now_ns())
+            sends, vehicle.sends = vehicle.sends, []
+            with suppress(BlockingIOError):
+                os.write(host, b"".join(data for _, data in sends))
+
+    thread = Thread(target=serve)
+    thread.start()
+    try:
+        chosen = [rows()[number] for number in (4, 9, 41, 43)]
+        found = by_number(judge(network, CheckOptions(), [rows()[6], *chosen]).rows)
+    finally:
+        is_over.set()
+        thread.join()
+        network.close()
+        os.close(host)
+        os.close(line)
+    assert found.pop(6).status is RowStatus.NOT_APPLICABLE
+    assert {one.status for one in found.values()} == {RowStatus.PASS}, found
+
+
+@each(
+    ("endpoint", "words"),
+    [
+        ("serial:/dev/no_such_line:57600", "no such device"),
+        ("serial:/dev/null:57600", "not a serial line"),
+        ("serial:/dev/null:12345", "baud is not possible"),
+    ],
+)
+def test_line_that_cannot_be_opened_is_named(endpoint: str, words: str) -> None:
+    with pytest.raises(UserError, match=words):
+        networks.network_of(endpoint)

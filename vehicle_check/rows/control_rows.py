@@ -80,6 +80,7 @@ def with_control(judge: Judge) -> Judge:
     55,
     "CONTROL_STATUS 1 Hz of the system manager, with the owner and whether takeover is allowed",
     suffers="QGroundControl: no indicator of control",
+    source="QGroundControl GCSControlManager.cc; MAVLink guide, CONTROL_STATUS",
 )
 @with_control
 def control_status(check: VehicleCheck) -> RowVerdict:
@@ -98,6 +99,7 @@ def control_status(check: VehicleCheck) -> RowVerdict:
     56,
     "32100: request, release, takeover; the owner is asked when takeover is not allowed",
     suffers="QGroundControl: control cannot be handed over",
+    source="QGroundControl GCSControlManager.cc; MAVLink guide, CONTROL_STATUS",
 )
 @with_control
 def handover(check: VehicleCheck) -> RowVerdict:
@@ -134,6 +136,7 @@ def handover(check: VehicleCheck) -> RowVerdict:
     57,
     "commands of others are NOT_IN_CONTROL; requests that only read or stop are open to all",
     suffers="two ground stations steer one vehicle",
+    source="MAVLink guide, MAV_RESULT_NOT_IN_CONTROL",
 )
 @with_control
 def not_in_control(check: VehicleCheck) -> RowVerdict:
@@ -186,6 +189,7 @@ def with_key(judge: Judge) -> Judge:
     51,
     "signing: an unsigned client receives telemetry and cannot command",
     suffers="all users of an open line",
+    source="MAVLink guide, message signing",
 )
 @with_key
 def stranger(check: VehicleCheck) -> RowVerdict:
@@ -241,6 +245,7 @@ def _signed_soon(check: VehicleCheck, key: bytes | None, since: int) -> bool:
     52,
     "SETUP_SIGNING: confirmed by the next HEARTBEAT; an all-zero key ends signing",
     suffers="QGroundControl confirms on exactly these",
+    source="QGroundControl src/MAVLink/Signing/SigningController.cc",
 )
 @with_key
 def setup(check: VehicleCheck) -> RowVerdict:
@@ -318,6 +323,7 @@ def _refused(client: GroundStation, since: int) -> bool:
     53,
     "SETUP_SIGNING is never forwarded, and its key is in no recording",
     suffers="users who share a recording",
+    source="MAVLink guide, message signing",
 )
 @with_key
 def secret(check: VehicleCheck) -> RowVerdict:
@@ -341,6 +347,7 @@ def secret(check: VehicleCheck) -> RowVerdict:
     54,
     "a forged time stamp of the future does not lock the owner out",
     suffers="the owner of the vehicle",
+    source="MAVLink guide, message signing",
 )
 @with_key
 def future(check: VehicleCheck) -> RowVerdict:

@@ -51,6 +51,7 @@ def _listed(check: VehicleCheck) -> list[ReceivedMessage]:
     49,
     "LOG_REQUEST_LIST and DATA: blocks of 90 bytes, a short last one, END stops, none while armed",
     suffers="MAVProxy log, QGroundControl, Mission Planner, MAVSDK, mavros",
+    source="MAVLink guide, common.xml LOG_*; MAVProxy; QGroundControl; mavros",
 )
 def logs(check: VehicleCheck) -> RowVerdict:
     """List the logs, and read the start and the end of one; with motion, none while armed."""
@@ -142,6 +143,7 @@ def _expect_same_bytes(check: VehicleCheck, found: Findings, folder: str, files:
     50,
     "the same recordings by an FTP listing",
     suffers="QGroundControl's newer log page",
+    source="QGroundControl OnboardLogs",
 )
 def log_files(check: VehicleCheck) -> RowVerdict:
     """List the folder of logs, and compare the number of files."""

@@ -36,6 +36,7 @@ from vehicle_check.transfers import (
     upload_plan,
 )
 from vehicle_check.vehicle_under_test import (
+    ARDUPILOTS,
     ONE_CLIENT,
     Findings,
     Judge,
@@ -83,6 +84,7 @@ def _is_no_acceptance(message: Any) -> bool:
     27,
     "upload: asks again for a lost item, last item acknowledged again, cancelled at the end",
     suffers="MAVSDK, MAVProxy on a line with loss",
+    source="MAVLink guide, mission protocol; MAVSDK; MAVProxy",
 )
 @with_plans
 def upload_retries(check: VehicleCheck) -> RowVerdict:
@@ -125,6 +127,8 @@ def _abandoned(check: VehicleCheck) -> dict[str, int | None]:
     28,
     "items are asked for by MISSION_REQUEST, ITEM and ITEM_INT are taken",
     suffers="DroneKit answers only MISSION_REQUEST",
+    source="DroneKit; ArduPilot GCS_MAVLink/MissionItemProtocol.cpp",
+    profiles=ARDUPILOTS,
 )
 @with_plans
 def item_kinds(check: VehicleCheck) -> RowVerdict:
@@ -143,6 +147,8 @@ def item_kinds(check: VehicleCheck) -> RowVerdict:
     29,
     "MISSION_REQUEST gives ITEM, MISSION_REQUEST_INT gives ITEM_INT; partial lists",
     suffers="DroneKit, mavros; MAVProxy edits with partial lists",
+    source="MAVLink guide, mission protocol; DroneKit; mavros; MAVProxy",
+    profiles=ARDUPILOTS,
 )
 @with_plans
 def item_requests(check: VehicleCheck) -> RowVerdict:
@@ -179,6 +185,8 @@ def _finish_partial(
     30,
     "item 0 is home in both directions",
     suffers="DroneKit, MAVProxy, QGroundControl: missions shifted by one",
+    source="ArduPilot GCS_MAVLink/MissionItemProtocol.cpp; QGroundControl PlanManager.cc",
+    profiles=ARDUPILOTS,
 )
 @with_plans
 def home_item(check: VehicleCheck) -> RowVerdict:
@@ -201,6 +209,7 @@ def home_item(check: VehicleCheck) -> RowVerdict:
     31,
     "MISSION_SET_CURRENT and 224 answered at once by MISSION_CURRENT; 1 Hz with total and state",
     suffers="MAVSDK sends again for any other seq",
+    source="MAVLink guide, mission protocol; MAVSDK",
 )
 @with_plans
 def current_item(check: VehicleCheck) -> RowVerdict:
@@ -237,6 +246,8 @@ def current_item(check: VehicleCheck) -> RowVerdict:
     32,
     "during an upload a second client's MISSION_COUNT and REQUEST_LIST are DENIED",
     suffers="two ground stations mix their missions",
+    source="ArduPilot GCS_MAVLink/MissionItemProtocol.cpp",
+    profiles=ARDUPILOTS,
 )
 @with_plans
 def two_uploads(check: VehicleCheck) -> RowVerdict:
@@ -255,6 +266,7 @@ def two_uploads(check: VehicleCheck) -> RowVerdict:
     33,
     "refusals: the right MISSION_ACK, and a STATUSTEXT with item and reason",
     suffers="MAVSDK and QGroundControl users: no reason shown",
+    source="MAVLink guide, mission protocol; MAVSDK",
 )
 @with_plans
 def refusals(check: VehicleCheck) -> RowVerdict:
@@ -290,6 +302,7 @@ def _numbered(seq: int) -> Callable[[Any], bool]:
     35,
     "opaque ids in COUNT, ACK and CURRENT change with the plan",
     suffers="ground stations download each plan again",
+    source="MAVLink guide, mission protocol, plan ids",
 )
 @with_plans
 def opaque_ids(check: VehicleCheck) -> RowVerdict:
@@ -324,6 +337,8 @@ UNSUPPORTED: Final = mavlink.MAV_RESULT_UNSUPPORTED
     34,
     "fence: polygon and circle up and down, exclusions kept or refused, FENCE_STATUS 1 Hz, 207",
     suffers="QGroundControl, Mission Planner, MAVProxy, MAVSDK geofence",
+    source="MAVLink guide, mission protocol; QGroundControl; MAVProxy",
+    profiles=ARDUPILOTS,
 )
 @with_plans
 def fences(check: VehicleCheck) -> RowVerdict:

@@ -10,6 +10,7 @@ from vehicle_check.ground_stations import result_name
 from vehicle_check.mavlink_frames import MavMessage, mavlink
 from vehicle_check.row_steps import send_plan, small_mission, step_m
 from vehicle_check.vehicle_under_test import (
+    ROVER,
     Findings,
     Judge,
     RowVerdict,
@@ -60,6 +61,8 @@ def with_motion(judge: Judge) -> Judge:
     2,
     "system_status: HOLD is STANDBY, other modes ACTIVE, e-stop EMERGENCY",
     suffers="QGroundControl: 'flying' decides what mission start sends",
+    source="ArduPilot Rover/GCS_MAVLink_Rover.cpp",
+    profiles=ROVER,
 )
 def states(check: VehicleCheck) -> RowVerdict:
     """Judge all heartbeats so far; with motion, stop in an emergency and clear it."""
@@ -96,6 +99,8 @@ def _expect_emergency(check: VehicleCheck, found: Findings) -> None:
     38,
     "mode AUTO starts or continues the mission; leaving AUTO pauses it",
     suffers="QGroundControl sends only the mode while 'flying'",
+    source="QGroundControl src/FirmwarePlugin/APM/APMFirmwarePlugin.cc",
+    profiles=ROVER,
 )
 @with_motion
 def auto(check: VehicleCheck) -> RowVerdict:
@@ -121,6 +126,8 @@ def velocity(
     44,
     "SET_POSITION_TARGET: only in GUIDED, frames 1, 7, 8, 9, stops 1 s after the last",
     suffers="MAVSDK offboard, mavros setpoint_raw",
+    source="ArduPilot Rover/GCS_MAVLink_Rover.cpp; MAVSDK offboard plugin; mavros setpoint_raw",
+    profiles=ROVER,
 )
 @with_motion
 def setpoints(check: VehicleCheck) -> RowVerdict:
@@ -157,6 +164,8 @@ def _expect_acceleration(check: VehicleCheck, found: Findings) -> None:
     45,
     "SET_ATTITUDE_TARGET: thrust is speed, body_yaw_rate is turn; 213 and 194 answered",
     suffers="mavros, ArduPilot scripts",
+    source="ArduPilot Rover/GCS_MAVLink_Rover.cpp; mavros",
+    profiles=ROVER,
 )
 @with_motion
 def attitude_target(check: VehicleCheck) -> RowVerdict:
@@ -180,6 +189,8 @@ def attitude_target(check: VehicleCheck) -> RowVerdict:
     46,
     "MANUAL_CONTROL: y steers, z drives, only in MANUAL, stops after the last",
     suffers="QGroundControl and MAVSDK joysticks",
+    source="ArduPilot Rover/GCS_MAVLink_Rover.cpp; QGroundControl; MAVSDK",
+    profiles=ROVER,
 )
 @with_motion
 def manual_control(check: VehicleCheck) -> RowVerdict:
@@ -195,6 +206,8 @@ def manual_control(check: VehicleCheck) -> RowVerdict:
     47,
     "RC_CHANNELS_OVERRIDE: 1 steers, 3 drives, 0 releases; RC_CHANNELS echoes",
     suffers="MAVProxy rc, DroneKit overrides, Mission Planner joystick",
+    source="MAVProxy rc; DroneKit; Mission Planner",
+    profiles=ROVER,
 )
 @with_motion
 def overrides(check: VehicleCheck) -> RowVerdict:

@@ -6,11 +6,10 @@ The groups of ArduRover's parameters are from ArduPilot/ParameterRepository, Rov
 import json
 import lzma
 import re
-from math import nan
+from math import isfinite, nan
 from typing import Any, Final
 from zlib import crc32
 
-from runtime.units import NS_PER_S
 from vehicle_check.mavlink_frames import mavlink
 from vehicle_check.transfers import (
     CRC32,
@@ -33,6 +32,8 @@ from vehicle_check.transfers import (
     write,
 )
 from vehicle_check.vehicle_under_test import (
+    ARDUPILOTS,
+    ROVER,
     Findings,
     RowVerdict,
     VehicleCheck,
@@ -70,6 +71,7 @@ KINDS: Final = frozenset(
     getattr(mavlink, f"MAV_PARAM_TYPE_{name}") for name in ("INT8", "INT16", "INT32", "REAL32")
 )
 """The types that ArduPilot has; a float carries each of them exactly enough."""
+REAL32: Final = mavlink.MAV_PARAM_TYPE_REAL32
 PARAMETERS_PER_S: Final = 100
 LOSSY_S: Final = 5.0
 REMOTE_S: Final = 30.0
@@ -110,14 +112,20 @@ def parameters(check: VehicleCheck) -> ListedParameters:
     19,
     "parameters: list within 1 s, stable indexes, signed integers and REAL32, sets told to all",
     suffers="every client: mavros waits 30 s, DroneKit asks 50 at a time",
+    source="MAVLink guide, parameter protocol; mavros; DroneKit",
 )
 def parameter_protocol(check: VehicleCheck) -> RowVerdict:
     """Download the list, read some of it again, and set a value to itself."""
     found, listed = Findings(), parameters(check)
     most_s = most_seconds(check, 1.0, listed.count)
-    fact = f"{len(listed.values)} of {listed.count} parameters in {listed.seconds:.2f} s"
-    if not found.expect(listed.is_whole and listed.seconds <= most_s, fact):
+    seconds = listed.elapsed.seconds
+    fact = f"{len(listed.values)} of {listed.count} parameters in {seconds:.2f} s"
+    if not (
+        found.expect(listed.is_whole, fact) and found.expect_in_time(listed.elapsed, most_s, fact)
+    ):
         return found.verdict()
+    if seconds > most_s:
+        del check.facts["parameters"]  # to measure again, because this machine was busy
     kinds = sorted({value.kind for value in listed.values.values()})
     found.expect(set(kinds) <= KINDS, f"types {kinds}")
     long = [name for name in listed.values if len(name) > 16]
@@ -134,12 +142,15 @@ def parameter_protocol(check: VehicleCheck) -> RowVerdict:
 
 
 def _expect_set(check: VehicleCheck, found: Findings, listed: ListedParameters) -> None:
-    name = next((one for one in listed.values if not is_compatibility(one)), "")
+    # A bytewise integer, as of PX4, is no number that equals itself.
+    own = [one for one in listed.values if not is_compatibility(one)]
+    floats = [one for one in own if check.is_ardupilot or listed.values[one].kind == REAL32]
+    name = next((one for one in floats if isfinite(listed.values[one].value)), "")
     if not name:
         return
     value = listed.values[name]
     other, since = check.second, check.second.mark()
-    for wanted in (value.value, nan):
+    for wanted in (value.value, nan) if check.is_ardupilot else (value.value,):
         answer = write(check.main, name, wanted, value.kind)
         if answer is None and wanted != value.value:
             answer = read_parameter(check.main, name)  # ArduPilot ignores what is no number
@@ -164,6 +175,8 @@ def _expect_set(check: VehicleCheck, found: Findings, listed: ListedParameters) 
     20,
     "FTP: param.pck with its options; open, burst, read, list, CRC; NAK with the session",
     suffers="MAVProxy, Mission Planner, QGroundControl ask it first",
+    source="ArduPilot AP_Filesystem_Param; MAVProxy; Mission Planner",
+    profiles=ARDUPILOTS,
 )
 def file_protocol(check: VehicleCheck) -> RowVerdict:
     """Read param.pck by bursts of 110 bytes, with options, and send wrong requests."""
@@ -224,23 +237,26 @@ def _said(reply: Any) -> str:
     21,
     "parameters whole within 5 s by FTP with 20 % loss in both directions",
     suffers="every client on a radio",
+    source="ArduPilot AP_Filesystem_Param",
+    profiles=ARDUPILOTS,
 )
 def parameters_with_loss(check: VehicleCheck) -> RowVerdict:
     """Fetch param.pck while the judge drops frames."""
     losses = check.station.losses
     most_s = max(LOSSY_S, parameters(check).count / PARAMETERS_PER_S)
     before, losses.share = losses.share, HARSH_LOSS
-    start_ns = check.station.now_ns
+    stopwatch = check.station.stopwatch()
     try:
         data = FileClient(check.main).fetch(PCK, within_s=most_s + 1)
     finally:
         losses.share = before
-    seconds = (check.station.now_ns - start_ns) / NS_PER_S
+    elapsed = stopwatch.elapsed
     packed = None if data is None else unpacked(data)
     count = 0 if packed is None else len(packed.values)
     found = Findings()
-    is_whole = packed is not None and count == packed.given
-    found.expect(is_whole and seconds <= most_s, f"{count} parameters in {seconds:.1f} s")
+    fact = f"{count} parameters in {elapsed.seconds:.1f} s"
+    if found.expect(packed is not None and count == packed.given, fact):
+        found.expect_in_time(elapsed, most_s, fact)
     return found.verdict()
 
 
@@ -248,6 +264,8 @@ def parameters_with_loss(check: VehicleCheck) -> RowVerdict:
     22,
     "parameters that QGroundControl expects of a Rover, as set up; no FRAME_CLASS of 0",
     suffers="QGroundControl: setup pages block",
+    source="QGroundControl src/AutoPilotPlugins/APM",
+    profiles=ROVER,
 )
 def compatibility(check: VehicleCheck) -> RowVerdict:
     """Judge names and values, and try to change one."""
@@ -298,13 +316,15 @@ def _after_set(check: VehicleCheck, name: str, value: Value) -> float | None:
     23,
     "COMPONENT_METADATA: descriptions of all parameters by FTP, with the right checksum",
     suffers="QGroundControl and MAVSDK: no texts, units and limits",
+    source="MAVLink guide, component metadata; QGroundControl CompInfoParam.cc",
 )
 def metadata(check: VehicleCheck) -> RowVerdict:
     """Follow the links to the description of parameters."""
     found = Findings()
     answer = check.main.request(METADATA, "COMPONENT_METADATA")
     if answer is None:
-        return failed("512/397: no COMPONENT_METADATA")
+        refusal = check.refusal_of(mavlink.MAV_CMD_REQUEST_MESSAGE, METADATA)
+        return not_applicable(refusal) if refusal else failed("512/397: no COMPONENT_METADATA")
     uri = answer.message.uri.decode("ascii", "replace")
     data = _by_uri(check, uri)
     if not found.expect(data, f"{uri}: {'read' if data else 'cannot be read'}") or data is None:
@@ -344,6 +364,8 @@ def _json(name: str, data: bytes) -> dict[str, Any]:
     24,
     "no parameter has a name of ArduRover with another meaning",
     suffers="QGroundControl: shows ArduRover's text and limits for it",
+    source="QGroundControl CompInfoParam.cc; ArduPilot/ParameterRepository",
+    profiles=ROVER,
 )
 def rover_names(check: VehicleCheck) -> RowVerdict:
     """Compare the names with the groups of ArduRover."""

@@ -11,9 +11,11 @@ from typing import Any, Final
 from runtime.units import NS_PER_S
 from vehicle_check import row_steps
 from vehicle_check.ground_stations import COMPONENT, GroundStation, result_name
-from vehicle_check.mavlink_frames import TIMESYNC, ExtraMessage, mavlink
+from vehicle_check.mavlink_frames import NUMBERS, TIMESYNC, ExtraMessage, mavlink
 from vehicle_check.vehicle_under_test import (
+    ARDUPILOTS,
     ONE_CLIENT,
+    SET_MESSAGE_INTERVAL,
     Findings,
     RowStatus,
     RowVerdict,
@@ -47,6 +49,7 @@ def rated(check: VehicleCheck, name: str, low_hz: float, high_hz: float) -> tupl
     7,
     "SYS_STATUS 1-2 Hz with the bits PREARM, GEOFENCE and PROXIMITY",
     suffers="MAVSDK health, MAVProxy fence, QGroundControl",
+    source="MAVSDK telemetry plugin; MAVProxy fence module",
 )
 def system_status(check: VehicleCheck) -> RowVerdict:
     """Judge rate and present bits."""
@@ -54,9 +57,9 @@ def system_status(check: VehicleCheck) -> RowVerdict:
     if one is not None:
         bits = one.onboard_control_sensors_present
         for name, bit in (("PREARM", PREARM), ("GEOFENCE", GEOFENCE), ("PROXIMITY", PROXIMITY)):
-            is_needed = bit != PROXIMITY or check.seen("OBSTACLE_DISTANCE")
+            is_absent = bit == PROXIMITY and not check.seen("OBSTACLE_DISTANCE")
             fact = f"{name} {'present' if bits & bit else 'not present'}"
-            found.expect(bits & bit or not is_needed, fact)
+            found.expect(bits & bit or is_absent or not check.is_ardupilot, fact)
     return found.verdict()
 
 
@@ -64,6 +67,8 @@ def system_status(check: VehicleCheck) -> RowVerdict:
     8,
     "EKF_STATUS_REPORT 1 Hz: absolute position, variances of its own",
     suffers="DroneKit is_armable and ekf_ok; Mission Planner's EKF light",
+    source="DroneKit is_armable; Mission Planner",
+    profiles=ARDUPILOTS,
 )
 def ekf_status(check: VehicleCheck) -> RowVerdict:
     """Judge rate, flags and variances."""
@@ -83,6 +88,7 @@ def ekf_status(check: VehicleCheck) -> RowVerdict:
     11,
     "GLOBAL_POSITION_INT 5-10 Hz, relative_alt near 0, never 0/0",
     suffers="QGroundControl's goto needs the relative altitude; MAVSDK position",
+    source="QGroundControl; MAVSDK telemetry plugin",
 )
 def global_position(check: VehicleCheck) -> RowVerdict:
     """Judge rate and fields."""
@@ -102,6 +108,7 @@ def global_position(check: VehicleCheck) -> RowVerdict:
     12,
     "GPS_RAW_INT 1 Hz, fix 3, satellites",
     suffers="DroneKit: wait_ready blocks without it; mavros",
+    source="DroneKit wait_ready; mavros",
 )
 def gps(check: VehicleCheck) -> RowVerdict:
     """Judge rate and fix."""
@@ -117,18 +124,21 @@ def gps(check: VehicleCheck) -> RowVerdict:
     13,
     "LOCAL_POSITION_NED and ATTITUDE 10 Hz, VFR_HUD 2 Hz, covariance and ODOMETRY 5 Hz",
     suffers="MAVSDK offboard, DroneKit speed, mavros",
+    source="MAVSDK offboard plugin; mavros",
 )
 def local_position(check: VehicleCheck) -> RowVerdict:
-    """Judge the rates."""
+    """Judge the rates; the last two are extras, which a vehicle may refuse."""
     found = Findings()
-    for name, rate_hz in (
-        ("LOCAL_POSITION_NED", 10),
-        ("ATTITUDE", 10),
-        ("VFR_HUD", 2),
-        ("LOCAL_POSITION_NED_COV", 5),
-        ("ODOMETRY", 5),
-    ):
+    for name, rate_hz in (("LOCAL_POSITION_NED", 10), ("ATTITUDE", 10), ("VFR_HUD", 2)):
         check.expect_rate(found, name, rate_hz, rate_hz)
+    for name in ("LOCAL_POSITION_NED_COV", "ODOMETRY"):
+        refusal = (
+            None if check.seen(name) else check.refusal_of(SET_MESSAGE_INTERVAL, NUMBERS[name])
+        )
+        if refusal:
+            found.absent(f"no {name}: {refusal}")
+        else:
+            check.expect_rate(found, name, 5, 5)
     return found.verdict()
 
 
@@ -136,6 +146,8 @@ def local_position(check: VehicleCheck) -> RowVerdict:
     18,
     "HOME_POSITION and BATTERY_STATUS at 0.5 Hz or more",
     suffers="QGroundControl: asks for all streams again after 10 s",
+    source="QGroundControl src/FirmwarePlugin/APM/APMFirmwarePlugin.cc",
+    profiles=ARDUPILOTS,
 )
 def home_and_battery(check: VehicleCheck) -> RowVerdict:
     """Judge the rates."""
@@ -149,6 +161,8 @@ def home_and_battery(check: VehicleCheck) -> RowVerdict:
     26,
     "REQUEST_DATA_STREAM and SET_MESSAGE_INTERVAL act, for one client only",
     suffers="QGroundControl, Mission Planner, MAVProxy, mavros: wrong rates",
+    source="ArduPilot GCS_MAVLink/GCS_Common.cpp; QGroundControl APMFirmwarePlugin.cc",
+    profiles=ARDUPILOTS,
 )
 def rates(check: VehicleCheck) -> RowVerdict:
     """Stop and start the groups of one client, change one message; the main client stays."""
@@ -229,6 +243,10 @@ YAWS: Final = range(8)
 SECTOR_DEG: Final = 45.0
 FULL_DEG: Final = 360.0
 NOISE_CM: Final = 10
+SAME_TIME_NS: Final = NS_PER_S // 4
+"""Two messages of 5 Hz whose times differ by less show the same surroundings."""
+MAX_WRONG_SHARE: Final = 0.1
+"""A sonar may lose an echo in one of the two messages."""
 WHEEL_DISTANCE: Final = 9000
 RANGE_BITS: Final = (
     mavlink.MAV_SYS_STATUS_SENSOR_LASER_POSITION | mavlink.MAV_SYS_STATUS_SENSOR_PROXIMITY
@@ -239,6 +257,7 @@ RANGE_BITS: Final = (
     15,
     "OBSTACLE_DISTANCE 5 Hz: values from left to right in the frame of the body, the rest unknown",
     suffers="MAVProxy status, QGroundControl, MAVSDK direct, Foxglove",
+    source="MAVLink guide, common.xml OBSTACLE_DISTANCE; MAVProxy proximity",
 )
 def obstacle_distance(check: VehicleCheck) -> RowVerdict:
     """Judge rate, geometry and values."""
@@ -286,6 +305,7 @@ def sectors_of(message: Any) -> dict[int, list[int]]:
     16,
     "DISTANCE_SENSOR for each direction: nearest of its sonars, max_distance without echo",
     suffers="QGroundControl's radar; Mission Planner drops values at the limits",
+    source="QGroundControl VehicleDistanceSensorFactGroup.cc; Mission Planner",
 )
 def distance_sensors(check: VehicleCheck) -> RowVerdict:
     """Judge the orientations, the field of view, and the values against OBSTACLE_DISTANCE."""
@@ -295,26 +315,48 @@ def distance_sensors(check: VehicleCheck) -> RowVerdict:
     found = Findings()
     newest = {one.message.orientation: one.message for one in check.seen("DISTANCE_SENSOR")}
     levels = {number: one for number, one in newest.items() if number in YAWS}
-    beams = [sectors_of(one.message) for one in check.seen("OBSTACLE_DISTANCE")]
-    wanted = sorted({number for beam in beams for number in beam}) or sorted(levels)
+    scans = [(one.at_ns, sectors_of(one.message)) for one in check.seen("OBSTACLE_DISTANCE")]
+    wanted = sorted({number for _, scan in scans for number in scan}) or sorted(levels)
     found.expect(levels and sorted(levels) == wanted, f"orientations {sorted(newest)}")
     for orientation, one in sorted(levels.items()):
         is_right = one.current_distance <= one.max_distance and one.min_distance < one.max_distance
         is_right = is_right and 0 <= one.horizontal_fov <= 2 * pi
         fact = f"{orientation}: {one.current_distance} of {one.max_distance} cm"
         found.expect(is_right, f"{fact}, fov {one.horizontal_fov:.3f}")
-        nearest = [min(beam[orientation]) for beam in beams if orientation in beam]
-        if nearest:
-            low, high = min(nearest) - NOISE_CM, max(nearest) + NOISE_CM
-            if not low <= one.current_distance <= high:
-                found.expect(False, f"{orientation} beside beams {min(nearest)}-{max(nearest)}")
+        _expect_same_readings(check, found, orientation, scans)
     return found.verdict()
+
+
+def _expect_same_readings(
+    check: VehicleCheck,
+    found: Findings,
+    orientation: int,
+    scans: list[tuple[int, dict[int, list[int]]]],
+) -> None:
+    """Compare the values of a direction with the scans of the same time."""
+    count = wrong = 0
+    for frame in check.seen("DISTANCE_SENSOR"):
+        if frame.message.orientation != orientation:
+            continue
+        near = [
+            min(scan[orientation])
+            for at_ns, scan in scans
+            if orientation in scan and abs(at_ns - frame.at_ns) <= SAME_TIME_NS
+        ]
+        if near:
+            low, high = min(near) - NOISE_CM, max(near) + NOISE_CM
+            count += 1
+            wrong += not low <= frame.message.current_distance <= high
+    if wrong > count * MAX_WRONG_SHARE:
+        found.expect(False, f"{orientation}: {wrong} of {count} values differ from the scan")
 
 
 @row(
     17,
     "RANGEFINDER 2 Hz (nearest), WHEEL_DISTANCE on request",
     suffers="DroneKit, Mission Planner, mavros: no range",
+    source="DroneKit; Mission Planner; mavros; ArduPilot Rover/GCS_MAVLink_Rover.cpp",
+    profiles=ARDUPILOTS,
 )
 def rangefinder(check: VehicleCheck) -> RowVerdict:
     """Judge the rate, and ask for the wheels. A vehicle may have neither sensor."""
@@ -353,6 +395,7 @@ STAMP_NS: Final = 1_234_567_890_123
     14,
     "GPS_GLOBAL_ORIGIN on request 49 and after SET_GPS_GLOBAL_ORIGIN",
     suffers="mavros, MAVSDK; ArduPilot ignores local setpoints without an origin",
+    source="mavros; MAVSDK; ArduPilot GCS_MAVLink/GCS_Common.cpp",
 )
 def origin(check: VehicleCheck) -> RowVerdict:
     """Request the origin, and set it to its present value."""
@@ -397,6 +440,7 @@ def _expect_fixed_origin(check: VehicleCheck, found: Findings, one: Any) -> None
     25,
     "AVAILABLE_MODES and CURRENT_MODE, or UNSUPPORTED at once",
     suffers="QGroundControl: waits while connecting",
+    source="MAVLink guide, standard modes",
 )
 def modes(check: VehicleCheck) -> RowVerdict:
     """Ask for all modes and for the present one."""
@@ -445,6 +489,7 @@ def _expect_modes(check: VehicleCheck, found: Findings, since: int) -> None:
     48,
     "TIMESYNC and PING answered to their sender; SYSTEM_TIME 1 Hz",
     suffers="mavros, MAVSDK: no common time",
+    source="MAVLink guide, time synchronization, ping; mavros; MAVSDK",
 )
 def clocks(check: VehicleCheck) -> RowVerdict:
     """Send TIMESYNC with a target, and PING."""

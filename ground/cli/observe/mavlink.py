@@ -1,9 +1,10 @@
-"""`mavlink check`: test a MAVLink vehicle as a black box, row by row."""
+"""`mavlink`: test a MAVLink vehicle as a black box, row by row, and compare two reports."""
 
 import argparse
 import os
 import time
 from collections.abc import Mapping, Sequence
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -13,20 +14,29 @@ from runtime.cli.parsers import add_subcommands
 from runtime.errors import UserError
 
 if TYPE_CHECKING:
-    from vehicle_check.ground_stations import VehicleNetwork
     from vehicle_check.judge import CheckOutcome
+    from vehicle_check.networks import VehicleNetwork
     from vehicle_check.vehicle_under_test import AcceptanceRow, CheckOptions
 
 MAX_LOSS: Final = 0.9
+PROFILES: Final = ("ardupilot-rover", "ardupilot", "px4", "generic")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the actions of `mavlink`, with their arguments."""
-    check = add_subcommands(parser, "mavlink")["check"]
-    text = "endpoint of the vehicle: udpout:HOST:PORT, tcp:HOST:PORT, or udpin:HOST:PORT to listen"
+    actions = add_subcommands(parser, "mavlink")
+    check, compare = actions["check"], actions["compare"]
+    text = (
+        "endpoint of the vehicle: udpout:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD, "
+        "or udpin:HOST:PORT to listen"
+    )
     check.add_argument("endpoint", metavar="ENDPOINT", help=text)
     text = "rows to test, as in 1-7,19 (default all)"
     check.add_argument("--rows", metavar="ROWS", help=text)
+    text = "what the vehicle follows; leaves out the rows of others (default ardupilot-rover)"
+    check.add_argument("--as", dest="profile", choices=PROFILES, default=PROFILES[0], help=text)
+    text = "end the check after this time; the other rows are not tried (default no limit)"
+    check.add_argument("--limit", type=seconds, default=inf, metavar="SECONDS", help=text)
     text = "arm, drive and stop the vehicle: clear the space around it first"
     check.add_argument("--allow-motion", action="store_true", help=text)
     text = "secret key of the link: hexadecimal digits or a passphrase, for rows 51-54"
@@ -37,6 +47,21 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     check.add_argument("--seed", type=int, default=1, metavar="N", help=text)
     check.add_argument("--junit", type=Path, metavar="FILE", help="write a JUnit file, too")
     add_json(check)
+    text = "JSON output of `mavlink check`"
+    for name in ("before", "after"):
+        compare.add_argument(name, type=Path, metavar=name.upper(), help=text)
+    add_json(compare)
+
+
+def seconds(text: str) -> float:
+    """Parse a positive number of seconds."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if 0 < value < inf:
+        return value
+    raise argparse.ArgumentTypeError(f"{text!r} is not a positive number of seconds")
 
 
 def loss(text: str) -> float:
@@ -51,19 +76,41 @@ def loss(text: str) -> float:
 
 
 def run(options: argparse.Namespace, output: Output) -> int:
-    """Judge the vehicle; return 0 if no row fails, else 1."""
-    from vehicle_check import judge
-    from vehicle_check.ground_stations import SocketNetwork
+    """Judge the vehicle, or compare; return 0 if no row fails or has become worse, else 1."""
+    return compare(options, output) if options.action == "compare" else check(options, output)
+
+
+def compare(options: argparse.Namespace, output: Output) -> int:
+    """Compare two reports; return 1 if a row fails that did not fail before."""
+    from vehicle_check import comparison
+
+    before, after = (comparison.read_report(path) for path in (options.before, options.after))
+    found = comparison.changes(before, after)
+    same = len(after.rows) - sum(one.after != comparison.ABSENT for one in found)
+    result = comparison.as_dict(found, same=same)
+    output.result(result, comparison.as_text(found, same=same))
+    return 0 if result["ok"] else 1
+
+
+def check(options: argparse.Namespace, output: Output) -> int:
+    """Judge the vehicle; return 1 if a row fails."""
+    from vehicle_check import judge, networks
     from vehicle_check.mavlink_frames import read_key
-    from vehicle_check.vehicle_under_test import CheckOptions
+    from vehicle_check.vehicle_under_test import CheckOptions, VehicleProfile
+
+    profile = VehicleProfile(options.profile)
+    if options.allow_motion and profile is not VehicleProfile.ROVER:
+        raise UserError(f"--allow-motion drives a Rover of ArduPilot: it is not for --as {profile}")
 
     chosen = chosen_rows(judge.rows(), options.rows)
     key = None if options.signing_key is None else read_key(options.signing_key)
     if options.junit is not None:
         expect_writable(options.junit)
-    choices = CheckOptions(options.allow_motion, key, options.loss, options.seed, time.time())
-    outcome = judged_over(SocketNetwork(options.endpoint), choices, chosen, output)
-    output.result(judge.as_dict(options.endpoint, outcome), judge.as_text(outcome))
+    choices = CheckOptions(
+        options.allow_motion, key, options.loss, options.seed, time.time(), options.limit, profile
+    )
+    outcome = judged_over(networks.network_of(options.endpoint), choices, chosen, output)
+    output.result(judge.as_dict(options.endpoint, outcome, profile), judge.as_text(outcome))
     if options.junit is not None:
         write(options.junit, judge.as_junit(options.endpoint, outcome.rows))
     return 0 if judge.is_good(outcome.rows) else 1

@@ -108,7 +108,12 @@ BY_ITSELF = ("HEARTBEAT", "MISSION_CURRENT", "FENCE_STATUS")
 WP_RADIUS_M = 2.0
 INT8, INT16 = 2, 4
 RALLY, CALIBRATION = 262_144, 4096
-ABSENT = ("CONTROL_STATUS", "OBSTACLE_DISTANCE", "DISTANCE_SENSOR", "RANGEFINDER")
+ABSENT = (
+    *("CONTROL_STATUS", "OBSTACLE_DISTANCE", "DISTANCE_SENSOR", "RANGEFINDER"),
+    *("LOCAL_POSITION_NED_COV", "ODOMETRY", "COMPONENT_METADATA"),
+)
+UNKNOWN_NUMBERS = (64, 331, 397)
+"""Messages that ArduPilot does not have: those of the last row."""
 
 
 class ArduPilotLike(GoodVehicle):
@@ -133,12 +138,7 @@ class ArduPilotLike(GoodVehicle):
         """Give all messages of a group the same rate."""
         super().on_request_data_stream(message, peer)
         if message.start_stop and message.req_stream_id in GROUPS:
-            for name in (
-                "HOME_POSITION",
-                "EKF_STATUS_REPORT",
-                "LOCAL_POSITION_NED_COV",
-                "ODOMETRY",
-            ):
+            for name in ("HOME_POSITION", "EKF_STATUS_REPORT"):
                 peer.intervals[name] = 1_000_000_000 // 3
 
     def build_sys_status(self) -> Any:
@@ -163,9 +163,13 @@ class ArduPilotLike(GoodVehicle):
         """Have no wheel encoders; the request is accepted all the same."""
         return []
 
-    def build_component_metadata(self) -> Any:
-        """Serve no descriptions."""
-        return None
+    def command_511(self, params: list[float], peer: Peer) -> int:
+        """Know no rate of a message that is not there."""
+        return FAILED if params[0] in UNKNOWN_NUMBERS else super().command_511(params, peer)
+
+    def command_512(self, params: list[float], peer: Peer) -> int:
+        """Know no message that is not there."""
+        return FAILED if params[0] in UNKNOWN_NUMBERS else super().command_512(params, peer)
 
     def on_param_request_read(self, message: Any, peer: Peer) -> None:
         """Give no index to a parameter that is read by its name."""

@@ -4,8 +4,8 @@ from typing import Any, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega
 
-from vehicle_check.ground_stations import Heard
 from vehicle_check.mavlink_frames import EXTRA, Signer, number_of
+from vehicle_check.networks import Heard
 
 mavlink: Any = ardupilotmega
 GONE_NS = 10_000_000_000
@@ -118,7 +118,9 @@ class MemoryNetwork:
     """Connections to vehicles in this process; the time advances only while the judge waits."""
 
     is_stream = False
+    is_shared = False
     is_loopback = False
+    held_up_ns = 0
 
     def __init__(self, *vehicles: InProcessVehicle) -> None:
         self._vehicles = vehicles
