@@ -293,10 +293,10 @@ class Truth:
         return self.programs.get(operator.rpartition("/")[2], "")
 
     def is_name(self, program: str, name: str) -> bool:
-        """Return whether a program is shown to others by this name."""
+        """Return whether a program is shown to others by this name; without one, by its person."""
         person, _, rest = program.partition("-")
         stations = (f"MAVLink {number}" for number in (255, 254))
-        return name in (f"{person}@sim:{rest.partition('.')[0]}"[:16], *stations)
+        return name in (person, f"{person}@sim:{rest.partition('.')[0]}"[:16], *stations)
 
     def is_persons_name(self, program: str, name: str) -> bool:
         """Return whether any program of a program's person is shown to others by this name."""
