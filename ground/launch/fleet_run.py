@@ -46,45 +46,51 @@ class FleetRun:
         self._show = show
 
     async def run(
-        self, *, lockstep: bool, launched: Callable[[], None] = lambda: None
+        self, *, lockstep: bool, stays: bool = False, launched: Callable[[], None] = lambda: None
     ) -> list[RunOutcome]:
         """Return the outcome of each goal. Raises NoOutcomeError when the run cannot be judged.
 
-        In lockstep time stops at the end, so that a recorder can catch up.
+        In lockstep time stops at the end, so that a recorder can catch up. If the stack `stays`,
+        time goes on, and an outcome does not wait for an operator who drives on.
         """
         await self.launch(lockstep=lockstep)
         launched()
         for goal_run in self._goal_runs:
             await goal_run.begin()
-        outcomes = await self._follow()
-        if lockstep:
+        outcomes = await self._follow(stays=stays)
+        if lockstep and not stays:
             await self._goal_runs[0].pause()
         return outcomes
 
-    async def launch(self, *, lockstep: bool) -> None:
-        """Arm every robot, send every goal and start time."""
+    async def launch(self, *, lockstep: bool, drives: bool = True) -> None:
+        """Arm every robot, send every goal and start time; without `drives` only start time."""
         first = self._goal_runs[0]
-        await asyncio.gather(*(goal_run.prepare() for goal_run in self._goal_runs))
-        if not lockstep:
+        await asyncio.gather(*(goal_run.prepare(arms=drives) for goal_run in self._goal_runs))
+        if not lockstep or not drives:
             await first.start()  # the score begins with the goal
+        if not drives:
+            return
         await asyncio.gather(*(goal_run.send() for goal_run in self._goal_runs))
         if lockstep:
             await first.start()  # each goal arrives in the same tick of every run
 
-    async def _follow(self) -> list[RunOutcome]:
+    async def _follow(self, *, stays: bool) -> list[RunOutcome]:
         shown_ns = self._clock.now_ns()
         while True:
             for goal_run in self._goal_runs:
                 await goal_run.look()
             now_ns = self._clock.now_ns()
-            is_over = all(goal_run.is_over for goal_run in self._goal_runs)
+            under_way = [
+                one for one in self._goal_runs if not (one.is_judged if stays else one.is_over)
+            ]
+            is_over = not under_way
             if now_ns - shown_ns >= LOOK_NS or is_over:
                 shown_ns = now_ns
                 self._show(self._line())
             if is_over:
                 return self._outcomes()
             self._check()
-            await next(one for one in self._goal_runs if not one.is_over).wait(LOOK_NS)
+            await under_way[0].wait(LOOK_NS)
             await asyncio.sleep(TOGETHER_S)
 
     def _outcomes(self) -> list[RunOutcome]:

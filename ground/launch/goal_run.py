@@ -101,12 +101,13 @@ class GoalRun:
     def _keep_pose(self, _key: str, frame: bytes, _at_ns: int) -> None:
         self._poses.append(frame)
 
-    async def prepare(self) -> None:
+    async def prepare(self, *, arms: bool = True) -> None:
         """Choose the navigator and arm; arming is accepted as soon as the robot has sensor data."""
         navigator = float(NAVIGATORS[self._scenario.navigator])
         side = float(SIDES[self._scenario.side])
         await self._request_until_accepted(Command.SIDESTEP_SET_NAVIGATOR, navigator, side)
-        await self._request_until_accepted(Command.COMPONENT_ARM_DISARM, 1.0)
+        if arms:
+            await self._request_until_accepted(Command.COMPONENT_ARM_DISARM, 1.0)
 
     async def _request_until_accepted(
         self, command: Command, param1: float, param2: float = 0.0
@@ -132,7 +133,15 @@ class GoalRun:
 
     async def start(self) -> None:
         """Start the plant's time in lockstep; otherwise start the score of all robots."""
-        answer = await self._ask_plant(RunRequest(until_ns=0, action=RunAction.START))
+        deadline_ns = self.robot.clock.now_ns() + READY_NS
+        while True:
+            self._check()
+            try:
+                answer = await self._ask_plant(RunRequest(until_ns=0, action=RunAction.START))
+                break
+            except NoAnswerError:  # a robot that need not be armed is ready before the plant
+                if self.robot.clock.now_ns() > deadline_ns:
+                    raise
         if not isinstance(answer, CommandAck) or answer.result:
             raise NoOutcomeError("the plant did not start the run")
 
@@ -191,8 +200,13 @@ class GoalRun:
         self._watch = GoalWatch(self._goal_id, self._begun_ns, timeout_ns, stamps_only=True)
 
     @property
+    def is_judged(self) -> bool:
+        """True when the run has an outcome, or when it is void."""
+        return bool(self.void_reason) or self.outcome is not None
+
+    @property
     def is_over(self) -> bool:
-        """True when the run has an outcome and nobody else drives on, or when it is void."""
+        """True when the run is judged, and nobody else drives on."""
         return bool(self.void_reason) or (
             self.outcome is not None and not self._is_commanded and not self._left_s
         )

@@ -101,6 +101,42 @@ def test_several_robots_reach_goals_of_their_own_the_same_way_every_time(tmp_pat
         assert [one["digest"] for one in run["robots"]] == digests
 
 
+@contextmanager
+def staying(*words: str) -> Iterator[subprocess.Popen[str]]:
+    """Start an `up` that stays; yield it when it says so."""
+    command = [sys.executable, "-m", "sidestep", "up", "--headless", "--speed", "max", *words]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as up:
+        assert up.stderr is not None
+        try:
+            assert any(
+                line == "short stays until ctrl+c\n" for line in iter(up.stderr.readline, "")
+            )
+            yield up
+        finally:
+            up.kill()
+
+
+@pytest.mark.parametrize("words", [("--stay", "--json"), ("--no-goal",)])
+def test_a_stack_that_stays_takes_goals_until_a_signal(
+    words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    world, records = tmp_path / "short.toml", tmp_path / "records"
+    world.write_text(SHORT)
+    with staying(*words, "--world", str(world), "--record", str(records)) as up:
+        driven = sidestep("goto", "1.2", "1.6", "--json")
+        assert json.loads(driven.stdout)["outcome"] == "reached", driven.stderr
+        up.send_signal(signal.SIGTERM)
+        found = up.communicate(timeout=PATIENCE_S)
+    assert up.returncode == 0, found
+    (recording,) = records.glob("*.mcap")
+    assert f"recording: {recording}" in found[1]
+    if words == ("--no-goal",):
+        assert not found[0]
+    else:
+        assert json.loads(found[0])["outcome"] == "reached"
+
+
 def test_time_runs_out_for_all_robots_in_the_last_tick_of_their_time() -> None:
     done = sidestep("up", "--speed", "max", "--robots", "2", "--timeout", "3", "--json")
     assert done.returncode == 1

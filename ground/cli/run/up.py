@@ -1,6 +1,7 @@
 """`up`: start plant and robots as processes, tell other commands where, print the outcomes."""
 
 import argparse
+import asyncio
 import json
 import os
 import socket
@@ -44,7 +45,7 @@ from ground.text.output import Output
 from ground.text.wording import Part
 from ground.text.wording import in_words as in_line
 from ground.user.folders import recordings_folder
-from ground.user.runs import RunFile, reason_of, this_run
+from ground.user.runs import RunFile, read_runs, reason_of, this_run
 from protocol.bus.bus import Bus, open_bus
 from protocol.options import finite, whole
 from protocol.outcome import RunOutcome
@@ -62,6 +63,7 @@ PLAIN_NS: Final = 5 * NS_PER_S
 RECORDERS_NS: Final = 10 * NS_PER_S
 """A busy computer takes seconds to start one; one that has exited is noticed at once."""
 POLL_NS: Final = NS_PER_S // 50
+WATCH_S: Final = 0.1
 SETTLED_NS: Final = NS_PER_S // 2
 CATCH_UP_NS: Final = 5 * NS_PER_S
 LOCAL: Final = "127.0.0.1"
@@ -71,6 +73,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `up`."""
     add_scenario(parser)
     parser.add_argument("--headless", action="store_true", help="no screen: wait for the end")
+    text = "without a screen: go on after the goals, until ctrl+c or another signal ends it"
+    parser.add_argument("--stay", action="store_true", help=text)
+    text = "no goals: the robots wait for yours; stays, as with --stay"
+    parser.add_argument("--no-goal", action="store_true", help=text)
     help = "no screen, and one line per second, as in `ground --plain`"
     parser.add_argument("--plain", action="store_true", help=help)
     add_recording(parser)
@@ -150,6 +156,10 @@ def run(options: argparse.Namespace, output: Output) -> int:
     on_screen = has_screen() and not (options.headless or options.plain or options.json)
     if on_screen and not options.no_record and options.robots <= MAX_RECORDED:
         options.record = str(folder_of(options))  # kept when the operator changes the world
+    if options.no_goal and options.goal is not None:
+        raise UserError("--no-goal: there is a --goal; leave one of them out")
+    for name, other in read_runs().found:
+        output.note(f"{name} runs here already, at {other.endpoint}: `sidestep ground` joins it")
     check_endpoints(options.mavlink)
     scenario = scenario_of(options, run_of(options))
     pace = pace_here(options.robots)
@@ -166,7 +176,6 @@ def run(options: argparse.Namespace, output: Output) -> int:
     if on_screen:
         return run_with_app(options, scenario, output, WallClock())
     outcomes = run_headless(options, scenario, output, WallClock())
-    output.result(as_json(scenario.robots, outcomes), in_words(scenario.robots, outcomes))
     return 0 if all(outcome.reached for outcome in outcomes) else 1
 
 
@@ -183,24 +192,48 @@ def check_endpoints(texts: Sequence[str]) -> None:
 def run_headless(
     options: argparse.Namespace, scenario: Scenario, output: Output, clock: Clock
 ) -> list[RunOutcome]:
-    """Run once with processes that end with this call; return one outcome per robot."""
+    """Run once with processes that end with this call; return one outcome per goal.
+
+    A stack that stays is ended by a signal.
+    """
+    outcomes: list[RunOutcome] = []
     with Stack(options, scenario, free_endpoint(), clock) as stack, announced(stack, output):
         stack.start(paused=scenario.lockstep, ready=partial(recorders_ready, stack, clock, output))
         with connect(stack.common, clock, stack.check) as bus:
-            goal_runs = goal_runs_of(stack, bus, output, clock)
+            goal_runs = goal_runs_of(stack, bus, output, clock, drives=not options.no_goal)
             fleet_run = FleetRun(
                 goal_runs,
                 clock,
                 partial(report_events, stack, output),
                 progress_display(output, clock, in_lines=options.plain),
             )
+            stays = options.stay or options.no_goal
+            supervised = partial(stack.supervise, bus)
+
+            async def drive() -> None:
+                lockstep = scenario.lockstep
+                if options.no_goal:
+                    await fleet_run.launch(lockstep=lockstep, drives=False)
+                    supervised()
+                else:
+                    outcomes.extend(
+                        await fleet_run.run(lockstep=lockstep, stays=stays, launched=supervised)
+                    )
+                    found = as_json(scenario.robots, outcomes), in_words(scenario.robots, outcomes)
+                    output.result(*found)
+                if stays:
+                    output.note(f"{scenario.name} stays until ctrl+c")
+                while stays:
+                    report_events(stack, output)
+                    await asyncio.sleep(WATCH_S)
+
             try:
                 with StopServer(RobotLink(bus, stack.common, clock)):
-                    outcomes = run_until_signal(
-                        lambda: fleet_run.run(
-                            lockstep=scenario.lockstep, launched=partial(stack.supervise, bus)
-                        )
-                    )
+                    try:
+                        run_until_signal(drive)
+                    except KeyboardInterrupt:
+                        if not stays:
+                            raise
                 for ending in filter(None, (goal_run.ending for goal_run in goal_runs)):
                     output.note(ending)
                 close_records(stack, output, clock)
@@ -217,9 +250,10 @@ def run_with_app(
     with Stack(options, scenario, free_endpoint(), clock) as stack, announced(stack, output):
         stack.start(paused=scenario.lockstep, ready=partial(recorders_ready, stack, clock, output))
         with connect(stack.common, clock, stack.check) as bus:
-            goal_runs = goal_runs_of(stack, bus, output, clock)
+            goal_runs = goal_runs_of(stack, bus, output, clock, drives=not options.no_goal)
             fleet_run = FleetRun(goal_runs, clock, stack.check, progress_display(output, clock))
-            run_until_signal(lambda: fleet_run.launch(lockstep=scenario.lockstep))
+            drives = not options.no_goal
+            run_until_signal(lambda: fleet_run.launch(lockstep=scenario.lockstep, drives=drives))
             stack.supervise(bus)
             folder = Path(scenario.record or recordings_folder())
             config = ground_file(scenario.locks)
@@ -238,14 +272,17 @@ def report_events(stack: Stack, output: Output) -> None:
         output.note(news)
 
 
-def goal_runs_of(stack: Stack, bus: Bus, output: Output, clock: Clock) -> list[GoalRun]:
-    """Return one run for each robot."""
+def goal_runs_of(
+    stack: Stack, bus: Bus, output: Output, clock: Clock, *, drives: bool
+) -> list[GoalRun]:
+    """Return one run for each robot, and say what it `drives` to."""
     scenario = stack.scenario
     robots = scenario.scenario_robots
     goals = f"{len(robots)} goals"
     if len(robots) <= MAX_NAMED:
         goals = ", ".join(str(scenario_robot.goal) for scenario_robot in robots)
-    output.note(f"{scenario.name}: to {goals} with {scenario.navigator}")
+    task = f"to {goals}" if drives else "no goal,"
+    output.note(f"{scenario.name}: {task} with {scenario.navigator}")
     return fleet_run.goal_runs_of(scenario, stack.common, bus, clock, stack.check, stack.void)
 
 

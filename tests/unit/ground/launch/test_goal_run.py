@@ -453,7 +453,7 @@ class RecordedRun(GoalRun):
         self._calls = calls
         self.waits = 0
 
-    async def prepare(self) -> None:
+    async def prepare(self, *, arms: bool = True) -> None:
         self._calls.append(f"prepare {self.name}")
 
     async def start(self) -> None:
