@@ -112,7 +112,7 @@ class Stage:
         hears, witness = self.stack._bus, self.witness
         assert hears is not None
         says, clock = Output(as_json=False), WallClock()
-        goal_runs = goal_runs_of(self.stack, hears, says, clock)
+        goal_runs = goal_runs_of(self.stack, hears, says, clock, drives=True)
         fleet_run = FleetRun(goal_runs, clock, self.look, lambda _: None)
         for pid in children_of(os.getpid()):
             real_time(pid)
