@@ -219,6 +219,13 @@ PROGRAMS: Final[Mapping[str, Verb]] = MappingProxyType(
             "gateways.foxglove_bridge",
             run="run",
         ),
+        "ros2": Verb(
+            RUN,
+            "present robots as nodes to ROS 2, over Zenoh",
+            "run ros2 --robots r1,r2",
+            "gateways.ros2.ros2_verb",
+            run="run",
+        ),
         "record": Verb(
             REC,
             "write every frame to a .tlog and an .mcap file",

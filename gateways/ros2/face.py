@@ -1,0 +1,154 @@
+"""What one robot offers as a ROS 2 node: its topics, and in the course of it all else."""
+
+import asyncio
+import time
+from collections.abc import Coroutine, Mapping
+from contextlib import AsyncExitStack
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from rosbags.typesys.stores.ros2_jazzy import rosgraph_msgs__msg__Clock as ClockMessage
+from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__String as String
+
+from gateways.ros2 import telemetry
+from gateways.ros2.node import RosNode, RosSession
+from gateways.ros2.wire import LATCHED, SENSOR_DATA, Qos
+from ground.client.robot_link import RobotLink, finish
+from ground.robot import Robot
+from protocol.topics import CLOCK, ODOMETRY, SONAR, WHEELS
+from runtime.errors import RemoteError
+from runtime.units import NS_PER_S, NS_PER_US
+
+NODE: Final = "sidestep"
+OPERATOR: Final = "ros2"
+"""The name that other operators see."""
+
+TF: Final = Qos(depth=100)
+PARAMETERS_S: Final = 5.0
+"""Time between two looks at the parameters of the robot, which others may change."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FaceSettings:
+    """How a robot is presented: `namespace` is absolute or empty, `scan` adds the topic scan."""
+
+    namespace: str
+    read_only: bool = False
+    scan: bool = False
+
+
+class RobotFace:
+    """One robot as the node `sidestep` in its namespace."""
+
+    def __init__(self, robot: Robot, session: RosSession, settings: FaceSettings) -> None:
+        self.robot, self.settings = robot, settings
+        self.node = node = RosNode(session, settings.namespace, NODE)
+        self.clock = telemetry.RosClock()
+        self.geometry = telemetry.Geometry()
+        self._reader = telemetry.WheelReader()
+        self._wheels: telemetry.WheelState | None = None
+        self._odom = node.publisher("odom", "nav_msgs/msg/Odometry")
+        self._tf = node.publisher("tf", "tf2_msgs/msg/TFMessage", TF)
+        self._tf_static = node.publisher("tf_static", "tf2_msgs/msg/TFMessage", LATCHED)
+        self._ranges = [
+            node.publisher(frame, "sensor_msgs/msg/Range", SENSOR_DATA)
+            for frame in telemetry.SONAR_FRAMES
+        ]
+        self._scan = None
+        if settings.scan:
+            self._scan = node.publisher("scan", "sensor_msgs/msg/LaserScan", SENSOR_DATA)
+        self._joints = node.publisher("joint_states", "sensor_msgs/msg/JointState")
+        self._description = node.publisher("robot_description", "std_msgs/msg/String", LATCHED)
+        self._clock_out = node.publisher(
+            "/clock", "rosgraph_msgs/msg/Clock", Qos(depth=1, is_reliable=False)
+        )
+
+    async def run(self) -> None:
+        """Present the robot until this is cancelled."""
+        async with asyncio.TaskGroup() as tasks:
+            for work in self._works():
+                tasks.create_task(work)
+
+    def _works(self) -> list[Coroutine[Any, Any, None]]:
+        return [
+            self._follow_odometry(),
+            self._follow_sonar(),
+            self._follow_wheels(),
+            self._follow_clock(),
+            self._follow_parameters(),
+        ]
+
+    def stamp(self, stamp_ns: int) -> int:
+        """Return the time of ROS for a message of the robot that has just arrived."""
+        self.clock.note(stamp_ns, time.time_ns())
+        return self.clock.of(stamp_ns)
+
+    async def _follow_odometry(self) -> None:
+        async for pose in self.robot.stream(ODOMETRY):
+            stamp_ns = self.stamp(pose.time_ns)
+            self._odom.publish(telemetry.odometry(pose, stamp_ns))
+            found = [telemetry.base_transform(pose, stamp_ns)]
+            if self._wheels is not None:
+                found += telemetry.wheel_transforms(self._wheels, self.geometry)
+            self._tf.publish(telemetry.transforms(found))
+
+    async def _follow_sonar(self) -> None:
+        async for scan in self.robot.stream(SONAR):
+            stamp_ns = self.stamp(scan.time_ns)
+            for sonar, found in telemetry.ranges(scan, self.geometry, stamp_ns):
+                self._ranges[sonar].publish(found)
+            if self._scan is not None:
+                self._scan.publish(telemetry.laser_scan(scan, self.geometry, stamp_ns))
+
+    async def _follow_wheels(self) -> None:
+        async for wheels in self.robot.stream(WHEELS):
+            state = self._reader.read(wheels, self.geometry, self.stamp(wheels.time_ns))
+            self._joints.publish(telemetry.joint_states(state))
+            self._wheels = state
+
+    async def _follow_clock(self) -> None:
+        """Publish the time of a simulation; a robot without one sends none."""
+        async for now in self.robot.stream(CLOCK):
+            self.clock.is_simulated = True
+            self._clock_out.publish(ClockMessage(telemetry.time_of(now.time_unix_usec * NS_PER_US)))
+
+    async def _follow_parameters(self) -> None:
+        """Publish what follows from the robot's dimensions, again when they have changed."""
+        shown: telemetry.Geometry | None = None
+        while True:
+            try:
+                values = {one.name: one.value for one in await self.robot.parameters.fetch()}
+            except RemoteError:
+                values = {}
+            if values and (geometry := telemetry.Geometry.of(values)) != shown:
+                shown = self.geometry = geometry
+                self._show_geometry()
+            await self.robot.sleep_until(self.robot.clock.now_ns() + round(PARAMETERS_S * NS_PER_S))
+
+    def _show_geometry(self) -> None:
+        self._tf_static.publish(telemetry.static_transforms(self.geometry, 0))
+        self._description.publish(String(telemetry.urdf(self.robot.name, self.geometry)))
+
+
+async def present(
+    link: RobotLink, session: RosSession, settings: Mapping[str, FaceSettings]
+) -> None:
+    """Present robots until this is cancelled; then their drives end, and the nodes leave."""
+    async with AsyncExitStack() as stack:
+        stack.push_async_callback(asyncio.to_thread, session.close)
+        faces = []
+        for name, one in settings.items():
+            common = replace(link.common, robot=name)
+            robot = Robot(link.bus, common, OPERATOR, clock=link.clock)
+            stack.push_async_callback(closed, robot)
+            await robot.open()
+            faces.append(RobotFace(robot, session, one))
+        session.start()
+        async with asyncio.TaskGroup() as tasks:
+            for face in faces:
+                tasks.create_task(face.run())
+
+
+async def closed(robot: Robot) -> None:
+    """End the drives of a robot, also while this is cancelled."""
+    await finish(robot.close())

@@ -1,0 +1,107 @@
+"""`run ros2`: present robots as ROS 2 nodes, until a signal ends it."""
+
+import argparse
+import asyncio
+import os
+import re
+from dataclasses import replace
+from typing import Final
+
+from ground.cli.options import common_of
+from ground.client.connection import Common
+from ground.client.robot_link import open_link
+from ground.client.stop_ways import StopServer
+from ground.commands.command import add_common
+from ground.text.output import Output
+from protocol.bus.network import with_digits
+from protocol.topics import robot_names
+from runtime.errors import UserError
+
+PERSON: Final = "ros2"
+
+NAMESPACE: Final = re.compile(r"/?([A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*)?\Z")
+MISSING: Final = "the ROS 2 gateway needs {}, which is not installed: pip install 'sidestep[ros2]'"
+DISTROS: Final = "jazzy, kilted, lyrical"
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `ros2`."""
+    text = "the robots to present, as in r1,r2 (default: that of --id)"
+    parser.add_argument("--robots", metavar="NAMES", help=text)
+    text = "namespace of the only robot instead of its name; '' for none"
+    parser.add_argument("--namespace", metavar="NS", help=text)
+    text = f"distribution of ROS 2 on the network: {DISTROS} (default jazzy)"
+    parser.add_argument("--distro", default="jazzy", metavar="D", help=text)
+    text = (
+        "the router of the ROS 2 network (default: as ZENOH_SESSION_CONFIG_URI or"
+        " ZENOH_CONFIG_OVERRIDE say, else tcp/localhost:7447)"
+    )
+    parser.add_argument("--router", metavar="ENDPOINT", help=text)
+    text = "the domain, instead of ROS_DOMAIN_ID"
+    parser.add_argument("--domain", metavar="N", help=text)
+    text = (
+        "take nothing from the ROS 2 network but the emergency stop; the default on a locked bus,"
+        " because a ROS 2 network has no locks"
+    )
+    parser.add_argument("--read-only", action=argparse.BooleanOptionalAction, help=text)
+    parser.add_argument("--scan", action="store_true", help="also the sonars as a LaserScan")
+    add_common(parser)
+
+
+def as_ros2(common: Common) -> Common:
+    """Return a connection as a person of its own: ROS 2 clients are not the gateway's user.
+
+    On a locked bus the certificate names it.
+    """
+    if common.network.tls is not None:
+        return common
+    return replace(common, network=replace(common.network, person=with_digits(PERSON)))
+
+
+def namespace_of(robot: str, given: str | None) -> str:
+    """Return the namespace of a robot, absolute or empty; UserError for one that ROS refuses."""
+    if given is None:
+        return f"/{re.sub(r'[^A-Za-z0-9_]', '_', robot)}"
+    if not NAMESPACE.match(given):
+        raise UserError(f"--namespace {given!r}: use letters, digits and _, as in r1 or fleet/r1")
+    return f"/{given.strip('/')}" if given.strip("/") else ""
+
+
+def run(options: argparse.Namespace, output: Output) -> int:
+    """Serve until Ctrl-C. Wrong words are errors before the connection to the robot."""
+    try:
+        from gateways.ros2 import face, interfaces, node, wire  # their libraries are optional
+    except ModuleNotFoundError as error:
+        raise UserError(MISSING.format(error.name)) from None
+    distro = wire.distro_named(options.distro)
+    common = as_ros2(common_of(options, output))
+    names = [common.robot] if options.robots is None else robot_names("--robots", options.robots)
+    if options.namespace is not None and len(names) > 1:
+        raise UserError(f"--namespace {options.namespace!r} is for one robot, not {len(names)}")
+    environment = dict(os.environ)
+    if options.domain is not None:
+        environment["ROS_DOMAIN_ID"] = options.domain
+    domain = node.domain_in(environment)
+    config = node.session_config(environment, options.router)
+    is_locked = common.network.tls is not None
+    settings = {
+        name: face.FaceSettings(
+            namespace=namespace_of(name, options.namespace),
+            read_only=is_locked if options.read_only is None else options.read_only,
+            scan=options.scan,
+        )
+        for name in names
+    }
+    with open_link(common) as link, StopServer(link), asyncio.Runner() as runner:
+        for name, one in settings.items():
+            output.note(f"{name} is the ROS 2 node {one.namespace}/{face.NODE} in domain {domain}")
+
+        async def serve() -> None:
+            session = node.RosSession(interfaces.Interfaces(distro), config, domain, output.note)
+            await face.present(link, session, settings)
+
+        try:
+            runner.run(serve())
+        except KeyboardInterrupt:
+            output.note("ros2 ends")
+    return 0
