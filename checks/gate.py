@@ -124,8 +124,9 @@ def rest_phases(extra: Sequence[str]) -> list[Phase]:
     """Return the phases of every other check.
 
     First the tests that own their time run beside what is built, then those with processes,
-    containers and MAVLink clients, which wait for each other most of the time. The tests whose
-    verdict depends on real time run last, with nothing beside them.
+    containers and MAVLink clients, which wait for each other most of the time, and those with the
+    firmware, which compute meanwhile. The tests whose verdict depends on real time run last, with
+    nothing beside them.
     """
     computing = (*cores(1), *EXAMPLES, *extra, *(f"--ignore={file}" for file in brief_files()))
     # Neighbours, which share processes, mostly stay on one worker; no long file is left to the end.
@@ -133,22 +134,22 @@ def rest_phases(extra: Sequence[str]) -> list[Phase]:
     mutation = (*PYTHON, "checks.mutation", "--module", "emergency_stop")
     return [
         [
-            [tests("tests", ELSEWHERE, computing, 210)],
+            [tests("tests", ELSEWHERE, computing, 220)],
             [
                 GateStep("images", (*PYTHON, "tests.support.images"), 20),
                 GateStep("MAVLink clients", (*PYTHON, "tests.interop.environments", *extra), 8),
-                tests("tests with the firmware", "mcu", ("-n", "2", *extra, "tests/mcu"), 40),
                 GateStep("documentation", (*PYTHON, "checks.site"), 15),
                 GateStep("mutation of the stop", mutation, 8),
             ],
         ],
         [
-            [tests("tests with processes", PROCESSES, (*four, *extra, *FOLDERS), 230)],
+            [tests("tests with processes", PROCESSES, (*four, *extra, *FOLDERS), 270)],
             [
                 tests(
                     "tests with MAVLink clients", CLIENTS, ("-n", "4", *extra, "tests/interop"), 30
                 ),
                 tests("tests with containers", CONTAINERS, (*extra, "tests/compose"), 120),
+                tests("tests with the firmware", "mcu", ("-n", "2", *extra, "tests/mcu"), 50),
             ],
         ],
         [[tests("tests of real time", "realtime", ("-s", *extra, *FOLDERS), 55)]],
