@@ -65,7 +65,9 @@ def within(value: float, limit: float) -> float:
 IGNORE_POSITION: Final = 1 | 2
 IGNORE_VELOCITY: Final = 8 | 16
 IGNORE_ACCELERATION: Final = 64 | 128 | 256
-FORCE: Final = 512
+"""Like ArduPilot's Rover: one of these bits is enough, and a position needs none. It does not read
+the bit that calls an acceleration a force, nor does this.
+"""
 IGNORE_YAW: Final = 1024
 IGNORE_YAW_RATE: Final = 2048
 ATTITUDE_IGNORE_YAW_RATE: Final = 4
@@ -114,8 +116,6 @@ def setpoint_of(
 ) -> Destination | Velocity:
     """Return the goal or speeds of a SET_POSITION_TARGET; a position takes precedence."""
     mask = message.type_mask
-    if mask & FORCE or mask & IGNORE_ACCELERATION != IGNORE_ACCELERATION:
-        raise SetpointError("set the bits of type_mask that ignore the acceleration")
     is_global = message.get_msgId() == mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT
     frames = GLOBAL_FRAMES if is_global else LOCAL_FRAMES
     if message.coordinate_frame not in frames:
@@ -146,6 +146,8 @@ def velocity_of(
     has_speed, has_rate = not mask & IGNORE_VELOCITY, not mask & IGNORE_YAW_RATE
     if not (has_speed or has_rate or yaw is not None):
         raise SetpointError("type_mask ignores position, velocity and yaw")
+    if not mask & IGNORE_ACCELERATION:
+        raise SetpointError("accelerations are not supported: ignore them by bit 6, 7 or 8")
     ahead_m_s, right_m_s = (message.vx, message.vy) if has_speed else (0.0, 0.0)
     rate_rad_s = message.yaw_rate if has_rate else 0.0
     require_finite((ahead_m_s, right_m_s, rate_rad_s))
