@@ -14,13 +14,14 @@ from gateways.mavlink.framing import (
     begins_with_frame,
     is_emergency_stop,
 )
-from gateways.mavlink.mav_service import COMPONENT
+from gateways.mavlink.mav_service import COMPONENT, MAVLINK_1_LAST
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.signing import Counters, SigningGuard
 from runtime.units import NS_PER_S
 
 GONE_NS: Final = 10_000_000_000
-MAVLINK_1_IDS: Final = 256
+RADIOS: Final = (mavlink.MAVLINK_MSG_ID_RADIO_STATUS, mavlink.MAVLINK_MSG_ID_RADIO)
+"""A telemetry radio injects these by itself, in MAVLink 1."""
 MAX_SOURCES: Final = 32
 """Senders behind one client whose sequences are followed."""
 LATE: Final = 0xF0
@@ -34,7 +35,8 @@ class ClientLink:
     """Frames from and to one client.
 
     Each vehicle has its own sequence numbers, so they have no gaps. With `begins` what it sends has
-    to begin with a frame.
+    to begin with a frame. `is_mavlink1` is the version in which it gets answers: that of its ground
+    station, or of all that it sends while none is known. Version 2 stays once it was received.
     """
 
     def __init__(self, number: int, name: str, now_ns: int, *, begins: bool = False) -> None:
@@ -43,6 +45,8 @@ class ClientLink:
         self.heard_ns = now_ns
         self.received = self.sent = self.lost = 0
         self.is_mavlink1 = self.is_introduced = False
+        self._keeps_mavlink2 = False
+        self._stations: set[tuple[int, int]] = set()
         self.signing = Counters()
         self._deframer = Deframer(begins=begins)
         self._ready: list[MavFrame] = []
@@ -94,18 +98,30 @@ class ClientLink:
         return found
 
     def decode(self, frame: MavFrame) -> MavMessage | None:
-        """Return the message in a frame; answer in its version, in version 2 to one that signs."""
+        """Return the message in a frame, and note its version."""
         try:
             message = self._decoder.decode(bytearray(frame.data))
         except mavlink.MAVError:
             self._deframer.malformed += 1
             return None
-        self.is_mavlink1 = frame.is_mavlink1 and not self.signing.signed
+        if frame.number not in RADIOS:
+            self._note_version(frame, message)
         return message
+
+    def _note_version(self, frame: MavFrame, message: MavMessage) -> None:
+        source = frame.system, frame.component
+        is_beat = frame.number == mavlink.MAVLINK_MSG_ID_HEARTBEAT
+        if is_beat and message.type == mavlink.MAV_TYPE_GCS and source not in self._stations:
+            self._keeps_mavlink2 &= bool(self._stations)
+            if len(self._stations) < MAX_SOURCES:
+                self._stations.add(source)
+        if not self._stations or source in self._stations:
+            self._keeps_mavlink2 |= not frame.is_mavlink1 or bool(self.signing.signed)
+            self.is_mavlink1 = not self._keeps_mavlink2
 
     def encode(self, system: int, message: MavMessage, guard: SigningGuard) -> bytes:
         """Return the next frame of a vehicle; empty if MAVLink 1 cannot carry the message."""
-        if self.is_mavlink1 and message.get_msgId() >= MAVLINK_1_IDS:
+        if self.is_mavlink1 and message.get_msgId() > MAVLINK_1_LAST:
             return b""
         encoder = self._encoders.get(system)
         if encoder is None:

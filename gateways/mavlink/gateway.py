@@ -313,9 +313,8 @@ class Gateway:
         if client.is_newcomer(frame):
             barred = barred or NEWCOMER
         is_signed, doubt = verdict is SignatureVerdict.VALID, DOUBTS.get(verdict, "")
-        sender = Sender(
-            link.number, frame.system, frame.component, barred, is_signed, loopback, doubt
-        )
+        ids = link.number, frame.system, frame.component
+        sender = Sender(*ids, barred, is_signed, loopback, doubt, link.is_mavlink1)
         if self._recorder is not None:
             self._recorder.received(message, now_ns)
         for face in self._faces:

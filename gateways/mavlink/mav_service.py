@@ -12,6 +12,8 @@ from protocol.wire.statustext import pieces_of
 from runtime.units import NS_PER_S
 
 COMPONENT: Final = mavlink.MAV_COMP_ID_AUTOPILOT1
+MAVLINK_1_LAST: Final = 255
+"""The last id of a message that MAVLink 1 can carry."""
 EVERYONE: Final = None
 WATCHER: Final = "signing: this endpoint takes commands only from clients that sign"
 NEWCOMER: Final = "by TCP a client has to send a HEARTBEAT before its first command"
@@ -22,7 +24,8 @@ class Sender(NamedTuple):
 
     `client` numbers the peers of all endpoints, and is never reused. `barred` is the reason why
     this message may command nothing, such as `WATCHER` or `NEWCOMER`; empty if it may. `doubt` is
-    what is wrong with the time stamp of its signature: then it is an emergency stop.
+    what is wrong with the time stamp of its signature: then it is an emergency stop. `is_mavlink1`:
+    it gets no messages with an id above MAVLINK_1_LAST.
     """
 
     client: int
@@ -32,6 +35,7 @@ class Sender(NamedTuple):
     is_signed: bool = False
     is_loopback: bool = True
     doubt: str = ""
+    is_mavlink1: bool = False
 
     @property
     def may_command(self) -> bool:

@@ -24,7 +24,7 @@ from gateways.mavlink.commands.command_protocol import (
     Handled,
     whole,
 )
-from gateways.mavlink.mav_service import MavService, Sender
+from gateways.mavlink.mav_service import MAVLINK_1_LAST, MavService, Sender
 from gateways.mavlink.mav_vehicle import Catalogue, MavVehicle, MessageSource
 from gateways.mavlink.mavlink_dialect import AvailableModes, CurrentMode, MavMessage, mavlink
 from runtime.errors import RemoteError
@@ -278,6 +278,7 @@ class StreamScheduler(MavService):
 
 Indexed = Callable[[int, Sender, int], Sequence[MavMessage]]
 MAX_NUMBER: Final = 0xFF_FFFF
+TOO_OLD: Final = "message {}: MAVLink 1 cannot carry it, send a frame of MAVLink 2 first"
 INTERVAL: Final = mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL
 MAX_INTERVAL_NUMBER: Final = 0xFFFF
 MODE_US: Final = 2_000_000
@@ -337,6 +338,8 @@ class MessageRequests(MavService):
             return CommandAnswer(DENIED, "parameter 1 must be the id of a message")
         if not self.knows(number):
             return CommandAnswer(UNSUPPORTED, f"no message {number}")
+        if call.sender.is_mavlink1 and number > MAVLINK_1_LAST:
+            return CommandAnswer(UNSUPPORTED, TOO_OLD.format(number))
         if self.request(number, index or 0, call.sender, call.now_ns):
             return CommandAnswer(ACCEPTED)
         if number in self._indexed:
@@ -359,6 +362,8 @@ class MessageRequests(MavService):
         if number is None or interval_us is None or interval_us < -1:
             words = "parameter 1 must be the id of a message, 2 its interval in us"
             return CommandAnswer(DENIED, words)
+        if call.sender.is_mavlink1 and number > MAVLINK_1_LAST:
+            return CommandAnswer(FAILED, TOO_OLD.format(number))
         interval_us = min(interval_us, MAX_INTERVAL_US)
         is_set = self._scheduler.set_interval(call.sender.client, number, interval_us, call.now_ns)
         return CommandAnswer(ACCEPTED) if is_set else CommandAnswer(FAILED, f"no stream {number}")

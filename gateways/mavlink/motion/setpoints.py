@@ -144,10 +144,10 @@ def velocity_of(
     """Return the speeds of a SET_POSITION_TARGET."""
     mask = message.type_mask
     has_speed, has_rate = not mask & IGNORE_VELOCITY, not mask & IGNORE_YAW_RATE
-    if not (has_speed or has_rate or yaw is not None):
-        raise SetpointError("type_mask ignores position, velocity and yaw")
     if not mask & IGNORE_ACCELERATION:
         raise SetpointError("accelerations are not supported: ignore them by bit 6, 7 or 8")
+    if not (has_speed or has_rate or yaw is not None):
+        raise SetpointError("type_mask ignores position, velocity and yaw")
     ahead_m_s, right_m_s = (message.vx, message.vy) if has_speed else (0.0, 0.0)
     rate_rad_s = message.yaw_rate if has_rate else 0.0
     require_finite((ahead_m_s, right_m_s, rate_rad_s))

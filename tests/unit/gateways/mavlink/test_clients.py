@@ -239,6 +239,43 @@ def test_answers_are_in_the_version_of_the_client() -> None:
     assert link.encode(1, HEARTBEAT, SigningGuard(lambda: 0))[0] == mavlink.PROTOCOL_MARKER_V1
 
 
+RADIO = mavlink.MAVLink_radio_status_message(180, 180, 90, 40, 40, 0, 0)
+COMPANION = mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
+
+
+def version_after(*heard: tuple[object, int, int]) -> int:
+    """Return the version of a link that has received messages, each of a system in a version."""
+    link, encoder = ClientLink(1, "peer", 0), mavlink.MAVLink(None, 255, 190)
+    for message, system, version in heard:
+        encoder.srcSystem = system
+        link.allow(10)
+        link.feed(message.pack(encoder, force_mavlink1=version == 1))  # type: ignore[attr-defined]
+        for frame in link.frames(0):
+            link.decode(frame)
+    return 1 if link.is_mavlink1 else 2
+
+
+def test_radio_does_not_change_the_version_of_its_link() -> None:
+    """It injects RADIO_STATUS in MAVLink 1."""
+    assert version_after((RADIO, 51, 1)) == 2
+    assert version_after((HEARTBEAT, 255, 2), (RADIO, 51, 1)) == 2
+    assert version_after((HEARTBEAT, 255, 1), (RADIO, 51, 2)) == 1
+
+
+def test_version_of_a_link_is_that_of_its_ground_station() -> None:
+    assert version_after((COMPANION, 9, 1)) == 1
+    assert version_after((COMPANION, 9, 1), (HEARTBEAT, 255, 2)) == 2
+    assert version_after((COMPANION, 9, 2), (HEARTBEAT, 255, 1)) == 1
+    assert version_after((HEARTBEAT, 255, 1), (COMPANION, 9, 2)) == 1
+    assert version_after((HEARTBEAT, 255, 2), (COMPANION, 9, 1), (STOP_FROM_CLIENT, 9, 1)) == 2
+
+
+def test_link_that_has_received_mavlink_2_keeps_it() -> None:
+    assert version_after((HEARTBEAT, 255, 2), (HEARTBEAT, 255, 1)) == 2
+    assert version_after((HEARTBEAT, 255, 1), (HEARTBEAT, 254, 2), (HEARTBEAT, 255, 1)) == 2
+    assert version_after((COMPANION, 9, 2), (COMPANION, 9, 1)) == 2
+
+
 @each("mavlink1", [False, True])
 def test_each_vehicle_has_one_sequence_without_gaps(mavlink1: bool) -> None:
     link, guard = ClientLink(1, "peer", 0), SigningGuard(lambda: 0)

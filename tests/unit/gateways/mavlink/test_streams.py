@@ -36,6 +36,7 @@ from tests.support.gateway.fake_port import (
     ORIGIN,
     OTHER,
     Bench,
+    acks,
     command,
     everything,
     status,
@@ -398,6 +399,19 @@ def test_requested_message_is_sent_twice_on_a_lossy_line() -> None:
     bench = whole_bench()
     bench.vehicle.lossy = {CLIENT.client}
     assert len(ask(bench, REQUEST, VERSION)[1]) == 2
+
+
+def test_message_that_mavlink_1_cannot_carry_is_not_accepted() -> None:
+    bench, old = whole_bench(), CLIENT._replace(is_mavlink1=True)
+    for number, result in (
+        (REQUEST, mavlink.MAV_RESULT_UNSUPPORTED),
+        (SET_INTERVAL, mavlink.MAV_RESULT_FAILED),
+    ):
+        found = bench.send(command(number, mavlink.MAVLINK_MSG_ID_ODOMETRY, 1e6), old)
+        assert acks(found) == [(number, result)]
+        assert "MAVLink 2" in words(found)
+        bench.after(1.1)
+    assert bench.send(command(REQUEST, VERSION), old)[0].get_type() == "AUTOPILOT_VERSION"
 
 
 def test_version_of_another_robot_has_another_id() -> None:
