@@ -2,6 +2,7 @@
 
 `udpin:HOST:PORT` waits for clients, `udpout:HOST:PORT` sends first, `tcpin:HOST:PORT` serves each
 client that connects, and `serial:DEVICE:BAUD` has one client (8 data bits, no parity, 1 stop bit).
+A host may be an IPv6 address in brackets, and `//` may stand before it, as clients write it.
 Of the frames that wait for a slow line, telemetry is dropped first; no queue grows without bound.
 """
 
@@ -13,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from difflib import get_close_matches
 from functools import lru_cache, partial
-from ipaddress import ip_address
+from ipaddress import IPv6Address, ip_address
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple, Protocol
 
@@ -21,7 +22,8 @@ from protocol.bus.network import MAX_PORT
 from runtime.errors import UserError
 from runtime.serial_line import SERIAL_EXAMPLE, open_first, open_line
 
-Address = tuple[str, int]
+Address = tuple[Any, ...]
+"""Host and port; for IPv6 with two more numbers."""
 SOCKET_ADVICE = {
     errno.EADDRINUSE: "another process uses this port: end it, or give another port",
     errno.EACCES: "ports below 1024 need rights of root: give a higher port",
@@ -45,28 +47,36 @@ CACHED: Final = 64
 """Addresses whose text is kept: more than there are clients."""
 
 
-def resolved(host: str, port: int) -> Address:
-    """Return the IPv4 address of a host."""
-    return socket.gethostbyname(host), port
+def resolved(host: str, port: int) -> tuple[socket.AddressFamily, Address]:
+    """Return the address of a host, of IPv4 if it has both; brackets may enclose one of IPv6."""
+    found = socket.getaddrinfo(host.strip("[]"), port, type=socket.SOCK_DGRAM)
+    family, *_, address = min(found, key=lambda one: one[0] != socket.AF_INET)
+    return family, address
 
 
 @lru_cache(CACHED)
 def name_of(address: Address) -> str:
     """Return an address as text."""
-    return f"{address[0]}:{address[1]}"
+    host, port = address[:2]
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
 @lru_cache(CACHED)
 def address_of(name: str) -> Address:
     """Return the address that a text names."""
     host, _, port = name.rpartition(":")
-    return host, int(port)
+    return host.strip("[]"), int(port)
 
 
 @lru_cache(CACHED)
 def is_loopback(address: Address) -> bool:
-    """Return whether an address is of this machine only."""
-    return ip_address(address[0]).is_loopback
+    """Return whether an address is of this machine only.
+
+    A socket for both kinds shows an IPv4 address inside of one of IPv6.
+    """
+    found = ip_address(address[0])
+    mapped = found.ipv4_mapped if isinstance(found, IPv6Address) else None
+    return (mapped or found).is_loopback
 
 
 MAX_PEERS: Final = 16
@@ -136,11 +146,12 @@ class UdpEndpoint:
     def __init__(self, text: str, host: str, port: int, *, listens: bool) -> None:
         self.text = text
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        with explained(text):
+            family, address = resolved(host, port)
+            self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         try:
             with explained(text):
-                address = resolved(host, port)
                 if listens:
                     self._socket.bind(address)
         except BaseException:
@@ -251,11 +262,13 @@ class TcpEndpoint:
         self.refused = self.dropped = 0
         self._connections: dict[str, Connection] = {}
         self._server: asyncio.Server | None = None
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        with explained(text):
+            family, address = resolved(host, port)
+            self._socket = socket.socket(family, socket.SOCK_STREAM)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             with explained(text):
-                self._socket.bind(resolved(host, port))
+                self._socket.bind(address)
                 self._socket.listen(MAX_CONNECTIONS)
         except BaseException:
             self._socket.close()
@@ -454,7 +467,7 @@ def parsed(text: str) -> EndpointParts:
         near = get_close_matches(kind, KINDS, n=1)
         fix = f"did you mean {near[0]}?" if near else f"use one as in {EXAMPLE}"
         raise UserError(f"endpoint {text!r}: {kind!r} is none of {', '.join(KINDS)}; {fix}")
-    place, _, number = rest.rpartition(":")
+    place, _, number = rest.removeprefix("//").rpartition(":")
     form, example = "HOST:PORT", EXAMPLE.replace("udpin", kind)
     if kind == SERIAL:
         form, example = "DEVICE:BAUD", SERIAL_EXAMPLE

@@ -122,7 +122,7 @@ def with_policy(text: str) -> EndpointText:
         ) from None
     if kind == TCP and policy is Policy.ACCEPT:
         with explained(text):
-            is_here = is_loopback(resolved(host, number))
+            is_here = is_loopback(resolved(host, number)[1])
         if not is_here:
             raise UserError(
                 f"endpoint {text!r}: by TCP a program that was never meant to, such as a browser,"

@@ -41,6 +41,7 @@ class Arrivals:
         self.endpoint: Any = opened(text)
         self.data: list[tuple[str, bytes]] = []
         self.together: list[int] = []
+        self.are_loopback: list[bool] = []
         self.peers: list[str] = []
         self.ended: list[str] = []
         self.loop.run(self.endpoint.attach(self))
@@ -54,6 +55,7 @@ class Arrivals:
 
     def received(self, endpoint: Endpoint, arrived: Sequence[Arrival]) -> None:
         self.together.append(len(arrived))
+        self.are_loopback += [one.is_loopback for one in arrived]
         self.data += [(one.peer, one.data) for one in arrived]
 
     def until(self, is_met: Callable[[], object]) -> None:
@@ -97,6 +99,33 @@ def test_udpin_serves_several_clients_at_once(stack: ExitStack) -> None:
     at.endpoint.forget(peers[0])
     sockets[-1].sendto(b"again", ("127.0.0.1", at.endpoint.port))
     assert at.take()[0][1] == b"again"
+
+
+@each("text", ["udpin:[::1]:0", "udpin://127.0.0.1:0", "udpin://[::]:0", "tcpin:[::]:0"])
+def test_endpoint_takes_ipv6_addresses_and_urls(text: str) -> None:
+    is_udp = text.startswith("udp")
+    kind = socket.SOCK_DGRAM if is_udp else socket.SOCK_STREAM
+    hosts = [host for host in ("127.0.0.1", "::1") if "::]" in text or (host in text)]
+    for host in hosts:
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        with closing(Arrivals(text)) as at, socket.socket(family, kind) as client:
+            client.connect((host, at.endpoint.port))
+            client.sendall(b"hello")
+            ((peer, data),) = at.take()
+            assert (data, at.are_loopback) == (b"hello", [True])
+            at.endpoint.send(peer, b"answer", is_stream=False)
+            assert client.recv(100) == b"answer"
+
+
+def test_udpout_reaches_an_ipv6_address(stack: ExitStack) -> None:
+    client = stack.enter_context(socket.socket(socket.AF_INET6, socket.SOCK_DGRAM))
+    client.bind(("::1", 0))
+    place = f"[::1]:{client.getsockname()[1]}"
+    at = stack.enter_context(closing(Arrivals(f"udpout://{place}")))
+    at.endpoint.send(place, b"first", is_stream=True)
+    _, address = client.recvfrom(100)
+    client.sendto(b"mine", address)
+    assert at.take() == [(place, b"mine")]
 
 
 def test_udp_keeps_no_datagram_that_the_socket_does_not_take(

@@ -424,13 +424,14 @@ def test_policy_follows_the_endpoint_after_a_comma() -> None:
         with_policy("udpin:0.0.0.0:1,requrie")
 
 
-@each("host", ["0.0.0.0", "192.0.2.1"])
+@each("host", ["0.0.0.0", "192.0.2.1", "[::]", "//0.0.0.0"])
 def test_unsigned_commands_by_tcp_are_taken_by_a_plain_word_only(host: str) -> None:
     with pytest.raises(UserError, match=r"require.*udpin.*anyone"):
         with_policy(f"tcpin:{host}:5760,accept")
     for word in ("require", "loopback", "anyone"):
         assert with_policy(f"tcpin:{host}:5760,{word}").policy is Policy(word)
-    assert with_policy("tcpin:localhost:5760,accept").policy is Policy.ACCEPT
+    for host in ("localhost", "[::1]", "//127.0.0.1"):
+        assert with_policy(f"tcpin:{host}:5760,accept").policy is Policy.ACCEPT
     with pytest.raises(UserError, match="unknown host"):
         with_policy("tcpin:no.such.host.invalid:5760,accept")
 
