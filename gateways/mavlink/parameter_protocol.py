@@ -167,7 +167,8 @@ class ParameterProtocol(MavService):
     async def _answer(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
         number = message.get_msgId()
         is_list = number == mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST
-        read = self._store.latest if is_list else self._store.known
+        is_change = number == mavlink.MAVLINK_MSG_ID_PARAM_SET
+        read, before = self._store.known if is_change else self._store.latest, self._store.values
         try:
             table = await read(now_ns)
         except RemoteError as error:
@@ -178,10 +179,10 @@ class ParameterProtocol(MavService):
             self._lists[sender.client] = Listing(1 if is_slow else PASSES, self._now_ns)
         elif (index := self._index(message, sender, table)) is None:
             return
-        elif number == mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ:
-            self._vehicle.outbox.send(table.message(index), sender.client)
-        else:
+        elif is_change:
             await self._set(message, sender, table, index)
+        elif before is None or index not in table.changed_since(before):  # else all have got it
+            self._vehicle.outbox.send(table.message(index), sender.client)
 
     async def _set(self, message: MavMessage, sender: Sender, table: MavTable, index: int) -> None:
         parameter, value = table.parameters[index], float(message.param_value)

@@ -15,7 +15,8 @@ Key = tuple[int, int]
 FRESH_NS: Final = NS_PER_S
 PERIOD_NS: Final = 10 * NS_PER_S
 """A change by another operator is read within this time."""
-MAX_WAITING: Final = 64
+MAX_WAITING: Final = 256
+"""Requests that wait for one reading; ground stations ask for 50 values at a time."""
 BUSY: Final = "too many requests at once"
 
 

@@ -18,7 +18,7 @@ from checks.harness.mavlink_client import GROUND_STATION, Line, MavlinkClient, s
 from checks.harness.until import until
 from checks.speed.gateway.reactions import channels, stick, velocity
 from checks.speed.gateway.stage import Air, Figures, on_air, position_target
-from gateways.mavlink.clients import MAVLINK_1_IDS
+from gateways.mavlink.mav_service import MAVLINK_1_LAST
 from gateways.mavlink.mavlink_dialect import REQUEST_OPERATOR_CONTROL, MavMessage, mavlink
 from gateways.mavlink.signing import PER_S
 from ground.user.mavlink_keys import KeyRing, new_key, write_keys
@@ -113,7 +113,7 @@ class Forger:
     def version1(self) -> bytes:
         """Return a frame of MAVLink 1."""
         encoder = self._encoder()
-        message = next(one for one in self._supply if one.get_msgId() < MAVLINK_1_IDS)
+        message = next(one for one in self._supply if one.get_msgId() <= MAVLINK_1_LAST)
         return bytes(message.pack(encoder, force_mavlink1=True))
 
     def other_system(self) -> bytes:

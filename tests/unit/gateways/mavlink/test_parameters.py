@@ -41,7 +41,7 @@ from tests.support.gateway.benches import (
     replies,
     robot_table,
 )
-from tests.support.gateway.fake_port import CLIENT, OTHER, status
+from tests.support.gateway.fake_port import CLIENT, OTHER, performed, status
 
 LIST = mavlink.MAVLink_param_request_list_message(1, 0)
 ALL = len(PARAMETER_TABLE_TABLE) + 36
@@ -75,6 +75,25 @@ def loaded() -> ParameterBench:
     bench = ParameterBench()
     bench.send(read("RADIUS_M"))
     return bench
+
+
+def test_value_that_another_operator_has_changed_is_read_within_a_second() -> None:
+    bench = loaded()
+    for value in (0.5, 0.6, 0.7):
+        bench.after(1.0)
+        bench.values["d_obs_m"] = value
+        (one,) = values_in(bench.send(read("D_OBS_M"), OTHER))
+        assert one.param_value == value
+
+
+def test_values_that_are_asked_for_together_need_one_reading() -> None:
+    bench = ParameterBench()
+    bench.is_answering = False
+    for _ in range(200):
+        bench.send(read("D_OBS_M"))
+    assert len(performed(bench)) == 1
+    bench.is_answering = True
+    assert len(values_in(bench.answer_lists())) == 200
 
 
 def test_whole_list_arrives_within_a_second_with_stable_indexes() -> None:
