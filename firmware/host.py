@@ -49,7 +49,7 @@ from robot.core.safety import failsafe
 from robot.core.safety.fence import MAX_CORNERS, Fence
 from robot.core.state import State
 from robot.core.values import Decision, Goal, Inputs, Outputs, Pose, Scan, Twist, Wheels
-from robot.hosting import HOSTS, ORIGIN, NewCore
+from robot.hosting import HOSTS, ORIGIN, NewCore, with_limit
 from runtime.units import NS_PER_MS, NS_PER_US, PERIOD_NS, UINT32
 
 
@@ -179,7 +179,8 @@ class BoardCore:
         limits: WaitLimits = LOCKSTEP,
     ) -> None:
         """Set up the core on the board; the other arguments are those of `InProcessCore`."""
-        self.params = params
+        self.params = self._driven = params
+        self._limit_m_s: float | None = None
         self.state = State(params)
         self.cost: BoardReport | None = None
         self._board = board
@@ -237,16 +238,22 @@ class BoardCore:
 
     def adopt(self, params: Params) -> int:
         """Put parameters into force, or none of them; return why one does not fit the board."""
-        changed = list(differences(self.params, params))
+        driven = with_limit(params, self._limit_m_s)
+        changed = list(differences(self._driven, driven))
         for done, (index, _, value) in enumerate(changed):
             reason = self._ask(BoardParameter(index=index, value=float(value)))
             if reason != reasons.OK:
                 for index, before, _ in changed[:done]:
                     self._ask(BoardParameter(index=index, value=float(before)))
                 return reason
-        self.params = params
+        self.params, self._driven = params, driven
         self.state.machine.goal_max_m = params.goal_max_m
         return reasons.OK
+
+    def limit_speed(self, speed_m_s: float | None) -> None:
+        """Give the board parameters of this speed, if they allow a faster one."""
+        self._limit_m_s = speed_m_s
+        self.adopt(self.params)
 
     def report(self, reason: int) -> None:
         """Set the failsafe reason that is sent with the next tick."""

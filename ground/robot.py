@@ -97,6 +97,7 @@ from ground.client.stopping import present_robots, stop_all
 from ground.client.telemetry import Telemetry
 from ground.client.teleop_sender import DriveWatch, TeleopSender
 from ground.client.vocabulary import PYTHON, SIDES
+from ground.missions.mission import Waypoint
 from ground.missions.transfer import Downloaded, waypoints_of
 from protocol.bus.bus import Bus
 from protocol.bus.publisher import Publisher
@@ -819,10 +820,11 @@ class Robot(RobotLink):
         await self.wait(lambda: telemetry.latest(MISSION) is not None, MISSION_NS)
         newest = telemetry.latest(MISSION)
         if newest is None or not has_failed(newest[0]):
-            return lost_drive(status, None, ())
+            return lost_drive(status, None, {})
         found = await fetch(self, MissionType.MISSION)
-        items = waypoints_of(found.items) if isinstance(found, Downloaded) else ()
-        return lost_drive(status, newest[0], items)
+        steps = waypoints_of(found.items) if isinstance(found, Downloaded) else ()
+        places = {at: step for at, step in enumerate(steps) if isinstance(step, Waypoint)}
+        return lost_drive(status, newest[0], places)
 
     def _request_for(self, lost: LostDrive, mode: Mode) -> Request:
         """Return the request that continues a drive."""

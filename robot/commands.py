@@ -117,7 +117,7 @@ class Commands:
             known = self._answers.find(operator, request)
             if known is not None:
                 return known
-        serial, mode = machine.serial, machine.mode
+        begun, mode = (machine.serial, self._mission.starts), machine.mode
         had_goal, on_mission = modes.goal_is_active(machine), self._mission.active
         goes_on = kind.resumes and self._is_attended
         was_stopped = machine.vehicle == states.EMERGENCY_STOP
@@ -131,7 +131,7 @@ class Commands:
             else:
                 done = None if kind.by_host is None else kind.by_host(self, request, now_ms)
                 reason = self._core.command(request, now_ms) if done is None else done
-        is_new = machine.serial != serial
+        is_new = (machine.serial, self._mission.starts) != begun
         other = "" if person_of(operator) == person_of(self.begun_by) else operator
         self._note_stopper(other, had_goal and not is_new, is_new, mode, on_mission)
         if is_new:

@@ -52,6 +52,9 @@ class Core(Protocol):
     def adopt(self, params: Params) -> int:
         """Put parameters into force, with the navigator and the side that they choose."""
 
+    def limit_speed(self, speed_m_s: float | None) -> None:
+        """Drive no faster than this from now on; None: as fast as the parameters allow."""
+
     def report(self, reason: int) -> None:
         """Report a failsafe reason that only the host can detect; the next step acts on it."""
 
@@ -63,6 +66,13 @@ class Core(Protocol):
 
     def step(self, inputs: Inputs, mark: StageHook, manual: Twist | None = None) -> Outputs:
         """Run one tick; `manual` is the twist that the operator commands in MANUAL."""
+
+
+def with_limit(params: Params, speed_m_s: float | None) -> Params:
+    """Return parameters by which the robot drives no faster than this; None sets no limit."""
+    if speed_m_s is None or speed_m_s >= params.v_max_m_s:
+        return params
+    return params._replace(v_max_m_s=speed_m_s)
 
 
 NewCore: TypeAlias = Callable[[Params, Pose, tuple[int, int]], Core]
@@ -92,12 +102,13 @@ class InProcessCore:
     `start` is the pose that the robot is given; `totals` are the encoder counters at that pose.
     """
 
-    __slots__ = ("params", "state")
+    __slots__ = ("_driven", "_limit_m_s", "params", "state")
 
     def __init__(
         self, params: Params, start: Pose = ORIGIN, totals: tuple[int, int] = (0, 0)
     ) -> None:
-        self.params = params
+        self.params = self._driven = params
+        self._limit_m_s: float | None = None
         self.state = State(params)
         odometry = self.state.odometry
         odometry.pose = start
@@ -158,7 +169,13 @@ class InProcessCore:
                 return reason
         self.state.machine.goal_max_m = params.goal_max_m
         self.params = params
+        self.limit_speed(self._limit_m_s)
         return reasons.OK
+
+    def limit_speed(self, speed_m_s: float | None) -> None:
+        """Run the next steps with parameters of this speed, if they allow a faster one."""
+        self._limit_m_s = speed_m_s
+        self._driven = with_limit(self.params, speed_m_s)
 
     def report(self, reason: int) -> None:
         """Set the failsafe reason on which the next step acts."""
@@ -178,5 +195,5 @@ class InProcessCore:
         """Run one tick."""
         state = self.state
         state.manual = manual
-        _, outputs = brain.step(state, inputs, self.params, mark)
+        _, outputs = brain.step(state, inputs, self._driven, mark)
         return outputs

@@ -3,7 +3,8 @@
 All of it is sans-I/O but the files: one of JSON for the mission, one for the fence.
 
 - A mission sets one goal at a time in the core and checks it each tick, without an operator. A goal
-  that ends before it is reached ends the mission with the same reason. It starts in AUTO and keeps
+  that ends before it is reached ends the mission with the same reason. Items without a goal wait,
+  change the speed, or jump; each takes one tick at least. A mission starts in AUTO and keeps
   a mode that is chosen later, also over a pause. In GUIDED it continues only while an operator
   sends heartbeats; losing the operator ends it, driving or waiting. Only a command leads from
   GUIDED back to AUTO.
@@ -16,14 +17,27 @@ All of it is sans-I/O but the files: one of JSON for the mission, one for the fe
 
 import json
 from collections.abc import Mapping
-from math import isnan, radians
+from math import inf, isnan, radians
 from types import MappingProxyType
 from typing import Final, NamedTuple, Protocol, TypeAlias
 
 import msgspec
 
 from protocol.outcome import BY_PERSONS
-from protocol.wire.enums import FRAME_LOCAL_FLU, Command, MissionState, MissionType, Severity
+from protocol.wire.enums import (
+    FRAME_GLOBAL,
+    FRAME_GLOBAL_INT,
+    FRAME_GLOBAL_RELATIVE_ALT,
+    FRAME_GLOBAL_RELATIVE_ALT_INT,
+    FRAME_GLOBAL_TERRAIN_ALT,
+    FRAME_GLOBAL_TERRAIN_ALT_INT,
+    FRAME_LOCAL_ENU,
+    FRAME_LOCAL_FLU,
+    Command,
+    MissionState,
+    MissionType,
+    Severity,
+)
 from protocol.wire.limits import NO_ITEM, PLACES_PER_M
 from protocol.wire.message import check
 from protocol.wire.messages import (
@@ -48,32 +62,101 @@ from runtime.errors import LocalError
 from runtime.units import UINT32
 
 MAX_HOLD_S: Final = 3600.0
+ENDLESS_MS: Final = UINT32
+"""Hold time of an item at which the robot stays until an operator leads it on."""
+MAX_REPEATS: Final = 1000
+LEAST_SPEED_M_S: Final = 0.01
+UNCHANGED: Final = -1.0
+DEFAULT: Final = -2.0
+"""Values of the speed in DO_CHANGE_SPEED besides speeds."""
+GROUND_SPEEDS: Final = (0.0, 1.0)
+"""Types of speed in DO_CHANGE_SPEED that a vehicle on the ground has."""
+TOLERANCE_M: Final = 0.05
+TOLERANCE_RAD: Final = radians(3.0)
+"""Tolerances of items of common MAVLink that give none."""
+FRAMES: Final = (
+    FRAME_GLOBAL,
+    FRAME_GLOBAL_INT,
+    FRAME_GLOBAL_RELATIVE_ALT,
+    FRAME_GLOBAL_RELATIVE_ALT_INT,
+    FRAME_GLOBAL_TERRAIN_ALT,
+    FRAME_GLOBAL_TERRAIN_ALT_INT,
+    FRAME_LOCAL_ENU,
+    FRAME_LOCAL_FLU,
+)
+"""Frames in which a client may have given the place of an item of common MAVLink; the robot keeps
+them and reads x and y as metres in its own frame."""
+LOITERS: Final = (Command.NAV_LOITER_UNLIM, Command.NAV_LOITER_TIME)
+PLACED: Final = (Command.SIDESTEP_NAV_POSE, Command.NAV_WAYPOINT, *LOITERS)
+"""Commands of items with a place."""
 
 
 class MissionStop(NamedTuple):
-    """A goal, and the time to wait there."""
+    """A goal, None to stay, and the time to wait there."""
 
-    goal: Goal
+    goal: Goal | None
     hold_ms: int
 
 
 def stop_of(item: MissionItemInt) -> MissionStop:
     """Return the stop that an item describes; the item need not be valid."""
-    heading_rad = None if isnan(item.param4) else radians(item.param4)
+    command = item.command
+    if command not in PLACED:
+        return MissionStop(None, in_ms(item.param1) if command == Command.NAV_DELAY else 0)
     place_m = item.x / PLACES_PER_M, item.y / PLACES_PER_M
-    goal = Goal(*place_m, heading_rad, tidy(item.param2), radians(item.param3))
-    return MissionStop(goal, round(1000.0 * item.param1))
+    if command == Command.SIDESTEP_NAV_POSE:
+        heading_rad = None if isnan(item.param4) else radians(item.param4)
+        goal = Goal(*place_m, heading_rad, tidy(item.param2), radians(item.param3))
+        return MissionStop(goal, in_ms(item.param1))
+    hold_ms = ENDLESS_MS if command == Command.NAV_LOITER_UNLIM else in_ms(item.param1)
+    radius_m = tidy(item.param2) if command == Command.NAV_WAYPOINT else 0.0
+    # NaN and 0 stand for the usual tolerance; within the largest one is within any larger one
+    tolerance_m = min(radius_m, modes.MAX_POSITION_TOLERANCE_M) if radius_m > 0.0 else TOLERANCE_M
+    yaw_deg = 0.0 if command == Command.NAV_LOITER_TIME else item.param4
+    heading_rad = heading_of(yaw_deg) if yaw_deg and not isnan(yaw_deg) else None
+    return MissionStop(Goal(*place_m, heading_rad, tolerance_m, TOLERANCE_RAD), hold_ms)
 
 
-def stop_problem_of(item: MissionItemInt, machine: Machine) -> int:
-    """Return why the robot cannot drive to this item, or 0; NaN fails every comparison."""
-    if item.command != Command.SIDESTEP_NAV_POSE:
-        return reasons.UNKNOWN_COMMAND
-    if item.frame != FRAME_LOCAL_FLU:
-        return reasons.UNKNOWN_FRAME
-    if not 0.0 <= item.param1 <= MAX_HOLD_S:
-        return reasons.HOLD_OUT_OF_RANGE
-    return modes.goal_problem(machine, stop_of(item).goal)
+def heading_of(yaw_deg: float) -> float:
+    """Return the heading of a compass angle, for which x points east."""
+    return radians(180.0 - (yaw_deg + 90.0) % 360.0)
+
+
+def in_ms(time_s: float) -> int:
+    """Return a time to wait in milliseconds; NaN is none."""
+    return 0 if isnan(time_s) else round(1000.0 * time_s)
+
+
+def stop_problem_of(item: MissionItemInt, machine: Machine, count: int) -> int:
+    """Return why the robot cannot execute this item of `count`, or 0.
+
+    NaN fails every comparison.
+    """
+    command = item.command
+    if command in PLACED:
+        is_own = command == Command.SIDESTEP_NAV_POSE
+        if item.frame not in ((FRAME_LOCAL_FLU,) if is_own else FRAMES):
+            return reasons.UNKNOWN_FRAME
+        waits = command != Command.NAV_LOITER_UNLIM and (is_own or not isnan(item.param1))
+        if waits and not 0.0 <= item.param1 <= MAX_HOLD_S:
+            return reasons.HOLD_OUT_OF_RANGE
+        goal = stop_of(item).goal
+        return reasons.OK if goal is None else modes.goal_problem(machine, goal)
+    if command == Command.NAV_DELAY:
+        return reasons.OK if 0.0 <= item.param1 <= MAX_HOLD_S else reasons.HOLD_OUT_OF_RANGE
+    if command == Command.DO_JUMP:
+        target, repeats = item.param1, item.param2
+        if not (1.0 <= target <= count and target == int(target)):
+            return reasons.MISSION_ITEM_BAD
+        whole = 0.0 <= repeats <= MAX_REPEATS and repeats == int(repeats)
+        return reasons.OK if whole else reasons.PARAMETER_OUT_OF_RANGE
+    if command == Command.DO_CHANGE_SPEED:
+        speed_m_s = item.param2
+        known = speed_m_s in (UNCHANGED, DEFAULT) or LEAST_SPEED_M_S <= speed_m_s <= inf
+        known = known and item.param1 in GROUND_SPEEDS
+        return reasons.OK if known else reasons.PARAMETER_OUT_OF_RANGE
+    is_return = command == Command.NAV_RETURN_TO_LAUNCH
+    return reasons.OK if is_return else reasons.UNKNOWN_COMMAND
 
 
 def tidy(value: float) -> float:
@@ -102,7 +185,11 @@ NOBODY: Final = Stoppers()
 
 
 class MissionExecutor:
-    """`items` are the uploaded ones; `number` counts missions; `current` is an index from 0."""
+    """`items` are the uploaded ones; `number` counts missions; `current` is an index from 0.
+
+    `starts` counts the accepted starts. Each of them drives every jump as often as it says again. A
+    changed speed holds for all later items, until the mission ends.
+    """
 
     max_items = MAX_ITEMS
 
@@ -112,11 +199,15 @@ class MissionExecutor:
         self.current = 0
         self.state = MissionState.NONE
         self.reason: int = reasons.OK
+        self.starts = 0
         self._core = core
         self._machine = core.state.machine
         self._stops: tuple[MissionStop, ...] = ()
-        self._serial = 0  # serial number of the mission's own goal
-        self._under_way = False  # whether that goal belongs to the current item
+        self._serial = 0  # serial number of the newest goal when the current item began
+        self._begun = False  # whether the current item has begun
+        self._drives = False  # whether that goal is the one of the current item
+        self._jumped: dict[int, int] = {}  # how often each jump was taken since the start
+        self._speed_m_s: float | None = None  # of the last change of speed
         self._left_ms: int | None = None  # left of the hold time; None before arrival
         self._last_ms = 0
 
@@ -132,7 +223,7 @@ class MissionExecutor:
         if self.active:
             return None, reasons.DRIVING
         for index, item in enumerate(items):
-            reason = stop_problem_of(item, self._machine)
+            reason = stop_problem_of(item, self._machine, len(items))
             if reason != reasons.OK:
                 return index, reason
         self.items = items
@@ -155,7 +246,15 @@ class MissionExecutor:
         """Start driving to an item now; CURRENT means the current item."""
         index = self.current if first == CURRENT else first
         refusal = self._missing(index)
-        return self._set_off(index, states.AUTO, now_ms) if refusal == reasons.OK else refusal
+        if refusal == reasons.OK:
+            refusal = self._set_off(index, states.AUTO, now_ms)
+        if refusal == reasons.OK:
+            self.starts += 1
+            self._jumped.clear()
+            self._limit(None)
+            for item in self.items[: index + 1]:
+                self._change_speed(item)
+        return refusal
 
     def jump(self, index: int, now_ms: int) -> int:
         """Make an item the current one: at once if active, else at the next start."""
@@ -170,7 +269,7 @@ class MissionExecutor:
         if self._machine.serial == self._serial:
             self._core.end_goal(reasons.REPLACED, now_ms)
         self.current = index
-        self._under_way, self._left_ms = False, None
+        self._begun, self._drives, self._left_ms = False, False, None
         return reasons.OK
 
     def resume(self, now_ms: int) -> int:
@@ -178,6 +277,8 @@ class MissionExecutor:
         machine = self._machine
         if machine.mode != states.HOLD:
             return reasons.OK
+        if machine.resume_mode == states.SMART_RTL and modes.goal_is_active(machine):
+            return self._core.command(CONTINUE, now_ms)
         mode = machine.resume_mode if machine.resume_mode == states.GUIDED else states.AUTO
         refusal = modes.may_drive(machine, mode)
         if refusal == reasons.OK:
@@ -201,7 +302,7 @@ class MissionExecutor:
             self._fail(end)
         elif self._machine.mode == states.HOLD:
             self.state, self.reason = MissionState.PAUSED, reasons.BY_OPERATOR
-        elif not self._under_way:
+        elif not self._begun:
             self._go(self.current, now_ms)
         else:
             self._wait(elapsed_ms, now_ms)
@@ -217,7 +318,7 @@ class MissionExecutor:
         return MissionStatus(
             time_ns=time_ns,
             mission_id=self.number if self.items else 0,
-            hold_left_ms=(self._left_ms or 0) if self.state == MissionState.HOLDING else 0,
+            hold_left_ms=self._hold_left_ms,
             count=len(self.items),
             current=self.current,
             state=self.state,
@@ -225,21 +326,38 @@ class MissionExecutor:
             stopped_by=self.stopper(by),
         )
 
+    @property
+    def _hold_left_ms(self) -> int:
+        """The rest of the hold time; 0 if there is none, or no end of it."""
+        left_ms = self._left_ms or 0
+        return left_ms if self.state == MissionState.HOLDING and left_ms < ENDLESS_MS else 0
+
     def _wait(self, elapsed_ms: int, now_ms: int) -> None:
         """Drive to the stop, then wait there until the hold time is over."""
         self.state, self.reason = MissionState.RUNNING, reasons.OK
+        hold_ms = self._stops[self.current].hold_ms
         if self._left_ms is None:
-            if self._machine.goal_state != states.REACHED:
+            if self._drives and self._machine.goal_state != states.REACHED:
                 return
-            self._left_ms, elapsed_ms = self._stops[self.current].hold_ms, 0
+            self._left_ms, elapsed_ms = hold_ms, 0
         self.state = MissionState.HOLDING
-        self._left_ms -= elapsed_ms
+        self._left_ms -= 0 if hold_ms == ENDLESS_MS else elapsed_ms
         if self._left_ms > 0:
             return
-        if self.current + 1 == len(self._stops):
+        index = self._next()
+        if index == len(self._stops):
             self.state = MissionState.DONE
+            self._limit(None)
         else:
-            self._go(self.current + 1, now_ms)
+            self._go(index, now_ms)
+
+    def _next(self) -> int:
+        """Return the item after the current one: the target of a jump as often as it says."""
+        item, done = self.items[self.current], self._jumped.get(self.current, 0)
+        if item.command != Command.DO_JUMP or done >= item.param2:
+            return self.current + 1
+        self._jumped[self.current] = done + 1
+        return int(item.param1) - 1
 
     def _go(self, index: int, now_ms: int) -> None:
         self.current = index
@@ -252,14 +370,41 @@ class MissionExecutor:
         return states.GUIDED if self._machine.mode == states.GUIDED else states.AUTO
 
     def _set_off(self, index: int, mode: int, now_ms: int) -> int:
-        """Set the goal of an item in the machine; a refusal changes nothing."""
-        refusal = self._core.drive_to(self._stops[index].goal, mode, now_ms)
+        """Begin an item in the machine; a refusal changes nothing."""
+        item, goal = self.items[index], self._stops[index].goal
+        drives = goal is not None or item.command == Command.NAV_RETURN_TO_LAUNCH
+        if goal is not None:
+            refusal = self._core.drive_to(goal, mode, now_ms)
+        elif drives:
+            refusal = self._core.command(RETURN, now_ms)
+        else:
+            refusal = self._stay(mode, now_ms)
         if refusal == reasons.OK:
+            self._change_speed(item)
             self.current = index
             self.state, self.reason = MissionState.RUNNING, reasons.OK
             self._serial = self._machine.serial
-            self._under_way, self._left_ms = True, None
+            self._begun, self._drives, self._left_ms = True, drives, None
         return refusal
+
+    def _stay(self, mode: int, now_ms: int) -> int:
+        """Begin an item without a goal; return a reason, 0 if done."""
+        machine = self._machine
+        refusal = modes.may_drive(machine, mode)
+        if refusal == reasons.OK and modes.goal_is_active(machine):
+            self._core.end_goal(reasons.REPLACED, now_ms)
+        if refusal == reasons.OK and machine.mode != mode:
+            refusal = self._core.command(mode_request(mode), now_ms)
+        return refusal
+
+    def _change_speed(self, item: MissionItemInt) -> None:
+        if item.command == Command.DO_CHANGE_SPEED and item.param2 != UNCHANGED:
+            self._limit(None if item.param2 == DEFAULT else item.param2)
+
+    def _limit(self, speed_m_s: float | None) -> None:
+        if speed_m_s != self._speed_m_s:
+            self._core.limit_speed(speed_m_s)
+            self._speed_m_s = speed_m_s
 
     def reason_to_end(self) -> int:
         """Return the reason that ends an active mission now, or 0."""
@@ -272,7 +417,7 @@ class MissionExecutor:
             return machine.vehicle_reason or reasons.DISARMED
         if machine.mode == states.MANUAL:
             return reasons.BY_HAND
-        if self._under_way and machine.goal_state in (states.STUCK, states.ABORTED):
+        if self._drives and machine.goal_state in (states.STUCK, states.ABORTED):
             return machine.goal_reason
         if machine.mode == states.GUIDED and not machine.operator:
             return reasons.OPERATOR_LOST
@@ -280,6 +425,7 @@ class MissionExecutor:
 
     def _fail(self, reason: int) -> None:
         self.state, self.reason = MissionState.FAILED, reason
+        self._limit(None)
 
     def _rest(self, state: MissionState, current: int = 0) -> None:
         self.state, self.reason, self.current = state, reasons.OK, current
@@ -288,6 +434,14 @@ class MissionExecutor:
         if not self._stops:
             return reasons.NO_MISSION
         return reasons.OK if 0 <= index < len(self._stops) else reasons.MISSION_ITEM_BAD
+
+
+RETURN: Final = CommandRequest(
+    request_id=0, param1=0.0, param2=0.0, command=Command.NAV_RETURN_TO_LAUNCH
+)
+CONTINUE: Final = CommandRequest(
+    request_id=0, param1=1.0, param2=0.0, command=Command.DO_PAUSE_CONTINUE
+)
 
 
 def mode_request(mode: int) -> CommandRequest:

@@ -142,7 +142,7 @@ def goal_of(machine: Machine, mission: MissionExecutor) -> str:
     """Return the state of the goal; its end matters only to a mission under way."""
     if modes.goal_is_active(machine):
         return LIVE
-    if not (mission.active and mission._under_way and machine.serial == mission._serial):
+    if not (mission.active and mission._drives and machine.serial == mission._serial):
         return ""
     if machine.goal_state in (states.STUCK, states.ABORTED):
         return ENDED
@@ -155,7 +155,7 @@ def leg_of(machine: Machine, mission: MissionExecutor) -> str:
         return ""
     if machine.serial != mission._serial:
         return "replaced"
-    if not mission._under_way:
+    if not mission._begun:
         return "to set off"
     return "on the way" if mission._left_ms is None else "there"
 

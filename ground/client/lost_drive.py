@@ -1,6 +1,6 @@
 """The drive that a stop has ended, and how to continue it: goal, mission or way home."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import degrees, isfinite
 from typing import Final, Protocol, TypeAlias
@@ -67,9 +67,11 @@ LostDrive: TypeAlias = LostGoal | LostMission | LostReturn
 
 
 def lost_drive(
-    status: NavigatorStatus, mission: MissionStatus | None, items: Sequence[Place]
+    status: NavigatorStatus, mission: MissionStatus | None, items: Mapping[int, Place]
 ) -> LostDrive | None:
     """Return the drive that has been lost, as the robot reports it; None if there is none.
+
+    `items` are those of the mission that have a place, by their numbers from 0.
 
     A failed mission counts only while the robot's last goal is the mission's current item:
     otherwise another goal came later.
@@ -90,11 +92,12 @@ def has_failed(mission: MissionStatus) -> bool:
     return mission.state == MissionState.FAILED and mission.reason != Reason.REPLACED
 
 
-def is_at(status: NavigatorStatus, items: Sequence[Place], current: int) -> bool:
-    """Return whether the robot's last goal, now ended, is this item."""
-    if status.goal not in ENDED_GOALS or not 0 <= current < len(items):
+def is_at(status: NavigatorStatus, items: Mapping[int, Place], current: int) -> bool:
+    """Return whether the robot's last goal, now ended, is this item, or the last place before."""
+    before = [number for number in items if number <= current]
+    if status.goal not in ENDED_GOALS or not before:
         return False
-    item = items[current]
+    item = items[max(before)]
     return abs(item.x_m - status.goal_x_m) <= SAME_M and abs(item.y_m - status.goal_y_m) <= SAME_M
 
 

@@ -21,7 +21,7 @@ from ground.commands.command import (
 )
 from ground.commands.resume import Resume
 from ground.missions import files
-from ground.missions.mission import Home, Mission
+from ground.missions.mission import Home, Mission, Step
 from ground.missions.qgroundcontrol import Foreign, home_at
 from ground.robot import Robot
 from protocol.options import finite, whole
@@ -128,8 +128,8 @@ class UploadMission(OperatorCommand):
     async def perform(self, robot: Robot) -> TransferOutcome | Refused:
         """Upload the fence if there is one, then the mission; return the last verdict."""
         if not self.anyway:
-            waypoints = enumerate(self.mission.waypoints, start=1)
-            places = [(f"waypoint {at} {one}", one.x_m, one.y_m) for at, one in waypoints]
+            listed = self.mission.places
+            places = [(f"waypoint {at} {one}", one.x_m, one.y_m) for at, one in listed]
             await robot.refuse_outside(*places)
         note_dropped(self.dropped, robot.progress)
         return await robot.mission.upload(self.mission)
@@ -212,8 +212,15 @@ class MissionFetched(Success):
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
         """Return the waypoints as a row."""
-        waypoints = [asdict(waypoint) for waypoint in self.mission.waypoints]
-        return {"verb": verb, "ok": True, "waypoints": waypoints}
+        steps = [step_row(step) for step in self.mission.waypoints]
+        return {"verb": verb, "ok": True, "waypoints": steps}
+
+
+def step_row(step: Step) -> dict[str, object]:
+    """Return a step as JSON has it: a waypoint without the item that it was."""
+    row: dict[str, object] = asdict(step)
+    row.pop("mavlink", None)
+    return row
 
 
 @command(MISSION, example="mission list --json")

@@ -138,19 +138,20 @@ def draw_hit_points(pen: Pen, scene: MapScene) -> None:
 
 def draw_mission(pen: Pen, scene: MapScene) -> None:
     """Draw the items of the mission, counted from 1; a `>` marks the one under way."""
-    numbers = [f"{number}" for number in range(1, len(scene.mission) + 1)]
-    if scene.current is not None and 0 <= scene.current < len(numbers):
-        numbers[scene.current] = f">{numbers[scene.current]}"
+    under_way = None if scene.current is None else scene.current + 1
     draw_legs(pen, scene.mission, "mission", 2 * EDGE_SPACING)
-    for number, item in zip(numbers, scene.mission, strict=True):
-        pen.mark((item.x_m, item.y_m), "waypoint", "mission", number, heads_right(item))
+    for at, item in enumerate(scene.mission, start=1):
+        number = item.number or at
+        label = f"{'>' if number == under_way else ''}{number}"
+        pen.mark((item.x_m, item.y_m), "waypoint", "mission", label, heads_right(item))
 
 
 def draw_draft(pen: Pen, scene: MapScene) -> None:
     """Draw the draft of a mission with hollow marks, numbers with a `d`, and fewer dots."""
     draw_legs(pen, scene.draft, "draft", 4 * EDGE_SPACING)
-    for number, item in enumerate(scene.draft, start=1):
-        pen.mark((item.x_m, item.y_m), "draft", "draft", f"d{number}", heads_right(item))
+    for at, item in enumerate(scene.draft, start=1):
+        label = f"d{item.number or at}"
+        pen.mark((item.x_m, item.y_m), "draft", "draft", label, heads_right(item))
 
 
 def draw_legs(pen: Pen, items: Sequence[MapTarget], role: str, every: int) -> None:

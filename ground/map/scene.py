@@ -215,12 +215,13 @@ class RobotMark:
 
 @dataclass(frozen=True, slots=True)
 class MapTarget:
-    """A goal or an item of a mission; a heading of None means that any heading will do."""
+    """A goal, or an item of a mission by its number; a heading of None means any heading."""
 
     x_m: float
     y_m: float
     heading_rad: float | None = None
     tolerance_m: float = 0.0
+    number: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,12 +1,14 @@
 """Read and write mission files: `.toml`, and `.plan` and `.waypoints` of QGroundControl.
 
-A `.toml` file has `[[waypoint]]` tables, and optionally `[fence]` and `[home]`.
+A `.toml` file has `[[waypoint]]` tables, and optionally `[fence]` and `[home]`. A table with a
+`command` is an item of MAVLink without a place.
 
 Edit a mission waypoint by waypoint before it is saved or sent.
 """
 
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import fields, replace
 from math import dist
 from pathlib import Path
@@ -17,16 +19,28 @@ from ground.missions.mission import (
     Circle,
     Fence,
     Home,
+    MavlinkItem,
     Mission,
     MissionError,
     Polygon,
     Problem,
+    Step,
     Waypoint,
     fault_of,
     inside,
     line_of,
 )
-from ground.missions.qgroundcontrol import Foreign, lost
+from ground.missions.qgroundcontrol import (
+    PLACED,
+    Foreign,
+    Item,
+    UnsupportedItemError,
+    kept,
+    lost,
+    step_of,
+    target_of,
+    waypoint_in,
+)
 from runtime.config import parse, unknown_key
 from runtime.errors import ConfigError, UserError
 from runtime.files import replace_named, text_in
@@ -69,11 +83,17 @@ def read_fence(path: Path) -> Fence:
 
 
 def _judge_places(mission: Mission, file: str) -> None:
-    """Raise MissionError for waypoints outside the mission's own fence."""
+    """Raise MissionError for waypoints outside the mission's own fence, and jumps out of it."""
     problems = [
         Problem(f"waypoint {at}", f"{waypoint} is outside of the fence", "move it or the fence")
-        for at, waypoint in enumerate(mission.waypoints, start=1)
+        for at, waypoint in mission.places
         if mission.fence is not None and not _within(mission.fence, waypoint)
+    ]
+    count = len(mission.waypoints)
+    problems += [
+        Problem(f"item {at}", f"{step}, but there are only {count} items", "correct the item")
+        for at, step in enumerate(mission.waypoints, start=1)
+        if isinstance(step, MavlinkItem) and (target_of(step) or 0) > count
     ]
     if problems:
         raise MissionError(file, problems)
@@ -95,7 +115,7 @@ def write(path: Path, mission: Mission) -> tuple[str, ...]:
         if mission.home is None:
             fix = "add [home] to the TOML, or use --home LATITUDE LONGITUDE"
             raise MissionError(str(path), [Problem("", f"a {ending} needs a home", fix)])
-        without = lost(mission.waypoints)
+        without = lost(mission)
         if ending == ".plan":
             text = qgroundcontrol.plan_text(mission, mission.home)
         else:
@@ -174,13 +194,32 @@ class _Reader:
             raise MissionError(self._file, self._problems)
         return Mission(waypoints=waypoints, fence=fence, home=home)
 
-    def _waypoints(self, tables: object) -> tuple[Waypoint, ...]:
+    def _waypoints(self, tables: object) -> tuple[Step, ...]:
         if not isinstance(tables, list) or not tables:
             what = "there is none" if tables in (None, []) else "is not a list of tables"
             self._blame(("waypoint",), what, "add [[waypoint]] with x_m and y_m")
             return ()
-        read = [self._table(one, Waypoint, ("waypoint", at)) for at, one in enumerate(tables)]
-        return tuple(waypoint for waypoint in read if waypoint is not None)
+        read = [self._step(one, ("waypoint", at)) for at, one in enumerate(tables)]
+        return tuple(step for step in read if step is not None)
+
+    def _step(self, table: object, key: Key) -> Step | None:
+        """Return a waypoint, or an item without a place.
+
+        The item that a waypoint was is kept while the other values follow from it.
+        """
+        if not isinstance(table, dict) or "command" not in table:
+            found = self._table(table, Waypoint, key)
+            return None if found is None else as_read(found)
+        item = self._table(table, MavlinkItem, key)
+        try:
+            if item is None or item.command not in PLACED:
+                return item and step_of(
+                    Item(0, item.command, item.frame, item.params, item.autocontinue), None
+                )
+            self._blame(key, f"command {item.command} needs a place", "write x_m and y_m instead")
+        except UnsupportedItemError as error:
+            self._blame((*key, "params"), str(error), "correct the item")
+        return None
 
     def _fence(self, table: object) -> Fence | None:
         if not isinstance(table, dict) or set(table) not in ({"circle"}, {"corners"}):
@@ -221,6 +260,18 @@ class _Reader:
         self._problems.append(Problem(_words(key), reason, fix, line_of(self._lines, key)))
 
 
+def as_read(waypoint: Waypoint) -> Waypoint:
+    """Return a waypoint without the item that it was, if other values were typed since."""
+    if (mavlink := waypoint.mavlink) is None:
+        return waypoint
+    with suppress(UnsupportedItemError):
+        item = Item(0, mavlink.command, mavlink.frame, mavlink.params, mavlink.autocontinue)
+        found = waypoint_in(kept(item, mavlink.params), waypoint.x_m, waypoint.y_m)
+        if found == waypoint:
+            return found
+    return replace(waypoint, mavlink=None)
+
+
 def _parts(words: str) -> Key:
     """Return the key of a text such as `corners[0][1]`."""
     parts = PART.findall(words)
@@ -237,7 +288,7 @@ def _words(key: Key) -> str:
 
 def toml_text(mission: Mission) -> str:
     """Return the text of a file that reads back as the same mission."""
-    blocks = [_block("[[waypoint]]", waypoint, Waypoint) for waypoint in mission.waypoints]
+    blocks = [_step_block(step) for step in mission.waypoints]
     if isinstance(mission.fence, Circle):
         blocks.append(_block("[fence.circle]", mission.fence, Circle))
     elif mission.fence is not None:
@@ -248,12 +299,29 @@ def toml_text(mission: Mission) -> str:
     return "\n".join(blocks)
 
 
+def _step_block(step: Step) -> str:
+    if isinstance(step, MavlinkItem):
+        return _mavlink_block("[[waypoint]]", step)
+    block = _block("[[waypoint]]", step, Waypoint)
+    return block if step.mavlink is None else block + _mavlink_block(MAVLINK, step.mavlink)
+
+
+MAVLINK: Final = "[waypoint.mavlink]"
+
+
+def _mavlink_block(header: str, item: MavlinkItem) -> str:
+    params = ", ".join(repr(float(value)) for value in item.params)
+    lines = [header, f"command = {item.command}", f"frame = {item.frame}", f"params = [{params}]"]
+    lines += [] if item.autocontinue else ["autocontinue = false"]
+    return "\n".join(lines) + "\n"
+
+
 def _block(header: str, value: object, schema: type[Any]) -> str:
     """Return a table without values that equal their defaults."""
     lines = [header]
     for field in fields(schema):
         number = getattr(value, field.name)
-        if number is not None and number != field.default:
+        if isinstance(number, int | float) and number != field.default:
             lines.append(f"{field.name} = {float(number)!r}")
     return "\n".join(lines) + "\n"
 

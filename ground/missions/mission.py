@@ -1,4 +1,4 @@
-"""Describe a mission: poses in order, and the fence around them; list the problems of both.
+"""Describe a mission: its steps in order, and the fence around them; list the problems of both.
 
 Positions are metres in the robot's own frame, x forward and y left of its start pose. Headings are
 degrees, counter-clockwise from x. A fence has at least three distinct corners, without crossing
@@ -6,12 +6,13 @@ sides.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 from typing import Annotated, NamedTuple, TypeAlias
 
 from msgspec import Meta
 
+from protocol.wire.enums import Command
 from runtime.errors import UserError
 from runtime.toml_reader import Key
 
@@ -24,8 +25,41 @@ Corner: TypeAlias = tuple[Coordinate, Coordinate]
 
 
 @dataclass(frozen=True, kw_only=True)
+class MavlinkItem:
+    """An item as MAVLink has it, in every field: a step of a mission that has no place.
+
+    `params` are MAVLink's seven. A waypoint that came as such an item keeps it, without the place,
+    so that it reads back as it was written.
+    """
+
+    command: Annotated[int, Meta(ge=0, le=65_535)]
+    frame: Annotated[int, Meta(ge=0, le=255)]
+    params: tuple[float, float, float, float, float, float, float]
+    autocontinue: bool = True
+
+    def __str__(self) -> str:
+        first, second = self.params[:2]
+        match self.command:
+            case Command.NAV_DELAY:
+                return f"wait {first:g} s"
+            case Command.DO_CHANGE_SPEED if second >= 0.0:
+                return f"speed {second:g} m/s"
+            case Command.DO_CHANGE_SPEED:
+                return "same speed" if second == -1.0 else "usual speed"
+            case Command.DO_JUMP:
+                return f"jump to item {first:g}, {second:g} time{'' if second == 1.0 else 's'}"
+            case Command.NAV_RETURN_TO_LAUNCH:
+                return "return to the start"
+            case _:
+                return f"command {self.command}"
+
+
+@dataclass(frozen=True, kw_only=True)
 class Waypoint:
-    """A pose to drive to, with a wait of `hold_s`; heading None allows any."""
+    """A pose to drive to, with a wait of `hold_s`; heading None allows any.
+
+    `mavlink` is the item of another program that it was, from which the other values follow.
+    """
 
     x_m: Coordinate
     y_m: Coordinate
@@ -33,11 +67,20 @@ class Waypoint:
     position_tolerance_m: Annotated[float, Meta(ge=0.005, le=LOOSEST_M)] = 0.05
     heading_tolerance_deg: Annotated[float, Meta(ge=0.2, le=180.0)] = 3.0
     hold_s: Annotated[float, Meta(ge=0.0, le=86_400.0)] = 0.0
+    mavlink: MavlinkItem | None = field(default=None, compare=False)
+
+    @property
+    def stays(self) -> bool:
+        """True if the robot stays here until an operator leads it on."""
+        return self.mavlink is not None and self.mavlink.command == Command.NAV_LOITER_UNLIM
 
     def __str__(self) -> str:
         heading = "" if self.heading_deg is None else f" at {self.heading_deg:g} deg"
-        hold = f", hold {self.hold_s:g} s" if self.hold_s else ""
+        hold = f", hold {self.hold_s:g} s" if self.hold_s else ", stay" if self.stays else ""
         return f"({self.x_m:g}, {self.y_m:g}){heading}{hold}"
+
+
+Step: TypeAlias = Waypoint | MavlinkItem
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,16 +118,24 @@ class Home:
 
 @dataclass(frozen=True, kw_only=True)
 class Mission:
-    """Contents of a mission file: at least one waypoint, a fence and a home."""
+    """Contents of a mission file: at least one step, a fence and a home."""
 
-    waypoints: tuple[Waypoint, ...]
+    waypoints: tuple[Step, ...]
     fence: Fence | None = None
     home: Home | None = None
 
     def __str__(self) -> str:
-        count = len(self.waypoints)
+        count = len(self.places)
+        more = len(self.waypoints) - count
+        others = f", {more} other item{'' if more == 1 else 's'}" if more else ""
         fence = "" if self.fence is None else f", fence: {self.fence}"
-        return f"{count} waypoint{'' if count == 1 else 's'}{fence}"
+        return f"{count} waypoint{'' if count == 1 else 's'}{others}{fence}"
+
+    @property
+    def places(self) -> tuple[tuple[int, Waypoint], ...]:
+        """The steps with a place, each with its number from 1."""
+        steps = enumerate(self.waypoints, start=1)
+        return tuple((at, one) for at, one in steps if isinstance(one, Waypoint))
 
 
 Point = tuple[float, float]

@@ -3,7 +3,7 @@
 Sources: docs.qgroundcontrol.com, "Plan File Format", version 1; mavlink.io, "File Formats". Item 0
 of `.waypoints` is home, as in Mission Planner and ArduPilot. Unsupported items are rejected or
 dropped. A yaw of 0 is what every program writes for "none": it is read as any heading, and north is
-written as 360.
+written as 360. Items that were read are written again as they were, in every field.
 
 x points east and y north in the plane that touches the WGS 84 ellipsoid at the home. A place on
 Earth is the point of the ellipsoid below or above a point of that plane (EPSG method 9840, the
@@ -13,7 +13,8 @@ format.
 """
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from enum import IntEnum
 from functools import lru_cache
 from math import atan2, cos, degrees, hypot, isfinite, isnan, nan, radians, sin, sqrt
@@ -23,13 +24,16 @@ from typing import Any, Final, NamedTuple, TypeVar
 import msgspec
 
 from ground.missions.mission import (
+    LOOSEST_M,
     Circle,
     Fence,
     Home,
+    MavlinkItem,
     Mission,
     MissionError,
     Polygon,
     Problem,
+    Step,
     Waypoint,
     fault_of,
 )
@@ -45,6 +49,7 @@ from protocol.wire.enums import (
     TYPE_GROUND_ROVER,
     Command,
 )
+from protocol.wire.limits import PLACES_PER_M
 from runtime.config import parse
 from runtime.errors import ConfigError, UserError
 from runtime.files import value_in
@@ -147,23 +152,29 @@ GLOBAL_FRAMES: Final = (
     FRAME_GLOBAL_TERRAIN_ALT_INT,
 )
 LOCAL_FRAMES: Final = (FRAME_LOCAL_ENU, FRAME_LOCAL_FLU)
+PER_DEG: Final = 10_000_000
+SCALES: Final[Mapping[int, int]] = MappingProxyType(
+    dict.fromkeys(GLOBAL_FRAMES, PER_DEG) | dict.fromkeys(LOCAL_FRAMES, PLACES_PER_M)
+)
+"""The factor of x and y in a MISSION_ITEM_INT by its frame, for the frames with a place."""
+PLACED: Final = (
+    Command.SIDESTEP_NAV_POSE,
+    Command.NAV_WAYPOINT,
+    Command.NAV_LOITER_UNLIM,
+    Command.NAV_LOITER_TIME,
+)
+"""Commands of items with a place."""
 DIGITS: Final = 6
 NAMES: Final[Mapping[int, str]] = MappingProxyType(
     {
-        17: "loiter for ever",
         18: "loiter in circles",
-        19: "loiter for a time",
-        20: "return to launch",
         21: "land",
         22: "take off",
         82: "spline waypoint",
         92: "enable guided mode",
-        93: "delay",
         112: "wait a time",
         114: "wait for a distance",
         115: "turn to a yaw",
-        177: "jump",
-        178: "change speed",
         179: "set home",
         183: "set servo",
         189: "start of landing",
@@ -186,6 +197,7 @@ class Item(NamedTuple):
     command: int
     frame: int
     params: tuple[float, ...]
+    autocontinue: bool = True
 
 
 class ItemPart(IntEnum):
@@ -224,32 +236,109 @@ class UnsupportedItemError(UserError):
         self.part = part
 
 
-def waypoint_of(item: Item, home: Home | None) -> Waypoint:
-    """Return the waypoint of an item; UnsupportedItemError gives the reason if there is none."""
-    if item.command not in (Command.NAV_WAYPOINT, Command.SIDESTEP_NAV_POSE):
+def step_of(item: Item, home: Home | None) -> Step:
+    """Return the step of an item; UnsupportedItemError gives the reason if there is none."""
+    check = ORDERS.get(item.command)
+    if check is None and item.command not in PLACED:
         name = NAMES.get(item.command, "unknown")
-        raise UnsupportedItemError(
-            f"command {item.command} ({name}): the robot only drives to waypoints"
-        )
+        raise UnsupportedItemError(f"command {item.command} ({name}): the robot cannot do that")
     if len(item.params) != 7:
         raise UnsupportedItemError(f"has {len(item.params)} parameters, an item has 7")
+    if check is None:
+        return waypoint_of(item, home)
+    check(*item.params[:3])
+    return kept(item, item.params)
+
+
+def kept(item: Item, params: Sequence[float]) -> MavlinkItem:
+    """Return an item with these parameters; each NaN is the same object, and so equals itself."""
+    same = tuple(nan if isnan(value) else value for value in params)
+    return MavlinkItem(
+        command=item.command,
+        frame=item.frame,
+        params=same,  # type: ignore[arg-type]
+        autocontinue=item.autocontinue,
+    )
+
+
+def _check_delay(time_s: float, *_: float) -> None:
+    if not time_s >= 0.0:
+        words = f"param1 {time_s:g} (wait until a time of day): give seconds"
+        raise UnsupportedItemError(words, ItemPart.PARAM1)
+
+
+def _check_jump(target: float, repeats: float, *_: float) -> None:
+    if not (target >= 1.0 and target.is_integer()):
+        words = f"param1 {target:g}: a jump leads to an item from 1 on"
+        raise UnsupportedItemError(words, ItemPart.PARAM1)
+    if not (repeats >= 0.0 and repeats.is_integer()):
+        words = f"param2 {repeats:g}: a jump without end is not driven, give a number of repeats"
+        raise UnsupportedItemError(words, ItemPart.PARAM2)
+
+
+def _check_speed(kind: float, speed_m_s: float, throttle: float) -> None:
+    if kind not in (0.0, 1.0):
+        words = f"param1 {kind:g}: only the ground speed can be changed (0 or 1)"
+        raise UnsupportedItemError(words, ItemPart.PARAM1)
+    if speed_m_s not in (-1.0, -2.0) and not speed_m_s > 0.0:
+        words = f"param2 {speed_m_s:g}: is not a speed above 0 m/s"
+        raise UnsupportedItemError(words, ItemPart.PARAM2)
+    if throttle > 0.0:
+        words = f"param3 {throttle:g} (throttle): the robot takes a speed"
+        raise UnsupportedItemError(words, ItemPart.PARAM3)
+
+
+def _check_return(*_: float) -> None:
+    """Accept any: the parameters of a return mean nothing."""
+
+
+ORDERS: Final[Mapping[int, Callable[[float, float, float], None]]] = MappingProxyType(
+    {
+        Command.NAV_DELAY: _check_delay,
+        Command.DO_JUMP: _check_jump,
+        Command.DO_CHANGE_SPEED: _check_speed,
+        Command.NAV_RETURN_TO_LAUNCH: _check_return,
+    }
+)
+"""Commands of items without a place, each with the check of its parameters."""
+
+
+def waypoint_of(item: Item, home: Home | None) -> Waypoint:
+    """Return the waypoint of an item with a place; UnsupportedItemError if it is not one."""
     x_m, y_m = place_in(item, home)
-    hold_s, second, third, angle_deg = item.params[:4]
-    posed = item.command == Command.SIDESTEP_NAV_POSE
-    if not posed and third and isfinite(third):
-        raise UnsupportedItemError(
-            f"param3 {third:g} (pass beside the waypoint): the robot drives to it", ItemPart.PARAM3
-        )
+    if item.command != Command.SIDESTEP_NAV_POSE:
+        params = (*item.params[:4], 0.0, 0.0, item.params[6])
+        return waypoint_in(kept(item, params), x_m, y_m)
+    hold_s, position_m, heading_deg, angle_deg = item.params[:4]
     table: dict[str, float] = {"x_m": x_m, "y_m": y_m, "hold_s": _number(hold_s)}
-    if second and isfinite(second):
-        table["position_tolerance_m"] = _number(second)
-    if posed and third and isfinite(third):
-        table["heading_tolerance_deg"] = _number(third)
-    if posed and not isnan(angle_deg):
+    if position_m and isfinite(position_m):
+        table["position_tolerance_m"] = _number(position_m)
+    if heading_deg and isfinite(heading_deg):
+        table["heading_tolerance_deg"] = _number(heading_deg)
+    if not isnan(angle_deg):
         table["heading_deg"] = _number(angle_deg)
-    elif not posed and angle_deg and not isnan(angle_deg):
-        table["heading_deg"] = _number(heading_of(angle_deg))
     return _checked(table)
+
+
+def waypoint_in(mavlink: MavlinkItem, x_m: float, y_m: float) -> Waypoint:
+    """Return the waypoint of an item of common MAVLink; UnsupportedItemError if it is not one.
+
+    A time to wait of NaN is none. A position within the robot's largest tolerance is also within
+    every larger one, such as the 3 m of MAVSDK.
+    """
+    command, (hold_s, second, third, yaw_deg) = mavlink.command, mavlink.params[:4]
+    table: dict[str, float] = {"x_m": x_m, "y_m": y_m}
+    if command != Command.NAV_LOITER_UNLIM and not isnan(hold_s):
+        table["hold_s"] = _number(hold_s)
+    if command == Command.NAV_WAYPOINT:
+        if third and isfinite(third):
+            words = f"param3 {third:g} (pass beside the waypoint): the robot drives to it"
+            raise UnsupportedItemError(words, ItemPart.PARAM3)
+        if second and isfinite(second):
+            table["position_tolerance_m"] = min(_number(second), LOOSEST_M)
+    if command != Command.NAV_LOITER_TIME and yaw_deg and not isnan(yaw_deg):
+        table["heading_deg"] = _number(heading_of(yaw_deg))
+    return replace(_checked(table), mavlink=mavlink)
 
 
 def _checked(table: dict[str, float]) -> Waypoint:
@@ -291,12 +380,29 @@ def _number(value: float) -> float:
     return round(value, DIGITS)
 
 
-def item_of(number: int, waypoint: Waypoint, home: Home) -> Item:
-    """Return a NAV_WAYPOINT, which every program understands."""
-    yaw_deg = nan if waypoint.heading_deg is None else round(yaw_of(waypoint.heading_deg), DIGITS)
-    place = to_global(home, waypoint.x_m, waypoint.y_m)
-    first = (waypoint.hold_s, waypoint.position_tolerance_m, 0.0, yaw_deg)
-    return Item(number, Command.NAV_WAYPOINT, FRAME_GLOBAL_RELATIVE_ALT, (*first, *place, 0.0))
+def item_of(number: int, step: Step, home: Home) -> Item:
+    """Return the item of a step as it was read, or a NAV_WAYPOINT, which every program knows."""
+    if isinstance(step, MavlinkItem):
+        return Item(number, step.command, step.frame, step.params, step.autocontinue)
+    if (mavlink := step.mavlink) is None:
+        yaw_deg = nan if step.heading_deg is None else round(yaw_of(step.heading_deg), DIGITS)
+        first = (step.hold_s, step.position_tolerance_m, 0.0, yaw_deg)
+        place = same_on_earth(home, step.x_m, step.y_m)
+        return Item(number, Command.NAV_WAYPOINT, FRAME_GLOBAL_RELATIVE_ALT, (*first, *place, 0.0))
+    is_local = mavlink.frame in LOCAL_FRAMES
+    place = (step.x_m, step.y_m) if is_local else same_on_earth(home, step.x_m, step.y_m)
+    params = (*mavlink.params[:4], *place, mavlink.params[6])
+    return Item(number, mavlink.command, mavlink.frame, params, mavlink.autocontinue)
+
+
+def same_on_earth(home: Home, x_m: float, y_m: float) -> tuple[float, float]:
+    """Return latitude and longitude, with 7 decimals if these name the same place.
+
+    So degrees that came by MAVLink are written as they came.
+    """
+    latitude_deg, longitude_deg = to_global(home, x_m, y_m)
+    short = round(latitude_deg, 7), round(longitude_deg, 7)
+    return short if to_local(home, *short) == (x_m, y_m) else (latitude_deg, longitude_deg)
 
 
 def home_at(latitude_deg: float, longitude_deg: float) -> Home:
@@ -308,11 +414,10 @@ def home_at(latitude_deg: float, longitude_deg: float) -> Home:
         raise UserError(f"no home at ({latitude_deg:g}, {longitude_deg:g}): {why}") from error
 
 
-def lost(waypoints: Sequence[Waypoint]) -> list[str]:
+def lost(mission: Mission) -> list[str]:
     """Return what a NAV_WAYPOINT cannot hold, in words."""
     usual = Waypoint(x_m=0.0, y_m=0.0).heading_tolerance_deg
-    listed = enumerate(waypoints, start=1)
-    numbers = [at for at, one in listed if one.heading_tolerance_deg != usual]
+    numbers = [at for at, one in mission.places if one.heading_tolerance_deg != usual]
     return [f"the heading tolerance of waypoint {at}" for at in numbers]
 
 
@@ -326,6 +431,21 @@ class Foreign(NamedTuple):
     dropped: tuple[str, ...] = ()
 
 
+def target_of(step: Step) -> int | None:
+    """Return the number of the item to which a step jumps, None if it does not jump."""
+    if not isinstance(step, MavlinkItem) or step.command != Command.DO_JUMP:
+        return None
+    return int(step.params[0])
+
+
+def _led(step: Step, numbers: Sequence[int]) -> Step:
+    """Return a step; a jump counts its target among the items that are left."""
+    target = target_of(step)
+    if target is None or not isinstance(step, MavlinkItem):
+        return step
+    return replace(step, params=(float(numbers.index(target) + 1), *step.params[1:]))
+
+
 class PlanFilter:
     """Accepts supported items and collects the others; `drop` omits those."""
 
@@ -333,23 +453,41 @@ class PlanFilter:
         self._file = file
         self._drop = drop
         self._refused: list[Problem] = []
+        self._left: list[str] = []
 
-    def waypoints(self, items: Iterable[Item | Problem], home: Home | None) -> list[Waypoint]:
-        """Return the waypoints; a Problem is an item that could not be parsed."""
-        found = []
+    def steps(self, items: Iterable[Item | Problem], home: Home | None) -> list[Step]:
+        """Return the steps; a Problem is an item that could not be parsed.
+
+        A jump leads to an item by its number; without the items that are dropped it is another.
+        """
+        found: list[tuple[int, Step]] = []
         for item in items:
             if isinstance(item, Problem):
                 self._refused.append(item)
                 continue
             try:
-                found.append(waypoint_of(item, home))
+                found.append((item.number, step_of(item, home)))
             except UnsupportedItemError as error:
                 self.refuse(f"item {item.number}", str(error))
-        return found
+        numbers = [number for number, _ in found]
+        while astray := [at for at, step in found if target_of(step) not in (None, *numbers)]:
+            for number in astray:
+                self.refuse(f"item {number}", "jumps to an item that is not there")
+            found = [one for one in found if one[0] not in astray]
+            numbers = [number for number, _ in found]
+        return [_led(step, numbers) for _, step in found]
 
     def refuse(self, where: str, reason: str) -> None:
         """Note an item or a part that is not supported."""
-        self._refused.append(Problem(where, reason, "" if self._drop else DROP))
+        self._refused.append(self.problem(where, reason))
+
+    def problem(self, where: str, reason: str) -> Problem:
+        """Return an item or a part that is not supported."""
+        return Problem(where, reason, "" if self._drop else DROP)
+
+    def leave(self, words: str) -> None:
+        """Note what is left out in any case."""
+        self._left.append(words)
 
     def result(self, mission: Mission) -> Foreign:
         """Return the mission; MissionError for rejected items or without any waypoint."""
@@ -359,7 +497,7 @@ class PlanFilter:
             problem = Problem("", "no waypoint is left", "the mission needs at least one")
             raise MissionError(self._file, [*self._refused, problem])
         dropped = tuple(f"{problem.where}: {problem.reason}" for problem in self._refused)
-        return Foreign(mission, dropped)
+        return Foreign(mission, (*dropped, *self._left))
 
 
 T = TypeVar("T")
@@ -367,6 +505,8 @@ PLAN_VERSION: Final = 1
 PART_VERSION: Final = 2
 FIRMWARE_ARDUPILOT: Final = 3
 ALTITUDE_RELATIVE: Final = 1
+ALTITUDE_ABSOLUTE: Final = 2
+ALTITUDE_TERRAIN: Final = 4
 
 
 def read_plan(text: str, file: str, *, home: Home | None = None, drop: bool = False) -> Foreign:
@@ -379,12 +519,13 @@ def read_plan(text: str, file: str, *, home: Home | None = None, drop: bool = Fa
     home = home or _plan_home(body.get("plannedHomePosition"), file)
     sieve = PlanFilter(file, drop=drop)
     listed = body.get("items")
-    waypoints = sieve.waypoints(_plan_items(listed if isinstance(listed, list) else [], drop), home)
+    items = _plan_items(listed if isinstance(listed, list) else [], sieve)
+    steps = tuple(sieve.steps(items, home))
     fence = _fence(plan.get("geoFence"), home, sieve)
     points = plan.get("rallyPoints")
     if isinstance(points, dict) and points.get("points"):
         sieve.refuse("rallyPoints", "the robot does not support rally points")
-    return sieve.result(Mission(waypoints=tuple(waypoints), fence=fence, home=home))
+    return sieve.result(Mission(waypoints=steps, fence=fence, home=home))
 
 
 def _object(text: str, file: str) -> dict[str, Any]:
@@ -407,19 +548,43 @@ def _plan_home(place: object, file: str) -> Home | None:
         raise MissionError(file, [problem]) from error
 
 
-def _plan_items(listed: list[Any], drop: bool) -> Iterator[Item | Problem]:
-    """Yield the items, numbered from 1 as in QGroundControl."""
-    for number, one in enumerate(listed, start=1):
-        kind = one.get("type") if isinstance(one, dict) else None
-        if kind != "SimpleItem":
-            pattern = one.get("complexItemType", "") if isinstance(one, dict) else ""
-            words = f"{kind} {pattern}".strip() if kind else "not an item"
-            reason = f"{words}: the robot only drives to waypoints"
-            yield Problem(f"item {number}", reason, "" if drop else DROP)
+CAMERA: Final = frozenset({203, 206, 530, 531, 532, 2000, 2001, 2500, 2501})
+"""Commands to the camera, which QGroundControl puts between the waypoints of a survey."""
+
+
+def _plan_items(listed: list[Any], sieve: PlanFilter) -> Iterator[Item | Problem]:
+    """Yield the items, numbered from 1 as in QGroundControl, each jump with such a number.
+
+    The waypoints of a survey, along its transects, stand in the plan.
+    """
+    flat = [one for each in listed for one in _simple_items(each, sieve)]
+    ids = {one.get("doJumpId"): number for number, one in enumerate(flat, start=1)}
+    for number, one in enumerate(flat, start=1):
+        if one.get("type") != "SimpleItem":
+            kind = f"{one.get('type') or 'not an item'} {one.get('complexItemType', '')}".strip()
+            yield sieve.problem(f"item {number}", f"{kind}: the robot cannot do that")
             continue
-        command, frame = one.get("command"), one.get("frame")
-        numbers = tuple(_plan_numbers(one.get("params")))
-        yield Item(number, _whole(command), _whole(frame), numbers)
+        command, frame = _whole(one.get("command")), _whole(one.get("frame"))
+        numbers = _plan_numbers(one.get("params"))
+        if command == Command.DO_JUMP and numbers:
+            numbers[0] = float(ids.get(numbers[0], numbers[0]))
+        yield Item(number, command, frame, tuple(numbers), one.get("autoContinue") is not False)
+
+
+def _simple_items(one: Any, sieve: PlanFilter) -> list[dict[str, Any]]:
+    """Return the items of a survey without those for the camera, or the item itself."""
+    if not isinstance(one, dict):
+        return [{}]
+    body = one.get("TransectStyleComplexItem")
+    items = body.get("Items") if isinstance(body, dict) else None
+    if not isinstance(items, list) or not items:
+        return [one]
+    found = [item if isinstance(item, dict) else {} for item in items]
+    left = [item for item in found if item.get("command") not in CAMERA]
+    if len(left) < len(found):
+        what = f"{one.get('complexItemType', 'survey')}: {len(found) - len(left)} commands"
+        sieve.leave(f"{what} to the camera, which the robot does not have")
+    return left
 
 
 def _whole(value: object) -> int:
@@ -521,17 +686,34 @@ def plan_text(mission: Mission, home: Home) -> str:
     return json.dumps(plan, indent=4, allow_nan=False) + "\n"
 
 
+ALTITUDE_MODES: Final[Mapping[int, int]] = MappingProxyType(
+    {
+        FRAME_GLOBAL: ALTITUDE_ABSOLUTE,
+        FRAME_GLOBAL_INT: ALTITUDE_ABSOLUTE,
+        FRAME_GLOBAL_TERRAIN_ALT: ALTITUDE_TERRAIN,
+        FRAME_GLOBAL_TERRAIN_ALT_INT: ALTITUDE_TERRAIN,
+    }
+)
+"""QGroundControl's name for the frame of an altitude; all others are relative to home."""
+
+
 def _item(item: Item) -> dict[str, object]:
-    return {
-        "AMSLAltAboveTerrain": None,
-        "Altitude": 0,
-        "AltitudeMode": ALTITUDE_RELATIVE,
-        "autoContinue": True,
-        "command": Command.NAV_WAYPOINT,
+    written: dict[str, object] = {
+        "autoContinue": item.autocontinue,
+        "command": item.command,
         "doJumpId": item.number,
         "frame": item.frame,
         "params": [value if isfinite(value) else None for value in item.params],
         "type": "SimpleItem",
+    }
+    if item.command not in PLACED:
+        return written
+    mode = ALTITUDE_MODES.get(item.frame, ALTITUDE_RELATIVE)
+    return {
+        "AMSLAltAboveTerrain": None,
+        "Altitude": item.params[6],
+        "AltitudeMode": mode,
+        **written,
     }
 
 
@@ -568,8 +750,8 @@ def read_waypoints(
         raise MissionError(file, [problem])
     home = home or _line_home(first, file)
     sieve = PlanFilter(file, drop=drop)
-    waypoints = sieve.waypoints(rest, home)
-    return sieve.result(Mission(waypoints=tuple(waypoints), home=home))
+    steps = tuple(sieve.steps(rest, home))
+    return sieve.result(Mission(waypoints=steps, home=home))
 
 
 def _line_items(lines: list[str], file: str) -> list[Item]:
@@ -583,7 +765,8 @@ def _line_items(lines: list[str], file: str) -> list[Item]:
             reason = f"is not {FIELDS} numbers, the first four of them whole"
             problems.append(Problem("", reason, "correct the line", line))
         else:
-            items.append(Item(whole[0], whole[3], whole[2], tuple(numbers[4:11])))
+            params, goes_on = tuple(numbers[4:11]), numbers[11] != 0.0
+            items.append(Item(whole[0], whole[3], whole[2], params, goes_on))
     if problems:
         raise MissionError(file, problems)
     return items
@@ -619,4 +802,5 @@ def waypoints_text(mission: Mission, home: Home) -> str:
 def _line(item: Item) -> str:
     current = int(not item.number)
     numbers = [repr(value) if isfinite(value) else "nan" for value in item.params]
-    return "\t".join(map(str, (item.number, current, item.frame, item.command, *numbers, 1)))
+    head = (item.number, current, item.frame, item.command)
+    return "\t".join(map(str, (*head, *numbers, int(item.autocontinue))))

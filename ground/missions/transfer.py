@@ -6,11 +6,13 @@ tenths of a millimetre in the robot's frame.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isnan, nan
+from math import isinf, isnan, nan
+from struct import Struct
 from typing import Final
 
 from ground.client.requests import PATIENCE_NS, Attempt, Exchange, GaveUp, is_saving
-from ground.missions.mission import Circle, Fence, Polygon, Waypoint
+from ground.missions.mission import Circle, Fence, MavlinkItem, Polygon, Step, Waypoint
+from ground.missions.qgroundcontrol import ORDERS, PLACED, SCALES, UnsupportedItemError, waypoint_in
 from protocol.wire.enums import FRAME_LOCAL_FLU, Command, MissionType
 from protocol.wire.limits import NO_ITEM, PLACES_PER_M
 from protocol.wire.message import Message
@@ -168,38 +170,67 @@ DIGITS: Final = 5
 """Significant decimals of a typed number after conversion to single precision."""
 
 
-def items_of(waypoints: Sequence[Waypoint]) -> list[MissionItemInt]:
-    """Return the items of waypoints."""
-    return [_item(at, waypoint) for at, waypoint in enumerate(waypoints)]
+def items_of(steps: Sequence[Step]) -> list[MissionItemInt]:
+    """Return the items of a mission."""
+    return [_item(at, step) for at, step in enumerate(steps)]
 
 
-def _item(at: int, waypoint: Waypoint) -> MissionItemInt:
-    heading_deg = nan if waypoint.heading_deg is None else waypoint.heading_deg
+def _item(at: int, step: Step) -> MissionItemInt:
+    if isinstance(step, MavlinkItem):
+        x, y = (whole_place(value, step.frame) for value in step.params[4:6])
+        return _mavlink_item(at, step, x, y)
+    x, y = round(step.x_m * PLACES_PER_M), round(step.y_m * PLACES_PER_M)
+    if step.mavlink is not None:
+        return _mavlink_item(at, step.mavlink, x, y)
     return MissionItemInt(
         seq=at,
         frame=FRAME_LOCAL_FLU,
         command=Command.SIDESTEP_NAV_POSE,
         autocontinue=1,
-        param1=waypoint.hold_s,
-        param2=waypoint.position_tolerance_m,
-        param3=waypoint.heading_tolerance_deg,
-        param4=heading_deg,
-        x=round(waypoint.x_m * PLACES_PER_M),
-        y=round(waypoint.y_m * PLACES_PER_M),
+        param1=step.hold_s,
+        param2=step.position_tolerance_m,
+        param3=step.heading_tolerance_deg,
+        param4=nan if step.heading_deg is None else step.heading_deg,
+        x=x,
+        y=y,
         z=0.0,
         mission_type=MissionType.MISSION,
     )
 
 
-def waypoints_of(items: Sequence[MissionItemInt]) -> tuple[Waypoint, ...]:
-    """Return the waypoints of items; RemoteError for an item that is not a pose."""
-    for item in items:
-        if item.command != Command.SIDESTEP_NAV_POSE or item.frame != FRAME_LOCAL_FLU:
-            raise RemoteError(
-                f"item {item.seq + 1} of the robot is not a pose: command {item.command}"
-            )
-    return tuple(
-        Waypoint(
+def _mavlink_item(at: int, mavlink: MavlinkItem, x: int, y: int) -> MissionItemInt:
+    param1, param2, param3, param4, _, _, z_m = mavlink.params
+    return MissionItemInt(
+        seq=at,
+        frame=mavlink.frame,
+        command=mavlink.command,
+        autocontinue=int(mavlink.autocontinue),
+        param1=param1,
+        param2=param2,
+        param3=param3,
+        param4=param4,
+        x=x,
+        y=y,
+        z=z_m,
+        mission_type=MissionType.MISSION,
+    )
+
+
+def whole_place(value: float, frame: int) -> int:
+    """Return x or y of a MISSION_ITEM_INT, which has no value for "none"."""
+    return 0 if isnan(value) else round(value * SCALES.get(frame, 1))
+
+
+def waypoints_of(items: Sequence[MissionItemInt]) -> tuple[Step, ...]:
+    """Return the steps of items; RemoteError for an item that is none."""
+    return tuple(map(_step, items))
+
+
+def _step(item: MissionItemInt) -> Step:
+    is_own = item.command == Command.SIDESTEP_NAV_POSE
+    is_placed = item.command in PLACED
+    if is_own and item.frame == FRAME_LOCAL_FLU:
+        return Waypoint(
             x_m=item.x / PLACES_PER_M,
             y_m=item.y / PLACES_PER_M,
             heading_deg=None if isnan(item.param4) else round(item.param4, DIGITS),
@@ -207,8 +238,37 @@ def waypoints_of(items: Sequence[MissionItemInt]) -> tuple[Waypoint, ...]:
             heading_tolerance_deg=round(item.param3, DIGITS),
             hold_s=round(item.param1, DIGITS),
         )
-        for item in items
+    scale = SCALES.get(item.frame, 1)
+    place = (0.0, 0.0) if is_placed else (item.x / scale, item.y / scale)
+    given = (item.param1, item.param2, item.param3, item.param4)
+    mavlink = MavlinkItem(
+        command=item.command,
+        frame=item.frame,
+        params=(*map(typed, given), *place, typed(item.z)),  # type: ignore[arg-type]
+        autocontinue=item.autocontinue != 0,
     )
+    try:
+        if is_own or item.command not in (*PLACED, *ORDERS):
+            raise UnsupportedItemError(f"command {item.command}")
+        if not is_placed:
+            return mavlink
+        return waypoint_in(mavlink, item.x / PLACES_PER_M, item.y / PLACES_PER_M)
+    except UnsupportedItemError as error:
+        raise RemoteError(f"item {item.seq + 1} of the robot is no step: {error}") from error
+
+
+FLOAT: Final = Struct("<f")
+
+
+def typed(value: float) -> float:
+    """Return the shortest decimal number that a 32-bit float stands for; every NaN is the same."""
+    if isnan(value):
+        return nan
+    for digits in (7, 8):
+        short = float(f"{value:.{digits}g}")
+        if isinf(value) or FLOAT.pack(short) == FLOAT.pack(value):
+            return short
+    return float(f"{value:.9g}")
 
 
 def fence_items_of(fence: Fence) -> list[MissionItemInt]:

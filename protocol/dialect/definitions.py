@@ -31,7 +31,8 @@ COMMON_MESSAGES: Final = {
     "MISSION_ACK": "Result and end of a mission transfer.",
     "MISSION_REQUEST_INT": "Request one item.",
     "MANUAL_CONTROL": "Joystick axes and buttons, axes -1000 to 1000.",
-    "MISSION_ITEM_INT": "One mission item.",
+    "MISSION_ITEM_INT": "One item. For a robot x and y are metres times 10000 in its own frame, "
+    "whatever the frame in which a client gave the place.",
     "COMMAND_INT": "Command with a position as integers.",
     "COMMAND_LONG": "Command with seven parameters.",
     "COMMAND_ACK": "Answer to a command; result_param2 is a Reason.",
@@ -52,7 +53,12 @@ COMMON_ENUMS: Final[dict[str, tuple[str, ...]]] = {
     "MAV_MISSION_TYPE": ("MISSION", "FENCE"),
     "MAV_CMD": (
         "NAV_WAYPOINT",
+        "NAV_LOITER_UNLIM",
+        "NAV_LOITER_TIME",
         "NAV_RETURN_TO_LAUNCH",
+        "NAV_DELAY",
+        "DO_JUMP",
+        "DO_CHANGE_SPEED",
         "DO_SET_MODE",
         "DO_FLIGHTTERMINATION",
         "DO_REPOSITION",

@@ -126,8 +126,13 @@ class Command(IntEnum):
     """The MAV_CMD numbers in use."""
 
     NAV_WAYPOINT = 16
+    NAV_LOITER_UNLIM = 17
+    NAV_LOITER_TIME = 19
     NAV_RETURN_TO_LAUNCH = 20
+    NAV_DELAY = 93
     DO_SET_MODE = 176
+    DO_JUMP = 177
+    DO_CHANGE_SPEED = 178
     DO_FLIGHTTERMINATION = 185
     DO_REPOSITION = 192
     DO_PAUSE_CONTINUE = 193

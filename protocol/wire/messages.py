@@ -220,7 +220,11 @@ class ManualControl(Message, frozen=True, kw_only=True):
 
 
 class MissionItemInt(Message, frozen=True, kw_only=True):
-    """One mission item."""
+    """One item.
+
+    For a robot x and y are metres times 10000 in its own frame, whatever the frame in which a
+    client gave the place.
+    """
 
     target_system: int = 0
     target_component: int = 0

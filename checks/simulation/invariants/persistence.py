@@ -82,7 +82,7 @@ class PersistenceInvariants:
         if kind != MissionType.MISSION or fence is None or items:
             return False
         goals = [stop_of(item).goal for item in self._last_mission]
-        return any(limits.outside_m(*fence, goal.x_m, goal.y_m) > 0.0 for goal in goals)
+        return any(limits.outside_m(*fence, goal.x_m, goal.y_m) > 0.0 for goal in goals if goal)
 
     def _fail(self, name: str, found: str, value: PossibleValues) -> None:
         wanted = " or ".join(one[:60] for one in value.possible)

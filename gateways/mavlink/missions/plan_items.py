@@ -6,33 +6,37 @@ polygon or one circle that encloses the robot.
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from math import isnan
 from struct import Struct
 from typing import Final, Generic, NamedTuple, TypeVar
 from zlib import crc32
 
 import msgspec
 
-from gateways.mavlink.coordinates import PER_DEG, place_of
+from gateways.mavlink.coordinates import place_of
 from gateways.mavlink.mav_service import Sender
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
-from ground.missions.mission import LOOSEST_M, Circle, Fence, Home, Polygon, Waypoint, fault_of
+from ground.missions.mission import Circle, Fence, Home, Polygon, Step, fault_of
 from ground.missions.qgroundcontrol import (
-    GLOBAL_FRAMES,
+    SCALES,
     Item,
     ItemPart,
     UnsupportedItemError,
     place_in,
     to_global,
 )
-from ground.missions.transfer import DIGITS, fence_items_of, items_of
+from ground.missions.transfer import (
+    DIGITS,
+    FLOAT,
+    fence_items_of,
+    items_of,
+    typed,
+    whole_place,
+)
 from protocol.wire.enums import FRAME_GLOBAL, Command
-from protocol.wire.limits import PLACES_PER_M
 from protocol.wire.messages import MissionItemInt
 
-ITEM: Final = Struct("<Hii4d")
+ITEM: Final = Struct("<HBBii5d")
 ORIGIN: Final = Struct("<ii")
-FLOAT: Final = Struct("<f")
 NO_PLAN: Final = 0
 
 V = TypeVar("V")
@@ -53,9 +57,9 @@ class PlanId(Generic[V]):
         return self._id
 
 
-def mission_id(origin: Home, waypoints: Sequence[Waypoint]) -> int:
-    """Return the id of a mission; 0 without waypoints."""
-    return _id(origin, items_of(waypoints))
+def mission_id(origin: Home, steps: Sequence[Step]) -> int:
+    """Return the id of a mission; 0 without steps."""
+    return _id(origin, items_of(steps))
 
 
 def fence_id(origin: Home, fences: Sequence[Fence]) -> int:
@@ -73,64 +77,29 @@ def _id(origin: Home, items: Iterable[MissionItemInt]) -> int:
 
 def _packed(item: MissionItemInt) -> bytes:
     """Return an item with the rounding of the robot's wire format."""
-    given = (item.param1, item.param2, item.param3, item.param4)
+    given = (item.param1, item.param2, item.param3, item.param4, item.z)
     kept = [round(FLOAT.unpack(FLOAT.pack(value))[0], DIGITS) for value in given]
-    return ITEM.pack(item.command, item.x, item.y, *kept)
-
-
-LOCAL_FRAMES: Final = frozenset(
-    {
-        mavlink.MAV_FRAME_LOCAL_NED,
-        mavlink.MAV_FRAME_LOCAL_ENU,
-        mavlink.MAV_FRAME_LOCAL_OFFSET_NED,
-        mavlink.MAV_FRAME_LOCAL_FRD,
-        mavlink.MAV_FRAME_LOCAL_FLU,
-    }
-)
+    return ITEM.pack(item.command, item.frame, item.autocontinue, item.x, item.y, *kept)
 
 
 def item_in(message: MavMessage) -> Item:
     """Return the item in a message, with degrees or metres as its place."""
     x, y = message.x, message.y
     if message.get_msgId() == mavlink.MAVLINK_MSG_ID_MISSION_ITEM_INT:
-        scale = scale_of(message.frame)
+        scale = SCALES.get(message.frame, 1)
         x, y = x / scale, y / scale
     given = (message.param1, message.param2, message.param3, message.param4)
-    params = [typed(value) for value in given]
-    return Item(message.seq, message.command, message.frame, (*params, x, y, message.z))
-
-
-def scale_of(frame: int) -> int:
-    """Return the factor of x and y in a MISSION_ITEM_INT."""
-    if frame in GLOBAL_FRAMES:
-        return PER_DEG
-    return PLACES_PER_M if frame in LOCAL_FRAMES else 1
-
-
-def typed(value: float) -> float:
-    """Return the decimal number of at most 7 digits that a client has rounded to a 32-bit float."""
-    return float(f"{value:.7g}")
-
-
-def usual(item: Item) -> Item:
-    """Return a waypoint that the robot can execute as well as the given one.
-
-    A waiting time of NaN is none. A position within the robot's largest tolerance is also within
-    every larger one, such as the 3 m of MAVSDK.
-    """
-    if item.command != Command.NAV_WAYPOINT:
-        return item
-    hold_s, tolerance_m, *rest = item.params
-    hold_s = 0.0 if isnan(hold_s) else hold_s
-    return item._replace(params=(hold_s, min(tolerance_m, LOOSEST_M), *rest))
+    params = (*map(typed, given), x, y, typed(message.z))
+    return Item(message.seq, message.command, message.frame, params, message.autocontinue != 0)
 
 
 def item_message(item: Item, kind: int, sender: Sender, *, is_int: bool) -> MavMessage:
-    """Return the message with an item at a global position, not marked as the current item."""
-    latitude_deg, longitude_deg, height_m = item.params[4:]
-    head = (sender.system, sender.component, item.number, item.frame, item.command, 0, 1)
+    """Return the message with an item, not marked as the current item."""
+    x, y, height_m = item.params[4:]
+    goes_on = int(item.autocontinue)
+    head = (sender.system, sender.component, item.number, item.frame, item.command, 0, goes_on)
     if is_int:
-        place = place_of(latitude_deg, longitude_deg)
+        place = whole_place(x, item.frame), whole_place(y, item.frame)
         return mavlink.MAVLink_mission_item_int_message(
             *head, *item.params[:4], *place, height_m, kind
         )

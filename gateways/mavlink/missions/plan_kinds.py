@@ -14,7 +14,6 @@ from gateways.mavlink.missions.plan_items import (
     fence_items,
     fence_of_corners,
     mission_id,
-    usual,
 )
 from gateways.mavlink.robot_copy import Key, RobotCopy
 from gateways.mavlink.robot_port import Answered
@@ -22,29 +21,29 @@ from ground.client.missions import TransferOutcome
 from ground.client.outcomes import Operation
 from ground.commands.fence import ClearFence, FenceShown, SetFence, ShowFence
 from ground.commands.mission import ClearMission, FetchMission, MissionFetched, UploadMission
-from ground.missions.mission import Fence, Mission, Waypoint
+from ground.missions.mission import Fence, Mission, Step, Waypoint
 from ground.missions.qgroundcontrol import (
     Item,
     UnsupportedItemError,
     item_of,
     place_in,
-    waypoint_of,
+    step_of,
 )
 from protocol.wire.enums import FRAME_GLOBAL, Command, MissionType
 
 
-def mission_copy(vehicle: MavVehicle) -> RobotCopy[tuple[Waypoint, ...]]:
+def mission_copy(vehicle: MavVehicle) -> RobotCopy[tuple[Step, ...]]:
     """Return the copy of a robot's mission; its status shows a change."""
 
     def key() -> Key | None:
         status = vehicle.snapshot.mission
         return None if status is None else (status.mission_id, status.count)
 
-    return RobotCopy(vehicle, FetchMission(), waypoints_in, key)
+    return RobotCopy(vehicle, FetchMission(), steps_in, key)
 
 
-def waypoints_in(answered: Answered) -> tuple[Waypoint, ...] | None:
-    """Return the waypoints that the robot has sent, None if it has not answered."""
+def steps_in(answered: Answered) -> tuple[Step, ...] | None:
+    """Return the steps that the robot has sent, None if it has not answered."""
     outcome = answered.outcome
     if isinstance(outcome, MissionFetched):
         return outcome.mission.waypoints
@@ -122,13 +121,13 @@ class MissionKind:
     home_items = 1
 
     def __init__(self, vehicle: MavVehicle) -> None:
-        self.copy: RobotCopy[tuple[Waypoint, ...]] = mission_copy(vehicle)
+        self.copy: RobotCopy[tuple[Step, ...]] = mission_copy(vehicle)
         self._id = PlanId(mission_id)
         self._vehicle = vehicle
 
-    def part_of(self, item: Item, count: int) -> Waypoint | None:
-        """Return the waypoint of an item, None for home."""
-        return None if item.number == HOME else waypoint_of(usual(item), self._vehicle.origin)
+    def part_of(self, item: Item, count: int) -> Step | None:
+        """Return the step of an item, None for home."""
+        return None if item.number == HOME else step_of(item, self._vehicle.origin)
 
     def note_on(self, item: Item) -> str:
         """Return a hint if item 0 seems to be meant as a waypoint."""
@@ -140,19 +139,19 @@ class MissionKind:
                 return HOME_NOTE
         return ""
 
-    def change_to(self, parts: Sequence[Waypoint | None]) -> PlanChange[Waypoint]:
-        """Return the upload of the waypoints; a mission without any is deleted."""
-        waypoints = tuple(part for part in parts if part is not None)
-        if not waypoints:
+    def change_to(self, parts: Sequence[Step | None]) -> PlanChange[Step]:
+        """Return the upload of the steps; a mission without any is deleted."""
+        steps = tuple(part for part in parts if part is not None)
+        if not steps:
             return PlanChange(ClearMission(), ())
-        return PlanChange(UploadMission(mission=Mission(waypoints=waypoints)), waypoints)
+        return PlanChange(UploadMission(mission=Mission(waypoints=steps)), steps)
 
     def clearing(self) -> Operation[Any]:
         """Return the deletion of the mission."""
         return ClearMission()
 
-    def items(self, values: Sequence[Waypoint]) -> Sequence[Item]:
-        """Return home and the waypoints; nothing without waypoints."""
+    def items(self, values: Sequence[Step]) -> Sequence[Item]:
+        """Return home and the steps; nothing without steps."""
         if not values:
             return ()
         origin = self._vehicle.origin
@@ -166,15 +165,15 @@ class MissionKind:
         params = (0.0, 0.0, 0.0, 0.0, *home.params[4:6], vehicle.origin_altitude_m)
         return Item(HOME, Command.NAV_WAYPOINT, FRAME_GLOBAL, params)
 
-    def parts(self, values: Sequence[Waypoint]) -> list[Waypoint | None]:
-        """Return home and the waypoints."""
+    def parts(self, values: Sequence[Step]) -> list[Step | None]:
+        """Return home and the steps."""
         return [None, *values]
 
-    def id_of(self, values: Sequence[Waypoint]) -> int:
+    def id_of(self, values: Sequence[Step]) -> int:
         """Return the opaque id of a mission."""
         return self._id.of(self._vehicle.origin, values)
 
-    def accepted(self, values: tuple[Waypoint, ...], answered: Answered, now_ns: int) -> None:
+    def accepted(self, values: tuple[Step, ...], answered: Answered, now_ns: int) -> None:
         """Note the mission that the robot has accepted."""
         outcome = answered.outcome
         number = outcome.verdict.mission_id if isinstance(outcome, TransferOutcome) else 0

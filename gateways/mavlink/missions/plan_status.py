@@ -29,8 +29,8 @@ from gateways.mavlink.robot_port import Answered
 from ground.client.requests import CROSSING_NS
 from ground.commands.fence import ClearFence, SetFence
 from ground.commands.mission import JumpTo
-from ground.missions.mission import Fence
-from protocol.wire.enums import MissionState, Mode
+from ground.missions.mission import Fence, MavlinkItem
+from protocol.wire.enums import Command, MissionState, Mode
 from protocol.wire.messages import MissionStatus
 from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError
@@ -54,6 +54,7 @@ STATES: Final = MappingProxyType(
 )
 """The MISSION_STATE of each state. A mission that has failed can be started again."""
 UNDER_WAY: Final = (MissionState.RUNNING, MissionState.HOLDING)
+NEVER_REACHED: Final = (Command.DO_JUMP, Command.DO_CHANGE_SPEED)
 IN_MISSION_MODE: Final = 1
 SUSPENDED: Final = 2
 
@@ -144,6 +145,12 @@ class CurrentItem(MavService):
             fence.id_of(fence.copy.values or ()),
         )
 
+    def is_reached(self, index: int) -> bool:
+        """Return whether an item of the robot, from 0, can be reached."""
+        steps = self._mission.copy.values or ()
+        step = steps[index] if index < len(steps) else None
+        return not isinstance(step, MavlinkItem) or step.command not in NEVER_REACHED
+
     def _is_still_shown(self, status: MissionStatus | None, now_ns: int) -> bool:
         if status is None or status.mission_id != self._of_mission:
             return False
@@ -167,8 +174,8 @@ COPIES: Final = 4
 class ReachedItems(MavService):
     """Sends each item that is reached, after a change of the robot's mission status.
 
-    The robot waits at an item, starts the next one, or has finished the last one. A jump to the
-    next item by another operator looks like the second case.
+    The robot waits at an item, starts another one, or has finished the last one. A jump by another
+    operator looks like the second case. Jumps and changes of speed are not reached.
     """
 
     def __init__(self, vehicle: MavVehicle, current: CurrentItem) -> None:
@@ -201,9 +208,9 @@ class ReachedItems(MavService):
         if status.state == MissionState.DONE and last.state != MissionState.DONE:
             return status.current
         has_jumped = now_ns < self._current.jumped_ns + CROSSING_NS
-        is_next = status.current == last.current + 1
+        has_left = status.current != last.current and self._current.is_reached(last.current)
         was_under_way = last.state in UNDER_WAY and status.state in UNDER_WAY
-        return last.current if is_next and was_under_way and not has_jumped else None
+        return last.current if has_left and was_under_way and not has_jumped else None
 
     def _send(self, now_ns: int) -> None:
         self._copies, self._next_ns = self._copies - 1, now_ns + AGAIN_NS

@@ -27,7 +27,7 @@ from ground.missions.files import Draft
 from ground.missions.mission import Mission
 from ground.robot import Robot
 from ground.station.robot.command_queue import REPLAYED, Ended, JobResult, QueuedCommand
-from ground.station.robot.mission_items import target_of
+from ground.station.robot.mission_items import targets_of
 from ground.station.station import Station
 from protocol.topics import COMMAND
 from protocol.wire.enums import Command, Mode, Severity
@@ -114,7 +114,7 @@ class CommandRunner:
     @property
     def draft_items(self) -> tuple[MapTarget, ...]:
         """The waypoints of the mission draft."""
-        return tuple(map(target_of, self.draft.mission.waypoints))
+        return targets_of(self.draft.mission)
 
     def assist(self, text: str) -> Assistance:
         """Return the completions of a line, verbs that were used often first, and a hint."""

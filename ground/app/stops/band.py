@@ -142,7 +142,9 @@ def is_in_emergency_stop(station: Station) -> bool:
 def lost_in(station: Station, status: NavigatorStatus) -> LostDrive | None:
     """Return the drive that the selected robot has lost."""
     mission: MissionStatus | None = live(station.seen(MISSION))
-    return lost_drive(status, mission, station.mission_items)
+    items = enumerate(station.mission_items, start=1)
+    places = {(item.number or at) - 1: item for at, item in items}
+    return lost_drive(status, mission, places)
 
 
 def awaits(station: Station, status: NavigatorStatus) -> bool:

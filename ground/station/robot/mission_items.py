@@ -5,7 +5,7 @@ from math import radians
 from typing import NamedTuple
 
 from ground.map.scene import Disc, MapTarget, Outline, Shape
-from ground.missions.mission import Circle, Fence, Waypoint
+from ground.missions.mission import Circle, Fence, Mission
 from ground.missions.transfer import MAX_ITEMS, fence_of, waypoints_of
 from protocol.wire.enums import MissionType
 from protocol.wire.messages import MissionClearAll, MissionCount, MissionItemInt, MissionVerdict
@@ -52,7 +52,7 @@ class MissionItems:
         """Show a mission or fence; ignore a malformed one."""
         with suppress(RemoteError):
             if found.kind is MissionType.MISSION:
-                self.mission = tuple(map(target_of, waypoints_of(found.items)))
+                self.mission = targets_of(Mission(waypoints=waypoints_of(found.items)))
             else:
                 self.fence = shape_of(fence_of(found.items))
 
@@ -66,12 +66,15 @@ def shape_of(fence: Fence | None) -> Shape | None:
     return Outline(fence.corners)
 
 
-def target_of(waypoint: Waypoint) -> MapTarget:
-    """Return a waypoint as a target on the map."""
-    heading_deg = waypoint.heading_deg
-    return MapTarget(
-        waypoint.x_m,
-        waypoint.y_m,
-        None if heading_deg is None else radians(heading_deg),
-        waypoint.position_tolerance_m,
+def targets_of(mission: Mission) -> tuple[MapTarget, ...]:
+    """Return the waypoints of a mission as targets on the map."""
+    return tuple(
+        MapTarget(
+            waypoint.x_m,
+            waypoint.y_m,
+            None if waypoint.heading_deg is None else radians(waypoint.heading_deg),
+            waypoint.position_tolerance_m,
+            number,
+        )
+        for number, waypoint in mission.places
     )

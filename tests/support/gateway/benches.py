@@ -35,7 +35,7 @@ from ground.commands.mission import (
 )
 from ground.commands.param import ParameterTable, ShowParameters
 from ground.missions import qgroundcontrol
-from ground.missions.mission import Fence, Mission, Waypoint
+from ground.missions.mission import Fence, Mission, Step, Waypoint
 from ground.missions.transfer import Verdict
 from protocol.wire.enums import MissionState, MissionType, Mode, Vehicle
 from protocol.wire.messages import MissionStatus
@@ -56,7 +56,7 @@ class MissionBench(Bench):
 
     def __init__(self) -> None:
         super().__init__()
-        self.waypoints: tuple[Waypoint, ...] = ()
+        self.waypoints: tuple[Any, ...] = ()
         self.fence: Fence | None = None
         self.mission_id = 0
         self.current = 0
@@ -139,7 +139,7 @@ class MissionBench(Bench):
                 return None
         return TransferOutcome(verdict=Verdict(Reason.NONE, None), done="")
 
-    def _keep(self, waypoints: tuple[Waypoint, ...]) -> Outcome:
+    def _keep(self, waypoints: tuple[Step, ...]) -> Outcome:
         self.waypoints, self.current = waypoints, 0
         self.mission_id += 1 if waypoints else 0
         self.state = MissionState.READY if waypoints else MissionState.NONE
@@ -185,13 +185,14 @@ def messages_of(plan: dict[str, Any]) -> list[MavMessage]:
     """Return the MISSION_ITEM_INTs that a ground station sends for a plan: home first."""
     found = [item_int(0)]
     for seq, item in enumerate(plan["mission"]["items"], start=1):
-        *params, latitude_deg, longitude_deg, _ = [
+        *params, latitude_deg, longitude_deg, up_m = [
             nan if value is None else single(value) if at < 4 else value
             for at, value in enumerate(item["params"])
         ]
         named: dict[str, Any] = {f"param{at}": value for at, value in enumerate(params, start=1)}
-        place = {"x": round(latitude_deg * E7), "y": round(longitude_deg * E7)}
-        found.append(item_int(seq, frame=item["frame"], **place, **named))
+        named |= {"x": round(latitude_deg * E7), "y": round(longitude_deg * E7), "z": single(up_m)}
+        named |= {"command": item["command"], "frame": item["frame"]}
+        found.append(item_int(seq, **named))
     return found
 
 

@@ -7,7 +7,8 @@ import pytest
 
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from ground.commands.mission import FetchMission, JumpTo
-from ground.missions.mission import Home, Waypoint
+from ground.missions.mission import Home, MavlinkItem, Waypoint
+from ground.missions.transfer import items_of, waypoints_of
 from protocol.wire.enums import MissionState, Mode
 from tests.support.gateway.benches import (
     ALL,
@@ -18,10 +19,13 @@ from tests.support.gateway.benches import (
     MissionBench,
     item_int,
     line_of,
+    messages_of,
     of_type,
+    single,
     upload,
 )
 from tests.support.gateway.fake_port import CLIENT, ORIGIN, OTHER, acks, command, command_int, words
+from tests.support.ground.plans import FLAT, plan_of
 
 ACCEPTED, ERROR, UNSUPPORTED, SEQUENCE = 0, 1, 3, 13
 WAYPOINTS = (
@@ -94,6 +98,28 @@ def test_downloaded_mission_can_be_uploaded_again(bench: MissionBench) -> None:
         assert (one.heading_deg, one.hold_s) == (other.heading_deg, other.hold_s)
     again = [(item.seq, item.x, item.y, item.param4) for item in download(bench)]
     assert again == [(item.seq, item.x, item.y, item.param4) for item in items]
+
+
+def fields_of(item: MavMessage) -> list[Any]:
+    """Return all fields of an item but the addressee, as the line carries them."""
+    found = (value for name, value in item.to_dict().items() if not name.startswith("target"))
+    return [single(value) if isinstance(value, float) else value for value in found]
+
+
+def test_items_come_back_as_they_were_sent(bench: MissionBench) -> None:
+    """Through the robot's own items too, which it keeps and sends back."""
+    bench.vehicle.origin = Home(latitude_deg=47.4, longitude_deg=8.5)
+    plan = plan_of(FLAT)
+    plan["mission"]["items"][1]["params"][:4] = [None, None, None, 0]
+    sent = messages_of(plan)
+    sent[2].autocontinue = 0
+    assert upload(bench, sent).results == [ACCEPTED]
+    bench.waypoints = waypoints_of(items_of(bench.waypoints))
+    bench.publish(mission_id=9)
+    _, *back = download(bench)
+    assert len(back) == len(sent) - 1
+    for one, other in zip(sent[1:], back, strict=True):
+        assert repr(fields_of(one)) == repr(fields_of(other))
 
 
 def test_empty_mission_counts_0_and_still_has_home(bench: MissionBench) -> None:
@@ -421,6 +447,17 @@ def states(bench: MissionBench, *steps: tuple[MissionState, int]) -> list[int]:
 def test_each_item_is_reached_once(followed_bench: MissionBench) -> None:
     steps = ((RUNNING, 0), (RUNNING, 1), (HOLDING, 1), (RUNNING, 2), (RUNNING, 3), (DONE, 3))
     assert states(followed_bench, *steps) == [1, 2, 3, 4]
+
+
+def test_jump_of_the_mission_itself_reaches_its_items(followed_bench: MissionBench) -> None:
+    bench = followed_bench
+    jump = MavlinkItem(command=177, frame=2, params=(1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    bench.waypoints = (*bench.waypoints[:2], jump, *bench.waypoints[3:])
+    bench.publish(mission_id=7, state=RUNNING, current=0)
+    download(bench)
+    steps = ((RUNNING, 0), (RUNNING, 1), (RUNNING, 2), (RUNNING, 0), (RUNNING, 2), (RUNNING, 3))
+    assert states(bench, *steps[:4]) == [1, 2]
+    assert states(bench, *steps[4:]) == [1]
 
 
 def test_pause_reaches_nothing(followed_bench: MissionBench) -> None:

@@ -12,7 +12,7 @@ from gateways.mavlink.mav_service import WATCHER
 from gateways.mavlink.mavlink_dialect import MavMessage, MissionCount, mavlink
 from gateways.mavlink.missions.plan_answers import ACCEPTED as PLAN_ANSWERS_ACCEPTED
 from gateways.mavlink.missions.plan_answers import PART_RESULTS, refusal_of
-from gateways.mavlink.missions.plan_items import item_in, usual
+from gateways.mavlink.missions.plan_items import item_in
 from gateways.mavlink.missions.plan_uploads import LAST_REQUESTS, RETRY_NS, TIMEOUT_NS
 from gateways.mavlink.robot_port import Answered
 from ground.client.outcomes import Refused
@@ -282,10 +282,11 @@ def test_mission_without_waypoints_clears(bench: MissionBench, items: int) -> No
     ("fields", "result", "reason"),
     [
         ({"command": 22}, UNSUPPORTED, "command 22 (take off)"),
-        ({"command": 178, "frame": 2}, UNSUPPORTED, "command 178 (change speed)"),
-        ({"command": 20, "frame": 2}, UNSUPPORTED, "command 20 (return to launch)"),
-        ({"command": 17}, UNSUPPORTED, "command 17 (loiter for ever)"),
-        ({"command": 19, "param1": 5.0}, UNSUPPORTED, "command 19 (loiter for a time)"),
+        ({"command": 18, "param1": 3.0}, UNSUPPORTED, "command 18 (loiter in circles)"),
+        ({"command": 19, "param1": 5.0, "x": 0, "y": 0}, PARAM5, "no place of its own"),
+        ({"command": 93, "param1": -1.0, "frame": 2}, PARAM1, "until a time of day"),
+        ({"command": 177, "param1": 1.0, "param2": -1.0, "frame": 2}, PARAM2, "without end"),
+        ({"command": 178, "param2": 0.0, "frame": 2}, PARAM2, "is not a speed above 0"),
         ({"command": 0xFFFF}, UNSUPPORTED, "command 65535 (unknown)"),
         ({"frame": 1}, FRAME, "frame 1"),
         ({"frame": 200}, FRAME, "frame 200"),
@@ -558,16 +559,16 @@ def test_item_of_a_plan_and_of_mavlink_is_the_same_waypoint(
     message = mavlink.MAVLink_mission_item_int_message(1, 1, 1, 3, 16, 0, 1, *carried, x, y, 0.0, 0)
     if not (x or y):
         return
-    assert waypoint_of(usual(item_in(message)), home) == waypoint_of(in_plan, home)
+    assert waypoint_of(item_in(message), home) == waypoint_of(in_plan, home)
 
 
 def test_float_items_are_exact_to_a_metre_only() -> None:
     """MISSION_ITEM has 24 bits for a place: the mission is near, and not the same."""
     bench, plan = MissionBench(), planned(*TOUR, fence=FENCED)
-    exact = qgroundcontrol.read_plan(json.dumps(plan), "tour.plan").mission.waypoints
+    exact = qgroundcontrol.read_plan(json.dumps(plan), "tour.plan").mission
     assert upload(bench, messages_of(plan), form=as_float).results == [0]
-    assert bench.waypoints != exact
-    for one, other in zip(bench.waypoints, exact, strict=True):
+    assert bench.waypoints != exact.waypoints
+    for one, (_, other) in zip(bench.waypoints, exact.places, strict=True):
         assert (one.x_m, one.y_m) == pytest.approx((other.x_m, other.y_m), abs=1.0)
 
 

@@ -137,6 +137,7 @@ def test_left_of_a_robot_that_looks_up_is_west() -> None:
 
 
 ITEMS = (Waypoint(x_m=1.0, y_m=2.0), Waypoint(x_m=6.4, y_m=6.4, heading_deg=45.0))
+PLACES = dict(enumerate(ITEMS))
 
 
 def ended(vehicle: Vehicle = Vehicle.ACTIVE, **changes: object) -> NavigatorStatus:
@@ -284,16 +285,16 @@ def test_mission_continues_at_its_item() -> None:
 
 
 def test_goal_after_a_failed_mission_is_not_the_mission() -> None:
-    assert lost_drive(ended(), mission(current=1), ITEMS) == LostMission(1, 2)
-    assert isinstance(lost_drive(ended(goal_x_m=3.0), mission(current=1), ITEMS), LostGoal)
-    assert isinstance(lost_drive(ended(), mission(current=0), ITEMS), LostGoal)
-    assert isinstance(lost_drive(ended(), mission(reason=Reason.REPLACED), ITEMS), LostGoal)
-    assert isinstance(lost_drive(ended(), mission(MissionState.DONE), ITEMS), LostGoal)
-    assert isinstance(lost_drive(ended(), mission(), ()), LostGoal)
+    assert lost_drive(ended(), mission(current=1), PLACES) == LostMission(1, 2)
+    assert isinstance(lost_drive(ended(goal_x_m=3.0), mission(current=1), PLACES), LostGoal)
+    assert isinstance(lost_drive(ended(), mission(current=0), PLACES), LostGoal)
+    assert isinstance(lost_drive(ended(), mission(reason=Reason.REPLACED), PLACES), LostGoal)
+    assert isinstance(lost_drive(ended(), mission(MissionState.DONE), PLACES), LostGoal)
+    assert isinstance(lost_drive(ended(), mission(), {}), LostGoal)
 
 
 def test_mission_that_waited_at_an_item_is_lost_too() -> None:
-    assert lost_drive(ended(goal=GoalState.REACHED), mission(), ITEMS) == LostMission(1, 2)
+    assert lost_drive(ended(goal=GoalState.REACHED), mission(), PLACES) == LostMission(1, 2)
 
 
 def test_return_is_continued_as_a_return() -> None:
@@ -305,10 +306,10 @@ def test_return_is_continued_as_a_return() -> None:
 
 
 def test_goal_without_a_heading_stays_without_one() -> None:
-    found = lost_drive(ended(goal_heading_rad=nan), None, ())
+    found = lost_drive(ended(goal_heading_rad=nan), None, {})
     assert found == LostGoal(Destination(x_m=6.4, y_m=6.4, heading_rad=None), is_auto=False)
     assert str(found) == "6.40 6.40"
-    assert lost_drive(ended(goal_x_m=nan), None, ()) is None
+    assert lost_drive(ended(goal_x_m=nan), None, {}) is None
 
 
 GOAL = destination([1.0, 2.0, 90.0])

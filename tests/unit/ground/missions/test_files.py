@@ -66,13 +66,13 @@ def test_a_waypoint_of_qgroundcontrol_is_one_of_ours() -> None:
 @each(("yaw_deg", "heading_deg"), [(None, None), (0, None), (360, 90.0), (90, 0.0), (-90, 180.0)])
 def test_yaw_of_zero_means_no_heading(yaw_deg: float | None, heading_deg: float | None) -> None:
     text = plan(simple(16, 0, 0, 0, yaw_deg, 47.4, 8.5001, 0))
-    assert qgroundcontrol.read_plan(text, "").mission.waypoints[1].heading_deg == heading_deg
+    assert qgroundcontrol.read_plan(text, "").mission.places[1][1].heading_deg == heading_deg
 
 
 @each(
     ("item", "why"),
     [
-        (simple(22, 0, 0, 0, 0, 47.4, 8.5, 10), "item 2: command 22 (take off): the robot only"),
+        (simple(22, 0, 0, 0, 0, 47.4, 8.5, 10), "item 2: command 22 (take off): the robot"),
         (simple(4711, 0, 0, 0, 0, 0, 0, 0), "command 4711 (unknown)"),
         (simple(16, 0, 0, 0, 0, 47.4, 8.5, 0, frame=2), "frame 2"),
         (simple(16, 0, 0, 0, 0, 47.4, 8.5), "has 6 parameters"),
@@ -81,7 +81,16 @@ def test_yaw_of_zero_means_no_heading(yaw_deg: float | None, heading_deg: float 
         (simple(16, 0, 0, 0, 0, 95, 8.5, 0), "is not a latitude"),
         (simple(16, 0, 0, 0, 0, 47.4, 181, 0), "is not a latitude"),
         (simple(16, 0, 0, 0, 0, 57.4, 8.5, 0), "y_m 1.11319e+06: expected"),
-        (simple(16, 0, 2.0, 0, 0, 47.4, 8.5, 0), "position_tolerance_m 2: expected"),
+        (simple(16, 0, 0.001, 0, 0, 47.4, 8.5, 0), "position_tolerance_m 0.001: expected"),
+        (simple(18, 2, 0, 5, 0, 47.4, 8.5, 0), "command 18 (loiter in circles)"),
+        (simple(19, 5, 0, 0, 0, 0, 0, 0), "it has no place of its own"),
+        (simple(93, -1, 12, 30, 0, 0, 0, 0), "param1 -1 (wait until a time of day)"),
+        (simple(177, 1, -1, 0, 0, 0, 0, 0), "param2 -1: a jump without end is not driven"),
+        (simple(177, 0, 1, 0, 0, 0, 0, 0), "param1 0: a jump leads to an item from 1 on"),
+        (simple(177, 7, 1, 0, 0, 0, 0, 0), "item 2: jumps to an item that is not there"),
+        (simple(178, 2, 1, 0, 0, 0, 0, 0), "param1 2: only the ground speed"),
+        (simple(178, 1, 0, 0, 0, 0, 0, 0), "param2 0: is not a speed"),
+        (simple(178, 1, 1, 60, 0, 0, 0, 0), "param3 60 (throttle)"),
         (simple(16, 0, 0, 5, 0, 47.4, 8.5, 0), "param3 5"),
         (simple(16, -3, 0, 0, 0, 47.4, 8.5, 0), "hold_s -3"),
         ({"type": "ComplexItem", "complexItemType": "survey"}, "item 2: ComplexItem survey"),
@@ -117,7 +126,7 @@ def test_without_a_home_it_is_asked_for(home: object) -> None:
     text = json.dumps(PLAN | {"mission": mission})
     assert "need a home: --home LATITUDE LONGITUDE" in refusal(text)
     found = qgroundcontrol.read_plan(text, "", home=home_at(47.4, 8.5)).mission
-    assert found.waypoints[0].y_m == 1.1118
+    assert found.places[0][1].y_m == 1.1118
 
 
 @each("text", ["", "{", "[]", "3", '{"fileType": "Mission"}', "[" * 100_000])
@@ -202,8 +211,8 @@ def test_items_in_the_robot_s_own_frame_need_no_home() -> None:
 
 def same(one: Mission, other: Mission) -> bool:
     """But for whole turns of the headings."""
-    pairs = list(zip(one.waypoints, other.waypoints, strict=True))
-    return all(same_waypoint(a, b) for a, b in pairs)
+    pairs = list(zip(one.places, other.places, strict=True))
+    return all(same_waypoint(a, b) for (_, a), (_, b) in pairs)
 
 
 def same_waypoint(one: Waypoint, other: Waypoint) -> bool:
@@ -269,7 +278,7 @@ def test_data_a_format_cannot_store_is_reported(tmp_path: Path) -> None:
     assert read(tmp_path / "m.toml").mission == mission
     assert write(tmp_path / "m.plan", mission) == ("the heading tolerance of waypoint 1",)
     assert write(tmp_path / "m.waypoints", mission)[-1] == "the fence"
-    assert read(tmp_path / "m.waypoints").mission.waypoints[0].x_m == 1.0
+    assert read(tmp_path / "m.waypoints").mission.places[0][1].x_m == 1.0
 
 
 def test_a_foreign_file_is_not_written_without_a_home(tmp_path: Path) -> None:
@@ -333,7 +342,7 @@ def test_file_defines_places_tolerances_and_hold_times() -> None:
 
 
 def test_a_waypoint_without_a_heading_may_end_at_any() -> None:
-    assert read_toml("[[waypoint]]\nx_m = 1\ny_m = 2", "").waypoints[0].heading_deg is None
+    assert read_toml("[[waypoint]]\nx_m = 1\ny_m = 2", "").places[0][1].heading_deg is None
 
 
 def test_corners_make_a_fence_too() -> None:
