@@ -401,6 +401,17 @@ def test_a_setting_that_cannot_be_is_named(
     assert "Traceback" not in done.said
 
 
+def test_number_of_robots_is_that_of_their_drives_and_recorders(refusing: Compose) -> None:
+    refusing.settings = {"ROBOTS": "3"}
+    found = refusing.tries("--profile", "*", "config", "--format", "json")
+    assert found.code == 0, found.said
+    services = json.loads(found.said)["services"]
+    counts = {name: one["deploy"]["replicas"] for name, one in services.items() if "deploy" in one}
+    assert counts == {"robot": 3, "drive": 3, "record": 3}
+    for name in ("plant", "mavlink"):
+        assert "--robots=3" in services[name]["entrypoint"]
+
+
 def test_a_port_that_is_taken_is_named(refusing: Compose) -> None:
     with closing(socket.socket()) as taken:
         taken.bind(("127.0.0.1", 0))

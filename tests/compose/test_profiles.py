@@ -25,19 +25,16 @@ SERVICES: Final = ("router", "plant", "robot", "web")
 OPEN_DOOR: Final = ("--connect", "tcp/router:7447")
 SOON_S: Final = 60.0
 ARRIVE_S: Final = 180.0
-DRIVE: Final = ("--profile", "fleet", "up", "-d", "--no-build", "--no-deps", "drive")
+DRIVE: Final = ("--profile", "fleet", "up", "-d", "--no-build", "--no-deps")
+TWO_OF: Final = "--scale={}=2"
 
 
 @pytest.fixture(scope="module")
 def fleet(image: str) -> Iterator[Compose]:
     """Start two robots with a recorder each and a gateway, all with keys of their own."""
-    settings = {
-        "ROBOTS": "2",
-        "WORLD": "open",
-        "MAVLINK_PORT": str(free_port(socket.SOCK_DGRAM)),
-    }
+    settings = {"WORLD": "open", "MAVLINK_PORT": str(free_port(socket.SOCK_DGRAM))}
     with project(image, "secure", "mavlink", "record", settings=settings) as compose:
-        compose.up()
+        compose.up(TWO_OF.format("robot"), TWO_OF.format("record"))
         yield compose
 
 
@@ -71,7 +68,7 @@ def test_restarted_robot_keeps_its_name(fleet: Compose) -> None:
 @pytest.fixture(scope="module")
 def under_way(fleet: Compose) -> None:
     """Set all robots off to their goals; the next tests, which change nothing, do not wait."""
-    fleet.does(*DRIVE)
+    fleet.does(*DRIVE, TWO_OF.format("drive"), "drive")
 
 
 @pytest.mark.usefixtures("under_way")

@@ -74,6 +74,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="number of robots (default 1)",
     )
     parser.add_argument(
+        "--counted",
+        metavar="NAME",
+        help="name that resolves to the addresses of all robots, which are counted: there are so"
+        " many, or --robots if that is more",
+    )
+    parser.add_argument(
         "--users",
         type=whole(1, MAX_USER),
         metavar="U",
@@ -160,15 +166,15 @@ def words_of(options: argparse.Namespace, place: RobotNumber) -> list[str]:
 
 
 def place_of(options: argparse.Namespace, lookup: Addresses) -> RobotNumber:
-    """Return the number of this container; UserError if it exceeds the number of robots."""
+    """Return the number of this container, and of the robots as far as it needs to know them.
+
+    Start and goal of a robot do not depend on those after it, so a replica need not count them.
+    """
     if not options.words:
         raise UserError("the verb is missing, as in: sidestep run container --robots 2 run plant")
     number = 1 if options.replica is None else number_of(options.replica, lookup)
-    if number > options.robots:
-        raise UserError(
-            f"this is container {number}, but --robots is {options.robots}: increase ROBOTS"
-        )
-    return RobotNumber(number, options.robots)
+    counted = 0 if options.counted is None else len(lookup(options.counted))
+    return RobotNumber(number, max(options.robots, number, counted))
 
 
 def number_of(stem: str, lookup: Addresses) -> int:

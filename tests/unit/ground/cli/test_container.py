@@ -24,6 +24,7 @@ NAMES = {
     socket.gethostname(): {HERE, "172.20.0.9"},
     "sidestep-robot-1": {"172.19.0.3"},
     "sidestep-robot-2": {HERE},
+    "robot": {"172.19.0.3", HERE},
 }
 SECOND = ("--replica", "sidestep-robot-", "--robots", "2")
 
@@ -75,9 +76,17 @@ def test_the_plant_carries_as_many_as_there_are() -> None:
     assert after(became("--robots", "3", "plant"), "--robots") == ["r1,r2,r3"]
 
 
-def test_a_robot_more_than_there_are_is_refused() -> None:
-    with pytest.raises(UserError, match="this is container 2, but --robots is 1: increase ROBOTS"):
-        became("--replica", "sidestep-robot-", "robot")
+def test_plant_counts_the_robots_of_compose() -> None:
+    for words, names in (((), "r1,r2"), (("--robots", "3"), "r1,r2,r3")):
+        assert after(became("--counted", "robot", *words, "plant"), "--robots") == [names]
+
+
+def test_replica_need_not_be_told_how_many_robots_there_are() -> None:
+    found = became("--replica", "sidestep-robot-", "robot")
+    assert after(found, "--id") == ["r2"]
+    assert after(found, "--start", 3) == after(became(*SECOND, "robot"), "--start", 3)
+    places = after(became(*SECOND, "--robots", "9", "robot"), "--start", 3)
+    assert after(found, "--start", 3) == places
 
 
 def test_plant_gets_world_noise_and_seed() -> None:
