@@ -68,8 +68,6 @@ def _check_clear(report: WorldReport, floor: ObstacleFloor, what: str, point: Po
         report.add((what,), reason, f"keep {what} at least {floor.radius_m:g} m away from it")
 
 
-GAP_M: Final = 0.36
-"""Wider than the avoidance zone (0.30 m), so that neighbours do not block each other."""
 ROOM_M: Final = 0.02
 MAX_START_PLACE: Final = 50
 RANKS: Final = (0, -1, 1, -2, 2, -3, 3)
@@ -99,7 +97,7 @@ def _free_places(world: World, body: Body) -> Iterator[Pose]:
     for rank, place in ((rank, place) for rank in RANKS for place in _from_the_middle()):
         if (rank, place) == (0, 0):
             continue
-        ahead_m, left_m = (number * (2.0 * body.radius_m + GAP_M) for number in (rank, place))
+        ahead_m, left_m = (number * (2.0 * body.radius_m + start.gap_m) for number in (rank, place))
         along, across = cos(start.heading_rad), sin(start.heading_rad)
         x_m = start.x_m + ahead_m * along - left_m * across
         y_m = start.y_m + ahead_m * across + left_m * along
@@ -142,7 +140,7 @@ def goals(world: World, body: Body, starts: Sequence[Pose], goal: Point) -> list
     The other goals are visible from it and apart from each other. Robots without a free place share
     `goal`.
     """
-    pitch_m = 2.0 * body.radius_m + GAP_M
+    pitch_m = 2.0 * body.radius_m + world.start.gap_m
     floor = _FleetFloor(world, body.radius_m + ROOM_M)
     first_x_m, first_y_m, heading_rad = starts[0]
     found = [RobotGoal(*goal, shifted=True)]

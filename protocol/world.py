@@ -39,13 +39,21 @@ def bad_name(name: str) -> str:
     return ""
 
 
+ROBOT_GAP_M: Final = 0.36
+"""Wider than the avoidance zone (0.30 m), so that neighbours do not block each other."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Start:
-    """Start pose of the robot."""
+    """Start pose of the robot; `gap_m` is free between robots that start beside each other.
+
+    As much is free between their goals.
+    """
 
     x_m: float
     y_m: float
     heading_rad: float = 0.0
+    gap_m: float = ROBOT_GAP_M
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,11 +155,17 @@ def tables_of(world: World, in_degrees: Callable[[float], float]) -> dict[str, A
     The heading of a goal is None if any will do.
     """
     start, goal = world.start, world.goal
+    gap = {} if start.gap_m == ROBOT_GAP_M else {"gap_m": start.gap_m}
     return {
         "name": world.name,
         "size_m": list(world.size_m),
         "walls": world.walls,
-        "start": {"x_m": start.x_m, "y_m": start.y_m, "heading_deg": in_degrees(start.heading_rad)},
+        "start": {
+            "x_m": start.x_m,
+            "y_m": start.y_m,
+            "heading_deg": in_degrees(start.heading_rad),
+            **gap,
+        },
         "goal": {
             "x_m": goal.x_m,
             "y_m": goal.y_m,
@@ -229,6 +243,7 @@ def _start(start: Mapping[str, Any]) -> Start:
         x_m=_number(start["x_m"]),
         y_m=_number(start["y_m"]),
         heading_rad=radians(_number(start["heading_deg"])),
+        gap_m=_number(start.get("gap_m", ROBOT_GAP_M)),
     )
 
 

@@ -6,6 +6,7 @@ from typing import Final, NamedTuple, TypeAlias
 
 from plant.corpus.draft import RIM_M, ShapeFrame, WorldDraft, any_angle, thickness
 from plant.model.draws import Draws
+from protocol.ring import RADIUS_M
 from protocol.world import Obstacle, Point
 from runtime.elementary import cos, sin
 
@@ -97,30 +98,39 @@ def office_draft(random: Draws, plan: Plan, start: Cell, goal: Cell) -> WorldDra
     return WorldDraft(site.size_m, from_m, to_m, (*site.shell, *inner))
 
 
-APRON_M: Final = 4.2
+FLEET_GAP_M: Final = 0.96
+"""Free between robots at their starts and goals.
+
+After a drive of 13 m, dead reckoning is wrong by 0.2 to 0.4 m sideways. With this gap, robots that
+have arrived still leave a way between them, and no goal is under another robot or beyond a wall.
+"""
+PITCH_M: Final = 2.0 * RADIUS_M + FLEET_GAP_M
+APRON_M: Final = round(5 * PITCH_M + 0.3, 2)
 """Free floor on both sides of the shelves, where five ranks of robots fit."""
+HALL_M: Final = round(21 * PITCH_M + 0.6, 2)
+"""Width, so that a rank has 21 robots."""
 
 
 def warehouse(random: Draws) -> WorldDraft:
     """Draw rows of shelves between two aprons, with room for a hundred robots on each of them.
 
-    Aisles are 1.6 to 2.2 m wide. One or two cross aisles divide the rows.
+    Aisles are 1.6 to 2.2 m wide, the outermost up to twice as wide. A cross aisle divides the rows.
     """
     aisle_m, depth_m = round(random.uniform(1.6, 2.2), 2), round(random.uniform(0.4, 0.7), 2)
     shelf_m, cross_m = round(random.uniform(2.0, 3.0), 2), round(random.uniform(1.6, 2.2), 2)
-    rows, blocks = random.randint(6, 8), random.randint(2, 3)
-    wide_m = round(rows * (aisle_m + depth_m) + aisle_m, 2)
-    long_m = round(2.0 * APRON_M + blocks * (shelf_m + cross_m) - cross_m, 2)
-    frame = ShapeFrame((APRON_M, aisle_m), 0.0)
-    shelves = []
-    for row in range(rows):
-        low_m = row * (aisle_m + depth_m)
-        for block in range(blocks):
-            left_m = block * (shelf_m + cross_m)
-            shelves.append(frame.box(left_m, low_m, left_m + shelf_m, low_m + depth_m))
-    middle_m = round(wide_m / 2.0, 3)
+    rows = int((HALL_M - aisle_m) / (aisle_m + depth_m))
+    first_m = round((HALL_M - rows * (aisle_m + depth_m) + aisle_m) / 2.0, 3)
+    long_m = round(2.0 * (APRON_M + shelf_m) + cross_m, 2)
+    frame = ShapeFrame((APRON_M, first_m), 0.0)
+    lows_m = [row * (aisle_m + depth_m) for row in range(rows)]
+    shelves = tuple(
+        frame.box(left_m, low_m, left_m + shelf_m, low_m + depth_m)
+        for low_m in lows_m
+        for left_m in (0.0, shelf_m + cross_m)
+    )
+    middle_m = HALL_M / 2.0
     start, goal = (APRON_M / 2.0, middle_m), (round(long_m - APRON_M / 2.0, 3), middle_m)
-    return WorldDraft((long_m, wide_m), start, goal, tuple(shelves))
+    return WorldDraft((long_m, HALL_M), start, goal, shelves)
 
 
 def _wall_with_door(

@@ -209,7 +209,7 @@ def _fleet_world(random: Draws, family: str, name: str, seed: int) -> World | No
     world = World(
         name=name,
         size_m=draft.size_m,
-        start=Start(x_m=draft.start[0], y_m=draft.start[1], heading_rad=0.0),
+        start=Start(x_m=draft.start[0], y_m=draft.start[1], gap_m=buildings.FLEET_GAP_M),
         goal=GoalPose(x_m=draft.goal[0], y_m=draft.goal[1]),
         obstacles=draft.obstacles,
     )

@@ -16,6 +16,7 @@ from plant.world.table import COORDINATE, HUGE, FileTable, NumberLimits, type_na
 from protocol.ring import RADIUS_M
 from protocol.world import (
     MAX_OBSTACLES,
+    ROBOT_GAP_M,
     WALL_THICKNESS_M,
     GoalPose,
     Obstacle,
@@ -309,9 +310,11 @@ EXAMPLES: Final = {
     "fault": '[{ kind = "sonar_dead", target = "3" }]',
     "corpus": '{ family = "u_trap", seed = 1, shortest_path_m = 5.2 }',
 }
-START: Final = {"x_m": "0.6", "y_m": "2.0", "heading_deg": "0.0"}
-GOAL: Final = {**START, "position_tolerance_m": "0.05", "heading_tolerance_deg": "3.0"}
+POSE: Final = {"x_m": "0.6", "y_m": "2.0", "heading_deg": "0.0"}
+START: Final = {**POSE, "gap_m": f"{ROBOT_GAP_M}"}
+GOAL: Final = {**POSE, "position_tolerance_m": "0.05", "heading_tolerance_deg": "3.0"}
 SIZE: Final = NumberLimits(0.5, 100.0, "m")
+GAP: Final = NumberLimits(0.0, 10.0, "m")
 HEADING: Final = NumberLimits(-360.0, 360.0, "degrees")
 POSITION_TOLERANCE: Final = NumberLimits(0.001, 2.0, "m")
 HEADING_TOLERANCE: Final = NumberLimits(0.1, 180.0, "degrees")
@@ -367,7 +370,10 @@ def _start(table: FileTable, report: WorldReport) -> Start | None:
     start = FileTable(raw, ("start",), START, report)
     x_m, y_m = start.number("x_m", COORDINATE), start.number("y_m", COORDINATE)
     heading_deg = start.number("heading_deg", HEADING, default=0.0)
-    return Start(x_m=x_m, y_m=y_m, heading_rad=radians(heading_deg)) if start.sound else None
+    gap_m = start.number("gap_m", GAP, default=ROBOT_GAP_M)
+    if not start.sound:
+        return None
+    return Start(x_m=x_m, y_m=y_m, heading_rad=radians(heading_deg), gap_m=gap_m)
 
 
 def _goal(table: FileTable, report: WorldReport) -> GoalPose | None:

@@ -1,5 +1,6 @@
 """Places of starts and goals, for a fleet and for a run that begins elsewhere."""
 
+from dataclasses import replace
 from itertools import combinations, pairwise
 from math import acos, dist, hypot, inf, isclose, nan, pi, sqrt
 from time import thread_time
@@ -353,6 +354,15 @@ def test_several_robots_start_side_by_side_with_a_gap() -> None:
     ]
     assert {place[2] for place in places} == {pi / 2}
     assert min(dist(a[:2], b[:2]) for a, b in combinations(places, 2)) > 2.0 * 0.12
+
+
+def test_world_may_ask_for_a_wider_gap_between_starts_and_goals() -> None:
+    world = room(start=(1.0, 2.0, 0.0))
+    world = replace(world, start=replace(world.start, gap_m=0.96))
+    places = starts(world, Body(), 3)
+    assert [place[1] for place in places] == pytest.approx([2.0, 3.2, 0.8])
+    ends_at = goals(world, Body(), places, (3.0, 2.0))
+    assert [one.y_m for one in ends_at] == pytest.approx([2.0, 3.2, 0.8])
 
 
 def test_start_places_in_walls_and_obstacles_are_skipped() -> None:

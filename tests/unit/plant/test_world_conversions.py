@@ -22,6 +22,7 @@ from protocol.world import (
     WorldCircle,
     WorldPolygon,
     as_json,
+    world_in,
 )
 from tests.support.each import each
 from tests.support.plant import GOOD, Bad, assert_told, more, with_line
@@ -162,6 +163,14 @@ def test_toml_starts_with_the_comment_and_is_readable() -> None:
     assert lines[:3] == ["# What it shows.", "# And why.", 'name = "test"']
     assert "start = { x_m = 0.6, y_m = 2.0, heading_deg = 90.0 }" in lines
     assert "circle_m = { x = 4.0, y = 3.0, radius = 0.25 }" in lines
+
+
+def test_gap_between_robots_is_written_only_if_it_is_not_the_usual_one() -> None:
+    assert "gap_m" not in dumps(loads(GOOD))
+    world = loads(GOOD.replace("heading_deg = 90.0", "heading_deg = 90.0, gap_m = 1.5"))
+    assert world.start.gap_m == 1.5
+    assert loads(dumps(world)) == world
+    assert world_in(as_json(world, None)).start.gap_m == 1.5
 
 
 def test_free_heading_is_omitted() -> None:

@@ -243,6 +243,11 @@ BAD = [
         start("{ x_m = 0.6, y_m = 2.0, heading_deg = 5000 }"),
         "3 start.heading_deg: 5000 is out of range -> -360 to 360 degrees",
     ),
+    Bad(
+        "a gap below zero",
+        start("{ x_m = 0.6, y_m = 2.0, gap_m = -0.1 }"),
+        "3 start.gap_m: -0.1 is out of range -> 0 to 10 m",
+    ),
 ]
 
 
