@@ -17,14 +17,14 @@ the robot stops by itself after its `op_lost_ms`, by default 1.5 s.
 
 import asyncio
 from collections import deque
-from collections.abc import AsyncIterator, Callable, Coroutine, Mapping
-from contextlib import AsyncExitStack, asynccontextmanager
+from collections.abc import AsyncGenerator, AsyncIterator, Callable, Coroutine, Mapping
+from contextlib import AsyncExitStack, aclosing, asynccontextmanager
 from dataclasses import replace
 from enum import IntEnum
 from functools import partial
 from math import nan, radians
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final, TypeAlias, TypeVar
 
 from msgspec import structs
 
@@ -139,6 +139,9 @@ M = TypeVar("M", bound=Message)
 R = TypeVar("R", bound=Request)
 E = TypeVar("E", bound=IntEnum)
 Out = TypeVar("Out", bound=Outcome)
+Speeds: TypeAlias = AsyncGenerator[tuple[float, float], None]
+"""Speeds of a drive by hand, in m/s and rad/s."""
+
 RETRY_NS: Final = 2 * NS_PER_S
 """Time within which causes of a refusal are removed."""
 END_NS: Final = 300 * NS_PER_MS
@@ -510,13 +513,29 @@ class Robot(RobotLink):
         within(turn_deg_s, -FASTEST_DEG_S, FASTEST_DEG_S, "turn", "deg/s")
         if for_s is not None:
             within(for_s, 0.0, LONGEST_S, "time", "s")
+
+        async def constant() -> Speeds:
+            began_ns = self.clock.now_ns()
+            while for_s is None or self.clock.now_ns() - began_ns < for_s * NS_PER_S:
+                due_ns = self.clock.now_ns() + TICK_NS
+                yield speed_m_s, radians(turn_deg_s)
+                await self.sleep_until(due_ns)
+
+        return await self.steer(constant())
+
+    async def steer(self, speeds: Speeds) -> DriveEnded | Refused:
+        """Drive by hand in MANUAL by speeds (m/s, rad/s) as they come, until there are no more.
+
+        At least every 200 ms one must come. It ends as `drive` does.
+        """
         stick = TeleopSender(self.bus, self.name, self.clock)
 
         async def follow(drive: Drive) -> DriveEnded:
             self._stick = stick
             await self.in_own_thread(stick.open)
             watch = DriveWatch(drive.request_id, self.bus.operator or "", self.clock.now_ns())
-            why = await self._steer(stick, watch, speed_m_s, radians(turn_deg_s), for_s)
+            async with aclosing(speeds):
+                why = await self._steer(stick, watch, speeds)
             if watch.is_seized:  # the drive is that of the other person now
                 return DriveEnded(why)
             answer = await finish(self._end(drive, hold))
@@ -542,25 +561,16 @@ class Robot(RobotLink):
         await self._end(drive, partial(self._mode_request, Mode.HOLD))
         return armed
 
-    async def _steer(
-        self,
-        stick: TeleopSender,
-        watch: DriveWatch,
-        speed_m_s: float,
-        turn_rad_s: float,
-        for_s: float | None,
-    ) -> str:
-        """Return why it ended early; empty if the time was up.
+    async def _steer(self, stick: TeleopSender, watch: DriveWatch, speeds: Speeds) -> str:
+        """Return why it ended early; empty if there were no more speeds.
 
         A drive that is lost sends nothing more.
         """
-        heartbeat, began_ns = HeartbeatTimer(), self.clock.now_ns()
+        heartbeat = HeartbeatTimer()
         with self.subscribed(STATUS, LEASE) as telemetry:
-            while True:
+            async for speed_m_s, turn_rad_s in speeds:
                 self.check_open()
                 now_ns = self.clock.now_ns()
-                if for_s is not None and now_ns - began_ns >= for_s * NS_PER_S:
-                    return ""
                 if why := (lost := watch.lost(telemetry.latest, now_ns)):
                     return why
                 newest = telemetry.latest(STATUS)
@@ -568,7 +578,7 @@ class Robot(RobotLink):
                     self.lease.attend()
                 if lost is None:
                     stick.drive(speed_m_s, turn_rad_s)
-                await self.sleep_until(now_ns + TICK_NS)
+        return ""
 
     async def drive_until(
         self,

@@ -1,8 +1,8 @@
-"""What one robot offers as a ROS 2 node: its topics, and in the course of it all else."""
+"""What one robot offers as a ROS 2 node: its topics, services and parameters."""
 
 import asyncio
 import time
-from collections.abc import Coroutine, Mapping
+from collections.abc import Callable, Coroutine, Mapping
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -12,18 +12,24 @@ from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__String as String
 
 from gateways.ros2 import telemetry
 from gateways.ros2.node import RosNode, RosSession
+from gateways.ros2.parameters import ParameterServices
+from gateways.ros2.report import INFO, Reporter, level_of
+from gateways.ros2.services import RobotServices
+from gateways.ros2.velocity import VelocityCommands
 from gateways.ros2.wire import LATCHED, SENSOR_DATA, Qos
 from ground.client.robot_link import RobotLink, finish
 from ground.robot import Robot
-from protocol.topics import CLOCK, ODOMETRY, SONAR, WHEELS
+from protocol.topics import CLOCK, LEASE, ODOMETRY, SONAR, STATUS, TEXT, WHEELS
+from protocol.wire.statustext import StatustextAssembler
 from runtime.errors import RemoteError
-from runtime.units import NS_PER_S, NS_PER_US
+from runtime.units import NS_PER_MS, NS_PER_US
 
 NODE: Final = "sidestep"
 OPERATOR: Final = "ros2"
 """The name that other operators see."""
 
 TF: Final = Qos(depth=100)
+SILENT_NS: Final = 1500 * NS_PER_MS
 PARAMETERS_S: Final = 5.0
 """Time between two looks at the parameters of the robot, which others may change."""
 
@@ -40,11 +46,33 @@ class FaceSettings:
 class RobotFace:
     """One robot as the node `sidestep` in its namespace."""
 
-    def __init__(self, robot: Robot, session: RosSession, settings: FaceSettings) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        session: RosSession,
+        settings: FaceSettings,
+        note: Callable[[str], None] = lambda _: None,
+    ) -> None:
         self.robot, self.settings = robot, settings
         self.node = node = RosNode(session, settings.namespace, NODE)
         self.clock = telemetry.RosClock()
         self.geometry = telemetry.Geometry()
+        self.limits = (0.0, 0.0)
+        """The fastest speed (m/s) and turn (rad/s), once the parameters are known."""
+
+        self.report = Reporter(node, robot.clock.now_ns, lambda text: note(f"{robot.name}: {text}"))
+        self._read_only = settings.read_only
+        self._services = RobotServices(node, robot, self.is_ready, read_only=self._read_only)
+        self._parameters = ParameterServices(
+            node,
+            robot,
+            self.clock.now,
+            lambda: self.clock.is_simulated,
+            read_only=self._read_only,
+        )
+        self.velocity = VelocityCommands(robot, self.clock, self.report, lambda: self.limits)
+        if not self._read_only:
+            self._take_commands()
         self._reader = telemetry.WheelReader()
         self._wheels: telemetry.WheelState | None = None
         self._odom = node.publisher("odom", "nav_msgs/msg/Odometry")
@@ -63,11 +91,26 @@ class RobotFace:
             "/clock", "rosgraph_msgs/msg/Clock", Qos(depth=1, is_reliable=False)
         )
 
+    def _take_commands(self) -> None:
+        node, velocity = self.node, self.velocity
+        node.subscribe("cmd_vel", "geometry_msgs/msg/Twist", velocity.take)
+        node.subscribe("cmd_vel", "geometry_msgs/msg/TwistStamped", velocity.take_stamped)
+
+    def is_ready(self) -> bool:
+        """Return whether fresh telemetry of the robot arrives, with its pose."""
+        now_ns = self.robot.clock.now_ns()
+        newest = (self.robot.streams.latest(topic) for topic in (STATUS, ODOMETRY))
+        return all(one is not None and now_ns - one[1] < SILENT_NS for one in newest)
+
     async def run(self) -> None:
         """Present the robot until this is cancelled."""
-        async with asyncio.TaskGroup() as tasks:
-            for work in self._works():
-                tasks.create_task(work)
+        self.report.log(INFO, f"{self.robot.name} is here")
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                for work in self._works():
+                    tasks.create_task(work)
+        finally:
+            await finish(self.velocity.end())
 
     def _works(self) -> list[Coroutine[Any, Any, None]]:
         return [
@@ -75,7 +118,9 @@ class RobotFace:
             self._follow_sonar(),
             self._follow_wheels(),
             self._follow_clock(),
+            self._follow_texts(),
             self._follow_parameters(),
+            self._diagnose(),
         ]
 
     def stamp(self, stamp_ns: int) -> int:
@@ -117,13 +162,42 @@ class RobotFace:
         shown: telemetry.Geometry | None = None
         while True:
             try:
-                values = {one.name: one.value for one in await self.robot.parameters.fetch()}
+                values = {
+                    name: one.value for name, one in (await self._parameters.refresh()).items()
+                }
             except RemoteError:
                 values = {}
-            if values and (geometry := telemetry.Geometry.of(values)) != shown:
-                shown = self.geometry = geometry
-                self._show_geometry()
-            await self.robot.sleep_until(self.robot.clock.now_ns() + round(PARAMETERS_S * NS_PER_S))
+            if values:
+                self.limits = values.get("v_max_m_s", 0.0), values.get("yaw_max_rad_s", 0.0)
+                geometry = telemetry.Geometry.of(values)
+                if geometry != shown:
+                    shown = self.geometry = geometry
+                    self._show_geometry()
+            await asyncio.sleep(PARAMETERS_S)
+
+    async def _follow_texts(self) -> None:
+        """Log the robot's own texts."""
+        assembler = StatustextAssembler()
+        async for piece in self.robot.stream(TEXT):
+            if text := assembler.receive(piece):
+                self.report.log(level_of(piece.severity), text)
+
+    async def _diagnose(self) -> None:
+        """Publish the state of the robot once a second."""
+        while True:
+            await asyncio.sleep(1.0)
+            now_ns, latest = self.robot.clock.now_ns(), self.robot.streams.latest
+            is_fresh = self.is_ready()
+            status, pose, lease = latest(STATUS), latest(ODOMETRY), latest(LEASE)
+            robot = self.report.vehicle(
+                status[0] if status and is_fresh else None,
+                pose[0] if pose else None,
+                lease[0] if lease else None,
+            )
+            rejected = self.node.session.rejected
+            text = f"{rejected} malformed messages dropped" if rejected else "ok"
+            link = self.report.part(0, "ros2", text, rejected=rejected)
+            self.report.diagnose(robot, self.velocity.part(now_ns), link)
 
     def _show_geometry(self) -> None:
         self._tf_static.publish(telemetry.static_transforms(self.geometry, 0))
@@ -131,7 +205,10 @@ class RobotFace:
 
 
 async def present(
-    link: RobotLink, session: RosSession, settings: Mapping[str, FaceSettings]
+    link: RobotLink,
+    session: RosSession,
+    settings: Mapping[str, FaceSettings],
+    note: Callable[[str], None],
 ) -> None:
     """Present robots until this is cancelled; then their drives end, and the nodes leave."""
     async with AsyncExitStack() as stack:
@@ -142,7 +219,7 @@ async def present(
             robot = Robot(link.bus, common, OPERATOR, clock=link.clock)
             stack.push_async_callback(closed, robot)
             await robot.open()
-            faces.append(RobotFace(robot, session, one))
+            faces.append(RobotFace(robot, session, one, note))
         session.start()
         async with asyncio.TaskGroup() as tasks:
             for face in faces:

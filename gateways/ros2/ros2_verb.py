@@ -98,7 +98,7 @@ def run(options: argparse.Namespace, output: Output) -> int:
 
         async def serve() -> None:
             session = node.RosSession(interfaces.Interfaces(distro), config, domain, output.note)
-            await face.present(link, session, settings)
+            await face.present(link, session, settings, output.note)
 
         try:
             runner.run(serve())

@@ -4,6 +4,7 @@ The frames are map -> odom -> base_link -> the sonars and wheels. The robot has 
 its world, so map and odom are the same; clients of Nav2 give their goals in map.
 """
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import cos, hypot, inf, isfinite, nan, pi, sin
@@ -303,11 +304,12 @@ class RosClock:
 
     def __init__(self) -> None:
         self.is_simulated = False
+        self._newest_ns = 0
         self._least: list[tuple[int, int]] = []
 
     def note(self, stamp_ns: int, unix_ns: int) -> None:
         """Note that a stamp of the robot has arrived at this time of day."""
-        behind_ns = unix_ns - stamp_ns
+        behind_ns, self._newest_ns = unix_ns - stamp_ns, stamp_ns
         if self._least and abs(behind_ns - self._least[0][1]) > self.WINDOW_NS:
             self._least.clear()  # the robot has restarted, or a clock was set
         self._least = [one for one in self._least if unix_ns - one[0] <= self.WINDOW_NS]
@@ -320,3 +322,7 @@ class RosClock:
         if self.is_simulated or not self._least:
             return stamp_ns
         return stamp_ns + self._least[0][1]
+
+    def now(self) -> int:
+        """Return the time of ROS: in a simulation that of the newest stamp."""
+        return self._newest_ns if self.is_simulated else time.time_ns()

@@ -1,14 +1,30 @@
 """A robot as a ROS 2 node: a stack in this process, and a client on a Zenoh network of its own."""
 
-from collections.abc import Iterator
+import asyncio
+import time
+from collections.abc import Callable, Iterator
 from functools import partial
-from math import isinf
+from math import inf, isinf, nan
+from typing import Any
 
 import pytest
 
+from checks.harness.until import PATIENCE_S
+from gateways.ros2.face import RobotFace
+from gateways.ros2.parameters import value_of
 from gateways.ros2.wire import LATCHED, Distro, EntityKind, gid_of, read_token
+from ground.client.connection import Common
+from ground.robot import Robot
 from protocol.topics import ODOMETRY
-from tests.support.gateway.ros_network import RosPeer, free_endpoint, presented, seconds, until
+from protocol.wire.enums import Mode, Vehicle
+from tests.support.gateway.ros_network import (
+    RosPeer,
+    bus_of,
+    free_endpoint,
+    presented,
+    seconds,
+    until,
+)
 from tests.support.stacks import Paced
 
 
@@ -32,10 +48,9 @@ async def test_topics_arrive_with_the_values_of_the_robot(stack: Paced, peer: Ro
     moving = peer.listen("/r1/tf", "tf2_msgs/msg/TFMessage")
     clock = peer.listen("/clock", "rosgraph_msgs/msg/Clock")
     async with presented(stack, peer.endpoint) as face:
-        poses = face.robot.stream(ODOMETRY)
         await until(lambda: min(map(len, (odometry, sonar, joints, moving, clock))) > 3)
+        poses = face.robot.stream(ODOMETRY)
         known = {pose.time_ns: pose for pose in [await anext(poses) for _ in range(3)]}
-        await until(lambda: {one[0].header.stamp.sec for one in odometry})
         await until(lambda: any(ns_of(one[0].header.stamp) in known for one in odometry))
     found = next(one for one, _ in odometry if ns_of(one.header.stamp) in known)
     pose = known[ns_of(found.header.stamp)]
@@ -119,3 +134,299 @@ async def test_later_distributions_have_the_same_topics(
     found = peer.listen("/r1/odom", "nav_msgs/msg/Odometry")
     async with presented(stack, peer.endpoint, distro=distro):
         await until(lambda: found)
+
+
+TRIGGER = "std_srvs/srv/Trigger"
+TWIST = "geometry_msgs/msg/Twist"
+STAMPED = "geometry_msgs/msg/TwistStamped"
+
+
+def twist(peer: RosPeer, speed_m_s: float, turn_rad_s: float = 0.0) -> Any:
+    make = peer.interfaces.make
+    vector = "geometry_msgs/msg/Vector3"
+    return make(TWIST, make(vector, speed_m_s, 0.0, 0.0), make(vector, 0.0, 0.0, turn_rad_s))
+
+
+def stamped(peer: RosPeer, speed_m_s: float, stamp_ns: int) -> Any:
+    time_of = peer.interfaces.make("builtin_interfaces/msg/Time", *divmod(stamp_ns, 10**9))
+    header = peer.interfaces.make("std_msgs/msg/Header", time_of, "")
+    return peer.interfaces.make(STAMPED, header, twist(peer, speed_m_s))
+
+
+def is_in(stack: Paced, state: Vehicle) -> bool:
+    return stack.state == state
+
+
+async def ready(face: RobotFace) -> None:
+    await until(lambda: face.is_ready() and face.limits[0] > 0, "telemetry and parameters")
+
+
+async def send_until(condition: Callable[[], object], send: Callable[[], object]) -> None:
+    """Send at 20 Hz until the condition holds."""
+
+    def sent() -> object:
+        send()
+        return condition()
+
+    async with asyncio.timeout(PATIENCE_S):
+        while not sent():
+            await asyncio.sleep(0.05)
+
+
+async def test_services_have_success_or_the_reason(stack: Paced, peer: RosPeer) -> None:
+    async with presented(stack, peer.endpoint) as face:
+        await ready(face)
+        armed = await peer.ask("/r1/arm", TRIGGER)
+        assert armed.success
+        assert is_in(stack, Vehicle.ACTIVE)
+        refused = await peer.ask("/r1/resume", TRIGGER)
+        assert not refused.success
+        assert "goal" in refused.message
+        assert (await peer.ask("/r1/hold", TRIGGER)).success
+        assert (await peer.ask("/r1/disarm", TRIGGER)).success
+        assert is_in(stack, Vehicle.STANDBY)
+
+
+async def test_emergency_stop_latches_until_it_is_cleared(stack: Paced, peer: RosPeer) -> None:
+    async with presented(stack, peer.endpoint) as face:
+        await ready(face)
+        await peer.ask("/r1/arm", TRIGGER)
+        for answer in await asyncio.gather(
+            *(peer.ask("/r1/emergency_stop", TRIGGER) for _ in range(3))
+        ):
+            assert answer.success, answer.message
+        assert is_in(stack, Vehicle.EMERGENCY_STOP)
+        refused = await peer.ask("/r1/arm", TRIGGER)
+        assert (refused.success, "emergency stop" in refused.message) == (False, True)
+        assert (await peer.ask("/r1/clear", TRIGGER)).success
+        assert is_in(stack, Vehicle.STANDBY)
+
+
+async def test_read_only_serves_the_emergency_stop_alone(stack: Paced, peer: RosPeer) -> None:
+    async with presented(stack, peer.endpoint, read_only=True) as face:
+        await until(face.is_ready)
+        await until(partial(shows, peer, "%r1%emergency_stop/"))
+        tokens = peer.tokens()
+        assert not any(
+            word in token for token in tokens for word in ("cmd_vel", "%arm/", "_action")
+        )
+        assert (await peer.ask("/r1/emergency_stop", TRIGGER)).success
+        assert stack.state == Vehicle.EMERGENCY_STOP
+        (result,) = await set_parameters(peer, v_max_m_s=0.2)
+        assert (result.successful, "read-only" in result.reason) == (False, True)
+
+
+async def test_twist_drives_and_its_end_stops_the_robot(stack: Paced, peer: RosPeer) -> None:
+    async with presented(stack, peer.endpoint) as face:
+        await ready(face)
+        peer.put("/r1/cmd_vel", TWIST, twist(peer, 0.0))  # begins nothing
+        await send_until(
+            lambda: stack.truth.speed_m_s > 0.15,
+            lambda: peer.put("/r1/cmd_vel", TWIST, twist(peer, 0.2)),
+        )
+        assert stack.status.mode == Mode.MANUAL
+        sent_s = asyncio.get_running_loop().time()
+        await until(lambda: not face.velocity.is_driving)
+        assert asyncio.get_running_loop().time() - sent_s >= 0.4
+        await until(lambda: stack.truth.speed_m_s == 0.0 and stack.status.mode == Mode.HOLD)
+
+
+async def test_stamped_twist_drives_unless_its_stamp_is_old(stack: Paced, peer: RosPeer) -> None:
+    log = peer.listen("/rosout", "rcl_interfaces/msg/Log")
+    async with presented(stack, peer.endpoint) as face:
+        await ready(face)
+        await until(partial(shows, peer, "cmd_vel/geometry_msgs::msg::dds_::TwistStamped"))
+        old_ns = time.time_ns() - 2 * 10**9
+        await send_until(
+            lambda: [one for one, _ in log if "its stamp" in one.msg],
+            lambda: peer.put("/r1/cmd_vel", STAMPED, stamped(peer, 0.2, old_ns)),
+        )
+        assert not face.velocity.is_driving
+        await send_until(
+            lambda: stack.truth.speed_m_s > 0.1,
+            lambda: peer.put("/r1/cmd_vel", STAMPED, stamped(peer, 0.2, time.time_ns())),
+        )
+
+
+async def test_commands_that_are_no_numbers_are_refused_and_logged_once(
+    stack: Paced, peer: RosPeer
+) -> None:
+    log = peer.listen("/rosout", "rcl_interfaces/msg/Log")
+    async with presented(stack, peer.endpoint) as face:
+        await ready(face)
+        for value in (nan, inf, -inf, nan):
+            peer.put("/r1/cmd_vel", TWIST, twist(peer, value))
+        await send_until(
+            lambda: any("too fast" in one.msg for one, _ in log),
+            lambda: peer.put("/r1/cmd_vel", TWIST, twist(peer, 1e9, -1e9)),
+        )
+        assert face.velocity._speeds == (face.limits[0], -face.limits[1])
+    assert [one.msg for one, _ in log if "not a number" in one.msg] == [
+        "cmd_vel: refused, a value is not a number"
+    ]
+
+
+async def test_second_source_of_commands_is_ignored_and_told(stack: Paced, peer: RosPeer) -> None:
+    told = peer.listen("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
+    async with presented(stack, peer.endpoint) as face:
+        await ready(face)
+        gids = [bytes(16), bytes([7] * 16)]
+
+        def send() -> None:
+            for speed_m_s, peer.gid in zip((0.1, -0.2), gids, strict=True):
+                peer.put("/r1/cmd_vel", TWIST, twist(peer, speed_m_s))
+
+        await send_until(
+            lambda: [
+                one
+                for message, _ in told
+                for one in message.status
+                if "two nodes publish it" in one.message
+            ],
+            send,
+        )
+        assert face.velocity._speeds == (0.1, 0.0)
+
+
+async def test_loser_of_the_lease_is_told(stack: Paced, peer: RosPeer) -> None:
+    with bus_of(stack, "anna") as bus:
+        anna = Robot(bus, Common(network=bus.network, robot="r1"), "anna")
+        await anna.open()
+        assert (await anna.arm()).ok
+        async with presented(stack, peer.endpoint) as face:
+            await ready(face)
+            await send_until(
+                lambda: face.velocity.refusal,
+                lambda: peer.put("/r1/cmd_vel", TWIST, twist(peer, 0.2)),
+            )
+            assert "anna" in face.velocity.refusal
+            assert stack.truth.speed_m_s == 0.0
+            answer = await peer.ask("/r1/arm", TRIGGER)
+            assert "anna" in answer.message
+        await anna.close()
+
+
+PARAMETER = "rcl_interfaces/msg/Parameter"
+
+
+def parameter(peer: RosPeer, name: str, value: float | int | bool) -> Any:
+    kinds: dict[type, tuple[int, str]] = {
+        bool: (1, "bool_value"),
+        int: (2, "integer_value"),
+        float: (3, "double_value"),
+    }
+    kind, field = kinds[type(value)]
+    made = value_of(kind)
+    setattr(made, field, value)
+    return peer.interfaces.make(PARAMETER, name, made)
+
+
+async def set_parameters(peer: RosPeer, **values: float | int | bool) -> Any:
+    name = "rcl_interfaces/srv/SetParameters"
+    asked = [parameter(peer, key, value) for key, value in values.items()]
+    request = peer.interfaces.make(f"{name}_Request", asked)
+    return (await peer.ask("/r1/sidestep/set_parameters", name, request)).results
+
+
+async def test_six_parameter_services_answer(stack: Paced, peer: RosPeer) -> None:
+    names, service = ["v_max_m_s", "side", "use_sim_time", "none"], "rcl_interfaces/srv/{}"
+
+    async def asked(path: str, kind: str, *values: Any) -> Any:
+        name = service.format(kind)
+        request = peer.interfaces.make(f"{name}_Request", *values)
+        return await peer.ask(f"/r1/sidestep/{path}", name, request)
+
+    events = peer.listen("/parameter_events", "rcl_interfaces/msg/ParameterEvent")
+    async with presented(stack, peer.endpoint) as face:
+        await ready(face)
+        listed = (await asked("list_parameters", "ListParameters", [], 0)).result.names
+        assert {"v_max_m_s", "use_sim_time"} < set(listed)
+        values = (await asked("get_parameters", "GetParameters", names)).values
+        assert [value.type for value in values] == [3, 2, 1, 0]
+        assert (values[0].double_value, values[2].bool_value) == (face.limits[0], True)
+        types = (await asked("get_parameter_types", "GetParameterTypes", names)).types
+        assert list(types) == [3, 2, 1, 0]
+        speed, side, *_ = (
+            await asked("describe_parameters", "DescribeParameters", names)
+        ).descriptors
+        (limits,) = speed.floating_point_range
+        assert (limits.from_value, limits.to_value) == (0.01, 3.0)
+        assert side.integer_range[0].step == 1
+        good, unknown, wrong, high = await set_parameters(
+            peer, v_max_m_s=0.25, none=1.0, side=True, yaw_max_rad_s=1e3
+        )
+        assert good.successful, good.reason
+        assert [one.successful for one in (unknown, wrong, high)] == [False] * 3
+        assert [
+            why in one.reason
+            for why, one in (("no parameter", unknown), ("integer", wrong), ("at most", high))
+        ] == [True] * 3
+        await until(lambda: any(one.changed_parameters for one, _ in events))
+    (changed,) = [one for one, _ in events if one.changed_parameters]
+    assert (changed.node, changed.changed_parameters[0].name) == ("/r1/sidestep", "v_max_m_s")
+
+
+async def test_parameters_are_set_all_or_none(stack: Paced, peer: RosPeer) -> None:
+    name = "rcl_interfaces/srv/SetParametersAtomically"
+
+    async def set_all(**values: float) -> Any:
+        asked = [parameter(peer, key, value) for key, value in values.items()]
+        request = peer.interfaces.make(f"{name}_Request", asked)
+        path = "/r1/sidestep/set_parameters_atomically"
+        return (await peer.ask(path, name, request)).result
+
+    async with presented(stack, peer.endpoint) as face:
+        await ready(face)
+        before = await face.robot.parameters.get("v_max_m_s")
+        await peer.ask("/r1/arm", TRIGGER)
+        # The robot itself refuses the second one: a safety parameter, while it is armed.
+        refused = await set_all(v_max_m_s=0.2, wheel_max_m_s=0.4)
+        assert not refused.successful
+        assert (await face.robot.parameters.get("v_max_m_s")).value == before.value
+        assert not (await set_all(v_max_m_s=0.2, none=1.0)).successful
+        assert (await set_all(v_max_m_s=0.2, yaw_max_rad_s=1.0)).successful
+        assert (await face.robot.parameters.get("v_max_m_s")).value == pytest.approx(0.2)
+
+
+async def test_lifecycle_of_the_navigator_is_active(stack: Paced, peer: RosPeer) -> None:
+    async with presented(stack, peer.endpoint) as face:
+        await ready(face)
+        name = "lifecycle_msgs/srv/GetState"
+        state = (await peer.ask("/r1/bt_navigator/get_state", name)).current_state
+    assert (state.id, state.label) == (3, "active")
+
+
+async def test_texts_of_the_robot_are_logged(stack: Paced, peer: RosPeer) -> None:
+    log = peer.listen("/rosout", "rcl_interfaces/msg/Log")
+    async with presented(stack, peer.endpoint) as face:
+        await ready(face)
+        await peer.ask("/r1/emergency_stop", TRIGGER)
+        await until(lambda: any("stop" in one.msg.lower() for one, _ in log))
+    assert {one.name for one, _ in log} == {"r1.sidestep"}
+
+
+async def test_false_frames_are_dropped_and_counted(stack: Paced, peer: RosPeer) -> None:
+    key, whole = peer.key("/r1/cmd_vel", TWIST), peer.interfaces.encode(TWIST, twist(peer, 0.2))
+    stop = peer.key("/r1/emergency_stop", TRIGGER)
+    async with presented(stack, peer.endpoint) as face:
+        await ready(face)
+        await until(partial(shows, peer, "%r1%emergency_stop/"))
+        beside = peer.attachment()
+        for data, attachment in (
+            (whole, None),
+            (whole, beside[:-1]),
+            (whole, b"\0" * 33),
+            (whole[:20], beside),
+            (b"", beside),
+        ):
+            peer.session.put(key, data, attachment=attachment)
+        await until(lambda: face.node.session.rejected == 5)
+
+        def ask(data: bytes, attachment: bytes | None) -> list[Any]:
+            found = peer.session.get(stop, payload=data, attachment=attachment, timeout=PATIENCE_S)
+            return [one.err.payload.to_string() for one in found]
+
+        assert await asyncio.to_thread(ask, b"\0\1\0\0\0", None) == []
+        assert await asyncio.to_thread(ask, b"\7", beside) == ["the request is malformed"]
+        assert stack.state != Vehicle.EMERGENCY_STOP
+        assert not face.velocity.is_driving
