@@ -172,9 +172,9 @@ class GroundStation:
         self._parser.robust_parsing = True
         self._beat_ns = 0
 
-    def send(self, message: MavMessage) -> None:
-        """Send a message."""
-        self.send_bytes(self.frame(message))
+    def send(self, message: MavMessage) -> bool:
+        """Send a message; False if the judge has dropped it."""
+        return self.send_bytes(self.frame(message))
 
     def frame(self, message: MavMessage) -> bytes:
         """Return the next frame of this ground station."""
@@ -187,10 +187,12 @@ class GroundStation:
         for _ in range(self.station.tries):
             self.send(message)
 
-    def send_bytes(self, data: bytes) -> None:
-        """Send bytes as they are."""
-        if not self.station.losses.drops():
-            self.station.network.send(self._peer, data)
+    def send_bytes(self, data: bytes) -> bool:
+        """Send bytes as they are; False if the judge has dropped them."""
+        if self.station.losses.drops():
+            return False
+        self.station.network.send(self._peer, data)
+        return True
 
     def beat(self, now_ns: int) -> None:
         """Send the heartbeat of a ground station if it is due."""

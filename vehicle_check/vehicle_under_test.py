@@ -168,6 +168,8 @@ WATCHERS: Final = 4
 STREAM_RATES: Final[Mapping[int, int]] = {1: 2, 2: 2, 3: 2, 6: 3, 10: 10, 11: 10, 12: 3}
 """Rates of REQUEST_DATA_STREAM by group, as QGroundControl's ArduPilot plugin asks for them."""
 TOLERANCE: Final = 0.2
+HARSH_LOSS: Final = 0.2
+"""The share of frames that the judge drops in rows about a poor line."""
 PERIODS: Final = 5
 MIN_WATCH_S: Final = 2.0
 SILENCE_S: Final = 10.0
@@ -199,7 +201,10 @@ class VehicleChange(NamedTuple):
 
 
 class StreamWindow(NamedTuple):
-    """The frames of the main client while the judge only received."""
+    """The frames of the main client while the judge only received.
+
+    The first watcher remains connected, and never sends more than heartbeats.
+    """
 
     frames: list[ReceivedMessage]
     seconds: float
@@ -314,7 +319,7 @@ class VehicleCheck:
         seconds = (self.station.now_ns - start_ns) / NS_PER_S
         frames = self.main.log[since:]
         rate = (self.main.bytes - bytes_before) / seconds
-        for one in watchers:
+        for one in watchers[1:]:
             one.beats = False
         return StreamWindow(frames, seconds, rate, watchers, silent, began_ns)
 
@@ -391,12 +396,13 @@ class VehicleCheck:
         """True if the vehicle is armed."""
         return bool(self.heartbeat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
 
-    def set_mode(self, mode: int, client: GroundStation | None = None) -> int | None:
+    def set_mode(
+        self, mode: int, client: GroundStation | None = None, within_s: float = 1.0
+    ) -> int | None:
         """Change the mode by command 176; return its result."""
         client = client or self.main
-        return client.result_of(
-            mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, mode
-        )
+        custom = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        return client.result_of(mavlink.MAV_CMD_DO_SET_MODE, custom, mode, within_s=within_s)
 
     def texts(self, since: int, client: GroundStation | None = None) -> str:
         """Return the STATUSTEXT that was sent since a mark, short."""

@@ -22,8 +22,10 @@ from tests.support.vehicle_check.broken import (
     ArduPilotLike,
     CarelessVehicle,
     GarbageVehicle,
+    HastyVehicle,
     MuteVehicle,
     OneConnection,
+    StaleVehicle,
     YesVehicle,
 )
 from tests.support.vehicle_check.core import Core, MemoryNetwork, Peer
@@ -48,7 +50,7 @@ from vehicle_check.vehicle_under_test import (
 )
 
 KEY = SigningVehicle.key
-NUMBERS = list(range(1, 61))
+NUMBERS = list(range(1, 73))
 BROKEN = (MuteVehicle, CarelessVehicle, YesVehicle)
 
 
@@ -159,6 +161,30 @@ def test_each_row_fails_on_a_broken_vehicle(number: int) -> None:
     if number == 59:
         found.append(verdicts_of_a_careless_pair()[number])
     assert RowStatus.FAIL in [one.status for one in found], found
+
+
+@each(
+    ("number", "words"),
+    [
+        (61, "acknowledgements of"),
+        (62, "not in the dialect of pymavlink: ['CONTROL_STATUS']"),
+        (63, "mask 2040 moved 0.00 m 'set the bits of type_mask"),
+        (64, "NOT_IN_CONTROL after 1.00 s; text 'another operator"),
+        (65, "SPEED_X 0.4 -> 0.137"),
+        (66, "armed again ACCEPTED: armed False"),
+        (67, "RADIUS_X read by client 1: 0.5, in force 0.505"),
+        (68, "altitude 10 -> 0"),
+        (69, "samples at rest"),
+        (70, "mode 0: base_mode 0x01; mode 15: base_mode 0x01"),
+        (71, "NAV_CONTROLLER_OUTPUT: not sent"),
+        (72, "upload: UNSUPPORTED"),
+    ],
+)
+def test_row_finds_the_defect_of_a_hasty_vehicle(number: int, words: str) -> None:
+    vehicle = StaleVehicle() if number == 66 else HastyVehicle()
+    (found,) = judged(vehicle, numbers=[number], key=None)
+    assert found.verdict.status is RowStatus.FAIL
+    assert words in found.verdict.evidence
 
 
 def test_two_good_robots_pass_row_59() -> None:
@@ -381,7 +407,7 @@ def test_no_vehicle_ends_with_1_and_says_so(
     assert "no heartbeat of a MAVLink vehicle within 5 s" in capsys.readouterr().err
 
 
-@each("text", ["0", "61", "1-", "a", "", "5-3", "1,,2"])
+@each("text", ["0", "73", "1-", "a", "", "5-3", "1,,2"])
 def test_rows_that_do_not_exist_are_refused(text: str) -> None:
     with pytest.raises(UserError, match="--rows"):
         mavlink.chosen_rows(rows(), text)
@@ -390,7 +416,7 @@ def test_rows_that_do_not_exist_are_refused(text: str) -> None:
 def test_rows_are_chosen_by_numbers_and_ranges() -> None:
     chosen = mavlink.chosen_rows(rows(), "1-3,19")
     assert sorted(row.number for row in chosen) == [1, 2, 3, 19]
-    assert len(mavlink.chosen_rows(rows(), None)) == 60
+    assert len(mavlink.chosen_rows(rows(), None)) == 72
 
 
 @each(

@@ -5,17 +5,21 @@ from math import nan
 from typing import Final
 
 from vehicle_check import row_steps
-from vehicle_check.ground_stations import COMPONENT, result_name
+from vehicle_check.ground_stations import COMPONENT, RETRY_S, TRIES_WITH_LOSS, result_name
 from vehicle_check.mavlink_frames import MavMessage, mavlink
 from vehicle_check.row_steps import moved, place, plan_result_name, send_plan, small_mission, step_m
 from vehicle_check.transfers import MISSION, PlanItem, message_of
 from vehicle_check.vehicle_under_test import (
     ARDUPILOTS,
+    HARSH_LOSS,
+    ONE_CLIENT,
     ROVER,
     Findings,
     Judge,
     RowVerdict,
     VehicleCheck,
+    failed,
+    not_applicable,
     not_tried,
     row,
 )
@@ -253,6 +257,107 @@ def banner(check: VehicleCheck) -> RowVerdict:
         row_steps.stand(check)
         found.fact("a restart is not tried: it would end the check")
     return found.verdict()
+
+
+PAIRS: Final = 20
+NO_MODE: Final = 77
+NO_MESSAGE: Final = 16_000_000
+LAST_COPIES_S: Final = 2.0
+
+
+@row(
+    61,
+    "an acknowledgement belongs to the command sent last, also on a line that loses frames",
+    suffers="every client: it shows a command as refused that was carried out, or the reverse",
+    source="MAVLink guide, command protocol",
+)
+@standing
+def own_answers(check: VehicleCheck) -> RowVerdict:
+    """Send pairs of a command that is refused and one that is not, while frames are dropped."""
+    found, losses = Findings(), check.station.losses
+    before, losses.share = losses.share, max(losses.share, HARSH_LOSS)
+    since, delivered, wrong, refused = check.main.mark(), 0, 0, 0
+    try:
+        for number in range(PAIRS):
+            command = mavlink.MAV_CMD_DO_SET_MODE
+            pair: tuple[tuple[float, ...], tuple[float, ...]] = (1, NO_MODE), (1, check.mode)
+            if number % 2 or not check.is_rover or check.is_armed:
+                command, pair = mavlink.MAV_CMD_REQUEST_MESSAGE, ((NO_MESSAGE,), (148,))
+            first, one = _answered(check, command, pair[0])
+            second, other = _answered(check, command, pair[1])
+            delivered += one + other
+            refused += first not in (None, ACCEPTED)
+            wrong += second != ACCEPTED
+    finally:
+        losses.share = before
+    check.station.wait(LAST_COPIES_S)
+    found.expect(refused == PAIRS, f"{refused} of {PAIRS} wrong commands refused")
+    found.expect(not wrong, f"{wrong} of {PAIRS} right ones then not reported as ACCEPTED")
+    commands = (mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_REQUEST_MESSAGE)
+    acks = len(check.main.sent("COMMAND_ACK", since, lambda one: one.command in commands))
+    found.expect(acks <= delivered, f"{acks} acknowledgements of {delivered} commands")
+    return found.verdict()
+
+
+def _answered(
+    check: VehicleCheck, number: int, params: tuple[float, ...]
+) -> tuple[int | None, int]:
+    """Repeat a command until its answer arrives; return the result, and how many arrived."""
+    delivered, since = 0, check.main.mark()
+    for confirmation in range(TRIES_WITH_LOSS):
+        message = check.main.command_long(number, *params, confirmation=confirmation)
+        delivered += check.main.send(message)
+        ack = check.main.expect("COMMAND_ACK", RETRY_S, lambda one: one.command == number, since)
+        if ack is not None:
+            return int(ack.message.result), delivered
+    return None, delivered
+
+
+OWN_S: Final = 1.0
+
+
+@row(
+    66,
+    "a repeated command is ACCEPTED only while what it made holds: the mode, the arming",
+    suffers="two ground stations: one shows a state that the other has ended",
+    source="MAVLink guide, command protocol",
+    profiles=ROVER,
+)
+@standing
+def lapsed_answers(check: VehicleCheck) -> RowVerdict:
+    """Repeat a change of mode after another client's HOLD; with motion arming after its stop."""
+    if check.is_armed:
+        return not_tried(ARMED)
+    if not check.serves_two:
+        return not_applicable(ONE_CLIENT)
+    found, hold = Findings(), mavlink.ROVER_MODE_HOLD
+    modes = (mavlink.ROVER_MODE_GUIDED, mavlink.ROVER_MODE_MANUAL)
+    mode = next((one for one in modes if check.set_mode(one) == ACCEPTED), None)
+    if mode is None:
+        return failed("neither GUIDED nor MANUAL is accepted")
+    stopped = check.set_mode(hold, check.second)
+    check.station.wait(OWN_S, lambda: check.mode == hold)
+    again = check.set_mode(mode)
+    check.station.wait(OWN_S, lambda: check.mode == mode)
+    fact = f"mode {mode}, HOLD of another {result_name(stopped)}, mode {mode} {result_name(again)}"
+    found.expect(again != ACCEPTED or check.mode == mode, f"{fact}: mode {check.mode}")
+    if check.options.allow_motion:
+        _expect_no_old_arming(check, found)
+    return found.verdict()
+
+
+def _expect_no_old_arming(check: VehicleCheck, found: Findings) -> None:
+    arm, end = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_DO_FLIGHTTERMINATION
+    armed = check.main.result_of(arm, 1, FORCE)
+    check.station.wait(OWN_S, lambda: check.is_armed)
+    stopped = check.second.result_of(end, 1, within_s=2.0)
+    check.station.wait(OWN_S, lambda: not check.is_armed)
+    again = check.main.result_of(arm, 1, FORCE)
+    check.station.wait(OWN_S, lambda: check.is_armed)
+    fact = f"armed {result_name(armed)}, stop of another {result_name(stopped)}"
+    fact += f", armed again {result_name(again)}: armed {check.is_armed}"
+    found.expect(again != ACCEPTED or check.is_armed, fact)
+    check.main.result_of(end, 0, within_s=2.0)
 
 
 @row(

@@ -20,9 +20,11 @@ from vehicle_check.mavlink_frames import (
     is_signed_with,
     mavlink,
 )
+from vehicle_check.rows.command_rows import standing
 from vehicle_check.rows.log_rows import entries, read_log
 from vehicle_check.vehicle_under_test import (
     ONE_CLIENT,
+    ROVER,
     Findings,
     Judge,
     RowVerdict,
@@ -35,6 +37,7 @@ from vehicle_check.vehicle_under_test import (
 
 ACCEPTED: Final = mavlink.MAV_RESULT_ACCEPTED
 HOLD: Final = mavlink.ROVER_MODE_HOLD
+MANUAL: Final = mavlink.ROVER_MODE_MANUAL
 RELEASE: Final = 0
 REQUEST: Final = 1
 TIMEOUT_S: Final = 10
@@ -162,6 +165,57 @@ def not_in_control(check: VehicleCheck) -> RowVerdict:
     ask_control(main, RELEASE)
     owner_becomes(check, 0)
     return found.verdict()
+
+
+RESTART_S: Final = 1.0
+RESTART_WITH_LOSS_S: Final = 5.0
+BACK_S: Final = 8.0
+
+
+@row(
+    64,
+    "a ground station that starts again commands within 1 s, and is never called another one",
+    suffers="users of MAVProxy, MavKit and scripts: locked out by themselves",
+    source="MAVLink guide, MAV_RESULT_NOT_IN_CONTROL; MAVProxy",
+    profiles=ROVER,
+)
+@standing
+def restarted(check: VehicleCheck) -> RowVerdict:
+    """Choose MANUAL, fall silent, and choose it with the same ids from a new port.
+
+    HOLD would prove nothing: a command that stops the vehicle is open to all.
+    """
+    if check.is_armed:
+        return not_tried("the vehicle is armed")
+    if not check.serves_two:
+        return not_applicable(ONE_CLIENT)
+    found, main = Findings(), check.main
+    first = check.set_mode(MANUAL)
+    found.expect(first == ACCEPTED, f"before: {result_name(first)}")
+    main.beats = False
+    again = check.station.connect(main.system)
+    most_s = RESTART_WITH_LOSS_S if check.station.is_lossy else RESTART_S
+    stopwatch = check.station.stopwatch()
+    result = _accepted_within(check, again, most_s)
+    elapsed = stopwatch.elapsed
+    fact = f"from a new port: {result_name(result)} after {elapsed.seconds:.2f} s"
+    found.expect(result == ACCEPTED, fact)
+    text = check.texts(0, again)
+    found.expect("another" not in text.lower(), f"text {text!r}")
+    again.beats, main.beats = False, True
+    _accepted_within(check, main, BACK_S)
+    return found.verdict()
+
+
+def _accepted_within(check: VehicleCheck, client: GroundStation, seconds: float) -> int | None:
+    """Choose MANUAL until that is accepted; return the last result."""
+    stopwatch, result = check.station.stopwatch(), None
+    while result != ACCEPTED and stopwatch.elapsed.seconds < seconds:
+        left_s = seconds - stopwatch.elapsed.seconds
+        result = check.set_mode(MANUAL, client, within_s=min(1.0, left_s))
+        if result != ACCEPTED:
+            check.station.wait(min(0.2, left_s))
+    return result
 
 
 SET_MODE: Final = mavlink.MAV_CMD_DO_SET_MODE

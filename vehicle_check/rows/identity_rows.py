@@ -5,8 +5,13 @@ from itertools import pairwise
 from typing import Any, Final
 
 from runtime.units import NS_PER_S
-from vehicle_check.ground_stations import Elapsed, GroundStation, result_name
-from vehicle_check.mavlink_frames import mavlink
+from vehicle_check.ground_stations import (
+    Elapsed,
+    GroundStation,
+    ReceivedMessage,
+    result_name,
+)
+from vehicle_check.mavlink_frames import mavlink, number_of
 from vehicle_check.vehicle_under_test import (
     ARDUPILOTS,
     ONE_CLIENT,
@@ -19,6 +24,7 @@ from vehicle_check.vehicle_under_test import (
     failed,
     is_vehicle,
     not_applicable,
+    not_tried,
     passed,
     row,
 )
@@ -189,14 +195,52 @@ def targets(check: VehicleCheck) -> RowVerdict:
 )
 def sequences(check: VehicleCheck) -> RowVerdict:
     """Count gaps, also of frames that the judge has dropped itself."""
+    frames = check.window.frames
+    gaps = gaps_in(frames)
+    sources = sorted({(one.system, one.component) for one in frames})
+    return (failed if gaps else passed)(f"{gaps} gaps in {len(frames)} frames of {sources}")
+
+
+def gaps_in(frames: Sequence[ReceivedMessage]) -> int:
+    """Return how often a sequence number does not follow that before."""
     last: dict[tuple[int, int], int] = {}
-    gaps = total = 0
-    for one in check.window.frames:
+    gaps = 0
+    for one in frames:
         source = one.system, one.component
         gaps += source in last and (one.sequence - last[source]) % 256 != 1
-        total += 1
         last[source] = one.sequence
-    return (failed if gaps else passed)(f"{gaps} gaps in {total} frames of {sorted(last)}")
+    return gaps
+
+
+QUIET_S: Final = 60.0
+
+
+@row(
+    62,
+    "no client with a released dialect counts a lost frame in 60 s of a clean line",
+    suffers="pymavlink, MAVProxy, node-mavlink and QGroundControl: loss on a perfect line",
+    source="pymavlink mavutil.py; node-mavlink; ArduPilot issue 33332",
+)
+def unknown_frames(check: VehicleCheck) -> RowVerdict:
+    """Read what a client is sent that only sends heartbeats, with the dialect of pymavlink."""
+    found, window = Findings(), check.window
+    frames, malformed = window.frames, 0
+    seconds = window.seconds
+    if check.serves_two:
+        client = window.watchers[0]
+        seconds = (check.station.now_ns - window.began_ns) / NS_PER_S
+        check.station.wait(QUIET_S - seconds)
+        seconds = (check.station.now_ns - window.began_ns) / NS_PER_S
+        frames, malformed = client.log, client.malformed
+    unknown = [one for one in frames if number_of(one.raw) not in mavlink.mavlink_map]
+    names = sorted({one.name for one in unknown})
+    where = "in the dialect of pymavlink"
+    fact = f"{len(unknown)} of {len(frames)} frames are not {where}: {names}"
+    found.expect(not unknown, fact if unknown else f"{len(frames)} frames {where}")
+    found.expect(not malformed, f"{malformed} malformed")
+    gaps = gaps_in(frames)
+    found.expect(not gaps, f"{gaps} gaps in {seconds:.0f} s")
+    return found.verdict()
 
 
 @row(
@@ -287,6 +331,40 @@ _OPTIONAL: Final = {
     "COMPASS_CALIBRATION": _calibrates,
 }
 """Bits that a vehicle may have, and how to try what they promise."""
+
+
+@row(
+    70,
+    "base_mode shows manual input in MANUAL and guidance in GUIDED; the bit of SET_ATTITUDE_TARGET",
+    suffers="mavros: manual_input and guided of its state; clients that ask before they send",
+    source="ArduPilot Rover/GCS_MAVLink_Rover.cpp",
+    profiles=ROVER,
+)
+def mode_bits(check: VehicleCheck) -> RowVerdict:
+    """Choose both modes while the vehicle is disarmed, and read its capabilities."""
+    if check.is_armed:
+        return not_tried("the vehicle is armed")
+    found, before = Findings(), check.mode
+    manual = mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
+    guided = mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
+    for mode, set_bit, clear_bits in ((MANUAL, manual, guided), (GUIDED, guided, 0)):
+        since = check.main.mark()
+        result = check.set_mode(mode)
+        if not found.expect(
+            result == mavlink.MAV_RESULT_ACCEPTED,
+            f"mode {mode}: {result_name(result)} {check.texts(since)}",
+        ):
+            continue
+        check.station.wait(1.5, lambda: check.mode == mode)  # noqa: B023
+        bits = check.heartbeat.base_mode
+        is_right = check.mode == mode and bits & set_bit and not bits & clear_bits
+        found.expect(is_right, f"mode {check.mode}: base_mode 0x{bits:02x}")
+    check.set_mode(before)
+    check.station.wait(1.5, lambda: check.mode == before)
+    frame = next((one for one in versions(check, check.main).values() if one is not None), None)
+    known = 0 if frame is None else int(frame.message.capabilities)
+    found.expect(known & capability("SET_ATTITUDE_TARGET"), f"capabilities 0x{known:x}")
+    return found.verdict()
 
 
 @row(

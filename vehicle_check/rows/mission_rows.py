@@ -9,6 +9,7 @@ from functools import partial, wraps
 from typing import Any, Final
 
 from runtime.units import NS_PER_S
+from vehicle_check import row_steps
 from vehicle_check.ground_stations import result_name
 from vehicle_check.mavlink_frames import mavlink
 from vehicle_check.row_steps import (
@@ -23,6 +24,7 @@ from vehicle_check.row_steps import (
     same_places,
     send_plan,
     small_mission,
+    step_m,
 )
 from vehicle_check.transfers import (
     FENCE,
@@ -319,6 +321,123 @@ def opaque_ids(check: VehicleCheck) -> RowVerdict:
         seen.append(count)
     found.expect(len(set(seen)) == 2, f"two plans: {seen}")
     return found.verdict()
+
+
+WAYPOINT: Final = mavlink.MAV_CMD_NAV_WAYPOINT
+ALTITUDES_M: Final = (10.0, 600.0, 7.5)
+KINDS: Final = {0: "global", 5: "global", 3: "relative", 6: "relative"}
+"""A frame and that with integers mean the same."""
+
+
+@row(
+    68,
+    "an item reads back as it was sent: altitude, parameters, kind of frame",
+    suffers="clients that verify an upload: QGroundControl, mavctl, the Methodic Configurator",
+    source="MAVLink guide, mission protocol; ArduPilot AP_Mission.cpp",
+)
+@with_plans
+def same_items(check: VehicleCheck) -> RowVerdict:
+    """Upload items with values in all fields, and compare those that come back.
+
+    A value of 0 must stay 0. ArduPilot keeps of a rover's waypoint only the first parameter.
+    """
+    found, here = Findings(), place(check)
+    places = [moved(here, 0.3 * number, 0.2) for number in (1, 2, 3)]
+    first, second, third = ALTITUDES_M
+    items = [
+        *small_mission(check, 0),
+        PlanItem(WAYPOINT, *places[0], mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, z=first),
+        PlanItem(WAYPOINT, *places[1], mavlink.MAV_FRAME_GLOBAL, (1.0, 0.5, 0.0, 0.0), second),
+        PlanItem(WAYPOINT, *places[2], mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, z=third),
+    ]
+    since = check.main.mark()
+    result = upload_plan(check.main, items).result
+    fact = f"upload: {plan_result_name(result)} {check.texts(since)}"
+    if not found.expect(result == ITEM_ACCEPTED, fact):
+        return found.verdict()
+    got = download_plan(check.main)
+    if got is None or len(got.items) != len(items):
+        return failed(f"{None if got is None else len(got.items)} of {len(items)} items came back")
+    pairs = list(zip(items, got.items, strict=True))[1:]
+    for number, (sent, back) in enumerate(pairs, start=1):
+        wrong = _changed_fields(sent, back)
+        found.expect(not wrong, f"item {number}: {', '.join(wrong) or 'as sent'}")
+    return found.verdict()
+
+
+def _changed_fields(sent: PlanItem, back: PlanItem) -> list[str]:
+    """Return what differs in an item that came back."""
+    wrong = [] if same_places([sent], [back]) else ["place"]
+    if abs(sent.z - back.z) > NEAR_M:
+        wrong.append(f"altitude {sent.z:g} -> {back.z:g}")
+    if KINDS.get(sent.frame) != KINDS.get(back.frame):
+        wrong.append(f"frame {sent.frame} -> {back.frame}")
+    for number, (one, other) in enumerate(zip(sent.params, back.params, strict=True), start=1):
+        is_dropped = number > 1 and other == 0
+        if not (is_dropped or abs(one - other) <= NEAR_M):  # NaN is not near
+            wrong.append(f"param{number} {one:g} -> {other:g}")
+    return wrong
+
+
+NEAR_M: Final = 0.01
+PLAN_S: Final = 60.0
+SLOW_M_S: Final = 0.2
+DELAY_S: Final = 1.0
+
+
+@row(
+    72,
+    "a plan with a change of speed, a delay and a return at its end is driven, not refused",
+    suffers="QGroundControl and Mission Planner: usual plans cannot be uploaded",
+    source="QGroundControl PlanManager.cc; ArduPilot Rover/mode_auto.cpp",
+    profiles=ARDUPILOTS,
+)
+@with_plans
+def usual_plan(check: VehicleCheck) -> RowVerdict:
+    """Upload such a plan and compare it; with motion, drive it until it returns."""
+    found, here = Findings(), place(check)
+    step = max(0.5, step_m(check))
+    items = [
+        *small_mission(check, 0),
+        PlanItem(WAYPOINT, *moved(here, step, 0.0)),
+        PlanItem(mavlink.MAV_CMD_DO_CHANGE_SPEED, 0, 0, params=(1.0, SLOW_M_S, -1.0, 0.0)),
+        PlanItem(WAYPOINT, *moved(here, step, step)),
+        PlanItem(mavlink.MAV_CMD_NAV_DELAY, 0, 0, params=(DELAY_S, -1.0, -1.0, -1.0)),
+        PlanItem(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, 0, 0),
+    ]
+    since = check.main.mark()
+    result = upload_plan(check.main, items).result
+    fact = f"upload: {plan_result_name(result)} {check.texts(since)}"
+    if not found.expect(result == ITEM_ACCEPTED, fact):
+        return found.verdict()
+    got = download_plan(check.main)
+    commands = None if got is None else [one.command for one in got.items]
+    found.expect(commands == [one.command for one in items], f"back: {commands}")
+    if not (check.options.allow_motion and check.is_rover):
+        found.fact("driving not tried")
+        return found.verdict()
+    row_steps.stand(check)
+    if row_steps.start(check, row_steps.GUIDED, found):
+        _expect_driven(check, found, len(items) - 1)
+    row_steps.stand(check)
+    return found.verdict()
+
+
+def _expect_driven(check: VehicleCheck, found: Findings, last: int) -> None:
+    """Start the mission; expect that its last item is reached or begun."""
+    since = check.main.mark()
+    started = check.main.result_of(mavlink.MAV_CMD_MISSION_START, within_s=2.0)
+
+    def is_at_end() -> bool:
+        if check.main.sent("MISSION_ITEM_REACHED", since, lambda one: one.seq >= last - 1):
+            return True
+        return bool(check.main.sent("MISSION_CURRENT", since, lambda one: one.seq >= last))
+
+    is_driven = check.station.wait(PLAN_S, is_at_end)
+    current = check.main.latest("MISSION_CURRENT")
+    seq = None if current is None else current.message.seq
+    fact = f"started: {result_name(started)}, item {seq} of {last}"
+    found.expect(is_driven, fact if is_driven else f"{fact} {check.texts(since)!r}")
 
 
 POLYGON_OUT: Final = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION

@@ -2,15 +2,19 @@
 
 from collections.abc import Callable
 from functools import wraps
-from math import pi
+from math import cos, hypot, pi, sin
 from typing import Final
 
+from runtime.units import NS_PER_S
 from vehicle_check import row_steps
 from vehicle_check.ground_stations import result_name
-from vehicle_check.mavlink_frames import MavMessage, mavlink
+from vehicle_check.mavlink_frames import NUMBERS, MavMessage, mavlink
 from vehicle_check.row_steps import send_plan, small_mission, step_m
+from vehicle_check.rows.command_rows import answer_to, reposition, standing
+from vehicle_check.transfers import download_parameters, read_parameter, write
 from vehicle_check.vehicle_under_test import (
     ROVER,
+    SET_MESSAGE_INTERVAL,
     Findings,
     Judge,
     RowVerdict,
@@ -33,7 +37,10 @@ ONLY_VELOCITY: Final = 0b0000_1101_1100_0111
 WITH_ACCELERATION: Final = 0b0000_1100_0011_1111
 IGNORE_QUATERNION: Final = mavlink.ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE
 FRAMES: Final = (1, 7, 8, 9)
-STOP_S: Final = 1.8
+STOP_S: Final = 0.8
+TIMEOUT: Final = "GUID_TIMEOUT"
+MAX_TIMEOUT_S: Final = 3.0
+"""ArduPilot's own, and the longest that a rover may drive on without a setpoint."""
 MANUAL_STOP_S: Final = 1.2
 NEEDED: Final = "needs --allow-motion"
 
@@ -124,7 +131,7 @@ def velocity(
 
 @row(
     44,
-    "SET_POSITION_TARGET: only in GUIDED, frames 1, 7, 8, 9, stops 1 s after the last",
+    "SET_POSITION_TARGET: only in GUIDED, frames 1, 7, 8, 9, stops by its time-out",
     suffers="MAVSDK offboard, mavros setpoint_raw",
     source="ArduPilot Rover/GCS_MAVLink_Rover.cpp; MAVSDK offboard plugin; mavros setpoint_raw",
     profiles=ROVER,
@@ -137,7 +144,9 @@ def setpoints(check: VehicleCheck) -> RowVerdict:
     if not row_steps.start(check, row_steps.GUIDED, found):
         return found.verdict()
     row_steps.expect_way(check, found, lambda: velocity(check, 0.2), "in GUIDED")
-    found.expect(row_steps.stops_within(check, STOP_S), f"then {row_steps.speed(check):.2f} m/s")
+    stop_s = timeout_s(check) + STOP_S
+    is_still = row_steps.stops_within(check, stop_s)
+    found.expect(is_still, f"{row_steps.speed(check):.2f} m/s after {stop_s:.1f} s")
     since = check.main.mark()
     for frame in FRAMES:
         check.main.send_surely(velocity(check, 0.0, frame=frame))
@@ -145,6 +154,190 @@ def setpoints(check: VehicleCheck) -> RowVerdict:
     text = check.texts(since)
     found.expect("rame" not in text, f"frames {FRAMES}: {text!r}")
     _expect_acceleration(check, found)
+    return found.verdict()
+
+
+def timeout_s(check: VehicleCheck) -> float:
+    """Return after how long without a setpoint the vehicle stops, if it says so."""
+    one = read_parameter(check.main, TIMEOUT)
+    return MAX_TIMEOUT_S if one is None else min(MAX_TIMEOUT_S, float(one.param_value))
+
+
+POSITION_MASKS: Final = (2040, 3580, 3064)
+"""Of MavKit, MAVProxy and mavros: force and yaw rate are not masked, altitude is, yaw is not."""
+
+
+@row(
+    63,
+    "SET_POSITION_TARGET drives to a position with the masks of common clients",
+    suffers="MavKit, MAVProxy, mavros: a valid position is refused",
+    source="ArduPilot Rover/GCS_MAVLink_Rover.cpp",
+    profiles=ROVER,
+)
+@with_motion
+def position_masks(check: VehicleCheck) -> RowVerdict:
+    """Send a position ahead with each mask."""
+    found, target = Findings(), check.station.address
+    for mask in POSITION_MASKS:
+        row_steps.stand(check)
+        if not row_steps.start(check, row_steps.GUIDED, found):
+            return found.verdict()
+        here, step = row_steps.position(check), row_steps.ahead(check)
+        message = mavlink.MAVLink_set_position_target_local_ned_message(
+            0, *target, mavlink.MAV_FRAME_LOCAL_NED, mask, here[0] + step[0], here[1] + step[1],
+            *[0.0] * 7, row_steps.yaw(check), 0.0,
+        )  # fmt: skip
+        row_steps.expect_way(check, found, lambda: message, f"mask {mask}")  # noqa: B023
+    return found.verdict()
+
+
+ODD_SPEED_M_S: Final = 0.137
+FAR_M: Final = 2.0
+DRIVE_S: Final = 2.5
+KEPT_SPEED: Final = 0.8
+
+
+@row(
+    65,
+    "a speed of 178 or of DO_REPOSITION ends with the mode, and changes no parameter",
+    suffers="every client: missions and sticks stay slow after one slow goal",
+    source="ArduPilot Rover/mode.cpp, GCS_MAVLink_Rover.cpp",
+    profiles=ROVER,
+)
+@standing
+def lapsing_speed(check: VehicleCheck) -> RowVerdict:
+    """Order an odd speed in GUIDED, and look for it in the parameters; with motion, drive after."""
+    found = Findings()
+    before = download_parameters(check.main).values
+    may_drive = check.options.allow_motion
+    usual = _top_speed(check, found) if may_drive else 0.0
+    if not check.is_armed and check.set_mode(row_steps.GUIDED) == mavlink.MAV_RESULT_ACCEPTED:
+        order = mavlink.MAV_CMD_DO_CHANGE_SPEED
+        ordered = check.main.result_of(order, 1, ODD_SPEED_M_S, -1)
+        message = reposition(check, row_steps.place(check), as_int=True, speed=ODD_SPEED_M_S)
+        answer_to(check, message, mavlink.MAV_CMD_DO_REPOSITION)
+        found.fact(f"178 in GUIDED: {result_name(ordered)}")
+    row_steps.stand(check)
+    after = download_parameters(check.main).values
+    odd = [
+        f"{name} {before[name].value:g} -> {one.value:g}"
+        for name, one in after.items()
+        if name in before and before[name].value != one.value and _is_odd_speed(one.value)
+    ]
+    found.expect(not odd, f"parameters changed: {odd}")
+    found.expect(after, f"{len(after)} parameters")
+    if usual:
+        again = _top_speed(check, found)
+        fact = f"{again:.2f} m/s after an order of {ODD_SPEED_M_S}, {usual:.2f} m/s before"
+        found.expect(again >= usual * KEPT_SPEED, fact)
+    return found.verdict()
+
+
+def _is_odd_speed(value: float) -> bool:
+    """Return True for the odd speed in m/s or cm/s."""
+    return any(abs(value - scale * ODD_SPEED_M_S) < 0.01 * scale for scale in (1.0, 100.0))
+
+
+def _top_speed(check: VehicleCheck, found: Findings) -> float:
+    """Drive at a place ahead for some time, and stop; return the greatest speed."""
+    if not row_steps.start(check, row_steps.GUIDED, found):
+        return 0.0
+    heading, since = row_steps.yaw(check), check.main.mark()
+    far_m = max(FAR_M, 2 * step_m(check))
+    way = (far_m * cos(heading), far_m * sin(heading))
+    message = reposition(check, row_steps.moved(row_steps.place(check), *way), as_int=True)
+    answer_to(check, message, mavlink.MAV_CMD_DO_REPOSITION)
+    check.station.wait(DRIVE_S)
+    row_steps.stand(check)
+    frames = check.main.sent("LOCAL_POSITION_NED", since)
+    return max((hypot(one.message.vx, one.message.vy) for one in frames), default=0.0)
+
+
+SECONDS: Final = 10
+SLOW_M_S: Final = 0.15
+STARTED_S: Final = 1.5
+
+
+@row(
+    69,
+    "velocities once a second, of which every third is lost, drive for 10 s without a stop",
+    suffers="MAVSDK offboard, mavros and scripts on a radio: the vehicle stutters",
+    source="ArduPilot Rover/mode_guided.cpp, GUID_TIMEOUT",
+    profiles=ROVER,
+)
+@with_motion
+def slow_setpoints(check: VehicleCheck) -> RowVerdict:
+    """Send them; first lengthen a time-out that is a parameter to ArduPilot's 3 s."""
+    found = Findings()
+    own = read_parameter(check.main, TIMEOUT)
+    is_short = own is not None and own.param_value < MAX_TIMEOUT_S
+    if is_short:
+        write(check.main, TIMEOUT, MAX_TIMEOUT_S, own.param_type)
+        found.fact(f"{TIMEOUT} {own.param_value:g} s, for this row {MAX_TIMEOUT_S:g} s")
+    try:
+        _expect_no_rest(check, found)
+    finally:
+        row_steps.stand(check)
+        if is_short:
+            write(check.main, TIMEOUT, own.param_value, own.param_type)
+    return found.verdict()
+
+
+def _expect_no_rest(check: VehicleCheck, found: Findings) -> None:
+    if not row_steps.start(check, row_steps.GUIDED, found):
+        return
+    here, since_ns = row_steps.position(check), check.station.now_ns + round(STARTED_S * NS_PER_S)
+    for number in range(SECONDS):
+        if number % 3 != 2:
+            check.main.send_surely(velocity(check, SLOW_M_S))
+        check.station.wait(1.0)
+    frames = [one for one in check.main.sent("LOCAL_POSITION_NED") if one.at_ns >= since_ns]
+    still = row_steps.still_m_s(check)
+    rests = sum(hypot(one.message.vx, one.message.vy) < still for one in frames)
+    fact = (
+        f"{rests} of {len(frames)} samples at rest, moved {row_steps.distance(check, here):.2f} m"
+    )
+    found.expect(frames and not rests, fact)
+
+
+GOAL_MESSAGES: Final = ("NAV_CONTROLLER_OUTPUT", "POSITION_TARGET_GLOBAL_INT")
+NEAR_E7: Final = 20
+ARRIVE_S: Final = 30.0
+TWICE_A_SECOND_US: Final = 500_000
+
+
+@row(
+    71,
+    "while a goal is set: NAV_CONTROLLER_OUTPUT, POSITION_TARGET_GLOBAL_INT; then ITEM_REACHED 0",
+    suffers="MavKit, MAVProxy, Mission Planner: no distance to the goal, no arrival",
+    source="ArduPilot Rover/GCS_MAVLink_Rover.cpp, mode_guided.cpp",
+    profiles=ROVER,
+)
+@with_motion
+def goal_messages(check: VehicleCheck) -> RowVerdict:
+    """Drive a step in GUIDED, and wait for the arrival."""
+    found = Findings()
+    for name in GOAL_MESSAGES:
+        check.main.result_of(SET_MESSAGE_INTERVAL, NUMBERS[name], TWICE_A_SECOND_US)
+    if not row_steps.start(check, row_steps.GUIDED, found):
+        return found.verdict()
+    goal = row_steps.moved(row_steps.place(check), *row_steps.ahead(check))
+    since = check.main.mark()
+    result = answer_to(check, reposition(check, goal, as_int=True), mavlink.MAV_CMD_DO_REPOSITION)
+    found.expect(result == mavlink.MAV_RESULT_ACCEPTED, f"goal: {result_name(result)}")
+    for name in GOAL_MESSAGES:
+        one = check.main.expect_sent(name, 2.0, since=since)
+        found.expect(one, f"{name}: {'sent' if one else 'not sent'}")
+    target = check.main.latest("POSITION_TARGET_GLOBAL_INT")
+    if target is not None:
+        apart = target.message.lat_int - goal[0], target.message.lon_int - goal[1]
+        found.expect(max(map(abs, apart)) <= NEAR_E7, f"target {apart} e-7 degrees from the goal")
+    arrived = check.main.expect_sent(
+        "MISSION_ITEM_REACHED", ARRIVE_S, lambda one: one.seq == 0, since
+    )
+    found.expect(arrived, f"MISSION_ITEM_REACHED 0: {'sent' if arrived else 'not sent'}")
+    for name in GOAL_MESSAGES:
+        check.main.result_of(SET_MESSAGE_INTERVAL, NUMBERS[name], 0)
     return found.verdict()
 
 

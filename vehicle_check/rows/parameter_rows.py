@@ -6,10 +6,12 @@ The groups of ArduRover's parameters are from ArduPilot/ParameterRepository, Rov
 import json
 import lzma
 import re
+from collections.abc import Sequence
 from math import isfinite, nan
 from typing import Any, Final
 from zlib import crc32
 
+from vehicle_check.ground_stations import GroundStation
 from vehicle_check.mavlink_frames import mavlink
 from vehicle_check.transfers import (
     CRC32,
@@ -33,12 +35,14 @@ from vehicle_check.transfers import (
 )
 from vehicle_check.vehicle_under_test import (
     ARDUPILOTS,
+    HARSH_LOSS,
     ROVER,
     Findings,
     RowVerdict,
     VehicleCheck,
     failed,
     not_applicable,
+    not_tried,
     row,
 )
 
@@ -53,8 +57,10 @@ _TEXT: Final = """
     TEMP TERR THR TOFSENSE TRIK TRQ TRQL TURN UM VID VISO VTX WEB WENC WINCH WNDVN WP WRC
 """
 GROUPS: Final = frozenset(_TEXT.split())
-COMPATIBLE_GROUPS: Final = re.compile(r"(RCMAP|RC[0-9]+|COMPASS|INS|BATT|SYSID|MAV|FENCE)_")
-"""Groups from which a vehicle may have parameters with ArduRover's meaning."""
+COMPATIBLE_GROUPS: Final = re.compile(
+    r"(RCMAP|RC[0-9]+|COMPASS|INS|BATT|SYSID|MAV|FENCE)_|GUID_TIMEOUT"
+)
+"""Groups from which a vehicle may have parameters with ArduRover's meaning, and one parameter."""
 
 
 def has_rover_name(name: str) -> bool:
@@ -79,7 +85,6 @@ REMOTE_S: Final = 30.0
 PCK: Final = "@PARAM/param.pck"
 BLOCK: Final = 110
 WRONG_SESSION: Final = 77
-HARSH_LOSS: Final = 0.2
 METADATA: Final = 397
 PARAMETER_METADATA: Final = 1
 AXES: Final = ("X", "Y", "Z")
@@ -141,11 +146,22 @@ def parameter_protocol(check: VehicleCheck) -> RowVerdict:
     return found.verdict()
 
 
+def harmless_parameters(check: VehicleCheck, listed: ListedParameters) -> list[str]:
+    """Return parameters of the vehicle's own that are numbers.
+
+    A bytewise integer, as of PX4, is none that equals itself.
+    """
+    return [
+        name
+        for name, one in listed.values.items()
+        if not is_compatibility(name)
+        and (check.is_ardupilot or one.kind == REAL32)
+        and isfinite(one.value)
+    ]
+
+
 def _expect_set(check: VehicleCheck, found: Findings, listed: ListedParameters) -> None:
-    # A bytewise integer, as of PX4, is no number that equals itself.
-    own = [one for one in listed.values if not is_compatibility(one)]
-    floats = [one for one in own if check.is_ardupilot or listed.values[one].kind == REAL32]
-    name = next((one for one in floats if isfinite(listed.values[one].value)), "")
+    name = next(iter(harmless_parameters(check, listed)), "")
     if not name:
         return
     value = listed.values[name]
@@ -169,6 +185,52 @@ def _expect_set(check: VehicleCheck, found: Findings, listed: ListedParameters) 
             # With loss, a late answer to an earlier request can hide that the set was dropped.
             write(check.main, name, value.value, value.kind)
         found.expect(echo, f"the other client {'sees' if echo else 'does not see'} PARAM_VALUE")
+
+
+CHANGE: Final = 1.01
+TRIED: Final = 5
+FORCE_S: Final = 1.0
+
+
+@row(
+    67,
+    "PARAM_REQUEST_READ gives the value in force within a second of any change",
+    suffers="every client: an old value is shown, and written back",
+    source="MAVLink guide, parameter protocol",
+)
+def value_in_force(check: VehicleCheck) -> RowVerdict:
+    """Change a parameter by a hundredth, read it from two clients, and set it back."""
+    if check.is_armed:
+        return not_tried("the vehicle is armed")
+    found, listed = Findings(), parameters(check)
+    readers = [check.main, check.second] if check.serves_two else [check.main]
+    names = [one for one in harmless_parameters(check, listed) if listed.values[one].kind == REAL32]
+    for name in [one for one in names if listed.values[one].value][:TRIED]:
+        value = listed.values[name]
+        for reader in readers:
+            read_parameter(reader, name)
+        answer = write(check.main, name, value.value * CHANGE, value.kind)
+        if answer is None or answer.param_value == value.value:
+            continue  # refused, or at the end of its range
+        check.station.wait(FORCE_S)
+        _expect_read(found, readers, name, answer.param_value)
+        restored = write(check.main, name, value.value, value.kind)
+        back = None if restored is None else restored.param_value
+        check.station.wait(FORCE_S)
+        _expect_read(found, readers, name, value.value)
+        found.expect(back == value.value, f"{name} set back: {back}")
+        return found.verdict()
+    return failed(f"none of {len(names[:TRIED])} parameters could be changed by a hundredth")
+
+
+def _expect_read(
+    found: Findings, readers: Sequence[GroundStation], name: str, in_force: float
+) -> None:
+    for number, reader in enumerate(readers, start=1):
+        one = read_parameter(reader, name)
+        got = None if one is None else float(one.param_value)
+        fact = f"{name} read by client {number}: {got}, in force {in_force:g}"
+        found.expect(got == in_force, fact)
 
 
 @row(

@@ -1,10 +1,18 @@
 """Vehicles with faults, one that sends garbage, and one that does as a real ArduPilot Rover."""
 
 import random
-from math import hypot, isfinite
+from math import hypot, isfinite, nan
 from typing import Any, ClassVar
 
-from tests.support.vehicle_check.core import ACCEPTED, FAILED, UNSUPPORTED, Core, Peer, mavlink
+from tests.support.vehicle_check.core import (
+    ACCEPTED,
+    FAILED,
+    NOT_IN_CONTROL,
+    UNSUPPORTED,
+    Core,
+    Peer,
+    mavlink,
+)
 from tests.support.vehicle_check.good import (
     CAPABILITIES,
     GROUPS,
@@ -77,6 +85,119 @@ class YesVehicle(Streams):
     def on_command_long(self, message: Any, peer: Peer) -> None:
         self.send(mavlink.MAVLink_command_ack_message(message.command, ACCEPTED))
         self.send(mavlink.MAVLink_command_ack_message(message.command, ACCEPTED))
+
+
+COPY_NS = 150_000_000
+CACHED_NS = 10_000_000_000
+REPEATED_NS = 1_500_000_000
+LOCKED_NS = 5_000_000_000
+FORCE_BIT = 0b10_0000_0000
+
+
+class HastyVehicle(GoodVehicle):
+    """Passes rows 1 to 60 but a few, and has the defects that further clients found in one."""
+
+    own: ClassVar = {"RADIUS_X": 0.5, "SPEED_X": 0.4, "NAVIGATOR_X": 2.0}
+    on_request = ()
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.copies: list[tuple[int, Any, Peer]] = []
+        self.cached: dict[str, tuple[int, Any]] = {}
+        self.port, self.port_ns = -1, 0
+
+    def due(self, now_ns: int) -> None:
+        """Send the copies of acknowledgements."""
+        super().due(now_ns)
+        for at_ns, message, peer in self.copies:
+            if at_ns <= now_ns:
+                self.send(message, peer)
+        self.copies = [one for one in self.copies if one[0] > now_ns]
+
+    def acknowledge(self, number: int, result: int, peer: Peer) -> None:
+        """Acknowledge, and send a copy a little later."""
+        super().acknowledge(number, result, peer)
+        ack = mavlink.MAVLink_command_ack_message(number, result, 0, 0, peer.system, peer.component)
+        self.copies.append((self.now_ns + COPY_NS, ack, peer))
+
+    def command(
+        self, number: int, params: list[float], place: tuple[int, int], again: int, peer: Peer
+    ) -> None:
+        """Serve one port of a system only."""
+        if number == 176 and params[1] != 4:
+            is_locked = self.now_ns - self.port_ns < LOCKED_NS
+            if self.port not in (-1, peer.number) and peer.system == 255 and is_locked:
+                self.text("another operator commands the robot: MAVLink 255", peer)
+                self.acknowledge(number, NOT_IN_CONTROL, peer)
+                return
+        self.port, self.port_ns = peer.number, self.now_ns
+        super().command(number, params, place, again, peer)
+
+    def command_178(self, params: list[float], peer: Peer) -> int:
+        """Keep the speed as a parameter."""
+        if params[1] > 0:
+            self.values["SPEED_X"] = params[1]
+        return ACCEPTED
+
+    def on_param_request_read(self, message: Any, peer: Peer) -> None:
+        """Give what was read before for ten seconds."""
+        name = message.param_id
+        at_ns, answer = self.cached.get(name, (-CACHED_NS, None))
+        if message.param_index >= 0 or name not in self.values:
+            super().on_param_request_read(message, peer)
+            return
+        if self.now_ns - at_ns >= CACHED_NS:
+            at_ns, answer = self.cached[name] = self.now_ns, self.value(name)
+        self.send(answer, peer)
+
+    def fault(self, one: Any, x: int, kind: int) -> int:
+        """Know waypoints only."""
+        return super().fault(one, x, kind) or (3 if one.command in (20, 93, 178) else 0)
+
+    def give(self, message: Any, peer: Peer, *, as_float: bool) -> None:
+        """Give items without their altitude."""
+        plan = self.plans[message.mission_type]
+        values, place, _ = plan[message.seq]
+        plan[message.seq] = ((*values[:5], 0.05, values[6], nan), place, 0.0)
+        super().give(message, peer, as_float=as_float)
+
+    def on_set_position_target_local_ned(self, message: Any, peer: Peer) -> None:
+        """Refuse a force, although it is only a flag."""
+        if message.type_mask & FORCE_BIT:
+            self.text("set the bits of type_mask that ignore the acceleration", peer)
+        else:
+            super().on_set_position_target_local_ned(message, peer)
+
+    def build_heartbeat(self) -> Any:
+        """Show no mode in base_mode."""
+        message = super().build_heartbeat()
+        message.base_mode &= ~72
+        return message
+
+    def build_nav_controller_output(self) -> Any:
+        """Say nothing of the goal."""
+        return None
+
+    build_position_target_global_int = build_nav_controller_output
+
+
+class StaleVehicle(GoodVehicle):
+    """Gives an answer again for a while, although its state may have ended."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.answered: dict[tuple[int, int, tuple[float, ...]], int] = {}
+
+    def command(
+        self, number: int, params: list[float], place: tuple[int, int], again: int, peer: Peer
+    ) -> None:
+        """Accept again what was accepted."""
+        key = peer.number, number, tuple(params)
+        if number == 400 and self.now_ns - self.answered.get(key, -REPEATED_NS) < REPEATED_NS:
+            self.acknowledge(number, ACCEPTED, peer)
+            return
+        self.answered[key] = self.now_ns
+        super().command(number, params, place, again, peer)
 
 
 class GarbageVehicle(GoodVehicle):

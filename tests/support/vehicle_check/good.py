@@ -21,6 +21,7 @@ from vehicle_check.mavlink_frames import (
     MISSION_ACK,
     MISSION_COUNT,
     MISSION_CURRENT,
+    NUMBERS,
     REQUEST_OPERATOR_CONTROL,
     TIMESYNC,
     ExtraMessage,
@@ -40,18 +41,26 @@ RATES = {
     "LOCAL_POSITION_NED_COV": 5, "ODOMETRY": 5, "HOME_POSITION": 1, "BATTERY_STATUS": 1,
     "OBSTACLE_DISTANCE": 5, "DISTANCE_SENSOR": 5, "RANGEFINDER": 2, "SYSTEM_TIME": 1,
     "MISSION_CURRENT": 1, "FENCE_STATUS": 1, "CONTROL_STATUS": 1, "RC_CHANNELS": 2,
+    "NAV_CONTROLLER_OUTPUT": 2, "POSITION_TARGET_GLOBAL_INT": 2,
 }  # fmt: skip
 GROUPS = {
     2: ("SYS_STATUS", "GPS_RAW_INT"), 3: ("RC_CHANNELS",), 10: ("ATTITUDE",), 11: ("VFR_HUD",),
     6: ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED"), 12: ("SYSTEM_TIME", "BATTERY_STATUS"),
 }  # fmt: skip
-CAPABILITIES = 1 | 2 | 4 | 8 | 32 | 128 | 256 | 2048 | 8192 | 16384 | 131072
+CAPABILITIES = 64 | 1 | 2 | 4 | 8 | 32 | 128 | 256 | 2048 | 8192 | 16384 | 131072
+
+
+ON_REQUEST = ("CONTROL_STATUS",)
+"""What only those receive who ask for it: it is in no dialect of common clients."""
+MODE_BITS = {0: 64, 10: 8, 15: 8}
+NAMES = {number: name for name, number in NUMBERS.items()}
 
 
 class Streams(Core):
     """A vehicle that stands at the origin and sends all streams."""
 
     rates = RATES
+    on_request: ClassVar[tuple[str, ...]] = ON_REQUEST
 
     def __init__(self) -> None:
         super().__init__()
@@ -72,7 +81,8 @@ class Streams(Core):
                 due_ns = peer.due.get(name, now_ns)
                 if now_ns < due_ns:
                     continue
-                interval = peer.intervals.get(name, 1_000_000_000 // rate)
+                usual = 0 if name in self.on_request else 1_000_000_000 // rate
+                interval = peer.intervals.get(name, usual)
                 if interval:
                     peer.due[name] = max(due_ns + interval, now_ns)
                     self.stream(name, peer)
@@ -86,8 +96,8 @@ class Streams(Core):
         return made is not None
 
     def build_heartbeat(self) -> Any:
-        armed = 128 if self.is_armed else 0
-        return mavlink.MAVLink_heartbeat_message(10, 3, 1 | armed, self.mode, self.state, 3)
+        bits = MODE_BITS.get(self.mode, 0) | (128 if self.is_armed else 0)
+        return mavlink.MAVLink_heartbeat_message(10, 3, 1 | bits, self.mode, self.state, 3)
 
     def build_sys_status(self) -> Any:
         bits = 0x10000000 | 0x100000 | 0x4000000
@@ -96,9 +106,13 @@ class Streams(Core):
     def build_ekf_status_report(self) -> Any:
         return mavlink.MAVLink_ekf_status_report_message(16 | 512, 0.1, 0.1, 0, 0.1, 0)
 
+    def global_of(self, x: float, y: float) -> tuple[int, int]:
+        """Return latitude and longitude of a place."""
+        return LAT + round(x / 0.0111319), LON + round(y / 0.0111319 / 0.8155)
+
     def place(self) -> tuple[int, int]:
         """Latitude and longitude."""
-        return LAT + round(self.x / 0.0111319), LON + round(self.y / 0.0111319 / 0.8155)
+        return self.global_of(self.x, self.y)
 
     def velocity(self) -> tuple[float, float]:
         """North and east."""
@@ -219,7 +233,7 @@ class Streams(Core):
 
     def set_interval(self, number: int, interval_us: float, peer: Peer) -> int:
         """Change the rate of one message."""
-        name = mavlink.mavlink_map[number].msgname
+        name = NAMES[number]
         if interval_us > 0:
             peer.intervals[name] = round(interval_us * 1000)
         else:
@@ -268,7 +282,7 @@ def compatible(name: str) -> float:
 class Files(Streams):
     """Serves parameters by messages and by FTP, descriptions and logs."""
 
-    own: ClassVar = {"RADIUS_X": 0.5, "WHEELBASE_X": 0.25, "NAVIGATOR_X": 2.0}
+    own: ClassVar = {"RADIUS_X": 0.5, "WHEELBASE_X": 0.25, "NAVIGATOR_X": 2.0, "GUID_TIMEOUT": 0.8}
 
     def __init__(self) -> None:
         super().__init__()
@@ -417,7 +431,7 @@ NO_SPACE = 4
 INVALID_LAT = 10
 DENIED = 14
 CANCELLED = 15
-KNOWN = {0: {16}, 1: {5001, 5003}, 2: set()}
+KNOWN = {0: {16, 20, 93, 178}, 1: {5001, 5003}, 2: set()}
 
 
 @dataclass
@@ -598,8 +612,12 @@ class Plans(Files):
 
 
 GUIDED, MANUAL, AUTO = 15, 0, 10
-STALE_NS = 1_000_000_000
+STALE_S = 0.5
+SPEED_M_S = 0.2
 STEP_NS = 10_000_000
+WAYPOINT = 16
+POSITION, ACCELERATION = 0b11, 0b1_1100_0000
+"""The bits of a type mask that make a rover ignore these."""
 OPEN_COMMANDS = {512, 511, 510, 520, 410, 401, 42428}
 STRANGERS_MAY = {"HEARTBEAT"}
 
@@ -611,8 +629,8 @@ class GoodVehicle(Plans):
         super().__init__()
         self.goal: tuple[float, float] | None = None
         self.wanted = (0.0, 0.0)
-        self.wanted_ns = 0
-        self.is_stopped = False
+        self.wanted_until_ns = 0
+        self.is_stopped = self.has_told = False
         self.drive_since_ns = 0
 
     def due(self, now_ns: int) -> None:
@@ -620,24 +638,61 @@ class GoodVehicle(Plans):
         if self.goal is not None:
             away = self.goal[0] - self.x, self.goal[1] - self.y
             left = hypot(*away)
-            self.speed = 0.2 if left > 0.01 and self.is_armed else 0.0
+            self.speed = SPEED_M_S if left > 0.01 and self.is_armed else 0.0
             if self.speed:
-                self.x += 0.002 * away[0] / left
-                self.y += 0.002 * away[1] / left
+                self.x += self.speed * away[0] / left / 100
+                self.y += self.speed * away[1] / left / 100
+            elif self.is_armed:
+                self.arrived()
         else:
-            is_fresh = now_ns - self.wanted_ns < STALE_NS // 2
+            is_fresh = now_ns < self.wanted_until_ns
             self.speed, self.turn = self.wanted if is_fresh and self.is_armed else (0.0, 0.0)
             self.x += self.speed * cos(self.yaw) / 100
             self.y += self.speed * sin(self.yaw) / 100
             self.yaw += self.turn / 100
         super().due(now_ns)
 
+    def arrived(self) -> None:
+        """Tell it, and go on with the mission."""
+        if self.mode == AUTO:
+            self.send(mavlink.MAVLink_mission_item_reached_message(self.current))
+            self.next_item()
+        elif not self.has_told:
+            self.has_told = True
+            self.send(mavlink.MAVLink_mission_item_reached_message(0))
+
+    def next_item(self) -> None:
+        """Drive to the next waypoint; the items between have no effect here."""
+        plan = self.plans[0]
+        while self.current + 1 < len(plan):
+            self.current += 1
+            if plan[self.current][0][1] == WAYPOINT:
+                self.goal = self.local(plan[self.current][1])
+                return
+        self.goal = None
+
+    def build_nav_controller_output(self) -> Any:
+        if self.goal is None:
+            return None
+        left = hypot(self.goal[0] - self.x, self.goal[1] - self.y)
+        return mavlink.MAVLink_nav_controller_output_message(0, 0, 0, 0, round(left), 0, 0, 0)
+
+    def build_position_target_global_int(self) -> Any:
+        if self.goal is None:
+            return None
+        place = self.global_of(*self.goal)
+        return mavlink.MAVLink_position_target_global_int_message(
+            self.boot_ms, 0, 0xFFF8, *place, *[0.0] * 9
+        )
+
     def set_mode(self, mode: int) -> None:
         """Change the mode, and say so at once."""
         self.mode, self.goal, self.wanted = mode, None, (0.0, 0.0)
         self.state = 6 if self.is_stopped else 3 if mode == HOLD else 4
         if mode == AUTO and len(self.plans[0]) > 1:
-            self.goal, self.mission_state = self.local(self.plans[0][1][1]), 3
+            self.mission_state = 3
+            self.current = max(self.current, 1) - 1
+            self.next_item()
         self.stream("HEARTBEAT", None)
 
     def local(self, place: tuple[int, int]) -> tuple[float, float]:
@@ -685,7 +740,7 @@ class GoodVehicle(Plans):
         """Drive to a place in GUIDED."""
         if self.mode != GUIDED or place == (0, 0):
             return CORE_DENIED
-        self.goal = self.local(place)
+        self.goal, self.has_told = self.local(place), False
         return ACCEPTED
 
     def guided(self, one: Any, peer: Peer, x: int, y: int) -> None:
@@ -752,6 +807,7 @@ class GoodVehicle(Plans):
     command_401 = command_193 = command_178 = command_207 = command_213 = command_194 = accept
 
     def command_32100(self, params: list[float], peer: Peer) -> int:
+        peer.intervals.setdefault("CONTROL_STATUS", 1_000_000_000)
         if params[0] == 0:
             self.owner, self.takeover = 0, 1
         elif self.owner in (0, peer.system) or self.takeover:
@@ -765,17 +821,23 @@ class GoodVehicle(Plans):
                 owner,
             )
             return FAILED
-        self.stream("CONTROL_STATUS", None)
+        for one in self.peers.values():
+            if "CONTROL_STATUS" in one.intervals:
+                self.stream("CONTROL_STATUS", one)
         return ACCEPTED
 
     def drive(self, mode: int, speed: float, turn: float) -> None:
         """Follow a setpoint in its mode."""
         if self.mode == mode:
-            self.goal, self.wanted, self.wanted_ns = None, (speed, turn), self.now_ns
+            timeout_s = self.values.get("GUID_TIMEOUT", STALE_S) if mode == GUIDED else STALE_S
+            self.goal, self.wanted = None, (speed, turn)
+            self.wanted_until_ns = self.now_ns + round(timeout_s * 1e9)
 
     def on_set_position_target_local_ned(self, message: Any, peer: Peer) -> None:
-        if not message.type_mask & 0x40:
+        if not message.type_mask & ACCELERATION:
             self.text("accelerations are not followed", peer)
+        elif not message.type_mask & POSITION and self.mode == GUIDED:
+            self.goal, self.has_told = (message.x, message.y), False
         elif message.coordinate_frame in (1, 7, 8, 9):
             self.drive(GUIDED, message.vx, 0.0)
 
