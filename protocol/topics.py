@@ -1,6 +1,6 @@
 """Tables of topics and services (key, messages, rate, publisher, priority), and of MAVLink ids."""
 
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeVar
 
 from protocol.topic import DIALECT as DIALECT
 from protocol.topic import ENCODING as ENCODING
@@ -58,6 +58,9 @@ from protocol.wire.messages import (
 )
 from runtime.units import NS_PER_MS
 
+M = TypeVar("M", bound=Message)
+
+SUMMARY_HZ: Final = 2.0
 STOP_REPEAT_MS: Final = 50
 """Period at which an emergency stop is repeated until the status shows that it was executed."""
 
@@ -200,6 +203,26 @@ INPUTS: Final = Topic(
     priority=Priority.DATA_LOW,
     doc="inputs of the control core, for the re-execution of a recorded run",
 )
+
+
+def summary_of(topic: Topic[M]) -> Topic[M]:
+    """Return the topic that has the newest message of a stream twice a second."""
+    return Topic(
+        path=f"summary/{topic.path.partition('/')[2]}",
+        messages=topic.messages,
+        publisher=topic.publisher,
+        rate_hz=SUMMARY_HZ,
+        stale_after_ns=1500 * NS_PER_MS,
+        doc=f"{topic.path} for stations that watch many robots: each half second of wall time, and "
+        "at once when mode, vehicle, goal or emergency stop change",
+    )
+
+
+SUMMARIES: Final[dict[str, Topic[Any]]] = {
+    topic.path: summary_of(topic) for topic in (STATUS, ODOMETRY, INPUTS)
+}
+"""The summaries of a robot, by the paths of the streams that they are taken from."""
+
 COMMANDED: Final[Topic[Message]] = Topic(
     path="tlm/commanded",
     messages=(
@@ -360,6 +383,7 @@ TOPICS: Final[tuple[Topic[Message], ...]] = (
     LEASE,
     MISSION,
     INPUTS,
+    *SUMMARIES.values(),
     COMMANDED,
     ANSWERED,
     OPERATOR,

@@ -423,13 +423,13 @@ class RobotProcess:
     ) -> None:
         """Publish everything that determined this tick, so that it can be re-executed."""
         senses = self._senses
-        if not self.reports.inputs.matched:
+        if not self.reports.wants_inputs:
             return
         given = CoreInputs(
             senses.wheels_seq, senses.scan_seq, senses.scan_age_ms, self.reports.recorded, reported
         )
         message = telemetry.tick_inputs(inputs, given, teleop, tick, senses.stamp_ns)
-        self.reports.together.put(self.reports.inputs, message)
+        self.reports.inputs(message)
 
     def _answer(self) -> None:
         """Act on the requests of this control period and answer each."""

@@ -22,12 +22,15 @@ from protocol.topics import (
     MISSION,
     ODOMETRY,
     STATUS,
+    SUMMARIES,
+    SUMMARY_HZ,
     TEXT,
+    Topic,
 )
 from protocol.wire.enums import AckResult, Severity
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.message import Message
-from protocol.wire.messages import CommandAck, WheelCommand
+from protocol.wire.messages import CommandAck, NavigatorStatus, TickInputs, WheelCommand
 from robot import telemetry
 from robot.core import reasons
 from robot.core.values import Outputs, now_ms_of
@@ -39,6 +42,7 @@ M = TypeVar("M", bound=Message)
 
 SIGN_OF_LIFE_NS: Final = 300 * NS_PER_MS
 """Longest time between two heartbeats on the clock of the bus. Simulated time may be slower."""
+SUMMARY_NS: Final = round(NS_PER_S / SUMMARY_HZ)
 
 
 class Together:
@@ -68,6 +72,43 @@ class Together:
             publisher.put_frame(frame)
 
 
+class Summary:
+    """Repeats state, pose and inputs for stations that watch many robots.
+
+    It is paced by the clock of the bus, and so it is a sign of life in simulated time, too.
+    """
+
+    def __init__(self, bus: Bus, together: Together) -> None:
+        self._publishers = {path: bus.publisher(topic) for path, topic in SUMMARIES.items()}
+        self._together = together
+        self._now_ns = bus.now_ns
+        self._status: NavigatorStatus | None = None
+        self._state: tuple[int, ...] = ()
+        self._sent_ns = 0
+        self.wants_inputs = False
+        """True until the inputs of the summary are published, too."""
+
+    def take(self, status: NavigatorStatus) -> None:
+        """Keep the newest status."""
+        self._status = status
+
+    def publish(self, vehicle: RobotVehicle, stamp_ns: int) -> None:
+        """Publish status and pose if half a second has gone by, or the state has changed."""
+        status, now_ns = self._status, self._now_ns()
+        if status is None:
+            return
+        state = status.vehicle, status.mode, status.goal, status.goal_id, status.stop_id
+        if state == self._state and now_ns - self._sent_ns < SUMMARY_NS:
+            return
+        self._state, self._sent_ns, self.wants_inputs = state, now_ns, True
+        self.put(STATUS, status)
+        self.put(ODOMETRY, telemetry.odometry(vehicle.state, stamp_ns))
+
+    def put(self, topic: Topic[M], message: M) -> None:
+        """Publish a message in the summary of its topic."""
+        self._together.put(self._publishers[topic.path], message)
+
+
 class Reports:
     """Publishers of one robot; `epoch` is the start time of its process (see WHEEL_COMMAND)."""
 
@@ -80,13 +121,14 @@ class Reports:
         self.decision = bus.publisher(DECISION)
         self.cycle = bus.publisher(CYCLE)
         self.mcu = bus.publisher(MCU)
-        self.inputs = bus.publisher(INPUTS)
+        self._inputs = bus.publisher(INPUTS)
         self.lease = bus.publisher(LEASE)
         self.mission = bus.publisher(MISSION)
         self.text = bus.publisher(TEXT)
         self.commanded = bus.publisher(COMMANDED)
         self.answered = bus.publisher(ANSWERED)
         self.together = Together()
+        self._summary = Summary(bus, self.together)
         self._now_ns = bus.now_ns
         self._beat_ns = 0
         self._commands = 0
@@ -148,10 +190,24 @@ class Reports:
             vehicle.stoppers,
         )
         self.together.put(self.status, status)
+        self._summary.take(status)
+
+    @property
+    def wants_inputs(self) -> bool:
+        """True if any process reads the inputs of this tick."""
+        return self._summary.wants_inputs or self._inputs.matched
+
+    def inputs(self, message: TickInputs) -> None:
+        """Publish everything that determined a tick."""
+        self.together.put(self._inputs, message)
+        if self._summary.wants_inputs:
+            self._summary.wants_inputs = False
+            self._summary.put(INPUTS, message)
 
     def events(self, vehicle: RobotVehicle, stamp_ns: int, now_ns: int) -> None:
-        """Publish what is independent of ticks: heartbeat, lease, mission and new texts."""
+        """Publish what is independent of ticks: heartbeat, summary, lease, mission, new texts."""
         self._beat(vehicle, now_ns)
+        self._summary.publish(vehicle, stamp_ns)
         lease = vehicle.lease_status(stamp_ns, now_ns)
         if lease is not None:
             self.together.put(self.lease, lease)

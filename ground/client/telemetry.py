@@ -1,11 +1,11 @@
 """Telemetry of a robot, each stream with its age, so that an old value is never shown as live."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from enum import Enum
 from typing import Any, Final, NamedTuple, Protocol, TypeVar
 
 from protocol.bus.mailbox import Mailbox
-from protocol.topics import CYCLE, DECISION, HEARTBEAT, ODOMETRY, STATUS, Topic
+from protocol.topics import CYCLE, DECISION, HEARTBEAT, ODOMETRY, STATUS, SUMMARIES, Topic
 from protocol.wire.message import Message
 from runtime.units import NS_PER_S
 
@@ -40,6 +40,13 @@ class MailboxSource(Protocol):
         """Subscribe to a topic; call `notify` at each arrival and `take` with each frame."""
 
 
+class Subscriptions(MailboxSource, Protocol):
+    """The part of a bus that can also end what it keeps."""
+
+    def unsubscribe(self, mailbox: Mailbox[Any]) -> None:
+        """End the subscription of a mailbox."""
+
+
 class AgedMessage(NamedTuple):
     """The newest message of a topic; `age_ns` is None if nothing has ever arrived."""
 
@@ -53,6 +60,7 @@ class Telemetry:
 
     `taker` returns the handler that also gets every frame of a topic, by its path, or None.
     `pace` is simulated over wall time: ages are judged in the robot's time, which may be slower.
+    A stream that is not subscribed to is known by its summary, by whose rate its age is judged.
     """
 
     def __init__(
@@ -64,20 +72,52 @@ class Telemetry:
         taker: Callable[[str], FrameHandler | None] = lambda _path: None,
     ) -> None:
         self.pace = 1.0
-        self._boxes: dict[str, Mailbox[Any]] = {
-            topic.path: bus.mailbox(topic, robot, notify, take=taker(topic.path))
-            for topic in topics
-        }
+        self._robot, self._notify, self._taker = robot, notify, taker
+        self._followed: dict[str, Mailbox[Any]] = {}
+        self._boxes: dict[str, Mailbox[Any]] = {}
+        self._subscribe(bus, topics)
+
+    def follow(self, bus: Subscriptions, topics: Collection[Topic[Any]]) -> None:
+        """Subscribe to these topics alone; the newest messages of the others are kept."""
+        wanted = {topic.path for topic in topics}
+        for path in self._followed.keys() - wanted:
+            bus.unsubscribe(self._followed.pop(path))
+        self._subscribe(bus, (topic for topic in topics if topic.path not in self._followed))
+
+    def _subscribe(self, bus: MailboxSource, topics: Iterable[Topic[Any]]) -> None:
+        for topic in topics:
+            path = topic.path
+            box = bus.mailbox(topic, self._robot, self._notify, take=self._taker(path))
+            self._followed[path] = self._boxes[path] = box
+
+    def is_followed(self, topic: Topic[Any]) -> bool:
+        """Return whether a topic is subscribed to."""
+        return topic.path in self._followed
 
     def latest(self, topic: Topic[M]) -> tuple[M, int] | None:
         """Return the newest message, however old, and its arrival time in ns."""
-        found: tuple[M, int] | None = self._boxes[topic.path].latest()
-        return found
+        return self._newest(topic)[1]
+
+    def _newest(self, topic: Topic[M]) -> tuple[Topic[M], tuple[M, int] | None]:
+        """Return the newest message, and the topic by whose rate its age is judged."""
+        path = topic.path
+        box = self._boxes.get(path)
+        own = None if box is None else box.latest()
+        summary = SUMMARIES.get(path)
+        if summary is None or (summary_box := self._boxes.get(summary.path)) is None:
+            return topic, own
+        repeated = summary_box.latest()
+        if own is None or (repeated is not None and repeated[1] > own[1]):
+            return summary, repeated
+        return (topic if path in self._followed else summary), own
 
     def fresh(self, topic: Topic[M], now_ns: int) -> M | None:
         """Return the newest message; None if it is stale."""
-        found: M | None = self._boxes[topic.path].fresh(now_ns)
-        return found
+        judged, newest = self._newest(topic)
+        if newest is None:
+            return None
+        limit_ns = judged.stale_after_ns
+        return None if limit_ns and now_ns - newest[1] > limit_ns else newest[0]
 
     def live(self, topic: Topic[M], now_ns: int) -> M | None:
         """Return the newest message; None if it is too old to be shown."""
@@ -95,8 +135,10 @@ class Telemetry:
         return AgedMessage(newest[0], age_ns, self.age_of(topic, age_ns))
 
     def age_of(self, topic: Topic[Any], age_ns: int) -> Age:
-        """Classify an age; a heartbeat keeps its rate in wall time."""
-        return age_of(topic, age_ns if topic is HEARTBEAT else round(age_ns * self.pace))
+        """Classify an age; a heartbeat and a summary keep their rate in wall time."""
+        judged = self._newest(topic)[0]
+        in_wall_time = topic is HEARTBEAT or judged is not topic
+        return age_of(judged, age_ns if in_wall_time else round(age_ns * self.pace))
 
     def boxes(self) -> Mapping[str, Mailbox[Any]]:
         """Return the mailboxes by the path of their topics."""

@@ -58,6 +58,7 @@ from protocol.topics import (
     CLOCK_SERVICE,
     STOP,
     STOP_SERVICE,
+    SUMMARIES,
     TOPICS,
     Role,
     Service,
@@ -340,9 +341,10 @@ class Bus:
             self._declared.append(self._subscriber(key, forward, history))
 
     def stream_all(self, handler: Take, robot: str | None = None) -> None:
-        """Subscribe to every frame of one robot, each once, with the history of all topics."""
+        """Subscribe to all of one robot, each message once, with the history of all topics."""
         for topic in TOPICS:
-            self.stream(topic, handler, robot)
+            if topic not in SUMMARIES.values():
+                self.stream(topic, handler, robot)
 
     def serve(self, service: Service, handler: Handler, robot: str | None = None) -> None:
         """Serve a service: `handler` runs in the request thread and may reply from any thread."""

@@ -81,11 +81,11 @@ def boot_id() -> str:
 Mode = Literal["client", "peer", "router"]
 EXAMPLE = "tcp/127.0.0.1:7447"
 LOCKED = "tls/"
-MAX_ROBOTS = 20
+MAX_ROBOTS = 100
 MAX_OPERATORS = 20
 LEASE_MS = 1000
 MAX_PORT = 65_535
-DEFAULT_ROBOTS = tuple(f"r{number}" for number in range(1, MAX_ROBOTS + 1))
+DEFAULT_ROBOTS = tuple(f"r{number}" for number in range(1, 21))
 
 
 class Hub(Enum):

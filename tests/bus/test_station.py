@@ -16,8 +16,8 @@ from ground.console.app_commands import AppCommand
 from ground.console.parser import read
 from ground.station import fleet
 from ground.station.link.loss import LossKind
-from protocol.bus.network import MAX_ROBOTS
-from protocol.topics import COMMAND, LEASE_SERVICE, ODOMETRY, STATUS, STOP, TOPICS, Role
+from ground.station.robot.robot_model import ALL, WATCHED
+from protocol.topics import COMMAND, LEASE_SERVICE, ODOMETRY, STATUS, STOP, SUMMARIES, Role
 from protocol.wire.enums import AckResult, Command, LeaseAction, Mode, Vehicle
 from protocol.wire.messages import CommandAck, CommandRequest, LeaseRequest
 from tests.support.ground.station import Robot
@@ -221,7 +221,8 @@ def test_robot_that_appears_is_shown_and_can_be_stopped(network: Net, watching: 
     stops: list[bytes] = []
     robot, messages = network.join(Role.ROBOT, "r2"), Robot("r2", x_m=3.0)
     robot.stream(STOP, lambda _key, frame, _at: stops.append(frame), "r2")
-    odometry, status = robot.publisher(ODOMETRY), robot.publisher(STATUS)
+    odometry = robot.publisher(SUMMARIES[ODOMETRY.path])
+    status = robot.publisher(SUMMARIES[STATUS.path])
     robot.announce()
 
     def shown() -> bool:
@@ -241,7 +242,7 @@ def test_robot_that_flaps_leaves_nothing_behind(network: Net, watching: Watching
     for _ in range(20):
         come_and_go(network, watching, "r2")
     assert set(names(watching)) == {"r1", "r2"}
-    assert len(network.ground._mailboxes) == 2 * len(TOPICS)
+    assert len(network.ground._mailboxes) == len(ALL) + len(WATCHED)
     assert threading.active_count() <= threads + 4
     assert len(watching.station.log) < 80
 
@@ -249,11 +250,13 @@ def test_robot_that_flaps_leaves_nothing_behind(network: Net, watching: Watching
 def test_subscriptions_of_replaced_robots_end(
     network: Net, watching: Watching, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    few = 20
     monkeypatch.setattr(fleet, "KEPT_NS", 0)
-    for number in range(MAX_ROBOTS + 10):
+    monkeypatch.setattr(fleet, "MAX_ROBOTS", few)
+    for number in range(few + 10):
         come_and_go(network, watching, f"x{number}")
-    assert len(names(watching)) == MAX_ROBOTS
-    assert len(network.ground._mailboxes) == MAX_ROBOTS * len(TOPICS)
+    assert len(names(watching)) == few
+    assert len(network.ground._mailboxes) == len(ALL) + (few - 1) * len(WATCHED)
 
 
 def test_dead_robot_behind_a_router_is_reported_and_returns() -> None:

@@ -6,12 +6,13 @@ from typing import Final, NamedTuple
 
 from ground.client.telemetry import Age
 from ground.station.station import Station
+from protocol.bus.network import MAX_ROBOTS
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.messages import NavigatorStatus
 from protocol.wire.reasons import reason_text
 from runtime.units import NS_PER_MS
 
-MOST_KEPT: Final = 100
+MOST_KEPT: Final = 2 * MAX_ROBOTS
 """With more robots, those that are watched no more are forgotten."""
 ARRIVED_NS: Final = 500 * NS_PER_MS
 """A goal that is reached for this long was the last one: a mission sets its next goal at once."""

@@ -321,7 +321,7 @@ class LinkMonitor:
         inputs = telemetry.fresh(INPUTS, now_ns)
         there = bool(model.tokens.get(Role.ROBOT))
         others = [age for topic in PLANT if (age := self._age_ns(topic, now_ns)) is not None]
-        senses = [self._age_ns(topic, now_ns) for topic in (SONAR, WHEELS)]
+        senses_ns = self._senses_ns(now_ns)
         return LossInputs(
             watched_ns=now_ns - model.began_ns,
             hub=hub.hub,
@@ -332,10 +332,21 @@ class LinkMonitor:
             heartbeat_ns=self._age_ns(HEARTBEAT, now_ns),
             status_ns=self._age_ns(STATUS, now_ns),
             others_ns=min(others, default=None),
-            senses_ns=None if None in senses else max(age for age in senses if age is not None),
+            senses_ns=senses_ns,
             senses_missing=inputs is not None and inputs.flags & SENSES != SENSES,
             other_operator=self._lease.others and not self._reader.watches_only,
         )
+
+    def _senses_ns(self, now_ns: int) -> int | None:
+        """Return the age of the older one of scan and wheel ticks.
+
+        A robot that is not followed tells with its status whether it has them.
+        """
+        if not self._model.telemetry.is_followed(SONAR):
+            return self._age_ns(STATUS, now_ns)
+        ages_ns = [self._age_ns(topic, now_ns) for topic in (SONAR, WHEELS)]
+        known_ns = [age_ns for age_ns in ages_ns if age_ns is not None]
+        return max(known_ns) if len(known_ns) == len(ages_ns) else None
 
     def _age_ns(self, topic: Topic[Any], now_ns: int) -> int | None:
         newest = self._model.telemetry.latest(topic)

@@ -130,8 +130,12 @@ class Streams:
         return 100.0 * received / (received + lost) if received else 0.0
 
     def rows(self, telemetry: Telemetry, now_ns: int) -> list[StreamRow]:
-        """Return a line for each topic."""
-        return [self._row(counter, telemetry, now_ns) for counter in self._counters.values()]
+        """Return a line for each topic that is subscribed to."""
+        return [
+            self._row(counter, telemetry, now_ns)
+            for counter in self._counters.values()
+            if telemetry.is_followed(counter.topic)
+        ]
 
     def _row(self, counter: StreamCounter, telemetry: Telemetry, now_ns: int) -> StreamRow:
         topic = counter.topic

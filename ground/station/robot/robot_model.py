@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
-from typing import Final
+from typing import Any, Final
 
 from ground.client.parameter import Parameter
 from ground.client.requests import NAMED_NS, replaced_by
@@ -15,6 +15,7 @@ from ground.station.link.processes import LineBudget, PresenceLog, RestartNotice
 from ground.station.link.streams import Streams
 from ground.station.robot.mission_items import MissionItems
 from ground.text.wording import aged, driving
+from protocol.bus.bus import Bus
 from protocol.outcome import REPLACED
 from protocol.topics import (
     ANSWERED,
@@ -23,9 +24,11 @@ from protocol.topics import (
     LEASE,
     SONAR,
     STATUS,
+    SUMMARIES,
     TEXT,
     TOPICS,
     Role,
+    Topic,
 )
 from protocol.wire.codec import decode
 from protocol.wire.enums import Severity
@@ -38,6 +41,10 @@ from runtime.sequence import MAX_LATE_NS, MAX_LATE_TICKS
 from runtime.units import PERIOD_NS
 
 EVENTS: Final = frozenset((TEXT.path, COMMANDED.path, ANSWERED.path))
+ALL: Final = tuple(topic for topic in TOPICS if topic not in SUMMARIES.values())
+"""What a robot publishes, each message once."""
+WATCHED: Final[tuple[Topic[Any], ...]] = (*SUMMARIES.values(), LEASE, TEXT)
+"""What is enough of a robot that is neither shown nor commanded."""
 
 AddLine = Callable[[str, str, int], None]
 """Arguments: source, text, severity."""
@@ -62,7 +69,9 @@ class RobotModel:
         self.robot = robot
         self.began_ns = self.gone_ns = now_ns
         self._inbox = Inbox()
-        self.telemetry = Telemetry(bus, robot, TOPICS, taker=self._inbox.taker)
+        self._live_bus = bus if isinstance(bus, Bus) else None
+        topics = ALL if self._live_bus is None else WATCHED
+        self.telemetry = Telemetry(bus, robot, topics, taker=self._inbox.taker)
         self.parameters = ParameterList()
         self.streams = Streams(TOPICS)
         self.decision_history = DecisionHistory()
@@ -108,6 +117,18 @@ class RobotModel:
             self._add_line("ground", f"{self.robot}: {words}", Severity.INFO)
         self.figures.poll(now_ns, self.radius_m)
         return restarted_roles
+
+    def follow_all(self, follows: bool) -> None:
+        """Subscribe to everything of this robot, or only to its summary.
+
+        The events of a robot that was followed go on: they are rare, and those that were missed
+        would have to be fetched again.
+        """
+        if self._live_bus is None or follows is self.telemetry.is_followed(STATUS):
+            return
+        events = [topic for topic in ALL if not topic.rate_hz and self.telemetry.is_followed(topic)]
+        self.streams.skip()
+        self.telemetry.follow(self._live_bus, ALL if follows else {*WATCHED, *events})
 
     @property
     def radius_m(self) -> float | None:

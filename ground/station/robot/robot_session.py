@@ -38,6 +38,7 @@ class RobotSession:
         """Read everything of this robot, and announce this station as its operator's."""
         self.reader.watches_only = False
         self._model.is_selected = True
+        self._model.follow_all(True)
         self._attend()
 
     def _attend(self) -> None:
@@ -63,7 +64,11 @@ class RobotSession:
         return not self.reader.watches_only or self.holding.is_used or self.stop.is_pending
 
     def poll(self, now_ns: int, restarted_roles: set[Role]) -> None:
-        """Process lease, link and e-stop, and send a heartbeat."""
+        """Process lease, link and e-stop, and send a heartbeat.
+
+        A robot that this program commands is followed, also while another one is selected.
+        """
+        self._model.follow_all(not self.reader.watches_only or self.holding.is_used)
         self._update_lease(now_ns)
         self.link_monitor.poll(now_ns, restarted_roles, self.holding.lease)
         self.beat(now_ns)

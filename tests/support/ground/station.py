@@ -34,6 +34,7 @@ from protocol.topics import (
     SONAR,
     STATUS,
     STOP,
+    SUMMARIES,
     TEXT,
     TRUTH,
     WHEELS,
@@ -133,8 +134,14 @@ class Robot:
         if self.tick % 4 == 0:
             found.append((HEARTBEAT, BEAT))
         if self.tick % 10 == 0:
-            found += [(LEASE, self.lease_status()), (MISSION, self.mission())]
+            found += [(LEASE, self.lease_status()), (MISSION, self.mission()), *self.summary()]
         return found
+
+    def summary(self) -> list[tuple[Topic[Any], Message]]:
+        said: list[tuple[Topic[Any], Message]] = [
+            (STATUS, self.status()), (ODOMETRY, self.odometry()), (INPUTS, self.inputs()),
+        ]  # fmt: skip
+        return [(SUMMARIES[topic.path], message) for topic, message in said]
 
     def wheels(self) -> WheelTicks:
         return WheelTicks(time_ns=self.time_ns, seq=self.tick, left=0, right=0, bumper=0, expired=0)
@@ -347,7 +354,8 @@ class Play:
         assert isinstance(request, CommandRequest)
         self.commands.append(request)
         self.robot.vehicle, self.robot.stop_id = Vehicle.EMERGENCY_STOP, request.request_id
-        self.bus.say(STATUS, self.robot.status(), name)
+        for topic in (STATUS, SUMMARIES[STATUS.path]):
+            self.bus.say(topic, self.robot.status(), name)
 
     # The robot's services.
 

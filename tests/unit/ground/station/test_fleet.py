@@ -2,17 +2,35 @@
 
 from math import isfinite
 
+import pytest
+
 from ground.app.widgets.bars import FRESH_S
+from ground.client.telemetry import Age
+from ground.station import fleet as watched
 from ground.station.fleet import KEPT_NS, Attention
 from ground.station.link.loss import LossKind
 from protocol.bus.network import MAX_ROBOTS, Hub
-from protocol.topics import PARAMETER, PARAMETERS, STATUS, STOP, TEXT, Role
-from protocol.wire.enums import GoalState, Vehicle
+from protocol.topics import (
+    ANSWERED,
+    LEASE,
+    ODOMETRY,
+    PARAMETER,
+    PARAMETERS,
+    STATUS,
+    STOP,
+    SUMMARIES,
+    TEXT,
+    TOPICS,
+    Role,
+)
+from protocol.wire.enums import GoalState, LeaseAction, Vehicle
 from protocol.wire.messages import Statustext
 from protocol.wire.statustext import pieces_of
 from runtime.units import NS_PER_S as S
 from tests.support.each import each
 from tests.support.ground.station import Play, Robot
+
+FEW = 20
 
 
 def fleet(*others: Robot) -> Play:
@@ -34,6 +52,80 @@ def test_robot_that_is_not_selected_is_watched() -> None:
     assert ("r2", "vehicle FAILSAFE") in [(line.source, line.text) for line in play.station.log]
 
 
+def test_watched_robot_costs_only_its_summary_and_events() -> None:
+    play = fleet(Robot("r2"))
+    followed = {path for robot, path in paths(play) if robot == "r2"}
+    assert followed == {*(one.path for one in SUMMARIES.values()), LEASE.path, TEXT.path}
+    play.station.select("r2")
+    play.forward(0.2)
+    streams = {topic.path for topic in TOPICS} - {one.path for one in SUMMARIES.values()}
+    assert {path for robot, path in paths(play) if robot == "r2"} == streams
+    assert ("r1", ODOMETRY.path) not in paths(play)
+
+
+def paths(play: Play) -> list[tuple[str, str]]:
+    """Return robot and path of each subscription; each is there once."""
+    found = [(robot, box.topic.path) for robot, box in play.bus._boxes]
+    assert len(set(found)) == len(found)
+    return found
+
+
+def test_events_of_a_robot_once_selected_go_on() -> None:
+    play = fleet(Robot("r2"))
+    play.station.select("r2")
+    play.forward(0.2)
+    play.station.select("r1")
+    play.forward(0.2)
+    assert ("r2", ANSWERED.path) in paths(play)
+    assert ("r2", STATUS.path) not in paths(play)
+    asked = play.bus.subscribed.count(("r2", ANSWERED.path))
+    play.station.select("r2")
+    play.forward(0.2)
+    assert play.bus.subscribed.count(("r2", ANSWERED.path)) == asked == 1
+
+
+def test_robot_in_command_is_followed_while_another_is_shown() -> None:
+    play = fleet(Robot("r2"))
+    play.forward(1.0)
+    play.station.queue.lease(LeaseAction.TAKE)
+    play.forward(1.0)
+    assert play.station.lease.ours
+    play.station.select("r2")
+    play.forward(1.0)
+    assert ("r1", STATUS.path) in paths(play)
+
+
+def test_switch_shows_no_robot_as_stale_for_a_moment() -> None:
+    play = fleet(Robot("r2", x_m=3.0))
+    for robot in ("r2", "r1", "r2"):
+        play.station.select(robot)
+        for _ in range(14):
+            ages = {one.robot: one.status.age for one in play.station.roster()}
+            assert ages == {"r1": Age.LIVE, "r2": Age.LIVE}
+            play.forward(0.05)
+
+
+def test_robot_whose_summaries_stop_is_not_live() -> None:
+    other = Robot("r2")
+    play = fleet(other)
+    other.loop = False
+    play.forward(1.3)
+    assert play.station.status_of("r2").age is Age.DIM
+    play.forward(1.5)
+    assert play.station.status_of("r2").age is Age.GONE
+    assert not play.station.scene().others[0].live
+
+
+def test_watched_robot_without_sensor_data_is_reported() -> None:
+    other = Robot("r2")
+    play = fleet(other)
+    other.flags = 1
+    play.forward(2.0)
+    (entry,) = [entry for entry in play.station.roster() if entry.robot == "r2"]
+    assert entry.loss is not None
+    assert entry.loss.kind is LossKind.SENSES_STALE
+
+
 def test_history_of_a_robot_begins_when_it_appears() -> None:
     play = Play().forward(2.0)
     play.robots.append(Robot("r2"))
@@ -44,7 +136,7 @@ def test_history_of_a_robot_begins_when_it_appears() -> None:
     series = play.station.history["speed"]
     assert series.last is not None
     assert play.station.time_s - series.last[0] <= FRESH_S
-    assert len(series.points(play.station.time_s - 3.0)) > 10
+    assert len(series.points(play.station.time_s - 3.0)) > 4
 
 
 def test_history_counts_from_the_start_of_the_station() -> None:
@@ -179,7 +271,8 @@ def test_robot_that_flaps_neither_leaks_nor_floods() -> None:
     assert len(lines) <= 3 * (20 + 60)
 
 
-def test_names_that_flap_are_bounded() -> None:
+def test_names_that_flap_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(watched, "MAX_ROBOTS", FEW)
     play = fleet()
     for number in range(400):
         name = f"x{number}"
@@ -189,9 +282,9 @@ def test_names_that_flap_are_bounded() -> None:
         play.bus.go(Role.ROBOT, name)
         play.forward(0.05)
     names = {entry.robot for entry in play.station.roster()}
-    assert len(names) == MAX_ROBOTS
+    assert len(names) == FEW
     assert "r1" in names
-    assert len({robot for robot, _ in play.bus._boxes}) == MAX_ROBOTS
+    assert len({robot for robot, _ in play.bus._boxes}) == FEW
     assert len(play.station.log) < 600
 
 
