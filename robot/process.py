@@ -429,7 +429,7 @@ class RobotProcess:
             senses.wheels_seq, senses.scan_seq, senses.scan_age_ms, self.reports.recorded, reported
         )
         message = telemetry.tick_inputs(inputs, given, teleop, tick, senses.stamp_ns)
-        self.reports.inputs(message)
+        self.reports.put_inputs(message)
 
     def _answer(self) -> None:
         """Act on the requests of this control period and answer each."""

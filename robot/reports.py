@@ -121,7 +121,7 @@ class Reports:
         self.decision = bus.publisher(DECISION)
         self.cycle = bus.publisher(CYCLE)
         self.mcu = bus.publisher(MCU)
-        self._inputs = bus.publisher(INPUTS)
+        self.inputs = bus.publisher(INPUTS)
         self.lease = bus.publisher(LEASE)
         self.mission = bus.publisher(MISSION)
         self.text = bus.publisher(TEXT)
@@ -195,11 +195,12 @@ class Reports:
     @property
     def wants_inputs(self) -> bool:
         """True if any process reads the inputs of this tick."""
-        return self._summary.wants_inputs or self._inputs.matched
+        return self._summary.wants_inputs or self.inputs.matched
 
-    def inputs(self, message: TickInputs) -> None:
+    def put_inputs(self, message: TickInputs) -> None:
         """Publish everything that determined a tick."""
-        self.together.put(self._inputs, message)
+        if self.inputs.matched:
+            self.together.put(self.inputs, message)
         if self._summary.wants_inputs:
             self._summary.wants_inputs = False
             self._summary.put(INPUTS, message)

@@ -109,7 +109,7 @@ class PlayedRobot:
         self.is_silent = False
         self._left_m = 2.0 + LEG_M * 1.35 * (number // AISLES)
         self._y_m = 1.5 + 2.8 * (number % AISLES)
-        self._tick = self._phase = 37 * number
+        self.ticks = self._phase = 37 * number
         self._stop_id = 0
         self._shown = self.vehicle, self.goal
         topics: tuple[Topic[Any], ...] = (
@@ -129,7 +129,7 @@ class PlayedRobot:
         """Publish the messages of one control period."""
         if self.is_silent:
             return
-        self._tick += 1
+        self.ticks += 1
         if self.vehicle is Vehicle.ACTIVE:
             self._phase += 1
         for topic, message in self._due():
@@ -137,7 +137,7 @@ class PlayedRobot:
 
     def _due(self) -> Iterator[tuple[Topic[Any], Message]]:
         """Yield the messages of a tick that anybody receives."""
-        heard, tick = self._heard, self._tick
+        heard, tick = self._heard, self.ticks
         for topic, build in self._streams():
             if topic.path in heard:
                 yield topic, build()
@@ -159,8 +159,8 @@ class PlayedRobot:
 
     def _streams(self) -> tuple[tuple[Topic[Any], Any], ...]:
         stamp = {"time_ns": self._time_ns}
-        number = {**stamp, "seq": self._tick}
-        near_mm = tuple(600 + (self._tick * (3 + sonar)) % 1500 for sonar in range(8))
+        number = {**stamp, "seq": self.ticks}
+        near_mm = tuple(600 + (self.ticks * (3 + sonar)) % 1500 for sonar in range(8))
         return (
             (WHEELS, partial(make, WheelTicks, **number)),
             (SONAR, partial(make, SonarScan, **number, range_mm=near_mm, echo=255)),
@@ -169,13 +169,13 @@ class PlayedRobot:
             (ODOMETRY, self.odometry),
             (STATUS, self.status),
             (DECISION, partial(make, AvoidanceDecision, **stamp, nearest_range_m=inf)),
-            (CYCLE, partial(make, CycleReport, **stamp, tick=self._tick, budget_us=5000)),
+            (CYCLE, partial(make, CycleReport, **stamp, tick=self.ticks, budget_us=5000)),
             (INPUTS, self.inputs),
         )
 
     @property
     def _time_ns(self) -> int:
-        return self._tick * PERIOD_NS
+        return self.ticks * PERIOD_NS
 
     @property
     def _x_m(self) -> float:
@@ -202,7 +202,7 @@ class PlayedRobot:
 
     def inputs(self) -> Message:
         """Return that wheel ticks and a scan were there."""
-        return make(TickInputs, time_ns=self._time_ns, tick=self._tick, flags=3)
+        return make(TickInputs, time_ns=self._time_ns, tick=self.ticks, flags=3)
 
     # The services.
 

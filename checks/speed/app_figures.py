@@ -613,6 +613,7 @@ PARTS: Final = {
     "keys": key_figures,
     "crowd": long_run_figures,
     "fleet": fleet.fleet_figures,
+    "watch": fleet.watch_figures,
 }
 
 
@@ -620,6 +621,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of this benchmark."""
     parser.add_argument("--parts", nargs="+", choices=list(PARTS), default=list(PARTS))
     parser.add_argument("--robots", type=int, default=12, help="of the part `fleet`")
+    parser.add_argument("--watched", type=int, default=100, help="robots of the part `watch`")
     parser.add_argument("--seconds", type=float, default=20.0, help="of each reading of the cost")
     parser.add_argument("--settle", type=float, default=3.0, help="seconds before each reading")
     parser.add_argument("--slow-presses", type=int, default=10, help="of a key on a slow line")

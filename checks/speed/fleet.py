@@ -17,6 +17,8 @@ from checks.endurance.fleet import GoalSender, RobotTelemetry
 from checks.harness.figures import BenchmarkReport, Figure, figure
 from checks.harness.observer import Seen, standing_from, stood_s
 from checks.harness.operator import ThreadedOperator
+from checks.harness.played_fleet import played_fleet
+from checks.harness.processes import resident_mb
 from checks.harness.terminal import Terminal
 from checks.harness.until import until
 from ground.cli.main import parse
@@ -33,6 +35,7 @@ from runtime.units import NS_PER_S, PERIOD_S
 
 WORLD: Final = "open"
 SIZE: Final = (80, 24)
+SIZES: Final = (SIZE, (140, 40))
 CPU_AT_MOST: Final = 25.0
 DRAWN: Final = "pose"
 """A word that is on the screen before many lines of the log hide that the app is ready."""
@@ -116,6 +119,37 @@ def fleet_figures(options: argparse.Namespace) -> tuple[list[Figure], list[str]]
         f"fleet: {options.robots} robots at 20 Hz in {WORLD}, all driving, in wall time;"
         f" {after[0] - before[0]} ticks with the app"
     ]
+
+
+WATCHED_MB_AT_MOST: Final = 120.0
+SETTLES_S: Final = 8.0
+
+
+def watch_figures(options: argparse.Namespace) -> tuple[list[Figure], list[str]]:
+    """Measure the app that watches many robots, whose topics are played at their rates."""
+    endpoint, robots = free_endpoint(), options.watched
+    figures, played = [], []
+    with TemporaryDirectory() as folder, played_fleet(robots, endpoint) as fleet:
+        words = ("ground", "--id", "r1", "--connect", endpoint)
+        with Terminal(words, SIZES[0], {"XDG_STATE_HOME": folder}) as terminal:
+            terminal.shown(DRAWN, PATIENCE_S)
+            for size in SIZES:
+                terminal.resize(size)
+                Event().wait(SETTLES_S)
+                before = fleet[0].ticks
+                spent = [terminal.spent(options.seconds) for _ in range(options.repetitions)]
+                waited_s = options.seconds * options.repetitions
+                played.append((fleet[0].ticks - before) / waited_s)
+                name = f"watching {robots} robots, {size[0]}x{size[1]}"
+                shares = tuple(one.cpu_percent for one in spent)
+                resident = resident_mb(terminal.pid)
+                figures += [
+                    figure(f"CPU of one core, {name}", shares, "%", at_most=CPU_AT_MOST),
+                    figure(f"written, {name}", [one.kb_per_s for one in spent], "kB/s"),
+                    figure(f"memory, {name}", resident, "MB", at_most=WATCHED_MB_AT_MOST),
+                ]
+    rates = " and ".join(f"{rate:.1f}" for rate in played)
+    return figures, [f"watch: the topics of {robots} robots are played, r1 at {rates} Hz of 20"]
 
 
 def missed_in(fleet: DrivingFleet, seconds: float) -> int:

@@ -18,6 +18,7 @@ from protocol.topics import (
     PARAMETER,
     SONAR,
     STATUS,
+    SUMMARIES,
     TELEOP,
     TEXT,
     WHEELS,
@@ -37,6 +38,7 @@ from protocol.wire.enums import (
 from protocol.wire.messages import (
     CommandRequest,
     Heartbeat,
+    NavigatorStatus,
     ParamSet,
     ParamValue,
     SonarScan,
@@ -121,6 +123,23 @@ def test_telemetry_that_no_process_reads_is_not_made() -> None:
         publisher.matched = True
     rig.cycle()
     assert [len(publisher.said) for publisher in publishers] == [1] * 4
+
+
+def test_summary_comes_twice_a_second_and_with_each_change() -> None:
+    rig = Rig().ready()
+    summary = [rig.bus.publisher(topic, "r1").said for topic in SUMMARIES.values()]
+    for said in summary:
+        said.clear()
+    for _ in range(40):
+        rig.cycle()
+    assert {len(said) for said in summary} <= {3, 4, 5}
+    before = len(summary[0])
+    rig.vehicle.state.machine.vehicle = states.EMERGENCY_STOP
+    rig.cycle()
+    assert len(summary[0]) == before + 1
+    newest = summary[0][-1]
+    assert isinstance(newest, NavigatorStatus)
+    assert newest.vehicle == Vehicle.EMERGENCY_STOP
 
 
 @each("end", ["idle", "cycle", "end"])
