@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from enum import Enum
-from typing import Any, Final, NamedTuple, Protocol, TypeVar
+from typing import Any, Final, NamedTuple, Protocol, TypeVar, cast
 
 from protocol.bus.mailbox import Mailbox
 from protocol.topics import CYCLE, DECISION, HEARTBEAT, ODOMETRY, STATUS, SUMMARIES, Topic
@@ -121,22 +121,22 @@ class Telemetry:
 
     def live(self, topic: Topic[M], now_ns: int) -> M | None:
         """Return the newest message; None if it is too old to be shown."""
-        newest = self.latest(topic)
-        if newest is None or self.age_of(topic, now_ns - newest[1]) is Age.GONE:
-            return None
-        return newest[0]
+        seen = self.seen(topic, now_ns)
+        return None if seen.age is Age.GONE else cast(M, seen.message)
 
     def seen(self, topic: Topic[Any], now_ns: int) -> AgedMessage:
         """Return the newest message with its age."""
-        newest = self.latest(topic)
+        judged, newest = self._newest(topic)
         if newest is None:
             return AgedMessage(None, None, Age.GONE)
         age_ns = now_ns - newest[1]
-        return AgedMessage(newest[0], age_ns, self.age_of(topic, age_ns))
+        return AgedMessage(newest[0], age_ns, self._age_by(topic, judged, age_ns))
 
     def age_of(self, topic: Topic[Any], age_ns: int) -> Age:
         """Classify an age; a heartbeat and a summary keep their rate in wall time."""
-        judged = self._newest(topic)[0]
+        return self._age_by(topic, self._newest(topic)[0], age_ns)
+
+    def _age_by(self, topic: Topic[Any], judged: Topic[Any], age_ns: int) -> Age:
         in_wall_time = topic is HEARTBEAT or judged is not topic
         return age_of(judged, age_ns if in_wall_time else round(age_ns * self.pace))
 

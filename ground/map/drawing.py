@@ -1,6 +1,6 @@
 """Draw a scene on a canvas, layer by layer; later layers cover earlier ones.
 
-What does not move with the robot (walls, fence, mission, draft, ghosts) is drawn again only when it
+What does not move with the robot (walls, fence, ghosts, other robots) is drawn again only when it
 has changed; the robot, its sonars, its goal and other moving things, in every frame. Marks and
 places of the map are described in words, too.
 """
@@ -200,10 +200,14 @@ FILLED_DOTS: Final = 60.0
 NOT_DRAWN: Final = -1.0
 
 
-def draw_trail(pen: Pen, scene: MapScene) -> None:
-    """Draw the way that the robot has driven, above those of other robots."""
+def draw_other_trails(pen: Pen, scene: MapScene) -> None:
+    """Draw the ways that other robots have driven."""
     for other in scene.others:
         pen.path(other.trail, "other trail")
+
+
+def draw_trail(pen: Pen, scene: MapScene) -> None:
+    """Draw the way that the robot has driven."""
     pen.path(scene.trail, "trail")
 
 
@@ -271,11 +275,15 @@ def draw_goal(pen: Pen, scene: MapScene) -> None:
     pen.off_map(at, "goal", "goal" if away_m is None else f"goal {away_m:.1f} m")
 
 
-def draw_others(pen: Pen, scene: MapScene) -> None:
-    """Draw moving obstacles from the simulation truth, and other robots with their names."""
+def draw_movers(pen: Pen, scene: MapScene) -> None:
+    """Draw moving obstacles from the simulation truth."""
     for mover in scene.movers:
         pen.shape(mover, "truth")
         pen.mark((mover.x_m, mover.y_m), "mover", "truth")
+
+
+def draw_others(pen: Pen, scene: MapScene) -> None:
+    """Draw other robots with their names."""
     for other in scene.others:
         _body(pen, other, "other")
         mark = "other" if other.live else "lost"
@@ -346,6 +354,8 @@ STATIC: Final[tuple[tuple[str, Layer], ...]] = (
     ("fence", draw_fence),
 )
 TRACES: Final[tuple[tuple[str, Layer], ...]] = (
+    ("trail", draw_other_trails),
+    ("others", draw_others),
     ("seen", draw_seen),
     ("ghosts", draw_ghosts),
     ("trail", draw_trail),
@@ -392,7 +402,7 @@ MOVING: Final[tuple[tuple[str, Layer], ...]] = (
     ("mission", draw_mission),
     ("virtual", draw_virtual),
     ("goal", draw_goal),
-    ("others", draw_others),
+    ("others", draw_movers),
     ("truth", draw_true_robot),
     ("robot", draw_robot),
     ("cursor", draw_cursor),
@@ -455,8 +465,7 @@ def trace_parts(scene: MapScene) -> tuple[object, ...]:
 
     Not the newest echoes and the trail, which grow at their end.
     """
-    others = tuple(other.trail for other in scene.others)
-    return scene.seen_late, scene.seen_old, scene.ghosts, others
+    return scene.seen_late, scene.seen_old, scene.ghosts, scene.others
 
 
 def _draw(

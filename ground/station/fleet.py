@@ -68,6 +68,8 @@ class Fleet:
         """Whose request is under way: one of the selected robot, and one of the others."""
 
         self._polls = 0
+        self._entries: dict[str, RosterEntry] = {}
+        """Those of robots that were not polled since."""
         self._present: tuple[Token, ...] = ()
         self._tokens: Mapping[str, tuple[Token, ...]] = {}
 
@@ -139,6 +141,7 @@ class Fleet:
 
     def _end(self, model: RobotModel) -> None:
         del self.models[model.robot]
+        self._entries.pop(model.robot, None)
         if self._live_bus is not None:
             self.sessions.pop(model.robot).close()
             for mailbox in model.telemetry.boxes().values():
@@ -153,6 +156,7 @@ class Fleet:
             is_busy = robot == selected or session is None or session.is_busy
             if not is_busy and (number + self._polls) % EVERY:
                 continue
+            self._entries.pop(robot, None)
             restarted_roles = model.poll(now_ns, tokens.get(robot, ()))
             if session is not None:
                 session.poll(now_ns, restarted_roles)
@@ -186,6 +190,25 @@ class Fleet:
             await reading()
         finally:
             self._reading.discard(whose)
+
+    def roster(self, selected: str, now_ns: int, *, links: bool = False) -> "list[RosterEntry]":
+        """Return an entry for each watched robot, the most urgent first, then by name.
+
+        With `links`, the share of delivered frames is computed, too. An entry is built anew when
+        its robot has been polled.
+        """
+        entries = self._entries
+        for robot in self.models:
+            known, is_selected = entries.get(robot), robot == selected
+            if known is None or known.is_selected is not is_selected:
+                entries[robot] = _entry(self, robot, is_selected, now_ns)
+        found = by_attention(entries.values())
+        if not links:
+            return found
+        return [
+            entry._replace(link_percent=self.models[entry.robot].streams.percent(now_ns))
+            for entry in found
+        ]
 
     def close(self) -> None:
         """Let the threads end."""
@@ -239,22 +262,6 @@ class RosterEntry(NamedTuple):
     def needs_attention(self) -> bool:
         """True for a robot that stopped itself, is stuck or lost, or has an unknown position."""
         return self.attention is not Attention.NONE
-
-
-def roster_of(
-    fleet: Fleet, selected: str, now_ns: int, *, links: bool = False
-) -> list[RosterEntry]:
-    """Return an entry for each watched robot, the most urgent first, then by name.
-
-    With `links`, the share of delivered frames is computed, too.
-    """
-    entries = [_entry(fleet, robot, robot == selected, now_ns) for robot in fleet.models]
-    if links:
-        entries = [
-            entry._replace(link_percent=fleet.models[entry.robot].streams.percent(now_ns))
-            for entry in entries
-        ]
-    return by_attention(entries)
 
 
 def by_attention(entries: Iterable[RosterEntry]) -> list[RosterEntry]:

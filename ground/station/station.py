@@ -12,9 +12,9 @@ from ground.client.parameter import Parameter, parameters_in
 from ground.client.presence import PresentProcesses, present_processes
 from ground.client.status_line import knows_place
 from ground.client.telemetry import Age, AgedMessage, Telemetry
-from ground.map.scene import MapScene, MapTarget
+from ground.map.scene import MapScene, MapTarget, RobotMark
 from ground.station.bus_protocols import ReadableBus
-from ground.station.fleet import Fleet, RosterEntry, name_key, roster_of
+from ground.station.fleet import Fleet, RosterEntry, name_key
 from ground.station.history.decision_history import Moment
 from ground.station.history.event_log import EventLog, LogLine
 from ground.station.history.goal_progress import GoalProgress
@@ -28,6 +28,7 @@ from ground.station.robot.robot_session import RobotSession
 from ground.station.robot.robot_stop import StopRecord
 from ground.station.scene import others_of, scene_of, without_place
 from ground.station.world import WorldFacts, parse_world
+from ground.text.wording import few
 from protocol.bus.bus import Bus
 from protocol.bus.network import MAX_ROBOTS, Network
 from protocol.topics import (
@@ -52,12 +53,14 @@ from protocol.wire.messages import (
 from runtime.cli.terminal import printable
 from runtime.clock import Clock
 from runtime.errors import RemoteError
-from runtime.units import NS_PER_S
+from runtime.units import NS_PER_MS, NS_PER_S
 
 Point = tuple[float, float]
 PLACE_BY_HAND: Final = "pose set X Y DEG"
 PLACE_FROM_TRUTH: Final = "pose truth"
 STOPPED: Final = "an emergency stop came first"
+MARK_NS: Final = 4 * NS_PER_MS
+"""Time between two updates of the other robots on the map, for each of them."""
 RESTARTED: Final = "other processes are started"
 PROCESSES: Final = frozenset((Role.ROBOT.value, Role.PLANT.value))
 
@@ -95,6 +98,8 @@ class Station:
         common = common or Common(network=Network(), robot=robot)
         self._fleet = Fleet(bus, common, clock, begin, self._add_line)
         self._ended: frozenset[tuple[str, str]] = frozenset()
+        self._marks: tuple[str, int, tuple[RobotMark, ...]] = "", 0, ()
+        """Those of the other robots, and of which robot and when."""
         self.queue = CommandQueue(clock, begin, self.note, name, lambda: self._session)
         """The commands for the robot that is shown."""
 
@@ -212,7 +217,7 @@ class Station:
 
         With `links`, the share of delivered frames is computed, too.
         """
-        return roster_of(self._fleet, self._robot, self._now_ns, links=links)
+        return self._fleet.roster(self._robot, self._now_ns, links=links)
 
     def streams(self, robot: str = "") -> list[StreamRow]:
         """Return rate and loss of each topic of a robot, by default of the selected one."""
@@ -361,9 +366,17 @@ class Station:
             self._now_ns,
             lost=self.loss() is not None and not self.lease.others,
         )
-        others = [one for name, one in self._fleet.models.items() if name != self._robot]
         scene = without_place(scene) if self.place_remedy else scene
-        return replace(scene, others=others_of(others, self._now_ns))
+        return replace(scene, others=self._others())
+
+    def _others(self) -> tuple[RobotMark, ...]:
+        """Return the other robots on the map; many are updated less often than a few."""
+        robot, since_ns, marks = self._marks
+        if robot != self._robot or self._now_ns - since_ns >= MARK_NS * len(marks):
+            models = self._fleet.models.items()
+            marks = others_of([one for name, one in models if name != self._robot], self._now_ns)
+            self._marks = self._robot, self._now_ns, marks
+        return marks
 
     # Selection and operation of robots.
 
@@ -483,7 +496,8 @@ class Station:
             self._add(robot)
             sessions[robot].stop.press()
             sessions[robot].stop.repeat()
-        self.note(f"E-STOP of all robots: {' '.join(sorted(sessions))}", Severity.WARNING)
+        names = few(sorted(sessions, key=name_key))
+        self.note(f"E-STOP of all robots: {names}", Severity.WARNING)
 
     def reread(self) -> None:
         """Read state, parameters and lease again, as after a loss."""

@@ -22,6 +22,7 @@ SONAR_NAMES: Final = tuple(f"{'LR'[b < 0.0]}{abs(degrees(b)):.0f}" for b in BEAR
 NEAR_STEPS: Final = 0.01
 NONE: Final = "--"
 FAR_M: Final = 1e5
+MOST_NAMES: Final = 6
 
 
 def heading_deg(angle_rad: float) -> float | None:
@@ -70,6 +71,12 @@ def short(value: float) -> str:
     if not 10.0 <= abs(value) < FAR_M:
         return f"{value:z.2g}"
     return f"{value:z.0f}"
+
+
+def few(names: Sequence[str]) -> str:
+    """Return the first names, and the number of the others."""
+    named = " ".join(names[:MOST_NAMES])
+    return named if len(names) <= MOST_NAMES else f"{named} and {len(names) - MOST_NAMES} more"
 
 
 def place(x_m: float, y_m: float) -> str:

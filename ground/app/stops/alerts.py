@@ -1,10 +1,11 @@
 """Call the operator: ring the terminal's bell and show a message, once for each event."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from typing import Final, NamedTuple
 
 from ground.app.app_interface import AppControl, Loudness
 from ground.app.stops.stop_watch import EventKind, StopEvent, StopWatch
+from ground.text.wording import few
 from runtime.units import NS_PER_S
 
 SEVERITIES: Final[dict[EventKind, Loudness]] = {
@@ -13,7 +14,6 @@ SEVERITIES: Final[dict[EventKind, Loudness]] = {
     EventKind.REACHED: "information",
 }
 SHOWN_S: Final = 6.0
-MOST_NAMES: Final = 6
 MIN_COLUMNS: Final = 60
 MIN_ROWS: Final = 18
 """A smaller screen shows no message, which would hide its content: the band and the log remain."""
@@ -109,13 +109,7 @@ class Alerts:
             one = self._alerts[kind, cause]
             if self._is_in_the_band(kind, one):
                 continue
-            words = f"{names_of(one.robots)} {kind.value}"
+            words = f"{few(one.robots)} {kind.value}"
             text = f"{words}: {cause}" if cause else words
             left_s = SHOWN_S - (self._app.station.now_ns - one.shown_ns) / NS_PER_S
             self._app.notify(text, severity=SEVERITIES[kind], timeout=left_s, markup=False)
-
-
-def names_of(robots: Sequence[str]) -> str:
-    """Return the first names, and the number of the others."""
-    named = " ".join(robots[:MOST_NAMES])
-    return named if len(robots) <= MOST_NAMES else f"{named} and {len(robots) - MOST_NAMES} more"

@@ -26,6 +26,7 @@ class EventKind(Enum):
     REACHED = "goal reached"
 
 
+KNOWN: Final = frozenset(Vehicle)
 STOPPED: Final = {
     Vehicle.EMERGENCY_STOP: EventKind.EMERGENCY_STOP,
     Vehicle.FAILSAFE: EventKind.FAILSAFE,
@@ -111,7 +112,7 @@ class StopWatch:
 
 def is_known(vehicle: int) -> bool:
     """Return whether this station knows a vehicle state."""
-    return vehicle in list(Vehicle)
+    return vehicle in KNOWN
 
 
 def has_arrived(watched: Watched, status: NavigatorStatus, now_ns: int) -> bool:

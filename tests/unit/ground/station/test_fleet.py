@@ -105,6 +105,17 @@ def test_switch_shows_no_robot_as_stale_for_a_moment() -> None:
             play.forward(0.05)
 
 
+def test_roster_is_built_anew_only_of_polled_robots() -> None:
+    play = fleet(*(Robot(f"r{number}") for number in range(2, 10)))
+    before = play.station.roster()
+    assert all(a is b for a, b in zip(before, play.station.roster(), strict=True))
+    play.forward(0.05)
+    kept = [now for now in play.station.roster() if any(now is one for one in before)]
+    assert len(kept) == 6
+    play.station.select("r9")
+    assert [one.robot for one in play.station.roster() if one.is_selected] == ["r9"]
+
+
 def test_robot_whose_summaries_stop_is_not_live() -> None:
     other = Robot("r2")
     play = fleet(other)

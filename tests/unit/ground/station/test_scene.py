@@ -188,6 +188,22 @@ def test_other_robots_have_trails_and_are_marked_when_lost() -> None:
     assert not mark.live
 
 
+@each("count", [2, 40])
+def test_many_others_are_updated_less_often_than_a_few(count: int) -> None:
+    play, others = Play(), [Robot(f"r{number}") for number in range(2, count + 2)]
+    for other in others:
+        play.robots.append(other)
+        play.bus.come(Role.ROBOT, other.name)
+    play.forward(1.0)
+    updates, before = 0, play.station.scene().others
+    for _ in range(20):
+        play.forward(0.05)
+        marks = play.station.scene().others
+        updates, before = updates + (marks is not before), marks
+    assert updates == (20 if count == 2 else 5)
+    assert len(before) == count
+
+
 @each("count", [0, 1, 128, 129, 300, 1000])
 def test_thinned_trail_is_short_and_keeps_its_ends(count: int) -> None:
     points = [(float(number), 0.0) for number in range(count)]
