@@ -5,7 +5,7 @@ from ground.app.chrome.button_row import ButtonRow, buttons_width
 from ground.app.chrome.roster import fits_beside, roster_buttons
 from ground.app.widgets.rows import words_of
 from ground.client.telemetry import Age, AgedMessage
-from ground.station.fleet import Attention, RosterEntry, attention_of
+from ground.station.fleet import Attention, RosterEntry, attention_of, by_attention
 from ground.station.fleet import words_of as state_words
 from ground.station.robot.lease_state import LeaseView
 from protocol.topics import GATEWAY, MCU, STATUS, Role
@@ -202,14 +202,27 @@ def test_single_robot_has_no_roster() -> None:
     assert roster_buttons([SELECTED], 80) == []
 
 
-@each("width", range(80))
-def test_roster_fits_and_counts_what_it_leaves_out(width: int) -> None:
+@each("width", range(100))
+def test_roster_fits_and_counts_all_by_state(width: int) -> None:
     many = [FAILED, *(entry(Robot(f"r{number}")) for number in range(4, 20))]
     buttons = roster_buttons(many, width)
-    if width >= 4:
-        assert buttons_width(buttons) <= width
-        left_out = len(many) - (len(buttons) - 1)
-        assert words_of(buttons[-1].row) == f" +{left_out}"
+    assert buttons_width(buttons) <= width
+    counts = words_of(buttons[-1].row)
+    wanted = "16 without a goal, 1 stopped" if width >= 29 else "1 stopped" if width >= 10 else ""
+    assert counts.strip() == wanted
+
+
+def test_counts_have_the_most_urgent_state_at_the_end() -> None:
+    lost = RosterEntry("r5", False, Attention.LOST, "dead", AgedMessage(None, None, Age.GONE))
+    states = (GoalState.DRIVING, GoalState.AVOIDING, GoalState.STUCK, GoalState.REACHED)
+    goals = [entry(Robot(f"r{10 + goal}", goal=goal)) for goal in states]
+    unplaced = DRIVING._replace(attention=Attention.UNPLACED, words="ready, place unknown")
+    fleet = by_attention([*goals, FAILED, lost, unplaced])
+    words = "2 driving, 1 reached, 1 without a place, 1 lost, 1 stuck, 1 stopped"
+    assert text(fleet, len(words) + 1) == f" {words}"
+    assert text(fleet, len(words)) == " 1 reached, 1 without a place, 1 lost, 1 stuck, 1 stopped"
+    named = text(fleet, len(words) + 20)
+    assert named == f"  r3 ▲ FAILSAFE  {words}"
 
 
 def test_stop_of_another_robot_is_an_alarm_until_it_is_selected() -> None:
@@ -259,6 +272,23 @@ async def test_click_on_the_roster_selects_the_robot() -> None:
         column = words_of(roster.rows[0]).index("r2")
         await stage.pilot.click("#roster", offset=(column, 0))
         assert stage.station.robot == "r2"
+
+
+async def test_a_key_selects_the_robots_that_need_attention() -> None:
+    async with staged(size=(80, 24)) as stage:
+        station = stage.station
+        station.robots_now = ["r1", "r2", "r3", "r4"]
+        stuck = entry(Robot("r4", goal=GoalState.STUCK))
+        station.entries = [stuck, FAILED, DRIVING]
+        shown = []
+        for _ in range(3):
+            await stage.press("!")
+            shown.append(station.robot)
+        assert shown == ["r3", "r4", "r3"]
+        station.entries = [FAILED]
+        await stage.press("!")
+        assert station.robot == "r3"
+        assert "no other robot needs attention" in stage.log()
 
 
 async def test_few_robots_are_at_the_end_of_the_tab_bar() -> None:

@@ -167,7 +167,7 @@ async def test_stop_of_another_robot_has_a_row_of_its_own() -> None:
     station.entries = [entry("r2", failed), entry("r3", halted, Age.GONE)]
     async with staged(station=station) as stage:
         assert " ".join(stage.words("alarm").split()) == (
-            "r2 FAILSAFE: control loop too slow (computer busy) [ ] select"
+            "r2 FAILSAFE: control loop too slow (computer busy) ! select"
         )
         assert roles(stage) == {"failsafe"}
         assert not stage.app.screen.has_class("-failsafe")

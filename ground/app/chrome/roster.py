@@ -1,17 +1,24 @@
-"""Make the roster: all robots, those that need attention first; a click selects one."""
+"""Make the roster: all robots, those that need attention first; a click selects one.
 
-from collections.abc import Iterator, Sequence
-from typing import Final
+Robots that have no room are counted by their state.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Final, NamedTuple
 
 from ground.app.chrome.button_row import Button, buttons_width
 from ground.app.chrome.tabs import ASCII_MARKS, MARKS
 from ground.app.panels.aged import live
-from ground.app.widgets.rows import Row, Span, faint, row
+from ground.app.widgets.rows import Row, Span, faint, row, width_of
 from ground.station.fleet import Attention, RosterEntry
-from ground.text.wording import CAUTION, DANGER, NEUTRAL, state_role
+from ground.text.wording import CAUTION, DANGER, state_role
+from protocol.wire.enums import GoalState
 
 ENTRY: Final = 18
 """Columns of a robot with its state, by which the place of the roster is chosen."""
+LEAST: Final = 4
+"""Columns of a robot besides its name: two marks, its state and a blank."""
 SWITCH: Final = "  [ ] switch "
 ATTENTION: Final = "▲"
 PRESENT: Final = "●"
@@ -26,31 +33,71 @@ def fits_beside(entries: Sequence[RosterEntry], room: int) -> bool:
 def roster_buttons(
     entries: Sequence[RosterEntry], width: int, *, ascii_only: bool = False
 ) -> list[Button]:
-    """Return the robots in the longest form that fits; the last ones may be a number only.
+    """Return the robots in the longest form that fits, else as many as fit before their counts.
 
     Return nothing for a single robot.
     """
     if len(entries) < 2:
         return []
     marks = ASCII_MARKS if ascii_only else MARKS
-    full = [_button(entry, marks, distance=True) for entry in entries]
-    short = [_button(entry, marks, distance=False) for entry in entries]
-    hint = Button(row(faint(SWITCH)))
-    for form in ([*full, hint], full, short):
-        if buttons_width(form) <= width:
-            return form
-    return list(_first(short, width))
+    if sum(len(entry.robot) + LEAST for entry in entries) <= width:
+        full = [_button(entry, marks, distance=True) for entry in entries]
+        short = [_button(entry, marks, distance=False) for entry in entries]
+        hint = Button(row(faint(SWITCH)))
+        for form in ([*full, hint], full, short):
+            if buttons_width(form) <= width:
+                return form
+    counts = next((one for one in _counts(entries) if width_of(one) <= width), ())
+    others = (_button(entry, marks, distance=False) for entry in entries)
+    return [*_fitting(others, width - width_of(counts)), Button(counts)]
 
 
-def _first(buttons: Sequence[Button], width: int) -> Iterator[Button]:
-    """Yield the first buttons that fit, and the number of the others."""
-    room = width - len(f" +{len(buttons)}")
-    for place, one in enumerate(buttons):
+def _fitting(buttons: Iterable[Button], room: int) -> Iterator[Button]:
+    """Yield the first buttons that fit."""
+    for one in buttons:
         room -= buttons_width([one])
         if room < 0:
-            yield Button(row(Span(f" +{len(buttons) - place}", NEUTRAL)))
             return
         yield one
+
+
+def _counts(entries: Sequence[RosterEntry]) -> Iterator[Row]:
+    """Yield the numbers of robots by state, then without the first states, and so on.
+
+    Robots that need attention come last, the most urgent ones at the end.
+    """
+    counts = Counter(state_of(entry) for entry in entries)
+    states = sorted(counts, key=lambda state: (-state.attention, -counts[state], state.words))
+    for first in range(len(states)):
+        spans = [Span(f"{counts[one]} {one.words}", one.role) for one in states[first:]]
+        commas = row(faint(" "), *[faint(", ")] * (len(spans) - 1))
+        yield tuple(part for pair in zip(commas, spans, strict=True) for part in pair)
+
+
+class State(NamedTuple):
+    """A state by which robots are counted, with the role of its colour."""
+
+    attention: Attention
+    words: str
+    role: str = "head"
+
+
+COUNTED: Final = {
+    Attention.STOPPED: State(Attention.STOPPED, "stopped", "alarm"),
+    Attention.STUCK: State(Attention.STUCK, "stuck", DANGER),
+    Attention.LOST: State(Attention.LOST, "lost", DANGER),
+    Attention.UNPLACED: State(Attention.UNPLACED, "without a place", CAUTION),
+}
+CALM: Final = {
+    GoalState.NONE.name.lower(): "without a goal",
+    **dict.fromkeys(("accepted", "avoiding", "aligning"), "driving"),
+}
+
+
+def state_of(entry: RosterEntry) -> State:
+    """Return the state by which a robot is counted."""
+    calm = State(entry.attention, CALM.get(entry.words, entry.words))
+    return COUNTED.get(entry.attention, calm)
 
 
 def _button(entry: RosterEntry, marks: tuple[str, str], *, distance: bool) -> Button:

@@ -26,7 +26,7 @@ from ground.commands.navigator import SetNavigator
 from ground.commands.stop import ClearEmergencyStop
 from ground.missions.files import DASH
 from ground.station.station import Station
-from ground.text.wording import GOAL_MODES, THEMES
+from ground.text.wording import GOAL_MODES, THEMES, few
 from ground.user.folders import state_folder
 from protocol.topics import STATUS
 from protocol.wire.enums import GoalState, LeaseAction, Mode, Vehicle
@@ -52,7 +52,7 @@ class Leaving:
         ends = "; that ends the simulation" if self._app.stack is not None else ""
         key = self._app.key_shown("quit")
         self._say(
-            f"{' '.join(driving)} {drive}: {key} again within {LEAVE_WITHIN_S:g} s leaves{ends}",
+            f"{few(driving)} {drive}: {key} again within {LEAVE_WITHIN_S:g} s leaves{ends}",
         )
 
     def explain(self) -> None:
@@ -204,6 +204,7 @@ class RobotKeys:
             "lease": self.take_or_release,
             "robot-before": partial(self.select_by, -1),
             "robot-next": partial(self.select_by, 1),
+            "robot-attention": self.select_attention,
             "jump": self.choose_screen,
             "palette": app.action_command_palette,
             "help": partial(show_help, app),
@@ -257,6 +258,16 @@ class RobotKeys:
             return
         at = robots.index(station.robot) if station.robot in robots else 0
         station.select(robots[(at + step) % len(robots)])
+
+    def select_attention(self) -> None:
+        """Select the next robot that needs attention, the most urgent one first."""
+        station = self._app.station
+        robots = [entry.robot for entry in station.roster() if entry.needs_attention]
+        if not set(robots) - {station.robot}:
+            self._app.note("no other robot needs attention")
+            return
+        at = robots.index(station.robot) + 1 if station.robot in robots else 0
+        station.select(robots[at % len(robots)])
 
     def next_of_mission(self) -> None:
         """Send the draft; else start the mission that was sent; else list the mission."""

@@ -310,6 +310,7 @@ KEYS: Final[tuple[KeyBinding, ...]] = (
         (Undo(), "ctrl+z", "take back the last change of a parameter, the fence or the draft", ""),
         ("robot-before", "[", "previous robot", ""),
         ("robot-next", "]", "next robot", ""),
+        ("robot-attention", "!", "next robot that needs attention, as the roster lists them", ""),
     ),
     *_keys(
         Layer.STATION,

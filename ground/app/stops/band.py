@@ -215,7 +215,7 @@ def other_row(roster: Sequence[RosterEntry], keys: BandKeys, width: int) -> list
         return []
     vehicles = [vehicle for _, vehicle, _ in stopped]
     worst = max(vehicles)
-    look = f"{keys.of('robot-before')} {keys.of('robot-next')} select"
+    look = f"{keys.of('robot-attention')} select"
     long = ", ".join(
         f"{robot} {STOPPED[vehicle].value}{f': {reason_text(reason)}' if reason else ''}"
         for robot, vehicle, reason in stopped
