@@ -11,12 +11,13 @@ from rosbags.typesys.stores.ros2_jazzy import rosgraph_msgs__msg__Clock as Clock
 from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__String as String
 
 from gateways.ros2 import telemetry
-from gateways.ros2.node import RosNode, RosSession
+from gateways.ros2.navigation import Navigation
+from gateways.ros2.node import RosGraph, RosNode, RosSession
 from gateways.ros2.parameters import ParameterServices
 from gateways.ros2.report import INFO, Reporter, level_of
 from gateways.ros2.services import RobotServices
 from gateways.ros2.velocity import VelocityCommands
-from gateways.ros2.wire import LATCHED, SENSOR_DATA, Qos
+from gateways.ros2.wire import LATCHED, SENSOR_DATA, Qos, TokenParts
 from ground.client.robot_link import RobotLink, finish
 from ground.robot import Robot
 from protocol.topics import CLOCK, LEASE, ODOMETRY, SONAR, STATUS, TEXT, WHEELS
@@ -71,6 +72,8 @@ class RobotFace:
             read_only=self._read_only,
         )
         self.velocity = VelocityCommands(robot, self.clock, self.report, lambda: self.limits)
+        self.navigation: Navigation | None = None
+        self.graph = RosGraph(session, gone=self._note_gone)
         if not self._read_only:
             self._take_commands()
         self._reader = telemetry.WheelReader()
@@ -95,6 +98,13 @@ class RobotFace:
         node, velocity = self.node, self.velocity
         node.subscribe("cmd_vel", "geometry_msgs/msg/Twist", velocity.take)
         node.subscribe("cmd_vel", "geometry_msgs/msg/TwistStamped", velocity.take_stamped)
+        self.navigation = Navigation(node, self.robot, self.clock, self.report)
+
+    def _note_gone(self, parts: TokenParts, gid: bytes) -> None:
+        """Cancel the goals of a client that has left the network."""
+        if self.navigation is not None:
+            for server in self.navigation.servers:
+                server.note_gone(parts, gid)
 
     def is_ready(self) -> bool:
         """Return whether fresh telemetry of the robot arrives, with its pose."""
@@ -110,7 +120,12 @@ class RobotFace:
                 for work in self._works():
                     tasks.create_task(work)
         finally:
-            await finish(self.velocity.end())
+            await finish(self._end_drives())
+
+    async def _end_drives(self) -> None:
+        await self.velocity.end()
+        if self.navigation is not None:
+            await self.navigation.end()
 
     def _works(self) -> list[Coroutine[Any, Any, None]]:
         return [
