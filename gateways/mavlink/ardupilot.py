@@ -46,6 +46,7 @@ CAPABILITIES: Final = (
     | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
     | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
     | mavlink.MAV_PROTOCOL_CAPABILITY_FTP
+    | mavlink.MAV_PROTOCOL_CAPABILITY_SET_ATTITUDE_TARGET
     | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
     | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
     | mavlink.MAV_PROTOCOL_CAPABILITY_FLIGHT_TERMINATION
@@ -66,6 +67,17 @@ MODE_LIST: Final = (
 """The modes in the order of AVAILABLE_MODES, with names as QGroundControl has them for a Rover."""
 
 
+MODE_BITS: Final = MappingProxyType(
+    {mavlink.ROVER_MODE_MANUAL: mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED}
+    | {
+        number: mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
+        for number, _, properties in MODE_LIST
+        if properties
+    }
+)
+"""The bits of base_mode that mavros shows as `manual_input` and `guided`, by the mode."""
+
+
 class MavState(NamedTuple):
     """The state in a heartbeat: mode, whether armed, and MAV_STATE."""
 
@@ -76,10 +88,11 @@ class MavState(NamedTuple):
     def heartbeat(self) -> MavMessage:
         """Return the message."""
         armed = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self.is_armed else 0
+        steered = MODE_BITS.get(self.mode, 0)
         return mavlink.MAVLink_heartbeat_message(
             mavlink.MAV_TYPE_GROUND_ROVER,
             mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
-            mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | armed,
+            mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | armed | steered,
             self.mode,
             self.system_status,
             3,

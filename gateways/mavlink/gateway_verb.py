@@ -27,6 +27,7 @@ from gateways.mavlink.endpoints import (
 )
 from gateways.mavlink.gateway import Gateway
 from gateways.mavlink.mav_vehicle import MavVehicle
+from gateways.mavlink.parameter_table import MAX_TIMEOUT_S, MIN_TIMEOUT_S
 from gateways.mavlink.services import face_of
 from gateways.mavlink.signing import BackgroundWriter, Policy, SigningGuard
 from gateways.mavlink.traffic_recorder import TrafficRecorder, new_file
@@ -55,6 +56,7 @@ MAX_ALTITUDE_M: Final = 20_000.0
 
 Latitude = Annotated[float, Meta(ge=-85.0, le=85.0)]
 Longitude = Annotated[float, Meta(ge=-180.0, le=180.0)]
+Timeout = Annotated[float, Meta(ge=MIN_TIMEOUT_S, le=MAX_TIMEOUT_S)]
 System = Annotated[int, Meta(ge=1, le=MAX_SYSTEM)]
 
 
@@ -64,8 +66,8 @@ class GatewaySettings:
 
     `endpoints` as on the command line. `robots` are presented; without them the robot of the
     connection. `systems` are their MAVLink system ids by name; the others get the lowest free ones
-    in the order of their names. `origin` is the place of (0, 0) on the globe. `keys` is the file of
-    the signing keys.
+    in the order of their names. `origin` is the place of (0, 0) on the globe. `guided_timeout_s` is
+    the first value of GUID_TIMEOUT. `keys` is the file of the signing keys.
     """
 
     endpoints: tuple[str, ...] = (EXAMPLE,)
@@ -74,6 +76,7 @@ class GatewaySettings:
     origin: tuple[Latitude, Longitude] = (DEFAULT_ORIGIN.latitude_deg, DEFAULT_ORIGIN.longitude_deg)
     altitude_m: Annotated[float, Meta(ge=-1000.0, le=MAX_ALTITUDE_M)] = DEFAULT_ALTITUDE_M
     low_rate: bool = False
+    guided_timeout_s: Timeout = MIN_TIMEOUT_S
     keys: str = ""
 
     @property
@@ -255,6 +258,7 @@ def vehicle_of(port: BusPort, link: RobotLink, settings: GatewaySettings) -> Mav
     vehicle.origin_altitude_m = settings.altitude_m
     vehicle.unix_offset_ns = time.time_ns() - now_ns
     vehicle.commit = build()["commit"]
+    vehicle.guided_timeout_s = settings.guided_timeout_s
     return vehicle
 
 

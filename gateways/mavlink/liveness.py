@@ -6,11 +6,12 @@ its first heartbeat: one that has joined gets it at once, and again 0.2 s later 
 first is lost.
 """
 
+from collections.abc import Sequence
 from typing import Final
 
 from gateways.mavlink import ardupilot
 from gateways.mavlink.mav_service import MavService, Sender
-from gateways.mavlink.mav_vehicle import SILENT_NS, MavVehicle
+from gateways.mavlink.mav_vehicle import HEARTBEAT, SILENT_NS, MavVehicle, MessageSource
 from gateways.mavlink.mavlink_dialect import MavMessage, TimeSync, mavlink
 from gateways.mavlink.operator_control import GATEWAY_NAME
 from gateways.mavlink.robot_port import NO_TELEMETRY, Snapshot
@@ -29,6 +30,7 @@ class HeartbeatStream(MavService):
 
     def __init__(self, vehicle: MavVehicle) -> None:
         self._vehicle = vehicle
+        vehicle.catalogue.add(MessageSource(HEARTBEAT, self._messages))
         self._sent: ardupilot.MavState | None = None
         self._due_ns: int | None = None
         self._live_ns = -SILENT_NS
@@ -54,6 +56,9 @@ class HeartbeatStream(MavService):
             self._again_ns.pop(client, None)
         self._again_ns |= dict.fromkeys(newcomers, now_ns + AGAIN_NS)
         self._greeted |= newcomers
+
+    def _messages(self, now_ns: int) -> Sequence[MavMessage]:
+        return (self._state(now_ns).heartbeat(),)
 
     def _state(self, now_ns: int) -> ardupilot.MavState:
         """Return the state; after the last status, that one for a second: it may be delayed."""

@@ -26,6 +26,7 @@ Build = Callable[[int], Sequence[MavMessage]]
 Prepare = Callable[[int], Awaitable[object]]
 """Asks the robot for missing values; RemoteError if it is silent."""
 Work = Coroutine[Any, Any, None]
+HEARTBEAT: Final = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 FRAME_BYTES: Final = 12 + 13
 """Header, checksum and signature."""
 
@@ -215,8 +216,8 @@ class MavVehicle:
     process; None without a clock. `commit` is that of this program. `is_armed` is what was seen
     last: a silent robot that was armed may still drive. `stop_id` names the newest emergency stop
     that was seen, None before the first status. `has_fence` is False once the robot is seen to have
-    none. `shortest_ns` is the shortest time between two messages of a stream. `go_on`
-    runs the rest of work as a task of the event loop.
+    none. `shortest_ns` is the shortest time between two messages of a stream. In GUIDED a speed is
+    valid for `guided_timeout_s`. `go_on` runs the rest of work as a task of the event loop.
     """
 
     def __init__(self, system: int, port: RobotPort, origin: Home, now_ns: int) -> None:
@@ -234,6 +235,7 @@ class MavVehicle:
         self.commit = ""
         self.has_fence = True
         self.is_armed = False
+        self.guided_timeout_s = 1.0
         self.stop_id: int | None = None
         self.shortest_ns = NS_PER_S
         self.catalogue = Catalogue()

@@ -10,8 +10,11 @@ from gateways.mavlink.mav_service import MavService, Pacing, Sender
 from gateways.mavlink.mav_vehicle import MavVehicle, MessageSource
 from gateways.mavlink.mavlink_dialect import ComponentMetadata, MavMessage, mavlink
 from gateways.mavlink.parameter_table import (
+    MAX_TIMEOUT_S,
+    MIN_TIMEOUT_S,
     MavTable,
     Metadata,
+    Owner,
     component_metadata,
     is_cast,
     metadata_of,
@@ -19,6 +22,7 @@ from gateways.mavlink.parameter_table import (
 )
 from gateways.mavlink.robot_copy import PERIOD_NS, RobotCopy
 from gateways.mavlink.robot_port import Answered
+from ground.client.parameter import Parameter
 from ground.client.parameters import ParameterChanged
 from ground.commands.param import ParameterTable, SetParameter, ShowParameters
 from runtime.errors import RemoteError
@@ -32,7 +36,7 @@ class ParameterStore(RobotCopy[MavTable]):
     again_ns = PERIOD_NS
 
     def __init__(self, vehicle: MavVehicle) -> None:
-        super().__init__(vehicle, ShowParameters(), table_in)
+        super().__init__(vehicle, ShowParameters(), self._table_in)
         self._metadata: Metadata | None = None
 
     @property
@@ -52,6 +56,13 @@ class ParameterStore(RobotCopy[MavTable]):
             self._use(table)
             self._vehicle.outbox.send(table.message(index))
 
+    def _table_in(self, answered: Answered) -> MavTable | None:
+        """Return the table that the robot has sent, None if it has not answered."""
+        found = answered.outcome
+        if not isinstance(found, ParameterTable):
+            return None
+        return table_of(found.parameters, self._vehicle.guided_timeout_s)
+
     def _take(self, values: MavTable) -> None:
         """Keep a table that has been read."""
         older = self.values
@@ -63,14 +74,8 @@ class ParameterStore(RobotCopy[MavTable]):
         if self.values is None or not table.describes_same(self.values):
             self._metadata = None
         self.values = table
-        own = (one.own for one in table.parameters if not one.is_fixed)
+        own = (one.own for one in table.parameters if one.owner is Owner.ROBOT)
         self._vehicle.parameters = {one.name: one.value for one in own}
-
-
-def table_in(answered: Answered) -> MavTable | None:
-    """Return the table that the robot has sent, None if it has not answered."""
-    found = answered.outcome
-    return table_of(found.parameters) if isinstance(found, ParameterTable) else None
 
 
 VALUE_BYTES: Final = 37
@@ -198,8 +203,25 @@ class ParameterProtocol(MavService):
             self._refuse(table, sender, index, "too many changes at once", error)
         elif change not in self._pending:
             self._pending.add(change)
-            operation = SetParameter(name=parameter.own.name, value=value)
-            self._end(await self._vehicle.control.perform(sender, operation), sender, change)
+            if parameter.owner is Owner.GATEWAY:
+                answer = await self._set_timeout(parameter.own, value, sender)
+            else:
+                operation = SetParameter(name=parameter.own.name, value=value)
+                answer = await self._vehicle.control.perform(sender, operation)
+            self._end(answer, sender, change)
+
+    async def _set_timeout(self, own: Parameter, value_s: float, sender: Sender) -> Answered:
+        """Change the gateway's own parameter, until it ends."""
+        answered = await self._vehicle.control.ensure(sender)
+        if not answered.ok:
+            return answered
+        if not MIN_TIMEOUT_S <= value_s <= MAX_TIMEOUT_S:
+            words = f"it must be within {MIN_TIMEOUT_S:g} to {MAX_TIMEOUT_S:g} {own.unit}"
+            refused = ParameterChanged(name=own.name, asked=value_s, now=None, refusal=words)
+            return Answered(refused)
+        self._vehicle.guided_timeout_s = value_s
+        changed = ParameterChanged(name=own.name, asked=value_s, now=value_s, saved=False)
+        return Answered(changed)
 
     def _end(self, answer: Answered, sender: Sender, change: PendingChange) -> None:
         """Tell the end of a change: all clients the new value, or its client why there is none."""

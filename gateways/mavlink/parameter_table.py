@@ -4,6 +4,9 @@ A name has at most 16 bytes, in upper case. Ground stations look up descriptions
 ArduPilot's Rover, so none of the robot's own is one of them. Some ground stations change names to
 upper case before they send them.
 
+GUID_TIMEOUT is the only parameter of the gateway itself. Like ArduPilot's of the same name, it is
+the time-out of speeds in GUIDED.
+
 Parameters for compatibility exist only so that ground stations accept the vehicle as an ArduPilot
 Rover. QGroundControl's set-up pages and Mission Planner ask for them by name. They are read-only,
 describe no part of the robot, and are not in `param list`. FRAME_CLASS is left out: with it,
@@ -23,6 +26,7 @@ import json
 import lzma
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from enum import Enum
 from itertools import takewhile
 from math import isfinite
 from struct import Struct
@@ -135,13 +139,43 @@ LARGEST_FLOAT: Final = 3.4028234663852886e38
 LARGEST_INTEGER: Final = 0x7FFF_FFFF
 
 
+MIN_TIMEOUT_S, MAX_TIMEOUT_S = 1.0, 3.0
+"""The longest is ArduPilot's, and shorter than the silence after which a client loses control."""
+
+
+def timeout_parameter(value_s: float) -> Parameter:
+    """Return the parameter of the gateway: the time-out of speeds in GUIDED."""
+    return Parameter(
+        name="GUID_TIMEOUT",
+        value=value_s,
+        default=MIN_TIMEOUT_S,
+        minimum=MIN_TIMEOUT_S,
+        maximum=MAX_TIMEOUT_S,
+        unit="s",
+        doc="in GUIDED the robot stops so long after the last speed or attitude",
+    )
+
+
+class Owner(Enum):
+    """Whose a parameter is. That of NOBODY never changes."""
+
+    ROBOT = "Sidestep"
+    GATEWAY = "Gateway"
+    NOBODY = "ArduPilot"
+
+
 @dataclass(frozen=True, slots=True)
 class MavParameter:
-    """A parameter with its MAVLink name; `is_fixed`: not of the robot, never changes."""
+    """A parameter with its MAVLink name."""
 
     name: str
     own: Parameter
-    is_fixed: bool = False
+    owner: Owner = Owner.ROBOT
+
+    @property
+    def is_fixed(self) -> bool:
+        """True if it never changes."""
+        return self.owner is Owner.NOBODY
 
     @property
     def mav_type(self) -> int:
@@ -210,12 +244,14 @@ class MavTable:
         return MavTable(changed)
 
 
-def table_of(parameters: Iterable[Parameter]) -> MavTable:
-    """Return the table for the robot's parameters."""
+def table_of(parameters: Iterable[Parameter], timeout_s: float = MIN_TIMEOUT_S) -> MavTable:
+    """Return the table for the robot's parameters and that of the gateway."""
     named = ((mavlink_name(one.name), one) for one in parameters)
     own = {name: MavParameter(name, one) for name, one in named if name}
-    fixed = (MavParameter(one.name, one, is_fixed=True) for one in compatibility_parameters())
-    return MavTable([*own.values(), *(one for one in fixed if one.name not in own)])
+    timeout = timeout_parameter(timeout_s)
+    others = [MavParameter(timeout.name, timeout, Owner.GATEWAY)]
+    others += [MavParameter(one.name, one, Owner.NOBODY) for one in compatibility_parameters()]
+    return MavTable([*own.values(), *(one for one in others if one.name not in own)])
 
 
 def is_cast(value: float) -> bool:
@@ -233,7 +269,6 @@ VERSION: Final = 1
 PARAMETER_KIND: Final = 1
 FILTERS: Final = ({"id": lzma.FILTER_LZMA2, "preset": 1, "dict_size": 1 << 16},)
 """A small dictionary keeps the memory of the compression small."""
-OWN_GROUP, FIXED_GROUP = "Sidestep", "ArduPilot"
 
 
 class Metadata(NamedTuple):
@@ -274,7 +309,7 @@ def described(one: MavParameter) -> dict[str, Any]:
         "default": own.default,
         "min": own.minimum,
         "max": own.maximum,
-        "group": FIXED_GROUP if one.is_fixed else OWN_GROUP,
+        "group": one.owner.value,
         "category": "Safety" if own.direction else "Standard",
         "values": _choices(one),
         "readOnly": True if one.is_fixed else None,
@@ -283,7 +318,7 @@ def described(one: MavParameter) -> dict[str, Any]:
 
 
 def _long(one: MavParameter) -> str:
-    if one.is_fixed:
+    if one.owner is not Owner.ROBOT:
         return one.own.doc
     safer = f" Safety group; safer is {one.own.direction}." if one.own.direction else ""
     return f"{one.own.doc} ({one.own.name} in `sidestep param list`).{safer}"

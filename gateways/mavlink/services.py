@@ -20,7 +20,7 @@ from gateways.mavlink.mav_vehicle import Face, MavVehicle
 from gateways.mavlink.missions.plan_kinds import FenceKind, MissionKind
 from gateways.mavlink.missions.plan_protocol import MissionProtocol
 from gateways.mavlink.missions.plan_status import CurrentItem, FenceService, ReachedItems
-from gateways.mavlink.motion.guided import GuidedDrive, GuidedItems, SetpointStream
+from gateways.mavlink.motion.guided import GuidedDrive, GuidedItems, ReachedGoals, SetpointStream
 from gateways.mavlink.motion.manual_control import ManualDriving
 from gateways.mavlink.motion.pilot import Pilot
 from gateways.mavlink.parameter_protocol import ParameterProtocol, ParameterStore
@@ -64,6 +64,7 @@ def motion_of(vehicle: MavVehicle) -> ServiceGroup:
         pilot,
         SetpointStream(vehicle, pilot, drive),
         GuidedItems(vehicle, pilot),
+        ReachedGoals(vehicle),
         ManualDriving(vehicle),
     )
     tables = (

@@ -25,7 +25,7 @@ from gateways.mavlink.commands.command_protocol import (
     whole,
 )
 from gateways.mavlink.mav_service import MAVLINK_1_LAST, MavService, Sender
-from gateways.mavlink.mav_vehicle import Catalogue, MavVehicle, MessageSource
+from gateways.mavlink.mav_vehicle import HEARTBEAT, Catalogue, MavVehicle, MessageSource
 from gateways.mavlink.mavlink_dialect import AvailableModes, CurrentMode, MavMessage, mavlink
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS, NS_PER_S, NS_PER_US
@@ -176,6 +176,20 @@ STREAMS: Final = (
     StreamSource(mavlink.MAVLINK_MSG_ID_WHEEL_DISTANCE, telemetry_messages.wheel_distance, 0, 0),
     StreamSource(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, telemetry_messages.gps_raw, 1, 1, STATUS),
     StreamSource(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, telemetry_messages.gps_origin, 0, 0),
+    StreamSource(
+        mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT,
+        telemetry_messages.nav_controller,
+        1,
+        0.5,
+        STATUS,
+    ),
+    StreamSource(
+        mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
+        telemetry_messages.position_target,
+        1,
+        0.5,
+        STATUS,
+    ),
     StreamSource(mavlink.MAVLINK_MSG_ID_HOME_POSITION, telemetry_messages.home_position, 1, 0.5),
     StreamSource(
         mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, telemetry_messages.battery_status, 1, 0.5, EXTRA3
@@ -195,6 +209,7 @@ STREAMS: Final = (
 
 
 NOT_SENT_US: Final = -1
+HEARTBEAT_US: Final = 1_000_000
 MAX_INTERVAL_US: Final = 0x7FFF_FFFF
 
 
@@ -252,6 +267,8 @@ class StreamScheduler(MavService):
         streams = self._streams(client, now_ns)
         if streams is None or self._vehicle.catalogue.find(number) is None:
             return False
+        if number == HEARTBEAT:  # its rate is fixed
+            return interval_us in (0, HEARTBEAT_US)
         if interval_us == 0:
             streams.reset(number, now_ns)
         else:
@@ -264,6 +281,8 @@ class StreamScheduler(MavService):
         streams = self._streams(client, now_ns)
         if streams is None or self._vehicle.catalogue.find(number) is None:
             return 0
+        if number == HEARTBEAT:
+            return HEARTBEAT_US
         period_us = streams.period_ns(number) // NS_PER_US
         return min(period_us, MAX_INTERVAL_US) if period_us else NOT_SENT_US
 

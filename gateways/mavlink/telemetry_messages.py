@@ -8,22 +8,25 @@ what no echo means.
 """
 
 from collections.abc import Sequence
-from math import cos, hypot, inf, nan, radians, sin
+from math import atan2, cos, degrees, hypot, inf, isnan, nan, radians, sin
 from typing import Final
 
 from gateways.mavlink import ardupilot, coordinates, robot_port
 from gateways.mavlink.coordinates import place_at, place_of
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
-from gateways.mavlink.motion.setpoints import SPEED
+from gateways.mavlink.motion.setpoints import IGNORE_YAW, SPEED
 from gateways.mavlink.robot_port import Snapshot
 from protocol.ring import ALL_SONARS, CONE_DEG, CONE_RAD, SONARS
-from protocol.wire.messages import CycleReport, PlanarOdometry, SonarScan
+from protocol.wire.enums import GoalState, Mode
+from protocol.wire.messages import CycleReport, NavigatorStatus, PlanarOdometry, SonarScan
 from protocol.wire.reasons import Reason
 from runtime.units import MM_PER_M, NS_PER_US, UINT32
 
 UNKNOWN_16: Final = 0xFFFF
 LEVEL: Final = (1.0, 0.0, 0.0, 0.0)
+ONLY_PLACE: Final = 0xDF8
+"""A type_mask that ignores all but the position."""
 ESTIMATOR: Final = mavlink.MAV_ESTIMATOR_TYPE_AUTOPILOT
 
 
@@ -146,6 +149,56 @@ def pose_covariance(odometry: PlanarOdometry) -> list[float]:
     covariance[6], covariance[10] = odometry.cov_xx_m2, -odometry.cov_xh_m_rad
     covariance[20] = odometry.cov_hh_rad2
     return covariance
+
+
+ON_THE_WAY: Final = (
+    *(GoalState.ACCEPTED, GoalState.DRIVING),
+    *(GoalState.AVOIDING, GoalState.ALIGNING),
+)
+TO_GOALS: Final = (Mode.AUTO, Mode.GUIDED, Mode.SMART_RTL)
+
+
+def goal_status(vehicle: MavVehicle) -> NavigatorStatus | None:
+    """Return the status of a robot that drives to a goal; None if it does not."""
+    status = vehicle.snapshot.status
+    if status is None or status.mode not in TO_GOALS or status.goal not in ON_THE_WAY:
+        return None
+    return status
+
+
+def nav_controller(vehicle: MavVehicle, now_ns: int) -> Sequence[MavMessage]:
+    """Return NAV_CONTROLLER_OUTPUT while the robot drives to a goal, as ArduPilot's Rover sends it.
+
+    Both bearings are that of the goal: the navigator publishes no desired heading.
+    """
+    status, found = goal_status(vehicle), pose_of(vehicle)
+    if status is None or found is None:
+        return ()
+    ahead_m, left_m = status.goal_x_m - found[0].x_m, status.goal_y_m - found[0].y_m
+    bearing_deg = round(degrees(coordinates.yaw_of(atan2(left_m, ahead_m)))) % 360
+    distance_m = max(0, min(UNKNOWN_16, round(status.goal_distance_m)))
+    fields = (0.0, 0.0, bearing_deg, bearing_deg, distance_m, 0.0, 0.0, 0.0)
+    return (mavlink.MAVLink_nav_controller_output_message(*fields),)
+
+
+def position_target(vehicle: MavVehicle, now_ns: int) -> Sequence[MavMessage]:
+    """Return POSITION_TARGET_GLOBAL_INT while the robot drives to a goal at a known position."""
+    status, found = goal_status(vehicle), pose_of(vehicle)
+    if status is None or found is None or not coordinates.knows_place(found[0]):
+        return ()
+    place = place_at(vehicle.origin, status.goal_x_m, status.goal_y_m)
+    if place is None:
+        return ()
+    is_free = isnan(status.goal_heading_rad)
+    yaw_rad = 0.0 if is_free else coordinates.yaw_of(status.goal_heading_rad)
+    mask = ONLY_PLACE if is_free else ONLY_PLACE & ~IGNORE_YAW
+    head = vehicle.boot_ms(now_ns), mavlink.MAV_FRAME_GLOBAL, mask
+    motion = (0.0,) * 6
+    return (
+        mavlink.MAVLink_position_target_global_int_message(
+            *head, *place, vehicle.origin_altitude_m, *motion, yaw_rad, 0.0
+        ),
+    )
 
 
 def gps_raw(vehicle: MavVehicle, now_ns: int) -> Sequence[MavMessage]:

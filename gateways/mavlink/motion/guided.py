@@ -1,19 +1,19 @@
 """What clients send in GUIDED: setpoints, speeds and guided mission items.
 
 For speeds the robot is in MANUAL, where it accepts them, and clients receive GUIDED. That ends with
-the time-out of the last speed, another mode, a goal, or the loss of control. After a time-out the
-robot stops and is in GUIDED, like ArduPilot's Rover. A guided item, a waypoint with `current` = 2,
-is a goal at once, not part of a mission.
+the time-out of the last speed (GUID_TIMEOUT), another mode, a goal, or the loss of control. After a
+time-out the robot stops and is in GUIDED, like ArduPilot's Rover. A guided item, a waypoint with
+`current` = 2, is a goal at once, not part of a mission.
 """
 
 from enum import Enum, auto
 from typing import Final
 
 from gateways.mavlink.coordinates import PER_DEG
-from gateways.mavlink.mav_service import MavService, Sender
+from gateways.mavlink.mav_service import EVERYONE, MavService, Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
-from gateways.mavlink.motion.pilot import DriveBegun, Pilot
+from gateways.mavlink.motion.pilot import MISSION_UNDER_WAY, DriveBegun, Pilot
 from gateways.mavlink.motion.setpoints import (
     GLOBAL_FRAMES,
     LIFE_NS,
@@ -28,12 +28,11 @@ from gateways.mavlink.motion.setpoints import (
 from gateways.mavlink.robot_port import Answered
 from ground.client.goal import Destination
 from ground.client.outcomes import Refused
-from protocol.wire.enums import Mode
+from protocol.wire.enums import GoalState, Mode
 from protocol.wire.enums import Vehicle as VehicleState
 from protocol.wire.reasons import Reason
 from runtime.units import NS_PER_MS, NS_PER_S
 
-TIMEOUT_NS: Final = NS_PER_S
 BRAKING_NS: Final = 200 * NS_PER_MS
 """After a time-out the robot keeps its mode for so long: in MANUAL its wheels brake, in GUIDED they
 would run out."""
@@ -80,7 +79,7 @@ class GuidedDrive:
 
     def _note(self, velocity: Velocity, sender: Sender, now_ns: int) -> None:
         self._velocity, self._sender, self._now_ns = velocity, sender, now_ns
-        self._until_ns = now_ns + TIMEOUT_NS
+        self._until_ns = now_ns + round(self._vehicle.guided_timeout_s * NS_PER_S)
         self._leave_ns = self._until_ns + BRAKING_NS
 
     @property
@@ -215,6 +214,34 @@ def result_of(answered: Answered) -> tuple[int, str]:
     is_denied = not isinstance(outcome, Refused) or outcome.reason in NOT_IN_CONTROL
     result = mavlink.MAV_MISSION_DENIED if is_denied else mavlink.MAV_MISSION_ERROR
     return result, answered.text
+
+
+class ReachedGoals(MavService):
+    """Sends MISSION_ITEM_REACHED 0 when a goal in GUIDED is reached, like ArduPilot's Rover.
+
+    The goals of a mission have items of their own.
+    """
+
+    def __init__(self, vehicle: MavVehicle) -> None:
+        self._vehicle = vehicle
+        self._goal_id: int | None = None
+        self._is_over = False
+
+    def due(self, now_ns: int) -> None:
+        """Find a goal that has been reached; on a lossy line send the message twice."""
+        status, mission = self._vehicle.snapshot.status, self._vehicle.snapshot.mission
+        if status is None:
+            return
+        is_reached = status.goal == GoalState.REACHED and status.mode == Mode.GUIDED
+        if status.goal_id != self._goal_id:
+            self._is_over = is_reached and self._goal_id is None  # before the gateway began
+            self._goal_id = status.goal_id
+        self._is_over |= mission is not None and mission.state in MISSION_UNDER_WAY
+        if is_reached and not self._is_over:
+            self._is_over = True
+            reached = mavlink.MAVLink_mission_item_reached_message(0)
+            for client in (EVERYONE, *self._vehicle.lossy):
+                self._vehicle.outbox.send(reached, client)
 
 
 SAME_NS: Final = NS_PER_S

@@ -383,7 +383,7 @@ def message_of(payload: bytearray) -> MavMessage:
 
 
 LONG_CONTENT = bytes(range(251)) * 300
-ALL = len(SPECS) + 36
+ALL = len(SPECS) + 37
 
 
 @pytest.fixture

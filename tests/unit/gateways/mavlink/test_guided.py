@@ -9,6 +9,7 @@ from checks.harness.messages import make
 from gateways.mavlink.coordinates import PER_DEG
 from gateways.mavlink.mav_service import WATCHER
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
+from gateways.mavlink.motion.guided import ReachedGoals
 from gateways.mavlink.motion.pilot import BeginDrive, DriveBegun, DriveOver, EndDrive, EnterGuided
 from gateways.mavlink.motion.setpoints import SetpointError, Velocity, attitude_of, setpoint_of
 from ground.client.goal import Destination
@@ -17,7 +18,7 @@ from ground.commands.goto import Goto
 from ground.commands.mode import SetMode
 from ground.commands.param import SetParameter
 from ground.missions.qgroundcontrol import to_global
-from protocol.wire.enums import Command, LeaseAction, Mode, Vehicle
+from protocol.wire.enums import Command, GoalState, LeaseAction, MissionState, Mode, Vehicle
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason
 from tests.support.each import each
@@ -36,10 +37,12 @@ from tests.support.gateway.fake_port import (
     driving_bench,
     global_target,
     local_target,
+    mission_status,
     numbered,
     odometry,
     performed,
     show,
+    status,
     words,
 )
 from tests.support.ground.client import Stage, perform
@@ -356,6 +359,55 @@ def test_speed_that_has_timed_out_before_the_robot_follows_is_not_sent(bench: Be
     bench.after(1.0)
     assert bench.port.driven == []
     assert performed(bench) == [BEGIN_DRIVE, END_IN_GUIDED]
+
+
+def rests_at_a_speed_each_second(bench: Bench, timeout_s: float) -> int:
+    """Send a speed each second for 10 s, each third is lost; return the changes to rest."""
+    bench.vehicle.guided_timeout_s = timeout_s
+    start_speeds(bench)
+    rests = 0
+    for second in range(1, 11):
+        for _ in range(50):
+            bench.after(0.02)
+            rests += END_IN_GUIDED in performed(bench)
+            accept_all(bench)
+        if second % 3:
+            bench.send(local_target(frame=8, vx=0.5))
+            accept_all(bench)
+    return rests
+
+
+def test_slow_stream_of_speeds_needs_a_longer_time_out() -> None:
+    assert rests_at_a_speed_each_second(driving_bench(Mode.GUIDED), 1.0) > 0
+    assert rests_at_a_speed_each_second(driving_bench(Mode.GUIDED), 3.0) == 0
+
+
+def test_goal_that_is_reached_in_guided_is_item_0(bench: Bench) -> None:
+    """ArduPilot's Rover sends so, and DroneKit and MavKit wait for it."""
+
+    def reached(mission: MissionState = MissionState.NONE, **changes: int) -> list[int]:
+        fields = {"vehicle": Vehicle.ACTIVE, "mode": Mode.GUIDED} | changes
+        bench.port.telemetry["status"] = status(**fields)
+        bench.port.telemetry["mission"] = mission_status(mission)
+        found = bench.after(1.0)
+        return [one.seq for one in found if one.get_type() == "MISSION_ITEM_REACHED"]
+
+    bench.vehicle.lossy = ()
+    over, way = GoalState.REACHED, GoalState.DRIVING
+    assert reached(goal=way, goal_id=5) == []
+    assert reached(goal=over, goal_id=5) == [0]
+    assert reached(goal=over, goal_id=5) == []
+    assert reached(goal=over, goal_id=6) == [0], "it stood there already"
+    assert reached(goal=GoalState.STUCK, goal_id=7) == []
+    assert reached(goal=over, goal_id=8, mode=Mode.SMART_RTL) == []
+    assert reached(MissionState.RUNNING, goal=way, goal_id=9) == []
+    assert 0 not in reached(MissionState.DONE, goal=over, goal_id=9)
+
+
+def test_goal_of_before_the_gateway_is_not_reached_again() -> None:
+    bench = Bench(ReachedGoals)
+    bench.port.telemetry["status"] = status(mode=Mode.GUIDED, goal=GoalState.REACHED, goal_id=5)
+    assert bench.after(1.0) == []
 
 
 def test_stream_of_speeds_goes_on(bench: Bench) -> None:

@@ -44,7 +44,7 @@ from tests.support.gateway.benches import (
 from tests.support.gateway.fake_port import CLIENT, OTHER, performed, status
 
 LIST = mavlink.MAVLink_param_request_list_message(1, 0)
-ALL = len(PARAMETER_TABLE_TABLE) + 36
+ALL = len(PARAMETER_TABLE_TABLE) + 37
 REAL32 = mavlink.MAV_PARAM_TYPE_REAL32
 
 
@@ -257,6 +257,26 @@ def test_silent_robot_is_named_and_asked_again() -> None:
     bench.is_answering = True
     bench.now_ns += 1_000_000_000
     assert len(values_in(bench.send(LIST) + bench.after(0.08))) == ALL
+
+
+def test_time_out_of_speeds_is_a_parameter_of_the_gateway() -> None:
+    bench = loaded()
+    (value,) = values_in(bench.send(read("GUID_TIMEOUT")))
+    assert (value.param_value, value.param_type) == (1.0, REAL32)
+    sent = bench.send(change("GUID_TIMEOUT", 3.0))
+    assert [one.param_value for one in values_in(sent)] == [3.0]
+    assert bench.vehicle.guided_timeout_s == 3.0
+    bench.after(11.0)
+    assert values_in(bench.send(read("GUID_TIMEOUT")))[0].param_value == 3.0
+    for wrong in (0.5, 3.5, 10.0):
+        sent = bench.send(change("GUID_TIMEOUT", wrong))
+        assert [one.param_value for one in values_in(sent)] == [3.0]
+        assert "1 to 3 s" in texts_in(sent)
+        bench.after(1.1)
+    sent = bench.send(change("GUID_TIMEOUT", 1.0), OTHER)
+    assert "MAVLink 255" in texts_in(sent), "another client is in control"
+    assert bench.vehicle.guided_timeout_s == 3.0
+    assert not any(isinstance(one, SetParameter) for one in performed(bench))
 
 
 def test_change_by_others_is_broadcast() -> None:

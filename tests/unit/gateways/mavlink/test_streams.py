@@ -25,7 +25,7 @@ from gateways.mavlink.services import face_of
 from gateways.mavlink.streams import STREAMS, StreamScheduler
 from gateways.mavlink.telemetry_messages import global_position
 from ground.commands.param import ShowParameters
-from protocol.wire.enums import GoalState, Mode, Severity, Vehicle
+from protocol.wire.enums import GoalState, MissionState, Mode, Severity, Vehicle
 from protocol.wire.messages import LeaseStatus, NavigatorStatus, Statustext
 from protocol.wire.reasons import Reason
 from protocol.wire.statustext import pieces_of
@@ -39,6 +39,7 @@ from tests.support.gateway.fake_port import (
     acks,
     command,
     everything,
+    mission_status,
     status,
     words,
 )
@@ -421,6 +422,9 @@ def test_version_of_another_robot_has_another_id() -> None:
 
 def test_every_stream_can_be_requested_and_encoded() -> None:
     bench = whole_bench()
+    driving = status(vehicle=Vehicle.ACTIVE, mode=Mode.GUIDED, goal=GoalState.DRIVING)
+    bench.port.telemetry["status"] = driving
+    bench.after(0.02)
     encoder = mavlink.MAVLink(None, 1, 1)
     for stream in STREAMS:
         source = stream.source(bench.vehicle)
@@ -431,6 +435,34 @@ def test_every_stream_can_be_requested_and_encoded() -> None:
             assert len(frame) <= source.largest_bytes
             (found,) = mavlink.MAVLink(None, 1, 1).parse_buffer(frame)
             assert found.get_msgId() == source.number
+
+
+ANSWERS = {"COMMAND_ACK", "STATUSTEXT"}
+
+
+def test_all_that_is_sent_by_itself_can_be_requested() -> None:
+    bench = whole_bench()
+    bench.port.telemetry["mission"] = mission_status(MissionState.RUNNING)
+    driving = status(vehicle=Vehicle.ACTIVE, mode=Mode.GUIDED, goal=GoalState.DRIVING)
+    bench.port.telemetry["status"] = driving
+    sent = {one.get_msgId() for one in bench.after(5.0) if one.get_type() not in ANSWERS}
+    assert len(sent) >= 21
+    for number in sent:
+        result, messages = ask(bench, REQUEST, number)
+        assert result == mavlink.MAV_RESULT_ACCEPTED, number
+        assert {one.get_msgId() for one in messages} == {number}
+
+
+def test_heartbeat_can_be_requested_but_not_slowed_down() -> None:
+    bench = whole_bench()
+    result, (beat,) = ask(bench, REQUEST, mavlink.MAVLINK_MSG_ID_HEARTBEAT)
+    assert (result, beat.get_type()) == (mavlink.MAV_RESULT_ACCEPTED, "HEARTBEAT")
+    assert ask(bench, SET_INTERVAL, 0, -1)[0] == mavlink.MAV_RESULT_FAILED
+    assert ask(bench, SET_INTERVAL, 0, 1e6)[0] == mavlink.MAV_RESULT_ACCEPTED
+    result, (interval,) = ask(bench, GET_INTERVAL, 0)
+    assert (result, interval.interval_us) == (mavlink.MAV_RESULT_ACCEPTED, 1_000_000)
+    bench.after(0.4)
+    assert [one.get_type() for one in bench.after(3.0)].count("HEARTBEAT") == 3
 
 
 def test_unknown_message_is_unsupported_at_once() -> None:

@@ -16,7 +16,7 @@ from gateways.mavlink.services import face_of
 from ground.commands.fence import FenceShown, ShowFence
 from ground.missions.mission import Circle, Home
 from ground.missions.qgroundcontrol import to_global
-from protocol.wire.enums import Mode, Vehicle
+from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.reasons import Reason
 from tests.support.each import each
 from tests.support.gateway.fake_port import (
@@ -144,6 +144,16 @@ def test_heartbeat_is_that_of_a_rover_once_a_second() -> None:
         assert one.base_mode == mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
 
 
+@each(
+    ("mode", "bits"),
+    [(Mode.MANUAL, 64), (Mode.HOLD, 0), (Mode.AUTO, 8), (Mode.SMART_RTL, 8), (Mode.GUIDED, 8)],
+)
+def test_base_mode_tells_who_steers(mode: Mode, bits: int) -> None:
+    """So mavros shows `manual_input` and `guided`."""
+    (found,) = after(Bench(HeartbeatStream), 0.1, mode=mode)
+    assert found.base_mode & (64 | 8) == bits
+
+
 def test_change_of_mode_or_arming_is_sent_at_once() -> None:
     bench = Bench(HeartbeatStream)
     after(bench, 0.1)
@@ -258,6 +268,47 @@ def test_attitude_turns_clockwise() -> None:
     assert message.yaw == pytest.approx(YAW_RAD)
     assert message.yawspeed == -0.5
     assert message.time_boot_ms == 20
+
+
+TO_GOAL = {"goal": GoalState.DRIVING, "goal_x_m": 3.0, "goal_y_m": 14.0, "goal_distance_m": 10.2}
+
+
+def on_the_way(mode: Mode = Mode.GUIDED, **changes: float) -> Bench:
+    fields: dict[str, Any] = {"mode": mode, "vehicle": Vehicle.ACTIVE} | TO_GOAL | changes
+    return bench_with(status=status(**{"goal_heading_rad": nan, **fields}))
+
+
+@each("mode", [Mode.AUTO, Mode.GUIDED, Mode.SMART_RTL])
+def test_way_to_a_goal_is_shown(mode: Mode) -> None:
+    output = built(telemetry_messages.nav_controller, on_the_way(mode))
+    assert (output.target_bearing, output.nav_bearing, output.wp_dist) == (0, 0, 10)
+    west = built(telemetry_messages.nav_controller, on_the_way(mode, goal_x_m=-7.0, goal_y_m=4.0))
+    assert west.target_bearing == 270
+    target = built(telemetry_messages.position_target, on_the_way(mode))
+    latitude_deg, longitude_deg = to_global(ORIGIN, 3.0, 14.0)
+    assert (target.lat_int, target.lon_int) == (
+        round(latitude_deg * 1e7),
+        round(longitude_deg * 1e7),
+    )
+    assert (target.type_mask, target.coordinate_frame) == (0xDF8, mavlink.MAV_FRAME_GLOBAL)
+    turned = built(telemetry_messages.position_target, on_the_way(mode, goal_heading_rad=0.0))
+    assert turned.type_mask == 0xDF8 & ~1024
+    assert turned.yaw == pytest.approx(pi / 2)
+
+
+@each(
+    "changes",
+    [
+        {"mode": Mode.HOLD},
+        {"mode": Mode.MANUAL},
+        {"goal": GoalState.REACHED},
+        {"goal": GoalState.NONE},
+    ],
+)
+def test_no_way_is_shown_without_a_goal(changes: dict[str, Any]) -> None:
+    bench = on_the_way(**changes)
+    for build in (telemetry_messages.nav_controller, telemetry_messages.position_target):
+        assert list(build(bench.vehicle, bench.now_ns)) == []
 
 
 def test_hud_shows_speed_and_compass() -> None:
