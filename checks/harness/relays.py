@@ -8,8 +8,10 @@ import os
 import selectors
 import socket
 import threading
+from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from heapq import heappop, heappush
+from queue import SimpleQueue
 from random import Random
 from time import monotonic_ns
 from typing import Final, NamedTuple, Self
@@ -24,13 +26,14 @@ BUFFER: Final = 4096
 class TcpProxy:
     """Forwards bytes both ways; once cut it forwards nothing and accepts no connections.
 
-    With `bytes_per_s` those from the far end pass at this rate.
+    With `bytes_per_s` those from the far end pass at this rate. `delay_s` is that of each way.
     """
 
-    def __init__(self, endpoint: str, bytes_per_s: float = 0.0) -> None:
+    def __init__(self, endpoint: str, bytes_per_s: float = 0.0, delay_s: float = 0.0) -> None:
         self.accepted = 0
         """How many connections were accepted so far."""
         self._pause_s = CHUNK / bytes_per_s if bytes_per_s else 0.0
+        self._delay_ns = round(delay_s * NS_PER_S)
         self._closing = threading.Event()
         protocol = endpoint.partition("/")[0]
         self._far = address_of(endpoint)
@@ -100,19 +103,44 @@ class TcpProxy:
                     far.close()
                     continue
                 for end in (near, far):
+                    end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                     self._sockets.callback(close_socket, end)
                 for way in ((near, far, 0.0), (far, near, self._pause_s)):
                     threading.Thread(target=self._forward, args=way, daemon=True).start()
 
     def _forward(self, source: socket.socket, sink: socket.socket, pause_s: float) -> None:
         with suppress(OSError):
-            while data := source.recv(CHUNK if pause_s else 65_536):
+            for data in self._delayed(source) if self._delay_ns else read(source, pause_s):
                 if self._whole.is_set():
                     sink.sendall(data)
                 if pause_s:
                     self._closing.wait(pause_s)
         with suppress(OSError):  # also after an error: each end learns that the other one has gone
             sink.shutdown(socket.SHUT_RDWR)
+
+    def _delayed(self, source: socket.socket) -> Iterator[bytes]:
+        """Yield what is read, each time after the delay; another thread reads meanwhile."""
+        under_way = SimpleQueue[tuple[int, bytes]]()
+
+        def fill() -> None:
+            with suppress(OSError):
+                for data in read(source, 0.0):
+                    under_way.put((monotonic_ns() + self._delay_ns, data))
+            under_way.put((monotonic_ns() + self._delay_ns, b""))
+
+        threading.Thread(target=fill, daemon=True).start()
+        while True:
+            due_ns, data = under_way.get()
+            self._closing.wait(max(0, due_ns - monotonic_ns()) / NS_PER_S)
+            if not data:
+                return
+            yield data
+
+
+def read(source: socket.socket, pause_s: float) -> Iterator[bytes]:
+    """Yield what arrives until the connection is closed; little at a time if there is a pause."""
+    while data := source.recv(CHUNK if pause_s else 65_536):
+        yield data
 
 
 def address_of(endpoint: str) -> tuple[str, int]:

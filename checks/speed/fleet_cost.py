@@ -4,6 +4,9 @@ The cost of a tick is the processor time of all processes, the operator's includ
 depends on what else the computer does, while the speed does. A model with three numbers describes
 it: a share of the fleet, one of each robot, one of each robot process (a link). The page has its
 error at each size, and at one fleet that is divided otherwise.
+
+A fleet also crosses a warehouse to its goals, and one is placed on the workers of a Dask cluster on
+this computer, with a delay between their routers as between computers.
 """
 
 import argparse
@@ -12,6 +15,8 @@ import os
 import time
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Event
@@ -21,14 +26,20 @@ import numpy as np
 
 from checks.harness.figures import BenchmarkReport, Figure, figure
 from checks.harness.processes import cpu_s
+from checks.harness.relays import TcpProxy
 from checks.speed.fleet import driving_fleet, missed_in
+from examples import dask_fleet
 from ground.cli.main import parse
 from ground.cli.run.up import connect, free_endpoint
 from ground.launch.fleet_run import FleetRun, goal_runs_of
 from ground.launch.launcher import Stack
 from ground.launch.scenario import run_of, scenario_of
+from plant.corpus import generate
+from plant.world.writer import dumps
+from protocol.outcome import RunOutcome
 from runtime.clock import WallClock
 from runtime.units import CONTROL_HZ, PERIOD_MS
+from study.runner.workers import cluster
 
 LEAST_SPEED: Final = {12: 5.0, 100: 0.4}
 """Times real time, by the number of robots."""
@@ -37,6 +48,8 @@ DIVIDED: Final = 8
 """Robots that are driven in one process, so that the share of a link shows."""
 
 WALL_ROBOTS: Final = 30
+PLACED: Final = 12
+ARRIVE_S: Final = 300.0
 ON_PAPER: Final = 1000
 OPERATOR: Final = "operator"
 HALL: Final = """\
@@ -87,6 +100,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--plants", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=10.0, help="simulated, of each (10)")
     parser.add_argument("--wall", type=float, default=60.0, help="seconds in wall time (60)")
+    text = "robots that cross a warehouse (100)"
+    parser.add_argument("--warehouse", type=int, default=100, help=text)
+    text = "ms from worker to worker of a Dask cluster (0 1 5 20)"
+    parser.add_argument("--delays", type=float, nargs="*", default=[0, 1, 5, 20], help=text)
 
 
 def measure(options: argparse.Namespace) -> BenchmarkReport:
@@ -95,17 +112,23 @@ def measure(options: argparse.Namespace) -> BenchmarkReport:
         world = Path(folder) / "hall.toml"
         world.write_text(HALL, encoding="utf-8")
         plants = options.plants
-        costs = [driven(world, robots, plants, options.seconds) for robots in options.robots]
-        shared = driven(world, DIVIDED, 1, options.seconds, "--processes", "1")
+        costs = [driven(world, robots, plants, options.seconds)[0] for robots in options.robots]
+        shared, _ = driven(world, DIVIDED, 1, options.seconds, "--processes", "1")
         figures = [one for cost in costs for one in figures_of(cost)]
         figures += [missed_figure(world, options.wall)] if options.wall else []
+        if options.warehouse:
+            figures += warehouse_figures(Path(folder) / "warehouse.toml", options.warehouse, plants)
+        if options.delays:
+            figures += placed_figures(world, options.delays, options.seconds)
     costs.append(shared)
     notes = notes_of(costs, model_of(costs), plants)
     return BenchmarkReport(benchmark="fleet", figures=tuple(figures), notes=notes)
 
 
-def driven(world: Path, robots: int, plants: int, seconds: float, *more: str) -> FleetCost:
-    """Drive robots side by side in lockstep, for so many simulated seconds."""
+def driven(
+    world: Path, robots: int, plants: int, seconds: float, *more: str
+) -> tuple[FleetCost, list[RunOutcome]]:
+    """Drive robots side by side in lockstep, for at most so many simulated seconds."""
     words = ["up", "--headless", "--no-record", "--router", "--world", str(world), "--speed", "max"]
     words += ["--robots", str(robots), "--plants", str(min(plants, robots))]
     options = parse([*words, "--timeout", str(seconds), *more])
@@ -119,13 +142,71 @@ def driven(world: Path, robots: int, plants: int, seconds: float, *more: str) ->
             launched = lambda: before.update(spent_ms(stack))  # noqa: E731
             outcomes = asyncio.run(run.run(lockstep=True, launched=launched))
             spent = spent_ms(stack)
-    ticks = seconds * CONTROL_HZ
-    return FleetCost(
+    ticks = max(outcome.time_s for outcome in outcomes) * CONTROL_HZ
+    cost = FleetCost(
         robots=robots,
         processes=len(scenario.hosts),
-        speed=seconds / max(outcome.wall_s for outcome in outcomes),
+        speed=speed_of(outcomes),
         tick_ms={kind: (ms - before[kind]) / ticks for kind, ms in spent.items()},
     )
+    return cost, outcomes
+
+
+def speed_of(outcomes: Sequence[RunOutcome]) -> float:
+    """Return simulated time over wall time, to the end of the last drive."""
+    return max(one.time_s for one in outcomes) / max(one.wall_s for one in outcomes)
+
+
+def warehouse_figures(file: Path, robots: int, plants: int) -> list[Figure]:
+    """Let robots cross a warehouse; return how many arrived, when, and what they touched."""
+    file.write_text(dumps(generate("warehouse", 0, 1)), encoding="utf-8")
+    cost, outcomes = driven(file, robots, plants, ARRIVE_S)
+    name = f"{robots} robots in a warehouse"
+    arrived = [one.time_s for one in outcomes if one.outcome == "reached"]
+    contacts = sum(one.contacts for one in outcomes)
+    return [
+        figure(f"{name}, arrived", len(arrived), "robots", at_least=robots),
+        figure(f"{name}, contacts", contacts, "contacts", at_most=0),
+        figure(f"{name}, time to the goal", arrived, "s"),
+        figure(f"{name}, real time", cost.speed, "x"),
+    ]
+
+
+def placed_figures(world: Path, delays_ms: Sequence[float], seconds: float) -> list[Figure]:
+    """Drive robots on two Dask workers of this computer, with each delay between their routers."""
+    from distributed import LocalCluster
+
+    words = ["--world", str(world), "--robots", str(PLACED), "--speed", "max"]
+    words += ["--timeout", str(seconds)]
+    figures = []
+    with (
+        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0") as local,
+        cluster(local.scheduler_address) as client,
+    ):
+        for delay_ms in delays_ms:
+            with ExitStack() as scope:
+                through = partial(delayed, scope, delay_ms)
+                _, outcomes = dask_fleet.drive(client, words, through)
+            name = f"{PLACED} robots on 2 Dask workers, {delay_ms:g} ms between them, real time"
+            figures.append(figure(name, speed_of(outcomes), "x"))
+    return figures
+
+
+def delayed(
+    scope: ExitStack, delay_ms: float, parts: dask_fleet.Parts, hub: str
+) -> dask_fleet.Parts:
+    """Return the parts of the workers after the first with a delay on their way to its router."""
+    if not delay_ms:
+        return parts
+    hub_there = scope.enter_context(TcpProxy(hub, delay_s=delay_ms / 1e3)).endpoint
+    first, *others = parts
+    return [
+        first,
+        *(
+            [[hub_there if one == hub else one for one in words] for words in part]
+            for part in others
+        ),
+    ]
 
 
 def spent_ms(stack: Stack) -> dict[str, float]:

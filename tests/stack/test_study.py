@@ -16,8 +16,11 @@ import pytest
 
 from checks.harness.crew import children_of
 from checks.harness.until import until
+from checks.speed.fleet_cost import HALL
+from examples import dask_fleet
+from ground.cli.main import main as up
 from protocol.world import World
-from runtime.errors import UserError
+from runtime.errors import RemoteError, UserError
 from study.cli.falsify import main
 from study.runner import workers as executors
 from study.runner.plan import TrialTask
@@ -44,6 +47,32 @@ def test_search_uses_every_thread_of_the_cluster(cluster_address: str) -> None:
     with runner_workers(1, cluster_address) as pool:
         assert pool.threads() == 4
         assert pool.executor.submit(abs, -3).result() == 3
+
+
+@pytest.mark.stack
+def test_fleet_on_a_cluster_drives_as_that_of_one_computer(
+    cluster_address: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    world = tmp_path / "hall.toml"
+    world.write_text(HALL, encoding="utf-8")
+    words = ["--world", str(world), "--robots", "4", "--speed", "max", "--timeout", "2"]
+    with executors.cluster(cluster_address) as client:
+        _, outcomes = dask_fleet.drive(client, words)
+    assert up(["up", "--headless", "--no-record", "--json", *words]) == 1
+    alone = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert [one.digest for one in outcomes] == [one["digest"] for one in alone["robots"]]
+
+
+@pytest.mark.stack
+def test_fleet_on_a_cluster_ends_when_a_process_of_it_does(cluster_address: str) -> None:
+    def unknown(parts: dask_fleet.Parts, _: str) -> dask_fleet.Parts:
+        return [parts[0], [["plant", "--world", "atlantis"]]]
+
+    with (
+        executors.cluster(cluster_address) as client,
+        pytest.raises(RemoteError, match=r"plant --world atlantis \.\.\. ended with 2"),
+    ):
+        dask_fleet.drive(client, ["--robots", "2", "--speed", "max"], unknown)
 
 
 @pytest.mark.stack

@@ -11,7 +11,7 @@ from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from threading import Thread
-from time import time
+from time import monotonic, time
 
 import pytest
 from hypothesis import given, settings
@@ -24,7 +24,15 @@ from checks.harness.figures import BenchmarkReport, Figure, digits, percentile, 
 from checks.harness.loop import PlayedLoop
 from checks.harness.messages import make
 from checks.harness.observer import HOLDS, Seen
-from checks.harness.relays import OVERTAKEN_NS, PERFECT, POOR, ImpairedLine, Impairment, UdpRelay
+from checks.harness.relays import (
+    OVERTAKEN_NS,
+    PERFECT,
+    POOR,
+    ImpairedLine,
+    Impairment,
+    TcpProxy,
+    UdpRelay,
+)
 from checks.simulation.hosts.virtual_time import Host, Scheduler, SimulatedLoop
 from protocol.wire.messages import GroundTruth
 from runtime.clock import ManualClock
@@ -52,6 +60,25 @@ def test_figure_without_threshold_has_no_verdict() -> None:
     assert figure(1.0).met is None
     assert "met" not in figure(1.0).line()
     assert "MISSED" not in figure(1.0).line()
+
+
+def test_proxy_delays_each_way_and_passes_the_end() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        with (
+            TcpProxy(f"tcp/127.0.0.1:{port}", delay_s=0.02) as proxy,
+            socket.create_connection(("127.0.0.1", int(proxy.endpoint.rpartition(":")[2]))) as near,
+        ):
+            far, _ = server.accept()
+            with far:
+                began_s = monotonic()
+                near.sendall(b"to")
+                assert far.recv(9) == b"to"
+                far.sendall(b"fro")
+                assert near.recv(9) == b"fro"
+                assert monotonic() - began_s >= 0.04
+                near.shutdown(socket.SHUT_WR)
+                assert far.recv(9) == b""
 
 
 def test_missed_figure_shows_spread_and_threshold() -> None:
