@@ -109,7 +109,7 @@ class PlayedRobot:
         self.is_silent = False
         self._left_m = 2.0 + LEG_M * 1.35 * (number // AISLES)
         self._y_m = 1.5 + 2.8 * (number % AISLES)
-        self.ticks = self._phase = 37 * number
+        self.ticks, self._number, self._phase = 0, number, 37 * number
         self._stop_id = 0
         self._shown = self.vehicle, self.goal
         topics: tuple[Topic[Any], ...] = (
@@ -137,7 +137,7 @@ class PlayedRobot:
 
     def _due(self) -> Iterator[tuple[Topic[Any], Message]]:
         """Yield the messages of a tick that anybody receives."""
-        heard, tick = self._heard, self.ticks
+        heard, tick = self._heard, self.ticks + self._number
         for topic, build in self._streams():
             if topic.path in heard:
                 yield topic, build()

@@ -56,12 +56,14 @@ def entries(scene: MapScene, form: int, is_mono: bool = False) -> list[Entry]:
     """Return all entries of a scene; `form` is 0 for Unicode, 1 for ASCII."""
     echo = seen_mark(ascii_only=bool(form), is_mono=is_mono)
     walled = scene.obstacles or scene.size_m
+    in_need = any(other.in_need and other.live for other in scene.others)
     table = (
         (not scene.live, NOT_LIVE, "text"),
         (not scene.placed, NO_PLACE, "text"),
         (bool(scene.note), scene.note, "text"),
         (scene.robot is not None and scene.live, f"{'▶>'[form]} robot", "robot"),
         (scene.goal is not None, f"{MARKS['goal'][form]} goal", "goal"),
+        (in_need, f"{MARKS['in need'][form]} in trouble", "danger"),
         (scene.has_dead_sonar, f"{MARKS['dead sonar'][form]} dead", "dead sonar"),
         (scene.truth and walled, f"{'─-'[form]} truth", "truth"),
         (scene.true_robot is not None, f"{('○', '()')[form]} true robot", "true robot"),
@@ -283,11 +285,24 @@ def draw_movers(pen: Pen, scene: MapScene) -> None:
 
 
 def draw_others(pen: Pen, scene: MapScene) -> None:
-    """Draw other robots with their names."""
-    for other in scene.others:
-        _body(pen, other, "other")
-        mark = "other" if other.live else "lost"
-        pen.mark((other.x_m, other.y_m), mark, "other", other.name)
+    """Draw other robots, those that need attention above the others.
+
+    All of these have their names, and as many others as have room.
+    """
+    others = sorted(scene.others, key=lambda other: other.in_need)
+    for other in others:
+        role = other_role(other)
+        _body(pen, other, role)
+        mark = ("in need" if other.in_need else "other") if other.live else "lost"
+        pen.mark((other.x_m, other.y_m), mark, role)
+    for other in reversed(others):
+        at, role = (other.x_m, other.y_m), other_role(other)
+        pen.label(at, other.name, role, is_optional=not other.in_need)
+
+
+def other_role(other: RobotMark) -> str:
+    """Return the role of the colour of another robot."""
+    return "danger" if other.in_need else "other"
 
 
 def draw_true_robot(pen: Pen, scene: MapScene) -> None:

@@ -123,6 +123,12 @@ class Pen:
             self.canvas.mark(*cell, meaning, role)
             self._label(cell, label, role, to_left)
 
+    def label(self, at: Point, label: str, role: str, *, is_optional: bool) -> None:
+        """Write a label beside a place; an optional one only where it covers nothing."""
+        cell = self.view.cell_of(*at)
+        if cell is not None:
+            self._label(cell, label, role, is_optional=is_optional)
+
     def heading(self, at: Point, heading_rad: float, role: str, label: str = "") -> None:
         """Draw an arrowhead in the nearest of eight directions.
 
@@ -156,8 +162,19 @@ class Pen:
             self.canvas.pointer(*cell, nearest_eighth(atan2(away_y, away_x)), role)
             self._label(cell, label, role)
 
-    def _label(self, cell: tuple[int, int], label: str, role: str, to_left: bool = False) -> None:
-        """Write a label on its first free side: right, left, below, above; else on the first."""
+    def _label(
+        self,
+        cell: tuple[int, int],
+        label: str,
+        role: str,
+        to_left: bool = False,
+        *,
+        is_optional: bool = False,
+    ) -> None:
+        """Write a label on its first free side: right, left, below, above; else on the first.
+
+        One that is optional is left out if no side is free.
+        """
         column, row = cell
         wide = len(label)
         if not (wide and 0 <= column < self.canvas.columns and 0 <= row < self.canvas.rows):
@@ -170,7 +187,8 @@ class Pen:
             if fits and not self.canvas.is_occupied(*place, wide):
                 self.canvas.text(*place, label, role)
                 return
-        self.canvas.text(*places[0], label, role)
+        if not is_optional:
+            self.canvas.text(*places[0], label, role)
 
     def _placed(self, points: Iterable[Point]) -> list[list[Dot]]:
         """Return the dots of the points, in pieces that are split where a point is not finite."""

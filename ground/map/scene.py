@@ -201,7 +201,7 @@ class RobotMark:
     """The pose of a robot; the name is shown when there are several.
 
     `radius_m` is None while it is unknown: then there is no outline, and no zone or sonar, which
-    begin at it. `trail` and `live` describe robots other than the selected one.
+    begin at it. `trail`, `live` and `in_need` describe robots other than the selected one.
     """
 
     x_m: float
@@ -211,6 +211,7 @@ class RobotMark:
     name: str = ""
     live: bool = True
     trail: Sequence[Point] = ()
+    in_need: bool = False
 
 
 @dataclass(frozen=True, slots=True)

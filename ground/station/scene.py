@@ -1,12 +1,12 @@
 """Compose the map of one robot and its surroundings."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from math import inf, isfinite, sqrt
 from typing import Final
 
 from ground.client.status_line import knows_place
-from ground.client.telemetry import Age, age_of
+from ground.client.telemetry import Age
 from ground.map.scene import MapScene, MapTarget, RobotMark
 from ground.station.history.trail import Point, ranges_m
 from ground.station.robot.robot_model import RobotModel
@@ -62,9 +62,11 @@ def scene_of(model: RobotModel, world: WorldFacts | None, now_ns: int, *, lost: 
     )
 
 
-def others_of(models: Iterable[RobotModel], now_ns: int) -> tuple[RobotMark, ...]:
-    """Return other robots on the map."""
-    marks = (other_of(model, now_ns) for model in models)
+def others_of(
+    models: Iterable[RobotModel], in_need: Collection[str], now_ns: int
+) -> tuple[RobotMark, ...]:
+    """Return other robots on the map; `in_need` has the names of those that need attention."""
+    marks = (other_of(model, model.robot in in_need, now_ns) for model in models)
     return tuple(mark for mark in marks if mark is not None)
 
 
@@ -92,7 +94,7 @@ def enlarged(
     pose, arrived_ns = odometry
     age_ns = now_ns - arrived_ns
     gone_m = 0.0
-    if age_of(ODOMETRY, age_ns) is Age.GONE:
+    if model.telemetry.age_of(ODOMETRY, age_ns) is Age.GONE:
         status = status_of(model)
         speed_m_s = fastest_m_s(pose, model, status)
         gone_s = min(age_ns / NS_PER_S, longest_s(speed_m_s, model, status), FARTHEST_S)
@@ -143,14 +145,15 @@ def true_robot_of(model: RobotModel, now_ns: int) -> RobotMark | None:
     return RobotMark(truth.x_m, truth.y_m, truth.heading_rad, model.plant_radius_m)
 
 
-def other_of(model: RobotModel, now_ns: int) -> RobotMark | None:
+def other_of(model: RobotModel, in_need: bool, now_ns: int) -> RobotMark | None:
     """Return another robot on the map with its trail; None without a pose, or without a place."""
     newest = model.telemetry.latest(ODOMETRY)
     if newest is None or not knows_place(newest[0]):
         return None
     mark = robot_of(newest[0], model.radius_m, model.robot)
     is_live = model.telemetry.age_of(ODOMETRY, now_ns - newest[1]) is not Age.GONE
-    return replace(mark, live=is_live, trail=thinned(model.figures.trail.points()))
+    trail = thinned(model.figures.trail.points())
+    return replace(mark, live=is_live, trail=trail, in_need=in_need)
 
 
 def thinned(points: Sequence[Point]) -> Sequence[Point]:

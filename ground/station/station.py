@@ -373,8 +373,9 @@ class Station:
         """Return the other robots on the map; many are updated less often than a few."""
         robot, since_ns, marks = self._marks
         if robot != self._robot or self._now_ns - since_ns >= MARK_NS * len(marks):
-            models = self._fleet.models.items()
-            marks = others_of([one for name, one in models if name != self._robot], self._now_ns)
+            models = [one for name, one in self._fleet.models.items() if name != self._robot]
+            in_need = {entry.robot for entry in self.roster() if entry.needs_attention}
+            marks = others_of(models, in_need, self._now_ns)
             self._marks = self._robot, self._now_ns, marks
         return marks
 

@@ -41,6 +41,7 @@ MEANINGS: Final[Mapping[str, str]] = MappingProxyType(
         "waypoint": "a waypoint of the robot's mission",
         "draft": "a waypoint that was not sent yet (W sends)",
         "other": "another robot",
+        "in need": "another robot that needs attention (! selects it)",
         "mover": "a moving obstacle",
         "dead sonar": "beside the robot: the sonar in this direction gives no reading",
         "lost": "the place of the robot is unknown",

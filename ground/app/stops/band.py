@@ -221,7 +221,8 @@ def other_row(roster: Sequence[RosterEntry], keys: BandKeys, width: int) -> list
         for robot, vehicle, reason in stopped
     )
     short = ", ".join(f"{robot} {STOPPED[vehicle].value}" for robot, vehicle, _ in stopped)
-    return fitted([long, short, f"{len(stopped)} others"], [look], BAND_ROLES[worst], width, 1)
+    heads = [long, short, f"{len(stopped)} others stopped"]
+    return fitted(heads, [look], BAND_ROLES[worst], width, 1)
 
 
 def fitted(

@@ -10,7 +10,7 @@ from math import isfinite, isnan, nan
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
-from ground.client.telemetry import Age, Telemetry, age_of
+from ground.client.telemetry import Age, Telemetry
 from protocol.topics import TOPICS, Topic
 from protocol.wire.message import LAYOUT, Message
 from runtime.units import NS_PER_S
@@ -168,5 +168,5 @@ class MessageSeries:
             if self._taken_ns.get(key) != arrived_ns:
                 self._taken_ns[key] = arrived_ns
                 series.add((arrived_ns - self._began_ns) / NS_PER_S, field.value_in(message))
-            elif age_of(field.topic, now_ns - arrived_ns) is Age.GONE:
+            elif self._telemetry.age_of(field.topic, now_ns - arrived_ns) is Age.GONE:
                 series.gap()

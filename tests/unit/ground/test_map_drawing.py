@@ -183,6 +183,21 @@ def test_other_robots_have_dim_trails_and_a_mark_when_lost() -> None:
     assert "?" in "".join(lost.to_rows())
 
 
+def test_robot_in_need_has_its_name_in_any_crowd() -> None:
+    crowd = tuple(RobotMark(3.0, 0.5 + 0.02 * at, 0.0, name=f"r{at}") for at in range(150))
+    others = (*crowd, RobotMark(3.0, 2.0, 0.0, name="stopped", in_need=True))
+    scene = replace(ROOM, robot=None, goal=None, others=others)
+    canvas, view = Canvas(40, 12), View.fit(scene.box(), 40, 12)
+    draw(scene, view, canvas, ("others",))
+    column, row = view.cell_of(3.0, 2.0) or (0, 0)
+    text = canvas.to_rows()
+    assert text[row][column] == "!"
+    assert text[row][column + 2 : column + 9] == "stopped"
+    named = [word for line in text for word in line.split() if word.startswith("r")]
+    assert set(named) <= {other.name for other in crowd}
+    assert "! in trouble" in [words for words, _ in legend(scene, 200)]
+
+
 def test_map_without_a_world_shows_all_robots() -> None:
     scene = MapScene(robot=RobotMark(0.0, 0.0, 0.0, 0.12), others=(RobotMark(9.0, 0.0, 0.0, 0.12),))
     box = scene.box()

@@ -137,6 +137,16 @@ def test_watched_robot_without_sensor_data_is_reported() -> None:
     assert entry.loss.kind is LossKind.SENSES_STALE
 
 
+def test_chosen_field_of_a_watched_robot_has_no_gaps() -> None:
+    play = fleet(Robot("r2"))
+    fields = play.station._fleet.models["r2"].figures.fields
+    fields.watch(["tlm/odometry x_m"])
+    play.forward(3.0)
+    points = fields.series["tlm/odometry x_m"].points()
+    assert len(points) >= 5
+    assert all(isfinite(value) for _, value in points)
+
+
 def test_history_of_a_robot_begins_when_it_appears() -> None:
     play = Play().forward(2.0)
     play.robots.append(Robot("r2"))

@@ -25,7 +25,7 @@ from plant.world.file import load
 from protocol.bus.network import Network
 from protocol.outcome import CHI2_2
 from protocol.topics import ANSWERED, COMMANDED, MISSION, MISSION_SERVICE, WORLD, Role
-from protocol.wire.enums import GoalState, MissionType, Mode
+from protocol.wire.enums import GoalState, MissionType, Mode, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     MissionClearAll,
@@ -186,6 +186,17 @@ def test_other_robots_have_trails_and_are_marked_when_lost() -> None:
     play.forward(3.0)
     (mark,) = play.station.scene().others
     assert not mark.live
+
+
+def test_robot_that_stopped_is_marked_on_the_map() -> None:
+    play, other = Play(), Robot("r2", x_m=1.0)
+    play.robots.append(other)
+    play.bus.come(Role.ROBOT, "r2")
+    play.forward(1.0)
+    assert [mark.in_need for mark in play.station.scene().others] == [False]
+    other.vehicle = Vehicle.EMERGENCY_STOP
+    play.forward(1.0)
+    assert [mark.in_need for mark in play.station.scene().others] == [True]
 
 
 @each("count", [2, 40])
