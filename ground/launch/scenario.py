@@ -33,6 +33,7 @@ ROBOT_TICK_MS: Final = 1.0
 MAX_RECORDED: Final = 20
 PLANT: Final = "plant"
 GATEWAY_ROLE: Final = "gateway"
+ROS2_ROLE: Final = "ros2"
 PACED: Final = "paced"
 WALL: Final = "wall"
 CLOCKS: Final = (PACED, WALL)
@@ -81,6 +82,8 @@ class Scenario:
     """Whether the control cores run on emulated boards."""
     mavlink: tuple[str, ...] = ()
     """Endpoints of the MAVLink gateway; without one, none is started."""
+    ros2: str | None = None
+    """The router of a ROS 2 network, empty for the usual one; None without a ROS 2 gateway."""
     processes: int = 1
     """Number of processes among which the robots are divided."""
     plants: int = 1
@@ -157,6 +160,7 @@ class RunOptions(Protocol):
     keep: str | None
     locks: str | None
     mavlink: list[str]
+    ros2: str | None
     mcu: bool
     processes: int | None
     plants: int
@@ -244,6 +248,7 @@ def scenario_of(options: RunOptions, run: WorldRun) -> Scenario:
         keep=options.keep,
         locks=options.locks,
         mavlink=tuple(options.mavlink),
+        ros2=options.ros2,
         mcu=options.mcu,
         processes=processes_of(options),
         plants=options.plants,
@@ -320,6 +325,8 @@ def _without_certificates(
         commands += [(f"{RECORDER} {name}", [*words, name]) for name in scenario.robots]
     if scenario.mavlink:
         commands.append((GATEWAY_ROLE, gateway(scenario, endpoint)))
+    if scenario.ros2 is not None:
+        commands.append((ROS2_ROLE, ros2(scenario.ros2, scenario.robots, endpoint)))
     for number, (role, own) in enumerate(scenario.owners.items()):
         words = plant(scenario, endpoints[number % len(endpoints)], own)
         if scenario.lockstep and number == 0:
@@ -333,6 +340,12 @@ def gateway(scenario: Scenario, endpoint: str) -> list[str]:
     found = ["gateway", *scenario.mavlink, "--robots", ",".join(scenario.robots)]
     found += [] if scenario.record is None else ["--recordings", scenario.record]
     return [*found, "--connect", endpoint]
+
+
+def ros2(router: str, robots: Sequence[str], endpoint: str) -> list[str]:
+    """Return the arguments of the ROS 2 gateway, which presents all robots."""
+    where = ["--router", router] if router else []
+    return ["ros2", "--robots", ",".join(robots), *where, "--connect", endpoint]
 
 
 def robot(scenario: Scenario, robots: Sequence[ScenarioRobot], endpoint: str) -> list[str]:

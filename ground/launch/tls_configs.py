@@ -11,6 +11,7 @@ from runtime.config import load_shared
 from runtime.errors import UserError
 
 GROUND: Final = "ground"
+GATEWAY: Final = "gateway"
 PLAIN: Final = "tcp/"
 
 
@@ -20,9 +21,12 @@ def with_locks(locks: str | None, role: str, words: list[str]) -> list[str]:
 
 
 def file_of(locks: str, role: str) -> Path:
-    """Return the configuration file of a role; a recorder uses the ground station's."""
+    """Return the configuration file of a role.
+
+    A recorder uses the ground station's, and a ROS 2 gateway that of gateways.
+    """
     kind, _, robot = role.partition(" ")
-    holder = {"robot": f"robot-{robot}", "recorder": GROUND}.get(kind, kind)
+    holder = {"robot": f"robot-{robot}", "recorder": GROUND, "ros2": GATEWAY}.get(kind, kind)
     return Path(locks) / f"{holder}.toml"
 
 

@@ -92,6 +92,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         " repeatable, see `run gateway`"
     )
     parser.add_argument("--mavlink", metavar="ENDPOINT", action="append", default=[], help=text)
+    text = "present the robots to ROS 2, at this router or the usual one, see `run ros2`"
+    parser.add_argument("--ros2", metavar="ROUTER", nargs="?", const="", help=text)
     add_json(parser)
 
 

@@ -102,6 +102,17 @@ def test_gateway_presents_all_robots_to_mavlink_clients(tmp_path: Path) -> None:
     assert recorded[-4:-2] == ["--recordings", str(tmp_path)]
 
 
+def test_gateway_presents_all_robots_to_ros2() -> None:
+    assert "ros2" not in roles(scenario())
+    found = scenario("--robots", "2", "--ros2")
+    assert roles(found)[-2:] == ["ros2", "plant"]
+    common = ["--robots", "r1,r2", "--connect", SCENARIO_ENDPOINT]
+    assert words_of(found, "ros2") == ["ros2", *common]
+    there = words_of(scenario("--ros2", "tcp/10.0.0.1:7447"), "ros2")
+    assert there[3:5] == ["--router", "tcp/10.0.0.1:7447"]
+    assert file_of("keys", "ros2").name == "gateway.toml"
+
+
 @each("speed", ["max", "10", "1", "0.5"])
 def test_paced_run_is_lockstep_and_starts_paused(speed: str) -> None:
     found = scenario("--speed", speed)
