@@ -296,7 +296,10 @@ class RosPublisher(RosEndpoint):
                 self._put(self._publisher, self._kept.popleft())
 
     def publish(self, message: object) -> None:
-        """Publish a message; never blocks."""
+        """Publish a message; never blocks. One that no node subscribes to is not even encoded."""
+        publisher: Any = self._publisher
+        if not (self.qos.is_latched or (publisher and publisher.matching_status.matching)):
+            return
         data = self.session.interfaces.encode(self.endpoint.type_name, message)
         with self._putting:
             if self._publisher is not None:
