@@ -104,14 +104,23 @@ class UnusableFileError(OSError):
 
 
 def text_in(path: Path, most_bytes: int) -> str:
-    """Return the text of a regular file of at most this size, with newlines as line ends.
+    """Return the text of a regular file of at most this size, as `decoded` does.
 
     Raises:
         FileNotFoundError: There is no such file.
         OSError: It is not readable; UnusableFileError if it is no regular file, or too large.
         UnicodeDecodeError: It is no text in UTF-8.
     """
-    return bytes_in(path, most_bytes).decode().replace("\r\n", "\n")
+    return decoded(bytes_in(path, most_bytes))
+
+
+def decoded(data: bytes) -> str:
+    """Return a UTF-8 text without byte order mark, with newlines as line ends.
+
+    Raises:
+        UnicodeDecodeError: It is no text in UTF-8.
+    """
+    return data.decode("utf-8-sig").replace("\r\n", "\n")
 
 
 def bytes_in(path: Path, most_bytes: int) -> bytes:

@@ -39,6 +39,7 @@ MISSION: Final = Group(
 DRAFT: Final = "wp upload"
 """The line of the app that uploads its draft."""
 MOST_ITEMS: Final = 65_535
+BYTE_ORDER_MARK: Final = "\ufeff"
 """Limit of an item's number; people count from 1, the wire from 0."""
 item_number: Final = whole(1, MOST_ITEMS)
 
@@ -72,7 +73,7 @@ class OfMissionFile(OperatorCommand):
         if self.draft is not None:
             mission = self.draft()
             return Foreign(replace(mission, home=self.home or mission.home))
-        text = sys.stdin.read(files.LARGEST_BYTES)
+        text = sys.stdin.read(files.LARGEST_BYTES).removeprefix(BYTE_ORDER_MARK)
         return files.read_text(text, self.file, home=self.home, drop=self.drop)
 
 

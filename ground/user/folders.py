@@ -33,6 +33,15 @@ def config_folder() -> Path:
 
 
 def _base(variable: str, usual: Path) -> Path:
-    """Return the folder in the variable, if it is an absolute path, else below the home."""
+    """Return the folder in the variable, if it is an absolute path, else below the home.
+
+    A user without a home, as in a container with any number as its user, is at home in the root,
+    where he may not write: programs go on as with a home that is read-only.
+    """
     chosen = Path(os.environ.get(variable, ""))
-    return chosen if chosen.is_absolute() else Path.home() / usual
+    if chosen.is_absolute():
+        return chosen
+    try:
+        return Path.home() / usual
+    except RuntimeError:
+        return Path("/") / usual

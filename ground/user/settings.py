@@ -124,7 +124,12 @@ def context_named(name: str | None) -> tuple[str, Context] | None:
     context = settings.contexts[chosen]
     if context.config is None:
         return chosen, context
-    config = str(config_folder() / Path(context.config).expanduser())
+    try:
+        config = str(config_folder() / Path(context.config).expanduser())
+    except RuntimeError:
+        raise UserError(
+            f"context {chosen}: {context.config}: that user has no home; give the whole path"
+        ) from None
     return chosen, Context(connect=context.connect, id=context.id, config=config)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from runtime.files import UnusableFileError, bytes_in
+from runtime.files import UnusableFileError, bytes_in, decoded
 from runtime.toml_reader import Key
 
 
@@ -86,7 +86,7 @@ def read_text(path: Path, most_bytes: int) -> str:
     """Return a file's text with newlines as line ends; WorldError as for `read_bytes`."""
     data = read_bytes(path, most_bytes)
     try:
-        return data.decode("utf-8-sig").replace("\r\n", "\n")
+        return decoded(data)
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         fix = "is it the right file? save it as UTF-8"

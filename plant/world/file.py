@@ -16,7 +16,7 @@ from typing import Any, Final
 from plant.model.errors import WorldError, WorldProblem, WorldReport
 from plant.world.reader import read_world
 from protocol.world import World
-from runtime.files import UnusableFileError, bytes_in, value_in
+from runtime.files import UnusableFileError, bytes_in, decoded, value_in
 from runtime.toml_reader import MAX_BYTES, Key, TooDeepError, key_lines, table_in
 
 IN_THE_FILE: Final = {"obstacles": "obstacle", "faults": "fault"}
@@ -148,7 +148,7 @@ def _decoded(data: bytes, file: str) -> str:
         reason = f"larger than {MAX_BYTES} bytes"
         raise WorldError([_refusal(file, "file", reason, "is it a world file? make it smaller")])
     try:
-        return data.decode("utf-8").replace("\r\n", "\n")
+        return decoded(data)
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         fix = "is it a world file? save it as UTF-8"

@@ -288,7 +288,9 @@ def test_pipe_with_the_name_of_a_recording_is_named(suffix: str, tmp_path: Path)
         recording(path)
 
 
-def test_text_has_newlines_as_line_ends(tmp_path: Path) -> None:
+def test_text_has_no_mark_and_newlines_as_line_ends(tmp_path: Path) -> None:
+    (tmp_path / "text").write_bytes(b"\xef\xbb\xbfa\r\nb\n")
+    assert files.text_in(tmp_path / "text", 8) == "a\nb\n"
     (tmp_path / "text").write_bytes(b"a\r\nb\n")
     assert files.text_in(tmp_path / "text", 5) == "a\nb\n"
     with pytest.raises(files.UnusableFileError, match=r"^larger than 4 bytes$"):

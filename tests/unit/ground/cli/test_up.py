@@ -33,6 +33,25 @@ def test_without_a_run_it_names_the_command_that_starts_one(
     assert capsys.readouterr().out == "nothing runs here. Start it: sidestep up\n"
 
 
+def test_a_user_without_a_home_goes_on(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As in a container whose user is a number that no list knows."""
+
+    def home() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("XDG_STATE_HOME", raising=False)
+    monkeypatch.delenv("XDG_CONFIG_HOME", raising=False)
+    monkeypatch.setattr(Path, "home", home)
+    assert main(["ps"]) == 0
+    assert main(["config", "path"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "nothing runs here. Start it: sidestep up",
+        "/.config/sidestep/config.toml",
+    ]
+
+
 @pytest.mark.usefixtures("state")
 def test_each_run_is_a_line(capsys: pytest.CaptureFixture[str]) -> None:
     written()
