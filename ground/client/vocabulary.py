@@ -55,7 +55,7 @@ HINTS: Final[Mapping[int, str]] = MappingProxyType(
         Reason.NO_MISSION: "sidestep mission upload FILE",
     }
 )
-GOAL_HINT: Final = "`goto X Y` sets a goal"
+GOAL_HINT: Final = "`sidestep goto X Y` sets a goal"
 
 
 class Remedies(NamedTuple):

@@ -4,11 +4,13 @@ Bookmarks are goals, outcomes, failsafes and the operator's marks. Not all of a 
 """
 
 import os
-from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack, suppress
 from datetime import datetime
+from io import BytesIO
+from itertools import pairwise
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import BinaryIO, Final, NamedTuple
 
 from ground.recording.catalogue import began, size_of
 from ground.recording.log_reader import (
@@ -33,7 +35,7 @@ from protocol.wire.reasons import reason_text
 from protocol.wire.statustext import StatustextAssembler
 from runtime.errors import RemoteError, UserError
 from runtime.files import opened
-from runtime.units import NS_PER_S
+from runtime.units import NS_PER_S, NS_PER_US
 
 STOPPED: Final = (Vehicle.FAILSAFE, Vehicle.EMERGENCY_STOP)
 
@@ -98,6 +100,10 @@ def outcome(status: NavigatorStatus) -> str:
 TAIL_BYTES: Final = 1 << 18
 """This much of the end of a .tlog holds several seconds of a robot."""
 FIRST_FRAMES: Final = 20_000
+SAMPLES: Final = 16
+SAMPLE_BYTES: Final = 1 << 15
+SUSPICIOUS: Final = 0.97
+"""Of the recorder's time; what is less has another cause than the first and the last message."""
 DRIVING: Final = "driving"
 HELD: Final = "held"
 UNFINISHED: Final = "unfinished"
@@ -107,8 +113,9 @@ NO_GOAL: Final = "no goal"
 class Summary(NamedTuple):
     """A summary of a recording; unknown values are None or empty.
 
-    `length_s` is the robot's time between its first and its last status. `outcome` is that of its
-    last goal, which need not be the goal of whoever recorded it. `size` counts all files.
+    `length_s` is the robot's time between its first and its last status, summed up if a restart of
+    the plant has begun it anew. `outcome` is that of its last goal, which need not be the goal of
+    whoever recorded it. `size` counts all files.
     `is_running`: it is still being recorded.
     """
 
@@ -125,16 +132,16 @@ class Summary(NamedTuple):
 
 def summary_of(path: Path) -> Summary:
     """Return the summary of a recording; a damaged one has less."""
-    first = last = None
+    last, length_s = None, None
     facts: dict[str, str] = {}
     with suppress(OSError, UserError):
         facts = sibling_facts(path)
         first = next(statuses(frame for frame in beginning(path)), None)
         for last in statuses(ending(path)):  # noqa: B007 - the last one counts
             pass
-    world, length_s = world_of(facts.get("world", "")), None
-    if first is not None and last is not None:
-        length_s = max(0, last.time_ns - first.time_ns) / NS_PER_S
+        if first is not None and last is not None:
+            length_s = length_ns(path, first, last) / NS_PER_S
+    world = world_of(facts.get("world", ""))
     return Summary(
         path=path,
         began=began(path),
@@ -165,6 +172,63 @@ def ending(path: Path) -> Iterable[bytes]:
     with opened(tlog) as source:
         source.seek(max(0, size_of(tlog) - TAIL_BYTES), os.SEEK_SET)
         return [record.frame for record in TlogReader(source)]
+
+
+def length_ns(path: Path, first: NavigatorStatus, last: NavigatorStatus) -> int:
+    """Return the robot's time from its first to its last status.
+
+    A plant that was started again begins it anew. That is looked for, by samples, if less of it
+    than of the recorder's time has passed.
+    """
+    tlogs = [part for part in parts_of(path.with_suffix(".tlog")) if part.is_file()]
+    length = last.time_ns - first.time_ns
+    if not tlogs or length >= SUSPICIOUS * recorded_ns(tlogs):
+        return max(0, length)
+    samples = [(0, 0, first.time_ns)]
+    with ExitStack() as stack:
+        sources = [stack.enter_context(opened(part)) for part in tlogs]
+        ends = [size_of(part) for part in tlogs]
+        for part, end in enumerate(ends):
+            for number in range(SAMPLES):
+                at = end * number // SAMPLES
+                found = next(times_in(sources[part], at, SAMPLE_BYTES), samples[-1][2])
+                samples.append((part, at, found))
+        samples.append((len(tlogs) - 1, ends[-1], last.time_ns))
+        return sum(passed_ns(sources, *two) for two in pairwise(samples))
+
+
+def passed_ns(
+    sources: Sequence[BinaryIO], begin: tuple[int, int, int], end: tuple[int, int, int]
+) -> int:
+    """Return the robot's time between two samples: the part, the place in it, and the time."""
+    (part, at, since_ns), (last_part, last_at, until_ns) = begin, end
+    if until_ns >= since_ns:
+        return until_ns - since_ns
+    size = last_at - at if part == last_part else 0
+    if size <= SAMPLE_BYTES:
+        all_ns = [since_ns, *times_in(sources[part], at, size), until_ns]
+        return sum(after - ns if after >= ns else after for ns, after in pairwise(all_ns))
+    middle = at + size // 2
+    time_ns = next(times_in(sources[part], middle, SAMPLE_BYTES), until_ns)
+    between = part, middle, time_ns
+    return passed_ns(sources, begin, between) + passed_ns(sources, between, end)
+
+
+def times_in(source: BinaryIO, at: int, size: int) -> Iterator[int]:
+    """Yield the times of the statuses in a piece of a .tlog, ns."""
+    source.seek(at)
+    frames = (record.frame for record in TlogReader(BytesIO(source.read(size))))
+    return (status.time_ns for status in statuses(frames))
+
+
+def recorded_ns(tlogs: Sequence[Path]) -> int:
+    """Return the recorder's time from the first to the last frame."""
+    with opened(tlogs[0]) as source:
+        first = next(iter(TlogReader(source)), None)
+    with opened(tlogs[-1]) as source:
+        source.seek(max(0, size_of(tlogs[-1]) - SAMPLE_BYTES))
+        records = list(TlogReader(source))
+    return (records[-1].time_us - first.time_us) * NS_PER_US if first and records else 0
 
 
 def statuses(frames: Iterable[bytes]) -> Iterator[NavigatorStatus]:

@@ -148,7 +148,7 @@ REASON_TEXTS: Final[dict[int, str]] = {
     101: "a safety parameter changes only while the robot is disarmed",
     102: "less safe than the configuration allows",
     103: "the request does not name its operator",
-    104: "the robot does not know where it is: `pose set X Y DEG`, or `pose truth` in a simulation",
+    104: "the robot does not know where it is: `sidestep pose set X Y DEG`, in a simulation `sidestep pose truth`",
     105: "not possible while the robot is armed: disarm first",
     106: "saved parameters are damaged: see `param list`, then `param set` one of the safety group",
     107: "a newer emergency stop was pressed: look, then clear again",
@@ -156,7 +156,7 @@ REASON_TEXTS: Final[dict[int, str]] = {
     109: "no goal is active: there is nothing to abort",
     120: "no emergency stop was latched: there was nothing to clear",
     121: "nobody had the lease: there was nothing to give back",
-    122: "holding; no goal is active, so that none is kept",
+    122: "holding; no goal is active",
 }
 
 

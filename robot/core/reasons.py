@@ -67,7 +67,8 @@ FENCE_UNREADABLE: Final = 100  # the saved fence cannot be read: clear the fence
 NOT_WHILE_ARMED: Final = 101  # a safety parameter changes only while the robot is disarmed
 LESS_SAFE_THAN_CONFIGURED: Final = 102  # less safe than the configuration allows
 NO_IDENTITY: Final = 103  # the request does not name its operator
-# the robot does not know where it is: `pose set X Y DEG`, or `pose truth` in a simulation
+# the robot does not know where it is: `sidestep pose set X Y DEG`, in a simulation `sidestep pose
+# truth`
 PLACE_UNKNOWN: Final = 104
 ARMED: Final = 105  # not possible while the robot is armed: disarm first
 # saved parameters are damaged: see `param list`, then `param set` one of the safety group
@@ -77,4 +78,4 @@ ALREADY_OVER: Final = 108  # that goal or drive is already over
 NOTHING_TO_ABORT: Final = 109  # no goal is active: there is nothing to abort
 NOTHING_LATCHED: Final = 120  # no emergency stop was latched: there was nothing to clear
 NO_LEASE: Final = 121  # nobody had the lease: there was nothing to give back
-NOTHING_KEPT: Final = 122  # holding; no goal is active, so that none is kept
+NOTHING_KEPT: Final = 122  # holding; no goal is active

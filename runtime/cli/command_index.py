@@ -36,7 +36,7 @@ COMMANDS: Final[Mapping[str, Verb]] = MappingProxyType(
         ),
         "abort": Verb(
             section="start and drive",
-            summary="stop and drop the goal",
+            summary="stop and end the goal; `resume` can go on to it later",
             example="abort --id r2",
             module="ground.commands.abort",
             words="Abort",

@@ -284,7 +284,7 @@ KEYS: Final[tuple[KeyBinding, ...]] = (
             *(Next(HELD, 1), Next(WAY_OUT, 3, "Go on")),
         ),
         (
-            *(Abort(), "x", "stop, drop the goal or mission; needs no lease", "Abort", 10),
+            *(Abort(), "x", "stop, end the goal or mission; needs no lease", "Abort", 10),
             *(Next(HELD, 2), Next(UNDER_WAY, 2)),
         ),
         ("missions", "W", "send the draft, start the mission, or list it", "Mission", 11),

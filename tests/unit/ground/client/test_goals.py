@@ -221,7 +221,7 @@ def test_a_mode_by_hand_without_an_operator_names_teleop() -> None:
 def test_without_a_lost_goal_there_is_nothing_to_resume(goal: GoalState) -> None:
     outcome = perform(Resume(), stage_of(ended(goal=goal)))
     assert isinstance(outcome, NothingToResume)
-    assert outcome.text == "nothing to resume. `goto X Y` sets a goal"
+    assert outcome.text == "nothing to resume. `sidestep goto X Y` sets a goal"
     keys: dict[int, str] = {Reason.NO_GOAL: "`g` sets a goal"}
     assert outcome.in_words(keys) == "nothing to resume. `g` sets a goal"
     assert outcome.as_json("resume", "r1")["reason_code"] == Reason.NO_GOAL

@@ -51,6 +51,7 @@ from ground.user.folders import recordings_folder
 from runtime.errors import UserError
 from tests.support.each import each
 from tests.support.ground.made_recordings import (
+    PERIOD_US,
     WORLD_TEXT,
     PublishedFrame,
     mcap,
@@ -268,6 +269,16 @@ def test_an_mcap_alone_has_the_same_summary(folder: Path, every: int) -> None:
     assert second.length_s == first.length_s
     assert (second.outcome, second.navigator) == (first.outcome, first.navigator)
     assert second.length_s == pytest.approx(19.95)
+
+
+def test_length_goes_on_where_a_new_plant_begins_time_anew(folder: Path) -> None:
+    frames: list[PublishedFrame] = []
+    since_us = 0
+    for ticks in (2_000, 400, 1_000, 40):
+        frames += [one._replace(time_us=one.time_us + since_us) for one in run(ticks)]
+        since_us += ticks * PERIOD_US
+    path = tlog(folder / f"{OLD}.tlog", frames)
+    assert summary_of(path).length_s == pytest.approx(since_us / 1e6, abs=0.5)
 
 
 @pytest.mark.usefixtures("folder")
