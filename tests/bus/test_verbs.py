@@ -33,7 +33,13 @@ from tests.support.played_robot import BEAT, PlayedRobot, Say, played
     [
         (("hold",), Command.DO_PAUSE_CONTINUE, 0.0, 0.0, "holding, the goal is kept"),
         (("resume",), Command.DO_PAUSE_CONTINUE, 1.0, 0.0, "driving on"),
-        (("abort",), Command.SIDESTEP_ABORT_GOAL, 0.0, 0.0, "stopped, the goal is ended; `sidestep resume` would go on to it"),
+        (
+            ("abort",),
+            Command.SIDESTEP_ABORT_GOAL,
+            0.0,
+            0.0,
+            "stopped, the goal is ended; `sidestep resume` would go on to it",
+        ),
         (
             ("clear-estop",),
             Command.SIDESTEP_CLEAR_EMERGENCY_STOP,
