@@ -148,7 +148,7 @@ REASON_TEXTS: Final[dict[int, str]] = {
     101: "a safety parameter changes only while the robot is disarmed",
     102: "less safe than the configuration allows",
     103: "the request does not name its operator",
-    104: "the robot does not know where it is: `sidestep pose set X Y DEG`, in a simulation `sidestep pose truth`",
+    104: "robot does not know where it is: `sidestep pose set X Y DEG` or `sidestep pose truth`",
     105: "not possible while the robot is armed: disarm first",
     106: "saved parameters are damaged: see `param list`, then `param set` one of the safety group",
     107: "a newer emergency stop was pressed: look, then clear again",

@@ -67,8 +67,7 @@ FENCE_UNREADABLE: Final = 100  # the saved fence cannot be read: clear the fence
 NOT_WHILE_ARMED: Final = 101  # a safety parameter changes only while the robot is disarmed
 LESS_SAFE_THAN_CONFIGURED: Final = 102  # less safe than the configuration allows
 NO_IDENTITY: Final = 103  # the request does not name its operator
-# the robot does not know where it is: `sidestep pose set X Y DEG`, in a simulation `sidestep pose
-# truth`
+# robot does not know where it is: `sidestep pose set X Y DEG` or `sidestep pose truth`
 PLACE_UNKNOWN: Final = 104
 ARMED: Final = 105  # not possible while the robot is armed: disarm first
 # saved parameters are damaged: see `param list`, then `param set` one of the safety group
