@@ -79,6 +79,7 @@ from ground.client.requests import (
     GoalEnd,
     GoalWatch,
     HeartbeatTimer,
+    Latest,
     Request,
 )
 from ground.client.robot_link import (
@@ -534,14 +535,18 @@ class Robot(RobotLink):
             self._stick = stick
             await self.in_own_thread(stick.open)
             watch = DriveWatch(drive.request_id, self.bus.operator or "", self.clock.now_ns())
-            async with aclosing(speeds):
-                why = await self._steer(stick, watch, speeds)
-            if watch.is_seized:  # the drive is that of the other person now
-                return DriveEnded(why)
-            answer = await finish(self._end(drive, hold))
-            if why or isinstance(answer, Accepted):
-                return DriveEnded(why)
-            return DriveEnded(DRIVE_REPLACED if answer is None else UNCONFIRMED)
+            with self.subscribed(STATUS, LEASE) as telemetry:
+                async with aclosing(speeds):
+                    why = await self._steer(stick, watch, speeds, telemetry.latest)
+                if watch.is_seized:  # the drive is that of the other person now
+                    return DriveEnded(why)
+                answer = await finish(self._end(drive, hold))
+                if why or isinstance(answer, Accepted):
+                    return DriveEnded(why)
+                if answer is None:
+                    return DriveEnded(DRIVE_REPLACED)
+                # Another may have driven meanwhile, over a line that was cut to this one.
+                return DriveEnded(watch.lost(telemetry.latest, self.clock.now_ns()) or UNCONFIRMED)
 
         def hold() -> CommandRequest:
             if self._stick is stick:  # those of a later drive go on
@@ -561,23 +566,24 @@ class Robot(RobotLink):
         await self._end(drive, partial(self._mode_request, Mode.HOLD))
         return armed
 
-    async def _steer(self, stick: TeleopSender, watch: DriveWatch, speeds: Speeds) -> str:
+    async def _steer(
+        self, stick: TeleopSender, watch: DriveWatch, speeds: Speeds, latest: Latest
+    ) -> str:
         """Return why it ended early; empty if there were no more speeds.
 
         A drive that is lost sends nothing more.
         """
         heartbeat = HeartbeatTimer()
-        with self.subscribed(STATUS, LEASE) as telemetry:
-            async for speed_m_s, turn_rad_s in speeds:
-                self.check_open()
-                now_ns = self.clock.now_ns()
-                if why := (lost := watch.lost(telemetry.latest, now_ns)):
-                    return why
-                newest = telemetry.latest(STATUS)
-                if heartbeat.due(now_ns, 0 if newest is None else newest[0].time_ns):
-                    self.lease.attend()
-                if lost is None:
-                    stick.drive(speed_m_s, turn_rad_s)
+        async for speed_m_s, turn_rad_s in speeds:
+            self.check_open()
+            now_ns = self.clock.now_ns()
+            if why := (lost := watch.lost(latest, now_ns)):
+                return why
+            newest = latest(STATUS)
+            if heartbeat.due(now_ns, 0 if newest is None else newest[0].time_ns):
+                self.lease.attend()
+            if lost is None:
+                stick.drive(speed_m_s, turn_rad_s)
         return ""
 
     async def drive_until(

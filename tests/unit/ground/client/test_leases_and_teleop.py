@@ -244,6 +244,20 @@ def test_drive_without_an_answer_does_not_say_that_the_robot_holds() -> None:
     assert (outcome.text, outcome.ok) == (f"stopped: {UNCONFIRMED}", False)
 
 
+def test_drive_without_an_answer_names_what_drives_since(monkeypatch: pytest.MonkeyPatch) -> None:
+    stage, send = Stage(Reason.NONE, Reason.NONE, *[None] * 10), TeleopSender.stop
+
+    def stop(stick: TeleopSender) -> None:
+        send(stick)
+        lease = replace(lease_of("anna"), holder=ScriptedBus.operator, drive_id=7, driver="ben")
+        stage.bus.say(LEASE, lease)
+
+    monkeypatch.setattr(TeleopSender, "stop", stop)
+    stage.bus.say(STATUS, status(mode=Mode.MANUAL))
+    outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0, for_s=0.5), stage)
+    assert outcome.text == "replaced by the drive of ben"
+
+
 def test_drive_by_hand_ends_when_the_robot_leaves_manual() -> None:
     stage = Stage()
     stage.bus.say(STATUS, status(mode=Mode.AUTO))
