@@ -302,7 +302,8 @@ COMMAND: Final = Service(
     server=Role.ROBOT,
     doc="command or goal -> CommandAck, whose result_param2 is a Reason. Commands that use param1: "
     "COMPONENT_ARM_DISARM 1 arm, 0 disarm; DO_PAUSE_CONTINUE 0 hold, 1 resume; MISSION_START first "
-    "item, -1: the current one; DO_SET_MISSION_CURRENT item. DO_SET_MODE uses param2",
+    "item, -1: the current one; DO_SET_MISSION_CURRENT item. DO_SET_MODE uses param2. "
+    "DO_CHANGE_SPEED limits the drive to param2 m/s, -2 ends that; with param1 1 only the goal",
 )
 PARAMETER: Final = Service(
     path="srv/parameter",

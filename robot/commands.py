@@ -26,7 +26,7 @@ from protocol.wire.messages import (
 from robot.core import modes, reasons, states
 from robot.core.values import Goal, Twist, goal_of, twist_of
 from robot.hosting import Core
-from robot.mission import MissionExecutor, Stoppers
+from robot.mission import DEFAULT, LEAST_SPEED_M_S, UNCHANGED, MissionExecutor, Stoppers
 from runtime.units import NS_PER_MS
 
 MAX_OPERATORS: Final = 64
@@ -41,6 +41,9 @@ PRESENT_MS: Final = 600
 
 It may have been killed since the last one.
 """
+
+FOR_GOAL: Final = 1.0
+"""Parameter 1 of DO_CHANGE_SPEED that limits the speed of the present goal alone."""
 
 RESTART: Final = 1.0
 """Parameter 1 of PREFLIGHT_REBOOT_SHUTDOWN that restarts the robot process."""
@@ -74,7 +77,7 @@ class Commands:
         self._is_there = is_there
         self._answers = AnswerCache()
         self.goal_id = self.drive_id = 0
-        self.begun_by = self.driver = ""
+        self.begun_by = self.driver = self._asking = ""
         self.stoppers = Stoppers()
         self._hosted: Sequence[Commands] = (self,)
         self._stop_ids: deque[int] = deque([0], MAX_STOPS)
@@ -110,7 +113,7 @@ class Commands:
         A repeated request gets its earlier answer. A different request with the same id is refused.
         An emergency stop is acted on every time.
         """
-        kind, machine = kind_of(request), self._machine
+        kind, machine, self._asking = kind_of(request), self._machine, operator
         if kind.is_emergency_stop:
             self._note_stop(request.request_id)
         else:
@@ -132,6 +135,7 @@ class Commands:
                 done = None if kind.by_host is None else kind.by_host(self, request, now_ms)
                 reason = self._core.command(request, now_ms) if done is None else done
         is_new = (machine.serial, self._mission.starts) != begun
+        self._mission.speed.follow(operator if is_new else "")
         other = "" if person_of(operator) == person_of(self.begun_by) else operator
         self._note_stopper(other, had_goal and not is_new, is_new, mode, on_mission)
         if is_new:
@@ -242,6 +246,21 @@ class Commands:
 
     def _jump(self, request: CommandRequest, now_ms: int) -> int:
         return self._mission.jump(int(request.param1), now_ms)
+
+    def _change_speed(self, request: CommandRequest, _now_ms: int) -> int:
+        """Limit the speed of a drive, or of the mission; a program may limit one goal alone."""
+        speed_m_s = request.param2
+        if speed_m_s == UNCHANGED:
+            return reasons.OK
+        limit_m_s = None if speed_m_s == DEFAULT else speed_m_s
+        if limit_m_s is not None and limit_m_s < LEAST_SPEED_M_S:
+            return reasons.PARAMETER_OUT_OF_RANGE
+        mission, speed = self._mission, self._mission.speed
+        is_on_mission = mission.active and mission.reason_to_end() == reasons.OK
+        if is_on_mission and self._machine.mode != states.HOLD:
+            speed.set(limit_m_s)
+            return reasons.OK
+        return speed.order(limit_m_s, self._asking, for_goal=request.param1 == FOR_GOAL)
 
     def _restart(self, request: CommandRequest, _now_ms: int) -> int:
         """Ask for a restart; a process with a robot that is armed or stopped refuses."""
@@ -386,6 +405,9 @@ TABLE: Final[Mapping[int, tuple[CommandKind, ...]]] = MappingProxyType(
             CommandKind(("param1",), leads_on=True, by_host=Commands._jump),
         ),
         Command.PREFLIGHT_REBOOT_SHUTDOWN: (CommandKind(("param1",), by_host=Commands._restart),),
+        Command.DO_CHANGE_SPEED: (
+            CommandKind(("param1", "param2"), by_host=Commands._change_speed),
+        ),
         Command.SIDESTEP_SET_NAVIGATOR: (CommandKind(("param1", "param2")),),
         Command.SIDESTEP_SET_POSE: (
             CommandKind(("param1", "param2"), by_host=Commands._keep_pose),

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from typing import Final, Protocol, TypeAlias
+from typing import Final, NamedTuple, Protocol, TypeAlias
 
 from protocol.wire.enums import Command
 from protocol.wire.messages import CommandRequest, McuStatus
@@ -73,6 +73,66 @@ def with_limit(params: Params, speed_m_s: float | None) -> Params:
     if speed_m_s is None or speed_m_s >= params.v_max_m_s:
         return params
     return params._replace(v_max_m_s=speed_m_s)
+
+
+class LimitedDrive(NamedTuple):
+    """What an ordered speed is for: one goal, or with `serial` None all goals of a program."""
+
+    mode: int
+    serial: int | None
+    by: str
+
+
+class SpeedLimit:
+    """The speed in force that an item of a mission or an operator has ordered."""
+
+    __slots__ = ("_core", "_drive", "_machine", "_speed_m_s")
+
+    def __init__(self, core: Core) -> None:
+        self._core = core
+        self._machine = core.state.machine
+        self._speed_m_s: float | None = None
+        self._drive: LimitedDrive | None = None
+
+    def set(self, speed_m_s: float | None) -> None:
+        """Drive no faster than this until the next call; None ends the limit."""
+        self._drive = None
+        if speed_m_s != self._speed_m_s:
+            self._core.limit_speed(speed_m_s)
+            self._speed_m_s = speed_m_s
+
+    def release(self) -> None:
+        """End the limit of a mission that has ended; one of a later drive stays."""
+        if self._drive is None:
+            self.set(None)
+
+    def order(self, speed_m_s: float | None, by: str, *, for_goal: bool) -> int:
+        """Limit what the robot drives to now; return why it does not, or 0.
+
+        In GUIDED this is for all goals of the program that orders it, until the mode changes, if it
+        is not `for_goal` alone.
+        """
+        machine = self._machine
+        if machine.vehicle != states.ACTIVE:
+            return reasons.NOT_ARMED
+        is_lasting = machine.mode == states.GUIDED and not for_goal
+        if not (is_lasting or modes.drives(machine)):
+            return reasons.NO_GOAL
+        self.set(speed_m_s)
+        if speed_m_s is not None:
+            self._drive = LimitedDrive(machine.mode, None if is_lasting else machine.serial, by)
+        return reasons.OK
+
+    def follow(self, begun_by: str = "") -> None:
+        """End what was ordered if its drive is over, or another program has begun the next."""
+        drive, machine = self._drive, self._machine
+        if drive is None:
+            return
+        is_its = machine.vehicle == states.ACTIVE and machine.mode == drive.mode
+        if drive.serial is not None:
+            is_its = is_its and modes.goal_is_active(machine) and machine.serial == drive.serial
+        if not is_its or (begun_by and begun_by != drive.by):
+            self.set(None)
 
 
 NewCore: TypeAlias = Callable[[Params, Pose, tuple[int, int]], Core]

@@ -57,7 +57,7 @@ from robot.core.safety import fence as fences
 from robot.core.safety.fence import MAX_CORNERS, Fence
 from robot.core.values import Goal
 from robot.file_writer import Directory, StateFile, Ticket, sealed, text_in, unsealed
-from robot.hosting import Core
+from robot.hosting import Core, SpeedLimit
 from runtime.errors import LocalError
 from runtime.units import UINT32
 
@@ -200,6 +200,7 @@ class MissionExecutor:
         self.state = MissionState.NONE
         self.reason: int = reasons.OK
         self.starts = 0
+        self.speed = SpeedLimit(core)
         self._core = core
         self._machine = core.state.machine
         self._stops: tuple[MissionStop, ...] = ()
@@ -207,7 +208,6 @@ class MissionExecutor:
         self._begun = False  # whether the current item has begun
         self._drives = False  # whether that goal is the one of the current item
         self._jumped: dict[int, int] = {}  # how often each jump was taken since the start
-        self._speed_m_s: float | None = None  # of the last change of speed
         self._left_ms: int | None = None  # left of the hold time; None before arrival
         self._last_ms = 0
 
@@ -251,7 +251,7 @@ class MissionExecutor:
         if refusal == reasons.OK:
             self.starts += 1
             self._jumped.clear()
-            self._limit(None)
+            self.speed.set(None)
             for item in self.items[: index + 1]:
                 self._change_speed(item)
         return refusal
@@ -295,6 +295,7 @@ class MissionExecutor:
 
     def step(self, now_ms: int) -> None:
         """Run one tick, before the core's step."""
+        self.speed.follow()
         elapsed_ms, self._last_ms = now_ms - self._last_ms, now_ms
         if not self.active:
             return
@@ -347,7 +348,7 @@ class MissionExecutor:
         index = self._next()
         if index == len(self._stops):
             self.state = MissionState.DONE
-            self._limit(None)
+            self.speed.release()
         else:
             self._go(index, now_ms)
 
@@ -399,12 +400,7 @@ class MissionExecutor:
 
     def _change_speed(self, item: MissionItemInt) -> None:
         if item.command == Command.DO_CHANGE_SPEED and item.param2 != UNCHANGED:
-            self._limit(None if item.param2 == DEFAULT else item.param2)
-
-    def _limit(self, speed_m_s: float | None) -> None:
-        if speed_m_s != self._speed_m_s:
-            self._core.limit_speed(speed_m_s)
-            self._speed_m_s = speed_m_s
+            self.speed.set(None if item.param2 == DEFAULT else item.param2)
 
     def reason_to_end(self) -> int:
         """Return the reason that ends an active mission now, or 0."""
@@ -425,7 +421,7 @@ class MissionExecutor:
 
     def _fail(self, reason: int) -> None:
         self.state, self.reason = MissionState.FAILED, reason
-        self._limit(None)
+        self.speed.release()
 
     def _rest(self, state: MissionState, current: int = 0) -> None:
         self.state, self.reason, self.current = state, reasons.OK, current

@@ -55,6 +55,7 @@ VARIANTS: Final[Mapping[int, tuple[tuple[str, float, float], ...]]] = MappingPro
         ),
         Command.DO_SET_MISSION_CURRENT: (("jump to item 2", 1, 0), ("jump to no item", 7, 0)),
         Command.PREFLIGHT_REBOOT_SHUTDOWN: (("restart", 1, 0), ("shut down", 2, 0)),
+        Command.DO_CHANGE_SPEED: (("slow down", 0, 0.1),),
         Command.SIDESTEP_SET_NAVIGATOR: (
             ("navigator bug", Navigator.BUG, 0),
             ("navigator bug2", Navigator.BUG2, 0),

@@ -10,6 +10,8 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import pytest
+
 from checks.harness.in_process import InProcess
 from checks.harness.loop import PlayedLoop
 from checks.harness.played_gateway import PlayedWork
@@ -41,6 +43,7 @@ from protocol.topics import Role
 from protocol.wire.enums import GoalState, LeaseAction, MissionState, Mode
 from protocol.wire.enums import Vehicle as VehicleState
 from protocol.wire.reasons import Reason
+from robot.core.parameters import DEFAULTS
 from robot.lease import LAPSE_S
 from runtime.clock import WallClock
 from tests.support.each import each
@@ -384,3 +387,46 @@ def test_gateway_after_a_restart_commands_at_once() -> None:
         assert goto(newer) == ACCEPTED
         stack.until(newer.drives)
         newer.close()
+
+
+def top_speed_m_s(gateway: Gateway) -> float:
+    """Return the greatest speed of the next two seconds."""
+    speeds = []
+    for _ in range(40):
+        gateway.lives(0.05)
+        odometry = gateway.face.vehicle.snapshot.odometry
+        speeds += [] if odometry is None else [abs(odometry.speed_m_s)]
+    return max(speeds)
+
+
+USUAL_M_S = DEFAULTS.v_max_m_s
+SLOW_M_S = 0.1
+SPEED = 178
+AWAY = (ORIGIN.latitude_deg + 0.00003, ORIGIN.longitude_deg + 0.00003)
+
+
+def test_ordered_speed_ends_with_the_drive_or_the_mode() -> None:
+    with stack_with_gateway() as (stack, gateway):
+        assert gateway.command(ARM, 1) == ACCEPTED
+        assert gateway.command(SPEED, 1, SLOW_M_S, -1) == mavlink.MAV_RESULT_FAILED, "in HOLD"
+        assert gateway.command(REPOSITION, SLOW_M_S, 1, 0, 0, *AWAY) == ACCEPTED
+        gateway.lives(0.5)
+        assert top_speed_m_s(gateway) <= SLOW_M_S + 0.02
+        assert goto(gateway) == ACCEPTED, "the next goal"
+        gateway.lives(0.5)
+        assert top_speed_m_s(gateway) >= 2 * SLOW_M_S
+
+        assert gateway.command(SPEED, 1, SLOW_M_S, -1) == ACCEPTED
+        for _ in range(2):
+            assert goto(gateway) == ACCEPTED
+            gateway.lives(1.0)
+            assert top_speed_m_s(gateway) <= SLOW_M_S + 0.02, "all goals of this mode"
+        assert gateway.command(SET_MODE, 1, Mode.HOLD) == ACCEPTED
+        assert gateway.command(PAUSE, 1) == ACCEPTED
+        gateway.lives(0.5)
+        assert top_speed_m_s(gateway) >= 2 * SLOW_M_S
+        assert stack.vehicle.params.v_max_m_s == USUAL_M_S
+        table = gateway.ask(
+            mavlink.MAVLink_param_request_read_message(1, 1, b"V_MAX_M_S", -1), "PARAM_VALUE"
+        )
+        assert table.param_value == pytest.approx(USUAL_M_S)

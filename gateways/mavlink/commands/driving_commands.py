@@ -16,6 +16,7 @@ from gateways.mavlink.commands.command_protocol import (
     CommandTable,
     Handled,
     is_unset,
+    reason_of,
     whole,
 )
 from gateways.mavlink.coordinates import heading_of
@@ -23,9 +24,8 @@ from gateways.mavlink.mav_service import Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import mavlink
 from gateways.mavlink.motion.guided import GuidedDrive
-from gateways.mavlink.motion.pilot import Pilot
+from gateways.mavlink.motion.pilot import NO_LIMIT, LimitDrive, Pilot
 from gateways.mavlink.motion.setpoints import (
-    SPEED,
     SetpointError,
     Velocity,
     place_goal,
@@ -35,12 +35,11 @@ from gateways.mavlink.motion.setpoints import (
 )
 from gateways.mavlink.robot_port import OVERTAKEN, Answered
 from ground.client.goal import Destination
-from ground.commands.param import ResetParameter, SetParameter
 from ground.commands.resume import Resume
 from protocol.wire.enums import Mode
+from protocol.wire.reasons import Reason
 
 UNCHANGED: Final = -1
-DEFAULT: Final = -2
 GROUND_SPEEDS: Final = (mavlink.SPEED_TYPE_AIRSPEED, mavlink.SPEED_TYPE_GROUNDSPEED)
 MODE_NAMES: Final = "MANUAL 0, HOLD 4, AUTO 10, RTL 11, SMART_RTL 12, GUIDED 15"
 
@@ -61,7 +60,7 @@ class DrivingCommands:
                 mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: CommandRow(self._return_home),
                 mavlink.MAV_CMD_MISSION_START: CommandRow(self._start_mission),
                 mavlink.MAV_CMD_DO_PAUSE_CONTINUE: CommandRow(self._pause_continue, stops=is_pause),
-                mavlink.MAV_CMD_DO_CHANGE_SPEED: CommandRow(self._change_speed, outlasts=True),
+                mavlink.MAV_CMD_DO_CHANGE_SPEED: CommandRow(self._change_speed),
                 mavlink.MAV_CMD_DO_SET_REVERSE: CommandRow(self._set_reverse, outlasts=True),
             }
         )
@@ -96,10 +95,8 @@ class DrivingCommands:
             return CommandAnswer(DENIED, words)
         if speed_m_s == UNCHANGED:
             return self._vehicle.control.ensure(call.sender)
-        if speed_m_s == DEFAULT:
-            return self._vehicle.control.perform(call.sender, ResetParameter(name=SPEED))
-        change = SetParameter(name=SPEED, value=speed_m_s)
-        return self._vehicle.control.perform(call.sender, change)
+        limit = LimitDrive(None if speed_m_s == NO_LIMIT else speed_m_s)
+        return self._vehicle.control.perform(call.sender, limit)
 
     def _set_reverse(self, call: CommandCall) -> Handled:
         if call.param1 == 0.0:
@@ -163,15 +160,15 @@ class GuidingCommands:
     async def _drive_at(
         self, speed_m_s: float | None, goal: Destination, sender: Sender
     ) -> Answered:
-        if speed_m_s is not None:
-            control = self._vehicle.control
-            stops, change = control.stops, SetParameter(name=SPEED, value=speed_m_s)
-            limited = await self._vehicle.control.perform(sender, change)
-            if not limited.ok:
-                return limited
-            if control.stops != stops:
-                return Answered(None, OVERTAKEN)
-        return await self._pilot.goto(goal, sender)
+        """Drive to a goal; then limit the speed of this drive alone, unless it has ended."""
+        control = self._vehicle.control
+        stops, answered = control.stops, await self._pilot.goto(goal, sender)
+        if speed_m_s is None or not answered.ok:
+            return answered
+        if control.stops != stops:
+            return Answered(None, OVERTAKEN)
+        limited = await control.perform(sender, LimitDrive(speed_m_s, for_goal=True))
+        return answered if reason_of(limited.outcome) == Reason.NO_GOAL else limited
 
     def _yaw_and_speed(self, call: CommandCall) -> Handled:
         if not self._is_guided:

@@ -23,6 +23,8 @@ from protocol.wire.enums import Vehicle as VehicleState
 from protocol.wire.reasons import Reason
 from runtime.units import NS_PER_S
 
+NO_LIMIT: Final = -2.0
+"""The speed of DO_CHANGE_SPEED that ends a limit."""
 FROM_CURRENT: Final = 0
 """The item of `StartMission` that means the current one."""
 PATIENCE_NS: Final = NS_PER_S
@@ -85,6 +87,25 @@ class EndDrive:
         if self.mode is Mode.HOLD or not answer.ok:
             return answer
         return await robot.set_mode(self.mode)
+
+
+@dataclass(frozen=True, slots=True)
+class LimitDrive:
+    """Limit the speed of the present drive; None ends the limit.
+
+    Without `for_goal` the limit is in GUIDED for all goals until the mode changes.
+    """
+
+    verb: ClassVar[str] = "speed"
+    moves: ClassVar[bool] = True
+    speed_m_s: float | None
+    for_goal: bool = False
+
+    async def perform(self, robot: Robot) -> Answer:
+        """Send the command."""
+        speed_m_s = NO_LIMIT if self.speed_m_s is None else self.speed_m_s
+        request = robot.request(Command.DO_CHANGE_SPEED, float(self.for_goal), speed_m_s)
+        return await robot.ask(request)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,9 @@
 """Commands: acted on once, answered, and allowed without the lease or not."""
 
 from collections.abc import Iterator
-from math import nan
+from math import inf, nan
 
+import msgspec
 import pytest
 
 from checks.harness.messages import make
@@ -605,3 +606,102 @@ def test_without_the_lease_all_is_refused_but_the_table(operator: str) -> None:
 
 def reason_of(answer: CommandAck | MissionVerdict) -> int:
     return answer.reason if isinstance(answer, MissionVerdict) else answer.result_param2
+
+
+# Speeds that operators order.
+
+
+def speed_of(robot: Robot) -> float:
+    """Return the speed that the next step drives with at most."""
+    robot.mission.step(0)
+    return robot.core._driven.v_max_m_s
+
+
+def slow(request_id: int, speed_m_s: float = 0.1, *, for_goal: bool = False) -> CommandRequest:
+    return command(Command.DO_CHANGE_SPEED, float(for_goal), speed_m_s, request_id)
+
+
+USUAL_M_S = DEFAULTS.v_max_m_s
+
+
+def guided() -> Robot:
+    robot = Robot()
+    robot.machine.operator = True
+    robot.machine.mode = states.GUIDED
+    return robot
+
+
+def in_guided(request_id: int) -> GoalRequest:
+    return msgspec.structs.replace(goal(request_id, 1.0, 0.0), mode=Mode.GUIDED)
+
+
+def test_speed_needs_a_drive_and_a_usable_value() -> None:
+    robot = Robot()
+    assert robot.ask(slow(1)) == Reason.NO_GOAL
+    assert robot.ask(slow(2, -1.0)) == Reason.NONE, "it changes nothing"
+    robot = guided()
+    assert robot.ask(slow(1, for_goal=True)) == Reason.NO_GOAL
+    for at, wrong in enumerate((0.0, 0.001, -3.0, nan, inf), start=2):
+        assert robot.ask(slow(at, wrong)) == Reason.PARAMETER_OUT_OF_RANGE
+    robot.machine.vehicle = states.STANDBY
+    assert robot.ask(slow(9)) == Reason.NOT_ARMED
+    assert speed_of(robot) == USUAL_M_S
+
+
+def test_speed_of_a_goal_ends_with_it() -> None:
+    robot = guided()
+    for request_id, end in enumerate((GoalState.REACHED, GoalState.STUCK, None), start=1):
+        assert robot.ask(goal(10 * request_id, 1.0, 0.0)) == Reason.NONE
+        assert robot.ask(slow(10 * request_id + 1, for_goal=True)) == Reason.NONE
+        assert speed_of(robot) == 0.1
+        if end is None:
+            assert robot.ask(goal(99, 2.0, 0.0)) == Reason.NONE
+        else:
+            robot.machine.goal_state = end
+        assert speed_of(robot) == USUAL_M_S
+    assert robot.core.params == DEFAULTS
+
+
+@each("end", [hold(50), command(Command.COMPONENT_ARM_DISARM, 0.0, request_id=50), STOP])
+def test_speed_of_a_mode_ends_with_the_mode_or_the_drive(end: CommandRequest) -> None:
+    robot = guided()
+    assert robot.ask(slow(1)) == Reason.NONE
+    for request_id in (2, 3):
+        assert robot.ask(in_guided(request_id)) == Reason.NONE
+        assert speed_of(robot) == 0.1
+    assert robot.ask(end) == Reason.NONE
+    assert speed_of(robot) == USUAL_M_S
+
+
+def test_speed_of_one_program_slows_no_goal_of_another() -> None:
+    robot = guided()
+    assert robot.ask(slow(1), ADA) == Reason.NONE
+    assert robot.ask(in_guided(2), ADA) == Reason.NONE
+    assert speed_of(robot) == 0.1
+    assert robot.ask(in_guided(3), BOB) == Reason.NONE
+    assert speed_of(robot) == USUAL_M_S
+
+
+def test_speed_can_be_ended() -> None:
+    robot = guided()
+    robot.ask(slow(1))
+    assert robot.ask(slow(2, -2.0)) == Reason.NONE
+    assert speed_of(robot) == USUAL_M_S
+
+
+def test_speed_during_a_mission_ends_with_it() -> None:
+    robot = Robot().on_a_mission()
+    assert robot.ask(slow(1)) == Reason.NONE
+    assert speed_of(robot) == 0.1
+    robot.ask(command(Command.SIDESTEP_ABORT_GOAL, request_id=2))
+    assert speed_of(robot) == USUAL_M_S
+
+
+def test_speed_of_a_goal_outlives_the_mission_that_it_replaces() -> None:
+    robot = Robot().on_a_mission()
+    robot.machine.operator = True
+    assert robot.ask(goal(5, 1.0, 0.0)) == Reason.NONE
+    assert robot.ask(slow(6, for_goal=True)) == Reason.NONE
+    assert speed_of(robot) == 0.1
+    assert robot.mission.state == MissionState.FAILED
+    assert speed_of(robot) == 0.1

@@ -181,6 +181,7 @@ UNUSED = {
     Command.MISSION_START: (0, nan),
     Command.DO_SET_MISSION_CURRENT: (0, nan),
     Command.PREFLIGHT_REBOOT_SHUTDOWN: (1, nan),
+    Command.DO_CHANGE_SPEED: (0, 0.2),
     Command.SIDESTEP_SET_NAVIGATOR: (Navigator.BUG, 1),
     Command.SIDESTEP_SET_POSE: (1, 2),
     Command.SIDESTEP_ABORT_GOAL: (nan, nan),

@@ -7,16 +7,14 @@ import pytest
 
 from gateways.mavlink.mav_service import WATCHER
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
-from gateways.mavlink.motion.pilot import EnterGuided
+from gateways.mavlink.motion.pilot import EnterGuided, LimitDrive
 from gateways.mavlink.services import face_of
 from ground.client.outcomes import Operation
-from ground.client.parameters import ParameterChanged
 from ground.commands.arm import Arm
 from ground.commands.disarm import Disarm
 from ground.commands.hold import Hold
 from ground.commands.mission import StartMission
 from ground.commands.mode import SetMode
-from ground.commands.param import ResetParameter, SetParameter
 from ground.commands.resume import Resume
 from ground.commands.rtl import ReturnHome
 from ground.commands.stop import ClearEmergencyStop
@@ -242,16 +240,22 @@ def test_pause_and_continue(bench: Bench) -> None:
     assert performed(bench) == [Hold(), Resume()]
 
 
-def test_change_speed_limits_goals_and_missions(bench: Bench) -> None:
+def test_change_speed_limits_the_drive_and_no_parameter(bench: Bench) -> None:
     bench.send(command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 0.25))
-    assert performed(bench) == [SetParameter(name="v_max_m_s", value=0.25)]
-    bench.port.answer(ParameterChanged(name="v_max_m_s", asked=0.25, now=0.25))
+    assert [(one.speed_m_s, one.for_goal) for one in performed(bench)] == [(0.25, False)]
+    bench.port.answer()
     assert acks(bench.sent()) == [(178, ACCEPTED)]
+
+
+def test_change_speed_without_a_drive_fails(bench: Bench) -> None:
+    bench.send(command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 0.25))
+    bench.port.refuse(Reason.NO_GOAL)
+    assert acks(bench.sent()) == [(178, FAILED)]
 
 
 def test_change_speed_to_the_default(bench: Bench) -> None:
     bench.send(command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, -2))
-    assert performed(bench) == [ResetParameter(name="v_max_m_s")]
+    assert performed(bench) == [LimitDrive(None)]
 
 
 def test_change_speed_that_changes_nothing(bench: Bench) -> None:
@@ -265,11 +269,8 @@ def test_change_speed_of_climbing_is_denied(bench: Bench) -> None:
 
 def test_change_speed_out_of_range_is_denied(bench: Bench) -> None:
     bench.send(command(178, 1, 99))
-    refused = ParameterChanged(name="v_max_m_s", asked=99, now=None, refusal="allowed: 0.01 to 3")
-    bench.port.answer(refused)
-    sent = bench.sent()
-    assert acks(sent) == [(178, DENIED)]
-    assert "allowed" in words(sent)
+    bench.port.refuse(Reason.PARAMETER_OUT_OF_RANGE)
+    assert acks(bench.sent()) == [(178, DENIED)]
 
 
 @pytest.mark.parametrize(("value", "result"), [(0, ACCEPTED), (1, DENIED)])

@@ -10,13 +10,18 @@ from gateways.mavlink.coordinates import PER_DEG
 from gateways.mavlink.mav_service import WATCHER
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.motion.guided import ReachedGoals
-from gateways.mavlink.motion.pilot import BeginDrive, DriveBegun, DriveOver, EndDrive, EnterGuided
+from gateways.mavlink.motion.pilot import (
+    BeginDrive,
+    DriveBegun,
+    DriveOver,
+    EndDrive,
+    EnterGuided,
+    LimitDrive,
+)
 from gateways.mavlink.motion.setpoints import SetpointError, Velocity, attitude_of, setpoint_of
 from ground.client.goal import Destination
-from ground.client.parameters import ParameterChanged
 from ground.commands.goto import Goto
 from ground.commands.mode import SetMode
-from ground.commands.param import SetParameter
 from ground.missions.qgroundcontrol import to_global
 from protocol.wire.enums import Command, GoalState, LeaseAction, MissionState, Mode, Vehicle
 from protocol.wire.messages import LeaseStatus
@@ -117,13 +122,23 @@ def test_reposition_with_relative_yaw(bench: Bench) -> None:
     assert_at(goal_of(bench), 12, -7, -pi / 2)
 
 
-def test_reposition_with_speed_limits_it_first(bench: Bench) -> None:
+def test_reposition_with_speed_limits_this_drive(bench: Bench) -> None:
     bench.send(reposition(0.25, 1, 0, nan))
-    assert performed(bench) == [SetParameter(name="v_max_m_s", value=0.25)]
-    bench.port.answer(ParameterChanged(name="v_max_m_s", asked=0.25, now=0.25))
     assert_at(goal_of(bench), 12, -7)
     bench.port.answer()
+    assert performed(bench) == [LimitDrive(0.25, for_goal=True)]
+    assert acks(bench.sent()) == []
+    bench.port.answer()
     assert acks(bench.sent()) == [(192, ACCEPTED)]
+
+
+@each(("reason", "result"), [(Reason.NO_GOAL, ACCEPTED), (Reason.PARAMETER_OUT_OF_RANGE, DENIED)])
+def test_reposition_whose_goal_is_reached_at_once_is_accepted(reason: Reason, result: int) -> None:
+    bench = driving_bench(Mode.GUIDED)
+    bench.send(reposition(0.25, 1, 0, nan))
+    bench.port.answer()
+    bench.port.refuse(reason)
+    assert acks(bench.sent()) == [(192, result)]
 
 
 def test_reposition_outside_guided_needs_the_flag() -> None:
