@@ -5,10 +5,12 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from math import inf, isinf, nan
+from random import Random
 from typing import Any
 
 import pytest
 
+from checks.harness.in_process import ignore
 from checks.harness.until import PATIENCE_S
 from gateways.ros2.face import RobotFace
 from gateways.ros2.parameters import value_of
@@ -430,3 +432,53 @@ async def test_false_frames_are_dropped_and_counted(stack: Paced, peer: RosPeer)
         assert await asyncio.to_thread(ask, b"\7", beside) == ["the request is malformed"]
         assert stack.state != Vehicle.EMERGENCY_STOP
         assert not face.velocity.is_driving
+
+
+SUBSCRIBED = (
+    ("/r1/cmd_vel", TWIST),
+    ("/r1/cmd_vel", STAMPED),
+    ("/r1/goal_pose", "geometry_msgs/msg/PoseStamped"),
+    ("/r1/initialpose", "geometry_msgs/msg/PoseWithCovarianceStamped"),
+)
+SERVED = (
+    ("/r1/arm", TRIGGER),
+    ("/r1/sidestep/set_parameters", "rcl_interfaces/srv/SetParameters"),
+    ("/r1/sidestep/describe_parameters", "rcl_interfaces/srv/DescribeParameters"),
+    ("/r1/navigate_to_pose/_action/send_goal", "nav2_msgs/action/NavigateToPose_SendGoal"),
+    ("/r1/navigate_to_pose/_action/cancel_goal", "action_msgs/srv/CancelGoal"),
+)
+
+
+async def test_fuzzed_frames_and_tokens_end_nothing(stack: Paced, peer: RosPeer) -> None:
+    draw = Random(40)
+
+    def payload(header: bytes) -> bytes:
+        return header + draw.randbytes(draw.randrange(120))
+
+    def attachment() -> bytes | None:
+        if draw.random() < 0.5:
+            return peer.attachment()
+        return draw.choice([None, b"", draw.randbytes(33)])
+
+    async with presented(stack, peer.endpoint) as face:
+        await ready(face)
+        await until(partial(shows, peer, "%r1%navigate_to_pose%_action%cancel_goal/"))
+        shown = []
+        for _ in range(60):
+            header = draw.choice([b"\0\1\0\0", b"\0\0\0\0", b""])
+            for name, type_name in SUBSCRIBED:
+                key = peer.key(name, type_name)
+                peer.session.put(key, payload(header), attachment=attachment())
+            for name, type_name in SERVED:
+                if type_name != TRIGGER or header != b"\0\1\0\0":  # which may be a good one
+                    key = peer.key(name, type_name)
+                    asked = payload(header)
+                    peer.session.get(key, ignore, payload=asked, attachment=attachment(), timeout=1)
+            words = ["".join(draw.choices("%:,NS0é", k=4)) for _ in range(draw.choice([6, 10]))]
+            token = "/".join(("@ros2_lv/0", *words))
+            shown.append(peer.session.liveliness().declare_token(token))
+            await asyncio.sleep(0)
+        assert (await peer.ask("/r1/emergency_stop", TRIGGER)).success
+        assert face.is_ready()
+        assert face.node.session.rejected > 100
+    assert stack.truth.speed_m_s == 0.0
