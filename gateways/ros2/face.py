@@ -10,7 +10,7 @@ from typing import Any, Final
 from rosbags.typesys.stores.ros2_jazzy import rosgraph_msgs__msg__Clock as ClockMessage
 from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__String as String
 
-from gateways.ros2 import telemetry
+from gateways.ros2 import drawing, telemetry
 from gateways.ros2.navigation import Navigation
 from gateways.ros2.node import RosGraph, RosNode, RosSession
 from gateways.ros2.parameters import ParameterServices
@@ -20,7 +20,7 @@ from gateways.ros2.velocity import VelocityCommands
 from gateways.ros2.wire import LATCHED, SENSOR_DATA, Qos, TokenParts
 from ground.client.robot_link import RobotLink, finish
 from ground.robot import Robot
-from protocol.topics import CLOCK, LEASE, ODOMETRY, SONAR, STATUS, TEXT, WHEELS
+from protocol.topics import CLOCK, DECISION, LEASE, ODOMETRY, SONAR, STATUS, TEXT, WHEELS
 from protocol.wire.statustext import StatustextAssembler
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS, NS_PER_US
@@ -31,6 +31,7 @@ OPERATOR: Final = "ros2"
 
 TF: Final = Qos(depth=100)
 SILENT_NS: Final = 1500 * NS_PER_MS
+DRAW_S: Final = 0.5
 PARAMETERS_S: Final = 5.0
 """Time between two looks at the parameters of the robot, which others may change."""
 
@@ -90,6 +91,8 @@ class RobotFace:
             self._scan = node.publisher("scan", "sensor_msgs/msg/LaserScan", SENSOR_DATA)
         self._joints = node.publisher("joint_states", "sensor_msgs/msg/JointState")
         self._description = node.publisher("robot_description", "std_msgs/msg/String", LATCHED)
+        self._plan = node.publisher("plan", "nav_msgs/msg/Path")
+        self._markers = node.publisher("markers", "visualization_msgs/msg/MarkerArray")
         self._clock_out = node.publisher(
             "/clock", "rosgraph_msgs/msg/Clock", Qos(depth=1, is_reliable=False)
         )
@@ -136,6 +139,7 @@ class RobotFace:
             self._follow_texts(),
             self._follow_parameters(),
             self._diagnose(),
+            self._draw(),
         ]
 
     def stamp(self, stamp_ns: int) -> int:
@@ -213,6 +217,26 @@ class RobotFace:
             text = f"{rejected} malformed messages dropped" if rejected else "ok"
             link = self.report.part(0, "ros2", text, rejected=rejected)
             self.report.diagnose(robot, self.velocity.part(now_ns), link)
+
+    async def _draw(self) -> None:
+        """Publish what the robot intends, if a node wants to see it."""
+        robot, shown = self.robot, [(0.0, 0.0)]
+        robot.streams.keep(DECISION)
+        while True:
+            await asyncio.sleep(DRAW_S)
+            latest = robot.streams.latest
+            pose, status, scan = latest(ODOMETRY), latest(STATUS), latest(SONAR)
+            if pose is None or status is None or not self.is_ready():
+                continue
+            decision = latest(DECISION)
+            chosen, stamp_ns = decision and decision[0], self.clock.of(pose[0].time_ns)
+            places = drawing.places_of(pose[0], status[0], chosen)
+            if places or shown:
+                self._plan.publish(drawing.plan(places, stamp_ns))
+            shown = places
+            if self._markers.is_wanted:
+                found = (pose[0], places, chosen, scan and scan[0], self.geometry, stamp_ns)
+                self._markers.publish(drawing.markers(*found))
 
     def _show_geometry(self) -> None:
         self._tf_static.publish(telemetry.static_transforms(self.geometry, 0))

@@ -295,10 +295,15 @@ class RosPublisher(RosEndpoint):
             while self._kept:
                 self._put(self._publisher, self._kept.popleft())
 
+    @property
+    def is_wanted(self) -> bool:
+        """Whether a node subscribes, or may do so later to a latched topic."""
+        publisher: Any = self._publisher
+        return self.qos.is_latched or bool(publisher and publisher.matching_status.matching)
+
     def publish(self, message: object) -> None:
         """Publish a message; never blocks. One that no node subscribes to is not even encoded."""
-        publisher: Any = self._publisher
-        if not (self.qos.is_latched or (publisher and publisher.matching_status.matching)):
+        if not self.is_wanted:
             return
         data = self.session.interfaces.encode(self.endpoint.type_name, message)
         with self._putting:

@@ -9,10 +9,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from checks.harness.messages import make
-from gateways.ros2 import telemetry
+from gateways.ros2 import drawing, telemetry
+from gateways.ros2.interfaces import Interfaces
 from gateways.ros2.telemetry import Geometry, RosClock, WheelReader
+from gateways.ros2.wire import Distro
 from protocol.ring import BEARINGS_RAD
-from protocol.wire.messages import PlanarOdometry, SonarScan, WheelTicks
+from protocol.wire.enums import Branch, GoalState
+from protocol.wire.messages import (
+    AvoidanceDecision,
+    NavigatorStatus,
+    PlanarOdometry,
+    SonarScan,
+    WheelTicks,
+)
 from runtime.units import NS_PER_S
 
 HERE = make(
@@ -148,3 +157,34 @@ def test_stamps_begin_anew_when_the_robot_restarts() -> None:
 def test_dimensions_are_those_among_the_parameters() -> None:
     found = Geometry.of({"radius_m": 0.5, "sonar_max_m": 2.0, "other": 1.0})
     assert (found.radius_m, found.sonar_max_m, found.track_m) == (0.5, 2.0, Geometry().track_m)
+
+
+def test_plan_leads_over_the_virtual_goal() -> None:
+    status = make(NavigatorStatus, goal=GoalState.AVOIDING, goal_x_m=4.0, goal_y_m=5.0)
+    decision = make(AvoidanceDecision, virtual_x_m=2.0, virtual_y_m=3.0)
+    places = drawing.places_of(HERE, status, decision)
+    assert places == [(1.25, -2.5), (2.0, 3.0), (4.0, 5.0)]
+    assert len(drawing.places_of(HERE, status, None)) == 2
+    assert len(drawing.places_of(HERE, status, make(AvoidanceDecision, virtual_x_m=nan))) == 2
+    ended = make(NavigatorStatus, goal=GoalState.REACHED)
+    assert drawing.places_of(HERE, ended, decision) == []
+    (_, middle, _) = drawing.plan(places, 5).poses
+    assert (middle.pose.position.x, middle.header.frame_id) == (2.0, "map")
+
+
+def test_markers_are_messages_of_ros() -> None:
+    scan = make(SonarScan, range_mm=(500,) * 8, ping_age_us=(0,) * 8, valid=3, echo=1)
+    pose = make(PlanarOdometry, cov_xx_m2=0.04, cov_yy_m2=0.01)
+    decision = make(AvoidanceDecision, branch=Branch.PASS_LEFT)
+    places = [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)]
+    found = drawing.markers(pose, places, decision, scan, SIZE, 7)
+    name, interfaces = "visualization_msgs/msg/MarkerArray", Interfaces(Distro.JAZZY)
+    read = interfaces.decode(name, interfaces.encode(name, found)).markers
+    shown = {one.ns: one for one in read}
+    assert list(shown) == ["goal", "virtual_goal", "decision", "doubt", "sonars"]
+    assert (shown["goal"].pose.position.x, shown["virtual_goal"].pose.position.x) == (2.0, 1.0)
+    assert shown["decision"].text == "pass left"
+    assert shown["doubt"].scale.x == pytest.approx(2 * shown["doubt"].scale.y)
+    assert len(shown["sonars"].points) == 3
+    lost = make(PlanarOdometry, cov_xx_m2=nan)
+    assert drawing.markers(lost, [], None, None, SIZE, 7).markers == []
