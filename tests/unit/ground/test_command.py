@@ -258,7 +258,10 @@ CLIENT_SIDE = ("ground", "gateways", "runtime", "sidestep", "protocol", "vehicle
 
 def names_hold(file: Path) -> bool:
     """Return whether a file has the quoted word, or defines the class or such a function."""
-    nodes = ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+    text = file.read_text(encoding="utf-8")
+    if WORD not in text.lower():
+        return False
+    nodes = ast.walk(ast.parse(text))
     kinds = (ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
     defined = {one.name for one in nodes if isinstance(one, kinds)}
     return WORD in {text.lower() for text in quoted(file)} or bool({WORD, "Hold"} & defined)

@@ -278,9 +278,11 @@ def test_its_path_can_be_seen_while_it_drives() -> None:
 
 
 def test_ghosts_above_the_limit_wait_for_their_turn() -> None:
+    said = run((1.0, 2.0), (1.5, 2.0)) + END + b"\n"
+    short = instead(f"import sys; sys.stdout.buffer.write({said!r})")
     with Ghosts(most=2) as ghosts:
         for navigator in ("bug", "bug2", "distbug", "vgm_memory"):
-            ghosts.add(navigator, ghost_in("box", navigator))
+            ghosts.add(navigator, ghost_in("box", navigator, command_of=short))
         most = 0
         done: list[str] = []
         pause = Event()
@@ -291,9 +293,9 @@ def test_ghosts_above_the_limit_wait_for_their_turn() -> None:
         assert most == 2
         assert sorted(done) == ["bug", "bug2", "distbug", "vgm_memory"]
         assert ghosts.poll() == []
-        assert {course.outcome for course in ghosts.courses.values() if course} == {"reached"}
+        assert {course.outcome for course in ghosts.courses.values() if course} == {"stuck"}
         assert [trail.label for trail in ghosts.trails()] == list(ghosts.courses)
-        assert all(trail.outcome == "reached" and trail.path_m for trail in ghosts.trails())
+        assert all(trail.outcome == "stuck" and trail.path_m for trail in ghosts.trails())
 
 
 def test_new_ghost_replaces_one_with_the_same_label() -> None:
