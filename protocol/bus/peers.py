@@ -2,9 +2,11 @@
 
 A session id is public, so it proves nothing. Zenoh admits one link per session id, whatever
 certificate it shows. A process that listens therefore remembers which certificate used an id first,
-and ends each link of another one. Which certificate an id belonged to before this process started
-cannot be known: whoever then comes first keeps it. The rightful process opens a fresh session with
-another id (`protocol.bus.session`).
+and ends each link of another one. From then on it ends those of the first one, too: where two links
+with one id follow each other quickly, Zenoh 1.10 may leave the second without data for ever,
+although it is there and its queries are answered. Which certificate an id belonged to before this
+process started cannot be known: whoever then comes first keeps it. The rightful process opens a
+fresh session with another id (`protocol.bus.session`).
 """
 
 import time
@@ -126,7 +128,7 @@ ID_TAKEN: Final = "session id taken: "
 
 
 class RefusedLink(NamedTuple):
-    """A link that used the session id of another certificate."""
+    """A link with a session id that several certificates have used; `holder` used it first."""
 
     zid: str
     name: str | None
@@ -142,13 +144,16 @@ class Identities:
         self._ids: dict[str | None, dict[str, None]] = {}
         """The ids of each certificate, the one used last at the end."""
         self._links: dict[str, set[str]] = {}
+        self._contested: set[str] = set()
         self._lock = Lock()
 
     def linked(self, zid: str, name: str | None, address: str) -> RefusedLink | None:
-        """Note a new link; return it if the id belongs to another certificate."""
+        """Note a new link; return it if another certificate has used the id, now or before."""
         with self._lock:
             holder = self._holders.setdefault(zid, name)
             if holder != name:
+                self._contested.add(zid)
+            if zid in self._contested:
                 return RefusedLink(zid, name, address, holder)
             self._links.setdefault(zid, set()).add(address)
             ids = self._ids.setdefault(name, {})
@@ -170,6 +175,7 @@ class Identities:
         idle = [zid for zid in ids if zid not in self._links]
         for zid in idle[: max(0, len(idle) - MAX_IDS)]:
             del ids[zid], self._holders[zid]
+            self._contested.discard(zid)
 
 
 class AcceptedPeers:
@@ -185,7 +191,7 @@ class AcceptedPeers:
         self._listener = declare_link_events(session, self._changed)
 
     def on_refused(self, report: Callable[[RefusedLink], None]) -> None:
-        """Call `report`, in a thread of Zenoh, for each link that is refused from now on."""
+        """Call `report`, in a thread of Zenoh, for each link of another certificate from now on."""
         self._report = report
 
     def _changed(self, event: zenoh.LinkEvent) -> None:
@@ -196,4 +202,5 @@ class AcceptedPeers:
         refused = self._identities.linked(zid, event.link.auth_identifier, address)
         if refused is not None:
             self._end(address)
-            self._report(refused)
+            if refused.name != refused.holder:
+                self._report(refused)

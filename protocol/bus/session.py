@@ -485,7 +485,7 @@ class LastingSession:
     def replace(self, before: zenoh.Session, *, if_lost: bool = False) -> bool:
         """Open a fresh session in place of `before`; return whether a process has accepted it.
 
-        `if_lost`: keep the session if it is linked again and not broken.
+        `if_lost`: keep the session if it is linked again, and steadily.
         """
         with self._replacing:
             if self.now is not before:
@@ -493,8 +493,8 @@ class LastingSession:
             fresh = self._open_fresh()
             if fresh is None:
                 return False
+            kept = if_lost and self._is_steady(before)
             with self._declaring:
-                kept = if_lost and is_linked(before) and not self._links.broken
                 if self._closed.is_set() or kept:
                     close_session(fresh)
                     return False
@@ -503,6 +503,15 @@ class LastingSession:
                     one.now = one.declare(fresh)
             close_session(before)
         return True
+
+    def _is_steady(self, session: zenoh.Session) -> bool:
+        """Return whether a session is linked again, and its link is not ended at once."""
+        steady_s = monotonic() + STEADY_S
+        while is_linked(session) and not self._links.broken:
+            if monotonic() >= steady_s:
+                return True
+            self._closed.wait(POLL_S)
+        return False
 
     def _declare_links(self, session: zenoh.Session) -> Any:
         """Follow the links of a session."""

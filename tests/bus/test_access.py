@@ -130,7 +130,7 @@ def test_operator_whose_id_a_viewer_takes_stops_the_robot(ring: Keyring) -> None
     assert len([line for line in told if ID_TAKEN in line]) == 1
 
 
-def test_rightful_owner_of_an_id_is_admitted_after_a_refusal(ring: Keyring) -> None:
+def test_id_that_two_certificates_have_used_is_refused_to_both(ring: Keyring) -> None:
     refused: list[RefusedLink] = []
     with open_bus(listening(ring, "robot-r1"), Role.ROBOT, "r1") as hub:
         hub.on_refused(refused.append)
@@ -139,9 +139,9 @@ def test_rightful_owner_of_an_id_is_admitted_after_a_refusal(ring: Keyring) -> N
         until(unlinked(hub))
         with squatting(ring, hub.locator(), "ada1"):
             until(lambda: refused)
+        until(unlinked(hub))
         with squatting(ring, hub.locator(), "ada1", "ground-ada"):
-            names = {link.auth_identifier for link in hub._session.info.links()}
-    assert names == {"ground-ada"}
+            until(unlinked(hub))
     assert {(one.zid, one.name, one.holder) for one in refused} == {
         ("ada1", "viewer", "ground-ada")
     }
@@ -211,7 +211,7 @@ def test_process_behind_a_router_whose_id_is_taken_returns(
             publisher.put_frame(b"x" if message is None else publisher.frame(message))
             return box.latest() is not None or box.rejected > 0
 
-        until(arrives, what="the process is heard again")
+        until(arrives, what="the process is heard again", poll_s=0.05)
         until(lambda: (role.value, bus.zid) in {(one.role, one.zid) for one in reader.present()})
 
 
@@ -250,7 +250,8 @@ def test_an_id_belongs_to_the_certificate_that_used_it_first() -> None:
     known.unlinked("1", "b:1")
     known.unlinked("1", "a:1")
     assert known.linked("1", "viewer", "b:2") is not None
-    assert known.linked("1", "ground-ada", "a:2") is None
+    assert known.linked("1", "ground-ada", "a:2") is not None, "Zenoh may mix up the two"
+    assert known.linked("2", "ground-ada", "a:3") is None
 
 
 def test_certificate_with_many_ids_pushes_out_only_its_own() -> None:

@@ -176,6 +176,5 @@ def test_truth_of_one_person_holds_no_contradiction() -> None:
     assert said["LeaseView"] > 1
 
 
-@each("seed", [3, 8])
-def test_run_of_persons_is_the_same_again(seed: int) -> None:
-    assert observe(draw_persons(seed)).digest == observe(draw_persons(seed)).digest
+def test_run_of_persons_is_the_same_again() -> None:
+    assert observe(draw_persons(3)).digest == observe(draw_persons(3)).digest

@@ -153,6 +153,19 @@ def test_session_whose_link_returns_meanwhile_is_kept() -> None:
 
 
 @pytest.mark.usefixtures("plain_callbacks")
+def test_session_whose_link_returns_for_a_moment_is_replaced(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A hub that ends each link of an id lets one begin before it does so."""
+    first, second, looks = Session("first"), Session("second"), [True, True]
+    monkeypatch.setattr(lasting_session, "is_linked", lambda _: bool(looks and looks.pop()))
+    session = lasting(first, [second])
+    assert session.replace(session.now, if_lost=True)
+    assert session.now is cast(object, second)
+    session.close()
+
+
+@pytest.mark.usefixtures("plain_callbacks")
 def test_closed_session_is_not_replaced() -> None:
     first, second = Session("first"), Session("second")
     session = lasting(first, [second])
