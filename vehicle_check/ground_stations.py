@@ -139,11 +139,16 @@ class GroundStations:
             if self.deadline_ns is not None and now_ns >= self.deadline_ns:
                 self.deadline_ns = None
                 raise TimeSpentError
-            for client in list(self.clients.values()):
-                client.beat(now_ns)
-            for heard in self.network.receive(min(end_ns, now_ns + STEP_NS)):
-                for client in self._receivers(heard.peer):
-                    client.take(heard.data, heard.at_ns)
+            self.exchange(min(end_ns, now_ns + STEP_NS))
+
+    def exchange(self, until_ns: int) -> None:
+        """Send the heartbeats that are due; wait for frames, at most until a time."""
+        now_ns = self.now_ns
+        for client in list(self.clients.values()):
+            client.beat(now_ns)
+        for heard in self.network.receive(until_ns):
+            for client in self._receivers(heard.peer):
+                client.take(heard.data, heard.at_ns)
 
     def _receivers(self, peer: int) -> Sequence["GroundStation"]:
         """Return the stations that receive what has arrived; on a shared line all that are on."""

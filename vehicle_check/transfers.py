@@ -155,6 +155,7 @@ MISSION: Final = mavlink.MAV_MISSION_TYPE_MISSION
 FENCE: Final = mavlink.MAV_MISSION_TYPE_FENCE
 RALLY: Final = mavlink.MAV_MISSION_TYPE_RALLY
 REQUESTS: Final = ("MISSION_REQUEST", "MISSION_REQUEST_INT")
+REQUEST_ITEM: Final = mavlink.MAVLink_mission_request_int_message
 DEGREES_E7: Final = 1e7
 MAX_ITEMS: Final = 2_000
 ANSWER_S: Final = 1.0

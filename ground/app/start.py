@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from io import BufferedWriter, FileIO, TextIOWrapper
 from pathlib import Path
 from threading import Lock, Timer
+from time import time_ns
 from typing import TYPE_CHECKING, Final
 
 from ground.app.appearance import DUMB, AppOptions, appearance_of, has_colours, in_browser
@@ -30,10 +31,14 @@ from runtime.config import line_located
 from runtime.errors import EXIT_SIGNAL
 
 if TYPE_CHECKING:
+    from textual.app import App
+
     from ground.app.app import GroundApp
+    from ground.app.vehicle_app import VehicleApp
     from ground.launch.launcher import Stack
     from ground.launch.recording_session import RecordingSession
     from ground.station.station import Station
+    from vehicle_check.networks import VehicleNetwork
 
 
 OUTPUTS: Final = (1, 2)
@@ -199,7 +204,21 @@ def run_replay(
         return run_app(app)
 
 
-def run_app(app: "GroundApp", station: "Station | None" = None) -> int:
+def run_watch(options: AppOptions, network: "VehicleNetwork", system: int, folder: Path) -> int:
+    """Show a MAVLink vehicle until the user leaves; close the network."""
+    appearance = appearance_of(options, load_settings())
+    from ground.app.vehicle_app import VehicleApp
+
+    offset_ns = time_ns() - network.now_ns()
+    try:
+        app = VehicleApp(network, system, folder, offset_ns, appearance)
+        with capture_output(state_folder() / "ground.log"):
+            return run_app(app)
+    finally:
+        network.close()
+
+
+def run_app(app: "GroundApp | VehicleApp", station: "Station | None" = None) -> int:
     """Run the app until the operator leaves or a signal ends it; raise a defect.
 
     What the station has begun then ends, such as a drive by hand, but never late.
@@ -232,7 +251,7 @@ async def end(station: "Station") -> None:
             await asyncio.wait_for(ending, within_s)
 
 
-def watch_terminal(loop: asyncio.AbstractEventLoop, app: "GroundApp", terminal: int) -> None:
+def watch_terminal(loop: asyncio.AbstractEventLoop, app: "App[int]", terminal: int) -> None:
     """End the app when the terminal has disappeared without a signal."""
     try:
         termios.tcgetattr(terminal)
@@ -242,7 +261,7 @@ def watch_terminal(loop: asyncio.AbstractEventLoop, app: "GroundApp", terminal: 
     loop.call_later(CHECK_S, watch_terminal, loop, app, terminal)
 
 
-def exit_on_signal(app: "GroundApp", number: int) -> None:
+def exit_on_signal(app: "App[int]", number: int) -> None:
     """End the app in order; by force when a lost terminal blocks that."""
     app.exit(EXIT_SIGNAL + number)
     late = Timer(CLOSING_S, os._exit, (EXIT_SIGNAL + number,))

@@ -43,6 +43,10 @@ MAVLINK: Final[Mapping[str, Subcommand]] = MappingProxyType(
             "test a MAVLink vehicle against the requirements of clients",
             "mavlink check udpout:127.0.0.1:14550",
         ),
+        "watch": Subcommand(
+            "show a MAVLink vehicle in the terminal, without commanding it",
+            "mavlink watch udpout:127.0.0.1:14550",
+        ),
         "compare": Subcommand(
             "compare two reports of `mavlink check --json`",
             "mavlink compare before.json after.json",

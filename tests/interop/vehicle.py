@@ -95,7 +95,8 @@ def two_robots(folder: Path, kind: str, patch: pytest.MonkeyPatch) -> Iterator[J
         key.write_text(keys.said.split()[-1], encoding="utf-8")
         world = folder / "yard.toml"
         world.write_text(YARD, encoding="utf-8")
-        crew.robot("--state", str(folder / "r1"), *START)
+        first = crew.listening("robot", "--state", str(folder / "r1"), *START)
+        first.says("ready")
         second = crew.dialling("robot", "--id", "r2", "--state", str(folder / "r2"), *BESIDE)
         second.says("ready")
         plant = crew.dialling(

@@ -1,4 +1,4 @@
-"""`mavlink`: test a MAVLink vehicle as a black box, row by row, and compare two reports."""
+"""`mavlink`: test a MAVLink vehicle as a black box, row by row, compare two reports, or watch."""
 
 import argparse
 import os
@@ -8,8 +8,11 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from ground.app.appearance import add_appearance_options
+from ground.app.start import has_screen, run_watch
 from ground.commands.command import add_json
 from ground.text.output import Output
+from ground.user.folders import recordings_folder
 from runtime.cli.parsers import add_subcommands
 from runtime.errors import UserError
 
@@ -25,12 +28,13 @@ PROFILES: Final = ("ardupilot-rover", "ardupilot", "px4", "generic")
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the actions of `mavlink`, with their arguments."""
     actions = add_subcommands(parser, "mavlink")
-    check, compare = actions["check"], actions["compare"]
+    check, compare, watch = actions["check"], actions["compare"], actions["watch"]
     text = (
         "endpoint of the vehicle: udpout:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD, "
         "or udpin:HOST:PORT to listen"
     )
-    check.add_argument("endpoint", metavar="ENDPOINT", help=text)
+    for one in (check, watch):
+        one.add_argument("endpoint", metavar="ENDPOINT", help=text)
     text = "rows to test, as in 1-7,19 (default all)"
     check.add_argument("--rows", metavar="ROWS", help=text)
     text = "what the vehicle follows; leaves out the rows of others (default ardupilot-rover)"
@@ -51,6 +55,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     for name in ("before", "after"):
         compare.add_argument(name, type=Path, metavar=name.upper(), help=text)
     add_json(compare)
+    text = "system id of the vehicle (default: the first that is heard)"
+    watch.add_argument("--system", type=int, default=0, metavar="N", help=text)
+    text = "folder of recordings (default: that of Sidestep)"
+    watch.add_argument("--recordings", type=Path, metavar="DIR", help=text)
+    add_appearance_options(watch)
+    watch.set_defaults(json=False)
 
 
 def seconds(text: str) -> float:
@@ -77,7 +87,18 @@ def loss(text: str) -> float:
 
 def run(options: argparse.Namespace, output: Output) -> int:
     """Judge the vehicle, or compare; return 0 if no row fails or has become worse, else 1."""
-    return compare(options, output) if options.action == "compare" else check(options, output)
+    runs = {"check": check, "compare": compare, "watch": watch}
+    return runs[options.action](options, output)
+
+
+def watch(options: argparse.Namespace, output: Output) -> int:
+    """Show the vehicle until the user leaves."""
+    from vehicle_check import networks
+
+    if not has_screen():
+        raise UserError("mavlink watch needs a terminal: `mavlink check --json` needs none")
+    folder = options.recordings or recordings_folder()
+    return run_watch(options, networks.network_of(options.endpoint), options.system, folder)
 
 
 def compare(options: argparse.Namespace, output: Output) -> int:
