@@ -148,6 +148,13 @@ EVIDENCE: Final = ROOT / "docs" / "evidence" / "mavlink"
 ROWS_PAGE: Final = ROOT / "docs" / "reference" / "mavlink-rows.md"
 ROWS_BEGIN: Final = "<!-- begin: make rows-table -->\n"
 ROWS_END: Final = "<!-- end: make rows-table -->\n"
+VEHICLES: Final = {
+    "ardupilot-like": "does as ArduPilot's Rover, without sonars and operator control",
+    "hasty": "has the defects behind most of the rows from 61 on",
+    "careless": "answers everybody, skips sequence numbers, ignores targets",
+    "mute": "sends a heartbeat, and answers nothing",
+}
+"""Reports of vehicles in simulated time: `python -m tests.support.vehicle_check.reports`."""
 ROWS_LINES: Final = {"udp": "UDP", "loss": "UDP, 20 % loss", "tcp": "TCP"}
 
 
@@ -174,11 +181,12 @@ def write_rows(argv: Sequence[str] | None = None) -> int:
         if (options.results / f"{line}.json").exists():
             copyfile(options.results / f"{line}.json", options.evidence / f"{line}.json")
     found = results_in(options.evidence)
+    others = {name: results_of(EVIDENCE / f"{name}.json") for name in VEHICLES}
     if not any(found.values()):
         print(f"{options.evidence}: no results; run `make interop` first", file=sys.stderr)
         return 1
     page = options.page.read_text(encoding="utf-8")
-    options.page.write_text(with_table(page, found), encoding="utf-8")
+    options.page.write_text(with_table(page, found, others), encoding="utf-8")
     return 0
 
 
@@ -195,9 +203,10 @@ def results_of(path: Path) -> Results:
     return {one["row"]: RowResult(one["status"], one["evidence"]) for one in found["rows"]}
 
 
-def with_table(page: str, found: Mapping[str, Results]) -> str:
-    """Return the page with a new table between its marks."""
+def with_table(page: str, found: Mapping[str, Results], others: Mapping[str, Results]) -> str:
+    """Return the page with new tables between its marks."""
     tables = f"{rows_summary(found)}\n\n{row_table(found)}\n\n{exceptions(found)}"
+    tables += f"## Other vehicles\n\n{vehicle_table(others)}\n\n"
     return with_text(page, ROWS_BEGIN, ROWS_END, f"\n{tables}")
 
 
@@ -219,6 +228,21 @@ def row_table(found: Mapping[str, Results]) -> str:
         lines.append([number, row.title, row.source, row.suffers, *cells])
     heads = ["row", "requirement", "source", "a failure affects", *ROWS_LINES.values()]
     return table(heads, lines)
+
+
+def vehicle_table(found: Mapping[str, Results]) -> str:
+    """Return the table of simulated vehicles: how many rows passed, and which failed."""
+    lines = []
+    for name, words in VEHICLES.items():
+        passed = [row for row, one in found[name].items() if one.status == RowStatus.PASS]
+        failed = [row for row, one in found[name].items() if one.status == RowStatus.FAIL]
+        named = ", ".join(map(str, sorted(failed))) or "none"
+        lines.append([name, words, len(passed), named if len(failed) < MANY else len(failed)])
+    return table(["vehicle", "what it does", "rows passed", "rows failed"], lines)
+
+
+MANY: Final = 30
+"""So many rows are counted, not named."""
 
 
 def exceptions(found: Mapping[str, Results]) -> str:

@@ -30,6 +30,7 @@ from tests.support.vehicle_check.broken import (
 )
 from tests.support.vehicle_check.core import Core, MemoryNetwork, Peer
 from tests.support.vehicle_check.good import GoodVehicle, SigningVehicle
+from tests.support.vehicle_check.reports import FOLDER, VEHICLES, report, statuses
 from vehicle_check import judge as vehicle_check_judge
 from vehicle_check import networks
 from vehicle_check.judge import CheckOutcome, Judged, judge, rows
@@ -269,16 +270,24 @@ def test_late_blocks_of_another_part_of_a_log_do_not_count() -> None:
     assert found.verdict.status is RowStatus.PASS, found.verdict
 
 
+@each("name", VEHICLES)
+def test_reports_in_the_tree_are_those_of_the_vehicles(name: str) -> None:
+    kept = json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8"))
+    assert statuses(kept) == statuses(report(name)), "python -m tests.support.vehicle_check.reports"
+
+
 def test_ardupilot_fails_no_row() -> None:
-    vehicle = ArduPilotLike()
-    found = by_number(judged(vehicle, key=None))
-    wrong = {number: one for number, one in found.items() if one.status is RowStatus.FAIL}
-    assert list(wrong) == [], wrong
-    reasons = {
-        n: one.evidence for n, one in found.items() if one.status is RowStatus.NOT_APPLICABLE
-    }
+    found = report("ardupilot-like")["rows"]
+    wrong = [one for one in found if one["status"] == "fail"]
+    assert not wrong
+    reasons = {one["row"]: one["evidence"] for one in found if one["status"] == "not applicable"}
     assert sorted(reasons) == [10, 13, 15, 16, 17, 23, 24, 55, 56, 57, 59], reasons
     assert all(reasons.values())
+
+
+def test_parameters_of_ardupilot_are_not_changed() -> None:
+    vehicle = ArduPilotLike()
+    judged(vehicle, numbers=[22], key=None)
     assert vehicle.values["RC1_MIN"] == 1000.0
 
 
@@ -532,10 +541,11 @@ def test_udp_and_tcp_carry_bytes_both_ways() -> None:
 
 
 def test_every_row_is_judged_on_a_vehicle_that_answers_nothing() -> None:
-    found = by_number(judged(MuteVehicle()))
-    assert RowStatus.NOT_TRIED not in {one.status for one in found.values()}
-    passes = [number for number, one in found.items() if one.status is RowStatus.PASS]
-    assert passes == [3, 5, 53, 62], "it has no other components, gaps or recordings"
+    found = statuses(report("mute"))
+    needs_key = [number for number, status in found.items() if status == "not tried"]
+    assert needs_key == [51, 52, 53, 54]
+    passes = [number for number, status in found.items() if status == "pass"]
+    assert passes == [3, 5, 62], "it has no other components, and no gaps"
 
 
 def test_row_that_never_ends_costs_its_own_time_only() -> None:

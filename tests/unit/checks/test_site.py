@@ -45,6 +45,7 @@ from study.falsify.findings import read_finding
 from study.report.drives import drive_trial
 from study.trial.trial import Trial, run_trial
 from tests.support.each import each
+from tests.support.vehicle_check.reports import VEHICLES
 from vehicle_check.judge import rows as judge_rows
 
 
@@ -449,7 +450,12 @@ def write(folder: Path, line: str, *found: tuple[int, str, str]) -> None:
 def test_page_shows_the_results_in_the_tree() -> None:
     page = interop_tables.ROWS_PAGE.read_text(encoding="utf-8")
     found = interop_tables.results_in(interop_tables.EVIDENCE)
-    assert interop_tables.with_table(page, found) == page
+    others = interop_tables.VEHICLES
+    assert list(others) == list(VEHICLES)
+    kept = {
+        name: interop_tables.results_of(interop_tables.EVIDENCE / f"{name}.json") for name in others
+    }
+    assert interop_tables.with_table(page, found, kept) == page
     for line, results in found.items():
         assert set(results) <= set(judge_rows()), line
 
