@@ -342,7 +342,7 @@ def test_refusal_names_its_reason(bench: Bench) -> None:
 
 
 NOT_IN_CONTROL = 10
-ARM_COMMAND, SET_MODE_COMMAND, PAUSE, STOP, SPEED = 400, 176, 193, 185, 178
+ARM_COMMAND, SET_MODE_COMMAND, PAUSE, STOP, SPEED, HOME = 400, 176, 193, 185, 178, 179
 HERE = (47.37691, 8.54172)
 MAKES: dict[str, tuple[float, ...]] = {
     "arm": (ARM_COMMAND, 1),
@@ -504,15 +504,17 @@ def test_refused_command_is_asked_anew() -> None:
     ]
 
 
-def test_value_outlasts_a_stop() -> None:
-    bench = driving_bench()
-    bench.send(command(SPEED, 1, 0.5, -1))
+@each(("number", "result"), [(HOME, ACCEPTED), (SPEED, LATER)])
+def test_value_outlasts_a_stop_but_no_speed_does(number: int, result: int) -> None:
+    bench = driving_bench(Mode.GUIDED)
+    params = (1, 0.5, -1)
+    bench.send(command(number, *params))
     accept_all(bench)
     bench.send(command(SET_MODE_COMMAND, 1, Mode.HOLD), OTHER)
     accept_all(bench)
     performed(bench)
     bench.sent()
-    assert acks(bench.send(command(SPEED, 1, 0.5, -1, confirmation=1))) == [(SPEED, ACCEPTED)]
+    assert acks(bench.send(command(number, *params, confirmation=1))) == [(number, result)]
     assert performed(bench) == []
 
 
