@@ -41,7 +41,7 @@ from protocol.wire.messages import (
     TickInputs,
     WheelTicks,
 )
-from robot.core import reasons, states
+from robot.core import modes, reasons, states
 from robot.core.brain import GUARD, NAVIGATE, ODOMETRY, StageHook, ignore
 from robot.core.modes import Machine
 from robot.core.parameters import Params
@@ -221,11 +221,22 @@ class BoardCore:
         """End an active goal as ABORTED."""
         self._ask(BoardStop(now_ms=now_ms, reason=reason, extent=StopExtent.GOAL))
 
-    def set_fence(self, fence: Fence | None) -> int:
-        """Replace or remove the fence and return a reason."""
-        reason = self._ask(fence_message(fence))
+    def set_fence(self, fence: Fence | None, exclusions: tuple[Fence, ...] = ()) -> int:
+        """Replace or remove the fence and return a reason.
+
+        Its outlines go one by one, so all are checked before the first one.
+        """
+        machine = self.state.machine
+        reason = reasons.OK
+        if exclusions:
+            pose = self.state.odometry.pose
+            reason = modes.fence_problem(machine, fence, pose, exclusions)
         if reason == reasons.OK:
-            self.state.machine.fence = fence
+            reason = self._ask(fence_message(fence))
+        for one in exclusions if reason == reasons.OK else ():
+            reason = self._ask(fence_message(one, is_exclusion=True)) or reason
+        if reason == reasons.OK:
+            machine.fence, machine.exclusions = fence, exclusions
         return reason
 
     def lose_fence(self) -> None:
@@ -381,13 +392,13 @@ def scan_message(scan: Scan | None, number: int) -> SonarScan | None:
     )
 
 
-def fence_message(fence: Fence | None) -> BoardFence:
-    """Return the message that sets or removes a fence."""
+def fence_message(fence: Fence | None, *, is_exclusion: bool = False) -> BoardFence:
+    """Return the message that sets or removes a fence, or adds an exclusion to it."""
     xs_m, ys_m, radius_m = fence or ((), (), 0.0)
     padding = (0,) * (MAX_CORNERS - len(xs_m))
     x = (*(round(place_m * PLACES_PER_M) for place_m in xs_m), *padding)
     y = (*(round(place_m * PLACES_PER_M) for place_m in ys_m), *padding)
-    return BoardFence(radius_m=radius_m, x=x, y=y, corners=len(xs_m))
+    return BoardFence(radius_m=radius_m, x=x, y=y, corners=len(xs_m), exclusion=int(is_exclusion))
 
 
 @contextmanager

@@ -40,8 +40,8 @@ class Core(Protocol):
     def end_goal(self, reason: int, now_ms: int) -> None:
         """End an active goal as ABORTED."""
 
-    def set_fence(self, fence: Fence | None) -> int:
-        """Replace the fence, or remove it."""
+    def set_fence(self, fence: Fence | None, exclusions: tuple[Fence, ...] = ()) -> int:
+        """Replace the fence with its exclusions, or remove it."""
 
     def lose_fence(self) -> None:
         """Forbid arming, because a saved fence is lost; call this before the first step."""
@@ -209,9 +209,9 @@ class InProcessCore:
         """End an active goal as ABORTED."""
         modes.end_goal(self.state.machine, states.ABORTED, reason, now_ms)
 
-    def set_fence(self, fence: Fence | None) -> int:
+    def set_fence(self, fence: Fence | None, exclusions: tuple[Fence, ...] = ()) -> int:
         """Replace or remove the fence and return a reason."""
-        return modes.set_fence(self.state.machine, fence, self.state.odometry.pose)
+        return modes.set_fence(self.state.machine, fence, self.state.odometry.pose, exclusions)
 
     def lose_fence(self) -> None:
         """Forbid arming, because a saved fence is lost."""

@@ -53,7 +53,6 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import reason_text
 from robot.core import modes, reasons, states
 from robot.core.modes import Machine
-from robot.core.safety import fence as fences
 from robot.core.safety.fence import MAX_CORNERS, Fence
 from robot.core.values import Goal
 from robot.file_writer import Directory, StateFile, Ticket, sealed, text_in, unsealed
@@ -445,12 +444,23 @@ def mode_request(mode: int) -> CommandRequest:
     return CommandRequest(request_id=0, param1=0.0, param2=float(mode), command=Command.DO_SET_MODE)
 
 
-CORNER: Final = Command.NAV_FENCE_POLYGON_VERTEX_INCLUSION
-CIRCLE: Final = Command.NAV_FENCE_CIRCLE_INCLUSION
+INCLUSIONS: Final = (
+    Command.NAV_FENCE_POLYGON_VERTEX_INCLUSION,
+    Command.NAV_FENCE_CIRCLE_INCLUSION,
+)
+EXCLUSIONS: Final = (
+    Command.NAV_FENCE_POLYGON_VERTEX_EXCLUSION,
+    Command.NAV_FENCE_CIRCLE_EXCLUSION,
+)
+CIRCLES: Final = (Command.NAV_FENCE_CIRCLE_INCLUSION, Command.NAV_FENCE_CIRCLE_EXCLUSION)
 
 
 class FenceItems:
-    """Stores the uploaded `items` of the fence; the core has the fence itself."""
+    """Stores the uploaded `items` of the fence; the core has the fence itself.
+
+    A polygon is as many corners in a row as each of them says, a circle is one item. One outline is
+    to stay in, any others to stay out of.
+    """
 
     max_items = MAX_CORNERS
 
@@ -460,12 +470,21 @@ class FenceItems:
 
     def put(self, items: tuple[MissionItemInt, ...]) -> tuple[int | None, int]:
         """Replace the fence; return the index of a bad item, if any, and a reason, 0 if done."""
-        kind = items[0].command
-        for index, item in enumerate(items):
-            reason = fence_problem_of(item, kind, len(items))
-            if reason != reasons.OK:
-                return index, reason
-        refusal = self._core.set_fence(fence_of(items))
+        outlines: dict[bool, list[Fence]] = {True: [], False: []}
+        at = 0
+        while at < len(items):
+            for index in range(at, at + size_of(items[at])):
+                reason = fence_problem_of(items, index, at)
+                if reason != reasons.OK:
+                    return min(index, len(items) - 1), reason
+            is_inclusion = items[at].command in INCLUSIONS
+            if is_inclusion and outlines[True]:
+                return at, reasons.FENCE_NOT_SIMPLE
+            outlines[is_inclusion].append(fence_of(items[at : at + size_of(items[at])]))
+            at += size_of(items[at])
+        if not outlines[True]:
+            return 0, reasons.FENCE_NOT_SIMPLE
+        refusal = self._core.set_fence(outlines[True][0], tuple(outlines[False]))
         if refusal == reasons.OK:
             self.items = items
         return None, refusal
@@ -476,19 +495,28 @@ class FenceItems:
         return self._core.set_fence(None)
 
 
-def fence_problem_of(item: MissionItemInt, kind: int, count: int) -> int:
-    """Return why an item cannot be part of a fence of this kind, or 0."""
-    if item.command not in (CORNER, CIRCLE):
+def size_of(item: MissionItemInt) -> int:
+    """Return the number of items of the outline that begins with this one."""
+    size = 1.0 if item.command in CIRCLES else item.param1
+    return int(size) if 1.0 <= size <= MAX_CORNERS and size == int(size) else 1
+
+
+def fence_problem_of(items: tuple[MissionItemInt, ...], index: int, first: int) -> int:
+    """Return why an item cannot be part of the outline that begins with the `first` one, or 0."""
+    if index >= len(items):
+        return reasons.FENCE_NOT_SIMPLE
+    item, kind = items[index], items[first].command
+    if item.command not in (*INCLUSIONS, *EXCLUSIONS):
         return reasons.UNKNOWN_COMMAND
     if item.frame != FRAME_LOCAL_FLU:
         return reasons.UNKNOWN_FRAME
-    whole = count == 1 if kind == CIRCLE else item.param1 == count
+    whole = kind in CIRCLES or item.param1 == size_of(items[first])
     return reasons.OK if whole and item.command == kind else reasons.FENCE_NOT_SIMPLE
 
 
 def fence_of(items: tuple[MissionItemInt, ...]) -> Fence:
-    """Return the fence that the items describe."""
-    radius_m = tidy(items[0].param1) if items[0].command == CIRCLE else 0.0
+    """Return the outline that the items describe."""
+    radius_m = tidy(items[0].param1) if items[0].command in CIRCLES else 0.0
     xs_m, ys_m = (tuple(place / PLACES_PER_M for place in places) for places in places_of(items))
     return Fence(xs_m, ys_m, radius_m)
 
@@ -711,8 +739,8 @@ def report_replay(
     if kind == MissionType.MISSION:
         count = f"{len(items)} item{'' if len(items) == 1 else 's'}"
         return Severity.INFO, f"mission restored, {count}, not started"
-    fence, pose = core.state.machine.fence, core.state.odometry.pose
-    if fence is not None and not fences.inside(fence, pose.x_m, pose.y_m):
+    pose = core.state.odometry.pose
+    if not modes.is_permitted(core.state.machine, pose.x_m, pose.y_m):
         return Severity.WARNING, "fence restored, robot OUTSIDE of it: lift it to arm"
     return Severity.INFO, "fence restored"
 

@@ -27,7 +27,7 @@ from ground.client.parameter import Parameter
 from ground.client.parameters import ParameterChanged
 from ground.client.robot_link import UnansweredError
 from ground.client.streams import ClosedError, Stream
-from ground.missions.mission import Circle, MavlinkItem, Mission, Polygon, Waypoint
+from ground.missions.mission import Circle, MavlinkItem, Mission, Polygon, Waypoint, Zones
 from ground.robot import Robot, connect
 from protocol.wire.enums import GoalState, MissionState, Mode, Navigator, Severity, Vehicle
 from protocol.wire.reasons import Reason
@@ -73,6 +73,7 @@ __all__ = [
     "Vehicle",
     "VehicleChanged",
     "Waypoint",
+    "Zones",
     "agreed",
     "connect",
     "operations",

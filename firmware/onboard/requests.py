@@ -89,9 +89,9 @@ def set_parameter(onboard: Onboard) -> int:
 
 
 def set_fence(onboard: Onboard) -> int:
-    """Replace or remove the fence."""
+    """Replace or remove the fence, or add an exclusion to it."""
     values = unpack_from(wire.BOARD_FENCE_FORMAT, board.inbox)
-    corners = values[-1]
+    corners, is_exclusion = values[-2:]
     if corners > MAX_CORNERS:
         return reasons.FENCE_NOT_SIMPLE
     fence = None
@@ -100,7 +100,12 @@ def set_fence(onboard: Onboard) -> int:
         second = 1 + MAX_CORNERS
         ys_m = tuple([value / PER_M for value in values[second : second + corners]])
         fence = Fence(xs_m, ys_m, values[0])
-    return modes.set_fence(onboard.state.machine, fence, onboard.state.odometry.pose)
+    machine, pose = onboard.state.machine, onboard.state.odometry.pose
+    if is_exclusion and fence is not None:
+        exclusions = list(machine.exclusions)
+        exclusions.append(fence)
+        return modes.set_fence(machine, machine.fence, pose, tuple(exclusions))
+    return modes.set_fence(machine, fence, pose)
 
 
 def go(onboard: Onboard) -> int:

@@ -18,7 +18,16 @@ from ground.commands.command import (
     positive,
 )
 from ground.missions.files import ENDINGS, read_fence
-from ground.missions.mission import FARTHEST_M, Circle, Fence, Polygon, fault_of
+from ground.missions.mission import (
+    EVERYWHERE,
+    FARTHEST_M,
+    Circle,
+    Fence,
+    Outline,
+    Polygon,
+    fault_of,
+    zones_of,
+)
 from ground.robot import Robot
 from protocol.options import finite
 from runtime.cli.verb import MORE
@@ -62,15 +71,17 @@ class SetFence(OperatorCommand):
     @property
     def verb(self) -> str:
         """The verb, with the kind of the fence."""
-        return f"fence {'circle' if isinstance(self.fence, Circle) else 'polygon'}"
+        outline = zones_of(self.fence).outline
+        return f"fence {'circle' if isinstance(outline, Circle) else 'polygon'}"
 
     @property
     def line(self) -> str:
         """The line that would be typed for it in the app."""
-        if isinstance(self.fence, Circle):
-            numbers = [self.fence.x_m, self.fence.y_m, self.fence.radius_m]
+        outline = zones_of(self.fence).outline
+        if isinstance(outline, Circle):
+            numbers = [outline.x_m, outline.y_m, outline.radius_m]
         else:
-            numbers = [value for corner in self.fence.corners for value in corner]
+            numbers = [value for corner in outline.corners for value in corner]
         return " ".join((self.verb, *map(number, numbers)))
 
     async def perform(self, robot: Robot) -> TransferOutcome | Refused:
@@ -127,12 +138,19 @@ class FenceShown(Success):
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
         """Return the fence as a row: centre and radius, or corners, in metres."""
         row: dict[str, object] = {"verb": verb, "robot": robot, "ok": True, "fence": None}
-        fence = self.fence
-        if isinstance(fence, Circle):
-            row["fence"] = {"x_m": fence.x_m, "y_m": fence.y_m, "radius_m": fence.radius_m}
-        elif fence is not None:
-            row["fence"] = {"corners": [list(corner) for corner in fence.corners]}
+        if self.fence is not None:
+            zones = zones_of(self.fence)
+            row["fence"] = outline_row(zones.outline)
+            if zones.exclusions:
+                row["exclusions"] = [outline_row(one) for one in zones.exclusions]
         return row
+
+
+def outline_row(outline: Outline) -> dict[str, object]:
+    """Return the centre and radius of a circle, or the corners of a polygon."""
+    if isinstance(outline, Circle):
+        return {"x_m": outline.x_m, "y_m": outline.y_m, "radius_m": outline.radius_m}
+    return {"corners": [list(corner) for corner in outline.corners]}
 
 
 @command(FENCE, example="fence show --json")
@@ -147,9 +165,16 @@ class ShowFence(OperatorCommand):
 
 def in_words(fence: Fence) -> str:
     """Describe a fence with all its corners."""
-    if isinstance(fence, Circle):
-        return str(fence)
-    return f"{fence}: {' '.join(f'({x:g}, {y:g})' for x, y in fence.corners)}"
+    zones = zones_of(fence)
+    shown = [] if zones.outline == EVERYWHERE else [outline_words(zones.outline)]
+    return "\n".join(shown + [f"out of {outline_words(one)}" for one in zones.exclusions])
+
+
+def outline_words(outline: Outline) -> str:
+    """Describe an outline with all its corners."""
+    if isinstance(outline, Circle):
+        return str(outline)
+    return f"{outline}: {' '.join(f'({x:g}, {y:g})' for x, y in outline.corners)}"
 
 
 def outlined(words: list[str]) -> Polygon:

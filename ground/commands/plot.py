@@ -93,7 +93,7 @@ def title_of(robot: str, world: World | None, found: RunSeries) -> str:
     return f"{robot}{where}{f': {ends[-1]}' if ends else ''}"
 
 
-def fence_in(source: Path) -> Shape | None:
+def fence_in(source: Path) -> tuple[Shape, ...]:
     """Return the fence that was uploaded last in a recording."""
     items = MissionItems()
     uploads = {COMMANDED.path, ANSWERED.path}

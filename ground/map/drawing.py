@@ -73,7 +73,7 @@ def entries(scene: MapScene, form: int, is_mono: bool = False) -> list[Entry]:
         (bool(scene.mission), f"{MARKS['waypoint'][form]} mission", "mission"),
         (bool(scene.others), f"{MARKS['other'][form]} other robots", "other"),
         (bool(scene.movers), f"{MARKS['mover'][form]} moving", "truth"),
-        (scene.fence is not None, f"{'⠒.'[form]} fence", "fence"),
+        (bool(scene.fence), f"{'⠒.'[form]} fence", "fence"),
         (bool(scene.ghosts), f"{MARKS['ended'][form]} ghost", "ghost"),
     )
     return [(words, role) for shown, words, role in table if shown]
@@ -116,8 +116,8 @@ def draw_echoes(pen: Pen, points: Iterable[Point], role: str) -> None:
 
 def draw_fence(pen: Pen, scene: MapScene) -> None:
     """Draw the fence as dots, so that it differs from a wall without colours, too."""
-    if scene.fence is not None:
-        dotted(pen, scene.fence, "fence")
+    for shape in scene.fence:
+        dotted(pen, shape, "fence")
 
 
 def draw_ghosts(pen: Pen, scene: MapScene) -> None:

@@ -267,7 +267,7 @@ class MapScene:
     virtual_goal: Point | None = None
     hits: Sequence[Point] = ()
     leaves: Sequence[Point] = ()
-    fence: Shape | None = None
+    fence: Sequence[Shape] = ()
     mission: Sequence[MapTarget] = ()
     current: int | None = None
     draft: Sequence[MapTarget] = ()
@@ -302,7 +302,7 @@ class MapScene:
         if self.size_m is not None:
             yield from ((0.0, 0.0), self.size_m)
         else:
-            shapes = (*self.obstacles, *((self.fence,) if self.fence else ()))
+            shapes = (*self.obstacles, *self.fence)
             for shape in shapes:
                 yield from _corners(shape)
             yield from (*self.seen, *self.seen_late, *self.seen_old, *self.trail)

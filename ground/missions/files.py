@@ -10,25 +10,29 @@ import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields, replace
-from math import dist
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from ground.missions import qgroundcontrol
 from ground.missions.mission import (
+    EVERYWHERE,
     Circle,
     Fence,
     Home,
     MavlinkItem,
     Mission,
     MissionError,
+    Outline,
     Polygon,
     Problem,
     Step,
     Waypoint,
+    Zones,
     fault_of,
-    inside,
+    fence_with,
+    is_allowed,
     line_of,
+    zones_of,
 )
 from ground.missions.qgroundcontrol import (
     PLACED,
@@ -87,7 +91,7 @@ def _judge_places(mission: Mission, file: str) -> None:
     problems = [
         Problem(f"waypoint {at}", f"{waypoint} is outside of the fence", "move it or the fence")
         for at, waypoint in mission.places
-        if mission.fence is not None and not _within(mission.fence, waypoint)
+        if mission.fence is not None and not is_allowed(mission.fence, (waypoint.x_m, waypoint.y_m))
     ]
     count = len(mission.waypoints)
     problems += [
@@ -97,13 +101,6 @@ def _judge_places(mission: Mission, file: str) -> None:
     ]
     if problems:
         raise MissionError(file, problems)
-
-
-def _within(fence: Fence, waypoint: Waypoint) -> bool:
-    place = (waypoint.x_m, waypoint.y_m)
-    if isinstance(fence, Circle):
-        return dist(place, (fence.x_m, fence.y_m)) <= fence.radius_m
-    return inside(fence.corners, place)
 
 
 def write(path: Path, mission: Mission) -> tuple[str, ...]:
@@ -222,15 +219,28 @@ class _Reader:
         return None
 
     def _fence(self, table: object) -> Fence | None:
+        """Return the fence, with the exclusions in it."""
+        if not isinstance(table, dict) or "exclusion" not in table:
+            return self._outline(table, ("fence",))
+        listed, key = table["exclusion"], ("fence", "exclusion")
+        if not isinstance(listed, list):
+            self._blame(key, "is not a list of tables", "write [[fence.exclusion]]")
+            return None
+        rest = {name: value for name, value in table.items() if name != "exclusion"}
+        drawn = [(True, self._outline(rest, ("fence",)))] if rest else []
+        drawn += [(False, self._outline(one, (*key, at))) for at, one in enumerate(listed)]
+        return fence_with([(stays, outline) for stays, outline in drawn if outline is not None])
+
+    def _outline(self, table: object, key: Key) -> Outline | None:
         if not isinstance(table, dict) or set(table) not in ({"circle"}, {"corners"}):
-            self._blame(("fence",), "is neither a circle nor corners", f"write {FENCE_FIX}")
+            self._blame(key, "is neither a circle nor corners", f"write {FENCE_FIX}")
             return None
         if "circle" in table:
-            return self._table(table["circle"], Circle, ("fence", "circle"))
-        polygon = self._table(table, Polygon, ("fence",))
+            return self._table(table["circle"], Circle, (*key, "circle"))
+        polygon = self._table(table, Polygon, key)
         fault = "" if polygon is None else fault_of(polygon.corners)
         if fault:
-            self._blame(("fence", "corners"), fault, "put the corners in order, round the place")
+            self._blame((*key, "corners"), fault, "put the corners in order, round the place")
         return polygon
 
     def _table(self, table: object, schema: type[T], key: Key) -> T | None:
@@ -289,14 +299,24 @@ def _words(key: Key) -> str:
 def toml_text(mission: Mission) -> str:
     """Return the text of a file that reads back as the same mission."""
     blocks = [_step_block(step) for step in mission.waypoints]
-    if isinstance(mission.fence, Circle):
-        blocks.append(_block("[fence.circle]", mission.fence, Circle))
-    elif mission.fence is not None:
-        corners = "".join(f"  [{x!r}, {y!r}],\n" for x, y in mission.fence.corners)
-        blocks.append(f"[fence]\ncorners = [\n{corners}]\n")
+    if mission.fence is not None:
+        blocks += _fence_blocks(zones_of(mission.fence))
     if mission.home is not None:
         blocks.append(_block("[home]", mission.home, Home))
     return "\n".join(blocks)
+
+
+def _fence_blocks(zones: Zones) -> list[str]:
+    shown = [] if zones.outline == EVERYWHERE else [_outline_block("[fence]", zones.outline)]
+    return shown + [_outline_block("[[fence.exclusion]]", one) for one in zones.exclusions]
+
+
+def _outline_block(header: str, outline: Outline) -> str:
+    if isinstance(outline, Polygon):
+        corners = "".join(f"  [{x!r}, {y!r}],\n" for x, y in outline.corners)
+        return f"{header}\ncorners = [\n{corners}]\n"
+    inner = _block("", outline, Circle).strip().replace("\n", ", ")
+    return f"{header}\ncircle = {{ {inner} }}\n"
 
 
 def _step_block(step: Step) -> str:

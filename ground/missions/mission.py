@@ -8,7 +8,8 @@ sides.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
-from typing import Annotated, NamedTuple, TypeAlias
+from math import dist
+from typing import Annotated, Final, NamedTuple, TypeAlias
 
 from msgspec import Meta
 
@@ -105,7 +106,65 @@ class Polygon:
         return f"polygon of {len(self.corners)} corners"
 
 
-Fence: TypeAlias = Circle | Polygon
+Outline: TypeAlias = Circle | Polygon
+
+
+@dataclass(frozen=True, kw_only=True)
+class Zones:
+    """A fence of several outlines: the robot stays inside `outline` and out of each exclusion.
+
+    `drawn_after` is the number of exclusions that were drawn before the outline.
+    """
+
+    outline: Outline
+    exclusions: tuple[Outline, ...]
+    drawn_after: int = 0
+
+    def __str__(self) -> str:
+        out = " and ".join(map(str, self.exclusions))
+        return f"out of {out}" if self.outline == EVERYWHERE else f"{self.outline}, out of {out}"
+
+    @property
+    def drawn(self) -> tuple[tuple[bool, Outline], ...]:
+        """The outlines in the order in which they were drawn; True for the one to stay inside."""
+        out = [(False, one) for one in self.exclusions]
+        stay = [] if self.outline == EVERYWHERE else [(True, self.outline)]
+        return (*out[: self.drawn_after], *stay, *out[self.drawn_after :])
+
+
+EVERYWHERE: Final = Circle(x_m=0.0, y_m=0.0, radius_m=100_000.0)
+"""The outline of a fence that only keeps the robot out: the largest that a robot takes."""
+Fence: TypeAlias = Outline | Zones
+
+
+def zones_of(fence: Fence) -> Zones:
+    """Return a fence with its exclusions, if it has any."""
+    return fence if isinstance(fence, Zones) else Zones(outline=fence, exclusions=())
+
+
+def fence_with(drawn: Sequence[tuple[bool, Outline]]) -> Fence:
+    """Return the fence of outlines as they were drawn, True for one to stay inside.
+
+    Without such a one the robot stays out of the exclusions; of more than one the first counts.
+    """
+    stay = [at for at, (is_inclusion, _) in enumerate(drawn) if is_inclusion]
+    outline = drawn[stay[0]][1] if stay else EVERYWHERE
+    exclusions = tuple(one for is_inclusion, one in drawn if not is_inclusion)
+    if not exclusions:
+        return outline
+    return Zones(outline=outline, exclusions=exclusions, drawn_after=stay[0] if stay else 0)
+
+
+def is_allowed(fence: Fence, place: "Point") -> bool:
+    """Return whether a point lies inside a fence and in none of its exclusions."""
+    zones = zones_of(fence)
+    return _holds(zones.outline, place) and not any(_holds(one, place) for one in zones.exclusions)
+
+
+def _holds(outline: Outline, place: "Point") -> bool:
+    if isinstance(outline, Circle):
+        return dist(place, (outline.x_m, outline.y_m)) <= outline.radius_m
+    return inside(outline.corners, place)
 
 
 @dataclass(frozen=True, kw_only=True)

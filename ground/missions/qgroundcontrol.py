@@ -31,11 +31,14 @@ from ground.missions.mission import (
     MavlinkItem,
     Mission,
     MissionError,
+    Outline,
     Polygon,
     Problem,
     Step,
     Waypoint,
     fault_of,
+    fence_with,
+    zones_of,
 )
 from protocol.wire.enums import (
     FRAME_GLOBAL,
@@ -608,30 +611,27 @@ def _plan_number(value: object) -> float:
 
 
 def _fence(part: object, home: Home | None, sieve: PlanFilter) -> Fence | None:
-    """Return the circle or polygon to stay in; other shapes are rejected."""
-    shapes = list(_shapes(part))
-    for where, shape in shapes:
-        if not shape.get("inclusion", True):
-            sieve.refuse(where, "keeps the robot out: only a fence to stay in is supported")
-    inside = [(where, shape) for where, shape in shapes if shape.get("inclusion", True)]
-    for where, _ in inside[1:]:
-        sieve.refuse(where, "is a second fence: only one is supported")
-    if not inside:
-        return None
-    where, shape = inside[0]
-    if home is None:
-        sieve.refuse(where, "latitude and longitude need a home: --home LATITUDE LONGITUDE")
-        return None
-    fence = _circle(shape, home) if "circle" in shape else _polygon(shape, home)
-    fault = fault_of(fence.corners) if isinstance(fence, Polygon) else ""
-    if fence is None or fault:
-        sieve.refuse(where, fault or "cannot be read")
-        return None
-    return fence
+    """Return the shape to stay in with those to stay out of; what is neither is rejected."""
+    drawn: list[tuple[bool, Outline]] = []
+    for where, shape in _shapes(part):
+        stays = shape.get("inclusion", True) is not False
+        if home is None:
+            sieve.refuse(where, "latitude and longitude need a home: --home LATITUDE LONGITUDE")
+            continue
+        if stays and any(one for one, _ in drawn):
+            sieve.refuse(where, "is a second fence to stay in: only one is supported")
+            continue
+        outline = _circle(shape, home) if "circle" in shape else _polygon(shape, home)
+        fault = fault_of(outline.corners) if isinstance(outline, Polygon) else ""
+        if outline is None or fault:
+            sieve.refuse(where, fault or "cannot be read")
+        else:
+            drawn.append((stays, outline))
+    return fence_with(drawn) if drawn else None
 
 
 def _shapes(part: object) -> Iterator[tuple[str, dict[str, Any]]]:
-    for kind in ("circles", "polygons"):
+    for kind in ("polygons", "circles"):
         listed = part.get(kind) if isinstance(part, dict) else None
         for at, shape in enumerate(listed if isinstance(listed, list) else []):
             yield f"geoFence.{kind}[{at}]", shape if isinstance(shape, dict) else {}
@@ -720,13 +720,14 @@ def _item(item: Item) -> dict[str, object]:
 def _fence_part(fence: Fence | None, home: Home) -> dict[str, object]:
     circles: list[object] = []
     polygons: list[object] = []
-    if isinstance(fence, Circle):
-        centre = list(to_global(home, fence.x_m, fence.y_m))
-        circle = {"center": centre, "radius": fence.radius_m}
-        circles.append({"circle": circle, "inclusion": True, "version": 1})
-    elif fence is not None:
-        corners = [list(to_global(home, *corner)) for corner in fence.corners]
-        polygons.append({"inclusion": True, "polygon": corners, "version": 1})
+    for stays, outline in () if fence is None else zones_of(fence).drawn:
+        if isinstance(outline, Circle):
+            centre = list(same_on_earth(home, outline.x_m, outline.y_m))
+            circle = {"center": centre, "radius": outline.radius_m}
+            circles.append({"circle": circle, "inclusion": stays, "version": 1})
+        else:
+            corners = [list(same_on_earth(home, *corner)) for corner in outline.corners]
+            polygons.append({"inclusion": stays, "polygon": corners, "version": 1})
     return {"circles": circles, "polygons": polygons, "version": PART_VERSION}
 
 

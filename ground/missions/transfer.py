@@ -11,7 +11,18 @@ from struct import Struct
 from typing import Final
 
 from ground.client.requests import PATIENCE_NS, Attempt, Exchange, GaveUp, is_saving
-from ground.missions.mission import Circle, Fence, MavlinkItem, Polygon, Step, Waypoint
+from ground.missions.mission import (
+    EVERYWHERE,
+    Circle,
+    Fence,
+    MavlinkItem,
+    Outline,
+    Polygon,
+    Step,
+    Waypoint,
+    fence_with,
+    zones_of,
+)
 from ground.missions.qgroundcontrol import ORDERS, PLACED, SCALES, UnsupportedItemError, waypoint_in
 from protocol.wire.enums import FRAME_LOCAL_FLU, Command, MissionType
 from protocol.wire.limits import NO_ITEM, PLACES_PER_M
@@ -271,13 +282,41 @@ def typed(value: float) -> float:
     return float(f"{value:.9g}")
 
 
+INCLUSIONS: Final = (
+    Command.NAV_FENCE_POLYGON_VERTEX_INCLUSION,
+    Command.NAV_FENCE_CIRCLE_INCLUSION,
+)
+EXCLUSIONS: Final = (
+    Command.NAV_FENCE_POLYGON_VERTEX_EXCLUSION,
+    Command.NAV_FENCE_CIRCLE_EXCLUSION,
+)
+CIRCLES: Final = (Command.NAV_FENCE_CIRCLE_INCLUSION, Command.NAV_FENCE_CIRCLE_EXCLUSION)
+Corners = tuple[int, float, Sequence[tuple[float, float]]]
+
+
+def corners_of(fence: Fence) -> list[Corners]:
+    """Return command, parameter 1 and places of each outline, in the order of drawing."""
+    found: list[Corners] = []
+    for is_inclusion, outline in zones_of(fence).drawn:
+        polygon, circle = INCLUSIONS if is_inclusion else EXCLUSIONS
+        if isinstance(outline, Circle):
+            found.append((circle, outline.radius_m, [(outline.x_m, outline.y_m)]))
+        else:
+            found.append((polygon, float(len(outline.corners)), outline.corners))
+    return found
+
+
 def fence_items_of(fence: Fence) -> list[MissionItemInt]:
-    """Return the items of a fence."""
-    if isinstance(fence, Circle):
-        around = (fence.x_m, fence.y_m)
-        return [_corner(0, Command.NAV_FENCE_CIRCLE_INCLUSION, fence.radius_m, around)]
-    command, count = Command.NAV_FENCE_POLYGON_VERTEX_INCLUSION, float(len(fence.corners))
-    return [_corner(at, command, count, place) for at, place in enumerate(fence.corners)]
+    """Return the items of a fence; one that only keeps the robot out allows all the rest."""
+    outlines = corners_of(fence)
+    if all(command in EXCLUSIONS for command, _, _ in outlines):
+        circle = EVERYWHERE
+        place = (circle.x_m, circle.y_m)
+        outlines.append((Command.NAV_FENCE_CIRCLE_INCLUSION, circle.radius_m, [place]))
+    items: list[MissionItemInt] = []
+    for command, param1, places in outlines:
+        items += [_corner(len(items) + at, command, param1, one) for at, one in enumerate(places)]
+    return items
 
 
 def _corner(at: int, command: int, param1: float, place: tuple[float, float]) -> MissionItemInt:
@@ -298,13 +337,19 @@ def _corner(at: int, command: int, param1: float, place: tuple[float, float]) ->
 
 def fence_of(items: Sequence[MissionItemInt]) -> Fence | None:
     """Return the fence of items, None without items; RemoteError for an unknown kind."""
-    if not items:
-        return None
-    places = tuple((item.x / PLACES_PER_M, item.y / PLACES_PER_M) for item in items)
-    kinds = {item.command for item in items}
-    if kinds == {Command.NAV_FENCE_POLYGON_VERTEX_INCLUSION}:
-        return Polygon(corners=places)
-    if kinds == {Command.NAV_FENCE_CIRCLE_INCLUSION} and len(items) == 1:
+    drawn: list[tuple[bool, Outline]] = []
+    at = 0
+    while at < len(items):
+        first = items[at]
+        size = 1 if first.command in CIRCLES else max(1, round(first.param1))
+        run = items[at : at + size]
+        if first.command not in (*INCLUSIONS, *EXCLUSIONS) or len(run) < size:
+            kinds = sorted({item.command for item in items})
+            raise RemoteError(f"the robot's fence is of an unknown kind: commands {kinds}")
+        places = tuple((item.x / PLACES_PER_M, item.y / PLACES_PER_M) for item in run)
         x_m, y_m = places[0]
-        return Circle(x_m=x_m, y_m=y_m, radius_m=round(items[0].param1, DIGITS))
-    raise RemoteError(f"the robot's fence is of an unknown kind: commands {sorted(kinds)}")
+        circle = Circle(x_m=x_m, y_m=y_m, radius_m=round(first.param1, DIGITS))
+        outline = circle if first.command in CIRCLES else Polygon(corners=places)
+        drawn.append((first.command in INCLUSIONS, outline))
+        at += size
+    return fence_with(drawn) if drawn else None

@@ -73,7 +73,7 @@ MAX_ECHOES: Final = 4000
 ARROW_M: Final = 0.25
 
 
-def draw_map(axes: "Axes", run: RunSeries, world: World | None, fence: Shape | None) -> None:
+def draw_map(axes: "Axes", run: RunSeries, world: World | None, fence: Sequence[Shape]) -> None:
     """Draw the world in grey, the true path solid, the estimate dotted with its uncertainty."""
     if world is not None:
         draw_world(axes, world)
@@ -105,17 +105,17 @@ def draw_goals(axes: "Axes", goals: list[Place]) -> None:
             axes.annotate("", end, (x_m, y_m), arrowprops={"arrowstyle": "->", "color": GOAL})
 
 
-def draw_fence(axes: "Axes", fence: Shape | None) -> None:
+def draw_fence(axes: "Axes", fence: Sequence[Shape]) -> None:
     """Draw the fence that was in force at the end of the recording."""
     from matplotlib.patches import Circle, Polygon
 
-    if fence is None:
-        return
     look: dict[str, Any] = {"fill": False, "ec": WARM, "ls": "-.", "label": "fence"}
-    if isinstance(fence, Disc):
-        axes.add_patch(Circle((fence.x_m, fence.y_m), fence.radius_m, **look))
-    else:
-        axes.add_patch(Polygon(fence.points_m, **look))
+    for shape in fence:
+        if isinstance(shape, Disc):
+            axes.add_patch(Circle((shape.x_m, shape.y_m), shape.radius_m, **look))
+        else:
+            axes.add_patch(Polygon(shape.points_m, **look))
+        look.pop("label", None)
 
 
 def draw_world(axes: "Axes", world: World) -> None:
@@ -182,7 +182,7 @@ class FigureContents(NamedTuple):
 
     series: RunSeries
     world: World | None
-    fence: Shape | None
+    fence: Sequence[Shape]
     title: str
     source: str
 

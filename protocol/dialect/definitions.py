@@ -68,7 +68,9 @@ COMMON_ENUMS: Final[dict[str, tuple[str, ...]]] = {
         "MISSION_START",
         "COMPONENT_ARM_DISARM",
         "NAV_FENCE_POLYGON_VERTEX_INCLUSION",
+        "NAV_FENCE_POLYGON_VERTEX_EXCLUSION",
         "NAV_FENCE_CIRCLE_INCLUSION",
+        "NAV_FENCE_CIRCLE_EXCLUSION",
     ),
     "MAV_RESULT": (
         "ACCEPTED",

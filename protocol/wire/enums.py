@@ -141,7 +141,9 @@ class Command(IntEnum):
     MISSION_START = 300
     COMPONENT_ARM_DISARM = 400
     NAV_FENCE_POLYGON_VERTEX_INCLUSION = 5001
+    NAV_FENCE_POLYGON_VERTEX_EXCLUSION = 5002
     NAV_FENCE_CIRCLE_INCLUSION = 5003
+    NAV_FENCE_CIRCLE_EXCLUSION = 5004
     # Select the navigator and the side on which it passes obstacles.
     SIDESTEP_SET_NAVIGATOR = 54100
     SIDESTEP_ABORT_GOAL = 54101  # Drop the goal or mission and stop.

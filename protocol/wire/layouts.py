@@ -71,7 +71,7 @@ BOARD_HELLO 54120 163 flash_bytes:I static_bytes:I heap_bytes:I stack_bytes:I co
   core_version:24s float_bits:B parameters:B reset_cause:B
 BOARD_SETUP 54121 190 x_m:d y_m:d heading_rad:d left:i right:i silence_ms:H fence_lost:B
 BOARD_PARAMETER 54122 28 value:d index:B
-BOARD_FENCE 54123 239 radius_m:d x:16i y:16i corners:B
+BOARD_FENCE 54123 176 radius_m:d x:16i y:16i corners:B exclusion:B
 BOARD_ANSWER 54124 40 request:I message_id:I reason:B
 BOARD_STATE 54125 206 goal_started_ms:Q goal_ended_ms:Q x_m:d y_m:d heading_rad:d goal_x_m:d
   goal_y_m:d goal_heading_rad:d goal_distance_m:d slip_share:d tick:I serial:I replaced_serial:I

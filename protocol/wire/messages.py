@@ -924,19 +924,22 @@ class BoardParameter(Message, frozen=True, kw_only=True):
 
 
 class BoardFence(Message, frozen=True, kw_only=True):
-    """Host to board: replace the fence.
+    """Host to board: replace the fence, or add an exclusion to it.
 
     Attributes:
         radius_m: Radius of a circle around the only corner; 0 for a polygon. [m]
         x: Corners, metres times 10000. [16 values]
         y: Corners, metres times 10000. [16 values]
-        corners: Number of corners; 0 removes the fence.
+        corners: Number of corners; 0 removes the fence with its exclusions.
+        exclusion: 1: an outline that the robot must not enter, besides the others; 0: the fence,
+            without exclusions.
     """
 
     radius_m: float
     x: tuple[int, ...]
     y: tuple[int, ...]
     corners: int
+    exclusion: int
 
     def __post_init__(self) -> None:
         if len(self.x) != 16 or len(self.y) != 16:

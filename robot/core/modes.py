@@ -21,13 +21,15 @@ class Machine:
     `cause` is the failsafe condition that holds now, armed or not. `senses` and `operator` are set
     if fresh sensor data and a fresh operator heartbeat were present in the last step.
     `replaced_serial` is the last goal ended by a newer one (ABORTED, REPLACED). `fence` is the area
-    that the robot must not leave, or None; `fence_unreadable` means that a saved fence is lost.
+    that the robot must not leave, or None, and `exclusions` are those within that it must not
+    enter; `fence_unreadable` means that a saved fence is lost.
     `placed` means that the robot knows its place in the world (see `place`).
     `pursuits` counts fresh starts of driving: a new goal, or the same goal with another navigator.
     """
 
     __slots__ = (
         "cause",
+        "exclusions",
         "fence",
         "fence_unreadable",
         "goal",
@@ -66,6 +68,7 @@ class Machine:
         self.side: int = params.side
         self.goal_max_m: float = params.goal_max_m
         self.fence: Fence | None = None
+        self.exclusions: "tuple[Fence, ...]" = ()
         self.fence_unreadable = False
         self.placed = True
         self.senses = False
@@ -226,7 +229,7 @@ def rtl(machine: Machine, trail: Trail, now_ms: int) -> int:
         return reasons.NO_TRAIL
     if machine.fence is not None:
         for i in range(trail.count):
-            if not fences.inside(machine.fence, trail.xs_m[i], trail.ys_m[i]):
+            if not is_permitted(machine, trail.xs_m[i], trail.ys_m[i]):
                 return reasons.OUTSIDE_FENCE
     start = Goal(trail.xs_m[0], trail.ys_m[0], None, 0.05, pi)
     start_goal(machine, start, states.SMART_RTL, now_ms)
@@ -249,30 +252,52 @@ def set_mode(machine: Machine, trail: Trail, mode: int, now_ms: int) -> int:
     return reasons.OK
 
 
-def set_fence(machine: Machine, fence: "Fence | None", pose: Pose) -> int:
-    """Set a fence, or with None remove it; it must contain the robot and an active goal.
+def is_permitted(machine: Machine, x_m: float, y_m: float) -> bool:
+    """Return whether the fence, if there is one, allows a point."""
+    fence = machine.fence
+    return fence is None or fences.allows(fence, machine.exclusions, x_m, y_m)
 
-    Before the first sensor data the fence may exclude the robot: arming is refused then. After them
-    the robot must know its place.
-    """
-    if fence is not None:
-        refusal = fences.refusal_of(fence)
-        if refusal != reasons.OK:
-            return refusal
-        if machine.vehicle != states.BOOT:
-            if not machine.placed:
-                return reasons.PLACE_UNKNOWN
-            if not fences.inside(fence, pose.x_m, pose.y_m):
-                return reasons.FENCE_LEAVES_ROBOT_OUT
-        goal = machine.goal
-        kept = goal is None or fences.inside(fence, goal.x_m, goal.y_m)
-        if goal_is_active(machine) and not kept:
-            return reasons.OUTSIDE_FENCE
+
+def set_fence(
+    machine: Machine, fence: "Fence | None", pose: Pose, exclusions: "tuple[Fence, ...]" = ()
+) -> int:
+    """Set a fence with its exclusions, or with None remove it, and return a reason, 0 if done."""
+    refusal = fence_problem(machine, fence, pose, exclusions)
+    if refusal != reasons.OK:
+        return refusal
     machine.fence = fence
+    machine.exclusions = exclusions
     machine.fence_unreadable = False
     if machine.vehicle_reason == reasons.FENCE_UNREADABLE:
         machine.vehicle_reason = reasons.OK
     return reasons.OK
+
+
+def fence_problem(
+    machine: Machine, fence: "Fence | None", pose: Pose, exclusions: "tuple[Fence, ...]"
+) -> int:
+    """Return why a fence is refused, or 0; it must allow the robot and an active goal.
+
+    Before the first sensor data the fence may exclude the robot: arming is refused then. After them
+    the robot must know its place.
+    """
+    if fence is None:
+        return reasons.OK
+    refusal = fences.refusal_of(fence)
+    for one in exclusions:
+        if refusal == reasons.OK:
+            refusal = fences.refusal_of(one)
+    if refusal != reasons.OK:
+        return refusal
+    if machine.vehicle != states.BOOT:
+        if not machine.placed:
+            return reasons.PLACE_UNKNOWN
+        if not fences.allows(fence, exclusions, pose.x_m, pose.y_m):
+            return reasons.FENCE_LEAVES_ROBOT_OUT
+    goal = machine.goal
+    if goal is None or fences.allows(fence, exclusions, goal.x_m, goal.y_m):
+        return reasons.OK
+    return reasons.OUTSIDE_FENCE if goal_is_active(machine) else reasons.OK
 
 
 def lose_fence(machine: Machine) -> None:
@@ -334,6 +359,4 @@ def goal_problem(machine: Machine, goal: Goal) -> int:
     low_rad, high_rad = MIN_HEADING_TOLERANCE_RAD - EPSILON, MAX_HEADING_TOLERANCE_RAD + EPSILON
     if not low_rad <= heading_rad <= high_rad:
         return reasons.TOLERANCE_OUT_OF_RANGE
-    if machine.fence is not None and not fences.inside(machine.fence, goal.x_m, goal.y_m):
-        return reasons.OUTSIDE_FENCE
-    return reasons.OK
+    return reasons.OK if is_permitted(machine, goal.x_m, goal.y_m) else reasons.OUTSIDE_FENCE

@@ -89,11 +89,11 @@ def test_tick_before_the_set_up_is_ignored(board: Board) -> None:
 CORNERS = [(-100_000, -100_000), (600_000, -100_000), (600_000, 100_000), (-100_000, 100_000)]
 
 
-def fence(corners: list[tuple[int, int]]) -> BoardFence:
+def fence(corners: list[tuple[int, int]], exclusion: int = 0) -> BoardFence:
     """Return a polygon."""
     padded = corners + [(0, 0)] * (16 - len(corners))
     xs, ys = zip(*padded, strict=True)
-    return BoardFence(radius_m=0.0, x=xs, y=ys, corners=len(corners))
+    return BoardFence(radius_m=0.0, x=xs, y=ys, corners=len(corners), exclusion=exclusion)
 
 
 @pytest.mark.mcu
@@ -166,6 +166,11 @@ def test_fence_is_checked_on_the_board(board: Board) -> None:
     assert board.request(fence(CORNERS)) == reasons.OK
     assert board.request(command(Command.COMPONENT_ARM_DISARM, 1.0)) == reasons.OK
     assert board.request(goal_at(61_000)) == reasons.OUTSIDE_FENCE
+    hole = [(200_000, -50_000), (300_000, -50_000), (300_000, 50_000)]
+    assert board.request(fence(hole, exclusion=1)) == reasons.OK
+    assert board.request(goal_at(28_000)) == reasons.OUTSIDE_FENCE
+    assert board.request(fence(CORNERS)) == reasons.OK
+    assert board.request(goal_at(28_000)) == reasons.OK
     assert board.request(fence([])) == reasons.OK
     assert board.request(goal_at(61_000)) == reasons.OK
 

@@ -15,24 +15,37 @@ import msgspec
 from gateways.mavlink.coordinates import place_of
 from gateways.mavlink.mav_service import Sender
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
-from ground.missions.mission import Circle, Fence, Home, Polygon, Step, fault_of
+from ground.missions.mission import (
+    Circle,
+    Fence,
+    Home,
+    Outline,
+    Polygon,
+    Step,
+    fault_of,
+    fence_with,
+)
 from ground.missions.qgroundcontrol import (
     SCALES,
     Item,
     ItemPart,
     UnsupportedItemError,
     place_in,
-    to_global,
+    same_on_earth,
 )
 from ground.missions.transfer import (
+    CIRCLES,
     DIGITS,
+    EXCLUSIONS,
     FLOAT,
+    INCLUSIONS,
+    corners_of,
     fence_items_of,
     items_of,
     typed,
     whole_place,
 )
-from protocol.wire.enums import FRAME_GLOBAL, Command
+from protocol.wire.enums import FRAME_GLOBAL
 from protocol.wire.messages import MissionItemInt
 
 ITEM: Final = Struct("<HBBii5d")
@@ -106,63 +119,70 @@ def item_message(item: Item, kind: int, sender: Sender, *, is_int: bool) -> MavM
     return mavlink.MAVLink_mission_item_message(*head, *item.params, kind)
 
 
-CORNER: Final = Command.NAV_FENCE_POLYGON_VERTEX_INCLUSION
-CIRCLE: Final = Command.NAV_FENCE_CIRCLE_INCLUSION
-NAMES: Final = {
-    5000: "return point: the robot stops at its fence",
-    5002: "exclusion polygon: only an inclusion fence is supported",
-    5004: "exclusion circle: only an inclusion fence is supported",
-}
-ONE: Final = "only one polygon or one circle is supported"
+RETURN_POINT: Final = 5000
+ONE: Final = "only one polygon or circle to stay in is supported"
 
 
 class Corner(NamedTuple):
     """A corner of a polygon of `size` corners, or the centre of a circle of this radius."""
 
+    number: int
     command: int
     size: float
     x_m: float
     y_m: float
 
     @staticmethod
-    def of(item: Item, count: int, origin: Home) -> "Corner":
-        """Return the corner of an item of `count`; UnsupportedItemError if it is none."""
-        if item.command not in (CORNER, CIRCLE):
-            name = NAMES.get(item.command, "not an item of a fence")
+    def of(item: Item, origin: Home) -> "Corner":
+        """Return the corner of an item; UnsupportedItemError if it is none."""
+        if item.command not in (*INCLUSIONS, *EXCLUSIONS):
+            stops = item.command == RETURN_POINT
+            name = (
+                "return point: the robot stops at its fence" if stops else "not an item of a fence"
+            )
             raise UnsupportedItemError(f"command {item.command} ({name})")
-        size = item.params[0]
-        if item.command == CIRCLE and count != 1:
-            raise UnsupportedItemError(f"circle among {count} items: {ONE}")
-        if item.command == CORNER and size != count:
-            words = f"corner of {size:g} in a fence of {count} items: {ONE}"
-            raise UnsupportedItemError(words, ItemPart.PARAM1)
-        return Corner(item.command, size, *place_in(item, origin))
+        return Corner(item.number, item.command, item.params[0], *place_in(item, origin))
 
 
 def fence_of_corners(corners: Sequence[Corner]) -> Fence:
-    """Return the fence; UnsupportedItemError if its values or its outline are wrong."""
+    """Return the fence; UnsupportedItemError names the item at which it is wrong."""
+    drawn: list[tuple[bool, Outline]] = []
+    at = 0
+    while at < len(corners):
+        first = corners[at]
+        is_inclusion, is_circle = first.command in INCLUSIONS, first.command in CIRCLES
+        if is_inclusion and any(stays for stays, _ in drawn):
+            raise UnsupportedItemError(f"item {first.number}: {ONE}")
+        size = 1.0 if is_circle else first.size
+        run = [one for one in corners[at:] if one.number < first.number + size]
+        if not is_circle and (len(run) != size or any(one[1:3] != first[1:3] for one in run)):
+            words = f"item {first.number}: is not one of {size:g} corners in a row"
+            raise UnsupportedItemError(words, ItemPart.PARAM1)
+        drawn.append((is_inclusion, _outline(run)))
+        at += len(run)
+    return fence_with(drawn)
+
+
+def _outline(corners: Sequence[Corner]) -> Outline:
     first = corners[0]
     places = [(corner.x_m, corner.y_m) for corner in corners]
     try:
-        if first.command == CIRCLE:
+        if first.command in CIRCLES:
             table = {"x_m": first.x_m, "y_m": first.y_m, "radius_m": first.size}
             return msgspec.convert(table, Circle)
         polygon = msgspec.convert({"corners": places}, Polygon)
     except msgspec.ValidationError as error:
-        raise UnsupportedItemError(str(error), ItemPart.PARAM1) from error
-    fault = fault_of(polygon.corners)
-    if fault:
-        raise UnsupportedItemError(fault, ItemPart.SHAPE)
+        raise UnsupportedItemError(f"item {first.number}: {error}", ItemPart.PARAM1) from error
+    if fault := fault_of(polygon.corners):
+        raise UnsupportedItemError(f"from item {first.number} on: {fault}", ItemPart.SHAPE)
     return polygon
 
 
 def fence_items(fence: Fence, origin: Home) -> list[Item]:
     """Return the items of a fence."""
-    if isinstance(fence, Circle):
-        command, size, places = CIRCLE, fence.radius_m, [(fence.x_m, fence.y_m)]
-    else:
-        command, size, places = CORNER, float(len(fence.corners)), list(fence.corners)
-    return [
-        Item(at, command, FRAME_GLOBAL, (size, 0.0, 0.0, 0.0, *to_global(origin, *place), 0.0))
-        for at, place in enumerate(places)
-    ]
+    items: list[Item] = []
+    for command, size, places in corners_of(fence):
+        for place in places:
+            params = (size, 0.0, 0.0, 0.0, *same_on_earth(origin, *place), 0.0)
+            items.append(Item(len(items), command, FRAME_GLOBAL, params))
+    return items

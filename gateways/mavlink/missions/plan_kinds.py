@@ -181,7 +181,7 @@ class MissionKind:
 
 
 class FenceKind:
-    """The fence: one polygon or circle that encloses the robot."""
+    """The fence: one polygon or circle that encloses the robot, and others to stay out of."""
 
     number = mavlink.MAV_MISSION_TYPE_FENCE
     name = "fence"
@@ -195,7 +195,7 @@ class FenceKind:
 
     def part_of(self, item: Item, count: int) -> Corner:
         """Return the corner or circle of an item."""
-        return Corner.of(item, count, self._vehicle.origin)
+        return Corner.of(item, self._vehicle.origin)
 
     def note_on(self, item: Item) -> str:
         """Return no hint."""

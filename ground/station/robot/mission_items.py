@@ -4,8 +4,9 @@ from contextlib import suppress
 from math import radians
 from typing import NamedTuple
 
-from ground.map.scene import Disc, MapTarget, Outline, Shape
-from ground.missions.mission import Circle, Fence, Mission
+from ground.map import scene
+from ground.map.scene import Disc, MapTarget, Shape
+from ground.missions.mission import EVERYWHERE, Circle, Fence, Mission, Outline, zones_of
 from ground.missions.transfer import MAX_ITEMS, fence_of, waypoints_of
 from protocol.wire.enums import MissionType
 from protocol.wire.messages import MissionClearAll, MissionCount, MissionItemInt, MissionVerdict
@@ -24,11 +25,11 @@ class DownloadedItems(NamedTuple):
 
 
 class MissionItems:
-    """Mission and fence as downloaded, or as uploaded by any operator; None without one."""
+    """Mission and fence as downloaded, or as uploaded by any operator; empty without one."""
 
     def __init__(self) -> None:
         self.mission: tuple[MapTarget, ...] = ()
-        self.fence: Shape | None = None
+        self.fence: tuple[Shape, ...] = ()
         self._uploads: dict[int, dict[int, MissionItemInt]] = {}
 
     def receive(self, message: object) -> None:
@@ -54,16 +55,22 @@ class MissionItems:
             if found.kind is MissionType.MISSION:
                 self.mission = targets_of(Mission(waypoints=waypoints_of(found.items)))
             else:
-                self.fence = shape_of(fence_of(found.items))
+                self.fence = shapes_of(fence_of(found.items))
 
 
-def shape_of(fence: Fence | None) -> Shape | None:
-    """Return the shape of a fence for the map."""
+def shapes_of(fence: Fence | None) -> tuple[Shape, ...]:
+    """Return the outlines of a fence for the map: the one to stay in first, if there is one."""
     if fence is None:
-        return None
-    if isinstance(fence, Circle):
-        return Disc(fence.x_m, fence.y_m, fence.radius_m)
-    return Outline(fence.corners)
+        return ()
+    zones = zones_of(fence)
+    shown = () if zones.outline == EVERYWHERE else (zones.outline,)
+    return tuple(map(_shape, (*shown, *zones.exclusions)))
+
+
+def _shape(outline: Outline) -> Shape:
+    if isinstance(outline, Circle):
+        return Disc(outline.x_m, outline.y_m, outline.radius_m)
+    return scene.Outline(outline.corners)
 
 
 def targets_of(mission: Mission) -> tuple[MapTarget, ...]:

@@ -76,9 +76,12 @@ def fence_unchecked(state: State, inputs: Inputs, params: Params) -> bool:
 
 
 def fence_breached(state: State, inputs: Inputs, params: Params) -> bool:
-    """Trigger outside the fence, which also forbids arming until the fence is removed."""
-    fence, pose = state.machine.fence, state.odometry.pose
-    return fence is not None and not fences.inside(fence, pose.x_m, pose.y_m)
+    """Trigger outside the fence or in an exclusion; this forbids arming until it is removed."""
+    machine, pose = state.machine, state.odometry.pose
+    fence = machine.fence
+    if fence is None:
+        return False
+    return not fences.allows(fence, machine.exclusions, pose.x_m, pose.y_m)
 
 
 def budget_violated(state: State, inputs: Inputs, params: Params) -> bool:

@@ -1,4 +1,4 @@
-"""The fence: a circle or a simple polygon that the robot must not leave."""
+"""The fence: a circle or a simple polygon to stay inside, with others to stay out of."""
 
 from typing import Final, NamedTuple
 
@@ -13,6 +13,14 @@ Fence = NamedTuple(
     "Fence", [("xs_m", "tuple[float, ...]"), ("ys_m", "tuple[float, ...]"), ("radius_m", float)]
 )
 """The corners of a polygon in order, or the centre of a circle with a radius above 0."""
+
+
+def allows(fence: Fence, exclusions: "tuple[Fence, ...]", x_m: float, y_m: float) -> bool:
+    """Return whether a point is inside the fence, and in or on the border of no exclusion."""
+    for one in exclusions:
+        if inside(one, x_m, y_m):
+            return False
+    return inside(fence, x_m, y_m)
 
 
 def inside(fence: Fence, x_m: float, y_m: float) -> bool:

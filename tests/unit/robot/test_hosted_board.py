@@ -14,6 +14,7 @@ from random import Random
 from typing import Any
 
 import pytest
+from msgspec import structs
 
 from checks.harness.messages import make
 from firmware.board import RESTART, Board, BoardError, BoardMismatchError, SerialLine
@@ -26,6 +27,7 @@ from protocol.wire.enums import (
     FRAME_LOCAL_FLU,
     PARAM_TYPE_REAL32,
     Command,
+    MissionState,
     MissionType,
     Mode,
     Navigator,
@@ -315,12 +317,57 @@ def test_fence_is_equal_to_the_bit() -> None:
         assert both.goto(7.0, 2.0) == reasons.OK
 
 
+def test_exclusion_is_equal_to_the_bit() -> None:
+    places = ((3, 1), (4, 1), (4, 3), (3, 3))
+    hole = [
+        structs.replace(corner(at, *place), command=Command.NAV_FENCE_POLYGON_VERTEX_EXCLUSION)
+        for at, place in enumerate(places, start=4)
+    ]
+    folded = [hole[0], *(structs.replace(one, x=40_000) for one in hole[1:])]
+    with twins(1) as both:
+        both.tick()
+        assert both.upload(MissionType.FENCE, *SQUARE, *hole) == reasons.OK
+        assert both.upload(MissionType.FENCE, *SQUARE, *folded) == reasons.FENCE_NOT_SIMPLE
+        assert both.command(Command.COMPONENT_ARM_DISARM, 1.0) == reasons.OK
+        assert both.goto(3.5, 2.0) == reasons.OUTSIDE_FENCE
+        assert both.goto(5.0, 2.0) == reasons.OK
+        while both.vehicles[0].state.machine.vehicle == states.ACTIVE:
+            both.tick()
+        assert both.vehicles[0].state.machine.vehicle_reason == reasons.FENCE_BREACHED
+        assert both.upload(MissionType.FENCE, *SQUARE) == reasons.OK
+        both.tick()
+        assert both.command(Command.COMPONENT_ARM_DISARM, 1.0) == reasons.OK
+
+
 def test_lost_fence_forbids_arming_on_the_board() -> None:
     with twins(2) as both:
         both.same(lambda one: one.core.lose_fence())
         both.observe()
         both.tick()
         assert both.command(Command.COMPONENT_ARM_DISARM, 1.0) == reasons.FENCE_UNREADABLE
+
+
+def test_speed_wait_and_return_of_a_mission_are_equal_to_the_bit() -> None:
+    def order(seq: int, command: int, param1: float, param2: float = 0.0) -> MissionItemInt:
+        facts = {"frame": 2, "command": command, "param1": param1, "param2": param2}
+        return structs.replace(stop_at(seq, 0.0, 0.0), **facts)
+
+    with twins(3) as both:
+        both.tick()
+        slow = order(0, Command.DO_CHANGE_SPEED, 1.0, 0.1)
+        wait, back = order(2, Command.NAV_DELAY, 0.5), order(4, Command.NAV_RETURN_TO_LAUNCH, 0.0)
+        jump = order(3, Command.DO_JUMP, 2.0, 1.0)
+        steps = (slow, stop_at(1, 1.5, 2.2), wait, jump, back)
+        assert both.upload(MissionType.MISSION, *steps) == reasons.OK
+        both.command(Command.COMPONENT_ARM_DISARM, 1.0)
+        assert both.command(Command.MISSION_START) == reasons.OK
+        for tick in range(1400):
+            both.tick()
+            if tick == 20:
+                both.set("v_max_m_s", 0.2)
+            if not both.vehicles[0].mission.active:
+                break
+        assert both.vehicles[0].mission.state == MissionState.DONE
 
 
 def test_mission_continues_and_jumps_on_the_board() -> None:

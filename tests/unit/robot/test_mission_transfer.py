@@ -3,10 +3,12 @@
 from math import inf, nan
 from typing import Any
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec import structs
 
-from protocol.wire.enums import MissionType
+from protocol.wire.enums import Command, MissionType
 from protocol.wire.limits import NO_ITEM
 from protocol.wire.messages import (
     MissionClearAll,
@@ -184,6 +186,38 @@ def test_uploaded_fence_refuses_goals(items: list[MissionItemInt]) -> None:
     assert desk.goto(1.5, 0.0) == Reason.NONE
 
 
+def keep_out(items: list[MissionItemInt]) -> list[MissionItemInt]:
+    """Return the outline as one that the robot must not enter."""
+    return [structs.replace(one, command=one.command + 1) for one in items]
+
+
+def renumbered(first: int, items: list[MissionItemInt]) -> list[MissionItemInt]:
+    return [structs.replace(one, seq=seq) for seq, one in enumerate(items, start=first)]
+
+
+ZONE = corners((1.0, -0.5), (1.5, -0.5), (1.5, 0.5), (1.0, 0.5))
+
+
+def test_robot_stays_out_of_an_exclusion() -> None:
+    """Drawn before the fence to stay in, as people do; the robot stops at its edge."""
+    desk = armed()
+    items = [*keep_out(ZONE), *renumbered(4, circle(0.0, 0.0, 9.0))]
+    assert upload(desk, items).reason == Reason.NONE
+    assert held(desk, MissionType.FENCE) == [repr(one) for one in items]
+    assert desk.goto(1.25, 0.0) == Reason.OUTSIDE_FENCE
+    assert upload(desk, [item(0, 1.25)]).reason == Reason.OUTSIDE_FENCE
+    assert desk.goto(2.0, 0.0) == Reason.NONE
+    for _ in range(400):
+        desk.step()
+    machine = desk.vehicle.state.machine
+    assert machine.vehicle_reason == Reason.FENCE_BREACHED
+    assert desk.vehicle.state.odometry.pose.x_m == pytest.approx(1.0, abs=0.05)
+    assert desk.command(Command.COMPONENT_ARM_DISARM, 1) == Reason.FENCE_BREACHED
+    assert upload(desk, circle(0.0, 0.0, 9.0)).reason == Reason.NONE
+    desk.step()
+    assert desk.command(Command.COMPONENT_ARM_DISARM, 1) == Reason.NONE
+
+
 @each(
     ("items", "which", "reason"),
     [
@@ -197,7 +231,24 @@ def test_uploaded_fence_refuses_goals(items: list[MissionItemInt]) -> None:
         (circle(0.0, 0.0, -1.0), NO_ITEM, Reason.FENCE_NOT_SIMPLE),
         (circle(0.0, 0.0, nan), NO_ITEM, Reason.FENCE_NOT_SIMPLE),
         ([item(0, mission_type=1)], 0, Reason.UNKNOWN_COMMAND),
-        ([*corners((-1.0, -1.0), (3.0, 1.0)), item(2, mission_type=1)], 0, Reason.FENCE_NOT_SIMPLE),
+        ([*corners((-1.0, -1.0), (3.0, 1.0)), item(2, mission_type=1)], 2, Reason.UNKNOWN_COMMAND),
+        (corners((-1.0, -1.0), (3.0, 1.0), (1.0, 3.0))[:2], 1, Reason.FENCE_NOT_SIMPLE),
+        (
+            [*circle(0.0, 0.0, 2.0), *renumbered(1, circle(0.0, 0.0, 1.0))],
+            1,
+            Reason.FENCE_NOT_SIMPLE,
+        ),
+        (keep_out(circle(1.0, 0.0, 0.5)), 0, Reason.FENCE_NOT_SIMPLE),
+        (
+            [*circle(0.0, 0.0, 2.0), *renumbered(1, keep_out(circle(0.2, 0.0, 0.5)))],
+            NO_ITEM,
+            Reason.FENCE_LEAVES_ROBOT_OUT,
+        ),
+        (
+            [*circle(0.0, 0.0, 9.0), *renumbered(1, keep_out(corners((1, 0), (2, 0))))],
+            NO_ITEM,
+            Reason.FENCE_NOT_SIMPLE,
+        ),
     ],
 )
 def test_a_bad_fence_is_refused_and_the_old_one_stays(

@@ -6,8 +6,8 @@ import pytest
 from checks.harness.messages import make
 from gateways.mavlink.mavlink_dialect import MavMessage, MissionCount, mavlink
 from ground.commands.fence import ClearFence, SetFence
-from ground.missions.mission import Circle, Polygon
-from ground.missions.transfer import Verdict
+from ground.missions.mission import Circle, Polygon, Zones
+from ground.missions.transfer import Verdict, fence_items_of, fence_of
 from protocol.wire.enums import LeaseAction
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason
@@ -40,8 +40,10 @@ def polygon(*places: tuple[int, int], command: int = CORNER, **fields: Any) -> l
     return [item_int(seq, *place, command=command, **values) for seq, place in enumerate(places)]
 
 
-def circle(radius_m: float = 20.0, command: int = CIRCLE, **fields: Any) -> MavMessage:
-    return item_int(0, command=command, param1=radius_m, mission_type=FENCE, **fields)
+def circle(
+    radius_m: float = 20.0, command: int = CIRCLE, north: int = 0, **fields: Any
+) -> MavMessage:
+    return item_int(0, north, command=command, param1=radius_m, mission_type=FENCE, **fields)
 
 
 def download(bench: MissionBench) -> list[Any]:
@@ -117,12 +119,32 @@ def refused(bench: MissionBench, *items: MavMessage) -> tuple[int, str]:
     return result, words(found.all)
 
 
-@pytest.mark.parametrize("kind", [STAY_OUT, CIRCLE_OUT])
-def test_fence_to_stay_out_of_is_refused(bench: MissionBench, kind: int) -> None:
-    result, text = refused(bench, circle(command=kind))
-    assert result == UNSUPPORTED
-    assert text.startswith(f"fence item 0: command {kind}")
-    assert "only an inclusion fence is supported" in text
+def numbered(*items: MavMessage) -> list[MavMessage]:
+    for seq, one in enumerate(items):
+        one.seq = seq
+    return [*items]
+
+
+@each(
+    "items",
+    [
+        [circle(3.0, CIRCLE_OUT, north=2000), *polygon(*SQUARE)],
+        [*polygon(*SQUARE), *polygon((0, 500), (300, 500), (300, 800), command=STAY_OUT)],
+        [circle(3.0, CIRCLE_OUT, north=1000)],
+    ],
+)
+def test_exclusions_come_back_as_they_were_sent(items: list[MavMessage]) -> None:
+    """Through the robot's own items too, in the order in which they were drawn."""
+    bench = MissionBench()
+    sent = numbered(*items)
+    assert upload(bench, sent).results == [ACCEPTED]
+    assert isinstance(bench.fence, Zones)
+    bench.fence = fence_of(fence_items_of(bench.fence))
+    bench.after(60.0)
+    back = download(bench)
+    assert [(one.seq, one.command, one.param1, one.x, one.y) for one in back] == [
+        (one.seq, one.command, one.param1, one.x, one.y) for one in sent
+    ]
 
 
 @each(
@@ -130,9 +152,12 @@ def test_fence_to_stay_out_of_is_refused(bench: MissionBench, kind: int) -> None
     [
         ([circle(command=RETURN_POINT)], UNSUPPORTED, "return point"),
         ([circle(command=16)], UNSUPPORTED, "not an item of a fence"),
-        ([*polygon(*SQUARE[:3], param1=4.0), circle()], UNSUPPORTED, "only one"),
-        (polygon(*SQUARE, param1=3.0), PARAM1, "corner of 3 in a fence of 4 items"),
-        (polygon(*SQUARE, param1=nan), PARAM1, "corner of nan"),
+        ([*polygon(*SQUARE), circle()], UNSUPPORTED, "item 4: only one"),
+        ([*polygon(*SQUARE[:3], param1=4.0), circle()], PARAM1, "item 0: is not one of 4 corners"),
+        (polygon(*SQUARE, param1=5.0), PARAM1, "item 0: is not one of 5 corners in a row"),
+        (polygon(*SQUARE, param1=nan), PARAM1, "item 0: is not one of nan corners"),
+        ([circle(), *polygon(*SQUARE[:2], command=STAY_OUT)], INVALID, "from item 1 on: has 2"),
+        ([circle(), circle(-1.0, CIRCLE_OUT)], PARAM1, "item 1: "),
         (polygon(*SQUARE[:2]), INVALID, "has 2 corners"),
         (polygon(SQUARE[0], SQUARE[2], SQUARE[1], SQUARE[3]), INVALID, "cross"),
         (polygon(*[SQUARE[0]] * 4), INVALID, "the same place"),
@@ -150,9 +175,7 @@ def test_fence_is_refused_with_its_reason(
     items: list[MavMessage], result: int, reason: str
 ) -> None:
     bench = MissionBench()
-    if len(items) == 4 and items[-1].command == CIRCLE:
-        items[-1].seq = 3
-    found, text = refused(bench, *items)
+    found, text = refused(bench, *numbered(*items))
     assert found == result
     assert reason in text
 

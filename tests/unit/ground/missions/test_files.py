@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from ground.missions import qgroundcontrol
 from ground.missions.files import read, read_toml, toml_text, write
-from ground.missions.mission import Circle, Home, Mission, MissionError, Polygon, Waypoint
+from ground.missions.mission import Circle, Home, Mission, MissionError, Polygon, Waypoint, Zones
 from ground.missions.qgroundcontrol import home_at
 from runtime.errors import UserError
 from tests.support.each import each
@@ -137,7 +137,7 @@ def test_what_is_no_plan_is_refused(text: str) -> None:
 @each(
     ("circles", "polygons", "why"),
     [
-        ([{"circle": {"center": [47.4, 8.5], "radius": 5}, "inclusion": False}], [], "keeps"),
+        ([{"circle": {"center": [47.4], "radius": 5}, "inclusion": False}], [], "cannot be read"),
         ([{"circle": {"center": [47.4, 8.5], "radius": "5"}}], [], "cannot be read"),
         ([{"circle": 3}], [], "cannot be read"),
         ([], [{"polygon": [[47.4, 8.5]]}], "has 1 corners"),
@@ -350,9 +350,36 @@ def test_corners_make_a_fence_too() -> None:
     assert read_toml(text, "").fence == Polygon(corners=((0.0, 0.0), (4.0, 0.0), (4.0, 3.0)))
 
 
+@each("inclusion", ["", "circle = { x_m = 0, y_m = 0, radius_m = 5 }"])
+def test_exclusions_of_a_file_read_back(inclusion: str) -> None:
+    out = "[[fence.exclusion]]\ncircle = { x_m = 3, y_m = 2, radius_m = 1 }\n"
+    out += "[[fence.exclusion]]\ncorners = [[-2, -2], [-1, -2], [-1, -1]]\n"
+    text = f"[[waypoint]]\nx_m = 1\ny_m = 2\n[fence]\n{inclusion}\n{out}"
+    mission = read_toml(text, "")
+    assert isinstance(mission.fence, Zones)
+    assert len(mission.fence.exclusions) == 2
+    assert read_toml(toml_text(mission), "") == mission
+
+
+def test_waypoint_in_an_exclusion_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "m.toml"
+    out = "[[fence.exclusion]]\ncircle = { x_m = 1, y_m = 2, radius_m = 0.5 }"
+    path.write_text(f"[[waypoint]]\nx_m = 1\ny_m = 2.4\n{out}")
+    with pytest.raises(MissionError, match=r"waypoint 1: .* is outside of the fence"):
+        read(path)
+
+
 @each(
     ("text", "said"),
     [
+        (
+            "[[waypoint]]\nx_m = 1\ny_m = 2\n[fence]\nexclusion = 3",
+            "fence.exclusion: is not a list of tables",
+        ),
+        (
+            "[[waypoint]]\nx_m = 1\ny_m = 2\n[[fence.exclusion]]\nradius_m = 3",
+            "m.toml:4: fence.exclusion[0]: is neither a circle nor corners",
+        ),
         ("", "m.toml: waypoint: there is none; add [[waypoint]]"),
         ("waypoint = 3", "m.toml:1: waypoint: is not a list of tables"),
         ("waypoint = [3]", "waypoint[0]: is not a table; it has x_m, y_m"),

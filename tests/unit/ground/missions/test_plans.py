@@ -1,6 +1,7 @@
 """Plans as people draw them: read, carried to the robot, driven, and read back as they were."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,11 +10,11 @@ import pytest
 from ground.missions import qgroundcontrol
 from ground.missions.files import read, read_toml, toml_text, write
 from ground.missions.mission import Mission, MissionError, Step, Waypoint
-from ground.missions.transfer import items_of, waypoints_of
+from ground.missions.transfer import fence_items_of, fence_of, items_of, waypoints_of
 from protocol.wire.enums import Command, MissionState, Mode
 from protocol.wire.reasons import Reason
 from tests.support.each import each
-from tests.support.ground.plans import FLAT, ITEMS, order, placed, plan_of
+from tests.support.ground.plans import FLAT, ITEMS, at, order, placed, plan_of
 from tests.support.robots import Desk, armed, start, upload
 
 
@@ -33,6 +34,27 @@ def test_plan_read_back_equals_what_was_drawn(tmp_path: Path) -> None:
     path = tmp_path / "back.plan"
     assert write(path, carried(found.mission)) == ()
     assert json.loads(path.read_text())["mission"]["items"] == FLAT
+
+
+def test_fence_of_a_plan_read_back_equals_what_was_drawn(tmp_path: Path) -> None:
+    corners = [list(at(*one)) for one in ((-500, -500), (500, -500), (500, 500), (-500, 500))]
+    hole = [list(at(*one)) for one in ((100, 100), (200, 100), (200, 200))]
+    circle = {"center": list(at(-300, 0)), "radius": 1.5}
+    fence = {
+        "circles": [{"circle": circle, "inclusion": False, "version": 1}],
+        "polygons": [
+            {"inclusion": False, "polygon": hole, "version": 1},
+            {"inclusion": True, "polygon": corners, "version": 1},
+        ],
+        "version": 2,
+    }
+    text = json.dumps(plan_of([ITEMS[1]], fence))
+    mission = qgroundcontrol.read_plan(text, "m.plan").mission
+    assert mission.fence is not None
+    back = replace(mission, fence=fence_of(fence_items_of(mission.fence)))
+    path = tmp_path / "back.plan"
+    assert write(path, back) == ()
+    assert json.loads(path.read_text())["geoFence"] == fence
 
 
 def test_waypoints_file_read_back_equals_what_was_drawn(tmp_path: Path) -> None:

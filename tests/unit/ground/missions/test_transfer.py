@@ -265,6 +265,7 @@ def test_a_fence_arrives_as_it_was_drawn(fence: Fence) -> None:
         assert arrived == fence
     else:
         assert isinstance(arrived, Circle)
+        assert isinstance(fence, Circle)
         assert (arrived.x_m, arrived.y_m) == (fence.x_m, fence.y_m)
         assert arrived.radius_m == pytest.approx(fence.radius_m, rel=1e-6)
 

@@ -397,7 +397,7 @@ def test_mission_and_fence_are_read_at_the_start() -> None:
     play.forward(1.0)
     scene = play.station.scene()
     assert [(item.x_m, item.heading_rad) for item in scene.mission] == [(1.0, None), (3.0, pi / 2)]
-    assert scene.fence == Disc(1.0, 1.0, 2.5)
+    assert scene.fence == (Disc(1.0, 1.0, 2.5),)
     assert play.station.mission_items == scene.mission
 
 
@@ -409,7 +409,7 @@ def test_mission_and_fence_are_read_again() -> None:
     play.station.reread()
     play.forward(1.0)
     assert play.station.mission_items == ()
-    assert play.station.scene().fence is None
+    assert play.station.scene().fence == ()
 
 
 def test_accepted_upload_of_any_operator_is_drawn() -> None:
@@ -434,7 +434,7 @@ def test_rejected_upload_changes_nothing() -> None:
     for item in fence_items_of(ROUND):
         mission_items.receive(item)
     mission_items.receive(verdict(MissionType.FENCE, Reason.FENCE_LEAVES_ROBOT_OUT))
-    assert mission_items.fence is None
+    assert not mission_items.fence
 
 
 def test_unsaved_fence_is_in_force_and_shown() -> None:
@@ -442,7 +442,7 @@ def test_unsaved_fence_is_in_force_and_shown() -> None:
     for item in fence_items_of(CORNERS):
         mission_items.receive(item)
     mission_items.receive(verdict(MissionType.FENCE, Reason.NOT_SAVED))
-    assert mission_items.fence == Outline(CORNERS.corners)
+    assert mission_items.fence == (Outline(CORNERS.corners),)
 
 
 def test_polygon_fence_is_shown_and_can_be_cleared() -> None:
@@ -450,10 +450,10 @@ def test_polygon_fence_is_shown_and_can_be_cleared() -> None:
     for item in fence_items_of(CORNERS):
         mission_items.receive(item)
     mission_items.receive(verdict(MissionType.FENCE))
-    assert mission_items.fence == Outline(CORNERS.corners)
+    assert mission_items.fence == (Outline(CORNERS.corners),)
     mission_items.receive(MissionClearAll(mission_type=MissionType.FENCE))
     mission_items.receive(verdict(MissionType.FENCE))
-    assert mission_items.fence is None
+    assert not mission_items.fence
 
 
 def test_verdict_without_an_upload_is_ignored() -> None:
@@ -465,7 +465,7 @@ def test_verdict_without_an_upload_is_ignored() -> None:
 
 def test_foreign_mission_items_are_not_drawn() -> None:
     mission_items = MissionItems()
-    mission_items.receive(make(MissionItemInt, command=16))
+    mission_items.receive(make(MissionItemInt, command=22))
     mission_items.receive(verdict(MissionType.MISSION))
     assert mission_items.mission == ()
 

@@ -510,6 +510,7 @@ def test_new_machine_is_stopped_without_sensors_and_operator() -> None:
         "navigator": DEFAULTS.navigator,
         "side": DEFAULTS.side,
         "fence": None,
+        "exclusions": (),
         "fence_unreadable": False,
         "placed": True,
         "senses": False,
