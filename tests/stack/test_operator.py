@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from itertools import cycle
+from math import nan
 from pathlib import Path
 from secrets import randbits
 from typing import Any, NamedTuple
@@ -22,7 +23,7 @@ from checks.harness.mavlink_client import MavlinkClient, UdpLine
 from checks.harness.processes import Running, ask_until_accepted, command_request, free_port
 from checks.harness.terminal import Terminal
 from checks.harness.until import PATIENCE_S, until
-from gateways.mavlink.mavlink_dialect import mavlink
+from gateways.mavlink.mavlink_dialect import REQUEST_OPERATOR_CONTROL, mavlink
 from ground.missions.files import read
 from protocol.topics import COMMAND, MISSION
 from protocol.wire.enums import Command, MissionState, Mode, Vehicle
@@ -466,7 +467,7 @@ def is_driving(heartbeat: Any) -> bool:
 
 @pytest.mark.stack
 @pytest.mark.brief
-def test_client_of_up_sees_the_drive_and_stops_it() -> None:
+def test_client_of_up_replaces_its_goal_and_stops_the_robot() -> None:
     port = free_port(socket.SOCK_DGRAM)
     with Crew() as crew, ExitStack() as here:
         up = crew.start(*SLOW_DRIVE, "--mavlink", f"udpin:{LOCAL}:{port}")
@@ -480,7 +481,14 @@ def test_client_of_up_sees_the_drive_and_stops_it() -> None:
         client.next("HEARTBEAT", is_driving)
         client.next("GLOBAL_POSITION_INT", lambda one: one.lon != second.lon)
         assert gateway_of(up.process.pid) != gateway
+        place = client.next("GLOBAL_POSITION_INT")
+        goal = place.lat / 1e7, place.lon / 1e7
+        client.command(mavlink.MAV_CMD_DO_REPOSITION, -1.0, 1.0, 0.0, nan, *goal)
+        up.says("goal replaced, an operator commands")
+        client.next("MISSION_ITEM_REACHED", lambda one: one.seq == 0)
         client.command(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 1.0)
+        up.says("an operator commands")
+        client.command(REQUEST_OPERATOR_CONTROL, 0.0)
         up.says("ends in ")
         up.send(signal.SIGINT)
         assert up.ends() == 130
