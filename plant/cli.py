@@ -81,12 +81,14 @@ def add_import(parser: argparse.ArgumentParser) -> None:
 def _add_common(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=whole(0, 2**53), default=1, metavar="S", help="1 by default")
     parser.add_argument("--out", required=True, metavar="DIR", help="directory of the files")
+    text = "replace files of other worlds of these names"
+    parser.add_argument("--force", action="store_true", help=text)
 
 
 def make(arguments: argparse.Namespace) -> int:
     """Write the files and print their number; return 2 if one cannot be made or written."""
     worlds = _generated(arguments) if arguments.verb == "generate" else _imported(arguments)
-    return write(worlds, Path(arguments.out))
+    return write(worlds, Path(arguments.out), force=arguments.force)
 
 
 def _imported(arguments: argparse.Namespace) -> Iterator[tuple[World, str]]:
@@ -103,8 +105,11 @@ def _imported(arguments: argparse.Namespace) -> Iterator[tuple[World, str]]:
         yield world, f"Made of {path.name} with seed {arguments.seed}."
 
 
-def write(worlds: Iterable[tuple[World, str]], directory: Path) -> int:
-    """Write each world, with its comment, to a file of its name; return their number."""
+def write(worlds: Iterable[tuple[World, str]], directory: Path, *, force: bool = False) -> int:
+    """Write each world, with its comment, to a file of its name, and print their number.
+
+    A file with another world is only replaced by `force`. Returns the exit code.
+    """
     count = 0
     try:
         for world, comment in worlds:
@@ -113,8 +118,12 @@ def write(worlds: Iterable[tuple[World, str]], directory: Path) -> int:
                     [WorldProblem(str(directory), None, "name", why, "rename the file")]
                 )
             directory.mkdir(parents=True, exist_ok=True)
-            path = directory / f"{world.name}.toml"
-            path.write_text(dumps(world, comment), encoding="utf-8")
+            path, text = directory / f"{world.name}.toml", dumps(world, comment)
+            if not force and path.exists() and path.read_bytes() != text.encode():
+                fix = "give another --out, rename the map, or --force to replace it"
+                problem = WorldProblem(str(path), None, "name", "another world is there", fix)
+                raise WorldError([problem])
+            path.write_text(text, encoding="utf-8")
             count += 1
     except WorldError as error:
         print(error, file=sys.stderr)

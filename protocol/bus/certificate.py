@@ -147,6 +147,8 @@ WRONG_NAME: Final = (62, 64)
 NO_TLS: Final = (TimeoutError, ssl.SSLEOFError, ConnectionResetError)
 """Errors of a TLS greeting to a process without TLS. Zenoh in plain TCP waits for the rest of a
 short greeting, and closes the connection on a long one, as OpenSSL 3.5 sends it."""
+NOT_ZENOH: Final = ("WRONG_VERSION_NUMBER", "HTTP_REQUEST", "PACKET_LENGTH_TOO_LONG")
+"""Errors of OpenSSL about words that are no TLS, as those of a web or SSH server are none."""
 PLAIN: Final = "tcp/"
 PLAIN_CONFIG: Final[Mapping[str, object]] = MappingProxyType(
     {
@@ -192,10 +194,20 @@ def refusal_at(endpoint: str, tls: Tls | None) -> AccessDeniedError | None:
     except NO_TLS:
         return peer_wants_plain(endpoint, f"{PLAIN}{address}")
     except ssl.SSLError as error:
+        if error.reason in NOT_ZENOH:
+            return another_program(endpoint)
         return refused_by_peer(endpoint, tls, error)
     except OSError:
         return None
     return None
+
+
+def another_program(endpoint: str) -> AccessDeniedError:
+    """Return the error for a program that is no part of any stack."""
+    return AccessDeniedError(
+        f"another program listens at {endpoint}, which speaks neither Zenoh nor TLS",
+        "dial another endpoint; `sidestep ps` lists what runs here",
+    )
 
 
 def handshake(place: tuple[str, int], client: ssl.SSLContext) -> None:
@@ -218,8 +230,10 @@ def peer_wants_tls(endpoint: str, place: tuple[str, int]) -> AccessDeniedError |
         handshake(place, greeting)
     except ssl.SSLEOFError:
         return None
-    except ssl.SSLError:
-        pass  # the refusal is a TLS alert, so the peer uses TLS
+    except ssl.SSLError as error:
+        if error.reason in NOT_ZENOH:
+            return another_program(endpoint)
+        # Else the refusal is a TLS alert, so the peer uses TLS.
     except OSError:
         return None
     return AccessDeniedError(

@@ -7,6 +7,7 @@ import sys
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from threading import Thread
 
 import pytest
 
@@ -178,6 +179,24 @@ def test_tls_to_plain_tcp_is_reported(
             AccessDeniedError, match="uses plain TCP, and this one accepts only TLS"
         ):
             open_bus(dialling(endpoint, ring.tls("ground")), Role.GROUND, "r1")
+
+
+@pytest.mark.parametrize("banner", [b"SSH-2.0-OpenSSH_9.2p1\r\n", b"HTTP/1.1 400 Bad\r\n\r\n"])
+@pytest.mark.parametrize("is_locked", [False, True])
+def test_another_program_is_not_told_to_want_certificates(
+    ring: Keyring, banner: bytes, *, is_locked: bool
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def answer() -> None:
+            with server.accept()[0] as link:
+                link.sendall(banner)
+                link.recv(4096)
+
+        Thread(target=answer, daemon=True).start()
+        kind, tls = ("tls", ring.tls("operator")) if is_locked else ("tcp", None)
+        why = certificate.refusal_at(f"{kind}/127.0.0.1:{server.getsockname()[1]}", tls)
+    assert "another program listens at" in str(why)
 
 
 def test_host_missing_in_the_certificate_is_reported(ring: Keyring) -> None:

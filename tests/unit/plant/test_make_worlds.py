@@ -42,6 +42,22 @@ def refusal(capsys: Told, *argv: str) -> str:
     return told.err
 
 
+def test_a_file_with_another_world_is_only_replaced_by_force(folder: Path, capsys: Told) -> None:
+    """Maps of two places have the same name, as `map.yaml` of ROS has everywhere."""
+    first, out = str(folder / "hand.yaml"), folder / "out"
+    (path,) = made(folder, first)
+    assert made(folder, first) == [path], "the same world may be written again"
+    text = path.read_text()
+    other = text.replace('name = "', 'name = "other_', 1)
+    path.write_text(other)
+    capsys.readouterr()
+    words = ["import", first, "--out", str(out)]
+    assert "another world is there" in refusal(capsys, *words)
+    assert path.read_text() == other
+    assert main([*words, "--force"]) == 0
+    assert path.read_text() == text
+
+
 def test_generate_writes_the_requested_worlds(tmp_path: Path, capsys: Told) -> None:
     out = tmp_path / "new" / "folder"
     argv = ["generate", "--family", "box", "u_trap", "box", "--per-family", "3", "--seed", "4"]
