@@ -253,8 +253,20 @@ def step_of(item: Item, home: Home | None) -> Step:
     return kept(item, item.params)
 
 
+INT32: Final = 0x7FFF_FFFF
+FLOAT32: Final = 3.4e38
+
+
 def kept(item: Item, params: Sequence[float]) -> MavlinkItem:
-    """Return an item with these parameters; each NaN is the same object, and so equals itself."""
+    """Return an item with these parameters; each NaN is the same object, and so equals itself.
+
+    UnsupportedItemError names a parameter that MAVLink cannot carry.
+    """
+    scale = SCALES.get(item.frame, 1)
+    for at, value in enumerate(params, start=1):
+        is_place = at in (ItemPart.PARAM5, ItemPart.PARAM6)
+        if abs(value) > (INT32 / scale if is_place else FLOAT32) and (is_place or isfinite(value)):
+            raise UnsupportedItemError(f"param{at} {value:g}: is out of range", ItemPart(at))
     same = tuple(nan if isnan(value) else value for value in params)
     return MavlinkItem(
         command=item.command,

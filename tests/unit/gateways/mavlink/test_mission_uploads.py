@@ -321,6 +321,20 @@ def test_place_of_a_float_item_must_be_finite(bench: MissionBench, place: dict[s
     assert "mission item 1: has no place" in words(sent)
 
 
+@pytest.mark.parametrize("place", [{"x": inf}, {"y": 3e9}])
+def test_place_of_an_item_without_one_must_fit(
+    bench: MissionBench, place: dict[str, float]
+) -> None:
+    bench.send(count(2))
+    bench.send(item_int(0))
+    item = as_float(item_int(1, command=20, frame=2))
+    for name, value in place.items():
+        setattr(item, name, value)
+    sent = bench.send(item)
+    assert [ack.type for ack in of_type(sent, "MISSION_ACK")] in ([PARAM5], [PARAM6])
+    assert "is out of range" in words(sent)
+
+
 def test_refused_item_is_refused_again(bench: MissionBench) -> None:
     items = [*line_of(1), item_int(2, command=22), item_int(3)]
     upload(bench, items)

@@ -88,6 +88,7 @@ def test_yaw_of_zero_means_no_heading(yaw_deg: float | None, heading_deg: float 
         (simple(177, 1, -1, 0, 0, 0, 0, 0), "param2 -1: a jump without end is not driven"),
         (simple(177, 0, 1, 0, 0, 0, 0, 0), "param1 0: a jump leads to an item from 1 on"),
         (simple(177, 7, 1, 0, 0, 0, 0, 0), "item 2: jumps to an item that is not there"),
+        (simple(177, 1, 1, 1e300, 0, 0, 0, 0), "param3 1e+300: is out of range"),
         (simple(178, 2, 1, 0, 0, 0, 0, 0), "param1 2: only the ground speed"),
         (simple(178, 1, 0, 0, 0, 0, 0, 0), "param2 0: is not a speed"),
         (simple(178, 1, 1, 60, 0, 0, 0, 0), "param3 60 (throttle)"),
