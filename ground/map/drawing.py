@@ -6,7 +6,7 @@ places of the map are described in words, too.
 """
 
 from collections.abc import Callable, Collection, Iterable, Sequence
-from itertools import pairwise
+from itertools import pairwise, repeat
 from math import atan2, cos, degrees, dist, hypot, inf, isfinite, pi, sin
 from typing import Final
 
@@ -202,12 +202,6 @@ FILLED_DOTS: Final = 60.0
 NOT_DRAWN: Final = -1.0
 
 
-def draw_other_trails(pen: Pen, scene: MapScene) -> None:
-    """Draw the ways that other robots have driven."""
-    for other in scene.others:
-        pen.path(other.trail, "other trail")
-
-
 def draw_trail(pen: Pen, scene: MapScene) -> None:
     """Draw the way that the robot has driven."""
     pen.path(scene.trail, "trail")
@@ -369,7 +363,6 @@ STATIC: Final[tuple[tuple[str, Layer], ...]] = (
     ("fence", draw_fence),
 )
 TRACES: Final[tuple[tuple[str, Layer], ...]] = (
-    ("trail", draw_other_trails),
     ("others", draw_others),
     ("seen", draw_seen),
     ("ghosts", draw_ghosts),
@@ -428,6 +421,7 @@ MOVING: Final[tuple[tuple[str, Layer], ...]] = (
 def draw(scene: MapScene, view: View, canvas: Canvas, layers: Collection[str] = LAYERS) -> None:
     """Draw the named layers of a scene (see `scene.LAYERS`)."""
     draw_static(scene, view, canvas, layers)
+    draw_other_trails(scene, view, canvas, layers)
     draw_traces(scene, view, canvas, layers)
     draw_moving(scene, view, canvas, layers)
 
@@ -437,6 +431,23 @@ def draw_static(
 ) -> None:
     """Draw the layers that stay the same while `static_parts` does."""
     _draw(STATIC, scene, Pen(canvas, view), layers)
+
+
+def draw_other_trails(
+    scene: MapScene,
+    view: View,
+    canvas: Canvas,
+    layers: Collection[str] = LAYERS,
+    *,
+    drawn: Iterable[int] = repeat(0),
+) -> None:
+    """Draw the ways that other robots have driven; so many points of each are `drawn` already."""
+    if "trail" not in layers:
+        return
+    pen = Pen(canvas, view)
+    for other, points in zip(scene.others, drawn, strict=False):
+        if len(other.trail) > points:
+            pen.path(other.trail[max(0, points - 1) :], "other trail")
 
 
 def draw_traces(
@@ -492,10 +503,14 @@ def _draw(
 
 
 class KeptLayers:
-    """A canvas with the static layers, and one with the traces above them."""
+    """Canvases with the static layers, with the trails of others above them, and with the traces.
+
+    Of what only grows, such as a trail, the new part is drawn.
+    """
 
     def __init__(self) -> None:
-        self._static = self._traced = Canvas(0, 0)
+        self._static = self._trails = self._traced = Canvas(0, 0)
+        self._other_trails: tuple[Sequence[Point], ...] = ()
         self._static_key: tuple[object, ...] = ()
         self._trace_key: tuple[object, ...] = ()
         self._seen: Sequence[Point] = ()
@@ -520,14 +535,45 @@ class KeptLayers:
         """Draw the traces; if only echoes and trail have grown, draw only their new parts."""
         key, seen, trail = trace_parts(scene), scene.seen, scene.trail
         drawn = len(self._seen), len(self._trail)
-        is_longer = seen[: drawn[0]] == self._seen and trail[: drawn[1]] == self._trail
+        is_longer = is_begun_by(seen, self._seen) and is_begun_by(trail, self._trail)
         if is_same and key == self._trace_key and is_longer:
             if drawn != (len(seen), len(trail)):
                 draw_traces(scene, view, self._traced, layers, drawn=drawn)
         else:
-            self._traced = self._static.copy()
+            self._trail_of_others(scene, view, layers, is_same=is_same)
+            self._traced = self._trails.copy()
             draw_traces(scene, view, self._traced, layers)
         self._trace_key, self._seen, self._trail = key, seen, trail
+
+    def _trail_of_others(
+        self, scene: MapScene, view: View, layers: Collection[str], *, is_same: bool
+    ) -> None:
+        """Draw the trails of others above the static layers."""
+        before, trails = self._other_trails, tuple(other.trail for other in scene.others)
+        self._other_trails = trails
+        drawn = [points_left(*pair) for pair in zip(trails, before, strict=False)]
+        if is_same and len(before) == len(trails) and None not in drawn:
+            known = [points for points in drawn if points is not None]
+            draw_other_trails(scene, view, self._trails, layers, drawn=known)
+        else:
+            self._trails = self._static.copy()
+            draw_other_trails(scene, view, self._trails, layers)
+
+
+def is_begun_by(trail: Sequence[Point], before: Sequence[Point]) -> bool:
+    """Return whether a trail has only grown."""
+    return trail is before or trail[: len(before)] == before
+
+
+def points_left(trail: Sequence[Point], before: Sequence[Point]) -> int | None:
+    """Return how many points of a trail are left of the one before; None for another trail.
+
+    A long one loses every other point.
+    """
+    if is_begun_by(trail, before):
+        return len(before)
+    half = before[::2]
+    return len(half) if is_begun_by(trail, half) else None
 
 
 def measured(start: Point, end: Point) -> str:

@@ -21,12 +21,11 @@ from ground.station.link.link_monitor import HubState
 from ground.station.link.loss import Loss, LossKind
 from ground.station.reader import Reading
 from ground.station.robot.command_queue import Begin
-from ground.station.robot.lease_state import UNKNOWN, LeaseView
 from ground.station.robot.robot_model import AddLine, RobotModel
 from ground.station.robot.robot_session import RobotSession
 from protocol.bus.bus import Bus
 from protocol.bus.network import MAX_ROBOTS
-from protocol.topics import LEASE, ODOMETRY, STATUS
+from protocol.topics import ODOMETRY, STATUS
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.messages import NavigatorStatus
 from runtime.clock import Clock
@@ -256,7 +255,6 @@ class RosterEntry(NamedTuple):
     stopping: str = ""
     link_percent: float | None = None
     round_trip_ms: float | None = None
-    lease: LeaseView = UNKNOWN
 
     @property
     def needs_attention(self) -> bool:
@@ -282,10 +280,8 @@ def _entry(fleet: Fleet, robot: str, is_selected: bool, now_ns: int) -> RosterEn
     loss = None if session is None else session.link_monitor.loss()
     stopping = "" if session is None else session.stop.words
     trip_ns = None if session is None else session.link_monitor.round_trip_ns
-    lease_seen = model.telemetry.seen(LEASE, now_ns)
     odometry = model.telemetry.latest(ODOMETRY)
     placed = odometry is None or knows_place(odometry[0])
-    lease_known = session is not None and lease_seen.age is not Age.GONE
     return RosterEntry(
         robot=robot,
         is_selected=is_selected,
@@ -296,7 +292,6 @@ def _entry(fleet: Fleet, robot: str, is_selected: bool, now_ns: int) -> RosterEn
         loss=loss,
         stopping=stopping,
         round_trip_ms=None if trip_ns is None else trip_ns / 1e6,
-        lease=session.holding.lease if session is not None and lease_known else UNKNOWN,
     )
 
 

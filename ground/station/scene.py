@@ -1,6 +1,6 @@
 """Compose the map of one robot and its surroundings."""
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 from math import inf, isfinite, sqrt
 from typing import Final
@@ -8,7 +8,7 @@ from typing import Final
 from ground.client.status_line import knows_place
 from ground.client.telemetry import Age
 from ground.map.scene import MapScene, MapTarget, RobotMark
-from ground.station.history.trail import Point, ranges_m
+from ground.station.history.trail import ranges_m
 from ground.station.robot.robot_model import RobotModel
 from ground.station.world import WorldFacts
 from ground.text.wording import driving
@@ -22,7 +22,6 @@ REACTION_S: Final = 0.3
 """Time from the loss of its operator until a robot brakes, with the lag of its motors."""
 FARTHEST_S: Final = 30.0
 """The place of a robot that may drive for longer than this is unknown, however far it is."""
-TRAIL_POINTS: Final = 128
 
 
 def scene_of(model: RobotModel, world: WorldFacts | None, now_ns: int, *, lost: bool) -> MapScene:
@@ -152,19 +151,7 @@ def other_of(model: RobotModel, in_need: bool, now_ns: int) -> RobotMark | None:
         return None
     mark = robot_of(newest[0], model.radius_m, model.robot)
     is_live = model.telemetry.age_of(ODOMETRY, now_ns - newest[1]) is not Age.GONE
-    trail = thinned(model.figures.trail.points())
-    return replace(mark, live=is_live, trail=trail, in_need=in_need)
-
-
-def thinned(points: Sequence[Point]) -> Sequence[Point]:
-    """Return at most `TRAIL_POINTS` points of a path; they stay the same while it grows a little.
-
-    The path of each of many robots is drawn anew for each frame.
-    """
-    stride = 1
-    while len(points) > TRAIL_POINTS * stride:
-        stride *= 2
-    return (*points[::stride], *points[-1:]) if stride > 1 else points
+    return replace(mark, live=is_live, trail=model.figures.trail.points(), in_need=in_need)
 
 
 def goal_of(status: NavigatorStatus) -> MapTarget | None:

@@ -43,7 +43,7 @@ from runtime.units import PERIOD_NS
 EVENTS: Final = frozenset((TEXT.path, COMMANDED.path, ANSWERED.path))
 ALL: Final = tuple(topic for topic in TOPICS if topic not in SUMMARIES.values())
 """What a robot publishes, each message once."""
-WATCHED: Final[tuple[Topic[Any], ...]] = (*SUMMARIES.values(), LEASE, TEXT)
+WATCHED: Final[tuple[Topic[Any], ...]] = (*SUMMARIES.values(), TEXT)
 """What is enough of a robot that is neither shown nor commanded."""
 
 AddLine = Callable[[str, str, int], None]

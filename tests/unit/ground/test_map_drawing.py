@@ -1,6 +1,6 @@
 """Whole maps: scenes, kept layers, the legend, and pictures that are named by their tests."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 from math import inf, nan, pi
 from time import thread_time
@@ -35,6 +35,7 @@ from ground.map.scene import (
     View,
     floor,
 )
+from ground.station.history.trail import DrivenPath
 from tests.support.each import each
 
 ROOM: Final = MapScene(
@@ -325,6 +326,33 @@ def test_new_echoes_are_drawn_beneath_the_trail() -> None:
     for count in (0, 1, 5, 9, len(echoes), 2):
         scene = replace(EVERYTHING, trail=DRIVEN[: 4 * count], seen=echoes[:count])
         assert drawn(layers, scene).changed_rows(drawn_anew(scene)) == []
+
+
+def test_kept_trails_of_others_equal_a_new_drawing() -> None:
+    layers, other = KeptLayers(), RobotMark(5.0, 3.0, 0.0, 0.12, name="r2")
+    for count in (0, 1, 2, 9, 10, 40, 40, 3):
+        others = (replace(other, trail=DRIVEN[:count]), replace(other, name="r3", x_m=4.0))
+        scene = replace(EVERYTHING, others=others)
+        assert drawn(layers, scene).changed_rows(drawn_anew(scene)) == []
+    scene = replace(EVERYTHING, others=(replace(other, trail=DRIVEN[::2]),))
+    assert drawn(layers, scene).changed_rows(drawn_anew(scene)) == []
+
+
+def test_of_the_trails_of_others_only_new_ends_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    begun: list[list[int]] = []
+
+    def note(scene: MapScene, *_: object, drawn: Iterable[int] = ()) -> None:
+        begun.append(list(drawn))
+
+    monkeypatch.setattr(drawing, "draw_other_trails", note)
+    layers, path = KeptLayers(), DrivenPath(size=20)
+    for step in range(60):
+        path.add(0.1 * step, 2.0)
+        others = (RobotMark(5.0, 3.0, 0.0, trail=path.points()),)
+        drawn(layers, replace(EVERYTHING, others=others))
+    assert begun[:3] == [[], [1], [2]]
+    assert [] not in begun[1:]
+    assert len(path.points()) <= 20
 
 
 def test_only_the_new_ends_of_echoes_and_trail_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,6 @@ from ground.station.link.loss import LossKind
 from protocol.bus.network import MAX_ROBOTS, Hub
 from protocol.topics import (
     ANSWERED,
-    LEASE,
     ODOMETRY,
     PARAMETER,
     PARAMETERS,
@@ -55,7 +54,7 @@ def test_robot_that_is_not_selected_is_watched() -> None:
 def test_watched_robot_costs_only_its_summary_and_events() -> None:
     play = fleet(Robot("r2"))
     followed = {path for robot, path in paths(play) if robot == "r2"}
-    assert followed == {*(one.path for one in SUMMARIES.values()), LEASE.path, TEXT.path}
+    assert followed == {*(one.path for one in SUMMARIES.values()), TEXT.path}
     play.station.select("r2")
     play.forward(0.2)
     streams = {topic.path for topic in TOPICS} - {one.path for one in SUMMARIES.values()}

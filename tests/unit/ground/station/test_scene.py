@@ -18,7 +18,6 @@ from ground.robot import Robot as RobotClient
 from ground.station.history.telemetry_history import TelemetryHistory
 from ground.station.reader import Reader
 from ground.station.robot.mission_items import MissionItems
-from ground.station.scene import TRAIL_POINTS, thinned
 from ground.station.world import parse_world
 from plant.sim.physics import MovingDisc
 from plant.world.file import load
@@ -213,15 +212,6 @@ def test_many_others_are_updated_less_often_than_a_few(count: int) -> None:
         updates, before = updates + (marks is not before), marks
     assert updates == (20 if count == 2 else 5)
     assert len(before) == count
-
-
-@each("count", [0, 1, 128, 129, 300, 1000])
-def test_thinned_trail_is_short_and_keeps_its_ends(count: int) -> None:
-    points = [(float(number), 0.0) for number in range(count)]
-    found = thinned(points)
-    assert len(found) <= TRAIL_POINTS + 1
-    assert list(found[:1]) == points[:1]
-    assert list(found[-1:]) == points[-1:]
 
 
 def test_world_shapes_are_parsed_by_kind() -> None:
