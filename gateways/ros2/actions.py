@@ -123,17 +123,10 @@ class ActionServer:
         accepted = is_new and len(self.running) < MAX_KEPT and not self._refuse(request.goal)
         if accepted:
             goal = Goal(goal_id, request.goal, attachment.gid, now_ns)
-            self._keep(goal)
+            self.goals[goal_id] = goal
             goal.work = asyncio.get_running_loop().create_task(self._carry_out(goal))
             self._publish_status()
         return self._make(f"{self._type}_SendGoal_Response", accepted, time_of(now_ns))
-
-    def _keep(self, goal: Goal) -> None:
-        """Keep a goal, and forget the oldest that has ended, if there are too many."""
-        ended = [one for one in self.goals.values() if one.ended.is_set()]
-        if len(ended) >= MAX_KEPT:
-            del self.goals[ended[0].goal_id]
-        self.goals[goal.goal_id] = goal
 
     async def _carry_out(self, goal: Goal) -> None:
         """Carry out a goal to its end, whatever happens."""
@@ -149,6 +142,9 @@ class ActionServer:
         except Exception as error:
             goal.status, goal.result = ABORTED, self._empty(f"{type(error).__name__}: {error}")
         goal.ended.set()
+        ended = [one.goal_id for one in self.goals.values() if one.ended.is_set()]
+        for goal_id in ended[:-MAX_KEPT]:
+            del self.goals[goal_id]
         self._publish_status()
 
     def _publish_status(self) -> None:

@@ -17,7 +17,15 @@ from gateways.ros2.parameters import ParameterServices
 from gateways.ros2.report import INFO, Reporter, level_of
 from gateways.ros2.services import RobotServices
 from gateways.ros2.velocity import VelocityCommands
-from gateways.ros2.wire import LATCHED, SENSOR_DATA, Qos, TokenParts
+from gateways.ros2.wire import (
+    HUMBLE,
+    LATCHED,
+    NO_HASHES,
+    SENSOR_DATA,
+    EntityKind,
+    Qos,
+    TokenParts,
+)
 from ground.client.robot_link import RobotLink, finish
 from ground.robot import Robot
 from protocol.topics import CLOCK, DECISION, LEASE, ODOMETRY, SONAR, STATUS, TEXT, WHEELS
@@ -74,7 +82,7 @@ class RobotFace:
         )
         self.velocity = VelocityCommands(robot, self.clock, self.report, lambda: self.limits)
         self.navigation: Navigation | None = None
-        self.graph = RosGraph(session, gone=self._note_gone)
+        self.graph = RosGraph(session, self._note_appeared, self._note_gone)
         if not self._read_only:
             self._take_commands()
         self._reader = telemetry.WheelReader()
@@ -102,6 +110,14 @@ class RobotFace:
         node.subscribe("cmd_vel", "geometry_msgs/msg/Twist", velocity.take)
         node.subscribe("cmd_vel", "geometry_msgs/msg/TwistStamped", velocity.take_stamped)
         self.navigation = Navigation(node, self.robot, self.clock, self.report)
+
+    def _note_appeared(self, parts: TokenParts, _gid: bytes) -> None:
+        """Warn of nodes with which the robot cannot exchange data, and of a second gateway."""
+        own = f"{self.node.name.namespace}/{NODE}"
+        if parts.type_hash == NO_HASHES:
+            self.report.warn_once(f"{parts.node} is a node of Humble. {HUMBLE}")
+        elif parts.kind is EntityKind.NODE and parts.node == own:
+            self.report.warn_once(f"another process presents {own}: its topics and ours mix")
 
     def _note_gone(self, parts: TokenParts, gid: bytes) -> None:
         """Cancel the goals of a client that has left the network."""

@@ -434,6 +434,21 @@ async def test_false_frames_are_dropped_and_counted(stack: Paced, peer: RosPeer)
         assert not face.velocity.is_driving
 
 
+async def test_humble_and_a_second_gateway_are_told(stack: Paced, peer: RosPeer) -> None:
+    notes: list[str] = []
+    humble = "geometry_msgs::msg::dds_::Twist_/TypeHashNotSupported/::,10:,:,:,,"
+    parts = ["0/1/MP/%/%/old/%chatter/" + humble, "1/1/NN/%/%r1/sidestep"]
+    tokens = [
+        peer.session.liveliness().declare_token(f"@ros2_lv/0/{peer.session.zid()}/{part}")
+        for part in parts
+    ]
+    async with presented(stack, peer.endpoint, note=notes.append):
+        await until(lambda: len([one for one in notes if "r1: " in one]) == 2, str(notes))
+    assert any("/old is a node of Humble" in note for note in notes)
+    assert any("another process presents /r1/sidestep" in note for note in notes)
+    assert tokens
+
+
 SUBSCRIBED = (
     ("/r1/cmd_vel", TWIST),
     ("/r1/cmd_vel", STAMPED),

@@ -196,7 +196,7 @@ async def presented(
         await robot.open()
         session = RosSession(Interfaces(distro), session_config({}, endpoint), note=note)
         session.start()
-        face = RobotFace(robot, session, FaceSettings(**{"namespace": "/r1", **settings}))
+        face = RobotFace(robot, session, FaceSettings(**{"namespace": "/r1", **settings}), note)
         running = asyncio.create_task(face.run())
         try:
             yield face
