@@ -70,7 +70,7 @@ def words_for(line: str) -> list[str]:
         ("study --quick re", []),
         ("bench lat", ["latency"]),
         ("completion ", ["bash", "zsh", "fish"]),
-        ("run container --robots 2 run ro", ["robot", "router"]),
+        ("run container --robots 2 run ro", ["robot", "ros2", "router"]),
         ("run container --robots 2 ru", ["run"]),
         ("run container run health pl", ["plant"]),
         ("sing ", []),
