@@ -358,6 +358,22 @@ PRIORITIES: Final = {
 }
 
 
+class Matching:
+    """Whether a publisher has a subscriber, as `status[0]`, which Zenoh keeps up to date.
+
+    To ask it in every tick costs more than to put a sample: Zenoh locks its tables, and lets other
+    threads have the interpreter.
+    """
+
+    def __init__(self, publisher: zenoh.Publisher) -> None:
+        self.status = status = [False]
+
+        def take(now: zenoh.MatchingStatus) -> None:
+            status[0] = bool(now.matching)
+
+        self._listener = publisher.declare_matching_listener(zenoh_callback(take))
+
+
 class Publisher(Generic[M]):
     """Publish messages of one topic on its key.
 
@@ -388,7 +404,8 @@ class Publisher(Generic[M]):
         plain = session.declare(
             lambda one: one.declare_publisher(key, congestion_control=LIVE, **service)
         )
-        self._matching = plain  # an advanced publisher has no matching status
+        # An advanced publisher has no matching status.
+        self._matching = session.declare(lambda _: Matching(plain.now))
         self._publisher: Declared[Any] = plain
         self._events: deque[PublishedEvent] | None = None
         if topic.history:
@@ -452,6 +469,4 @@ class Publisher(Generic[M]):
 
         Samples put before are lost unless the topic has a history.
         """
-        # Zenoh's stub declares bool, but the value is an object, which is always true.
-        status: Any = self._matching.now.matching_status
-        return bool(status.matching)
+        return self._matching.now.status[0]
