@@ -224,7 +224,7 @@ class Robot(RobotLink):
         for its end; otherwise another part of the process follows it. `floor` returns the floor of
         the world, if it is known; it may block.
         """
-        super().__init__(bus, common, clock)
+        super().__init__(bus, common, clock, operator)
         self.follows = follows
         self.progress: Progress = progress or NoProgress()
         self._floor = floor
@@ -243,7 +243,7 @@ class Robot(RobotLink):
         self.parameters = Parameters(self)
         self.mission = Missions(self)
         self.fence = Fences(self)
-        self.lease = Leases(self, operator, leasing, lambda: bool(self._drives))
+        self.lease = Leases(self, leasing, lambda: bool(self._drives))
 
     def __repr__(self) -> str:
         """Return the robot, where it is, and what its newest status shows."""
@@ -257,7 +257,7 @@ class Robot(RobotLink):
     def to(self, robot: str) -> "Robot":
         """Return another robot on the same bus, whose lease is not taken."""
         common = replace(self.common, robot=robot)
-        return Robot(self.bus, common, clock=self.clock, leasing=Leasing.NEVER)
+        return Robot(self.bus, common, self.sender, clock=self.clock, leasing=Leasing.NEVER)
 
     async def open(self) -> None:
         """Start the subscriptions and the heartbeat, for `connect`."""

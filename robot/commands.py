@@ -26,7 +26,9 @@ from protocol.wire.messages import (
 from robot.core import modes, reasons, states
 from robot.core.values import Goal, Twist, goal_of, twist_of
 from robot.hosting import Core
+from robot.lease import Asker
 from robot.mission import DEFAULT, LEAST_SPEED_M_S, UNCHANGED, MissionExecutor, Stoppers
+from runtime.cli.terminal import printable
 from runtime.units import NS_PER_MS
 
 MAX_OPERATORS: Final = 64
@@ -57,12 +59,11 @@ class Commands:
 
     `goal_id` is the id of the request that set the current goal; goals of a mission have the id of
     the request that started it. `drive_id` and `begun_by` are the request that began the newest
-    goal or manual drive, and the program that sent it. `driver` is the program that has the robot
-    move: in GUIDED and MANUAL the robot stops when this one is lost; empty if any may.
+    goal or manual drive, and who sent it. `led_by` has the robot move: in GUIDED and MANUAL the
+    robot stops when its program, the `driver`, is lost; empty if any may.
     `is_there(operator, now_ms, within_ms)` returns whether a program sends heartbeats, and has sent
     the last one in this time, if one is given. `restarts`: an operator has asked for a restart of
-    the process. `stoppers` are the programs of other persons that have stopped what `begun_by`
-    began.
+    the process. `stoppers` are the names of others that have stopped what `begun_by` began.
     """
 
     def __init__(
@@ -77,7 +78,8 @@ class Commands:
         self._is_there = is_there
         self._answers = AnswerCache()
         self.goal_id = self.drive_id = 0
-        self.begun_by = self.driver = self._asking = ""
+        self.begun_by = self.led_by = Asker()
+        self._asking = ""
         self.stoppers = Stoppers()
         self._hosted: Sequence[Commands] = (self,)
         self._stop_ids: deque[int] = deque([0], MAX_STOPS)
@@ -87,6 +89,11 @@ class Commands:
     def share_process(self, robots: "Sequence[Commands]") -> None:
         """Name all robots of this process, which end with it: a restart must find each at rest."""
         self._hosted = robots
+
+    @property
+    def driver(self) -> str:
+        """The identity of the program that has the robot move; empty if any may."""
+        return self.led_by.operator
 
     @property
     def stop_id(self) -> int:
@@ -136,16 +143,17 @@ class Commands:
                 reason = self._core.command(request, now_ms) if done is None else done
         is_new = (machine.serial, self._mission.starts) != begun
         self._mission.speed.follow(operator if is_new else "")
-        other = "" if person_of(operator) == person_of(self.begun_by) else operator
+        asker = Asker(operator, printable(request.sender))
+        other = "" if asker.party == self.begun_by.party else asker.label
         self._note_stopper(other, had_goal and not is_new, is_new, mode, on_mission)
         if is_new:
             self.goal_id = request.request_id
         begins = is_new or (reason == reasons.OK and kind.by_hand)
         if begins:
-            self.drive_id, self.begun_by = request.request_id, operator
+            self.drive_id, self.begun_by = request.request_id, asker
         goes_on = goes_on and reason == reasons.OK
         if (begins or goes_on or machine.mode not in (mode, states.HOLD)) and not kind.leads_on:
-            self.driver = leader
+            self.led_by = asker if leader == operator else self.led_by
         if reason == reasons.OK:
             reason = self._note_on(kind, was_stopped)
         answer = acknowledge(request, reason)
@@ -156,7 +164,7 @@ class Commands:
     def _note_stopper(
         self, other: str, had_goal: bool, is_new: bool, mode: int, on_mission: bool
     ) -> None:
-        """Note what a request has stopped; `other` sent it, if another person began that."""
+        """Note what a request has stopped; `other` sent it, if another one began that."""
         machine, mission, by = self._machine, self._mission, self.stoppers
         if is_new or (had_goal and not modes.goal_is_active(machine)):
             by = by._replace(goal="" if is_new else other)

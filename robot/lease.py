@@ -7,6 +7,7 @@ one reference.
 from collections import OrderedDict
 from typing import Final, NamedTuple, TypeVar
 
+from protocol.bus.network import GATEWAY, without_digits
 from protocol.topic import person_of
 from protocol.wire.enums import LeaseAction, Severity
 from protocol.wire.limits import MAX_LEASE_MS, MAX_OPERATOR_NAME_BYTES
@@ -25,21 +26,30 @@ MAX_PROGRAMS: Final = 64
 T = TypeVar("T")
 
 
-class Holder(NamedTuple):
-    """The program that has taken the lease for its person: identity on the bus and display name."""
+class Asker(NamedTuple):
+    """Who asks: the identity of a program on the bus, and the display name in its request.
 
-    operator: str
-    name: str
+    One gateway asks for many clients, each with a name of its own.
+    """
+
+    operator: str = ""
+    name: str = ""
 
     @property
     def person(self) -> str:
-        """The person that has the lease."""
+        """The person that commands by this program; it is the person who has the lease."""
         return person_of(self.operator)
 
     @property
+    def party(self) -> str:
+        """The person, or the client of a gateway, whose clients are different persons."""
+        return self.name if without_digits(self.person) == GATEWAY else self.person
+
+    @property
     def label(self) -> str:
-        """The display name, or the person if there is no name."""
-        return self.name or self.person
+        """The display name, else the person; as much of it as fits into a message."""
+        label = self.name or without_digits(self.person)
+        return label.encode()[:MAX_OPERATOR_NAME_BYTES].decode(errors="ignore")
 
 
 class Lease:
@@ -51,7 +61,7 @@ class Lease:
     """
 
     def __init__(self) -> None:
-        self._holder: Holder | None = None
+        self._holder: Asker | None = None
         self._granted_ns = self._used_ns = 0
         self.stood_ns = 0
         self._beats_ns: OrderedDict[str, int] = OrderedDict()
@@ -73,14 +83,15 @@ class Lease:
             return reasons.NO_OPERATOR
         if request.action != LeaseAction.SEIZE and not self.allows(operator):
             return reasons.LEASE_HELD
+        asker = Asker(operator, printable(request.name))
         if request.action == LeaseAction.RELEASE:
             if self._holder is None:
                 return reasons.NO_LEASE
-            self._release()
+            self._release(asker)
         elif request.action == LeaseAction.LEAVE:
-            self._leave(operator, now_ns)
+            self._leave(asker, now_ns)
         elif request.action in (LeaseAction.TAKE, LeaseAction.SEIZE):
-            self._grant(Holder(operator, printable(request.name)), now_ns)
+            self._grant(asker, now_ns)
         else:
             return reasons.UNKNOWN_COMMAND
         return reasons.OK
@@ -125,7 +136,10 @@ class Lease:
         self._used_ns = max(self._used_ns, now_ns + self.stood_ns)
 
     def due(self, now_ns: int) -> list[tuple[Severity, str]]:
-        """End an expired lease; return the texts for operators, each with its severity."""
+        """End an expired lease, and pass one on from a program that is silent to one that is not.
+
+        Return the texts for operators, each with its severity.
+        """
         holder, now_ns = self._holder, now_ns + self.stood_ns
         if holder is not None and now_ns > self._idle_ns:
             words = f"lease of {holder.label} given back: nothing driven for {IDLE_S:g} s"
@@ -133,6 +147,8 @@ class Lease:
         elif holder is not None and now_ns > self._ends_ns:
             words = f"lease of {holder.label} lapsed: no heartbeat for {LAPSE_S:g} s"
             self._end(Severity.WARNING, words)
+        elif holder is not None and now_ns > self._heard_of(holder.operator) + LAPSE_NS:
+            self._pass_on(now_ns)
         texts, self._texts = self._texts, []
         return texts
 
@@ -142,23 +158,12 @@ class Lease:
         return holder is not None and holder.person == person_of(operator)
 
     @property
-    def holder(self) -> Holder | None:
-        """The program that has taken the lease, or None."""
+    def holder(self) -> Asker | None:
+        """The program that has taken the lease, or another one of its person; None without one."""
         return self._holder
 
-    def name_of(self, operator: str) -> str:
-        """Return the display name that a program has given; empty if unknown."""
-        return self._names.get(operator, "")
-
-    def label_of(self, operator: str) -> str:
-        """Return the name of a program, else the newest one of its person, else the person."""
-        person = person_of(operator)
-        known = (name for one, name in reversed(self._names.items()) if person_of(one) == person)
-        label = self.name_of(operator) or next(filter(None, known), person)
-        return cut(label)
-
     def status(self, time_ns: int, now_ns: int, drive_id: int, driver: str) -> LeaseStatus:
-        """Return the lease as a message, stamped `time_ns`, with the newest drive."""
+        """Return the lease as a message, stamped `time_ns`, with the newest drive and its name."""
         holder, now_ns = self._holder, now_ns + self.stood_ns
         return LeaseStatus(
             time_ns=time_ns,
@@ -167,13 +172,24 @@ class Lease:
             holder="" if holder is None else holder.operator,
             name="" if holder is None else holder.name,
             drive_id=drive_id,
-            driver=cut(self.name_of(driver) or person_of(driver)),
+            driver=driver,
         )
 
     @property
     def _newest_ns(self) -> int | None:
         """When a program that may command was last heard, None before the first."""
         return max((ns for one, ns in self._heard_ns.items() if self.allows(one)), default=None)
+
+    def _heard_of(self, operator: str) -> int:
+        """Return when the holder was last heard: by a heartbeat, or as it took the lease."""
+        return max(self._heard_ns.get(operator, self._granted_ns), self._granted_ns)
+
+    def _pass_on(self, now_ns: int) -> None:
+        """Show the program of the holder's person that was heard last, if one sends heartbeats."""
+        own = ((ns, one) for one, ns in self._heard_ns.items() if self.is_holder(one))
+        heard_ns, operator = max(own, default=(0, ""))
+        if operator and now_ns - heard_ns <= LAPSE_NS:
+            self._holder = Asker(operator, self._names.get(operator, ""))
 
     @property
     def _idle_ns(self) -> int:
@@ -188,7 +204,7 @@ class Lease:
             return self._idle_ns
         return min(heard_ns + LAPSE_NS, self._idle_ns)
 
-    def _grant(self, new: Holder, now_ns: int) -> None:
+    def _grant(self, new: Asker, now_ns: int) -> None:
         old = self._holder
         if old is None:
             self._announce(Severity.INFO, f"{new.label} has taken the lease")
@@ -199,21 +215,24 @@ class Lease:
         self._granted_ns = now_ns + self.stood_ns
         self.use(now_ns)
 
-    def _leave(self, operator: str, now_ns: int) -> None:
-        """Release the lease, unless another program of the person is there."""
-        self._beats_ns.pop(operator, None)
-        self._heard_ns.pop(operator, None)
+    def _leave(self, asker: Asker, now_ns: int) -> None:
+        """Release the lease, or pass it on to another program of the person that is there."""
+        operator = asker.operator
+        for known in (self._beats_ns, self._heard_ns, self._names):
+            known.pop(operator, None)
         if self._inherited[0] == operator:
             self._inherited = "", 0
         heard_ns = self._newest_ns
         if heard_ns is None or now_ns + self.stood_ns - heard_ns > LAPSE_NS:
-            self._release()
+            self._release(asker)
         else:  # by the heartbeats of the other one, though they may be older than the grant
             self._granted_ns = 0
+            if self._holder is not None and self._holder.operator == operator:
+                self._pass_on(now_ns + self.stood_ns)
 
-    def _release(self) -> None:
+    def _release(self, asker: Asker) -> None:
         if self._holder is not None:
-            self._end(Severity.INFO, f"{self._holder.label} has released the lease")
+            self._end(Severity.INFO, f"{asker.label} has released the lease")
 
     def _end(self, severity: Severity, words: str) -> None:
         self._holder = None
@@ -229,8 +248,3 @@ def keep(newest: OrderedDict[str, T], operator: str, value: T) -> None:
     newest.move_to_end(operator)
     if len(newest) > MAX_PROGRAMS:
         newest.popitem(last=False)
-
-
-def cut(label: str) -> str:
-    """Return as much of a name or a person as fits into a message."""
-    return label.encode()[:MAX_OPERATOR_NAME_BYTES].decode(errors="ignore")

@@ -170,7 +170,7 @@ ACTIVE: Final = (MissionState.RUNNING, MissionState.HOLDING, MissionState.PAUSED
 
 
 class Stoppers(NamedTuple):
-    """Who stopped what another person had begun: programs, or their names; empty otherwise."""
+    """The names of those who stopped what another one had begun; empty otherwise."""
 
     goal: str = ""
     """It ended the goal."""

@@ -187,7 +187,7 @@ class Reports:
             stamp_ns,
             now_ms,
             commands.take_shown_stop(),
-            vehicle.stoppers,
+            commands.stoppers,
         )
         self.together.put(self.status, status)
         self._summary.take(status)

@@ -33,12 +33,11 @@ from robot.core.values import Inputs, Outputs, Pose, Twist
 from robot.emergency_stop import RESTORED, emergency_stop
 from robot.file_writer import Ticket
 from robot.hosting import ORIGIN, InProcessCore, NewCore
-from robot.lease import Lease
+from robot.lease import Asker, Lease
 from robot.mission import (
     FenceItems,
     MissionExecutor,
     MissionStore,
-    Stoppers,
     TransferReply,
     TransferRequest,
     Transfers,
@@ -47,6 +46,7 @@ from robot.mission import (
 from robot.parameter_service import ParameterService
 from robot.storage import Store
 from robot.telemetry import ChangeLog
+from runtime.cli.terminal import printable
 from runtime.units import NS_PER_MS
 
 Answer: TypeAlias = CommandAck | ParamValue | TransferReply
@@ -237,12 +237,6 @@ class RobotVehicle:
             if news is not None:
                 self.announce(*news)
 
-    @property
-    def stoppers(self) -> Stoppers:
-        """The names of those who have stopped what another person had begun."""
-        by = self.commands.stoppers
-        return Stoppers(*(one and self.lease.label_of(one) for one in by)) if any(by) else by
-
     def retry_stop(self, now_ns: int) -> None:
         """Write the emergency stop again if that has failed; `now_ns` is the time of the wall."""
         self._store.stop.retry(now_ns)
@@ -313,11 +307,10 @@ class RobotVehicle:
         """
         is_active = self.state.machine.vehicle == states.ACTIVE
         if self._was_active and not is_active:
-            driver = self.commands.driver
-            if driver and self.state.machine.vehicle_reason == reasons.OPERATOR_LOST:
-                words = f"{self.lease.label_of(driver)} fell silent: its drive was stopped"
+            if self.commands.driver and self.state.machine.vehicle_reason == reasons.OPERATOR_LOST:
+                words = f"{self.commands.led_by.label} fell silent: its drive was stopped"
                 self.announce(Severity.CRITICAL, words)
-            self.commands.driver = ""
+            self.commands.led_by = Asker()
         self._was_active = is_active
 
     def stop(self, reason: int, now_ns: int) -> None:
@@ -337,7 +330,7 @@ class RobotVehicle:
     def texts(self) -> list[Statustext]:
         """Return the texts to publish now, oldest first."""
         self.collect_saved()
-        texts = self._texts + self._change_log.since_last_time(self.stoppers)
+        texts = self._texts + self._change_log.since_last_time(self.commands.stoppers)
         self._texts = []
         return texts
 
@@ -353,7 +346,7 @@ class RobotVehicle:
             self.lease.use(now_ns)
         for severity, words in self.lease.due(now_ns):
             self.announce(severity, words)
-        drive = self.commands.drive_id, self.commands.begun_by
+        drive = self.commands.drive_id, self.commands.begun_by.label
         due = self._leases.due((self.lease.holder, drive), now_ns + self.lease.stood_ns)
         return self.lease.status(stamp_ns, now_ns, *drive) if due else None
 
@@ -362,7 +355,7 @@ class RobotVehicle:
         mission = self.mission
         progress = (mission.number, len(mission.items), mission.current, mission.state)
         due = self._missions.due((progress, mission.reason, self.commands.stoppers), now_ns)
-        return mission.status(stamp_ns, self.stoppers) if due else None
+        return mission.status(stamp_ns, self.commands.stoppers) if due else None
 
     def _lease(self, request: LeaseRequest, now_ns: int, operator: str) -> CommandAck:
         before = self.lease.holder
@@ -372,7 +365,7 @@ class RobotVehicle:
             self.teleop.clear()
         if driver and not self.lease.allows(driver):  # who seizes the lease takes over the drive
             self.lease.inherit(operator, driver)
-            self.commands.driver = operator
+            self.commands.led_by = Asker(operator, printable(request.name))
         return ack(reason)
 
     def refused(self, request: Message, reason: int) -> Answer:

@@ -112,7 +112,7 @@ class AnsweringRobot:
         """Return no texts."""
         return []
 
-    async def perform(self, operation: Operation[Any]) -> Answered:
+    async def perform(self, operation: Operation[Any], name: str = "") -> Answered:
         """Keep the request."""
         return await self._kept(operation)
 

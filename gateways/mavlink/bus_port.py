@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Awaitable, Callable
 from contextlib import AbstractAsyncContextManager, nullcontext, suppress
+from contextvars import ContextVar
 from functools import partial
 from queue import SimpleQueue
 from typing import Any, Final
@@ -65,6 +66,8 @@ LOAD_NS: Final = 10 * NS_PER_S
 MAX_ASKING: Final = 256
 """Presses of the stop that wait for an acknowledgement; more are sent, and get none."""
 Job = Callable[[], Awaitable[Outcome]]
+ASKING: ContextVar[str] = ContextVar("ASKING", default="")
+"""The name of the client for which the task under way asks the robot."""
 
 
 async def answered_by(job: Job, turn: AbstractAsyncContextManager[object]) -> Answered:
@@ -127,7 +130,7 @@ class PortLeases(Leases):
     """Sends the heartbeat when it is told to: the gateway decides when its client is there."""
 
     def __init__(self, robot: Robot, heartbeat: Publisher[Heartbeat]) -> None:
-        super().__init__(robot, "", Leasing.NEVER)
+        super().__init__(robot, Leasing.NEVER)
         self._publisher = heartbeat
 
     def beat(self) -> None:
@@ -146,6 +149,11 @@ class PortRobot(Robot):
         )
         self.lease: PortLeases = PortLeases(self, heartbeat)
         self._telemetry = telemetry
+
+    @property
+    def sender(self) -> str:
+        """The name of the client for which it asks."""
+        return ASKING.get()
 
     async def refusing_holder(self, reason: int) -> str:
         """Return the name of the lease holder who is the reason of a refusal, "" for another one.
@@ -239,30 +247,36 @@ class BusPort:
                     found.append(message)
         return found
 
-    async def perform(self, operation: Operation[Any]) -> Answered:
+    async def perform(self, operation: Operation[Any], name: str = "") -> Answered:
         """Perform an operation; operations of one robot run one after another.
 
         One that only stops the robot runs at once. What was asked before it and has not begun does
         not move the robot any more; if something has, the stop is repeated after it. What is asked
         after it waits for its answer.
         """
-        job = partial(operation.perform, self._robot)
+        job, moves = partial(operation.perform, self._robot), operation.moves
         if not isinstance(operation, STOPS):
-            return await self._request(job, expires=operation.moves, moves=operation.moves)
+            return await self._request(job, name, expires=moves, moves=moves)
         if len(self._tasks) >= MAX_WAITING + MAX_HALTS:
             return Answered(None, BUSY)
-        self._halt = job
+
+        async def halt() -> Outcome:
+            ASKING.set(name)
+            outcome: Outcome = await job()
+            return outcome
+
+        self._halt = halt
         self._halts += 1
         self._halting_now += 1
-        halted = self._begin(self._halting, job)
+        halted = self._begin(self._halting, halt)
         halted.add_done_callback(self._end_halt)
         return await halted
 
     async def change_lease(self, action: LeaseAction, name: str) -> Answered:
-        """Take, seize or release the lease."""
+        """Take, seize or release the lease for a client with this name."""
         takes = action is not LeaseAction.RELEASE
         ask = partial(self._robot.lease.change, action, name)
-        return await self._request(ask, is_tried=not takes, expires=takes)
+        return await self._request(ask, name, is_tried=not takes, expires=takes)
 
     def stop(self) -> StopPress:
         """Send the emergency stop at once, and repeat it in a separate thread."""
@@ -312,9 +326,9 @@ class BusPort:
         return bool(arrived_ns) and now_ns - max(arrived_ns) >= SILENT_NS
 
     async def _request(
-        self, job: Job, *, is_tried: bool = False, expires: bool, moves: bool = False
+        self, job: Job, name: str, *, is_tried: bool = False, expires: bool, moves: bool = False
     ) -> Answered:
-        """Carry out a request when it is its turn.
+        """Carry out a request of the client with this name when it is its turn.
 
         `is_tried`: also to a silent robot; `expires`: only for a short time; `moves`: only if no
         stop overtakes it.
@@ -322,6 +336,7 @@ class BusPort:
         asked_ns, halts = self._link.bus.now_ns(), self._halts
 
         async def checked() -> Outcome:
+            ASKING.set(name)
             if self._is_closed or (self._is_silent() and not is_tried):
                 raise RemoteError(NO_TELEMETRY)
             if expires and self._link.bus.now_ns() - asked_ns >= LATE_NS:

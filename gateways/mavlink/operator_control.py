@@ -10,7 +10,7 @@ MAVSDK answer PING. MAVProxy and most scripts answer nothing, and send one HEART
 """
 
 import asyncio
-from collections.abc import Callable, Collection
+from collections.abc import Awaitable, Callable, Collection
 from typing import Any, Final, NamedTuple
 
 from gateways.mavlink.mav_service import Outbox, Sender
@@ -98,6 +98,9 @@ GATEWAY_NAME: Final = "MAVLink "
 """The names of clients for other operators begin so."""
 
 
+IsEarly = Callable[[Answered], Awaitable[bool]]
+
+
 class Owner(NamedTuple):
     """The client in control: a peer, and the system id that it uses."""
 
@@ -168,12 +171,15 @@ class OperatorControl:
         if self._presence is not None and self.holds(sender):
             self._presence.answered()
 
-    async def perform(self, sender: Sender, operation: Operation[Any]) -> Answered:
+    async def perform(
+        self, sender: Sender, operation: Operation[Any], is_early: IsEarly | None = None
+    ) -> Answered:
         """Perform an operation, and return its end.
 
         Take control first if it moves the robot and no client has control; give it back if the
-        robot refuses. An armed robot keeps its fence, which may be replaced but not removed: no
-        single message, perhaps a forged one, makes it drive on without.
+        robot refuses. While `is_early`, which waits, returns True for the answer, the same is asked
+        again. An armed robot keeps its fence, which may be replaced but not removed: no single
+        message, perhaps a forged one, makes it drive on without.
         """
         if not sender.may_command:
             return Answered(None, sender.barred)
@@ -192,15 +198,22 @@ class OperatorControl:
         serial, is_stop = self.serial, isinstance(operation, STOPS)
         self.stops += is_stop
         self._stopping += is_stop
+        stops, name = self.stops, name_of(sender)
         try:
-            answered = await self._port.perform(operation)
+            answered = await self._port.perform(operation, name)
+            while is_early is not None and await is_early(answered):
+                if self.stops != stops:
+                    answered = Answered(None, OVERTAKEN)
+                if self.stops != stops or not self.holds(sender):
+                    break
+                answered = await self._port.perform(operation, name)
         finally:
             self._stopping -= is_stop
         is_refused = has_refused(answered.outcome) and self.serial == serial
         if is_taken and is_refused and not had_owner and self.holds(sender):
             self._lose()
             if was_free:
-                await self._port.change_lease(LeaseAction.RELEASE, "")
+                await self._port.change_lease(LeaseAction.RELEASE, name)
         return answered
 
     @property
@@ -266,7 +279,7 @@ class OperatorControl:
         """Give back the lease if the sender is in control."""
         if self.holds(sender):
             self._lose()
-            return await self._port.change_lease(LeaseAction.RELEASE, "")
+            return await self._port.change_lease(LeaseAction.RELEASE, name_of(sender))
         if self._presence is None or self.owner is None:
             return Answered(Accepted(0, note=Reason.NO_LEASE))
         return held_by(self._presence.station, sender)

@@ -108,11 +108,14 @@ class RobotPort(Protocol):
     def new_texts(self) -> list[Statustext]:
         """Return the robot's texts, in pieces, that have arrived since the last call."""
 
-    async def perform(self, operation: Operation[Any]) -> Answered:
-        """Perform an operation; operations of one robot run one after another."""
+    async def perform(self, operation: Operation[Any], name: str = "") -> Answered:
+        """Perform an operation; operations of one robot run one after another.
+
+        `name` is that of the client that asks, for other operators.
+        """
 
     async def change_lease(self, action: LeaseAction, name: str) -> Answered:
-        """Take, seize or release the lease."""
+        """Take, seize or release the lease for a client with this name."""
 
     def stop(self) -> StopPress:
         """Send the emergency stop before this returns; repeat it until telemetry shows it.

@@ -60,16 +60,14 @@ class Leases:
     def __init__(
         self,
         link: RobotLink,
-        operator: str = "",
         leasing: Leasing = Leasing.NEVER,
         is_driving: Callable[[], bool] = lambda: False,
     ) -> None:
-        """Serve the program with this name for other operators."""
         self.leasing = leasing
         self.is_ours = False
         """True while this program is the robot's operator; then it sends its heartbeat."""
 
-        self._link, self._operator, self._is_driving = link, operator, is_driving
+        self._link, self._is_driving = link, is_driving
         self._taking, self._changing = asyncio.Lock(), asyncio.Lock()
         self._taken_ns = 0
         self._timer = HeartbeatTimer()
@@ -121,7 +119,7 @@ class Leases:
         self._link.check_open()
         if action is LeaseAction.RELEASE:
             self.is_ours = False
-        asking = partial(self._change, action, name or self._operator)
+        asking = partial(self._change, action, name or self._link.sender)
         return await self._link.uninterrupted(self._changing, asking)
 
     async def _change(self, action: LeaseAction, name: str) -> Answer:
@@ -161,8 +159,9 @@ class Leases:
         A lost answer is ignored: the lease expires by itself.
         """
         self.is_ours = False
-        request = LeaseRequest(request_id=self._link.ids.next(), action=LeaseAction.LEAVE, name="")
-        now_ns = self._link.clock.now_ns()
+        link, action = self._link, LeaseAction.LEAVE
+        request = LeaseRequest(request_id=link.ids.next(), action=action, name=link.sender)
+        now_ns = link.clock.now_ns()
         leaving = CommandExchange(request, now_ns, attempts=1, patience_ns=RELEASE_NS)
         await self._link.carry(leaving, LEASE_SERVICE)
 

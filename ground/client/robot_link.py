@@ -13,6 +13,8 @@ from functools import partial
 from threading import Thread
 from typing import Any, Final, NamedTuple, TypeVar
 
+from msgspec import structs
+
 from ground.client.connection import Common
 from ground.client.events import EventStream
 from ground.client.lease_holder import holder_name, is_ours
@@ -49,6 +51,7 @@ from protocol.wire.message import Message
 from protocol.wire.messages import (
     AvoidanceDecision,
     CommandRequest,
+    GoalRequest,
     NavigatorStatus,
     PlanarOdometry,
     SonarScan,
@@ -124,8 +127,11 @@ class Heard(NamedTuple):
 class RobotLink:
     """Asks one robot, and receives its messages."""
 
-    def __init__(self, bus: Bus, common: Common, clock: Clock | None = None) -> None:
+    def __init__(
+        self, bus: Bus, common: Common, clock: Clock | None = None, sender: str = ""
+    ) -> None:
         self.name = common.robot
+        self._sender = sender
         self.bus = bus
         self.clock: Clock = WallClock() if clock is None else clock
         self.remedies = common.remedies
@@ -148,7 +154,12 @@ class RobotLink:
 
     def to(self, robot: str) -> "RobotLink":
         """Return a link to another robot on the same bus."""
-        return RobotLink(self.bus, replace(self.common, robot=robot), self.clock)
+        return RobotLink(self.bus, replace(self.common, robot=robot), self.clock, self.sender)
+
+    @property
+    def sender(self) -> str:
+        """The name under which this program asks, shown to other operators; empty for none."""
+        return self._sender
 
     @property
     def endpoint(self) -> str:
@@ -229,6 +240,8 @@ class RobotLink:
     ) -> Message | bytes:
         """Return the answer of a service of the robot; NoAnswerError has the cause without one."""
         loop = asyncio.get_running_loop()
+        if isinstance(message, CommandRequest | GoalRequest):
+            message = structs.replace(message, sender=self.sender)
         steps = self.bus.requester.steps(service, message, timeout_s, self.name)
         answer: Reply
         try:

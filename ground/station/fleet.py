@@ -50,7 +50,9 @@ class Fleet:
         clock: Clock,
         begin: Begin,
         add_line: AddLine,
+        name: str = "",
     ) -> None:
+        """Serve the operator with this name."""
         self.models: dict[str, RobotModel] = {}
         self.sessions: dict[str, RobotSession] = {}
         self.unwatched: tuple[str, ...] = ()
@@ -61,6 +63,7 @@ class Fleet:
         self._clock = clock
         self._begin = begin
         self._add_line = add_line
+        self._name = name
         self._began_ns = clock.now_ns()
         self._hub_state = HubState()
         self._reading: set[str] = set()
@@ -96,6 +99,7 @@ class Fleet:
         return Robot(
             bus,
             replace(self._common, robot=name),
+            self._name,
             clock=self._clock,
             leasing=Leasing.NEVER,
             follows=False,

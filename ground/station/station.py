@@ -96,7 +96,7 @@ class Station:
         self._began_ns = self._now_ns = clock.now_ns()
         self._present = PresentProcesses(frozenset())
         common = common or Common(network=Network(), robot=robot)
-        self._fleet = Fleet(bus, common, clock, begin, self._add_line)
+        self._fleet = Fleet(bus, common, clock, begin, self._add_line, name)
         self._ended: frozenset[tuple[str, str]] = frozenset()
         self._marks: tuple[str, int, tuple[RobotMark, ...]] = "", 0, ()
         """Those of the other robots, and of which robot and when."""

@@ -50,8 +50,9 @@ CYCLE_REPORT 54106 206 time_ns:Q tick:I missed:I overruns:I rejected:I late_us:I
 GROUND_TRUTH 54107 178 time_ns:Q seq:I x_m:f y_m:f heading_rad:f speed_m_s:f yaw_rate_rad_s:f
   clearance_m:f contact:B
 GOAL_REQUEST 54108 64 request_id:Q x_mm:i y_mm:i heading_urad:i heading_tolerance_urad:I
-  position_tolerance_mm:H heading_free:B mode:B from_robot:B
+  position_tolerance_mm:H heading_free:B mode:B from_robot:B sender:16s
 COMMAND_REQUEST 54109 126 request_id:Q param1:f param2:f command:H param3:f stop_id:Q ends_id:Q
+  sender:16s
 RUN_REQUEST 54110 38 until_ns:Q action:B
 RUN_SCORE 54111 83 time_ns:Q x_m:d y_m:d heading_rad:d path_m:d min_clearance_m:d ticks:I
   contacts:I own_contacts:I digest:32B

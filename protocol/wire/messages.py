@@ -571,6 +571,8 @@ class GoalRequest(Message, frozen=True, kw_only=True):
         mode: GUIDED (needs an operator) or AUTO. [Mode]
         from_robot: 1: the goal was given relative to the robot, which may therefore accept it
             without knowing its place.
+        sender: Display name of the program that asks, or of the client for which a gateway asks;
+            empty: only its person is known. [at most 16 bytes]
     """
 
     request_id: int
@@ -582,6 +584,11 @@ class GoalRequest(Message, frozen=True, kw_only=True):
     heading_free: int
     mode: int
     from_robot: int = 0
+    sender: str = ""
+
+    def __post_init__(self) -> None:
+        if too_long(self.sender, 16):
+            raise unfit(self)
 
 
 class CommandRequest(Message, frozen=True, kw_only=True):
@@ -600,6 +607,8 @@ class CommandRequest(Message, frozen=True, kw_only=True):
         ends_id: To hold or abort as the clean-up of a program: request_id of the goal or drive that
             it ends; if that is over, the answer is ALREADY_OVER and nothing changes. 0: whatever
             there is.
+        sender: Display name of the program that asks, or of the client for which a gateway asks;
+            empty: only its person is known. [at most 16 bytes]
     """
 
     request_id: int
@@ -609,6 +618,11 @@ class CommandRequest(Message, frozen=True, kw_only=True):
     param3: float = 0.0
     stop_id: int = 0
     ends_id: int = 0
+    sender: str = ""
+
+    def __post_init__(self) -> None:
+        if too_long(self.sender, 16):
+            raise unfit(self)
 
 
 class RunRequest(Message, frozen=True, kw_only=True):
@@ -686,11 +700,13 @@ class LeaseStatus(Message, frozen=True, kw_only=True):
         lapses_ms: Time until the lease expires without a heartbeat of its holder, or because
             nothing drives; 0 while the lease is free. [ms, at most 30000]
         held: 1 while an operator holds the lease.
-        holder: Identity on the bus of the program that took it: operator/session. The lease belongs
-            to the operator. [at most 56 bytes]
-        name: Display name of the holder. [at most 16 bytes]
+        holder: Identity on the bus of the program that took it, or of another one of the same
+            operator once that one is gone: operator/session. The lease belongs to the operator. [at
+            most 56 bytes]
+        name: Display name of that program; empty if it gave none. [at most 16 bytes]
         drive_id: request_id that began the newest goal or drive; 0 before the first.
-        driver: Display name of the program that began it; empty if unknown. [at most 16 bytes]
+        driver: Display name of the program that began it, or its person; empty before the first.
+            [at most 16 bytes]
     """
 
     time_ns: int

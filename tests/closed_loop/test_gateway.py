@@ -17,6 +17,7 @@ from checks.harness.loop import PlayedLoop
 from checks.harness.played_gateway import PlayedWork
 from checks.harness.until import until
 from gateways.mavlink.bus_port import BusPort
+from gateways.mavlink.mav_service import Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import (
     RESULT_NOT_IN_CONTROL,
@@ -38,7 +39,7 @@ from ground.missions import qgroundcontrol
 from ground.missions.mission import Waypoint
 from ground.robot import Robot
 from protocol.bus.bus import Bus, open_bus
-from protocol.bus.network import Network
+from protocol.bus.network import Network, gateway_here
 from protocol.topics import Role
 from protocol.wire.enums import GoalState, LeaseAction, MissionState, Mode
 from protocol.wire.enums import Vehicle as VehicleState
@@ -58,7 +59,9 @@ PLAN = planned(
 
 def link_of(stack: InProcess, role: Role) -> RobotLink:
     return RobotLink(
-        stack.join(role), Common(network=stack.client_network, robot="r1"), WallClock()
+        stack.join(role, gateway_here()),
+        Common(network=stack.client_network, robot="r1"),
+        WallClock(),
     )
 
 
@@ -193,10 +196,12 @@ class Gateway:
         self._work.within(self.face.due, self._stack.clock.now_ns())
         self.sent += [one.message for one in self.face.vehicle.outbox.take()]
 
-    def ask(self, message: MavMessage, answer: str = "COMMAND_ACK") -> MavMessage:
+    def ask(
+        self, message: MavMessage, answer: str = "COMMAND_ACK", sender: Sender = CLIENT
+    ) -> MavMessage:
         """Send a message; return the first answer of this type."""
         self.sent.clear()
-        self._work.within(self.face.receive, message, CLIENT, self._stack.clock.now_ns())
+        self._work.within(self.face.receive, message, sender, self._stack.clock.now_ns())
 
         def is_answered() -> bool:
             if self.port.is_busy and self._stack.robot is not None:
@@ -209,9 +214,9 @@ class Gateway:
         until(is_answered)
         return of_type(self.sent, answer)[0]
 
-    def command(self, number: int, *params: float) -> int:
+    def command(self, number: int, *params: float, sender: Sender = CLIENT) -> int:
         """Send a command; return its result a tick later, as the robot then knows its operator."""
-        result = acks([self.ask(command(number, *params))])[0][1]
+        result = acks([self.ask(command(number, *params), sender=sender)])[0][1]
         self._stack.cycle()
         self.round()
         return result
@@ -374,6 +379,39 @@ def test_client_without_control_moves_nothing() -> None:
         assert goto(gateway) == RESULT_NOT_IN_CONTROL
         assert gateway.command(CONTROL, 1, 0, 10) == mavlink.MAV_RESULT_FAILED
         assert stack.standing()
+
+
+OTHER = Sender(CLIENT.client + 1, 77, CLIENT.component)
+"""Another client of the same gateway, named MAVLink 77."""
+
+
+def test_a_client_is_not_named_for_what_another_one_has_done() -> None:
+    """255 has had control; 77, which never had it, stops what another person drives."""
+    with stack_with_gateway() as (stack, gateway):
+        gateway.face.join(OTHER.client)
+        assert gateway.command(ARM, 1) == ACCEPTED
+        assert gateway.command(CONTROL, 0, 0, 10) == ACCEPTED
+        with app(stack, "ada") as ada:
+            ada(Goto(goal=FAR, wait=False))
+            stack.until(gateway.drives)
+            assert gateway.command(SET_MODE, 1, Mode.HOLD, sender=OTHER) == ACCEPTED
+            assert stack.vehicle.commands.stoppers.hold == "MAVLink 77"
+            assert gateway.command(ARM, 0, sender=OTHER) == ACCEPTED
+            assert stack.vehicle.commands.stoppers.goal == "MAVLink 77"
+
+
+def test_clients_are_named_for_what_they_do_to_each_other() -> None:
+    with stack_with_gateway() as (stack, gateway):
+        gateway.face.join(OTHER.client)
+        assert gateway.command(ARM, 1) == ACCEPTED
+        assert gateway.command(SET_MODE, 1, GUIDED) == ACCEPTED
+        assert goto(gateway) == ACCEPTED
+        stack.until(gateway.drives)
+        assert gateway.command(PAUSE, 0) == ACCEPTED
+        assert stack.vehicle.commands.stoppers.hold == "", "its own client"
+        assert gateway.command(PAUSE, 1) == ACCEPTED
+        assert gateway.command(PAUSE, 0, sender=OTHER) == ACCEPTED
+        assert stack.vehicle.commands.stoppers.hold == "MAVLink 77"
 
 
 def test_gateway_after_a_restart_commands_at_once() -> None:

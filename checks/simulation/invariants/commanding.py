@@ -27,7 +27,7 @@ from protocol.wire.messages import (
 from robot.commands import kind_of
 from robot.core import reasons, states
 from robot.core.modes import Machine, goal_is_active
-from robot.lease import Holder
+from robot.lease import Asker
 from robot.vehicle import Answer, RobotVehicle
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS
@@ -60,7 +60,7 @@ class CommandingInvariants:
         self._certain = 0
         """Heartbeats of the person with the lease since the grant that were in time."""
         self._sender: dict[Teleop, str] = {}
-        self._holder: Holder | None = None
+        self._holder: Asker | None = None
         self._held_since_ns = NEVER
         self._wanted_ns = NEVER
         """Last time at which the robot had a reason to move."""

@@ -106,7 +106,7 @@ class GuidedDrive:
         elif not self._vehicle.control.holds(sender):
             self._stop()
             self._stage = Stage.IDLE
-            self._pilot.hold_drive(self._drive_id)
+            self._pilot.hold_drive(self._drive_id, sender)
         elif now_ns >= self._leave_ns:
             self._vehicle.start(self._leave(sender))
         elif now_ns - self._sent_ns >= REPEAT_NS and self._is_valid():
@@ -137,7 +137,7 @@ class GuidedDrive:
         answered = await self._pilot.await_goal(self._drive_id, sender)
         self._stage = Stage.IDLE
         if not answered.ok:
-            self._pilot.hold_drive(self._drive_id)
+            self._pilot.hold_drive(self._drive_id, sender)
         elif self._now_ns < self._until_ns and self._sender is not None:
             await self._enter(self._sender)
 

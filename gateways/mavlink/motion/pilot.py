@@ -7,7 +7,8 @@ from typing import Any, ClassVar, Final
 from gateways.mavlink.ardupilot import RTL
 from gateways.mavlink.mav_service import MavService, Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
-from gateways.mavlink.robot_port import OVERTAKEN, Answered
+from gateways.mavlink.operator_control import name_of
+from gateways.mavlink.robot_port import Answered
 from ground.client.goal import Destination
 from ground.client.outcomes import Accepted, Answer, Operation, Outcome, Refused
 from ground.client.requests import GaveUp
@@ -116,9 +117,11 @@ class EnterGuided:
     moves: ClassVar[bool] = True
 
     async def perform(self, robot: Robot) -> Answer:
-        """Abort (a robot without a goal refuses it), and set the mode."""
-        await robot.abort()
-        return await robot.set_mode(Mode.GUIDED)
+        """Set the mode, and abort (a robot without a goal refuses it); a refusal ends nothing."""
+        answer = await robot.set_mode(Mode.GUIDED)
+        if answer.ok:
+            await robot.abort()
+        return answer
 
 
 class Pilot(MavService):
@@ -184,13 +187,13 @@ class Pilot(MavService):
         self._vehicle.modes.show(Mode.HOLD, Mode.GUIDED)
         return await self._try(sender, EndDrive(drive_id, Mode.GUIDED), Mode.GUIDED)
 
-    def hold_drive(self, drive_id: int) -> None:
-        """End speeds in HOLD, without control."""
+    def hold_drive(self, drive_id: int, sender: Sender) -> None:
+        """End speeds of a client in HOLD, without control."""
         self._vehicle.modes.show_own()
-        self._vehicle.start(self._end_drive(drive_id))
+        self._vehicle.start(self._end_drive(drive_id, sender))
 
-    async def _end_drive(self, drive_id: int) -> None:
-        await self._vehicle.port.perform(EndDrive(drive_id, Mode.HOLD))
+    async def _end_drive(self, drive_id: int, sender: Sender) -> None:
+        await self._vehicle.port.perform(EndDrive(drive_id, Mode.HOLD), name_of(sender))
 
     def due(self, now_ns: int) -> None:
         """Repeat what waits for the heartbeat; start the mission that waits for arming."""
@@ -231,21 +234,23 @@ class Pilot(MavService):
     ) -> Answered:
         """Perform an operation, again until the robot has received the operator's heartbeat."""
         self._mission_waits = None
-        until_ns, stops = self._now_ns + PATIENCE_NS, self._vehicle.control.stops
-        while is_early(answered := await self._vehicle.control.perform(sender, operation)):
-            if self._now_ns >= until_ns:
-                break
+        until_ns = self._now_ns + PATIENCE_NS
+
+        async def is_early(answered: Answered) -> bool:
+            if not lacks_heartbeat(answered) or self._now_ns >= until_ns:
+                return False
             begun: asyncio.Future[None] = asyncio.get_running_loop().create_future()
             self._rounds.append(begun)
             await begun
-            if self._vehicle.control.stops != stops:
-                return Answered(None, OVERTAKEN)
+            return True
+
+        answered = await self._vehicle.control.perform(sender, operation, is_early)
         if answered.ok:
             self._vehicle.modes.accepted(mode, number)
         return answered
 
 
-def is_early(answered: Answered) -> bool:
+def lacks_heartbeat(answered: Answered) -> bool:
     """Return whether the robot has not received the operator's heartbeat yet."""
     outcome = answered.outcome
     return isinstance(outcome, Refused) and outcome.reason == Reason.NO_OPERATOR

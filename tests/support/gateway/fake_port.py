@@ -100,6 +100,8 @@ class FakePort:
         self.telemetry: dict[str, Any] = {}
         self.waiting: deque[tuple[Operation[Any], Callable[[Answered], None]]] = deque()
         self.performed: list[Any] = []
+        self.names: list[str] = []
+        """Of the clients that have asked for them."""
         self.leases: list[tuple[LeaseAction, str]] = []
         self.holder = ""
         self.stops: list[Callable[[Answered], None]] = []
@@ -118,10 +120,11 @@ class FakePort:
         taken, self.texts = self.texts, []
         return taken
 
-    async def perform(self, operation: Operation[Any]) -> Answered:
+    async def perform(self, operation: Operation[Any], name: str = "") -> Answered:
         """Keep the operation for `answer`."""
         end: asyncio.Future[Answered] = asyncio.get_running_loop().create_future()
         self.performed.append(operation)
+        self.names.append(name)
         self.waiting.append((operation, end.set_result))
         return await end
 
@@ -380,11 +383,11 @@ class SilentPort(FakePort):
 class CommandedPort(SilentPort):
     """A robot that never answers what is only read, so that the rest stands alone."""
 
-    async def perform(self, operation: Operation[Any]) -> Answered:
+    async def perform(self, operation: Operation[Any], name: str = "") -> Answered:
         """Keep the operation unless it only reads."""
         if isinstance(operation, (ShowParameters, FetchMission, ShowFence)):
             await asyncio.get_running_loop().create_future()
-        return await super().perform(operation)
+        return await super().perform(operation, name)
 
 
 class WholeGateway(PlayedGateway):

@@ -129,8 +129,8 @@ def test_taking_it_twice_only_changes_the_name() -> None:
 def test_any_program_of_the_person_releases_it() -> None:
     lease = kept()
     lease.beat(ADA, 1 * S)
-    assert lease.receive(ask(LeaseAction.RELEASE), ADAS_OTHER, 1 * S) == Reason.NONE
-    assert lease.due(1 * S) == [RELEASED]
+    assert lease.receive(ask(LeaseAction.RELEASE, "other"), ADAS_OTHER, 1 * S) == Reason.NONE
+    assert lease.due(1 * S) == [(Severity.INFO, "other has released the lease")]
     assert lease.allows(BOB)
 
 
@@ -155,7 +155,9 @@ def test_the_newest_heartbeat_of_all_its_programs_counts() -> None:
     lease.beat(ADAS_OTHER, 4 * S)
     assert shown(lease, 4 * S).lapses_ms == 3_000
     assert lease.due(2 * S + LAPSE_NS + 1) == []
-    assert lease.due(4 * S + LAPSE_NS + 1) == [CRASHED]
+    assert lease.due(4 * S + LAPSE_NS + 1) == [
+        (Severity.WARNING, "lease of ada lapsed: no heartbeat for 3 s")
+    ]
 
 
 def test_heartbeats_of_others_keep_no_lease() -> None:
@@ -228,7 +230,7 @@ def test_an_ended_lease_shows_no_negative_time() -> None:
 def test_the_last_program_that_leaves_releases_it() -> None:
     lease = kept()
     lease.beat(ADA, 1 * S)
-    assert lease.receive(ask(LeaseAction.LEAVE), ADA, 1 * S) == Reason.NONE
+    assert lease.receive(ask(LeaseAction.LEAVE, "Ada"), ADA, 1 * S) == Reason.NONE
     assert lease.due(1 * S) == [RELEASED]
     assert lease.beaten_ns(ADA) is None
 
@@ -239,7 +241,7 @@ def test_a_program_leaves_it_to_others_that_are_there(since_ns: int, stays: bool
     lease.beat(ADAS_OTHER, 1 * S)
     lease.beat(BOB, 1 * S + since_ns)
     lease.beat(ADA, 1 * S + since_ns)
-    assert lease.receive(ask(LeaseAction.LEAVE), ADA, 1 * S + since_ns) == Reason.NONE
+    assert lease.receive(ask(LeaseAction.LEAVE, "Ada"), ADA, 1 * S + since_ns) == Reason.NONE
     assert lease.due(1 * S + since_ns) == ([] if stays else [RELEASED])
     assert lease.is_holder(ADA) == stays
 
@@ -261,7 +263,38 @@ def test_a_lease_that_is_left_to_a_silent_program_lapses_soon() -> None:
 def test_a_program_that_never_sent_a_heartbeat_may_leave() -> None:
     lease = kept()
     assert lease.receive(ask(LeaseAction.LEAVE), ADAS_OTHER, 1 * S) == Reason.NONE
-    assert lease.due(1 * S) == [RELEASED]
+    assert lease.due(1 * S) == [(Severity.INFO, "ada has released the lease")]
+
+
+def test_a_lease_is_shown_with_a_program_that_is_there() -> None:
+    """One that has left, or was killed, is named no more: another of its person has the lease."""
+    for is_killed in (False, True):
+        lease = kept()
+        lease.receive(ask(LeaseAction.TAKE, "shell"), ADAS_OTHER, 0)
+        lease.beat(ADA, 1 * S)
+        lease.beat(ADAS_OTHER, 1 * S)
+        now_ns = 1 * S + 1
+        if is_killed:
+            lease.beat(ADA, 1 * S + LAPSE_NS)
+            lease.due(1 * S + LAPSE_NS)
+            assert shown(lease, now_ns).name == "shell"
+            now_ns += LAPSE_NS
+        else:
+            lease.receive(ask(LeaseAction.LEAVE, "shell"), ADAS_OTHER, now_ns)
+        assert lease.due(now_ns) == []
+        status = shown(lease, now_ns)
+        assert (status.held, status.holder, status.name) == (1, ADA, "Ada")
+
+
+def test_a_holder_without_a_heartbeat_has_time_to_send_one() -> None:
+    lease = taken()
+    lease.beat(ADAS_OTHER, 1 * S)
+    lease.receive(ask(LeaseAction.TAKE, "shell"), ADAS_THIRD, 2 * S)
+    lease.beat(ADAS_OTHER, 5 * S)
+    lease.due(2 * S + LAPSE_NS)
+    assert shown(lease, 5 * S).name == "shell"
+    lease.due(2 * S + LAPSE_NS + 1)
+    assert (shown(lease, 5 * S).holder, shown(lease, 5 * S).name) == (ADAS_OTHER, "")
 
 
 # Programs.
@@ -307,11 +340,8 @@ def test_the_drive_is_shown_with_the_name_of_its_program() -> None:
     lease = taken()
     status = shown(lease, 0)
     assert (status.drive_id, status.driver) == (0, "")
-    status = lease.status(0, 0, 7, ADA)
-    assert (status.drive_id, status.driver) == (7, "Ada")
-    assert lease.status(0, 0, 7, ADAS_OTHER).driver == "ada", "it gave no name"
-    lease.receive(ask(LeaseAction.RELEASE), ADA, 0)
-    assert lease.status(0, 0, 7, ADA).driver == "Ada"
+    status = lease.status(0, 0, 7, "pts/1")
+    assert (status.drive_id, status.driver) == (7, "pts/1")
 
 
 def test_free_lease_has_no_time_and_no_name() -> None:
@@ -327,9 +357,9 @@ def test_free_lease_has_no_time_and_no_name() -> None:
 
 def test_release_is_announced() -> None:
     lease = kept()
-    lease.receive(ask(LeaseAction.RELEASE), ADA, 0)
+    lease.receive(ask(LeaseAction.RELEASE, "Ada"), ADA, 0)
     assert lease.due(0) == [RELEASED]
-    lease.receive(ask(LeaseAction.RELEASE), ADA, 0)
+    lease.receive(ask(LeaseAction.RELEASE, "Ada"), ADA, 0)
     assert lease.due(0) == []
 
 
@@ -353,7 +383,7 @@ def test_an_unknown_action_is_refused() -> None:
 def test_unnamed_operator_is_shown_by_its_person() -> None:
     lease = Lease()
     lease.receive(ask(LeaseAction.TAKE), "ada-0123abcd/0123456789abcdef", 0)
-    assert lease.due(0)[0][1] == "ada-0123abcd has taken the lease"
+    assert lease.due(0)[0][1] == "ada has taken the lease", "without the digits of an open bus"
 
 
 steps = st.lists(
@@ -421,7 +451,13 @@ def leased() -> Desk:
     return desk
 
 
+NAMES = {ADA: "Ada", BOB: "Bob"}
+"""The names under which the programs ask that have one."""
+
+
 def reason(desk: Desk, request: Message, operator: str) -> int:
+    if isinstance(request, CommandRequest | GoalRequest) and not request.sender:
+        request = msgspec.structs.replace(request, sender=NAMES.get(operator, ""))
     answer = desk.vehicle.receive(request, desk.now_ns, operator)
     if isinstance(answer, MissionVerdict):
         return answer.reason
@@ -950,10 +986,8 @@ DISARM = command(Command.COMPONENT_ARM_DISARM, 0.0)
 
 
 def going() -> Desk:
-    """Return a robot that drives to a goal of Ada's; Bob is known by his name."""
+    """Return a robot that drives to a goal of Ada's."""
     desk = leased()
-    reason(desk, ask(LeaseAction.SEIZE, "Bob"), BOB)
-    reason(desk, ask(LeaseAction.SEIZE, "Ada"), ADA)
     beaten(desk, ADA)
     assert reason(desk, goal(4, 20.0, 0.0), ADA) == Reason.NONE
     desk.step()
@@ -969,7 +1003,7 @@ def told(desk: Desk) -> list[str]:
 
 def status_of(desk: Desk) -> NavigatorStatus:
     commands = desk.vehicle.commands
-    by = desk.vehicle.stoppers
+    by = desk.vehicle.commands.stoppers
     return telemetry.status(desk.vehicle.state, commands.goal_id, desk.now_ns, 0, 0, by)
 
 
@@ -1025,10 +1059,51 @@ def test_a_person_without_a_name_is_named_by_the_identity() -> None:
     assert status_of(desk).ended_by == "a-very-long-logi"
 
 
-def test_any_name_of_the_person_is_better_than_the_identity() -> None:
+def test_only_the_program_that_asked_is_named() -> None:
+    """Another one of its person, by which it took the lease before, has done nothing."""
     desk = going()
-    assert reason(desk, ABORT, "bob/77") == Reason.NONE
-    assert status_of(desk).ended_by == "Bob"
+    reason(desk, ask(LeaseAction.SEIZE, "first-prog"), BOB)
+    hold = msgspec.structs.replace(PAUSE, sender="bob@desk:pts/1")
+    assert reason(desk, hold, "bob/77") == Reason.NONE
+    assert status_of(desk).held_by == "bob@desk:pts/1"
+    assert "mode HOLD by bob@desk:pts/1" in told(desk)
+
+
+GATE = "gateway-0123abcd/1"
+
+
+def asked_by(number: int, request: CommandRequest) -> CommandRequest:
+    """Return the request that a gateway passes on for a MAVLink client, with an id of its own."""
+    name = f"MAVLink {number}"
+    return msgspec.structs.replace(
+        request, request_id=request.request_id * 1000 + number, sender=name
+    )
+
+
+def test_clients_of_one_gateway_are_told_apart() -> None:
+    desk = armed()
+    reason(desk, ask(LeaseAction.TAKE, "MAVLink 77"), GATE)
+    own = msgspec.structs.replace(goal(4, 20.0, 0.0), sender="MAVLink 77")
+    assert reason(desk, own, GATE) == Reason.NONE
+    desk.step()
+    told(desk)
+    assert reason(desk, asked_by(77, PAUSE), GATE) == Reason.NONE
+    assert status_of(desk).held_by == "", "its own client"
+    go_on = command(Command.DO_PAUSE_CONTINUE, 1.0)
+    assert reason(desk, asked_by(77, go_on), GATE) == Reason.NONE
+    assert reason(desk, asked_by(255, PAUSE), GATE) == Reason.NONE
+    assert status_of(desk).held_by == "MAVLink 255"
+    assert reason(desk, asked_by(255, DISARM), GATE) == Reason.NONE
+    assert status_of(desk).ended_by == "MAVLink 255"
+    assert "goal ABORTED: disarmed by MAVLink 255" in told(desk)
+
+
+def test_a_client_is_named_though_another_one_has_the_lease() -> None:
+    desk = going()
+    assert reason(desk, ask(LeaseAction.SEIZE, "MAVLink 255"), GATE) == Reason.NONE
+    assert reason(desk, ask(LeaseAction.SEIZE, "Ada"), ADA) == Reason.NONE
+    assert reason(desk, asked_by(77, DISARM), GATE) == Reason.NONE
+    assert status_of(desk).ended_by == "MAVLink 77"
 
 
 def test_a_failsafe_after_a_hold_of_another_names_nobody() -> None:
@@ -1052,7 +1127,7 @@ def on_a_mission() -> Desk:
 
 def mission_of(desk: Desk) -> MissionStatus:
     desk.step()
-    return desk.vehicle.mission.status(0, desk.vehicle.stoppers)
+    return desk.vehicle.mission.status(0, desk.vehicle.commands.stoppers)
 
 
 def test_a_mission_names_who_paused_it_and_who_took_it_over() -> None:

@@ -12,7 +12,7 @@ from protocol.wire.messages import SonarScan, Teleop, WheelTicks
 from robot.commands import TeleopInput, operator_twist
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Inputs, Twist
-from robot.lease import Holder
+from robot.lease import Asker
 from robot.process import CycleMeter
 from robot.senses import DelayFilter, Senses, is_restarted, newer, sending_order
 from robot.storage import Store
@@ -147,7 +147,7 @@ def test_frames_from_before_a_seizure_are_ignored() -> None:
     rig = SensesRig()
     rig.beat()
     rig.steer()
-    rig.vehicle.lease._holder = Holder(PROCESSES_BOB, "Bob")
+    rig.vehicle.lease._holder = Asker(PROCESSES_BOB, "Bob")
     assert rig.read().operator_age_ms is None
     assert not rig.steered
 

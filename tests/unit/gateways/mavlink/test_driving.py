@@ -18,7 +18,7 @@ from ground.commands.mode import SetMode
 from ground.commands.resume import Resume
 from ground.commands.rtl import ReturnHome
 from ground.commands.stop import ClearEmergencyStop
-from protocol.wire.enums import MissionState, Mode, Vehicle
+from protocol.wire.enums import LeaseAction, MissionState, Mode, Vehicle
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason
 from tests.support.each import each
@@ -197,6 +197,8 @@ def test_guided_after_hold_drops_the_goal(bench: Bench) -> None:
 
 
 def test_first_heartbeat_is_waited_for(bench: Bench) -> None:
+    """Control is taken once for it, and not given back meanwhile."""
+    bench.port.telemetry["lease"] = LeaseStatus(time_ns=0, lapses_ms=0, held=0, holder="", name="")
     sent = bench.send(command(mavlink.MAV_CMD_DO_SET_MODE, 1, 0))
     bench.port.refuse(Reason.NO_OPERATOR)
     assert acks(sent + bench.sent()) == []
@@ -204,6 +206,8 @@ def test_first_heartbeat_is_waited_for(bench: Bench) -> None:
     bench.port.answer()
     assert acks(bench.sent()) == [(176, ACCEPTED)]
     assert performed(bench) == [SetMode(mode=Mode.MANUAL)] * 2
+    assert bench.port.names == ["MAVLink 255"] * 2
+    assert bench.port.leases == [(LeaseAction.TAKE, "MAVLink 255")]
 
 
 def test_wait_for_the_heartbeat_ends(bench: Bench) -> None:

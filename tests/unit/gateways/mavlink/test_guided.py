@@ -766,9 +766,16 @@ def test_twist_is_bounded() -> None:
 
 
 @each("aborted", [Reason.NONE, Reason.NOTHING_TO_ABORT])
-def test_entering_guided_drops_the_goal_first(aborted: Reason) -> None:
-    stage = Stage(aborted, Reason.NONE, attended=True)
+def test_entering_guided_drops_the_goal(aborted: Reason) -> None:
+    stage = Stage(Reason.NONE, aborted, attended=True)
     assert perform(EnterGuided(), stage).ok
-    abort, mode = stage.bus.requests
+    mode, abort = stage.bus.requests
     assert abort.command == Command.SIDESTEP_ABORT_GOAL
     assert (mode.command, mode.param2) == (Command.DO_SET_MODE, Mode.GUIDED)
+
+
+def test_guided_that_is_refused_ends_no_goal() -> None:
+    stage = Stage(Reason.NO_OPERATOR, attended=True)
+    assert not perform(EnterGuided(), stage).ok
+    (mode,) = stage.bus.requests
+    assert mode.command == Command.DO_SET_MODE
