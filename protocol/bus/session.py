@@ -246,8 +246,12 @@ def open_slowly(network: Network, busiest: float) -> zenoh.Session:
 
 
 def redialled(network: Network) -> zenoh.Session:
-    """Open another session with a single attempt; raise zenoh.ZError, or UserError for settings."""
-    config = configured(network, DIAL_S, round(DIAL_S * 1000))
+    """Open another session with a single attempt, a longer one while this machine is busy.
+
+    Raises zenoh.ZError, or UserError for settings.
+    """
+    dial_s = min(DIAL_S * slowdown(), SLOW_DIAL_S)
+    config = configured(network, dial_s, round(dial_s * 1000))
     config.insert_json5("connect/timeout_ms", "0")  # no repetition
     return zenoh.open(config)
 
