@@ -280,9 +280,9 @@ def test_emergency_stop_is_sent_before_all_that_waits(room: Room) -> None:
 
 
 def test_flood_of_stops_is_sent_whole_in_bounded_memory(room: Room) -> None:
-    for _ in range(5_000):
+    for _ in range(1_000):
         room.press()
-    assert len(room.stops.said) >= 5_000
+    assert len(room.stops.said) >= 1_000
     assert len(room.port._stop_line._asking) <= MAX_ASKING
     assert len([one for one in threading.enumerate() if one.name == "stop r1"]) <= 1
 

@@ -424,13 +424,13 @@ def test_index_entries_stay_small_in_memory(
 
     tracemalloc.start()
     try:
-        batches(20)
+        batches(10)
         before, _ = tracemalloc.get_traced_memory()
-        batches(100)
+        batches(40)
         after, _ = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    assert (after - before) / 100 < 500
+    assert (after - before) / 40 < 500
 
 
 def test_messages_of_a_topic_are_numbered(tmp_path: Path) -> None:
