@@ -53,6 +53,7 @@ MAX_BYTES: Final = 1 << 20
 MAX_QUERIES: Final = 64
 """Queries of a service that wait for their answers; more are refused."""
 
+TOO_MANY: Final = "too many requests wait for an answer"
 MAX_TOKENS: Final = 10_000
 """Entities of others that are followed."""
 
@@ -184,6 +185,19 @@ class RosSession:
         """Show a liveliness token while the session lasts."""
         self._tokens.append(session.liveliness().declare_token(token))
 
+    def _declared_on(self, session: zenoh.Session) -> bool:
+        """Declare all entities on a new session; return False if it has ended meanwhile."""
+        with self._lock:
+            try:
+                for entity in self._entities:
+                    entity.declare(session)
+            except zenoh.ZError:
+                self._tokens.clear()
+                close_session(session)
+                return False
+            self._session = session
+            return True
+
     def _dial(self) -> None:
         told = False
         while not self._closing.is_set():
@@ -196,10 +210,8 @@ class RosSession:
                     self._note(f"no ROS 2 router at {where} yet: {first_line(error)}")
                 self._closing.wait(DIAL_PAUSE_S)
                 continue
-            with self._lock:
-                self._session = session
-                for entity in self._entities:
-                    entity.declare(session)
+            if not self._declared_on(session):
+                continue  # the router has gone again
             if told:
                 self._note("the ROS 2 router is there")
             return
@@ -378,32 +390,42 @@ class RosServer(RosEndpoint):
         super().__init__(node, endpoint, qos)
         self._serve = serve
         self._serving: set[asyncio.Task[None]] = set()
-        self._waiting = 0
+        self._asked: deque[tuple[zenoh.Query, bytes, Attachment]] = deque()
+        self._is_waking = False
         self._queryable: object = None
         self.session.declare(self)
 
     def declare(self, session: zenoh.Session) -> None:
         """Declare the service."""
         self.show(session)
-        asked = zenoh_callback(self._asked)
-        self._queryable = session.declare_queryable(self.key, asked, complete=True)
+        arrived = zenoh_callback(self._arrived)
+        self._queryable = session.declare_queryable(self.key, arrived, complete=True)
 
-    def _asked(self, query: zenoh.Query) -> None:
+    def _arrived(self, query: zenoh.Query) -> None:
         attachment = attached(query.attachment)
         payload = query.payload
         if attachment is None or payload is None or len(payload) > MAX_BYTES:
             self.session.rejected += 1
             end(query)
-        elif self._waiting >= MAX_QUERIES:
-            refuse(query, "too many requests wait for an answer")
+        elif len(self._asked) >= MAX_QUERIES:
+            refuse(query, TOO_MANY)
         else:
-            self._waiting += 1
-            call_soon(self.session.loop, self._begin, query, payload.to_bytes(), attachment)
+            self._asked.append((query, payload.to_bytes(), attachment))
+            if not self._is_waking:
+                self._is_waking = True
+                call_soon(self.session.loop, self._begin)
 
-    def _begin(self, query: zenoh.Query, data: bytes, attachment: Attachment) -> None:
-        task = self.session.loop.create_task(self._answer(query, data, attachment))
-        self._serving.add(task)
-        task.add_done_callback(self._serving.discard)
+    def _begin(self) -> None:
+        """Begin to answer what has arrived; only the event loop counts what is answered."""
+        self._is_waking = False
+        while self._asked:
+            query, data, attachment = self._asked.popleft()
+            if len(self._serving) >= MAX_QUERIES:
+                refuse(query, TOO_MANY)
+                continue
+            task = self.session.loop.create_task(self._answer(query, data, attachment))
+            self._serving.add(task)
+            task.add_done_callback(self._serving.discard)
 
     async def _answer(self, query: zenoh.Query, data: bytes, attachment: Attachment) -> None:
         interfaces, name = self.session.interfaces, self.endpoint.type_name
@@ -421,7 +443,6 @@ class RosServer(RosEndpoint):
             self.session.failed(self.endpoint.name, error)
             refuse(query, f"{type(error).__name__}: {error}")
         finally:
-            self._waiting -= 1
             end(query)
 
 

@@ -200,6 +200,11 @@ async def test_emergency_stop_latches_until_it_is_cleared(stack: Paced, peer: Ro
         assert is_in(stack, Vehicle.EMERGENCY_STOP)
         refused = await peer.ask("/r1/arm", TRIGGER)
         assert (refused.success, "emergency stop" in refused.message) == (False, True)
+        await send_until(
+            lambda: "emergency stop" in face.velocity.refusal,
+            lambda: peer.put("/r1/cmd_vel", TWIST, twist(peer, 0.2)),
+        )
+        assert stack.truth.speed_m_s == 0.0
         assert (await peer.ask("/r1/clear", TRIGGER)).success
         assert is_in(stack, Vehicle.STANDBY)
 

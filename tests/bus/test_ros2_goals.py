@@ -13,6 +13,7 @@ import pytest
 from gateways.ros2.actions import ANY
 from gateways.ros2.face import RobotFace
 from gateways.ros2.navigation import FOLLOW, NAVIGATE
+from gateways.ros2.node import MAX_QUERIES, TOO_MANY
 from gateways.ros2.wire import Distro
 from protocol.wire.enums import GoalState
 from tests.support.gateway.ros_network import RosPeer, free_endpoint, presented, until
@@ -272,3 +273,24 @@ async def test_goals_leave_nothing_behind(stack: Paced, peer: RosPeer) -> None:
         assert len(server.goals) == 20
     assert set(ends.result()) <= {CANCELED, ABORTED}
     assert not moves(stack)
+
+
+async def test_too_many_requests_are_refused_and_later_ones_answered(
+    stack: Paced, peer: RosPeer
+) -> None:
+    client, name = navigator(peer), f"{NAVIGATE}_GetResult"
+    async with presented(stack, peer.endpoint) as face:
+        await ready(face)
+        goal_id = await client.send(pose(peer, *near(stack, FAR_M)), "")
+        assert goal_id is not None
+        request = peer.interfaces.make(f"{name}_Request", client._id(goal_id))
+        data = peer.interfaces.encode(f"{name}_Request", request)
+        key, found = peer.key(f"{client.name}/get_result", name), list[Any]()
+        for _ in range(MAX_QUERIES + 6):
+            beside = peer.attachment()
+            peer.session.get(key, found.append, payload=data, attachment=beside, timeout=60.0)
+        await until(lambda: len(found) == 6)
+        assert {one.err.payload.to_string() for one in found} == {TOO_MANY}
+        await client.cancel(goal_id)
+        await until(lambda: len(found) == MAX_QUERIES + 6)
+        assert (await client.result(goal_id)).status == CANCELED
