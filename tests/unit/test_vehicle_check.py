@@ -788,3 +788,17 @@ def test_vehicle_on_a_serial_line_is_judged() -> None:
 def test_line_that_cannot_be_opened_is_named(endpoint: str, words: str) -> None:
     with pytest.raises(UserError, match=words):
         networks.network_of(endpoint)
+
+
+def test_load_is_read_from_the_system_or_is_nothing(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    pressure, delay = tmp_path / "pressure", tmp_path / "schedstat"
+    monkeypatch.setattr(networks, "PRESSURE", pressure)
+    monkeypatch.setattr(networks, "RUN_DELAY", delay)
+    assert [networks.waited_ns(anywhere=one) for one in (True, False)] == [0, 0]
+    pressure.write_text(
+        "some avg10=70.34 avg60=5.00 avg300=4.00 total=1234\nfull avg10=0 total=9\n"
+    )
+    delay.write_text("10 5678 3\n")
+    assert [networks.waited_ns(anywhere=one) for one in (True, False)] == [1_234_000, 5678]

@@ -1,4 +1,4 @@
-"""Rows 36, 37, 39-43: commands, their answers and their repetition, without motion."""
+"""Rows 36, 37, 39-43, 61, 66: commands, their answers and their repetition, without motion."""
 
 from functools import wraps
 from math import nan

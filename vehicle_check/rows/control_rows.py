@@ -1,4 +1,4 @@
-"""Rows 55-57: which ground station is in control; rows 51-54: signed links.
+"""Rows 55-57, 64: which ground station is in control; rows 51-54: signed links.
 
 Rows 51-54 are tried only with --signing-key.
 """

@@ -1,4 +1,4 @@
-"""Rows 1-6, 9, 10: heartbeat, addresses, sequences, several clients, versions."""
+"""Rows 1, 3-6, 9, 10, 70: heartbeat, addresses, sequences, several clients, versions."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -11,7 +11,7 @@ from vehicle_check.ground_stations import (
     ReceivedMessage,
     result_name,
 )
-from vehicle_check.mavlink_frames import mavlink, number_of
+from vehicle_check.mavlink_frames import mavlink
 from vehicle_check.vehicle_under_test import (
     ARDUPILOTS,
     ONE_CLIENT,
@@ -210,37 +210,6 @@ def gaps_in(frames: Sequence[ReceivedMessage]) -> int:
         gaps += source in last and (one.sequence - last[source]) % 256 != 1
         last[source] = one.sequence
     return gaps
-
-
-QUIET_S: Final = 60.0
-
-
-@row(
-    62,
-    "no client with a released dialect counts a lost frame in 60 s of a clean line",
-    suffers="pymavlink, MAVProxy, node-mavlink and QGroundControl: loss on a perfect line",
-    source="pymavlink mavutil.py; node-mavlink; ArduPilot issue 33332",
-)
-def unknown_frames(check: VehicleCheck) -> RowVerdict:
-    """Read what a client is sent that only sends heartbeats, with the dialect of pymavlink."""
-    found, window = Findings(), check.window
-    frames, malformed = window.frames, 0
-    seconds = window.seconds
-    if check.serves_two:
-        client = window.watchers[0]
-        seconds = (check.station.now_ns - window.began_ns) / NS_PER_S
-        check.station.wait(QUIET_S - seconds)
-        seconds = (check.station.now_ns - window.began_ns) / NS_PER_S
-        frames, malformed = client.log, client.malformed
-    unknown = [one for one in frames if number_of(one.raw) not in mavlink.mavlink_map]
-    names = sorted({one.name for one in unknown})
-    where = "in the dialect of pymavlink"
-    fact = f"{len(unknown)} of {len(frames)} frames are not {where}: {names}"
-    found.expect(not unknown, fact if unknown else f"{len(frames)} frames {where}")
-    found.expect(not malformed, f"{malformed} malformed")
-    gaps = gaps_in(frames)
-    found.expect(not gaps, f"{gaps} gaps in {seconds:.0f} s")
-    return found.verdict()
 
 
 @row(

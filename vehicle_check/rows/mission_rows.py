@@ -1,4 +1,4 @@
-"""Rows 27-35: missions up and down, lost frames, two clients, refusals, plan ids, the fence.
+"""Rows 27-35, 68, 72: missions up and down, lost frames, two clients, refusals, ids, the fence.
 
 There are no rally points.
 """

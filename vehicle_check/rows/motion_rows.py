@@ -1,4 +1,4 @@
-"""Rows 2, 38, 44-47: states, and driving by setpoints and by hand; only with --allow-motion."""
+"""Rows 2, 38, 44-47, 63, 65, 69, 71: states, and driving by setpoints, by hand and to goals."""
 
 from collections.abc import Callable
 from functools import wraps

@@ -1,4 +1,4 @@
-"""Rows 19-24: parameters by messages and by files, the compatibility set, descriptions.
+"""Rows 19-24, 67: parameters by messages and by files, the compatibility set, descriptions.
 
 The groups of ArduRover's parameters are from ArduPilot/ParameterRepository, Rover 4.7.
 """

@@ -1,4 +1,4 @@
-"""Rows 58-60: ready in time, two robots at one port, floods."""
+"""Rows 58-60 and 62: ready in time, two robots at one port, floods, and no loss without one."""
 
 import random
 from itertools import pairwise
@@ -6,8 +6,8 @@ from typing import Final
 
 from runtime.units import NS_PER_S
 from vehicle_check.ground_stations import Elapsed, GroundStation
-from vehicle_check.mavlink_frames import mavlink
-from vehicle_check.rows.identity_rows import versions
+from vehicle_check.mavlink_frames import mavlink, number_of
+from vehicle_check.rows.identity_rows import gaps_in, versions
 from vehicle_check.rows.parameter_rows import PCK, most_seconds, parameters
 from vehicle_check.transfers import (
     FENCE,
@@ -187,3 +187,34 @@ def _broken(client: GroundStation, chance: random.Random) -> bytes:
         whole[7:10] = b"\xf0\xff\x7f"
         return bytes(whole)
     return chance.randbytes(chance.randrange(1, 80))
+
+
+QUIET_S: Final = 60.0
+
+
+@row(
+    62,
+    "no client with a released dialect counts a lost frame in 60 s of a clean line",
+    suffers="pymavlink, MAVProxy, node-mavlink and QGroundControl: loss on a perfect line",
+    source="pymavlink mavutil.py; node-mavlink; ArduPilot issue 33332",
+)
+def unknown_frames(check: VehicleCheck) -> RowVerdict:
+    """Read what a client is sent that only sends heartbeats, with the dialect of pymavlink."""
+    found, window = Findings(), check.window
+    frames, malformed = window.frames, 0
+    seconds = window.seconds
+    if check.serves_two:
+        client = window.watchers[0]
+        seconds = (check.station.now_ns - window.began_ns) / NS_PER_S
+        check.station.wait(QUIET_S - seconds)
+        seconds = (check.station.now_ns - window.began_ns) / NS_PER_S
+        frames, malformed = client.log, client.malformed
+    unknown = [one for one in frames if number_of(one.raw) not in mavlink.mavlink_map]
+    names = sorted({one.name for one in unknown})
+    where = "in the dialect of pymavlink"
+    fact = f"{len(unknown)} of {len(frames)} frames are not {where}: {names}"
+    found.expect(not unknown, fact if unknown else f"{len(frames)} frames {where}")
+    found.expect(not malformed, f"{malformed} malformed")
+    gaps = gaps_in(frames)
+    found.expect(not gaps, f"{gaps} gaps in {seconds:.0f} s")
+    return found.verdict()
