@@ -194,6 +194,7 @@ def restarted(check: VehicleCheck) -> RowVerdict:
     found.expect(first == ACCEPTED, f"before: {result_name(first)}")
     main.beats = False
     again = check.station.connect(main.system)
+    again.beat(check.station.now_ns)  # as every ground station does before it commands
     most_s = RESTART_WITH_LOSS_S if check.station.is_lossy else RESTART_S
     stopwatch = check.station.stopwatch()
     result = _accepted_within(check, again, most_s)
