@@ -198,8 +198,8 @@ def test_mission_draft_is_made_by_lines(tmp_path: Path) -> None:
     for line in ("wp add 1 2", "wp add 3 4 90", "wp list", f"wp save {tmp_path / 'm.toml'}"):
         runner.run_line(line)
     assert runner.draft_items == (
-        MapTarget(1.0, 2.0, None, 0.05),
-        MapTarget(3.0, 4.0, pi / 2.0, 0.05),
+        MapTarget(1.0, 2.0, None, 0.05, 1),
+        MapTarget(3.0, 4.0, pi / 2.0, 0.05, 2),
     )
     assert "(3, 4) at 90 deg" in log(station)
     assert (tmp_path / "m.toml").exists()

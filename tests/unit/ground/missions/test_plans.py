@@ -6,12 +6,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from ground.missions import qgroundcontrol
 from ground.missions.files import read, read_toml, toml_text, write
 from ground.missions.mission import Mission, MissionError, Step, Waypoint
+from ground.missions.qgroundcontrol import Item, UnsupportedItemError, home_at, step_of
 from ground.missions.transfer import fence_items_of, fence_of, items_of, waypoints_of
 from protocol.wire.enums import Command, MissionState, Mode
+from protocol.wire.message import wire_of
+from protocol.wire.messages import MissionItemInt
 from protocol.wire.reasons import Reason
 from tests.support.each import each
 from tests.support.ground.plans import FLAT, ITEMS, at, order, placed, plan_of
@@ -72,6 +77,29 @@ def test_waypoints_file_read_back_equals_what_was_drawn(tmp_path: Path) -> None:
     assert str(mission.waypoints[2]) == "(0.0075, 0) at 0 deg, stay"
     assert write(path, mission) == ()
     assert path.read_text() == text
+
+
+@given(
+    st.sampled_from((16, 17, 19, 20, 93, 177, 178)),
+    st.sampled_from((0, 2, 3, 4, 5, 10, 21, 255)),
+    st.lists(st.floats() | st.integers(-2, 9).map(float), min_size=7, max_size=7),
+    st.booleans(),
+)
+def test_any_item_is_refused_or_reads_back(
+    command: int, frame: int, params: list[float], goes_on: bool
+) -> None:
+    home = home_at(47.4, 8.5)
+    try:
+        step = step_of(Item(1, command, frame, tuple(params), goes_on), home)
+    except UnsupportedItemError:
+        return
+    layout = wire_of(MissionItemInt)
+    packed = layout.pack(items_of((step,))[0])
+    item = layout.unpack(packed)
+    assert isinstance(item, MissionItemInt)
+    (back,) = waypoints_of([item])
+    assert layout.pack(items_of((back,))[0]) == packed
+    assert toml_text(Mission(waypoints=(back,)))
 
 
 def test_toml_keeps_what_other_programs_wrote() -> None:
