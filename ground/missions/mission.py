@@ -169,10 +169,11 @@ def _holds(outline: Outline, place: "Point") -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class Home:
-    """The place on Earth where x and y are 0; x points east, y north."""
+    """The place on Earth where x and y are 0; x points east, y north. Its altitude is only kept."""
 
     latitude_deg: Annotated[float, Meta(ge=-85.0, le=85.0)]
     longitude_deg: Annotated[float, Meta(ge=-180.0, le=180.0)]
+    altitude_m: Annotated[float, Meta(ge=-1e5, le=1e5)] = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

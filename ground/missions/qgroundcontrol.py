@@ -420,12 +420,14 @@ def same_on_earth(home: Home, x_m: float, y_m: float) -> tuple[float, float]:
     return short if to_local(home, *short) == (x_m, y_m) else (latitude_deg, longitude_deg)
 
 
-def home_at(latitude_deg: float, longitude_deg: float) -> Home:
-    """Return a home; UserError when its latitude or longitude is out of range."""
+def home_at(latitude_deg: float, longitude_deg: float, altitude_m: float = 0.0) -> Home:
+    """Return a home; UserError when a value is out of range. An altitude of NaN is 0."""
+    table = {"latitude_deg": latitude_deg, "longitude_deg": longitude_deg}
+    table["altitude_m"] = 0.0 if isnan(altitude_m) else altitude_m
     try:
-        return msgspec.convert({"latitude_deg": latitude_deg, "longitude_deg": longitude_deg}, Home)
+        return msgspec.convert(table, Home)
     except msgspec.ValidationError as error:
-        why = "latitude -85 to 85 and longitude -180 to 180"
+        why = "latitude -85 to 85, longitude -180 to 180 and altitude at most 100 km"
         raise UserError(f"no home at ({latitude_deg:g}, {longitude_deg:g}): {why}") from error
 
 
@@ -557,7 +559,7 @@ def _plan_home(place: object, file: str) -> Home | None:
     if len(numbers) < 2 or not any(numbers[:2]):
         return None
     try:
-        return home_at(*numbers[:2])
+        return home_at(*numbers[:3])
     except UserError as error:
         problem = Problem("plannedHomePosition", str(error), "or use --home")
         raise MissionError(file, [problem]) from error
@@ -688,7 +690,7 @@ def plan_text(mission: Mission, home: Home) -> str:
             "globalPlanAltitudeMode": ALTITUDE_RELATIVE,
             "hoverSpeed": 0.3,
             "items": items,
-            "plannedHomePosition": [home.latitude_deg, home.longitude_deg, 0.0],
+            "plannedHomePosition": [home.latitude_deg, home.longitude_deg, home.altitude_m],
             "vehicleType": TYPE_GROUND_ROVER,
             "version": PART_VERSION,
         },
@@ -795,18 +797,18 @@ def _line_numbers(text: str) -> Iterator[float]:
 
 
 def _line_home(item: Item, file: str) -> Home | None:
-    latitude_deg, longitude_deg = item.params[4:6]
+    latitude_deg, longitude_deg, altitude_m = item.params[4:]
     if not latitude_deg and not longitude_deg:
         return None
     try:
-        return home_at(latitude_deg, longitude_deg)
+        return home_at(latitude_deg, longitude_deg, altitude_m)
     except UserError as error:
         raise MissionError(file, [Problem("item 0", str(error), "or use --home")]) from error
 
 
 def waypoints_text(mission: Mission, home: Home) -> str:
     """Return the text of a file; the format has no fence."""
-    place = (0.0, 0.0, 0.0, 0.0, home.latitude_deg, home.longitude_deg, 0.0)
+    place = (0.0, 0.0, 0.0, 0.0, home.latitude_deg, home.longitude_deg, home.altitude_m)
     items = [Item(0, Command.NAV_WAYPOINT, FRAME_GLOBAL, place)]
     items += [item_of(at, one, home) for at, one in enumerate(mission.waypoints, start=1)]
     return "\n".join([HEADER, *map(_line, items)]) + "\n"

@@ -19,7 +19,7 @@ from protocol.wire.message import wire_of
 from protocol.wire.messages import MissionItemInt
 from protocol.wire.reasons import Reason
 from tests.support.each import each
-from tests.support.ground.plans import FLAT, ITEMS, at, order, placed, plan_of
+from tests.support.ground.plans import FLAT, HOME, ITEMS, at, order, placed, plan_of
 from tests.support.robots import Desk, armed, start, upload
 
 
@@ -38,7 +38,8 @@ def test_plan_read_back_equals_what_was_drawn(tmp_path: Path) -> None:
     assert found.dropped == ("survey: 2 commands to the camera, which the robot does not have",)
     path = tmp_path / "back.plan"
     assert write(path, carried(found.mission)) == ()
-    assert json.loads(path.read_text())["mission"]["items"] == FLAT
+    body = json.loads(path.read_text())["mission"]
+    assert (body["items"], body["plannedHomePosition"]) == (FLAT, HOME)
 
 
 def test_fence_of_a_plan_read_back_equals_what_was_drawn(tmp_path: Path) -> None:
@@ -63,7 +64,7 @@ def test_fence_of_a_plan_read_back_equals_what_was_drawn(tmp_path: Path) -> None
 
 
 def test_waypoints_file_read_back_equals_what_was_drawn(tmp_path: Path) -> None:
-    home = "0\t1\t0\t16\t0.0\t0.0\t0.0\t0.0\t47.4\t8.5\t0.0\t1"
+    home = "0\t1\t0\t16\t0.0\t0.0\t0.0\t0.0\t47.4\t8.5\t99.5\t1"
     lines = [
         "1\t0\t3\t16\t0.0\tnan\t0.0\t0.0\t47.4000001\t8.5000002\t7.25\t1",
         "2\t0\t0\t178\t0.0\t0.3\t0.0\t0.0\t0.0\t0.0\t0.0\t1",
