@@ -17,7 +17,7 @@ from ground.cli.observe import health
 from ground.launch.scenario import run_of
 from ground.text.output import Output
 from ground.user.folders import PRIVATE_FOLDER
-from protocol.bus.network import MAX_ROBOTS
+from protocol.bus.network import DEFAULT_ROBOTS
 from protocol.options import whole
 from protocol.outcome import start_arguments
 from protocol.world import WorldRun, rounded_degrees
@@ -32,6 +32,7 @@ MAX_USER: Final = 60_000
 NAME: Final = "{id}"
 """Placeholder of the robot's name in file names and in the verb's arguments."""
 
+MOST_ROBOTS: Final = len(DEFAULT_ROBOTS)
 Addresses = Callable[[str], frozenset[str]]
 
 
@@ -68,7 +69,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", metavar="S", default="0", help="seed (default 0)")
     parser.add_argument(
         "--robots",
-        type=whole(1, MAX_ROBOTS),
+        type=whole(1, MOST_ROBOTS),
         default=1,
         metavar="K",
         help="number of robots (default 1)",
@@ -180,11 +181,11 @@ def place_of(options: argparse.Namespace, lookup: Addresses) -> RobotNumber:
 def number_of(stem: str, lookup: Addresses) -> int:
     """Return the N for which STEM N resolves to this host; UserError if there is none."""
     here = lookup(socket.gethostname())
-    for number in range(1, MAX_ROBOTS + 1):
+    for number in range(1, MOST_ROBOTS + 1):
         if here & lookup(f"{stem}{number}"):
             return number
     raise UserError(
-        f"--replica {stem}: none of {stem}1 to {stem}{MAX_ROBOTS} resolves to this container: "
+        f"--replica {stem}: none of {stem}1 to {stem}{MOST_ROBOTS} resolves to this container: "
         "check its network and the number of robots"
     )
 
