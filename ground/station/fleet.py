@@ -35,6 +35,8 @@ KEPT_NS: Final = 10 * NS_PER_S
 """A robot that disappeared is not replaced by another one before this time."""
 EVERY: Final = 4
 """A robot that is only watched is polled at one of so many polls; in a recording, at each."""
+MOST_A_POLL: Final = 16
+"""About so many of them are polled at once: with a hundred, each at one of six polls."""
 
 
 class Fleet:
@@ -154,10 +156,11 @@ class Fleet:
         """Process what is new of the robots that are due, and send the next requests."""
         tokens = self._by_robot(tuple(present))
         self._polls += 1
+        every = max(EVERY, len(self.models) // MOST_A_POLL)
         for number, (robot, model) in enumerate(self.models.items()):
             session = self.sessions.get(robot)
             is_busy = robot == selected or session is None or session.is_busy
-            if not is_busy and (number + self._polls) % EVERY:
+            if not is_busy and (number + self._polls) % every:
                 continue
             self._entries.pop(robot, None)
             restarted_roles = model.poll(now_ns, tokens.get(robot, ()))

@@ -59,7 +59,7 @@ Point = tuple[float, float]
 PLACE_BY_HAND: Final = "pose set X Y DEG"
 PLACE_FROM_TRUTH: Final = "pose truth"
 STOPPED: Final = "an emergency stop came first"
-MARK_NS: Final = 4 * NS_PER_MS
+MARK_NS: Final = 5 * NS_PER_MS
 """Time between two updates of the other robots on the map, for each of them."""
 RESTARTED: Final = "other processes are started"
 PROCESSES: Final = frozenset((Role.ROBOT.value, Role.PLANT.value))

@@ -5,6 +5,7 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 from ground.client.telemetry import Age
+from ground.station.fleet import RosterEntry
 from ground.station.station import Station
 from protocol.bus.network import MAX_ROBOTS
 from protocol.wire.enums import GoalState, Vehicle
@@ -67,17 +68,23 @@ class StopWatch:
     def __init__(self) -> None:
         self._station: Station | None = None
         self._robots: dict[str, Watched] = {}
+        self._looked: dict[str, RosterEntry] = {}
+        """The entries that were compared last: each is another one when its robot was polled."""
 
     def look(self, station: Station) -> list[StopEvent]:
         """Note the present states and return what has happened since the last look."""
         if station is not self._station:
-            self._station, self._robots = station, {}
+            self._station, self._robots, self._looked = station, {}, {}
         events: list[StopEvent] = []
         roster = station.roster()
-        if len(self._robots) > MOST_KEPT:
+        if max(len(self._robots), len(self._looked)) > MOST_KEPT:
             names = {entry.robot for entry in roster}
             self._robots = {robot: one for robot, one in self._robots.items() if robot in names}
+            self._looked = {}
         for entry in roster:
+            if self._looked.get(entry.robot) is entry:
+                continue
+            self._looked[entry.robot] = entry
             status = entry.status.message
             if isinstance(status, NavigatorStatus) and entry.status.age is not Age.GONE:
                 events += self._compare(entry.robot, status, station.now_ns)
