@@ -7,6 +7,7 @@ the network is cancelled: nobody would end it.
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -15,6 +16,7 @@ from rosbags.typesys.stores.ros2_jazzy import action_msgs__msg__GoalStatus as Go
 from rosbags.typesys.stores.ros2_jazzy import action_msgs__msg__GoalStatusArray as GoalStatusArray
 from rosbags.typesys.stores.ros2_jazzy import unique_identifier_msgs__msg__UUID as Uuid
 
+from gateways.ros2.interfaces import Interfaces
 from gateways.ros2.node import RosNode
 from gateways.ros2.telemetry import time_of
 from gateways.ros2.wire import LATCHED, Attachment, EntityKind, TokenParts
@@ -40,6 +42,10 @@ ANY: Final = bytes(16)
 """The id of a goal in a cancellation that is for all."""
 
 
+Build = Callable[[Interfaces], Any]
+"""Makes a message as a distribution defines it."""
+
+
 class Goal:
     """A goal that was accepted. `client` is the id of the entity that has sent it."""
 
@@ -48,7 +54,7 @@ class Goal:
         self.accepted_ns = accepted_ns
         self.status = EXECUTING
         self.ended = asyncio.Event()
-        self.result: Any = None
+        self.result: Build | None = None
         self.work: asyncio.Task[None] | None = None
 
     @property
@@ -63,8 +69,8 @@ class Goal:
             self.work.cancel()
 
 
-Feedback = Callable[[Any], None]
-Execute = Callable[[Any, Feedback], Awaitable[tuple[int, Any]]]
+Feedback = Callable[[Build], None]
+Execute = Callable[[Any, Feedback], Awaitable[tuple[int, Build]]]
 """Carries out a goal: receives it, and what sends feedback; returns status and result.
 
 It is cancelled if the client wants so. Then it stops the robot, and raises CancelledError.
@@ -81,7 +87,7 @@ class ActionServer:
         type_name: str,
         refuse: Callable[[Any], str],
         execute: Execute,
-        empty: Callable[[str], Any],
+        empty: Callable[[str], Build],
         now_ns: Callable[[], int],
     ) -> None:
         self.goals: dict[bytes, Goal] = {}
@@ -90,12 +96,18 @@ class ActionServer:
         self._refuse, self._execute, self._empty, self._now_ns = refuse, execute, empty, now_ns
         self._make, self._type = node.session.interfaces.make, type_name
         self._name = node.name.resolve(f"{name}/_action")
-        self._feedback = node.publisher(f"{name}/_action/feedback", f"{type_name}_FeedbackMessage")
+        topic, kind = f"{name}/_action/feedback", f"{type_name}_FeedbackMessage"
+        self._feedbacks = [
+            node.publisher(topic, kind, interfaces=interfaces) for interfaces in node.variants(kind)
+        ]
         self._status = node.publisher(
             f"{name}/_action/status", "action_msgs/msg/GoalStatusArray", LATCHED
         )
         node.serve(f"{name}/_action/send_goal", f"{type_name}_SendGoal", self._send_goal)
-        node.serve(f"{name}/_action/get_result", f"{type_name}_GetResult", self._get_result)
+        topic, kind = f"{name}/_action/get_result", f"{type_name}_GetResult"
+        for interfaces in node.variants(kind):
+            serve = partial(self._get_result, interfaces)
+            node.serve(topic, kind, serve, interfaces=interfaces)
         node.serve(f"{name}/_action/cancel_goal", CANCEL, self._cancel_goal)
 
     @property
@@ -131,9 +143,12 @@ class ActionServer:
     async def _carry_out(self, goal: Goal) -> None:
         """Carry out a goal to its end, whatever happens."""
 
-        def send(feedback: Any) -> None:
+        def send(feedback: Build) -> None:
             name = f"{self._type}_FeedbackMessage"
-            self._feedback.publish(self._make(name, goal.info.goal_id, feedback))
+            for publisher in self._feedbacks:
+                if publisher.is_wanted:
+                    made = feedback(publisher.interfaces)
+                    publisher.publish(self._make(name, goal.info.goal_id, made))
 
         try:
             goal.status, goal.result = await self._execute(goal.request, send)
@@ -151,13 +166,17 @@ class ActionServer:
         found = [GoalStatus(goal.info, goal.status) for goal in self.goals.values()]
         self._status.publish(GoalStatusArray(found))
 
-    async def _get_result(self, request: Any, _attachment: Attachment) -> Any:
+    async def _get_result(
+        self, interfaces: Interfaces, request: Any, _attachment: Attachment
+    ) -> Any:
         name = f"{self._type}_GetResult_Response"
         goal = self.goals.get(bytes(request.goal_id.uuid))
         if goal is None:
-            return self._make(name, UNKNOWN, self._empty("there is no such goal"))
+            nothing = self._empty("there is no such goal")
+            return interfaces.make(name, UNKNOWN, nothing(interfaces))
         await goal.ended.wait()
-        return self._make(name, goal.status, goal.result)
+        assert goal.result is not None, "set before it has ended"
+        return interfaces.make(name, goal.status, goal.result(interfaces))
 
     async def _cancel_goal(self, request: Any, _attachment: Attachment) -> Any:
         """Cancel one goal, those until a time, or all, as the request has an id or a stamp."""

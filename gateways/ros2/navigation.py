@@ -5,11 +5,13 @@ Results have the numbers that Nav2 gives its errors, and the robot's own reason 
 """
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
+from functools import partial
 from math import degrees, hypot, isfinite, pi
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
-from gateways.ros2.actions import ABORTED, SUCCEEDED, ActionServer, Feedback
+from gateways.ros2.actions import ABORTED, SUCCEEDED, ActionServer, Build, Feedback
+from gateways.ros2.interfaces import Interfaces
 from gateways.ros2.node import RosNode
 from gateways.ros2.report import INFO, Reporter
 from gateways.ros2.telemetry import BASE, MAP, ODOM, RosClock, pose_stamped, time_of, yaw_of
@@ -90,7 +92,6 @@ class Navigation:
 
     def __init__(self, node: RosNode, robot: Robot, clock: RosClock, report: Reporter) -> None:
         self._robot, self._clock, self._report = robot, clock, report
-        self._interfaces = node.session.interfaces
         self._works: set[asyncio.Task[None]] = set()
         """What topics have asked for; a newer goal ends an older one."""
 
@@ -100,7 +101,7 @@ class Navigation:
             NAVIGATE,
             self._refusing(lambda goal: place_in(goal.pose)),
             self._navigate,
-            lambda text: self._navigated(FAILED, text),
+            lambda text: navigated(FAILED, text),
             clock.now,
         )
         self.follow = ActionServer(
@@ -109,7 +110,7 @@ class Navigation:
             FOLLOW,
             self._refusing(self._check_waypoints),
             self._follow_waypoints,
-            lambda text: self._followed([], FAILED, text),
+            lambda text: followed([], FAILED, text),
             clock.now,
         )
         node.subscribe("goal_pose", "geometry_msgs/msg/PoseStamped", self._take_goal)
@@ -172,13 +173,13 @@ class Navigation:
 
             await self._robot.wait(stands, STANDS_NS)
 
-    async def _navigate(self, goal: Any, send: Feedback) -> tuple[int, Any]:
+    async def _navigate(self, goal: Any, send: Feedback) -> tuple[int, Build]:
         telling = asyncio.get_running_loop().create_task(self._tell(goal.pose, send))
         try:
             code, text = await self._drive(goal.pose)
         finally:
             telling.cancel()
-        return ABORTED if code else SUCCEEDED, self._navigated(code, text)
+        return ABORTED if code else SUCCEEDED, navigated(code, text)
 
     async def _tell(self, target: Any, send: Feedback) -> None:
         """Send feedback while a goal is driven to."""
@@ -193,27 +194,8 @@ class Navigation:
                 left_m = status[0].goal_distance_m
                 left_m = left_m if isfinite(left_m) else straight_m
                 left_s = left_m / here.speed_m_s if here.speed_m_s > 0.01 else 0.0
-                send(self._feedback(here, now_ns, now_ns - began_ns, left_s, left_m))
+                send(feedback(here, now_ns, now_ns - began_ns, left_s, left_m))
             await asyncio.sleep(FEEDBACK_S)
-
-    def _feedback(
-        self, here: Any, now_ns: int, passed_ns: int, left_s: float, left_m: float
-    ) -> Any:
-        duration = "builtin_interfaces/msg/Duration"
-        passed, left = time_of(max(0, passed_ns)), time_of(round(left_s * NS_PER_S))
-        fields: list[Any] = [
-            pose_stamped(here, now_ns),
-            self._interfaces.make(duration, passed.sec, passed.nanosec),
-            self._interfaces.make(duration, left.sec, left.nanosec),
-            0,
-            left_m,
-        ]
-        if self._interfaces.distro is Distro.LYRICAL:
-            fields += [0.0, 0.0]  # no planned path, so no distance from it
-        return self._interfaces.make(f"{NAVIGATE}_Feedback", *fields)
-
-    def _navigated(self, code: int, text: str) -> Any:
-        return self._interfaces.make(f"{NAVIGATE}_Result", code, text)
 
     # Several goals.
 
@@ -226,31 +208,22 @@ class Navigation:
         for pose in goal.poses:
             place_in(pose)
 
-    async def _follow_waypoints(self, goal: Any, send: Feedback) -> tuple[int, Any]:
+    async def _follow_waypoints(self, goal: Any, send: Feedback) -> tuple[int, Build]:
         """Drive to each waypoint; one that cannot be reached is missed, and the next one follows.
 
         What an operator has ended is not continued.
         """
-        missed: list[Any] = []
+        missed: list[Missed] = []
         for loop in range(goal.number_of_loops + 1):
             first = 0 if loop else goal.goal_index
             for index in range(first, len(goal.poses)):
-                send(self._interfaces.make(f"{FOLLOW}_Feedback", index))
+                send(partial(current_waypoint, index))
                 code, text = await self._drive(goal.poses[index])
                 if code:
-                    missed.append(self._missed(index, goal.poses[index], code, text))
+                    missed.append(Missed(index, goal.poses[index], code, text))
                 if code not in (NO_ERROR, NO_PATH, NO_PROGRESS):
-                    return ABORTED, self._followed(missed, FAILED, text)
-        return SUCCEEDED, self._followed(missed, NO_ERROR, "")
-
-    def _missed(self, index: int, pose: Any, code: int, text: str) -> Any:
-        if self._interfaces.distro is Distro.JAZZY:
-            return self._interfaces.make("nav2_msgs/msg/MissedWaypoint", index, pose, code)
-        name = "nav2_msgs/msg/WaypointStatus"
-        return self._interfaces.make(name, WAYPOINT_FAILED, index, pose, code, text)
-
-    def _followed(self, missed: list[Any], code: int, text: str) -> Any:
-        return self._interfaces.make(f"{FOLLOW}_Result", missed, code, text)
+                    return ABORTED, followed(missed, FAILED, text)
+        return SUCCEEDED, followed(missed, NO_ERROR, "")
 
     # Topics.
 
@@ -304,3 +277,60 @@ def verdict_of(ended: GoalEnded | Refused) -> tuple[int, str]:
     if ended.outcome == REPLACED:
         return FAILED, ended.text
     return ERRORS.get(ended.outcome, FAILED), ended.text
+
+
+# Messages, as each distribution defines them.
+
+
+class Missed(NamedTuple):
+    """A waypoint that was not reached."""
+
+    number: int
+    pose: Any
+    code: int
+    text: str
+
+
+def feedback(here: Any, now_ns: int, passed_ns: int, left_s: float, left_m: float) -> Build:
+    """Return the feedback of a goal: where the robot is, and the time and way so far and left."""
+
+    def build(interfaces: Interfaces) -> Any:
+        duration = "builtin_interfaces/msg/Duration"
+        passed, left = time_of(max(0, passed_ns)), time_of(round(left_s * NS_PER_S))
+        fields: list[Any] = [
+            pose_stamped(here, now_ns),
+            interfaces.make(duration, passed.sec, passed.nanosec),
+            interfaces.make(duration, left.sec, left.nanosec),
+            0,
+            left_m,
+        ]
+        if interfaces.distro is Distro.LYRICAL:
+            fields += [0.0, 0.0]  # no planned path, so no distance from it
+        return interfaces.make(f"{NAVIGATE}_Feedback", *fields)
+
+    return build
+
+
+def navigated(code: int, text: str) -> Build:
+    """Return the result of a goal."""
+    return lambda interfaces: interfaces.make(f"{NAVIGATE}_Result", code, text)
+
+
+def current_waypoint(index: int, interfaces: Interfaces) -> Any:
+    """Return the feedback of several goals."""
+    return interfaces.make(f"{FOLLOW}_Feedback", index)
+
+
+def followed(missed: Sequence[Missed], code: int, text: str) -> Build:
+    """Return the result of several goals."""
+
+    def build(interfaces: Interfaces) -> Any:
+        if interfaces.distro is Distro.JAZZY:
+            name = "nav2_msgs/msg/MissedWaypoint"
+            found = [interfaces.make(name, one.number, one.pose, one.code) for one in missed]
+        else:
+            name = "nav2_msgs/msg/WaypointStatus"
+            found = [interfaces.make(name, WAYPOINT_FAILED, *one) for one in missed]
+        return interfaces.make(f"{FOLLOW}_Result", found, code, text)
+
+    return build

@@ -13,7 +13,7 @@ import json
 import threading
 import time
 from collections import deque
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, Final, Protocol
 
@@ -127,8 +127,12 @@ class RosSession:
         config: zenoh.Config,
         domain: int = 0,
         note: Callable[[str], None] = lambda _: None,
+        others: Sequence[Interfaces] = (),
     ) -> None:
         self.interfaces = interfaces
+        self.variants = (interfaces, *others)
+        """Those of each distribution that may be on the network."""
+
         self.domain = domain
         self.loop = asyncio.get_running_loop()
         self.rejected = 0
@@ -234,22 +238,37 @@ class RosNode:
         """Show the node."""
         self.session.show(session, self.name.token(self.session.domain, str(session.zid())))
 
-    def endpoint(self, name: str, type_name: str) -> Endpoint:
+    def endpoint(self, name: str, type_name: str, interfaces: Interfaces) -> Endpoint:
         """Return a topic or service with an absolute name and the hash of its type."""
-        distro = self.session.interfaces.distro
-        return Endpoint(self.name.resolve(name), type_name, hash_of(type_name, distro))
+        return Endpoint(self.name.resolve(name), type_name, hash_of(type_name, interfaces.distro))
 
-    def publisher(self, name: str, type_name: str, qos: Qos = RELIABLE) -> "RosPublisher":
+    def variants(self, type_name: str) -> list[Interfaces]:
+        """Return the distributions whose definitions of a type differ, the first one first."""
+        by_hash: dict[str, Interfaces] = {}
+        for interfaces in self.session.variants:
+            by_hash.setdefault(hash_of(type_name, interfaces.distro), interfaces)
+        return list(by_hash.values())
+
+    def publisher(
+        self, name: str, type_name: str, qos: Qos = RELIABLE, interfaces: Interfaces | None = None
+    ) -> "RosPublisher":
         """Return a publisher of a topic."""
-        return RosPublisher(self, self.endpoint(name, type_name), qos)
+        return RosPublisher(self, name, type_name, qos, interfaces)
 
     def subscribe(self, name: str, type_name: str, take: Take, qos: Qos = RELIABLE) -> None:
         """Call `take` with each message of a topic; the oldest are dropped when too many wait."""
-        RosSubscriber(self, self.endpoint(name, type_name), qos, take)
+        RosSubscriber(self, name, type_name, qos, take)
 
-    def serve(self, name: str, type_name: str, serve: Serve, qos: Qos = RELIABLE) -> None:
+    def serve(
+        self,
+        name: str,
+        type_name: str,
+        serve: Serve,
+        qos: Qos = RELIABLE,
+        interfaces: Interfaces | None = None,
+    ) -> None:
         """Answer the requests of a service."""
-        RosServer(self, self.endpoint(name, type_name), qos, serve)
+        RosServer(self, name, type_name, qos, serve, interfaces)
 
 
 class RosEndpoint:
@@ -257,9 +276,18 @@ class RosEndpoint:
 
     kind: EntityKind
 
-    def __init__(self, node: RosNode, endpoint: Endpoint, qos: Qos) -> None:
-        self.session, self.endpoint, self.qos = node.session, endpoint, qos
-        self.key = endpoint.key(self.session.domain)
+    def __init__(
+        self,
+        node: RosNode,
+        name: str,
+        type_name: str,
+        qos: Qos,
+        interfaces: Interfaces | None = None,
+    ) -> None:
+        self.session, self.qos = node.session, qos
+        self.interfaces = interfaces or node.session.interfaces
+        self.endpoint = node.endpoint(name, type_name, self.interfaces)
+        self.key = self.endpoint.key(self.session.domain)
         self.gid = b""
         self._node, self._number = node.name, self.session.number()
 
@@ -278,8 +306,15 @@ class RosPublisher(RosEndpoint):
 
     kind = EntityKind.PUBLISHER
 
-    def __init__(self, node: RosNode, endpoint: Endpoint, qos: Qos) -> None:
-        super().__init__(node, endpoint, qos)
+    def __init__(
+        self,
+        node: RosNode,
+        name: str,
+        type_name: str,
+        qos: Qos,
+        interfaces: Interfaces | None = None,
+    ) -> None:
+        super().__init__(node, name, type_name, qos, interfaces)
         self._publisher: zenoh.Publisher | ext.AdvancedPublisher | None = None
         self._kept: deque[bytes] = deque(maxlen=min(qos.depth, MAX_QUERIES))
         self._sequence = 0
@@ -317,7 +352,7 @@ class RosPublisher(RosEndpoint):
         """Publish a message; never blocks. One that no node subscribes to is not even encoded."""
         if not self.is_wanted:
             return
-        data = self.session.interfaces.encode(self.endpoint.type_name, message)
+        data = self.interfaces.encode(self.endpoint.type_name, message)
         with self._putting:
             if self._publisher is not None:
                 self._put(self._publisher, data)
@@ -335,8 +370,8 @@ class RosSubscriber(RosEndpoint):
 
     kind = EntityKind.SUBSCRIBER
 
-    def __init__(self, node: RosNode, endpoint: Endpoint, qos: Qos, take: Take) -> None:
-        super().__init__(node, endpoint, qos)
+    def __init__(self, node: RosNode, name: str, type_name: str, qos: Qos, take: Take) -> None:
+        super().__init__(node, name, type_name, qos)
         self._take = take
         self._waiting: deque[tuple[bytes, Attachment]] = deque(maxlen=qos.depth)
         self._is_waking = False
@@ -374,7 +409,7 @@ class RosSubscriber(RosEndpoint):
         self._is_waking = False
         while self._waiting:
             data, attachment = self._waiting.popleft()
-            message = self.session.interfaces.decode(self.endpoint.type_name, data)
+            message = self.interfaces.decode(self.endpoint.type_name, data)
             if message is None:
                 self.session.rejected += 1
             else:
@@ -386,8 +421,16 @@ class RosServer(RosEndpoint):
 
     kind = EntityKind.SERVER
 
-    def __init__(self, node: RosNode, endpoint: Endpoint, qos: Qos, serve: Serve) -> None:
-        super().__init__(node, endpoint, qos)
+    def __init__(
+        self,
+        node: RosNode,
+        name: str,
+        type_name: str,
+        qos: Qos,
+        serve: Serve,
+        interfaces: Interfaces | None = None,
+    ) -> None:
+        super().__init__(node, name, type_name, qos, interfaces)
         self._serve = serve
         self._serving: set[asyncio.Task[None]] = set()
         self._asked: deque[tuple[zenoh.Query, bytes, Attachment]] = deque()
@@ -428,7 +471,7 @@ class RosServer(RosEndpoint):
             task.add_done_callback(self._serving.discard)
 
     async def _answer(self, query: zenoh.Query, data: bytes, attachment: Attachment) -> None:
-        interfaces, name = self.session.interfaces, self.endpoint.type_name
+        interfaces, name = self.interfaces, self.endpoint.type_name
         try:
             request = interfaces.decode(f"{name}_Request", data)
             if request is None:

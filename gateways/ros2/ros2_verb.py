@@ -30,8 +30,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--robots", metavar="NAMES", help=text)
     text = "namespace of the only robot instead of its name; '' for none"
     parser.add_argument("--namespace", metavar="NS", help=text)
-    text = f"distribution of ROS 2 on the network: {DISTROS} (default jazzy)"
-    parser.add_argument("--distro", default="jazzy", metavar="D", help=text)
+    text = f"distribution of ROS 2 on the network: {DISTROS} (default: the keys of all three)"
+    parser.add_argument("--distro", metavar="D", help=text)
     text = (
         "the router of the ROS 2 network (default: as ZENOH_SESSION_CONFIG_URI or"
         " ZENOH_CONFIG_OVERRIDE say, else tcp/localhost:7447)"
@@ -73,7 +73,9 @@ def run(options: argparse.Namespace, output: Output) -> int:
         from gateways.ros2 import face, interfaces, node, wire  # their libraries are optional
     except ModuleNotFoundError as error:
         raise UserError(MISSING.format(error.name)) from None
-    distro = wire.distro_named(options.distro)
+    distros = list(wire.Distro)
+    if options.distro is not None:
+        distros = [wire.distro_named(options.distro)]
     common = as_ros2(common_of(options, output))
     names = [common.robot] if options.robots is None else robot_names("--robots", options.robots)
     if options.namespace is not None and len(names) > 1:
@@ -97,7 +99,8 @@ def run(options: argparse.Namespace, output: Output) -> int:
             output.note(f"{name} is the ROS 2 node {one.namespace}/{face.NODE} in domain {domain}")
 
         async def serve() -> None:
-            session = node.RosSession(interfaces.Interfaces(distro), config, domain, output.note)
+            first, *others = map(interfaces.Interfaces, distros)
+            session = node.RosSession(first, config, domain, output.note, others)
             await face.present(link, session, settings, output.note)
 
         try:

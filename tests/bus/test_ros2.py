@@ -134,7 +134,7 @@ async def test_later_distributions_have_the_same_topics(
     stack: Paced, peer: RosPeer, distro: Distro
 ) -> None:
     found = peer.listen("/r1/odom", "nav_msgs/msg/Odometry")
-    async with presented(stack, peer.endpoint, distro=distro):
+    async with presented(stack, peer.endpoint, distros=[distro]):
         await until(lambda: found)
 
 

@@ -207,11 +207,11 @@ async def test_same_goal_sent_twice_is_driven_once(stack: Paced, peer: RosPeer) 
         assert await client.send(pose(peer, *near(stack)), "", goal_id=goal_id) is None
 
 
-@pytest.mark.parametrize("distro", [Distro.JAZZY, Distro.KILTED])
+@pytest.mark.parametrize("distro", Distro)
 async def test_waypoints_are_followed_and_a_missed_one_listed(stack: Paced, distro: Distro) -> None:
     peer = RosPeer(free_endpoint(), distro=distro)
     client = ActionClient(peer, "follow_waypoints", FOLLOW)
-    async with presented(stack, peer.endpoint, distro=distro) as face:
+    async with presented(stack, peer.endpoint, distros=list(Distro)) as face:
         await ready(face)
         places = [near(stack), (1e5, 0.0), near(stack, 0.6)]
         poses = [pose(peer, *place) for place in places]
@@ -221,6 +221,10 @@ async def test_waypoints_are_followed_and_a_missed_one_listed(stack: Paced, dist
         index = missed.index if distro is Distro.JAZZY else missed.waypoint_index
         assert index == 1
         assert await client.send(0, 3, poses) is None
+        driving = navigator(peer)
+        ended = await driving.result(await driving.send(pose(peer, *near(stack, 0.2)), ""))
+        assert ended.status == SUCCEEDED
+        assert driving.feedback
     assert [one.feedback.current_waypoint for one, _ in client.feedback] == [0, 1, 2]
     peer.close()
 

@@ -8,7 +8,7 @@ import asyncio
 import json
 import socket
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager, suppress
 from queue import Empty, SimpleQueue
 from typing import Any
@@ -186,7 +186,7 @@ async def presented(
     stack: Lively,
     endpoint: str,
     *,
-    distro: Distro = Distro.JAZZY,
+    distros: Sequence[Distro] = (Distro.JAZZY,),
     note: Callable[[str], None] = lambda _: None,
     **settings: Any,
 ) -> AsyncIterator[RobotFace]:
@@ -194,7 +194,9 @@ async def presented(
     with bus_of(stack) as bus:
         robot = Robot(bus, Common(network=bus.network, robot="r1"), "ros2")
         await robot.open()
-        session = RosSession(Interfaces(distro), session_config({}, endpoint), note=note)
+        first, *others = map(Interfaces, distros)
+        config = session_config({}, endpoint)
+        session = RosSession(first, config, note=note, others=others)
         session.start()
         face = RobotFace(robot, session, FaceSettings(**{"namespace": "/r1", **settings}), note)
         running = asyncio.create_task(face.run())
