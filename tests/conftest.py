@@ -7,6 +7,8 @@ import os
 import signal
 from collections import Counter
 from collections.abc import Generator, Iterator, Sequence
+from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -54,18 +56,38 @@ FOLDERS_OF = {
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_collection() -> Generator[None]:
+def pytest_collection(session: pytest.Session) -> Generator[None]:
     """Collect without garbage collection, which never traverses the thousands of items.
 
     Afterwards it is rarer than usual: starting an app makes many objects that live on.
     """
     gc.disable()
     try:
+        share_compilation(session.config)
         return (yield)
     finally:
         gc.freeze()
         gc.set_threshold(50_000, 20, 100)
         gc.enable()
+
+
+def share_compilation(config: pytest.Config) -> None:
+    """Import a share of the test files in each worker of xdist, before it collects all of them.
+
+    All workers collect the same files in the same order. In a new clone each would compile all of
+    them, with their assertions, at the same moment as the others.
+    """
+    worker = getattr(config, "workerinput", None)
+    if worker is None:
+        return
+    number, of = int(worker["workerid"].removeprefix("gw")), worker["workercount"]
+    left_out = [Path(file).resolve() for file in config.getoption("ignore") or ()]
+    files: list[Path] = []
+    for place in map(Path, config.args):
+        files += sorted(place.rglob("test_*.py")) if place.is_dir() else [place]
+    for file in [one.resolve() for one in files if one.resolve() not in left_out][number::of]:
+        with suppress(Exception):  # collection reports it
+            import_module(".".join(file.relative_to(TESTS.parent).with_suffix("").parts))
 
 
 @pytest.hookimpl(trylast=True)
