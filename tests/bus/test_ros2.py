@@ -12,10 +12,13 @@ import pytest
 
 from checks.harness.in_process import ignore
 from checks.harness.until import PATIENCE_S
-from gateways.ros2.face import RobotFace
+from gateways.ros2.face import FaceSettings, RobotFace, present
+from gateways.ros2.interfaces import Interfaces
+from gateways.ros2.node import RosSession, session_config
 from gateways.ros2.parameters import value_of
 from gateways.ros2.wire import LATCHED, Distro, EntityKind, gid_of, read_token
 from ground.client.connection import Common
+from ground.client.robot_link import RobotLink
 from ground.robot import Robot
 from protocol.topics import ODOMETRY
 from protocol.wire.enums import Mode, Vehicle
@@ -88,6 +91,24 @@ async def test_graph_has_the_node_and_its_topics_until_it_ends(stack: Paced, pee
     assert {one.node for one in parts if one} == {"/r1/sidestep"}
     topics = {one.topic for one in parts if one and one.kind is EntityKind.PUBLISHER}
     assert {"/r1/odom", "/r1/tf", "/r1/tf_static", "/r1/sonar_0", "/r1/scan", "/clock"} <= topics
+    await until(lambda: not peer.tokens())
+
+
+async def test_several_robots_are_presented_until_the_gateway_ends(
+    stack: Paced, peer: RosPeer
+) -> None:
+    with bus_of(stack) as bus:
+        link = RobotLink(bus, Common(network=bus.network, robot="r1"))
+        session = RosSession(Interfaces(Distro.JAZZY), session_config({}, peer.endpoint))
+        settings = {name: FaceSettings(namespace=f"/{name}") for name in ("r1", "r2")}
+        running = asyncio.create_task(present(link, session, settings, lambda _: None))
+        await until(partial(shows, peer, "%r2%emergency_stop/"))
+        nodes = {parts.node for parts in map(read_token, peer.tokens()) if parts}
+        assert nodes == {"/r1/sidestep", "/r2/sidestep"}
+        assert (await peer.ask("/r1/arm", TRIGGER)).success
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+        assert running.cancelled()
     await until(lambda: not peer.tokens())
 
 
