@@ -112,6 +112,16 @@ async def test_several_robots_are_presented_until_the_gateway_ends(
     await until(lambda: not peer.tokens())
 
 
+async def test_robot_without_a_namespace_is_at_the_root(stack: Paced, peer: RosPeer) -> None:
+    found = peer.listen("/odom", "nav_msgs/msg/Odometry")
+    log = peer.listen("/rosout", "rcl_interfaces/msg/Log")
+    async with presented(stack, peer.endpoint, namespace=""):
+        await until(lambda: found and log)
+        assert (await peer.ask("/emergency_stop", TRIGGER)).success
+        nodes = {parts.node for parts in map(read_token, peer.tokens()) if parts}
+    assert (nodes, log[0][0].name) == ({"/sidestep"}, "sidestep")
+
+
 async def test_late_joiner_gets_the_latched_topics(stack: Paced, peer: RosPeer) -> None:
     async with presented(stack, peer.endpoint):
         live = peer.listen("/r1/tf_static", "tf2_msgs/msg/TFMessage")
