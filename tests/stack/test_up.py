@@ -82,7 +82,7 @@ def test_several_robots_reach_goals_of_their_own_the_same_way_every_time(tmp_pat
     world.write_text(SHORT)
     words = ("up", "--speed", "max", "--robots", "2", "--world", str(world), "--json")
     runs = []
-    for more in ((), (), ("--plants", "2", "--processes", "1", "--routers", "2")):
+    for more in ((), ("--plants", "2", "--processes", "1", "--routers", "2")):
         done = sidestep(*words, *more)
         assert done.returncode == 0, done.stderr
         runs.append(json.loads(done.stdout))
