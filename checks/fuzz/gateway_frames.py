@@ -108,6 +108,9 @@ class AnsweringRobot:
         place = PlanarOdometry(**{**PLACE, "time_ns": now_ns})  # type: ignore[arg-type]
         return Snapshot(now_ns, status=status, odometry=place, scan=SCAN, mission=MISSION)
 
+    def need_wheels(self, now_ns: int) -> None:
+        """Do nothing: there are no encoders."""
+
     def new_texts(self) -> list[Statustext]:
         """Return no texts."""
         return []

@@ -6,7 +6,7 @@ from contextlib import AbstractAsyncContextManager, nullcontext, suppress
 from contextvars import ContextVar
 from functools import partial
 from queue import SimpleQueue
-from typing import Any, Final
+from typing import Any, Final, Generic, TypeVar
 
 from msgspec.structs import replace
 
@@ -42,14 +42,17 @@ from protocol.topics import (
     STOP,
     TEXT,
     WHEELS,
+    Topic,
 )
 from protocol.wire.codec import decode
 from protocol.wire.enums import LeaseAction
-from protocol.wire.messages import CycleReport, GatewayStatus, Heartbeat, Statustext
+from protocol.wire.message import Message
+from protocol.wire.messages import GatewayStatus, Heartbeat, Statustext
 from protocol.wire.reasons import Reason
 from runtime.errors import LocalError, RemoteError
 from runtime.units import NS_PER_MS, NS_PER_S
 
+M = TypeVar("M", bound=Message)
 READY_S: Final = 0.5
 SILENT_NS: Final = 1500 * NS_PER_MS
 """A robot that has been silent for so long is asked nothing, but to stop."""
@@ -60,7 +63,10 @@ MAX_HALTS: Final = 64
 LATE_NS: Final = 3 * NS_PER_S
 """A request that moves the robot is refused after this wait: its client has given it up."""
 BUSY: Final = "too many requests wait for the robot"
-TOPICS: Final = (STATUS, ODOMETRY, SONAR, WHEELS, LEASE, MISSION, HEARTBEAT)
+TOPICS: Final = (STATUS, ODOMETRY, SONAR, LEASE, MISSION, HEARTBEAT)
+WHEELS_NS: Final = NS_PER_S
+"""Time between two looks at the encoders, which tell whether the robot can be armed."""
+NEEDED_NS: Final = 2 * NS_PER_S
 LOAD_NS: Final = 10 * NS_PER_S
 """Time between two looks at the load of the robot, which changes slowly and costs 20 samples/s."""
 MAX_ASKING: Final = 256
@@ -166,26 +172,37 @@ class PortRobot(Robot):
         return "" if is_ours(newest, self.bus.operator) else holder_name(newest)
 
 
-class LoadSampler:
-    """Subscribes to the cycle reports for one of them, and again some time later."""
+class Sampler(Generic[M]):
+    """Subscribes to a topic for one message, and again some time later; all the time while needed.
 
-    def __init__(self, link: RobotLink) -> None:
+    Each sample that arrives costs processor time in a thread of the bus.
+    """
+
+    def __init__(self, link: RobotLink, topic: Topic[M], period_ns: int) -> None:
         self._bus, self._robot = link.bus, link.name
-        self._box: Mailbox[CycleReport] | None = None
-        self._newest: CycleReport | None = None
-        self._due_ns = link.clock.now_ns()
+        self._topic, self._period_ns = topic, period_ns
+        self._box: Mailbox[M] | None = None
+        self._newest: M | None = None
+        self._due_ns = self._needed_ns = self._seen_ns = link.clock.now_ns()
 
-    def fresh(self, now_ns: int) -> CycleReport | None:
-        """Return the newest report; None if the robot sends none when it is due."""
-        if self._box is None and now_ns >= self._due_ns:
-            self._box = self._bus.mailbox(CYCLE, self._robot)
+    def need(self, now_ns: int) -> None:
+        """Receive each message for the next seconds."""
+        self._needed_ns = now_ns + NEEDED_NS
+
+    def fresh(self, now_ns: int) -> M | None:
+        """Return the newest message; None if the robot sends none when it is due."""
+        is_needed = now_ns < self._needed_ns
+        if self._box is None and (is_needed or now_ns >= self._due_ns):
+            self._box = self._bus.mailbox(self._topic, self._robot)
         elif self._box is not None:
             found = self._box.fresh(now_ns)
             if found is not None:
-                self._bus.unsubscribe(self._box)
-                self._box, self._newest = None, found
-                self._due_ns = now_ns + LOAD_NS
-            elif now_ns >= self._due_ns + SILENT_NS:
+                self._newest, self._seen_ns = found, now_ns
+                self._due_ns = now_ns + self._period_ns
+                if not is_needed:
+                    self._bus.unsubscribe(self._box)
+                    self._box = None
+            elif now_ns - self._seen_ns >= SILENT_NS + (0 if is_needed else self._period_ns):
                 self._newest = None
         return self._newest
 
@@ -201,7 +218,8 @@ class BusPort:
         self.identity = link.bus.operator or ""
         self._link = link
         self._telemetry = Telemetry(link.bus, link.name, TOPICS)
-        self._load = LoadSampler(link)
+        self._load = Sampler(link, CYCLE, LOAD_NS)
+        self._wheels = Sampler(link, WHEELS, WHEELS_NS)
         heartbeats: Publisher[Heartbeat] = link.bus.publisher(OPERATOR, link.name)
         self._stops = link.bus.publisher(STOP, link.name)
         self._ways = stop_ways.ways_of(link.bus, link.name)
@@ -230,11 +248,15 @@ class BusPort:
             status=fresh(STATUS, now_ns),
             odometry=fresh(ODOMETRY, now_ns),
             scan=fresh(SONAR, now_ns),
-            wheels=fresh(WHEELS, now_ns),
+            wheels=self._wheels.fresh(now_ns),
             lease=fresh(LEASE, now_ns),
             mission=fresh(MISSION, now_ns),
             cycle=self._load.fresh(now_ns),
         )
+
+    def need_wheels(self, now_ns: int) -> None:
+        """Receive each message of the encoders for some time, not one a second."""
+        self._wheels.need(now_ns)
 
     def new_texts(self) -> list[Statustext]:
         """Return the robot's texts; those from before the start of the gateway are left out."""

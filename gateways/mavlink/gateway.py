@@ -116,6 +116,19 @@ FINISH_NS: Final = 500 * NS_PER_MS
 FINISH_STEP_S: Final = 0.02
 
 
+CALM: Final = frozenset(
+    {
+        mavlink.MAVLINK_MSG_ID_HEARTBEAT,
+        mavlink.MAVLINK_MSG_ID_PING,
+        mavlink.MAVLINK_MSG_ID_TIMESYNC,
+        mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
+        mavlink.MAVLINK_MSG_ID_RADIO_STATUS,
+        mavlink.MAVLINK_MSG_ID_STATUSTEXT,
+    }
+)
+"""Messages that clients and radios repeat for hours, or that are done with once they are sent."""
+
+
 class Pace:
     """The time of the next round."""
 
@@ -124,7 +137,7 @@ class Pace:
 
     def note(self, number: int, now_ns: int) -> None:
         """Record the id of a message from a client, or of one to it that is no stream."""
-        if number != mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+        if number not in CALM:
             self._busy_until_ns = now_ns + BUSY_FOR_NS
             self.due_ns = min(self.due_ns, now_ns + BUSY_NS)
 

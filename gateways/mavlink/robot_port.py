@@ -105,6 +105,9 @@ class RobotPort(Protocol):
     def snapshot(self, now_ns: int) -> Snapshot:
         """Return the newest telemetry."""
 
+    def need_wheels(self, now_ns: int) -> None:
+        """Keep the encoders in the snapshot up to date for some time; else they are sampled."""
+
     def new_texts(self) -> list[Statustext]:
         """Return the robot's texts, in pieces, that have arrived since the last call."""
 

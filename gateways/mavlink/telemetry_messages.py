@@ -451,6 +451,7 @@ def rangefinder(vehicle: MavVehicle, now_ns: int) -> Sequence[MavMessage]:
 
 def wheel_distance(vehicle: MavVehicle, now_ns: int) -> Sequence[MavMessage]:
     """Return WHEEL_DISTANCE: the distances of the left and the right wheel."""
+    vehicle.port.need_wheels(now_ns)
     wheels, m_per_tick = vehicle.snapshot.wheels, vehicle.parameters.get("m_per_tick")
     if wheels is None or m_per_tick is None:
         return ()

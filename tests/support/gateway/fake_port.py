@@ -115,6 +115,9 @@ class FakePort:
         """Return the telemetry that the test has set."""
         return Snapshot(now_ns, **self.telemetry)
 
+    def need_wheels(self, now_ns: int) -> None:
+        """Do nothing: the test sets the telemetry."""
+
     def new_texts(self) -> list[Statustext]:
         """Return the texts that the test has set, once."""
         taken, self.texts = self.texts, []

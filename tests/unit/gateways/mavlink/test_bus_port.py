@@ -21,7 +21,9 @@ from gateways.mavlink.bus_port import (
     MAX_ASKING,
     MAX_HALTS,
     MAX_WAITING,
+    NEEDED_NS,
     SILENT_NS,
+    WHEELS_NS,
     BusPort,
 )
 from gateways.mavlink.coordinates import DEFAULT_ORIGIN
@@ -38,13 +40,13 @@ from ground.commands.hold import Hold
 from ground.commands.param import ShowParameters
 from ground.commands.resume import Resume
 from protocol.bus.network import Network
-from protocol.topics import COMMAND, CYCLE, LEASE, LEASE_SERVICE, STATUS, STOP
+from protocol.topics import COMMAND, CYCLE, LEASE, LEASE_SERVICE, STATUS, STOP, WHEELS
 from protocol.wire.enums import AckResult, Command, LeaseAction, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest
 from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
-from tests.support.gateway.fake_port import cycle, status
+from tests.support.gateway.fake_port import cycle, status, wheels
 from tests.support.ground.client import ack, lease_of
 from tests.support.played_bus import PlayedBus, PlayedQuery
 
@@ -318,6 +320,30 @@ def test_load_of_a_silent_robot_is_unknown(room: Room) -> None:
     assert room.port.snapshot(room.clock.now_ns()).cycle is not None
     room.clock.advance(SILENT_NS)
     assert room.port.snapshot(room.clock.now_ns()).cycle is None
+
+
+def test_wheels_are_sampled_until_a_client_needs_each_message(room: Room) -> None:
+    def left() -> int | None:
+        found = room.port.snapshot(room.clock.now_ns()).wheels
+        return None if found is None else found.left
+
+    def seen_after(ns: int, ticks: int) -> int | None:
+        room.clock.advance(ns)
+        left()
+        room.bus.say(WHEELS, wheels(ticks))
+        return left()
+
+    left()
+    assert seen_after(0, 1) == 1
+    assert seen_after(WHEELS_NS // 2, 2) == 1
+    assert seen_after(WHEELS_NS // 2, 3) == 3
+    room.port.need_wheels(room.clock.now_ns())
+    for ticks in (4, 5, 6):
+        assert seen_after(WHEELS_NS // 20, ticks) == ticks
+    room.clock.advance(SILENT_NS)
+    assert left() is None
+    assert seen_after(NEEDED_NS, 7) == 7
+    assert seen_after(WHEELS_NS // 2, 8) == 7
 
 
 def test_port_is_busy_until_the_answer_is_delivered(room: Room) -> None:
