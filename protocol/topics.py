@@ -205,21 +205,23 @@ INPUTS: Final = Topic(
 )
 
 
-def summary_of(topic: Topic[M]) -> Topic[M]:
+def summary_of(topic: Topic[M], rate_hz: float, when: str = "") -> Topic[M]:
     """Return the topic that has the newest message of a stream twice a second."""
     return Topic(
         path=f"summary/{topic.path.partition('/')[2]}",
         messages=topic.messages,
         publisher=topic.publisher,
-        rate_hz=SUMMARY_HZ,
+        rate_hz=rate_hz,
         stale_after_ns=1500 * NS_PER_MS,
-        doc=f"{topic.path} for stations that watch many robots: each half second of wall time, and "
-        "at once when mode, vehicle, goal or emergency stop change",
+        doc=f"{topic.path} for stations that watch many robots{when}: each half second of wall "
+        "time, and at once when mode, vehicle, goal or emergency stop change",
     )
 
 
 SUMMARIES: Final[dict[str, Topic[Any]]] = {
-    topic.path: summary_of(topic) for topic in (STATUS, ODOMETRY, INPUTS)
+    STATUS.path: summary_of(STATUS, SUMMARY_HZ),
+    ODOMETRY.path: summary_of(ODOMETRY, SUMMARY_HZ),
+    INPUTS.path: summary_of(INPUTS, 0.0, ", while wheel ticks or scans are missing"),
 }
 """The summaries of a robot, by the paths of the streams that they are taken from."""
 

@@ -27,7 +27,7 @@ from protocol.topics import (
     TEXT,
     Topic,
 )
-from protocol.wire.enums import AckResult, Severity
+from protocol.wire.enums import INPUT_SCAN, INPUT_WHEELS, AckResult, Severity
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, NavigatorStatus, TickInputs, WheelCommand
@@ -42,6 +42,7 @@ M = TypeVar("M", bound=Message)
 
 SIGN_OF_LIFE_NS: Final = 300 * NS_PER_MS
 """Longest time between two heartbeats on the clock of the bus. Simulated time may be slower."""
+SENSES: Final = INPUT_SCAN | INPUT_WHEELS
 SUMMARY_NS: Final = round(NS_PER_S / SUMMARY_HZ)
 
 
@@ -86,7 +87,8 @@ class Summary:
         self._state: tuple[int, ...] = ()
         self._sent_ns = 0
         self.wants_inputs = False
-        """True until the inputs of the summary are published, too."""
+        """True until the inputs of the summary are known, too."""
+        self._were_missing = False
 
     def take(self, status: NavigatorStatus) -> None:
         """Keep the newest status."""
@@ -103,6 +105,14 @@ class Summary:
         self._state, self._sent_ns, self.wants_inputs = state, now_ns, True
         self.put(STATUS, status)
         self.put(ODOMETRY, telemetry.odometry(vehicle.state, stamp_ns))
+
+    def take_inputs(self, inputs: TickInputs) -> None:
+        """Publish the inputs while some are missing, and once when they are back."""
+        self.wants_inputs = False
+        are_missing = inputs.flags & SENSES != SENSES
+        if are_missing or self._were_missing:
+            self.put(INPUTS, inputs)
+        self._were_missing = are_missing
 
     def put(self, topic: Topic[M], message: M) -> None:
         """Publish a message in the summary of its topic."""
@@ -202,8 +212,7 @@ class Reports:
         if self.inputs.matched:
             self.together.put(self.inputs, message)
         if self._summary.wants_inputs:
-            self._summary.wants_inputs = False
-            self._summary.put(INPUTS, message)
+            self._summary.take_inputs(message)
 
     def events(self, vehicle: RobotVehicle, stamp_ns: int, now_ns: int) -> None:
         """Publish what is independent of ticks: heartbeat, summary, lease, mission, new texts."""

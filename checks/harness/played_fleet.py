@@ -149,7 +149,7 @@ class PlayedRobot:
             yield MISSION, make(MissionStatus, time_ns=self._time_ns)
         if tick % RARE_TICKS == 0 or self._shown != (self.vehicle, self.goal):
             self._shown = self.vehicle, self.goal
-            said = {STATUS: self.status, ODOMETRY: self.odometry, INPUTS: self.inputs}
+            said = {STATUS: self.status, ODOMETRY: self.odometry}
             for topic, build in said.items():
                 if (summary := SUMMARIES[topic.path]).path in heard:
                     yield summary, build()

@@ -139,8 +139,10 @@ class Robot:
 
     def summary(self) -> list[tuple[Topic[Any], Message]]:
         said: list[tuple[Topic[Any], Message]] = [
-            (STATUS, self.status()), (ODOMETRY, self.odometry()), (INPUTS, self.inputs()),
+            (STATUS, self.status()), (ODOMETRY, self.odometry()),
         ]  # fmt: skip
+        if self.flags & 3 != 3:
+            said.append((INPUTS, self.inputs()))
         return [(SUMMARIES[topic.path], message) for topic, message in said]
 
     def wheels(self) -> WheelTicks:

@@ -43,6 +43,7 @@ from protocol.wire.messages import (
     ParamValue,
     SonarScan,
     Teleop,
+    TickInputs,
     WheelCommand,
     WheelTicks,
 )
@@ -127,7 +128,8 @@ def test_telemetry_that_no_process_reads_is_not_made() -> None:
 
 def test_summary_comes_twice_a_second_and_with_each_change() -> None:
     rig = Rig().ready()
-    summary = [rig.bus.publisher(topic, "r1").said for topic in SUMMARIES.values()]
+    topics = [topic for path, topic in SUMMARIES.items() if path != INPUTS.path]
+    summary = [rig.bus.publisher(topic, "r1").said for topic in topics]
     for said in summary:
         said.clear()
     for _ in range(40):
@@ -140,6 +142,15 @@ def test_summary_comes_twice_a_second_and_with_each_change() -> None:
     newest = summary[0][-1]
     assert isinstance(newest, NavigatorStatus)
     assert newest.vehicle == Vehicle.EMERGENCY_STOP
+
+
+def test_summary_has_inputs_only_while_some_are_missing() -> None:
+    rig = Rig().ready()
+    said = rig.bus.publisher(SUMMARIES[INPUTS.path], "r1").said
+    said.clear()
+    for flags, expected in ((3, 0), (1, 1), (1, 2), (7, 3), (3, 3)):
+        rig.process.reports._summary.take_inputs(make(TickInputs, flags=flags))
+        assert len(said) == expected
 
 
 @each("end", ["idle", "cycle", "end"])
