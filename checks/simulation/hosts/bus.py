@@ -504,13 +504,6 @@ class SimulatedLinkEvent(NamedTuple):
     transport: SimulatedEnd = SimulatedEnd()
 
 
-class SimulatedMatching:
-    """Replaces zenoh.MatchingStatus."""
-
-    def __init__(self, matching: bool) -> None:
-        self.matching = matching
-
-
 class SimulatedPublisher:
     """Replaces zenoh.Publisher."""
 
@@ -531,9 +524,9 @@ class SimulatedPublisher:
         return self._session.hub.quiet(self._key)
 
     @property
-    def matching_status(self) -> SimulatedMatching:
-        """The state with regard to subscribers."""
-        return SimulatedMatching(bool(self._session.hub.subscribers.met_by(self._key)))
+    def matched(self) -> bool:
+        """True if there is a subscriber."""
+        return bool(self._session.hub.subscribers.met_by(self._key))
 
     def undeclare(self) -> None:
         """Do nothing: a publisher has no state."""

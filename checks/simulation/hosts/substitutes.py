@@ -192,6 +192,24 @@ def sparing_put(self: Any, message: Message) -> bytes:
     return frame
 
 
+class AskedMatching:
+    """Replaces Matching: asks the simulated publisher each time, which costs little."""
+
+    def __init__(self, publisher: Any) -> None:
+        self._publisher = publisher
+
+    @property
+    def status(self) -> tuple[bool]:
+        """Whether the publisher has a subscriber."""
+        return (self._publisher.matched,)
+
+    @property
+    def quiet(self) -> bool:
+        """Whether nothing observes its key."""
+        quiet: bool = self._publisher.quiet
+        return quiet
+
+
 class PlainPublisher:
     """Replaces Zenoh's advanced publisher; the simulation keeps no history."""
 
@@ -228,6 +246,7 @@ BLOCKS: Final = (
 SPECIAL: Final[dict[str, object]] = {
     "protocol.bus.bus.open_session": SessionOpener.open_session,
     "protocol.bus.bus.probed": SessionOpener.probed,
+    "protocol.bus.publisher.Matching": AskedMatching,
     "protocol.bus.bus.redialled": SessionOpener.redialled,
     # No history.
     "protocol.bus.bus.fetching_subscriber": lambda session, key, _newest, take: session.declare(
