@@ -193,7 +193,7 @@ PACKAGES = (
     "study",
 )
 MAY_IMPORT = {
-    "zenoh": ("protocol/bus/",),
+    "zenoh": ("protocol/bus/", "gateways/ros2/node.py"),
     "pymunk": ("plant/sim/physics.py",),
     "pymavlink": (
         "gateways/mavlink/mavlink_dialect.py",
@@ -201,7 +201,8 @@ MAY_IMPORT = {
         "protocol/dialect/",
     ),
     "textual": ("ground/app", "ground/app/widgets"),
-    "numpy": ("plant/", "study/"),
+    "numpy": ("plant/", "study/", "gateways/ros2/"),
+    "rosbags": ("gateways/ros2/",),
 }
 
 
