@@ -187,7 +187,7 @@ class ClaimsObserver:
         if max(abs(said_m[0] - x_m), abs(said_m[1] - y_m)) > ROUNDED_M:
             return f"it was replaced by the goal {x_m} {y_m}"
         name = found[3]
-        if name and not self.truth.is_name(by.program, name):
+        if name and not self.is_doer(by, name):
             return f"that goal was of {by.program}"
         return ""
 
@@ -210,18 +210,15 @@ class ClaimsObserver:
         """Compare who ended a goal with the name that is said; empty: its own person."""
         rows, answered = self.truth.rows, self.truth.answered
         ender = next(
-            (one for one in answered if rows[one.at].ns == end.ns and self._ends(one)), None
+            (one for one in answered if rows[one.at].ns == end.ns and self.ends(one)), None
         )
         if ender is None or not ender.program or end.goal_reason not in BY_PERSONS:
             return ""
         is_other = person_of(ender.program) != person_of(goal.asked.program)
         if bool(name) != is_other:
             return f"{ender.program} has ended it, and the goal was of {goal.asked.program}"
-        is_right = not name or self.truth.is_persons_name(ender.program, name)
+        is_right = not name or self.is_doer(ender, name)
         return "" if is_right else f"{ender.program} has ended it"
-
-    def _ends(self, one: RequestTruth) -> bool:
-        return one.ok and one.before.has_goal and not self.truth.rows[one.at].has_goal
 
     # Outcomes of drives by hand.
 
@@ -272,7 +269,39 @@ class ClaimsObserver:
             name = by_hand[1]
         else:
             return True
-        return not name or self.truth.is_name(by.program, name)
+        return not name or self.is_doer(by, name)
+
+    # Who has done something.
+
+    def is_doer(self, one: RequestTruth, name: str) -> bool:
+        """Return whether a request is of a program with this name, or of this MAVLink station."""
+        if one.program != GATEWAY:
+            return self.truth.is_name(one.program, name)
+        deeds = [
+            deed
+            for deed in self.journal.deeds
+            if deed.program in OWN_SYSTEM and 0 <= one.ns - deed.began_ns <= CAUSED_NS
+        ]
+        under_way = [deed for deed in deeds if one.ns - deed.until_ns(one.ns) <= CLEANED_NS]
+        return name in {OWN_SYSTEM[deed.program] for deed in under_way or deeds}
+
+    def done_by_another(
+        self, said: Said, name: str, has_done: Callable[[RequestTruth], bool]
+    ) -> str:
+        """Judge who has done what is shown; what is shown may be that of a request before."""
+        done = [one for one in self.truth.answered if one.ns <= said.ns and has_done(one)]
+        recent = [one for one in done if said.ns - one.ns <= SAID_NS] or done[-1:]
+        if any(not one.program or self.is_doer(one, name) for one in recent):
+            return ""
+        return f"{recent[-1].program} has done it" if recent else "nobody has done it"
+
+    def holds(self, one: RequestTruth) -> bool:
+        """Return whether a request holds the robot."""
+        return one.ok and self.truth.rows[one.at].mode == Mode.HOLD
+
+    def ends(self, one: RequestTruth) -> bool:
+        """Return whether a request has ended a goal."""
+        return one.ok and one.before.has_goal and not self.truth.rows[one.at].has_goal
 
     # Answers.
 
@@ -738,6 +767,16 @@ def operator_limit(observer: ClaimsObserver, said: Said, found: re.Match[str]) -
     return "" if float(found[1]) == limit_s else f"op_lost_ms of the robot is {limit_s:g} s"
 
 
+def held_by(observer: ClaimsObserver, said: Said, found: re.Match[str]) -> str:
+    """Judge who holds the robot."""
+    return observer.done_by_another(said, found[1], observer.holds)
+
+
+def ended_by(observer: ClaimsObserver, said: Said, found: re.Match[str]) -> str:
+    """Judge who has ended a goal."""
+    return observer.done_by_another(said, found[1], observer.ends)
+
+
 def failed_mission(observer: ClaimsObserver, said: Said, _found: re.Match[str]) -> str:
     """Judge that a mission has failed."""
     return observer.wanted_end(said.ns - SEEN_NS, said.ns)
@@ -782,6 +821,9 @@ def told(observer: ClaimsObserver, said: Said, found: re.Match[str]) -> str:
 
 
 OWN_SYSTEM: Final = {"client-255": "MAVLink 255", "client-254": "MAVLink 254"}
+NAME: Final = r"(?!the )(MAVLink \d+|[\w@:.-]+)"
+"""The name of a program or a person; no other words."""
+
 Claim = Callable[[ClaimsObserver, Said, "re.Match[str]"], str]
 CLAIMS: Final[tuple[tuple[re.Pattern[str], Claim], ...]] = (
     (re.compile(r"no message from the robot for ([\d.]+) s"), silent),
@@ -793,6 +835,8 @@ CLAIMS: Final[tuple[tuple[re.Pattern[str], Claim], ...]] = (
     (re.compile(r"stops ([\d.]+) s after the last heartbeat"), operator_limit),
     (re.compile(r"no operator heartbeat for ([\d.]+) s"), operator_limit),
     (re.compile(r"mission FAILED"), failed_mission),
+    (re.compile(rf"(?:\bheld|mode HOLD) by {NAME}"), held_by),
+    (re.compile(rf"goal ABORTED(?:: disarmed)? by {NAME}"), ended_by),
     (re.compile(r"EMERGENCY STOP r1\s+by (you|another operator)"), who_stopped),
     (re.compile(r"wheels stand"), standing),
 )

@@ -188,10 +188,6 @@ class TruthOfBus(Truth):
         """Return the person of an operator on the bus."""
         return operator.partition("/")[0]
 
-    def is_persons_name(self, _program: str, _name: str) -> bool:
-        """Believe the names, as `is_name` does."""
-        return True
-
     def is_name(self, _program: str, _name: str) -> bool:
         """Believe the names that are shown: they contain a terminal of this computer."""
         return True

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 from typing import Any, Final
 
 import zenoh
+from msgspec import structs
 
 from checks.simulation.contradictions.claims import Recorded, contradictions
 from checks.simulation.contradictions.programs import (
@@ -51,6 +52,7 @@ from checks.simulation.invariants.limits import Coverage, InvariantViolation
 from checks.simulation.simulation import RunResult
 from ground.client.outcomes import Stopped
 from ground.recording.summary import outcome_of
+from protocol import topic
 from protocol.outcome import REPLACED
 from protocol.topics import COMMAND, STATUS
 from protocol.wire.enums import Command, MissionState
@@ -175,8 +177,23 @@ def _failed_for_taken_over() -> Patches:
 
 def _nobody_named() -> Patches:
     """Name nobody who has stopped what another person had begun."""
-    nobody = import_module("robot.mission").NOBODY
-    return {"robot.vehicle.RobotVehicle.stoppers": property(lambda _: nobody)}
+    return {"robot.commands.Commands._note_stopper": lambda *_: None}
+
+
+def _holder_for_doer() -> Patches:
+    """Name a doer by the name under which its person last took the lease."""
+    vehicle = import_module("robot.vehicle").RobotVehicle
+    original = vehicle.receive
+
+    def receive(self: Any, request: Any, now_ns: int, operator: str = "") -> Any:
+        if hasattr(request, "sender"):
+            person = topic.person_of(operator)
+            names = self.lease._names.items()
+            known = [name for one, name in names if topic.person_of(one) == person]
+            request = structs.replace(request, sender=(known or [""])[-1])
+        return original(self, request, now_ns, operator)
+
+    return {"robot.vehicle.RobotVehicle.receive": receive}
 
 
 def _no_notes() -> Patches:
@@ -207,6 +224,7 @@ DEFECTS: Final[dict[str, Defect]] = {
     "c10": Defect("who has aborted another person's goal is not named", _nobody_named),
     "c11": Defect("what had nothing to act on is said to be done", _no_notes),
     "c12": Defect("a drive that another one has replaced is said to be done", _done_for_replaced),
+    "c13": Defect("a doer has the name of another program of its person", _holder_for_doer),
 }
 
 

@@ -295,13 +295,7 @@ class Truth:
     def is_name(self, program: str, name: str) -> bool:
         """Return whether a program is shown to others by this name; without one, by its person."""
         person, _, rest = program.partition("-")
-        stations = (f"MAVLink {number}" for number in (255, 254))
-        return name in (person, f"{person}@sim:{rest.partition('.')[0]}"[:16], *stations)
-
-    def is_persons_name(self, program: str, name: str) -> bool:
-        """Return whether any program of a program's person is shown to others by this name."""
-        person = person_of(program)
-        return name.startswith((f"{person}@sim:", f"{person[:16]}", "MAVLink "))
+        return name in (person, f"{person}@sim:{rest.partition('.')[0]}"[:16])
 
     def has_lease(self, row: RobotRow, person: str) -> bool:
         """Return whether a person holds the lease."""

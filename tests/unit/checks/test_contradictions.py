@@ -85,6 +85,15 @@ CASES: Final[dict[str, Case]] = {
         ),
         "a drive by hand ends as it ended",
     ),
+    "c13": Case(
+        (
+            *STATIONS,
+            (3.0, "seize", OTHER),
+            (3.5, "goto", OTHER, 36.0, 30.0),
+            (6.0, "disarm", SECOND, 0),
+        ),
+        OUTCOME,
+    ),
     "c11": Case((*IN_NOTEBOOK, (5.0, "clear", SAME_PERSON)), "what is accepted is so"),
 }
 
