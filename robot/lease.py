@@ -69,6 +69,7 @@ class Lease:
         """The program that took over last, and the last heartbeat of the one before."""
 
         self._heard_ns: OrderedDict[str, int] = OrderedDict()
+        self._left_ns: OrderedDict[str, int] = OrderedDict()
         self._names: OrderedDict[str, str] = OrderedDict()
         self._texts: list[tuple[Severity, str]] = []
 
@@ -97,7 +98,12 @@ class Lease:
         return reasons.OK
 
     def beat(self, operator: str, sent_ns: int) -> None:
-        """Note a heartbeat of a program that may command, sent at `sent_ns`."""
+        """Note a heartbeat of a program that may command, sent at `sent_ns`.
+
+        One that arrives after its program has left is ignored: the program is gone.
+        """
+        if sent_ns < self._left_ns.get(operator, sent_ns):
+            return
         keep(self._beats_ns, operator, max(self._beats_ns.get(operator, sent_ns), sent_ns))
         heard_ns = sent_ns + self.stood_ns
         keep(self._heard_ns, operator, max(self._heard_ns.get(operator, heard_ns), heard_ns))
@@ -220,6 +226,7 @@ class Lease:
         operator = asker.operator
         for known in (self._beats_ns, self._heard_ns, self._names):
             known.pop(operator, None)
+        keep(self._left_ns, operator, now_ns)
         if self._inherited[0] == operator:
             self._inherited = "", 0
         heard_ns = self._newest_ns

@@ -296,8 +296,9 @@ class ClaimsObserver:
         return f"{recent[-1].program} has done it" if recent else "nobody has done it"
 
     def holds(self, one: RequestTruth) -> bool:
-        """Return whether a request holds the robot."""
-        return one.ok and self.truth.rows[one.at].mode == Mode.HOLD
+        """Return whether a request holds the robot, which did not hold before."""
+        is_held = self.truth.rows[one.at].mode == Mode.HOLD
+        return one.ok and one.before.mode != Mode.HOLD and is_held
 
     def ends(self, one: RequestTruth) -> bool:
         """Return whether a request has ended a goal."""
@@ -747,7 +748,8 @@ def commands(observer: ClaimsObserver, said: Said, found: re.Match[str]) -> str:
 def in_command(observer: ClaimsObserver, said: Said, found: re.Match[str]) -> str:
     """Judge that somebody is in command now."""
     name = found[1]
-    is_so: Condition = lambda row: row.holder_name == name  # noqa: E731
+    person = observer.truth.person_of
+    is_so: Condition = lambda row: name == (row.holder_name or person(row.holder))  # noqa: E731
     if observer.truth.ever(said.ns - LEASE_NS, said.ns, is_so):
         return ""
     return f"it was {observer.truth.at(said.ns).holder_name or 'nobody'}"

@@ -286,6 +286,17 @@ def test_a_lease_is_shown_with_a_program_that_is_there() -> None:
         assert (status.held, status.holder, status.name) == (1, ADA, "Ada")
 
 
+def test_a_heartbeat_that_arrives_after_its_program_has_left_is_late() -> None:
+    lease = kept()
+    lease.receive(ask(LeaseAction.LEAVE, "Ada"), ADA, 2 * S)
+    lease.beat(ADA, 2 * S - 1)
+    lease.receive(ask(LeaseAction.TAKE, "shell"), ADAS_OTHER, 3 * S)
+    lease.receive(ask(LeaseAction.LEAVE, "shell"), ADAS_OTHER, 3 * S)
+    assert lease.holder is None, "no program is there"
+    lease.beat(ADA, 3 * S)
+    assert lease.beaten_ns(ADA) == 3 * S, "it has come back"
+
+
 def test_a_holder_without_a_heartbeat_has_time_to_send_one() -> None:
     lease = taken()
     lease.beat(ADAS_OTHER, 1 * S)
