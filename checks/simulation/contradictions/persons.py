@@ -150,7 +150,7 @@ def _stale_answer() -> Patches:
     """Accept a repeated command although what it made is gone."""
     repeats = import_module("gateways.mavlink.commands.command_protocol")
 
-    def judged(self: Any, one: Any, *, is_copy: bool, is_marked: bool) -> Any:
+    def judged(_self: Any, one: Any, **_: bool) -> Any:
         return repeats.RepeatAction.IGNORE if one.result is None else repeats.RepeatAction.ANSWER
 
     return {"gateways.mavlink.commands.command_protocol.Repeats._judged": judged}

@@ -312,33 +312,27 @@ class Declarations:
         self.quiet: dict[str, bool] = {}
         """Keys that no declaration matches, valid until a declaration changes."""
 
-        self.listeners: list[Callable[[], object]] = []
-        """Called when a declaration has changed."""
-
     def add(self, one: Subscription) -> Subscription:
         """Add a declaration."""
         self._all.append(one)
-        self._change()
+        self._routes.clear()
+        self.quiet.clear()
         return one
 
     def remove(self, one: Subscription) -> None:
         """Remove a declaration."""
         if one in self._all:
             self._all.remove(one)
-            self._change()
+            self._routes.clear()
+            self.quiet.clear()
 
     def leave(self, session: "SimulatedSession") -> list[Subscription]:
         """Remove and return the declarations of a session that has ended or lost its link."""
         gone = [one for one in self._all if one.session is session]
         self._all = [one for one in self._all if one.session is not session]
-        self._change()
-        return gone
-
-    def _change(self) -> None:
         self._routes.clear()
         self.quiet.clear()
-        for listener in self.listeners:
-            listener()
+        return gone
 
     def met_by(self, key: str) -> tuple[Subscription, ...]:
         """Return the declarations that a key matches."""
@@ -533,16 +527,6 @@ class SimulatedPublisher:
     def matched(self) -> bool:
         """True if there is a subscriber."""
         return bool(self._session.hub.subscribers.met_by(self._key))
-
-    def declare_matching_listener(self, callback: Callable[[Any], object]) -> "SimulatedPublisher":
-        """Call `callback` with the state now, and whenever a subscriber comes or goes."""
-
-        def tell() -> None:
-            callback(self.matching_status)
-
-        self._session.hub.subscribers.listeners.append(tell)
-        tell()
-        return self
 
     def undeclare(self) -> None:
         """Do nothing: a publisher has no state."""

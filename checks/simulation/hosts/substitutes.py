@@ -183,7 +183,7 @@ def sparing_put(self: Any, message: Message) -> bytes:
 
     Those frames are encoded to find values that cannot be encoded.
     """
-    if self._matching.now._listener.quiet:
+    if self._matching.now.quiet:
         self.unobserved = getattr(self, "unobserved", 0) + 1
         if self.unobserved % 8:
             return b""
