@@ -180,7 +180,7 @@ def test_each_row_fails_on_a_broken_vehicle(number: int) -> None:
         (61, "acknowledgements of"),
         (62, "not in the dialect of pymavlink: ['CONTROL_STATUS']"),
         (63, "mask 2040 moved 0.00 m 'set the bits of type_mask"),
-        (64, "NOT_IN_CONTROL after 1.00 s; text 'another operator"),
+        (64, "NOT_IN_CONTROL after 3.00 s; text 'another operator"),
         (65, "SPEED_X 0.4 -> 0.137"),
         (66, "armed again ACCEPTED: armed False"),
         (67, "RADIUS_X read by client 1: 0.5, in force 0.505"),

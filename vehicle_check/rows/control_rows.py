@@ -169,6 +169,8 @@ def not_in_control(check: VehicleCheck) -> RowVerdict:
 
 RESTART_S: Final = 1.0
 RESTART_WITH_LOSS_S: Final = 5.0
+LATE_S: Final = 2.0
+"""How much longer the judge waits, to tell a late answer from none."""
 BACK_S: Final = 8.0
 
 
@@ -197,10 +199,11 @@ def restarted(check: VehicleCheck) -> RowVerdict:
     again.beat(check.station.now_ns)  # as every ground station does before it commands
     most_s = RESTART_WITH_LOSS_S if check.station.is_lossy else RESTART_S
     stopwatch = check.station.stopwatch()
-    result = _accepted_within(check, again, most_s)
+    result = _accepted_within(check, again, most_s + LATE_S)
     elapsed = stopwatch.elapsed
     fact = f"from a new port: {result_name(result)} after {elapsed.seconds:.2f} s"
-    found.expect(result == ACCEPTED, fact)
+    if found.expect(result == ACCEPTED, fact):
+        found.expect_in_time(elapsed, most_s, fact)
     text = check.texts(0, again)
     found.expect("another" not in text.lower(), f"text {text!r}")
     again.beats, main.beats = False, True
