@@ -131,6 +131,7 @@ class Commands:
         had_goal, on_mission = modes.goal_is_active(machine), self._mission.active
         goes_on = kind.resumes and self._is_attended
         was_stopped = machine.vehicle == states.EMERGENCY_STOP
+        was_by_hand = machine.vehicle == states.ACTIVE and mode == states.MANUAL
         leader = self._leader(kind, now_ms, operator)
         reason = self._refusal(request, kind, now_ms, leader)
         if reason == reasons.OK:
@@ -146,6 +147,8 @@ class Commands:
         asker = Asker(operator, printable(request.sender))
         other = "" if asker.party == self.begun_by.party else asker.label
         self._note_stopper(other, had_goal and not is_new, is_new, mode, on_mission)
+        if was_by_hand and machine.vehicle == states.STANDBY:
+            self.stoppers = self.stoppers._replace(hold=other)
         if is_new:
             self.goal_id = request.request_id
         begins = is_new or (reason == reasons.OK and kind.by_hand)

@@ -175,7 +175,7 @@ class Stoppers(NamedTuple):
     goal: str = ""
     """It ended the goal."""
     hold: str = ""
-    """It holds the robot."""
+    """It holds the robot, or has disarmed one that was driven by hand."""
     mission: str = ""
     """It ended the mission, or took it over."""
 

@@ -7,12 +7,12 @@ from ground.client.outcomes import DRIVE_REPLACED
 from ground.client.requests import CROSSING_NS, NAMED_NS, Latest, replaced_by
 from protocol.bus.bus import Bus
 from protocol.bus.publisher import Publisher
-from protocol.outcome import REPLACED
+from protocol.outcome import REPLACED, reason_words
 from protocol.topic import person_of
 from protocol.topics import LEASE, STATUS, TELEOP
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.messages import LeaseStatus, NavigatorStatus, Teleop
-from protocol.wire.reasons import reason_text
+from protocol.wire.reasons import Reason
 from runtime.cli.terminal import printable
 from runtime.clock import Clock
 
@@ -116,7 +116,9 @@ def lost_control(status: NavigatorStatus, driven_ns: int) -> str:
         return ""
     by = printable(status.held_by)
     if status.vehicle != Vehicle.ACTIVE:
-        return reason_text(status.vehicle_reason) if status.vehicle_reason else "not armed"
+        is_disarmed = status.vehicle == Vehicle.STANDBY and status.mode == Mode.MANUAL
+        ended = Reason.DISARMED if is_disarmed else Reason.NOT_ARMED
+        return reason_words(status.vehicle_reason or ended, status.held_by)
     if status.mode == Mode.HOLD and by:
         return f"held by {by}"
     return "" if status.mode == Mode.MANUAL else "the robot has left MANUAL mode"

@@ -435,8 +435,8 @@ class NavigatorStatus(Message, frozen=True, kw_only=True):
         side: Side on which navigators with a user-selected side pass obstacles: 1 left, -1 right.
         ended_by: Display name of the operator who has ended the goal, if another person had begun
             it; else empty. [at most 16 bytes]
-        held_by: Display name of the operator who holds the robot, if another person had begun the
-            goal or drive; else empty. [at most 16 bytes]
+        held_by: Display name of the operator who holds the robot, or has disarmed it in MANUAL, if
+            another person had begun the goal or drive; else empty. [at most 16 bytes]
     """
 
     time_ns: int

@@ -1117,6 +1117,15 @@ def test_a_client_is_named_though_another_one_has_the_lease() -> None:
     assert status_of(desk).ended_by == "MAVLink 77"
 
 
+def test_a_drive_by_hand_names_who_has_disarmed_it() -> None:
+    for program, name in ((BOB, "Bob"), (ADAS_OTHER, "")):
+        desk = by_hand()
+        assert reason(desk, DISARM, program) == Reason.NONE
+        assert status_of(desk).held_by == name
+        assert reason(desk, command(Command.COMPONENT_ARM_DISARM, 1.0), ADA) == Reason.NONE
+        assert status_of(desk).held_by == "", "it is armed again"
+
+
 def test_a_failsafe_after_a_hold_of_another_names_nobody() -> None:
     desk = going()
     assert reason(desk, PAUSE, BOB) == Reason.NONE

@@ -390,7 +390,8 @@ def test_attended_drive_needs_an_end() -> None:
     [
         (Vehicle.ACTIVE, Mode.MANUAL, LATER_NS, ""),
         (Vehicle.STANDBY, Mode.MANUAL, 0, ""),
-        (Vehicle.STANDBY, Mode.MANUAL, LATER_NS, "not armed"),
+        (Vehicle.STANDBY, Mode.MANUAL, LATER_NS, "disarmed by the operator"),
+        (Vehicle.STANDBY, Mode.HOLD, LATER_NS, "not armed: arm first"),
         (Vehicle.ACTIVE, Mode.HOLD, LATER_NS, "the robot has left MANUAL mode"),
     ],
 )
@@ -398,3 +399,8 @@ def test_robot_that_no_longer_follows_ends_the_drive(
     vehicle: Vehicle, mode: Mode, driven_ns: int, why: str
 ) -> None:
     assert lost_control(status(vehicle, mode=mode), driven_ns) == why
+
+
+def test_a_drive_that_another_person_disarms_names_that_person() -> None:
+    disarmed = status(Vehicle.STANDBY, mode=Mode.MANUAL, held_by="MAVLink 77")
+    assert lost_control(disarmed, LATER_NS) == "disarmed by MAVLink 77"
