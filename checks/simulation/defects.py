@@ -313,7 +313,7 @@ def _stop_in_the_queue() -> Patches:
         def job() -> Any:
             return port.in_own_thread(lambda: port.Stopped(waiting.run(), self.name), "stop")
 
-        asked = self._request(job, is_tried=True, expires=False)
+        asked = self._request(job, "", is_tried=True, expires=False)
         return port.StopPress(waiting.request_id, asked)
 
     return {"gateways.mavlink.bus_port.BusPort.stop": stop}
