@@ -35,7 +35,7 @@ from rosbags.typesys.stores.ros2_jazzy import sensor_msgs__msg__Range as Range
 from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Header as Header
 from rosbags.typesys.stores.ros2_jazzy import tf2_msgs__msg__TFMessage as TFMessage
 
-from protocol.ring import BEARINGS_RAD, CONE_RAD, SONARS
+from protocol.ring import BEARINGS_RAD, CONE_RAD, RADIUS_M, SONARS
 from protocol.wire.messages import PlanarOdometry, SonarScan, WheelTicks
 from runtime.units import NS_PER_S
 
@@ -63,7 +63,7 @@ ULTRASOUND: Final = 0
 class Geometry:
     """The dimensions of a robot, by its parameters."""
 
-    radius_m: float = 0.12
+    radius_m: float = RADIUS_M
     track_m: float = 0.2
     wheel_radius_m: float = 0.03
     m_per_tick: float = 0.0002

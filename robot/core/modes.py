@@ -283,12 +283,12 @@ def fence_problem(
     """
     if fence is None:
         return reasons.OK
-    refusal = fences.refusal_of(fence)
-    for one in exclusions:
-        if refusal == reasons.OK:
-            refusal = fences.refusal_of(one)
-    if refusal != reasons.OK:
-        return refusal
+    shapes = [fence]
+    shapes.extend(exclusions)
+    for one in shapes:
+        refusal = fences.refusal_of(one)
+        if refusal != reasons.OK:
+            return refusal
     if machine.vehicle != states.BOOT:
         if not machine.placed:
             return reasons.PLACE_UNKNOWN

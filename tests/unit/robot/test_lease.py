@@ -246,6 +246,14 @@ def test_a_program_leaves_it_to_others_that_are_there(since_ns: int, stays: bool
     assert lease.is_holder(ADA) == stays
 
 
+def test_a_program_that_does_not_hold_it_leaves_it_to_the_holder() -> None:
+    lease = kept()
+    lease.beat(ADA, 1 * S)
+    lease.beat(ADAS_OTHER, 1 * S)
+    assert lease.receive(ask(LeaseAction.LEAVE), ADAS_OTHER, 1 * S) == Reason.NONE
+    assert (lease.due(1 * S), shown(lease, 1 * S).holder) == ([], ADA)
+
+
 def test_a_lease_that_is_left_to_a_silent_program_lapses_soon() -> None:
     """Though it was heard before the lease was granted: it may have been killed since."""
     lease = Lease()

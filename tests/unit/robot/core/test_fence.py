@@ -205,6 +205,8 @@ def test_fence_must_contain_the_robot_and_its_active_goal() -> None:
     assert modes.set_fence(driven.machine, AROUND, here) == reasons.OUTSIDE_FENCE
     bow_tie = polygon([(0.0, 0.0), (4.0, 4.0), (4.0, 0.0), (0.0, 4.0)])
     assert modes.set_fence(driven.machine, bow_tie, here) == reasons.FENCE_NOT_SIMPLE
+    refused = modes.set_fence(driven.machine, WIDE, here, (bow_tie,))
+    assert refused == reasons.FENCE_NOT_SIMPLE, "an exclusion is a fence, too"
     assert driven.machine.fence is None, "what was refused is not put up"
     assert modes.set_fence(driven.machine, WIDE, here) == reasons.OK
     modes.abort(driven.machine, 0)
