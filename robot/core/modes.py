@@ -247,7 +247,8 @@ def set_mode(machine: Machine, trail: Trail, mode: int, now_ms: int) -> int:
     if mode != states.AUTO and not machine.operator:
         return reasons.NO_OPERATOR
     if mode == states.MANUAL or machine.mode == states.SMART_RTL:
-        end_goal(machine, states.ABORTED, reasons.BY_OPERATOR, now_ms)
+        reason = reasons.BY_HAND if mode == states.MANUAL else reasons.BY_OPERATOR
+        end_goal(machine, states.ABORTED, reason, now_ms)
     machine.mode = mode
     return reasons.OK
 

@@ -658,10 +658,10 @@ ENDS_MISSION: Final[tuple[tuple[Any, ...], ...]] = (
 REPLACED: Final = re.compile(r"by the goal (-?[\d.]+) (-?[\d.]+)(?: of (.+))?")
 DRIVE_OF: Final = re.compile(r"by the drive of (.+)")
 SEIZED: Final = re.compile(r"(.+) has seized the lease")
-ENDED_BY: Final = re.compile(r"(?:disarmed )?by (?!the )(.+)")
+ENDED_BY: Final = re.compile(r"(?:disarmed |driven by hand )?by (?!the )(.+)")
 """A reason that names another person."""
 
-BY_PERSONS: Final = (Reason.BY_OPERATOR, Reason.DISARMED)
+BY_PERSONS: Final = (Reason.BY_OPERATOR, Reason.DISARMED, Reason.BY_HAND)
 NOTED: Final[dict[str, tuple[int, Condition]]] = {
     "clear": (Reason.NOTHING_LATCHED, lambda row: row.is_stopped),
     "hold": (
@@ -678,6 +678,7 @@ NO_ANSWER: Final = re.compile(r"does not answer|no message from the robot|no hea
 NOT_IN_CONTROL: Final = 10
 CAUSES: Final = {
     "disarmed": Reason.DISARMED,
+    "driven by hand": Reason.BY_HAND,
     "by the operator": Reason.BY_OPERATOR,
     "by the emergency stop": Reason.BY_EMERGENCY_STOP,
     "no operator heartbeat": Reason.OPERATOR_LOST,

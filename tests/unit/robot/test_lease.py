@@ -1057,8 +1057,16 @@ def test_a_goal_that_ends_by_a_drive_of_another_names_who_drives() -> None:
     beaten(desk, BOB)
     assert reason(desk, manual(), BOB) == Reason.NONE
     assert status_of(desk).ended_by == "Bob"
+    assert "goal ABORTED: driven by hand by Bob" in told(desk)
     assert reason(desk, PAUSE, ADA) == Reason.NOTHING_KEPT
     assert (status_of(desk).ended_by, status_of(desk).held_by) == ("Bob", "Ada")
+
+
+def test_a_goal_ends_by_a_drive_of_its_own_person() -> None:
+    desk = going()
+    beaten(desk, ADAS_OTHER)
+    assert reason(desk, manual(), ADAS_OTHER) == Reason.NONE
+    assert "goal ABORTED: driven by hand" in told(desk)
 
 
 def test_a_hold_names_the_other_person_until_the_robot_goes_on() -> None:

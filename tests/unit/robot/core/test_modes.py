@@ -387,7 +387,7 @@ def test_modes_are_changed_by_their_rules() -> None:
     assert modes.set_mode(machine, trail, states.AUTO, 0) == reasons.OK
     assert not driven.forward(0.5).stands
     assert modes.set_mode(machine, trail, states.MANUAL, 0) == reasons.OK
-    assert outcome(driven) == (states.ABORTED, reasons.BY_OPERATOR)
+    assert outcome(driven) == (states.ABORTED, reasons.BY_HAND)
     assert driven.forward(0.5).stands
 
 
