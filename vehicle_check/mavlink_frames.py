@@ -151,6 +151,12 @@ EXTRA: Final[Mapping[int, MessageLayout]] = MappingProxyType(
 )  # fmt: skip
 
 
+UNRELEASED: Final = frozenset(
+    one.number for one in (COMPONENT_METADATA, AVAILABLE_MODES, CURRENT_MODE, CONTROL_STATUS)
+)
+"""Messages that pymavlink 2.4.50 has in no dialect of a ground station, or in development only."""
+
+
 NUMBERS: Final[Mapping[str, int]] = MappingProxyType(
     {entry.msgname: number for number, entry in mavlink.mavlink_map.items()}
     | {layout.name: number for number, layout in EXTRA.items()}

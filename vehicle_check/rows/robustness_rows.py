@@ -6,7 +6,7 @@ from typing import Final
 
 from runtime.units import NS_PER_S
 from vehicle_check.ground_stations import Elapsed, GroundStation
-from vehicle_check.mavlink_frames import mavlink, number_of
+from vehicle_check.mavlink_frames import UNRELEASED, mavlink, number_of
 from vehicle_check.rows.identity_rows import gaps_in, versions
 from vehicle_check.rows.parameter_rows import PCK, most_seconds, parameters
 from vehicle_check.transfers import (
@@ -209,7 +209,8 @@ def unknown_frames(check: VehicleCheck) -> RowVerdict:
         check.station.wait(QUIET_S - seconds)
         seconds = (check.station.now_ns - window.began_ns) / NS_PER_S
         frames, malformed = client.log, client.malformed
-    unknown = [one for one in frames if number_of(one.raw) not in mavlink.mavlink_map]
+    released = mavlink.mavlink_map.keys() - UNRELEASED
+    unknown = [one for one in frames if number_of(one.raw) not in released]
     names = sorted({one.name for one in unknown})
     where = "in the dialect of pymavlink"
     fact = f"{len(unknown)} of {len(frames)} frames are not {where}: {names}"
