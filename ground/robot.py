@@ -74,6 +74,7 @@ from ground.client.parameters import Parameters
 from ground.client.requests import (
     ATTEMPTS,
     BEAT_NS,
+    NAMED_NS,
     CommandExchange,
     GaveUp,
     GoalEnd,
@@ -543,10 +544,13 @@ class Robot(RobotLink):
                 answer = await finish(self._end(drive, hold))
                 if why or isinstance(answer, Accepted):
                     return DriveEnded(why)
-                if answer is None:
-                    return DriveEnded(DRIVE_REPLACED)
-                # Another may have driven meanwhile, over a line that was cut to this one.
-                return DriveEnded(watch.lost(telemetry.latest, self.clock.now_ns()) or UNCONFIRMED)
+
+                # Another has held it or driven, or may have: the telemetry tells, a little later.
+                def lost() -> str | None:
+                    return watch.lost(telemetry.latest, self.clock.now_ns())
+
+                await self.wait(lambda: bool(lost()), NAMED_NS)
+                return DriveEnded(lost() or (DRIVE_REPLACED if answer is None else UNCONFIRMED))
 
         def hold() -> CommandRequest:
             if self._stick is stick:  # those of a later drive go on

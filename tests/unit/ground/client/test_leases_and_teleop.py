@@ -258,6 +258,20 @@ def test_drive_without_an_answer_names_what_drives_since(monkeypatch: pytest.Mon
     assert outcome.text == "replaced by the drive of ben"
 
 
+def test_drive_that_another_program_has_held_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The robot's status comes after its answer, that the drive was over."""
+    stage, send = Stage(Reason.NONE, Reason.NONE, Reason.ALREADY_OVER), TeleopSender.stop
+
+    def stop(stick: TeleopSender) -> None:
+        send(stick)
+        stage.bus.say(STATUS, status(mode=Mode.HOLD))
+
+    monkeypatch.setattr(TeleopSender, "stop", stop)
+    stage.bus.say(STATUS, status(mode=Mode.MANUAL))
+    outcome = perform(DriveByHand(speed_m_s=0.2, turn_deg_s=0.0, for_s=0.5), stage)
+    assert outcome.text == "stopped: the robot has left MANUAL mode"
+
+
 def test_drive_by_hand_ends_when_the_robot_leaves_manual() -> None:
     stage = Stage()
     stage.bus.say(STATUS, status(mode=Mode.AUTO))
