@@ -16,7 +16,7 @@ SECTIONS: Final = (DRIVE, LOOK, TEST, RUN, REC, MORE)
 """In the order of `sidestep --help`."""
 GROUPS: Final[Mapping[str, str]] = MappingProxyType(
     {
-        RUN: "one: plant, robot, router, gateway, container, health, bridge, ros2",
+        RUN: "plant, robot, router, gateway, container, health, bridge, ros2",
         REC: "recordings: start, list, mark, export, plot, reexecute",
     }
 )

@@ -243,20 +243,25 @@ async def perform(text: str, robot: Robot, notes: Notes, draft: Draft) -> tuple[
 
 
 def wanted(robot: PlayedRobot, *, lease: bool) -> list[Message]:
-    """Return the messages that the robot received, without request ids."""
+    """Return the messages that the robot received, without request ids and names of senders."""
     leases: list[Message] = [*robot.desk.actions[:1]] if lease else []
     asked = [*robot.asked, *leases, *robot.desk.frames]
     plain = [message for message in asked if "request_id" not in message.__struct_fields__]
     return [
-        msgspec.structs.replace(message, request_id=0, **ended(message))
+        msgspec.structs.replace(message, request_id=0, **plain_of(message))
         for message in asked
         if "request_id" in message.__struct_fields__
     ] + plain
 
 
-def ended(message: Message) -> dict[str, int]:
-    """Return whether a clean-up names what it ends, whose id is another one each time."""
-    return {"ends_id": int(bool(message.ends_id))} if isinstance(message, CommandRequest) else {}
+def plain_of(message: Message) -> dict[str, Any]:
+    """Return what differs each time: who asks, and the id of what a clean-up ends, if any."""
+    found: dict[str, Any] = {}
+    if isinstance(message, CommandRequest | GoalRequest):
+        found["sender"] = ""
+    if isinstance(message, CommandRequest):
+        found["ends_id"] = int(bool(message.ends_id))
+    return found
 
 
 @pytest.mark.usefixtures("_files")

@@ -104,7 +104,7 @@ def test_several_robots_reach_goals_of_their_own_the_same_way_every_time(tmp_pat
 @contextmanager
 def staying(*words: str) -> Iterator[subprocess.Popen[str]]:
     """Start an `up` that stays; yield it when it says so."""
-    command = [sys.executable, "-m", "sidestep", "up", "--headless", "--speed", "max", *words]
+    command = [sys.executable, "-m", "sidestep", "up", "--headless", "--speed", "2", *words]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as up:
         assert up.stderr is not None
         try:

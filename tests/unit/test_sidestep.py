@@ -149,7 +149,7 @@ def test_unknown_verb_gets_no_guess_and_no_verb_the_usage(
 
 
 def verbs_in(help_text: str) -> list[str]:
-    return re.findall(r"^  ([a-z-]+) ", help_text.partition("\nexample:")[0], re.MULTILINE)
+    return re.findall(r"^  ([a-z0-9-]+) ", help_text.partition("\nexample:")[0], re.MULTILINE)
 
 
 def test_help_fits_one_screen_with_groups_and_short_verbs(

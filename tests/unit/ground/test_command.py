@@ -249,6 +249,7 @@ OTHER_FACTS = {
     "ground/client/missions.py": "the pause of a mission",
     "gateways/mavlink/ardupilot.py": "the name of ArduPilot's mode HOLD",
     "gateways/mavlink/motion/pilot.py": "a client in control has chosen the mode HOLD",
+    "gateways/ros2/services.py": "the name of the service of a ROS 2 node",
     "vehicle_check/rows/command_rows.py": "the name of ArduPilot's mode HOLD",
     "sidestep/operations.py": "the public list of classes",
 }

@@ -268,4 +268,4 @@ def test_no_group_has_the_name_of_a_verb() -> None:
 def test_summary_of_a_group_names_its_verbs() -> None:
     for group, summary in GROUPS.items():
         names = [command_of(word).split()[1] for word in VERBS if VERBS[word].section == group]
-        assert summary.partition(": ")[2].split(", ") == names
+        assert summary.rpartition(": ")[2].split(", ") == names
