@@ -580,7 +580,8 @@ class StationClient(SimulatedClient):
         if data[7:10] == ACK_START:
             number, result = unpack_from("<HB", body.ljust(3, b"\0"))
             of_it = [one for one in self._sent if one[0] == number]
-            if len(of_it) == 1:  # of two alike it is not known which one is meant
+            repeats_stop = self._is_stopping and number == mavlink.MAV_CMD_DO_FLIGHTTERMINATION
+            if len(of_it) == 1 and not repeats_stop:  # of two alike it is not known which is meant
                 (_, params, since_ns) = of_it[0]
                 self._station.say(Ack(number, params, result, since_ns))
         elif data[7:10] == TEXT_START:
