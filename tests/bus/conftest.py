@@ -1,11 +1,13 @@
-"""Fixtures for tests of verbs: a simulated robot and a command line connected to it."""
+"""Fixtures: a simulated robot with a command line connected to it; a stack and a ROS 2 peer."""
 
 from collections.abc import Iterator
 
 import pytest
 
 from ground.cli.main import main
+from tests.support.gateway.ros_network import RosPeer, free_endpoint
 from tests.support.played_robot import PlayedRobot, Say, played
+from tests.support.stacks import Paced
 
 
 @pytest.fixture
@@ -29,3 +31,16 @@ def say(stage: tuple[PlayedRobot, str], capsys: pytest.CaptureFixture[str]) -> S
         return code, said.out, said.err
 
     return run
+
+
+@pytest.fixture
+def stack() -> Iterator[Paced]:
+    with Paced() as found, found.going():
+        yield found
+
+
+@pytest.fixture
+def peer() -> Iterator[RosPeer]:
+    found = RosPeer(free_endpoint())
+    yield found
+    found.close()

@@ -2,7 +2,7 @@
 
 import asyncio
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from math import inf, isinf, nan
 from random import Random
@@ -16,7 +16,7 @@ from gateways.ros2.face import FaceSettings, RobotFace, present
 from gateways.ros2.interfaces import Interfaces
 from gateways.ros2.node import RosSession, session_config
 from gateways.ros2.parameters import value_of
-from gateways.ros2.wire import LATCHED, Distro, EntityKind, gid_of, read_token
+from gateways.ros2.wire import LATCHED, Distro, EntityKind, TokenParts, gid_of, read_token
 from ground.client.connection import Common
 from ground.client.robot_link import RobotLink
 from ground.robot import Robot
@@ -31,19 +31,6 @@ from tests.support.gateway.ros_network import (
     until,
 )
 from tests.support.stacks import Paced
-
-
-@pytest.fixture
-def stack() -> Iterator[Paced]:
-    with Paced() as found, found.going():
-        yield found
-
-
-@pytest.fixture
-def peer() -> Iterator[RosPeer]:
-    found = RosPeer(free_endpoint())
-    yield found
-    found.close()
 
 
 async def test_topics_arrive_with_the_values_of_the_robot(stack: Paced, peer: RosPeer) -> None:
@@ -85,12 +72,17 @@ async def test_samples_are_counted_and_name_their_publisher(stack: Paced, peer: 
 
 
 async def test_graph_has_the_node_and_its_topics_until_it_ends(stack: Paced, peer: RosPeer) -> None:
+    expected = {"/r1/odom", "/r1/tf", "/r1/tf_static", "/r1/sonar_0", "/r1/scan", "/clock"}
+
+    def shown() -> list[TokenParts]:
+        return [one for one in map(read_token, peer.tokens()) if one]
+
+    def topics() -> set[str]:
+        return {one.topic for one in shown() if one.kind is EntityKind.PUBLISHER}
+
     async with presented(stack, peer.endpoint, scan=True):
-        await until(partial(shows, peer, "%r1%scan/"))
-        parts = [read_token(token) for token in peer.tokens()]
-    assert {one.node for one in parts if one} == {"/r1/sidestep"}
-    topics = {one.topic for one in parts if one and one.kind is EntityKind.PUBLISHER}
-    assert {"/r1/odom", "/r1/tf", "/r1/tf_static", "/r1/sonar_0", "/r1/scan", "/clock"} <= topics
+        await until(lambda: expected <= topics())
+        assert {one.node for one in shown()} == {"/r1/sidestep"}
     await until(lambda: not peer.tokens())
 
 

@@ -2,7 +2,6 @@
 
 import asyncio
 import uuid
-from collections.abc import Iterator
 from functools import partial
 from math import nan
 from typing import Any
@@ -21,19 +20,6 @@ from tests.support.stacks import Paced
 
 CANCEL = "action_msgs/srv/CancelGoal"
 SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
-
-
-@pytest.fixture
-def stack() -> Iterator[Paced]:
-    with Paced() as found, found.going():
-        yield found
-
-
-@pytest.fixture
-def peer() -> Iterator[RosPeer]:
-    found = RosPeer(free_endpoint())
-    yield found
-    found.close()
 
 
 async def ready(face: RobotFace) -> None:

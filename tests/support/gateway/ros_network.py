@@ -16,7 +16,7 @@ from typing import Any
 import zenoh
 from zenoh import ext
 
-from checks.harness.until import PATIENCE_S
+from checks.harness import until as harness
 from gateways.ros2.face import FaceSettings, RobotFace
 from gateways.ros2.interfaces import Interfaces
 from gateways.ros2.node import RosSession, session_config
@@ -54,7 +54,7 @@ def free_endpoint() -> str:
 async def until(condition: Callable[[], object], what: str = "") -> None:
     """Wait on the event loop until the condition holds; TimeoutError when it does not in time."""
     try:
-        async with asyncio.timeout(PATIENCE_S):
+        async with asyncio.timeout(harness.PATIENCE_S):
             while not condition():
                 await asyncio.sleep(0.005)
     except TimeoutError:
@@ -154,15 +154,21 @@ class RosPeer:
 
     def _ask(self, key: str, type_name: str, data: bytes) -> Any:
         beside = self.attachment()
-        replies = self.session.get(
-            key,
-            payload=data,
-            attachment=beside,
-            target=zenoh.QueryTarget.ALL_COMPLETE,
-            consolidation=zenoh.ConsolidationMode.NONE,
-            timeout=PATIENCE_S,
-        )
-        found: list[Any] = [one.ok or one.err for one in replies]
+        found: list[Any] = []
+
+        def is_answered() -> bool:
+            replies = self.session.get(
+                key,
+                payload=data,
+                attachment=beside,
+                target=zenoh.QueryTarget.ALL_COMPLETE,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                timeout=harness.PATIENCE_S,
+            )
+            found.extend(one.ok or one.err for one in replies)
+            return bool(found)
+
+        harness.until(is_answered, key)  # a server that is not there yet, for which ROS waits
         (reply,) = found
         assert isinstance(reply, zenoh.Sample), reply.payload.to_string()
         assert reply.attachment is not None
