@@ -484,7 +484,10 @@ def test_client_of_up_replaces_its_goal_and_stops_the_robot() -> None:
         place = client.next("GLOBAL_POSITION_INT")
         goal = place.lat / 1e7, place.lon / 1e7
         client.command(mavlink.MAV_CMD_DO_REPOSITION, -1.0, 1.0, 0.0, nan, *goal)
-        until(lambda: "MISSION_ITEM_REACHED" in client.newest)  # it may have come by now
+        until(  # it may have come by now
+            lambda: "MISSION_ITEM_REACHED" in client.newest,
+            lambda: (client.texts[-8:], up.said[-900:]),
+        )
         assert client.newest["MISSION_ITEM_REACHED"].seq == 0
         up.says("goal replaced, an operator commands")
         client.command(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 1.0)
