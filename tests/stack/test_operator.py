@@ -482,8 +482,9 @@ def test_client_of_up_replaces_its_goal_and_stops_the_robot() -> None:
         client.next("GLOBAL_POSITION_INT", lambda one: one.lon != second.lon)
         assert gateway_of(up.process.pid) != gateway
         place = client.next("GLOBAL_POSITION_INT")
-        goal = place.lat / 1e7, place.lon / 1e7
-        client.command(mavlink.MAV_CMD_DO_REPOSITION, -1.0, 1.0, 0.0, nan, *goal)
+        goal = -1.0, 1.0, 0.0, nan, place.lat, place.lon, 0.0  # as floats they were 0.4 m off
+        frame, number = mavlink.MAV_FRAME_GLOBAL_INT, mavlink.MAV_CMD_DO_REPOSITION
+        client.send(mavlink.MAVLink_command_int_message(1, 1, frame, number, 0, 0, *goal))
         until(  # it may have come by now
             lambda: "MISSION_ITEM_REACHED" in client.newest,
             lambda: (client.texts[-8:], up.said[-900:]),
