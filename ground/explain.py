@@ -44,6 +44,7 @@ BRANCHES: Final[Mapping[int, str]] = MappingProxyType(
         Branch.ALIGN: "turns to the final heading",
         Branch.GIVE_UP: "gives up",
         Branch.LOST: "is lost",
+        Branch.FAILED: "has failed",
     }
 )
 VEHICLES: Final[Mapping[int, str]] = MappingProxyType(
@@ -163,6 +164,8 @@ def of_the_branch(decision: AvoidanceDecision, status: NavigatorStatus | None) -
         return "a closed boundary separates it from the goal"
     if decision.branch == Branch.LOST:
         return "it finds neither a way to the goal nor a proof that there is none"
+    if decision.branch == Branch.FAILED:
+        return "the user's own navigator has failed"
     if decision.branch in PASSES:
         return passing(decision) + swinging(decision)
     if decision.branch == Branch.TO_GOAL:

@@ -27,11 +27,11 @@ from ground.branch_point import (
     world_bytes,
 )
 from ground.client.goal import Destination
-from ground.client.vocabulary import NAVIGATORS
 from ground.launch.child_command import command
 from ground.launch.child_processes import defer_signals, exit_description
 from ground.map.scene import GhostTrail
 from ground.station.station import Station
+from protocol.navigators import NAVIGATORS, is_own, name_of
 from protocol.outcome import detail_of
 from protocol.topics import ODOMETRY, STATUS, TRUTH
 from protocol.wire.enums import GoalState, Severity
@@ -297,7 +297,7 @@ class GhostRunner:
         if choice == NONE:
             self.clear()
             return
-        if choice not in CHOICES:
+        if choice not in CHOICES and not is_own(choice):
             raise UserError(f"no navigator {choice!r}: {', '.join(CHOICES)}")
         station = self._shown()
         instant, status = instant_of(station), station.telemetry.live(STATUS, station.now_ns)
@@ -305,7 +305,7 @@ class GhostRunner:
         parameters = driving(changed(station.parameters or ()))
         self._world = world_of(station)
         for name in NAVIGATORS if choice == ALL else (choice,):
-            self._ghosts.add(name, Ghost(*instant, name, parameters, side=side))
+            self._ghosts.add(name_of(name), Ghost(*instant, name, parameters, side=side))
 
     def poll(self) -> None:
         """Report the ghosts that have ended; remove all of them in another world."""

@@ -6,7 +6,7 @@ new values must be at least as safe as the configuration, which is the file and 
 the start.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from math import isfinite
@@ -50,7 +50,7 @@ class ParameterSpec:
     maximum: float
     doc: str
     safer: SafetyBound = SafetyBound.NONE
-    choices: tuple[int, ...] = ()
+    choices: Collection[int] = ()
 
     @property
     def group(self) -> str:
@@ -103,7 +103,7 @@ TABLE: Final = (
         min(Navigator),
         max(Navigator),
         "navigator: " + ", ".join(f"{one.value} {one.name.lower()}" for one in Navigator),
-        choices=tuple(NAVIGATORS),
+        choices=NAVIGATORS.keys(),
     ),
     ParameterSpec(
         "side",

@@ -29,16 +29,18 @@ from protocol.bus.bus import Bus, claim, open_bus
 from protocol.bus.door import guarded_door
 from protocol.bus.mailbox import MAX_STAMP_NS, Mailbox
 from protocol.bus.network import Network
+from protocol.navigators import CHOICES, NAVIGATORS, OWN_HELP, USUAL_NAVIGATOR, is_own
 from protocol.options import add_network_options, add_param_option, finite, network_of, numbers_kept
 from protocol.topics import CLOCK, Role, robot_names
 from protocol.wire.codec import Encoder
-from protocol.wire.enums import Severity
+from protocol.wire.enums import Navigator, Severity
 from protocol.wire.messages import SonarScan, SystemTime, WheelCommand, WheelTicks
 from robot.core import brain, modes, states
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Inputs, Pose, goal_of, scan_of, wheels_of
 from robot.file_writer import InlineWriter, WriterThread
 from robot.hosting import HOSTS, InProcessCore, NewCore
+from robot.own_navigator import install, load
 from robot.parameter_table import adjusted
 from robot.process import CycleMeter, RobotProcess, summary_of
 from robot.senses import Senses
@@ -407,6 +409,8 @@ def main(argv: Sequence[str]) -> int:
     settings = (
         config.load_shared(arguments.config, RobotSettings) if arguments.config else RobotSettings()
     )
+    if arguments.navigator is not None:
+        arguments.param.insert(0, ("navigator", number_of(arguments)))
     network = network_of(arguments, settings.network, listens=True)
     names = robot_names("--id", arguments.id or settings.robot)
     refuse_to_share(arguments, network, names)
@@ -424,6 +428,20 @@ def main(argv: Sequence[str]) -> int:
             hosted(arguments, settings, name, number, new_core) for number, name in enumerate(names)
         ]
         return run(robots, network, options)
+
+
+def number_of(arguments: argparse.Namespace) -> float:
+    """Return the number of the navigator; one of the user's own is loaded.
+
+    Raises UserError for one that cannot be used.
+    """
+    chosen = arguments.navigator
+    if not is_own(chosen):
+        return float(NAVIGATORS[chosen])
+    if arguments.mcu:
+        raise UserError(f"{BOARD}: a board has only the navigators of its firmware")
+    install(load(chosen))
+    return float(Navigator.OWN)
 
 
 def refuse_to_share(arguments: argparse.Namespace, network: Network, names: list[str]) -> None:
@@ -502,6 +520,11 @@ def parser() -> argparse.ArgumentParser:
     )
     add_start_options(parser)
     add_param_option(parser, "a parameter; the names are in `sidestep param list`")
+    parser.add_argument(
+        "--navigator",
+        choices=CHOICES,
+        help=f"{OWN_HELP}, which is named `own` (default {USUAL_NAVIGATOR})",
+    )
     parser.add_argument(
         "--state",
         metavar="DIR",

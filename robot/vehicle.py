@@ -43,6 +43,7 @@ from robot.mission import (
     Transfers,
     restore_items,
 )
+from robot.own_navigator import cost_words, fault_in
 from robot.parameter_service import ParameterService
 from robot.storage import Store
 from robot.telemetry import ChangeLog
@@ -294,6 +295,8 @@ class RobotVehicle:
             failsafe.trip(self.state.machine, reasons.CORE_EXCEPTION, inputs.now_ms)
             raise
         self._forget_driver()
+        if fault := fault_in(outputs.decision):
+            self.announce(Severity.ERROR, fault)
         slipping = self.state.slip.share > 0.0
         if slipping and not self._slipping:
             self.announce(Severity.WARNING, "wheel slip suspected: position less certain")
@@ -310,6 +313,8 @@ class RobotVehicle:
             if self.commands.driver and self.state.machine.vehicle_reason == reasons.OPERATOR_LOST:
                 words = f"{self.commands.led_by.label} fell silent: its drive was stopped"
                 self.announce(Severity.CRITICAL, words)
+            if self.state.machine.vehicle_reason == reasons.BUDGET:
+                self.announce(Severity.ERROR, cost_words())
             self.commands.led_by = Asker()
         self._was_active = is_active
 

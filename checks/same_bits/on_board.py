@@ -24,8 +24,9 @@ from firmware.board import Board, BoardError
 from firmware.host import BoardCore
 from firmware.image import IMAGE, core_hash
 from plant.world.file import load, shipped
+from protocol.navigators import NAVIGATORS
 from runtime.errors import UserError
-from study.trial.trial import NAVIGATORS, Trial, run_trial
+from study.trial.trial import Trial, run_trial
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 RESULTS: Final = ROOT / "docs" / "evidence" / "microcontroller" / "digests.json"

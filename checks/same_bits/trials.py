@@ -19,7 +19,8 @@ import numpy as np
 from plant.corpus import FAMILIES, GRID_FAMILIES, generate
 from plant.model.configuration import LEVELS
 from plant.model.draws import Draws
-from study.trial.trial import NAVIGATORS, SIDES, Trial, run_trial
+from protocol.navigators import NAVIGATORS
+from study.trial.trial import SIDES, Trial, run_trial
 
 TIMEOUT_S: Final = 20.0
 LAST_START_S: Final = 60

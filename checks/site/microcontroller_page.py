@@ -22,8 +22,8 @@ from checks.speed.board.measure import (
     read,
 )
 from plant.world.file import shipped
+from protocol.navigators import NAVIGATORS
 from study.report.targets import STATE_BYTES
-from study.trial.trial import NAVIGATORS
 
 PAGE = FOLDER.with_suffix(".md")
 HEAD = """\

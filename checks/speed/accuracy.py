@@ -29,6 +29,7 @@ import numpy.typing as npt
 from checks.harness.figures import BenchmarkFunctions, BenchmarkReport, Figure, figure, percentile
 from plant.model.configuration import LEVELS, noise_of
 from plant.sim.simulation import Plant
+from protocol.navigators import NAVIGATORS, USUAL_NAVIGATOR
 from protocol.outcome import CHI2_2
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.world import GoalPose, Point, Start, World, WorldCircle
@@ -43,7 +44,7 @@ from runtime.units import CONTROL_HZ
 from study.calibration import covariance_of
 from study.intervals import Z_TWO_SIDED
 from study.trial.core_loop import CoreLoop
-from study.trial.trial import NAVIGATORS, USUAL_NAVIGATOR, Trial, run_trial
+from study.trial.trial import Trial, run_trial
 
 MIN_DISTANCE_M: Final = 0.5
 MAX_DISTANCE_M: Final = 5.0

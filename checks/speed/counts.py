@@ -31,6 +31,7 @@ from checks.speed.codec import COMPONENT, SYSTEM, sample_messages
 from checks.speed.trials import begun_drive, recorded
 from plant.process import Process as PlantProcess
 from plant.world.file import load
+from protocol.navigators import NAVIGATORS
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.message import Message
 from robot.core import brain
@@ -38,7 +39,7 @@ from robot.core.values import goal_of
 from robot.process import RobotProcess
 from runtime.errors import EXIT_USAGE
 from runtime.units import PERIOD_S
-from study.trial.trial import NAVIGATORS, Trial, run_trial, start_of, wire_goal_of
+from study.trial.trial import Trial, run_trial, start_of, wire_goal_of
 
 TABLE: Final = Path(__file__).with_name("counts.toml")
 COMMAND: Final = "python -m checks.speed.counts"

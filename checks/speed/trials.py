@@ -40,6 +40,7 @@ from checks.harness.figures import (
 )
 from plant.sim.simulation import Plant
 from plant.world.file import load
+from protocol.navigators import NAVIGATORS, USUAL_NAVIGATOR
 from protocol.ring import RADIUS_M
 from protocol.wire.messages import SonarScan, WheelTicks
 from protocol.world import Obstacle, World, WorldCircle, WorldPolygon
@@ -48,7 +49,7 @@ from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Goal, Inputs, Outputs, Pose, goal_of, now_ms_of, scan_of, wheels_of
 from runtime.units import PERIOD_S
 from study.trial.core_loop import CoreLoop
-from study.trial.trial import NAVIGATORS, USUAL_NAVIGATOR, Trial, run_trial, start_of, wire_goal_of
+from study.trial.trial import Trial, run_trial, start_of, wire_goal_of
 
 REQUIREMENT = "ir-sim>=2.10"
 DRIVER = Path(__file__).with_name("irsim_driver.py")

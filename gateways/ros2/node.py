@@ -23,10 +23,12 @@ from zenoh import ext
 from gateways.ros2.interfaces import Interfaces
 from gateways.ros2.wire import (
     GRAPH,
+    RELIABLE,
     Attachment,
     Endpoint,
     EntityKind,
     NodeName,
+    Qos,
     TokenParts,
     gid_of,
     hash_of,
@@ -34,7 +36,6 @@ from gateways.ros2.wire import (
     read_token,
 )
 from ground.client.robot_link import call_soon
-from ground.ros2.offer import RELIABLE, Qos
 from protocol.bus.callbacks import zenoh_callback
 from protocol.bus.session import close_session
 from runtime.errors import UserError
@@ -46,8 +47,8 @@ RETRY: Final = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_f
 HEARTBEAT_S: Final = 1.0
 """Period in which a latched topic announces its newest sample, so that a loss is found."""
 
-MAX_BYTES: Final = 1 << 17
-"""Longest payload that is decoded: a thousand waypoints, read in 16 ms at most."""
+MAX_BYTES: Final = 1 << 20
+"""Longest payload that is decoded."""
 
 MAX_QUERIES: Final = 64
 """Queries of a service that wait for their answers; more are refused."""
@@ -139,7 +140,6 @@ class RosSession:
 
         self._config, self._note = config, note
         self._session: zenoh.Session | None = None
-        self._zid = ""
         self._entities: list[Entity] = []
         self._tokens: list[zenoh.LivelinessToken] = []
         self._count = 0
@@ -165,14 +165,9 @@ class RosSession:
         return self._session is not None and any(self._session.info.routers_zid())
 
     @property
-    def router(self) -> str:
-        """The endpoints at which a router is looked for, as JSON."""
-        return str(self._config.get_json("connect/endpoints"))
-
-    @property
     def zid(self) -> str:
         """The id of the session; empty before there is one."""
-        return self._zid
+        return "" if self._session is None else str(self._session.zid())
 
     def number(self) -> int:
         """Return a new number for a node or an endpoint."""
@@ -197,7 +192,6 @@ class RosSession:
     def _declared_on(self, session: zenoh.Session) -> bool:
         """Declare all entities on a new session; return False if it has ended meanwhile."""
         with self._lock:
-            self._zid = str(session.zid())  # its own tokens come back before all are declared
             try:
                 for entity in self._entities:
                     entity.declare(session)
@@ -216,7 +210,8 @@ class RosSession:
             except zenoh.ZError as error:
                 if not told:
                     told = True
-                    self._note(f"no ROS 2 router at {self.router} yet: {first_line(error)}")
+                    where = self._config.get_json("connect/endpoints")
+                    self._note(f"no ROS 2 router at {where} yet: {first_line(error)}")
                 self._closing.wait(DIAL_PAUSE_S)
                 continue
             if not self._declared_on(session):
@@ -260,11 +255,9 @@ class RosNode:
         """Return a publisher of a topic."""
         return RosPublisher(self, name, type_name, qos, interfaces)
 
-    def subscribe(
-        self, name: str, type_name: str, take: Take, qos: Qos = RELIABLE
-    ) -> "RosSubscriber":
+    def subscribe(self, name: str, type_name: str, take: Take, qos: Qos = RELIABLE) -> None:
         """Call `take` with each message of a topic; the oldest are dropped when too many wait."""
-        return RosSubscriber(self, name, type_name, qos, take)
+        RosSubscriber(self, name, type_name, qos, take)
 
     def serve(
         self,
@@ -379,9 +372,6 @@ class RosSubscriber(RosEndpoint):
 
     def __init__(self, node: RosNode, name: str, type_name: str, qos: Qos, take: Take) -> None:
         super().__init__(node, name, type_name, qos)
-        self.rejected = 0
-        """Samples of this topic that were dropped, because they were malformed."""
-
         self._take = take
         self._waiting: deque[tuple[bytes, Attachment]] = deque(maxlen=qos.depth)
         self._is_waking = False
@@ -408,7 +398,7 @@ class RosSubscriber(RosEndpoint):
     def _arrived(self, sample: zenoh.Sample) -> None:
         attachment = attached(sample.attachment)
         if attachment is None or len(sample.payload) > MAX_BYTES:
-            self._reject()
+            self.session.rejected += 1
             return
         self._waiting.append((sample.payload.to_bytes(), attachment))
         if not self._is_waking:
@@ -421,13 +411,9 @@ class RosSubscriber(RosEndpoint):
             data, attachment = self._waiting.popleft()
             message = self.interfaces.decode(self.endpoint.type_name, data)
             if message is None:
-                self._reject()
+                self.session.rejected += 1
             else:
                 self._take(message, attachment)
-
-    def _reject(self) -> None:
-        self.rejected += 1
-        self.session.rejected += 1
 
 
 class RosServer(RosEndpoint):
@@ -501,48 +487,6 @@ class RosServer(RosEndpoint):
             refuse(query, f"{type(error).__name__}: {error}")
         finally:
             end(query)
-
-
-class RosClient(RosEndpoint):
-    """Asks a service of another node."""
-
-    kind = EntityKind.CLIENT
-
-    def __init__(self, node: RosNode, name: str, type_name: str, qos: Qos = RELIABLE) -> None:
-        super().__init__(node, name, type_name, qos)
-        self._sequence = 0
-        self._opened: zenoh.Session | None = None
-        self.session.declare(self)
-
-    def declare(self, session: zenoh.Session) -> None:
-        """Show the client."""
-        self.show(session)
-        self._opened = session
-
-    async def ask(self, request: object, timeout_s: float) -> Any:
-        """Return the answer to a request; None if none comes in time, or it is malformed."""
-        data = self.interfaces.encode(f"{self.endpoint.type_name}_Request", request)
-        answer = await asyncio.to_thread(self._ask, data, timeout_s)
-        if answer is None:
-            return None
-        return self.interfaces.decode(f"{self.endpoint.type_name}_Response", answer)
-
-    def _ask(self, data: bytes, timeout_s: float) -> bytes | None:
-        if self._opened is None:
-            return None
-        self._sequence += 1
-        replies: Any = self._opened.get(
-            self.key,
-            payload=data,
-            attachment=Attachment(self._sequence, time.time_ns(), self.gid).packed(),
-            target=zenoh.QueryTarget.ALL_COMPLETE,
-            consolidation=zenoh.ConsolidationMode.NONE,
-            timeout=timeout_s,
-        )
-        for reply in replies:
-            if reply.ok is not None and len(reply.ok.payload) <= MAX_BYTES:
-                return bytes(reply.ok.payload.to_bytes())
-        return None
 
 
 def attached(data: zenoh.ZBytes | None) -> Attachment | None:

@@ -12,6 +12,7 @@ from runtime.errors import UserError
 NOISES: Final = ("none", "default", "lossy", "harsh")
 SIDES: Final = MappingProxyType({"left": 1, "right": -1})
 NAVIGATORS: Final = MappingProxyType({name.name.lower(): name for name in Navigator})
+"""Those that a robot may have: also `own`, that of the user's file with which it was started."""
 NAVIGATOR_SUMMARIES: Final = MappingProxyType(
     {
         "bug": "the paper's Bug: follows the boundary of obstacles",
@@ -20,6 +21,7 @@ NAVIGATOR_SUMMARIES: Final = MappingProxyType(
         "bug2": "follows the boundary back to the line to the goal",
         "distbug": "follows the boundary until the way leads nearer",
         "vgm_memory": "vgm with a memory of recent echoes (the default)",
+        "own": "that of the file with which the robot was started",
     }
 )
 MODE_SUMMARIES: Final = MappingProxyType(
@@ -35,8 +37,6 @@ NAMED_VALUES: Final[Mapping[str, Mapping[str, float]]] = MappingProxyType(
     {"navigator": MappingProxyType({**NAVIGATORS}), "side": SIDES}
 )
 """The names of values, by the name of their parameter."""
-USUAL_NAVIGATOR: Final = Navigator.VGM_MEMORY.name.lower()
-"""The robot's default."""
 HINTS: Final[Mapping[int, str]] = MappingProxyType(
     {
         Reason.NOT_ARMED: "sidestep arm",

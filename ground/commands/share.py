@@ -9,12 +9,13 @@ from typing import Any, Final, NamedTuple
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from ground.client.outcomes import Progress, Report
-from ground.client.vocabulary import NAVIGATORS, SIDES
+from ground.client.vocabulary import SIDES
 from ground.commands.command import command, option
 from ground.commands.plot import Plot
 from ground.commands.recordings import SUFFIXES, RecordingCommand
 from ground.explain import RecordedDecisions
 from ground.recording.log_reader import LogIndex, files_of, open_log
+from protocol.navigators import NAVIGATORS
 from protocol.topics import STATUS
 from protocol.wire.messages import NavigatorStatus
 from protocol.world import WorldRun, run_in

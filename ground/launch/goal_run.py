@@ -1,5 +1,6 @@
 """Drive one robot of `up` to one goal: arm it, follow it, and have its plant score the run."""
 
+import asyncio
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
@@ -14,20 +15,39 @@ from ground.client.outcomes import Accepted, Refused
 from ground.client.requests import GoalEnd, GoalWatch
 from ground.client.robot_link import UnansweredError
 from ground.client.status_line import goal_line, short_line
+from ground.client.streams import Stream
 from ground.client.telemetry import Telemetry
 from ground.client.time_factor import TimeFactor
-from ground.client.vocabulary import NAVIGATORS, SIDES
+from ground.client.vocabulary import SIDES
 from ground.launch.scenario import Scenario, ScenarioRobot
 from ground.launch.supervisor import VoidRun
 from ground.robot import Robot
 from ground.text.wording import Part
+from protocol.navigators import NAVIGATORS, is_own
 from protocol.outcome import REPLACED, WANTED_ENDS, RunEnd, RunOutcome, doubt_of, evaluated
-from protocol.topics import CYCLE, DECISION, LEASE, MISSION, ODOMETRY, RUN, STATUS, TRUTH
+from protocol.topics import CYCLE, DECISION, LEASE, MISSION, ODOMETRY, RUN, STATUS, TEXT, TRUTH
 from protocol.wire.codec import decode
-from protocol.wire.enums import Command, GoalState, MissionState, Mode, RunAction, Vehicle
+from protocol.wire.enums import (
+    Command,
+    GoalState,
+    MissionState,
+    Mode,
+    Navigator,
+    RunAction,
+    Severity,
+    Vehicle,
+)
 from protocol.wire.limits import MAX_LEASE_MS
-from protocol.wire.messages import CommandAck, NavigatorStatus, PlanarOdometry, RunRequest, RunScore
+from protocol.wire.messages import (
+    CommandAck,
+    NavigatorStatus,
+    PlanarOdometry,
+    RunRequest,
+    RunScore,
+    Statustext,
+)
 from protocol.wire.reasons import Reason
+from protocol.wire.statustext import StatustextAssembler
 from runtime.errors import NoAnswerError, RemoteError
 from runtime.units import NS_PER_S
 from runtime.watchdog import slowdown_in
@@ -97,13 +117,18 @@ class GoalRun:
 
         self._refusal: Refused | None = None
         self._watch: GoalWatch | None = None
+        self._texts: Stream[Statustext] | None = None
+        """The robot's texts, which name the fault of a navigator of the user's own."""
 
     def _keep_pose(self, _key: str, frame: bytes, _at_ns: int) -> None:
         self._poses.append(frame)
 
     async def prepare(self, *, arms: bool = True) -> None:
         """Choose the navigator and arm; arming is accepted as soon as the robot has sensor data."""
-        navigator = float(NAVIGATORS[self._scenario.navigator])
+        chosen = self._scenario.navigator
+        if is_own(chosen) and self._texts is None:
+            self._texts = self.robot.stream(TEXT)
+        navigator = float(Navigator.OWN if is_own(chosen) else NAVIGATORS[chosen])
         side = float(SIDES[self._scenario.side])
         await self._request_until_accepted(Command.SIDESTEP_SET_NAVIGATOR, navigator, side)
         if arms:
@@ -340,9 +365,24 @@ class GoalRun:
         self.outcome = await self._judge(status, wall_s, status.time_ns if replaced else None)
         if end is not None and replaced and self.outcome.outcome == "timeout":
             self.outcome = replace(self.outcome, outcome=REPLACED, reason=end.reason)
+        if status.goal_reason == Reason.NAVIGATOR_FAILED and (fault := await self._fault()):
+            self.outcome = replace(self.outcome, reason=f"{self.outcome.reason}: {fault}")
         is_wanted = self.outcome.outcome == "aborted" and status.goal_reason in WANTED_ENDS
         if self.outcome.outcome == REPLACED or is_wanted:
             self._commanded_ns = self.robot.clock.now_ns()
+
+    async def _fault(self) -> str:
+        """Return what the robot has said of the failure of its navigator; empty if it is late."""
+        if self._texts is None:
+            return ""
+        assembler = StatustextAssembler()
+        with suppress(TimeoutError):
+            async with asyncio.timeout(REQUEST_TIMEOUT_S):
+                async for piece in self._texts:
+                    text = assembler.receive(piece)
+                    if text and piece.severity == Severity.ERROR:
+                        return text
+        return ""
 
     async def _ask_plant(self, request: RunRequest) -> object:
         timeout_s = REQUEST_TIMEOUT_S * slowdown_in(self.robot.clock)()

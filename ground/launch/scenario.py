@@ -16,6 +16,7 @@ from ground.launch.child_command import command
 from ground.launch.recording_session import RECORDER
 from ground.launch.supervisor import ROUTER
 from ground.launch.tls_configs import locked, with_locks
+from protocol.navigators import is_own, name_of
 from protocol.outcome import RunSettings, start_arguments
 from protocol.world import WorldRun, run_in
 from runtime.config import settings_of, totals_arguments
@@ -58,7 +59,8 @@ class ScenarioRobot:
 class Scenario:
     """A complete description of a run.
 
-    `clock` is PACED for lockstep at most at `speed` times real time, or WALL for wall time.
+    `navigator` may be a reference to one of the user's own. `clock` is PACED for lockstep, at most
+    at `speed` times real time, or WALL for wall time.
     """
 
     world: str
@@ -128,7 +130,7 @@ class Scenario:
         world = self.run.world
         return RunSettings(
             world=self.name,
-            navigator=self.navigator,
+            navigator=name_of(self.navigator),
             seed=self.seed,
             noise=self.level,
             goal_x_m=goal.x_m,
@@ -345,7 +347,7 @@ def gateway(scenario: Scenario, endpoint: str) -> list[str]:
 def ros2(router: str, robots: Sequence[str], endpoint: str) -> list[str]:
     """Return the arguments of the ROS 2 gateway, which presents all robots."""
     where = ["--router", router] if router else []
-    return ["rosnode", "--robots", ",".join(robots), *where, "--connect", endpoint]
+    return ["ros2", "--robots", ",".join(robots), *where, "--connect", endpoint]
 
 
 def robot(scenario: Scenario, robots: Sequence[ScenarioRobot], endpoint: str) -> list[str]:
@@ -361,6 +363,8 @@ def robot(scenario: Scenario, robots: Sequence[ScenarioRobot], endpoint: str) ->
         found.append("--lockstep")
     if scenario.mcu:
         found.append("--mcu")
+    if is_own(scenario.navigator):
+        found += ["--navigator", scenario.navigator]
     for one in robots:
         found += ["--start", *start_arguments(*one.start)]
     found += totals_arguments(scenario.run.world.robot)

@@ -50,6 +50,7 @@ class Navigator(IntEnum):
     BUG2 = 4  # Bug2: along the boundary to the line from start to goal.
     DISTBUG = 5  # DistBug: along the boundary until the free range leads closer than before.
     VGM_MEMORY = 6  # Virtual Goal Method with a memory of recent echoes.
+    OWN = 100  # The user's own, from a file.
 
 
 class Branch(IntEnum):
@@ -64,6 +65,7 @@ class Branch(IntEnum):
     # Neither a way nor a proof that there is none: the doubt about the position is too large, or
     # the way too long.
     LOST = 6
+    FAILED = 7  # The user's own navigator failed.
 
 
 class RunAction(IntEnum):

@@ -68,6 +68,7 @@ class Reason(IntEnum):
     BY_EMERGENCY_STOP = 67
     LOST = 68
     BY_HAND = 69
+    NAVIGATOR_FAILED = 70
     OBSTACLE_AHEAD = 80
     SLOWED = 81
     WHEEL_LIMIT = 82
@@ -141,6 +142,7 @@ REASON_TEXTS: Final[dict[int, str]] = {
     67: "by the emergency stop",
     68: "lost: found no way to the goal and no proof that there is none",
     69: "driven by hand",
+    70: "the user's own navigator failed",
     80: "guard: obstacle ahead",
     81: "guard: slowed for an obstacle",
     82: "guard: wheel speed limit",

@@ -49,6 +49,12 @@ BESIDE_M: Final = 0.12  # a nearer obstacle may keep the robot from the goal
 ELLIPSE: Final = 5.99  # squared radius of the 95 % ellipse, in standard deviations
 MAX_VARIANCE_M2: Final = 0.03  # of the position, x and y together: 0.17 m squared
 CROWDED: Final = 4  # ticks in a row with a near echo, to ignore false ones
+ENDS: Final = {
+    states.GIVE_UP: (states.STUCK, reasons.UNREACHABLE),
+    states.LOST: (states.STUCK, reasons.LOST),
+    states.FAILED: (states.ABORTED, reasons.NAVIGATOR_FAILED),
+}
+"""State and reason of a goal that a branch ends."""
 STILL_M_S: Final = 0.02
 STILL_RAD_S: Final = 0.10
 
@@ -169,11 +175,9 @@ def travel(state: State, target: Goal, distance_m: float, now_ms: int, params: P
     machine = state.machine
     decision = NAVIGATORS[machine.navigator].step(state.memory, pose, ring, target, params)
     state.decision = decision
-    if decision.branch == states.GIVE_UP:
-        modes.end_goal(machine, states.STUCK, reasons.UNREACHABLE, now_ms)
-        return HALT
-    if decision.branch == states.LOST:
-        modes.end_goal(machine, states.STUCK, reasons.LOST, now_ms)
+    if decision.branch >= states.GIVE_UP:
+        goal_state, reason = ENDS[decision.branch]
+        modes.end_goal(machine, goal_state, reason, now_ms)
         return HALT
     turn_rad = wrap(decision.goal_bearing_rad + decision.rotation_rad)
     if decision.branch != states.TO_GOAL:

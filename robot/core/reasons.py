@@ -60,6 +60,7 @@ SHUT_DOWN: Final = 66  # the robot process is shutting down
 BY_EMERGENCY_STOP: Final = 67  # by the emergency stop
 LOST: Final = 68  # lost: found no way to the goal and no proof that there is none
 BY_HAND: Final = 69  # driven by hand
+NAVIGATOR_FAILED: Final = 70  # the user's own navigator failed
 OBSTACLE_AHEAD: Final = 80  # guard: obstacle ahead
 SLOWED: Final = 81  # guard: slowed for an obstacle
 WHEEL_LIMIT: Final = 82  # guard: wheel speed limit

@@ -33,6 +33,7 @@ BUG1: Final = 3  # Bug1: all the way round, then back to the nearest point.
 BUG2: Final = 4  # Bug2: along the boundary to the line from start to goal.
 DISTBUG: Final = 5  # DistBug: along the boundary until the free range leads closer than before.
 VGM_MEMORY: Final = 6  # Virtual Goal Method with a memory of recent echoes.
+OWN: Final = 100  # The user's own, from a file.
 
 NO_BRANCH: Final = 0  # Not navigating.
 TO_GOAL: Final = 1  # No obstacle in the avoidance zone: straight to the goal.
@@ -43,6 +44,7 @@ GIVE_UP: Final = 5  # Proved: a closed boundary separates robot and goal.
 # Neither a way nor a proof that there is none: the doubt about the position is too large, or the
 # way too long.
 LOST: Final = 6
+FAILED: Final = 7  # The user's own navigator failed.
 
 BUMPER_LEFT: Final = 1  # Front left.
 BUMPER_RIGHT: Final = 2  # Front right.

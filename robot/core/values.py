@@ -67,7 +67,7 @@ Decision = NamedTuple(
 """The measurement and the choice of a navigator.
 
 Without an echo the range is inf and the bearing None. `speed_limit_m_s` is inf without a limit.
-After branch GIVE_UP or LOST the other fields are not used.
+After branch GIVE_UP, LOST or FAILED the other fields are not used.
 """
 
 Twist = NamedTuple("Twist", [("speed_m_s", float), ("yaw_rate_rad_s", float)])

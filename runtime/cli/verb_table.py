@@ -53,14 +53,6 @@ MAVLINK: Final[Mapping[str, Subcommand]] = MappingProxyType(
         ),
     }
 )
-ROS2: Final[Mapping[str, Subcommand]] = MappingProxyType(
-    {
-        "check": Subcommand(
-            "judge what the robots on a ROS 2 network offer, and how fresh it is",
-            "ros2 check --namespace r1",
-        ),
-    }
-)
 WORLDS: Final[Mapping[str, Subcommand]] = MappingProxyType(
     {
         "list": Subcommand("list the shipped worlds", "worlds list"),
@@ -80,6 +72,13 @@ WORLDS: Final[Mapping[str, Subcommand]] = MappingProxyType(
             "make world files from a file of another format",
             "worlds import lab.yaml --start 1 1 --goal 8 3 --out made",
         ),
+    }
+)
+NAVIGATORS: Final[Mapping[str, Subcommand]] = MappingProxyType(
+    {
+        "list": Subcommand("list the robot's navigators", "navigators list"),
+        "new": Subcommand("write a file to begin with", "navigators new my_nav"),
+        "check": Subcommand("load a file; say what is wrong in it", "navigators check my_nav.py"),
     }
 )
 STUDY: Final[Mapping[str, Subcommand]] = MappingProxyType(
@@ -231,12 +230,11 @@ PROGRAMS: Final[Mapping[str, Verb]] = MappingProxyType(
             "gateways.foxglove_bridge",
             run="run",
         ),
-        "rosnode": Verb(
+        "ros2": Verb(
             RUN,
             "present robots as nodes to ROS 2, over Zenoh",
             "run ros2 --robots r1,r2",
             "gateways.ros2.ros2_verb",
-            name="ros2",
             run="run",
         ),
         "record": Verb(
@@ -274,15 +272,6 @@ PROGRAMS: Final[Mapping[str, Verb]] = MappingProxyType(
             subcommands=MAVLINK,
             rank=70,
         ),
-        "ros2": Verb(
-            MORE,
-            "test any robot of ROS 2 as its tools see it",
-            "ros2 check --namespace r1",
-            "gateways.ros2.check_verb",
-            run="run",
-            subcommands=ROS2,
-            rank=75,
-        ),
         "worlds": Verb(
             MORE,
             "list, check, show, generate and import world files",
@@ -290,6 +279,14 @@ PROGRAMS: Final[Mapping[str, Verb]] = MappingProxyType(
             "plant.cli",
             subcommands=WORLDS,
             rank=80,
+        ),
+        "navigators": Verb(
+            MORE,
+            "list the navigators; begin and check one of your own",
+            "navigators new my_nav",
+            "study.cli.navigators",
+            subcommands=NAVIGATORS,
+            rank=85,
         ),
         "config": Verb(
             MORE,

@@ -14,13 +14,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 from plant.corpus.generate import ADVERSARIAL_FAMILIES
 from plant.model.configuration import LEVELS
+from protocol.navigators import NAVIGATORS, is_own
 from protocol.options import above_zero, whole
+from robot.own_navigator import load
 from runtime.cli.parsers import new_parser
 from runtime.errors import EXIT_FAILURE, EXIT_INTERRUPTED, EXIT_OK, UserError
 from study.cli.study import INSTALL, NEEDED
 from study.falsify.climb import VARIED
 from study.falsify.properties import DETOUR, LETTERS, PROPERTIES
-from study.trial.trial import NAVIGATORS, SIDES
+from study.trial.trial import SIDES
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -60,7 +62,7 @@ def parser() -> argparse.ArgumentParser:
     """Return the parser of the verb."""
     made = new_parser("falsify", details=DETAILS)
     names = ", ".join(NAVIGATORS)
-    told = f"one of {names}; the side is left by default"
+    told = f"one of {names}, or a file such as my_nav.py; the side is left by default"
     made.add_argument("navigator", metavar="NAVIGATOR[:SIDE]", help=told)
     made.add_argument(
         "--properties",
@@ -186,13 +188,15 @@ def search(options: argparse.Namespace) -> int:
 
 def _subject(options: argparse.Namespace) -> Any:
     from study.falsify.evaluate import Subject
-    from study.runner.plan import navigator_of
+    from study.runner.plan import navigator_of, split_side
 
     try:
-        name, side = navigator_of(options.navigator).split(":")
+        name, side = split_side(navigator_of(options.navigator))
     except UserError as error:
         raise UserError(str(error).removeprefix("--navigators").lstrip(": ")) from None
     assert side in SIDES
+    if is_own(name):
+        load(name)
     return Subject(navigator=name, side=side, noise=options.noise, detour=options.detour)
 
 

@@ -11,11 +11,15 @@ from struct import pack
 from ground.recording.catalogue import FILE_HELP, recording_named
 from ground.recording.log_reader import open_log
 from ground.recording.tables import shortest_single
+from protocol.navigators import CHOICES, NAVIGATORS, OWN_HELP, is_own
 from protocol.outcome import rounded_heading_rad
 from protocol.wire.messages import PlanarOdometry
 from protocol.world import Start, run_in, world_in
+from robot.core import states
+from robot.core.navigators.registry import NAVIGATORS as KNOWN
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose
+from robot.own_navigator import install, load
 from robot.parameter_table import adjusted
 from runtime.cli.parsers import new_parser
 from runtime.config import start_totals
@@ -28,7 +32,6 @@ from study.trial.reexecution import (
     reexecute,
     refuse_unless_whole,
 )
-from study.trial.trial import NAVIGATORS
 
 
 def main(argv: Sequence[str]) -> int:
@@ -37,10 +40,14 @@ def main(argv: Sequence[str]) -> int:
     options.file = str(recording_named(options.file))
     recorded = RecordedDrive(open_log(Path(options.file), options.id))
     refuse_unless_whole(recorded)
+    chosen: str | None = options.navigator
+    if chosen is not None and is_own(chosen):
+        install(load(chosen))
     params = params_of(recorded)
-    other = options.navigator is not None
-    if other:
-        params = params._replace(navigator=NAVIGATORS[options.navigator])
+    other = chosen is not None and not (is_own(chosen) and params.navigator == states.OWN)
+    if chosen is not None:
+        number = states.OWN if is_own(chosen) else NAVIGATORS[chosen]
+        params = params._replace(navigator=number)
     start, exact = start_of(recorded)
     totals = totals_in(recorded.facts.get("world", ""))
     result = reexecute(recorded, params, start, totals, other=other)
@@ -59,7 +66,8 @@ def parser() -> argparse.ArgumentParser:
     made = new_parser("reexecute", allow_abbrev=True)
     made.add_argument("file", nargs="?", metavar="FILE", help=FILE_HELP)
     made.add_argument("--id", metavar="NAME", help="robot, if the file name does not contain it")
-    made.add_argument("--navigator", choices=NAVIGATORS, help="compare another navigator")
+    text = f"compare another navigator: {OWN_HELP}; for a drive with such a file, that one again"
+    made.add_argument("--navigator", choices=CHOICES, help=text)
     made.add_argument("--json", action="store_true", help="one JSON object on standard output")
     return made
 
@@ -77,6 +85,9 @@ def params_of(recorded: RecordedDrive) -> Params:
         values = {str(row["name"]): float(row["value"]) for row in value_in(text)}
     except (ValueError, TypeError, KeyError) as error:
         raise UserError(f"the recorded parameters cannot be read: {error}") from None
+    if values.get("navigator") == states.OWN and states.OWN not in KNOWN:
+        fix = "name its file, as in --navigator my_nav.py"
+        raise UserError(f"{REFUSED}: it was driven with a navigator of your own: {fix}")
     return adjusted(DEFAULTS, values, "the recorded parameters")
 
 

@@ -41,7 +41,7 @@ from study.report.summary import HEAD, as_json, numbers, summaries
 from study.report.targets import targets
 from study.report.trials import NOISES, PLANNER, apart_of, distinct, main_of, trials_of
 from study.runner.plan import world_of
-from study.runner.store import commands_of, read
+from study.runner.store import commands_of, own_of, read
 
 FIGURES: Final = "figures"
 SUMMARY: Final = "summary.json"
@@ -222,6 +222,7 @@ def report(
         failures=failures,
         jobs=jobs,
         evidence=found,
+        own=own_of(study),
     )
     return write_files(table, output, request)
 

@@ -18,6 +18,7 @@ import pyarrow.compute as pc
 from plant.cli import PER_FAMILY
 from plant.model.configuration import LEVELS
 from protocol.options import add_param_option, whole
+from robot.own_navigator import load
 from robot.parameter_table import OutOfRangeError, UnknownParameterError
 from runtime.cli.parsers import new_parser
 from runtime.errors import EXIT_INTERRUPTED, UserError
@@ -110,7 +111,8 @@ def _add_what(made: argparse.ArgumentParser) -> None:
         "--navigators",
         nargs="+",
         metavar="NAME[:SIDE]",
-        help=f"navigators to run ({' '.join(EVERY_NAVIGATOR)})",
+        help=f"navigators to run, also files of your own such as my_nav.py"
+        f" ({' '.join(EVERY_NAVIGATOR)})",
     )
     made.add_argument(
         "--seeds",
@@ -222,7 +224,10 @@ def prepare(options: argparse.Namespace, argv: Sequence[str]) -> PreparedStudy:
     worlds = listed(selection_of(options))
     code_version, directory = code(), output_of(options)
     context = StudyContext(
-        study=directory.resolve().name, code=code_version, worlds=[one.world for one in worlds]
+        study=directory.resolve().name,
+        code=code_version,
+        worlds=[one.world for one in worlds],
+        own=settings.own(),
     )
     tasks = tasks_of(worlds, settings, code_version.version)
     _check_parameters(tasks, context)
@@ -232,10 +237,15 @@ def prepare(options: argparse.Namespace, argv: Sequence[str]) -> PreparedStudy:
 
 
 def _check_parameters(tasks: list[TrialTask], context: StudyContext) -> None:
-    """Raise UserError for a parameter that a robot rejects; one trial per world is enough."""
+    """Raise UserError for a navigator that cannot be loaded, or a parameter that a robot rejects.
+
+    For parameters one trial per world is enough.
+    """
+    for file in context.own.values():
+        load(file.reference)
     for task in {task.place: task for task in tasks}.values():
         try:
-            params_of(trial_of(task, context.worlds[task.place]))
+            params_of(trial_of(task, context.worlds[task.place], context.own))
         except (UnknownParameterError, OutOfRangeError) as error:
             name = context.worlds[task.place].name
             raise UserError(f"--param or the [robot] of world {name}: {error}") from None

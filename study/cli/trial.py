@@ -20,6 +20,7 @@ from plant.model.geometry import clearance_m, moves
 from plant.sim.physics import MovingDisc
 from plant.sim.simulation import Plant
 from plant.world.file import load
+from protocol.navigators import OWN_HELP, USUAL_NAVIGATOR, is_own
 from protocol.options import above_zero, add_param_option, finite, numbers_kept, up_to, whole
 from protocol.outcome import RunOutcome
 from protocol.world import GoalPose, Obstacle, Point, Start, World
@@ -31,7 +32,7 @@ from runtime.errors import UserError
 from runtime.units import NS_PER_S
 from study.oracle.names import STUDY_ONLY
 from study.trial.core_loop import CoreLoop
-from study.trial.trial import ALL_NAVIGATORS, SIDES, USUAL_NAVIGATOR, Trial, params_of, run_trial
+from study.trial.trial import CHOICES, SIDES, Trial, params_of, run_trial
 
 COLUMNS = (
     *("time_s", "true_x_m", "true_y_m", "true_heading_rad", "clearance_m", "contact"),
@@ -188,6 +189,8 @@ def run_on_board(job: Trial, trace: str | None) -> RunOutcome:
         raise UserError(
             f"--mcu: the navigator {job.navigator} is for studies only, not for a robot"
         )
+    if is_own(job.navigator):
+        raise UserError("--mcu: a board has only the navigators of its firmware, not one of a file")
     from firmware.board import Board
     from firmware.host import BoardCore  # needed only here
 
@@ -263,9 +266,9 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--world", default="box", help=help)
     made.add_argument(
         "--navigator",
-        choices=ALL_NAVIGATORS,
+        choices=CHOICES,
         default=USUAL_NAVIGATOR,
-        help=f"(default {USUAL_NAVIGATOR})",
+        help=f"{OWN_HELP} (default {USUAL_NAVIGATOR})",
     )
     made.add_argument("--side", choices=SIDES, default="left", help="side to pass obstacles on")
     made.add_argument("--seed", type=whole(0), default=0, help="of the random numbers (default 0)")

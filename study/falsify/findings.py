@@ -25,6 +25,7 @@ from plant.corpus.generate import measured
 from plant.model.draws import Draws
 from plant.world.file import loads
 from plant.world.writer import dumps
+from protocol.navigators import name_of
 from protocol.wire.reasons import Reason, reason_text
 from protocol.world import World
 from robot.core import states
@@ -177,7 +178,7 @@ def finding_of(
         seed=evaluation.seed,
         limit_s=limit_s,
         kind=evaluation.kind,
-        sentence=sentence_of(letter, subject.navigator, evaluation),
+        sentence=sentence_of(letter, name_of(subject.navigator), evaluation),
     )
 
 

@@ -70,6 +70,7 @@ from study.report.trials import (
     main_of,
     trials_of,
 )
+from study.runner.plan import OwnFile
 from study.runner.rows import FAILED
 from study.trial.trial import ALL_NAVIGATORS
 
@@ -285,6 +286,8 @@ class ReportRequest:
     failures: int = PER_NAVIGATOR
     jobs: int = 1
     evidence: MeasuredEvidence = field(default_factory=MeasuredEvidence)
+    own: Mapping[str, OwnFile] = field(default_factory=dict)
+    """The user's own navigators by name."""
 
 
 def page_of(table: pa.Table, request: ReportRequest) -> ReportPage:
@@ -361,7 +364,7 @@ def _apart(apart: Mapping[str, Trials]) -> PageSection:
 
 def _failures(table: pa.Table, trials: Trials, request: ReportRequest) -> PageSection:
     failures = selected_failures(table, trials, request.failures)
-    return gallery(failures, request.world_of, request.jobs)
+    return gallery(failures, request.world_of, request.jobs, request.own)
 
 
 def _families(trials: Trials) -> PageSection:

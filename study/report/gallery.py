@@ -4,9 +4,10 @@ Drawings of failures, selected to cover many families and kinds of failure.
 """
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from math import atan2, cos, degrees, pi, sin, sqrt
+from types import MappingProxyType
 from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
@@ -23,6 +24,7 @@ from study.report.charts import Dot, SvgDrawing, colour, dashed
 from study.report.drives import DrivenTrial, Pose, attempt_all
 from study.report.page import Block, Gallery, PageFigure, PageSection, Paragraph
 from study.report.trials import NOISES, Trials
+from study.runner.plan import OwnFile
 from study.runner.rows import FAILED, TrialRow
 from study.runner.run_task import trial_of
 from study.runner.store import rows_of
@@ -280,11 +282,18 @@ def _order(row: TrialRow) -> tuple[int, float, str, int]:
     return noise, row.time_s, row.trial_id, row.seed
 
 
-def gallery(found: list[SelectedFailure], world_of: WorldOf, jobs: int) -> PageSection:
+def gallery(
+    found: list[SelectedFailure],
+    world_of: WorldOf,
+    jobs: int,
+    own: Mapping[str, OwnFile] = MappingProxyType({}),
+) -> PageSection:
     """Run the selected failures once more and draw them."""
     figures: dict[str, list[PageFigure]] = {}
     lost: list[str] = []
-    for number, (one, drive) in enumerate(zip(found, rerun(found, world_of, jobs), strict=True)):
+    for number, (one, drive) in enumerate(
+        zip(found, rerun(found, world_of, jobs, own), strict=True)
+    ):
         if isinstance(drive, DrivenTrial):
             name = f"failure-{number + 1:02d}"
             figures.setdefault(one.label, []).append(_figure(one, drive, name))
@@ -299,13 +308,15 @@ def gallery(found: list[SelectedFailure], world_of: WorldOf, jobs: int) -> PageS
     return PageSection("Failures", blocks, parts)
 
 
-def rerun(found: list[SelectedFailure], world_of: WorldOf, jobs: int) -> list[DrivenTrial | str]:
+def rerun(
+    found: list[SelectedFailure], world_of: WorldOf, jobs: int, own: Mapping[str, OwnFile]
+) -> list[DrivenTrial | str]:
     """Run each failure again; return an error as text."""
     trials: dict[int, Trial] = {}
     results: dict[int, DrivenTrial | str] = {}
     for index, one in enumerate(found):
         try:
-            trials[index] = trial_of(one.row, world_of(one.row.world_source))
+            trials[index] = trial_of(one.row, world_of(one.row.world_source), own)
         except (UserError, WorldError, ValueError) as error:
             results[index] = (str(error).splitlines() or [""])[0]
     results.update(zip(trials, attempt_all(list(trials.values()), jobs), strict=True))
@@ -338,15 +349,19 @@ def _figure(one: SelectedFailure, drive: DrivenTrial, name: str) -> PageFigure:
     if outcome.digest != row.digest:
         note += f". **This is not the recorded drive**: {OTHER}"
     caption = f"**{row.world}**, {row.noise}, seed {row.seed}: **{one.kind}**"
-    return PageFigure(name, plan.drawing, caption, note, command_of(row))
+    return PageFigure(name, plan.drawing, caption, note, command_of(row, drive.trial.navigator))
 
 
-def command_of(row: TrialRow) -> str:
-    """Return the command that repeats the drive, to be run in the project's directory."""
+def command_of(row: TrialRow, navigator: str = "") -> str:
+    """Return the command that repeats the drive, to be run in the project's directory.
+
+    `navigator` is the reference of one of the user's own.
+    """
     world, before = _world_file(row.world_source)
     parameters: dict[str, float] = json.loads(row.parameters or "{}")
     words = [
-        *("sidestep trial --world", world, "--navigator", row.navigator, "--side", row.side),
+        *("sidestep trial --world", world, "--navigator", navigator or row.navigator),
+        *("--side", row.side),
         *("--seed", str(row.seed), "--noise", row.noise, "--timeout", f"{row.timeout_s:g}"),
         *(f"--param {name}={value!r}" for name, value in parameters.items()),
         *(() if row.calibrated else ("--uncalibrated",)),

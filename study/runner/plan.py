@@ -19,7 +19,9 @@ from plant.model.errors import WorldError, WorldProblem
 from plant.shortest_path import known_length_m
 from plant.world.file import load, shipped
 from plant.world.writer import dumps
+from protocol.navigators import NAVIGATORS, is_own, name_of, own_source
 from protocol.world import World
+from robot.own_navigator import digest_of as digest_of_navigator
 from runtime.errors import UserError
 from study.trial.trial import ALL_NAVIGATORS, SIDES
 
@@ -180,18 +182,26 @@ START_UP_S: Final = 30.0
 DETOUR_FACTOR: Final = 40.0
 UNREACHABLE_TIMEOUT_S: Final = 1200.0
 ROUND_S: Final = 10.0
-EVERY_NAVIGATOR: Final = (
-    *("bug:left", "bug:right", "vgm:left", "bug1:left", "bug2:left", "distbug:left"),
-    "vgm_memory:left",
-)
+BOTH_SIDES: Final = "bug"
 """The paper's bug passes obstacles on a given side, so it runs once per side."""
+EVERY_NAVIGATOR: Final = tuple(
+    f"{name}:{side}" for name in NAVIGATORS for side in (SIDES if name == BOTH_SIDES else ("left",))
+)
+
+
+class OwnFile(NamedTuple):
+    """A navigator of the user's own in a study: its reference, and the SHA-256 of its file."""
+
+    reference: str
+    digest: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudySettings:
     """Settings that apply to every world of a study.
 
-    `navigators` are NAME:SIDE; `timeout_s` None depends on the world.
+    `navigators` are NAME:SIDE, with a reference instead of a name for one of the user's own;
+    `timeout_s` None depends on the world.
     """
 
     navigators: Sequence[str] = EVERY_NAVIGATOR
@@ -200,6 +210,26 @@ class StudySettings:
     timeout_s: float | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
     calibrated: bool = True
+
+    def own(self) -> dict[str, OwnFile]:
+        """Return the user's own navigators by name; UserError if two have one name."""
+        found: dict[str, OwnFile] = {}
+        for reference, _ in map(split_side, self.navigators):
+            if is_own(reference):
+                name, file = name_of(reference), OwnFile(reference, digest_of_navigator(reference))
+                other = found.setdefault(name, file)
+                if other.reference != reference:
+                    raise UserError(
+                        f"{other.reference} and {reference} are both named {name}; give one of"
+                        " them another name"
+                    )
+        return found
+
+
+def split_side(navigator: str) -> tuple[str, str]:
+    """Split NAME:SIDE or NAME, where a reference to an own navigator may have a colon, too."""
+    name, _, side = navigator.rpartition(":")
+    return (name, side) if name and side in SIDES else (navigator, "")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -227,17 +257,26 @@ def tasks_of(
     For one seed the order is independent of world, navigator and noise, so that an interrupted
     study has covered every part equally.
     """
+    own = settings.own()
     tasks = [
-        task for place, one in enumerate(worlds) for task in _of(place, one, settings, version)
+        task for place, one in enumerate(worlds) for task in _of(place, one, settings, own, version)
     ]
     return sorted(tasks, key=lambda task: (task.seed % SEED_STRIDE, task.trial_id))
 
 
-def _of(place: int, one: ListedWorld, settings: StudySettings, version: str) -> Iterator[TrialTask]:
+def _of(
+    place: int,
+    one: ListedWorld,
+    settings: StudySettings,
+    own: Mapping[str, OwnFile],
+    version: str,
+) -> Iterator[TrialTask]:
     """Yield all trials in one world; without noise a seed changes nothing, so there is one."""
     timeout_s = settings.timeout_s or time_for(one.world)
     for navigator in settings.navigators:
-        name, side = navigator.split(":")
+        reference, side = split_side(navigator)
+        name = name_of(reference)
+        of_file = {"file": own[name].digest} if name in own else {}
         for noise in settings.noise:
             for number in range(1 if noise == "none" else settings.seeds):
                 identity: dict[str, Any] = {
@@ -250,7 +289,7 @@ def _of(place: int, one: ListedWorld, settings: StudySettings, version: str) -> 
                     "parameters": json.dumps(dict(sorted(settings.parameters.items()))),
                     "calibrated": settings.calibrated,
                 }
-                trial_id = id_of(identity, version)
+                trial_id = id_of({**identity, **of_file}, version)
                 yield TrialTask(trial_id=trial_id, place=place, world_source=one.source, **identity)
 
 
@@ -282,7 +321,13 @@ def time_for(world: World) -> float:
 
 
 def navigator_of(text: str) -> str:
-    """Return NAME or NAME:SIDE as NAME:SIDE; raise UserError for an unknown one."""
+    """Return NAME or NAME:SIDE as NAME:SIDE; raise UserError for an unknown one.
+
+    A reference to a navigator of the user's own is made valid in any folder.
+    """
+    name, side = split_side(text)
+    if is_own(name) and name.partition(":")[0] not in ALL_NAVIGATORS:
+        return f"{own_source(name)}:{side or 'left'}"
     name, _, side = text.partition(":")
     if name not in ALL_NAVIGATORS:
         raise UserError(f"--navigators: {unknown('navigator', name, ALL_NAVIGATORS)}")

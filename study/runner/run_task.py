@@ -6,7 +6,7 @@ follow to prove that its goal is unreachable.
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from datetime import UTC, datetime
 from functools import lru_cache
 from itertools import combinations
@@ -23,7 +23,9 @@ from plant.shortest_path import Array, blocked_by
 from protocol.outcome import RunOutcome
 from protocol.world import Polyline, World
 from robot.core import states
-from study.runner.plan import TrialTask
+from robot.own_navigator import digest_of
+from runtime.errors import UserError
+from study.runner.plan import OwnFile, TrialTask
 from study.runner.rows import COLUMNS, FAILED, CodeVersion, TrialRow, machine
 from study.trial.core_loop import Behaviour
 from study.trial.trial import Trial, params_of, run_trial
@@ -247,13 +249,24 @@ class StudyContext:
     study: str
     code: CodeVersion
     worlds: Sequence[World]
+    own: Mapping[str, OwnFile] = field(default_factory=dict)
 
 
-def trial_of(source: TrialTask | TrialRow, world: World) -> Trial:
-    """Return the trial of a task, or that of a row to repeat it."""
+def trial_of(
+    source: TrialTask | TrialRow, world: World, own: Mapping[str, OwnFile] = MappingProxyType({})
+) -> Trial:
+    """Return the trial of a task, or that of a row to repeat it.
+
+    Raises UserError if the file of an own navigator has changed since the study began.
+    """
+    navigator, file = source.navigator, own.get(source.navigator)
+    if file is not None:
+        navigator = file.reference
+        if digest_of(navigator) != file.digest:
+            raise UserError(f"{navigator} has changed since the study began: run the study again")
     return Trial(
         world=world,
-        navigator=source.navigator,
+        navigator=navigator,
         side=source.side,
         seed=source.seed,
         noise=source.noise,
@@ -268,7 +281,7 @@ def row_of(task: TrialTask, context: StudyContext) -> TrialRow:
     watch, started_utc = Behaviour(), _now_utc()
     wall_s, cpu_s = perf_counter(), thread_time()
     try:
-        trial = trial_of(task, context.worlds[task.place])
+        trial = trial_of(task, context.worlds[task.place], context.own)
         outcome = run_trial(trial, watch)
         wall_s, cpu_s = perf_counter() - wall_s, thread_time() - cpu_s
         scores = _scores(outcome, trial)

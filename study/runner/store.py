@@ -18,9 +18,10 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from protocol.navigators import name_of
 from runtime.errors import UserError
 from runtime.files import sync_folder, text_in, value_in
-from study.runner.plan import KEPT, ListedWorld, StudySettings
+from study.runner.plan import KEPT, ListedWorld, OwnFile, StudySettings, split_side
 from study.runner.rows import ADDED, COLUMNS, CodeVersion, MachineInfo, TrialRow
 
 RESULTS: Final = "results.parquet"
@@ -231,6 +232,7 @@ def set_aside(directory: Path, file: Path) -> Path:
 
 
 FILE: Final = "settings.json"
+OWN: Final = "own_navigators"
 LOCK: Final = "lock"
 MAX_NAMED: Final = 3
 MAX_SETTINGS_BYTES: Final = 1 << 26
@@ -240,8 +242,12 @@ def settings_of(
     worlds: Sequence[ListedWorld], settings: StudySettings, code: CodeVersion, machine: MachineInfo
 ) -> dict[str, Any]:
     """Return the settings as stored; of the machine only libraries that may round differently."""
+    own = settings.own()
     return {
-        "navigators": list(settings.navigators),
+        "navigators": [
+            f"{name_of(name)}:{side}" for name, side in map(split_side, settings.navigators)
+        ],
+        **({OWN: {name: file._asdict() for name, file in own.items()}} if own else {}),
         "noise": list(settings.noise),
         "seeds": settings.seeds,
         "timeout_s": settings.timeout_s,
@@ -283,7 +289,9 @@ def differences(stored: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[st
         before = stored.get(key)
         if before == value:
             continue
-        if key == "worlds":
+        if key == OWN:
+            found.append(f"another version of {', '.join(value)}")
+        elif key == "worlds":
             found.append(_worlds(before if isinstance(before, dict) else {}, value))
         elif key == "code":
             found.append(f"other code (it was made at commit {stored.get('commit', 'unknown')})")
@@ -300,6 +308,12 @@ def _worlds(before: Mapping[str, str], now: Mapping[str, str]) -> str:
 
 def _short(value: object) -> str:
     return " ".join(map(str, value)) if isinstance(value, list) else json.dumps(value)
+
+
+def own_of(directory: Path) -> dict[str, OwnFile]:
+    """Return the user's own navigators of a study by name."""
+    found = (settings_in(directory / FILE) or {}).get(OWN, {})
+    return {name: OwnFile(file["reference"], file["digest"]) for name, file in found.items()}
 
 
 def settings_in(file: Path) -> dict[str, Any] | None:

@@ -117,7 +117,7 @@ class Behaviour:
         self.plant: Plant | None = None
         self.onboard: CoreLoop | None = None
         self.ticks = self.avoidances = self.side_changes = 0
-        self.ticks_of = dict.fromkeys(range(states.LOST + 1), 0)
+        self.ticks_of = dict.fromkeys(range(states.FAILED + 1), 0)
         self.clearance_sum_m = self.turned_rad = 0.0
         self._branch = self._side = states.NO_BRANCH
         self._heading_rad = 0.0

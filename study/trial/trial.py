@@ -1,13 +1,21 @@
 """Run one trial in this process: plant and core call each other, without a bus."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from time import perf_counter
+from typing import Final
 
 from plant.model.configuration import noise_of
 from plant.shortest_path import known_length_m
 from plant.sim.simulation import Plant
+from protocol.navigators import (
+    NAVIGATORS,
+    USUAL_NAVIGATOR,
+    NavigatorChoices,
+    is_own,
+    name_of,
+)
 from protocol.outcome import (
     RunEnd,
     RunOutcome,
@@ -23,24 +31,21 @@ from robot.core import reasons, states
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose
 from robot.hosting import InProcessCore, NewCore
+from robot.own_navigator import fault_in, simulated_number
 from robot.parameter_table import with_values
 from runtime.config import settings_of, start_totals
+from runtime.errors import UserError
 from runtime.units import CONTROL_HZ, NS_PER_S, PERIOD_NS
 from study.oracle.names import STUDY_ONLY
 from study.oracle.oracle_grid import registered
 from study.trial.core_loop import CoreLoop, Watch, drive
 
-NAVIGATORS: Mapping[str, int] = {
-    "bug": states.BUG,
-    "vgm": states.VGM,
-    "bug1": states.BUG1,
-    "bug2": states.BUG2,
-    "distbug": states.DISTBUG,
-    "vgm_memory": states.VGM_MEMORY,
+ALL_NAVIGATORS: Mapping[str, int] = {
+    **{name: int(number) for name, number in NAVIGATORS.items()},
+    **STUDY_ONLY,
 }
-ALL_NAVIGATORS: Mapping[str, int] = {**NAVIGATORS, **STUDY_ONLY}
 """Those of the robot, and those for studies only."""
-USUAL_NAVIGATOR = next(name for name in NAVIGATORS if NAVIGATORS[name] == DEFAULTS.navigator)
+CHOICES: Final = NavigatorChoices(ALL_NAVIGATORS)
 SIDES: Mapping[str, int] = {"left": states.LEFT, "right": states.RIGHT}
 
 # The same world is run many times, and its shortest path costs more than some runs.
@@ -51,7 +56,8 @@ shortest_once = lru_cache(maxsize=8)(known_length_m)
 class Trial:
     """Parameters of one trial.
 
-    `noise` None uses the level of the world; `parameters` override those of the robot.
+    `navigator` is a name, or a reference to one of the user's own. `noise` None uses the level of
+    the world; `parameters` override those of the robot.
     `calibrated`: the robot is calibrated for that noise, as a real one would be. `at_s` is the time
     of the world at the start, which places moving obstacles. `moved`: start or goal are not those
     of the world, so the shortest path between them is unknown.
@@ -82,7 +88,7 @@ def run_trial(
     `watch` is called at every tick, after the core and before the plant. `new_core` may return a
     core that runs elsewhere. Raises
     UnknownParameterError or OutOfRangeError for a parameter, ValueError for an invalid seed or
-    start.
+    start, UserError for a navigator of the user's own that cannot be loaded.
     """
     noise, at_ns = noise_of(trial.world, trial.noise), round(trial.at_s * CONTROL_HZ) * PERIOD_NS
     plant = Plant(trial.world, trial.seed, noise, at_ns=at_ns)
@@ -94,14 +100,25 @@ def run_trial(
         refusal = drive(plant, onboard, goal, trial.timeout_s, watch)
         wall_s = perf_counter() - begun_s
     ended = run_end_of(plant, onboard, refusal, wall_s, at_ns)
-    return evaluated(run_settings_of(trial, goal), ended, plant.score(plant.now_ns))
+    outcome = evaluated(run_settings_of(trial, goal), ended, plant.score(plant.now_ns))
+    fault = fault_in(onboard.state.decision)
+    return replace(outcome, reason=f"{outcome.reason}: {fault}") if fault else outcome
 
 
 def params_of(trial: Trial) -> Params:
     """Merge the parameters: defaults, calibration, robot of the world, those of the trial."""
-    params = DEFAULTS._replace(navigator=ALL_NAVIGATORS[trial.navigator], side=SIDES[trial.side])
+    params = DEFAULTS._replace(navigator=number_of(trial.navigator), side=SIDES[trial.side])
     values = settings_of(trial.world.robot, trial.level, calibrated=trial.calibrated)
     return with_values(params, {**values, **trial.parameters})
+
+
+def number_of(navigator: str) -> int:
+    """Return the number of a navigator; UserError for one that is unknown or cannot be loaded."""
+    if is_own(navigator):
+        return simulated_number(navigator)
+    if navigator not in ALL_NAVIGATORS:
+        raise UserError(f"no such navigator: {navigator!r}")
+    return ALL_NAVIGATORS[navigator]
 
 
 def start_of(world: World) -> Pose:
@@ -127,7 +144,7 @@ def run_settings_of(trial: Trial, wire_goal: WireGoal) -> RunSettings:
     world = trial.world
     return RunSettings(
         world=world.name,
-        navigator=trial.navigator,
+        navigator=name_of(trial.navigator),
         seed=trial.seed,
         noise=trial.level,
         goal_x_m=world.goal.x_m,

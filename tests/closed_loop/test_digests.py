@@ -28,8 +28,8 @@ from checks.same_bits.__main__ import (
     write,
 )
 from checks.same_bits.trials import TrialDigest, result_of, trial_of
+from protocol.navigators import NAVIGATORS
 from runtime.cli import compiled
-from study.trial.trial import NAVIGATORS
 from tests.support import digests
 from tests.support.compiled import installed, is_compiled, outcomes, run_python
 from tests.support.digests import Run

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from plant.corpus import FAMILIES, generate
 from plant.sim.simulation import Plant
 from plant.world.file import load, shipped
+from protocol.navigators import NAVIGATORS as TRIAL_NAVIGATORS
 from protocol.outcome import RunOutcome
 from protocol.wire.reasons import Reason, reason_text
 from protocol.world import Obstacle, Settings, World, WorldCircle, WorldPolygon
@@ -22,7 +23,6 @@ from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Goal, Inputs, Outputs, Scan, Wheels, wrap
 from runtime.units import PERIOD_MS
 from study.trial.core_loop import Behaviour, CoreLoop
-from study.trial.trial import NAVIGATORS as TRIAL_NAVIGATORS
 from study.trial.trial import SIDES, Trial, run_trial
 from tests.support.each import each
 from tests.support.plant import plain_world

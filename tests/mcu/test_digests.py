@@ -20,6 +20,7 @@ from firmware.board import Board
 from firmware.host import BoardCore
 from plant.sim.simulation import Plant
 from plant.world.file import load
+from protocol.navigators import NAVIGATORS, USUAL_NAVIGATOR
 from protocol.wire.messages import BoardReport
 from protocol.world import Start
 from robot.core.values import Outputs
@@ -27,7 +28,7 @@ from runtime import elementary
 from runtime.errors import LocalError
 from study.cli.trial import elsewhere
 from study.trial.core_loop import CoreLoop
-from study.trial.trial import NAVIGATORS, USUAL_NAVIGATOR, Trial, run_trial
+from study.trial.trial import Trial, run_trial
 
 SHORT_S: Final = 6.0
 LONG_S: Final = 120.0

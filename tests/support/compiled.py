@@ -16,9 +16,10 @@ import hatch_build
 from checks.built import ROOT, install_compiled
 from plant.model.configuration import LEVELS
 from plant.world.file import load, loads
+from protocol.navigators import NAVIGATORS
 from robot.core import brain
 from study.trial.core_loop import Behaviour
-from study.trial.trial import NAVIGATORS, SIDES, Trial, run_trial
+from study.trial.trial import SIDES, Trial, run_trial
 
 
 def installed(shared: Path) -> Path:

@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from plant.world.file import load
-from study.trial.trial import NAVIGATORS, Trial, run_trial
+from protocol.navigators import NAVIGATORS
+from study.trial.trial import Trial, run_trial
 
 FILE = Path(__file__).parents[1] / "data" / "digests.json"
 WORLDS = ("box", "u_trap", "forest_medium")

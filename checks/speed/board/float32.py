@@ -24,9 +24,10 @@ from firmware.host import BoardCore
 from firmware.image import IMAGES
 from plant.sim.simulation import Plant
 from plant.world.file import load, shipped
+from protocol.navigators import NAVIGATORS
 from robot.core.values import Outputs
 from study.trial.core_loop import CoreLoop
-from study.trial.trial import NAVIGATORS, Trial, run_trial
+from study.trial.trial import Trial, run_trial
 
 RESULTS: Final = FOLDER / "float32.json"
 IMAGE: Final = IMAGES["lpc1768-float32"]

@@ -41,12 +41,13 @@ from firmware.host import BoardCore
 from firmware.image import IMAGE, OUTPUT
 from plant.sim.simulation import Plant
 from plant.world.file import load, shipped
+from protocol.navigators import NAVIGATORS
 from protocol.wire.messages import BoardReport
 from robot.core.values import Outputs
 from robot.hosting import InProcessCore
 from runtime.errors import UserError
 from study.trial.core_loop import CoreLoop
-from study.trial.trial import NAVIGATORS, Trial, run_trial
+from study.trial.trial import Trial, run_trial
 
 ROOT: Final = Path(__file__).resolve().parents[3]
 FOLDER: Final = ROOT / "docs" / "evidence" / "microcontroller"

@@ -26,6 +26,7 @@ from random import Random
 from types import FrameType
 from typing import Any, Final, NamedTuple
 
+from protocol.navigators import NAVIGATORS
 from protocol.ring import ALL_SONARS
 from robot import core
 from robot.core import reasons, states
@@ -38,7 +39,6 @@ from robot.core.values import Goal, Inputs, Outputs, Pose, Scan, Wheels
 from robot.hosting import Core, InProcessCore
 from runtime.units import PERIOD_MS
 from study.trial.core_loop import ARM
-from study.trial.trial import NAVIGATORS
 
 BANDS_MM: Final = ((60, 150), (60, 300), (100, 750), (250, 700), (250, 1200), (60, 3000))
 ROOMS_M: Final = (0.35, 0.45, 0.6, 0.8, 1.0, 1.3)

@@ -18,7 +18,7 @@ from ground.app.screens.choice import Choice
 from ground.app.screens.help import show_help
 from ground.app.stops.band import is_in_emergency_stop
 from ground.client.telemetry import Age
-from ground.client.vocabulary import NAVIGATORS, USUAL_NAVIGATOR
+from ground.client.vocabulary import NAVIGATORS
 from ground.commands.command import OperatorCommand, arguments_of
 from ground.commands.mission import FetchMission, StartMission, UploadMissionFile
 from ground.commands.mode import SetMode
@@ -28,6 +28,7 @@ from ground.missions.files import DASH
 from ground.station.station import Station
 from ground.text.wording import GOAL_MODES, THEMES, few
 from ground.user.folders import state_folder
+from protocol.navigators import USUAL_NAVIGATOR
 from protocol.topics import STATUS
 from protocol.wire.enums import GoalState, LeaseAction, Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus

@@ -18,7 +18,8 @@ from ground.cli.options import common_of
 from ground.client.goal import Destination, destination
 from ground.client.leases import Leasing
 from ground.client.robot_link import open_link
-from ground.client.vocabulary import NAVIGATORS, NOISES, SIDES
+from ground.client.vocabulary import NAVIGATORS as KNOWN
+from ground.client.vocabulary import NOISES, SIDES
 from ground.commands.command import add_common, moment, seconds
 from ground.commands.explain import instant_ns
 from ground.ghost import Ghost, Ghosts
@@ -27,6 +28,7 @@ from ground.recording.log_reader import LogIndex, open_log
 from ground.robot import Robot
 from ground.text.output import Output
 from ground.text.wording import Part
+from protocol.navigators import NAVIGATORS, NavigatorChoices, named_by
 from protocol.options import finite, whole
 from protocol.outcome import WIDEST, detail_of
 from protocol.wire.messages import NavigatorStatus
@@ -45,9 +47,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--navigator",
         nargs="+",
         required=True,
-        type=str.lower,
-        choices=[*NAVIGATORS, ALL],
-        help="one or several, or all",
+        choices=NavigatorChoices((*NAVIGATORS, ALL)),
+        help="one or several, also files of your own such as my_nav.py, or all",
     )
     parser.add_argument(
         "--from",
@@ -118,7 +119,7 @@ def goal_in(options: argparse.Namespace) -> Destination | None:
 
 def name_of(number: int) -> str:
     """Return the name of a navigator, or its number if unknown."""
-    names = {int(navigator): name for name, navigator in NAVIGATORS.items()}
+    names = {int(navigator): name for name, navigator in KNOWN.items()}
     return names.get(number, f"navigator {number}")
 
 
@@ -144,7 +145,7 @@ def run_ghosts(
                 timeout_s=options.timeout,
                 clock=clock,
             )
-            ghosts.add(name, ghost)
+            ghosts.add(named_by(name).name, ghost)
         while ghosts.busy:
             ghosts.poll()
             show(output, ghosts)

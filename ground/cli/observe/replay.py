@@ -13,13 +13,13 @@ from ground.app.appearance import add_appearance_options
 from ground.app.start import has_screen, run_replay
 from ground.client.status_line import watch_line
 from ground.client.telemetry import Telemetry
-from ground.client.vocabulary import NAVIGATORS
 from ground.commands.command import add_json, positive
 from ground.launch.child_command import command
 from ground.recording.catalogue import FILE_HELP, recording_named, remark_on
 from ground.recording.playback import ReplayBus
 from ground.text.output import Output
 from ground.text.wording import Part, in_words
+from protocol.navigators import CHOICES
 from protocol.options import finite
 from protocol.topics import TEXT
 from protocol.wire.codec import decode
@@ -48,7 +48,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     text = "run the core of this build on the recorded inputs; report the first difference"
     parser.add_argument("--re-execute", action="store_true", dest="again", help=text)
     text = "with --re-execute: find the first decision that this navigator makes otherwise"
-    parser.add_argument("--navigator", choices=NAVIGATORS, help=text)
+    parser.add_argument("--navigator", choices=CHOICES, help=text)
     add_appearance_options(parser)
     add_json(parser)
 

@@ -20,7 +20,7 @@ from ground.cli.operate import run_until_signal
 from ground.client.connection import Common
 from ground.client.robot_link import RobotLink, UnansweredError
 from ground.client.stop_ways import StopServer
-from ground.client.vocabulary import NAVIGATORS, NOISES, SIDES, USUAL_NAVIGATOR
+from ground.client.vocabulary import NOISES, SIDES
 from ground.commands.command import add_json, positive, seconds
 from ground.launch import fleet_run
 from ground.launch.child_command import command
@@ -47,6 +47,7 @@ from ground.text.wording import in_words as in_line
 from ground.user.folders import recordings_folder
 from ground.user.runs import RunFile, read_runs, reason_of, this_run
 from protocol.bus.bus import Bus, open_bus
+from protocol.navigators import CHOICES, OWN_HELP, USUAL_NAVIGATOR, is_own, name_of, own_source
 from protocol.options import finite, whole
 from protocol.outcome import RunOutcome
 from protocol.topics import MAX_ROBOT_SYSTEM as MAX_FLEET
@@ -115,9 +116,9 @@ def add_scenario(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--navigator",
         type=navigator_of,
-        choices=list(NAVIGATORS),
+        choices=CHOICES,
         default=USUAL_NAVIGATOR,
-        help=f"(default {USUAL_NAVIGATOR})",
+        help=f"{OWN_HELP} (default {USUAL_NAVIGATOR})",
     )
     text = "side on which obstacles are passed (default left)"
     parser.add_argument("--side", choices=list(SIDES), default="left", help=text)
@@ -163,6 +164,7 @@ def run(options: argparse.Namespace, output: Output) -> int:
     for name, other in read_runs().found:
         output.note(f"{name} runs here already, at {other.endpoint}: `sidestep ground` joins it")
     check_endpoints(options.mavlink)
+    check_navigator(options)
     scenario = scenario_of(options, run_of(options))
     pace = pace_here(options.robots)
     if pace < 1.0:
@@ -179,6 +181,20 @@ def run(options: argparse.Namespace, output: Output) -> int:
         return run_with_app(options, scenario, output, WallClock())
     outcomes = run_headless(options, scenario, output, WallClock())
     return 0 if all(outcome.reached for outcome in outcomes) else 1
+
+
+def check_navigator(options: argparse.Namespace) -> None:
+    """Raise UserError for a navigator of the user's own that no robot can drive with."""
+    if is_own(options.navigator):
+        if options.mcu:
+            raise UserError(
+                "--mcu: a board has only the navigators of its firmware, not one of a file"
+            )
+        options.navigator = str(own_source(options.navigator))
+        words = command(["navigators", "check", options.navigator], os.getpid())
+        done = subprocess.run(words, capture_output=True, text=True, timeout=CHECK_S, check=False)
+        if done.returncode:
+            raise UserError(done.stderr.strip().removeprefix("sidestep navigators: "))
 
 
 def check_endpoints(texts: Sequence[str]) -> None:
@@ -284,7 +300,7 @@ def goal_runs_of(
     if len(robots) <= MAX_NAMED:
         goals = ", ".join(str(scenario_robot.goal) for scenario_robot in robots)
     task = f"to {goals}" if drives else "no goal,"
-    output.note(f"{scenario.name}: {task} with {scenario.navigator}")
+    output.note(f"{scenario.name}: {task} with {name_of(scenario.navigator)}")
     return fleet_run.goal_runs_of(scenario, stack.common, bus, clock, stack.check, stack.void)
 
 

@@ -17,9 +17,9 @@ class NavigatorStep(Protocol):
     metres from the robot's rim. The step may change `memory`. The virtual goal of the decision is
     in the same frame, its bearings are radians from the heading, positive to the left.
 
-    Branch GIVE_UP or LOST ends the goal. If the pose or the goal is not finite or too far away, a
-    navigator that judges progress returns the speed limit 0. Another one may return NaN: then the
-    guard stops.
+    Branch GIVE_UP, LOST or FAILED ends the goal. If the pose or the goal is not finite or too far
+    away, a navigator that judges progress returns the speed limit 0. Another one may return NaN:
+    then the guard stops.
     """
 
     def __call__(

@@ -30,10 +30,10 @@ from checks.speed.board.scenarios import (
     search,
 )
 from plant.world.file import shipped
+from protocol.navigators import NAVIGATORS
 from robot.core.values import Pose
 from robot.hosting import InProcessCore
 from study.report.targets import STATE_BYTES
-from study.trial.trial import NAVIGATORS
 from tests.support.each import each
 
 

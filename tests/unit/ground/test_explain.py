@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from ground.cli.main import main
 from ground.explain import TURNS_DEG_S, RecordedDecisions, explain, headline
 from ground.recording.log_reader import LogIndex
+from protocol.navigators import NAVIGATORS
 from protocol.topics import CYCLE, DECISION, STATUS
 from protocol.wire.codec import decode
 from protocol.wire.enums import Branch, GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStatus
 from protocol.wire.reasons import Reason, reason_text
 from runtime.units import NS_PER_S as S
-from study.trial.trial import NAVIGATORS
 from tests.support.each import each
 from tests.support.ground.recordings import (
     BEGAN_NS,

@@ -49,6 +49,7 @@ from ground.recording.log_reader import LogIndex
 from ground.station.station import Station
 from plant.world.file import load
 from protocol.bus.mailbox import Sample
+from protocol.navigators import NAVIGATORS
 from protocol.options import numbers_kept
 from protocol.outcome import RunOutcome, rounded_heading_rad
 from protocol.topics import CLOCK, COMMANDED, ENCODING, ODOMETRY, STATUS, TRUTH
@@ -61,7 +62,7 @@ from runtime.clock import ManualClock
 from runtime.errors import UserError
 from runtime.units import NS_PER_S as S
 from study.cli.trial import goal_of, parser, start_of
-from study.trial.trial import NAVIGATORS, Trial, wire_goal_of
+from study.trial.trial import Trial, wire_goal_of
 from tests.support.each import each
 from tests.support.ground.recordings import (
     WORLD,

@@ -5,6 +5,7 @@ from collections import Counter
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
+from typing import Final
 
 import pytest
 from hypothesis import given
@@ -23,6 +24,7 @@ from study.runner.plan import (
     SEED_STRIDE,
     UNREACHABLE_TIMEOUT_S,
     ListedWorld,
+    StudySettings,
     WorldSelection,
     digest_of,
     id_of,
@@ -33,6 +35,7 @@ from study.runner.plan import (
     time_for,
     world_of,
 )
+from study.runner.run_task import trial_of
 from study.runner.store import keep
 from tests.support.each import each
 from tests.support.studies import boxed, floor, list_of, settings, tasks
@@ -137,6 +140,45 @@ def test_navigator_side_defaults_to_left() -> None:
 def test_unknown_navigator_is_refused_with_suggestion(text: str, message: str) -> None:
     with pytest.raises(UserError, match=message):
         navigator_of(text)
+
+
+STEP: Final = "def step(memory, pose, ring, goal, params): ...\n"
+
+
+def test_own_navigator_is_planned_by_name_and_version(tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(STEP)
+    settings = StudySettings(navigators=(navigator_of(f"{file}:right"), "bug:left"))
+    assert settings.navigators[0] == f"{file}:right"
+    before = tasks_of(listed(wanted("open")), settings, "1")
+    assert {(one.navigator, one.side) for one in before} == {("mine", "right"), ("bug", "left")}
+    file.write_text(STEP + "# changed")
+    kept = {one.trial_id for one in before} & {
+        one.trial_id for one in tasks_of(listed(wanted("open")), settings, "1")
+    }
+    assert kept == {one.trial_id for one in before if one.navigator == "bug"}
+
+
+def test_two_own_navigators_of_one_name_are_refused(tmp_path: Path) -> None:
+    for place in ("a", "b"):
+        (tmp_path / place).mkdir()
+        (tmp_path / place / "mine.py").write_text(STEP)
+    files = tuple(navigator_of(str(tmp_path / place / "mine.py")) for place in ("a", "b"))
+    with pytest.raises(UserError, match="are both named mine; give one of them another name"):
+        StudySettings(navigators=files).own()
+
+
+def test_trial_of_a_changed_navigator_is_not_repeated(tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(STEP)
+    settings = StudySettings(navigators=(navigator_of(str(file)),))
+    (one,) = listed(wanted("open"))
+    task = tasks_of([one], settings, "1")[0]
+    assert trial_of(task, one.world, settings.own()).navigator == str(file)
+    own = settings.own()
+    file.write_text(STEP + "# changed")
+    with pytest.raises(UserError, match="has changed since the study began"):
+        trial_of(task, one.world, own)
 
 
 def test_unknown_noise_level_is_refused_with_suggestion() -> None:

@@ -17,6 +17,7 @@ from ground.cli import main as ground_cli
 from plant.model.errors import WorldError
 from plant.sim.simulation import Plant
 from plant.world.file import load
+from protocol.navigators import NAVIGATORS
 from protocol.outcome import WireGoal
 from protocol.wire.messages import GroundTruth, SonarScan, WheelTicks
 from protocol.world import GoalPose, Start, WorldCircle
@@ -30,7 +31,7 @@ from runtime.units import PERIOD_NS
 from sidestep.__main__ import main as sidestep
 from study.cli.trial import COLUMNS, main, parser
 from study.trial.core_loop import Behaviour, CoreLoop
-from study.trial.trial import NAVIGATORS, Trial, params_of, run_trial, wire_goal_of
+from study.trial.trial import Trial, params_of, run_trial, wire_goal_of
 from tests.support.each import each
 from tests.support.plant import plain_world
 from tests.support.studies import boxed, floor

@@ -17,6 +17,7 @@ from checks.speed.board.scenarios import (
     lengths,
     state_bytes,
 )
+from protocol.navigators import NAVIGATORS as TRIAL_NAVIGATORS
 from robot.core import states
 from robot.core.motion import HALT
 from robot.core.navigators import pace, vgm_and_bug
@@ -30,7 +31,6 @@ from robot.core.ring import BEARINGS, SONARS
 from robot.core.values import Decision, Goal, Outputs, Pose, wrap
 from runtime.units import PERIOD_MS
 from study.report.targets import STATE_BYTES
-from study.trial.trial import NAVIGATORS as TRIAL_NAVIGATORS
 from tests.support.cores import (
     ALL,
     Driver,

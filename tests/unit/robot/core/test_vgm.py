@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from protocol.navigators import NAVIGATORS as NAMES
 from protocol.wire.enums import Navigator as Numbers
 from robot.core import reasons, states
 from robot.core.navigators import classical, registry, vgm_and_bug, vgm_following
@@ -23,7 +24,6 @@ from robot.core.parameters import DEFAULTS
 from robot.core.perception.sonar_ring import Ring
 from robot.core.ring import BEARINGS, SONARS
 from robot.core.values import Decision, Goal, Pose, wrap
-from study.trial.trial import NAVIGATORS as NAMES
 from tests.support.cores import AHEAD, SIDES, armed, heard, ring
 from tests.support.each import each
 
@@ -138,8 +138,8 @@ def test_robot_is_lost_after_enough_loops_by_weight(weight: int) -> None:
 
 
 def test_every_navigator_of_the_dialect_is_registered() -> None:
-    assert set(NAVIGATORS) == {int(number) for number in Numbers}
-    assert dict(NAMES) == {number.name.lower(): int(number) for number in Numbers}
+    assert {*NAVIGATORS, states.OWN} == {int(number) for number in Numbers}
+    assert {NAMES[name] for name in NAMES} == {*Numbers} - {Numbers.OWN}
 
 
 @each("number", NAVIGATORS)
