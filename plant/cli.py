@@ -4,7 +4,6 @@ import argparse
 import json
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from math import isfinite
 from pathlib import Path
 from typing import Final
 
@@ -18,7 +17,7 @@ from plant.placement import goals, starts
 from plant.shortest_path import known_length_m, shortest_path
 from plant.world.file import SHIPPED_DIR, load, shipped
 from plant.world.writer import Json, draw, dumps, places_json
-from protocol.options import numbers_kept, whole
+from protocol.options import finite, numbers_kept, whole
 from protocol.world import Point, World, WorldCircle, as_json, bad_name
 from runtime.cli.parsers import add_subcommands, new_parser
 from runtime.errors import EXIT_OK, EXIT_USAGE
@@ -195,18 +194,11 @@ def parser() -> argparse.ArgumentParser:
         "--robots", type=int, metavar="K", help="with --json: their starts and goals, too"
     )
     verbs["show"].add_argument(
-        "--goal", type=_finite, nargs=2, metavar=("X", "Y"), help="instead of the world's"
+        "--goal", type=finite, nargs=2, metavar=("X", "Y"), help="instead of the world's"
     )
     add_generate(verbs["generate"])
     add_import(verbs["import"])
     return parser
-
-
-def _finite(text: str) -> float:
-    value = float(text)
-    if not isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text.strip()} is not a finite number")
-    return value
 
 
 def _print_json(found: dict[str, Json]) -> None:

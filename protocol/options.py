@@ -8,6 +8,7 @@ from math import inf, isfinite
 from typing import Final
 
 from protocol.bus.network import LOCKED, Mode, Network
+from runtime.errors import not_a_number
 
 DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7447"
 LOCKED_ENDPOINT: Final = f"{LOCKED}127.0.0.1:7447"
@@ -44,7 +45,7 @@ def finite(text: str) -> float:
     try:
         value = float(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
+        raise argparse.ArgumentTypeError(not_a_number(text)) from None
     if not isfinite(value):
         raise argparse.ArgumentTypeError(f"{text!r} is not a finite number")
     return value

@@ -3,6 +3,7 @@
 And the exit codes of all programs, which docs/reference/exit-codes.md explains.
 """
 
+import re
 from typing import Final
 
 EXIT_OK: Final = 0
@@ -78,3 +79,17 @@ class KeysError(UserError):
 
 class ClockStoppedError(Exception):
     """Raised to a thread that waits on a stopped clock, which ends its loop."""
+
+
+DECIMAL_COMMA: Final = re.compile(r"[+-]?\d+,\d+")
+
+
+def decimal_point(text: str) -> str:
+    """Return a number with a decimal comma as programs write it; of anything else nothing."""
+    return text.replace(",", ".") if DECIMAL_COMMA.fullmatch(text) else ""
+
+
+def not_a_number(text: str) -> str:
+    """Return that a text is not a number; of a decimal comma also how to write it."""
+    point = decimal_point(text)
+    return f"{text!r} is not a number{f': write {point}' if point else ''}"

@@ -4,6 +4,8 @@ import re
 import tomllib
 from typing import Any, Final, TypeAlias
 
+from runtime.errors import not_a_number
+
 Key: TypeAlias = tuple[str | int, ...]
 
 TOKEN = re.compile(
@@ -21,6 +23,12 @@ NAME: Final = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
 DOTTED: Final = re.compile(rf"(?<![\w-])(?:{NAME}[ \t]*+\.[ \t]*+){{{MAX_DOTS}}}")
 
 
+DECIMAL_COMMA: Final = re.compile(
+    r"^[\w\"'. -]+=[ \t]*(?P<number>[+-]?\d+,\d+)[ \t]*(?:#.*)?$", re.MULTILINE
+)
+"""A line with a decimal comma, which TOML does not have."""
+
+
 class TooDeepError(ValueError):
     """Lists or tables are nested too deeply."""
 
@@ -30,7 +38,10 @@ def table_in(text: str) -> dict[str, Any]:
     check_size(text)
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError:
+    except tomllib.TOMLDecodeError as error:
+        if found := DECIMAL_COMMA.search(text):
+            line = text.count("\n", 0, found.start()) + 1
+            raise ValueError(f"{not_a_number(found['number'])} (at line {line})") from error
         raise
     except ValueError as error:
         raise ValueError("a number is too long") from error

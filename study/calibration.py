@@ -43,7 +43,7 @@ from robot.core.perception.odometry import Odometry
 from robot.core.values import Outputs, Pose, Wheels, wrap
 from robot.hosting import ORIGIN, InProcessCore
 from robot.parameter_table import with_values
-from runtime.errors import ConfigError
+from runtime.errors import ConfigError, not_a_number
 from runtime.files import text_in
 from runtime.units import PERIOD_MS
 from study.trial.core_loop import CoreLoop
@@ -189,7 +189,7 @@ def _measured(path: Path, where: str, fields: Sequence[str]) -> Pose | None:
         except ValueError:
             value = float("nan")
         if not isfinite(value):
-            raise _refusal(path, f"{where}: {name}", f"{text!r} is not a number", "measure it")
+            raise _refusal(path, f"{where}: {name}", not_a_number(text), "measure it")
         values.append(value)
     return Pose(values[0], values[1], wrap(radians(values[2])))
 

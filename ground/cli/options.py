@@ -3,11 +3,13 @@
 import argparse
 from dataclasses import replace
 from pathlib import Path
+from threading import Thread
 
-from ground.client.connection import Common, Config, common
+from ground.client.connection import UP_HINT, Common, Config, common
 from ground.commands.command import Reach
 from ground.text.output import Output
-from protocol.bus.network import Network
+from protocol.bus.network import Hub, Network
+from protocol.bus.session import probed
 from protocol.options import usual_endpoint
 from runtime.config import load_shared
 
@@ -15,12 +17,21 @@ from runtime.config import load_shared
 def common_of(options: argparse.Namespace | Reach, output: Output | None = None) -> Common:
     """Merge defaults, the file and the command line; UserError or ConfigError for a bad value.
 
-    With an output, print which run the endpoint was taken from.
+    With an output, print which run the endpoint was taken from, and at once if no process listens
+    there: to dial takes longer.
     """
     found = common(options.connect, options.id, options.config, options.run, options.context)
-    if output is not None and found.source:
-        output.note(found.source)
+    if output is not None:
+        if found.source:
+            output.note(found.source)
+        Thread(target=note_absence, args=(found, output), daemon=True).start()
     return found
+
+
+def note_absence(found: Common, output: Output) -> None:
+    """Print that no process listens at any endpoint, if each refuses a connection."""
+    if all(probed(endpoint) is Hub.ENDED for endpoint in found.network.connect):
+        output.note(f"no process listens at {found.endpoint}: trying; {UP_HINT}")
 
 
 def listening_of(options: argparse.Namespace) -> Network:

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 from protocol.wire.enums import Navigator
 from protocol.wire.reasons import Reason
-from runtime.errors import UserError
+from runtime.errors import UserError, decimal_point
 
 NOISES: Final = ("none", "default", "lossy", "harsh")
 SIDES: Final = MappingProxyType({"left": 1, "right": -1})
@@ -121,4 +121,6 @@ def value_in_words(parameter: str, words: str) -> float:
     if isfinite(value):
         return float(value)
     choices = f" or one of {', '.join(names)}" if names else ""
-    raise UserError(f"{parameter} = {words!r}: must be a finite number{choices}")
+    point = decimal_point(words)
+    fix = f", written as {point}" if point else ""
+    raise UserError(f"{parameter} = {words!r}: must be a finite number{choices}{fix}")

@@ -64,7 +64,7 @@ class Exported:
         if not tally.frames and not tally.damage:
             text += ": the recording is empty; `sidestep rec list` shows the others"
         if tally.unreadable:
-            text += f"; {tally.unreadable} frames are not of this dialect"
+            text += f"; {tally.unreadable} frames are of MAVLink 1 or of another dialect"
         return f"{text}; DAMAGED: {tally.damage}" if tally.damage else text
 
     @property

@@ -8,6 +8,7 @@ from typing import Final
 
 from runtime.cli.parsers import advice_on, options_below
 from runtime.cli.verb_table import VERBS, find, nearest
+from runtime.errors import decimal_point
 
 MAX_VALUE: Final = 24
 UNITS: Final[Mapping[str, str]] = MappingProxyType(
@@ -66,7 +67,9 @@ def wrong_value(parser: argparse.ArgumentParser, name: str, why: str) -> str:
     unit = UNITS.get(str(action.metavar), "") if action is not None else ""
     of_unit = f" in {unit}" if unit else ""
     if found := NOT_A_NUMBER.match(why):
-        return f"{name} must be {found['what']}{of_unit}, not {shown(found['value'])}"
+        point = decimal_point(found["value"])
+        fix = f": write {point}" if point else ""
+        return f"{name} must be {found['what']}{of_unit}, not {shown(found['value'])}{fix}"
     if found := OUT_OF_RANGE.fullmatch(why):
         limits = f"{found['limits']} {unit}".rstrip()
         return f"{name} must be {limits}, not {shown(found['value'])}"

@@ -76,13 +76,17 @@ def read_text(text: str, path: Path, *, home: Home | None = None, drop: bool = F
 
 
 def read_fence(path: Path) -> Fence:
-    """Read the fence of a mission file; a .toml may contain only a fence."""
-    if ending_of(path) == ".toml":
-        fence = read_toml(_text(path), str(path), bare=True).fence
+    """Read the fence of a mission file, which needs no waypoints."""
+    text, ending = _text(path), ending_of(path)
+    fix = "draw one in QGroundControl" if ending == ".plan" else f"add [fence] with {FENCE_FIX}"
+    if ending == ".waypoints":
+        raise UserError(f"{path}: a .waypoints file has no fence; give a .plan or a .toml")
+    if ending == ".plan":
+        fence = qgroundcontrol.read_plan_fence(text, str(path))
     else:
-        fence = read(path).mission.fence
+        fence = read_toml(text, str(path), bare=True).fence
     if fence is None:
-        raise UserError(f"{path}: has no fence; add [fence] with {FENCE_FIX}")
+        raise UserError(f"{path}: has no fence; {fix}")
     return fence
 
 

@@ -54,7 +54,7 @@ from protocol.wire.enums import (
 )
 from protocol.wire.limits import PLACES_PER_M
 from runtime.config import parse
-from runtime.errors import ConfigError, UserError
+from runtime.errors import ConfigError, UserError, not_a_number
 from runtime.files import value_in
 
 SEMI_MAJOR_M: Final = 6_378_137.0
@@ -191,6 +191,9 @@ NAMES: Final[Mapping[int, str]] = MappingProxyType(
         2500: "take video",
     }
 )
+
+
+NO_HOME: Final = "latitude and longitude need a home: --home LATITUDE LONGITUDE"
 
 
 class Item(NamedTuple):
@@ -382,8 +385,7 @@ def place_in(item: Item, home: Home | None) -> tuple[float, float]:
         words = "latitude and longitude are 0: it has no place of its own"
         raise UnsupportedItemError(words, ItemPart.PARAM5)
     if home is None:
-        words = "latitude and longitude need a home: --home LATITUDE LONGITUDE"
-        raise UnsupportedItemError(words, ItemPart.FRAME)
+        raise UnsupportedItemError(NO_HOME, ItemPart.FRAME)
     if abs(first) > 90.0 or abs(second) > 180.0:
         words = f"({first:g}, {second:g}) is not a latitude and longitude"
         raise UnsupportedItemError(words, ItemPart.PARAM5 if abs(first) > 90 else ItemPart.PARAM6)
@@ -464,11 +466,15 @@ def _led(step: Step, numbers: Sequence[int]) -> Step:
 
 
 class PlanFilter:
-    """Accepts supported items and collects the others; `drop` omits those."""
+    """Accepts supported items and collects the others; `drop` omits those.
 
-    def __init__(self, file: str, *, drop: bool) -> None:
+    `fix` is what to do about them.
+    """
+
+    def __init__(self, file: str, *, drop: bool, fix: str = DROP) -> None:
         self._file = file
         self._drop = drop
+        self._fix = fix
         self._refused: list[Problem] = []
         self._left: list[str] = []
 
@@ -500,16 +506,24 @@ class PlanFilter:
 
     def problem(self, where: str, reason: str) -> Problem:
         """Return an item or a part that is not supported."""
-        return Problem(where, reason, "" if self._drop else DROP)
+        return Problem(where, reason, "" if self._drop else self._fix)
+
+    def unreadable(self, where: str, error: UserError) -> MissionError:
+        """Return the error for a part that cannot be read; without it the plan means another."""
+        return MissionError(self._file, [Problem(where, str(error), "")])
 
     def leave(self, words: str) -> None:
         """Note what is left out in any case."""
         self._left.append(words)
 
-    def result(self, mission: Mission) -> Foreign:
-        """Return the mission; MissionError for rejected items or without any waypoint."""
+    def check(self) -> None:
+        """Raise MissionError for rejected items."""
         if self._refused and not self._drop:
             raise MissionError(self._file, self._refused)
+
+    def result(self, mission: Mission) -> Foreign:
+        """Return the mission; MissionError for rejected items or without any waypoint."""
+        self.check()
         if not mission.waypoints:
             problem = Problem("", "no waypoint is left", "the mission needs at least one")
             raise MissionError(self._file, [*self._refused, problem])
@@ -528,11 +542,7 @@ ALTITUDE_TERRAIN: Final = 4
 
 def read_plan(text: str, file: str, *, home: Home | None = None, drop: bool = False) -> Foreign:
     """Return the mission of a plan; `home` replaces the plan's own."""
-    plan = _object(text, file)
-    body = plan.get("mission")
-    if plan.get("fileType") != "Plan" or not isinstance(body, dict):
-        problem = Problem("fileType", "this is not a plan", "save it as a .plan in QGroundControl")
-        raise MissionError(file, [problem])
+    plan, body = _plan_of(text, file)
     home = home or _plan_home(body.get("plannedHomePosition"), file)
     sieve = PlanFilter(file, drop=drop)
     listed = body.get("items")
@@ -545,6 +555,29 @@ def read_plan(text: str, file: str, *, home: Home | None = None, drop: bool = Fa
     return sieve.result(Mission(waypoints=steps, fence=fence, home=home))
 
 
+def read_plan_fence(text: str, file: str) -> Fence | None:
+    """Return the fence of a plan, whose other parts are ignored; MissionError lists its faults."""
+    plan, body = _plan_of(text, file)
+    home, drawn = _plan_home(body.get("plannedHomePosition"), file), plan.get("geoFence")
+    if home is None and any(_shapes(drawn)):
+        problem = Problem("plannedHomePosition", "is missing", "set it in QGroundControl")
+        raise MissionError(file, [problem])
+    sieve = PlanFilter(file, drop=False, fix="correct it in QGroundControl")
+    fence = _fence(drawn, home, sieve)
+    sieve.check()
+    return fence
+
+
+def _plan_of(text: str, file: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return a plan and its mission."""
+    plan = _object(text, file)
+    body = plan.get("mission")
+    if plan.get("fileType") != "Plan" or not isinstance(body, dict):
+        problem = Problem("fileType", "this is not a plan", "save it as a .plan in QGroundControl")
+        raise MissionError(file, [problem])
+    return plan, body
+
+
 def _object(text: str, file: str) -> dict[str, Any]:
     try:
         plan = value_in(text)
@@ -555,10 +588,10 @@ def _object(text: str, file: str) -> dict[str, Any]:
 
 
 def _plan_home(place: object, file: str) -> Home | None:
-    numbers = _plan_numbers(place)
-    if len(numbers) < 2 or not any(numbers[:2]):
-        return None
     try:
+        numbers = _plan_numbers(place)
+        if len(numbers) < 2 or not any(numbers[:2]):
+            return None
         return home_at(*numbers[:3])
     except UserError as error:
         problem = Problem("plannedHomePosition", str(error), "or use --home")
@@ -572,7 +605,8 @@ CAMERA: Final = frozenset({203, 206, 530, 531, 532, 2000, 2001, 2500, 2501})
 def _plan_items(listed: list[Any], sieve: PlanFilter) -> Iterator[Item | Problem]:
     """Yield the items, numbered from 1 as in QGroundControl, each jump with such a number.
 
-    The waypoints of a survey, along its transects, stand in the plan.
+    The waypoints of a survey, along its transects, stand in the plan. Raises MissionError for a
+    parameter that is neither a number nor null.
     """
     flat = [one for each in listed for one in _simple_items(each, sieve)]
     ids = {one.get("doJumpId"): number for number, one in enumerate(flat, start=1)}
@@ -582,7 +616,10 @@ def _plan_items(listed: list[Any], sieve: PlanFilter) -> Iterator[Item | Problem
             yield sieve.problem(f"item {number}", f"{kind}: the robot cannot do that")
             continue
         command, frame = _whole(one.get("command")), _whole(one.get("frame"))
-        numbers = _plan_numbers(one.get("params"))
+        try:
+            numbers = _plan_numbers(one.get("params"))
+        except NotANumberError as error:
+            raise sieve.unreadable(f"item {number}: params", error) from error
         if command == Command.DO_JUMP and numbers:
             numbers[0] = float(ids.get(numbers[0], numbers[0]))
         yield Item(number, command, frame, tuple(numbers), one.get("autoContinue") is not False)
@@ -608,16 +645,22 @@ def _whole(value: object) -> int:
     return value if isinstance(value, int) and not isinstance(value, bool) else -1
 
 
+class NotANumberError(UserError):
+    """A value of a file should be a number or missing, and is neither."""
+
+
 def _plan_numbers(values: object) -> list[float]:
-    """Return numbers; null and anything else becomes NaN, as in MAVLink."""
+    """Return numbers, NaN for null, as in MAVLink; NotANumberError for anything else."""
     if not isinstance(values, list):
         return []
     return [_plan_number(value) for value in values]
 
 
 def _plan_number(value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    if value is None:
         return nan
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise NotANumberError(not_a_number(str(value)[:40]))
     try:
         return float(value)
     except OverflowError:
@@ -630,12 +673,15 @@ def _fence(part: object, home: Home | None, sieve: PlanFilter) -> Fence | None:
     for where, shape in _shapes(part):
         stays = shape.get("inclusion", True) is not False
         if home is None:
-            sieve.refuse(where, "latitude and longitude need a home: --home LATITUDE LONGITUDE")
+            sieve.refuse(where, NO_HOME)
             continue
         if stays and any(one for one, _ in drawn):
             sieve.refuse(where, "is a second fence to stay in: only one is supported")
             continue
-        outline = _circle(shape, home) if "circle" in shape else _polygon(shape, home)
+        try:
+            outline = _circle(shape, home) if "circle" in shape else _polygon(shape, home)
+        except NotANumberError as error:
+            raise sieve.unreadable(where, error) from error
         fault = fault_of(outline.corners) if isinstance(outline, Polygon) else ""
         if outline is None or fault:
             sieve.refuse(where, fault or "cannot be read")
@@ -774,7 +820,11 @@ def _line_items(lines: list[str], file: str) -> list[Item]:
     for line, text in enumerate(lines[1:], start=2):
         if not text.strip() or text.startswith("#"):
             continue
-        numbers = list(_line_numbers(text))
+        try:
+            numbers = list(map(_line_number, text.split()))
+        except NotANumberError as error:
+            problems.append(Problem("", str(error), "", line))
+            continue
         whole = [int(number) if isfinite(number) else -1 for number in numbers[:4]]
         if len(numbers) != FIELDS or whole != numbers[:4]:
             reason = f"is not {FIELDS} numbers, the first four of them whole"
@@ -787,13 +837,12 @@ def _line_items(lines: list[str], file: str) -> list[Item]:
     return items
 
 
-def _line_numbers(text: str) -> Iterator[float]:
-    """Yield the numbers of a line, NaN for anything else; no line may begin with NaN."""
-    for word in text.split():
-        try:
-            yield float(word)
-        except ValueError:
-            yield nan
+def _line_number(word: str) -> float:
+    """Return a number, which may be NaN; NotANumberError for anything else."""
+    try:
+        return float(word)
+    except ValueError:
+        raise NotANumberError(not_a_number(word[:40])) from None
 
 
 def _line_home(item: Item, file: str) -> Home | None:

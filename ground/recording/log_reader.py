@@ -25,7 +25,7 @@ from pathlib import Path
 from struct import Struct
 from typing import BinaryIO, Final, NamedTuple, Protocol, cast
 
-from ground.recording.mcap_file import McapFile, path_in
+from ground.recording.mcap_file import UNKNOWN_PATH, McapFile, path_in
 from protocol.bus.network import MAX_ROBOTS
 from protocol.topic import NAME, ROBOT_NAME
 from protocol.topics import CLOCK, PREFIX, key_parts
@@ -86,8 +86,11 @@ STAMP: Final = Struct(">Q")
 SIGNED: Final = 0x01
 LARGEST_RECORD: Final = STAMP.size + HEADER_SIZE + 255 + CHECKSUM_SIZE + SIGNATURE_SIZE
 CHUNK: Final = 1 << 18
-EPOCH_2000_US: Final = 946_684_800_000_000
-EPOCH_2200_US: Final = 7_258_118_400_000_000
+TIME_LIMIT_US: Final = 1 << 56
+"""No clock shows the year 4253, but one that was never set shows 1970."""
+MAVLINK_1: Final = 0xFE
+MAVLINK_1_BYTES: Final = 8
+"""Of a frame without its payload."""
 
 
 class Record(NamedTuple):
@@ -107,6 +110,11 @@ def frame_size(head: bytes) -> int:
     if len(head) < 3 or head[0] != MAGIC:
         return 0
     return HEADER_SIZE + head[1] + CHECKSUM_SIZE + (SIGNATURE_SIZE if head[2] & SIGNED else 0)
+
+
+def mavlink_1_size(head: bytes) -> int:
+    """Return the size of a frame of MAVLink 1, which nothing here decodes; 0 for no such frame."""
+    return MAVLINK_1_BYTES + head[1] if head[0] == MAVLINK_1 else 0
 
 
 def is_whole_frame(frame: bytes) -> bool:
@@ -165,8 +173,8 @@ class TlogReader:
         if len(head) < STAMP.size + 3:
             return 0
         (time_us,) = STAMP.unpack_from(head)
-        size = frame_size(head[STAMP.size :])
-        return STAMP.size + size if size and EPOCH_2000_US <= time_us < EPOCH_2200_US else 0
+        size = frame_size(head[STAMP.size :]) or mavlink_1_size(head[STAMP.size :])
+        return STAMP.size + size if size and time_us < TIME_LIMIT_US else 0
 
     def _take(self, size: int) -> Record:
         (time_us,) = STAMP.unpack_from(self._buffer, self._at)
@@ -445,7 +453,8 @@ def is_locked(path: Path) -> bool:
 
 def key_of(frame: bytes, robot: str) -> str:
     """Return the key of a frame, derived from message and sender."""
-    return f"{PREFIX}/{robot}/{path_in(frame)}"
+    path = f"{UNKNOWN_PATH}/mavlink1" if frame[0] == MAVLINK_1 else path_in(frame)
+    return f"{PREFIX}/{robot}/{path}"
 
 
 REPORT_EVERY: Final = 1000

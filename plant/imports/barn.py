@@ -88,7 +88,7 @@ def parse_list(text: str, file: str) -> CylinderField:
     rows: list[tuple[float, float, float]] = []
     first = True
     for number, line in enumerate(text.split("\n"), 1):
-        words = line.partition("#")[0].replace(",", " ").replace(";", " ").split()
+        words = cells_in(line.partition("#")[0])
         if words and not (first and words[0].lower() in HEADER):
             rows.append(_cylinder(words, number, file))
         first = first and not words
@@ -104,6 +104,17 @@ def parse_list(text: str, file: str) -> CylinderField:
     return CylinderField(size_m, cylinders, (low[0], low[1]), None)
 
 
+def cells_in(line: str) -> list[str]:
+    """Return the cells of a line; between semicolons a comma is a decimal mark."""
+    if ";" in line:
+        cells = line.replace(",", ".").rstrip().removesuffix(";").split(";")
+    elif "," in line:
+        cells = line.rstrip().removesuffix(",").split(",")
+    else:
+        return line.split()
+    return [cell.strip() for cell in cells]
+
+
 def _cylinder(words: list[str], line: int, file: str) -> tuple[float, float, float]:
     try:
         x_m, y_m, radius_m = (float(word) for word in (*words, str(RADIUS_M))[:3])
@@ -111,7 +122,7 @@ def _cylinder(words: list[str], line: int, file: str) -> tuple[float, float, flo
         x_m = y_m = radius_m = float("nan")
     finite = all(isfinite(value) for value in (x_m, y_m, radius_m)) and len(words) in (2, 3)
     if not finite or not 0.0 < radius_m <= MAX_SIZE_M or max(abs(x_m), abs(y_m)) > MAX_COORDINATE_M:
-        reason = f"found {' '.join(words)[:40]!r}"
+        reason = f"found {', '.join(words)[:40]!r}"
         fix = "write x, y and perhaps radius in metres, as in 1.5, 0.3, 0.075"
         raise refuse(file, "cylinder", reason, fix, line)
     return x_m, y_m, radius_m

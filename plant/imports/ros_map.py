@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from plant.imports.cells import MAX_COORDINATE_M, Cells
 from plant.model.errors import read_bytes, read_text, refuse
+from runtime.errors import not_a_number
 
 Value: TypeAlias = str | list[str]
 
@@ -80,7 +81,7 @@ class MapYaml:
         try:
             value = float(text)
         except ValueError:
-            raise self.refuse(key, f"{text!r} is no number", example) from None
+            raise self.refuse(key, not_a_number(text), example) from None
         if not low <= value <= high:
             raise self.refuse(key, f"{text} is out of range ({low:g} to {high:g})", example)
         return value

@@ -114,6 +114,7 @@ def test_every_command_word_is_parsed_or_reports_its_usage() -> None:
         ("goal 1 -- 2 3 --timeout", "wrong place for the option --timeout; an option stands after"),
         ("goal 1", "Y is missing; example: goto 2 1.5"),
         ("goal one two", "X must be a number in metres, not one; example: goto 5.4 2 90"),
+        ("goal 1,5 2", "X must be a number in metres, not 1,5: write 1.5; example"),
         ("goal nan 2", "X must be a finite number in metres, not nan"),
         ("goal 1 2 3 4", "too many words: 4"),
         (

@@ -291,7 +291,7 @@ BAD_ROS_MAPS = [
     ("no image", YAML.replace("image: hand.pgm\n", ""), None, "image", "missing"),
     ("empty image", YAML.replace("hand.pgm", ""), 1, "image", "expected text"),
     ("png", YAML.replace("hand.pgm", "hand.png"), 1, "image", "hand.png is no .pgm file"),
-    ("no number", YAML.replace("0.5 ", "half "), 2, "resolution", "'half' is no number"),
+    ("no number", YAML.replace("0.5 ", "half "), 2, "resolution", "'half' is not a number"),
     ("zero", YAML.replace("0.5 ", "0 "), 2, "resolution", "out of range"),
     ("nan", YAML.replace("0.5 ", "nan "), 2, "resolution", "out of range"),
     ("list", YAML.replace("0.5 ", "[0.5] "), 2, "resolution", "found a list"),
@@ -465,6 +465,12 @@ def test_list_rows_are_x_y_and_optional_radius() -> None:
     assert field.ends is None
 
 
+def test_comma_between_semicolons_is_a_decimal_mark() -> None:
+    (cylinder,) = parse_list("x;y;radius\n1,5;0,3;0,25\n", "list.csv").cylinders
+    assert cylinder.radius_m == 0.25
+    assert cylinder.y_m - cylinder.x_m == 0.0
+
+
 def test_duplicate_cylinder_is_kept_once() -> None:
     assert len(parse_list("1 1\n1 1\n2 2\n", "list.txt").cylinders) == 2
 
@@ -483,6 +489,7 @@ def test_duplicate_cylinder_is_kept_once() -> None:
         ("1 2 0\n", 1, "cylinder"),
         ("1 2 -0.1\n", 1, "cylinder"),
         ("1 2\nx,y\n", 2, "cylinder"),
+        ("1,2 3\n", 1, "cylinder"),
     ],
 )
 def test_invalid_list_is_rejected_with_its_line(text: str, line: int | None, key: str) -> None:

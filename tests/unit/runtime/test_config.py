@@ -71,6 +71,7 @@ def test_a_file_becomes_typed_settings(tmp_path: Path) -> None:
         ("id = 3", "id", "expected `str`, got `int`"),
         ('id = "r"\nrate_hz = 200', "rate_hz", "expected `float` <= 100"),
         ('id = "r"\nrate_hz = true', "rate_hz", "expected `float`, got `bool`"),
+        ('id = "r"\ngain = 1,5', "", "'1,5' is not a number: write 1.5 (at line 2); correct"),
         ('id = "r"\ngain = nan', "gain", "is not finite; give a finite number"),
         ('id = "r"\ngain = -inf', "gain", "is not finite"),
         ('id = "r"\nnetwork = 3', "network", "expected `object`, got `int`"),

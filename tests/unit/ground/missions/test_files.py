@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.missions import qgroundcontrol
-from ground.missions.files import read, read_toml, toml_text, write
+from ground.missions.files import read, read_fence, read_toml, toml_text, write
 from ground.missions.mission import Circle, Home, Mission, MissionError, Polygon, Waypoint, Zones
 from ground.missions.qgroundcontrol import home_at
 from runtime.errors import UserError
@@ -140,7 +140,8 @@ def test_what_is_no_plan_is_refused(text: str) -> None:
     ("circles", "polygons", "why"),
     [
         ([{"circle": {"center": [47.4], "radius": 5}, "inclusion": False}], [], "cannot be read"),
-        ([{"circle": {"center": [47.4, 8.5], "radius": "5"}}], [], "cannot be read"),
+        ([{"circle": {"center": [47.4, 8.5], "radius": "5"}}], [], "'5' is not a number"),
+        ([], [{"polygon": [["47,4", 8.5]]}], "polygons[0]: '47,4' is not a number: write 47.4"),
         ([{"circle": 3}], [], "cannot be read"),
         ([], [{"polygon": [[47.4, 8.5]]}], "has 1 corners"),
         ([], [{"polygon": [[47.4]]}], "cannot be read"),
@@ -153,6 +154,29 @@ def test_a_fence_the_robot_cannot_keep_is_refused(
 ) -> None:
     text = plan(geoFence={"circles": circles, "polygons": polygons, "version": 2})
     assert why in refusal(text)
+
+
+@each("drop", [False, True])
+def test_a_parameter_that_is_no_number_is_never_dropped(drop: bool) -> None:
+    text = plan(mission=PLAN["mission"] | {"items": [simple(16) | {"params": ["1,5", *[0] * 6]}]})
+    said = refusal(text, drop=drop)
+    assert said == "m.plan: item 1: params: '1,5' is not a number: write 1.5"
+
+
+def test_the_fence_of_a_plan_needs_no_waypoint(tmp_path: Path) -> None:
+    circles = [{"circle": {"center": [47.4, 8.5], "radius": 5}, "inclusion": True}]
+    fence = {"circles": circles, "polygons": [], "version": 2}
+    path = tmp_path / "fence.plan"
+    for items in ([], [simple(22)]):
+        path.write_text(plan(geoFence=fence, mission=PLAN["mission"] | {"items": items}))
+        assert str(read_fence(path)) == "circle of 5 m around (0, 0)"
+
+
+def test_a_file_without_a_fence_is_refused_with_its_fix(tmp_path: Path) -> None:
+    path = tmp_path / "none.plan"
+    path.write_text(plan())
+    with pytest.raises(UserError, match="has no fence; draw one in QGroundControl"):
+        read_fence(path)
 
 
 def test_rally_points_are_refused() -> None:
@@ -178,7 +202,11 @@ def test_a_mission_planner_file_has_home_at_item_0() -> None:
         ("QGC WPL 120\n", "the first line is not"),
         ("QGC WPL 110\n", "no waypoint is left"),
         ("QGC WPL 110\n0 1 0", "m.waypoints:2: is not 12 numbers"),
-        ("QGC WPL 110\nx 1 0 16 0 0 0 0 47 8 0 1", "m.waypoints:2: is not 12 numbers"),
+        ("QGC WPL 110\nx 1 0 16 0 0 0 0 47 8 0 1", "m.waypoints:2: 'x' is not a number"),
+        (
+            "QGC WPL 110\n0 1 0 16 0 0 0 0 47 8 0 1\n1 0 3 16 0 0,5 0 90,0 47 8 0 1",
+            "m.waypoints:3: '0,5' is not a number: write 0.5",
+        ),
         ("QGC WPL 110\n0.5 1 0 16 0 0 0 0 47 8 0 1", "first four of them whole"),
         ("QGC WPL 110\n0 1 0 22 0 0 0 0 47 8 0 1", "item 0: is not home"),
         ("QGC WPL 110\n0 1 0 16 0 0 0 0 89 8 0 1", "item 0: no home at"),

@@ -86,6 +86,23 @@ def test_written_records_are_read_back() -> None:
     assert reader.damage() == ""
 
 
+@each("began_us", [0, 18_000_000_000_000, 7_300_000_000_000_000])
+def test_record_of_a_clock_that_was_never_set_is_read(began_us: int) -> None:
+    written = [record_bytes(began_us + n, frame) for n, frame in enumerate(frames(20))]
+    records, reader = reading(b"".join(written))
+    assert [record.time_us for record in records] == [began_us + n for n in range(20)]
+    assert reader.damage() == ""
+
+
+def test_frames_of_mavlink_1_are_no_damage(tmp_path: Path) -> None:
+    beat = b"\xfe\x09\x00\x01\x01\x00" + bytes(9) + b"\x12\x34"
+    path = tmp_path / "old.tlog"
+    path.write_bytes(b"".join(record_bytes(START_US + n, beat) for n in range(5)))
+    log_index = LogIndex(open_log(path))
+    assert (len(log_index), log_index.damage) == (5, "")
+    assert log_index.key(0) == "sidestep/r1/unknown/mavlink1"
+
+
 def test_truncated_tlog_is_read_to_the_cut() -> None:
     written = log(8)
     data, ends = b"".join(written), [0, *accumulate(map(len, written))]
