@@ -83,17 +83,24 @@ def resolve_tls_paths(table: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 def read_toml(path: Path | str) -> dict[str, Any]:
     """Return the tables of a TOML file, unchecked."""
+    text = text_of(path)
     try:
-        return table_in(text_in(Path(path), MAX_BYTES))
+        return table_in(text)
+    except ValueError as error:
+        fix = "correct the TOML syntax there"
+        raise ConfigError(file=str(path), key="", reason=str(error), fix=fix) from error
+
+
+def text_of(path: Path | str) -> str:
+    """Return the text of a file; ConfigError if it has none."""
+    try:
+        return text_in(Path(path), MAX_BYTES)
     except OSError as error:
         reason = (error.strerror or "cannot be read").lower()
         raise ConfigError(file=str(path), key="", reason=reason, fix="check the path") from error
     except UnicodeDecodeError as error:
         fix = "save it as UTF-8"
         raise ConfigError(file=str(path), key="", reason="is not UTF-8 text", fix=fix) from error
-    except ValueError as error:
-        fix = "correct the TOML syntax there"
-        raise ConfigError(file=str(path), key="", reason=str(error), fix=fix) from error
 
 
 def parse(table: Mapping[str, Any], schema: type[T], *, file: str) -> T:

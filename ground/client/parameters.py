@@ -26,6 +26,8 @@ from runtime.errors import RemoteError, UserError
 FLT_MAX: Final = 3.4e38
 SAVING_NS: Final = 15_000_000_000
 """Time limit, longer than the robot waits for its disk before it answers NOT_SAVED."""
+SHOWN: Final = 3
+"""Names of others that are listed."""
 NO_CHANGE: Final = "no change: the robot has all values of the file"
 SAVED: Final[Mapping[bool | None, str]] = MappingProxyType(
     {
@@ -134,10 +136,14 @@ class ParametersSaved:
 
 @dataclass(frozen=True, slots=True)
 class ParametersLoaded:
-    """The parameters that were set, with the values before, and the refusal that ended it."""
+    """The parameters that were set, with the values before, and the refusal that ended it.
+
+    `others` are names in the file that are not the robot's.
+    """
 
     before: tuple[tuple[str, float], ...]
     refusal: str = ""
+    others: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -153,11 +159,15 @@ class ParametersLoaded:
     def text(self) -> str:
         """The refusal if any, then the names."""
         done = f"set: {', '.join(self.names)}" if self.names else NO_CHANGE
+        if self.others:
+            more = f" and {len(self.others) - SHOWN} more" if len(self.others) > SHOWN else ""
+            done += f"; not of this robot: {', '.join(self.others[:SHOWN])}{more}"
         return f"{self.refusal}; {done}" if self.refusal else done
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
         """Return names and refusal as a row."""
-        return {"verb": "param load", "ok": self.ok, "set": [*self.names], "reason": self.refusal}
+        row = {"verb": "param load", "ok": self.ok, "set": [*self.names], "reason": self.refusal}
+        return row | {"others": [*self.others]} if self.others else row
 
 
 class Parameters:
@@ -201,14 +211,19 @@ class Parameters:
         return await self.change(name, None)
 
     async def load(self, file: str | Path) -> ParametersLoaded | Refused:
-        """Set all values of a TOML file; none unless all are allowed (ConfigError)."""
+        """Set all values of a TOML, .param or .params file; none unless all are allowed.
+
+        ConfigError names one that is not. Parameters in a file of a ground station that are not the
+        robot's are left out.
+        """
         if (refused := await self._robot.lease.ensure()) is not None:
             return refused
         found = await self.fetch()
-        return await self._restore(found, parameter_file.read(Path(file), found))
+        values, others = parameter_file.read(Path(file), found)
+        return replace(await self._restore(found, values), others=others)
 
     async def save(self, file: str | Path | None) -> ParametersSaved:
-        """Write the parameters that differ from their defaults to a TOML file.
+        """Write the parameters that differ from their defaults to a file; its suffix is its form.
 
         Without a file, list those that the robot saves by itself.
         """

@@ -7,6 +7,7 @@ from typing import Any, Final, Self
 
 from ground.client.outcomes import Refused, Success
 from ground.client.parameter import Parameter, line
+from ground.client.parameter_file import ENDINGS
 from ground.client.parameter_rows import NAME_RULE
 from ground.client.parameters import ParameterChanged, ParametersLoaded, ParametersSaved, number
 from ground.client.vocabulary import value_in_words, value_words
@@ -16,7 +17,9 @@ from protocol.wire.limits import MAX_PARAMETER_NAME_BYTES
 from runtime.cli.verb import MORE
 from runtime.errors import UserError
 
-PARAM: Final = Group(MORE, 10, "param set d_obs_m 0.35", "read and set the robot's parameters")
+PARAM: Final = Group(
+    MORE, 10, "param set d_obs_m 0.35", "read and set the robot's parameters", suffixes=ENDINGS
+)
 COLUMNS: Final = ("name", "value", "unit", "minimum", "maximum", "default", "safer", "doc")
 
 
@@ -107,7 +110,7 @@ class ResetParameter(OperatorCommand):
 
 @command(PARAM, example="param save tuned.toml")
 class SaveParameters(OperatorCommand):
-    """Write the changed parameters to a file.
+    """Write the changed parameters to a .toml or .param file.
 
     Without a file, list those that the robot saves by itself.
     """
@@ -128,7 +131,7 @@ class LoadParameters(OperatorCommand):
     ConfigError if one is not: then none is set.
     """
 
-    file: Path = place("FILE", "TOML with [parameters]", parse=Path)
+    file: Path = place("FILE", ".toml with [parameters], or .param", parse=Path)
 
     async def perform(self, robot: Robot) -> ParametersLoaded | Refused:
         """Set the values that differ, until one is refused."""

@@ -74,7 +74,6 @@ MAX_RATIO: Final = 200
 """Largest ratio of unpacked to packed size; own chunks unpack to ten times their size."""
 SLACK: Final = 1 << 16
 FIRST_CHUNKS: Final = 2
-LAST_CHUNKS: Final = 3
 
 
 class Raw(msgspec.Struct, frozen=True, gc=False):
@@ -137,16 +136,20 @@ class McapFile:
                 return str(Metadata.read(ReadDataStream(BytesIO(content))).metadata["robot"])
         return ""
 
-    def last_frames(self) -> Iterator[bytes]:
-        """Yield the frames of the last chunks, and skip everything else."""
+    def last_frames(self) -> Iterator[list[bytes]]:
+        """Yield the frames of the last chunk, then those of the one before, and so on."""
         with opened(self._path) as source:
             places = [place for opcode, *place in self._places_in(source) if opcode == Opcode.CHUNK]
-            # The first chunks hold the channels, without which the last ones cannot be read.
-            begin, end = places[:FIRST_CHUNKS], places[FIRST_CHUNKS:][-LAST_CHUNKS:]
-            for at, length in [*begin, *end]:
+
+            def frames(at: int, length: int) -> list[bytes]:
                 source.seek(at)
-                for _, raw in self._chunk(source.read(length)):
-                    yield raw.frame
+                return [raw.frame for _, raw in self._chunk(source.read(length))]
+
+            # The first chunks hold the channels, without which the last ones cannot be read.
+            first = [frames(*place) for place in places[:FIRST_CHUNKS]]
+            for place in reversed(places[FIRST_CHUNKS:]):
+                yield frames(*place)
+            yield from reversed(first)
 
     def _metadata(self) -> Iterator[bytes]:
         with opened(self._path) as source:

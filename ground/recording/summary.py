@@ -3,12 +3,11 @@
 Bookmarks are goals, outcomes, failsafes and the operator's marks. Not all of a file is read.
 """
 
-import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, suppress
 from datetime import datetime
 from io import BytesIO
-from itertools import pairwise
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import BinaryIO, Final, NamedTuple
 
@@ -99,6 +98,8 @@ def outcome(status: NavigatorStatus) -> str:
 
 TAIL_BYTES: Final = 1 << 18
 """This much of the end of a .tlog holds several seconds of a robot."""
+MAX_PIECES: Final = 64
+"""Without a status in so many pieces before the end, the end is unknown."""
 FIRST_FRAMES: Final = 20_000
 SAMPLES: Final = 16
 SAMPLE_BYTES: Final = 1 << 15
@@ -137,8 +138,8 @@ def summary_of(path: Path) -> Summary:
     with suppress(OSError, UserError):
         facts = sibling_facts(path)
         first = next(statuses(frame for frame in beginning(path)), None)
-        for last in statuses(ending(path)):  # noqa: B007 - the last one counts
-            pass
+        found = (list(statuses(piece)) for piece in islice(ending(path), MAX_PIECES))
+        last = next((piece[-1] for piece in found if piece), None)
         if first is not None and last is not None:
             length_s = length_ns(path, first, last) / NS_PER_S
     world = world_of(facts.get("world", ""))
@@ -163,15 +164,20 @@ def beginning(path: Path) -> Iterator[bytes]:
         yield one.frame
 
 
-def ending(path: Path) -> Iterable[bytes]:
-    """Return the last frames of a recording."""
+def ending(path: Path) -> Iterator[list[bytes]]:
+    """Yield pieces of the last part of a recording from its end back to its beginning."""
     path = parts_of(path)[-1]
     tlog = path.with_suffix(".tlog")
     if not tlog.exists():
-        return McapFile(path).last_frames()
+        yield from McapFile(path).last_frames()
+        return
     with opened(tlog) as source:
-        source.seek(max(0, size_of(tlog) - TAIL_BYTES), os.SEEK_SET)
-        return [record.frame for record in TlogReader(source)]
+        end = size_of(tlog)
+        while end > 0:
+            begin = max(0, end - TAIL_BYTES)
+            source.seek(begin)
+            yield [record.frame for record in TlogReader(BytesIO(source.read(end - begin)))]
+            end = begin
 
 
 def length_ns(path: Path, first: NavigatorStatus, last: NavigatorStatus) -> int:

@@ -189,6 +189,7 @@ COMMANDS: Final[Mapping[str, Verb]] = MappingProxyType(
             module="ground.commands.param",
             words="PARAM",
             rank=10,
+            suffixes=(".toml", ".param", ".parm", ".params"),
             subcommands=MappingProxyType(
                 {
                     "list": Subcommand(
@@ -214,7 +215,7 @@ COMMANDS: Final[Mapping[str, Verb]] = MappingProxyType(
                         "param reset d_obs_m",
                     ),
                     "save": Subcommand(
-                        "write the changed parameters to a file",
+                        "write the changed parameters to a .toml or .param file",
                         "param save tuned.toml",
                     ),
                     "load": Subcommand(

@@ -335,7 +335,54 @@ def test_what_is_not_as_by_default_is_written_and_reads_back(tmp_path: Path) -> 
     path = tmp_path / "p.toml"
     assert parameter_file.write(path, ROWS_IN_FILE) == ["d_obs_m"]
     assert tomllib.loads(path.read_text()) == {"parameters": {"d_obs_m": 0.4}}
-    assert parameter_file.read(path, ROWS_IN_FILE) == {"d_obs_m": 0.4}
+    assert parameter_file.read(path, ROWS_IN_FILE) == ({"d_obs_m": 0.4}, ())
+
+
+@each(
+    ("name", "text"),
+    [
+        ("p.param", "D_OBS_M,0.4\n"),
+        ("p.parm", "D_OBS_M,0.4\n"),
+        ("p.params", "1\t1\tD_OBS_M\t0.4\t9\n"),
+    ],
+)
+def test_file_of_a_ground_station_is_written_and_read(tmp_path: Path, name: str, text: str) -> None:
+    path = tmp_path / name
+    assert parameter_file.write(path, ROWS_IN_FILE) == ["d_obs_m"]
+    assert path.read_text() == text
+    assert parameter_file.read(path, ROWS_IN_FILE) == ({"d_obs_m": 0.4}, ())
+
+
+@each(
+    "text",
+    [
+        "\ufeff#NOTE: 1.12.2026\r\nD_OBS_M,0.4\r\nRCMAP_ROLL,1\r\n",
+        "RCMAP_ROLL       1.000000\nD_OBS_M          0.400000  # far\n",
+        "# Onboard parameters\n#\n1\t1\tD_OBS_M\t0.4\t9\n1\t1\tRCMAP_ROLL\t1\t4\n",
+    ],
+)
+def test_parameters_of_ardupilot_are_left_out(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "rover.param"
+    path.write_text(text, encoding="utf-8")
+    assert parameter_file.read(path, ROWS_IN_FILE) == ({"d_obs_m": 0.4}, ("RCMAP_ROLL",))
+
+
+@each(
+    ("text", "why"),
+    [
+        ("D_OBS_M,0,35", "p.param:1: D_OBS_M: '0,35' is not a number: write 0.35"),
+        ("# far\nD_OBS_M 9", "p.param:2: D_OBS_M: 9 is out of range; give 0.05 to 3 m"),
+        ("D_OBS_M nan", "p.param:1: D_OBS_M: is not finite; give a finite number"),
+        ("D_OBS_M", "p.param:1: 'D_OBS_M' is not a name and a value; write NAME,VALUE"),
+        ("RCMAP_ROLL 1", "p.param: has no parameter of this robot; see `sidestep param list`"),
+    ],
+)
+def test_wrong_line_of_a_param_file_is_named(tmp_path: Path, text: str, why: str) -> None:
+    path = tmp_path / "p.param"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        parameter_file.read(path, ROWS_IN_FILE)
+    assert str(caught.value).endswith(why)
 
 
 @each(
@@ -387,12 +434,17 @@ def test_value_without_a_name_is_a_number() -> None:
     assert value_words("d_obs_m", 0.1 + 0.2) == "0.3"
 
 
-@each("words", ["", "nan", "inf", "-inf", "buggy", "1,5"])
+@each("words", ["", "nan", "inf", "-inf", "buggy"])
 def test_word_that_is_no_value_is_an_error(words: str) -> None:
     with pytest.raises(UserError, match="must be a finite number or one of bug, vgm"):
         value_in_words("navigator", words)
     with pytest.raises(UserError, match=r"must be a finite number$"):
         value_in_words("d_obs_m", words)
+
+
+def test_value_with_a_decimal_comma_shows_how_to_write_it() -> None:
+    with pytest.raises(UserError, match=r"'0,4': must be a finite number, written as 0\.4$"):
+        value_in_words("d_obs_m", "0,4")
 
 
 def test_every_mode_and_navigator_has_a_summary() -> None:

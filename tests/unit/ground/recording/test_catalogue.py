@@ -6,6 +6,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -48,6 +49,7 @@ from ground.recording.log_reader import (
 from ground.recording.log_writer import DualLog, LogFile, new_log
 from ground.recording.summary import summary_of
 from ground.user.folders import recordings_folder
+from protocol.wire.messages import NavigatorStatus
 from runtime.errors import UserError
 from tests.support.each import each
 from tests.support.ground.made_recordings import (
@@ -269,6 +271,19 @@ def test_an_mcap_alone_has_the_same_summary(folder: Path, every: int) -> None:
     assert second.length_s == first.length_s
     assert (second.outcome, second.navigator) == (first.outcome, first.navigator)
     assert second.length_s == pytest.approx(19.95)
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".tlog"])
+def test_end_is_that_of_the_last_status_or_unknown(folder: Path, suffix: str) -> None:
+    frames = list(run(400))
+    silent = [one for one in frames if not isinstance(one.message, NavigatorStatus)]
+    later = [one._replace(time_us=one.time_us + 400 * PERIOD_US) for one in silent * 4]
+    written = {".tlog": tlog, ".mcap": partial(mcap, every=300)}[suffix]
+    path = written(folder / f"{OLD}{suffix}", [*frames, *later])
+    assert summary_of(path).outcome == "reached"
+    path.unlink()
+    path = written(folder / f"{OLD}{suffix}", silent)
+    assert (summary_of(path).outcome, summary_of(path).length_s) == ("", None)
 
 
 def test_length_goes_on_where_a_new_plant_begins_time_anew(folder: Path) -> None:
