@@ -4,13 +4,14 @@ Slow jobs run in daemon threads, so that neither the screen nor the exit waits f
 """
 
 import os
+import signal
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from time import monotonic_ns
-from typing import TYPE_CHECKING, ClassVar, Final, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
 
 from textual import events
 from textual.app import App, ScreenStackError
@@ -44,14 +45,14 @@ from ground.app.screens import SCREENS
 from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.stops.alerts import Alerts
 from ground.app.stops.band import Band, BandKeys, is_in_emergency_stop, stop_band
-from ground.app.widgets.lines import Printable
+from ground.app.widgets.lines import Printable, cleaned
 from ground.client.robot_link import in_own_thread
 from ground.client.telemetry import Age
 from ground.client.time_factor import TimeFactor
 from ground.station.station import Station
 from protocol.topics import HEARTBEAT, TRUTH, Role
 from protocol.wire.enums import Severity
-from runtime.errors import LocalError, RemoteError
+from runtime.errors import LocalError, RemoteError, UserError
 
 if TYPE_CHECKING:
     from ground.app.playback.player import Player
@@ -111,6 +112,12 @@ def screen_of(name: str, app: AppControl) -> AppScreen:
     raise ValueError(f"no screen: {name}")
 
 
+def notification(text: str, *, in_tmux: bool) -> str:
+    """Return OSC 9, which terminals show on the desktop; tmux passes it on in a wrapper."""
+    sequence = f"\x1b]9;{cleaned(text)}\x07"
+    return f"\x1bPtmux;\x1b{sequence}\x1b\\" if in_tmux else sequence
+
+
 class GroundApp(App[int]):
     """Samples a station, draws what has changed, and passes on commands."""
 
@@ -151,7 +158,7 @@ class GroundApp(App[int]):
         self._unread = UnreadWarnings()
         self.palette_uses: Counter[str] = Counter()
         self._robot_keys = RobotKeys(self)
-        self._alerts = Alerts(self, quiet=self.appearance.quiet_bell)
+        self._alerts = Alerts(self, self.appearance)
         for theme in TEXTUAL_THEMES:
             self.register_theme(theme)
         self.theme = self.appearance.theme
@@ -271,6 +278,34 @@ class GroundApp(App[int]):
     def _show_replay(self, player: "Player") -> None:
         self.player = player
         self.redraw()
+
+    def suspend_to_shell(self) -> None:
+        """Restore the terminal, and stop with the whole job until the shell continues it.
+
+        What has started this program, such as `make`, must stop, too, or the shell would wait for
+        it. The driver handles the signal.
+        """
+        if self._driver is not None and self._driver.can_suspend:
+            os.killpg(0, signal.SIGTSTP)
+
+    def notify_desktop(self, text: str) -> None:
+        """Ask the terminal to show a notification on its desktop, also through ssh and tmux."""
+        if self._driver is not None:
+            self._driver.write(notification(text, in_tmux="TMUX" in os.environ))
+            self._driver.flush()
+
+    def use_mouse(self, *, is_used: bool) -> str:
+        """Take the mouse, or leave it to the terminal, which selects text by it; say so."""
+        driver: Any = self._driver
+        name = "_enable_mouse_support" if is_used else "_disable_mouse_support"
+        switch = getattr(driver, name, None)
+        if switch is None:
+            raise UserError("this screen has no mouse")
+        switch()
+        driver.flush()
+        if is_used:
+            return "the mouse works on the map and on lists"
+        return "the mouse selects text of the terminal; :mouse on takes it back"
 
     def choose_theme(self, name: str) -> None:
         """Show a theme, and remember it for the next start."""

@@ -125,6 +125,9 @@ class AppControl(AppInterface, Protocol):
     def bell(self) -> None:
         """Ring the terminal's bell."""
 
+    def notify_desktop(self, text: str) -> None:
+        """Ask the terminal to show a notification on its desktop."""
+
     def copy_to_clipboard(self, text: str) -> None:
         """Copy a text to the clipboard."""
 
@@ -133,6 +136,9 @@ class AppControl(AppInterface, Protocol):
 
     def action_command_palette(self) -> None:
         """Open the command palette."""
+
+    def suspend_to_shell(self) -> None:
+        """Restore the terminal, and stop until the shell continues this program."""
 
     def exit(self, result: int) -> None:
         """End the app with this code."""

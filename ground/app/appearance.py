@@ -29,15 +29,18 @@ DRIVER: Final = "TEXTUAL_DRIVER"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Appearance:
-    """Theme, character set, frame rate and bell; with `hz` 0 there is no timer (for tests).
+    """Theme, character set, frame rate and calls; with `hz` 0 there is no timer (for tests).
 
-    `startup` are lines for the command line, which the app runs when it opens.
+    The calls are bell, `hook` and `desktop`, as in the settings. `startup` are lines for the
+    command line, which the app runs when it opens.
     """
 
     theme: str = "dark"
     ascii_only: bool = False
     hz: float = 10.0
     quiet_bell: bool = False
+    hook: str | None = None
+    desktop: bool = False
     startup: tuple[str, ...] = ()
 
 
@@ -75,6 +78,8 @@ def appearance_of(
         ascii_only=options.ascii or is_ascii_terminal(environment),
         hz=options.hz or settings.hz,
         quiet_bell=options.quiet_bell or not settings.bell,
+        hook=settings.hook,
+        desktop=settings.desktop,
         startup=settings.startup,
     )
 

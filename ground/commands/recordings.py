@@ -95,7 +95,7 @@ def cells(name: str, one: Summary) -> tuple[str, ...]:
     """Return the cells of a recording; `name` is its name for verbs, or a mark if it is running."""
     return (
         name,
-        f"{one.began.astimezone():%Y-%m-%d %H:%M:%S}",
+        f"{one.began.astimezone():%Y-%m-%d %H:%M:%S %Z}",
         UNKNOWN if one.length_s is None else f"{one.length_s:.1f} s",
         one.world or UNKNOWN,
         one.navigator or UNKNOWN,

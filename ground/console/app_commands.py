@@ -61,6 +61,20 @@ class Quit(KeyCommand):
     key = "quit"
 
 
+@command(APP, example="suspend")
+class Suspend(KeyCommand):
+    """Go back to the shell; fg continues."""
+
+    key = "suspend"
+
+
+@command(APP, example="mouse off")
+class SwitchMouse(AppCommand):
+    """Leave the mouse to the terminal, which selects and copies any text, or take it back."""
+
+    action: str = choice(("on", "off"), parse=str)
+
+
 @command(APP, example="keys")
 class ShowKeys(KeyCommand):
     """Show the keys of this screen."""
@@ -271,7 +285,7 @@ class OpenReplay(AppCommand):
 
 @command(APP, example="undo")
 class Undo(AppCommand):
-    """Take back the last change of a parameter, the fence or the draft."""
+    """Take back the last goal, or change of a parameter, the fence or the draft."""
 
 
 @command(APP, example="copy pose")

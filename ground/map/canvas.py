@@ -103,6 +103,15 @@ def _fits(character: str) -> bool:
     return character.isprintable() and not wide and not combining(character)
 
 
+HUES: Final = 6
+"""The colours of other robots and their trails, by name."""
+
+
+def hue_of(robot: str) -> int:
+    """Return the colour of a robot, which is the same in every session; r1 to r6 differ."""
+    return sum(robot.encode()) % HUES
+
+
 ROLES: Final = (
     "seen old",
     "seen late",
@@ -111,7 +120,7 @@ ROLES: Final = (
     "truth",
     "fence",
     "ghost",
-    "other trail",
+    *(f"trail {hue}" for hue in range(HUES)),
     "trail",
     "ellipse",
     "zone",
@@ -123,7 +132,7 @@ ROLES: Final = (
     "mission",
     "virtual",
     "goal",
-    "other",
+    *(f"other {hue}" for hue in range(HUES)),
     "danger",
     "true robot",
     "robot",

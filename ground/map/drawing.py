@@ -10,7 +10,7 @@ from itertools import pairwise, repeat
 from math import atan2, cos, degrees, dist, hypot, inf, isfinite, pi, sin
 from typing import Final
 
-from ground.map.canvas import DOTS_WIDE, DOTTED, MARKS, Canvas
+from ground.map.canvas import DOTS_WIDE, DOTTED, MARKS, Canvas, hue_of
 from ground.map.pen import Pen, ellipse
 from ground.map.scene import (
     LAYERS,
@@ -71,7 +71,7 @@ def entries(scene: MapScene, form: int, is_mono: bool = False) -> list[Entry]:
         (scene.virtual_goal is not None, f"{MARKS['virtual'][form]} virtual", "virtual"),
         (bool(scene.hits or scene.leaves), "H/L hit/leave", "hit"),
         (bool(scene.mission), f"{MARKS['waypoint'][form]} mission", "mission"),
-        (bool(scene.others), f"{MARKS['other'][form]} other robots", "other"),
+        (bool(scene.others), f"{MARKS['other'][form]} other robots", "text"),
         (bool(scene.movers), f"{MARKS['mover'][form]} moving", "truth"),
         (bool(scene.fence), f"{'⠒.'[form]} fence", "fence"),
         (bool(scene.ghosts), f"{MARKS['ended'][form]} ghost", "ghost"),
@@ -296,7 +296,7 @@ def draw_others(pen: Pen, scene: MapScene) -> None:
 
 def other_role(other: RobotMark) -> str:
     """Return the role of the colour of another robot."""
-    return "danger" if other.in_need else "other"
+    return "danger" if other.in_need else f"other {hue_of(other.name)}"
 
 
 def draw_true_robot(pen: Pen, scene: MapScene) -> None:
@@ -447,7 +447,7 @@ def draw_other_trails(
     pen = Pen(canvas, view)
     for other, points in zip(scene.others, drawn, strict=False):
         if len(other.trail) > points:
-            pen.path(other.trail[max(0, points - 1) :], "other trail")
+            pen.path(other.trail[max(0, points - 1) :], f"trail {hue_of(other.name)}")
 
 
 def draw_traces(

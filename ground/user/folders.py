@@ -1,8 +1,11 @@
 """The folders of this user, as the XDG base directory specification places them."""
 
 import os
+from itertools import count
 from pathlib import Path
 from typing import Final
+
+from runtime.errors import UserError
 
 NAME: Final = "sidestep"
 PRIVATE_FOLDER: Final = 0o700
@@ -30,6 +33,17 @@ def runs_folder() -> Path:
 def config_folder() -> Path:
     """Return the folder of the settings."""
     return _base("XDG_CONFIG_HOME", Path(".config")) / NAME
+
+
+def free_path(name: str, suffix: str) -> Path:
+    """Return the next free path in the folder of pictures; UserError if it cannot be made."""
+    folder = state_folder() / "pictures"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"{folder}: {error.strerror}") from error
+    paths = (folder / f"sidestep-{name}-{number}{suffix}" for number in count(1))
+    return next(path for path in paths if not path.exists())
 
 
 def _base(variable: str, usual: Path) -> Path:

@@ -39,13 +39,17 @@ class Context:
 class Settings:
     """The settings of the user.
 
-    `startup` are lines for the app's command line, run at its start. `context` is the name of the
-    context in force. `keys` has the form of a key file.
+    `startup` are lines for the app's command line, run at its start. `hook` is a shell command that
+    the app runs when a robot stops or arrives, and with `desktop` it sends a notification to the
+    desktop of its terminal. `context` is the name of the context in force. `keys` has the form of a
+    key file.
     """
 
     theme: str | None = None
     hz: float = USUAL_HZ
     bell: bool = True
+    hook: str | None = None
+    desktop: bool = False
     startup: tuple[str, ...] = ()
     context: str | None = None
     keys: dict[str, Any] = field(default_factory=dict)

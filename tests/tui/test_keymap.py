@@ -239,10 +239,13 @@ async def test_screen_is_saved_as_a_picture(
     folder = state / "sidestep" / "pictures"
     async with staged() as stage:
         await stage.press("Y", "Y")
-        assert f"saved {folder / 'sidestep-2.svg'}" in stage.log()
+        assert f"saved {folder / 'sidestep-screen-2.svg'}" in stage.log()
     assert not list(here.iterdir())
-    assert {path.name for path in folder.iterdir()} == {"sidestep-1.svg", "sidestep-2.svg"}
-    assert "<svg" in (folder / "sidestep-1.svg").read_text(encoding="utf-8")
+    assert {path.name for path in folder.iterdir()} == {
+        "sidestep-screen-1.svg",
+        "sidestep-screen-2.svg",
+    }
+    assert "<svg" in (folder / "sidestep-screen-1.svg").read_text(encoding="utf-8")
 
 
 async def test_key_switches_through_the_themes() -> None:

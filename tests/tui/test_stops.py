@@ -1,16 +1,19 @@
 """Stops: the bell, the band that names cause and keys, and confirmations."""
 
+from pathlib import Path
+
 import pytest
 from msgspec.structs import replace
 from textual import events
 from textual.widgets._toast import Toast
 
-from ground.app.app import GroundApp
+from ground.app.app import GroundApp, notification
 from ground.app.appearance import Appearance
 from ground.app.chrome.button_row import ButtonRow
 from ground.app.input.keymap import keymap_of
 from ground.app.screens import SCREENS
-from ground.app.stops.stop_watch import MOST_KEPT
+from ground.app.stops.alerts import run_hook
+from ground.app.stops.stop_watch import MOST_KEPT, EventKind
 from ground.app.widgets.lines import Lines
 from ground.client.telemetry import Age
 from ground.station.robot.lease_state import LeaseView
@@ -196,7 +199,7 @@ def under_way(**changes: int) -> FakeStation:
 async def test_app_is_left_at_the_second_press_while_a_robot_drives(screen: str) -> None:
     async with staged(station=under_way()) as stage:
         await stage.press(str(SCREENS[screen]), "ctrl+q")
-        assert "r1 drives: ctrl+q again within 5 s leaves" in stage.log()
+        assert "r1 drives: press ctrl+q again within 3 s to leave" in stage.log()
         stage.station.clock.advance(6_000_000_000)
         await stage.press("ctrl+q")
         assert not left(stage)
@@ -334,6 +337,30 @@ async def test_stop_of_a_robot_that_is_not_selected_rings_on_every_screen() -> N
         show(stage, "r2", stopped_status(Vehicle.FAILSAFE, stage.station.now_ns))
         assert ear.rings == 1
         assert ear.messages == ["r2 FAILSAFE: control loop too slow (computer busy)"]
+
+
+async def test_hook_and_desktop_are_called_for_stop_and_arrival(tmp_path: Path) -> None:
+    station, calls = driving(FakeStation()), tmp_path / "calls"
+    hook = f'echo "$SIDESTEP_EVENT $SIDESTEP_ROBOTS: $SIDESTEP_TEXT" >>{calls}'
+    app = GroundApp(station, FakeCommandSink(), None, Appearance(hook=hook, desktop=True, hz=0.0))
+    async with app.run_test(size=(80, 24)) as pilot:
+        stage, shown = Stage(app, pilot, station, FakeCommandSink()), list[str]()
+        app.notify_desktop = shown.append  # type: ignore[method-assign,assignment]
+        show(stage, "r2", stopped_status(Vehicle.FAILSAFE, station.now_ns))
+        await app.workers.wait_for_complete()
+    words = "r2 FAILSAFE: control loop too slow (computer busy)"
+    assert shown == [words]
+    assert calls.read_text() == f"failsafe r2: {words}\n"
+
+
+def test_failed_hook_is_reported() -> None:
+    said = run_hook("exit 3", ["r1"], EventKind.REACHED, "")
+    assert said == "hook: ended with 3: exit 3"
+
+
+def test_notification_holds_no_control_characters() -> None:
+    assert notification("r1\x07 stopped", in_tmux=False).count("\x07") == 1
+    assert notification("r1", in_tmux=True).startswith("\x1bPtmux;\x1b\x1b]9;r1\x07")
 
 
 async def test_stop_of_all_robots_rings_once_and_shows_one_message() -> None:

@@ -2,19 +2,25 @@
 
 import asyncio
 from collections.abc import Callable, Mapping, Sequence
+from math import nan
 from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace as msg_replace
 
+from checks.harness.messages import make
 from ground.app.commands.local_commands import LocalCommands
 from ground.app.commands.runner import CommandRunner
 from ground.app.commands.undo import MAX_CHANGES, Change, UndoList, inverse_of
 from ground.client.connection import Common
+from ground.client.outcomes import Accepted
 from ground.client.parameter import Parameter
 from ground.client.parameters import ParameterChanged, Parameters, ParametersLoaded
+from ground.commands.abort import Abort
 from ground.commands.command import OperatorCommand
 from ground.commands.fence import ClearFence, FenceShown, SetFence
+from ground.commands.goto import Goto
 from ground.commands.hold import Hold
 from ground.commands.param import ResetParameter, SetParameter
 from ground.console.app_commands import CopyText
@@ -24,6 +30,10 @@ from ground.missions.mission import Circle
 from ground.station.robot.command_queue import CommandQueue, QueuedCommand
 from protocol.bus.network import Network
 from protocol.options import DEFAULT_ENDPOINT
+from protocol.topics import MISSION, STATUS, Topic
+from protocol.wire.enums import GoalState, MissionState
+from protocol.wire.message import Message
+from protocol.wire.messages import MissionStatus
 from runtime.errors import UserError
 from tests.support.app import FakeStation, driving, parameter, staged
 
@@ -263,11 +273,86 @@ def test_list_of_changes_is_bounded() -> None:
         changes.take("r1")
 
 
+def show(station: FakeStation, topic: Topic[Any], message: Message) -> None:
+    station.bus.say(topic, message, at_ns=station.clock.now_ns())
+
+
+def goals_of(station: FakeStation, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Return the list to which each goal and abort is added; the robot accepts them."""
+    done: list[str] = []
+
+    async def goto(self: Goto, _: object) -> Accepted:
+        assert self.goal is not None
+        done.append(self.line)
+        now = station.telemetry.latest(STATUS)
+        assert now is not None
+        heading_rad = nan if self.goal.heading_rad is None else self.goal.heading_rad
+        place = {"goal_x_m": self.goal.x_m, "goal_y_m": self.goal.y_m}
+        show(station, STATUS, msg_replace(now[0], goal_heading_rad=heading_rad, **place))
+        return Accepted(0)
+
+    async def abort(self: Abort, _: object) -> Accepted:
+        done.append(self.line)
+        return Accepted(0)
+
+    monkeypatch.setattr(Goto, "perform", goto)
+    monkeypatch.setattr(Abort, "perform", abort)
+    return done
+
+
+def test_undo_offers_the_goal_before_and_drives_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    runner, station = command_runner()
+    done = goals_of(station, monkeypatch)
+    for line in ("goal 2 1 90 --tol 0.2", "goal 6 4", "undo"):
+        runner.run_line(line)
+    assert len(done) == 2
+    offer = "press undo again within 3 s to drive to the goal before: goal 2 1 90 --tolerance 0.2"
+    assert offer in log(station)
+    station.clock.advance(4_000_000_000)
+    runner.run_line("undo")
+    assert len(done) == 2, "the confirmation came too late"
+    runner.run_line("undo")
+    assert done[2:] == ["goal 2 1 90 --tolerance 0.2"]
+
+
+def test_undo_of_a_goal_from_another_program_is_offered(monkeypatch: pytest.MonkeyPatch) -> None:
+    runner, station = command_runner()
+    done = goals_of(station, monkeypatch)
+    now = station.telemetry.latest(STATUS)
+    assert now is not None
+    show(station, STATUS, msg_replace(now[0], goal=GoalState.REACHED, goal_x_m=4.0, goal_y_m=3.0))
+    for line in ("goal 6 4", "undo", "undo"):
+        runner.run_line(line)
+    assert done[1].startswith("goal 4 3")
+
+
+def test_undo_of_the_first_goal_aborts_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    runner, station = command_runner()
+    done = goals_of(station, monkeypatch)
+    now = station.telemetry.latest(STATUS)
+    assert now is not None
+    show(station, STATUS, msg_replace(now[0], goal=GoalState.NONE, goal_x_m=nan))
+    for line in ("goal 6 4", "undo"):
+        runner.run_line(line)
+    assert done == ["goal 6 4", "abort"]
+
+
+def test_undo_of_a_goal_that_ended_a_mission_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    runner, station = command_runner()
+    done = goals_of(station, monkeypatch)
+    show(station, MISSION, make(MissionStatus, state=MissionState.RUNNING))
+    for line in ("goal 6 4", "undo"):
+        runner.run_line(line)
+    assert done == ["goal 6 4"]
+    assert "goal 6 4 cannot be undone" in log(station)
+
+
 async def test_keys_undo_on_lists_and_on_the_map() -> None:
     async with staged() as stage:
         await stage.press("ctrl+z", "3", "z")
         assert stage.commands.given == ["undo"]
-        await stage.press("enter")
+        assert "press z again within 3 s to undo the last change" in stage.log()
+        await stage.press("z")
         assert stage.commands.given == ["undo", "undo"]
         await stage.press("colon", "ctrl+z")
         assert stage.commands.given == ["undo", "undo"]

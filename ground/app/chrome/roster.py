@@ -11,6 +11,7 @@ from ground.app.chrome.button_row import Button, buttons_width
 from ground.app.chrome.tabs import ASCII_MARKS, MARKS
 from ground.app.panels.aged import live
 from ground.app.widgets.rows import Row, Span, faint, row, width_of
+from ground.map.canvas import hue_of
 from ground.station.fleet import Attention, RosterEntry
 from ground.text.wording import CAUTION, DANGER, state_role
 from protocol.wire.enums import GoalState
@@ -105,12 +106,13 @@ def _button(entry: RosterEntry, marks: tuple[str, str], *, distance: bool) -> Bu
 
 
 def _spans(entry: RosterEntry, marks: tuple[str, str], *, distance: bool) -> Row:
-    """Return the name, a mark in the colour of the state, and what needs attention.
+    """Return the name in the robot's colour, a mark in that of the state, and what needs attention.
 
     A stop of a robot that is not selected has the colour of an alarm: it is not handled yet.
     """
     before, after = marks if entry.is_selected else (" ", " ")
-    name = (Span(before, "accent"), Span(entry.robot, "accent" if entry.is_selected else "head"))
+    colour = "accent" if entry.is_selected else f"other {hue_of(entry.robot)}"
+    name = (Span(before, "accent"), Span(entry.robot, colour))
     role = entry_role(entry)
     if entry.attention is Attention.STOPPED and not entry.is_selected:
         return row(" ", Span(f" {entry.robot} {ATTENTION} {stop_words(entry)} ", "alarm"))

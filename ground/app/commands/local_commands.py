@@ -19,6 +19,7 @@ from ground.console.app_commands import (
     ShowGhost,
     ShowHelp,
     SwitchLayers,
+    SwitchMouse,
 )
 from ground.map.scene import LAYERS
 from ground.recording.catalogue import recording_named
@@ -70,6 +71,8 @@ class LocalCommands:
                 return self.copy(command.what)
             case ShowGhost():
                 self.ghost(command.navigator)
+            case SwitchMouse():
+                return self._app.use_mouse(is_used=command.action == "on")
             case _:
                 raise UserError(UNAVAILABLE)
         return ""

@@ -1,14 +1,14 @@
 """Define the actions that every screen has: stops, commands to the robot, and leaving the app."""
 
+import os
 from collections.abc import Callable, Mapping
 from functools import partial
-from itertools import count
 from pathlib import Path
 from typing import Any, Final
 
 from ground.app.app_interface import AppControl, AppInterface
 from ground.app.chrome.key_bar import mission_is_ready, unsent
-from ground.app.input.key_queue import SecondPress
+from ground.app.input.key_queue import SecondPress, confirmation
 from ground.app.input.keymap import KEYS
 from ground.app.panels.aged import live
 from ground.app.panels.status import NAMES as NAVIGATOR_NAMES
@@ -27,13 +27,15 @@ from ground.commands.stop import ClearEmergencyStop
 from ground.missions.files import DASH
 from ground.station.station import Station
 from ground.text.wording import GOAL_MODES, THEMES, few
-from ground.user.folders import state_folder
+from ground.user.folders import free_path
 from protocol.navigators import USUAL_NAVIGATOR
 from protocol.topics import STATUS
 from protocol.wire.enums import GoalState, LeaseAction, Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus
+from runtime.errors import UserError
+from runtime.files import replace_named
 
-LEAVE_WITHIN_S: Final = 5.0
+SHOWN_S: Final = 5.0
 
 
 class Leaving:
@@ -41,20 +43,32 @@ class Leaving:
 
     def __init__(self, app: AppControl) -> None:
         self._app = app
-        self._pressed = SecondPress(lambda: app.station.time_s, LEAVE_WITHIN_S)
+        self._pressed = SecondPress(lambda: app.station.time_s)
 
     def quit(self) -> None:
         """Leave at once when all robots stand, else at the second press."""
-        driving = robots_that_drive(self._app.station)
-        if not driving or self._pressed.is_second():
+        ends = ", which ends the simulation" if self._app.stack is not None else ""
+        if self._is_confirmed("quit", f"leave{ends}"):
             self._app.exit(0)
-            return
+
+    def suspend(self) -> None:
+        """Return to the shell until `fg`; at the second press if a robot drives.
+
+        A robot in GUIDED then stops by itself, as this program sends no heartbeat.
+        """
+        if not has_job_control():
+            self._say("no shell waits for this program, so it cannot be suspended")
+        elif self._is_confirmed("suspend", "suspend this program: no heartbeat, no view"):
+            self._app.suspend_to_shell()
+
+    def _is_confirmed(self, id: str, what: str) -> bool:
+        """Return True if all robots stand, or at the second press; else ask for it."""
+        driving = robots_that_drive(self._app.station)
+        if not driving or self._pressed.is_second(id):
+            return True
         drive = "drives" if len(driving) == 1 else "drive"
-        ends = "; that ends the simulation" if self._app.stack is not None else ""
-        key = self._app.key_shown("quit")
-        self._say(
-            f"{few(driving)} {drive}: {key} again within {LEAVE_WITHIN_S:g} s leaves{ends}",
-        )
+        self._say(f"{few(driving)} {drive}: {confirmation(self._app.key_shown(id), what)}")
+        return False
 
     def explain(self) -> None:
         """Say which key leaves."""
@@ -62,7 +76,12 @@ class Leaving:
 
     def _say(self, words: str) -> None:
         self._app.note(words)
-        self._app.notify(words, severity="warning", timeout=LEAVE_WITHIN_S, markup=False)
+        self._app.notify(words, severity="warning", timeout=SHOWN_S, markup=False)
+
+
+def has_job_control() -> bool:
+    """Return whether a shell waits for this program, which then is not its session's own group."""
+    return os.getpgrp() != os.getsid(0)
 
 
 def robots_that_drive(station: Station) -> list[str]:
@@ -88,7 +107,6 @@ def drives(status: NavigatorStatus) -> bool:
 
 ALL_WITHIN_S: Final = 1.0
 """A second press within this time stops all robots."""
-CLEAR_WITHIN_S: Final = 2.0
 
 
 class StopKeys:
@@ -101,7 +119,7 @@ class StopKeys:
             return app.station.time_s
 
         self._stopping = SecondPress(time_s, ALL_WITHIN_S)
-        self._clearing = SecondPress(time_s, CLEAR_WITHIN_S)
+        self._clearing = SecondPress(time_s)
 
     def actions(self) -> Mapping[str, Callable[[], object]]:
         """Return the actions by the id of their key."""
@@ -136,7 +154,7 @@ class StopKeys:
             self._app.commands.perform(ClearEmergencyStop())
             return
         key = self._app.key_shown("clear-estop")
-        self._app.note(f"press {key} again within {CLEAR_WITHIN_S:g} s to clear E-STOP of {robot}")
+        self._app.note(confirmation(key, f"clear E-STOP of {robot}"))
 
 
 NOTHING: Final = "nothing is recorded here, so there is no run to share"
@@ -165,14 +183,11 @@ def archive(file: Path) -> str:
 
 def saved_picture(svg: str) -> str:
     """Save a picture under the next free name; return its path, or the error, in words."""
-    folder = state_folder() / "pictures"
-    names = (folder / f"sidestep-{number}.svg" for number in count(1))
-    path = next(path for path in names if not path.exists())
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        path.write_text(svg, encoding="utf-8")
-    except OSError as error:
-        return f"{path}: {error.strerror}"
+        path = free_path("screen", ".svg")
+        replace_named(path, svg)
+    except UserError as error:
+        return str(error)
     return f"saved {path}"
 
 
@@ -214,6 +229,7 @@ class RobotKeys:
             "share": partial(share_run, app),
             "theme": self.next_theme,
             "quit": self._leaving.quit,
+            "suspend": self._leaving.suspend,
             "quit-hint": self._leaving.explain,
         }
 

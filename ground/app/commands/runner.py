@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from ground.app.commands.undo import UNDONE, Change, Restore, TakeBack, Undoable, UndoList
+from ground.app.input.key_queue import SecondPress, confirmation
 from ground.client.connection import Common
 from ground.client.floor import Floor, floor_in
 from ground.client.outcomes import Answer, Outcome
@@ -13,6 +14,7 @@ from ground.client.presence import dial_options
 from ground.client.requests import GaveUp
 from ground.client.teleop_sender import TeleopSender
 from ground.commands.command import OperatorCommand
+from ground.commands.goto import Goto
 from ground.commands.lease import ChangeLease
 from ground.commands.mission import OfMissionFile
 from ground.commands.mode import SetMode
@@ -54,6 +56,7 @@ class CommandRunner:
         self.draft = Draft()
         self._undo_list = UndoList()
         self.last = ""
+        self._undoing = SecondPress(lambda: self._station.time_s)
 
     @property
     def _station(self) -> Station:
@@ -163,6 +166,14 @@ class CommandRunner:
         if station.queue.busy:
             station.queue.submit("undo", TakeBack(self._undo_list, robot, self._restore_draft))
             return ""
+        newest = self._undo_list.newest
+        if (
+            newest is not None
+            and newest.robot == robot
+            and isinstance(newest.back, Goto)
+            and not self._undoing.is_second(newest.line)
+        ):
+            return confirmation("undo", f"drive to the goal before: {newest.back.line}")
         change = self._undo_list.take(robot)
         if isinstance(change.back, Mission):
             return self._restore_draft(change, change.back)

@@ -1,29 +1,38 @@
-"""Remember how to take back changes of parameters, of the fence and of the mission draft."""
+"""Remember how to take back goals, and changes of parameters, of the fence and of the draft."""
 
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from math import hypot, isfinite
 from typing import Any, Final, NamedTuple, TypeAlias
 
+from ground.client.goal import Destination
 from ground.client.outcomes import Outcome, Refused
 from ground.client.parameter import Parameter
 from ground.client.parameters import ParametersLoaded
+from ground.commands.abort import Abort
 from ground.commands.command import OperatorCommand, command
 from ground.commands.fence import ClearFence, FenceShown, SetFence, SetFenceOfFile, ShowFence
+from ground.commands.goto import Goto
 from ground.commands.param import LoadParameters, ResetParameter, SetParameter
 from ground.missions.mission import Mission
 from ground.robot import Robot
 from ground.station.robot.command_queue import JobResult
 from ground.station.station import Station
+from protocol.topics import MISSION, STATUS
+from protocol.wire.enums import GoalState, MissionState, Mode
+from protocol.wire.messages import NavigatorStatus
 from runtime.errors import UserError
 
 MAX_CHANGES: Final = 50
 FENCES: Final = (SetFence, SetFenceOfFile, ClearFence)
-CHANGES: Final = (SetParameter, ResetParameter, *FENCES)
+CHANGES: Final = (SetParameter, ResetParameter, Goto, *FENCES)
 UNDONE: Final = (*CHANGES, LoadParameters)
 """Commands that can be taken back; the last one perhaps in part."""
 
-NO_CHANGE: Final = "no parameter, fence or draft was changed here"
+NO_CHANGE: Final = "no goal was set here, and no parameter, fence or draft was changed"
+SAME_PLACE_M: Final = 0.01
+UNDER_WAY: Final = (MissionState.RUNNING, MissionState.HOLDING)
 NEW_WORLD: Final = "nothing was changed since the world was started"
 Back: TypeAlias = OperatorCommand | Mission
 
@@ -61,6 +70,8 @@ class UndoList:
     def __init__(self, changes: Iterable[Change] = (), nothing: str = NO_CHANGE) -> None:
         self._changes = deque(changes, maxlen=MAX_CHANGES)
         self._nothing = nothing
+        self._goals: dict[str, Goto] = {}
+        """The last goal that was sent to each robot, whose status does not show the tolerances."""
 
     def in_new_world(self, *, keeps_draft: bool) -> "UndoList":
         """Return a list without the changes of robots.
@@ -90,6 +101,32 @@ class UndoList:
                 self.add(Change(robot, line, RestoreParameters(values=outcome.before)))
         elif outcome.ok and isinstance(operation, CHANGES):
             self.add(Change(robot, line, back))
+            if isinstance(operation, Goto):
+                self._goals[robot] = operation
+
+    @property
+    def newest(self) -> Change | None:
+        """The change that is taken back next."""
+        return self._changes[-1] if self._changes else None
+
+    def goal_before(self, station: Station) -> OperatorCommand | None:
+        """Return the operation that restores the present goal of the robot that is shown.
+
+        That is an abort without a goal. None if it is not known, or drives a mission.
+        """
+        status = station.telemetry.live(STATUS, station.now_ns)
+        mission = station.telemetry.live(MISSION, station.now_ns)
+        is_mission = mission is not None and mission.state in UNDER_WAY
+        if status is None or is_mission or status.mode == Mode.SMART_RTL:
+            return None
+        if status.goal == GoalState.NONE or not isfinite(status.goal_x_m):
+            return Abort()
+        sent = self._goals.get(station.robot)
+        if sent is not None and is_same_place(sent, status):
+            return sent
+        turned_rad = status.goal_heading_rad if isfinite(status.goal_heading_rad) else None
+        place = Destination(x_m=status.goal_x_m, y_m=status.goal_y_m, heading_rad=turned_rad)
+        return Goto(goal=place)
 
     def take(self, robot: str) -> Change:
         """Remove and return the newest change; UserError if it is of another robot.
@@ -107,6 +144,14 @@ class UndoList:
         if newest.back is None:
             raise UserError(f"{newest.line} cannot be undone: the state before it is unknown")
         return newest
+
+
+def is_same_place(sent: Goto, status: NavigatorStatus) -> bool:
+    """Return whether a status shows a goal that was sent in the world frame."""
+    goal = sent.goal
+    if goal is None or sent.seen_by_robot:
+        return False
+    return hypot(goal.x_m - status.goal_x_m, goal.y_m - status.goal_y_m) <= SAME_PLACE_M
 
 
 async def inverse_of(
@@ -140,7 +185,10 @@ class Undoable:
         """Carry it out on the robot that was shown when it was given."""
         is_shown = self.station.robot == robot.name
         parameters = self.station.parameters or () if is_shown else ()
-        back = await inverse_of(self.command, parameters, robot)
+        if isinstance(self.command, Goto):
+            back = self.changes.goal_before(self.station) if is_shown else None
+        else:
+            back = await inverse_of(self.command, parameters, robot)
         outcome: Outcome = await self.command.perform(robot)
         self.changes.note(robot.name, self.line, self.command, outcome, back)
         return outcome

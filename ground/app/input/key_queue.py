@@ -91,13 +91,22 @@ def is_ready(screen: Screen[Any]) -> bool:
     return screen.is_mounted and not (isinstance(screen, CommandPalette) and screen.focused is None)
 
 
+CONFIRM_WITHIN_S: Final = 3.0
+"""The one gesture of confirmation: the same key, pressed again within this time."""
+
+
+def confirmation(key: str, what: str) -> str:
+    """Return how to confirm what the first press of a key has asked for."""
+    return f"press {key} again within {CONFIRM_WITHIN_S:g} s to {what}"
+
+
 class SecondPress:
     """Notes the first press of a key; the second within `within_s` acts.
 
     `time_s` returns the time. A press for another `subject` counts as a first one.
     """
 
-    def __init__(self, time_s: Callable[[], float], within_s: float) -> None:
+    def __init__(self, time_s: Callable[[], float], within_s: float = CONFIRM_WITHIN_S) -> None:
         self._time_s = time_s
         self._within_s = within_s
         self._pressed_s = -inf

@@ -1,4 +1,4 @@
-"""Drive by keys in MANUAL mode: hold keys to drive, release them to stop."""
+"""Drive by keys or a gamepad in MANUAL mode: hold them to drive, release them to stop."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -6,6 +6,7 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from ground.app.app_interface import AppInterface
+from ground.app.input.gamepad import CENTRED, Gamepad
 from ground.app.panels.aged import live
 from protocol.topics import STATUS
 from protocol.wire.enums import Mode
@@ -32,7 +33,13 @@ class TeleopKeys:
         self._interface = interface
         self._keys = DeadManSwitch()
         self._since_ns = 0
+        self._gamepad: Gamepad | None = None
         self.held = False
+
+    @property
+    def has_gamepad(self) -> bool:
+        """True while a gamepad can drive, too."""
+        return self._gamepad is not None and self._gamepad.is_there
 
     def actions(self) -> Mapping[str, Callable[[], None]]:
         """Return the actions of teleop by id."""
@@ -46,6 +53,8 @@ class TeleopKeys:
         """Start teleop. Return False, with the reason in the log, when it is refused."""
         self.held = self._interface.commands.begin_teleop()
         self._keys, self._since_ns = DeadManSwitch(), self._interface.station.now_ns
+        if self.held:
+            self._gamepad = Gamepad()
         return self.held
 
     def push(self, way: str, *, slow: bool) -> None:
@@ -58,12 +67,21 @@ class TeleopKeys:
         if self._is_preempted():
             self.drop()
         if self.held:
-            self._interface.commands.steer(*self._keys.twist(self._interface.station.now_ns))
+            self._interface.commands.steer(*self._twist())
         return self.held
+
+    def _twist(self) -> "Twist":
+        """Return the command of the gamepad while its stick is held, else that of the keys."""
+        stick = CENTRED if self._gamepad is None else self._gamepad.poll()
+        if stick == CENTRED:
+            return self._keys.twist(self._interface.station.now_ns)
+        return Twist(stick.ahead * FAST[0], stick.left * FAST[1])
 
     def drop(self) -> None:
         """Stop the robot and end teleop."""
         self.held = False
+        if self._gamepad is not None:
+            self._gamepad.close()
         self._interface.commands.end_teleop()
 
     def _is_preempted(self) -> bool:

@@ -47,6 +47,11 @@ def clock_words(line: LogLine) -> str:
     return strftime("%H:%M:%S", localtime(line.clock_s))
 
 
+def zone_words(line: LogLine) -> str:
+    """Return the time zone of a line, or the unit of a played recording."""
+    return "time in s" if line.clock_s is None else strftime("times in %Z", localtime(line.clock_s))
+
+
 def pieces_of(line: LogLine, width: int, most: int | None = None, source: int = 0) -> list[str]:
     """Wrap the text of a line, only if needed: there may be ten thousand lines."""
     room = max(LEAST, width - width_of(lead_of(line, source)))

@@ -107,6 +107,7 @@ def explanation_rows(found: Explanation, width: int) -> list[Row]:
 
 ZOOM: Final = 1.25
 TELEOP_PROMPT: Final = "TELEOP arrows or WASD drive, esc ends"
+GAMEPAD_PROMPT: Final = "TELEOP arrows, WASD or the left stick with L1 held drive, esc ends"
 HINT: Final = "the map needs 60 columns and 18 rows"
 
 
@@ -310,7 +311,8 @@ class DriveScreen(AppScreen):
         """Start teleop by keys; any other key ends it."""
         if self.teleop.take():
             self.map_cursor.hide()
-            self.prompt(TELEOP_PROMPT, self.interface.commands.run_line)
+            words = GAMEPAD_PROMPT if self.teleop.has_gamepad else TELEOP_PROMPT
+            self.prompt(words, self.interface.commands.run_line)
 
     def poll(self) -> None:
         """Send the teleop command."""

@@ -5,7 +5,7 @@ from functools import partial
 from typing import Any, Final, NamedTuple
 
 from ground.app.app_interface import AppInterface
-from ground.app.input.key_queue import SecondPress
+from ground.app.input.key_queue import SecondPress, confirmation
 from ground.app.input.keymap import Layer
 from ground.app.lists.table import Column, Table
 from ground.app.screens.app_screen import Action
@@ -18,7 +18,6 @@ from ground.launch.scenario import Scenario
 from runtime.errors import UserError
 
 DEFAULT_START_S: Final = 3.0
-INJECT_WITHIN_S: Final = 3.0
 
 HOW: Final = "TARGET [VALUE] [FROM_S]"
 NOT_OURS: Final = (
@@ -83,7 +82,7 @@ class FaultsScreen(ListScreen[InjectableFault]):
     def __init__(self, interface: AppInterface) -> None:
         super().__init__(interface, Table(COLUMNS, key=lambda one: one.name))
         self._kinds: list[InjectableFault] = []
-        self._injecting = SecondPress(lambda: interface.station.time_s, INJECT_WITHIN_S)
+        self._injecting = SecondPress(lambda: interface.station.time_s)
 
     def on_mount(self) -> None:
         """Query the faults of the plant."""
@@ -131,7 +130,7 @@ class FaultsScreen(ListScreen[InjectableFault]):
             self.interface.note(NOT_OURS)
         elif one.role and not self._injecting.is_second(one.name):
             key = self.interface.key_shown("fault-begin")
-            self.interface.note(f"press {key} again within {INJECT_WITHIN_S:g} s to {one.name}")
+            self.interface.note(confirmation(key, one.name))
         elif one.role:
             self.interface.note(self.interface.stack.inject_fault(one.role, one.name.split()[0]))
         else:

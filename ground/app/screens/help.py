@@ -27,6 +27,7 @@ EXAMPLES: Final = (
     ("G w arrows w W W", "draft two waypoints, send them, start the mission"),
     ("space", "emergency stop; D D clears it, a arms, r goes on"),
     ("t arrows esc", "drive by hand"),
+    ("ctrl+z", "take back the last goal, or change of a parameter, the fence or the draft"),
     (": help goto", "all about one command"),
 )
 MEANINGS: Final[Mapping[str, str]] = MappingProxyType(
@@ -72,6 +73,16 @@ PANELS: Final = (
     ("SIM 0.8x", "simulated time runs at 0.8 of real time"),
     ("▲2 at 4 Log", "warnings since the log was last shown"),
 )
+UNITS: Final = (
+    ("length", "m; on the map x is to the right and y up"),
+    ("heading, angle", "degrees as typed and shown, counter-clockwise from x; rad in files"),
+    ("speed", "m/s; negative: backwards"),
+    ("turn", "deg/s as typed and shown, positive: left; rad/s in files"),
+    ("time", "s; ms in names that end in _ms, µs for parts of a control cycle"),
+    ("clock", "local time; its zone is named on the log and in lists"),
+    ("doubt", "m and degrees, one standard deviation; the ellipse has 95 %"),
+    ("parameter", "the unit beside it on Params, and at the end of its name: _m _rad _m_s _ms"),
+)
 
 
 class Section(NamedTuple):
@@ -96,6 +107,7 @@ def sections(
         *key_sections(keys),
         Section("marks on the map", table(mark_pairs(ascii_only=ascii_only, is_mono=is_mono))),
         Section("names in the panels", table(PANELS)),
+        Section("units", table(UNITS)),
         Section(COMMANDS, table(tuple(summaries().items()))),
     ]
 

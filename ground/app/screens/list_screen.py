@@ -10,6 +10,7 @@ from textual.widgets import Input
 
 from ground.app.app_interface import AppInterface
 from ground.app.chrome.key_bar import NextKey, keys_when
+from ground.app.input.key_queue import SecondPress, confirmation
 from ground.app.input.keymap import Layer, Situation
 from ground.app.lists.table import ColumnHeads, Table, filter_spans, hidden_spans, nothing_row
 from ground.app.screens.app_screen import Action, AppScreen
@@ -32,6 +33,7 @@ class ScrolledScreen(AppScreen):
         super().__init__(interface)
         self._kept_words = ""
         self._is_filtering = False
+        self._undoing = SecondPress(lambda: interface.station.time_s)
 
     @property
     @abstractmethod
@@ -61,7 +63,7 @@ class ScrolledScreen(AppScreen):
         return {
             **super().actions(),
             "find": self.begin_filter,
-            "undo-here": partial(self.offer, Undo(), "undo"),
+            "undo-here": self.undo,
             "copy": self.copy_row,
             "filter-drop": self.clear_filter,
             **dict.fromkeys(("row-up", "filter-up"), partial(move, -1)),
@@ -71,6 +73,14 @@ class ScrolledScreen(AppScreen):
             "row-first": partial(move, -ALL_ROWS),
             "row-last": partial(move, ALL_ROWS),
         }
+
+    def undo(self) -> None:
+        """Take back the last change at the second press."""
+        if self._undoing.is_second():
+            self.interface.commands.perform(Undo())
+        else:
+            key = self.interface.key_shown("undo-here")
+            self.interface.note(confirmation(key, "undo the last change"))
 
     def row_text(self) -> str:
         """Return the chosen row as text for the clipboard; empty without one."""

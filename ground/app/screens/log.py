@@ -12,7 +12,7 @@ from ground.app.chrome.key_bar import NextKey
 from ground.app.filtered_log import FilteredLog
 from ground.app.input.keymap import Layer
 from ground.app.lists.table import ColumnHeads, nothing_row
-from ground.app.panels.log import lead_of
+from ground.app.panels.log import lead_of, zone_words
 from ground.app.screens.app_screen import Action
 from ground.app.screens.list_screen import ScrolledScreen
 from ground.app.widgets.lines import Lines, LogView
@@ -76,7 +76,7 @@ class LogScreen(ScrolledScreen):
         follows = Span("following", "ok") if is_following else Span("paused (f follows)", "caution")
         levels = WORST[self._worst][1]
         lines = self.filtered.lines
-        unit = "" if not lines or lines[-1].clock_s is not None else "time in s, "
+        unit = f"{zone_words(lines[-1])}, " if lines else ""
         filtered = self.filter_spans(shown, len(self.interface.station.log))
         counts = faint(f" {unit}{levels}, " if filtered else f" {shown} lines, {unit}{levels}, ")
         found = f"   find {self._find_words!r}" if self._find_words else ""

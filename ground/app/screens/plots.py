@@ -19,6 +19,8 @@ from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.map.canvas import Canvas
 from ground.station.history.time_series import SERIES, Series, numeric_fields
 from ground.station.station import Station
+from ground.user.folders import free_path
+from runtime.files import replace_named
 
 WINDOWS_S: Final = (15.0, 30.0, 60.0, 120.0, 300.0, 600.0)
 DRAWN_HZ: Final = 4.0
@@ -114,11 +116,27 @@ class PlotsScreen(AppScreen):
             "plot-choose": self.choose_series,
             "find": self.choose_series,
             "plot-pause": self.pause,
+            "plot-export": self.export,
             "plot-cursor-left": partial(self.move_cursor, -1),
             "plot-cursor-right": partial(self.move_cursor, 1),
             "plot-cursor-left-far": partial(self.move_cursor, -FAR),
             "plot-cursor-right-far": partial(self.move_cursor, FAR),
         }
+
+    def export(self) -> None:
+        """Write one of the plots, as it is shown, to a picture and a table."""
+
+        def write(key: str) -> None:
+            figure, span = figure_of(key, self._chosen.index(key)), self.span()
+            points = values_in(self.interface.station, figure, span)
+            self.interface.run_in_background(
+                partial(exported, figure, span, points), self.interface.note
+            )
+
+        if len(self._chosen) == 1:
+            write(self._chosen[0])
+        else:
+            self.interface.choose("export a plot", self._chosen, write)
 
     def widen(self, steps: int) -> None:
         """Change the time span by steps."""
@@ -189,6 +207,32 @@ def series_of(station: Station, figure: Sparkline) -> Series:
     return station.fields.series.get(figure.series) or Series()
 
 
+def values_in(station: Station, figure: Sparkline, span: TimeSpan) -> list[Point]:
+    """Return the values of a figure in a time span, in its unit."""
+    every = series_of(station, figure).points(span.begin_s)
+    return [(time_s, value * figure.factor) for time_s, value in every if time_s <= span.end_s]
+
+
+def exported(figure: Sparkline, span: TimeSpan, points: Sequence[Point]) -> str:
+    """Write a plot as CSV and, where matplotlib is installed, as SVG; return the paths."""
+    table = free_path("plot", ".csv")
+    rows = [f"{time_s - span.end_s:.3f},{value:.9g}" for time_s, value in points]
+    unit = f" [{figure.unit}]" if figure.unit else ""
+    replace_named(table, "\n".join([f"time before the end [s],{figure.label}{unit}", *rows, ""]))
+    try:
+        from matplotlib.figure import Figure  # slow to import, and in an extra
+    except ImportError:
+        return f"saved {table}; a picture needs pip install 'sidestep[study]'"
+    drawing = Figure(figsize=(8.0, 3.0), layout="constrained")
+    axes = drawing.subplots()
+    axes.plot([time_s - span.end_s for time_s, _ in points], [value for _, value in points])
+    axes.set(xlabel="time before the end [s]", ylabel=f"{figure.label}{unit}")
+    axes.set_xlim(-span.window_s, 0.0)
+    axes.grid(visible=True, alpha=0.3)
+    drawing.savefig(table.with_suffix(".svg"))
+    return f"saved {table.with_suffix('.svg')} and {table.name}"
+
+
 def axis_row(span: TimeSpan, width: int, columns: int) -> Row:
     """Return the time axis below each column of plots, in seconds before the end."""
     wide = (width - (columns - 1)) // columns
@@ -207,9 +251,7 @@ def plot_rows(
 ) -> list[Row]:
     """Return a plot of `size` columns and rows; the first row is the title."""
     columns, rows = size
-    every = series_of(station, figure).points(span.begin_s)
-    points = [(time_s, value) for time_s, value in every if time_s <= span.end_s]
-    values = [(time_s, value * figure.factor) for time_s, value in points]
+    values = values_in(station, figure, span)
     low, high = limits((value for _, value in values), with_zero=figure.series in SERIES)
     canvas = Canvas(max(0, columns - LABEL), max(0, rows - 1), ascii_only)
     draw_cursor(canvas, span)

@@ -129,7 +129,7 @@ def in_one_line(one: Summary) -> str:
     length = "--" if one.length_s is None else f"{one.length_s:.0f} s"
     facts = f"{one.world or '--':<12} {one.outcome or '--':<{WIDEST}} {length:>6}"
     running = f"  {UNFINISHED}" if one.is_running else ""
-    return f"{one.began.astimezone():%m-%d %H:%M:%S}  {facts}  {one.path.name}{running}"
+    return f"{one.began.astimezone():%m-%d %H:%M:%S %Z}  {facts}  {one.path.name}{running}"
 
 
 def timeline_rows(player: Player, width: int) -> list[Row]:

@@ -16,7 +16,7 @@ from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 
 from ground.app.app_interface import AppInterface
-from ground.app.input.key_queue import SecondPress
+from ground.app.input.key_queue import SecondPress, confirmation
 from ground.app.input.keymap import Layer
 from ground.app.lists.table import Column, ColumnHeads, Table
 from ground.app.panels.aged import number
@@ -93,9 +93,8 @@ def reached_count(ends: str) -> int:
     return sum(int(count) for count, _, how in counts if how == "reached")
 
 
-START_WITHIN_S: Final = 3.0
 REACHED: Final = "reached of 10 seeds: "
-RESTARTS: Final = "s: stop this run and start the selected world"
+RESTARTS: Final = "s, pressed twice: stop this run and start the selected world"
 NOT_OURS: Final = "this app did not start the processes, so it cannot restart them"
 
 
@@ -111,7 +110,7 @@ class WorldsScreen(ListScreen[Mapping[str, str]]):
         self._scenes: dict[str, MapScene] = {}
         self._asked: set[str] = set()
         self._reached: Reached = {}
-        self._starting = SecondPress(lambda: interface.station.time_s, START_WITHIN_S)
+        self._starting = SecondPress(lambda: interface.station.time_s)
 
     def compose_content(self) -> ComposeResult:
         """Compose heading, list, preview and facts."""
@@ -204,9 +203,7 @@ class WorldsScreen(ListScreen[Mapping[str, str]]):
             self.interface.note(f"{NOT_OURS}; in another terminal: sidestep up --world {name}")
         elif name and not self._starting.is_second(name):
             key = self.interface.key_shown("world-start")
-            self.interface.note(
-                f"press {key} again within {START_WITHIN_S:g} s to stop this run and start {name}"
-            )
+            self.interface.note(confirmation(key, f"stop this run and start {name}"))
         elif name:
             self.interface.note(f"reading world {name}")
             self.interface.run_in_background(partial(stack.scenario_in, name), self.start)

@@ -1,9 +1,13 @@
-"""Call the operator: ring the terminal's bell and show a message, once for each event."""
+"""Call the operator, once for each event: the bell, a message, the desktop, and a command."""
 
-from collections.abc import Collection
+import os
+import subprocess
+from collections.abc import Collection, Sequence
+from functools import partial
 from typing import Final, NamedTuple
 
 from ground.app.app_interface import AppControl, Loudness
+from ground.app.appearance import Appearance
 from ground.app.stops.stop_watch import EventKind, StopEvent, StopWatch
 from ground.text.wording import few
 from runtime.units import NS_PER_S
@@ -27,15 +31,15 @@ class Alert(NamedTuple):
 
 
 class Alerts:
-    """Watches the station of the app; `quiet` keeps the bell silent.
+    """Watches the station of the app, and calls as the appearance says.
 
     Robots with the same event share a message and a ring, as after a stop of all.
     """
 
-    def __init__(self, app: AppControl, *, quiet: bool) -> None:
+    def __init__(self, app: AppControl, appearance: Appearance) -> None:
         self.watch = StopWatch()
         self._app = app
-        self._quiet = quiet
+        self._appearance = appearance
         self._alerts: dict[tuple[EventKind, str], Alert] = {}
 
     def poll(self) -> None:
@@ -58,11 +62,28 @@ class Alerts:
             others = tuple(robot for robot in robots if robot != event.robot)
             self._alerts[of] = Alert((*others, event.robot), station.now_ns)
         changed = {(event.kind, event.cause) for event in events}
-        if not self._quiet and any(self._is_new(event, known) for event in events):
+        self._call(events)
+        if not self._appearance.quiet_bell and any(self._is_new(event, known) for event in events):
             self._app.bell()
         width, height = self._app.size
         if width >= MIN_COLUMNS and height >= MIN_ROWS:
             self._show(known, changed, anew=is_over)
+
+    def _call(self, events: Collection[StopEvent]) -> None:
+        """Notify the desktop and run the hook, once for all robots with the same event."""
+        calls: dict[tuple[EventKind, str], list[str]] = {}
+        for event in events:
+            calls.setdefault((event.kind, event.cause), []).append(event.robot)
+        for (kind, cause), robots in calls.items():
+            if self._appearance.desktop:
+                self._app.notify_desktop(event_words(robots, kind, cause))
+            if self._appearance.hook:
+                run = partial(run_hook, self._appearance.hook, robots, kind, cause)
+                self._app.run_in_background(run, self._report)
+
+    def _report(self, words: str) -> None:
+        if words:
+            self._app.note(words)
 
     def _is_new(self, event: StopEvent, known: Collection[tuple[EventKind, str]]) -> bool:
         """Return whether an event rings: not one that many robots have, as the first has rung."""
@@ -109,7 +130,29 @@ class Alerts:
             one = self._alerts[kind, cause]
             if self._is_in_the_band(kind, one):
                 continue
-            words = f"{few(one.robots)} {kind.value}"
-            text = f"{words}: {cause}" if cause else words
+            text = event_words(one.robots, kind, cause)
             left_s = SHOWN_S - (self._app.station.now_ns - one.shown_ns) / NS_PER_S
             self._app.notify(text, severity=SEVERITIES[kind], timeout=left_s, markup=False)
+
+
+def event_words(robots: Sequence[str], kind: EventKind, cause: str) -> str:
+    """Return which robots have stopped or arrived, and why."""
+    words = f"{few(robots)} {kind.value}"
+    return f"{words}: {cause}" if cause else words
+
+
+def run_hook(command: str, robots: Sequence[str], kind: EventKind, cause: str) -> str:
+    """Run the user's command to its end; return how it failed, empty if it did not."""
+    facts = {
+        "SIDESTEP_EVENT": kind.name.lower(),
+        "SIDESTEP_ROBOTS": " ".join(robots),
+        "SIDESTEP_TEXT": event_words(robots, kind, cause),
+    }
+    done = subprocess.run(
+        ("/bin/sh", "-c", command),
+        env={**os.environ, **facts},
+        stdin=subprocess.DEVNULL,
+        start_new_session=True,
+        check=False,
+    )
+    return f"hook: ended with {done.returncode}: {command}" if done.returncode else ""

@@ -64,7 +64,7 @@ def table(found: Sequence[FoundRun]) -> list[str]:
 def cells(found: FoundRun, now: datetime) -> tuple[str, ...]:
     """Return the cells of a run: its process ids are last, as they are the longest."""
     run = found.run
-    since = f"{run.since.astimezone():%H:%M:%S} ({age_text(run.since, now)})"
+    since = f"{run.since.astimezone():%H:%M:%S %Z} ({age_text(run.since, now)})"
     processes = [("up", run.pid), *run.processes.items()]
     return (
         found.name,

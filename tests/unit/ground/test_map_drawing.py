@@ -135,7 +135,7 @@ ROLES_OF = {
     "mission": {"mission"},
     "virtual": {"virtual"},
     "goal": {"goal"},
-    "others": {"truth", "other"},
+    "others": {"truth", "other 2"},
     "truth": {"true robot"},
     "robot": {"robot"},
     "cursor": {"cursor"},
@@ -177,11 +177,19 @@ def test_other_robots_have_dim_trails_and_a_mark_when_lost() -> None:
     view = View.fit(scene.box(), 80, 24)
     draw(scene, view, canvas, ("trail", "others"))
     roles = {role for row in range(24) for role, _ in canvas.strip(row)}
-    assert roles - {""} == {"trail", "other trail", "other"}
+    assert roles - {""} == {"trail", "trail 2", "other 2"}
     assert "◆" in "".join(canvas.to_rows())
     assert "r2" in "".join(canvas.to_rows())
     draw(replace(scene, others=(replace(live, live=False),)), view, lost)
     assert "?" in "".join(lost.to_rows())
+
+
+def test_robots_of_a_small_fleet_have_their_own_colours() -> None:
+    others = tuple(RobotMark(0.5 * at, 2.0, 0.0, name=f"r{at}") for at in range(1, 7))
+    canvas, scene = Canvas(80, 24), replace(ROOM, robot=None, goal=None, others=others)
+    draw(scene, View.fit(scene.box(), 80, 24), canvas, ("others",))
+    roles = {role for row in range(24) for role, _ in canvas.strip(row)}
+    assert roles - {""} == {f"other {hue}" for hue in range(6)}
 
 
 def test_robot_in_need_has_its_name_in_any_crowd() -> None:

@@ -278,11 +278,11 @@ def test_end_is_that_of_the_last_status_or_unknown(folder: Path, suffix: str) ->
     frames = list(run(400))
     silent = [one for one in frames if not isinstance(one.message, NavigatorStatus)]
     later = [one._replace(time_us=one.time_us + 400 * PERIOD_US) for one in silent * 4]
-    written = {".tlog": tlog, ".mcap": partial(mcap, every=300)}[suffix]
-    path = written(folder / f"{OLD}{suffix}", [*frames, *later])
+    make: Callable[..., Path] = tlog if suffix == ".tlog" else partial(mcap, every=300)
+    path = make(folder / f"{OLD}{suffix}", [*frames, *later])
     assert summary_of(path).outcome == "reached"
     path.unlink()
-    path = written(folder / f"{OLD}{suffix}", silent)
+    path = make(folder / f"{OLD}{suffix}", silent)
     assert (summary_of(path).outcome, summary_of(path).length_s) == ("", None)
 
 
