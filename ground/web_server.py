@@ -10,6 +10,7 @@ This module needs the extra `web`.
 
 import asyncio
 import logging
+import re
 from collections import deque
 from collections.abc import Awaitable, Callable
 from hmac import compare_digest
@@ -110,6 +111,11 @@ FULL: Final = (
 )
 
 
+HEAD: Final = "<head><title>Sidestep</title>"
+OTHERS: Final = re.compile(r"<link[^>]*?//fonts\.[^>]*?>|<svg.*?</svg>", re.DOTALL)
+"""What the page of textual-serve has beside its own files: a font of another site, a logo."""
+
+
 class WebServer(Server):
     """Serves the app that `command` starts, in one process for each admitted browser.
 
@@ -142,7 +148,10 @@ class WebServer(Server):
         """Serve the page, with links to the host that the browser used in its request."""
         self.public_url = f"{request.scheme}://{request.host}"
         page: Callable[[web.Request], Awaitable[web.StreamResponse]] = super().handle_index
-        return await page(request)
+        answer = await page(request)
+        if isinstance(answer, web.Response) and answer.text is not None:
+            answer.text = OTHERS.sub("", answer.text).replace("<head>", HEAD, 1)
+        return answer
 
     async def handle_websocket(self, request: web.Request) -> Any:
         """Run an app for a browser; answer 503 when there are too many."""

@@ -112,7 +112,11 @@ def _add_how(made: argparse.ArgumentParser) -> None:
         default=cpu_count() or 1,
         help="processes (default all cores); without effect with --dask",
     )
-    made.add_argument("--dask", metavar="ADDRESS", help="run on all threads of this Dask cluster")
+    made.add_argument(
+        "--dask",
+        metavar="ADDRESS",
+        help="run on all threads of this Dask cluster, as in tcp://10.0.0.5:8786",
+    )
     made.add_argument("--seed", type=whole(0), default=1, help="of the search (default 1)")
     made.add_argument(
         "--output", type=Path, default=Path(OUTPUT), metavar="DIR", help=f"default {OUTPUT}"

@@ -140,7 +140,11 @@ def _add_how(made: argparse.ArgumentParser) -> None:
     made.add_argument(
         "--jobs", type=whole(1), default=cpu_count() or 1, help="processes (default all cores)"
     )
-    made.add_argument("--dask", metavar="ADDRESS", help="run on the Dask cluster of this scheduler")
+    made.add_argument(
+        "--dask",
+        metavar="ADDRESS",
+        help="run on the Dask cluster of this scheduler, as in tcp://10.0.0.5:8786",
+    )
     made.add_argument(
         "--output",
         type=Path,

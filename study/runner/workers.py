@@ -198,6 +198,7 @@ def cluster(address: str) -> Iterator[Any]:
         from distributed import Client
     except ModuleNotFoundError as error:
         raise UserError(f"--dask: {error.name} is missing; pip install 'sidestep[dask]'") from None
+    address = dask_address(address)
     try:
         client = Client(address, timeout=CONNECT_S, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
@@ -208,6 +209,12 @@ def cluster(address: str) -> Iterator[Any]:
     with client:
         _check_workers(client, address)
         yield client
+
+
+def dask_address(text: str) -> str:
+    """Return the address of a scheduler, which may be written as an endpoint of the bus."""
+    protocol, slash, rest = text.partition("/")
+    return f"{protocol}://{rest}" if slash and protocol in ("tcp", "tls") and rest[:1] != "/" else text
 
 
 def _check_workers(client: Any, address: str) -> None:

@@ -72,6 +72,9 @@ def test_token_opens_the_page_and_leaves_the_address() -> None:
         assert page.status == 200
         text = await page.text()
         assert TOKEN not in text
+        assert "<title>Sidestep</title>" in text
+        assert "googleapis" not in text
+        assert "<svg" not in text
         assert f"ws://{client.host}:{client.port}/ws" in text
         assert "default-src 'self'" in page.headers["Content-Security-Policy"]
         assert page.headers["Cache-Control"] == "no-store"
