@@ -8,6 +8,7 @@ is killed.
 import gc
 import multiprocessing
 import os
+import re
 import signal
 import threading
 from collections import Counter, deque
@@ -213,8 +214,7 @@ def cluster(address: str) -> Iterator[Any]:
 
 def dask_address(text: str) -> str:
     """Return the address of a scheduler, which may be written as an endpoint of the bus."""
-    protocol, slash, rest = text.partition("/")
-    return f"{protocol}://{rest}" if slash and protocol in ("tcp", "tls") and rest[:1] != "/" else text
+    return re.sub(r"^(tcp|tls)/(?!/)", r"\1://", text)
 
 
 def _check_workers(client: Any, address: str) -> None:

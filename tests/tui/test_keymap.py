@@ -28,7 +28,7 @@ from ground.map.drawing import described, measured
 from ground.map.scene import Disc, MapScene, Outline
 from protocol.wire.reasons import Reason
 from runtime.errors import ConfigError
-from tests.support.app import FakeStation, driving, staged
+from tests.support.app import FakeStation, driving, entry, staged, status
 from tests.support.each import each
 
 BELOW = (Layer.ROBOT, Layer.FLEET, Layer.STATION)
@@ -408,3 +408,26 @@ def test_look_at_an_empty_map() -> None:
 
 def test_heading_of_a_measurement_is_counter_clockwise_from_x() -> None:
     assert measured((1.0, 1.0), (1.0, 3.0)) == "2.00 m at 90°"
+
+
+def test_undo_and_suspend_can_exchange_their_keys() -> None:
+    keymap = keymap_of({"keys": {"suspend": "ctrl+z", "undo": "alt+z"}}, file="x")
+    assert (keymap["suspend"].keys, keymap["undo"].keys) == (("ctrl+z",), ("alt+z",))
+
+
+@each(("group", "said"), [(7, "no shell waits"), (8, "press alt+z again within 3 s to suspend")])
+async def test_suspend_needs_a_shell_and_a_second_press(
+    group: int, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("os.getsid", lambda _: 7)
+    monkeypatch.setattr("os.getpgrp", lambda: group)
+    station = driving(FakeStation())
+    station.entries = [entry("r1", status(station.now_ns))]
+    async with staged(station=station) as stage:
+        suspended: list[int] = []
+        stage.app.suspend_to_shell = lambda: suspended.append(1)  # type: ignore[method-assign]
+        await stage.press("alt+z")
+        assert said in stage.log()
+        assert suspended == []
+        await stage.press("alt+z")
+        assert suspended == [1] * (group == 8)

@@ -306,7 +306,7 @@ def test_undo_offers_the_goal_before_and_drives_there(monkeypatch: pytest.Monkey
     for line in ("goal 2 1 90 --tol 0.2", "goal 6 4", "undo"):
         runner.run_line(line)
     assert len(done) == 2
-    offer = "press undo again within 3 s to drive to the goal before: goal 2 1 90 --tolerance 0.2"
+    offer = "undo again within 3 s to drive to the goal before: goal 2 1 90 --tolerance 0.2"
     assert offer in log(station)
     station.clock.advance(4_000_000_000)
     runner.run_line("undo")

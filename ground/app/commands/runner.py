@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from ground.app.commands.undo import UNDONE, Change, Restore, TakeBack, Undoable, UndoList
-from ground.app.input.key_queue import SecondPress, confirmation
+from ground.app.input.key_queue import CONFIRM_WITHIN_S, SecondPress
 from ground.client.connection import Common
 from ground.client.floor import Floor, floor_in
 from ground.client.outcomes import Answer, Outcome
@@ -173,7 +173,8 @@ class CommandRunner:
             and isinstance(newest.back, Goto)
             and not self._undoing.is_second(newest.line)
         ):
-            return confirmation("undo", f"drive to the goal before: {newest.back.line}")
+            within = f"undo again within {CONFIRM_WITHIN_S:g} s"
+            return f"{within} to drive to the goal before: {newest.back.line}"
         change = self._undo_list.take(robot)
         if isinstance(change.back, Mission):
             return self._restore_draft(change, change.back)

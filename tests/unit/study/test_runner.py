@@ -51,7 +51,7 @@ from study.runner.run_task import (
     trial_of,
 )
 from study.runner.store import rows_of, table_of
-from study.runner.workers import Pool
+from study.runner.workers import Pool, dask_address
 from study.trial.trial import run_trial
 from tests.support.each import each
 from tests.support.studies import (
@@ -323,6 +323,19 @@ def died_or(row: TrialRow | None, _timeout_s: float) -> TrialRow:
     if row is None:
         raise KilledWorker("task", SimpleNamespace(address="worker"), 1)
     return row
+
+
+@each(
+    ("given", "dialled"),
+    [
+        ("tcp/10.0.0.5:8786", "tcp://10.0.0.5:8786"),
+        ("tls/host:1", "tls://host:1"),
+        ("tcp://10.0.0.5:8786", "tcp://10.0.0.5:8786"),
+        ("10.0.0.5:8786", "10.0.0.5:8786"),
+    ],
+)
+def test_scheduler_is_named_as_dask_or_as_the_bus_does(given: str, dialled: str) -> None:
+    assert dask_address(given) == dialled
 
 
 def test_trial_beside_one_that_kills_dask_workers_is_run(monkeypatch: pytest.MonkeyPatch) -> None:
