@@ -103,7 +103,7 @@ def _cell(trials: Trials) -> PageCellLike:
 SHOWN: Final = 6
 
 
-def _families(count: int) -> str:
+def _family_count(count: int) -> str:
     return "1 family" if count == 1 else f"{count} families"
 
 
@@ -112,7 +112,7 @@ def how_run(trials: Trials, kept: int, command: str) -> tuple[Block, ...]:
     worlds = set(trials.texts("world_digest").tolist())
     lead = Paragraph(
         f"{count_text(len(trials))} trials in {count_text(len(worlds))} "
-        f"worlds of {_families(len(trials.values('family')))}, "
+        f"worlds of {_family_count(len(trials.values('family')))}, "
         f"{number(_sum(trials, 'time_s') / 3600.0, 1)} simulated hours in "
         f"{number(_sum(trials, 'cpu_s') / 3600.0, 2)} hours of processor time."
     )
