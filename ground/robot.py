@@ -51,7 +51,7 @@ from ground.client.lost_drive import (
     has_failed,
     lost_drive,
 )
-from ground.client.missions import CURRENT, Fences, Missions, fetch
+from ground.client.missions import CURRENT, UNDER_WAY, Fences, Missions, fetch
 from ground.client.outcomes import (
     DRIVE_REPLACED,
     UNCONFIRMED,
@@ -252,6 +252,8 @@ class Robot(RobotLink):
         newest = self.streams.latest(STATUS)
         if self._is_closed or newest is None:
             return f"<{where}: {'closed' if self._is_closed else 'no status yet'}>"
+        if (age_ns := self.clock.now_ns() - newest[1]) > NEWEST_NS:
+            return f"<{where}: no status for {age_ns / NS_PER_S:.0f} s>"
         state = f"{state_of(newest[0])} {reason_of(newest[0])}".rstrip()
         return f"<{where}: {state}, {'with' if self.holds_lease else 'without'} its lease>"
 
@@ -323,6 +325,15 @@ class Robot(RobotLink):
     async def _explained(self, answer: Answer) -> Answer:
         """Add to a refusal that no simulated time passes for the robot, if that is why."""
         if isinstance(answer, Refused) and answer.reason in (Reason.NO_OPERATOR, Reason.NO_SENSES):
+            return replace(answer, cause=await self.standstill())
+        return answer
+
+    async def _acted_on(self, answer: Answer) -> Answer:
+        """Add to an acceptance that no simulated time passes, so that the robot does nothing yet.
+
+        Not for an app or a gateway, which show that by themselves.
+        """
+        if isinstance(answer, Accepted) and self.lease.leasing is not Leasing.NEVER:
             return replace(answer, cause=await self.standstill())
         return answer
 
@@ -444,17 +455,23 @@ class Robot(RobotLink):
             self.progress.note(f"goal {goal} accepted")
             now_ns = self.clock.now_ns()
             watch = GoalWatch(drive.request_id, now_ns, timeout_ns, asked_ns=asked_ns)
-            with self.subscribed(STATUS, ODOMETRY, DECISION, LEASE) as telemetry:
-                end = await self.follow(watch, telemetry)
-                if end.abort:
-                    await finish(self._end(drive, abort, end.reason))
-                    end = watch.outrun(telemetry.latest) or await self._caused(end)
-                return self._goal_ended(end, telemetry, asked_ns)
+            return await self._followed(drive, watch, asked_ns, abort)
 
         def abort() -> CommandRequest:
             return self.request(Command.SIDESTEP_ABORT_GOAL)
 
         return await self.drive_until(begin, follow, abort)
+
+    async def _followed(
+        self, drive: Drive, watch: GoalWatch, asked_ns: int, ending: Callable[[], CommandRequest]
+    ) -> GoalEnded:
+        """Follow a goal to its end; end it, and no other, by a request when its time is up."""
+        with self.subscribed(STATUS, ODOMETRY, DECISION, LEASE) as telemetry:
+            end = await self.follow(watch, telemetry)
+            if end.abort:
+                await finish(self._end(drive, ending, end.reason))
+                end = watch.outrun(telemetry.latest) or await self._caused(end)
+            return self._goal_ended(end, telemetry, asked_ns)
 
     async def send_goal(
         self, goal: Destination, mode: Mode, *, from_robot: bool = False, arms: bool = True
@@ -675,7 +692,8 @@ class Robot(RobotLink):
             return refused
         patience_ns = None if timeout_s is None else max(1, round(timeout_s * NS_PER_S / ATTEMPTS))
         asking = partial(self.ask, request, patience_ns=patience_ns)
-        return await self._explained(await (self.in_turn(asking) if begins else asking()))
+        answer = await self._explained(await (self.in_turn(asking) if begins else asking()))
+        return await self._acted_on(answer) if moves else answer
 
     async def hold(self, *, timeout_s: float | None = None) -> Answer:
         """Stop and keep the goal; needs no lease."""
@@ -711,12 +729,15 @@ class Robot(RobotLink):
     async def set_mode(self, mode: Mode | str, *, timeout_s: float | None = None) -> Answer:
         """Choose the mode, also by its name, such as "hold", which needs no lease."""
         chosen = member_of(Mode, mode, "mode")
-        return await self.command(
+        answer = await self.command(
             self._mode_request(chosen),
             moves=chosen is not Mode.HOLD,
             begins=True,
             timeout_s=timeout_s,
         )
+        if chosen is Mode.MANUAL and isinstance(answer, Refused):
+            return replace(answer, remedies=answer.remedies.by_hand())
+        return answer
 
     def _mode_request(self, mode: Mode) -> CommandRequest:
         return self.request(Command.DO_SET_MODE, 1.0, float(mode))
@@ -789,11 +810,24 @@ class Robot(RobotLink):
 
     # To go on.
 
-    async def resume(self, *, timeout_s: float | None = None) -> Answer:
-        """Continue to the goal, also to one that a failsafe, a stop or an abort has ended."""
+    async def resume(self, *, timeout_s: float | None = None) -> Answer | GoalEnded:
+        """Continue to the goal, also to one that a failsafe, a stop or an abort has ended.
+
+        A program that takes the lease only for its drives follows a goal which needs an operator,
+        as `drive_to` does, and returns its end; if this is cancelled, the robot holds.
+        """
         if (refused := await self.lease.ensure()) is not None:
             return refused
-        return await self.in_turn(partial(self._resume, timeout_s))
+        answer = await self.in_turn(partial(self._resume, timeout_s))
+        is_alone = isinstance(answer, Refused) and answer.reason == Reason.NO_OPERATOR
+        if not is_alone or self.lease.leasing is not Leasing.DRIVES:
+            return await self._acted_on(answer)
+        newest, mission = (
+            await self.newest(STATUS, NEWEST_NS),
+            await self.newest(MISSION, MISSION_NS),
+        )
+        on_mission = mission is not None and mission.state in UNDER_WAY
+        return answer if newest is None or on_mission else await self._attend(newest.goal_id)
 
     async def _resume(self, timeout_s: float | None) -> Answer:
         """Continue a kept goal; else drive on to the one that the robot's status shows as lost."""
@@ -802,6 +836,26 @@ class Robot(RobotLink):
         if isinstance(answer, Refused) and answer.reason == Reason.NO_GOAL:
             return await self._go_on(answer)
         return answer
+
+    async def _attend(self, goal_id: int) -> GoalEnded | Refused:
+        """Continue a kept goal with this program's heartbeat, and follow it to its end."""
+        asked_ns = self.clock.now_ns()
+
+        async def begin(drive: Drive) -> Answer:
+            answer, _ = await self.accepted(
+                lambda: self.request(Command.DO_PAUSE_CONTINUE, 1.0), beats=True, arms=False
+            )
+            drive.request_id = goal_id if answer.ok else 0
+            return answer
+
+        async def follow(drive: Drive) -> GoalEnded:
+            self.progress.note("driving on")
+            return await self._followed(drive, GoalWatch(goal_id, asked_ns, None), asked_ns, hold)
+
+        def hold() -> CommandRequest:
+            return self._mode_request(Mode.HOLD)
+
+        return await self.drive_until(begin, follow, hold)
 
     async def _go_on(self, refusal: Refused) -> Answer:
         """Continue the lost drive of a robot that has no active goal, and so refused to resume.

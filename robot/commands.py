@@ -130,8 +130,8 @@ class Commands:
         begun, mode = (machine.serial, self._mission.starts), machine.mode
         had_goal, on_mission = modes.goal_is_active(machine), self._mission.active
         goes_on = kind.resumes and self._is_attended
-        was_stopped = machine.vehicle == states.EMERGENCY_STOP
-        was_by_hand = machine.vehicle == states.ACTIVE and mode == states.MANUAL
+        vehicle = machine.vehicle
+        was_by_hand = vehicle == states.ACTIVE and mode == states.MANUAL
         leader = self._leader(kind, now_ms, operator)
         reason = self._refusal(request, kind, now_ms, leader)
         if reason == reasons.OK:
@@ -158,7 +158,7 @@ class Commands:
         if (begins or goes_on or machine.mode not in (mode, states.HOLD)) and not kind.leads_on:
             self.led_by = asker if leader == operator else self.led_by
         if reason == reasons.OK:
-            reason = self._note_on(kind, was_stopped)
+            reason = self._note_on(kind, vehicle)
         answer = acknowledge(request, reason)
         if not kind.is_emergency_stop:
             self._answers.keep(operator, request, answer)
@@ -179,10 +179,15 @@ class Commands:
             by = by._replace(mission="")
         self.stoppers = by
 
-    def _note_on(self, kind: "CommandKind", was_stopped: bool) -> int:
-        """Return the reason why an accepted request has changed nothing, or 0."""
-        if kind.is_clear and not was_stopped:
+    def _note_on(self, kind: "CommandKind", before: int) -> int:
+        """Return the reason why an accepted request has changed nothing, or 0.
+
+        `before` is the vehicle state in which it found the robot.
+        """
+        if kind.is_clear and before != states.EMERGENCY_STOP:
             return reasons.NOTHING_LATCHED
+        if (kind.is_arm or kind.is_disarm) and self._machine.vehicle == before:
+            return reasons.NOTHING_CHANGED
         has_goal = modes.goal_is_active(self._machine) or self._mission.active
         return reasons.NOTHING_KEPT if kind.keeps_goal and not has_goal else reasons.OK
 
@@ -349,7 +354,10 @@ def ack(reason: int, command: int = 0) -> CommandAck:
     )
 
 
-NOTES: Final = (reasons.NOTHING_LATCHED, reasons.NO_LEASE, reasons.NOTHING_KEPT)
+NOTES: Final = (
+    *(reasons.NOTHING_LATCHED, reasons.NO_LEASE),
+    *(reasons.NOTHING_KEPT, reasons.NOTHING_CHANGED),
+)
 """Why an accepted request has changed nothing."""
 
 
@@ -376,6 +384,7 @@ class CommandKind(NamedTuple):
     is_emergency_stop: bool = False
     is_clear: bool = False
     is_arm: bool = False
+    is_disarm: bool = False
     keeps_goal: bool = False
     """It promises to keep the goal."""
 
@@ -396,7 +405,7 @@ class CommandKind(NamedTuple):
 TABLE: Final[Mapping[int, tuple[CommandKind, ...]]] = MappingProxyType(
     {
         Command.COMPONENT_ARM_DISARM: (
-            CommandKind(("param1",), 0.0, only_stops=True),
+            CommandKind(("param1",), 0.0, only_stops=True, is_disarm=True),
             CommandKind(("param1",), is_arm=True),
         ),
         Command.DO_SET_MODE: (

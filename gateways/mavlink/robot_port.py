@@ -83,6 +83,13 @@ class Answered:
             return self.outcome.in_words(HINTS)
         return self.outcome.text
 
+    @property
+    def why(self) -> str:
+        """Why it failed, for a line that tells what was refused."""
+        if not self.error and isinstance(self.outcome, Refused):
+            return self.outcome.why(HINTS)
+        return self.text
+
 
 class StopPress(NamedTuple):
     """An emergency stop that was sent; `ended` is None if nobody waits for its acknowledgement."""

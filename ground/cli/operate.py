@@ -13,8 +13,9 @@ from ground.client.connection import Common
 from ground.client.floor import floor_of
 from ground.client.lease_holder import operator_name
 from ground.client.leases import Leasing
-from ground.client.outcomes import Accepted, Operation, Outcome, Progress, RefusedError
+from ground.client.outcomes import Accepted, Operation, Outcome, Progress, Refused, RefusedError
 from ground.client.robot_link import RobotLink, UnansweredError, call_soon, open_link
+from ground.client.vocabulary import SHELL, Remedies
 from ground.commands.command import OperatorCommand, Reach, command_in, parsed
 from ground.robot import Robot
 from ground.text.output import Output
@@ -120,7 +121,8 @@ def run(options: argparse.Namespace, output: Output) -> int:
         with open_link(common) as link:
             robot = robot_of(link, output)
             outcome = run_until_signal(lambda: perform(operation, robot, seizes=reach.seize))
-            return print_outcome(output, verb, robot.name, outcome, effect_of(operation, outcome))
+            effect = effect_of(operation, outcome, robot.remedies)
+            return print_outcome(output, verb, robot.name, outcome, effect)
     except UnansweredError as error:
         if isinstance(operation, HasRecording) and (instead := operation.without_robot(reach)):
             output.note(f"no robot answers at {common.endpoint}: this is the newest recording")
@@ -146,19 +148,26 @@ def robot_of(link: RobotLink, progress: Progress) -> Robot:
 
 
 async def perform(operation: Operation[Out], robot: Robot, *, seizes: bool = False) -> Out:
-    """Carry out an operation; with `seizes` take the lease from another operator first."""
-    if seizes:
-        seized = await robot.lease.seize()
-        if not seized.ok:
-            raise RefusedError(seized.text)
-    return await operation.perform(robot)
+    """Carry out an operation; with `seizes` take the lease from another operator first.
+
+    What is refused nevertheless leaves the lease: nothing came of it.
+    """
+    if not seizes:
+        return await operation.perform(robot)
+    seized = await robot.lease.seize()
+    if not seized.ok:
+        raise RefusedError(seized.text)
+    outcome = await operation.perform(robot)
+    if isinstance(outcome, Refused):
+        await robot.lease.leave()
+    return outcome
 
 
-def effect_of(operation: object, outcome: Outcome) -> str:
+def effect_of(operation: object, outcome: Outcome, remedies: Remedies = SHELL) -> str:
     """Return what is so after an accepted command, such as `: motors armed`."""
-    is_done = type(outcome) is Accepted and not outcome.note
+    is_done = type(outcome) is Accepted and not (outcome.note or outcome.cause)
     if is_done and isinstance(operation, OperatorCommand) and operation.effect:
-        return f": {operation.effect}"
+        return f": {remedies.addressed(operation.effect)}"
     return ""
 
 

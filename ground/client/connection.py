@@ -1,5 +1,6 @@
 """The robot and the endpoint to connect to, from the command line, a file or a runtime file."""
 
+import shlex
 from dataclasses import dataclass, replace
 from numbers import Real
 from pathlib import Path
@@ -74,6 +75,9 @@ def common(
     UserError or ConfigError for a value that is wrong, and if several runs are there and none is
     named.
     """
+    typed = {"connect": endpoint, "run": run, "context": context, "id": robot, "config": config}
+    given_words = [word for name, one in typed.items() if one for word in (f"--{name}", str(one))]
+    remedies = remedies._replace(options="".join(f" {shlex.quote(word)}" for word in given_words))
     ways = [endpoint or config, run, context]
     if sum(way is not None for way in ways) > 1:
         raise UserError("use only one of --connect (or --config), --run and --context")

@@ -11,7 +11,6 @@ from ground.client.vocabulary import GOAL_HINT
 from protocol.wire.enums import GoalState, MissionState, Mode
 from protocol.wire.messages import MissionStatus, NavigatorStatus
 from protocol.wire.reasons import Reason
-from runtime.units import NS_PER_MS
 
 SAME_M: Final = 0.002
 """Positions closer than this are the same: the wire rounds to millimetres."""
@@ -110,7 +109,7 @@ class Resumed(Accepted):
     @property
     def text(self) -> str:
         """Where the robot drives, and the duration."""
-        return f"go on to {self.drive}: ok {self.took_ns / NS_PER_MS:.0f} ms"
+        return f"go on to {self.drive}: {Accepted.text.__get__(self)}"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
         """Return the acceptance as a row, with the lost drive."""
@@ -125,10 +124,15 @@ class NothingToResume(Refused):
 
     def in_words(self, hints: Mapping[int, str]) -> str:
         """Return that there is nothing, and how to begin the mission, or to set a goal."""
+        return self.why(hints)
+
+    def why(self, hints: Mapping[int, str]) -> str:
+        """Return the same: a line that tells what was refused needs no other words."""
         mission = self.mission
         begins = None if mission is None else BEGINS.get(mission.state)
         if mission is None or begins is None:
-            return f"{NOTHING}. {hints.get(Reason.NO_GOAL, GOAL_HINT)}"
+            hint = hints.get(Reason.NO_GOAL, GOAL_HINT)
+            return f"{NOTHING}. {self.remedies.addressed(hint)}"
         return f"{NOTHING}: {begins} item {mission.current + 1} of {mission.count}"
 
 

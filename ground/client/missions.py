@@ -8,7 +8,7 @@ from typing import Any, Final, Protocol, TypeVar
 
 from ground.client.leases import Asker
 from ground.client.lost_drive import LostMission, NothingToResume, Resumed
-from ground.client.outcomes import Accepted, Answer, Refused, Success, refusal_words
+from ground.client.outcomes import Accepted, Answer, GoalEnded, Refused, Success, refusal_words
 from ground.client.requests import SILENCE_NS
 from ground.client.robot_link import Drive
 from ground.client.streams import TopicStreams
@@ -185,7 +185,7 @@ class MissionDriver(Asker, Protocol):
     async def hold(self) -> Answer:
         """Stop and keep the goal."""
 
-    async def resume(self) -> Answer:
+    async def resume(self) -> Answer | GoalEnded:
         """Continue to the goal."""
 
     def request(self, command: Command, param1: float = 0.0, /) -> CommandRequest:
@@ -306,7 +306,7 @@ class Missions:
         status = await self._robot.newest(MISSION, STATUS_NS)
         return answer if status is None else MissionPaused(answer.took_ns, status)
 
-    async def resume(self) -> Answer:
+    async def resume(self) -> Answer | GoalEnded:
         """Continue the mission, also one that was ended early, whatever was driven since.
 
         Refused if it has not begun, or is done.

@@ -72,22 +72,26 @@ class Success:
 class Accepted(Success):
     """The robot accepted, `took_ns` after the first request.
 
-    `note` is the `Reason` why that has changed nothing, if it has not.
+    `note` is the `Reason` why that has changed nothing, if it has not. `cause` is why the robot
+    cannot act on it yet, with its remedy.
     """
 
     took_ns: int
     note: int = field(default=Reason.NONE, kw_only=True)
+    cause: str = field(default="", compare=False, kw_only=True)
 
     @property
     def text(self) -> str:
-        """The duration, as in `ok 14 ms`, and the note."""
+        """The duration, as in `ok 14 ms`, the note, and what keeps the robot from acting."""
         words = f": {reason_text(self.note)}" if self.note else ""
-        return f"ok {self.took_ns / NS_PER_MS:.0f} ms{words}"
+        but = f", but {self.cause}" if self.cause else ""
+        return f"ok {self.took_ns / NS_PER_MS:.0f} ms{words}{but}"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
         """Return the acceptance as a row."""
         row = answer_row(verb, robot, Reason.NONE, self.took_ns)
-        return row | {"note": reason_text(self.note)} if self.note else row
+        row |= {"note": reason_text(self.note)} if self.note else {}
+        return row | ({"cause": self.cause} if self.cause else {})
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +117,7 @@ class Refused:
     @property
     def words(self) -> str:
         """The reason, with the lease holder and the remedy where there is one."""
-        return self._words(self.remedies.refusals)
+        return self.why(self.remedies.refusals)
 
     @property
     def text(self) -> str:
@@ -122,12 +126,12 @@ class Refused:
 
     def in_words(self, hints: Mapping[int, str]) -> str:
         """Return the reason with a remedy of `hints`, such as the keys of the app."""
-        return f"refused: {self._words(hints)}"
+        return f"refused: {self.why(hints)}"
 
-    def _words(self, hints: Mapping[int, str]) -> str:
-        return self.cause or refusal_words(
-            reason_text(self.reason), self.reason, self.holder, hints
-        )
+    def why(self, hints: Mapping[int, str]) -> str:
+        """Return the reason with a remedy of `hints`, for a line that tells what was refused."""
+        words = refusal_words(reason_text(self.reason), self.reason, self.holder, hints)
+        return self.cause or self.remedies.addressed(words)
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
         """Return the refusal as a row."""

@@ -25,7 +25,7 @@ M = TypeVar("M", bound=Message)
 def goal_line(
     telemetry: Telemetry, now_ns: int, silent_ns: int, goal_id: int | None = None
 ) -> list[Part]:
-    """Return state, distance, speed, nearest echo, driving time and reason, for a running goal.
+    """Return state, distance, speed, nearest echo, time so far and reason, for a running goal.
 
     With `goal_id`, a status about another goal is not shown.
     """
@@ -45,7 +45,7 @@ def goal_line(
         Part(f"{to_go} to go", to_go),
         Part(f"{NONE if odometry is None else f'{odometry.speed_m_s:z.2f}'} m/s"),
         Part(f"echo {echo}", f"echo {echo.removesuffix(' m')}"),
-        Part(driven(status)),
+        Part(since_set(status)),
         Part(reason_of(status)),
     ]
 
@@ -98,8 +98,8 @@ def doing(status: NavigatorStatus) -> str:
     return given_up or name_of(GoalState, status.goal).lower()
 
 
-def driven(status: NavigatorStatus) -> str:
-    """Return the time since the goal was set, by the robot's clock."""
+def since_set(status: NavigatorStatus) -> str:
+    """Return the time since the goal was set, held time included, by the robot's clock."""
     if not status.goal_id:
         return ""
     until_ns = status.goal_ended_ns or status.time_ns

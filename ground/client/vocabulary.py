@@ -1,5 +1,6 @@
 """Names of sides, modes and navigators, and remedies for refusals."""
 
+import re
 from collections.abc import Mapping
 from math import isfinite, nan
 from types import MappingProxyType
@@ -62,7 +63,8 @@ class Remedies(NamedTuple):
     """What to do about a refusal or a silence, in the words of those who read it.
 
     `refusals` by reason; `robot` names one that is there, `keys` the certificates, `run` one of
-    several runs, `parameters` lists the parameters.
+    several runs, `parameters` lists the parameters, `drive` drives by hand. `options` are those
+    that name the robot and its bus, as they were typed.
     """
 
     refusals: Mapping[int, str]
@@ -70,6 +72,19 @@ class Remedies(NamedTuple):
     keys: str
     run: str
     parameters: str
+    drive: str
+    options: str = ""
+
+    def addressed(self, words: str) -> str:
+        """Return words whose `sidestep` commands have the options that name the robot."""
+        return COMMAND.sub(lambda found: f"{found[0]}{self.options}", words)
+
+    def by_hand(self) -> "Remedies":
+        """Return the remedies for a drive by hand, which no other mode replaces."""
+        return self._replace(refusals={**self.refusals, Reason.NO_OPERATOR: self.drive})
+
+
+COMMAND: Final = re.compile("sidestep [a-z-]+(?: (?:[a-z-]+|[A-Z]+))*")
 
 
 SHELL: Final = Remedies(
@@ -80,6 +95,7 @@ SHELL: Final = Remedies(
     keys="use --config DIR/ground.toml",
     run="choose one with --run NAME or --connect ENDPOINT, as in: --run {0}",
     parameters="sidestep param list",
+    drive="`sidestep teleop` drives by hand, and sends it",
 )
 PYTHON: Final = Remedies(
     refusals=MappingProxyType(
@@ -102,6 +118,7 @@ PYTHON: Final = Remedies(
     keys='use sidestep.connect(config="DIR/ground.toml")',
     run="choose one with sidestep.connect({1!r})",
     parameters="await robot.parameters.list()",
+    drive="await robot.drive(speed_m_s, turn_deg_s) drives by hand, and sends it",
 )
 
 

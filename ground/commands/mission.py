@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from ground.client.missions import MissionProgress, TransferOutcome
-from ground.client.outcomes import Answer, Progress, Refused, Success
+from ground.client.outcomes import Answer, GoalEnded, Progress, Refused, Success
 from ground.commands.abort import Abort
 from ground.commands.command import (
     ANYWAY,
@@ -282,7 +282,7 @@ class ResumeMission(Resume):
 
     timeout_s: float | None = None
 
-    async def perform(self, robot: Robot) -> Answer:
+    async def perform(self, robot: Robot) -> Answer | GoalEnded:
         """Send it and return the robot's answer."""
         return await robot.mission.resume()
 

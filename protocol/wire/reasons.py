@@ -85,6 +85,7 @@ class Reason(IntEnum):
     NOTHING_LATCHED = 120
     NO_LEASE = 121
     NOTHING_KEPT = 122
+    NOTHING_CHANGED = 123
 
 
 REASON_TEXTS: Final[dict[int, str]] = {
@@ -159,6 +160,7 @@ REASON_TEXTS: Final[dict[int, str]] = {
     120: "no emergency stop was latched: there was nothing to clear",
     121: "nobody had the lease: there was nothing to give back",
     122: "holding; no goal is active",
+    123: "it was so already: nothing has changed",
 }
 
 

@@ -79,3 +79,4 @@ NOTHING_TO_ABORT: Final = 109  # no goal is active: there is nothing to abort
 NOTHING_LATCHED: Final = 120  # no emergency stop was latched: there was nothing to clear
 NO_LEASE: Final = 121  # nobody had the lease: there was nothing to give back
 NOTHING_KEPT: Final = 122  # holding; no goal is active
+NOTHING_CHANGED: Final = 123  # it was so already: nothing has changed

@@ -203,7 +203,7 @@ def test_side_forms_shrink_and_the_first_fitting_one_is_taken() -> None:
 def test_progress_shows_times_and_never_invents_them() -> None:
     station = driving(FakeStation())
     assert "6.42 m   8.9 s  ~24 s left" in side(station)
-    assert "8.9 s driven  ~24 s left" in words_of(progress_rows(station, 60)[0])
+    assert "8.9 s so far  ~24 s left" in words_of(progress_rows(station, 60)[0])
     station.progress_now = GoalProgress()
     text = side(station)
     assert "-- s left" in text

@@ -669,6 +669,11 @@ NOTED: Final[dict[str, tuple[int, Condition]]] = {
         lambda row: row.has_goal or row.mission_state in UNDER_WAY,
     ),
     "release": (Reason.NO_LEASE, lambda row: bool(row.holder)),
+    "arm": (Reason.NOTHING_CHANGED, lambda row: not row.is_armed),
+    "disarm": (
+        Reason.NOTHING_CHANGED,
+        lambda row: row.vehicle in (VehicleState.ACTIVE, VehicleState.FAILSAFE),
+    ),
 }
 """What a person may ask for in vain: the note that says so, and what was so if it was not."""
 

@@ -189,6 +189,7 @@ RESULTS: Final = MappingProxyType(
         Reason.NOTHING_LATCHED: ACCEPTED,
         Reason.NO_LEASE: ACCEPTED,
         Reason.NOTHING_KEPT: ACCEPTED,
+        Reason.NOTHING_CHANGED: ACCEPTED,
     }
 )
 

@@ -52,7 +52,6 @@ from runtime.units import MM_PER_M
 
 PREARM: Final = "PreArm: "
 """The prefix by which clients recognise why a robot cannot be armed."""
-REFUSED: Final = "refused: "
 NO_STOP: Final = CommandAnswer(LATER, "no status of the robot has named an emergency stop yet")
 
 
@@ -93,7 +92,7 @@ class ArmingCommands:
                 return NO_STOP
         if answered is None or answered.ok:
             answered = await self._vehicle.control.perform(call.sender, Arm())
-        words = "" if answered.ok else f"{PREARM}{answered.text.removeprefix(REFUSED)}"
+        words = "" if answered.ok else f"{PREARM}{answered.why}"
         return CommandAnswer(result_of(answered), words, Severity.CRITICAL)
 
     async def _clear(self, sender: Sender) -> Answered | None:

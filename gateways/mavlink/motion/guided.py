@@ -129,7 +129,7 @@ class GuidedDrive:
     async def _enter(self, sender: Sender) -> None:
         answered = await self._begin(sender)
         if not answered.ok and self._sender is not None:
-            words = f"speeds not followed: {answered.text}"
+            words = f"speeds not followed: {answered.why}"
             self._vehicle.refusals.say(words, self._sender.client, self._now_ns)
 
     async def _leave(self, sender: Sender) -> None:
@@ -279,7 +279,7 @@ class SetpointStream(MavService):
         if not sender.may_command:
             self._refuse(message, sender.barred, sender, now_ns)
         elif refusal is not None:
-            self._refuse(message, refusal.text, sender, now_ns)
+            self._refuse(message, refusal.why, sender, now_ns)
         else:
             try:
                 self._follow(message, sender, now_ns)
@@ -324,7 +324,7 @@ class SetpointStream(MavService):
             (goal, sender), self._next = self._next, None
             answered = await self._pilot.goto(goal, sender)
             if not answered.ok:
-                words = f"goal refused: {answered.text}"
+                words = f"goal refused: {answered.why}"
                 now_ns = self._vehicle.snapshot.now_ns
                 self._vehicle.refusals.say(words, sender.client, now_ns)
             is_guided = self._vehicle.modes.number == Mode.GUIDED

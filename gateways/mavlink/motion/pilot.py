@@ -226,7 +226,7 @@ class Pilot(MavService):
     async def _start_waiting(self, sender: Sender) -> None:
         answered = await self.start_mission(sender)
         if not answered.ok:
-            words = f"mission not started: {answered.text}"
+            words = f"mission not started: {answered.why}"
             self._vehicle.refusals.say(words, sender.client, self._now_ns)
 
     async def _try(

@@ -291,7 +291,7 @@ def kilobytes(count: int) -> str:
 
 LEAST_BAR: Final = 8
 FULL: Final = 40
-"""From so many columns on, the time driven is named."""
+"""From so many columns on, the time since the goal was set is named."""
 UNDER_WAY: Final = (MissionState.RUNNING, MissionState.HOLDING, MissionState.PAUSED)
 ENDED: Final = (GoalState.REACHED, GoalState.STUCK, GoalState.ABORTED)
 
@@ -314,17 +314,17 @@ def progress_rows(station: Station, width: int) -> list[Row]:
 
 
 def way_spans(station: Station, status: NavigatorStatus, seen: AgedMessage, width: int) -> Row:
-    """Return distance, time driven and time left; the outcome when the goal has ended."""
+    """Return distance, time so far and time left; the outcome when the goal has ended."""
     role = role_of(seen)
-    driven = f"{driven_s(status):.1f} s"
+    so_far = f"{since_set_s(status):.1f} s"
     if status.goal in ENDED:
-        words = f"{end_words(status)} {driven}{doubt_after(station, status)}"
+        words = f"{end_words(status)} {so_far}{doubt_after(station, status)}"
         return row(Span(f"{number(status.goal_distance_m)} m  {words}", role))
     left_s = station.progress.left_s
     left = MISSING if left_s is None else f"~{left_s:.0f}"
     return row(
         Span(f"{number(status.goal_distance_m, '5.2f')} m ", role),
-        Span(f"{driven:>7} {'driven ' if width >= FULL else ''}", role_of(seen, "faint")),
+        Span(f"{so_far:>7} {'so far ' if width >= FULL else ''}", role_of(seen, "faint")),
         Span(f"{left:>4} s left", role),
     )
 
@@ -350,8 +350,8 @@ def bar_row(share: float | None, after: Row, width: int, role: str) -> Row:
     return row(Span(bar(share or 0.0, cells), role), Span(percent, role), *after)
 
 
-def driven_s(status: NavigatorStatus) -> float:
-    """Return how long the goal has been driven to, by the robot's clock."""
+def since_set_s(status: NavigatorStatus) -> float:
+    """Return the time since the goal was set, held time included, by the robot's clock."""
     until_ns = status.goal_ended_ns or status.time_ns
     return (until_ns - status.goal_started_ns) / NS_PER_S
 

@@ -3,23 +3,29 @@
 import asyncio
 from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import asynccontextmanager, closing
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import pytest
 
 from checks.harness.loop import PlayedLoop
+from checks.harness.messages import make
+from ground.cli import operate
 from ground.cli.observe.live_line import LiveStatus
 from ground.client import robot_link
 from ground.client.connection import common
 from ground.client.goal import destination
 from ground.client.lease_holder import operator_name
-from ground.client.leases import ALIVE, TICK_NS
+from ground.client.leases import ALIVE, TICK_NS, Leasing
 from ground.client.outcomes import Accepted, GoalEnded, Refused, RefusedError
 from ground.client.streams import ClosedError
+from ground.client.vocabulary import PYTHON, SHELL, Remedies
+from ground.commands.arm import Arm
+from ground.commands.resume import Resume
 from ground.robot import Robot
-from protocol.topics import HEARTBEAT, LEASE, ODOMETRY, OPERATOR, STATUS, STOP, Role
-from protocol.wire.enums import Command, GoalState, LeaseAction, Mode, Vehicle
-from protocol.wire.messages import CommandRequest, GoalRequest, LeaseRequest, Teleop
+from protocol.topics import HEARTBEAT, LEASE, MISSION, ODOMETRY, OPERATOR, STATUS, STOP, Role
+from protocol.wire.enums import Command, GoalState, LeaseAction, MissionState, Mode, Vehicle
+from protocol.wire.messages import CommandRequest, GoalRequest, LeaseRequest, MissionStatus, Teleop
 from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError, UserError
 from runtime.units import NS_PER_S
@@ -157,6 +163,116 @@ def test_drive_that_cannot_be_armed_ends_in_hold() -> None:
     assert sent(stage) == ["TAKE", MODE, ARM, MODE, "LEAVE"]
     manual, hold = (one for one in stage.bus.requests if name_of(one) == MODE)
     assert (hold.param2, hold.ends_id) == (Mode.HOLD, manual.request_id)
+
+
+def holding(stage: Stage, goal_id: int = 77) -> None:
+    """Let the robot show a goal that it holds in GUIDED, as one whose program has ended."""
+    shown = status(goal_id=goal_id, goal=GoalState.DRIVING, mode=Mode.HOLD)
+    stage.bus.say(STATUS, shown)
+
+
+def goes_on(stage: Stage, state: GoalState) -> Callable[[int], None]:
+    """Show the goal in a state once it is resumed for the second time."""
+
+    def shown(_number: int) -> None:
+        if sent(stage).count(RESUME) == 2:
+            now_ns = stage.clock.now_ns()
+            stage.bus.say(STATUS, status(goal_id=77, goal=state, time_ns=now_ns))
+
+    return shown
+
+
+RESUME = "DO_PAUSE_CONTINUE"
+
+
+def test_resume_from_a_shell_attends_a_goal_that_needs_it() -> None:
+    stage = Stage(Reason.NO_OPERATOR)
+    holding(stage)
+    stage.bus.on_ask = goes_on(stage, GoalState.REACHED)
+    ended = done(stage, lambda robot: robot.resume())
+    assert (ended.outcome, ended.ok) == ("reached", True)
+    assert sent(stage) == [RESUME, "TAKE", RESUME, "LEAVE"]
+    assert beats(stage) >= 1
+
+
+def test_resumed_goal_is_held_when_its_program_is_interrupted() -> None:
+    stage = Stage(Reason.NO_OPERATOR)
+    holding(stage)
+    stage.bus.on_ask = goes_on(stage, GoalState.DRIVING)
+
+    async def program() -> None:
+        going = asyncio.ensure_future(stage.robot.resume())
+        await until(lambda: sent(stage).count(RESUME) == 2)
+        await asyncio.sleep(0.2)
+        going.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await going
+
+    stage.run(program())
+    assert sent(stage) == [RESUME, "TAKE", RESUME, MODE, "LEAVE"]
+    hold = stage.bus.requests[-2]
+    assert (hold.param2, hold.ends_id) == (Mode.HOLD, 77)
+    assert "interrupted: the robot holds" in stage.notes.notes
+
+
+def test_mission_that_needs_an_operator_is_not_followed() -> None:
+    stage = Stage(Reason.NO_OPERATOR)
+    holding(stage)
+    stage.bus.say(MISSION, make(MissionStatus, state=MissionState.PAUSED, count=2))
+    refused = done(stage, lambda robot: robot.resume())
+    assert (refused.reason, sent(stage)) == (Reason.NO_OPERATOR, [RESUME])
+
+
+def test_seized_lease_is_left_when_the_command_is_refused() -> None:
+    stage = Stage(Reason.NONE, Reason.NO_SENSES)
+    assert not stage.run(operate.perform(Arm(), stage.robot, seizes=True)).ok
+    assert sent(stage) == ["SEIZE", ARM, "LEAVE"]
+
+
+def test_resume_seizes_attends_and_drives_on() -> None:
+    stage = Stage(Reason.NONE, Reason.NO_OPERATOR)
+    holding(stage)
+    stage.bus.on_ask = goes_on(stage, GoalState.REACHED)
+    assert stage.run(operate.perform(Resume(), stage.robot, seizes=True)).ok
+    assert sent(stage) == ["SEIZE", RESUME, "TAKE", RESUME, "LEAVE"]
+
+
+@each(("remedies", "words"), [(SHELL, "(`sidestep teleop`"), (PYTHON, "(await robot.drive(")])
+def test_mode_manual_is_led_to_a_drive_by_hand(remedies: Remedies, words: str) -> None:
+    stage = Stage(Reason.NO_OPERATOR)
+    stage.common = replace(stage.common, remedies=remedies)
+    refused = played(stage, robot_of(stage, leasing=Leasing.DRIVES).set_mode("manual"))
+    assert words in refused.text
+    assert "goto" not in refused.text
+
+
+def test_robot_shows_no_status_that_is_old() -> None:
+    stage = Stage()
+
+    async def story(robot: Robot) -> None:
+        stage.bus.say(STATUS, status(Vehicle.ACTIVE))
+        assert "ACTIVE" in repr(robot)
+        stage.clock.advance(12 * NS_PER_S)
+        assert repr(robot) == "<robot r1 at tcp/127.0.0.1:1: no status for 12 s>"
+
+    lived(stage, story)
+
+
+@each("leasing", [Leasing.DRIVES, Leasing.ALWAYS])
+def test_what_is_accepted_while_time_stands_says_so(leasing: Leasing) -> None:
+    stage = Stage()
+    stands(stage)
+    accepted = lived(stage, lambda robot: robot.arm(), leasing=leasing)
+    assert accepted.ok
+    assert ", but the simulated time of r1 stands still, no plant" in accepted.text
+
+
+def test_refusal_names_the_robot_as_it_was_named() -> None:
+    stage = Stage(Reason.NOT_ARMED)
+    where = common("tcp/127.0.0.1:1", "r2", None)
+    robot = Robot(stage.bus, where, clock=stage.clock, leasing=Leasing.NEVER)
+    refused = stage.run(robot.return_home())
+    assert refused.text.endswith("(sidestep arm --connect tcp/127.0.0.1:1 --id r2)")
 
 
 def test_refusal_for_the_lease_names_its_holder() -> None:

@@ -375,6 +375,7 @@ def test_a_result_follows_from_its_reason(reason: Reason) -> None:
         Reason.NOTHING_LATCHED: AckResult.ACCEPTED,
         Reason.NO_LEASE: AckResult.ACCEPTED,
         Reason.NOTHING_KEPT: AckResult.ACCEPTED,
+        Reason.NOTHING_CHANGED: AckResult.ACCEPTED,
     }
     assert result_of(reason) == results.get(reason, AckResult.DENIED)
 
@@ -416,8 +417,19 @@ def test_arming_and_disarming_are_one_command(arm: float, vehicle: int) -> None:
     for before in (states.STANDBY, states.ACTIVE):
         robot = Robot()
         robot.machine.vehicle = before
-        assert robot.ask(command(Command.COMPONENT_ARM_DISARM, arm)) == Reason.NONE
+        note = Reason.NOTHING_CHANGED if before == vehicle else Reason.NONE
+        assert robot.ask(command(Command.COMPONENT_ARM_DISARM, arm)) == note
         assert robot.machine.vehicle == vehicle
+
+
+@each("vehicle", [states.FAILSAFE, states.EMERGENCY_STOP])
+def test_disarming_ends_a_failsafe_but_no_emergency_stop(vehicle: int) -> None:
+    robot = Robot()
+    robot.machine.vehicle = vehicle
+    is_over = vehicle == states.FAILSAFE
+    note = Reason.NONE if is_over else Reason.NOTHING_CHANGED
+    assert robot.ask(command(Command.COMPONENT_ARM_DISARM, 0.0)) == note
+    assert robot.machine.vehicle == (states.STANDBY if is_over else vehicle)
 
 
 def test_continue_resumes_the_goal_that_pause_has_held() -> None:

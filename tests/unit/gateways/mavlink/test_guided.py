@@ -272,7 +272,7 @@ def test_only_the_newest_position_follows(bench: Bench) -> None:
 def test_refused_position_says_why(bench: Bench) -> None:
     bench.send(local_target(mask=PLACE, x=1.0, y=2.0))
     bench.port.refuse(Reason.OUTSIDE_FENCE)
-    assert "outside of the fence" in words(bench.sent())
+    assert words(bench.sent()).startswith("goal refused: goal is outside of the fence")
 
 
 @each("mode", [Mode.MANUAL, Mode.HOLD, Mode.AUTO, Mode.SMART_RTL])

@@ -18,6 +18,7 @@ from ground.cli import main as cli
 from ground.cli.main import OPERATOR_VERBS, Interrupted, main
 from ground.cli.operate import effect_of, run_until_signal
 from ground.client.outcomes import Accepted, Refused
+from ground.client.vocabulary import SHELL
 from ground.commands.abort import Abort
 from ground.commands.arm import Arm
 from ground.commands.disarm import Disarm
@@ -320,6 +321,16 @@ def test_what_is_not_finite_becomes_null(capsys: pytest.CaptureFixture[str]) -> 
 
 def test_an_accepted_command_names_its_effect() -> None:
     assert effect_of(Arm(), Accepted(14_000_000)) == ": motors armed"
+
+
+def test_an_effect_names_the_robot_as_it_was_named() -> None:
+    remedies = SHELL._replace(options=" --id r2")
+    assert "`sidestep resume --id r2` would" in effect_of(Abort(), Accepted(1), remedies)
+
+
+@each("why", [{"note": Reason.NOTHING_CHANGED}, {"cause": "time stands still"}])
+def test_what_had_no_effect_names_none(why: dict[str, Any]) -> None:
+    assert effect_of(Disarm(), Accepted(1, **why)) == ""
 
 
 def test_a_refused_command_has_none() -> None:
