@@ -211,7 +211,7 @@ def test_seized_lease_is_published_and_allows_commands() -> None:
         assert any("LEASE SEIZED by bob from ada" in text for text in stack.texts)
         assert bob.lease(LeaseAction.RELEASE) == Reason.NONE
         stack.until(lambda: named(box.latest()) == "", within_s=2.0)
-        assert ada.command(Command.COMPONENT_ARM_DISARM, 1) == Reason.NONE
+        assert ada.command(Command.COMPONENT_ARM_DISARM, 1) == Reason.NOTHING_CHANGED
 
 
 def named(newest: tuple[LeaseStatus, int] | None) -> str | None:

@@ -38,7 +38,7 @@ from tests.support.played_robot import BEAT, PlayedRobot, Say, played
             Command.SIDESTEP_ABORT_GOAL,
             0.0,
             0.0,
-            "stopped, the goal is ended; `sidestep resume` would go on to it",
+            r"stopped, the goal is ended; `sidestep resume --connect \S+` would go on to it",
         ),
         (
             ("clear-estop",),
