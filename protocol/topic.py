@@ -48,6 +48,8 @@ class Role(Enum):
     """Role of a process on the bus."""
 
     PLANT = "plant"
+    DRIVER = "driver"
+    """The driver of a real robot's sensors and motors, in the place of a plant."""
     ROBOT = "robot"
     GROUND = "ground"
 

@@ -435,7 +435,7 @@ def path_of(key: str) -> str:
     return "" if parts is None else parts.path
 
 
-COMPONENT: Final = {Role.ROBOT: 1, Role.PLANT: 25, Role.GROUND: 190}
+COMPONENT: Final = {Role.ROBOT: 1, Role.PLANT: 25, Role.DRIVER: 25, Role.GROUND: 190}
 OPERATOR_SYSTEM: Final = 255
 NO_ROLE: Final = (254, 0)
 MAX_ROBOT_SYSTEM: Final = 250

@@ -94,8 +94,10 @@ def _no_robot(
         return f"robot {robot} is not at {endpoint}, only {', '.join(others)}: {remedy}"
     dial = dial_options(endpoint, _beside(keys, ROBOT + robot))
     alone = f"`sidestep run robot --id {robot}{dial}`"
-    if processes.has(robot, Role.PLANT):
-        return f"robot {robot} is not at {endpoint}, only its plant is: start it with {alone}"
+    for role in (Role.PLANT, Role.DRIVER):
+        if processes.has(robot, role):
+            only = f"only its {role.value} is"
+            return f"robot {robot} is not at {endpoint}, {only}: start it with {alone}"
     return (
         f"no robot at {endpoint}, though a process listens there: {UP}, or the robot alone with"
         f" {alone}"

@@ -6,10 +6,12 @@ Faults are found in liveliness tokens and in the age of each stream, without I/O
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import pairwise
 from time import time
 from typing import Any, Final
 
 from ground.client.outcomes import Report
+from ground.client.parameter import parameters_in
 from ground.client.presence import (
     PresentProcesses,
     explain_silence,
@@ -27,6 +29,7 @@ from protocol.bus.certificate import EXPIRES_SOON, RENEW, CertificateStatus, own
 from protocol.bus.mailbox import Mailbox
 from protocol.bus.peers import ID_TAKEN
 from protocol.bus.rights import RECORDER, VIEWER, denial
+from protocol.ring import SONARS
 from protocol.topics import (
     CLOCK,
     COMMAND,
@@ -37,10 +40,12 @@ from protocol.topics import (
     ODOMETRY,
     OPERATOR,
     PARAMETERS,
+    SONAR,
     STATUS,
     TELEOP,
     TEXT,
     TOPICS,
+    WHEELS,
     WORLD,
     Role,
     Service,
@@ -48,18 +53,30 @@ from protocol.topics import (
 )
 from protocol.wire.codec import decode
 from protocol.wire.enums import Vehicle
-from protocol.wire.messages import CommandRequest, CycleReport, NavigatorStatus, PlanarOdometry
+from protocol.wire.message import Message
+from protocol.wire.messages import (
+    CommandRequest,
+    CycleReport,
+    NavigatorStatus,
+    PlanarOdometry,
+    SonarScan,
+)
 from protocol.wire.reasons import Reason, reason_text
 from protocol.wire.statustext import StatustextAssembler
 from runtime.cli.packages import Conflict, conflicts
 from runtime.cli.verb import LOOK
 from runtime.errors import AccessDeniedError, PeerHangsError, RemoteError
-from runtime.units import NS_PER_MS, NS_PER_S
+from runtime.units import NS_PER_MS, NS_PER_S, PERIOD_MS
 from runtime.watchdog import slowdown_in
 
 STALE_FACTOR: Final = 3
 MIN_PERIODS: Final = 1.5
 DAY_S: Final = 86_400.0
+SENSES: Final = (SONAR, WHEELS)
+"""What a driver publishes, and a plant too."""
+MIN_SCANS: Final = 10
+DENSE_MS: Final = 2 * PERIOD_MS
+"""What is necessary if each sonar measures in each period."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +102,8 @@ class Observed:
     `keys` is the configuration file on a locked bus.
     `answers` holds pairs of service path and the reason why it did not answer. `certified` is the
     certificate of this process on a bus with TLS. `clock_s` is this machine's time since 1970.
-    `texts` are those of the robot, cached ones included.
+    `texts` are those of the robot, cached ones included. `scans` are all that arrived, and
+    `sonar_stale_ms` is that parameter of the robot.
     """
 
     robot: str
@@ -101,6 +119,8 @@ class Observed:
     clock_s: float = 0.0
     conflicts: tuple[Conflict, ...] = ()
     texts: tuple[str, ...] = ()
+    scans: tuple[SonarScan, ...] = ()
+    sonar_stale_ms: float | None = None
     keys: str | None = None
 
 
@@ -134,6 +154,7 @@ def examine(seen: Observed) -> Diagnoses:
             *taken_ids(seen.texts),
             *processes(seen),
             *streams(seen),
+            *sonars(seen),
             *services(seen),
             *state(seen.status),
             *place(seen.odometry),
@@ -201,11 +222,49 @@ def processes(seen: Observed) -> Iterator[Diagnosis]:
         )
         what, _, do = why.partition(": ")
         yield Diagnosis(what, do or "restart the robot")
-    if not any(role == Role.PLANT.value for _, role in seen.processes.present):
+    if not has_plant(seen) and not seen.processes.has(seen.robot, Role.DRIVER):
         do = (
-            "start `sidestep run plant --world W` with the same endpoint, W being the robot's world"
+            "start `sidestep run plant --world W` with the same endpoint, W being the robot's"
+            " world, or the driver of a real robot"
         )
         yield Diagnosis("no plant is running", do)
+
+
+def has_plant(seen: Observed) -> bool:
+    """Return whether a plant runs; one simulates all robots of a world."""
+    return any(role == Role.PLANT.value for _, role in seen.processes.present)
+
+
+def sonars(seen: Observed) -> Iterator[Diagnosis]:
+    """Yield sonars that do not measure, and that ranges count as missing between two of one sonar.
+
+    The sonars of a real ring ping one after the other, so that each scan has a part of them. The
+    median tells the firing order from single pings that are lost.
+    """
+    if len(seen.scans) < MIN_SCANS:
+        return
+    times_ms = [
+        [scan.time_ns // NS_PER_MS for scan in seen.scans if scan.valid >> i & 1]
+        for i in range(SONARS)
+    ]
+    if silent := [str(i) for i, times in enumerate(times_ms) if not times]:
+        what = f"no measurement of sonar {', '.join(silent)} in {len(seen.scans)} scans"
+        yield Diagnosis(what, "check its wiring: the robot does not see there", bad=False)
+    gaps_ms = [
+        sorted(later - at for at, later in pairwise(times))[(len(times) - 1) // 2]
+        for times in times_ms
+        if times[1:]
+    ]
+    need_ms = max(gaps_ms, default=0) + PERIOD_MS
+    if seen.sonar_stale_ms is not None and gaps_ms and need_ms > max(seen.sonar_stale_ms, DENSE_MS):
+        what = (
+            f"each sonar measures every {need_ms - PERIOD_MS} ms, and its range counts as missing "
+            f"after {seen.sonar_stale_ms:g} ms"
+        )
+        do = (
+            f"set sonar_stale_ms = {need_ms} below [parameters] of the robot's file, and restart it"
+        )
+        yield Diagnosis(what, do, bad=False)
 
 
 def streams(seen: Observed) -> Iterator[Diagnosis]:
@@ -221,6 +280,8 @@ def streams(seen: Observed) -> Iterator[Diagnosis]:
         if not (has_time and expected(seen, topic)) or stream.fresh or topic is HEARTBEAT:
             continue
         sender = topic.publisher.value
+        if topic in SENSES and not has_plant(seen):
+            sender = Role.DRIVER.value
         if stream.age_ns is None and seen.listened_ns * topic.rate_hz < MIN_PERIODS * NS_PER_S:
             continue  # too slow for this listening time
         if stream.age_ns is None:
@@ -247,7 +308,8 @@ def expected(seen: Observed, topic: Topic[Any]) -> bool:
     if not topic.rate_hz or topic in (OPERATOR, TELEOP, CLOCK, MCU, MOTION):
         return False
     if topic.publisher is Role.PLANT:
-        return any(role == Role.PLANT.value for _, role in seen.processes.present)
+        is_driven = topic in SENSES and seen.processes.has(seen.robot, Role.DRIVER)
+        return is_driven or has_plant(seen)
     return seen.processes.has(seen.robot, topic.publisher)
 
 
@@ -263,7 +325,8 @@ def state(status: NavigatorStatus | None) -> Iterator[Diagnosis]:
         return
     reason = reason_text(status.vehicle_reason)
     if status.vehicle == Vehicle.BOOT:
-        yield Diagnosis("the robot has received no sensor data yet", "start the plant")
+        do = "start the plant, or the driver of a real robot"
+        yield Diagnosis("the robot has received no sensor data yet", do)
     elif status.vehicle == Vehicle.FAILSAFE:
         yield Diagnosis(f"failsafe: {reason}", "remove the cause, then sidestep arm", bad=False)
     elif status.vehicle == Vehicle.EMERGENCY_STOP:
@@ -347,22 +410,34 @@ def dial_fault(error: UnansweredError, endpoint: str) -> tuple[str, str]:
 async def observe(robot: Robot, listen_ns: int) -> Observed:
     """Observe all topics for the given time, then call the services."""
     texts, assembler, clock = [], StatustextAssembler(), robot.clock
+    scans: list[SonarScan] = []
 
     def take(_key: str, frame: bytes, sent_ns: int) -> None:
         with suppress(RemoteError):
             if text := assembler.receive(decode(frame).message):
                 texts.append(aged(text, clock.now_ns() - sent_ns))
 
-    box = robot.bus.mailbox(TEXT, robot.name, take=take)
+    def take_scan(_key: str, frame: bytes, _sent_ns: int) -> None:
+        with suppress(RemoteError):
+            if isinstance(scan := decode(frame).message, SonarScan):
+                scans.append(scan)
+
+    text_box = robot.bus.mailbox(TEXT, robot.name, take=take)
+    scan_box = robot.bus.mailbox(SONAR, robot.name, take=take_scan)
     try:
         with robot.subscribed(*TOPICS) as telemetry:
-            return await observed(robot, telemetry, texts, listen_ns)
+            return await observed(robot, telemetry, texts, scans, listen_ns)
     finally:
-        robot.bus.unsubscribe(box)
+        robot.bus.unsubscribe(text_box)
+        robot.bus.unsubscribe(scan_box)
 
 
 async def observed(
-    robot: Robot, telemetry: Telemetry, texts: Sequence[str], listen_ns: int
+    robot: Robot,
+    telemetry: Telemetry,
+    texts: Sequence[str],
+    scans: Sequence[SonarScan],
+    listen_ns: int,
 ) -> Observed:
     """Collect tokens, streams, status and the replies of the services."""
     await robot.wait(lambda: False, listen_ns)
@@ -370,13 +445,11 @@ async def observed(
     processes = present_processes(await robot.in_own_thread(robot.bus.present))
     status, cycle = telemetry.latest(STATUS), telemetry.latest(CYCLE)
     odometry = telemetry.latest(ODOMETRY)
-    answers = [
-        (service.path, why)
+    answers = {
+        service: await answered(robot, service)
         for service, role in SERVICES
-        if processes.has(robot.name, role)
-        and not denial(robot.bus.holder, robot.name, service)
-        and (why := await unanswered(robot, service))
-    ]
+        if processes.has(robot.name, role) and not denial(robot.bus.holder, robot.name, service)
+    }
     return Observed(
         robot=robot.name,
         endpoint=robot.endpoint,
@@ -386,11 +459,17 @@ async def observed(
         status=None if status is None else status[0],
         odometry=None if odometry is None else odometry[0],
         cycle=None if cycle is None else cycle[0],
-        answers=tuple(answers),
+        answers=tuple(
+            (service.path, str(why))
+            for service, why in answers.items()
+            if isinstance(why, RemoteError)
+        ),
         certified=own_certificate(robot.bus.network.tls) if robot.bus.network.tls else None,
         clock_s=time(),
         conflicts=tuple(conflicts()),
         texts=tuple(texts),
+        scans=tuple(scans),
+        sonar_stale_ms=stale_ms_in(answers.get(PARAMETERS)),
         keys=robot.common.keys,
     )
 
@@ -402,8 +481,18 @@ def stream_of(box: Mailbox[Any], now_ns: int) -> ObservedTopic:
     return ObservedTopic(box.topic, age_ns, box.rejected, box.last_rejection)
 
 
-async def unanswered(robot: Robot, service: Service) -> str:
-    """Return why a service does not answer, empty if it does. The request changes nothing."""
+def stale_ms_in(answer: Message | bytes | RemoteError | None) -> float | None:
+    """Return `sonar_stale_ms` of the robot's list of parameters, None without a valid list."""
+    with suppress(RemoteError):
+        if isinstance(answer, bytes):
+            return next(
+                (one.value for one in parameters_in(answer) if one.name == "sonar_stale_ms"), None
+            )
+    return None
+
+
+async def answered(robot: Robot, service: Service) -> Message | bytes | RemoteError:
+    """Return the answer of a service, or why there is none. The request changes nothing."""
     request = None
     if CommandRequest in service.requests:
         request = CommandRequest(
@@ -411,12 +500,11 @@ async def unanswered(robot: Robot, service: Service) -> str:
         )
     timeout_s = REQUEST_TIMEOUT_S * slowdown_in(robot.clock)()
     try:
-        await robot.in_own_thread(
+        return await robot.in_own_thread(
             lambda: robot.bus.ask(service, request, timeout_s, robot=robot.name)
         )
     except RemoteError as error:
-        return str(error)
-    return ""
+        return error
 
 
 def as_json(findings: Iterable[Diagnosis]) -> list[dict[str, object]]:

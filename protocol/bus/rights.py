@@ -10,6 +10,7 @@ No rule about what may come in contains `**`, so none includes a pattern with on
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Final, TypeAlias
 
 from protocol.bus.network import Network
@@ -216,7 +217,9 @@ def may_fetch(name: str | None, robot: str, topic: Topic[Any]) -> bool:
 
 def role_mismatch(name: str | None, role: Role | None, robot: str) -> str:
     """Return why a certificate does not fit a process of this role; empty if it does."""
-    needed = {Role.PLANT: PLANT, Role.ROBOT: ROBOT + robot}.get(role or Role.GROUND)
+    needed = {Role.PLANT: PLANT, Role.DRIVER: PLANT, Role.ROBOT: ROBOT + robot}.get(
+        role or Role.GROUND
+    )
     if name is None or needed is None or name in (needed, ROUTER):
         return ""
     return (
@@ -254,8 +257,16 @@ def granted(description: str, role: Role, names: tuple[str, ...], operator: str 
         fetches=every_key(names, (topic for topic in received if topic.history)),
         asks=keys(names, SERVICES, identity) if ground else (),
         answers=every_key(names, (service for service in SERVICES if service.server is role)),
-        shows=tuple(f"{name}/alive/{role.value}/*" for name in names),
+        shows=tuple(
+            f"{name}/alive/{one.value}/*" for name in names for one in SHOWN.get(role, (role,))
+        ),
     )
+
+
+SHOWN: Final[Mapping[Role, tuple[Role, ...]]] = MappingProxyType(
+    {Role.PLANT: (Role.PLANT, Role.DRIVER)}
+)
+"""A driver has the certificate of the plant in whose place it is."""
 
 
 def is_for(topic: Topic[Any], role: Role) -> bool:

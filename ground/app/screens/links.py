@@ -172,7 +172,6 @@ COLUMNS: Final = (
 )  # fmt: skip
 
 
-ROLES = (Role.ROBOT, Role.PLANT, Role.GROUND)
 LOSS_PERMILLE = 10
 """A loss of this many frames of 1000 from MAVLink clients is shown in another colour."""
 
@@ -213,12 +212,14 @@ def process_rows(station: Station) -> list[Row]:
     """Return the processes of the robot in a row, and a row for each that was restarted."""
     present, robot = station.present, station.robot
     spans = [head(f" {robot:<8}")]
-    for role in ROLES:
+    body = Role.DRIVER if present.has(robot, Role.DRIVER) else Role.PLANT
+    roles = (Role.ROBOT, body, Role.GROUND)
+    for role in roles:
         there = present.has(robot, role)
         well = (stop_role(station) if role is Role.ROBOT else "") or "ok"
         mark = Span("● present  ", well) if there else Span("○ missing  ", "danger")
         spans += [Span(f"{role.value} "), mark]
-    restarts = [(role, restart_words(station, role)) for role in ROLES]
+    restarts = [(role, restart_words(station, role)) for role in roles]
     return [
         tuple(spans),
         *(

@@ -88,6 +88,7 @@ OTHERS: Final = "another ground station"
 NAMED: Final = {
     Role.ROBOT.value: "robot {robot}",
     Role.PLANT.value: "the plant of {robot}",
+    Role.DRIVER.value: "the driver of {robot}",
     Role.GROUND.value: f"{OTHERS} for {{robot}}",
 }
 

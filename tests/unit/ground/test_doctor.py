@@ -12,9 +12,20 @@ from ground.client.presence import PresentProcesses, explain_silence
 from ground.commands.doctor import DAY_S, Observed, ObservedTopic, examine, lines
 from protocol.bus.certificate import MAKE_NEW, RENEW, WAIT, CertificateStatus
 from protocol.bus.network import Network, Tls
-from protocol.topics import CLOCK, HEARTBEAT, MISSION, OPERATOR, SONAR, TEXT, TOPICS, Role, Topic
+from protocol.topics import (
+    CLOCK,
+    HEARTBEAT,
+    MISSION,
+    OPERATOR,
+    SONAR,
+    TEXT,
+    TOPICS,
+    WHEELS,
+    Role,
+    Topic,
+)
 from protocol.wire.enums import Mode, Vehicle
-from protocol.wire.messages import NavigatorStatus
+from protocol.wire.messages import NavigatorStatus, SonarScan
 from protocol.wire.reasons import Reason
 from runtime.cli.packages import Conflict
 from runtime.units import NS_PER_MS as MS
@@ -69,6 +80,52 @@ def test_empty_bus_names_the_processes_to_start() -> None:
     assert "sidestep run robot --id r1" in text
     assert "sidestep run plant" in text
     assert len(report.findings) == 2, "what absent processes do not send is no finding of its own"
+
+
+DRIVEN = PresentProcesses(frozenset({("r1", "robot"), ("r1", "driver")}))
+
+
+def test_a_driver_is_as_good_as_a_plant() -> None:
+    from_plants_only = [topic for topic in of(Role.PLANT) if topic not in (SONAR, WHEELS)]
+    assert examine(seen(from_plants_only, DRIVEN)).findings == []
+    (found,) = examine(seen([SONAR, *from_plants_only], DRIVEN)).findings
+    assert (found.what, found.do) == ("nothing on sense/sonar", RESTART_DRIVER)
+    alone = PresentProcesses(frozenset({("r1", "driver")}))
+    assert "only its driver is" in lines(examine(seen(TOPICS, alone)).findings)
+
+
+RESTART_DRIVER = "restart the driver unless it is paused"
+
+
+def ring_of(order: Iterable[Iterable[int]], stale_ms: float, rounds: int = 5) -> Observed:
+    """Return what doctor has heard of a ring that pings in this order, a group each period."""
+    masks = [sum(1 << sonar for sonar in group) for group in order] * rounds
+    scans = tuple(
+        make(SonarScan, time_ns=number * 50 * MS, valid=valid) for number, valid in enumerate(masks)
+    )
+    return replace(seen(), scans=scans, sonar_stale_ms=stale_ms)
+
+
+def test_ring_that_pings_in_turn_needs_a_longer_stale_limit() -> None:
+    whole, pairs = [range(8)], [(0, 3), (6, 1), (4, 7), (2, 5)]
+    assert examine(ring_of(whole, 150.0, rounds=20)).findings == []
+    assert examine(ring_of(pairs, 250.0)).findings == []
+    (found,) = examine(ring_of(pairs, 150.0)).findings
+    assert (found.what, found.bad) == (
+        "each sonar measures every 200 ms, and its range counts as missing after 150 ms",
+        False,
+    )
+    assert "sonar_stale_ms = 250 below [parameters]" in found.do
+
+
+def test_single_lost_pings_are_no_firing_order() -> None:
+    lossy = [[one for one in range(8) if one != number % 11] for number in range(20)]
+    assert examine(ring_of(lossy, 150.0)).findings == []
+
+
+def test_sonars_that_never_measure_are_named() -> None:
+    (found,) = examine(ring_of([[0, 1, 2, 4, 5, 6]], 150.0, rounds=20)).findings
+    assert (found.what, found.bad) == ("no measurement of sonar 3, 7 in 20 scans", False)
 
 
 def test_hanging_robot_differs_from_absent_robot() -> None:
