@@ -18,8 +18,9 @@ from rosbags.typesys.stores.ros2_jazzy import unique_identifier_msgs__msg__UUID 
 
 from gateways.ros2.interfaces import Interfaces
 from gateways.ros2.node import RosNode
-from gateways.ros2.telemetry import time_of
-from gateways.ros2.wire import LATCHED, Attachment, EntityKind, TokenParts
+from gateways.ros2.wire import Attachment, EntityKind, TokenParts
+from ground.ros2.messages import time_of
+from ground.ros2.offer import LATCHED
 from runtime.units import NS_PER_S
 
 UNKNOWN: Final = 0

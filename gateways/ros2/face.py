@@ -2,42 +2,37 @@
 
 import asyncio
 import time
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Callable, Coroutine, Iterable, Mapping
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-from rosbags.typesys.stores.ros2_jazzy import rosgraph_msgs__msg__Clock as ClockMessage
-from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__String as String
-
-from gateways.ros2 import drawing, telemetry
 from gateways.ros2.navigation import Navigation
 from gateways.ros2.node import RosGraph, RosNode, RosSession
 from gateways.ros2.parameters import ParameterServices
-from gateways.ros2.report import INFO, Reporter, level_of
+from gateways.ros2.report import Reporter
 from gateways.ros2.services import RobotServices
 from gateways.ros2.velocity import VelocityCommands
 from gateways.ros2.wire import (
     HUMBLE,
-    LATCHED,
     NO_HASHES,
-    SENSOR_DATA,
     EntityKind,
-    Qos,
     TokenParts,
 )
 from ground.client.robot_link import RobotLink, finish
 from ground.robot import Robot
-from protocol.topics import CLOCK, DECISION, LEASE, ODOMETRY, SONAR, STATUS, TEXT, WHEELS
+from ground.ros2.offer import topics
+from ground.ros2.reports import INFO, level_of, robot_part
+from ground.ros2.robot_topics import RobotTopics, Shown
+from protocol.topics import CLOCK, DECISION, LEASE, ODOMETRY, SONAR, STATUS, TEXT, WHEELS, Topic
 from protocol.wire.statustext import StatustextAssembler
 from runtime.errors import RemoteError
-from runtime.units import NS_PER_MS, NS_PER_US
+from runtime.units import NS_PER_MS
 
 NODE: Final = "sidestep"
 OPERATOR: Final = "ros2"
 """The name that other operators see."""
 
-TF: Final = Qos(depth=100)
 SILENT_NS: Final = 1500 * NS_PER_MS
 DRAW_S: Final = 0.5
 PARAMETERS_S: Final = 5.0
@@ -65,12 +60,18 @@ class RobotFace:
     ) -> None:
         self.robot, self.settings = robot, settings
         self.node = node = RosNode(session, settings.namespace, NODE)
-        self.clock = telemetry.RosClock()
-        self.geometry = telemetry.Geometry()
+        self.publishers = {
+            name: node.publisher(topic.name, topic.type_name, topic.qos)
+            for name, topic in topics(scan=settings.scan).items()
+        }
+        self.topics = RobotTopics(robot.name, scan=settings.scan)
+        self.clock = self.topics.clock
         self.limits = (0.0, 0.0)
         """The fastest speed (m/s) and turn (rad/s), once the parameters are known."""
 
-        self.report = Reporter(node, robot.clock.now_ns, lambda text: note(f"{robot.name}: {text}"))
+        self.report = Reporter(
+            node, self.publishers, robot.clock.now_ns, lambda text: note(f"{robot.name}: {text}")
+        )
         self._read_only = settings.read_only
         self._services = RobotServices(node, robot, self.is_ready, read_only=self._read_only)
         self._parameters = ParameterServices(
@@ -85,25 +86,6 @@ class RobotFace:
         self.graph = RosGraph(session, self._note_appeared, self._note_gone)
         if not self._read_only:
             self._take_commands()
-        self._reader = telemetry.WheelReader()
-        self._wheels: telemetry.WheelState | None = None
-        self._odom = node.publisher("odom", "nav_msgs/msg/Odometry")
-        self._tf = node.publisher("tf", "tf2_msgs/msg/TFMessage", TF)
-        self._tf_static = node.publisher("tf_static", "tf2_msgs/msg/TFMessage", LATCHED)
-        self._ranges = [
-            node.publisher(frame, "sensor_msgs/msg/Range", SENSOR_DATA)
-            for frame in telemetry.SONAR_FRAMES
-        ]
-        self._scan = None
-        if settings.scan:
-            self._scan = node.publisher("scan", "sensor_msgs/msg/LaserScan", SENSOR_DATA)
-        self._joints = node.publisher("joint_states", "sensor_msgs/msg/JointState")
-        self._description = node.publisher("robot_description", "std_msgs/msg/String", LATCHED)
-        self._plan = node.publisher("plan", "nav_msgs/msg/Path")
-        self._markers = node.publisher("markers", "visualization_msgs/msg/MarkerArray")
-        self._clock_out = node.publisher(
-            "/clock", "rosgraph_msgs/msg/Clock", Qos(depth=1, is_reliable=False)
-        )
 
     def _take_commands(self) -> None:
         node, velocity = self.node, self.velocity
@@ -148,53 +130,25 @@ class RobotFace:
 
     def _works(self) -> list[Coroutine[Any, Any, None]]:
         return [
-            self._follow_odometry(),
-            self._follow_sonar(),
-            self._follow_wheels(),
-            self._follow_clock(),
+            *map(self._follow, (ODOMETRY, SONAR, WHEELS, CLOCK)),
             self._follow_texts(),
             self._follow_parameters(),
             self._diagnose(),
             self._draw(),
         ]
 
-    def stamp(self, stamp_ns: int) -> int:
-        """Return the time of ROS for a message of the robot that has just arrived."""
-        self.clock.note(stamp_ns, time.time_ns())
-        return self.clock.of(stamp_ns)
+    def publish(self, found: Iterable[Shown]) -> None:
+        """Publish messages on their topics."""
+        for name, message in found:
+            self.publishers[name].publish(message)
 
-    async def _follow_odometry(self) -> None:
-        async for pose in self.robot.stream(ODOMETRY):
-            stamp_ns = self.stamp(pose.time_ns)
-            self._odom.publish(telemetry.odometry(pose, stamp_ns))
-            found = [telemetry.base_transform(pose, stamp_ns)]
-            if self._wheels is not None:
-                found += telemetry.wheel_transforms(self._wheels, self.geometry)
-            self._tf.publish(telemetry.transforms(found))
-
-    async def _follow_sonar(self) -> None:
-        async for scan in self.robot.stream(SONAR):
-            stamp_ns = self.stamp(scan.time_ns)
-            for sonar, found in telemetry.ranges(scan, self.geometry, stamp_ns):
-                self._ranges[sonar].publish(found)
-            if self._scan is not None:
-                self._scan.publish(telemetry.laser_scan(scan, self.geometry, stamp_ns))
-
-    async def _follow_wheels(self) -> None:
-        async for wheels in self.robot.stream(WHEELS):
-            state = self._reader.read(wheels, self.geometry, self.stamp(wheels.time_ns))
-            self._joints.publish(telemetry.joint_states(state))
-            self._wheels = state
-
-    async def _follow_clock(self) -> None:
-        """Publish the time of a simulation; a robot without one sends none."""
-        async for now in self.robot.stream(CLOCK):
-            self.clock.is_simulated = True
-            self._clock_out.publish(ClockMessage(telemetry.time_of(now.time_unix_usec * NS_PER_US)))
+    async def _follow(self, topic: Topic[Any]) -> None:
+        """Publish what a topic of the robot says; a robot without a simulation sends no clock."""
+        async for found in self.robot.stream(topic):
+            self.publish(self.topics.take(found, time.time_ns()))
 
     async def _follow_parameters(self) -> None:
         """Publish what follows from the robot's dimensions, again when they have changed."""
-        shown: telemetry.Geometry | None = None
         while True:
             try:
                 values = {
@@ -204,10 +158,7 @@ class RobotFace:
                 values = {}
             if values:
                 self.limits = values.get("v_max_m_s", 0.0), values.get("yaw_max_rad_s", 0.0)
-                geometry = telemetry.Geometry.of(values)
-                if geometry != shown:
-                    shown = self.geometry = geometry
-                    self._show_geometry()
+                self.publish(self.topics.shape(values))
             await asyncio.sleep(PARAMETERS_S)
 
     async def _follow_texts(self) -> None:
@@ -224,7 +175,8 @@ class RobotFace:
             now_ns, latest = self.robot.clock.now_ns(), self.robot.streams.latest
             is_fresh = self.is_ready()
             status, pose, lease = latest(STATUS), latest(ODOMETRY), latest(LEASE)
-            robot = self.report.vehicle(
+            robot = robot_part(
+                self.report.logger,
                 status[0] if status and is_fresh else None,
                 pose[0] if pose else None,
                 lease[0] if lease else None,
@@ -236,27 +188,18 @@ class RobotFace:
 
     async def _draw(self) -> None:
         """Publish what the robot intends, if a node wants to see it."""
-        robot, shown = self.robot, [(0.0, 0.0)]
-        robot.streams.keep(DECISION)
+        latest = self.robot.streams.latest
+        self.robot.streams.keep(DECISION)
         while True:
             await asyncio.sleep(DRAW_S)
-            latest = robot.streams.latest
             pose, status, scan = latest(ODOMETRY), latest(STATUS), latest(SONAR)
             if pose is None or status is None or not self.is_ready():
                 continue
             decision = latest(DECISION)
-            chosen, stamp_ns = decision and decision[0], self.clock.of(pose[0].time_ns)
-            places = drawing.places_of(pose[0], status[0], chosen)
-            if places or shown:
-                self._plan.publish(drawing.plan(places, stamp_ns))
-            shown = places
-            if self._markers.is_wanted:
-                found = (pose[0], places, chosen, scan and scan[0], self.geometry, stamp_ns)
-                self._markers.publish(drawing.markers(*found))
-
-    def _show_geometry(self) -> None:
-        self._tf_static.publish(telemetry.static_transforms(self.geometry, 0))
-        self._description.publish(String(telemetry.urdf(self.robot.name, self.geometry)))
+            found = pose[0], status[0], decision and decision[0]
+            self.publish(self.topics.plan(*found))
+            if self.publishers["markers"].is_wanted:
+                self.publish([self.topics.markers(*found, scan and scan[0])])
 
 
 async def present(

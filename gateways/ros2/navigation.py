@@ -13,8 +13,7 @@ from typing import Any, Final, NamedTuple
 from gateways.ros2.actions import ABORTED, SUCCEEDED, ActionServer, Build, Feedback
 from gateways.ros2.interfaces import Interfaces
 from gateways.ros2.node import RosNode
-from gateways.ros2.report import INFO, Reporter
-from gateways.ros2.telemetry import BASE, MAP, ODOM, RosClock, pose_stamped, time_of, yaw_of
+from gateways.ros2.report import Reporter
 from gateways.ros2.wire import Attachment, Distro
 from ground.client.goal import (
     HEADING_TOLERANCE_DEG,
@@ -26,6 +25,8 @@ from ground.client.goal import (
 from ground.client.outcomes import GoalEnded, Refused
 from ground.client.robot_link import finish
 from ground.robot import Robot
+from ground.ros2.messages import BASE, MAP, ODOM, RosClock, pose_stamped, time_of, yaw_of
+from ground.ros2.reports import INFO
 from protocol.outcome import LOST, REPLACED, UNREACHABLE
 from protocol.topics import ODOMETRY, STATUS
 from protocol.wire.reasons import Reason

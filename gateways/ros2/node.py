@@ -23,12 +23,10 @@ from zenoh import ext
 from gateways.ros2.interfaces import Interfaces
 from gateways.ros2.wire import (
     GRAPH,
-    RELIABLE,
     Attachment,
     Endpoint,
     EntityKind,
     NodeName,
-    Qos,
     TokenParts,
     gid_of,
     hash_of,
@@ -36,6 +34,7 @@ from gateways.ros2.wire import (
     read_token,
 )
 from ground.client.robot_link import call_soon
+from ground.ros2.offer import RELIABLE, Qos
 from protocol.bus.callbacks import zenoh_callback
 from protocol.bus.session import close_session
 from runtime.errors import UserError

@@ -19,11 +19,12 @@ from rosbags.typesys.stores.ros2_jazzy import rcl_interfaces__msg__ParameterValu
 from rosbags.typesys.stores.ros2_jazzy import rcl_interfaces__msg__SetParametersResult as SetResult
 
 from gateways.ros2.node import RosNode
-from gateways.ros2.telemetry import time_of
-from gateways.ros2.wire import PARAMETERS, Attachment
+from gateways.ros2.wire import Attachment
 from ground.client.outcomes import Refused
 from ground.client.parameter import Parameter, same
 from ground.robot import Robot
+from ground.ros2.messages import time_of
+from ground.ros2.offer import PARAMETERS
 from runtime.errors import LocalError, RemoteError
 
 NOT_SET: Final = 0

@@ -14,11 +14,11 @@ from typing import Any, Final
 from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticStatus as Part
 
 from gateways.ros2.report import Reporter
-from gateways.ros2.telemetry import RosClock
 from gateways.ros2.wire import Attachment
 from ground.client.leases import TICK_NS
 from ground.client.outcomes import Refused
 from ground.robot import Robot, Speeds
+from ground.ros2.messages import RosClock
 from protocol.topics import STATUS
 from protocol.wire.enums import GoalState, Mode
 from runtime.errors import LocalError, RemoteError

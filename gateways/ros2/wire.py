@@ -14,6 +14,7 @@ from typing import Final, NamedTuple
 import msgspec
 import xxhash
 
+from ground.ros2.offer import Qos
 from runtime.errors import UserError
 
 GRAPH: Final = "@ros2_lv"
@@ -83,35 +84,16 @@ def hash_of(name: str, distro: Distro) -> str:
 # Quality of service.
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Qos:
-    """The quality of service of a topic or service.
-
-    `is_latched`: the newest `depth` samples reach late joiners (transient local). `lifespan_s` 0
-    means that samples never expire.
-    """
-
-    depth: int = 10
-    is_reliable: bool = True
-    is_latched: bool = False
-    lifespan_s: int = 0
-
-    @property
-    def text(self) -> str:
-        """The text in a token; a field that has its default is empty."""
-        reliability = "" if self.is_reliable else "2"
-        durability = "1" if self.is_latched else ""
-        depth = "" if self.depth == DEFAULT_DEPTH else str(self.depth)
-        lifespan = f"{self.lifespan_s},0" if self.lifespan_s else ","
-        return f"{reliability}:{durability}:,{depth}:,:{lifespan}:,,"
-
-
 DEFAULT_DEPTH: Final = 42
-RELIABLE: Final = Qos()
-SENSOR_DATA: Final = Qos(depth=5, is_reliable=False)
-LATCHED: Final = Qos(depth=1, is_latched=True)
-PARAMETERS: Final = Qos(depth=1000)
-ROSOUT: Final = Qos(depth=1000, is_latched=True, lifespan_s=10)
+
+
+def qos_text(qos: Qos) -> str:
+    """Return the text in a token; a field that has its default is empty."""
+    reliability = "" if qos.is_reliable else "2"
+    durability = "1" if qos.is_latched else ""
+    depth = "" if qos.depth == DEFAULT_DEPTH else str(qos.depth)
+    lifespan = f"{qos.lifespan_s},0" if qos.lifespan_s else ","
+    return f"{reliability}:{durability}:,{depth}:,:{lifespan}:,,"
 
 
 # Keys and tokens.
@@ -166,7 +148,7 @@ class NodeName:
     ) -> str:
         """Return the token of a topic or service of the node; `number` is that in its session."""
         what = f"{mangled(endpoint.name)}/{type_in_key(endpoint.type_name)}/{endpoint.type_hash}"
-        return f"{self._token(domain, zid, number, kind)}/{what}/{qos.text}"
+        return f"{self._token(domain, zid, number, kind)}/{what}/{qos_text(qos)}"
 
     def _token(self, domain: int, zid: str, number: int, kind: EntityKind) -> str:
         where = f"{GRAPH}/{domain}/{zid}/{self.number}/{number}/{kind.value}"

@@ -16,10 +16,11 @@ from gateways.ros2.face import FaceSettings, RobotFace, present
 from gateways.ros2.interfaces import Interfaces
 from gateways.ros2.node import RosSession, session_config
 from gateways.ros2.parameters import value_of
-from gateways.ros2.wire import LATCHED, Distro, EntityKind, TokenParts, gid_of, read_token
+from gateways.ros2.wire import Distro, EntityKind, TokenParts, gid_of, read_token
 from ground.client.connection import Common
 from ground.client.robot_link import RobotLink
 from ground.robot import Robot
+from ground.ros2.offer import LATCHED
 from protocol.topics import ODOMETRY
 from protocol.wire.enums import Mode, Vehicle
 from tests.support.gateway.ros_network import (

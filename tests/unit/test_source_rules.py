@@ -201,8 +201,8 @@ MAY_IMPORT = {
         "protocol/dialect/",
     ),
     "textual": ("ground/app", "ground/app/widgets"),
-    "numpy": ("plant/", "study/", "gateways/ros2/"),
-    "rosbags": ("gateways/ros2/",),
+    "numpy": ("plant/", "study/", "ground/ros2/", "gateways/ros2/"),
+    "rosbags": ("ground/ros2/", "gateways/ros2/"),
 }
 
 

@@ -21,19 +21,18 @@ from gateways.ros2.face import FaceSettings, RobotFace
 from gateways.ros2.interfaces import Interfaces
 from gateways.ros2.node import RosSession, session_config
 from gateways.ros2.wire import (
-    RELIABLE,
     Attachment,
     Distro,
     Endpoint,
     EntityKind,
     NodeName,
-    Qos,
     gid_of,
     hash_of,
     read_attachment,
 )
 from ground.client.connection import Common
 from ground.robot import Robot
+from ground.ros2.offer import RELIABLE, Qos
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
 from protocol.topics import Role

@@ -9,23 +9,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateways.ros2.wire import (
-    LATCHED,
-    PARAMETERS,
-    RELIABLE,
-    ROSOUT,
-    SENSOR_DATA,
     Attachment,
     Distro,
     Endpoint,
     EntityKind,
     NodeName,
-    Qos,
     distro_named,
     gid_of,
     hash_of,
+    qos_text,
     read_attachment,
     read_token,
 )
+from ground.ros2.offer import LATCHED, PARAMETERS, RELIABLE, ROSOUT, SENSOR_DATA, Qos
 from runtime.errors import UserError
 from tests.support.each import each
 
@@ -55,7 +51,7 @@ def test_tokens_of_real_nodes_are_written_alike(token: str) -> None:
     package, kind, base = found.type_in_key.replace("dds_::", "").split("::")
     type_name = f"{package}/{kind}/{base[:-1]}"
     assert hash_of(type_name, Distro.JAZZY) == found.type_hash
-    (qos,) = [profile for profile in PROFILES if profile.text == found.qos]
+    (qos,) = [profile for profile in PROFILES if qos_text(profile) == found.qos]
     endpoint = Endpoint(found.topic, type_name, found.type_hash)
     assert node.endpoint_token(0, found.zid, int(parts[4]), found.kind, endpoint, qos) == token
 
@@ -97,7 +93,7 @@ def test_lyrical_may_add_a_field_to_a_token() -> None:
 
 
 def test_default_depth_is_an_empty_field() -> None:
-    assert Qos(depth=42).text == "::,:,:,:,,"
+    assert qos_text(Qos(depth=42)) == "::,:,:,:,,"
 
 
 @each(

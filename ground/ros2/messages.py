@@ -35,6 +35,7 @@ from rosbags.typesys.stores.ros2_jazzy import sensor_msgs__msg__Range as Range
 from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Header as Header
 from rosbags.typesys.stores.ros2_jazzy import tf2_msgs__msg__TFMessage as TFMessage
 
+from ground.ros2.offer import SONAR_FRAMES
 from protocol.ring import BEARINGS_RAD, CONE_RAD, RADIUS_M, SONARS
 from protocol.wire.messages import PlanarOdometry, SonarScan, WheelTicks
 from runtime.units import NS_PER_S
@@ -44,7 +45,6 @@ ODOM: Final = "odom"
 BASE: Final = "base_link"
 WHEELS: Final = ("left_wheel", "right_wheel")
 JOINTS: Final = ("left_wheel_joint", "right_wheel_joint")
-SONAR_FRAMES: Final = tuple(f"sonar_{number}" for number in range(SONARS))
 
 UNKNOWN: Final = 1e6
 """Variance of what is not measured, such as the height, in the unit of its axis."""

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from checks.harness.messages import make
-from gateways.ros2 import drawing, telemetry
 from gateways.ros2.interfaces import Interfaces
-from gateways.ros2.telemetry import Geometry, RosClock, WheelReader
 from gateways.ros2.wire import Distro
+from ground.ros2 import markers, messages
+from ground.ros2.messages import Geometry, RosClock, WheelReader
 from protocol.ring import BEARINGS_RAD
 from protocol.wire.enums import Branch, GoalState
 from protocol.wire.messages import (
@@ -43,16 +43,16 @@ SIZE = Geometry(radius_m=0.2, track_m=0.3, wheel_radius_m=0.05, m_per_tick=0.001
 
 
 def test_odometry_has_the_values_and_the_stamp_of_the_robot() -> None:
-    found = telemetry.odometry(HERE, HERE.time_ns)
+    found = messages.odometry(HERE, HERE.time_ns)
     assert (found.header.stamp.sec, found.header.stamp.nanosec) == (5, 7)
     position = found.pose.pose.position
     assert (position.x, position.y, position.z) == (1.25, -2.5, 0.0)
     assert (found.twist.twist.linear.x, found.twist.twist.angular.z) == (0.3, -0.5)
-    assert telemetry.yaw_of(found.pose.pose.orientation) == pytest.approx(pi / 2)
+    assert messages.yaw_of(found.pose.pose.orientation) == pytest.approx(pi / 2)
 
 
 def test_covariance_has_x_y_and_yaw_and_large_other_axes() -> None:
-    rows = telemetry.pose_covariance(HERE).reshape(6, 6)
+    rows = messages.pose_covariance(HERE).reshape(6, 6)
     assert (rows == rows.T).all()
     assert [rows[i, j] for i, j in ((0, 0), (0, 1), (0, 5), (1, 1), (1, 5), (5, 5))] == [
         *(1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
@@ -62,32 +62,32 @@ def test_covariance_has_x_y_and_yaw_and_large_other_axes() -> None:
 
 def test_unknown_place_has_a_large_covariance_without_nan() -> None:
     lost = make(PlanarOdometry, cov_xx_m2=nan, cov_yy_m2=nan)
-    rows = telemetry.pose_covariance(lost).reshape(6, 6)
+    rows = messages.pose_covariance(lost).reshape(6, 6)
     assert [rows[axis, axis] for axis in range(6)] == [1e6] * 6
 
 
 @given(st.floats(-100.0, 100.0))
 def test_rotation_is_normalised_and_read_back(heading_rad: float) -> None:
-    rotation = telemetry.yawed(heading_rad)
+    rotation = messages.yawed(heading_rad)
     assert isclose(hypot(rotation.x, rotation.y, rotation.z, rotation.w), 1.0)
-    yaw_rad = telemetry.yaw_of(rotation)
+    yaw_rad = messages.yaw_of(rotation)
     assert yaw_rad is not None
     assert abs((yaw_rad - heading_rad + pi) % (2 * pi) - pi) < 1e-6
 
 
 def test_rotation_that_is_none_has_no_yaw() -> None:
     for values in ((0.0, 0.0, 0.0, 0.0), (nan, 0.0, 0.0, 1.0), (0.0, 0.0, inf, 1.0)):
-        assert telemetry.yaw_of(SimpleNamespace(**dict(zip("xyzw", values, strict=True)))) is None
+        assert messages.yaw_of(SimpleNamespace(**dict(zip("xyzw", values, strict=True)))) is None
 
 
 def test_sonar_without_an_echo_is_infinite_and_one_that_slept_is_missing() -> None:
     ages_us = (0, 10, 20, 30, 40, 50, 60, 70)
     scan = make(SonarScan, range_mm=(500,) * 8, ping_age_us=ages_us, valid=0b0111, echo=0b0101)
-    found = telemetry.ranges(scan, SIZE, 1_000_000)
+    found = messages.ranges(scan, SIZE, 1_000_000)
     assert [(sonar, one.range) for sonar, one in found] == [(0, 0.5), (1, inf), (2, 0.5)]
     assert [one.header.stamp.nanosec for _, one in found] == [1_000_000, 990_000, 980_000]
     assert found[0][1].max_range == 4.0
-    distances = telemetry.laser_scan(scan, SIZE, 0).ranges
+    distances = messages.laser_scan(scan, SIZE, 0).ranges
     assert [distances[0], distances[1]] == [pytest.approx(0.7), inf]
     assert isnan(distances[3])
 
@@ -106,13 +106,13 @@ def test_wheel_speeds_integrate_to_angles_also_where_counters_wrap() -> None:
 
 
 def test_links_of_the_description_are_the_frames_of_the_tree() -> None:
-    root = ElementTree.fromstring(telemetry.urdf("r1", SIZE))
+    root = ElementTree.fromstring(messages.urdf("r1", SIZE))
     links = {link.get("name") for link in root.iter("link")}
     state = WheelReader().read(make(WheelTicks, time_ns=0, left=0, right=0), SIZE, 0)
     tree = [
-        *telemetry.static_transforms(SIZE, 0).transforms,
-        *telemetry.wheel_transforms(state, SIZE),
-        telemetry.base_transform(HERE, 0),
+        *messages.static_transforms(SIZE, 0).transforms,
+        *messages.wheel_transforms(state, SIZE),
+        messages.base_transform(HERE, 0),
     ]
     parents = {one.child_frame_id: one.header.frame_id for one in tree}
     assert len(parents) == len(tree)
@@ -121,15 +121,15 @@ def test_links_of_the_description_are_the_frames_of_the_tree() -> None:
         while frame != "map":
             frame = parents[str(frame)]
     joints = {joint.get("name"): joint for joint in root.iter("joint")}
-    assert set(telemetry.JOINTS) <= set(joints)
+    assert set(messages.JOINTS) <= set(joints)
 
 
 def test_sonars_are_on_the_rim_and_look_outwards() -> None:
-    found = {one.child_frame_id: one for one in telemetry.static_transforms(SIZE, 0).transforms}
+    found = {one.child_frame_id: one for one in messages.static_transforms(SIZE, 0).transforms}
     for number, bearing_rad in enumerate(BEARINGS_RAD):
         where = found[f"sonar_{number}"].transform
         assert hypot(where.translation.x, where.translation.y) == pytest.approx(0.2)
-        assert telemetry.yaw_of(where.rotation) == pytest.approx(bearing_rad)
+        assert messages.yaw_of(where.rotation) == pytest.approx(bearing_rad)
 
 
 def test_stamps_follow_the_fastest_message() -> None:
@@ -162,13 +162,13 @@ def test_dimensions_are_those_among_the_parameters() -> None:
 def test_plan_leads_over_the_virtual_goal() -> None:
     status = make(NavigatorStatus, goal=GoalState.AVOIDING, goal_x_m=4.0, goal_y_m=5.0)
     decision = make(AvoidanceDecision, virtual_x_m=2.0, virtual_y_m=3.0)
-    places = drawing.places_of(HERE, status, decision)
+    places = markers.places_of(HERE, status, decision)
     assert places == [(1.25, -2.5), (2.0, 3.0), (4.0, 5.0)]
-    assert len(drawing.places_of(HERE, status, None)) == 2
-    assert len(drawing.places_of(HERE, status, make(AvoidanceDecision, virtual_x_m=nan))) == 2
+    assert len(markers.places_of(HERE, status, None)) == 2
+    assert len(markers.places_of(HERE, status, make(AvoidanceDecision, virtual_x_m=nan))) == 2
     ended = make(NavigatorStatus, goal=GoalState.REACHED)
-    assert drawing.places_of(HERE, ended, decision) == []
-    (_, middle, _) = drawing.plan(places, 5).poses
+    assert markers.places_of(HERE, ended, decision) == []
+    (_, middle, _) = markers.plan(places, 5).poses
     assert (middle.pose.position.x, middle.header.frame_id) == (2.0, "map")
 
 
@@ -177,7 +177,7 @@ def test_markers_are_messages_of_ros() -> None:
     pose = make(PlanarOdometry, cov_xx_m2=0.04, cov_yy_m2=0.01)
     decision = make(AvoidanceDecision, branch=Branch.PASS_LEFT)
     places = [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)]
-    found = drawing.markers(pose, places, decision, scan, SIZE, 7)
+    found = markers.markers(pose, places, decision, scan, SIZE, 7)
     name, interfaces = "visualization_msgs/msg/MarkerArray", Interfaces(Distro.JAZZY)
     read = interfaces.decode(name, interfaces.encode(name, found)).markers
     shown = {one.ns: one for one in read}
@@ -187,4 +187,4 @@ def test_markers_are_messages_of_ros() -> None:
     assert shown["doubt"].scale.x == pytest.approx(2 * shown["doubt"].scale.y)
     assert len(shown["sonars"].points) == 3
     lost = make(PlanarOdometry, cov_xx_m2=nan)
-    assert drawing.markers(lost, [], None, None, SIZE, 7).markers == []
+    assert markers.markers(lost, [], None, None, SIZE, 7).markers == []

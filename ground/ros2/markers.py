@@ -21,7 +21,7 @@ from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__Marker as
 from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__MarkerArray as MarkerArray
 from rosbags.typesys.stores.ros2_jazzy import visualization_msgs__msg__MeshFile as MeshFile
 
-from gateways.ros2.telemetry import BASE, MAP, Geometry, header, pose_of, yawed
+from ground.ros2.messages import BASE, MAP, Geometry, header, pose_of, yawed
 from protocol.outcome import CHI2_2, doubt_of
 from protocol.ring import BEARINGS_RAD, CONE_RAD
 from protocol.wire.enums import Branch, GoalState
