@@ -32,7 +32,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from re import match
+from re import findall, match
 from time import time
 from typing import Any, Final, NamedTuple
 from zipfile import ZipFile
@@ -313,20 +313,36 @@ def _fetch(place: Path) -> None:
 # Environments of other programs
 
 
-def environment(name: str, pins: Sequence[str]) -> Path:
+def environment(name: str, pins: Sequence[str], python: str | None = None) -> Path:
     """Return the Python of a virtual environment with exactly these packages.
 
-    Raises BuildError if one cannot be installed. Of the installed commands only those that Python
+    `python` is the command of another version, such as python3.12. Raises BuildError if it is not
+    there, or a package cannot be installed. Of the installed commands only those that Python
     is called with work, because they name the place where they were installed.
     """
+    interpreter = sys.executable if python is None else python_named(python)
+    if interpreter is None:
+        raise BuildError(f"{python}: not found")
 
     def make(place: Path) -> None:
-        _run([sys.executable, "-m", "venv", "--without-pip", str(place)])
+        _run([interpreter, "-m", "venv", "--without-pip", str(place)])
         pip = ("pip", "--disable-pip-version-check", "--no-input", "--python", str(place))
         # Without dependencies: the pins list all, and nothing for a screen.
         _run([sys.executable, "-m", *pip, "install", "--quiet", "--no-deps", *pins])
 
     return built(f"client-{name}", key_of((), *pins), make) / "bin" / "python"
+
+
+def python_named(name: str) -> str | None:
+    """Return a Python such as python3.12: the newest that pyenv has installed, or of the path."""
+    folders = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")).glob("versions/*/bin")
+    found = [folder / name for folder in folders if (folder / name).exists()]
+    newest = max(
+        found,
+        key=lambda path: [int(number) for number in findall(r"\d+", path.parts[-3])],
+        default=None,
+    )
+    return shutil.which(name) if newest is None else str(newest)
 
 
 def _output(words: Sequence[str]) -> str:

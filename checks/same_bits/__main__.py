@@ -15,7 +15,6 @@ index. Each pair of a Python and a set of libraries has a virtual environment of
 
 import argparse
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -32,7 +31,7 @@ from typing import Final, NamedTuple
 
 import msgspec
 
-from checks.built import BuildError, install_compiled
+from checks.built import BuildError, install_compiled, python_named
 from checks.harness import figures
 from checks.same_bits.trials import VALUES, TrialDigest, result_of, values_of
 
@@ -97,7 +96,7 @@ def of_libraries(folder: Path) -> list[Variant]:
     """Return every Python found, with its lowest and with its newest available libraries."""
     variants = []
     for name in PYTHONS:
-        python = _of_pyenv(name) or shutil.which(name)
+        python = python_named(name)
         for kind in ("lowest", "newest"):
             if python is None:
                 print(f"{name}: not found", file=sys.stderr)
@@ -129,18 +128,6 @@ def requirements(lowest: bool) -> list[str]:
         if name in LIBRARIES:
             found.append(f"{name}=={version}.*" if lowest else name)
     return found
-
-
-def _of_pyenv(name: str) -> str | None:
-    """Return a Python of that name installed by pyenv, the newest."""
-    folders = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")).glob("versions/*/bin")
-    found = [folder / name for folder in folders if (folder / name).exists()]
-    newest = max(
-        found,
-        key=lambda path: [int(number) for number in re.findall(r"\d+", path.parts[-3])],
-        default=None,
-    )
-    return None if newest is None else str(newest)
 
 
 def _environment(python: str, folder: Path, lowest: bool) -> str | None:

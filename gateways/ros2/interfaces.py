@@ -124,9 +124,14 @@ class Interfaces:
         """Return the message in the bytes; None if they are none.
 
         What arrives may be cut short, or anything, and the library then raises many exceptions.
+        As in ROS itself, bytes may follow the message: rclpy reserves more than it then needs.
         """
+        if data[:2] not in (b"\0\0", b"\0\1"):
+            return None
         try:
-            return self._store.deserialize_cdr(data, name)
+            found = self._store.get_msgdef(name)
+            read = found.deserialize_cdr_le if data[1] else found.deserialize_cdr_be
+            return read(data[4:], 0, found.cls, self._store)[0]
         except Exception:
             return None
 

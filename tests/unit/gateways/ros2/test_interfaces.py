@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from gateways.ros2.interfaces import Interfaces, actions_of, definitions
 from gateways.ros2.wire import Distro, hash_of
 from tests.support.each import each
+from tests.support.gateway.ros_messages import TYPES, as_text, fields_of, kept
 from tests.unit.gateways.ros2.test_wire import CAPTURES
 
 ONLY_IN_JAZZY = "nav2_msgs/msg/MissedWaypoint"
@@ -80,3 +81,12 @@ def test_truncated_message_is_none(data: st.DataObject) -> None:
     whole_bytes = bytes.fromhex(whole)
     length = data.draw(st.integers(0, len(whole_bytes) - 4))
     assert JAZZY.decode("nav_msgs/msg/Odometry", whole_bytes[:length]) is None
+
+
+def test_messages_of_the_ros_wheels_are_read_field_by_field() -> None:
+    found = kept()
+    assert {one.type_name for one in found} == set(TYPES)
+    for name, data, fields in found:
+        message = JAZZY.decode(name, data)
+        assert message is not None, name
+        assert as_text(fields_of(JAZZY, name, message)) == as_text(fields), name
