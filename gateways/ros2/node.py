@@ -46,8 +46,8 @@ RETRY: Final = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_f
 HEARTBEAT_S: Final = 1.0
 """Period in which a latched topic announces its newest sample, so that a loss is found."""
 
-MAX_BYTES: Final = 1 << 20
-"""Longest payload that is decoded."""
+MAX_BYTES: Final = 1 << 17
+"""Longest payload that is decoded: a thousand waypoints, read in 16 ms at most."""
 
 MAX_QUERIES: Final = 64
 """Queries of a service that wait for their answers; more are refused."""

@@ -14,7 +14,7 @@ from checks.harness.in_process import ignore
 from checks.harness.until import PATIENCE_S
 from gateways.ros2.face import FaceSettings, RobotFace, present
 from gateways.ros2.interfaces import Interfaces
-from gateways.ros2.node import RosSession, session_config
+from gateways.ros2.node import MAX_BYTES, RosSession, session_config
 from gateways.ros2.parameters import value_of
 from gateways.ros2.wire import Distro, EntityKind, TokenParts, gid_of, read_token
 from ground.client.connection import Common
@@ -449,9 +449,10 @@ async def test_false_frames_are_dropped_and_counted(stack: Paced, peer: RosPeer)
             (whole, b"\0" * 33),
             (whole[:20], beside),
             (b"", beside),
+            (whole + bytes(MAX_BYTES), beside),
         ):
             peer.session.put(key, data, attachment=attachment)
-        await until(lambda: face.node.session.rejected == 5)
+        await until(lambda: face.node.session.rejected == 6)
 
         def ask(data: bytes, attachment: bytes | None) -> list[Any]:
             found = peer.session.get(stop, payload=data, attachment=attachment, timeout=PATIENCE_S)
