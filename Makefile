@@ -203,8 +203,10 @@ prose: setup
 refresh: setup
 	@exec "$(BIN)/python" -m tests.support.refresh $(ARGS)
 
+# The screens are filmed in real time, about two minutes; they need tmux.
 pictures: setup
-	@exec "$(BIN)/python" -m checks.site.pictures
+	@"$(BIN)/python" -m checks.site.pictures
+	exec "$(BIN)/python" -m checks.site.film $(ARGS)
 
 generate-docs: setup
 	@"$(BIN)/python" -m checks.site.reference >docs/reference/protocol.md.new

@@ -27,19 +27,12 @@ from mkdocs.structure.pages import Page
 from checks.site.reference import GENERATORS
 
 ROOT: Final = Path(__file__).resolve().parents[2]
-SCREENS: Final = ROOT / "tests" / "tui" / "snapshots"
 FINDINGS: Final = ROOT / "study" / "falsify" / "worlds"
 GENERATED: Final = re.compile(r"^<!-- generated: (?P<name>[a-z-]+) -->$", re.MULTILINE)
-FONT: Final = re.compile(r"@font-face \{.*?\}\s*", re.DOTALL)
-"""The pictures ask for a font from another host; the site uses fonts of the system."""
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pictures of the screens and of the findings, which tests keep up to date."""
-    for path in sorted(SCREENS.glob("*.svg")):
-        picture = FONT.sub("", path.read_text(encoding="utf-8"))
-        name = f"pictures/screens/{path.name}"
-        files.append(File.generated(config, name, content=picture))
+    """Add the pictures of the findings, which tests keep up to date."""
     for path in sorted(FINDINGS.glob("*/*.svg")):
         name = f"pictures/findings/{path.parent.name}/{path.name}"
         files.append(File.generated(config, name, content=path.read_text(encoding="utf-8")))

@@ -1,8 +1,8 @@
 """Draw the pictures of the documentation: `make pictures`.
 
 For some worlds the ways of all navigators beside each other, and the proof of `unreachable`, in
-light and in dark; and one drive that moves. Trials are deterministic, so equal code gives equal
-pictures.
+light and in dark. Trials are deterministic, so equal code gives equal pictures. `checks.site.film`
+draws the screens of real drives.
 
 The proof has rings of walls around a goal, and the robot's chains of echoes. The chains are those
 of the recorded decisions of a trial, in the robot's estimated frame.
@@ -175,8 +175,6 @@ PANEL_PX: Final = 300.0
 HEAD_PX: Final = 34.0
 COLUMNS: Final = 3
 THEMES: Final = {"light": LIGHT, "dark": DARK}
-SECONDS: Final = 12
-"""Of the moving drive, once round."""
 PROOF: Final = "proof"
 Panel: TypeAlias = tuple[str, DrivenTrial, WorldMap]
 """Head, drive and map."""
@@ -227,19 +225,6 @@ def caption(drive: DrivenTrial) -> str:
     return f"{outcome.outcome} after {outcome.time_s:.0f} s, {outcome.path_m:.1f} m"
 
 
-def moving(world: World, drive: DrivenTrial) -> str:
-    """Return a picture in which a disc moves along the way of a drive."""
-    found = WorldMap(world, 2 * PANEL_PX, f"A drive in the world {world.name}")
-    found.add(drive)
-    found.ends()
-    way = "L".join("{:.1f} {:.1f}".format(*found.at(point)) for point in simplified(drive.true))
-    robot = (
-        '<circle class="f-vgm_memory mark" r="9"><animateMotion '
-        f'dur="{SECONDS}s" repeatCount="indefinite" path="M{way}"/></circle>'
-    )
-    return found.drawing.alone().replace("</svg>", f"{robot}\n</svg>")
-
-
 def main() -> int:
     """Write all pictures into docs/pictures."""
     FOLDER.mkdir(parents=True, exist_ok=True)
@@ -254,10 +239,7 @@ def main() -> int:
     for theme in THEMES:
         text = beside(TITLE, maps, theme, RULES)
         (FOLDER / f"{PROOF}-{theme}.svg").write_text(text, encoding="utf-8")
-    world = load("u_trap")
-    (drive,) = drive_all([Trial(world=world, navigator="vgm_memory", noise="none")], jobs=1)
-    (FOLDER / "drive.svg").write_text(moving(world, drive), encoding="utf-8")
-    print(f"{FOLDER}: {2 * len(WORLDS) + 3} pictures")
+    print(f"{FOLDER}: {2 * len(WORLDS) + 2} pictures")
     return 0
 
 

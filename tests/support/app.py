@@ -675,14 +675,16 @@ async def on(screen: str, stack: Stack | None) -> AsyncIterator[Stage]:
         yield stage
 
 
-FOLDER: Final = Path(__file__).parents[1] / "tui" / "snapshots"
+FOLDER: Final = Path(__file__).parents[2] / "docs" / "pictures" / "screens"
+FONT: Final = re.compile(r"@font-face \{.*?\}\s*", re.DOTALL)
+"""The pictures ask for a font from another host; readers have fonts of their systems."""
 TERMINAL_ID: Final = re.compile(r"terminal-\d+-")
 ACTUAL: Final = ".actual.svg"
 
 
 def normalised(svg: str) -> str:
-    """Remove the checksum by which Rich names its styles and clips."""
-    lines = TERMINAL_ID.sub("terminal-", svg).splitlines()
+    """Remove the checksum by which Rich names its styles and clips, and the font."""
+    lines = TERMINAL_ID.sub("terminal-", FONT.sub("", svg)).splitlines()
     return "\n".join(line.rstrip() for line in lines) + "\n"
 
 

@@ -33,7 +33,7 @@ from tests.support.pages import (
 )
 
 SCREENS: Final = "screens"
-SNAPSHOTS: Final = Path("tests", "tui", "snapshots")
+SNAPSHOTS: Final = Path("docs", "pictures", "screens")
 FIXTURE: Final = "update_screens:"
 """Each test that draws a picture takes this fixture."""
 

@@ -10,8 +10,8 @@ from xml.etree import ElementTree
 
 import pytest
 
+from checks.site import film, interop_tables
 from checks.site import findings as findings_page
-from checks.site import interop_tables
 from checks.site import reference as protocol_page
 from checks.site.__main__ import problems, target
 from checks.site.findings import WORLDS
@@ -28,7 +28,6 @@ from checks.site.pictures import (
     TITLE,
     ChainRecorder,
     beside,
-    moving,
     panels,
     ring,
     rings,
@@ -326,7 +325,7 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 def test_all_pictures_are_committed() -> None:
     names = {f"navigators-{world}-{theme}.svg" for world in PICTURES_WORLDS for theme in THEMES}
-    names |= {f"proof-{theme}.svg" for theme in THEMES} | {"drive.svg"}
+    names |= {f"proof-{theme}.svg" for theme in THEMES} | {f"{name}.svg" for name in film.SCENES}
     assert {path.name for path in PICTURES} == names
 
 
@@ -334,20 +333,61 @@ def test_all_pictures_are_committed() -> None:
 def test_picture_is_whole_and_small(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     assert ElementTree.fromstring(text).tag == f"{SVG}svg"
-    assert len(text) < 60_000
+    assert len(text) < (1_000_000 if path.stem in film.SCENES else 60_000)
+    assert "<script" not in text
     assert set(re.findall(r"https?://[^\"]+", text)) == {"http://www.w3.org/2000/svg"}
 
 
-def test_a_drive_is_drawn_in_a_panel_and_moving() -> None:
+def test_a_drive_is_drawn_in_a_panel() -> None:
     world = load("open")
     drive = drive_trial(Trial(world=world, navigator=NAVIGATORS[0], noise="none"))
     whole = ElementTree.fromstring(panels(world, [drive], "dark"))
     words = [element.text for element in whole.findall(f"{SVG}text")]
     assert words[0] == NAVIGATORS[0]
     assert (words[1] or "").startswith("reached after ")
-    assert (
-        next(ElementTree.fromstring(moving(world, drive)).iter(f"{SVG}animateMotion")) is not None
-    )
+
+
+def test_readme_begins_with_a_film_of_a_drive() -> None:
+    readme = (DOCS.parent / "README.md").read_text(encoding="utf-8")
+    first = re.search(r"!\[.+?\]\((.+?)\)", readme)
+    assert first is not None
+    assert readme.index(first[0]) < 40
+    text = (DOCS.parent / first[1]).read_text(encoding="utf-8")
+    assert text.count("<animate ") > 100
+    assert "REACHED" in text
+
+
+RED = "\x1b[38;2;255;0;0m"
+
+
+def test_a_film_shows_each_word_in_the_frames_that_had_it() -> None:
+    frames = [film.rows_of(f"still\n{RED}{word}\x1b[0m <end>") for word in ("one", "two", "two")]
+    whole = ElementTree.fromstring(film.film(frames, 4.0, "a drive"))
+    shown = {
+        "".join(text.itertext()): (group.get("visibility"), group.find(f"{SVG}animate"))
+        for group in whole.findall(f"{SVG}g")
+        for text in group.findall(f"{SVG}text")
+    }
+    assert list(shown) == ["still", "<end>", "one", "two"]
+    assert shown["still"] == shown["<end>"] == (None, None)
+    for word, start, values, keys in (
+        ("one", "hidden", "visible;hidden", "0;0.1667"),
+        ("two", None, "hidden;visible", "0;0.1667"),
+    ):
+        visibility, animation = shown[word]
+        assert visibility == start, "a program that plays no animation shows the last frame"
+        assert animation is not None
+        assert (animation.get("values"), animation.get("keyTimes")) == (values, keys)
+        assert animation.get("dur") == "6s"
+
+
+def test_a_film_places_each_word_in_its_column() -> None:
+    (row,) = film.rows_of(f"ab {RED}\u28ff\u28ffcd\x1b[7mx")
+    drawn = [element for _, element in film.elements_of([row], {})]
+    places = [re.search(r'x="([\d.]+)"', element) for element in drawn]
+    columns = [round((float(found[1]) - film.EDGE) / film.CELL[0]) for found in places if found]
+    assert columns == [0, 3, 5, 7, 7]
+    assert 'fill="#ff0000"' in drawn[3], "reversed, its ground has the colour of the letters"
 
 
 def test_chain_closes_only_around_a_ring_without_gate() -> None:
