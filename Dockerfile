@@ -96,9 +96,29 @@ USER 10001:10001
 ENV HYPOTHESIS_STORAGE_DIRECTORY=/tmp/hypothesis SHELL=/bin/sh
 ENTRYPOINT ["/source/docker/run-tests"]
 
-FROM base AS runtime
+# What runs loads a part of what is installed, and strip is in the compiler's stage.
+FROM built AS slimmed
+COPY docker/slim ./
+RUN ./slim /opt/sidestep/lib/python3.13/site-packages
+
+# The base without its documentation, translations and pip.
+FROM base AS bare
+RUN find /usr/share/doc -type f ! -name copyright -delete \
+    && rm -rf /usr/share/man /usr/share/info /usr/share/locale /usr/share/python-wheels \
+        /usr/lib/python3/dist-packages/pip* /usr/lib/python3.13/test \
+        /usr/local/lib/python3.13/site-packages/pip* /usr/local/lib/python3.13/test \
+        /usr/local/lib/python3.13/ensurepip /usr/local/lib/python3.13/idlelib \
+        /var/cache/* /var/log/*
+
+FROM scratch AS runtime
+COPY --from=bare / /
+ENV PATH=/opt/sidestep/bin:/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin \
+    PYTHONDONTWRITEBYTECODE=1 \
+    PYTHONUNBUFFERED=1 \
+    XDG_STATE_HOME=/tmp/state \
+    LANG=C.UTF-8
 COPY docker/router.toml docker/bus.toml docker/keys docker/health /etc/sidestep/
-COPY --from=built /opt/sidestep /opt/sidestep
+COPY --from=slimmed /opt/sidestep /opt/sidestep
 WORKDIR /home/sidestep
 USER 10001:10001
 ENTRYPOINT ["sidestep"]

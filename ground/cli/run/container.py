@@ -14,7 +14,7 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from ground.cli.observe import health
-from ground.launch.scenario import run_of
+from ground.launch.scenario import CLOCKS, PACED, WALL, run_of
 from ground.text.output import Output
 from ground.user.folders import PRIVATE_FOLDER
 from protocol.bus.network import DEFAULT_ROBOTS
@@ -67,6 +67,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--noise", metavar="LEVEL", default="", help="noise level (default the world's)"
     )
     parser.add_argument("--seed", metavar="S", default="0", help="seed (default 0)")
+    text = "of plant and robot, as of `sidestep up` (default wall)"
+    parser.add_argument("--clock", choices=CLOCKS, default=WALL, help=text)
     parser.add_argument(
         "--robots",
         type=whole(1, MOST_ROBOTS),
@@ -259,6 +261,8 @@ def as_robot(options: argparse.Namespace, place: RobotNumber) -> Iterator[str]:
     start, world = run.starts[place.number - 1], run.world
     yield from ("--start", *start_arguments(start.x_m, start.y_m, start.heading_rad))
     yield from totals_arguments(world.robot)
+    if options.clock == PACED:
+        yield "--lockstep"
     level = options.noise or str(world.noise.get("level", "default"))
     for name, value in settings_of(world.robot, level, calibrated=True).items():
         yield from ("--param", f"{name}={value!r}")
@@ -270,6 +274,8 @@ def as_plant(options: argparse.Namespace, place: RobotNumber) -> Iterator[str]:
     yield from ("--world", options.world, "--seed", options.seed, "--robots", names)
     if options.noise:
         yield from ("--noise", options.noise)
+    if options.clock == PACED:
+        yield from ("--lockstep", "--speed", "1")
 
 
 def as_gateway(options: argparse.Namespace, place: RobotNumber) -> Iterator[str]:

@@ -76,6 +76,14 @@ def test_the_plant_carries_as_many_as_there_are() -> None:
     assert after(became("--robots", "3", "plant"), "--robots") == ["r1,r2,r3"]
 
 
+def test_plant_and_robot_run_on_the_chosen_clock() -> None:
+    paced = ("--clock", "paced")
+    assert "--lockstep" in became(*paced, "robot")
+    assert after(became(*paced, "plant"), "--lockstep", 2) == ["--speed", "1"]
+    for words in (("robot",), ("plant",), ("--clock", "wall", "plant")):
+        assert "--lockstep" not in became(*words)
+
+
 def test_plant_counts_the_robots_of_compose() -> None:
     for words, names in (((), "r1,r2"), (("--robots", "3"), "r1,r2,r3")):
         assert after(became("--counted", "robot", *words, "plant"), "--robots") == [names]
