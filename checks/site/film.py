@@ -143,8 +143,8 @@ def film(frames: Sequence[Sequence[Row]], seconds: float, title: str) -> str:
     classes: dict[str, str] = {}
     seen: dict[tuple[bool, str], list[int]] = {}
     for number, frame in enumerate(frames):
-        for element in elements_of(frame, classes):
-            seen.setdefault(element, []).append(number)
+        for found in elements_of(frame, classes):
+            seen.setdefault(found, []).append(number)
     together: dict[tuple[bool, tuple[int, ...]], list[str]] = {}
     for (is_text, element), numbers in seen.items():
         together.setdefault((is_text, tuple(numbers)), []).append(element)
@@ -155,8 +155,8 @@ def film(frames: Sequence[Sequence[Row]], seconds: float, title: str) -> str:
         f"<style>text{{font:14px {FACE};white-space:pre}}{rules}</style>",
         f'<rect width="100%" height="100%" rx="8" fill="{GROUND}"/>',
     ]
-    for (_, numbers), elements in sorted(together.items(), key=lambda item: item[0][0]):
-        start, animation = shown_in(numbers, times)
+    for (_, visible), elements in sorted(together.items(), key=lambda item: item[0][0]):
+        start, animation = shown_in(visible, times)
         parts.append(f"<g{start}>{animation}{''.join(elements)}</g>")
     return "\n".join([*parts, "</svg>\n"])
 
