@@ -139,6 +139,7 @@ class RosSession:
 
         self._config, self._note = config, note
         self._session: zenoh.Session | None = None
+        self._zid = ""
         self._entities: list[Entity] = []
         self._tokens: list[zenoh.LivelinessToken] = []
         self._count = 0
@@ -164,9 +165,14 @@ class RosSession:
         return self._session is not None and any(self._session.info.routers_zid())
 
     @property
+    def router(self) -> str:
+        """The endpoints at which a router is looked for, as JSON."""
+        return str(self._config.get_json("connect/endpoints"))
+
+    @property
     def zid(self) -> str:
         """The id of the session; empty before there is one."""
-        return "" if self._session is None else str(self._session.zid())
+        return self._zid
 
     def number(self) -> int:
         """Return a new number for a node or an endpoint."""
@@ -191,6 +197,7 @@ class RosSession:
     def _declared_on(self, session: zenoh.Session) -> bool:
         """Declare all entities on a new session; return False if it has ended meanwhile."""
         with self._lock:
+            self._zid = str(session.zid())  # its own tokens come back before all are declared
             try:
                 for entity in self._entities:
                     entity.declare(session)
@@ -209,8 +216,7 @@ class RosSession:
             except zenoh.ZError as error:
                 if not told:
                     told = True
-                    where = self._config.get_json("connect/endpoints")
-                    self._note(f"no ROS 2 router at {where} yet: {first_line(error)}")
+                    self._note(f"no ROS 2 router at {self.router} yet: {first_line(error)}")
                 self._closing.wait(DIAL_PAUSE_S)
                 continue
             if not self._declared_on(session):
@@ -254,9 +260,11 @@ class RosNode:
         """Return a publisher of a topic."""
         return RosPublisher(self, name, type_name, qos, interfaces)
 
-    def subscribe(self, name: str, type_name: str, take: Take, qos: Qos = RELIABLE) -> None:
+    def subscribe(
+        self, name: str, type_name: str, take: Take, qos: Qos = RELIABLE
+    ) -> "RosSubscriber":
         """Call `take` with each message of a topic; the oldest are dropped when too many wait."""
-        RosSubscriber(self, name, type_name, qos, take)
+        return RosSubscriber(self, name, type_name, qos, take)
 
     def serve(
         self,
@@ -371,6 +379,9 @@ class RosSubscriber(RosEndpoint):
 
     def __init__(self, node: RosNode, name: str, type_name: str, qos: Qos, take: Take) -> None:
         super().__init__(node, name, type_name, qos)
+        self.rejected = 0
+        """Samples of this topic that were dropped, because they were malformed."""
+
         self._take = take
         self._waiting: deque[tuple[bytes, Attachment]] = deque(maxlen=qos.depth)
         self._is_waking = False
@@ -397,7 +408,7 @@ class RosSubscriber(RosEndpoint):
     def _arrived(self, sample: zenoh.Sample) -> None:
         attachment = attached(sample.attachment)
         if attachment is None or len(sample.payload) > MAX_BYTES:
-            self.session.rejected += 1
+            self._reject()
             return
         self._waiting.append((sample.payload.to_bytes(), attachment))
         if not self._is_waking:
@@ -410,9 +421,13 @@ class RosSubscriber(RosEndpoint):
             data, attachment = self._waiting.popleft()
             message = self.interfaces.decode(self.endpoint.type_name, data)
             if message is None:
-                self.session.rejected += 1
+                self._reject()
             else:
                 self._take(message, attachment)
+
+    def _reject(self) -> None:
+        self.rejected += 1
+        self.session.rejected += 1
 
 
 class RosServer(RosEndpoint):
@@ -486,6 +501,48 @@ class RosServer(RosEndpoint):
             refuse(query, f"{type(error).__name__}: {error}")
         finally:
             end(query)
+
+
+class RosClient(RosEndpoint):
+    """Asks a service of another node."""
+
+    kind = EntityKind.CLIENT
+
+    def __init__(self, node: RosNode, name: str, type_name: str, qos: Qos = RELIABLE) -> None:
+        super().__init__(node, name, type_name, qos)
+        self._sequence = 0
+        self._opened: zenoh.Session | None = None
+        self.session.declare(self)
+
+    def declare(self, session: zenoh.Session) -> None:
+        """Show the client."""
+        self.show(session)
+        self._opened = session
+
+    async def ask(self, request: object, timeout_s: float) -> Any:
+        """Return the answer to a request; None if none comes in time, or it is malformed."""
+        data = self.interfaces.encode(f"{self.endpoint.type_name}_Request", request)
+        answer = await asyncio.to_thread(self._ask, data, timeout_s)
+        if answer is None:
+            return None
+        return self.interfaces.decode(f"{self.endpoint.type_name}_Response", answer)
+
+    def _ask(self, data: bytes, timeout_s: float) -> bytes | None:
+        if self._opened is None:
+            return None
+        self._sequence += 1
+        replies: Any = self._opened.get(
+            self.key,
+            payload=data,
+            attachment=Attachment(self._sequence, time.time_ns(), self.gid).packed(),
+            target=zenoh.QueryTarget.ALL_COMPLETE,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            timeout=timeout_s,
+        )
+        for reply in replies:
+            if reply.ok is not None and len(reply.ok.payload) <= MAX_BYTES:
+                return bytes(reply.ok.payload.to_bytes())
+        return None
 
 
 def attached(data: zenoh.ZBytes | None) -> Attachment | None:

@@ -32,13 +32,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--namespace", metavar="NS", help=text)
     text = f"distribution of ROS 2 on the network: {DISTROS} (default: the keys of all three)"
     parser.add_argument("--distro", metavar="D", help=text)
-    text = (
-        "the router of the ROS 2 network (default: as ZENOH_SESSION_CONFIG_URI or"
-        " ZENOH_CONFIG_OVERRIDE say, else tcp/localhost:7447)"
-    )
-    parser.add_argument("--router", metavar="ENDPOINT", help=text)
-    text = "the domain, instead of ROS_DOMAIN_ID"
-    parser.add_argument("--domain", metavar="N", help=text)
+    add_network(parser)
     text = (
         "take nothing from the ROS 2 network but the emergency stop; the default on a locked bus,"
         " because a ROS 2 network has no locks"
@@ -46,6 +40,23 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--read-only", action=argparse.BooleanOptionalAction, help=text)
     parser.add_argument("--scan", action="store_true", help="also the sonars as a LaserScan")
     add_common(parser)
+
+
+def add_network(parser: argparse.ArgumentParser) -> None:
+    """Declare where the ROS 2 network is."""
+    text = (
+        "the router of the ROS 2 network (default: as ZENOH_SESSION_CONFIG_URI or"
+        " ZENOH_CONFIG_OVERRIDE say, else tcp/localhost:7447)"
+    )
+    parser.add_argument("--router", metavar="ENDPOINT", help=text)
+    text = "the domain, instead of ROS_DOMAIN_ID"
+    parser.add_argument("--domain", metavar="N", help=text)
+
+
+def environment_of(options: argparse.Namespace) -> dict[str, str]:
+    """Return the environment with the domain of the options."""
+    given = {} if options.domain is None else {"ROS_DOMAIN_ID": options.domain}
+    return {**os.environ, **given}
 
 
 def as_ros2(common: Common) -> Common:
@@ -80,9 +91,7 @@ def run(options: argparse.Namespace, output: Output) -> int:
     names = [common.robot] if options.robots is None else robot_names("--robots", options.robots)
     if options.namespace is not None and len(names) > 1:
         raise UserError(f"--namespace {options.namespace!r} is for one robot, not {len(names)}")
-    environment = dict(os.environ)
-    if options.domain is not None:
-        environment["ROS_DOMAIN_ID"] = options.domain
+    environment = environment_of(options)
     domain = node.domain_in(environment)
     config = node.session_config(environment, options.router)
     is_locked = common.network.tls is not None

@@ -105,6 +105,12 @@ def type_in_key(name: str) -> str:
     return f"{package}::{kind}::dds_::{base}_"
 
 
+def type_of(in_key: str) -> str:
+    """Return a type as people write it, from how keys write it."""
+    package, _, rest = in_key.partition("::")
+    return f"{package}/{rest.replace('::dds_::', '/').removesuffix('_')}"
+
+
 def mangled(name: str) -> str:
     """Return a name as tokens write it; an empty one becomes `%`."""
     return name.replace("/", "%") or "%"

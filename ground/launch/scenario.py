@@ -347,7 +347,7 @@ def gateway(scenario: Scenario, endpoint: str) -> list[str]:
 def ros2(router: str, robots: Sequence[str], endpoint: str) -> list[str]:
     """Return the arguments of the ROS 2 gateway, which presents all robots."""
     where = ["--router", router] if router else []
-    return ["ros2", "--robots", ",".join(robots), *where, "--connect", endpoint]
+    return ["rosnode", "--robots", ",".join(robots), *where, "--connect", endpoint]
 
 
 def robot(scenario: Scenario, robots: Sequence[ScenarioRobot], endpoint: str) -> list[str]:

@@ -53,6 +53,14 @@ MAVLINK: Final[Mapping[str, Subcommand]] = MappingProxyType(
         ),
     }
 )
+ROS2: Final[Mapping[str, Subcommand]] = MappingProxyType(
+    {
+        "check": Subcommand(
+            "judge what the robots on a ROS 2 network offer, and how fresh it is",
+            "ros2 check --namespace r1",
+        ),
+    }
+)
 WORLDS: Final[Mapping[str, Subcommand]] = MappingProxyType(
     {
         "list": Subcommand("list the shipped worlds", "worlds list"),
@@ -230,11 +238,12 @@ PROGRAMS: Final[Mapping[str, Verb]] = MappingProxyType(
             "gateways.foxglove_bridge",
             run="run",
         ),
-        "ros2": Verb(
+        "rosnode": Verb(
             RUN,
             "present robots as nodes to ROS 2, over Zenoh",
             "run ros2 --robots r1,r2",
             "gateways.ros2.ros2_verb",
+            name="ros2",
             run="run",
         ),
         "record": Verb(
@@ -271,6 +280,15 @@ PROGRAMS: Final[Mapping[str, Verb]] = MappingProxyType(
             run="run",
             subcommands=MAVLINK,
             rank=70,
+        ),
+        "ros2": Verb(
+            MORE,
+            "test any robot of ROS 2 as its tools see it",
+            "ros2 check --namespace r1",
+            "gateways.ros2.check_verb",
+            run="run",
+            subcommands=ROS2,
+            rank=75,
         ),
         "worlds": Verb(
             MORE,

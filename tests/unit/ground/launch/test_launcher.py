@@ -107,7 +107,7 @@ def test_gateway_presents_all_robots_to_ros2() -> None:
     found = scenario("--robots", "2", "--ros2")
     assert roles(found)[-2:] == ["ros2", "plant"]
     common = ["--robots", "r1,r2", "--connect", SCENARIO_ENDPOINT]
-    assert words_of(found, "ros2") == ["ros2", *common]
+    assert words_of(found, "ros2") == ["rosnode", *common]
     there = words_of(scenario("--ros2", "tcp/10.0.0.1:7447"), "ros2")
     assert there[3:5] == ["--router", "tcp/10.0.0.1:7447"]
     assert file_of("keys", "ros2").name == "gateway.toml"
