@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateways.ros2 import check_verb, judge
+from gateways.ros2 import check_verb
 from gateways.ros2.interfaces import Interfaces
 from gateways.ros2.node import RosNode, RosSession, session_config
 from gateways.ros2.wire import Distro
@@ -194,40 +194,3 @@ async def test_missing_router_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(check_verb, "ROUTER_S", 0.3)
     why = await asyncio.to_thread(raised, "tcp/127.0.0.1:1")
     assert 'no ROS 2 router at ["tcp/127.0.0.1:1"]: start one with' in why
-
-
-def test_velocities_are_compared_with_the_way() -> None:
-    made = Interfaces(Distro.JAZZY).make
-
-    def robot(speed_m_s: float, yaw_rad: float) -> judge.RobotSeen:
-        topic = judge.TopicSeen("/odom", judge.ODOMETRY)
-        for number in range(11):
-            time = made("builtin_interfaces/msg/Time", 0, number * 100_000_000)
-            where = made("geometry_msgs/msg/Point", 0.05 * number, 0.0, 0.0)
-            turned = made(ROTATION, 0.0, 0.0, np.sin(yaw_rad / 2), np.cos(yaw_rad / 2))
-            pose = made("geometry_msgs/msg/Pose", where, turned)
-            vector = partial(made, "geometry_msgs/msg/Vector3")
-            twist = made(
-                "geometry_msgs/msg/Twist", vector(speed_m_s, 0.0, 0.0), vector(0.0, 0.0, 0.0)
-            )
-            message = made(
-                judge.ODOMETRY,
-                made("std_msgs/msg/Header", time, "odom"),
-                "base_link",
-                made("geometry_msgs/msg/PoseWithCovariance", pose, np.eye(6).reshape(36)),
-                made("geometry_msgs/msg/TwistWithCovariance", twist, np.zeros(36)),
-            )
-            topic.samples.append(judge.Sample(message, judge.Attachment(1, 0, b""), 0))
-        return judge.RobotSeen("", 1.0, {}, [topic])
-
-    assert judge.axes(robot(0.5, 0.0)).verdict is judge.Verdict.PASS
-    assert judge.axes(robot(0.5, np.pi)).verdict is judge.Verdict.FAIL
-    assert judge.axes(robot(50.0, 0.0)).verdict is judge.Verdict.FAIL
-
-
-def test_row_that_cannot_be_read_fails() -> None:
-    topic = judge.TopicSeen("/odom", judge.ODOMETRY)
-    topic.samples.append(judge.Sample(None, judge.Attachment(1, 0, b""), 0))
-    robot = judge.RobotSeen("", 1.0, {}, [topic], parameters=None)
-    found = {row.title: one for row, one in judge.judged(robot)}
-    assert "unusable values" in found["odometry: rate, frames, covariance"].evidence
