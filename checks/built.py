@@ -381,6 +381,7 @@ RUNTIME: Final = "runtime"
 LISTS: Final[Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]] = {
     RUNTIME: (("web", "keys"), ()),
     "build": ((), ("hatchling", "mypy", "setuptools")),
+    "ros2": (("ros2",), ()),
     "tests": (("dev",), ("hatchling", "editables")),
 }
 """The extras of the project, and the tools, that each list has; all begin with the first list."""

@@ -21,7 +21,7 @@ from gateways.ros2.wire import (
 )
 from ground.client.robot_link import RobotLink, finish
 from ground.robot import Robot
-from ground.ros2.offer import topics
+from ground.ros2.offer import NODE, topics
 from ground.ros2.reports import INFO, level_of, robot_part
 from ground.ros2.robot_topics import RobotTopics, Shown
 from protocol.topics import CLOCK, DECISION, LEASE, ODOMETRY, SONAR, STATUS, TEXT, WHEELS, Topic
@@ -29,7 +29,6 @@ from protocol.wire.statustext import StatustextAssembler
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS
 
-NODE: Final = "sidestep"
 OPERATOR: Final = "ros2"
 """The name that other operators see."""
 

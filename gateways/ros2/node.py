@@ -34,7 +34,7 @@ from gateways.ros2.wire import (
     read_token,
 )
 from ground.client.robot_link import call_soon
-from ground.ros2.offer import RELIABLE, Qos
+from ground.ros2.offer import RELIABLE, Qos, RosTopic
 from protocol.bus.callbacks import zenoh_callback
 from protocol.bus.session import close_session
 from runtime.errors import UserError
@@ -53,11 +53,17 @@ MAX_QUERIES: Final = 64
 """Queries of a service that wait for their answers; more are refused."""
 
 TOO_MANY: Final = "too many requests wait for an answer"
+HIDDEN: Final = "/_"
+"""Begins a part of a name that is not shown, and not recorded: those of actions."""
+
 MAX_TOKENS: Final = 10_000
 """Entities of others that are followed."""
 
 Take = Callable[[Any, Attachment], None]
 """Receives a message and what came beside it, on the event loop."""
+
+Record = Callable[[RosTopic, bytes], None]
+"""Takes what is published; called on the event loop."""
 
 Serve = Callable[[Any, Attachment], Awaitable[Any]]
 """Answers a request, on the event loop."""
@@ -127,8 +133,9 @@ class RosSession:
         domain: int = 0,
         note: Callable[[str], None] = lambda _: None,
         others: Sequence[Interfaces] = (),
+        record: Record | None = None,
     ) -> None:
-        self.interfaces = interfaces
+        self.interfaces, self.record = interfaces, record
         self.variants = (interfaces, *others)
         """Those of each distribution that may be on the network."""
 
@@ -326,6 +333,10 @@ class RosPublisher(RosEndpoint):
         self._kept: deque[bytes] = deque(maxlen=min(qos.depth, MAX_QUERIES))
         self._sequence = 0
         self._putting = threading.Lock()
+        self._record = self.session.record
+        if HIDDEN in self.endpoint.name or self.interfaces is not self.session.interfaces:
+            self._record = None
+        self._topic = RosTopic(self.endpoint.name, type_name, qos)
         self.session.declare(self)
 
     def declare(self, session: zenoh.Session) -> None:
@@ -351,15 +362,19 @@ class RosPublisher(RosEndpoint):
 
     @property
     def is_wanted(self) -> bool:
-        """Whether a node subscribes, or may do so later to a latched topic."""
+        """Whether a node subscribes, or may do so later to a latched topic, or it is recorded."""
         publisher: Any = self._publisher
-        return self.qos.is_latched or bool(publisher and publisher.matching_status.matching)
+        if self.qos.is_latched or self._record is not None:
+            return True
+        return bool(publisher and publisher.matching_status.matching)
 
     def publish(self, message: object) -> None:
         """Publish a message; never blocks. One that no node subscribes to is not even encoded."""
         if not self.is_wanted:
             return
         data = self.interfaces.encode(self.endpoint.type_name, message)
+        if self._record is not None:
+            self._record(self._topic, data)
         with self._putting:
             if self._publisher is not None:
                 self._put(self._publisher, data)

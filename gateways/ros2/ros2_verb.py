@@ -4,7 +4,9 @@ import argparse
 import asyncio
 import os
 import re
+from contextlib import ExitStack
 from dataclasses import replace
+from pathlib import Path
 from typing import Final
 
 from ground.cli.options import common_of
@@ -12,6 +14,8 @@ from ground.client.connection import Common
 from ground.client.robot_link import open_link
 from ground.client.stop_ways import StopServer
 from ground.commands.command import add_common
+from ground.launch.recording_session import add_keep
+from ground.ros2.offer import NODE, own_namespace
 from ground.text.output import Output
 from protocol.bus.network import with_digits
 from protocol.topics import robot_names
@@ -39,6 +43,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--read-only", action=argparse.BooleanOptionalAction, help=text)
     parser.add_argument("--scan", action="store_true", help="also the sonars as a LaserScan")
+    text = "also write what is published as bags of ROS 2, each in a new folder below DIR"
+    parser.add_argument("--record", metavar="DIR", help=text)
+    add_keep(parser)
     add_common(parser)
 
 
@@ -72,7 +79,7 @@ def as_ros2(common: Common) -> Common:
 def namespace_of(robot: str, given: str | None) -> str:
     """Return the namespace of a robot, absolute or empty; UserError for one that ROS refuses."""
     if given is None:
-        return f"/{re.sub(r'[^A-Za-z0-9_]', '_', robot)}"
+        return own_namespace(robot)
     if not NAMESPACE.match(given):
         raise UserError(f"--namespace {given!r}: use letters, digits and _, as in r1 or fleet/r1")
     return f"/{given.strip('/')}" if given.strip("/") else ""
@@ -81,7 +88,13 @@ def namespace_of(robot: str, given: str | None) -> str:
 def run(options: argparse.Namespace, output: Output) -> int:
     """Serve until Ctrl-C. Wrong words are errors before the connection to the robot."""
     try:
-        from gateways.ros2 import face, interfaces, node, wire  # their libraries are optional
+        from gateways.ros2 import (  # their libraries are optional
+            face,
+            interfaces,
+            node,
+            recorder,
+            wire,
+        )
     except ModuleNotFoundError as error:
         raise UserError(MISSING.format(error.name)) from None
     distros = list(wire.Distro)
@@ -89,6 +102,8 @@ def run(options: argparse.Namespace, output: Output) -> int:
         distros = [wire.distro_named(options.distro)]
     common = as_ros2(common_of(options, output))
     names = [common.robot] if options.robots is None else robot_names("--robots", options.robots)
+    if options.keep is not None and options.record is None:
+        raise UserError("--keep needs --record DIR")
     if options.namespace is not None and len(names) > 1:
         raise UserError(f"--namespace {options.namespace!r} is for one robot, not {len(names)}")
     environment = environment_of(options)
@@ -103,17 +118,25 @@ def run(options: argparse.Namespace, output: Output) -> int:
         )
         for name in names
     }
-    with open_link(common) as link, StopServer(link), asyncio.Runner() as runner:
+    bag: recorder.BagRecorder | None = None
+    with ExitStack() as stack:
+        link = stack.enter_context(open_link(common))
+        stack.enter_context(StopServer(link))
+        if options.record is not None:
+            bag = recorder.BagRecorder(Path(options.record), options.keep, output)
+            stack.enter_context(bag)  # ends when the faces have ended
+        runner = stack.enter_context(asyncio.Runner())
         for name, one in settings.items():
-            output.note(f"{name} is the ROS 2 node {one.namespace}/{face.NODE} in domain {domain}")
+            output.note(f"{name} is the ROS 2 node {one.namespace}/{NODE} in domain {domain}")
 
         async def serve() -> None:
             first, *others = map(interfaces.Interfaces, distros)
-            session = node.RosSession(first, config, domain, output.note, others)
+            record = None if bag is None else bag.take
+            session = node.RosSession(first, config, domain, output.note, others, record)
             await face.present(link, session, settings, output.note)
 
         try:
             runner.run(serve())
         except KeyboardInterrupt:
             output.note("ros2 ends")
-    return 0
+    return 0 if bag is None or bag.is_complete else 1

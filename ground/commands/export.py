@@ -1,4 +1,4 @@
-"""`export`: write a recording as a table for other programs."""
+"""`export`: write a recording as a table, or as a bag of ROS 2, for other programs."""
 
 import sys
 from collections.abc import Iterable
@@ -31,10 +31,14 @@ from runtime.errors import UserError
 
 MIN_RATE_HZ: Final = 0.01
 MAX_RATE_HZ: Final = 1000.0
+NEEDS_ROS2: Final = "a bag needs {}, which is not installed: pip install 'sidestep[ros2]'"
 
 
 class Tally(NamedTuple):
-    """Counts of an export; `unreadable` frames are valid, but of another dialect."""
+    """Counts of an export: rows of a table, or messages of a bag.
+
+    `unreadable` frames are valid, but of another dialect.
+    """
 
     frames: int
     rows: int
@@ -45,11 +49,15 @@ class Tally(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """A table that was written; `ok` unless the recording is empty or part of it is damaged."""
+    """A table or bag that was written.
+
+    `ok` unless the recording is empty or part of it is damaged.
+    """
 
     file: str
     out: str | None
     tally: Tally
+    unit: str = "rows"
 
     @property
     def ok(self) -> bool:
@@ -60,7 +68,7 @@ class Exported:
     def text(self) -> str:
         """The counts, and the damage if there is any."""
         tally = self.tally
-        text = f"{self.file}: {tally.frames} frames, {tally.rows} rows"
+        text = f"{self.file}: {tally.frames} frames, {tally.rows} {self.unit}"
         if not tally.frames and not tally.damage:
             text += ": the recording is empty; `sidestep rec list` shows the others"
         if tally.unreadable:
@@ -79,11 +87,11 @@ class Exported:
 
 @command(REC, 40, "rec export drive.mcap --out drive.csv", suffixes=SUFFIXES)
 class Export(RecordingCommand):
-    """Convert a recording to a CSV or Parquet table.
+    """Convert a recording to a CSV or Parquet table, or to a bag of ROS 2.
 
     `shape` long: one row per received value; wide: one row per instant of a grid of `rate_hz` (20).
     `begin_s` and `end_s` are seconds of the robot's time stamps. Without `out` the table goes to
-    standard output.
+    standard output. `ros2` is a new folder, for a bag with the topics of `run ros2`.
     """
 
     format: str = choice(
@@ -114,11 +122,17 @@ class Export(RecordingCommand):
     out: str | None = option(
         "--out", default=None, metavar="FILE", help="write here, not to standard output"
     )
+    ros2: str | None = option(
+        "--ros2",
+        default=None,
+        metavar="DIR",
+        help="write a bag of ROS 2 instead: a new folder with an .mcap and a metadata.yaml",
+    )
 
     @classmethod
     def parsed(cls, found: Any) -> Self:
         """Return the command; UserError if table and JSON are wanted on standard output."""
-        if found.json and found.out is None:
+        if found.json and found.out is None and found.ros2 is None:
             both = "--json and the table cannot both use standard output"
             raise UserError(f"{both}: add --out FILE")
         return super(Export, cls).parsed(found)  # noqa: UP008 - slots make a new class
@@ -130,6 +144,8 @@ class Export(RecordingCommand):
         """Write the table; UserError if the file cannot be written."""
         if self.remark:
             progress.note(self.remark)
+        if self.ros2 is not None:
+            return as_bag(self, self.ros2)
         axis = axis_of(self)
         try:
             columns, rows = table_of(self, axis)
@@ -145,6 +161,11 @@ class Export(RecordingCommand):
 
 def check(asked: Export) -> None:
     """Reject options that exclude each other, before reading the file."""
+    if asked.ros2 is not None:
+        if (asked.format, asked.shape, asked.rate_hz, asked.out) != ("csv", "long", None, None):
+            raise UserError("--ros2 writes a bag: leave --format, --shape, --rate and --out out")
+        if Path(asked.ros2).exists():
+            raise UserError(f"--ros2 {asked.ros2} exists: a bag is a new folder; give another name")
     if asked.format == "parquet":
         if asked.out is None:
             raise UserError("Parquet is binary: add --out FILE.parquet")
@@ -157,6 +178,22 @@ def check(asked: Export) -> None:
         within(asked.rate_hz, MIN_RATE_HZ, MAX_RATE_HZ, "--rate", "Hz")
     if asked.begin_s is not None and asked.end_s is not None and asked.begin_s > asked.end_s:
         raise UserError(f"--from {asked.begin_s:g} is after --to {asked.end_s:g}")
+
+
+def as_bag(asked: Export, folder: str) -> Exported:
+    """Write a bag; UserError if that fails."""
+    try:
+        from ground.ros2.recorded import RecordedRun, write_bag  # their libraries are optional
+    except ModuleNotFoundError as error:
+        raise UserError(NEEDS_ROS2.format(error.name)) from None
+    run = RecordedRun(Path(asked.file), asked.begin_s, asked.end_s)
+    try:
+        count = write_bag(run, Path(folder))
+    except OSError as error:
+        raise UserError(f"{folder}: {error.strerror or error}") from error
+    log = run.axis.log
+    tally = Tally(log.records, count, run.axis.unreadable, log.lost_bytes, log.damage())
+    return Exported(asked.file, folder, tally, "messages")
 
 
 def same_file(one: str, other: str) -> bool:

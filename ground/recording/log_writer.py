@@ -21,7 +21,13 @@ from pathlib import Path
 from time import monotonic
 from typing import Final, Protocol, Self
 
-from ground.recording.log_reader import PART_BYTES, PART_S, is_whole_frame, part_of, record_bytes
+from ground.recording.log_reader import (
+    PART_BYTES,
+    PART_S,
+    is_whole_frame,
+    part_of,
+    record_bytes,
+)
 from ground.recording.mcap_file import McapFormat
 from ground.recording.metadata import build
 from runtime.units import NS_PER_US
@@ -103,7 +109,7 @@ class LogFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._size = 0
+        self.size = 0
         self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
         with suppress(OSError):  # not every file system can
             fcntl.flock(self._fd, fcntl.LOCK_EX)  # shows that it is being written
@@ -111,16 +117,20 @@ class LogFile:
     def append(self, batch: bytes) -> None:
         """Append a whole batch, or raise OSError and leave the file unchanged."""
         try:
-            rest = memoryview(batch)
-            while rest:
-                rest = rest[os.write(self._fd, rest) :]
+            self.put(batch, self.size)
         except OSError:
             # A full disk may have taken a part of the batch: a partial record in the middle of the
             # log.
-            os.ftruncate(self._fd, self._size)
-            os.lseek(self._fd, self._size, os.SEEK_SET)
+            os.ftruncate(self._fd, self.size)
             raise
-        self._size += len(batch)
+        self.size += len(batch)
+
+    def put(self, data: bytes, place: int) -> None:
+        """Write at a place in the file; raise OSError, when a part may be written."""
+        rest = memoryview(data)
+        while rest:
+            written = os.pwrite(self._fd, rest, place)
+            rest, place = rest[written:], place + written
 
     def sync(self) -> None:
         """Flush the data to the disk."""
@@ -129,6 +139,11 @@ class LogFile:
     def close(self) -> None:
         """Close the file."""
         os.close(self._fd)
+
+
+def is_frame_with_key(key: str, frame: bytes) -> bool:
+    """Return whether a frame is whole, and its key not too long."""
+    return is_whole_frame(frame) and len(key) <= MAX_KEY
 
 
 class LogWriter:
@@ -144,8 +159,11 @@ class LogWriter:
         max_waiting_bytes: int = MAX_WAITING_BYTES,
         form: LogFormat | None = None,
         began_us: int = 0,
+        accepts: Callable[[str, bytes], bool] = is_frame_with_key,
     ) -> None:
         """Create a writer; `utc_offset_ns` is added to a time of arrival to get UTC.
+
+        A frame is left out unless `accepts` returns True: it would break the framing of the file.
 
         A cached sample published before `began_us` (UTC) gets `began_us` as its time of arrival.
         """
@@ -153,6 +171,7 @@ class LogWriter:
         """The last one is written; those before wait until they are on the disk and closed."""
         self._utc_offset_ns = utc_offset_ns
         self._held_bytes = max_waiting_bytes
+        self._accepts = accepts
         self._form: LogFormat = TlogFormat() if form is None else form
         self._arrived: deque[tuple[str, bytes, int]] = deque()
         self._arrived_bytes = 0
@@ -263,8 +282,8 @@ class LogWriter:
             arrived, self._arrived = self._arrived, deque()
             self._arrived_bytes = 0
         for key, frame, published_ns in arrived:
-            if not is_whole_frame(frame) or len(key) > MAX_KEY:
-                self.rejected += 1  # it would break the framing of the file
+            if not self._accepts(key, frame):
+                self.rejected += 1
             elif len(self._waiting) > self._held_bytes:
                 self._dropped += 1
                 self.drop_reason = self.error
@@ -292,12 +311,12 @@ MCAP_EVERY = 2
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """One kind of file of a run: the first one, and the layout of one that begins at a time."""
+    """One kind of file of a run: the first one, and how a part with a number begins at a time."""
 
     path: Path
     writer: LogWriter
     every: int
-    form_at: Callable[[int], LogFormat]
+    begin: Callable[[int, int], tuple[LogFile, LogFormat]]
 
 
 class SyncThread:
@@ -378,18 +397,18 @@ class DualLog:
         mcap = LogFile(log.path.with_suffix(".mcap"))
         began_us = round(started.timestamp() * 1e6)
 
-        def mcap_at(begins_us: int) -> LogFormat:
-            return McapFormat(robot, facts, begins_us)
+        def mcap_part(number: int, begins_us: int) -> tuple[LogFile, LogFormat]:
+            return LogFile(part_of(mcap.path, number)), McapFormat(robot, facts, begins_us)
 
-        def tlog_at(_begins_us: int) -> LogFormat:
-            return TlogFormat()
+        def tlog_part(number: int, _begins_us: int) -> tuple[LogFile, LogFormat]:
+            return LogFile(part_of(log.path, number)), TlogFormat()
 
         as_tlog = LogWriter(log, utc_offset_ns, began_us=began_us)
-        form = mcap_at(began_us)
+        form = McapFormat(robot, facts, began_us)
         as_mcap = LogWriter(mcap, utc_offset_ns, form=form, began_us=began_us)
         tracks = (
-            Track(log.path, as_tlog, TLOG_EVERY, tlog_at),
-            Track(mcap.path, as_mcap, MCAP_EVERY, mcap_at),
+            Track(log.path, as_tlog, TLOG_EVERY, tlog_part),
+            Track(mcap.path, as_mcap, MCAP_EVERY, mcap_part),
         )
         return cls(tracks, part_bytes=part_bytes, part_s=part_s, now_s=now_s)
 
@@ -442,17 +461,17 @@ class DualLog:
         """Continue in new files; while that fails, as on a full disk, in those there are."""
         if not all(track.writer.flush() for track in self.tracks):
             return
-        files: list[LogFile] = []
+        begun: list[tuple[LogFile, LogFormat]] = []
         try:
             for track in self.tracks:
-                files.append(LogFile(part_of(track.path, self.parts + 1)))  # noqa: PERF401
+                begun.append(track.begin(self.parts + 1, track.writer.newest_us))  # noqa: PERF401
         except OSError:
-            for file in files:
+            for file, _ in begun:
                 file.close()
                 file.path.unlink(missing_ok=True)
             return
-        for track, file in zip(self.tracks, files, strict=True):
-            track.writer.begin_part(file, track.form_at(track.writer.newest_us))
+        for track, part in zip(self.tracks, begun, strict=True):
+            track.writer.begin_part(*part)
         for name, text in self._facts.items():
             self.add_fact(name, text)
         self.parts += 1

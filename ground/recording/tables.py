@@ -87,7 +87,7 @@ class Timed(NamedTuple):
     """A message, its topic path, its time on the axis, and its time of arrival in UTC."""
 
     time_s: float
-    utc_s: float
+    arrived_ns: int
     path: str
     message: Message
 
@@ -131,7 +131,7 @@ class TimeAxis:
 
     def _timed(self, frame: LoggedFrame, message: Message, stamp_ns: int) -> Timed:
         path = frame.key.partition(f"/{self.log.robot}/")[2] or frame.key
-        return Timed(stamp_ns / NS_PER_S, frame.time_ns / NS_PER_S, path, message)
+        return Timed(stamp_ns / NS_PER_S, frame.time_ns, path, message)
 
 
 STALE_S: Final = {topic.path: topic.stale_after_ns / NS_PER_MS / 1000.0 for topic in TOPICS}
@@ -172,7 +172,7 @@ def name_in_dialect(message: Message) -> str:
 def long_rows(timed: Iterable[Timed]) -> Iterator[Row]:
     """Yield a row for each field of each message."""
     for one in timed:
-        times = f"{one.time_s:.6f}", f"{one.utc_s:.6f}"
+        times = f"{one.time_s:.6f}", f"{one.arrived_ns / NS_PER_S:.6f}"
         for cell in fields_of(one.message):
             yield [*times, one.path, name_in_dialect(one.message), cell.name, cell.text]
 

@@ -1,5 +1,6 @@
 """The topics of ROS 2 that show a robot, with their types and quality of service."""
 
+import re
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -60,6 +61,15 @@ TOPICS: Final = (
     RosTopic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray"),
     RosTopic("/rosout", "rcl_interfaces/msg/Log", ROSOUT),
 )
+
+
+NODE: Final = "sidestep"
+"""The node that publishes them."""
+
+
+def own_namespace(robot: str) -> str:
+    """Return the namespace of a robot: its name, as far as ROS allows it."""
+    return f"/{re.sub(r'[^A-Za-z0-9_]', '_', robot)}"
 
 
 def topics(*, scan: bool) -> dict[str, RosTopic]:

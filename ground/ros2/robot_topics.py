@@ -1,7 +1,7 @@
 """Turn the messages of a robot into those of its topics of ROS 2, live or from a recording."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from rosbags.typesys.stores.ros2_jazzy import rosgraph_msgs__msg__Clock as ClockMessage
 from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__String as String
@@ -18,17 +18,27 @@ from protocol.wire.messages import (
     SystemTime,
     WheelTicks,
 )
-from runtime.units import NS_PER_US
+from runtime.units import NS_PER_S, NS_PER_US
+
+UNCERTAIN_NS: Final = NS_PER_S // 4
+"""Time after the first message in which a robot of a simulation shows the clock of that."""
 
 Shown: TypeAlias = tuple[str, Any]
 """The name of a topic in the table, and a message for it."""
 
 
 class RobotTopics:
-    """Of one robot; times are those of ROS, which `clock` makes of the stamps of the robot."""
+    """Of one robot; times are those of ROS, which `clock` makes of the stamps of the robot.
 
-    def __init__(self, robot: str, *, scan: bool = False) -> None:
+    Without `is_simulated` the first messages tell whether this is a simulation. Until then nothing
+    is shown, because its stamps could not be given.
+    """
+
+    def __init__(self, robot: str, *, scan: bool = False, is_simulated: bool | None = None) -> None:
         self.clock = RosClock()
+        self.clock.is_simulated = bool(is_simulated)
+        self._is_certain = is_simulated is not None
+        self._begins_ns: int | None = None
         self.geometry = Geometry()
         self._robot, self._scan = robot, scan
         self._is_shaped = False
@@ -39,8 +49,10 @@ class RobotTopics:
     def take(self, message: Message, arrived_ns: int) -> Iterator[Shown]:
         """Yield what follows at once from a message that arrived at this time of day."""
         if isinstance(message, SystemTime):
-            self.clock.is_simulated = True
+            self.clock.is_simulated = self._is_certain = True
             yield "/clock", ClockMessage(messages.time_of(message.time_unix_usec * NS_PER_US))
+        elif not self._knows_time(arrived_ns):
+            return
         elif isinstance(message, PlanarOdometry):
             yield from self._odometry(message, self._stamp(message.time_ns, arrived_ns))
         elif isinstance(message, SonarScan):
@@ -49,6 +61,12 @@ class RobotTopics:
             stamp_ns = self._stamp(message.time_ns, arrived_ns)
             self._wheels = self._reader.read(message, self.geometry, stamp_ns)
             yield "joint_states", messages.joint_states(self._wheels)
+
+    def _knows_time(self, arrived_ns: int) -> bool:
+        if self._begins_ns is None:
+            self._begins_ns = arrived_ns
+        self._is_certain |= arrived_ns - self._begins_ns >= UNCERTAIN_NS
+        return self._is_certain
 
     def _stamp(self, stamp_ns: int, arrived_ns: int) -> int:
         self.clock.note(stamp_ns, arrived_ns)

@@ -166,7 +166,7 @@ COMMANDS: Final[Mapping[str, Verb]] = MappingProxyType(
         ),
         "export": Verb(
             section="rec",
-            summary="convert a recording to a CSV or Parquet table",
+            summary="convert a recording to a CSV or Parquet table, or to a bag of ROS 2",
             example="rec export drive.mcap --out drive.csv",
             module="ground.commands.export",
             words="Export",

@@ -229,16 +229,16 @@ def test_partial_batch_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     recorder = LogWriter(log, OFFSET_NS)
     recorder.take("k", frame("before"), 0)
     recorder.flush()
-    real_write = os.write
+    real_write = os.pwrite
 
-    def nearly_full(fd: int, data: bytes) -> int:
+    def nearly_full(fd: int, data: bytes, place: int) -> int:
         if len(data) <= 10:
             raise OSError(errno.ENOSPC, "No space left on device")
-        return real_write(fd, data[: len(data) - 10])
+        return real_write(fd, data[: len(data) - 10], place)
 
     recorder.take("k", frame("during"), 1)
     with monkeypatch.context() as full:
-        full.setattr(os, "write", nearly_full)
+        full.setattr(os, "pwrite", nearly_full)
         assert not recorder.flush()
     assert len(list(read(log.path))) == 1
     assert recorder.close()
