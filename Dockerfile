@@ -101,6 +101,13 @@ FROM built AS slimmed
 COPY docker/slim ./
 RUN ./slim /opt/sidestep/lib/python3.13/site-packages
 
+# The gateway to ROS 2 alone needs the libraries of its extra.
+FROM slimmed AS with-ros2
+COPY docker/ros2.txt ./
+RUN --mount=type=secret,id=pip_config --mount=type=secret,id=ca \
+    --mount=type=cache,target=/root/.cache/pip \
+    ./install -r ros2.txt
+
 # The base without its documentation, translations and pip.
 FROM base AS bare
 RUN find /usr/share/doc -type f ! -name copyright -delete \
@@ -110,7 +117,7 @@ RUN find /usr/share/doc -type f ! -name copyright -delete \
         /usr/local/lib/python3.13/ensurepip /usr/local/lib/python3.13/idlelib \
         /var/cache/* /var/log/*
 
-FROM scratch AS runtime
+FROM scratch AS empty
 COPY --from=bare / /
 ENV PATH=/opt/sidestep/bin:/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin \
     PYTHONDONTWRITEBYTECODE=1 \
@@ -118,8 +125,13 @@ ENV PATH=/opt/sidestep/bin:/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sb
     XDG_STATE_HOME=/tmp/state \
     LANG=C.UTF-8
 COPY docker/router.toml docker/bus.toml docker/keys docker/health /etc/sidestep/
-COPY --from=slimmed /opt/sidestep /opt/sidestep
 WORKDIR /home/sidestep
 USER 10001:10001
 ENTRYPOINT ["sidestep"]
 CMD ["--help"]
+
+FROM empty AS ros2
+COPY --from=with-ros2 /opt/sidestep /opt/sidestep
+
+FROM empty AS runtime
+COPY --from=slimmed /opt/sidestep /opt/sidestep
