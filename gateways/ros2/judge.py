@@ -4,12 +4,13 @@ It reads what was observed of one robot, and does no I/O. The rows follow REP 10
 REP 105 (frames), REP 117 (ranges) and what rviz2, Nav2 and the `ros2` command line ask of a robot.
 """
 
+from bisect import bisect_right
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from itertools import pairwise
-from math import cos, hypot, isfinite, isnan, remainder, sin, tau
+from math import cos, hypot, inf, isfinite, isnan, remainder, sin, tau
 from typing import Any, Final, NamedTuple
 from xml.etree import ElementTree
 
@@ -50,8 +51,8 @@ ODOMETRY_HZ: Final = 5.0
 """Least rate of odometry and transforms: costmaps and followers of paths become jerky below."""
 
 OLD_S: Final = 0.5
-EARLY_S: Final = 0.05
-"""Greatest age of a stamp, and how far it may be in the future."""
+EARLY_S: Final = 0.15
+"""Greatest age of a stamp, and how far it may be ahead: of a simulated time it is some ticks."""
 
 MOVED_M: Final = 0.1
 TURNED_RAD: Final = 0.2
@@ -362,21 +363,21 @@ def ages_s(robot: RobotSeen, topic: TopicSeen) -> list[float]:
     """Return how old the stamps of a topic were when they arrived; nothing without stamps."""
     if topic.type_name not in (ODOMETRY, RANGE, SCAN, JOINTS):
         return []
-    began_s = clock_offset_s(robot)
-    return [
-        one.arrived_ns / NS_PER_S - began_s - seconds_of(one.message.header.stamp)
-        for one in topic.samples
-    ]
-
-
-def clock_offset_s(robot: RobotSeen) -> float:
-    """Return the time of day when the simulation began; 0 without a simulation."""
-    differences = [
-        one.arrived_ns / NS_PER_S - seconds_of(one.message.clock)
-        for topic in robot.typed(CLOCK)
-        for one in topic.samples
-    ]
-    return min(differences, default=0.0)
+    clock = sorted(
+        (one.arrived_ns, seconds_of(one.message.clock))
+        for other in robot.typed(CLOCK)
+        for one in other.samples
+    )
+    found = []
+    for one in topic.samples:
+        now_s = one.arrived_ns / NS_PER_S
+        if clock:  # a simulation may be faster or slower than this computer's time
+            known = bisect_right(clock, (one.arrived_ns, inf))
+            if not known:
+                continue
+            now_s = clock[known - 1][1]
+        found.append(now_s - seconds_of(one.message.header.stamp))
+    return found
 
 
 def ranges(robot: RobotSeen) -> Finding:

@@ -73,3 +73,19 @@ def test_row_that_cannot_be_read_fails() -> None:
     robot = judge.RobotSeen("", 1.0, {}, [topic], parameters=None)
     found = {row.title: one for row, one in judge.judged(robot)}
     assert "unusable values" in found["odometry: rate, frames, covariance"].evidence
+
+
+def test_age_is_by_the_time_of_a_simulation_that_is_fast() -> None:
+    made = Interfaces(Distro.JAZZY).make
+    clock, joints = judge.TopicSeen("/clock", judge.CLOCK), judge.TopicSeen("/j", judge.JOINTS)
+    for number in range(20):
+        time = made("builtin_interfaces/msg/Time", number, 0)
+        arrived_ns, beside = 10**18 + number * 10**8, Attachment(1, 0, b"")
+        told = made(judge.CLOCK, time)
+        clock.samples.append(judge.Sample(told, beside, arrived_ns))
+        header = made("std_msgs/msg/Header", time, "")
+        state = made(judge.JOINTS, header, [], np.zeros(0), np.zeros(0), np.zeros(0))
+        joints.samples.append(judge.Sample(state, beside, arrived_ns + 1))
+    robot = judge.RobotSeen("", 2.0, {}, [clock, joints])
+    assert judge.ages_s(robot, joints) == [0.0] * 20
+    assert judge.stamps(robot).verdict is judge.Verdict.PASS

@@ -1,0 +1,73 @@
+"""Nodes of another project drive a robot through a forest, and record it."""
+
+import json
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rosbags.highlevel import AnyReader
+
+from checks.built import BuildError, environment
+from checks.harness.crew import Crew
+from gateways.ros2.interfaces import definitions
+from gateways.ros2.wire import Distro, hash_of
+from tests.support.gateway.ros_network import RosPeer, free_endpoint
+
+pytestmark = pytest.mark.interop
+HERE = Path(__file__).parent
+NAVIGATE = "nav2_msgs/action/NavigateToPose"
+TYPES = (
+    *("nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage", "sensor_msgs/msg/Range"),
+    *("geometry_msgs/msg/Twist", f"{NAVIGATE}_FeedbackMessage"),
+    *(f"{NAVIGATE}_SendGoal", f"{NAVIGATE}_GetResult"),
+    *(f"rcl_interfaces/srv/{name}Parameters" for name in ("List", "Get", "Set")),
+)
+GOAL = (6.4, 6.4)
+
+
+def test_foreign_nodes_drive_a_robot_through_a_forest(tmp_path: Path) -> None:
+    try:
+        pins = [one for one in (HERE / "peers.txt").read_text("utf-8").split() if "==" in one]
+        python = environment("ros2-peers", pins, "python3.12")
+    except BuildError as error:
+        pytest.skip(f"zenoh-ros2-sdk is not installed: {error}")
+    endpoint, order = free_endpoint(), tmp_path / "order.json"
+    found = {
+        "port": int(endpoint.rpartition(":")[2]),
+        "types": dict(definitions(Distro.JAZZY)),
+        "hashes": {name: hash_of(name, Distro.JAZZY) for name in TYPES},
+        "goal": GOAL,
+        "bag": str(tmp_path / "bag"),
+    }
+    order.write_text(json.dumps(found), encoding="utf-8")
+    router = RosPeer(endpoint)
+    with Crew() as crew:
+        words = ("--world", "forest_dense", "--no-goal", "--headless", "--no-record")
+        up = crew.start("up", *words, "--speed", "3", "--ros2", endpoint)
+        up.says("no goal")
+        done = subprocess.run(
+            [str(python), str(HERE / "pilot.py"), str(order)],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stdout + done.stderr[-3000:] + up.said[-1000:]
+    router.close()
+    steps: dict[str, dict[str, Any]] = {
+        one["step"]: one for one in map(json.loads, done.stdout.splitlines())
+    }
+    assert steps["parameters"]["results"] == [True, True]
+    assert steps["parameters"]["count"] > 40
+    assert 0.1 <= steps["teleop"]["moved_m"] < 0.6
+    ended = steps["navigate"]
+    assert (ended["accepted"], ended["status"], ended["error_code"]) == (True, 4, 0), ended
+    assert ended["place"] == pytest.approx(GOAL, abs=0.2)
+    assert ended["feedback"] > 10
+    with AnyReader([tmp_path / "bag"]) as bag:
+        counts = {one.topic: one.msgcount for one in bag.connections}
+        messages = [bag.deserialize(data, one.msgtype) for one, _, data in bag.messages()]
+    steps["bag"].pop("step")
+    recorded = {topic: count for topic, count in steps["bag"].items() if topic in counts}
+    assert counts == recorded
+    assert len(messages) == sum(counts.values()) > 300
