@@ -26,6 +26,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+import tarfile
 import tempfile
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -345,6 +346,27 @@ def python_named(name: str) -> str | None:
     return shutil.which(name) if newest is None else str(newest)
 
 
+def node_modules(name: str, pins: Sequence[str]) -> Path:
+    """Return a folder `node_modules` with exactly these packages of npm, as NAME@VERSION.
+
+    Raises BuildError if one cannot be fetched.
+    """
+
+    def make(place: Path) -> None:
+        with tempfile.TemporaryDirectory() as fetched:
+            _run(["npm", "pack", "--silent", "--pack-destination", fetched, *pins])
+            for pin in pins:
+                package, _, version_ = pin.rpartition("@")
+                with tarfile.open(Path(fetched, f"{package}-{version_}.tgz")) as archive:
+                    archive.extractall(place / "unpacked", filter="data")
+                target = place / "node_modules" / package
+                target.parent.mkdir(exist_ok=True)
+                (place / "unpacked" / "package").rename(target)
+            (place / "unpacked").rmdir()
+
+    return built(f"client-{name}", key_of((), *pins), make) / "node_modules"
+
+
 def _output(words: Sequence[str]) -> str:
     return subprocess.run(words, capture_output=True, text=True, check=False).stdout
 
@@ -366,6 +388,8 @@ def _run(words: Sequence[str], settings: dict[str, str] | None = None) -> None:
         )
     except subprocess.TimeoutExpired:
         raise BuildError(f"{' '.join(words[1:])}: no end within {BUILD_S:g} s") from None
+    except FileNotFoundError:
+        raise BuildError(f"{words[0]} is not installed") from None
     if done.returncode:
         raise BuildError(f"{' '.join(words[1:])}: {done.stdout.strip()[-2000:]}")
 

@@ -25,7 +25,7 @@ RESULTS: Final = ROOT / "build" / "interop" / "results.jsonl"
 PAGE: Final = ROOT / "docs" / "how-to" / "other-ground-stations.md"
 BEGIN: Final = "<!-- begin: make clients-table -->\n"
 END: Final = "<!-- end: make clients-table -->\n"
-LINES: Final = {"clean": "clean", "poor": "20 % loss"}
+LINES: Final = {"clean": "clean", "poor": "20 % loss", "tcp": "TCP"}
 READY: Final = ("connect", "parameters", "home")
 """The steps until a client is ready."""
 READY_HEAD: Final = "ready: median (longest)"
@@ -34,6 +34,10 @@ NAMES: Final = {
     "mavproxy": "MAVProxy 1.8.75",
     "mavsdk": "MAVSDK 4.1.0",
     "dronekit": "DroneKit 2.9.2",
+    "dronekit2": "dronekit2 3.0.0",
+    "mavkit": "MavKit 0.3.0",
+    "node_mavlink": "node-mavlink 2.3.0",
+    "configurator": "Methodic Configurator 5.0.1",
     "qgroundcontrol": "QGroundControl (script)",
     "mission_planner": "Mission Planner (script)",
     "mavros": "mavros (script)",
@@ -56,7 +60,7 @@ WORDS: Final = {
 
 
 class ClientRun(NamedTuple):
-    """A run of a scenario: the seconds of each step, None for one that failed."""
+    """A run of a scenario: the seconds of each step of the client, None for one that failed."""
 
     client: str
     line: str
@@ -65,14 +69,14 @@ class ClientRun(NamedTuple):
     @property
     def is_complete(self) -> bool:
         """Whether all steps have passed."""
-        return all(self.steps.get(step) is not None for step in WORDS)
+        return None not in self.steps.values()
 
     @property
     def ready_s(self) -> float | None:
         """Seconds from the first frame until the client is ready; None if it was never ready."""
-        times = [self.steps.get(step) for step in READY]
+        times = [self.steps[step] for step in READY if step in self.steps]
         known = [one for one in times if one is not None]
-        return sum(known) if len(known) == len(READY) else None
+        return sum(known) if len(known) == len(times) else None
 
 
 def write_clients(argv: Sequence[str] | None = None) -> int:
@@ -115,7 +119,9 @@ def summary(runs: Sequence[ClientRun]) -> str:
             cells.append(f"{passed} of {len(here)}" if here else "not run")
             cells.append(f"{median(ready):.1f} s ({max(ready):.1f} s)" if ready else "")
         rows.append(cells)
-    heads = ["client", "clean: passed", READY_HEAD, "20 % loss: passed", READY_HEAD]
+    heads = ["client"]
+    for words in LINES.values():
+        heads += [f"{words}: passed", READY_HEAD]
     return table(heads, rows) + "\n"
 
 
@@ -131,14 +137,14 @@ def by_step(runs: Sequence[ClientRun]) -> str:
             ]
             cells.append(" / ".join(times))
         rows.append(cells)
-    return table(["seconds, clean / 20 % loss", *NAMES.values()], rows) + "\n"
+    return table([f"seconds, {' / '.join(LINES.values())}", *NAMES.values()], rows) + "\n"
 
 
 def seconds_of(runs: Sequence[ClientRun], step: str) -> str:
-    """Return the median time of a step; a dash without runs, and `failed` if one failed."""
-    times = [run.steps.get(step) for run in runs]
+    """Return the median time of a step; a dash if no client did it, and `failed` if one failed."""
+    times = [run.steps[step] for run in runs if step in run.steps]
     known = [one for one in times if one is not None]
-    if not runs:
+    if not times:
         return "–"
     return f"{median(known):.1f}" if len(known) == len(times) else "failed"
 

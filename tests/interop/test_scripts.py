@@ -134,7 +134,7 @@ def test_float_item_has_degrees(script: Script) -> None:
 def test_each_environment_belongs_to_a_client_and_pins_exact_versions() -> None:
     assert clients() == sorted(one.environment for one in CLIENTS if one.environment)
     for client in clients():
-        assert all(re.fullmatch(r"[\w.-]+==[\w.]+", pin) for pin in pins_of(client))
+        assert all(re.fullmatch(r"[\w.-]+(==|@)[\w.-]+", pin) for pin in pins_of(client))
 
 
 def lines(*fields: dict[str, object]) -> str:

@@ -3,7 +3,7 @@
 import json
 import socket
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -15,22 +15,28 @@ from checks.harness.crew import Crew
 from checks.harness.processes import Running, free_port
 from checks.harness.relays import PERFECT, POOR, Impairment, UdpRelay
 
-LINES: dict[str, Impairment] = {"clean": PERFECT, "poor": POOR}
+LINES: dict[str, Impairment | None] = {"clean": PERFECT, "poor": POOR, "tcp": None}
+"""UDP through a relay with these properties, or TCP, which repeats by itself what a line loses."""
 RECORDING_BYTES = 9_001
 """Not a whole number of packets of LOG_DATA."""
 
 
 class RobotOnAir(NamedTuple):
-    """Where clients reach the robot, its recording, and the process of the gateway."""
+    """Where clients reach the robot, its recording, and the process of the gateway.
 
+    `transport` is `tcp`, `udpout`, or `udpin` for a port at which the client waits.
+    """
+
+    transport: str
     port: int
     recording: Path
     gateway: Running
 
 
 @contextmanager
-def robot_on_air(folder: Path, line: str, seed: int) -> Iterator[RobotOnAir]:
-    """Run a robot in a room with a gateway, which clients reach over a line.
+def robot_on_air(folder: Path, line: str, seed: int, *, listens: bool) -> Iterator[RobotOnAir]:
+    """Run a robot in a room with a gateway, which a client reaches over a line; or, if it listens
+    and uses UDP, the gateway reaches it.
 
     Time is paced, as it is with `sidestep up`: a busy computer slows the robot down, and does not
     stop it in a failsafe.
@@ -39,15 +45,21 @@ def robot_on_air(folder: Path, line: str, seed: int) -> Iterator[RobotOnAir]:
     recordings.mkdir()
     recording = recordings / "20261123T120000Z-r1.tlog"
     recording.write_bytes(bytes(n * n % 251 for n in range(RECORDING_BYTES)))
-    port = free_port(socket.SOCK_DGRAM)
-    with Crew() as crew:
+    impairment = LINES[line]
+    kind = socket.SOCK_STREAM if impairment is None else socket.SOCK_DGRAM
+    port = free_port(kind)
+    transport, client_port, endpoint = "tcp", port, f"tcpin:127.0.0.1:{port}"
+    with Crew() as crew, ExitStack() as scope:
         crew.robot("--lockstep")
         crew.plant("--lockstep", "--speed", "1")
-        endpoint = f"udpin:127.0.0.1:{port}"
+        if impairment is not None:
+            relay = scope.enter_context(UdpRelay(("127.0.0.1", port), impairment, seed))
+            transport, client_port, endpoint = "udpout", relay.port, f"udpin:127.0.0.1:{port}"
+            if listens:
+                transport, client_port, endpoint = "udpin", port, f"udpout:127.0.0.1:{relay.port}"
         gateway = crew.dialling("run", "gateway", endpoint, "--recordings", str(recordings))
         gateway.says("is MAVLink system")
-        with UdpRelay(("127.0.0.1", port), LINES[line], seed) as relay:
-            yield RobotOnAir(relay.port, recording, gateway)
+        yield RobotOnAir(transport, client_port, recording, gateway)
 
 
 YARD: Final = """

@@ -3,7 +3,7 @@
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from gateways.mavlink.mav_service import NEWCOMER, WATCHER, Sender
+from gateways.mavlink.mav_service import WATCHER, Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import MissionAck, mavlink
 from gateways.mavlink.robot_port import Answered
@@ -11,7 +11,6 @@ from ground.client.missions import TransferOutcome
 from ground.missions.qgroundcontrol import ItemPart
 from protocol.wire.enums import Severity
 from protocol.wire.reasons import Reason, reason_text
-from runtime.units import NS_PER_MS
 
 ACCEPTED: Final = mavlink.MAV_MISSION_ACCEPTED
 ERROR: Final = mavlink.MAV_MISSION_ERROR
@@ -72,7 +71,7 @@ def refusal_of(answered: Answered, name: str, home_items: int) -> Refusal:
     outcome = answered.outcome
     number = getattr(outcome, "reason", None)
     if not isinstance(number, int):
-        is_watcher = answered.error in (WATCHER, NEWCOMER)
+        is_watcher = answered.error == WATCHER
         return Refusal(DENIED if is_watcher else ERROR, f"{name}: {answered.text}")
     item = outcome.item if isinstance(outcome, TransferOutcome) else None
     if number == Reason.MISSION_TOO_LONG and item is not None:
@@ -84,9 +83,6 @@ def refusal_of(answered: Answered, name: str, home_items: int) -> Refusal:
     return Refusal(REASON_RESULTS[Reason(number)] if known else ERROR, words)
 
 
-AGAIN_NS: Final = (700 * NS_PER_MS, 1400 * NS_PER_MS)
-"""On a lossy line the result of an upload is sent again after these times, unless the client goes
-on: MAVSDK and mavros give up some seconds later, and repeat nothing themselves."""
 ClientKey = tuple[int, int, int, bool]
 
 
@@ -100,7 +96,6 @@ class Answers:
 
     def __init__(self, vehicle: MavVehicle) -> None:
         self._vehicle = vehicle
-        self._again: dict[ClientKey, list[tuple[int, Sender, MissionAck]]] = {}
 
     def acknowledge(
         self, sender: Sender, kind: int, result: int = ACCEPTED, opaque_id: int = 0
@@ -108,37 +103,6 @@ class Answers:
         """Send a MISSION_ACK."""
         ack = MissionAck(sender.system, sender.component, result, kind, opaque_id)
         self._vehicle.outbox.send(ack, sender.client)
-
-    def end(self, sender: Sender, kind: int, result: int, opaque_id: int) -> None:
-        """Send the result of an upload; on a lossy line, plan to repeat that it was accepted.
-
-        A refusal is not repeated: its copy could end the next upload of a client whose first
-        message was lost. A client without the result reports that the upload has failed.
-        """
-        self.acknowledge(sender, kind, result, opaque_id)
-        if result == ACCEPTED and sender.client in self._vehicle.lossy:
-            ack = MissionAck(sender.system, sender.component, result, kind, opaque_id)
-            now_ns = self._vehicle.snapshot.now_ns
-            self._again[key_of(sender)] = [(now_ns + one, sender, ack) for one in AGAIN_NS]
-
-    def heard(self, sender: Sender) -> None:
-        """Repeat nothing more to a client that has gone on."""
-        self._again.pop(key_of(sender), None)
-
-    def due(self, now_ns: int) -> None:
-        """Repeat what is due."""
-        for key, planned in list(self._again.items()):
-            at_ns, sender, ack = planned[0]
-            if now_ns >= at_ns:
-                self._vehicle.outbox.send(ack, sender.client)
-                self._again[key] = planned[1:]
-            if not self._again[key]:
-                del self._again[key]
-
-    def forget(self, client: int) -> None:
-        """Drop what is kept for a client that has gone."""
-        for key in [key for key in self._again if key[0] == client]:
-            del self._again[key]
 
     def refuse(self, sender: Sender, kind: int, refusal: Refusal) -> None:
         """Send a MISSION_ACK with a result, and a STATUSTEXT with the reason."""

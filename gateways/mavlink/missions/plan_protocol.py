@@ -185,7 +185,6 @@ class MissionProtocol(MavService):
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
         """Process a message of the mission protocol."""
-        self._answers.heard(sender)
         number, found = message.mission_type, self._kinds.get(message.mission_type)
         if message.get_msgId() in CHANGING and not sender.may_command:
             self._answers.refuse(sender, number, Refusal(DENIED, sender.barred))
@@ -198,13 +197,11 @@ class MissionProtocol(MavService):
 
     def due(self, now_ns: int) -> None:
         """Do what is due."""
-        self._answers.due(now_ns)
         for transfers in self._kinds.values():
             transfers.due(now_ns)
 
     def forget(self, client: int) -> None:
         """Drop the state of a client that has disconnected."""
-        self._answers.forget(client)
         for transfers in self._kinds.values():
             transfers.forget(client)
 

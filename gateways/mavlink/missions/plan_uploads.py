@@ -2,6 +2,10 @@
 
 Items are asked for by MISSION_REQUEST, which all clients answer, some with MISSION_ITEM and others
 with MISSION_ITEM_INT. Only a complete upload is sent to the robot.
+
+The result is sent once, also on a lossy line: a client takes a copy for the result of its next
+upload. If it is lost, a client that repeats the last item gets it again; any other client reports a
+failure, and its user repeats the upload.
 """
 
 from collections.abc import Sequence
@@ -303,7 +307,7 @@ class Uploads:
         now_ns = self._vehicle.snapshot.now_ns
         client = key_of(upload.sender)
         self._finished = Finished(client, upload.expected - 1, result, opaque_id, now_ns)
-        self._answers.end(upload.sender, self._kind.number, result, opaque_id)
+        self._answers.acknowledge(upload.sender, self._kind.number, result, opaque_id)
 
     def _take_late(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
         """Acknowledge the last item again; refuse an item that belongs to no upload."""

@@ -73,7 +73,7 @@ def main() -> None:
     """Run the scenario."""
     call, steps = called(), Steps("DroneKit")
     with steps.step("connect", is_needed=True):
-        vehicle = connect(f"udpout:{call.address}", wait_ready=False, heartbeat_timeout=60)
+        vehicle = connect(call.endpoint, wait_ready=False, heartbeat_timeout=60)
         station = DroneKitStation(vehicle)
     prepare(station, steps, call)
     drive(station, steps)

@@ -46,7 +46,7 @@ class MavProxy:
             probe.bind(("127.0.0.1", 0))
             port = probe.getsockname()[1]
         script = Path(sys.executable).with_name("mavproxy.py")
-        words = [sys.executable, "-u", str(script), f"--master=udpout:{call.address}"]
+        words = [sys.executable, "-u", str(script), f"--master={call.endpoint}"]
         words += [f"--out=udpout:127.0.0.1:{port}", f"--state-basedir={call.folder}"]
         words += [f"--default-modules={MODULES}", f"--logfile={call.folder / 'mav.tlog'}"]
         self.lines: list[str] = []

@@ -102,7 +102,7 @@ def main() -> None:
     kind = ComponentType.GROUND_STATION
     mavsdk = Mavsdk(Configuration.create_with_component_type(kind))
     with steps.step("connect", is_needed=True):
-        mavsdk.add_any_connection(f"udpout://{call.address}")
+        mavsdk.add_any_connection(call.endpoint.replace("tcp", "tcpout").replace(":", "://", 1))
         system = mavsdk.first_autopilot(PATIENCE_S)
         if system is None:
             raise StepError(f"no autopilot within {PATIENCE_S:g} s")

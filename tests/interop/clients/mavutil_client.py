@@ -1,11 +1,12 @@
 """pymavlink's `mavutil`: a short ground station, as in many scripts."""
 
+from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, NoReturn
 
 from pymavlink import mavparm
 
-from tests.interop.clients.pilot import GLOBAL, Pilot, item, mavlink
+from tests.interop.clients.pilot import GLOBAL, Pilot, Station, item, mavlink
 from tests.interop.clients.steps import (
     FLIGHT_TERMINATION,
     PARAMETER,
@@ -24,21 +25,49 @@ FENCE: int = mavlink.MAV_MISSION_TYPE_FENCE
 CORNER: int = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
 
 
+class MavutilPilot(Pilot):
+    """Parameters, mode and arming by the functions of mavutil and mavparm."""
+
+    def fetch_parameters(self) -> None:
+        self.link.param_fetch_all()
+
+    def set_parameter(self, name: str, value: float) -> None:
+        self.link.param_fetch_one(name)
+        if not mavparm.MAVParmDict().mavset(self.link, name, value, retries=12):
+            raise StepError(f"{name} was not confirmed")
+
+    def set_mode(self, name: str) -> None:
+        number = self.link.mode_mapping()[name]
+        self.repeat(
+            lambda: self.link.set_mode_apm(number), lambda: self.mode == name, f"mode {name}"
+        )
+
+    def arm(self) -> None:
+        self.repeat(self.link.arducopter_arm, lambda: self.is_armed, "armed")
+
+
 def main() -> None:
     """Run the scenario."""
     call, steps = called(), Steps("mavutil")
+    run(call, steps, lambda: MavutilPilot(call.endpoint))
+
+
+def run(call: Call, steps: Steps, connect: Callable[[], Station]) -> NoReturn:
+    """Do all steps with the pilot that `connect` returns."""
     with steps.step("connect", is_needed=True):
-        pilot = Pilot(f"udpout:{call.address}")
+        pilot = connect()
         pilot.until(lambda: pilot.newest_state is not None, "a heartbeat")
     prepare(pilot, steps, call)
     drive(pilot, steps, pilot.place)
     with steps.step("stop"):
         pilot.command(FLIGHT_TERMINATION, 1.0)
         pilot.until(lambda: pilot.is_stopped, "MAV_STATE_EMERGENCY")
+        if call.transport == "tcp" and pilot.lost:
+            raise StepError(f"{pilot.lost} frames are missing, and TCP loses none")
     steps.end()
 
 
-def prepare(pilot: Pilot, steps: Steps, call: Call) -> None:
+def prepare(pilot: Station, steps: Steps, call: Call) -> None:
     """Do the steps before the robot is armed."""
     with steps.step("parameters"):
         steps.note(f"{read_parameters(pilot)} parameters")
@@ -50,10 +79,7 @@ def prepare(pilot: Pilot, steps: Steps, call: Call) -> None:
         )
         pilot.until(lambda: "GLOBAL_POSITION_INT" in pilot.newest, "a position")
     with steps.step("set_parameter"):
-        parameters = mavparm.MAVParmDict()
-        pilot.link.param_fetch_one(PARAMETER)
-        if not parameters.mavset(pilot.link, PARAMETER, VALUE, retries=12):
-            raise StepError(f"{PARAMETER} was not confirmed")
+        pilot.set_parameter(PARAMETER, VALUE)
     with steps.step("fence"):
         corners = fence(pilot.place)
         count = float(len(corners))
@@ -65,8 +91,8 @@ def prepare(pilot: Pilot, steps: Steps, call: Call) -> None:
         call.require_recording(path)
 
 
-def read_parameters(pilot: Pilot) -> int:
-    """Fetch all parameters as mavutil does, and those that were lost one by one."""
+def read_parameters(pilot: Station) -> int:
+    """Fetch all parameters, and those that were lost one by one."""
     found: dict[int, str] = {}
     count = 0
 
@@ -78,10 +104,10 @@ def read_parameters(pilot: Pilot) -> int:
 
     def ask() -> None:
         if not found:
-            pilot.link.param_fetch_all()
+            pilot.fetch_parameters()
             return
         for index in [one for one in range(count) if one not in found][:50]:
-            pilot.link.mav.param_request_read_send(1, 1, b"", index)
+            pilot.mav.param_request_read_send(1, 1, b"", index)
 
     pilot.handlers["PARAM_VALUE"] = take
     try:
@@ -93,7 +119,7 @@ def read_parameters(pilot: Pilot) -> int:
     return count
 
 
-def drive(pilot: Pilot, steps: Steps, start: Place) -> None:
+def drive(pilot: Station, steps: Steps, start: Place) -> None:
     """Do the steps in which the robot drives."""
     places = route(start)
     with steps.step("upload"):
@@ -119,11 +145,11 @@ def drive(pilot: Pilot, steps: Steps, start: Place) -> None:
         pilot.set_mode("HOLD")
 
 
-def send_goto(pilot: Pilot, place: Place) -> None:
+def send_goto(pilot: Station, place: Place) -> None:
     """Send a guided goal by SET_POSITION_TARGET_GLOBAL_INT, as scripts do."""
     x, y = (round(value * 1e7) for value in place)
     ignore_all_but_place = 0xDF8
-    pilot.link.mav.set_position_target_global_int_send(
+    pilot.mav.set_position_target_global_int_send(
         0, 1, 1, GLOBAL, ignore_all_but_place, x, y, *(0,) * 9
     )
 

@@ -32,10 +32,11 @@ GLOBAL: Final = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
 class Station:
     """Messages received from the vehicle, and transfers; `mav` sends.
 
-    A subclass receives in `look` and gives the messages to `take`.
+    A subclass receives in `look` and gives the messages to `take`. `lost` counts missing frames.
     """
 
     mav: Any
+    lost: int = 0
 
     def __init__(self) -> None:
         self.newest: dict[str, Any] = {}
@@ -113,14 +114,55 @@ class Station:
         """Whether it stands at a place."""
         return "GLOBAL_POSITION_INT" in self.newest and self.place.is_near(place)
 
+    def fetch_parameters(self) -> None:
+        """Ask for all parameters."""
+        self.mav.param_request_list_send(1, 1)
+
+    def set_parameter(self, name: str, value: float) -> None:
+        """Set a parameter until its value is confirmed."""
+        confirmed: list[float] = []
+        self.handlers["PARAM_VALUE"] = lambda m: (
+            confirmed.append(m.param_value) if m.param_id == name else None
+        )
+        kind = mavlink.MAV_PARAM_TYPE_REAL32
+        try:
+            self.repeat(
+                lambda: self.mav.param_set_send(1, 1, name.encode(), value, kind),
+                lambda: value in confirmed,
+                f"{name} = {value}",
+            )
+        finally:
+            self.handlers.clear()
+
+    def set_mode(self, name: str) -> None:
+        """Change the mode until a heartbeat shows it."""
+        number = mavutil.mode_mapping_byname(mavlink.MAV_TYPE_GROUND_ROVER)[name]
+        self.repeat(
+            lambda: self.send_command(mavlink.MAV_CMD_DO_SET_MODE, 1.0, number),
+            lambda: self.mode == name,
+            f"mode {name}",
+        )
+
+    def arm(self) -> None:
+        """Arm until a heartbeat shows it."""
+        self.repeat(
+            lambda: self.send_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0),
+            lambda: self.is_armed,
+            "armed",
+        )
+
+    def send_command(self, number: int, *params: float, confirmation: int = 0) -> None:
+        """Send a COMMAND_LONG once."""
+        values = (*params, *(0.0,) * (7 - len(params)))
+        self.mav.command_long_send(1, 1, number, confirmation, *values)
+
     def command(self, number: int, *params: float, within_s: float = PATIENCE_S) -> int:
         """Send a COMMAND_LONG until it is acknowledged; return the result."""
-        values = (*params, *(0.0,) * (7 - len(params)))
         tries = 0
 
         def send() -> None:
             nonlocal tries
-            self.mav.command_long_send(1, 1, number, tries, *values)
+            self.send_command(number, *params, confirmation=tries)
             tries += 1
 
         self.newest.pop("COMMAND_ACK", None)
@@ -238,22 +280,12 @@ class Pilot(Station):
             )
         message = self.link.recv_match(blocking=True, timeout=0.05)
         self.mav = self.link.mav  # mavutil makes a new one when it learns the protocol's version
+        self.lost = self.link.mav_loss
         for _ in range(MAX_READ):  # on a busy computer they may come faster than they are read
             if message is None:
                 break
             self.take(message)
             message = self.link.recv_match(blocking=False)
-
-    def set_mode(self, name: str) -> None:
-        """Change the mode as mavutil does, until a heartbeat shows it."""
-        number = self.link.mode_mapping()[name]
-        self.repeat(
-            lambda: self.link.set_mode_apm(number), lambda: self.mode == name, f"mode {name}"
-        )
-
-    def arm(self) -> None:
-        """Arm, until a heartbeat shows it."""
-        self.repeat(self.link.arducopter_arm, lambda: self.is_armed, "armed")
 
 
 def item(

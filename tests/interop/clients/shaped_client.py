@@ -291,7 +291,7 @@ def main() -> None:
     text = (SCRIPTS / f"{named.script}.toml").read_text(encoding="utf-8")
     script = tomllib.loads(text)
     call, steps = called(), Steps(script["client"])
-    pilot = Pilot(f"udpout:{call.address}")
+    pilot = Pilot(call.endpoint)
     run = Script(pilot, call, steps.note)
     for step in script["steps"]:
         with steps.step(step["name"], is_needed=step["name"] == "connect"):

@@ -201,11 +201,17 @@ class Call(NamedTuple):
     port: int
     recording: Path
     folder: Path
+    transport: str = "udpout"
 
     @property
     def address(self) -> str:
         """HOST:PORT."""
         return f"{self.host}:{self.port}"
+
+    @property
+    def endpoint(self) -> str:
+        """The address as pymavlink and programs on top of it have it."""
+        return f"{self.transport}:{self.address}"
 
     def require_recording(self, path: Path) -> None:
         """Compare a downloaded log with the recording of the robot, byte for byte."""
@@ -220,5 +226,5 @@ def called() -> Call:
     parser.add_argument("--port", type=int, required=True)
     parser.add_argument("--recording", type=Path, required=True)
     parser.add_argument("--folder", type=Path, required=True)
-    found = parser.parse_args()
-    return Call(found.host, found.port, found.recording, found.folder)
+    parser.add_argument("--transport", choices=("udpout", "udpin", "tcp"), default="udpout")
+    return Call(**vars(parser.parse_args()))

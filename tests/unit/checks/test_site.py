@@ -4,6 +4,7 @@ import argparse
 import json
 import re
 from collections import Counter
+from collections.abc import Iterable
 from itertools import product
 from pathlib import Path
 from xml.etree import ElementTree
@@ -48,8 +49,10 @@ from tests.support.vehicle_check.reports import VEHICLES
 from vehicle_check.judge import rows as judge_rows
 
 
-def result(client: str, line: str, failed: str = "", seconds: float = 1.0) -> str:
-    steps = [{"step": one, "passed": one != failed, "seconds": seconds} for one in WORDS]
+def result(
+    client: str, line: str, failed: str = "", seconds: float = 1.0, words: Iterable[str] = WORDS
+) -> str:
+    steps = [{"step": one, "passed": one != failed, "seconds": seconds} for one in words]
     return json.dumps({"client": client, "line": line, "seed": 1, "steps": steps})
 
 
@@ -71,16 +74,24 @@ def test_tables_replace_what_is_between_the_marks(tmp_path: Path) -> None:
 def test_summary_counts_whole_runs_and_sums_the_time_until_ready(tmp_path: Path) -> None:
     runs = [result("mavsdk", "clean"), result("mavsdk", "clean", "goto")]
     text = page_from(tmp_path, *runs, result("mavsdk", "poor", seconds=2.0))
-    assert "| MAVSDK 4.1.0 | 1 of 2 | 3.0 s (3.0 s) | 1 of 1 | 6.0 s (6.0 s) |" in text
-    assert "| MAVProxy 1.8.75 | not run |  | not run |  |" in text
+    assert "| MAVSDK 4.1.0 | 1 of 2 | 3.0 s (3.0 s) | 1 of 1 | 6.0 s (6.0 s) | not run |  |" in text
+    assert "| MAVProxy 1.8.75 | not run |  | not run |  | not run |  |" in text
 
 
 def test_step_that_failed_once_has_no_time(tmp_path: Path) -> None:
     text = page_from(
         tmp_path, result("mavutil", "clean", "goto"), result("mavutil", "poor", seconds=2.5)
     )
-    assert "| drive to a point | failed / 2.5 |" in text
-    assert "| connect | 1.0 / 2.5 |" in text
+    assert "| drive to a point | failed / 2.5 / – |" in text
+    assert "| connect | 1.0 / 2.5 / – |" in text
+
+
+def test_client_is_judged_by_the_steps_it_can_do(tmp_path: Path) -> None:
+    some = ("connect", "parameters", "log")
+    text = page_from(tmp_path, result("configurator", "clean", words=some))
+    row = "| Methodic Configurator 5.0.1 | 1 of 1 | 2.0 s (2.0 s) | not run |  | not run |  |"
+    assert row in text
+    assert f"| {' | '.join(['download a recording', *['– / – / –'] * 7, '1.0 / – / –'])}" in text
 
 
 def test_page_without_marks_is_left_alone(tmp_path: Path) -> None:
