@@ -38,6 +38,8 @@ from tests.interop.clients.steps import (
 WAYPOINT: Final = 16
 CORNER: Final = 5001
 TRIES: Final = 6
+CALL_S: Final = 15.0
+"""After this time the user cancels a call, and repeats it."""
 
 
 class Robot:
@@ -45,27 +47,29 @@ class Robot:
 
     def __init__(self, address: str) -> None:
         self._loop = asyncio.new_event_loop()
-        self.vehicle = self.call(partial(Vehicle.connect, address))
+        self.vehicle = self._loop.run_until_complete(connected(address))
 
     def call(self, call: Callable[[], Coroutine[Any, Any, Any]], tries: int = TRIES) -> Any:
-        """Repeat a call that fails without an answer; raise other failures."""
+        """Repeat a call that fails without an answer, or does not end; raise other failures."""
         for left in reversed(range(tries)):
             try:
                 return self._loop.run_until_complete(self._awaited(call))
-            except MavkitError as error:
-                if not left or "timed out" not in str(error):
-                    raise StepError(f"{error}; {self.seen()}") from None
+            except (MavkitError, TimeoutError) as error:
+                is_silent = isinstance(error, TimeoutError) or "timed out" in str(error)
+                if not left or not is_silent:
+                    raise StepError(f"{error!r}; {self.seen()}") from None
         raise AssertionError
 
     async def _awaited(self, call: Callable[[], Coroutine[Any, Any, Any]]) -> Any:
-        return await call()
+        try:
+            return await asyncio.wait_for(call(), CALL_S)
+        except TimeoutError:
+            self.vehicle.cancel_mission_transfer()  # it waits for a lost MISSION_ACK for ever
+            raise
 
     def seen(self) -> str:
         """Return what MavKit shows, for the message of a failure."""
-        vehicle = getattr(self, "vehicle", None)
-        if vehicle is None:
-            return "not connected"
-        state, text = vehicle.state, vehicle.statustext
+        state, text = self.vehicle.state, self.vehicle.statustext
         return f"mode {state.mode_name}, armed {state.armed}, newest text {text and text.text!r}"
 
     def until(self, condition: Callable[[], object], what: str, within_s: float = LONG_S) -> None:
@@ -85,6 +89,11 @@ class Robot:
         """Set the mode until the vehicle shows it."""
         self.call(partial(self.vehicle.set_mode_by_name, name))
         self.until(lambda: self.vehicle.state.mode_name == name, f"mode {name}")
+
+
+async def connected(address: str) -> Vehicle:
+    """Return a vehicle; MavKit begins only in a running event loop."""
+    return await Vehicle.connect(address)
 
 
 def main() -> None:
