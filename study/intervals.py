@@ -4,9 +4,9 @@ The intervals of quantiles come from order statistics: unlike a bootstrap they n
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import accumulate
-from math import comb, erfc, exp, inf, ldexp, lgamma, log, nan, sqrt
+from math import ceil, comb, erfc, exp, floor, inf, ldexp, lgamma, log, nan, sqrt
 from statistics import NormalDist
 from typing import Final, NamedTuple
 
@@ -38,10 +38,11 @@ class Interval(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Proportion:
-    """A proportion, `count` of `of`."""
+    """A proportion, `count` of `of`, which tells as much as `independent` trials; None: as `of`."""
 
     count: int
     of: int
+    independent: float | None = field(default=None, compare=False)
 
     @property
     def rate(self) -> float:
@@ -51,23 +52,48 @@ class Proportion:
     @property
     def interval(self) -> Interval:
         """Wilson's interval."""
-        return wilson(self.count, self.of)
+        return wilson(self.count, self.of, self.independent)
 
     @property
     def most(self) -> float:
         """The exact one-sided upper bound."""
-        return upper_bound(self.count, self.of)
+        if self.independent is None or not self.of:
+            return upper_bound(self.count, self.of)
+        return upper_bound(ceil(self.rate * self.independent), max(1, floor(self.independent)))
 
 
-def wilson(count: int, of: int) -> Interval:
-    """Return the score interval of a proportion (Wilson 1927); (0, 1) of nothing."""
+def wilson(count: int, of: int, independent: float | None = None) -> Interval:
+    """Return the score interval of a proportion (Wilson 1927); (0, 1) of nothing.
+
+    It is as wide as that of so many `independent` trials at the same rate.
+    """
     if of == 0:
         return Interval(0.0, 1.0)
-    rate, weight = count / of, Z_TWO_SIDED * Z_TWO_SIDED / of
+    size = float(of) if independent is None else independent
+    rate, weight = count / of, Z_TWO_SIDED * Z_TWO_SIDED / size
     middle = (rate + weight / 2.0) / (1.0 + weight)
-    half = Z_TWO_SIDED / (1.0 + weight) * sqrt(rate * (1.0 - rate) / of + weight / (4.0 * of))
+    half = Z_TWO_SIDED / (1.0 + weight) * sqrt(rate * (1.0 - rate) / size + weight / (4.0 * size))
     low = 0.0 if count == 0 else max(0.0, middle - half)
     return Interval(low, 1.0 if count == of else min(1.0, middle + half))
+
+
+def independent_size(chosen: NDArray[np.bool_], worlds: NDArray[np.str_]) -> float:
+    """Return as many independent trials as these, in several trials a world, tell as much.
+
+    It is their number over the design effect (Kish 1965): the variance of the proportion by worlds
+    over that of independent trials. Where all trials end alike, nothing tells how much those of one
+    world depend on each other: each world counts once.
+    """
+    _, places = np.unique(worlds, return_inverse=True)
+    each = np.bincount(places).astype(np.float64)
+    count, of = len(each), len(chosen)
+    rate = float(np.count_nonzero(chosen)) / of if of else 0.0
+    if count < 2 or rate in (0.0, 1.0):
+        return float(count)
+    apart = np.bincount(places, chosen.astype(np.float64)) - rate * each
+    variance = count / (count - 1) * float((apart**2).sum()) / of**2
+    alone = rate * (1.0 - rate) / (of - 1)
+    return min(float(of), max(1.0, of * alone / variance)) if variance > 0.0 else float(of)
 
 
 def upper_bound(count: int, of: int, confidence: float = CONFIDENCE) -> float:
@@ -101,6 +127,14 @@ def ratio_interval(first: int, of_first: int, second: int, of_second: int) -> In
     return Interval(ratio * exp(-half), ratio * exp(half))
 
 
+def by_world(values: Floats, worlds: NDArray[np.str_]) -> Floats:
+    """Return the mean of the known values in each world that has one."""
+    known = np.isfinite(values)
+    _, places = np.unique(worlds[known], return_inverse=True)
+    found: Floats = np.bincount(places, values[known]) / np.bincount(places)
+    return found
+
+
 def mean_interval(values: Sequence[float] | Floats) -> Interval:
     """Return the interval of a mean by the normal approximation; unbounded below two values."""
     found = _finite(values)
@@ -123,11 +157,6 @@ def binomial_two_sided(count: int, of: int) -> float:
     # The numbers may have thousands of digits, too many for a float: divide by shifting.
     shift = max(0, total.bit_length() - 64)
     return min(1.0, ldexp(total >> shift, shift - of + 1))
-
-
-def mcnemar(only_first: int, only_second: int) -> float:
-    """Return the p-value of the exact test (McNemar 1947) on pairs with one success."""
-    return binomial_two_sided(only_first, only_first + only_second)
 
 
 def signed_rank(differences: Sequence[float] | Floats) -> float:
@@ -189,18 +218,23 @@ def mean(values: Sequence[float] | Floats) -> float:
     return float(found.mean()) if len(found) else nan
 
 
-def quantile_interval(values: Sequence[float] | Floats, at: float) -> Interval:
+def quantile_interval(
+    values: Sequence[float] | Floats, at: float, worlds: NDArray[np.str_] | None = None
+) -> Interval:
     """Return a distribution-free interval by order statistics (David & Nagaraja 7.1).
 
-    A bound is infinite where there are too few values.
+    A bound is infinite where there are too few values. With the world of each value, several values
+    of one world tell no more than one.
     """
+    known = np.isfinite(np.asarray(values, dtype=np.float64))
     found = np.sort(_finite(values))
-    count = len(found)
+    count = len(found) if worlds is None else len(np.unique(worlds[known]))
     tail = (1.0 - CONFIDENCE) / 2.0
     below = _binomial_quantile(tail, count, at)
     above = _binomial_quantile(1.0 - tail, count, at) + 1
-    low = float(found[below - 1]) if below >= 1 else -inf
-    return Interval(low, float(found[above - 1]) if above <= count else inf)
+    low = float(found[below * len(found) // count - 1]) if below >= 1 else -inf
+    high = inf if above > count else float(found[-(-above * len(found) // count) - 1])
+    return Interval(low, high)
 
 
 def _finite(values: Sequence[float] | Floats) -> Floats:

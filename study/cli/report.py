@@ -9,7 +9,7 @@ import csv
 import io
 import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from os import cpu_count
@@ -29,6 +29,7 @@ from study.report.gallery import PER_NAVIGATOR
 from study.report.page import (
     DASH,
     PageTable,
+    count_text,
     figures_of,
     html_of,
     markdown_of,
@@ -38,7 +39,7 @@ from study.report.page import (
 )
 from study.report.paper import Claim, claims
 from study.report.summary import HEAD, as_json, numbers, summaries
-from study.report.targets import targets
+from study.report.targets import OWN
 from study.report.trials import NOISES, PLANNER, apart_of, distinct, main_of, trials_of
 from study.runner.plan import world_of
 from study.runner.store import commands_of, own_of, read
@@ -81,7 +82,8 @@ def write_files(
 def summary_of(table: pa.Table, request: ReportRequest) -> dict[str, Any]:
     """Return the summary that is committed, from which the README is generated.
 
-    Its rows and counts are of the corpus; other groups of worlds are in `rows_apart`.
+    Its rows and counts are of the corpus; other groups of worlds are in `rows_apart`. `clustered`:
+    the intervals allow for several trials in one world.
     """
     every = trials_of(table)
     whole, counted = distinct(every), main_of(every)
@@ -91,12 +93,15 @@ def summary_of(table: pa.Table, request: ReportRequest) -> dict[str, Any]:
         "command": request.command,
         "commits": [commit for commit in every.values("commit") if commit],
         "trials": len(counted),
-        "worlds": len(set(counted.texts("world_digest").tolist())),
+        "worlds": counted.worlds,
         "families": len(counted.values("family")),
+        "clustered": True,
         "rows": as_json(summaries(trials)),
         "rows_apart": {group: as_json(summaries(some)) for group, some in apart.items()},
-        "figures_to_reach": [asdict(target) for target in targets(whole, request.evidence)],
-        "claims": [_claim(claim) for claim in claims(trials, request.runs)],
+        "figures_to_reach": [asdict(target) for target in request.targets(whole)],
+        "claims": [_claim(claim) for claim in claims(trials, request.runs)]
+        if request.runs.figures
+        else [],
     }
 
 
@@ -117,45 +122,82 @@ def _csv(rows: Sequence[Mapping[str, object]]) -> str:
 BEGIN: Final = "<!-- study:begin -->"
 END: Final = "<!-- study:end -->"
 DEFAULT_NOISE: Final = "default"
-NAVIGATOR, NOISE, SUCCESS, TOUCHED, ERROR, RATIO = (
-    *("navigator", "noise", "success %", "touched something %"),
-    *("true error m, median / 95th", "path / shortest, median (90th)"),
+NAVIGATOR, NOISE, WORLDS, TRIALS, SUCCESS = "navigator", "noise", "worlds", "trials", "success %"
+HARSH: Final = "harsh"
+REST: Final = (
+    *((DEFAULT_NOISE, name) for name in ("touched something %", "path / shortest, median (90th)")),
+    (DEFAULT_NOISE, "true error m, median / 95th"),
+    *((noise, "unreachable recognised %") for noise in (DEFAULT_NOISE, HARSH)),
+    *((noise, "reached without a way %") for noise in (DEFAULT_NOISE, HARSH)),
+    *((noise, "wrongly called %") for noise in (DEFAULT_NOISE, HARSH)),
 )
-RECOGNISED, WRONGED = "unreachable recognised %", "wrongly called %"
-REST: Final = (TOUCHED, RATIO, ERROR, RECOGNISED, WRONGED)
-assert {NAVIGATOR, NOISE, SUCCESS, *REST} <= set(HEAD)
+"""What the README shows besides the success, at the noise levels that the study has."""
+
+assert {NAVIGATOR, NOISE, WORLDS, TRIALS, SUCCESS, *(name for _, name in REST)} <= set(HEAD)
 
 Rows = Sequence[Mapping[str, Any]]
 
 
 def lines_of(rows: Rows) -> str:
-    """Return a Markdown row per navigator: success at each noise, the rest at the default noise."""
+    """Return two Markdown tables of the navigators: success at each noise level, and the rest.
+
+    A value that the summary does not have, because an older version wrote it, has no column.
+    """
     noises = [noise for noise in NOISES if any(row[NOISE] == noise for row in rows)]
     noises += sorted({str(row[NOISE]) for row in rows} - set(NOISES))
-    usual = DEFAULT_NOISE if DEFAULT_NOISE in noises or not noises else noises[0]
-    head = (
-        *(NAVIGATOR, *(f"success %, {noise}" for noise in noises)),
-        *(f"{name}, {usual}" for name in REST),
-    )
-    body = []
+    rest = [pair for pair in REST if any(row[NOISE] == pair[0] and pair[1] in row for row in rows)]
+    successes, others = [], []
     labels = dict.fromkeys(str(row[NAVIGATOR]) for row in rows)
     for label in (one for one in labels if one != PLANNER):
-        at = {row[NOISE]: row for row in rows if row[NAVIGATOR] == label}
-        successes = [str(at[noise][SUCCESS]) if noise in at else DASH for noise in noises]
-        rest = [str(at[usual][name]) if usual in at else DASH for name in REST]
-        body.append((label, *successes, *rest))
-    return table_lines(PageTable("", head, tuple(body)))
+        at = {str(row[NOISE]): row for row in rows if row[NAVIGATOR] == label}
+        counts = (span(at.values(), name) for name in (WORLDS, TRIALS))
+        successes.append((label, *counts, *(cell(at, noise, SUCCESS) for noise in noises)))
+        others.append((label, *(cell(at, noise, name) for noise, name in rest)))
+    head = (NAVIGATOR, WORLDS, TRIALS, *(f"{SUCCESS}, {noise}" for noise in noises))
+    rest_head = (NAVIGATOR, *(f"{name}, {noise}" for noise, name in rest))
+    tables = (head, successes), (rest_head, others)
+    return "\n\n".join(table_lines(PageTable("", head, tuple(rows))) for head, rows in tables)
+
+
+def cell(at: Mapping[str, Mapping[str, Any]], noise: str, name: str) -> str:
+    """Return a value at a noise level, a dash where there is none."""
+    return str(at[noise].get(name, DASH)) if noise in at else DASH
+
+
+def span(rows: Iterable[Mapping[str, Any]], name: str) -> str:
+    """Return the least and the largest count of the rows of a navigator, at its noise levels."""
+    counts = sorted({int(str(row[name]).replace(",", "")) for row in rows})
+    return " to ".join(map(count_text, dict.fromkeys((counts[0], counts[-1]))))
+
+
+def lines_apart(apart: Mapping[str, Rows]) -> str:
+    """Return a Markdown row for each group of hard worlds and noise level, of the own navigator."""
+    head = ("hard worlds", NOISE, WORLDS, TRIALS, f"{SUCCESS}, {OWN}", "touched something %")
+    body = tuple(
+        (group, *(str(row[name]) for name in (NOISE, WORLDS, TRIALS, SUCCESS, head[-1])))
+        for group, rows in apart.items()
+        for row in rows
+        if row[NAVIGATOR] == OWN
+    )
+    return table_lines(PageTable("", head, body, names=2)) if body else ""
 
 
 def block(summary: Mapping[str, Any]) -> str:
     """Return the text between the markers."""
+    intervals = (
+        "clustered by world"
+        if summary.get("clustered")
+        else "which count several seeds of one world as independent, so that they are too narrow"
+    )
     note = (
         f"{summary['trials']:,} trials in {summary['worlds']:,} worlds of {summary['families']} "
-        f"families; in brackets {CONFIDENT} intervals.\nSuccess: reached the goal by its own "
-        "estimate and touched nothing, in worlds with a path.\nRecognised: reported `unreachable` "
-        "in worlds without one; wrongly called: in worlds with one."
+        f"families; worlds and trials are those at one noise level.\nIn brackets {CONFIDENT} "
+        f"intervals, {intervals}.\nSuccess: reached the goal by its own estimate and touched "
+        "nothing, in worlds with a path.\nRecognised: reported `unreachable` in worlds without "
+        "one; wrongly called: in worlds with one."
     )
-    return f"{lines_of(summary['rows'])}\n\n{note}"
+    apart = lines_apart(summary["rows_apart"])
+    return "\n\n".join(part for part in (lines_of(summary["rows"]), note, apart) if part)
 
 
 def with_block(readme: str, text: str, file: str = "README.md") -> str:
@@ -205,14 +247,15 @@ def report(
     *,
     failures: int = PER_NAVIGATOR,
     jobs: int = 1,
-    paper_seeds: int = SEEDS,
+    paper_seeds: int = 0,
     evidence: Path | None = None,
 ) -> list[Path]:
     """Write the report of a study, finished or not; return the files written.
 
-    `evidence` is the directory with the figures of other tools, if the report is to show them.
+    With `evidence`, the directory with the figures of other tools, the project's own navigator is
+    judged by its figures to reach.
     """
-    table, found = read(study), read_evidence(evidence)
+    table, found = read(study), None if evidence is None else read_evidence(evidence)
     if paper_seeds:
         print("sidestep study report: running the paper's figures", file=sys.stderr)
     request = ReportRequest(
@@ -237,7 +280,8 @@ def parser() -> argparse.ArgumentParser:
         "--evidence",
         type=Path,
         metavar="DIR",
-        help="also show the figures of other tools, from the JSON files in it (default none)",
+        help="also judge the project's own navigator by its figures to reach; those of other tools"
+        " are read from the JSON files in it",
     )
     made.add_argument(
         "--failures",
@@ -256,8 +300,8 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument(
         "--paper-seeds",
         type=whole(0, MAX_SEEDS),
-        default=SEEDS,
+        default=0,
         metavar="N",
-        help=f"of the paper's figures at each noise level ({SEEDS}); 0 for none",
+        help=f"also drive the paper's figures, with N seeds at each noise level, such as {SEEDS}",
     )
     return made

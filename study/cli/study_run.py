@@ -58,7 +58,6 @@ from study.trial.trial import params_of
 OUTPUT: Final = "study-results"
 QUICK_OUTPUT: Final = "study-quick"
 QUICK_NOISE: Final = ("none", "default")
-QUICK_PAPER_SEEDS: Final = 5
 CORPUS_SEED: Final = 1
 
 DETAILS: Final = (
@@ -212,7 +211,7 @@ def run(argv: Sequence[str]) -> int:
             run_tasks(study, options, tasks, progress)
             summary = write_results(study, progress)
             if not options.no_report:
-                write_report(study.directory, jobs=options.jobs, quick=options.quick)
+                write_report(study.directory, jobs=options.jobs)
         except KeyboardInterrupt:
             return print_interruption(study, progress)
         print(json.dumps(summary) if options.json else as_text(summary))
@@ -311,13 +310,11 @@ def write_results(study: PreparedStudy, progress: StudyProgress) -> dict[str, An
     return summary_of(study, table, results, progress)
 
 
-def write_report(directory: Path, *, jobs: int, quick: bool) -> None:
+def write_report(directory: Path, *, jobs: int) -> None:
     """Write the report of the study and print its place."""
     from study.cli import report  # slow import: drawing
-    from study.report import drives  # slow import: drawing
 
-    paper_seeds = QUICK_PAPER_SEEDS if quick else drives.SEEDS
-    file, *_ = report.report(directory, directory, jobs=jobs, paper_seeds=paper_seeds)
+    file, *_ = report.report(directory, directory, jobs=jobs)
     print(f"sidestep study: {file}", file=sys.stderr)
 
 

@@ -14,7 +14,6 @@ import pyarrow as pa
 
 from protocol.world import World
 from runtime.errors import UserError
-from study.intervals import Proportion
 from study.report.comparisons import (
     LEVEL,
     PairedComparison,
@@ -82,9 +81,8 @@ def family_table(trials: Trials, noise: str) -> PageTable:
     rows = []
     for family in chosen.values("family"):
         some = chosen.of(family=family)
-        worlds = len(set(some.texts("world_digest").tolist()))
         rows.append(
-            (family, count_text(worlds), *(_cell(some.of(label=label)) for label in labels))
+            (family, count_text(some.worlds), *(_cell(some.of(label=label)) for label in labels))
         )
     caption = (
         f"Noise `{noise}`: success in percent by family; in `unreachable`, success is to report "
@@ -96,7 +94,7 @@ def family_table(trials: Trials, noise: str) -> PageTable:
 def _cell(trials: Trials) -> PageCellLike:
     if not len(trials):
         return PageCell(DASH, "none")
-    found = Proportion(trials.count(trials.success), len(trials))
+    found = trials.share(trials.success)
     return PageCell(f"{percent(found.rate, 0)} ({found.count}/{found.of})", heat=found.rate)
 
 
@@ -109,9 +107,8 @@ def _family_count(count: int) -> str:
 
 def how_run(trials: Trials, kept: int, command: str) -> tuple[Block, ...]:
     """Describe all rows, of which `kept` are distinct drives."""
-    worlds = set(trials.texts("world_digest").tolist())
     lead = Paragraph(
-        f"{count_text(len(trials))} trials in {count_text(len(worlds))} "
+        f"{count_text(len(trials))} trials in {count_text(trials.worlds)} "
         f"worlds of {_family_count(len(trials.values('family')))}, "
         f"{number(_sum(trials, 'time_s') / 3600.0, 1)} simulated hours in "
         f"{number(_sum(trials, 'cpu_s') / 3600.0, 2)} hours of processor time."
@@ -184,7 +181,6 @@ def _times(trials: Trials) -> str:
     return f"{found[0]} to {found[-1]} (UTC)" if found else "-"
 
 
-USUAL_NOISE: Final = "default"
 PAPER: Final = ("bug", "vgm")
 """The navigators that the paper compares, the older one first."""
 
@@ -192,81 +188,96 @@ PAPER: Final = ("bug", "vgm")
 def verdict(
     trials: Trials, found: list[NavigatorSummary], wanted: list[StudyTarget]
 ) -> PageSection:
-    """Return the section; it judges one noise level, the usual one if that was run."""
-    noises = trials.values("noise")
-    noise = USUAL_NOISE if USUAL_NOISE in noises else noises[0]
-    rows = sorted(
-        (one for one in found if one.noise == noise and one.success.of and one.label != PLANNER),
-        key=lambda one: -one.success.rate,
-    )
-    sentences = [*best(rows, noise), *paper(trials, noise), *touched(rows), *reached(wanted)]
-    return PageSection("Verdict", tuple(map(Paragraph, sentences)))
+    """Return the section; every verdict is by worlds, at each noise level of the study."""
+    sentences: list[str] = []
+    for noise in trials.values("noise"):
+        rows = sorted(
+            (one for one in found if (one.noise, one.label != PLANNER) == (noise, True)),
+            key=lambda one: -one.success.rate,
+        )
+        tests = comparisons(trials, noise)
+        rows = [one for one in rows if one.success.of]
+        sentences += [*best(rows, noise, tests), *paper(tests), *touched(rows)]
+    return PageSection("Verdict", (*map(Paragraph, sentences), *reached(wanted)))
 
 
-def best(rows: list[NavigatorSummary], noise: str) -> list[str]:
-    """Say which navigator arrives most often, and which comes next."""
+def best(rows: list[NavigatorSummary], noise: str, tests: list[PairedComparison]) -> list[str]:
+    """Say which navigator arrives most often, or which ones no test by worlds tells apart."""
     if not rows:
-        return [f"No trial with `{noise}` noise has a path to its goal."]
+        return [f"Noise `{noise}`: no trial has a path to its goal."]
     first, *others = rows
-    lead = (
-        f"**{first.label} arrives most often**: {share(first.success)} % of"
-        f" {count_text(first.success.of)} trials in worlds with a path to the goal,"
-        f" `{noise}` noise."
-    )
     if not others:
-        return [lead]
-    return [f"{lead} Next is {others[0].label} with {share(others[0].success)} %."]
+        return [f"Noise `{noise}`: {of_trials(first)}."]
+    ties = [one for one in others if not differs(first, one, tests)]
+    if not ties:
+        return [
+            f"Noise `{noise}`: **{first.label} arrives most often**, {of_trials(first)}. Next is"
+            f" {of_trials(others[0])}."
+        ]
+    names = "; ".join(map(of_trials, (first, *ties)))
+    return [f"Noise `{noise}`: **a tie**, which no test by worlds decides: {names}."]
 
 
-def paper(trials: Trials, noise: str) -> list[str]:
+def of_trials(one: NavigatorSummary) -> str:
+    """Return how often a navigator arrives, with the worlds and trials behind it."""
+    counts = f"{count_text(one.success.of)} trials in {count_text(one.reachable_worlds)} worlds"
+    return f"{one.label} in {share(one.success)} % of {counts} with a path"
+
+
+def differs(one: NavigatorSummary, other: NavigatorSummary, tests: list[PairedComparison]) -> bool:
+    """Return whether the test by worlds tells two navigators apart."""
+    pair = {one.label, other.label}
+    return any({test.first, test.second} == pair and test.p_worlds < LEVEL for test in tests)
+
+
+def paper(tests: list[PairedComparison]) -> list[str]:
     """Say whether the paper's two navigators differ, for each side of the older one."""
-    found = comparisons(trials, noise)
     return [
         in_words(one)
-        for one in found
+        for one in tests
         if {one.first.partition(",")[0], one.second.partition(",")[0]} == set(PAPER)
     ]
 
 
 def in_words(one: PairedComparison) -> str:
     """Return a comparison as a sentence."""
-    names, only = (one.first, one.second), (one.only_first, one.only_second)
-    p = f"p = {probability(one.p_success)}".replace("= <", "<")
-    cases = f"only {names[0]} succeeds in {only[0]}, only {names[1]} in {only[1]}"
-    pairs = f"in {count_text(one.pairs)} pairs of trials {cases} ({p})"
-    if one.p_success >= LEVEL or only[0] == only[1]:
+    names, better_in = (one.first, one.second), (one.worlds_first, one.worlds_second)
+    p = f"p = {probability(one.p_worlds)}".replace("= <", "<")
+    cases = f"{names[0]} succeeds more often in {better_in[0]}, {names[1]} in {better_in[1]}"
+    worlds = f"of {count_text(one.worlds)} worlds {cases} ({p} by worlds)"
+    if one.p_worlds >= LEVEL or better_in[0] == better_in[1]:
         return (
-            f"The study shows **no clear difference** between {names[0]} and {names[1]}: {pairs}."
+            f"The study shows **no clear difference** between {names[0]} and {names[1]}: {worlds}."
         )
-    better = names[0] if only[0] > only[1] else names[1]
+    better = names[0] if better_in[0] > better_in[1] else names[1]
     worse = names[1] if better == names[0] else names[0]
-    return f"**{better} succeeds more often than {worse}**: {pairs}."
+    return f"**{better} succeeds more often than {worse}**: {worlds}."
 
 
 def touched(rows: list[NavigatorSummary]) -> list[str]:
-    """Say which navigator touched something least and most often."""
+    """Say which navigator touched something least and most often, unless the intervals overlap."""
     if len(rows) < 2:
         return []
     least, *_, most = sorted(rows, key=lambda one: one.touched.rate)
+    if least.touched.interval.high >= most.touched.interval.low:
+        rates = f"{percent(least.touched.rate, 2)} to {percent(most.touched.rate, 2)} %"
+        return [f"Something was touched in {rates} of trials: a tie, as the intervals overlap."]
     return [
-        f"Something was touched least often by {least.label}"
-        f" ({percent(least.touched.rate, 2)} % of trials), most often by {most.label}"
-        f" ({percent(most.touched.rate, 2)} %)."
+        f"Something was touched least often by {least.label} ({share(least.touched, 2)} % of"
+        f" trials), most often by {most.label} ({share(most.touched, 2)} %)."
     ]
 
 
-def reached(wanted: list[StudyTarget]) -> list[str]:
-    """Say how many of the figures to reach are met, and name those that are missed."""
+def reached(wanted: list[StudyTarget]) -> tuple[Block, ...]:
+    """Say how many of the figures to reach are met, and list those that are missed."""
     judged = [one for one in wanted if one.verdict in (MET, MISSED)]
-    missed = [
-        f"{one.what.removeprefix('of these, ')} ({one.noise})"
-        for one in judged
-        if one.verdict == MISSED
-    ]
+    missed = [one for one in judged if one.verdict == MISSED]
     if not judged:
-        return []
-    names = f" Missed: {'; '.join(missed)}." if missed else ""
-    return [f"{len(judged) - len(missed)} of {len(judged)} figures to reach are met.{names}"]
+        return ()
+    met = Paragraph(f"{len(judged) - len(missed)} of {len(judged)} figures to reach are met.")
+    rows = tuple((one.what, one.noise, one.wanted, one.measured) for one in missed)
+    head = ("what", "noise", "wanted", "measured")
+    return (met, PageTable("Figures that are missed.", head, rows, names=2)) if rows else (met,)
 
 
 TITLE = "Comparison of the navigators"
@@ -281,7 +292,9 @@ def no_world(source: str) -> World:
 class ReportRequest:
     """Inputs of a report besides its trials.
 
-    `runs` of the paper's figures and `evidence` of other tools may be empty.
+    `runs` are drives of the paper's figures, whose section is left out without any. With the
+    `evidence` of other tools the project judges its own navigator by its figures to reach; without
+    it nothing is judged by them.
     """
 
     command: str = ""
@@ -289,9 +302,13 @@ class ReportRequest:
     world_of: WorldOf = no_world
     failures: int = PER_NAVIGATOR
     jobs: int = 1
-    evidence: MeasuredEvidence = field(default_factory=MeasuredEvidence)
+    evidence: MeasuredEvidence | None = None
     own: Mapping[str, OwnFile] = field(default_factory=dict)
     """The user's own navigators by name."""
+
+    def targets(self, trials: Trials) -> list[StudyTarget]:
+        """Return the project's own targets, if the study is to be judged by them."""
+        return [] if self.evidence is None else targets(trials, self.evidence)
 
 
 def page_of(table: pa.Table, request: ReportRequest) -> ReportPage:
@@ -300,16 +317,15 @@ def page_of(table: pa.Table, request: ReportRequest) -> ReportPage:
     whole = distinct(every)
     size, *origin = how_run(every, len(whole), request.command)
     trials, apart = main_of(whole), apart_of(whole)
-    found, wanted = (
-        (summaries(trials), targets(whole, request.evidence)) if len(whole) else ([], [])
-    )
+    on_paper = (paper_section(trials, request.runs),) if request.runs.figures else ()
     if not len(whole):
         nothing = Paragraph("**There is no trial in this study**, so there is nothing to compare.")
-        return ReportPage(TITLE, (nothing,), (paper_section(trials, request.runs),))
+        return ReportPage(TITLE, (nothing,), on_paper)
+    found, wanted = summaries(trials), request.targets(whole)
     sections = (
         verdict(trials, found, wanted),
         _summary(trials, found),
-        PageSection("Figures to reach", (target_table(wanted),)),
+        *((PageSection("Figures to reach", (target_table(wanted),)),) if wanted else ()),
         _families(trials),
         *((_apart(apart),) if apart else ()),
         _comparisons(trials),
@@ -317,7 +333,7 @@ def page_of(table: pa.Table, request: ReportRequest) -> ReportPage:
         PageSection("Path length", (ratio_figure(trials),)),
         *_bounds(trials),
         PageSection("Decisions and behaviour", behaviour_blocks(trials)),
-        paper_section(trials, request.runs),
+        *on_paper,
         _failures(table, in_group(whole, *SHOWN_FAILURES), request),
         PageSection("Definitions", (Paragraph(READING), Paragraph(SEEDS))),
         PageSection("How it was run", tuple(origin)),
@@ -338,8 +354,10 @@ READING = (
     "The shortest path is that of a disc of the robot's radius in a known map."
 )
 SEEDS = (
-    "Several seeds of one world are not independent trials of independent worlds: Wilson's "
-    "intervals are valid for these worlds only. The tests by worlds allow for this."
+    "Several seeds of one world are not independent trials. So every verdict and test is by "
+    "worlds, and the intervals of shares are Wilson's for as many independent trials as these, "
+    "clustered by world, tell (Kish's design effect). Where all trials end alike, each world "
+    "counts once."
 )
 
 

@@ -18,8 +18,8 @@ from study.intervals import (
     Floats,
     Interval,
     binomial_two_sided,
+    by_world,
     holm,
-    mcnemar,
     quantile,
     quantile_interval,
     signed_rank,
@@ -47,8 +47,9 @@ LEVEL: Final = 0.05
 class PairedComparison:
     """Two navigators at one noise level.
 
-    `worlds_*` counts worlds in which one succeeded more often. The `p_*` are adjusted by Holm's
-    method in `comparisons`.
+    Both are judged by worlds: several seeds of one are no independent trials. `worlds_*` counts
+    worlds in which one succeeded more often. The `p_*` are adjusted by Holm's method in
+    `comparisons`.
     """
 
     noise: str
@@ -57,7 +58,7 @@ class PairedComparison:
     pairs: int
     only_first: int
     only_second: int
-    p_success: float
+    worlds: int
     worlds_first: int
     worlds_second: int
     p_worlds: float
@@ -82,15 +83,11 @@ def comparisons(trials: Trials, noise: str) -> list[PairedComparison]:
     found = [one for one in found if one.pairs]
     adjusted = zip(
         found,
-        holm([one.p_success for one in found]),
         holm([one.p_worlds for one in found]),
         holm([one.p_ratio for one in found]),
         strict=True,
     )
-    return [
-        replace(one, p_success=success, p_worlds=worlds, p_ratio=ratio)
-        for one, success, worlds, ratio in adjusted
-    ]
+    return [replace(one, p_worlds=worlds, p_ratio=ratio) for one, worlds, ratio in adjusted]
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,9 +123,9 @@ def comparison(
     only_first = sum(a.success and not b.success for a, b in pairs)
     only_second = sum(b.success and not a.success for a, b in pairs)
     worlds_first, worlds_second = _worlds(pairs)
-    common = [(a.path_m, b.path_m) for a, b in pairs if a.path_m > 0.0 and b.path_m > 0.0]
-    logs = np.log(np.array(common, dtype=np.float64).reshape(-1, 2))
-    ratios = [a / b for a, b in common]
+    common = [(a, b) for a, b in pairs if a.path_m > 0.0 and b.path_m > 0.0]
+    ratios = np.array([a.path_m / b.path_m for a, b in common], dtype=np.float64)
+    places = np.array([a.world for a, _ in common], dtype=np.str_)
     return PairedComparison(
         noise=noise,
         first=one[0],
@@ -136,14 +133,14 @@ def comparison(
         pairs=len(pairs),
         only_first=only_first,
         only_second=only_second,
-        p_success=mcnemar(only_first, only_second),
+        worlds=len({a.world for a, _ in pairs}),
         worlds_first=worlds_first,
         worlds_second=worlds_second,
         p_worlds=binomial_two_sided(worlds_first, worlds_first + worlds_second),
         common=len(common),
         ratio=quantile(ratios, 0.5),
-        ratio_interval=quantile_interval(ratios, 0.5),
-        p_ratio=signed_rank(logs[:, 0] - logs[:, 1]),
+        ratio_interval=quantile_interval(ratios, 0.5, places),
+        p_ratio=signed_rank(by_world(np.log(ratios), places)),
     )
 
 
@@ -158,15 +155,15 @@ def _worlds(pairs: list[tuple[ComparedRun, ComparedRun]]) -> tuple[int, int]:
 def comparison_table(found: list[PairedComparison], noise: str) -> PageTable:
     """Return the table of the comparisons at one noise level."""
     head = (
-        *("first", "second", "pairs", "only first", "only second", "p"),
-        *("worlds first : second", "p by worlds"),
-        *("both arrive", "path first / second, median", "p path"),
+        *("first", "second", "pairs", "only first", "only second"),
+        *("worlds", "better first : second", "p by worlds"),
+        *("both arrive", "path first / second, median", "p path by worlds"),
     )
     rows = tuple(
         (
             *(one.first, one.second, count_text(one.pairs)),
             *(count_text(one.only_first), count_text(one.only_second)),
-            _p(one.p_success, one.only_first - one.only_second),
+            count_text(one.worlds),
             f"{one.worlds_first} : {one.worlds_second}",
             _p(one.p_worlds, one.worlds_first - one.worlds_second),
             count_text(one.common),
@@ -176,10 +173,10 @@ def comparison_table(found: list[PairedComparison], noise: str) -> PageTable:
         for one in found
     )
     caption = (
-        f"Noise `{noise}`. Success: exact McNemar test on trials, and a sign test on worlds, which "
-        "does not treat several seeds of one world as independent. Path: Wilcoxon's signed ranks "
-        "of the logarithms where both arrive. All p-values are adjusted by Holm's method; "
-        f"**bold**, with the better one, where p < {LEVEL:g}."
+        f"Noise `{noise}`. Success: a sign test on the worlds in which one succeeds more often. "
+        "Path: Wilcoxon's signed ranks of the worlds' mean logarithms where both arrive. No test "
+        "counts several seeds of one world as independent. All p-values are adjusted by Holm's "
+        f"method; **bold**, with the better one, where p < {LEVEL:g}."
     )
     return PageTable(caption, head, rows, names=2)
 

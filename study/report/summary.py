@@ -21,7 +21,8 @@ from study.runner.run_task import FULL_SCORE
 HEAD: Final = (
     *("navigator", "noise", "worlds", "trials", "success %", "touched something %"),
     *("true error m, median / 95th", "in own ellipse %", "path / shortest, median (90th)"),
-    *("unreachable recognised %", "wrongly called %", "lost %", "stuck %"),
+    *("unreachable recognised %", "reached without a way %"),
+    *("wrongly called %", "lost %", "stuck %", "timeout %"),
     *("SPL", "published score"),
 )
 
@@ -30,14 +31,16 @@ HEAD: Final = (
 class NavigatorSummary:
     """One navigator at one noise level.
 
-    `success` and the following are over worlds with a path to the goal, `recognised` over those
-    without. `wronged` counts goals wrongly called unreachable; `lost` and `stuck` goals that could
-    be reached. `spl` and `score` are means over the same worlds.
+    `success` and the following are over worlds with a path to the goal, `recognised` and
+    `false_arrivals`, which ended as reached, over those without. `wronged` counts goals wrongly
+    called unreachable; `lost`, `stuck` and `timeout` goals that could be reached. `spl` and
+    `score` are means over the same worlds.
     """
 
     label: str
     noise: str
     worlds: int
+    reachable_worlds: int
     success: Proportion
     touched: Proportion
     contacts: int
@@ -51,10 +54,12 @@ class NavigatorSummary:
     clearance_m: tuple[float, float]
     side_changes: tuple[float, float]
     recognised: Proportion
+    false_arrivals: Proportion
     recognised_s: float
     wronged: Proportion
     lost: Proportion
     stuck: Proportion
+    timeout: Proportion
     spl: float
     score: float
 
@@ -81,23 +86,26 @@ def summary(trials: Trials, label: str, noise: str) -> NavigatorSummary:
     return NavigatorSummary(
         label=label,
         noise=noise,
-        worlds=len(set(trials.texts("world_digest").tolist())),
-        success=Proportion(len(arrivals), len(reachable)),
-        touched=Proportion(trials.count(touched), len(trials)),
+        worlds=trials.worlds,
+        reachable_worlds=reachable.worlds,
+        success=reachable.share(reachable.arrived),
+        touched=trials.share(touched),
         contacts=_total(trials.numbers("contacts")),
         own_contacts=_total(trials.numbers("own_contacts")),
         error_m=(quantile(error_m, 0.5), quantile(error_m, 0.95), quantile(error_m, 1.0)),
         heading_deg=(quantile(np.degrees(turned), 0.5), quantile(np.degrees(turned), 0.95)),
-        inside=Proportion(known.count(known.inside), len(known)),
+        inside=known.share(known.inside),
         ratio=(quantile(arrivals.ratio, 0.5), quantile(arrivals.ratio, 0.9)),
         time_s=quantile(arrivals.numbers("time_s"), 0.5),
         clearance_m=(quantile(clearance_m, 0.0), quantile(clearance_m, 0.5)),
         side_changes=(quantile(changes, 0.5), quantile(changes, 1.0)),
-        recognised=Proportion(len(recognised), len(unreachable)),
+        recognised=unreachable.share(unreachable.recognised),
+        false_arrivals=unreachable.share(unreachable.has(outcome="reached")),
         recognised_s=quantile(recognised.numbers("time_s"), 0.5),
-        wronged=Proportion(reachable.count(reachable.gave_up), len(reachable)),
-        lost=Proportion(reachable.count(reachable.has(outcome=LOST)), len(reachable)),
-        stuck=Proportion(reachable.count(reachable.has(outcome="stuck")), len(reachable)),
+        wronged=reachable.share(reachable.gave_up),
+        lost=reachable.share(reachable.has(outcome=LOST)),
+        stuck=reachable.share(reachable.has(outcome="stuck")),
+        timeout=reachable.share(reachable.has(outcome="timeout")),
         spl=mean(reachable.numbers("spl")),
         score=mean(reachable.numbers("published_score")),
     )
@@ -109,7 +117,7 @@ def _total(values: Floats) -> int:
 
 def cells(found: NavigatorSummary) -> tuple[str, ...]:
     """Return the cells of a summary, in the order of HEAD."""
-    unreachable, wronged = found.recognised, found.wronged
+    unreachable = found.recognised
     return (
         *(
             found.label,
@@ -124,7 +132,8 @@ def cells(found: NavigatorSummary) -> tuple[str, ...]:
         f"{percent(unreachable.rate)} (of {count_text(unreachable.of)})"
         if unreachable.of
         else DASH,
-        *(percent(one.rate, 2) for one in (wronged, found.lost, found.stuck)),
+        percent(found.false_arrivals.rate),
+        *(percent(one.rate, 2) for one in (found.wronged, found.lost, found.stuck, found.timeout)),
         *(number(found.spl, 3), number(found.score, 3)),
     )
 
@@ -160,9 +169,10 @@ def main_table(found: Iterable[NavigatorSummary]) -> PageTable:
     """Return the main table."""
     caption = (
         "Success: reached the goal by its own estimate and touched nothing, in worlds with a path; "
-        f"in brackets the Wilson interval of {CONFIDENT}. Error, ellipse and path ratio are over "
-        "these arrivals. Recognised: reported `unreachable` where there is no path; wrongly "
-        "called: where there is one. Lost and stuck: where there is a path. SPL: mean of success x "
+        f"in brackets the Wilson interval of {CONFIDENT}, clustered by world. Error, ellipse and "
+        "path ratio are over these arrivals. Recognised: reported `unreachable` where there is no "
+        "path; wrongly called: where there is one. Reached without a way: reported `reached` where "
+        "there is none. Lost, stuck and timeout: where there is a path. SPL: mean of success x "
         "shortest path / path. Published score: mean of success x optimal time / time, with the "
         f"time at least 2 and at most 8 times the optimal one, so at most {FULL_SCORE:g}; the "
         "optimal time is that of the shortest path at the robot's own top speed."
@@ -206,7 +216,7 @@ def _whole(value: float) -> str:
     return f"{value:g}" if isfinite(value) else DASH
 
 
-GIVEN_UP_ENDS: Final = (LOST, "stuck")
+GIVEN_UP_ENDS: Final = (LOST, "stuck", "timeout")
 QUANTILES: Final = (0.5, 0.9)
 
 
@@ -214,17 +224,19 @@ QUANTILES: Final = (0.5, 0.9)
 class GivenUp:
     """The goals that one navigator gave up at one noise level.
 
-    `wronged` and `ended` are over worlds with a path to the goal, `recognised` and the rest over
-    those without. `time_s` and `laps` are median and 90th percentile over the recognised.
+    `wronged` and `ended` are over worlds with a path to the goal, `recognised`, `false_arrivals`
+    and the rest over those without; the `ended` ones are in the order of GIVEN_UP_ENDS. `time_s`
+    and `laps` are median and 90th percentile over the recognised.
     """
 
     label: str
     noise: str
     wronged: Proportion
-    ended: tuple[Proportion, Proportion]
+    ended: tuple[Proportion, ...]
     doubt_m: float
     recognised: Proportion
-    ended_shut: tuple[Proportion, Proportion]
+    false_arrivals: Proportion
+    ended_shut: tuple[Proportion, ...]
     time_s: tuple[float, float]
     laps: tuple[float, float]
 
@@ -245,21 +257,19 @@ def _given_up(trials: Trials, label: str, noise: str) -> GivenUp:
     return GivenUp(
         label=label,
         noise=noise,
-        wronged=Proportion(reachable.count(reachable.gave_up), len(reachable)),
+        wronged=reachable.share(reachable.gave_up),
         ended=_ended(reachable),
         doubt_m=quantile(trials.of(outcome=LOST).numbers("doubt_m"), 0.5),
-        recognised=Proportion(len(recognised), len(shut)),
+        recognised=shut.share(shut.recognised),
+        false_arrivals=shut.share(shut.has(outcome="reached")),
         ended_shut=_ended(shut),
         time_s=_both(recognised.numbers("time_s")),
         laps=_both(recognised.laps),
     )
 
 
-def _ended(trials: Trials) -> tuple[Proportion, Proportion]:
-    lost, stuck = (
-        Proportion(trials.count(trials.has(outcome=end)), len(trials)) for end in GIVEN_UP_ENDS
-    )
-    return lost, stuck
+def _ended(trials: Trials) -> tuple[Proportion, ...]:
+    return tuple(trials.share(trials.has(outcome=end)) for end in GIVEN_UP_ENDS)
 
 
 def _both(values: Floats) -> tuple[float, float]:
@@ -271,13 +281,14 @@ def given_up_table(trials: Trials) -> PageTable:
     """Return the table of the goals given up."""
     head = (
         *("navigator", "noise", "reachable", "called unreachable", f"at most, per {PER:,}"),
-        *("lost", "stuck", "doubt when lost m", "without a path", "recognised %", "lost", "stuck"),
-        *("s, median / 90th", "laps, median / 90th"),
+        *(*GIVEN_UP_ENDS, "doubt when lost m", "without a path", "recognised %", "reached"),
+        *(*GIVEN_UP_ENDS, "s, median / 90th", "laps, median / 90th"),
     )
     rows = tuple(_cells(one) for one in given_up(trials))
     caption = (
         "Goals given up. `unreachable` claims a proof, `lost` is neither a way nor a proof, "
-        "`stuck` cannot move or comes no closer. Called unreachable: in worlds with a path, with "
+        "`stuck` cannot move or comes no closer, `timeout` has no end; `reached` without a path "
+        "is a false arrival. Called unreachable: in worlds with a path, with "
         f"the exact one-sided bound of {CONFIDENT} (Clopper and Pearson). Doubt: the longer half "
         "axis of the robot's own ellipse when it was lost, median. Seconds, and laps: over the "
         "recognised; one lap is the boundary that shuts the goal off, driven round once at top "
@@ -291,12 +302,12 @@ def _cells(one: GivenUp) -> tuple[str, ...]:
     with_path = (
         (count_text(reachable.count), number(PER * reachable.most, 2), *_counts(one.ended))
         if reachable.of
-        else (DASH,) * 4
+        else (DASH,) * (2 + len(GIVEN_UP_ENDS))
     )
     without = (
-        (percent(shut.rate), *_counts(one.ended_shut))
+        (percent(shut.rate), *_counts((one.false_arrivals, *one.ended_shut)))
         if shut.of
-        else (DASH,) * (1 + len(GIVEN_UP_ENDS))
+        else (DASH,) * (2 + len(GIVEN_UP_ENDS))
     )
     return (
         *(one.label, one.noise, count_text(reachable.of), *with_path, number(one.doubt_m)),
@@ -306,7 +317,7 @@ def _cells(one: GivenUp) -> tuple[str, ...]:
     )
 
 
-def _counts(ended: tuple[Proportion, Proportion]) -> tuple[str, ...]:
+def _counts(ended: tuple[Proportion, ...]) -> tuple[str, ...]:
     return tuple(count_text(share.count) for share in ended)
 
 
@@ -425,7 +436,7 @@ def _errors(arrivals: Trials) -> tuple[str, ...]:
     return (
         *(number(quantile(error_m, at), 3) for at in (0.5, 0.9, 0.99, 1.0)),
         *(number(quantile(heading_deg, at), 1) for at in (0.5, 0.95)),
-        share(Proportion(known.count(known.inside), len(known))),
+        share(known.share(known.inside)),
         number(float(squared.mean()) if len(squared) else np.nan),
     )
 

@@ -6,7 +6,7 @@ Worlds apart from the corpus have targets of their own: grid maps, thin walls, c
 worlds. Where other tools measure a figure, a row without it names their page.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import isfinite, nan
 from typing import Final
@@ -19,6 +19,7 @@ from study.intervals import (
     Floats,
     Interval,
     Proportion,
+    by_world,
     mean,
     mean_interval,
     quantile,
@@ -35,7 +36,6 @@ from study.report.trials import (
     NOISES,
     PLANNER,
     THIN,
-    Flags,
     Trials,
     in_group,
 )
@@ -127,20 +127,20 @@ def bounded(
 
 
 def quantile_at_most(
-    what: str, noise: str, values: Sequence[float] | Floats, at: float, most: float
+    what: str, noise: str, trials: Trials, values: Floats, at: float, most: float
 ) -> StudyTarget:
-    """Return a target for the upper limit of a quantile."""
+    """Return a target for the upper limit of a quantile of the values of trials."""
     value = quantile(values, at)
     if not isfinite(value):
         return unmeasured(what, noise, f"≤ {most:g}")
-    span = interval(quantile_interval(values, at)) if at < 1.0 else ""
+    worlds = trials.texts("world_digest")
+    span = interval(quantile_interval(values, at, worlds)) if at < 1.0 else ""
     return StudyTarget(what, noise, f"≤ {most:g}", f"{value:.4g}", span, verdict_of(value <= most))
 
 
-def mean_at_least(
-    what: str, noise: str, values: Sequence[float] | Floats, least: float
-) -> StudyTarget:
-    """Return a target for the lower limit of a mean."""
+def mean_at_least(what: str, noise: str, trials: Trials, column: str, least: float) -> StudyTarget:
+    """Return a target for the lower limit of the mean over worlds of a column."""
+    values = by_world(trials.numbers(column), trials.texts("world_digest"))
     value = mean(values)
     if not isfinite(value):
         return unmeasured(what, noise, f"≥ {least:g}")
@@ -273,13 +273,13 @@ def apart_targets(own: Trials, navigator: str, found: MeasuredEvidence) -> Itera
 def arrivals(trials: Trials) -> Proportion:
     """Return the share that arrived without a contact, of those with a path to the goal."""
     reachable = trials.where(trials.possible)
-    return Proportion(reachable.count(reachable.arrived), len(reachable))
+    return reachable.share(reachable.arrived)
 
 
 def wronged(trials: Trials) -> Proportion:
     """Return the share called unreachable, of those with a path to the goal."""
     reachable = trials.where(trials.possible)
-    return Proportion(reachable.count(reachable.gave_up), len(reachable))
+    return reachable.share(reachable.gave_up)
 
 
 def grid_targets(grids: Trials) -> Iterator[StudyTarget]:
@@ -320,7 +320,7 @@ def crowd_targets(crowds: Trials) -> Iterator[StudyTarget]:
     wanted = f"≤ {100 * CROWD_OWN:g} %"
     for noise in slow.values("noise"):
         some = slow.of(noise=noise)
-        found = Proportion(some.count(some.numbers("own_contacts") > 0.0), len(some))
+        found = some.share(some.numbers("own_contacts") > 0.0)
         yield of_share(what, noise, wanted, found, found.rate <= CROWD_OWN)
     if not len(slow):
         yield unmeasured(what, "all", wanted)
@@ -331,8 +331,7 @@ def forest_targets(own: Trials) -> Iterator[StudyTarget]:
     what = "published score (at most 0.5), forests, mean"
     some = own.where(np.char.startswith(own.texts("family"), FORESTS))
     for noise in some.values("noise"):
-        values = some.of(noise=noise).numbers("published_score")
-        yield mean_at_least(what, noise, values, SCORE)
+        yield mean_at_least(what, noise, some.of(noise=noise), "published_score", SCORE)
     if not len(some):
         yield unmeasured(what, "all", f"≥ {SCORE:g}")
 
@@ -382,7 +381,7 @@ def _by_noise(corpus: Trials, planner: Trials) -> Iterator[StudyTarget]:
         (", by its own motion", "own_contacts", OWN_CONTACTS),
     ):
         for noise, per in limits.items():
-            yield _contacts(noises[noise].numbers(column) > 0.0, noise, per, what)
+            yield _contacts(noises[noise], column, noise, per, what)
     for noise, trials in noises.items():
         yield from _ratio(trials, planner.of(noise=noise), noise)
     for noise, least in RECOGNISED.items():
@@ -390,7 +389,8 @@ def _by_noise(corpus: Trials, planner: Trials) -> Iterator[StudyTarget]:
     for noise, trials in noises.items():
         values = trials.numbers("side_changes")
         for at, name, most in CHANGES:
-            yield quantile_at_most(f"changes of side per trial, {name}", noise, values, at, most)
+            what = f"changes of side per trial, {name}"
+            yield quantile_at_most(what, noise, trials, values, at, most)
 
 
 def _size(own: Trials) -> Iterator[StudyTarget]:
@@ -405,32 +405,32 @@ def _size(own: Trials) -> Iterator[StudyTarget]:
 
 def _error(trials: Trials, noise: str, most_m: float, rate: float) -> StudyTarget:
     arrived = trials.where(trials.arrived & trials.possible)
-    found = Proportion(arrived.count(arrived.numbers("position_error_m") <= most_m), len(arrived))
+    found = arrived.share(arrived.numbers("position_error_m") <= most_m)
     return at_least(f"of these, true position error ≤ {most_m:.2f} m", noise, found, rate)
 
 
 def _ellipse(trials: Trials, noise: str) -> StudyTarget:
     arrived = trials.where(trials.arrived & trials.possible)
-    found = Proportion(arrived.count(arrived.inside), len(arrived))
+    found = arrived.share(arrived.inside)
     low, high = ELLIPSE
     wanted = f"{percent(low, 0)} to {percent(high, 0)} %"
     what = f"of these, true position inside its own {CONFIDENT} ellipse"
     return of_share(what, noise, wanted, found, low <= found.rate <= high)
 
 
-def _contacts(touched: Flags, noise: str, most: float, what: str) -> StudyTarget:
-    found = Proportion(int(np.count_nonzero(touched)), len(touched))
+def _contacts(trials: Trials, column: str, noise: str, most: float, what: str) -> StudyTarget:
+    found = trials.share(trials.numbers(column) > 0.0)
     return rarer_than(f"trials with a contact{what}, per 10,000", noise, found, most)
 
 
 def _ratio(trials: Trials, planner: Trials, noise: str) -> Iterator[StudyTarget]:
     """Yield the quantiles of the path, also over those of the planner in the same trials."""
-    values = trials.where(trials.possible).ratio
+    reachable = trials.where(trials.possible)
     common = trials.paired_with(planner).ratio
     best = planner.paired_with(trials).ratio
     for at, name, most in RATIO:
         what = f"path over shortest path, {name} of arrivals"
-        found = quantile_at_most(what, noise, values, at, most)
+        found = quantile_at_most(what, noise, reachable, reachable.ratio, at, most)
         times = quantile(common, at) / quantile(best, at)
         if isfinite(times):
             measured = f"{found.measured}, {number(times, 3)} x that of `{PLANNER}`"
@@ -442,11 +442,11 @@ def _ratio(trials: Trials, planner: Trials, noise: str) -> Iterator[StudyTarget]
 def _recognised(trials: Trials, noise: str, rate: float) -> Iterator[StudyTarget]:
     shut = trials.where(~trials.possible)
     recognised = shut.where(shut.recognised)
-    found = Proportion(len(recognised), len(shut))
+    found = shut.share(shut.recognised)
     yield at_least("unreachable goals recognised", noise, found, rate)
     for at, name, most in LAPS:
         what = f"time to recognise it over that of one lap, {name}"
-        yield quantile_at_most(what, noise, recognised.laps, at, most)
+        yield quantile_at_most(what, noise, recognised, recognised.laps, at, most)
 
 
 def _speed(trials: Trials) -> StudyTarget:

@@ -18,7 +18,7 @@ from plant.model.configuration import LEVELS
 from protocol.outcome import CHI2_2, UNREACHABLE
 from protocol.wire.reasons import Reason
 from runtime.errors import UserError
-from study.intervals import Floats
+from study.intervals import Floats, Proportion, independent_size
 from study.runner.rows import COLUMNS, FAILED
 from study.runner.store import SCHEMA
 from study.trial.trial import ALL_NAVIGATORS
@@ -144,6 +144,16 @@ class Trials:
     def count(self, chosen: Flags) -> int:
         """Count the chosen rows."""
         return int(np.count_nonzero(chosen))
+
+    def share(self, chosen: Flags) -> Proportion:
+        """Return the share of the chosen rows; its interval allows for several in one world."""
+        size = independent_size(chosen, self.texts("world_digest"))
+        return Proportion(self.count(chosen), len(self), size)
+
+    @property
+    def worlds(self) -> int:
+        """The number of different worlds."""
+        return len(set(self.texts("world_digest").tolist()))
 
 
 def trials_of(table: pa.Table) -> Trials:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from math import isnan
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import pyarrow as pa
@@ -20,6 +21,7 @@ from study.report.build import ReportRequest, in_words, page_of, reached, verdic
 from study.report.charts import SvgDrawing
 from study.report.comparisons import comparisons
 from study.report.drives import PaperRuns
+from study.report.evidence import MeasuredEvidence
 from study.report.page import (
     CodeBlock,
     PageCell,
@@ -77,7 +79,13 @@ def a_world(source: str) -> World:
     return floor()
 
 
-ASKED = ReportRequest(command="sidestep study --seeds 3", runs=RUNS, world_of=a_world, failures=2)
+ASKED = ReportRequest(
+    command="sidestep study --seeds 3",
+    runs=RUNS,
+    world_of=a_world,
+    failures=2,
+    evidence=MeasuredEvidence(),
+)
 
 
 class Checker(HTMLParser):
@@ -159,8 +167,7 @@ def test_equal_tables_give_equal_bytes(tmp_path: Path) -> None:
 def test_empty_study_has_a_note(tmp_path: Path) -> None:
     page = written(SCHEMA.empty_table(), tmp_path, ReportRequest())
     assert "There is no trial in this study" in page
-    assert headings(page) == ["The paper's figures and claims"]
-    assert "They were not run for this report." in page
+    assert headings(page) == []
 
 
 def test_single_navigator_has_no_comparison(tmp_path: Path) -> None:
@@ -312,36 +319,55 @@ def sentences(trials: Trials) -> list[str]:
     return [block.words for block in section.blocks if isinstance(block, Paragraph)]
 
 
-def test_the_best_navigator_is_named_with_its_share_at_the_usual_noise() -> None:
-    trials = trials_of(study())
-    first = sentences(trials)[0]
-    found = [one for one in summaries(trials) if one.noise == "default"]
-    best = max(found, key=lambda one: one.success.rate)
-    assert first.startswith(f"**{best.label} arrives most often**: ")
-    assert "`default` noise" in first
-    assert f" of {best.success.of} trials" in first.replace("%", "").replace("  ", " ")
+def test_the_best_navigator_is_named_if_worlds_tell_it_apart() -> None:
+    rows = [row(navigator="vgm", world=f"w{number}") for number in range(10)]
+    rows += [row(navigator="bug", world=f"w{number}", **STUCK) for number in range(10)]
+    assert sentences(trials(*rows))[0] == (
+        "Noise `default`: **vgm arrives most often**, vgm in 100.0 [72.2, 100.0] % of 10 trials in"
+        " 10 worlds with a path. Next is bug in 0.0 [0.0, 27.8] % of 10 trials in 10 worlds with a"
+        " path."
+    )
+
+
+def test_seeds_of_one_world_decide_nothing() -> None:
+    rows = [row(navigator="vgm", seed=seed) for seed in range(10)]
+    rows += [row(navigator="bug", seed=seed, **STUCK) for seed in range(10)]
+    found = sentences(trials(*rows))
+    assert "**a tie**, which no test by worlds decides: vgm in 100.0 [20.7, 100.0] %" in found[0]
+    assert "**no clear difference** between bug and vgm: of 1 worlds bug" in found[1]
+
+
+def test_contacts_that_are_alike_are_a_tie() -> None:
+    rows = [row(navigator=name, world=f"w{at}") for name in ("bug", "vgm") for at in range(3)]
+    assert sentences(trials(*rows))[-1] == (
+        "Something was touched in 0.00 to 0.00 % of trials: a tie, as the intervals overlap."
+    )
 
 
 def test_bound_is_neither_the_best_navigator_nor_in_the_readme() -> None:
     trials = trials_of(study(("bug", "oracle_grid")))
-    assert sentences(trials)[0].startswith("**bug arrives most often**")
+    assert not [one for one in sentences(trials) if "oracle_grid" in one]
     assert "oracle_grid" not in lines_of(as_json(summaries(trials)))
 
 
-def test_noise_that_was_not_run_is_not_judged() -> None:
-    assert "`harsh` noise" in sentences(trials_of(study(noises=("harsh",))))[0]
+def test_each_noise_that_was_run_is_judged() -> None:
+    found = sentences(trials_of(study(noises=("none", "harsh"))))
+    begun = [one.partition(":")[0] for one in found if one.startswith("Noise")]
+    assert begun == ["Noise `none`", "Noise `harsh`"]
 
 
 def test_the_papers_navigators_differ_only_if_the_test_says_so() -> None:
     one = comparisons(trials_of(study()), "default")[0]
-    equal = replace(one, first="bug", second="vgm", only_first=3, only_second=2, p_success=0.8)
-    assert in_words(equal) == (
-        "The study shows **no clear difference** between bug and vgm: in"
-        f" {equal.pairs} pairs of trials only bug succeeds in 3, only vgm in 2 (p = 0.80)."
+    equal = replace(
+        one, first="bug", second="vgm", worlds=9, worlds_first=3, worlds_second=2, p_worlds=0.8
     )
-    better = replace(equal, only_second=40, p_success=0.00001)
+    assert in_words(equal) == (
+        "The study shows **no clear difference** between bug and vgm: of 9 worlds bug succeeds more"
+        " often in 3, vgm in 2 (p = 0.80 by worlds)."
+    )
+    better = replace(equal, worlds_second=40, p_worlds=0.00001)
     assert in_words(better).startswith("**vgm succeeds more often than bug**: ")
-    assert in_words(better).endswith("(p < 0.0001).")
+    assert in_words(better).endswith("(p < 0.0001 by worlds).")
 
 
 def test_missed_figures_are_named_and_unmeasured_ones_are_not_judged() -> None:
@@ -349,10 +375,22 @@ def test_missed_figures_are_named_and_unmeasured_ones_are_not_judged() -> None:
     some = [replace(one, verdict="met") for one in wanted[:3]]
     missed = replace(wanted[0], what="of these, x", noise="harsh", verdict="missed")
     unmeasured = replace(wanted[0], verdict="not measured")
-    assert reached([*some, missed, unmeasured]) == [
-        "3 of 4 figures to reach are met. Missed: x (harsh)."
-    ]
-    assert reached([unmeasured]) == []
+    count, table = reached([*some, missed, unmeasured])
+    assert count == Paragraph("3 of 4 figures to reach are met.")
+    assert isinstance(table, PageTable)
+    assert table.rows == (("of these, x", "harsh", missed.wanted, missed.measured),)
+    assert reached([unmeasured]) == ()
+
+
+def test_study_is_judged_by_the_projects_figures_only_if_asked() -> None:
+    table = table_of([row(), row(navigator="bug")])
+    text = markdown_of(page_of(table, ReportRequest(failures=0)), "f")
+    assert "Figures to reach" not in text
+    assert "paper" not in text
+    asked = ReportRequest(failures=0, evidence=MeasuredEvidence(), runs=RUNS)
+    judged = markdown_of(page_of(table, asked), "f")
+    assert "## Figures to reach" in judged
+    assert "## The paper's figures and claims" in judged
 
 
 @each(
@@ -399,13 +437,15 @@ def test_page_marks_adversarial_worlds() -> None:
     assert "Worlds apart" not in plain
 
 
-def test_three_ends_are_counted_apart() -> None:
+def test_ends_are_counted_apart() -> None:
     open_rows = [row(), row(**GAVE_UP), row(**LOST), row(**{**LOST, "doubt_m": 0.2}), row(**STUCK)]
-    shut_rows = [row(**{**SHUT, **end}) for end in (GAVE_UP, LOST, STUCK)]
+    ends: tuple[dict[str, Any], ...] = GAVE_UP, LOST, STUCK, {"outcome": "timeout"}, {}
+    shut_rows = [row(**{**SHUT, **end}) for end in ends]
     (found,) = given_up(trials(*open_rows, *shut_rows))
-    assert (found.wronged, found.recognised) == (Proportion(1, 5), Proportion(1, 3))
-    assert found.ended == (Proportion(2, 5), Proportion(1, 5))
-    assert found.ended_shut == (Proportion(1, 3), Proportion(1, 3))
+    assert (found.wronged, found.recognised) == (Proportion(1, 5), Proportion(1, 5))
+    assert found.ended == (Proportion(2, 5), Proportion(1, 5), Proportion(0, 5))
+    assert found.ended_shut == (Proportion(1, 5),) * 3
+    assert found.false_arrivals == Proportion(1, 5)
     assert found.doubt_m == 0.42
 
 
@@ -422,7 +462,7 @@ def test_unknown_lap_gives_no_figure() -> None:
 
 
 def test_zero_wrong_claims_have_a_bound() -> None:
-    table = given_up_table(trials(*(row(seed=seed) for seed in range(100))))
+    table = given_up_table(trials(*(row(world=f"w{number}") for number in range(100))))
     cells = [text_of(cell) for cell in table.rows[0]]
     called = table.head.index("called unreachable")
     assert cells[called : called + 2] == ["0", "295.13"]
@@ -430,4 +470,4 @@ def test_zero_wrong_claims_have_a_bound() -> None:
 
 def test_row_without_trials_of_a_kind_has_dashes() -> None:
     (cells,) = given_up_table(trials(row(**{**SHUT, **GAVE_UP}))).rows
-    assert [text_of(cell) for cell in cells].count("-") == 5
+    assert [text_of(cell) for cell in cells].count("-") == 6

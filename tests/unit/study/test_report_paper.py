@@ -362,8 +362,11 @@ def target(found: list[StudyTarget], what: str, noise: str = "default") -> Study
 
 
 def many(count: int, bad: int, ending: dict[str, Any], **usual: Any) -> list[TrialRow]:
-    """Return `count` trials, of which `bad` end badly."""
-    return [row(seed=seed, **{**usual, **(ending if seed < bad else {})}) for seed in range(count)]
+    """Return `count` trials, each in a world of its own, of which `bad` end badly."""
+    return [
+        row(**{"world": f"w{number}", **usual, **(ending if number < bad else {})})
+        for number in range(count)
+    ]
 
 
 @each(("bad", "verdict"), [(3, MET), (4, MISSED)])

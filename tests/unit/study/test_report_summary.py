@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from runtime.errors import UserError
 from study.cli.report import BEGIN, END, block, lines_of, summary_of, update_readme, with_block
-from study.intervals import Interval, Proportion, mcnemar
+from study.intervals import Interval, Proportion, binomial_two_sided
 from study.report.build import ReportRequest, family_table
 from study.report.comparisons import (
     bounds_of,
@@ -63,6 +63,7 @@ def test_success_counts_worlds_with_a_path() -> None:
     assert (found.success, found.recognised) == (Proportion(1, 3), Proportion(1, 1))
     assert (found.wronged, found.touched) == (Proportion(1, 3), Proportion(1, 4))
     assert (found.contacts, found.own_contacts, found.worlds) == (1, 1, 2)
+    assert found.reachable_worlds == 1
 
 
 def test_lost_and_stuck_are_counted_where_there_is_a_path() -> None:
@@ -70,6 +71,13 @@ def test_lost_and_stuck_are_counted_where_there_is_a_path() -> None:
     (found,) = summaries(trials(row(), row(seed=1), *ends))
     assert (found.lost, found.stuck) == (Proportion(1, 4), Proportion(1, 4))
     assert found.recognised == Proportion(0, 1)
+
+
+def test_false_arrivals_and_drives_without_an_end_are_counted() -> None:
+    shut = row(**REPORT_SHUT), row(**{**REPORT_SHUT, **GAVE_UP})
+    (found,) = summaries(trials(row(), row(outcome="timeout"), *shut))
+    assert found.false_arrivals == Proportion(1, 2)
+    assert found.timeout == Proportion(1, 2)
 
 
 def test_scores_are_means_over_worlds_with_a_path() -> None:
@@ -89,7 +97,9 @@ def test_summary_has_a_row_per_navigator_and_noise() -> None:
 
 
 def test_numbers_are_unrounded_and_unknown_ones_empty() -> None:
-    (found,) = summaries(trials(row(path_m=5.4321), row(**COLLIDED, heading_error_rad=None)))
+    (found,) = summaries(
+        trials(row(path_m=5.4321), row(world="b", **COLLIDED, heading_error_rad=None))
+    )
     kept = numbers(found)
     assert (kept["success"], kept["success_of"], kept["ratio_0"]) == (1, 2, 5.4321 / 5.0)
     assert (kept["recognised_of"], kept["recognised_s"]) == (0, None)
@@ -99,13 +109,45 @@ def test_numbers_are_unrounded_and_unknown_ones_empty() -> None:
 def test_readme_table_has_a_column_per_noise_or_a_dash() -> None:
     found = trials(row(), row(noise="none", navigator="bug"), row(navigator="bug", **COLLIDED))
     lines = lines_of(as_json(summaries(found))).splitlines()
-    assert lines[0].startswith("| navigator | success %, none | success %, default | touched")
-    assert lines[2].startswith("| bug | 100.0 [20.7, 100.0] | 0.0 [0.0, 79.3] | 100.00 |")
-    assert lines[3].startswith("| vgm_memory | - | 100.0 [20.7, 100.0] | 0.00 | 1.10 (1.10) |")
+    assert lines[0] == "| navigator | worlds | trials | success %, none | success %, default |"
+    assert lines[2] == "| bug | 1 | 1 | 100.0 [20.7, 100.0] | 0.0 [0.0, 79.3] |"
+    assert lines[3] == "| vgm_memory | 1 | 1 | - | 100.0 [20.7, 100.0] |"
+    assert lines[5].startswith("| navigator | touched something %, default | path / shortest")
+    assert lines[7].startswith("| bug | 100.00 | - (-) |")
+    assert lines[8].startswith("| vgm_memory | 0.00 | 1.10 (1.10) |")
+
+
+def test_readme_counts_worlds_and_trials_at_each_noise() -> None:
+    rows = [row(noise="none"), *(row(seed=seed, world=f"w{seed % 2}") for seed in range(1500))]
+    cells = lines_of(as_json(summaries(trials(*rows)))).splitlines()[2].split(" | ")
+    assert cells[1:3] == ["1 to 2", "1 to 1,500"]
+
+
+def test_readme_shows_false_arrivals_and_hard_worlds() -> None:
+    shut = [row(**REPORT_SHUT, noise="harsh"), row(**{**REPORT_SHUT, **GAVE_UP}, noise="harsh")]
+    rows = [row(noise="harsh"), *shut, row(family="crowd", **COLLIDED)]
+    text = block(summary_of(table_of(rows), ReportRequest()))
+    head, values = (line.split(" | ") for line in text.split("\n\n")[1].splitlines()[::2])
+    assert values[head.index("reached without a way %, harsh")] == "50.0"
+    assert text.splitlines()[-1] == "| crowds | default | 1 | 1 | 0.0 [0.0, 79.3] | 100.00 |"
+    assert "clustered by world" in text
+
+
+def test_older_summary_says_that_its_intervals_are_too_narrow() -> None:
+    summary = summary_of(study(), ReportRequest())
+    del summary["clustered"]
+    for one in summary["rows"]:
+        del one["reached without a way %"]
+    text = block(summary)
+    assert "too narrow" in text
+    assert "reached without a way" not in text
 
 
 def test_readme_table_without_rows_has_a_head() -> None:
-    assert len(lines_of([]).splitlines()) == 2
+    assert [line for line in lines_of([]).splitlines() if line.startswith("| ")] == [
+        "| navigator | worlds | trials |",
+        "| navigator |",
+    ]
 
 
 def test_block_replaces_only_the_text_between_markers() -> None:
@@ -265,17 +307,17 @@ def test_ten_more_failed_worlds_are_significant() -> None:
     (found,) = comparisons(trials(*rows), "default")
     assert (found.first, found.second) == ("bug", "vgm_memory")
     assert (found.only_first, found.only_second) == (0, 10)
-    assert found.p_success == mcnemar(0, 10) == found.p_worlds
+    assert found.p_worlds == binomial_two_sided(0, 10)
     assert found.ratio == pytest.approx(1.2)
     cells = comparison_table([found], "default").rows[0]
-    assert text_of(cells[5]) == "**0.0020** second"
+    assert text_of(cells[7]) == "**0.0020** second"
 
 
 def test_sign_test_counts_each_world_once() -> None:
     rows = [row(navigator="vgm", seed=seed) for seed in range(20)]
     rows += [row(navigator="bug", seed=seed, **STUCK) for seed in range(20)]
     (found,) = comparisons(trials(*rows), "default")
-    assert found.p_success < 1e-5
+    assert (found.only_first, found.only_second, found.worlds) == (0, 20, 1)
     assert (found.worlds_first, found.worlds_second, found.p_worlds) == (0, 1, 1.0)
 
 
@@ -286,8 +328,16 @@ def test_p_values_are_adjusted_for_three_pairs() -> None:
         for number in range(8)
     ]
     found = {(one.first, one.second): one for one in comparisons(trials(*rows), "default")}
-    assert found["bug", "vgm"].p_success == pytest.approx(3 * mcnemar(0, 8))
-    assert found["bug", "distbug"].p_success == 1.0
+    assert found["bug", "vgm"].p_worlds == pytest.approx(3 * binomial_two_sided(0, 8))
+    assert found["bug", "distbug"].p_worlds == 1.0
+
+
+def test_path_is_compared_by_worlds() -> None:
+    rows = [row(navigator="vgm", seed=seed, path_m=6.0) for seed in range(20)]
+    rows += [row(navigator="bug", seed=seed, path_m=5.0) for seed in range(20)]
+    (found,) = comparisons(trials(*rows), "default")
+    assert (found.common, found.p_ratio) == (20, 1.0)
+    assert found.ratio_interval == (-inf, inf)
 
 
 def test_navigators_without_pairs_are_not_compared() -> None:

@@ -14,8 +14,9 @@ from study.intervals import (
     Interval,
     Proportion,
     binomial_two_sided,
+    by_world,
     holm,
-    mcnemar,
+    independent_size,
     mean,
     mean_interval,
     quantile,
@@ -96,11 +97,60 @@ def test_interval_contains_the_share_and_is_symmetric(of: int, data: st.DataObje
     assert wilson(of - count, of) == pytest.approx((1.0 - high, 1.0 - low), abs=1e-9)
 
 
-def test_mcnemar_agrees_with_published_values() -> None:
-    # Fay, "Exact McNemar's Test" (R package exact2x2): 9 against 2 of 11.
-    assert mcnemar(9, 2) == pytest.approx(0.06543, abs=5e-6)
-    # Agresti, Categorical Data Analysis, table 10.1: 150 against 86, z = 4.17.
-    assert mcnemar(150, 86) == pytest.approx(3.72e-5, rel=0.01)
+def test_sign_test_agrees_with_published_values() -> None:
+    """Published for McNemar's exact test, which is the sign test on discordant pairs."""
+    assert binomial_two_sided(9, 11) == pytest.approx(0.06543, abs=5e-6)
+    assert binomial_two_sided(150, 236) == pytest.approx(3.72e-5, rel=0.01)
+
+
+def clustered(*worlds: tuple[int, int]) -> Proportion:
+    """Return the share of successes of worlds, each with successes and trials."""
+    chosen = [at < good for good, of in worlds for at in range(of)]
+    names = [str(place) for place, (_, of) in enumerate(worlds) for _ in range(of)]
+    size = independent_size(np.array(chosen), np.array(names))
+    return Proportion(sum(chosen), len(chosen), size)
+
+
+def test_one_trial_a_world_counts_as_independent() -> None:
+    found = clustered(*[(1, 1)] * 7, *[(0, 1)] * 3)
+    assert found.independent == pytest.approx(10.0)
+    assert found.interval == pytest.approx(Proportion(7, 10).interval)
+
+
+def test_seeds_that_end_alike_count_once_a_world() -> None:
+    found = clustered(*[(10, 10)] * 7, *[(0, 10)] * 3)
+    assert found.independent == pytest.approx(10.0, rel=0.12)
+    assert found.interval == pytest.approx(Proportion(7, 10).interval, abs=0.02)
+
+
+def test_failures_spread_over_worlds_widen_nothing() -> None:
+    found = clustered(*[(9, 10)] * 20)
+    assert found.independent == 200.0
+
+
+def test_without_a_failure_each_world_counts_once() -> None:
+    found = clustered(*[(10, 10)] * 20)
+    assert found.interval == Proportion(20, 20).interval
+    none = clustered(*[(0, 10)] * 20)
+    assert none.most == Proportion(0, 20).most
+
+
+@given(st.lists(st.tuples(st.integers(0, 5), st.integers(1, 5)), min_size=1, max_size=20))
+def test_clusters_never_narrow_an_interval(worlds: list[tuple[int, int]]) -> None:
+    found = clustered(*((min(good, of), of) for good, of in worlds))
+    low, high = found.interval
+    plain_low, plain_high = Proportion(found.count, found.of).interval
+    assert low <= plain_low + 1e-12
+    assert high >= plain_high - 1e-12
+    assert found.most >= Proportion(found.count, found.of).most - 1e-9 or found.of <= 1
+
+
+def test_values_of_one_world_tell_no_more_than_one() -> None:
+    values = np.repeat(np.arange(1.0, 17.0), 5)
+    names = np.repeat([f"w{number}" for number in range(16)], 5)
+    assert quantile_interval(values, 0.5, names) == (4.0, 13.0)
+    assert sorted(by_world(values, names).tolist()) == list(range(1, 17))
+    assert quantile_interval(values[:5], 0.5, names[:5]) == (-inf, inf)
 
 
 def test_sign_test_agrees_with_the_binomial() -> None:

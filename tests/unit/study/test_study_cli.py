@@ -10,7 +10,6 @@ import pyarrow.parquet as pq
 import pytest
 
 from sidestep.__main__ import main
-from study.cli import report as report_cli
 from study.cli import study as study_cli
 from study.cli import study_run
 from study.cli.study_run import parser
@@ -150,19 +149,13 @@ def test_missing_extra_is_reported_with_its_command(
     assert "pyarrow missing; pip install 'sidestep[study]'" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("words", "seeds"), [(("--quick",), 5), ((), 20)])
-def test_quick_study_uses_fewer_paper_seeds(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...], seeds: int
-) -> None:
-    asked: list[int] = []
-
-    def report(*_: object, paper_seeds: int, **__: object) -> list[Path]:
-        asked.append(paper_seeds)
-        return [tmp_path]
-
-    monkeypatch.setattr(report_cli, "report", report)
-    assert main(["study", *SMALL, "--output", str(tmp_path / "s"), *words]) == 0
-    assert asked == [seeds]
+def test_study_of_a_user_is_judged_by_nobody_elses_figures(tmp_path: Path) -> None:
+    assert main(["study", *SMALL, "--output", str(tmp_path)]) == 0
+    report = (tmp_path / "report.md").read_text()
+    assert "## Verdict" in report
+    assert not [words for words in ("Figures to reach", "paper's figures") if words in report]
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert (summary["figures_to_reach"], summary["claims"]) == ([], [])
 
 
 def test_ctrl_c_prints_how_to_continue(
