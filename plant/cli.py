@@ -109,7 +109,7 @@ def write(worlds: Iterable[tuple[World, str]], directory: Path, *, force: bool =
 
     A file with another world is only replaced by `force`. Returns the exit code.
     """
-    count = 0
+    count, path = 0, directory
     try:
         for world, comment in worlds:
             if why := bad_name(world.name):
@@ -132,7 +132,9 @@ def write(worlds: Iterable[tuple[World, str]], directory: Path, *, force: bool =
         fix = "give a directory that can be written to"
         print(f"{error.filename or directory}: --out: {reason}; fix: {fix}", file=sys.stderr)
         return EXIT_USAGE
-    print(f"{count} worlds in {directory}")
+    print(
+        f"1 world in {directory}: {path.name}" if count == 1 else f"{count} worlds in {directory}"
+    )
     return EXIT_OK
 
 

@@ -22,7 +22,7 @@ from plant.imports.moving_ai import MovingAiScenario, fits, load_map, load_scena
 from plant.imports.ros_map import load_ros_map
 from plant.model.configuration import Body
 from plant.model.draws import Draws
-from plant.model.errors import WorldError, WorldReport, refuse
+from plant.model.errors import WorldError, WorldProblem, WorldReport, refuse
 from plant.model.geometry import clearance_m, distance_m, length_m
 from plant.placement import STANDING_M, ObstacleFloor, check_places
 from plant.shortest_path import near_path, shortest_path_m
@@ -38,6 +38,7 @@ class ImportedWorld:
     """Name and origin of a world; `file` is its name in errors.
 
     `start` and `goal` are on our floor, with its lower left corner at (0, 0); None: to be selected.
+    `typed` are both as the user gave them, in the map's own frame.
     """
 
     file: str
@@ -46,6 +47,7 @@ class ImportedWorld:
     seed: int
     start: Point | None = None
     goal: Point | None = None
+    typed: tuple[Point, Point] | None = None
 
 
 def check_size(size_m: Point, file: str) -> None:
@@ -75,8 +77,24 @@ def bare_world(
     floor = ObstacleFloor(size_m, True, Body().radius_m, dict(enumerate(obstacles)))
     check_places(report, floor, start, goal)
     if report.problems:
-        raise WorldError([problem._replace(line=None) for problem in report.problems])
+        raise WorldError([in_the_map(problem, made) for problem in report.problems])
     return World(name=made.name, size_m=size_m, start=start, goal=goal, obstacles=tuple(obstacles))
+
+
+def in_the_map(problem: WorldProblem, made: ImportedWorld) -> WorldProblem:
+    """Return a problem of start or goal in the map's own frame, in which it was typed."""
+    if made.typed is None:
+        return problem._replace(line=None)
+    end = problem.key.partition(".")[0]
+    x_m, y_m = made.typed[end == "goal"]
+    if "outside" in problem.reason:
+        why = "is outside of the map"
+    elif "inside" in problem.reason:
+        why = "is in an obstacle"
+    else:
+        why = f"is nearer to an obstacle than the robot's radius of {Body().radius_m:g} m"
+    fix = "choose a free place, in metres in the map's own frame"
+    return WorldProblem(made.file, None, f"--{end}", f"({x_m:g}, {y_m:g}) {why}", fix)
 
 
 def with_way(world: World, made: ImportedWorld, length_m: float | None) -> World:
@@ -423,11 +441,20 @@ def _made(
     ends: tuple[Point, Point] | None,
     index: int | None,
 ) -> ImportedWorld:
+    """Return name and origin of a world; what the seed has chosen is in the name."""
     stem = _stem(path)
     name = stem if index is None else f"{stem}_{options.seed}_{index:03d}"
     start, goal = ends or (None, None)
     return ImportedWorld(
-        file=str(path), name=name, family=family, seed=options.seed, start=start, goal=goal
+        file=str(path),
+        name=name,
+        family=family,
+        seed=options.seed,
+        start=start,
+        goal=goal,
+        typed=None
+        if options.start is None or options.goal is None
+        else (options.start, options.goal),
     )
 
 

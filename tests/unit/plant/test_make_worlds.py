@@ -117,14 +117,14 @@ def test_unusual_file_name_gives_a_readable_world(folder: Path) -> None:
     odd = folder / ".b\x1b\nname = 3\u2028.map"
     (folder / "hand.map").rename(odd)
     (file,) = made(folder, str(odd))
-    assert file.name == "_b__name___3__1_000.toml"
+    assert file.name == "_b__name___3_.toml"
     assert load(str(file)).name == file.stem
 
 
 def test_moving_ai_map_becomes_a_world(folder: Path) -> None:
     (path,) = made(folder, str(folder / "hand.map"))
     world = load(path)
-    assert (world.name, world.family, world.family_seed) == ("hand_1_000", "moving_ai", 1)
+    assert (world.name, world.family, world.family_seed) == ("hand", "moving_ai", 1)
     assert world.size_m == (3.2, 2.0)
     assert world.reachable
     exact_m = shortest_path_m(world)
@@ -170,6 +170,21 @@ def test_ros_map_becomes_a_world_in_its_own_frame(folder: Path) -> None:
     assert (world.name, world.family, world.size_m) == ("hand", "ros_map", (4.0, 2.0))
     assert (world.start.x_m, world.start.y_m) == (0.5, 0.5)
     assert (world.goal.x_m, world.goal.y_m) == (3.5, 0.25)
+
+
+@each(
+    ("start", "why"),
+    [
+        (("-9", "0"), "--start: (-9, 0) is outside of the map"),
+        (("0.02", "0.02"), "--start: (0.02, 0.02) is in an obstacle"),
+    ],
+)
+def test_wrong_start_is_named_in_the_frame_of_the_map(
+    start: tuple[str, str], why: str, folder: Path, capsys: Told
+) -> None:
+    argv = ["--start", *start, "--goal", "3", "-1.25", "--out", str(folder / "out")]
+    told = refusal(capsys, "import", str(folder / "hand.yaml"), *argv)
+    assert told.startswith(f"{folder / 'hand.yaml'}: {why}; fix: choose a free place")
 
 
 def test_barn_grid_is_crossed_from_front_to_back(folder: Path) -> None:
